@@ -1,4 +1,4 @@
-"""Laws of a fabric from its tests: shear, biaxial and bending."""
+"""Calibration of fabric laws from shear, biaxial and bending tests."""
 
 from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
 from .bending import BendingFit, CantileverTest, fit_bending, read_cantilever

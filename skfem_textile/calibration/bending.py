@@ -1,9 +1,9 @@
-"""The bending stiffness of one fibre family from cantilever tests (Peirce 1930).
+"""Bending stiffness of one fibre family from cantilever tests (Peirce 1930).
 
-A strip that hangs over the edge of a table by the length L bends under its weight w per
-area, and its chord comes to lie at the angle θ below the table.  Of an elastica θ is a
-function of w L³/D alone, which is inverted here.  Peirce's formula is
-D = w L³/8 · cos(θ/2)/tan θ.
+A strip with an overhang of length L bends under its weight w per area, so that its
+chord is inclined by the angle θ below the horizontal.  For an elastica θ is a function
+of w L³/D alone, which is inverted here.  Peirce's formula is D = w L³/8 · cos(θ/2)/tan
+θ.
 """
 
 import os
@@ -21,26 +21,26 @@ from .regression import CONFIDENCE
 #: Columns of a test, by the names of `COLUMNS`.
 OVERHANG, ANGLE = "overhang", "chord angle"
 
-# Angles of the chord for which an elastica is computed, in radians: below a straight
-# line is within the error of any reading, above the strip hangs.
+# Range of chord angles for which an elastica is computed, in radians: below it a
+# straight line is within any measurement error, above it the strip hangs vertically.
 _SHALLOW, _STEEP = np.radians([0.5, 85.0])
 
-# Least and largest w L³/D, beyond those of these angles.
+# Smallest and largest w L³/D, covering these angles.
 _LEAST, _MOST = 1e-2, 1e3
 
 
 @dataclass(frozen=True, eq=False)
 class CantileverTest:
-    """Readings of one strip, or of several that are alike.
+    """Readings of one strip, or of several equal strips.
 
     Attributes
     ----------
     name
-        What it is called.
+        Name of the test.
     overhang
-        Length of the strip that hangs over in mm, shape (n,).
+        Overhang length in mm, shape (n,).
     angle
-        Angle of its chord below the table in radians, shape (n,).
+        Angle of the chord below the horizontal in radians, shape (n,).
     """
 
     name: str
@@ -50,7 +50,7 @@ class CantileverTest:
 
 @dataclass(frozen=True, eq=False)
 class BendingFit:
-    """Bending stiffnesses that were found from cantilever tests.
+    """Bending stiffnesses from cantilever tests.
 
     Attributes
     ----------
@@ -69,12 +69,14 @@ class BendingFit:
 
     @property
     def stiffness(self) -> float:
-        """The mean of those by the elastica in N·mm."""
+        """Mean of the elastica values in N·mm."""
         return float(self.by_elastica.mean())
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Its confidence interval, by Student's t; infinite of a single reading."""
+        """Confidence interval of the mean, by Student's t; infinite for a single
+        reading.
+        """
         n = self.by_elastica.size
         if n == 1:
             return -np.inf, np.inf
@@ -95,15 +97,15 @@ def read_cantilever(
     path
         The file, see `read_curve`.
     angle
-        Angle of every chord in radians, of a file without that column, as of a table
-        whose plane falls at a fixed angle.
+        Angle of every chord in radians, for a file without that column, as of an
+        instrument with a fixed inclined plane.
     units
-        As of `read_curve`.
+        See `read_curve`.
 
     Raises
     ------
     ValueError
-        If it is no such file, or a reading is none.
+        If the file or a reading is not valid.
     OSError
         If it cannot be read.
     """
@@ -126,7 +128,7 @@ def read_cantilever(
 
 
 def fit_bending(tests: Sequence[CantileverTest], weight: float) -> BendingFit:
-    """The bending stiffness of strips, by the elastica and by Peirce.
+    """Bending stiffness of strips, by the elastica and by Peirce's formula.
 
     Parameters
     ----------
@@ -159,7 +161,7 @@ def fit_bending(tests: Sequence[CantileverTest], weight: float) -> BendingFit:
 
 
 def weight_number(angle: float) -> float:
-    """The number w L³/D of an elastica by the angle of its chord in radians."""
+    """Number w L³/D of an elastica, by its chord angle in radians."""
     from scipy.optimize import brentq
 
     def off(logarithm: float) -> float:

@@ -1,7 +1,7 @@
 """Tension laws from biaxial tests.
 
-Strains of a test are elongations per length, λ − 1; laws take ε = ln λ.  A fabric of
-the width W across the pull has the force F = W T(ε)/λ.
+Strains of a test are engineering strains, λ − 1; laws use ε = ln λ.  A fabric of width
+W normal to the load has the force F = W T(ε)/λ.
 """
 
 import os
@@ -17,10 +17,10 @@ from . import regression as models
 from .curves import read_test
 from .regression import Fit, Model, Sample, fit
 
-#: The two families.
+#: Fibre families.
 FAMILIES = "warp", "weft"
 
-#: Tension laws by name, of the largest strain and the number of points.
+#: Tension laws by name, as functions of the largest strain and the number of points.
 TENSION_LAWS: dict[str, Callable[[float, int], Model]] = {
     "crimp-toe": lambda largest, points: models.crimp_toe(largest),
     "linear": lambda largest, points: models.linear(),
@@ -31,18 +31,18 @@ TENSION_LAWS: dict[str, Callable[[float, int], Model]] = {
 
 @dataclass(frozen=True, eq=False)
 class BiaxialCurve:
-    """A test at one ratio of the strains.
+    """Test at one ratio of the strains.
 
     Attributes
     ----------
     name
-        What it is called.
+        Name of the test.
     strain
         Logarithmic strains ln λ of warp and weft, shape (2, n).
     force
         Forces along warp and weft in N, shape (2, n).
     widths
-        Width in mm across the pull of the warp, and of the weft.
+        Width in mm normal to the warp load, and normal to the weft load.
     """
 
     name: str
@@ -56,24 +56,24 @@ class BiaxialCurve:
         return self.force * np.exp(self.strain) / np.reshape(self.widths, (2, 1))
 
     def forces(self, law: BiaxialLaw) -> ndarray:
-        """The forces that a law of both strains gives, shape (2, n)."""
+        """Forces predicted by a law of both strains, shape (2, n)."""
         widths, tension = np.reshape(self.widths, (2, 1)), law.value(self.strain)
         return widths * np.asarray(tension) / np.exp(self.strain)
 
     def force_along(self, family: int, law: Law) -> ndarray:
-        """The force along a family that a law of its own strain gives, shape (n,)."""
+        """Force along a family predicted by a law of its own strain, shape (n,)."""
         strain = self.strain[family]
         return self.widths[family] * law.value(strain) / np.exp(strain)
 
 
 @dataclass(frozen=True, eq=False)
 class TensionFit:
-    """Tension laws that were found from biaxial tests.
+    """Tension laws from biaxial tests.
 
     Attributes
     ----------
     fits
-        By ``warp`` and ``weft``, or ``both`` for a law of both strains.
+        Fits by family, ``warp`` and ``weft``, or ``both`` for a law of both strains.
     curves
         The tests.
     """
@@ -83,18 +83,18 @@ class TensionFit:
 
     @property
     def tension(self) -> BiaxialLaw | tuple[Law, Law]:
-        """The laws, as `Fabric` takes them."""
+        """Laws, as an argument of `Fabric`."""
         if "both" in self.fits:
             return self.fits["both"].law
         return self.fits["warp"].law, self.fits["weft"].law
 
     def forces(self, curve: BiaxialCurve) -> ndarray:
-        """The forces that the laws give, shape (2, n)."""
+        """Forces predicted by the laws, shape (2, n)."""
         law = self.tension
         return curve.forces(TwoLaws(*law) if isinstance(law, tuple) else law)
 
     def band(self, curve: BiaxialCurve) -> ndarray:
-        """Confidence band of these forces, its lower and upper end; shape (2, 2, n)."""
+        """Confidence band of these forces, lower and upper limit; shape (2, 2, n)."""
         if "both" in self.fits:
             both = self.fits["both"].band(partial(_both, curve))
             return both.reshape(2, *curve.force.shape)
@@ -108,16 +108,16 @@ def read_biaxial(
     widths: tuple[float, float],
     units: Mapping[str, str] | None = None,
 ) -> BiaxialCurve:
-    """The test of a CSV file with strain and force of warp and weft.
+    """Test of a CSV file with strain and force of warp and weft.
 
     Parameters
     ----------
     path
-        The file, which `read_curve` describes.
+        The file, see `read_curve`.
     widths
-        Width in mm across the pull of the warp, and of the weft.
+        Width in mm normal to the warp load, and normal to the weft load.
     units
-        Units of columns that the file does not give.
+        Units of columns for which the file has none.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def fit_tension(
     extrapolation: str | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> TensionFit:
-    """Find tension laws from biaxial tests at one or more ratios of the strains.
+    """Fit tension laws to biaxial tests at one or more ratios of the strains.
 
     Parameters
     ----------
@@ -150,19 +150,19 @@ def fit_tension(
         The tests.
     law
         A law of one strain for each family, ``crimp-toe``, ``linear`` or ``tabulated``;
-        or ``crimp-interchange``, whose tensions take both strains.
+        or ``crimp-interchange``, whose tensions depend on both strains.
     points
-        Points of a table beside 0.
+        Number of points of a table besides 0.
     extrapolation
-        Of a table beyond the data, ``refuse`` or ``linear``, as of `Tabulated`.
+        Extrapolation of a table, ``refuse`` or ``linear``, see `Tabulated`.
     bounds
-        Least and largest value of parameters by name.
+        Smallest and largest value of parameters, by name.
 
     Raises
     ------
     ValueError
-        If the law is unknown, or no table and has an extrapolation, no fibre is
-        stretched or pulled, or as from `regression.fit`.
+        If the law is unknown, or is not tabulated but has an extrapolation; if no fibre
+        is stretched or loaded; or see `regression.fit`.
     """
     if law not in TENSION_LAWS:
         raise ValueError(f"the law {law!r} is none of {', '.join(TENSION_LAWS)}")
@@ -182,7 +182,7 @@ def fit_tension(
 
 
 def _both(curve: BiaxialCurve, law: BiaxialLaw | Law) -> ndarray:
-    """Both forces in a row; a law of one strain stands for both families."""
+    """Both forces concatenated; a law of one strain applies to both families."""
     both = law if isinstance(law, BiaxialLaw) else TwoLaws(law, law)
     return curve.forces(both).ravel()
 
@@ -201,7 +201,7 @@ def _model(
     for i in families:
         if not sum(float(c.force[i].sum()) for c in curves) > 0:
             raise ValueError(
-                f"no test pulls the {FAMILIES[i]}: forces must be positive"
+                f"no test loads the {FAMILIES[i]}: forces must be positive"
             )
     model = TENSION_LAWS[law](largest, points).bounded(bounds or {})
     return model.extrapolated(extrapolation)

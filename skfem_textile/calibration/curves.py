@@ -1,9 +1,7 @@
-"""Curves of tests, read from CSV files whose columns have units.
+"""Test curves from CSV files whose columns have units, and checks of their beginning.
 
-The beginning of a test's curve shows a force at rest, and what drove the test.
-
-A fabric at rest bears no force, so that a curve that begins with one has the weight of
-clamps, friction of a frame or a pretension in it, which no law has.
+An undeformed fabric carries no force.  A curve that begins with a force contains the
+weight of clamps, friction of a frame or a pretension, which no law represents.
 """
 
 import os
@@ -23,8 +21,8 @@ _FORCE = {"N": 1.0, "kN": 1000.0, "cN": 0.01, "lbf": 4.4482216152605}
 _STRAIN = {"-": 1.0, "1": 1.0, "%": 0.01}
 _FORCE_PER_LENGTH = {"N/mm": 1.0, "kN/m": 1.0}
 
-#: Columns of a test by name: how much their units are in mm, N, radians, strain and
-#: N/mm.
+#: Columns of a test by name, with the factors of their units to mm, N, radians, strain
+#: and N/mm.
 COLUMNS: dict[str, dict[str, float]] = {
     "displacement": _LENGTH,
     "force": _FORCE,
@@ -38,10 +36,10 @@ COLUMNS: dict[str, dict[str, float]] = {
     "chord angle": ANGLE,
 }
 
-# Other names of the columns.
+# Alternative names of the columns.
 _ALSO = {"angle": "shear angle", "extension": "displacement", "load": "force"}
 
-# Numbers beyond are none of a test, and smaller ones are zero: squares are taken.
+# Largest magnitude of a test value, and smallest nonzero one: values are squared.
 _LARGEST, _SMALLEST = 1e50, 1e-50
 
 _SPACES = re.compile(r"[\s_]+")
@@ -52,30 +50,30 @@ def read_curve(
     units: Mapping[str, str] | None = None,
     gaps: bool = False,
 ) -> dict[str, ndarray]:
-    """The columns of a test, in mm, N, radians, N/mm, and strains as numbers.
+    """Columns of a test, in mm, N, radians, N/mm, and strains as numbers.
 
     The first row names the columns, with their units in round or square brackets:
     ``displacement (mm),force (N)``, in any order.  Names are those of `COLUMNS`; other
-    columns are passed over.
+    columns are ignored.
 
     Parameters
     ----------
     path
         The file, in UTF-8.
     units
-        Units of columns by their names; they count more than those of the first row.
+        Units of columns by name; they take precedence over those of the first row.
     gaps
-        Whether cells may be empty; they are nan then.
+        Whether cells may be empty; they become nan.
 
     Returns
     -------
     dict of ndarray
-        By name, each of shape (n_points,).
+        Columns by name, each of shape (n_points,).
 
     Raises
     ------
     ValueError
-        If it is no such file; one line names the file and the row or column.
+        If the file is not valid; one line names the file and the row or column.
     OSError
         If it cannot be read.
     """
@@ -111,7 +109,7 @@ def read_curve(
 def read_test(
     path: str | os.PathLike[str], units: Mapping[str, str] | None, *needed: str
 ) -> tuple[str, dict[str, ndarray]]:
-    """The name of a file and its columns, some of which must be there."""
+    """Name of a file and its columns, some of which are required."""
     columns, name = read_curve(path, units), Path(path).name
     for column in needed:
         if column not in columns:
@@ -120,7 +118,7 @@ def read_test(
 
 
 def column_named(word: str) -> str:
-    """The name of a column, or what it is also called, as `COLUMNS` has it."""
+    """Name of a column in `COLUMNS`, from a name or an alternative name."""
     name = _SPACES.sub(" ", word.strip().lower())
     return _ALSO.get(name, name)
 
@@ -132,12 +130,12 @@ def _factor(file: str, name: str, unit: str) -> float:
     if unit in {u for other, units in COLUMNS.items() if other != name for u in units}:
         raise ValueError(
             f"{file}: the column {name!r} has the unit '{unit}', which is none of "
-            f"{', '.join(allowed)}: look whether columns are swapped"
+            f"{', '.join(allowed)}: check whether columns are swapped"
         )
     has = f"the unit '{excerpt(unit)}', which is none" if unit else "no unit, needs one"
     raise ValueError(
-        f"{file}: the column {name!r} has {has} of {', '.join(allowed)}: name it in "
-        f"the first row, like '{name} ({next(iter(allowed))})', or by an option"
+        f"{file}: the column {name!r} has {has} of {', '.join(allowed)}: specify it "
+        f"in the first row, like '{name} ({next(iter(allowed))})', or by an option"
     )
 
 
@@ -167,36 +165,36 @@ def _finite(cell: str, factor: float) -> float:
     return number if abs(number) > _SMALLEST else 0.0
 
 
-# Share of the range that is its beginning, at least so many points of it, and the share
-# up to which these may go.  Chosen: a curve is nearly straight there.
+# Initial range of a curve: its share of the whole range, the minimum number of points,
+# and the largest share covered by these.  Chosen: a curve is nearly straight there.
 _BEGINNING, _FEWEST, _FARTHEST = 0.2, 5, 0.35
 
-# The first point must be so near to rest, as a share of the range.
+# Largest distance of the first point from rest, relative to the range.
 _FIRST = 0.06
 
-# A force at rest is reported from this share of the largest on, and from this many of
-# its standard deviations.  Chosen: one curve in a million has as much by noise.
+# Thresholds for reporting a force at rest: relative to the largest force, and in
+# standard deviations.  Chosen: noise exceeds it in one of a million curves.
 _SHARE, _DEVIATIONS = 0.05, 5.0
 
-# A curve begins late if it does beyond this share of the range, and bears less than
-# this share of the largest force there.
+# A curve begins late if its first point is beyond this share of the range, with less
+# than this share of the largest force.
 _LATE, _NOTHING = 0.2, 0.05
 
-# Steps are equal if they differ by less than this share of their mean, and unequal if
-# by ten times more.
+# Relative difference below which steps are equal; they are unequal above ten times
+# this.
 _EQUAL, _UNEQUAL = 0.02, 0.2
 
-# Fewest steps for that.
+# Minimum number of steps for this check.
 _FEWEST_STEPS = 8
 
 
 def force_at_rest(x: ndarray, force: ndarray) -> float:
-    """The force that a curve has at 0, and 0 where noise may be the reason for it.
+    """Force of a curve at 0; 0 if it may be noise.
 
-    It is that of a straight line through the beginning.  The noise is that of second
-    differences and of the line, the larger.  If a parabola, or the mean of the first
-    two points, is less than half of it, the force rises steeply from rest, as friction
-    does in a frame, which is no force at rest.
+    It is the intercept of a straight line through the beginning.  The noise is the
+    larger one of that of second differences and that of the line.  If a parabola, or
+    the mean of the first two points, gives less than half of the force, it rises
+    steeply from rest, as with friction in a frame, which is not a force at rest.
     """
     order = np.argsort(x, kind="stable")
     x, force = x[order], force[order]
@@ -222,9 +220,9 @@ def force_at_rest(x: ndarray, force: ndarray) -> float:
 
 
 def seems_swapped(driven: ndarray, force: ndarray) -> bool:
-    """True if forces rise in equal steps, and what should drive the test does not.
+    """True if forces increase in equal steps, and the driving quantity does not.
 
-    Machines move in equal steps.  A test that is driven by its force looks so too.
+    Testing machines move in equal steps.  A force-controlled test appears the same way.
     """
     if len(force) <= _FEWEST_STEPS or np.diff(force).min() <= 0:
         return False
@@ -232,12 +230,12 @@ def seems_swapped(driven: ndarray, force: ndarray) -> bool:
 
 
 def rest_notes(name: str, x: ndarray, force: ndarray) -> list[str]:
-    """A sentence on a curve of a name that has a force at rest, or begins late."""
+    """Note on a curve, given by name, with a force at rest or a late beginning."""
     first = np.abs(force[np.argsort(x, kind="stable")][:2]).max()
     if x.min() > _LATE * x.max() and first < _NOTHING * np.abs(force).max():
         return [
-            f"{name}: the curve begins far from rest with hardly a force: count "
-            "displacements from where the fabric takes up load"
+            f"{name}: the curve begins far from rest with virtually no force: measure "
+            "displacements from the point at which the fabric takes up load"
         ]
     offset = force_at_rest(x, force)
     if not offset:
@@ -245,13 +243,13 @@ def rest_notes(name: str, x: ndarray, force: ndarray) -> list[str]:
     share = 100 * abs(offset) / np.abs(force).max()
     return [
         f"{name}: the force is about {offset:.3g} N at rest, {share:.0f} % of the "
-        "largest, and is not subtracted: no law has a force there; subtract weight of "
-        "clamps, friction and pretension first"
+        "largest, and is not subtracted: no law has a force at rest; subtract the "
+        "weight of clamps, friction and pretension first"
     ]
 
 
 def _unevenness(values: ndarray) -> float:
-    """Largest departure of a step from the mean step, as a share of it."""
+    """Largest deviation of a step from the mean step, relative to it."""
     steps = np.diff(values)
     mean = abs(steps.mean())
     return float(np.abs(steps - steps.mean()).max() / mean) if mean else np.inf

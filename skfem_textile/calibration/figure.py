@@ -1,4 +1,4 @@
-"""Figures of fits: the curves of the tests, and the law with its band."""
+"""Figures of fits: test curves, and the law with its confidence band."""
 
 import os
 from itertools import cycle
@@ -15,28 +15,29 @@ from .bending import BendingFit
 from .biaxial import FAMILIES, TensionFit
 from .shear import ShearFit
 
-# Points of a line.
+# Number of points of a line.
 _N = 201
 
-# Axes go up to at most so many times the largest force or angle that is fitted.
+# Upper limit of the axes, relative to the largest fitted force or angle.
 _MOST = 1.6
 
 
 def draw(
     found: ShearFit | TensionFit | BendingFit, filename: str | os.PathLike[str]
 ) -> None:
-    """Draw the curves of the tests and the laws that were found from them.
+    """Draw the test curves and the fitted laws.
 
-    Of a shear law forces on the left, and moments with the band of the law on the
-    right; of tension laws the tensions of warp and weft over their strains; of a
-    bending stiffness the overhangs on the left, and the stiffness of each on the right.
+    For a shear law, forces on the left, and moments with the confidence band of the law
+    on the right; for tension laws, the tensions of warp and weft over their strains;
+    for a bending stiffness, the overhangs on the left, and the stiffness of each
+    reading on the right.
 
     Parameters
     ----------
     found
         The fit.
     filename
-        Where to write a PNG.
+        File name of the PNG.
     """
     path = picture_path(filename)
     style = {"axes.spines.top": False, "axes.spines.right": False, "font.size": 10}
@@ -56,7 +57,7 @@ def draw(
 
 
 def _draw_shear(found: ShearFit, left: Any, right: Any) -> None:
-    """Forces and moments of the tests, and those of the law with its band."""
+    """Forces and moments of the tests, and of the law with its band."""
     colours, largest = cycle(COLOURS[1:]), 0.0
     for i, specimen in enumerate(found.specimens):
         colour, used = next(colours), specimen.used(found.up_to)
@@ -82,7 +83,7 @@ def _draw_shear(found: ShearFit, left: Any, right: Any) -> None:
     holds = min(np.degrees(s.kinematics_hold_to) for s in found.specimens)
     right.axvline(holds, color="grey", ls=":", label="kinematics hold to here")
     left.set(xlabel="shear angle (deg)", ylabel="force (N)")
-    if left.get_ylim()[1] > _MOST * largest:  # points that are left out hide the others
+    if left.get_ylim()[1] > _MOST * largest:  # excluded points would hide the others
         left.set_ylim(-0.05 * largest, _MOST * largest)
         left.set_xlim(right=_MOST * float(degrees[-1]))
     right.set(xlabel="shear angle (deg)", ylabel="shear moment C (N mm/mm²)")
@@ -109,7 +110,7 @@ def _draw_tension(found: TensionFit, panels: ndarray) -> None:
 
 
 def _draw_bending(found: BendingFit, lengths: Any, stiffnesses: Any) -> None:
-    """Readings over the angle, and the stiffnesses that follow from them."""
+    """Readings over the angle, and the resulting stiffnesses."""
     for test, colour in zip(found.tests, cycle(COLOURS), strict=False):
         degrees = np.degrees(test.angle)
         lengths.plot(degrees, test.overhang, "o", color=colour, label=test.name)

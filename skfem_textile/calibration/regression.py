@@ -1,7 +1,7 @@
-"""Laws with parameters, and these from measured curves, with their confidence.
+"""Parametric laws, and their parameters from measured curves, with confidence.
 
-Curves are compared where their noise is: forces with forces.  Each has noise of its own
-size, estimated from its residuals.
+Curves are compared in the quantity that carries the noise: forces with forces.  Each
+curve has its own noise level, estimated from its residuals.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -24,31 +24,31 @@ from ..fabric import (
 )
 from ..fabric.law import RIGHT_ANGLE
 
-# Share by which tables are longer, so that no point is beyond by an error of rounding.
+# Relative extension of tables, so that rounding puts no point beyond the end.
 _ROUNDING = 1e-12
 
-# Initial stiffness of crimped fabrics over the stiffness of their yarns.  Chosen: too
-# small to be seen in a pull, large enough for a tangent that is positive definite.
+# Ratio of the initial stiffness of crimped fabrics to the yarn stiffness.  Chosen:
+# negligible in tension, and large enough for a positive definite tangent.
 _AT_REST = 1e-4
 
 
 @dataclass(frozen=True)
 class Model:
-    """A law with parameters to be found.
+    """Law with unknown parameters.
 
     Attributes
     ----------
     name
-        What it is called.
+        Name of the law.
     parameters, units
         Names and units of the parameters, p of them.
     build
-        Makes the law of p numbers.
+        Builds the law from p numbers.
     low, high
         Bounds of the parameters, shape (p,).
     start
-        Parameters to begin with, of the stiffness of the linear law that is nearest to
-        the data.  None where forces are linear in the parameters.
+        Initial parameters, as a function of the stiffness of the best linear law.  None
+        if forces are linear in the parameters.
     """
 
     name: str
@@ -60,12 +60,12 @@ class Model:
     start: Callable[[float], ndarray] | None = None
 
     def bounded(self, bounds: Mapping[str, tuple[float, float]]) -> "Model":
-        """The model with further bounds of parameters, by their names.
+        """Model with additional bounds of parameters, by name.
 
         Raises
         ------
         ValueError
-            If no parameter has a name, or no number is within its bounds.
+            If a parameter is unknown, or its bounds contain no number.
         """
         low, high = self.low.copy(), self.high.copy()
         for name, (least, most) in bounds.items():
@@ -78,27 +78,27 @@ class Model:
             low[i], high[i] = max(low[i], least), min(high[i], most)
             if not low[i] < high[i]:
                 raise ValueError(
-                    f"no number is within the bounds of {name}: {low[i]:g} to "
+                    f"there is no number within the bounds of {name}: {low[i]:g} to "
                     f"{high[i]:g}"
                 )
         return replace(self, low=low, high=high)
 
     def extrapolated(self, extrapolation: str | None) -> "Model":
-        """The model whose law does that beyond the data, as of `Tabulated`.
+        """Model whose law is extrapolated beyond the data, see `Tabulated`.
 
-        Without a word it is the model as it is.
+        Without an argument the model is unchanged.
 
         Raises
         ------
         ValueError
-            If the law is no table, so that it does not end with the data.
+            If the law is not tabulated, and hence does not end with the data.
         """
         if extrapolation is None:
             return self
         if self.name != "tabulated":
             raise ValueError(
-                f"the law {self.name} goes on beyond the data as its formula does: "
-                "only a tabulated law has an extrapolation"
+                f"the law {self.name} is defined beyond the data by its formula: only "
+                "a tabulated law has an extrapolation"
             )
 
         return replace(
@@ -107,7 +107,7 @@ class Model:
 
 
 def _of_numbers(law: Callable[..., Any]) -> Callable[[ndarray], Any]:
-    """Makes a law whose arguments are its parameters."""
+    """Function that builds a law whose arguments are its parameters."""
     return lambda values: law(*values.tolist())
 
 
@@ -144,7 +144,7 @@ def polynomial(degree: int = 5) -> Model:
 
 
 def locking(largest: float) -> Model:
-    """`Locking`, with a pole beyond the largest shear angle in radians."""
+    """`Locking`, with the pole beyond the largest shear angle in radians."""
 
     def start(stiffness: float) -> ndarray:
         angle = min(1.3 * largest, 0.5 * (largest + RIGHT_ANGLE))
@@ -156,7 +156,7 @@ def locking(largest: float) -> Model:
 
 
 def tabulated(largest: float, points: int) -> Model:
-    """`Tabulated` at 0 and at points of equal distance up to the largest argument."""
+    """`Tabulated` at 0 and at equidistant points up to the largest argument."""
     x = np.linspace(0.0, largest, points + 1) * (1 + _ROUNDING)
 
     def build(values: ndarray) -> Tabulated:
@@ -171,7 +171,7 @@ def tabulated(largest: float, points: int) -> Model:
 
 
 def crimp_toe(largest: float) -> Model:
-    """`CrimpToe`, whose toe is no wider than the largest strain."""
+    """`CrimpToe`, with a toe of at most the largest strain."""
 
     def start(stiffness: float) -> ndarray:
         return np.array([1.5 * stiffness, 0.2 * largest, 1e-3 * stiffness])
@@ -182,10 +182,10 @@ def crimp_toe(largest: float) -> Model:
 
 
 def crimp_interchange(largest: float) -> Model:
-    """`CrimpInterchange`: both tensions take both strains.
+    """`CrimpInterchange`: both tensions depend on both strains.
 
-    The initial stiffness, which holds the fabric in compression and follows from no
-    pull, is a small share of the stiffness.
+    The initial stiffness acts in compression and cannot be identified in tension; it is
+    a small share of the stiffness.
     """
     names = (
         *("warp_stiffness", "weft_stiffness", "warp_crimp", "weft_crimp"),
@@ -206,10 +206,10 @@ def crimp_interchange(largest: float) -> Model:
     return Model("crimp-interchange", names, units, build, low, high, start)
 
 
-# Its functions bear the names of private modules, for which a type checker takes them.
+# Its functions have the names of private modules, which confuses type checkers.
 _scipy: Any = optimize
 
-# Singular values below this share of the largest: parameters are not identifiable.
+# Relative singular value below which parameters are not identifiable.
 _SINGULAR = 1e-10
 
 
@@ -220,7 +220,7 @@ def solve_linear(
     weights: ndarray,
     start: ndarray | None,
 ) -> tuple[ndarray, ndarray]:
-    """Closed form, unless a bound is met."""
+    """Closed form, unless a bound is active."""
     units = np.eye(len(model.parameters))
     J = np.transpose([predict(model.build(unit)) for unit in units])
     root = np.sqrt(weights)
@@ -244,9 +244,10 @@ def solve_nonlinear(
     weights: ndarray,
     start: ndarray | None,
 ) -> tuple[ndarray, ndarray]:
-    """Least squares from a start, or from the linear law that is nearest.
+    """Nonlinear least squares from given parameters, or from the best linear law.
 
-    The size of each parameter is that of this linear law: one at a bound gives none.
+    The scale of each parameter is that of this linear law, as a parameter at a bound
+    has none.
     """
     assert model.start is not None
     unit = predict(Linear(1.0))
@@ -277,7 +278,7 @@ def solve_nonlinear(
 def jacobian_of(
     model: Model, values: ndarray, value: Callable[[Any], ndarray]
 ) -> ndarray:
-    """Derivatives by the parameters, shape (n, p): exact where they are linear."""
+    """Derivatives by the parameters, shape (n, p): exact if they are linear."""
     if model.start is None:
         units = np.eye(values.size)
         return np.transpose([value(model.build(unit)) for unit in units])
@@ -292,7 +293,7 @@ def jacobian_of(
 
 
 def covariance_of(J: ndarray, weights: ndarray) -> ndarray:
-    """(JᵀWJ)⁻¹, with columns of one size."""
+    """(JᵀWJ)⁻¹, with normalised columns."""
     root = J * np.sqrt(weights)[:, None]
     size = np.linalg.norm(root, axis=0)
     if not np.all(size > 0):
@@ -307,30 +308,29 @@ def covariance_of(J: ndarray, weights: ndarray) -> ndarray:
 def _not_identifiable(model: Model) -> str:
     return (
         f"the {len(model.parameters)} parameters of the law {model.name} are not "
-        "identifiable from these data: take a law with fewer"
+        "identifiable from these data: use a law with fewer"
     )
 
 
-#: Confidence of all bands.
+#: Confidence level of all bands.
 CONFIDENCE = 0.95
 
-#: Probability below which specimens differ beyond their noise.
+#: Probability below which differences between specimens are significant.
 DIFFER = 0.01
 
-# Times that the noise of each curve is found anew.  Chosen: it no longer changes by
-# 0.1 % then.
+# Number of iterations of the noise estimate.  Chosen: its change is then below 0.1 %.
 _ROUNDS = 5
 
-# Noise at least, over the largest value: below it are errors of rounding.
+# Lower bound of the noise, relative to the largest value: rounding errors.
 _LEAST_NOISE = 1e-9
 
-# Correlation of neighbouring residuals over 1/√n from which it is believed: chance
-# exceeds it in one of a thousand curves.
+# Threshold of the correlation of neighbouring residuals, times √n: exceeded by chance
+# in one of a thousand curves.
 _BELIEVED = 3.1
 
 
 class Sample(NamedTuple):
-    """The name of a curve, measured values, (n,), and what a law gives for them."""
+    """Name of a curve, measured values, (n,), and predictions of a law."""
 
     name: str
     measured: ndarray
@@ -339,7 +339,7 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Parameters of a law that were found from curves.
+    """Parameters of a law fitted to curves.
 
     Attributes
     ----------
@@ -356,12 +356,12 @@ class Fit:
     noise
         Standard deviation of the noise of each curve.
     at_bound
-        Which parameters are at a bound, shape (p,): they have no band.
+        Mask of parameters at a bound, shape (p,): they have no band.
     singles
-        Parameters of each curve alone that determines them, shape (curves, p); None
-        where fewer than two do, or they were not compared.
+        Parameters fitted to each curve alone, where identifiable, shape (curves, p);
+        None for fewer than two curves, or without comparison.
     differ
-        Probability that curves of one law differ by as much; nan without ``singles``.
+        Probability that curves of one law differ by this much; nan without ``singles``.
     """
 
     model: Model
@@ -376,12 +376,12 @@ class Fit:
 
     @property
     def law(self) -> Any:
-        """The law with these parameters."""
+        """Law with these parameters."""
         return self.model.build(self.values)
 
     @property
     def beyond_noise(self) -> bool:
-        """True if the curves differ by more than their noise."""
+        """True if the differences between curves are significant."""
         return bool(self.differ < DIFFER)
 
     @property
@@ -401,7 +401,7 @@ class Fit:
 
     @cached_property
     def systematic(self) -> ndarray:
-        """Curves with correlated residuals, unlike noise."""
+        """Curves with significantly correlated residuals."""
         sizes = np.array([r.size for r in self.residuals])
         return self.correlations > _BELIEVED / np.sqrt(sizes)
 
@@ -409,11 +409,11 @@ class Fit:
     def covariance(self) -> ndarray:
         """Covariance of the parameters, shape (p, p).
 
-        That of the noise, and that of the mean of curves that differ beyond it.
-        Residuals that hang together count as fewer points: n (1 − ρ)/(1 + ρ).  Weights
-        that are found from the data lose a little, after Meier (1953, Biometrics 9:59):
-        4 Σ s (1 − s)/ν, where s is the share of a curve in what is known, and ν are the
-        degrees of freedom of its noise.
+        Covariance due to noise, or of the mean of curves that differ significantly.
+        Correlated residuals count as fewer points: n (1 − ρ)/(1 + ρ).  Weights
+        estimated from the data increase it slightly, after Meier (1953, Biometrics
+        9:59): 4 Σ s (1 − s)/ν, where s is the share of a curve in the information, and
+        ν the degrees of freedom of its noise.
         """
         free = ~self.at_bound
         within, found = np.ix_(free, free), np.zeros((free.size, free.size))
@@ -440,12 +440,12 @@ class Fit:
         return np.clip(ends, self.model.low[:, None], self.model.high[:, None])
 
     def band(self, value: Callable[[Any], ndarray]) -> ndarray:
-        """Confidence band of what a law gives, shape (2, n).
+        """Confidence band of predictions of the law, shape (2, n).
 
         Parameters
         ----------
         value
-            Takes a law and returns n numbers.
+            Function of a law that returns n numbers.
         """
         slopes = jacobian_of(self.model, self.values, value)
         half = self._quantile * np.sqrt(
@@ -460,10 +460,10 @@ class Fit:
 
 
 def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
-    """Find the parameters of a law from curves.
+    """Fit the parameters of a law to curves.
 
-    Least squares, weighted by the noise of each curve.  Where the predicted values are
-    linear in the parameters that is a closed form.
+    Least squares, weighted by the noise of each curve; in closed form if the
+    predictions are linear in the parameters.
 
     Parameters
     ----------
@@ -472,12 +472,12 @@ def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
     samples
         The curves.
     compare
-        Whether each curve is also fitted alone, to see whether they differ.
+        Whether each curve is also fitted alone, to test for differences.
 
     Raises
     ------
     ValueError
-        If there are no more points than parameters, or the parameters are not
+        If there are not more points than parameters, or the parameters are not
         identifiable.
     """
     whole = _fit(model, samples)
@@ -515,7 +515,7 @@ def _fit(
     start: ndarray | None = None,
     noise: ndarray | None = None,
 ) -> Fit:
-    """The fit of some curves together; of a noise that is given, or found."""
+    """Joint fit of some curves, with given or estimated noise."""
     measured = np.concatenate([sample.measured for sample in samples])
     n, p = measured.size, len(model.parameters)
     if n <= p:
@@ -546,14 +546,14 @@ def _fit(
 
 
 def _leverage(samples: Sequence[Sample], J: ndarray, weights: ndarray) -> ndarray:
-    """The number of parameters that each curve determines."""
+    """Number of parameters determined by each curve."""
     covariance = covariance_of(J, weights)
     each = np.einsum("ni,ij,nj,n->n", J, covariance, J, weights)
     return np.array([own.sum() for own in _split(samples, each)])
 
 
 def _spread_out(samples: Sequence[Sample], each: ndarray) -> ndarray:
-    """A number of each curve at each of its points."""
+    """A number per curve, repeated for each of its points."""
     return np.repeat(each, [sample.measured.size for sample in samples])
 
 

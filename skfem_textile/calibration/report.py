@@ -1,4 +1,4 @@
-"""Reports of fits: their figures as JSON, notes in sentences, and the text."""
+"""Reports of fits: JSON figures, notes, and text."""
 
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from .shear import ShearFit, Specimen
 
 
-#: Shear angles in degrees at which moments are reported, as far as the data go.
+#: Shear angles in degrees at which moments are reported, within the data.
 ANGLES = tuple(range(5, 90, 5))
 
-# Fabrics of nearly inextensible fibres are strained by less, crimp included.
+# Upper bound of the strain of fabrics with nearly inextensible fibres, including crimp.
 _MOST_STRAIN = 0.5
 
 
 def shear_report(found: "ShearFit") -> dict[str, Any]:
-    """The report of a shear law: numbers, lists and text."""
+    """Report of a shear law: numbers, lists and text."""
     fit, specimens = found.fit, []
     for i, specimen in enumerate(found.specimens):
         measured = specimen.measured_angle is not None
@@ -51,7 +51,7 @@ def shear_report(found: "ShearFit") -> dict[str, Any]:
 
 
 def tension_report(found: "TensionFit") -> dict[str, Any]:
-    """The reports of tension laws, by ``warp`` and ``weft``, or ``both``."""
+    """Reports of tension laws, by ``warp`` and ``weft``, or ``both``."""
     reports = {}
     for name, one in found.fits.items():
         families = [i for i, family in enumerate(FAMILIES) if name in (family, "both")]
@@ -64,13 +64,13 @@ def tension_report(found: "TensionFit") -> dict[str, Any]:
         if one.beyond_noise:
             reports[name]["notes"].append(
                 "tests at several ratios of the strains contradict a tension of one "
-                "strain: take crimp-interchange, whose tensions take both"
+                "strain: use crimp-interchange, whose tensions depend on both"
             )
     return reports
 
 
 def bending_report(found: "BendingFit") -> dict[str, Any]:
-    """The report of a bending stiffness."""
+    """Report of a bending stiffness."""
     low, high = found.interval
     largest = float(np.abs(found.by_peirce / found.by_elastica - 1).max())
     readings = [
@@ -94,7 +94,7 @@ def bending_report(found: "BendingFit") -> dict[str, Any]:
         "by_peirce_N_mm": float(found.by_peirce.mean()),
         "readings": readings,
         "notes": [
-            f"Peirce's formula is off by up to {100 * largest:.1f} % at these "
+            f"the error of Peirce's formula is up to {100 * largest:.1f} % at these "
             "angles: the stiffness is that of the elastica"
         ],
     }
@@ -176,42 +176,41 @@ def _tension_notes(found: "TensionFit", families: Sequence[int]) -> list[str]:
             notes += rest_notes(called, curve.strain[i], curve.force[i])
             if (largest := float(np.expm1(curve.strain[i].max()))) > _MOST_STRAIN:
                 notes.append(
-                    f"{called}: strains go up to {100 * largest:.3g} %: look at their "
-                    "unit"
+                    f"{called}: strains reach {100 * largest:.3g} %: check their unit"
                 )
     return notes
 
 
 def _holds(specimen: "Specimen") -> float:
-    """Shear angle in degrees up to which the kinematics of a test hold."""
+    """Shear angle in degrees up to which the kinematics of a test are valid."""
     return float(np.degrees(specimen.kinematics_hold_to))
 
 
 def _notes(fit: Fit) -> list[str]:
-    """Sentences on the fit of any law."""
+    """Notes on the fit of any law."""
     notes = []
     if fit.beyond_noise:
         notes.append(
-            f"curves differ beyond their noise (probability {fit.differ:.2g}): bands "
-            "are those of the mean of such specimens"
+            f"curves differ significantly (probability {fit.differ:.2g}): bands are "
+            "those of the mean of such specimens"
         )
     names = np.array([sample.name for sample in fit.samples])
     if fit.systematic.any():
         notes.append(
-            f"residuals hang together ({', '.join(names[fit.systematic])}): the law "
-            "does not follow the curve; bands count fewer points for it"
+            f"residuals are correlated ({', '.join(names[fit.systematic])}): the law "
+            "does not represent the curve; bands are computed with fewer points for it"
         )
     if fit.at_bound.any():
         bound = np.array(fit.model.parameters)[fit.at_bound]
-        notes.append(f"at a bound, and without a band: {', '.join(bound)}")
+        notes.append(f"at a bound, without a band: {', '.join(bound)}")
     return notes
 
 
 def _range_notes(found: "ShearFit") -> list[str]:
     end = np.degrees(found.largest_angle)
     notes = [
-        f"{specimen.name}: the test goes back and forth, and all of it is fitted as "
-        "one curve: keep the rows of one loading"
+        f"{specimen.name}: the test contains loading and unloading, and all of it is "
+        "fitted as one curve: keep the rows of one loading"
         for specimen in found.specimens
         if all(specimen.ways(found.up_to))
     ]
@@ -221,9 +220,9 @@ def _range_notes(found: "ShearFit") -> list[str]:
         shares = {"energy": {"stabilisation": found.stabilisation}}
         if carried := excess(shares, "stabilisation"):
             notes.append(
-                f"the stabilisation of the simulations carries up to {carried}: the "
-                "law makes up for the error of a coarse mesh: double --simulate until "
-                "the law stays"
+                f"the stabilisation of the simulations contributes up to {carried}: "
+                "the law compensates for the error of a coarse mesh: double "
+                "--simulate until the law converges"
             )
         return notes
     for specimen in found.specimens:
@@ -232,13 +231,14 @@ def _range_notes(found: "ShearFit") -> list[str]:
             if end > holds + 1e-9:
                 notes.append(
                     f"{specimen.name}: points up to {end:.1f} degrees are fitted, but "
-                    f"the theoretical angle is believed to {holds:g} degrees only: "
+                    f"the theoretical angle is reliable up to {holds:g} degrees only: "
                     "measure the angle, or fit by simulation"
                 )
         elif specimen.theoretical_angle is not None and holds < end - 1e-9:
             notes.append(
-                f"{specimen.name}: the measured angle leaves the theoretical one by "
-                f"more than {np.degrees(APART):g} degrees past {holds:.1f} degrees"
+                f"{specimen.name}: the measured angle differs from the theoretical "
+                f"one by more than {np.degrees(APART):g} degrees beyond {holds:.1f} "
+                "degrees"
             )
     return list(dict.fromkeys(notes))
 
@@ -251,36 +251,37 @@ def _beginning_notes(specimen: "Specimen", up_to: float | None) -> list[str]:
     notes = []
     if back:
         notes.append(
-            f"{name}: the test only goes back from row to row, as in unloading: keep "
-            "the rows of the loading"
+            f"{name}: the displacement only decreases from row to row, as in "
+            "unloading: keep the rows of the loading"
         )
     force = specimen.force[used]
     if seems_swapped(specimen.driven[used], force):
         what = "shear angle" if specimen.displacement is None else "displacement"
         notes.append(
-            f"{name}: the force rises in equal steps and the {what} does not: look "
-            "whether the columns are swapped, unless the force drove the test"
+            f"{name}: the force increases in equal steps and the {what} does not: "
+            "check whether the columns are swapped, unless the test was "
+            "force-controlled"
         )
     return notes + rest_notes(name, specimen.angle[used], force)
 
 
 def _falling_notes(found: "ShearFit") -> list[str]:
-    """A sentence on a law that falls somewhere in the range of the data."""
+    """Note on a law that decreases within the range of the data."""
     gamma = np.linspace(0.0, found.largest_angle * (1 - 1e-9), 201)
     falls = gamma[found.fit.law.tangent(gamma) < 0]
     if not falls.size:
         return []
     return [
-        f"the moment falls from {np.degrees(falls[0]):.1f} degrees on: such a fabric "
-        "may be unstable in a simulation"
+        f"the moment decreases from {np.degrees(falls[0]):.1f} degrees on: such a "
+        "fabric may be unstable in a simulation"
     ]
 
 
 def report_text(reports: Mapping[str, Mapping[str, Any]]) -> str:
-    """Reports as text in Markdown, by their titles."""
+    """Reports as text in Markdown, by title."""
     import jinja2
 
-    # Markdown of names and numbers: nothing is escaped, as in a page of HTML.
+    # Markdown of names and numbers: nothing is escaped, unlike in HTML.
     environment = jinja2.Environment(
         autoescape=False, trim_blocks=True, keep_trailing_newline=True
     )

@@ -1,10 +1,10 @@
-"""A shear law from picture-frame or bias-extension tests of several specimens.
+"""Shear law from picture-frame or bias-extension tests of several specimens.
 
-Beyond the range of their kinematics bias extensions are simulated.  The load of the
-simulation over that of the closed form, which has fibre stretch and all that the closed
-form leaves out in it, changes little with the law: the closed form times this ratio is
-fitted, and the simulation repeated with the law that was found, until the loads no
-longer change.
+Beyond the range of their kinematics bias extensions are simulated.  The ratio of the
+simulated load to that of the closed form, which accounts for fibre stretch and all
+other effects that the closed form neglects, depends only weakly on the law: the closed
+form times this ratio is fitted, and the simulation is repeated with the resulting law
+until the loads converge.
 """
 
 import logging
@@ -31,25 +31,26 @@ from .regression import Fit, Model, Sample, fit
 
 log = logging.getLogger(__name__)
 
-#: Shear angle up to which the theoretical one is believed, in radians.  Cao et al.
-#: (2008) find that it fails somewhere past 30 to 45 degrees.
+#: Shear angle in radians up to which the theoretical one is reliable.  Cao et al.
+#: (2008) find that it fails beyond 30 to 45 degrees.
 BELIEVED = float(np.radians(40.0))
 
-#: A measured angle that is further from the theoretical one shows slip, in radians.
+#: Difference in radians of measured and theoretical angle above which there is slip.
 APART = float(np.radians(2.0))
 
-# A point at the end of the range is in it, whatever its rounding.
+# Rounding tolerance of the end of the range.
 _ROUNDING = 1e-9
 
-# Share of its range by which a displacement falls if the test turns back.  Chosen: far
-# more than the noise of a machine.
+# Decrease of the displacement, relative to its range, that indicates unloading.
+# Chosen: far above the noise of a machine.
 _BACK = 0.1
 
-# Share of the largest angle of a test beyond which points are left out: forces of the
-# closed form have no bound there.
+# Share of the largest angle of a test above which points are excluded: forces of the
+# closed form are unbounded there.
 _END = 0.999
 
-#: Shear laws by name, of the largest angle, the degree, and the number of points.
+#: Shear laws by name, as functions of the largest angle, the degree, and the number of
+#: points.
 SHEAR_LAWS: dict[str, Callable[[float, int, int], Model]] = {
     "polynomial": lambda largest, degree, points: models.polynomial(degree),
     "linear": lambda largest, degree, points: models.linear(),
@@ -61,18 +62,19 @@ SHEAR_LAWS: dict[str, Callable[[float, int, int], Model]] = {
 
 @dataclass(frozen=True, eq=False)
 class Specimen:
-    """The curve of one specimen.
+    """Curve of one specimen.
 
     Attributes
     ----------
     name
-        What it is called.
+        Name of the specimen.
     test
-        The kind of test and its sizes.
+        Kind of test and its dimensions.
     force
-        In N, shape (n,).
+        Force in N, shape (n,).
     displacement, measured_angle
-        In mm, and the shear angle in radians, shape (n,); one of them may be missing.
+        Displacement in mm, and shear angle in radians, shape (n,); one of them may be
+        missing.
     """
 
     name: str
@@ -83,14 +85,14 @@ class Specimen:
 
     @cached_property
     def theoretical_angle(self) -> ndarray | None:
-        """The shear angle of fibres that do not stretch or slip; nan past its end."""
+        """Shear angle for inextensible fibres without slip; nan beyond its end."""
         if self.displacement is None:
             return None
         return self.test.shear_angle(self.displacement)
 
     @cached_property
     def angle(self) -> ndarray:
-        """The measured shear angle, or the theoretical one, in radians."""
+        """Measured shear angle, or the theoretical one, in radians."""
         if self.measured_angle is not None:
             return self.measured_angle
         assert self.theoretical_angle is not None
@@ -98,10 +100,10 @@ class Specimen:
 
     @cached_property
     def kinematics_hold_to(self) -> float:
-        """Shear angle in radians up to which the kinematics of the test hold.
+        """Shear angle in radians up to which the kinematics of the test are valid.
 
-        Up to where a measured angle leaves the theoretical one, or `BELIEVED` without
-        one of the two.
+        Up to the angle at which the measured one differs from the theoretical one, or
+        `BELIEVED` without one of the two.
         """
         if self.measured_angle is None or self.theoretical_angle is None:
             return min(BELIEVED, self.test.largest_angle)
@@ -115,25 +117,25 @@ class Specimen:
     def last_angle(self, up_to: float | None) -> float:
         """Shear angle in radians up to which points are fitted.
 
-        That asked for, or `BELIEVED`, or any where the angle is measured; and not where
-        the motion of the test ends.
+        The requested one, or `BELIEVED`, or any if the angle is measured; at most the
+        end of the motion of the test.
         """
         if up_to is None:
             up_to = np.inf if self.measured_angle is not None else BELIEVED
         return min(up_to * (1 + _ROUNDING), _END * self.test.largest_angle)
 
     def used(self, up_to: float | None) -> ndarray:
-        """Which points are fitted: from 0 to `last_angle`, shape (n,)."""
+        """Mask of the fitted points: from 0 to `last_angle`, shape (n,)."""
         with np.errstate(invalid="ignore"):
             return (self.angle >= 0) & (self.angle <= self.last_angle(up_to))
 
     @property
     def driven(self) -> ndarray:
-        """Displacements, which drive the test, or angles where there are none."""
+        """Displacements, which drive the test, or angles if there are none."""
         return self.angle if self.displacement is None else self.displacement
 
     def ways(self, up_to: float | None) -> tuple[bool, bool]:
-        """Loading and unloading beyond noise, within the points that are fitted."""
+        """Loading and unloading beyond noise, within the fitted points."""
         way = self.driven[self.used(up_to)]
         forth, back = (
             bool(np.any(np.maximum.accumulate(x) - x > _BACK * np.ptp(way)))
@@ -142,7 +144,7 @@ class Specimen:
         return forth, back
 
     def pointwise(self, up_to: float | None) -> tuple[ndarray, ndarray]:
-        """Shear angles that rise, and C by the reduction point by point."""
+        """Increasing shear angles, and C by pointwise data reduction."""
         used = self.used(up_to) & (self.angle > 0)
         order = np.argsort(self.angle[used], kind="stable")
         gamma, force = self.angle[used][order], self.force[used][order]
@@ -153,7 +155,7 @@ class Specimen:
 
 @dataclass(frozen=True, eq=False)
 class ShearFit:
-    """A shear law that was found from specimens.
+    """Shear law fitted to specimens.
 
     Attributes
     ----------
@@ -162,10 +164,10 @@ class ShearFit:
     specimens
         The curves.
     up_to
-        Shear angle in radians up to which points were asked for, if it was given.
+        Requested limit of the shear angle in radians, if given.
     stabilisation
-        Largest share of the stabilisation in the energy of the simulations whose loads
-        were compared; None where those of closed forms were.
+        Largest energy share of the stabilisation in the simulations; None without
+        simulations.
     """
 
     fit: Fit
@@ -175,12 +177,12 @@ class ShearFit:
 
     @property
     def simulated(self) -> bool:
-        """True if loads of simulations were compared, not those of closed forms."""
+        """True if loads of simulations were compared, not of closed forms."""
         return self.stabilisation is not None
 
     @property
     def largest_angle(self) -> float:
-        """The largest shear angle that was fitted, in radians."""
+        """Largest fitted shear angle in radians."""
         return max(float(s.angle[s.used(self.up_to)].max()) for s in self.specimens)
 
 
@@ -189,19 +191,19 @@ def read_specimen(
     test: ShearTest,
     units: Mapping[str, str] | None = None,
 ) -> Specimen:
-    """The specimen of a CSV file, which `read_curve` describes.
+    """Specimen of a CSV file, see `read_curve`.
 
-    It has a column ``force`` and one of ``displacement`` and ``shear angle``, or both:
-    a measured angle counts more than the theoretical one.
+    It has a column ``force`` and one or both of ``displacement`` and ``shear angle``: a
+    measured angle takes precedence over the theoretical one.
 
     Parameters
     ----------
     path
         The file.
     test
-        The kind of test and its sizes.
+        Kind of test and its dimensions.
     units
-        Units of columns that the file does not give.
+        Units of columns for which the file has none.
 
     Raises
     ------
@@ -228,7 +230,7 @@ def fit_shear(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     ratios: Sequence[Callable[[ndarray], ndarray]] | None = None,
 ) -> ShearFit:
-    """Find a shear law from specimens, by the forces that fibres without stretch give.
+    """Fit a shear law to specimens, by the forces for inextensible fibres.
 
     Parameters
     ----------
@@ -239,22 +241,22 @@ def fit_shear(
     degree
         Highest power of the polynomial.
     points
-        Points of the table beside 0.
+        Number of points of the table besides 0.
     extrapolation
-        Of the table beyond the data, ``refuse`` or ``linear``, as of `Tabulated`.
+        Extrapolation of the table, ``refuse`` or ``linear``, see `Tabulated`.
     up_to
-        Shear angle in radians beyond which points are left out; see `Specimen.used`.
+        Shear angle in radians above which points are excluded; see `Specimen.used`.
     bounds
-        Least and largest value of parameters by name.
+        Smallest and largest value of parameters, by name.
     ratios
-        Of each specimen, the force over that of the closed form at shear angles.
+        Ratio of the force of each specimen to that of the closed form at shear angles.
 
     Raises
     ------
     ValueError
-        If the law is unknown, or no table and has an extrapolation; if a specimen has
-        no points in the range, angles that its test does not reach, or forces that push
-        or do not change; or as from `regression.fit`.
+        If the law is unknown, or is not tabulated but has an extrapolation; if a
+        specimen has no points in the range, angles that its test does not reach, or
+        forces that are compressive or constant; or see `regression.fit`.
 
     Examples
     --------
@@ -273,7 +275,7 @@ def fit_shear(
             f"the largest shear angle must be > 0, got {np.degrees(up_to):g} degrees"
         )
     if points < 1:
-        raise ValueError(f"a table needs at least one point beside 0, got {points}")
+        raise ValueError(f"a table needs at least one point besides 0, got {points}")
     samples = [
         _sample(specimen, up_to, None if ratios is None else ratios[i])
         for i, specimen in enumerate(specimens)
@@ -288,7 +290,7 @@ def fit_shear(
 def _sample(
     specimen: Specimen, up_to: float | None, ratio: Callable[[ndarray], ndarray] | None
 ) -> Sample:
-    """The points of a specimen that are fitted, and the forces of a law there."""
+    """Fitted points of a specimen, and the forces of a law there."""
     used = specimen.used(up_to)
     _refuse_angles(specimen, used, up_to)
     _refuse_forces(specimen, used)
@@ -306,8 +308,8 @@ def _refuse_angles(specimen: Specimen, used: ndarray, up_to: float | None) -> No
     angles = np.degrees(specimen.angle[np.isfinite(specimen.angle)])
     if specimen.measured_angle is not None and np.any(angles > end * (1 + _ROUNDING)):
         raise ValueError(
-            f"{name}: shear angles go up to {angles.max():.4g} degrees, but the test "
-            f"ends at {end:.4g}: look at their unit"
+            f"{name}: shear angles reach {angles.max():.4g} degrees, but the test "
+            f"ends at {end:.4g}: check their unit"
         )
     if np.any(used & (specimen.angle > 0)):
         return
@@ -315,7 +317,7 @@ def _refuse_angles(specimen: Specimen, used: ndarray, up_to: float | None) -> No
     found = (
         f"they go from {angles.min():.3g} to {angles.max():.3g}"
         if angles.size
-        else "all displacements are beyond the end of the test: look at their unit"
+        else "all displacements are beyond the end of the test: check their unit"
     )
     raise ValueError(
         f"{name}: no shear angle is between 0 and {last:.3g} degrees; {found}"
@@ -331,16 +333,16 @@ def _refuse_forces(specimen: Specimen, used: ndarray) -> None:
         )
     if not force.sum() > 0:
         raise ValueError(
-            f"{specimen.name}: forces are negative: a pull is positive, so turn the "
-            "sign of the column"
+            f"{specimen.name}: forces are negative: tension is positive, so reverse "
+            "the sign of the column"
         )
 
 
-# The loads no longer change: by less than this share of the largest.  Chosen: a tenth
-# of the uncertainty of a load from a curve with a noise of 1 %.
+# Convergence of the loads: relative change.  Chosen: a tenth of the uncertainty of a
+# load from a curve with a noise of 1 %.
 _SETTLED = 1e-3
 
-# Simulations of each test at most; four are usual.
+# Maximum number of simulations of each test; four are usual.
 _MOST_ROUNDS = 10
 
 
@@ -362,13 +364,13 @@ class Simulation:
     Parameters
     ----------
     tension
-        Fibre stiffness in N/mm or tension law, as of `Fabric`.
+        Fibre stiffness in N/mm or tension law, see `Fabric`.
     across
-        Element edges across the width.
+        Number of element edges across the width.
     steps
-        Load steps, equal in the shear angle.
+        Number of load steps, equal in the shear angle.
     seed
-        Of the irregular mesh.
+        Seed of the irregular mesh.
     """
 
     tension: Any = 1e5
@@ -383,12 +385,12 @@ class Simulation:
             )
 
     def curve(self, law: Law, test: BiasExtension, largest: float) -> Simulated:
-        """The curve of a shear law from 0 up to a theoretical shear angle in radians.
+        """Curve of a shear law from 0 up to a theoretical shear angle in radians.
 
         Raises
         ------
         ValueError
-            If the simulation does not get there.
+            If the simulation does not reach the angle.
         """
         W, H, theta = test.width, test.height, test.inclination
         fibres = theta, np.pi - theta
@@ -420,25 +422,25 @@ def fit_by_simulation(
     up_to: float | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> ShearFit:
-    """Find a shear law with which simulated bias extensions have the measured loads.
+    """Fit a shear law such that simulated bias extensions have the measured loads.
 
     Parameters
     ----------
     specimens
         Curves of bias extensions, with displacements.
     law, degree, points, extrapolation, bounds
-        As for `fit_shear`.
+        See `fit_shear`.
     simulation
-        How the tests are simulated.
+        Settings of the simulations.
     up_to
-        Theoretical shear angle in radians at the displacement beyond which points are
-        left out; all points are taken without one.
+        Theoretical shear angle in radians at the displacement above which points are
+        excluded; by default all points are used.
 
     Raises
     ------
     ValueError
-        As from `fit_shear`; if a specimen is no bias extension or has no displacements;
-        or if a simulation fails, or the laws do not settle.
+        See `fit_shear`; if a specimen is not a bias extension or has no displacements;
+        or if a simulation fails, or the laws do not converge.
     """
     simulation = simulation or Simulation()
     for specimen in specimens:
@@ -472,7 +474,7 @@ def fit_by_simulation(
         before = loads
     raise ValueError(
         f"after {_MOST_ROUNDS} simulations the loads still change by {change:.2%}: "
-        "take a law with fewer parameters, or --up-to a smaller angle"
+        "use a law with fewer parameters, or a smaller angle --up-to"
     )
 
 
@@ -482,8 +484,8 @@ def _simulated(
     specimens: Sequence[Specimen],
     largest: Sequence[float],
 ) -> dict[Any, Simulated]:
-    """The curve of each test; specimens of one size share a simulation."""
-    if isinstance(law, Tabulated):  # some elements shear by more than the middle
+    """Curve of each test; specimens of one size share a simulation."""
+    if isinstance(law, Tabulated):  # some elements shear more than the middle
         law = replace(law, extrapolation="linear")
     ends: dict[Any, float] = {}
     for specimen, end in zip(specimens, largest, strict=True):
@@ -492,6 +494,6 @@ def _simulated(
 
 
 def _ratio(test: ShearTest, law: Law, curve: Simulated) -> Callable[[ndarray], ndarray]:
-    """The simulated load over that of the closed form."""
+    """Ratio of the simulated load to that of the closed form."""
     ratio = curve.forces[1:] / test.force(law, curve.angles[1:])
     return PchipInterpolator(curve.angles, np.concatenate([ratio[:1], ratio]))

@@ -1,4 +1,4 @@
-"""Draping: surfaces, plies laid on them without mechanics, and what plies meet."""
+"""Draping: surfaces, kinematic nets, draped fibres, flat patterns and defects."""
 
 from ..solve.surface.surface import displacement, exponential_map
 from .fibres_in_space import (

@@ -1,4 +1,4 @@
-"""Fibres of a draped ply in elements: those of a tool's mesh, or the ply's own."""
+"""Fibres of a draped ply: in the elements of a tool mesh, or in its own elements."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,20 +15,20 @@ from .sheet import REACH, Sheet, unit
 from .surfaces import positive_length
 from .tool_mesh import ToolMesh
 
-# Slope of a plane against one across the x axis up to which x has no direction in it,
+# Inclination of a plane to the plane normal to x below which x has no direction in it,
 # 1°.
 _ACROSS = 0.0175
 
 
 class Axes(NamedTuple):
-    """Axes of a ply among those of its tool.
+    """Coordinate axes of a ply in those of its tool.
 
     Parameters
     ----------
     origin
-        Where the origin of the ply is, in mm, shape (3,).
+        Origin of the ply in mm, shape (3,).
     turn
-        Directions of the ply's x, y and z, columns of shape (3, 3).
+        Directions of x, y and z of the ply, columns of shape (3, 3).
     """
 
     origin: ndarray = np.zeros(3)
@@ -38,8 +38,8 @@ class Axes(NamedTuple):
     def at(cls, surface: Surface, point: ndarray) -> "Axes":
         """Axes of a ply that touches a surface at a point, shape (3,).
 
-        z is the normal, and x is the tool's as far as it lies in the tangent plane.
-        Where the normal is along x, to 1°, z of the tool takes the place of its x.
+        z is the normal, and x is the projection of the tool's x onto the tangent plane.
+        If the normal is along x, to 1°, the tool's z is used instead of its x.
         """
         normal = surface.gradient(point[:, None])[:, 0]
         across = np.hypot(*normal[1:]) <= _ACROSS * abs(normal[0])
@@ -47,23 +47,27 @@ class Axes(NamedTuple):
         return cls(point, np.column_stack([plane, np.cross(*plane.T)]))
 
     def of_tool(self, x: ndarray) -> ndarray:
-        """Points of the ply's axes in those of the tool, shape (3, n)."""
+        """Convert points from the axes of the ply to those of the tool, shape (3,
+        n).
+        """
         return self.origin[:, None] + self.turn @ x
 
     def of_ply(self, x: ndarray) -> ndarray:
-        """Points of the tool's axes in those of the ply, shape (3, n)."""
+        """Convert points from the axes of the tool to those of the ply, shape (3,
+        n).
+        """
         return self.turn.T @ (x - self.origin[:, None])
 
 
-#: Of a ply whose axes are those of its tool.
+#: Axes of a ply equal to those of its tool.
 SAME_AXES = Axes()
 
 
 # Angle in degrees between an axis and the normal of an element below which another axis
-# takes its place, as in Abaqus (Analysis User's Guide, "Conventions").
+# is used, as in Abaqus (Analysis User's Guide, "Conventions").
 _NORMAL_DEG = 0.1
 
-# Angle in degrees between an element and the ply from which it is a wall across it.
+# Angle in degrees between an element and the ply above which it is a wall normal to it.
 # Chosen: coarse tools of curved parts stay below it.
 _STEEPEST_DEG = 60.0
 
@@ -80,12 +84,12 @@ class FibresInSpace:
         Unit normals of the elements, shape (3, n_elements).
     warp, weft
         Unit directions of the fibres in the planes of the elements, (3, n_elements);
-        NaN where the ply does not reach.
+        NaN for elements not covered by the ply.
     shear_angle
-        Γ in radians, shape (n_elements,); NaN where the ply does not reach.
+        Γ in radians, shape (n_elements,); NaN for elements not covered by the ply.
     axis
-        What the angles are counted from, projected into the plane of each element,
-        shape (3,).
+        Reference axis of the angles, projected into the plane of each element, shape
+        (3,).
     """
 
     mesh: ToolMesh
@@ -97,14 +101,15 @@ class FibresInSpace:
 
     @property
     def covered(self) -> ndarray:
-        """Elements on which the ply lies, bool, shape (n_elements,)."""
+        """Mask of the elements covered by the ply, shape (n_elements,)."""
         return np.isfinite(self.shear_angle)
 
     def reference(self) -> ndarray:
-        """The axis projected into the planes of the elements, unit, (3, n_elements).
+        """Axis projected into the planes of the elements, unit vectors, (3,
+        n_elements).
 
-        Where the axis is within 0.1° of the normal that is the projection of z, or of x
-        if the axis is z itself.
+        If the axis is within 0.1° of the normal, the projection of z is used, or of x
+        if the axis is z.
         """
         axis = unit(self.axis)
         other = np.array([1.0, 0, 0] if abs(axis[2]) > 0.5 else [0, 0, 1.0])
@@ -117,7 +122,7 @@ class FibresInSpace:
     def angles_deg(self) -> tuple[ndarray, ndarray]:
         """Angles of warp and weft to the reference in degrees, in (−180, 180].
 
-        Anticlockwise seen from the side to which the normals point.
+        Anticlockwise as seen from the side of the normals.
         """
         x = self.reference()
         y = np.cross(self.normal, x, axis=0)
@@ -134,10 +139,10 @@ def fibres_on_tool(
     axis: ArrayLike = (1.0, 0.0, 0.0),
     reach: float | None = None,
 ) -> FibresInSpace:
-    """The fibres of a draped ply in each element of a tool.
+    """Fibres of a draped ply in each element of a tool.
 
-    They are those of the point of the ply that lies at the centre of the element.  An
-    element has none where it is at more than 60° to the ply.
+    They are the fibres at the point of the ply on the centre of the element.  An
+    element inclined by more than 60° to the ply has none.
 
     Parameters
     ----------
@@ -146,16 +151,16 @@ def fibres_on_tool(
     tool
         The elements of the tool.
     axis
-        What angles are counted from, projected into the plane of each element.
+        Reference axis of the angles, projected into the plane of each element.
     reach
-        Largest distance in mm between an element's centre and the ply on it; a quarter
-        of the longer of the ply's longest edge and the element's, if not given.  Take
+        Largest distance in mm between the centre of an element and the ply on it; by
+        default a quarter of the longer of the longest edges of ply and element.  Use
         less than the thickness of a tool whose other side is not draped.
 
     Raises
     ------
     ValueError
-        If an argument is not valid, or the ply lies on no element.
+        If an argument is not valid, or the ply does not cover any element.
     """
     along = _axis(axis)
     if reach is None:
@@ -165,14 +170,14 @@ def fibres_on_tool(
         most = np.full(tool.n_elements, reach)
     places = sheet.at(tool.centres(), most)
     if not places.found.any():
-        raise ValueError("fibres on a tool: the ply lies on none of its elements")
+        raise ValueError("fibres on a tool: the ply does not cover any of its elements")
     fibres = sheet.fibres_at(places)
     normal = tool.normals()
     lean = np.abs((unit(np.cross(*fibres[:2], axis=0)) * normal).sum(axis=0))
-    # A wall that cuts through the ply has no fibres; NaN where there is no ply either.
+    # A wall that cuts through the ply has no fibres; NaN also where there is no ply.
     across = ~(lean > np.cos(np.radians(_STEEPEST_DEG)))
     if across.all():
-        raise ValueError("fibres on a tool: its elements stand across the ply")
+        raise ValueError("fibres on a tool: its elements are perpendicular to the ply")
     warp, weft, angle = (np.where(across, np.nan, field) for field in fibres)
     warp, weft = (_in_plane(v, normal) for v in (warp, weft))
     return FibresInSpace(tool, normal, warp, weft, angle, along)
@@ -181,10 +186,10 @@ def fibres_on_tool(
 def fibres_on_ply(
     ply: Ply, u: ndarray, axis: ArrayLike = (1.0, 0.0, 0.0)
 ) -> FibresInSpace:
-    """The fibres in each of the user's elements of a displaced ply in space.
+    """Fibres in each of the user's elements of a displaced ply in space.
 
-    Directions and shear angles are means over the element.  Normals point to the side
-    that is up in the flat ply.
+    Directions and shear angles are element means.  Normals point to the side that is up
+    in the flat ply.
 
     Parameters
     ----------
@@ -193,12 +198,12 @@ def fibres_on_ply(
     u
         Displacement.
     axis
-        What angles are counted from, projected into the plane of each element.
+        Reference axis of the angles, projected into the plane of each element.
 
     Raises
     ------
     ValueError
-        If the ply is not in space, or the axis is no direction.
+        If the ply is not in space, or the axis is not a direction.
     """
     along, sheet = _axis(axis), Sheet.of_ply(ply, u)
     n_nodes = 1 + max(cell.max() for cell in ply.cells)
@@ -211,7 +216,7 @@ def fibres_on_ply(
 
 
 def _axis(axis: ArrayLike) -> ndarray:
-    """A direction of the user."""
+    """A direction given by the user."""
     given = real_numbers("fibres in space: axis", axis)
     if given.shape != (3,) or not np.isfinite(given).all() or not given.any():
         raise ValueError(f"fibres in space: axis must be a direction, got {axis!r}")
@@ -219,5 +224,5 @@ def _axis(axis: ArrayLike) -> ndarray:
 
 
 def _in_plane(v: ndarray, normal: ndarray) -> ndarray:
-    """Unit vectors of v without its part along the normal."""
+    """Unit vectors of v without its normal component."""
     return unit(v - normal * (v * normal).sum(axis=0))

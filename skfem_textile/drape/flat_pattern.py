@@ -1,4 +1,4 @@
-"""The flat pattern of a trimmed part: what to cut from the flat ply."""
+"""Flat pattern of a trimmed part: the outline to cut from the flat ply."""
 
 from dataclasses import dataclass
 
@@ -12,26 +12,26 @@ from .sheet import Places, Sheet
 from .surfaces import positive_length
 from .tool_mesh import curve_length
 
-# Distance of points between two of a curve, over the ply's longest edge.  Chosen: the
-# pattern has bends where the ply has nodes, and no finer ones.
+# Distance of added points of a curve, relative to the longest edge of the ply.  Chosen:
+# the pattern has kinks only at nodes of the ply.
 _SPACING = 0.5
 
-# Distance of neighbours in the outline over the largest one on the tool from which the
-# ply lies on itself there.  Chosen: a diagonal of a cell that shears by 80° is 8 times
-# as long in the flat ply.
+# Distance of neighbours in the outline, relative to the largest one on the tool, above
+# which the ply overlaps itself.  Chosen: the diagonal of a cell sheared by 80° is 8
+# times as long in the flat ply.
 _JUMP = 10.0
 
-# Most points of an outline.  Chosen: to find them takes a minute.
+# Maximum number of points of an outline.  Chosen: locating them takes a minute.
 _MOST = 1_000_000
 
-# Area over squared length up to which an outline encloses nothing.  Chosen: far below
+# Area over squared length below which an outline encloses no area.  Chosen: far below
 # any strip, and above rounding.
 _NOTHING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class FlatPattern:
-    """A closed outline in the flat ply, and where it is on the tool.
+    """Closed outline in the flat ply, and its position on the tool.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class FlatPattern:
     on_tool
         The same points in space in mm, shape (3, n).
     warp, weft
-        Unit directions of the fibres in the flat ply there, shape (2, n).
+        Unit directions of the fibres in the flat ply at these points, shape (2, n).
     """
 
     outline: ndarray
@@ -60,32 +60,32 @@ class FlatPattern:
 
     @property
     def signed_area(self) -> float:
-        """The area in mm², below zero where the outline goes clockwise."""
+        """Area in mm², negative for a clockwise outline."""
         return float(signed_areas(*self.outline))
 
 
 def flat_pattern(
     sheet: Sheet, curve: ArrayLike, spacing: float | None = None
 ) -> FlatPattern:
-    """The outline in the flat ply of a curve that trims the part on the tool.
+    """Outline in the flat ply of a curve that trims the part on the tool.
 
     Parameters
     ----------
     sheet
         The draped ply.
     curve
-        Points of a closed curve on the tool in mm, shape (3, n); a curve of
-        `ToolMesh.boundary`, for one.
+        Points of a closed curve on the tool in mm, shape (3, n), such as a curve of
+        `ToolMesh.boundary`.
     spacing
-        Largest distance of points in mm.  Where points of the curve are further apart
-        there are others between them, on the straight line, which must stay near the
-        ply.  Half of the ply's longest edge if not given.
+        Largest distance of points in mm.  Points are added on straight lines between
+        points of the curve further apart; these lines must stay near the ply.  By
+        default half of the longest edge of the ply.
 
     Raises
     ------
     ValueError
-        If an argument is not valid, the ply does not lie on a point of the curve, it
-        lies there twice, or the outline crosses itself.
+        If an argument is not valid, a point of the curve is not covered by the ply or
+        covered twice, or the outline crosses itself.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def flat_pattern(
     if spacing is None:
         spacing = _SPACING * sheet.longest_edge
     spacing = positive_length("flat pattern: spacing", spacing)
-    _places(sheet, points)  # before there are as many as a curve far away would have
+    _places(sheet, points)  # before a distant curve adds too many points
     points = _spaced(points, spacing)
     places = _places(sheet, points)
     warp, weft = (A[:, places.element] for A in (sheet.warp, sheet.weft))
@@ -115,15 +115,15 @@ def flat_pattern(
         place = np.round(points[:, steps.argmax()], 3).tolist()
         raise ValueError(
             f"flat pattern: the outline jumps by {steps.max():.3g} mm at {place}: the "
-            "ply lies on itself there, or the curve goes around the tool"
+            "ply overlaps itself there, or the curve encloses the tool"
         )
     if steps.any():
         _refuse_crossing(outline[:, steps > 0], points[:, steps > 0])
     pattern = FlatPattern(outline, points, warp, weft)
     if not pattern.area > _NOTHING * pattern.length**2:
         raise ValueError(
-            "flat pattern: the outline encloses no area: give a curve that goes around "
-            "the part, and not there and back"
+            "flat pattern: the outline encloses no area: specify a curve around the "
+            "part that does not return along itself"
         )
     return pattern
 
@@ -136,16 +136,16 @@ def _places(sheet: Sheet, points: ndarray) -> Places:
         place = ", ".join(f"{c:.7g}" for c in points[:, off[0]])
         raise ValueError(
             f"flat pattern: the ply does not lie on {off.size} of {points.shape[1]} "
-            f"points of the curve, the first at [{place}]: lay a larger ply, trim "
-            "inside it, or give more points of the curve"
+            f"points of the curve, the first at [{place}]: use a larger ply, trim "
+            "inside it, or specify more points of the curve"
         )
     return places
 
 
 def _refuse_crossing(outline: ndarray, points: ndarray) -> None:
-    """Refuse an outline, (2, n), two edges of which cross or meet; points in space.
+    """Refuse an outline, (2, n), with crossing or touching edges; points in space.
 
-    Its area would be that of parts with different signs.
+    Its area would have parts of different signs.
     """
     n = np.arange(outline.shape[1])
     edges = Boundary(outline, np.array([n, np.roll(n, -1)]), n, np.ones(len(n)))
@@ -153,30 +153,30 @@ def _refuse_crossing(outline: ndarray, points: ndarray) -> None:
     if contact is None:
         raise ValueError(
             "flat pattern: too many points of the outline are close to each other to "
-            "tell whether it crosses itself: give fewer, or a larger spacing"
+            "determine whether it crosses itself: use fewer, or a larger spacing"
         )
     at = np.concatenate([contact.crossing, contact.doubled])
     if at.size:
         place = np.round(points[:, at[0]], 3).tolist()
         raise ValueError(
-            f"flat pattern: the outline crosses itself at {place}: give a curve that "
-            "goes around one part once"
+            f"flat pattern: the outline crosses itself at {place}: specify a curve "
+            "that encloses one part once"
         )
 
 
 def _closed(curve: ArrayLike) -> ndarray:
-    """Points of a closed curve, none of them twice in a row."""
+    """Points of a closed curve without consecutive duplicates."""
     points = real_numbers("flat pattern: curve", curve)
     if points.ndim != 2 or len(points) != 3 or not np.isfinite(points).all():
         raise ValueError("flat pattern: curve must be finite points, shape (3, n)")
     points = points[:, (points != np.roll(points, -1, axis=1)).any(axis=0)]
     if points.shape[1] < 3:
-        raise ValueError("flat pattern: curve must have three points at least")
+        raise ValueError("flat pattern: curve must have at least three points")
     return points
 
 
 def _spaced(points: ndarray, spacing: float) -> ndarray:
-    """A closed curve with points at most a spacing apart."""
+    """Closed curve with points at most a spacing apart."""
     after = np.roll(points, -1, axis=1)
     with np.errstate(over="ignore"):  # infinitely many are refused
         parts = np.linalg.norm(after - points, axis=0) / spacing
@@ -184,7 +184,7 @@ def _spaced(points: ndarray, spacing: float) -> ndarray:
     if not counts.sum() <= _MOST:
         raise ValueError(
             f"flat pattern: the outline would have {counts.sum():.3g} points, {_MOST} "
-            "at most: give fewer, or a larger spacing"
+            "at most: use fewer, or a larger spacing"
         )
     counts = counts.astype(int)
     start = np.repeat(np.arange(len(counts)), counts)

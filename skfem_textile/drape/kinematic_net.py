@@ -1,9 +1,9 @@
-"""A kinematic net: rods of one length, pinned where they cross, laid on a surface.
+"""Kinematic net: inextensible rods, pinned at their crossings, laid on a surface.
 
-Two threads start at a point along geodesics.  Every further crossing is at the length
-of a cell from two crossings that are known (Mack & Taylor 1956, The fitting of woven
-cloth to surfaces, J. Text. Inst. 47:T477).  Nothing stretches, and no force plays a
-part: the two first threads decide the whole net.
+Two threads start at a point along geodesics.  Every further crossing is at the distance
+of one cell from two known crossings (Mack & Taylor 1956, The fitting of woven cloth to
+surfaces, J.  Text.  Inst.  47:T477).  Fibres do not stretch, and forces play no role:
+the first two threads determine the whole net.
 """
 
 from dataclasses import dataclass
@@ -26,14 +26,14 @@ class Net:
     Attributes
     ----------
     positions
-        Of the crossings in mm, shape (3, n_warp + 1, n_weft + 1): the second axis goes
-        along the warp.  NaN for those that were not laid.
+        Positions of the crossings in mm, shape (3, n_warp + 1, n_weft + 1), with the
+        second axis along the warp.  NaN for crossings that were not laid.
     along
         Coordinates of the crossings along warp and weft in the flat ply in mm.
     directions
         Unit vectors of warp and weft in the flat ply, columns of shape (2, 2).
     touch
-        The point of the flat ply from which they are counted, shape (2,).
+        Origin of these coordinates in the flat ply, shape (2,).
     """
 
     positions: ndarray
@@ -44,7 +44,7 @@ class Net:
     def shear_angle(self) -> ndarray:
         """Shear angle Γ of each cell in radians, shape (n_warp, n_weft).
 
-        The sides of a cell are equal: its diagonals determine the angle.
+        The sides of a cell are equal, so that its diagonals determine the angle.
         """
         x = self.positions
         one = np.linalg.norm(x[:, 1:, 1:] - x[:, :-1, :-1], axis=0)
@@ -78,12 +78,12 @@ class Net:
     def tangents(self, X: ndarray) -> ndarray:
         """Unit vectors along warp and weft at points of the flat ply, shape (2, 3, n).
 
-        They are differences over two cells, linear between the crossings.
+        Central differences over two cells, linear between the crossings.
 
         Parameters
         ----------
         X
-            Points in mm, shape (2, n), a cell or more within the net.
+            Points in mm, shape (2, n), at least one cell inside the net.
 
         Raises
         ------
@@ -95,7 +95,7 @@ class Net:
         return found / np.linalg.norm(found, axis=1, keepdims=True)
 
     def _between(self, x: ndarray, X: ndarray) -> ndarray:
-        """Values at points, bilinear between those at the crossings, shape (3, n)."""
+        """Values at points, bilinear between the crossings, shape (3, n)."""
         coordinates = np.linalg.solve(self.directions, X - self.touch[:, None])
         cell, share = [], []
         for s, at in zip(coordinates, self.along, strict=True):
@@ -103,8 +103,8 @@ class Net:
             place = (s - at[0]) / spacing
             if not ((place > -1e-6) & (place < len(at) - 1 + 1e-6)).all():
                 raise ValueError(
-                    f"the net reaches from {at[0]:g} to {at[-1]:g} mm, a point lies at "
-                    f"{s[np.abs(s).argmax()]:g} mm"
+                    f"the net extends from {at[0]:g} to {at[-1]:g} mm, a point lies "
+                    f"at {s[np.abs(s).argmax()]:g} mm"
                 )
             cell.append(np.clip(np.floor(place).astype(int), 0, len(at) - 2))
             share.append(place - cell[-1])
@@ -117,22 +117,22 @@ class Net:
         )
 
 
-# Iterations of Newton's method at most to a crossing, and its error as a share of the
-# length of a cell.  Chosen: it starts a cell away and doubles its digits.
+# Maximum number of Newton iterations for a crossing, and its error relative to the cell
+# length.  Chosen: it starts one cell away and converges quadratically.
 _MOST, _EXACT = 30, 1e-11
 
-# Sine of the angle between threads below which they have folded onto one another.
-# Chosen: about half a degree, from where a crossing is not told from the one before.
+# Sine of the angle between threads below which they have folded.  Chosen: about half a
+# degree, at which consecutive crossings become indistinguishable.
 _FOLDED = 0.01
 
 
 class NetError(ValueError):
-    """A net that cannot be laid.
+    """Net that cannot be laid.
 
     Attributes
     ----------
     place
-        Where it ends in mm, shape (3,).
+        Position of its end in mm, shape (3,).
     """
 
     def __init__(self, what: str, place: ndarray, advice: str = "") -> None:
@@ -141,7 +141,7 @@ class NetError(ValueError):
 
 
 class FoldedNetError(NetError):
-    """A net whose threads fold onto one another."""
+    """Net whose threads fold onto one another."""
 
 
 def net(
@@ -165,30 +165,31 @@ def net(
     cell
         Length of the rods in mm.
     warp, weft
-        Numbers of cells against and along each family from where the net starts.
+        Numbers of cells against and along each family, from the start of the net.
     angles
         Inclination of warp and weft in the flat ply in radians.
     touch
-        The point of the flat ply where the net starts.
+        Start of the net in the flat ply.
     point
-        Where that is in space; (x, y, 0) of the ``touch`` if not given.
+        Its position in space; by default (x, y, 0) of ``touch``.
     first
-        Direction in space of the ply's x there.
+        Direction in space of the x axis of the ply there.
     over
-        Points of the flat ply in mm, shape (2, n), up to which the net is laid; the
-        crossings beyond all of them are left out.  If not given, all are laid.
+        Points of the flat ply in mm, shape (2, n), up to which the net is laid;
+        crossings beyond all of them are omitted.  By default all are laid.
 
     Raises
     ------
     NetError
-        If the net folds, as `FoldedNetError`, or leaves the surface before it is whole.
+        If the net folds (`FoldedNetError`), or leaves the surface before it is
+        complete.
     ValueError
         If an argument is not valid.
 
     Examples
     --------
-    A quarter of a sphere, sides as long as its radius: the shear angle of the last
-    cell, where it is 53.6° in theory:
+    A quarter of a sphere, with sides equal to its radius: the shear angle of the last
+    cell, 53.6° in theory:
 
     >>> import numpy as np
     >>> from skfem_textile import drape
@@ -230,7 +231,7 @@ def net(
 
 
 def _counts(name: str, n: Any) -> tuple[int, int]:
-    """Two numbers of cells, at least one in all."""
+    """Two numbers of cells, at least one in total."""
     counts = real_numbers(f"net: {name}", n)
     whole = counts.shape == (2,) and (counts == np.round(counts)).all()
     if not whole or counts.min() < 0 or counts.sum() < 1:
@@ -243,9 +244,9 @@ def _counts(name: str, n: Any) -> tuple[int, int]:
 def _thread(
     surface: Surface, start: ndarray, along: ndarray, cell: float, n: int
 ) -> ndarray:
-    """Crossings of a geodesic of rods, shape (3, n + 1).
+    """Crossings of a discrete geodesic, shape (3, n + 1).
 
-    The change of the rods' direction is along the normal at their pin.
+    The change of direction between rods is along the normal at their pin.
     """
     x, step = [start], along * cell
     for _ in range(n):
@@ -255,7 +256,7 @@ def _thread(
 
 
 def _pinned(surface: Surface, x: ndarray, step: ndarray, cell: float) -> ndarray:
-    """The end of a rod on the surface in the plane of a direction and the normal."""
+    """End of a rod on the surface in the plane of a direction and the normal."""
     normal = surface.gradient(x[:, None])[:, 0]
     normal = normal / np.linalg.norm(normal)
     plane = np.array([step / np.linalg.norm(step), normal]).T
@@ -281,7 +282,7 @@ def _pinned(surface: Surface, x: ndarray, step: ndarray, cell: float) -> ndarray
 
 
 def _up_to(ends: ndarray, shape: tuple[int, int]) -> ndarray:
-    """Crossings of a quadrant that lie before a point, or around its cell."""
+    """Crossings of a quadrant before a point, or around its cell."""
     last = np.floor(ends + _EXACT).astype(int) + 1
     last = last[:, (last > 0).all(axis=0)]
     wanted = np.zeros(shape, dtype=bool)
@@ -294,7 +295,7 @@ def _up_to(ends: ndarray, shape: tuple[int, int]) -> ndarray:
 def _quadrant(
     surface: Surface, warp: ndarray, weft: ndarray, cell: float, wanted: ndarray
 ) -> ndarray:
-    """Crossings of a quadrant from its two first threads, diagonal by diagonal."""
+    """Crossings of a quadrant from its first two threads, diagonal by diagonal."""
     m, n = warp.shape[1], weft.shape[1]
     x = np.full((3, m, n), np.nan)
     x[:, :, 0], x[:, 0, :] = warp, weft
@@ -311,9 +312,9 @@ def _quadrant(
 def _crossings(
     surface: Surface, a: ndarray, b: ndarray, corner: ndarray, cell: float
 ) -> ndarray:
-    """Points on a surface at the length of a cell from two points, shape (3, n).
+    """Points on a surface at one cell length from two points, shape (3, n).
 
-    Of the two that there are, the one across from ``corner``.
+    The solution opposite to ``corner`` is chosen.
     """
     x = a + b - corner
     for _ in range(_MOST):
@@ -342,6 +343,6 @@ def _crossings(
         raise FoldedNetError(
             "the threads fold onto one another or leave the surface",
             corner[:, np.flatnonzero(~found)[0]],
-            ": take fewer cells, or start elsewhere",
+            ": use fewer cells, or start elsewhere",
         )
     return x

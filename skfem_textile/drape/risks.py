@@ -1,4 +1,4 @@
-"""Drape defects: contact pressure, bridging, wrinkling, edges of a tool."""
+"""Drape defects: contact pressure, bridging, wrinkling, and edges of a tool."""
 
 import numpy as np
 from numpy import ndarray
@@ -7,11 +7,13 @@ from ..ply import Ply
 from ..ply.parameters import PlyParameters
 from ..solve.surface import Grown, Surface
 
-# Share of the largest tension below which one is none: forces balance no better.
+# Share of the largest tension below which a tension is zero: the tolerance of
+# equilibrium.
 _NONE = 1e-8
 
-# Radius of curvature over the size of a ply above which what fibres press is none.
-# Chosen: on a flat tool round-off presses as on a radius of ten million sizes.
+# Radius of curvature, relative to the size of a ply, above which the contact pressure
+# of fibres is zero.  Chosen: on a flat tool round-off corresponds to a radius of ten
+# million sizes.
 _FLAT = 1e5
 
 
@@ -24,24 +26,24 @@ def contact_pressure(
 ) -> ndarray:
     """Pressure of a surface on the nodes of a ply per current area, in N/mm².
 
-    It is that of a tool which fills the side on which φ is negative.  Where it is
-    negative such a tool would have to pull: there the ply bridges the tool.
+    The tool occupies the side on which φ is negative.  A negative pressure means that
+    the tool would have to pull: there the ply bridges the tool.
 
     Parameters
     ----------
     ply
-        The ply, all nodes of which are on the surface.
+        The ply, with all nodes on the surface.
     surface
         The surface.
     u, t, parameters
-        Displacement, load factor and parameters of a `State`; parameters at rest if
-        these are not given.
+        Displacement, load factor and parameters of a `State`; by default parameters at
+        rest.
 
     Returns
     -------
     ndarray
         Shape (n_nodes,).  It is linear between the corners of the user's elements, and
-        does the work of the forces on all motions that are.
+        work-equivalent to the forces for all such motions.
     """
     corners, n = ply.mesh.t, ply.mesh.p.shape[1]
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
@@ -50,7 +52,7 @@ def contact_pressure(
     if parameters is None:
         parameters = ply.parameters_at_rest
     force = (ply.nodal(ply.residual(u, t, parameters)) * normal).sum(axis=0)
-    # With all of the corners of an element on the surface they give its area.
+    # Together, the corners of an element on the surface have its area.
     sides = x[:, corners[2]] - x[:, corners[0]], x[:, corners[-1]] - x[:, corners[1]]
     area = 0.5 * np.linalg.norm(np.cross(*sides, axis=0), axis=0)
     share = np.tile(area / len(corners), len(corners))
@@ -60,9 +62,10 @@ def contact_pressure(
 
 
 def bridging(ply: Ply, u: ndarray, pressure: ndarray) -> ndarray:
-    """Elements on which the surface would have to pull in the mean of their nodes.
+    """Elements with a tensile mean contact pressure.
 
-    By more than the largest fibre tension would on a surface that is all but flat.
+    The pressure must exceed that of the largest fibre tension on a virtually flat
+    surface.
 
     Parameters
     ----------
@@ -71,7 +74,7 @@ def bridging(ply: Ply, u: ndarray, pressure: ndarray) -> ndarray:
     u
         Displacement.
     pressure
-        Contact pressure at its nodes, as of `contact_pressure`.
+        Contact pressure at its nodes, see `contact_pressure`.
 
     Returns
     -------
@@ -84,9 +87,9 @@ def bridging(ply: Ply, u: ndarray, pressure: ndarray) -> ndarray:
 
 
 def beyond_edges(ply: Ply, surface: Surface, u: ndarray) -> ndarray | None:
-    """Elements of a ply whose middle lies where the surface of a tool is a guess.
+    """Elements of a ply whose centre lies beyond the edges of a tool.
 
-    None of a surface that has no method ``beyond_edges``, as `TriangleMesh` has one.
+    None for a surface without a method ``beyond_edges``, which `TriangleMesh` has.
 
     Parameters
     ----------
@@ -108,10 +111,10 @@ def beyond_edges(ply: Ply, surface: Surface, u: ndarray) -> ndarray | None:
 
 
 def off_triangles(ply: Ply, surface: Surface, u: ndarray) -> ndarray | None:
-    """Elements of a ply where the surface of a tool is not that of its triangles.
+    """Elements of a ply where the smoothed tool deviates from its triangles.
 
-    None of a surface that has no method ``off_triangles``, as `TriangleMesh` has one.
-    Arguments and returned value as of `beyond_edges`.
+    None for a surface without a method ``off_triangles``, which `TriangleMesh` has.
+    Arguments and result as in `beyond_edges`.
     """
     x, tool = _on_grown(ply, surface, u)
     off = getattr(tool, "off_triangles", None)
@@ -121,7 +124,7 @@ def off_triangles(ply: Ply, surface: Surface, u: ndarray) -> ndarray | None:
 def turn_of_normal(ply: Ply, surface: Surface, u: ndarray) -> ndarray:
     """Largest angle between the normals of a surface at two corners of an element.
 
-    In radians, of each element of ``ply.mesh``.  Arguments as of `beyond_edges`.
+    In radians, for each element of ``ply.mesh``.  Arguments as in `beyond_edges`.
     """
     x, tool = _on_grown(ply, surface, u)
     normal = tool.gradient(x)
@@ -132,7 +135,7 @@ def turn_of_normal(ply: Ply, surface: Surface, u: ndarray) -> ndarray:
 
 
 def _on_grown(ply: Ply, surface: Surface, u: ndarray) -> tuple[ndarray, Surface]:
-    """Positions of the nodes on the surface as it is when it has grown, and that."""
+    """Positions of the nodes on the fully grown surface, and that surface."""
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
     if not isinstance(surface, Grown):
         return x, surface
@@ -145,12 +148,11 @@ def wrinkle_risk(
 ) -> ndarray:
     """Elements in which fibres may buckle in the plane of the ply.
 
-    An inextensible net buckles in its plane where the tension of a family is below −G,
-    with G the shear stiffness at rest (Rosen 1965).  With bending stiffness it stands
-    somewhat more.  Where the fabric has a ``wrinkling_angle`` and is sheared past it,
-    fibres are at risk as soon as they are compressed.  Tensions are means over the
-    points of an element: from one point of a quadratic triangle to the next they
-    oscillate.
+    An inextensible net buckles in its plane if the tension of a family is below −G,
+    with the shear stiffness G at rest (Rosen 1965); bending stiffness increases this
+    limit.  If the fabric is sheared beyond its ``wrinkling_angle``, fibres are at risk
+    as soon as they are compressed.  Tensions are element means, because they oscillate
+    between the points of a quadratic triangle.
 
     Parameters
     ----------
@@ -170,4 +172,4 @@ def wrinkle_risk(
     stiffness = fabric.shear_law.tangent(np.zeros((len(sheared), 1)))[:, 0]
     none = _NONE * np.abs(mean).max(initial=0.0)
     stands = np.where(sheared > fabric.wrinkling_angle, none, stiffness)
-    return np.asarray((~(mean >= -stands)).any(axis=0))  # what is not a number, too
+    return np.asarray((~(mean >= -stands)).any(axis=0))  # includes NaN

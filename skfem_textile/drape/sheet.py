@@ -1,4 +1,4 @@
-"""A draped ply as elements in space: which point of it lies at a point of a tool."""
+"""Draped ply as elements in space: location of points of a tool on the ply."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,18 +13,18 @@ from ..fabric import kinematics as kin
 from ..ply import Ply
 from .kinematic_net import Net
 
-# Iterations to the foot of a perpendicular on an element.  Chosen: on a square that is
-# twisted by 30° the foot of a point a tenth of a side away is off by 1e-8 of the side.
+# Number of iterations for the foot of a perpendicular on an element.  Chosen: on a
+# square twisted by 30° the error for a point at a tenth of a side is 1e-8 of the side.
 _ITERATIONS = 12
 
-# Share of the squares of an element's edges that keeps a step finite where an element
-# is bent so much that beyond its edges it has no area.
+# Regularisation, relative to the squared edges of an element, of steps beyond the edges
+# of a strongly bent element.
 _RIDGE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class Elements:
-    """Triangles or quadrilaterals, by the numbers of their nodes, (n_corners, n).
+    """Triangles or quadrilaterals, by node numbers, (n_corners, n).
 
     Local coordinates are those of scikit-fem, from 0 to 1.
     """
@@ -34,9 +34,9 @@ class Elements:
     def feet(
         self, positions: ndarray, points: ndarray, element: ndarray
     ) -> tuple[ndarray, ndarray]:
-        """Feet of perpendiculars on elements, which may go beyond them.
+        """Feet of perpendiculars on elements, possibly beyond their edges.
 
-        Their local coordinates, and the points as seen from them.
+        Returns local coordinates, and the vectors to the points.
         """
         centre = self.corners.mean(axis=0)[:, None]
         local = np.tile(centre, len(element))
@@ -53,14 +53,14 @@ class Elements:
         return local, points - self.between(positions, element, local)
 
     def outside(self, local: ndarray) -> ndarray:
-        """Distance of local coordinates beyond an element, 0 inside it."""
+        """Distance of local coordinates from an element, 0 inside it."""
         beyond = np.maximum(-local, 0.0).max(axis=0, initial=0.0)
         if len(self.nodes) == 4:
             return np.maximum(beyond, (local - 1).max(axis=0, initial=0.0))
         return np.maximum(beyond, local.sum(axis=0) - 1)
 
     def inside(self, local: ndarray) -> ndarray:
-        """Local coordinates brought into an element."""
+        """Local coordinates clipped to an element."""
         local = np.clip(local, 0.0, 1.0)
         if len(self.nodes) == 4:
             return local
@@ -91,12 +91,12 @@ class Elements:
         return self._shape().doflocs
 
     def _shape(self) -> ElementH1:
-        """The element of scikit-fem."""
+        """scikit-fem element."""
         return ElementQuad1() if len(self.nodes) == 4 else ElementTriP1()
 
 
 def unit(v: ndarray) -> ndarray:
-    """Columns at length 1."""
+    """Normalised columns."""
     return v / np.linalg.norm(v, axis=0)
 
 
@@ -107,7 +107,7 @@ def edge_lengths(positions: ndarray, elements: ndarray) -> ndarray:
 
 
 def boundary_edges(cells: Sequence[ndarray]) -> ndarray:
-    """Edges of one element alone, in its sense: nodes, shape (2, n)."""
+    """Edges of only one element, in its orientation: nodes, shape (2, n)."""
     pairs = [[cell.ravel(), np.roll(cell, -1, axis=0).ravel()] for cell in cells]
     edges = np.hstack(pairs)
     _, first, count = np.unique(
@@ -117,10 +117,10 @@ def boundary_edges(cells: Sequence[ndarray]) -> ndarray:
 
 
 class ElementTree:
-    """A search for elements near points, by corners of shape (3, n_corners, n)."""
+    """Search tree for elements near points, by corners of shape (3, n_corners, n)."""
 
     def __init__(self, corners: ndarray) -> None:
-        from scipy.spatial import KDTree  # not imported for other drapes
+        from scipy.spatial import KDTree  # imported only if needed
 
         centres = corners.mean(axis=1)
         self.radii = np.linalg.norm(corners - centres[:, None], axis=0).max(axis=0)
@@ -129,7 +129,7 @@ class ElementTree:
     def pairs(
         self, points: ndarray, reach: ndarray | float = np.inf
     ) -> tuple[ndarray, ndarray]:
-        """Numbers of points, (3, n), each with every element that may be its nearest.
+        """Numbers of points, (3, n), each with all candidates for its nearest element.
 
         The nearest element is no further away than the nearest centre.
         """
@@ -144,10 +144,10 @@ class ElementTree:
 def closest_on_triangles(
     positions: ndarray, triangles: ndarray, points: ndarray
 ) -> tuple[ndarray, ndarray]:
-    """The points of triangles that are closest to points in space, shape (3, n).
+    """Closest points of triangles to points in space, shape (3, n).
 
-    The triangle of each point, shape (n,), and the shares of its corners, (3, n): 0 of
-    those across from an edge, 1 of a corner where the point lies on it.
+    Also the triangle of each point, shape (n,), and its barycentric coordinates, (3,
+    n).
     """
     corners = positions[:, triangles]
     point, triangle = ElementTree(corners).pairs(points)
@@ -158,9 +158,10 @@ def closest_on_triangles(
 
 
 def _closest(corners: ndarray, points: ndarray) -> tuple[ndarray, ndarray]:
-    """Shares of corners in the closest points of triangles, and squared distances.
+    """Barycentric coordinates of the closest points of triangles, and squared
+    distances.
 
-    Corners have the shape (3, 3, n), the second axis counts them.
+    Corners have the shape (3, 3, n), with the corner number on the second axis.
     """
     a, b, c = corners.swapaxes(0, 1)
     along, across, away = b - a, c - a, points - a
@@ -187,26 +188,27 @@ def _closest(corners: ndarray, points: ndarray) -> tuple[ndarray, ndarray]:
     return shares, distance
 
 
-# Share of its distance from an element by which the foot of a point may lie outside:
-# between two elements that meet at an angle, up to 50°, a point has no other foot.
+# Distance of a foot outside its element, relative to the distance of the point, that is
+# accepted: between two elements that meet at an angle, up to 50°, a point has no other
+# foot.
 _BETWEEN = 0.5
 
-# Share of the longest edge that counts as on the edge of an element.
+# Tolerance of an element edge, relative to the longest edge.
 _ON_EDGE = 1e-6
 
-# Coordinate in mm from which points are as far away.  Chosen: its square is finite.
+# Largest coordinate in mm.  Chosen: its square is finite.
 _FAR = 1e100
 
-#: Largest distance of a point from the ply that lies at it, over the longest edge.
-#: The chord of an arc of 90° is 0.21 of its length away from the arc.
+#: Largest distance of a point from the ply, relative to the longest edge.  The distance
+#: of an arc of 90° from its chord is 0.21 of the chord.
 REACH = 0.25
 
 
 class Places(NamedTuple):
-    """Points of a sheet: element, −1 where there is none, and local coordinates.
+    """Points of a sheet: element, −1 if there is none, and local coordinates.
 
-    ``distance`` is that in mm between the sheet and the point that was looked for, of
-    one without an element infinite.  Shapes (n,), (2, n) and (n,).
+    ``distance`` in mm is that between the sheet and the given point, infinite without
+    an element.  Shapes (n,), (2, n) and (n,).
     """
 
     element: ndarray
@@ -215,13 +217,13 @@ class Places(NamedTuple):
 
     @property
     def found(self) -> ndarray:
-        """True where a point of the sheet was found, shape (n,)."""
+        """Mask of points with an element, shape (n,)."""
         return self.element >= 0
 
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A ply in space with the place of each of its points in the flat ply.
+    """Ply in space with the position of each of its points in the flat ply.
 
     Parameters
     ----------
@@ -251,7 +253,7 @@ class Sheet:
 
     @classmethod
     def of_ply(cls, ply: Ply, u: ndarray) -> "Sheet":
-        """The sheet of a ply in space after a displacement.
+        """Sheet of a ply in space after a displacement.
 
         Raises
         ------
@@ -272,7 +274,7 @@ class Sheet:
 
     @classmethod
     def of_net(cls, net: Net) -> "Sheet":
-        """The sheet of a kinematic net, a quadrilateral for each of its cells."""
+        """Sheet of a kinematic net, one quadrilateral per cell."""
         s, t = np.meshgrid(*net.along, indexing="ij")
         flat = net.directions @ [s.ravel(), t.ravel()] + net.touch[:, None]
         n = np.arange(s.size).reshape(s.shape)
@@ -297,16 +299,16 @@ class Sheet:
         return ElementTree(self.positions[:, self.elements])
 
     def at(self, points: ndarray, reach: ndarray | float | None = None) -> Places:
-        """Points of the sheet that lie at points of a tool: feet of perpendiculars.
+        """Points of the sheet at points of a tool: feet of perpendiculars.
 
         Parameters
         ----------
         points
-            In mm, shape (3, n).
+            Points in mm, shape (3, n).
         reach
-            Largest distance from the sheet in mm, of all points or of each; a quarter
-            of the sheet's longest edge if not given.  Smaller than the thickness of a
-            tool whose other side is not draped.
+            Largest distance from the sheet in mm, for all points or for each; by
+            default a quarter of the longest edge of the sheet.  Use less than the
+            thickness of a tool whose other side is not draped.
         """
         n, points = points.shape[1], np.clip(points, -_FAR, _FAR)
         reach = REACH * self.longest_edge if reach is None else reach
@@ -317,7 +319,7 @@ class Sheet:
         outside = self._elements.outside(local) * 2 * self._tree.radii[element]
         allowed = _ON_EDGE * self.longest_edge + _BETWEEN * distance
         taken = (outside <= allowed) & (distance <= most[point])
-        # The nearest of each point is the last one written.
+        # The nearest element of each point is written last.
         order = np.flatnonzero(taken)[np.argsort(-(distance + outside)[taken])]
         chosen = np.full(n, -1)
         chosen[point[order]] = order
@@ -329,14 +331,14 @@ class Sheet:
         return places
 
     def flat_at(self, places: Places) -> ndarray:
-        """Points in the flat ply in mm, shape (2, n); NaN where there is none."""
+        """Points in the flat ply in mm, shape (2, n); NaN if there is none."""
         return self._elements.between(self.flat, places.element, places.local)
 
     def fibres_at(self, places: Places) -> tuple[ndarray, ndarray, ndarray]:
         """Unit directions of warp and weft, shape (3, n), and the shear angle, (n,).
 
-        The deformation gradient is interpolated between nodes, where it is of second
-        order.  NaN where there is no point.
+        The deformation gradient is interpolated between nodes, where it is second-order
+        accurate.  NaN if there is no point.
         """
         F = self._elements.between(self._gradients, places.element, places.local)
         A = [family[:, places.element] for family in (self.warp, self.weft)]
@@ -348,9 +350,10 @@ class Sheet:
     def _gradients(self) -> ndarray:
         """Deformation gradient at each node, shape (3, 2, n_nodes).
 
-        The mean of its elements'.  Along the edges of the ply that lags half an element
-        behind.  There, in the end in its corners, nodes are changed until the mean of
-        an element's nodes is the gradient at its centre, which is of second order.
+        The mean over its elements.  Along the edges of the ply this lags by half an
+        element.  There, and finally in its corners, nodal values are changed until the
+        mean of the nodes of an element equals the gradient at its centre, which is
+        second-order accurate.
         """
         corners = self._elements.corners
         at_corners = np.array([self._gradient_at(corner) for corner in corners])
@@ -372,7 +375,7 @@ class Sheet:
         return nodes.transpose(1, 2, 0)
 
     def _gradient_at(self, place: ndarray) -> ndarray:
-        """Deformation gradient at a place of each element, (n_elements, 3, 2)."""
+        """Deformation gradient at a point of each element, (n_elements, 3, 2)."""
         n = self.elements.shape[1]
         local = np.tile(place[:, None], n)
         x, X = (
@@ -384,7 +387,7 @@ class Sheet:
     def _mean_at_nodes(
         self, at_corners: ndarray, elements: ndarray
     ) -> tuple[ndarray, ndarray]:
-        """Means at nodes over some elements, and which nodes they have.
+        """Means at nodes over some elements, and mask of the nodes that have them.
 
         ``at_corners`` has the shape (n_corners, n_elements, ...).
         """

@@ -1,7 +1,8 @@
-"""Surfaces with a formula: plane, cylinder, sphere, cone, torus.
+"""Analytical surfaces: plane, cylinder, sphere, cone, torus, height field.
 
-Of all but the plane φ is positive outside.  Each is a function of the position less a
-point and, but for the sphere, of the distance r from an axis and the height z along it.
+Except for the plane, φ is positive outside.  Each is a function of the position
+relative to a point and, except for the sphere, of the distance r from an axis and the
+height z along it.
 """
 
 from collections.abc import Callable
@@ -19,20 +20,20 @@ Vector: TypeAlias = ArrayLike
 
 _ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
-# Smallest distance from an axis or a centre that is divided by, in mm.
+# Lower bound in mm of the distance from an axis or a centre in divisions.
 _TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """A plane through a point, φ the height above it.
+    """Plane through a point, with φ as the height above it.
 
     Parameters
     ----------
     point
-        A point of it in mm.
+        A point of the plane in mm.
     normal
-        Its normal, of any length.
+        Normal of any length.
     """
 
     point: Vector = _ORIGIN
@@ -57,7 +58,7 @@ class Plane:
 
 @dataclass(frozen=True, eq=False)
 class Sphere:
-    """A sphere, φ the distance from it.
+    """Sphere, with φ as the distance from it.
 
     Parameters
     ----------
@@ -96,10 +97,10 @@ class Sphere:
 
 
 class _OfRevolution:
-    """A surface of revolution, φ = f(r, z), by the derivatives of f.
+    """Surface of revolution, φ = f(r, z), by the derivatives of f.
 
-    With the unit vectors e_r across, e_z along and e_t around the axis the Hessian is
-    f_rr e_r e_r + f_rz (e_r e_z + e_z e_r) + f_zz e_z e_z + (f_r/r) e_t e_t.
+    With the radial, axial and circumferential unit vectors e_r, e_z and e_t the Hessian
+    is f_rr e_r e_r + f_rz (e_r e_z + e_z e_r) + f_zz e_z e_z + (f_r/r) e_t e_t.
     """
 
     point: Vector
@@ -110,7 +111,7 @@ class _OfRevolution:
         object.__setattr__(self, "axis", _unit(f"{name}: axis", self.axis))
 
     def _f(self, r: ndarray, z: ndarray) -> ndarray:
-        """F of the distance from the axis and the height along it."""
+        """The function f of distance from the axis and height along it."""
         raise NotImplementedError
 
     def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
@@ -160,7 +161,7 @@ class _OfRevolution:
 
 @dataclass(frozen=True, eq=False)
 class Cylinder(_OfRevolution):
-    """A cylinder, φ the distance from it.
+    """Cylinder, with φ as the distance from it.
 
     Parameters
     ----------
@@ -191,16 +192,16 @@ class Cylinder(_OfRevolution):
 
 @dataclass(frozen=True, eq=False)
 class Cone(_OfRevolution):
-    """A cone that opens along its axis, φ the distance from it on its own side.
+    """Cone that opens along its axis, with φ as the distance from it on its own side.
 
     Parameters
     ----------
     angle
-        Half of the angle at the tip, between axis and surface, in radians.
+        Half of the apex angle, between axis and surface, in radians.
     point
-        The tip in mm.
+        Apex in mm.
     axis
-        Direction from the tip along the axis into the cone.
+        Direction from the apex along the axis into the cone.
     """
 
     angle: float
@@ -224,12 +225,12 @@ class Cone(_OfRevolution):
 
 @dataclass(frozen=True, eq=False)
 class Torus(_OfRevolution):
-    """A torus, φ the distance from it.
+    """Torus, with φ as the distance from it.
 
     Parameters
     ----------
     radius
-        Radius in mm of the circle around which the tube lies.
+        Radius in mm of the centre line of the tube.
     tube
         Radius of the tube in mm, the smaller of the two.
     point
@@ -268,7 +269,7 @@ class Torus(_OfRevolution):
 
 
 def _vector(what: str, value: Vector) -> ndarray:
-    """A finite vector of three components."""
+    """Finite vector of three components."""
     vector = real_numbers(what, value)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError(f"{what} must be three finite numbers, got {value!r}")
@@ -276,7 +277,7 @@ def _vector(what: str, value: Vector) -> ndarray:
 
 
 def _unit(what: str, value: Vector) -> ndarray:
-    """A unit vector along a vector that is not zero."""
+    """Unit vector along a nonzero vector."""
     vector = _vector(what, value)
     if not vector.any():
         raise ValueError(f"{what} must not be zero")
@@ -285,7 +286,7 @@ def _unit(what: str, value: Vector) -> ndarray:
 
 
 def positive_length(what: str, value: ArrayLike) -> float:
-    """A positive finite length in mm."""
+    """Positive finite length in mm."""
     number = real_numbers(what, value)
     if number.shape or not (np.isfinite(number) and number > 0):
         raise ValueError(f"{what} must be a positive length in mm, got {value!r}")
@@ -293,7 +294,7 @@ def positive_length(what: str, value: ArrayLike) -> float:
 
 
 class Height(NamedTuple):
-    """A height and its derivatives, each of shape (n,)."""
+    """Height and its derivatives, each of shape (n,)."""
 
     h: ndarray
     x: ndarray
@@ -309,7 +310,7 @@ HeightFunction: TypeAlias = Callable[[ndarray, ndarray], Height]
 
 @dataclass(frozen=True, eq=False)
 class HeightField:
-    """The surface z = h(x, y), φ = z − h.
+    """Surface z = h(x, y), φ = z − h.
 
     Parameters
     ----------
@@ -355,7 +356,7 @@ def double_dome(
     waist: float = 0.25,
     valley: float = 60.0,
 ) -> HeightField:
-    """A smooth double dome, z = H (exp(−(x/a)⁴ − (y/b)⁴) − 1), its top at z = 0.
+    """Smooth double dome, z = H (exp(−(x/a)⁴ − (y/b)⁴) − 1), with its top at z = 0.
 
     Its half width b = w (1 − s exp(−(x/v)²)) is smaller in the middle.
 
@@ -364,16 +365,16 @@ def double_dome(
     height
         H in mm.
     length, width
-        Half length a and half width w in mm, where the height has fallen to H/e.
+        Half length a and half width w in mm, at which the height is H/e.
     waist
-        Share s by which the middle is narrower, from 0 to less than 1.
+        Relative reduction s of the width in the middle, from 0 to less than 1.
     valley
         Half length v of the waist in mm.
 
     Raises
     ------
     ValueError
-        If a length is not positive, or the waist no share.
+        If a length is not positive, or the waist is not between 0 and 1.
     """
     lengths = height, length, width, valley
     if not (all(np.isfinite(x) and x > 0 for x in lengths) and 0 <= waist < 1):

@@ -1,4 +1,4 @@
-"""The elements of a tool as they are, and triangles on a surface for pictures."""
+"""Elements of a tool, and triangulation of surfaces for pictures."""
 
 from dataclasses import dataclass
 from itertools import permutations
@@ -21,13 +21,13 @@ class ToolMesh:
     points
         Nodes in mm, shape (3, n_nodes).
     cells
-        Their numbers in the elements, arrays of shape (3, n) and (4, n), anticlockwise
-        seen from outside.
+        Node numbers of the elements, arrays of shape (3, n) and (4, n), anticlockwise
+        as seen from outside.
 
     Raises
     ------
     MeshError
-        If a node is not there or not finite, or an element has no area.
+        If a node is undefined or not finite, or an element has no area.
     """
 
     points: ndarray
@@ -44,7 +44,7 @@ class ToolMesh:
                 np.size(cell)
                 and not 0 <= np.min(cell) <= np.max(cell) < points.shape[1]
             ):
-                raise MeshError("a tool: an element has a node that is not there")
+                raise MeshError("a tool: an element has an undefined node")
         object.__setattr__(self, "points", points)
         if not self.n_elements:
             raise MeshError("a tool: it has no triangles or quadrilaterals")
@@ -72,16 +72,16 @@ class ToolMesh:
         )
 
     def triangles(self) -> ndarray:
-        """Nodes of triangles, quadrilaterals cut in two, shape (3, n)."""
+        """Nodes of triangles, with quadrilaterals cut in two, shape (3, n)."""
         return cut_in_two(self.cells)
 
     def boundary(self) -> list[ndarray]:
-        """Closed curves along the edges of one element alone, the longest first.
+        """Closed curves along the edges of only one element, the longest first.
 
         Returns
         -------
         list
-            Points of each, shape (3, n), the first not repeated.
+            Points of each curve, shape (3, n), the first not repeated.
 
         Raises
         ------
@@ -93,7 +93,9 @@ class ToolMesh:
             raise MeshError("a tool: it is closed, and has no boundary to trim along")
         after = dict(zip(start.tolist(), end.tolist(), strict=True))
         if len(after) < len(start) or len(set(after.values())) < len(end):
-            raise MeshError("a tool: its boundary crosses itself, or sides differ")
+            raise MeshError(
+                "a tool: its boundary crosses itself, or orientations differ"
+            )
         curves = []
         while after:
             begin = at = next(iter(after))
@@ -107,14 +109,16 @@ class ToolMesh:
         return sorted(curves, key=curve_length, reverse=True)
 
     def _area_vectors(self) -> ndarray:
-        """Normals as long as twice the areas: cross products of diagonals or edges."""
+        """Normals with twice the area as length: cross products of diagonals or
+        edges.
+        """
         corners = [self.points[:, cell] for cell in self.cells]
         pairs = [(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1]) for x in corners]
         return np.hstack([np.cross(one, other, axis=0) for one, other in pairs])
 
 
 def cut_in_two(cells: tuple[ndarray, ...]) -> ndarray:
-    """Nodes of triangles, quadrilaterals cut in two, shape (3, n)."""
+    """Nodes of triangles, with quadrilaterals cut in two, shape (3, n)."""
     cuts = {3: ([0, 1, 2],), 4: ([0, 1, 2], [0, 2, 3])}
     return np.hstack([cell[cut] for cell in cells for cut in cuts[len(cell)]])
 
@@ -124,8 +128,8 @@ def curve_length(curve: ndarray) -> float:
     return float(np.linalg.norm(np.roll(curve, -1, axis=1) - curve, axis=0).sum())
 
 
-# Corners of a cube, and the six tetrahedra into which its paths from the first corner
-# to the last cut it.
+# Corners of a cube, and its six tetrahedra along the paths from the first corner to the
+# last.
 _CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 _TETRAHEDRA = np.array(
     [
@@ -135,7 +139,7 @@ _TETRAHEDRA = np.array(
     ]
 )
 
-# Steps of Newton's method by which corners come onto the surface.
+# Number of Newton steps that project corners onto the surface.
 _STEPS = 3
 
 
@@ -157,7 +161,7 @@ def triangles_on(
     -------
     tuple
         Corners of the triangles in mm, shape (3, n), and their numbers, (3,
-        n_triangles); none where the surface is not in the box.
+        n_triangles); empty if the surface is outside the box.
 
     Examples
     --------
@@ -177,7 +181,7 @@ def triangles_on(
         indexing="ij",
     )
     points = np.array(grid).reshape(3, -1)
-    with np.errstate(all="ignore"):  # what is not finite is on no side
+    with np.errstate(all="ignore"):  # values that are not finite are on neither side
         level = surface.level(points)
     strides = np.array([(counts[1] + 1) * (counts[2] + 1), counts[2] + 1, 1])
     first = np.array(np.meshgrid(*map(np.arange, counts), indexing="ij"))

@@ -1,14 +1,12 @@
-"""Surfaces of triangles, smoothed: the mean of quadrics at the vertices.
+"""Smoothed triangulated surfaces: weighted mean of quadrics at the vertices.
 
 A quadric is fitted to the vertices around each vertex (`Quadrics`), so that normals and
-curvatures are continuous.  φ is positive on the side to which the triangles face.
+curvatures are continuous.  φ is positive on the side that the triangles face.
 
-The mean of quadrics at points in space, with weights that vanish at a distance.
-
-A quadric q_i(x) = w − (c₀ + c₁u + … + c₅v²) belongs to each point x_i: u and v are
-coordinates in its tangent plane, w is that along its normal.  φ is their mean with
-smooth weights (Ohtake, Belyaev, Alexa, Turk & Seidel 2003, Multi-level partition of
-unity implicits, ACM Trans. Graph. 22:463).
+A quadric q_i(x) = w − (c₀ + c₁u + … + c₅v²) belongs to each vertex x_i, with the
+coordinates u and v in its tangent plane and w along its normal.  φ is their mean with
+smooth weights of finite support (Ohtake, Belyaev, Alexa, Turk & Seidel 2003,
+Multi-level partition of unity implicits, ACM Trans.  Graph.  22:463).
 """
 
 from copy import copy
@@ -21,23 +19,23 @@ from ..mesh.checks import MeshError
 from .sheet import boundary_edges, closest_on_triangles
 from .tool_mesh import ToolMesh
 
-# Points to which a quadric is fitted: six coefficients, over-determined by a half where
-# the mesh is regular, of two rings of neighbours and more.
+# Number of points to which the six coefficients of a quadric are fitted: two rings of
+# neighbours and more on a regular mesh.
 FITTED = 18
 
-# Share of the neighbourhood's size below which a quadric has no weight: what keeps the
-# fit from failing where neighbours lie on a line.
+# Regularisation of the fit, relative to the size of the neighbourhood, for collinear
+# neighbours.
 _RIDGE = 1e-9
 
-# Cosine of the angle between normals beyond which a point is of another side of a thin
-# part, and no neighbour.
+# Cosine of the angle between normals below which a point belongs to the other side of a
+# thin part and is not a neighbour.
 _OTHER_SIDE = 0.0
 
-# Reach over the distance of the nearest point, at least.
+# Smallest support radius, relative to the distance of the nearest point.
 _FAR = 1.5
 
-# Neighbours that are looked for at first, and pairs of a position and a neighbour that
-# are computed at a time.  Measured: the fastest on meshes of equal triangles.
+# Initial number of neighbours in the search, and number of pairs of position and
+# neighbour per block.  Measured: the fastest on meshes of equal triangles.
 _NEIGHBOURS, _PAIRS = 24, 16384
 
 
@@ -50,9 +48,9 @@ class Derivatives(NamedTuple):
 
 
 class Quadrics:
-    """Quadrics q_i = a_i + b_i·d + ½ d·H_i d of the way d from their points.
+    """Quadrics q_i = a_i + b_i·d + ½ d·H_i d of the vector d from their points.
 
-    Points and unit normals there have the shape (n, 3).  Weights vanish at the
+    Points and unit normals have the shape (n, 3).  Weights vanish at the distance
     ``reach`` in mm.
     """
 
@@ -70,7 +68,7 @@ class Quadrics:
             + 2 * c_vv * v[:, :, None] * v[:, None]
         )
         b = normals - c[:, 1, None] * u - c[:, 2, None] * v
-        # The last of each stands for neighbours that are not there.
+        # The last of each represents missing neighbours.
         self._points, self._a, self._b, self._H = (
             np.concatenate([x.T, np.zeros((*x.T.shape[:-1], 1))], axis=-1)
             for x in (points, -c[:, 0], b, H)
@@ -103,7 +101,7 @@ class Quadrics:
             distance, near = self._tree.query(
                 x[:, some].T, count, distance_upper_bound=bound
             )
-            # Far away the nearest point alone counts: the reach is a little longer.
+            # Far away only the nearest point contributes: the reach is slightly longer.
             reach = np.maximum(self._reach, _FAR * distance[:, :1])
             whole = (distance[:, -1:] >= reach) | (count == self._tree.n)
             whole = (whole & (reach <= bound))[:, 0]
@@ -122,13 +120,13 @@ class Quadrics:
     def _mean(
         self, x: ndarray, near: ndarray, distance: ndarray, reach: ndarray
     ) -> Derivatives:
-        """The mean of the same number of quadrics at each position.
+        """Mean of the same number of quadrics at each position.
 
-        Their numbers and distances, shape (n, k), and the reach, (n, 1).
+        Arguments are their numbers and distances, shape (n, k), and the reach, (n, 1).
         """
         d = x[:, :, None] - self._points[:, near]
         s = np.minimum(distance / reach, 1.0)
-        # Where the reach follows the nearest point: the gradient ρ of its logarithm.
+        # If the reach depends on the nearest point: the gradient ρ of its logarithm.
         follows = reach > self._reach
         rho = follows * d[:, :, :1] * (_FAR / reach) ** 2
         # Wendland's C⁴ function w = (1 − s)⁶ (35 s² + 18 s + 3), its derivative over s
@@ -183,46 +181,45 @@ def _fitted(
     return u, v, c * size[:, None] ** (1 - degrees)
 
 
-# Reach of the weights over the mean length of the edges.  Chosen: with a smaller one
-# points between vertices of long triangles have too few quadrics, with a larger one
-# details are lost.
+# Support radius of the weights, relative to the mean edge length.  Chosen: with a
+# smaller one, points between vertices of long triangles have too few quadrics; with a
+# larger one, details are lost.
 _REACH = 2.0
 
-# Vertices closer than this share of the extent are one: STL repeats them per triangle,
-# in single precision.
+# Distance, relative to the extent, below which vertices coincide: STL repeats them per
+# triangle, in single precision.
 _ONE = 1e-6
 
-# Least and largest extent in mm.  Chosen: squares of areas are finite, and not zero.
+# Smallest and largest extent in mm.  Chosen: squares of areas are finite and nonzero.
 _LEAST, _LARGEST = 1e-50, 1e50
 
-# Share of the mean edge by which a point may lie beyond the edges of the triangles.
-# Chosen: a curved outline lies beyond its chords by a tenth of their length where it
-# turns by 45° along them.
+# Tolerance for points beyond the edges of the triangles, relative to the mean edge.
+# Chosen: a curved outline deviates from chords of 45° by a tenth of their length.
 _BEYOND = 0.1
 
-# Share of the mean edge by which the smoothed surface may be off the triangles.
-# Chosen: even triangles on spheres, cylinders, cones and saddles are off by 0.06 at
-# most with 320 triangles on a sphere; both sides of a thin shell, and triangles that
-# are fourteen times as long as wide, by 0.25 and more.
+# Tolerance for the deviation of the smoothed surface from the triangles, relative to
+# the mean edge.  Chosen: regular triangles on spheres, cylinders, cones and saddles
+# deviate by at most 0.06 with 320 triangles on a sphere; both sides of a thin shell,
+# and triangles with an aspect ratio of fourteen, by 0.25 and more.
 _OFF = 0.1
 
-# Share of the area around a vertex that its triangles must have in common: those of a
-# sharp cone have a tenth, those that are oriented by chance next to nothing.
+# Smallest ratio of the vector area around a vertex to the total area of its triangles:
+# a tenth for a sharp cone, virtually zero for random orientations.
 _FACING = 0.05
 
 
 class TriangleMesh:
-    """A smooth surface through triangles.
+    """Smooth surface through triangles.
 
-    The triangles should be about as long as wide, and of about one size: edges and
-    fillets smaller than two triangles are smoothed away.
+    The triangles should be nearly equilateral and of similar size: edges and fillets
+    smaller than two triangles are smoothed.
 
     Parameters
     ----------
     vertices
-        In mm, shape (3, n_vertices).  Those that coincide are merged.
+        Vertices in mm, shape (3, n_vertices).  Coincident vertices are merged.
     triangles
-        Numbers of their vertices, anticlockwise seen from outside, shape (3, n).
+        Vertex numbers, anticlockwise as seen from outside, shape (3, n).
 
     Raises
     ------
@@ -243,7 +240,7 @@ class TriangleMesh:
 
     @property
     def facets(self) -> ToolMesh:
-        """The triangles as elements of a tool, without those that have no area."""
+        """The triangles as elements of a tool, without degenerate ones."""
         a, b, c = self._x[self._triangles]
         area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         return ToolMesh(self._x.T, (self._triangles[:, area > 0],))
@@ -251,15 +248,15 @@ class TriangleMesh:
     def moved(self, origin: ndarray, turn: ndarray) -> "TriangleMesh":
         """The same surface in other axes.
 
-        It is not fitted anew: of vertices at one distance the fit has some alone, and
-        rounding tells which.
+        It is not fitted again, because the choice among equidistant vertices depends on
+        rounding.
 
         Parameters
         ----------
         origin
-            Their origin in mm, shape (3,).
+            Origin in mm, shape (3,).
         turn
-            Their unit vectors, at right angles to each other, columns of shape (3, 3).
+            Orthogonal unit vectors, columns of shape (3, 3).
         """
         there = copy(self)
         there._x = (self._x - origin) @ turn
@@ -269,8 +266,7 @@ class TriangleMesh:
     def beyond_edges(self, x: ndarray) -> ndarray:
         """Distances of points beyond the edges of the triangles in mm, shape (n,).
 
-        0 where a point lies over the triangles, or beyond their edges by no more than a
-        tenth of the mean edge.
+        0 for a point over the triangles, or within a tenth of the mean edge of them.
 
         Parameters
         ----------
@@ -282,7 +278,7 @@ class TriangleMesh:
     def off_triangles(self, x: ndarray) -> ndarray:
         """Distances of points on the smoothed surface from the triangles in mm, (n,).
 
-        0 where that is no more than a tenth of the mean edge, and beyond the edges.
+        0 within a tenth of the mean edge, and for points beyond the edges.
 
         Parameters
         ----------
@@ -295,14 +291,16 @@ class TriangleMesh:
         return np.where(off, distance, 0.0)
 
     def _away(self, x: ndarray) -> tuple[ndarray, ndarray]:
-        """Points as seen from the closest ones of the triangles, and `beyond_edges`."""
+        """Vectors to points from the closest ones of the triangles, and
+        `beyond_edges`.
+        """
         tool = self.facets
         (triangles,) = tool.cells
         triangle, shares = closest_on_triangles(tool.points, triangles, x)
         corners, normals = triangles[:, triangle], tool.normals()[:, triangle]
         away = x - (shares * tool.points[:, corners]).sum(axis=1)
         along = np.linalg.norm(away - (away * normals).sum(axis=0) * normals, axis=0)
-        # Ends of the edge on which the closest point lies; at a corner they are one.
+        # Ends of the edge on which the closest point lies; equal at a corner.
         held = np.where(
             shares > 0, corners, corners[shares.argmax(axis=0), range(len(along))]
         )
@@ -329,9 +327,9 @@ class TriangleMesh:
         return self._mean(x).hessian
 
     def _mean(self, x: ndarray) -> Derivatives:
-        """φ and its derivatives; those of the last positions are kept.
+        """φ and its derivatives, cached for the last positions.
 
-        An iteration needs one after the other.
+        An iteration uses them one after the other.
         """
         if self._kept is None or not np.array_equal(self._kept[0], x):
             self._kept = x.copy(), self._quadrics.mean(x)
@@ -339,7 +337,7 @@ class TriangleMesh:
 
 
 def _merged(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
-    """Vertices without repetition, and triangles that are not degenerate."""
+    """Vertices without duplicates, and triangles that are not degenerate."""
     vertices = np.asarray(vertices, dtype=float)
     triangles = np.asarray(triangles, dtype=int)
     if vertices.ndim != 2 or len(vertices) != 3 or not np.isfinite(vertices).all():
@@ -347,7 +345,7 @@ def _merged(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     if triangles.ndim != 2 or len(triangles) != 3 or not triangles.size:
         raise MeshError("a surface: triangles must be numbers of vertices, (3, n)")
     if triangles.min() < 0 or triangles.max() >= vertices.shape[1]:
-        raise MeshError("a surface: a triangle has a vertex that is not there")
+        raise MeshError("a surface: a triangle has an undefined vertex")
     with np.errstate(over="ignore"):
         extent = np.ptp(vertices, axis=1).max()
     if not _LEAST < extent < _LARGEST:
@@ -380,6 +378,6 @@ def _vertex_normals(x: ndarray, triangles: ndarray) -> ndarray:
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     if not (length > _FACING * around).all():
         raise MeshError(
-            "a surface: triangles at a vertex face each other, orient them alike"
+            "a surface: triangles at a vertex face each other, orient them consistently"
         )
     return normals / length

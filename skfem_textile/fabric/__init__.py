@@ -1,4 +1,4 @@
-"""What a ply is made of: fibre directions, and laws of tension and shear."""
+"""Fabrics: fibre directions and constitutive laws of tension and shear."""
 
 from .fabric import Direction, Fabric, Family, unit_vectors
 from .law import BiaxialLaw, Law, Linear, Slopes, TwoLaws, is_zero

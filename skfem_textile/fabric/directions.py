@@ -1,10 +1,9 @@
-"""Fibre directions: in each element, along a reference curve, and by accident.
+"""Fibre directions: per element, along a reference curve, and their validation.
 
-Whether fibre directions follow the edges of elements by accident.
-
-A program that takes the first edge of an element for the first axis of its material
-gives directions that change with the numbering of its nodes.  On a mesh whose edges do
-not all go one way such directions differ from element to element without a reason.
+Some programs take the first edge of an element as the first material axis, so that
+directions depend on the numbering of its nodes.  On a mesh whose edges have several
+directions, such fibre directions vary arbitrarily between elements;
+`directions_warning` detects them.
 """
 
 import logging
@@ -31,13 +30,13 @@ class FibreDirections:
     Parameters
     ----------
     warp, weft
-        Vectors of any length, shape (2, n_elements); kept as they are given.
+        Vectors of any length, shape (2, n_elements); not normalised.
 
     Raises
     ------
     ValueError
-        If there are not as many of both, one is zero or not finite, or warp and weft
-        are parallel.
+        If their numbers differ, if one is zero or not finite, or if warp and weft are
+        parallel.
 
     Examples
     --------
@@ -60,9 +59,9 @@ class FibreDirections:
         if self.warp.shape != self.weft.shape:
             raise ValueError(
                 f"{self.warp.shape[1]} directions of warp and {self.weft.shape[1]} of "
-                "weft; give both for each element"
+                "weft; specify both for each element"
             )
-        Fabric(warp=self.warp, weft=self.weft)  # refuses vectors that are none
+        Fabric(warp=self.warp, weft=self.weft)  # refuses invalid vectors
 
     @classmethod
     def of_angles(cls, warp_deg: ArrayLike, weft_deg: ArrayLike) -> Self:
@@ -79,7 +78,7 @@ class FibreDirections:
         return warp, weft
 
     def refuse_other(self, cells: Sequence[ndarray]) -> None:
-        """Refuse elements, arrays (k, n_k), of which there are more or fewer.
+        """Refuse elements, arrays (k, n_k), whose number differs.
 
         Raises
         ------
@@ -91,12 +90,12 @@ class FibreDirections:
             raise ValueError(f"{n} directions for {n_elements} elements")
 
     def on(self, fabric: Fabric) -> Fabric:
-        """The laws of a fabric, with these directions."""
+        """Laws of a fabric, with these directions."""
         return replace(fabric, warp=self.warp, weft=self.weft)
 
 
 def _at_angles(degrees: ArrayLike) -> ndarray:
-    """Unit vectors; quarter turns are taken off first, so that they are exact."""
+    """Unit vectors; quarter turns are separated first, so that they are exact."""
     given = np.asarray(degrees, dtype=float)
     if given.ndim != 1 or not np.isfinite(given).all():
         raise ValueError("angles must be finite numbers, one for each element")
@@ -111,16 +110,16 @@ def _at_angles(degrees: ArrayLike) -> ndarray:
     return np.stack([x, y])
 
 
-# Most numbers at a time when distances to all segments are compared: 80 MB of them.
+# Maximum array size for distances to all segments: 80 MB.
 _AT_A_TIME = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
 class AlongCurve:
-    """Directions at a constant angle to the nearest place of a polyline.
+    """Directions at a constant angle to the nearest point of a polyline.
 
-    Where the nearest place is a corner of the polyline, the tangent there is the mean
-    of both sides; where several places are equally near, the first counts.
+    At a corner of the polyline the tangent is the mean of both sides; of several
+    nearest points the first is used.
 
     Parameters
     ----------
@@ -132,8 +131,8 @@ class AlongCurve:
     Raises
     ------
     ValueError
-        If there are fewer than two points, one is not finite, two that follow each
-        other are the same, the line turns back on itself, or the angle is not finite.
+        If there are fewer than two points, one is not finite, two consecutive ones
+        coincide, the line turns back on itself, or the angle is not finite.
 
     Examples
     --------
@@ -156,7 +155,7 @@ class AlongCurve:
         if not (np.isfinite(points).all() and np.isfinite(self.angle)):
             raise ValueError("a reference curve and its angle must be finite")
         if not (side := np.diff(points)).any(axis=0).all():
-            raise ValueError("two points of a reference curve that follow are the same")
+            raise ValueError("two consecutive points of a reference curve coincide")
         unit = side / np.hypot(*side)
         if not (unit[:, 1:] + unit[:, :-1]).any(axis=0).all():
             raise ValueError("a reference curve turns back on itself")
@@ -174,7 +173,7 @@ class AlongCurve:
         return turned.reshape(np.shape(x))
 
     def _tangent(self, x: ndarray) -> ndarray:
-        """Unit tangents at the nearest places, shape (2, n)."""
+        """Unit tangents at the nearest points, shape (2, n)."""
         points = np.asarray(self.points)
         start, side = points[:, :-1, None], np.diff(points)[:, :, None]
         share = ((x[:, None] - start) * side).sum(axis=0) / (side**2).sum(axis=0)
@@ -196,14 +195,14 @@ def directions_of(mesh: Mesh, fabric: Fabric) -> FibreDirections:
     Parameters
     ----------
     mesh
-        The mesh; of a split or cut mesh the user's elements count.
+        The mesh; for a split or cut mesh the user's elements are used.
     fabric
         The fabric, with directions of any kind.
 
     Raises
     ------
     ValueError
-        If it has directions for fewer or more elements.
+        If it has directions for another number of elements.
 
     Examples
     --------
@@ -224,28 +223,28 @@ def directions_of(mesh: Mesh, fabric: Fabric) -> FibreDirections:
 
 log = logging.getLogger(__name__)
 
-# Angle within which a direction is that of an edge.  Chosen: far above the six digits
-# of a deck (1e-6 rad), and so small that one element in 1500 is as near by chance.
+# Angle in radians within which a direction follows an edge.  Chosen: far above the six
+# digits of a deck (1e-6 rad), and so small that one element in 1500 meets it by chance.
 _ALONG_DEG = 0.05
 
-# Share of the elements whose direction must be that of the edge.  Chosen: most.
+# Share of the elements whose direction must follow the edge.  Chosen: most.
 _SHARE = 0.9
 
-# Spread of the edges up to which they go one way, as on a regular mesh, where fibres
-# along edges are meant.
+# Spread of the edge directions below which they are uniform, as on a regular mesh,
+# where fibres along edges are intended.
 _ONE_WAY_DEG = 1.0
 
 
 def directions_warning(mesh: Mesh, directions: FibreDirections) -> str:
-    """A sentence where directions seem to come from the numbering of nodes, or empty.
+    """Warning if directions seem to depend on the node numbering; empty otherwise.
 
-    It tells of a family that runs along the same edge of nearly every element, counted
-    from the element's first node, or across it, while these edges go several ways.
+    It reports a family that is aligned with, or normal to, the same local edge of
+    nearly every element while the directions of these edges vary.
 
     Parameters
     ----------
     mesh
-        The mesh; of a split or cut mesh the user's elements count.
+        The mesh; for a split or cut mesh the user's elements are used.
     directions
         Directions in these elements.
     """
@@ -259,21 +258,21 @@ def directions_warning(mesh: Mesh, directions: FibreDirections) -> str:
                 if near.mean() >= _SHARE and _spread_deg(edges) > _ONE_WAY_DEG:
                     return (
                         f"the {name} runs {how} edge {number} of {near.sum()} of "
-                        f"{near.size} elements, though these edges go several ways: "
-                        "directions seem to follow the numbering of nodes; state them "
-                        "by angles, vectors or a reference curve"
+                        f"{near.size} elements, though the directions of these edges "
+                        "vary: the fibre directions seem to depend on the node "
+                        "numbering; specify angles, vectors or a reference curve"
                     )
     return ""
 
 
 def warn_of_directions(mesh: Mesh, directions: FibreDirections) -> None:
-    """Log the sentence of `directions_warning` as a warning, if there is one."""
+    """Log the result of `directions_warning` as a warning, if there is one."""
     if said := directions_warning(mesh, directions):
         log.warning(said)
 
 
 def _edges(mesh: Mesh, cells: tuple[ndarray, ...]) -> dict[int, ndarray]:
-    """Of each number of an edge, from 1 on, the edge vectors of all elements."""
+    """Edge vectors of all elements, by local edge number from 1 on."""
     least = min(len(cell) for cell in cells)
     return {
         i + 1: np.hstack(
@@ -293,9 +292,9 @@ def _apart_deg(u: ndarray, v: ndarray) -> ndarray:
 
 
 def _spread_deg(edges: ndarray) -> float:
-    """By how much lines differ from their mean direction, in degrees."""
+    """Deviation of lines from their mean direction, in degrees."""
     z = edges[0] + 1j * edges[1]
-    z = (z / np.abs(z)) ** 2  # either sense of a line
+    z = (z / np.abs(z)) ** 2  # independent of the sense of a line
     mean = z.mean()
     if abs(mean) == 0:
         return 90.0

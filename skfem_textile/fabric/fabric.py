@@ -1,4 +1,4 @@
-"""What a ply is made of: fibre directions, tension law and shear law."""
+"""Fabric model: fibre directions, tension laws, shear law and bending stiffnesses."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -23,34 +23,35 @@ from .law import (
 
 
 class Varied(Protocol):
-    """Directions that are given in another way from one region to the next."""
+    """Directions that are defined differently by region."""
 
     @property
     def region(self) -> ndarray:
-        """Which of the regions each element is in."""
+        """Region number of each element."""
         ...
 
     def at(self, name: str, x: ndarray, element: ndarray | None) -> ndarray:
-        """Unit vectors at points, given as for `unit_vectors`."""
+        """Unit vectors at points, see `unit_vectors`."""
         ...
 
 
 Direction: TypeAlias = ArrayLike | Callable[[ndarray], ndarray] | Varied
 
-# Fibre families closer than this (radians) leave the fabric no second family.
+# Angle in radians below which two fibre families are parallel.
 _PARALLEL = 1e-6
 
-#: A number, such as a stiffness against bending, or one for each element.
+#: A number, such as a bending stiffness, or one per element.
 ByElement: TypeAlias = float | ndarray
 
-#: A stiffness, one for each element, or a law.
+#: A stiffness, one per element, or a law.
 Stiffness: TypeAlias = float | ndarray | Law
 
 
 class Family(NamedTuple):
-    """One fibre family: its name, reference direction and tension law.
+    """Fibre family: name, reference direction and tension law.
 
-    Where the tensions take both strains, the law is that of an unstrained other family.
+    If the tensions depend on both strains, the law is that for an unstrained other
+    family.
     """
 
     name: str
@@ -60,33 +61,33 @@ class Family(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Fabric:
-    """A biaxial fabric: two fibre families that resist stretch, and shear between them.
+    """Biaxial fabric: two fibre families with tension laws, and a shear law.
 
     Parameters
     ----------
     tension
-        Fibre stiffness E in N/mm (tension T = E ε), a number or one for each element,
-        shape (n_elements,), or a `Law` T(ε); one for both families or a pair (warp,
-        weft), a tuple.  Or a `BiaxialLaw`, whose tensions take both strains.
+        Fibre stiffness E in N/mm (tension T = E ε), a number or one per element, shape
+        (n_elements,), or a `Law` T(ε); one for both families or a tuple (warp, weft).
+        Or a `BiaxialLaw`, whose tensions depend on both strains.
     shear
-        Shear stiffness G in N/mm (moment M_s = G Γ), a number or one for each element,
-        or a `Law` M_s(Γ).
+        Shear stiffness G in N/mm (moment M_s = G Γ), a number or one per element, or a
+        `Law` M_s(Γ).
     warp, weft
-        Reference direction of each family: a vector, a function of position
-        ``(2, ...) -> (2, ...)``, or one vector per element, shape
-        (2, n_elements).  Normalised here, so any length will do.
+        Reference direction of each family: a vector, a function of position ``(2, ...)
+        -> (2, ...)``, or one vector per element, shape (2, n_elements).  They are
+        normalised.
     bending
         Bending stiffness of each family per width of ply in N·mm, a pair (warp, weft):
-        each a number or one for each element, shape (n_elements,).  Fibres bend one by
-        one, in space and in the plane.
+        each a number or one per element, shape (n_elements,).  Fibres bend
+        independently, in space and in the plane.
     twist
-        Twist stiffness D_t of the ply in N·mm, a number or one for each element.  The
-        energy per area is ½ D_t τ·τ, where τ is the second derivative of the position
-        along warp and weft, once each: ½ D_t c² of z = c x y with fibres along x and y.
+        Twist stiffness D_t of the ply in N·mm, a number or one per element.  The energy
+        per area is ½ D_t τ·τ, where τ is the mixed second derivative of the position
+        along warp and weft: ½ D_t c² for z = c x y with fibres along x and y.
     wrinkling_angle
-        Shear angle in radians past which fibres wrinkle as soon as they are compressed:
-        the locking angle of tests.  A number or one for each element, up to π/2, which
-        no fabric gets past.  No energy depends on it, but `drape.wrinkle_risk` does.
+        Shear angle in radians beyond which compressed fibres wrinkle: the locking angle
+        of tests.  A number or one per element, up to π/2.  It does not enter the
+        energy; it is used by `drape.wrinkle_risk`.
 
     Raises
     ------
@@ -115,7 +116,7 @@ class Fabric:
         object.__setattr__(self, "twist", _stiffness("twist", self.twist))
         object.__setattr__(self, "wrinkling_angle", _angle(self.wrinkling_angle))
         if any(hasattr(f.direction, "region") for f in self.families):
-            return  # each of the fabrics that it is made of is valid
+            return  # each of its fabrics is valid
         given = [f for f in self.families if not callable(f.direction)]
         sizes = [real_numbers(f.name, f.direction).size // 2 for f in given]
         x = np.zeros((2, max(sizes, default=1), 1))
@@ -134,7 +135,7 @@ class Fabric:
 
     @cached_property
     def tensions(self) -> BiaxialLaw:
-        """The law of both tensions; `TwoLaws` where each takes its own strain alone."""
+        """Law of both tensions; `TwoLaws` if each depends on its own strain only."""
         if isinstance(self.tension, BiaxialLaw):
             return self.tension
         one = not isinstance(self.tension, tuple | list)
@@ -150,18 +151,18 @@ class Fabric:
 
     @cached_property
     def laws(self) -> tuple[Law, Law, Law]:
-        """The laws of warp, weft and shear."""
+        """Laws of warp, weft and shear."""
         warp, weft = self.families
         return warp.tension, weft.tension, self.shear_law
 
     def at(self, element: ndarray | None = None) -> "Fabric":
-        """The same fabric with its laws at points, by the numbers of their elements.
+        """The fabric with its laws at points, given by element numbers.
 
         Parameters
         ----------
         element
-            Shape (n, n_points) or (n, 1); all elements, shape (n_elements, 1), if not
-            given.
+            Shape (n, n_points) or (n, 1); by default all elements, shape (n_elements,
+            1).
         """
         tensions = law_at(self.tensions, element)
         shear = law_at(self.shear_law, element)
@@ -174,17 +175,17 @@ class Fabric:
 
     @property
     def bends(self) -> bool:
-        """Whether fibres resist bending somewhere, or the ply resists twist."""
+        """True if fibres have a bending stiffness, or the ply a twist stiffness."""
         return any(np.any(D) for D in (*self.bending, self.twist))
 
     @cached_property
     def unbounded(self) -> bool:
-        """Whether every law says that it holds everywhere."""
+        """True if the domains of all laws are unbounded."""
         stated = [getattr(law, "domain", None) for law in self.laws]
         return all(ends is not None and np.isinf(ends).all() for ends in stated)
 
     def in_domain(self, strain: ndarray, angle: ndarray) -> bool:
-        """Whether no law is asked beyond the domain that it states.
+        """True if every law is evaluated within its domain.
 
         Parameters
         ----------
@@ -201,9 +202,9 @@ class Fabric:
         )
 
     def closest_end(self, strain: ndarray, angle: ndarray) -> LawEnd | None:
-        """The end of a law that is closest; parameters as above, (2, n_elements, n).
+        """The closest end of a law, or None; parameters as above, (2, n_elements, n).
 
-        None if every law holds everywhere.
+        None if the domains of all laws are unbounded.
         """
         domains = [domain_of(law) for law in self.laws]
         return closest_end(domains, (*strain, angle))
@@ -218,13 +219,13 @@ class Fabric:
         x
             Reference positions, shape (2, n_elements, n_points).
         element
-            Numbers of the elements in which the points lie, shape (n_elements,
-            n_points), where they are not just those of the rows.
+            Element numbers of the points, shape (n_elements, n_points); by default the
+            row numbers.
 
         Returns
         -------
         tuple of ndarray
-            Each of a shape that broadcasts with ``x``.
+            Each with a shape that broadcasts with ``x``.
         """
         A1, A2 = (unit_vectors(f.name, f.direction, x, element) for f in self.families)
         if np.any(np.abs(A1[0] * A2[1] - A1[1] * A2[0]) < _PARALLEL):
@@ -235,7 +236,7 @@ class Fabric:
 def _law(name: str, law: Stiffness) -> Law:
     if isinstance(law, BiaxialLaw):
         raise ValueError(
-            f"{name}: {type(law).__name__} is the law of both fibre strains; give it "
+            f"{name}: {type(law).__name__} is a law of both fibre strains; pass it "
             "alone, as tension=law"
         )
     by_element = isinstance(law, ndarray) and law.ndim == 1
@@ -254,7 +255,7 @@ def _law(name: str, law: Stiffness) -> Law:
 
 
 def _bending(given: Any) -> tuple[ByElement, ByElement]:
-    """Bending stiffnesses of warp and weft, refused if they are none."""
+    """Bending stiffnesses of warp and weft, validated."""
     if not isinstance(given, tuple | list) or len(given) != 2:
         raise ValueError(
             f"bending must be a pair (warp, weft) of stiffnesses in N·mm, not {given!r}"
@@ -264,23 +265,23 @@ def _bending(given: Any) -> tuple[ByElement, ByElement]:
 
 
 def _stiffness(name: str, given: Any) -> ByElement:
-    """A stiffness against bending or twist, refused if it is none."""
+    """Bending or twist stiffness, validated."""
     D = real_numbers(name, given)
     if D.ndim > 1 or not (np.isfinite(D) & (D >= 0)).all():
         raise ValueError(
-            f"{name} must be a finite number >= 0, or one for each element, in N·mm; "
-            f"got {given}"
+            f"{name} must be a finite number >= 0, or one per element, in N·mm; got "
+            f"{given}"
         )
     return D if D.ndim else float(D)
 
 
 def _angle(given: Any) -> ByElement:
-    """A wrinkling angle, refused if it is none."""
+    """Wrinkling angle, validated."""
     angle = real_numbers("wrinkling angle", given)
     if angle.ndim > 1 or not ((angle > 0) & (angle <= 0.5 * np.pi)).all():
         raise ValueError(
-            "wrinkling angle must be above 0 and at most a right angle, in radians, or "
-            f"one such for each element; got {given}"
+            "wrinkling angle must be above 0 and at most a right angle, in radians, "
+            f"or one per element; got {given}"
         )
     return angle if angle.ndim else float(angle)
 
@@ -292,12 +293,12 @@ def unit_vectors(
     element: ndarray | None = None,
     d: int = 2,
 ) -> ndarray:
-    """Unit vectors of d components of a direction field at points ``x`` of elements.
+    """Unit vectors of a direction field with d components at points ``x`` of elements.
 
     Raises
     ------
     ValueError
-        If the direction has a wrong shape, or is zero or not finite somewhere.
+        If a direction has the wrong shape, or is zero or not finite.
     """
     field: Any = direction
     if hasattr(field, "region"):
@@ -320,5 +321,5 @@ def unit_vectors(
     largest = np.abs(a).max(axis=0)
     if not np.all(np.isfinite(largest) & (largest > 0)):
         raise ValueError(f"{name} must be a non-zero finite vector everywhere")
-    a = np.ldexp(a, -np.frexp(largest)[1])  # no square of it overflows or vanishes
+    a = np.ldexp(a, -np.frexp(largest)[1])  # avoids overflow
     return a / np.linalg.norm(a, axis=0)

@@ -1,4 +1,4 @@
-"""Laws and fabrics as JSON, without loss: laws by the names of their classes."""
+"""Laws and fabrics as JSON, lossless; laws by the names of their classes."""
 
 import json
 import os
@@ -23,7 +23,7 @@ from .regions import RegionalDirection, RegionalLaw, RegionalTensions
 
 _FORMAT = "skfem_textile fabric 1"
 
-# Parts of a fabric in its file, and those that it has where they are not the default.
+# Required keys of a fabric file, and optional keys for values other than the default.
 _PARTS = "tension", "shear", "warp", "weft"
 _OTHERS = "bending", "twist", "wrinkling_angle"
 
@@ -33,19 +33,19 @@ _LAWS: tuple[type[Any], ...] = (
     *(TwoLaws, RegionalLaw, RegionalTensions),
 )
 
-# All that a file names: laws, the parts of one, and directions.
+# Classes in a file: laws, their components, and directions.
 _KINDS: dict[str, Any] = {
     kind.__name__: kind for kind in (*_LAWS, Softening, RegionalDirection, AlongCurve)
 }
 
 
 def law_to_json(law: Law | BiaxialLaw) -> dict[str, Any]:
-    """A law as JSON has it: its ``kind``, which is its class, and its parameters.
+    """Law as JSON content: its ``kind``, which is its class, and its parameters.
 
     Raises
     ------
     ValueError
-        If it has a law of another class than the package's.
+        If it contains a law of a class outside the package.
 
     Examples
     --------
@@ -54,17 +54,17 @@ def law_to_json(law: Law | BiaxialLaw) -> dict[str, Any]:
     """
     encoded = _encoded("law", law)
     if not isinstance(encoded, dict):
-        raise ValueError(f"{type(law).__name__} is no law of the package")
+        raise ValueError(f"{type(law).__name__} is not a law of the package")
     return encoded
 
 
 def law_of_json(content: Any) -> Any:
-    """The law that `law_to_json` described.
+    """Law described by `law_to_json`.
 
     Raises
     ------
     ValueError
-        If the content is no such law.
+        If the content does not describe a law.
     """
     law = _described("law", lambda: _decoded(content))
     if not isinstance(law, _LAWS):
@@ -73,7 +73,7 @@ def law_of_json(content: Any) -> Any:
 
 
 def write_law(law: Law | BiaxialLaw, path: str | os.PathLike[str]) -> None:
-    """Write a law as JSON; raises what `law_to_json` and writing raise.
+    """Write a law as JSON; raises the errors of `law_to_json` and of writing.
 
     Examples
     --------
@@ -86,12 +86,12 @@ def write_law(law: Law | BiaxialLaw, path: str | os.PathLike[str]) -> None:
 
 
 def read_law(path: str | os.PathLike[str]) -> Any:
-    """The law of a JSON file.
+    """Law of a JSON file.
 
     Raises
     ------
     ValueError
-        If the file has no law; one line names the file.
+        If the file does not describe a law; one line names the file.
     OSError
         If it cannot be read.
     """
@@ -102,12 +102,12 @@ def read_law(path: str | os.PathLike[str]) -> Any:
 
 
 def fabric_text(fabric: Fabric) -> str:
-    """The fabric as JSON.
+    """Fabric as JSON.
 
     Raises
     ------
     ValueError
-        If it has a law of another class than the package's, or a direction that is a
+        If it contains a law of a class outside the package, or a direction that is a
         function.
     """
     tensions = fabric.tensions
@@ -125,12 +125,12 @@ def fabric_text(fabric: Fabric) -> str:
 
 
 def fabric_of_text(content: bytes) -> Fabric:
-    """The fabric that `fabric_text` described, in UTF-8.
+    """Fabric described by `fabric_text`, in UTF-8.
 
     Raises
     ------
     ValueError
-        If it is no such text, or describes no fabric.
+        If the text does not describe a fabric.
     """
     found = _content(content)
     if not isinstance(found, Mapping) or found.get("format") != _FORMAT:
@@ -148,7 +148,7 @@ def _fabric(found: Mapping[str, Any]) -> Fabric:
     tension = found["tension"]
     if isinstance(tension, Mapping) and "kind" not in tension:
         if set(tension) != {"warp", "weft"}:
-            raise ValueError("tension must be a law, or one of warp and one of weft")
+            raise ValueError("tension must be a law, or one for warp and one for weft")
         decoded["tension"] = tuple(decoded["tension"][k] for k in ("warp", "weft"))
     for name in ("warp", "weft"):
         if isinstance(decoded[name], tuple):
@@ -157,11 +157,15 @@ def _fabric(found: Mapping[str, Any]) -> Fabric:
 
 
 def _described(what: str, make: Any) -> Any:
-    """What is made of the content of a file, of which every error is one of input."""
+    """Object built from the content of a file; every exception becomes an input
+    error.
+    """
     try:
         return make()
     except (ValueError, TypeError, OverflowError, AttributeError, KeyError) as error:
-        raise ValueError(excerpt(str(error)) or f"it describes no {what}") from None
+        raise ValueError(
+            excerpt(str(error)) or (f"it does not describe a {what}")
+        ) from None
 
 
 def _text(content: Any) -> str:
@@ -172,11 +176,11 @@ def _content(content: bytes) -> Any:
     try:
         return json.loads(content.decode("utf-8"), parse_constant=_refuse_constant)
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
-        raise ValueError("it is no JSON in UTF-8") from None
+        raise ValueError("it is not JSON in UTF-8") from None
 
 
 def _refuse_constant(word: str) -> Any:
-    raise ValueError(f"{word} is no finite number")
+    raise ValueError(f"{word} is not a finite number")
 
 
 def _encoded(name: str, value: Any) -> Any:
@@ -194,10 +198,12 @@ def _encoded(name: str, value: Any) -> Any:
         return {"kind": kind} | own
     if callable(value):
         raise ValueError(
-            f"{name} is a function, which no file holds: evaluate it in each element "
-            "with directions_of, or take AlongCurve"
+            f"{name} is a function, which cannot be written: evaluate it in each "
+            "element with directions_of, or use AlongCurve"
         )
-    raise ValueError(f"{name}: {kind} is no law of the package, which no file holds")
+    raise ValueError(
+        f"{name}: {kind} is not a law of the package and cannot be written"
+    )
 
 
 def _decoded(value: Any) -> Any:
@@ -215,7 +221,7 @@ def _decoded(value: Any) -> Any:
         raise ValueError(f"{kind.__name__} has no parameter {excerpt(min(other))!r}")
     needed = (f for f in fields(kind) if f.default is f.default_factory is MISSING)
     if missing := {f.name for f in needed} - set(own):
-        raise ValueError(f"{kind.__name__} needs the parameter {min(missing)!r}")
+        raise ValueError(f"{kind.__name__} requires the parameter {min(missing)!r}")
     if "region" in own:
         own["region"] = np.array(own["region"], dtype=int)
     if isinstance(own.get("stiffness"), tuple) and kind in (Linear, Sin2):

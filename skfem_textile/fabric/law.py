@@ -1,6 +1,6 @@
-"""What laws are: of one strain or shear angle, and of both strains.
+"""Interfaces of constitutive laws of one strain or shear angle, and of both strains.
 
-The linear law is here too, for which a number stands.
+Also the linear law, which a number stands for.
 """
 
 import math
@@ -24,35 +24,34 @@ from numpy import ndarray
 #: Quantities of a law.
 Resistance: TypeAlias = Literal["tension", "shear"]
 
-#: Largest shear angle in radians: at a right angle both families lie on one line.
+#: Largest shear angle in radians: at a right angle both families are parallel.
 RIGHT_ANGLE = 0.5 * np.pi
 
-#: Largest strain of a fibre, which is far beyond what any fibre or crimp bears.
+#: Largest strain of a fibre, far beyond that of any fibre or crimp.
 LARGEST_STRAIN = 1.0
 
-# Share by which a right angle that was rounded may be larger.
+# Relative rounding tolerance of a right angle.
 _ROUNDING = 1e-9
 
-# Strain to either side within which the stiffness of fibres is averaged: a crimped
-# fabric straightens within about that much.
+# Strain to either side over which the stiffness of fibres is averaged: about the strain
+# at which a crimped fabric straightens.
 _WITHIN = 0.01
 
 
 class Law(Protocol):
-    """A scalar elastic law: energy, its derivative and its second derivative.
+    """Scalar elastic law: energy, its derivative and its second derivative.
 
-    For fibres ``x`` is the fibre strain ε and ``value`` the tension T in N/mm;
-    for shear ``x`` is the shear angle Γ in radians and ``value`` the shear
-    moment M_s in N/mm.  All three take and return arrays.
+    For fibres ``x`` is the fibre strain ε and ``value`` the tension T in N/mm; for
+    shear ``x`` is the shear angle Γ in radians and ``value`` the shear moment M_s in
+    N/mm.  All three methods accept and return arrays.
 
-    A law that differs from element to element has a method ``at``: of numbers of
-    elements, shape (n, n_points) or (n, 1), or None for all of them, it makes the law
-    at these points, whose parameters broadcast with x.
+    A law that varies by element has a method ``at``: for element numbers of shape (n,
+    n_points) or (n, 1), or None for all elements, it returns the law at these points,
+    with parameters that broadcast with x.
 
-    A law may have a ``domain``, the least and the largest x for which it holds: no
-    state beyond it is an answer.  One that says nothing ends where its energy is not
-    finite, such as past a pole; one that holds everywhere, ``(-inf, inf)``, saves the
-    load stepper from asking.
+    A law may have a ``domain``, the smallest and the largest x for which it is valid;
+    states beyond it are refused.  Without a domain the law ends where its energy is not
+    finite, such as beyond a pole; the domain ``(-inf, inf)`` avoids this check.
 
     A law may have ``of`` and ``shown``; `ScalarLaw` defines both.
     """
@@ -71,31 +70,31 @@ class Law(Protocol):
 
 
 class ScalarLaw:
-    """Base of the laws of one fibre strain or shear angle in this package.
+    """Base class of the laws of one fibre strain or shear angle in this package.
 
     Attributes
     ----------
     of
-        Quantity of the law, ``tension`` or ``shear``; None if it may be either.
+        Quantity of the law, ``tension`` or ``shear``; None for either.
     """
 
     of: ClassVar[Literal["tension", "shear"] | None] = None
 
     @property
     def shown(self) -> tuple[float, float] | None:
-        """Least and largest argument of practical interest, or None for no such range.
+        """Smallest and largest argument of practical interest, or None.
 
         Fibre strains (-) or shear angles (rad).  It is the range of graphs, and
-        `check_laws` tests the law up to it where the domain is unbounded.
+        `check_laws` tests a law with an unbounded domain in this range.
         """
         return None
 
 
 @dataclass(frozen=True)
 class OneStiffness(ScalarLaw):
-    """A law with one parameter, its initial stiffness; finite everywhere.
+    """Law with one parameter, its initial stiffness; finite everywhere.
 
-    The stiffness is a number, or one for each element, shape (n_elements,).
+    The stiffness is a number, or one per element, shape (n_elements,).
     """
 
     stiffness: float | ndarray
@@ -107,7 +106,7 @@ class OneStiffness(ScalarLaw):
             raise ValueError(f"stiffness must be a finite number >= 0, got {wrong[0]}")
 
     def at(self, element: ndarray | None = None) -> Self:
-        """The law at points, by the numbers of their elements; see `Law`."""
+        """Law at points, given by element numbers; see `Law`."""
         every = np.asarray(self.stiffness)
         if every.ndim == 0:
             return self
@@ -142,48 +141,48 @@ _AnyLaw = TypeVar("_AnyLaw")
 
 
 def is_zero(law: Law) -> bool:
-    """Whether a law needs no term at all."""
+    """True if a law needs no term."""
     return isinstance(law, OneStiffness) and not np.any(law.stiffness)
 
 
 def law_at(law: _AnyLaw, element: ndarray | None) -> _AnyLaw:
-    """A law at points, by the numbers of their elements, if it differs among these."""
+    """Law at points, given by element numbers, if it varies by element."""
     return law.at(element) if hasattr(law, "at") else law
 
 
 def domain_of(law: Law) -> tuple[Any, Any]:
-    """The least and the largest argument for which a law says that it holds."""
+    """Smallest and largest argument for which a law is valid."""
     return getattr(law, "domain", (-np.inf, np.inf))
 
 
 class Slopes(NamedTuple):
-    """Derivatives of the tensions with respect to the strains, in N/mm.
+    """Derivatives of the tensions by the strains, in N/mm.
 
-    ``own`` are ∂T_α/∂ε_α of warp and weft, ``cross`` is ∂T₁/∂ε₂ = ∂T₂/∂ε₁, and None
-    where no tension takes the strain of the other family.
+    ``own`` are ∂T_α/∂ε_α of warp and weft, ``cross`` is ∂T₁/∂ε₂ = ∂T₂/∂ε₁, and None if
+    neither tension depends on the strain of the other family.
     """
 
     own: Any
     cross: ndarray | None
 
     def times(self, change: ndarray) -> ndarray:
-        """Changes of the tensions with changes of the strains, shape (2, ...)."""
+        """Tension increments of strain increments, shape (2, ...)."""
         alone = np.asarray(self.own) * change
         return alone if self.cross is None else alone + self.cross * change[::-1]
 
 
 class BiaxialLaw(ABC):
-    """A law of both tensions: an energy ψ(ε₁, ε₂) and its derivatives.
+    """Law of both tensions: an energy ψ(ε₁, ε₂) and its derivatives.
 
     Strains have the shape (2, ...), warp first.
 
-    A law that differs from element to element has a method ``at``, as a `Law` has.
-
+    A law that varies by element has a method ``at``, see `Law`.
     """
 
     @property
     def domain(self) -> tuple[Any, Any]:
-        """The least and the largest strain for which the law holds, here all strains.
+        """Smallest and largest strain for which the law is valid, by default all
+        strains.
 
         Each is a number, or a pair for warp and weft.
         """
@@ -191,7 +190,7 @@ class BiaxialLaw(ABC):
 
     @property
     def shown(self) -> tuple[float, float] | None:
-        """Least and largest strain of practical interest; see `ScalarLaw.shown`."""
+        """Smallest and largest strain of practical interest; see `ScalarLaw.shown`."""
         return None
 
     @abstractmethod
@@ -207,24 +206,24 @@ class BiaxialLaw(ABC):
         """∂T_α/∂ε_β in N/mm, symmetric, shape (2, 2, ...)."""
 
     def energies(self, strain: ndarray) -> Sequence[ndarray]:
-        """Two densities, of which that of the fabric is the sum."""
+        """Two densities whose sum is the energy of the fabric."""
         half = 0.5 * self.energy(strain)
         return half, half
 
     def slopes(self, strain: ndarray) -> Slopes:
-        """The tangent."""
+        """Tangent."""
         D = self.tangent(strain)
         return Slopes((D[0, 0], D[1, 1]), D[0, 1])
 
     def of_family(self, family: int, strain: Any = (0.0, 0.0)) -> Law:
-        """The law of one family while the other keeps its strain.
+        """Law of one family at a fixed strain of the other.
 
         Parameters
         ----------
         family
             0 for the warp, 1 for the weft.
         strain
-            Strains of both, of which that of the other family is held.
+            Strains of both families; the strain of the other family is used.
         """
         direction = (1.0, 0.0) if family == 0 else (0.0, 1.0)
         start = (0.0, strain[1]) if family == 0 else (strain[0], 0.0)
@@ -233,14 +232,14 @@ class BiaxialLaw(ABC):
 
 @dataclass(frozen=True, eq=False)
 class LawAlong:
-    """A biaxial law along a straight line of strains, as a law of one argument.
+    """Biaxial law along a straight line of strains, as a law of one argument.
 
     Parameters
     ----------
     law
         The law.
     direction
-        Change of both strains per unit of the argument.
+        Derivative of both strains by the argument.
     start
         Strains of warp and weft at the argument 0: numbers, or arrays that broadcast
         with the arguments.
@@ -268,7 +267,7 @@ class LawAlong:
 
     @property
     def domain(self) -> tuple[Any, Any]:
-        """Where both strains are in the domain of the law."""
+        """Range in which both strains are in the domain of the law."""
         low, high = -np.inf, np.inf
         for i, (d, start) in enumerate(zip(self.direction, self.start, strict=True)):
             if d != 0:
@@ -282,7 +281,7 @@ class LawAlong:
 
     @property
     def shown(self) -> tuple[float, float] | None:
-        """That of the law."""
+        """Shown range of the law."""
         return self.law.shown
 
     def _strain(self, x: ndarray) -> ndarray:
@@ -292,7 +291,7 @@ class LawAlong:
 
 @dataclass(frozen=True)
 class TwoLaws(BiaxialLaw):
-    """A law for each family: no tension takes the strain of the other.
+    """One law per family: neither tension depends on the strain of the other family.
 
     Parameters
     ----------
@@ -305,17 +304,17 @@ class TwoLaws(BiaxialLaw):
 
     @property
     def laws(self) -> tuple[Law, Law]:
-        """Both."""
+        """Both laws."""
         return self.warp, self.weft
 
     def at(self, element: ndarray | None = None) -> "TwoLaws":
-        """The laws at points, by the numbers of their elements; see `Law`."""
+        """Laws at points, given by element numbers; see `Law`."""
         warp, weft = law_at(self.warp, element), law_at(self.weft, element)
         same = warp is self.warp and weft is self.weft
         return self if same else TwoLaws(warp, weft)
 
     def energy(self, strain: ndarray) -> ndarray:
-        """The sum of both energies."""
+        """Sum of both energies."""
         of_warp, of_weft = self.energies(strain)
         return of_warp + of_weft
 
@@ -328,7 +327,7 @@ class TwoLaws(BiaxialLaw):
         return self._each("value", strain)
 
     def tangent(self, strain: ndarray) -> ndarray:
-        """The slopes on the diagonal."""
+        """Slopes on the diagonal."""
         warp, weft = self.slopes(strain).own
         nothing = np.zeros(np.broadcast_shapes(warp.shape, weft.shape))
         return np.array([[warp + nothing, nothing], [nothing, weft + nothing]])
@@ -338,12 +337,12 @@ class TwoLaws(BiaxialLaw):
         return Slopes(self._each("tangent", strain), None)
 
     def of_family(self, family: int, strain: Any = (0.0, 0.0)) -> Law:
-        """The law of the family."""
+        """Law of the family."""
         return (self.warp, self.weft)[family]
 
     @property
     def domain(self) -> tuple[Any, Any]:
-        """Those of the laws."""
+        """Domains of the laws."""
         low, high = zip(*map(domain_of, self.laws), strict=True)
         return low, high
 
@@ -357,11 +356,11 @@ class TwoLaws(BiaxialLaw):
 def mean_slope(law: Law, strain: ndarray) -> ndarray:
     """Mean slope of T(ε) in N/mm within one percent of strain to either side.
 
-    A single tangent tells little of a law that is soft at rest and stiff after that, or
-    stiff in tension and soft in compression: there a state may be on both sides.  Below
-    rest it is that at rest: fibres that are slack are not elastic without an end.
-    Beyond the domain of the law it is that at its end: where fibres have the tension of
-    the mean stretch, no law is asked for the strain at a point.
+    A tangent at one strain does not represent a law that is soft at rest and stiff
+    beyond, or stiff in tension and soft in compression, where a state may cover both.
+    In compression it is the mean slope at rest, as slack fibres are not elastic without
+    limit.  Beyond the domain of the law it is that at its end: with the tension of the
+    mean stretch, the law is not evaluated at the strain of a point.
     """
     lowest, highest = domain_of(law)
     strain = np.clip(np.maximum(strain, 0.0), lowest, highest)
@@ -374,14 +373,14 @@ def mean_slope(law: Law, strain: ndarray) -> ndarray:
     return np.maximum(known, 0.0)
 
 
-# A law vanishes at rest if it is below this share of what it is nearby: round-off.
+# Share of a nearby value below which a law is zero at rest: round-off.
 _NOTHING = 1e-9
 
 
 def number(name: str, value: Any, above: float | None = None) -> float:
-    """A parameter of a law, by its name, as a finite number.
+    """Validate a parameter of a law, by its name, as a finite number.
 
-    It must be larger than ``above``; without it any finite number >= 0 will do.
+    It must be larger than ``above``; by default any finite number >= 0 is valid.
     """
     least = ">= 0" if above is None else f"> {above:g}"
     try:
@@ -399,9 +398,9 @@ def refuse_other_units(
 ) -> None:
     """Refuse shear angles beyond a right angle, and strains beyond `LARGEST_STRAIN`.
 
-    The values are shear angles in radians where they are ``of`` shear, strains where
-    they are of tension, and either where they are of None.  The message asks, unless
-    told not to, if they are in degrees or per cent.
+    The values are shear angles in radians for a law ``of`` shear, strains for one of
+    tension, and either for None.  By default the message asks whether they are in
+    degrees or per cent.
     """
     x = np.ravel(values)
     most = LARGEST_STRAIN if of == "tension" else RIGHT_ANGLE
@@ -419,14 +418,14 @@ def refuse_other_units(
 
 
 def pair(name: str, value: Any, above: float | None = None) -> tuple[float, float]:
-    """A parameter of warp and weft: one `number` for both, or two.
+    """Parameter of warp and weft: one `number` for both, or two.
 
-    Refused if it differs from element to element.
+    Raises an error if it varies by element.
     """
     if isinstance(value, np.ndarray):
         raise ValueError(
-            f"{name} must be a number or a pair (warp, weft), the same in every "
-            "element; give each subdomain a fabric instead"
+            f"{name} must be a number or a pair (warp, weft), uniform over the "
+            "elements; define a fabric for each subdomain instead"
         )
     both = tuple(value) if isinstance(value, tuple | list) else (value, value)
     if len(both) != 2:
@@ -437,7 +436,9 @@ def pair(name: str, value: Any, above: float | None = None) -> tuple[float, floa
 
 
 def inner_law(name: str, law: Any) -> Law:
-    """A law of which another law is made: of one strain, the same in every element."""
+    """Law that is a component of another law: of one strain, uniform over the
+    elements.
+    """
     parts = ("energy", "value", "tangent")
     if isinstance(law, type) or not all(hasattr(law, part) for part in parts):
         raise ValueError(f"{name} must be a law, such as Linear(5e3), got {law!r}")
@@ -445,47 +446,47 @@ def inner_law(name: str, law: Any) -> Law:
         raise ValueError(f"{name} must be a law of one strain, got {law!r}")
     if hasattr(law, "region") or law_at(law, None) is not law:
         raise ValueError(
-            f"{name} must be the same law in every element; give each subdomain a "
-            "fabric instead"
+            f"{name} must be uniform over the elements; define a fabric for each "
+            "subdomain instead"
         )
     return law
 
 
 def refuse_force_at_rest(name: str, law: Law, strain: float) -> None:
-    """Refuse a law that does not vanish at rest, or does not hold up to a strain."""
+    """Refuse a law that is not zero at rest, or is not defined up to a strain."""
     low, high = domain_of(law)
     if not low <= min(strain, 0.0) <= max(strain, 0.0) <= high:
         raise ValueError(
-            f"{name} must hold from 0 to the switch at {strain:g}, but its domain is "
-            f"{low:g} to {high:g}"
+            f"{name} must be defined from 0 to the switch at {strain:g}, but its "
+            f"domain is {low:g} to {high:g}"
         )
     rest, there = law.value(np.array([0.0, strain]))
     if not abs(rest) <= _NOTHING * abs(there):
-        raise ValueError(f"{name} must vanish at rest, but is {rest:.4g} N/mm there")
+        raise ValueError(f"{name} must be zero at rest, but is {rest:.4g} N/mm there")
 
 
-# Of what the laws of a fabric are, in their order.
+# Quantities of the laws of a fabric, in their order.
 _QUANTITIES = "warp_strain", "weft_strain", "shear_angle"
 
-# What is said where a law of shear ends at rest.
-_GO_ON = " (a table from 0 on needs odd=True, shear.continuation = 'odd')"
+# Hint for a shear law that ends at rest.
+_GO_ON = " (a table that starts at 0 needs odd=True, shear.continuation = 'odd')"
 
-# Share of where a law ends by which elements are as close to it as one.  Chosen:
-# half a degree at 50°, which a colour cannot tell.
+# Relative difference, of the end of a law, within which elements are equally close to
+# it.  Chosen: half a degree at 50°, indistinguishable by colour.
 _AS_CLOSE = 0.01
 
 
 class LawEnd(NamedTuple):
-    """A law that is close to an end of its domain.
+    """Law close to an end of its domain.
 
     Attributes
     ----------
     quantity
-        Of what it is a law: warp_strain, weft_strain or shear_angle.
+        Quantity of the law: warp_strain, weft_strain or shear_angle.
     value, end
-        The value that is closest to the end, and the end; angles in radians.
+        The value closest to the end, and the end; angles in radians.
     elements
-        Numbers of the elements that are as close.
+        Numbers of the elements that are equally close.
     """
 
     quantity: str
@@ -505,10 +506,10 @@ class LawEnd(NamedTuple):
 def closest_end(
     domains: Sequence[tuple[Any, Any]], values: Sequence[ndarray]
 ) -> LawEnd | None:
-    """The end of a law that is closest, or None if every law holds everywhere.
+    """The closest end of a law, or None if the domains of all laws are unbounded.
 
-    Given are both ends of the laws of warp, weft and shear, and fibre strains of warp
-    and weft, and shear angles, shape (n_elements, n) each.
+    Arguments are the ends of the laws of warp, weft and shear, and fibre strains of
+    warp and weft, and shear angles, shape (n_elements, n) each.
     """
     found = []
     for name, domain, x in zip(_QUANTITIES, domains, values, strict=True):

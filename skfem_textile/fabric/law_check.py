@@ -1,9 +1,10 @@
-"""Whether the parts of a law agree: the value with the energy, the tangent with both.
+"""Consistency of energy, value and tangent of a law.
 
-Between two arguments a and b the energy must change by (b − a) times some value between
-the values at a and b, and the value by as much of the tangent.  That holds for kinks
-and jumps too.  Where a part turns round between a and b it may fail, but not on three
-intervals on end: there the parts contradict each other.
+Between two arguments a and b the energy difference must equal (b − a) times a number
+between the values at a and b, and the difference of the values likewise with the
+tangent.  This also holds for kinks and jumps.  It may fail where a function has an
+extremum between a and b, but not on three consecutive intervals: that is a
+contradiction.
 """
 
 from collections.abc import Callable
@@ -15,19 +16,19 @@ from numpy import ndarray
 from .fabric import Fabric
 from .law import BiaxialLaw, Law, LawAlong, TwoLaws, is_zero
 
-# Arguments at which a law is asked, that has no domain of its own.
+# Range of arguments at which a law without a domain is evaluated.
 _STRAIN, _ANGLE = 0.1, np.radians(80.0)
 
-# How many arguments: of a law that is the same everywhere, and of one that is not.
+# Number of arguments: for a uniform law, and for one that varies by point.
 _DENSE, _COARSE = 2000, 18
 
-# How far a change may be off: as a share of the derivative, and, for round-off, of the
-# largest size of what changes.
+# Tolerances of a difference: relative to the derivative and, for round-off, to the
+# largest magnitude of the function.
 _OFF, _NOISE = 1e-3, 1e-9
 
 _PARTS = ("energy", "value", "tangent")
 
-# Lines of strains on which a law of both is asked: name, direction and start.
+# Lines of strains on which a biaxial law is evaluated: name, direction and start.
 _LINES = (
     ("warp and weft", (1.0, 1.0), (0.0, 0.0)),
     ("warp against weft", (1.0, -1.0), (0.0, 0.0)),
@@ -41,7 +42,7 @@ _LINES = (
 
 
 class _Asked(NamedTuple):
-    """Arguments in rising order, and energy, value and tangent there, (n, ...)."""
+    """Arguments in ascending order, and energy, value and tangent there, (n, ...)."""
 
     x: ndarray
     parts: list[ndarray]
@@ -50,10 +51,11 @@ class _Asked(NamedTuple):
 def check_laws(fabric: Fabric, shape: tuple[int, ...]) -> None:
     """Refuse laws whose energy, value and tangent contradict each other.
 
-    They are judged where they are finite, and must give arrays of real numbers of the
-    shape of their argument.  The message names the fibre family or the shear, the part
-    and the argument.  The shape, (n_elements, n_points), is of a ply's own points: a
-    law that differs from point to point is evaluated there, at fewer arguments.
+    They are compared where they are finite, and must return arrays of real numbers of
+    the shape of their argument.  The message names the fibre family or the shear, the
+    method and the argument.  The shape (n_elements, n_points) is that of the
+    integration points of a ply: a law that varies by point is evaluated there, at fewer
+    arguments.
     """
     warp, weft = fabric.families
     if not isinstance(fabric.tensions, TwoLaws):
@@ -68,7 +70,7 @@ def check_laws(fabric: Fabric, shape: tuple[int, ...]) -> None:
 def _check_tensions(law: BiaxialLaw, shape: tuple[int, ...]) -> None:
     """Check a law of both tensions on lines: one family or both are stretched.
 
-    On all of them value and tangent are derivatives, and the tangent is symmetric.
+    Value and tangent must be derivatives on all lines, and the tangent symmetric.
     """
     for name, direction, start in _LINES:
         _check_law(name, "ε", LawAlong(law, direction, start), _STRAIN, shape)
@@ -79,8 +81,8 @@ def _check_tensions(law: BiaxialLaw, shape: tuple[int, ...]) -> None:
     if not (off <= _OFF * np.abs(D).max(axis=(0, 1)))[np.isfinite(off)].all():
         raise ValueError(
             f"tension law, tangent: at ε = {0.5 * _STRAIN:g}, {0.2 * _STRAIN:g} "
-            "∂T₁/∂ε₂ is not ∂T₂/∂ε₁; value must be the derivative of energy, tangent "
-            "that of value"
+            "∂T₁/∂ε₂ is not ∂T₂/∂ε₁; value must be the derivative of energy, and "
+            "tangent the derivative of value"
         )
 
 
@@ -102,14 +104,14 @@ def _check_law(
     else:
         return
     raise ValueError(
-        f"{name} law, {part}: at {symbol} = {x:.4g} the {derivative} is {own:.4g}, but "
-        f"its {whole} changes by {change:.4g} per unit of {symbol}; value must be the "
-        "derivative of energy, tangent that of value"
+        f"{name} law, {part}: at {symbol} = {x:.4g} the {derivative} is {own:.4g}, "
+        f"but its {whole} changes by {change:.4g} per unit of {symbol}; value must be "
+        "the derivative of energy, and tangent the derivative of value"
     )
 
 
 def _domain(name: str, law: Law, reach: float) -> tuple[float, float]:
-    """The ends of the arguments: those that the law states, where they are finite."""
+    """Ends of the arguments: those of the domain, if finite."""
     stated = getattr(law, "domain", None)
     if stated is None:
         return -reach, reach
@@ -130,7 +132,7 @@ def _domain(name: str, law: Law, reach: float) -> tuple[float, float]:
 
 
 def _ask(name: str, law: Law, x: ndarray, shape: tuple[int, ...]) -> _Asked:
-    """Ask all at once; a law that wants an argument for each point, one by one."""
+    """Evaluate all arguments at once, or one by one for a law that varies by point."""
     try:
         parts = [_answer(name, law, part, x[None])[0] for part in _PARTS]
     except ValueError:
@@ -143,7 +145,9 @@ def _ask(name: str, law: Law, x: ndarray, shape: tuple[int, ...]) -> _Asked:
 
 
 def _answer(name: str, law: Law, part: str, x: ndarray) -> ndarray:
-    """One part of a law at points, refused if it is no array of real numbers there."""
+    """Result of one method of a law at points, validated as an array of real
+    numbers.
+    """
     told, given = f"{name} law, {part}: ", x.copy()
     function: Callable[[ndarray], Any] = getattr(law, part)
     try:
@@ -156,7 +160,7 @@ def _answer(name: str, law: Law, part: str, x: ndarray) -> ndarray:
         ) from None
     if not isinstance(found, ndarray):
         raise ValueError(
-            f"{told}must give an array of the shape of its argument, not "
+            f"{told}must return an array of the shape of its argument, not "
             f"{type(found).__name__}"
         )
     if found.shape != x.shape:
@@ -165,14 +169,14 @@ def _answer(name: str, law: Law, part: str, x: ndarray) -> ndarray:
             f"{found.shape}"
         )
     if found.dtype.kind not in "iuf":
-        raise ValueError(f"{told}must give real numbers, not {found.dtype}")
+        raise ValueError(f"{told}must return real numbers, not {found.dtype}")
     if not np.array_equal(given, x):
-        raise ValueError(f"{told}must not change its argument")
+        raise ValueError(f"{told}must not modify its argument")
     return found.copy()
 
 
 def _within(x: ndarray, parts: list[ndarray]) -> list[ndarray]:
-    """The parts, with NaN beyond where a law ends: where one is not finite."""
+    """Results, with NaN beyond the end of the law, where one is not finite."""
     finite = np.all([np.isfinite(part) for part in parts], axis=0)
     rest = np.searchsorted(x, 0.0)
     below = np.logical_and.accumulate(finite[:rest][::-1])[::-1]
@@ -184,7 +188,7 @@ def _within(x: ndarray, parts: list[ndarray]) -> list[ndarray]:
 def _contradiction(
     x: ndarray, whole: ndarray, derivative: ndarray
 ) -> tuple[float, float, float] | None:
-    """Where, how much ``whole`` changes per unit, and the derivative; or None."""
+    """Position, slope of ``whole`` and derivative of a contradiction; or None."""
     h = np.diff(x).reshape(-1, *(1,) * (whole.ndim - 1))
     with np.errstate(all="ignore"):  # NaN beyond the end of the law
         change = np.diff(whole, axis=0) / h

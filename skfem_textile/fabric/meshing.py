@@ -1,11 +1,9 @@
-"""Meshes whose edges follow the fibres.
-
-Meshes of a convex outline whose edges lie along straight fibres.
+"""Meshes of a convex outline with edges along straight fibres.
 
 A point has the coordinates s₁ and s₂ along warp and weft, X = s₁ A₁ + s₂ A₂.  A motion
-that stretches no fibre is x = f(s₁) + g(s₂).  If f and g bend at lines s₁ = a and
-s₂ = b of a net alone, the motion is linear in every cell of the net, and in every part
-of a cell.  Elements that are cells of the net, or parts of them, hold it exactly.
+without fibre stretch is x = f(s₁) + g(s₂).  If f and g have kinks only at lines s₁ = a
+and s₂ = b of a net, the motion is linear in every cell of the net and in every part of
+a cell.  Elements that are cells of the net, or parts of them, represent it exactly.
 """
 
 import logging
@@ -26,24 +24,24 @@ from .fabric import Fabric
 def cells_of_net(
     outline: ndarray, a: ndarray, b: ndarray, near: float
 ) -> tuple[ndarray, ndarray]:
-    """Cells between the lines x = a and y = b, as far as they lie within an outline.
+    """Cells between the lines x = a and y = b within an outline.
 
     Parameters
     ----------
     outline
-        Corners of a convex outline, shape (2, n).  Lines of both kinds pass through
+        Corners of a convex outline, shape (2, n).  Lines of both families pass through
         each of them.
     a, b
-        The lines in ascending order.
+        Lines in ascending order.
     near
-        A point that is nearer to a side than this is on it.
+        Distance below which a point is on a side.
 
     Returns
     -------
     tuple of ndarray
-        Nodes, shape (2, n_nodes), and elements as node numbers: the cells, shape
-        (4, n), if the outline cuts none; else triangles, shape (3, n), into which cells
-        are cut along one diagonal and the other in turns.
+        Nodes, shape (2, n_nodes), and elements as node numbers: the cells, shape (4,
+        n), if the outline cuts none; else triangles, shape (3, n), with alternating
+        diagonals.
     """
     points = np.stack(np.meshgrid(a, b))
     distances = _distances(outline, points)
@@ -79,10 +77,10 @@ def _distances(outline: ndarray, points: ndarray) -> ndarray:
 
 
 def _cut_off(corners: ndarray, distances: ndarray, near: float) -> ndarray:
-    """The part of a cell within the outline: its corners, shape (2, n).
+    """Part of a cell within the outline: its corners, shape (2, n).
 
-    Given are its corners and their distances from the sides; ``near`` as for
-    `cells_of_net`.
+    Arguments are the corners of the cell and their distances from the sides; ``near``
+    as in `cells_of_net`.
     """
     known = np.hstack([corners, distances])
     for side in range(2, known.shape[1]):
@@ -91,7 +89,7 @@ def _cut_off(corners: ndarray, distances: ndarray, near: float) -> ndarray:
             if one[side] >= 0:
                 kept.append(one)
             if one[side] * other[side] < 0:
-                # From the same end in both of the cells that share an edge.
+                # In the same direction for both cells that share an edge.
                 p, q = sorted((one, other), key=lambda corner: (*corner[:2],))
                 point = p + p[side] / (p[side] - q[side]) * (q - p)
                 point[2:][np.abs(point[2:]) <= near] = 0.0
@@ -102,9 +100,9 @@ def _cut_off(corners: ndarray, distances: ndarray, near: float) -> ndarray:
 
 
 def _fan(corners: ndarray) -> ndarray:
-    """Triangles of a convex cell from the corner that makes the smallest one largest.
+    """Triangles of a convex cell from the corner that maximises the smallest one.
 
-    Places in the corners, shape (3, n - 2).
+    Returned as local corner numbers, shape (3, n - 2).
     """
     n = corners.shape[1]
 
@@ -121,18 +119,18 @@ def _fan(corners: ndarray) -> ndarray:
 
 
 class _Nodes:
-    """Nodes of the net, and those that are added by position."""
+    """Nodes of the net, and nodes added by position."""
 
     def __init__(self, positions: ndarray) -> None:
         self._numbers = {(x, y): n for n, (x, y) in enumerate(positions.T.tolist())}
 
     @property
     def positions(self) -> ndarray:
-        """All of them, shape (2, n_nodes)."""
+        """All nodes, shape (2, n_nodes)."""
         return np.array(list(self._numbers)).T
 
     def numbers(self, positions: ndarray) -> ndarray:
-        """Numbers of nodes at positions of the shape (2, n), new ones where needed."""
+        """Numbers of nodes at positions of shape (2, n), created where needed."""
         known = self._numbers
         return np.array(
             [known.setdefault((x, y), len(known)) for x, y in positions.T.tolist()]
@@ -141,18 +139,19 @@ class _Nodes:
 
 log = logging.getLogger(__name__)
 
-# Lines nearer than this share of the outline are one.  Chosen: far above rounding
-# (2e-16), which grows from line to line, and far below spacings in use.
+# Distance, relative to the outline, below which two lines coincide.  Chosen: far above
+# rounding (2e-16), which accumulates from line to line, and far below practical
+# spacings.
 _NEAR = 1e-9
 
 # Components of unit vectors below this are zero.  Chosen: above cos 90°, 6e-17.
 _ROUNDING = 1e-15
 
-# Most lines of a family.  Chosen: so many times as many cells fit in no memory.
+# Maximum number of lines of a family.  Chosen: the square of it exceeds any memory.
 _MOST = 1e5
 
-# Narrowest gap between lines that are added so that the families meet at the sides, as
-# a share of the spacing.  Chosen: elements there are at most so much smaller.
+# Smallest gap between lines that are added so that the families meet at the sides,
+# relative to the spacing.  Chosen: it bounds the smallest elements.
 _NARROWEST = 0.2
 
 
@@ -161,17 +160,17 @@ def mesh_along_fibres(
 ) -> Mesh:
     """Mesh of a convex outline with edges along warp and weft.
 
-    Lines of both families pass through each corner of the outline, and between them in
-    equal distances.  If it can be had, lines of both families meet wherever one meets a
-    side; else the log says so, at its level INFO.  The cells of this net are
-    parallelograms, cut off at the sides.  The mesh is of these if none is cut off, and
-    else of triangles, into which the cells are cut along a diagonal.
+    Lines of both families pass through each corner of the outline, with equally spaced
+    lines between them.  If possible, lines of both families meet wherever one meets a
+    side; otherwise this is logged at the level INFO.  The cells of this net are
+    parallelograms, cut off at the sides.  The mesh consists of these if none is cut
+    off, and otherwise of triangles, into which the cells are cut along a diagonal.
 
     Parameters
     ----------
     outline
-        Corners in mm, in order, shape (2, n).  At a corner of 180° lines pass too: the
-        end of a clamp within a side is one.
+        Corners in mm, in order, shape (2, n).  Lines also pass through a corner of
+        180°, such as the end of a clamp within a side.
     warp, weft
         Directions of the fibres: vectors of any length, not parallel.
     spacing
@@ -187,7 +186,7 @@ def mesh_along_fibres(
     Raises
     ------
     MeshError
-        If the outline is not convex, or has no area, or the spacing is far too small.
+        If the outline is not convex or has no area, or the spacing is far too small.
     ValueError
         If a direction is zero or not finite, warp and weft are parallel, or the spacing
         is not positive.
@@ -216,8 +215,8 @@ def mesh_along_fibres(
 class _Net:
     """Lines s₁ = a and s₂ = b within an outline in coordinates along the fibres.
 
-    The matrix ``in_spacings`` makes of a difference of coordinates one along x and y,
-    in spacings.
+    The matrix ``in_spacings`` converts a difference of coordinates to multiples of the
+    spacings along x and y.
     """
 
     def __init__(self, corners: ndarray, in_spacings: ndarray) -> None:
@@ -225,13 +224,13 @@ class _Net:
         self.near = _NEAR * np.ptp(corners, axis=1).max()
 
     def lines(self) -> tuple[ndarray, ndarray]:
-        """The lines, (a, b): of the corners, of what closes the net, between them."""
+        """The lines, (a, b): of the corners, of the closed net, and between them."""
         of_corners = self._distinct(self.corners[0]), self._distinct(self.corners[1])
         closed = self._closed(of_corners)
         if closed is None:
             log.info(
-                "the mesh along the fibres: lines of warp and weft do not all meet at "
-                "the sides; elements there may be thin, and lock where a side is held"
+                "mesh along the fibres: lines of warp and weft do not all meet at the "
+                "sides; elements there may be thin, and lock where a side is fixed"
             )
         a, b = lines = closed or of_corners
         spacings = [self._spacings(axis, lines[axis]) for axis in range(2)]
@@ -243,9 +242,10 @@ class _Net:
         return _subdivided(a, counts[0]), _subdivided(b, counts[1])
 
     def _closed(self, lines: tuple[ndarray, ndarray]) -> tuple[ndarray, ndarray] | None:
-        """Lines, with those of the other family through where they meet the outline.
+        """Lines, with those of the other family through their intersections with the
+        outline.
 
-        None if lines would come too near to each other.
+        None if lines would be too close to each other.
         """
         while True:
             a, b = lines
@@ -261,7 +261,7 @@ class _Net:
             lines = more
 
     def _ends(self, axis: int, lines: ndarray) -> ndarray:
-        """Where lines of a constant coordinate meet the outline: the other one.
+        """Other coordinate of the intersections of lines with the outline.
 
         Shape (2, n_lines), the lower first.
         """
@@ -277,7 +277,7 @@ class _Net:
         return np.stack([low.min(axis=0), high.max(axis=0)])
 
     def _spacings(self, axis: int, lines: ndarray) -> ndarray:
-        """Number of spacings along the sides between each two lines, any fraction."""
+        """Number of spacings along the sides between each two lines, not rounded."""
         other = np.diff(self._ends(axis, lines))
         step = np.stack([np.broadcast_to(np.diff(lines), other.shape), other])
         along = np.einsum("ij,jkn->ikn", self._in_spacings, step[:: 1 - 2 * axis])
@@ -286,7 +286,7 @@ class _Net:
     def _matched(
         self, lines: tuple[ndarray, ndarray], counts: list[ndarray]
     ) -> list[ndarray]:
-        """Counts such that lines between those of a closed net meet at the sides too.
+        """Counts such that lines between those of a closed net also meet at the sides.
 
         Each side joins a gap between lines of one family to one of the other.
         """
@@ -295,7 +295,7 @@ class _Net:
         gaps = np.arange(len(a) - 1)
         pairs = [(gaps, np.searchsorted(b, end) - 1) for end in (low, high)]
         i, j = np.hstack(pairs)
-        # A side along the weft is met by all of these lines in one point, at a line.
+        # All of these lines meet a side along the weft in one point, at a line.
         on_line = np.abs(b[:, None] - np.append(low, high)).min(axis=0) <= self.near
         i, j = i[~on_line], j[~on_line] + len(gaps)
         n = len(a) + len(b) - 2
@@ -306,27 +306,29 @@ class _Net:
         return np.split(most[label], [len(gaps)])
 
     def _distinct(self, lines: ndarray) -> ndarray:
-        """Lines in ascending order, without those that are near another."""
+        """Lines in ascending order, without those that coincide with another."""
         lines = np.sort(lines, axis=None)
         return lines[np.diff(lines, prepend=-np.inf) > self.near]
 
 
 def _subdivided(lines: ndarray, counts: ndarray) -> ndarray:
-    """Lines, with others at equal distances between them."""
+    """Lines, with equally spaced lines between them."""
     gaps = zip(lines[:-1], lines[1:], counts, strict=True)
     parts = [np.linspace(low, high, n, endpoint=False) for low, high, n in gaps]
     return np.concatenate([*parts, lines[-1:]])
 
 
 def _on_sides(p: ndarray, corners: ndarray, near: float) -> ndarray:
-    """Positions, exactly on the sides of the bounding box that they are near to."""
+    """Positions, projected onto the sides of the bounding box that they are close
+    to.
+    """
     for at in (corners.min(axis=1)[:, None], corners.max(axis=1)[:, None]):
         p = np.where(np.abs(p - at) <= near, at, p)
     return p
 
 
 def _convex(corners: ndarray) -> ndarray:
-    """The corners, anticlockwise; refuses an outline that is not convex."""
+    """Corners, anticlockwise; an error if the outline is not convex."""
     if corners.ndim != 2 or corners.shape[0] != 2 or corners.shape[1] < 3:
         raise MeshError(
             f"the outline must have the shape (2, n), n >= 3, not {corners.shape}"
@@ -339,11 +341,11 @@ def _convex(corners: ndarray) -> ndarray:
         return _convex(corners[:, ::-1])
     least = _NEAR * np.ptp(corners, axis=1).max()
     if np.linalg.norm(side, axis=0).min() <= least or area <= least**2:
-        raise MeshError("the outline has no area, or two corners at one place")
+        raise MeshError("the outline has no area, or two coincident corners")
     angles = np.arctan2(turn, np.sum(side * np.roll(side, -1, axis=1), axis=0))
     if (angles < -_NEAR).any() or angles.sum() > 2 * np.pi + 1:
         raise MeshError(
-            "the outline is not convex: mesh its convex parts, or take the default "
+            "the outline is not convex: mesh its convex parts, or use the default "
             "formulation on any mesh"
         )
     return corners

@@ -1,4 +1,4 @@
-"""What differs from one part of a ply to another: laws, and whole fabrics."""
+"""Laws and fabrics that vary from region to region of a ply."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,32 +20,33 @@ class _OneOfLaws:
     region: ndarray
 
     def at(self, element: ndarray | None = None) -> Self:
-        """The law at points, by the numbers of their elements.
+        """Law at points, given by element numbers.
 
         Parameters
         ----------
         element
-            Of any shape that broadcasts with the arguments of the law; all elements,
-            shape (n_elements, 1), if not given.
+            Of any shape that broadcasts with the arguments of the law; by default all
+            elements, shape (n_elements, 1).
         """
         laws = [law_at(law, element) for law in self.laws]
         return replace(self, laws=laws, region=_region_at(self.region, element))
 
     def energy(self, x: ndarray) -> ndarray:
-        """Energy density of the law at each point; each law is asked for its own.
+        """Energy density at each point; each law is evaluated for its own points.
 
-        Elsewhere it is asked at 0: a law may warn of an argument beyond its table.
+        It is evaluated at 0 elsewhere, because a law may warn of an argument beyond its
+        table.
         """
         own = [np.where(self.region == i, x, 0.0) for i in range(len(self.laws))]
         pairs = zip(self.laws, own, strict=True)
         return _chosen(self.region, [law.energy(at) for law, at in pairs])
 
     def value(self, x: ndarray) -> ndarray:
-        """Its derivative."""
+        """Derivative of the energy."""
         return _chosen(self.region, [np.array(law.value(x)) for law in self.laws])
 
     def tangent(self, x: ndarray) -> ndarray:
-        """The derivative of that."""
+        """Derivative of the value."""
         return _chosen(self.region, [law.tangent(x) for law in self.laws])
 
 
@@ -57,22 +58,22 @@ class RegionalLaw(_OneOfLaws):
     laws
         The laws.
     region
-        Which of them each element has: whole numbers, shape (n_elements,).
+        Index of the choice for each element: integers, shape (n_elements,).
     """
 
     @property
     def domain(self) -> tuple[ndarray, ndarray]:
-        """The least and the largest x for which the law at each point holds."""
+        """Smallest and largest x for which the law at each point is valid."""
         low, high = zip(*(domain_of(law) for law in self.laws), strict=True)
         return _chosen(self.region, low), _chosen(self.region, high)
 
 
 class RegionalTensions(_OneOfLaws, BiaxialLaw):
-    """One of several laws of both tensions in each element; `RegionalLaw` of both."""
+    """One of several laws of both tensions in each element; see `RegionalLaw`."""
 
     @property
     def domain(self) -> tuple[ndarray, ndarray]:
-        """The least and the largest strains for which the law at each point holds."""
+        """Smallest and largest strains for which the law at each point is valid."""
         families = [[law.of_family(i) for law in self.laws] for i in range(2)]
         both = [zip(*map(domain_of, laws), strict=True) for laws in families]
         low, high = (
@@ -83,33 +84,33 @@ class RegionalTensions(_OneOfLaws, BiaxialLaw):
 
 
 def _region_at(region: ndarray, element: ndarray | None) -> ndarray:
-    """The regions at points, by the numbers of their elements; of all, (n, 1)."""
+    """Regions at points, by element numbers; by default of all, (n, 1)."""
     return region[:, None] if element is None else region[element]
 
 
 def _chosen(region: ndarray, values: Sequence[Any]) -> ndarray:
-    """Of one value or array for each law that of the law at each point."""
+    """Values, of one value or array per law, for the law at each point."""
     region, *every = np.broadcast_arrays(region, *values)
     return np.take_along_axis(np.stack(every), region[None], axis=0)[0]
 
 
 @dataclass(frozen=True, eq=False)
 class RegionalDirection:
-    """One of several fields of directions in each element.
+    """One of several direction fields in each element.
 
     Parameters
     ----------
     directions
-        The fields, as `Fabric` takes them.
+        The fields, as for `Fabric`.
     region
-        Which of them each element has: whole numbers, shape (n_elements,).
+        Index of the choice for each element: integers, shape (n_elements,).
     """
 
     directions: Sequence[Direction]
     region: ndarray
 
     def at(self, name: str, x: ndarray, element: ndarray | None) -> ndarray:
-        """Unit vectors at points, given as for `unit_vectors`."""
+        """Unit vectors at points, see `unit_vectors`."""
         region = _region_at(self.region, element)
         shape = np.broadcast_shapes(x.shape[1:], region.shape)
         x = np.broadcast_to(x, (2, *shape))
@@ -118,7 +119,7 @@ class RegionalDirection:
         for number, direction in enumerate(self.directions):
             rows = np.flatnonzero((region == number).any(axis=1))
             if not rows.size:
-                continue  # a field need not be defined where it is not asked for
+                continue  # a field need not be defined outside its region
             numbers = rows[:, None] if element is None else element[rows]
             field = unit_vectors(name, direction, x[:, rows], numbers)
             own = region[rows] == number
@@ -127,11 +128,10 @@ class RegionalDirection:
 
 
 def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
-    """A fabric whose values per element are those of the elements of a mesh.
+    """Fabric with values per element of the computational mesh.
 
-    Values may be of either elements; with fewer or more they are refused.  ``parent``
-    is for each element of the mesh the user's element that it is part of; shape
-    (n_elements,).
+    Values may be per element of either mesh; other numbers are refused.  ``parent`` is
+    the user's element that contains each element of the mesh, shape (n_elements,).
     """
     n_elements, n_originals = len(parent), parent.max() + 1
 
@@ -177,26 +177,26 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
 
 
 def _on_elements(name: str, given: Any, parent: ndarray) -> Any:
-    """A number of each of the user's elements as one of each element of a mesh."""
+    """Convert a number per user's element to a number per element of a mesh."""
     n = np.size(given)
     if np.ndim(given) == 0 or n == len(parent):
         return given
     if n != parent.max() + 1:
         raise ValueError(
-            f"{name}: {n} values for {parent.max() + 1} elements; give one value per "
-            "element"
+            f"{name}: {n} values for {parent.max() + 1} elements; specify one value "
+            "per element"
         )
     return given[parent]
 
 
 def _as_given(direction: Any) -> Any:
-    """A direction as an array, if it is neither a function nor regional."""
+    """Direction as an array, if it is neither a function nor regional."""
     plain = not callable(direction) and not hasattr(direction, "region")
     return np.asarray(direction) if plain else direction
 
 
 def _n_elements(thing: Any) -> int | None:
-    """For how many elements a law or a direction has values; None if for any."""
+    """Number of elements for which a law or a direction has values; None for any."""
     if hasattr(thing, "region"):
         return len(thing.region)
     if isinstance(thing, ndarray):
@@ -208,10 +208,10 @@ def _n_elements(thing: Any) -> int | None:
 def fabric_of_regions(
     mesh: Mesh, fabrics: Mapping[str, Fabric], parent: ndarray | None = None
 ) -> Fabric:
-    """The fabric of a mesh, each of whose subdomains has its own, by name.
+    """Fabric of a mesh with a fabric for each subdomain, by name.
 
-    Refused if there is no such subdomain, or an element belongs to none or two of them.
-    ``parent`` is that of `fabric_on`, where the mesh is not the user's.
+    Raises an error if a subdomain is unknown, or an element belongs to none or to two
+    of them.  ``parent`` is as in `fabric_on`, if the mesh is not the user's.
     """
     subdomains, region = mesh.subdomains or {}, np.full(mesh.nelements, -1)
     for number, (name, fabric) in enumerate(fabrics.items()):
@@ -226,8 +226,8 @@ def fabric_of_regions(
     if (region < 0).any():
         left = ", ".join(map(str, np.flatnonzero(region < 0)[:5]))
         raise ValueError(
-            f"{(region < 0).sum()} element(s) are in no subdomain that has a fabric "
-            f"({left}, ...): name one for them"
+            f"{(region < 0).sum()} element(s) are not in any subdomain with a fabric "
+            f"({left}, ...): define one for them"
         )
     all_families = [fabric.families for fabric in fabrics.values()]
     warp, weft = zip(*all_families, strict=True)
@@ -250,7 +250,7 @@ def fabric_of_regions(
 def _numbers(
     name: str, values: Sequence[Any], region: ndarray, parent: ndarray
 ) -> float | ndarray:
-    """A number where all fabrics have the same, else one for each element."""
+    """A number if it is the same for all fabrics, else one per element."""
     if all(np.ndim(value) == 0 and value == values[0] for value in values):
         return float(values[0])
     every = [_on_elements(name, value, parent) for value in values]
@@ -260,7 +260,9 @@ def _numbers(
 def _tensions(
     laws: Sequence[BiaxialLaw], region: ndarray
 ) -> tuple[RegionalLaw, RegionalLaw] | RegionalTensions:
-    """A law for each family if no tension takes both strains, else one for both."""
+    """A law per family if neither tension depends on both strains, else one for
+    both.
+    """
     alone = [law for law in laws if isinstance(law, TwoLaws)]
     if len(alone) < len(laws):
         return RegionalTensions(laws, region)

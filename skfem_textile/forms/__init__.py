@@ -1,4 +1,4 @@
-"""Every term of the energy as plain scikit-fem forms: the definition."""
+"""Definition of every energy term as plain scikit-fem forms."""
 
 from .corners import corner_resistance
 from .form import Forms

@@ -6,27 +6,27 @@ where fibres are curved in the plane at rest.
 
 Bending of fibres on bilinear quadrilaterals, by curvatures at the nodes.
 
-In the weak sense the curvature at node i is m_i = (M⁻¹ L u)_i with M lumped and
+The weak curvature at node i is m_i = (M⁻¹ L u)_i with M lumped and
 
     L_ij = Σ_e [∫ (A·∇φ_i)(A·∇φ_j) − ∮ φ_i (A·N)(A·{∇φ_j})],
 
-where ∮ goes over interior edges and {} is the mean of both sides; where A does not
-jump its parts cancel.  The energy is ½ Σ D W_i |m_i|² with the areas W_i of the nodes.
-Where fibres end freely their moment is zero: these nodes are left out, and their area
-goes to nodes of the same elements.  At a clamp A·∇u vanishes, which is the natural
-condition of L.  On a plane of symmetry with the normal N the part of m along N is left
-out, as it is odd there, and ∂u/∂N vanishes of what is even.
+where ∮ is over interior edges and {} is the mean of both sides; its parts cancel where
+A is continuous.  The energy is ½ Σ D W_i |m_i|² with the areas W_i of the nodes.  At
+free fibre ends the moment is zero: these nodes are excluded, and their area is assigned
+to nodes of the same elements.  At a clamp A·∇u = 0, which is the natural condition of
+L.  On a plane of symmetry with the normal N the component of m along N, which is odd,
+is excluded, and ∂u/∂N = 0 for the even components.
 
 Bending of fibres on quadratic triangles, by mean curvatures of the triangles.
 
-The mean curvature of a triangle K is that of the slopes around it,
+The mean curvature of a triangle K follows from the slopes around it,
 
     m_K = 1/|K| ∮ (A·n)(A·{∇u}),
 
-with {} the mean of both sides: slopes across edges jump.  The energy is
-½ Σ D |K| |m_K|², and jumps meet a small stiffness, ½ Σ_f ∫ σ D (A·n)⁴ |[∂u/∂n]|² (a C0
-discontinuous Galerkin method, Huang, Huang & Han 2010).  A·∇u vanishes at a clamp, and
-on a plane of symmetry ∂u/∂n of what is even.  Free ends have the slopes of their
+with {} the mean of both sides: slopes across edges jump.  The energy is ½ Σ D |K|
+|m_K|², and jumps are penalised by ½ Σ_f ∫ σ D (A·n)⁴ |[∂u/∂n]|² (a C0 discontinuous
+Galerkin method, Huang, Huang & Han 2010).  A·∇u = 0 at a clamp, and on a plane of
+symmetry ∂u/∂n = 0 for the even components.  Free ends have the slopes of their
 triangles.
 """
 
@@ -54,23 +54,24 @@ from skfem.helpers import dot, grad
 
 from ..mesh.bases import components
 
-# Fibres at a smaller angle (radians) to a boundary do not end there.  A larger angle
-# forgets the slope of fibres across it, a smaller one takes round-off for an angle.
+# Angle in radians between fibres and a boundary below which the fibres do not end
+# there.  A larger value would ignore the slope of crossing fibres; a smaller one would
+# take round-off for an angle.
 _ALONG = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class EndEdges:
-    """Boundary edges that fibres meet.
+    """Boundary edges at which fibres end.
 
     Attributes
     ----------
     facets
-        Their numbers, shape (n,).
+        Edge numbers, shape (n,).
     A
-        Unit direction of the fibres at each, shape (2, n).
+        Unit fibre direction at each edge, shape (2, n).
     N
-        Unit normal out of the ply, shape (2, n).
+        Outward unit normal, shape (2, n).
     """
 
     facets: ndarray
@@ -85,15 +86,15 @@ class EndEdges:
 
 @dataclass(frozen=True, eq=False)
 class Clamps:
-    """Boundary edges at which fibres keep their direction, or turn as they are told.
+    """Boundary edges at which fibres keep their direction or rotate as prescribed.
 
     Attributes
     ----------
     edges
         The edges.
     turned
-        What prescribes A·∇u (A·N) there, shape (n, 2 m): of each of m clamps that
-        turn by R the columns of R − I that belong to x and y at rest, as unknowns.
+        Coefficients of the prescribed A·∇u (A·N), shape (n, 2 m): for each of m clamps
+        with the rotation R, the unknowns are the columns of R − I for x and y at rest.
     """
 
     edges: EndEdges
@@ -101,7 +102,7 @@ class Clamps:
 
 
 def clamps(edges: EndEdges, turning: Sequence[ndarray]) -> Clamps:
-    """Clamped edges, and the numbers of the edges of each clamp that turns."""
+    """Clamped edges, and the edge numbers of each rotating clamp."""
     columns = [
         np.isin(edges.facets, facets) * (edges.A * edges.across) for facets in turning
     ]
@@ -110,7 +111,7 @@ def clamps(edges: EndEdges, turning: Sequence[ndarray]) -> Clamps:
 
 
 def boundary_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
-    """Boundary edges by their numbers, with the directions of fibres there.
+    """Boundary edges with the fibre directions there.
 
     A is the unit direction of the fibres in each element, shape (2, n_elements).
     """
@@ -124,13 +125,13 @@ def boundary_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
 
 
 def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
-    """Those of `boundary_edges` that fibres do not follow; the same parameters."""
+    """Boundary edges that fibres do not follow; parameters as in `boundary_edges`."""
     edges = boundary_edges(mesh, A, facets)
     meets = np.abs(edges.across) > _ALONG
     return EndEdges(facets[meets], edges.A[:, meets], edges.N[:, meets])
 
 
-# Eigenvalues of sums of N⊗N that count as zero.
+# Eigenvalue of a sum of N⊗N below which it counts as zero.
 _NONE = 1e-9
 
 
@@ -143,7 +144,7 @@ def matrix_of_quadrilaterals(
     mirrors: EndEdges,
     d: int,
 ) -> Any:
-    """The matrix of the bending energy on a `skfem.MeshQuad`; see `_matrix`."""
+    """Matrix of the bending energy on a `skfem.MeshQuad`; see `_matrix`."""
     basis = CellBasis(mesh, ElementQuad1(), intorder=3)
     overlap, stiffness = (asm(_PRODUCT, basis, D=x[:, None]) for x in (D * 0 + 1, D))
     area, D_area = (np.asarray(x.sum(axis=1)).ravel() for x in (overlap, stiffness))
@@ -203,7 +204,7 @@ def _of_jumps_between_quadrilaterals(mesh: Any, A: ndarray, B: ndarray) -> Any:
 
 
 def _prescribed_slopes(mesh: Any, clamped: Clamps) -> csr_matrix:
-    """∮ φ_i (A·N) A·∇u over clamps, by what turns them."""
+    """∮ φ_i (A·N) A·∇u over clamps, by the unknowns of the rotation."""
     ends = mesh.facets[:, clamped.edges.facets]
     half = 0.5 * np.hypot(*(mesh.p[:, ends[1]] - mesh.p[:, ends[0]]))
     columns = np.tile(np.arange(len(half)), 2)
@@ -213,7 +214,7 @@ def _prescribed_slopes(mesh: Any, clamped: Clamps) -> csr_matrix:
 
 
 def _left_out(mesh: Any, free: EndEdges, mirrors: EndEdges, d: int) -> ndarray:
-    """Projectors on the components of m that are left out, shape (n_nodes, d, d)."""
+    """Projectors on the excluded components of m, shape (n_nodes, d, d)."""
     N = np.zeros((d, mirrors.facets.size))
     N[:2] = mirrors.N
     projectors = np.zeros((mesh.nvertices, d, d))
@@ -230,8 +231,8 @@ def _left_out(mesh: Any, free: EndEdges, mirrors: EndEdges, d: int) -> ndarray:
 def _weights(overlap: csr_matrix, area: ndarray, left_out: ndarray) -> ndarray:
     """Areas of the components of m at the nodes, shape (n_nodes, d, d).
 
-    What is left out gives its area in equal parts to what is kept at nodes of the same
-    elements.
+    The area of an excluded component is distributed equally among the components at
+    nodes of the same elements that are kept.
     """
     n, d, _ = left_out.shape
     kept = np.eye(d) - left_out
@@ -243,10 +244,10 @@ def _weights(overlap: csr_matrix, area: ndarray, left_out: ndarray) -> ndarray:
     return area[:, None, None] * kept + kept @ received @ kept
 
 
-# σ over the least with which an interior penalty alone makes the energy positive on
-# every mesh: ¾ |f| (1/|K⁺| + 1/|K⁻|) inside and 3 |f|/|K| on the boundary, as a
-# triangle has three edges.  Chosen: with a larger one plates are stiffer; with a
-# smaller one coarse cantilevers take more steps.
+# σ relative to the smallest interior penalty with which the energy is positive on every
+# mesh: ¾ |f| (1/|K⁺| + 1/|K⁻|) inside and 3 |f|/|K| on the boundary, as a triangle has
+# three edges.  Chosen: with a larger value plates are stiffer; with a smaller one
+# coarse cantilevers take more steps.
 _JUMPS = 0.2
 
 
@@ -259,7 +260,7 @@ def matrix_of_triangles(
     mirrors: EndEdges,
     d: int,
 ) -> Any:
-    """The matrix of the bending energy on a `skfem.MeshTri`; see `_matrix`."""
+    """Matrix of the bending energy on a `skfem.MeshTri`; see `_matrix`."""
     (a, b), (c, e) = (mesh.p[:, mesh.t[i]] - mesh.p[:, mesh.t[0]] for i in (1, 2))
     area = 0.5 * np.abs(a * e - b * c)
     curvature = hstack([_inside(mesh, along), _prescribed(mesh, clamped)])
@@ -286,7 +287,7 @@ def matrix_of_triangles(
 
 
 def _planes(mirrors: EndEdges, d: int) -> Iterator[tuple[EndEdges, ndarray]]:
-    """The edges on each plane of symmetry, and the projector on what is even there."""
+    """Edges on each plane of symmetry, and the projector on the even components."""
     for normal in np.unique(mirrors.N.round(9), axis=1).T:
         own = np.abs(mirrors.N - normal[:, None]).max(axis=0) < 1e-8
         edges = EndEdges(mirrors.facets[own], mirrors.A[:, own], mirrors.N[:, own])
@@ -323,7 +324,7 @@ def _inside(mesh: Any, along: tuple[ndarray, ndarray]) -> Any:
 
 
 def _prescribed(mesh: Any, clamped: Clamps) -> csr_matrix:
-    """∮ (A·n) A·∇u over clamps, of each triangle, by what turns them."""
+    """∮ (A·n) A·∇u over clamps, for each triangle, by the unknowns of the rotation."""
     facets = clamped.edges.facets
     ends = mesh.p[:, mesh.facets[:, facets]]
     length = np.hypot(*(ends[:, 1] - ends[:, 0]))
@@ -333,7 +334,7 @@ def _prescribed(mesh: Any, clamped: Clamps) -> csr_matrix:
 
 
 def _through(mesh: Any, edges: EndEdges, slope: ndarray) -> Any:
-    """∮ slope·∇u over edges of the boundary, of each triangle."""
+    """∮ slope·∇u over boundary edges, for each triangle."""
     if not edges.facets.size:
         return csr_matrix((mesh.nelements, mesh.nvertices + mesh.nfacets))
     slopes, triangles = (
@@ -346,7 +347,7 @@ def _through(mesh: Any, edges: EndEdges, slope: ndarray) -> Any:
 def _of_jumps(
     mesh: Any, along: tuple[ndarray, ndarray], D: ndarray, area: ndarray
 ) -> Any:
-    """What meets jumps of the slope between triangles."""
+    """Penalty on jumps of the slope between triangles."""
     sides = _sides(mesh, ElementTriP2())
     n, length = np.asarray(sides[0].normals), sides[0].dx.sum(axis=1)[:, None]
     A, B = ([dot(x[:, side.tind, None], n) for side in sides] for x in along)
@@ -370,7 +371,9 @@ def _held(
     area: ndarray,
     turned: csr_matrix,
 ) -> Any:
-    """What holds a slope along boundary edges, where turned that of the clamp."""
+    """Penalty on the slope along boundary edges, relative to a rotating clamp if
+    given.
+    """
     if not edges.facets.size:
         n = mesh.nvertices + mesh.nfacets + turned.shape[1]
         return csr_matrix((n, n))
@@ -389,16 +392,15 @@ def _held(
     return off.T @ diags((_JUMPS * least[:, None] * basis.dx).ravel()) @ off
 
 
-#: A clamp that turns: its rotation at a load factor, in space a vector along the axis,
-#: as long as the angle in radians, and in the plane the angle.
+#: Rotating clamp: function of the load factor that returns the rotation vector in space
+#: (axis times angle in radians), or the angle in the plane.
 Turning: TypeAlias = Callable[[float], ArrayLike]
 
-#: Names of what holds fibres at a boundary.
+#: Names of the boundary conditions of fibre ends.
 EndName: TypeAlias = Literal["clamped", "mirror"]
 
-#: How fibres are held at a boundary: with their direction at rest, by their mirror
-#: images on a plane of symmetry, or in a clamp that turns.  Elsewhere they end freely,
-#: as in hinges.
+#: Boundary condition of fibre ends: fixed initial direction, plane of symmetry, or
+#: rotating clamp.  Other fibre ends are hinged.
 FibreEnd: TypeAlias = EndName | Turning
 
 FIBRE_ENDS: tuple[str, ...] = get_args(EndName)
@@ -407,10 +409,10 @@ FIBRE_ENDS: tuple[str, ...] = get_args(EndName)
 def bending_matrix(
     basis: AbstractBasis, A: ndarray, D: ndarray, ends: Mapping[str, FibreEnd]
 ) -> csr_matrix:
-    """The matrix K of ½ v·K·v = ½ ∫ D |κ|² in N/mm.
+    """Matrix K of ½ v·K·v = ½ ∫ D |κ|² in N/mm.
 
-    v is the displacement, and after it the columns of R − I that belong to x and y at
-    rest, of each clamp that turns by R.
+    v is the displacement, followed by the columns of R − I for x and y at rest, for
+    each clamp with the rotation R.
 
     Parameters
     ----------
@@ -421,7 +423,7 @@ def bending_matrix(
     D
         Bending stiffness per width of ply in N·mm in each element, shape (n_elements,).
     ends
-        How fibres are held where they end, by the names of boundaries.
+        Boundary conditions of fibre ends, by boundary name.
     """
     mesh: Mesh = basis.mesh
     turning = [mesh.boundaries[name] for name, end in ends.items() if callable(end)]
@@ -437,14 +439,14 @@ def bending_matrix(
 def twist_matrix(
     basis: AbstractBasis, A: ndarray, B: ndarray, D: ndarray
 ) -> csr_matrix:
-    """The matrix K of ½ u·K·u = ½ ∫ D |τ|² in N/mm, with the twist τ = ∇∇x : A⊗B.
+    """Matrix K of ½ u·K·u = ½ ∫ D |τ|² in N/mm, with the twist τ = ∇∇x : A⊗B.
 
-    Of directions at right angles, z = c x y has the twist c.
+    For orthogonal directions, z = c x y has the twist c.
 
     Parameters
     ----------
     basis
-        As of `bending_matrix`.
+        See `bending_matrix`.
     A, B
         Unit directions of both families in each element, shape (2, n_elements).
     D
@@ -456,7 +458,7 @@ def twist_matrix(
     return _matrix(basis, (A, B), D, edges, clamps(none, []), none)
 
 
-@np.errstate(over="ignore", invalid="ignore")  # a run refuses what is not finite
+@np.errstate(over="ignore", invalid="ignore")  # a run refuses non-finite values
 def _matrix(
     basis: AbstractBasis,
     along: tuple[ndarray, ndarray],
@@ -465,10 +467,10 @@ def _matrix(
     clamped: Clamps,
     mirrors: EndEdges,
 ) -> csr_matrix:
-    """The matrix of ½ ∫ D |∇∇x : A⊗B|² in space or in the plane.
+    """Matrix of ½ ∫ D |∇∇x : A⊗B|² in space or in the plane.
 
-    The unit directions (A, B) in each element, ``along``, are the same for bending.  D
-    is that of `bending_matrix`. Fibres end freely at ``free`` edges, and ``mirrors``
+    The unit directions (A, B) in each element, ``along``, are equal for bending.  D is
+    as in `bending_matrix`.  Fibre ends are hinged at ``free`` edges, and ``mirrors``
     are edges on planes of symmetry.
     """
     mesh: Mesh = basis.mesh

@@ -1,13 +1,14 @@
-"""Resistance of corners against folding: an energy of det F where it is near zero.
+"""Resistance of corners to folding: an energy of det F where it is near zero.
 
 A bilinear quadrilateral is not folded if and only if det F is positive at its corners.
-Fibres and stabilisation are evaluated elsewhere, so that corners get a resistance:
+Fibre and stabilisation terms are evaluated elsewhere, so that corners have a
+resistance:
 
     κ Σ_corners A/n b(det F),   b(J) = ln³(J₀/J) where J < J₀, and 0 elsewhere,
 
-an energy that is C², and exactly zero while every corner is open.  Below J₁ = J₀/4 it
-is the osculating parabola, so that an iteration may pass through folded states; the
-verdict refuses these.  In space det F stands for the area ratio, which has no sign.
+an energy that is C² and exactly zero while every corner is open.  Below J₁ = J₀/4 it is
+the osculating parabola, so that iterates may be folded; the acceptance checks refuse
+folded states.  In space det F is replaced by the area ratio, which has no sign.
 """
 
 import numpy as np
@@ -18,9 +19,9 @@ from skfem.helpers import grad
 from ..fabric import kinematics as kin
 from .form import Forms, deformation, once
 
-#: J₀, the area ratio det F below which a corner resists.  It is chosen so that fibres
-#: at right angles that do not stretch reach it at a shear angle of 85.4°
-#: (cos 85.4° = 0.08), beyond the angles at which fabrics lock.
+#: J₀, the area ratio det F below which a corner resists.  Chosen: inextensible
+#: orthogonal fibres reach it at a shear angle of 85.4° (cos 85.4° = 0.08), beyond the
+#: locking angles of fabrics.
 RESISTING = 0.08
 
 # J₁, the area ratio below which b is a parabola.  Chosen: b″ is 3·10⁴ there,
@@ -39,7 +40,7 @@ def resistance(J: ndarray) -> tuple[ndarray, ndarray, ndarray]:
 def corner_resistance(stiffness: float) -> Forms:
     """Resistance of corners with the energy κ Σ A/n b(det F).
 
-    The forms go with `CornerBasis`.
+    The forms require a `CornerBasis`.
 
     Parameters
     ----------

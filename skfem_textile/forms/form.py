@@ -1,11 +1,11 @@
-"""Parts that all forms share.
+"""Common parts of all forms.
 
 The internal energy of a ply is
 
     Ψ(u) = ∫ Σ_α ψ(ε_α) dΩ + ∫ w(Γ) dΩ + stabilisation.
 
-Each other module of this folder gives energy, residual (first derivative) and tangent
-(second derivative) of one term, as scikit-fem forms that take the displacement as their
+Each other module of this folder defines energy, residual (first derivative) and tangent
+(second derivative) of one term, as scikit-fem forms with the displacement as their
 parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
 """
 
@@ -23,7 +23,7 @@ from ..fabric import kinematics as kin
 
 
 class Forms(NamedTuple):
-    """Energy, residual and tangent of one term, all taking the parameter ``u``."""
+    """Energy, residual and tangent of one term, with the parameter ``u``."""
 
     energy: Functional
     residual: LinearForm
@@ -31,7 +31,7 @@ class Forms(NamedTuple):
 
 
 def of_density(energy: Callable, stress: Callable, stiffness: Callable) -> Forms:
-    """Forms of an energy density, given its derivatives with respect to F."""
+    """Forms of an energy density, given its derivatives by F."""
 
     @Functional
     def energy_form(w):
@@ -66,7 +66,7 @@ def directions(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarray]:
 
 
 def elements(w: FormExtraParams) -> ndarray | None:
-    """Number of the element at each point; None if it is that of the row."""
+    """Element number at each point; None if it is the row number."""
     return np.asarray(w["element"]) if "element" in w else None
 
 
@@ -86,7 +86,7 @@ def families_with_law(fabric: Fabric) -> list[int]:
 
 
 def mean(w: Any, x: ndarray) -> ndarray:
-    """Mean over each element of values at its points, shape (..., n_elements, 1).
+    """Element mean of values at points, shape (..., n_elements, 1).
 
     ``w`` are parameters of `MeanBasis`.
     """

@@ -1,21 +1,23 @@
-"""Forms of the stabilisation: of shear that is not constant, of lift, and isotropic.
+"""Stabilisation forms: non-constant shear, out-of-plane, and isotropic.
 
 Hourglass stabilisation of the shear angle: with an energy, or by the paper's rates.
 
-Both give nodal forces Σ_k A/4 M̃_k δΓ̃_k from a moment M̃ at the four 2×2 points that
-works on the non-constant part Γ̃ of the shear angle (Hamila & Boisse 2013, §3.2).  The
-forms go with `HourglassBasis` and take the displacement as their parameter ``u``.
+Both give nodal forces Σ_k A/4 M̃_k δΓ̃_k from a moment M̃ at the four 2×2 points,
+conjugate to the non-constant part Γ̃ of the shear angle (Hamila & Boisse 2013, §3.2).
+The forms require an `HourglassBasis` and have the displacement as their parameter
+``u``.
 
-Isotropic hourglass control, to compare with the stabilisation of shear alone.
+Isotropic hourglass control, for comparison with the stabilisation of shear alone.
 
-Flanagan & Belytschko (1981) resist all hourglass modes equally, Hamila & Boisse (2013)
-only as far as they change the shear angle.
+Flanagan & Belytschko (1981) stabilise all hourglass modes equally, Hamila & Boisse
+(2013) only to the extent that they change the shear angle.
 
-Stabilisation of the motion that lifts the corners of an element off a plane.
+Stabilisation of the out-of-plane hourglass mode.
 
-In space a point at the centre of a quadrilateral does not see the hourglass motion
-across the ply, which lifts two opposite corners and lowers the others.  The shear angle
-does not change with it either, to first order, so that `hourglass` does not see it.
+In space the hourglass mode normal to the ply, which raises two opposite corners and
+lowers the others, does not change the gradient at the centre of a quadrilateral.  To
+first order it does not change the shear angle either, so that `hourglass` does not
+stabilise it.
 """
 
 from collections.abc import Callable
@@ -39,17 +41,17 @@ Pointwise: TypeAlias = Callable[[FormExtraParams], ndarray]
 def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
     """Stabilisation with the energy ½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))².
 
-    M̃_k = C_s (Γ(ξ_k) − Γ(0)) on the reference area A does not depend on the path.  Both
-    angles take the fibres at ξ_k, and Γ(0) the deformation gradient at the centre, so
-    that a homogeneous motion costs no energy where fibres are curved.
+    M̃_k = C_s (Γ(ξ_k) − Γ(0)) on the reference area A is path-independent.  Both angles
+    use the fibre directions at ξ_k, and Γ(0) the deformation gradient at the centre, so
+    that a homogeneous deformation has no energy also with curved fibres.
 
     Parameters
     ----------
     fabric
-        Gives the fibre directions; its stiffnesses have no effect.
+        Fibre directions; the stiffnesses are not used.
     C_s
-        Stabilisation stiffness in N/mm.  Without it the forms take a parameter ``C_s``,
-        shape (n_elements, 1), as `HeldStabilisation` stores it.
+        Stabilisation stiffness in N/mm.  If not given, the forms have a parameter
+        ``C_s``, shape (n_elements, 1), see `HeldStabilisation`.
     """
 
     def difference(w):
@@ -76,21 +78,20 @@ def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
 def hourglass_rate(fabric: Fabric, C_s: float) -> Forms:
     """Stabilisation by accumulated rates, the procedure of the paper.
 
-    M̃_k = M̃_k(last) + C_s f_k·(B_HGL,k Δu), with f_k, B_HGL,k and the element's area
-    taken in the configuration ``u`` and Δu from the last converged one (Hamila &
-    Boisse 2013, §3.2, where the rate must read B_HGL, not its transpose).  There is no
-    energy: the first form gives the work of the step.  The tangent is symmetric and
-    approximate: f_k, B_HGL,k and the area count as constant, except for the curvature
-    of the shear angle at the point and at the centre.
+    M̃_k = M̃_k(last) + C_s f_k·(B_HGL,k Δu), with f_k, B_HGL,k and the element area in
+    the configuration ``u`` and Δu from the last converged one (Hamila & Boisse 2013,
+    §3.2, where the rate must read B_HGL, not its transpose).  There is no energy: the
+    first form is the work of the step.  The tangent is symmetric and approximate: f_k,
+    B_HGL,k and the area are treated as constant, except for the curvature of the shear
+    angle at the point and at the centre.
 
-    The forms take two more parameters: ``last``, the last converged displacement, and
-    ``moment``, the moments M̃ there, shape (n_elements, 4), as `AccumulatedMoment`
-    stores them.
+    The forms have two more parameters: ``last``, the last converged displacement, and
+    ``moment``, the moments M̃ there, shape (n_elements, 4), see `AccumulatedMoment`.
 
     Parameters
     ----------
     fabric, C_s
-        As for `hourglass`.
+        See `hourglass`.
     """
 
     def variation(w):
@@ -114,7 +115,7 @@ def hourglass_rate(fabric: Fabric, C_s: float) -> Forms:
 
 
 def _rate_variation(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarray]:
-    """f·B_HGL as the pair (f·F⁻ᵀ, f·F(0)⁻ᵀ) that works on ∇u(ξ) and ∇u(0)."""
+    """f·B_HGL as the pair (f·F⁻ᵀ, f·F(0)⁻ᵀ), conjugate to ∇u(ξ) and ∇u(0)."""
     F, F0 = _gradients(w)
     d = kin.shear_angle_d(F, *directions(fabric, w))
     return d, np.einsum("iJ...,jJ...,Kj...->iK...", d, F, inv(F0))
@@ -129,7 +130,7 @@ def rate_increment(fabric: Fabric, w: FormExtraParams) -> ndarray:
 def _residual_and_tangent(
     fabric: Fabric, variation: Callable, moment: Pointwise, stiffness: Pointwise
 ) -> tuple[LinearForm, BilinearForm]:
-    """Residual and tangent of a moment that works on δΓ̃ = d : δ∇u(ξ) − d₀ : δ∇u(0)."""
+    """Residual and tangent of a moment conjugate to δΓ̃ = d : δ∇u(ξ) − d₀ : δ∇u(0)."""
 
     def curvature(w):
         (F, F0), A = _gradients(w), directions(fabric, w)
@@ -151,7 +152,7 @@ def _residual_and_tangent(
 
 
 def _gradients(w: FormExtraParams) -> tuple[ndarray, ndarray]:
-    """Deformation gradients at the point and at the element's centre."""
+    """Deformation gradients at the point and at the element centre."""
     u = w["u"]
     at_centre = centre_grad(u)
     return kin.deformation_gradient(_grad(u)), kin.deformation_gradient(at_centre)
@@ -167,15 +168,15 @@ def _along(d: tuple[ndarray, ndarray], v: DiscreteField) -> ndarray:
 
 
 def _grad(u: DiscreteField) -> ndarray:
-    """Whole gradient of a field on the hourglass basis."""
+    """Full gradient of a field on the hourglass basis."""
     return centre_grad(u) + grad(u)
 
 
 def isotropic_hourglass(stiffness: float) -> Forms:
     """Stabilisation with the energy ½ κ Σ_k A/4 ‖∇u(ξ_k) − ∇u(0)‖².
 
-    It vanishes for homogeneous motions and does not change with rotations of the ply.
-    The forms go with `HourglassBasis`.
+    It vanishes for homogeneous deformations and is invariant under rotations of the
+    ply.  The forms require an `HourglassBasis`.
 
     Parameters
     ----------
@@ -201,11 +202,11 @@ def isotropic_hourglass(stiffness: float) -> Forms:
 def out_of_plane() -> Forms:
     """Stabilisation with the energy ½ C_s Σ_k A/4 ‖N·(∇u(ξ_k) − ∇u(0))‖².
 
-    N is the area vector of the deformation at the centre, normal to the element and as
-    long as its area ratio.  The energy does not change with rotations in space, and it
-    vanishes for all motions in a plane.  The forms go with `HourglassBasis` and take
-    the parameter ``C_s`` in N/mm, a number or an array of shape (n_elements, 1), as
-    `HeldStabilisation` stores it.
+    N is the area vector of the deformation at the centre, normal to the element with
+    the area ratio as its length.  The energy is invariant under rotations in space, and
+    vanishes for all motions in a plane.  The forms require an `HourglassBasis` and have
+    the parameter ``C_s`` in N/mm, a number or an array of shape (n_elements, 1), see
+    `HeldStabilisation`.
     """
 
     def at_centre(w):
@@ -218,7 +219,7 @@ def out_of_plane() -> Forms:
         return _across(once(w, normal), grad(w["u"]))
 
     def turn(w, v):
-        """Change of the area vector."""
+        """Increment of the area vector."""
         return kin.area_vector_d(once(w, at_centre), centre_grad(v))
 
     def variation(w, v):

@@ -1,9 +1,7 @@
 """Forms of the shear resistance, and of its continuity between elements.
 
-Stabilisation by the jump of the shear angle across the edges between elements.
-
-It vanishes where the shear angle is continuous, also where it varies linearly, and
-couples an element with its neighbours.
+Stabilisation by the jump of the shear angle across interior edges.  It vanishes for a
+continuous shear angle, including a linear one, and couples neighbouring elements.
 """
 
 import numpy as np
@@ -52,12 +50,12 @@ def shear(fabric: Fabric) -> Forms:
 def shear_continuity(fabric: Fabric, C_j: float) -> Forms:
     """Stabilisation with the energy ½ C_j Σ_edges (A⁺ + A⁻)/4 [[Γ]]².
 
-    The forms go with `JumpBasis`.
+    The forms require a `JumpBasis`.
 
     Parameters
     ----------
     fabric
-        Gives the fibre directions; its stiffnesses have no effect.
+        Fibre directions; the stiffnesses are not used.
     C_j
         Stabilisation stiffness in N/mm.
     """
@@ -92,5 +90,5 @@ def shear_continuity(fabric: Fabric, C_j: float) -> Forms:
 
 
 def _jump(x: ndarray) -> ndarray:
-    """[[x]], the same at both points of an edge."""
+    """[[x]], equal at both points of an edge."""
     return np.repeat(x[..., :1] - x[..., 1:], 2, axis=-1)

@@ -1,22 +1,22 @@
-"""Forms of the fibre tension: at points, and of the mean strain of an element.
+"""Forms of the fibre tension: local, and of the mean stretch of an element.
 
-Fibre tension of the mean stretch of an element, which avoids tension locking.
+The fibre tension of the mean stretch of an element avoids tension locking.
 
-Each point at which nearly inextensible fibres must not stretch adds a constraint.  With
-one point in every quadrilateral there are as many constraints as unknowns, with three
-in a quadratic triangle more: where the shear angle jumps along fibres as stiff as those
-of real fabrics, both lock.  Here the fibre law holds for the mean λ̄ of the stretches at
-the points of an element, and deviations from it meet a stiffness E_d that does not grow
-with that of the fibres,
+Each integration point with nearly inextensible fibres adds a constraint.  With one
+point per quadrilateral there are as many constraints as unknowns, with three points per
+quadratic triangle more: both lock for realistic fibre stiffnesses where the shear angle
+jumps along fibres.  Here the fibre law is evaluated at the mean λ̄ of the stretches at
+the points of an element, and deviations from it have a stiffness E_d that does not
+increase with that of the fibres,
 
     ψ(ln λ̄) + ½ E_d (λ − λ̄)²,
 
-where ψ is of each family, or takes the means of both.
+where ψ is a function of each family, or of the means of both.
 
-The mean is that of the stretch, and not of its logarithm: a stretch has no second
-derivative along its fibre, so that a deviation meets E_d however large the tension,
-where a logarithm would leave E_d − T.  It is consistent: deviations vanish as elements
-become smaller.
+The mean is taken of the stretch and not of its logarithm: the stretch has no second
+derivative along the fibre, so that the stiffness of a deviation is E_d at any tension,
+whereas with the logarithm it would be E_d − T.  The formulation is consistent:
+deviations vanish under mesh refinement.
 """
 
 import numpy as np
@@ -42,11 +42,10 @@ from .form import (
 def tension(fabric: Fabric) -> Forms:
     """Fibre tension: virtual work ∫ Σ_α T_α δε_α dΩ.
 
-    A tension may take both strains; the tangent then couples warp and weft.
+    A tension may depend on both strains; the tangent then couples warp and weft.
 
-    The tangent takes an optional parameter ``tension``, shape (2, n_elements,
-    n_points): fibre tensions (warp, weft) to use in its geometric part instead
-    of T(ε).
+    The tangent has an optional parameter ``tension``, shape (2, n_elements, n_points):
+    fibre tensions (warp, weft) for its geometric part instead of T(ε).
 
     Raises
     ------
@@ -65,7 +64,7 @@ def tension(fabric: Fabric) -> Forms:
     True
     """
     if not families_with_law(fabric):
-        raise ValueError("the fabric has no tension stiffness: leave this term out")
+        raise ValueError("the fabric has no tension stiffness: omit this term")
 
     families = families_with_law(fabric)
 
@@ -103,9 +102,9 @@ def tension(fabric: Fabric) -> Forms:
 def mean_tension(fabric: Fabric) -> Forms:
     """Fibre tension with the energy ψ(ln λ̄) + ½ E_d (λ − λ̄)².
 
-    The forms go with `MeanBasis` and take the parameter ``E_d`` in N/mm, shape (2,
-    n_elements, 1).  The tangent takes an optional parameter ``tension``, shape (2,
-    n_elements, n_points), as that of `tension` does.
+    The forms require a `MeanBasis` and have the parameter ``E_d`` in N/mm, shape (2,
+    n_elements, 1).  The tangent has an optional parameter ``tension``, shape (2,
+    n_elements, n_points), see `tension`.
 
     Parameters
     ----------
@@ -115,7 +114,7 @@ def mean_tension(fabric: Fabric) -> Forms:
     families = families_with_law(fabric)
 
     def law(w):
-        """Tensions T(ε₁, ε₂) of the means, in each element those of its first point."""
+        """Tensions T(ε₁, ε₂) of the means, by the laws at the first points."""
         element = elements(w)
         return fabric.at(None if element is None else element[:, :1]).tensions
 
@@ -142,7 +141,7 @@ def mean_tension(fabric: Fabric) -> Forms:
         return sum(N[i] * d_lam[i] for i in families)
 
     def local_stiffness(w):
-        """What couples the motion at one point with itself."""
+        """Stiffness of the motion at one point."""
         F, A = deformation(w), directions(fabric, w)
         lam, d_lam, E_d = once(w, stretches), once(w, variation), w["E_d"]
         if "tension" in w:
@@ -155,7 +154,7 @@ def mean_tension(fabric: Fabric) -> Forms:
         )
 
     def mean_stiffness(w):
-        """What couples the mean of each family with itself, and both means."""
+        """Stiffness of the mean of each family, and coupling of the two means."""
         means, E_d = once(w, mean_stretches), w["E_d"]
         T, slopes = law(w).value(np.log(means)), law(w).slopes(np.log(means))
         own = {i: (slopes.own[i] - T[i]) / means[i] ** 2 - E_d[i] for i in families}

@@ -1,4 +1,4 @@
-"""Meshes, fibre directions and fabrics in and out, and results out."""
+"""Input of meshes, fibre directions and fabrics, and output of results."""
 
 from .directions import OF_DIRECTIONS, read_directions, write_directions
 from .draping import (

@@ -1,4 +1,4 @@
-"""Input files of Abaqus: nodes, elements and sets, read and written."""
+"""Abaqus input files: nodes, elements and sets, read and written."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,7 +21,7 @@ from .file_numbers import (
 
 
 class Block(NamedTuple):
-    """A keyword, its parameters, and the words of its data lines."""
+    """Keyword, its parameters, and the words of its data lines."""
 
     keyword: str
     parameters: dict[str, str]
@@ -33,7 +33,7 @@ class Block(NamedTuple):
 
 
 def without_trailing_comma(words: list[bytes]) -> list[bytes]:
-    """The words of a data line that may end with a comma."""
+    """Words of a data line that may end with a comma."""
     return words[:-1] if words[-1] == b"" else words
 
 
@@ -44,7 +44,7 @@ def blocks(content: bytes) -> Iterator[Block]:
     lines = [line for line in stripped if line and not line.startswith(b"**")]
     starts = [i for i, line in enumerate(lines) if line.startswith(b"*")]
     if starts[:1] != [0]:
-        raise MeshError("it does not begin with a keyword of Abaqus")
+        raise MeshError("it does not begin with an Abaqus keyword")
     for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
         first, head = start + 1, lines[start][1:]
         while head.endswith(b",") and first < end:
@@ -61,7 +61,7 @@ def blocks(content: bytes) -> Iterator[Block]:
         yield block
 
 
-# Types of elements, by cell and its number of nodes.
+# Element types, by cell and number of nodes.
 _TYPES = {
     ("line", 2): "T2D2 T2D2H T3D2 T3D2H B21 B21H B31 B31H",
     ("triangle", 3): "CPS3 STRI3 S3 S3R S3RS R3D3 M3D3",
@@ -69,7 +69,7 @@ _TYPES = {
 }
 _CELLS = {name: cell for cell, names in _TYPES.items() for name in names.split()}
 
-# Parameters that are read, by keyword.
+# Supported parameters, by keyword.
 _PARAMETERS = {
     "NODE": {"NSET"},
     "ELEMENT": {"TYPE", "ELSET"},
@@ -77,7 +77,7 @@ _PARAMETERS = {
     "ELSET": {"ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
 }
 
-# Keywords without effect on the mesh, and those that generate or change parts of it.
+# Keywords without effect on the mesh, and keywords that generate or modify parts of it.
 _WITHOUT_EFFECT = ("HEADING", "PREPRINT", "PART", "ASSEMBLY", "INSTANCE")
 _GENERATING = ("NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY")
 
@@ -86,8 +86,8 @@ _GENERATING = ("NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY")
 class _Deck:
     """Numbers and positions of nodes, elements, and sets by keyword and name.
 
-    ``blocks`` has type of cell, numbers, nodes and set of each ``*ELEMENT``.  A set has
-    no more members than the file has lines.
+    ``blocks`` has cell type, numbers, nodes and set of each ``*ELEMENT``.  A set has at
+    most as many members as the file has lines.
     """
 
     tags: ndarray | None = None
@@ -99,7 +99,7 @@ class _Deck:
     _spelled: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def spelled(self, keyword: str, parameters: dict[str, str]) -> str:
-        """The name of a set in its first spelling, as case does not matter."""
+        """Name of a set in its first spelling, as case is ignored."""
         name = parameters.get(keyword, "")
         if not name or "\ufffd" in name:
             raise MeshError(f"{keyword} must have a name, in UTF-8")
@@ -107,13 +107,13 @@ class _Deck:
 
 
 def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
-    """The mesh of a file of Abaqus, and the keywords that are not read.
+    """Mesh of an Abaqus file, and the ignored keywords.
 
     Raises
     ------
     MeshError
-        If the file departs from its format, or has other elements than edges,
-        triangles and four-node quadrilaterals.
+        If the file violates its format, or has elements other than edges, triangles and
+        four-node quadrilaterals.
     """
     deck = _deck(content)
     return _mesh(deck), deck.ignored
@@ -122,7 +122,7 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
 def read_elements(content: bytes) -> tuple[ndarray, dict[str, ndarray]]:
     """Numbers of the triangles and quadrilaterals of a file, and sets of elements.
 
-    Numbers are in the order of the file, sets by their names in capitals.
+    Numbers are in the order of the file; names of sets are in upper case.
     """
     deck = _deck(content)
     sets: dict[str, ndarray] = {}
@@ -158,12 +158,12 @@ def _deck(content: bytes) -> _Deck:
 def _read_block(deck: _Deck, block: Block) -> None:
     keyword, parameters, data = block
     if keyword == "INCLUDE":
-        raise MeshError("is not followed; put the mesh in one file")
+        raise MeshError("is not supported; put the mesh in one file")
     if keyword in _GENERATING:
-        raise MeshError("is not read; list nodes and elements one by one")
+        raise MeshError("is not supported; list nodes and elements one by one")
     if other := set(parameters) - _PARAMETERS.get(keyword, set(parameters)):
         raise MeshError(
-            f"{printable(min(other))!r} is not read; give plain numbers without it"
+            f"{printable(min(other))!r} is not supported; use plain numbers without it"
         )
     if keyword == "NODE":
         deck.tags, deck.points = _nodes(data)
@@ -177,7 +177,7 @@ def _read_block(deck: _Deck, block: Block) -> None:
     elif keyword in ("NSET", "ELSET"):
         name = deck.spelled(keyword, parameters)
         if (keyword, name) in deck.sets:
-            raise MeshError("is given twice; name them apart")
+            raise MeshError("is defined twice; use unique names")
         deck.sets[keyword, name] = _members(
             data, "GENERATE" in parameters, deck.n_lines
         )
@@ -188,7 +188,7 @@ def _read_block(deck: _Deck, block: Block) -> None:
 
 
 def _nodes(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
-    """Numbers and positions."""
+    """Node numbers and positions."""
     tags = from_words([words[0] for words in data], "i8")
     width = len(data[0]) - 1 if data else 3
     for words in data:
@@ -200,7 +200,7 @@ def _nodes(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
 
 
 def _cell(element: str) -> tuple[str, int]:
-    """The cell of an element and its number of nodes."""
+    """Cell of an element, and its number of nodes."""
     try:
         return _CELLS[element.upper()]
     except KeyError:
@@ -211,7 +211,7 @@ def _cell(element: str) -> tuple[str, int]:
 
 
 def _elements(data: list[list[bytes]], width: int) -> ndarray:
-    """Number and nodes of each element, which may take several lines."""
+    """Number and nodes of each element, possibly on several lines."""
     rows: list[list[bytes]] = []
     open_row = False
     for words in data:
@@ -226,7 +226,7 @@ def _elements(data: list[list[bytes]], width: int) -> ndarray:
             shown = excerpt(b", ".join(rows[-1]))
             raise MeshError(f"{shown!r} must be {width} numbers")
     if open_row:
-        raise MeshError("its last element is cut off")
+        raise MeshError("its last element is incomplete")
     return from_words([word for row in rows for word in row], "i8").reshape(-1, width)
 
 
@@ -234,12 +234,14 @@ def _members(data: list[list[bytes]], generate: bool, n_lines: int) -> ndarray:
     """Numbers of the members of a set."""
     words = [word for line in data for word in without_trailing_comma(line)]
     if not all(word.isdigit() for word in words):
-        raise MeshError("is given by other sets; give it by numbers")
+        raise MeshError("is defined by other sets; define it by numbers")
     numbers = from_words(words, "i8")
     if not generate:
         return np.unique(numbers)
     if len(numbers) != 3 or numbers[2] < 1 or (numbers[1] - numbers[0]) % numbers[2]:
-        raise MeshError("GENERATE takes one line: first, last, step, which end at last")
+        raise MeshError(
+            "GENERATE requires one line: first, last, step, where the steps end at last"
+        )
     first, last, step = numbers.tolist()
     if not 0 <= (last - first) // step < n_lines:
         raise MeshError("has more members than the file has lines, or none")
@@ -261,7 +263,7 @@ def _mesh(deck: _Deck) -> meshio.Mesh:
     for name in dict.fromkeys(name for *_, name in deck.blocks if name is not None):
         if ("ELSET", name) in deck.sets:
             raise MeshError(
-                f"*ELSET {name!r} is a set of *ELEMENT too; name them apart"
+                f"*ELSET {name!r} is also a set of *ELEMENT; use unique names"
             )
         elements[name] = [
             np.arange(len(block) if own == name else 0)
@@ -282,15 +284,14 @@ def _mesh(deck: _Deck) -> meshio.Mesh:
     return meshio.Mesh(deck.points, cells, point_sets=nodes, cell_sets=elements)
 
 
-#: Names of two orientations, whose first directions are those of the families: no
-#: orientation of Abaqus holds families that differ in their angle from element to
-#: element.
+#: Names of two orientations, whose first directions are those of the families: an
+#: Abaqus orientation cannot describe families whose angle varies by element.
 WARP, WEFT = "WARP", "WEFT"
 
-#: The set of elements without directions, and the set of the others.
+#: Set of elements without directions, and set of the others.
 NOT_COVERED, COVERED = "NOT_COVERED", "COVERED"
 
-# Members of a set in a line: Abaqus takes 16.
+# Members of a set per line: at most 16 in Abaqus.
 _IN_A_LINE = 16
 
 _TYPES_OF_CELLS = {3: "M3D3", 4: "M3D4R"}
@@ -304,16 +305,15 @@ def deck_of(
     normal: ndarray,
     node_sets: Mapping[str, ndarray] = MappingProxyType({}),
 ) -> str:
-    """A deck of elements with the direction of both families in each.
+    """Deck of elements with the direction of both families in each element.
 
-    The orientations ``WARP`` and ``WEFT`` have the direction of a family for their
-    first axis, in a distribution of points a and b: a along the fibres, and b at right
-    angles to them in the plane of the element.  Numbers have all their digits.
+    The first axis of the orientations ``WARP`` and ``WEFT`` is the direction of a
+    family, given by a distribution of points a and b: a along the fibres, and b normal
+    to them in the plane of the element.  Numbers have full precision.
 
     ``cells`` are node numbers of shape (3, n) and (4, n), directions and normals unit
-    vectors of shape (3, n_elements), and ``node_sets`` numbers of nodes from 0 on.
-    Elements whose directions are NaN are the set ``NOT_COVERED``, the others
-    ``COVERED``.
+    vectors of shape (3, n_elements), and ``node_sets`` node numbers from 0 on.
+    Elements with NaN directions form the set ``NOT_COVERED``, the others ``COVERED``.
     """
     covered = np.isfinite(warp).all(axis=0)
     return "\n".join(
@@ -351,7 +351,7 @@ def _mesh_lines(cells: Sequence[ndarray], points: ndarray) -> Iterator[str]:
 
 
 def _set(keyword: str, name: str, members: ndarray) -> Iterator[str]:
-    """A set of what is numbered from 0 on."""
+    """Set of items, with numbers from 0 on."""
     if not len(members):
         return
     shown = re.sub(r"\W", "_", name)
@@ -361,7 +361,7 @@ def _set(keyword: str, name: str, members: ndarray) -> Iterator[str]:
 
 
 def _family(name: str, direction: ndarray, normal: ndarray) -> Iterator[str]:
-    """The orientation of a family and its distribution."""
+    """Orientation of a family and its distribution."""
     yield f"*ORIENTATION, NAME={name}, SYSTEM=RECTANGULAR"
     yield f"{name}_AXES"
     yield "3, 0."

@@ -1,9 +1,9 @@
 """Fabrics from `*FABRIC` of Abaqus: test data of fill, warp and shear.
 
-Abaqus states nominal stress over nominal strain along the yarns, and shear stress over
-the drop of the angle between them, each the work conjugate of the other per reference
-volume ("Fabric material behavior" in the Analysis User's Guide).  With the thickness t
-and the strain e the tension is T(ln(1 + e)) = t (1 + e) σ(e), and the moment M = t τ.
+Abaqus uses nominal stress over nominal strain along the yarns, and shear stress over
+the decrease of the angle between them, each energy-conjugate per reference volume
+("Fabric material behavior" in the Analysis User's Guide).  With the thickness t and the
+strain e the tension is T(ln(1 + e)) = t (1 + e) σ(e), and the moment M = t τ.
 """
 
 from collections.abc import Iterator
@@ -20,35 +20,35 @@ from ..mesh.user_input import excerpt
 from .abaqus import Block, blocks, without_trailing_comma
 from .file_numbers import errors_about, from_words
 
-# Components of *UNIAXIAL and what they are here: the first yarns are the fill.
+# Components of *UNIAXIAL and their meaning here: the first yarns are the fill.
 _COMPONENTS = {"1": "weft", "2": "warp", "SHEAR": "shear"}
 
 _SECTIONS = ("SHELL SECTION", "MEMBRANE SECTION")
 
-# Other options of a material, and why they have no counterpart.
+# Other material options, and reasons why they have no counterpart.
 _OTHERS = {
     "DENSITY": "the ply is in static equilibrium",
     "DAMPING": "the ply is in static equilibrium",
-    "EXPANSION": "there are no temperatures",
+    "EXPANSION": "temperature is not modelled",
     "UNLOADING DATA": "laws are elastic: unloading follows the loading data",
-    "DEPVAR": "laws have no state",
-    "ELASTIC": "the plane of the fabric has the laws of *FABRIC alone",
+    "DEPVAR": "laws have no internal variables",
+    "ELASTIC": "the fabric has only the laws of *FABRIC",
     "PLASTIC": "laws are elastic",
-    "VISCOELASTIC": "laws do not depend on time",
+    "VISCOELASTIC": "laws are independent of time",
     "DAMAGE INITIATION": "laws are elastic",
     "DAMAGE EVOLUTION": "laws are elastic",
-    "FAIL STRAIN": "states past a failure are judged by the load stepper alone",
-    "FAIL STRESS": "states past a failure are judged by the load stepper alone",
-    "SPECIFIC HEAT": "there are no temperatures",
-    "CONDUCTIVITY": "there are no temperatures",
+    "FAIL STRAIN": "failure is checked by the load stepper only",
+    "FAIL STRESS": "failure is checked by the load stepper only",
+    "SPECIFIC HEAT": "temperature is not modelled",
+    "CONDUCTIVITY": "temperature is not modelled",
 }
 
-#: Keywords of a fabric: those that are read, and those reported as not taken over.
+#: Keywords of a fabric: supported ones, and those reported as ignored.
 KEYWORDS = ("MATERIAL", "FABRIC", "UNIAXIAL", "LOADING DATA", *_SECTIONS, *_OTHERS)
 
 
 class _Data(NamedTuple):
-    """Loading data of one direction: strains, stresses, and what follows beyond."""
+    """Loading data of one direction: strains, stresses, and extrapolation."""
 
     direction: str
     strain: ndarray
@@ -58,7 +58,7 @@ class _Data(NamedTuple):
 
 @dataclass
 class _Material:
-    """A material with *FABRIC: loading data by component, and what is left out."""
+    """Material with *FABRIC: loading data by component, and ignored keywords."""
 
     name: str
     fabric: bool = False
@@ -73,14 +73,14 @@ def read(
     stress: float,
     material: str | None,
 ) -> tuple[Fabric, list[str]]:
-    """The fabric of a deck, and sentences on what is not taken over.
+    """Fabric of a deck, and messages about ignored data.
 
-    ``length`` and ``stress`` are how many mm and N/mm² the units of the deck are.
+    ``length`` and ``stress`` are the units of the deck in mm and N/mm².
 
     Raises
     ------
     MeshError
-        If the deck departs from its format, has no such fabric or no thickness.
+        If the deck violates its format, or has no such fabric or no thickness.
     """
     every = list(blocks(content))
     chosen = _chosen(_materials(every), material)
@@ -95,8 +95,8 @@ def read(
             laws.append(_law(component, data, not_taken, thickness * stress))
     warp, weft, shear = laws
     not_taken.append(
-        "Abaqus goes in straight lines between the points of the data; the laws here "
-        "go through the same points in a monotone cubic"
+        "Abaqus interpolates the data linearly; the laws here interpolate the same "
+        "points with a monotone cubic"
     )
     return Fabric((warp, weft), shear), not_taken
 
@@ -118,7 +118,7 @@ def _materials(every: list[Block]) -> list[_Material]:
                 _store(block, current, component)
             elif block.keyword == "FABRIC":
                 if "USER" in block.parameters:
-                    raise MeshError("USER is a subroutine; give test data")
+                    raise MeshError("USER is a subroutine; provide test data")
                 current.fabric = True
             elif reason := _OTHERS.get(block.keyword):
                 current.not_taken.append(f"*{block.keyword}: {reason}")
@@ -134,7 +134,7 @@ def _component(block: Block, material: _Material) -> str:
             f"COMPONENT={excerpt(word)} is none of {', '.join(_COMPONENTS)}"
         )
     if _COMPONENTS[word] in material.data:
-        raise MeshError(f"COMPONENT={word} is given twice")
+        raise MeshError(f"COMPONENT={word} is defined twice")
     material.data[_COMPONENTS[word]] = []
     return _COMPONENTS[word]
 
@@ -146,9 +146,9 @@ def _store(block: Block, material: _Material, component: str) -> None:
     direction = parameters.get("DIRECTION", "").upper()
     beyond = parameters.get("EXTRAPOLATION", "CONSTANT").upper()
     if direction not in ("", "TENSION", "COMPRESSION"):
-        raise MeshError(f"DIRECTION={excerpt(direction)} is not read")
+        raise MeshError(f"DIRECTION={excerpt(direction)} is not supported")
     if beyond not in ("CONSTANT", "LINEAR"):
-        raise MeshError(f"EXTRAPOLATION={excerpt(beyond)} is not read")
+        raise MeshError(f"EXTRAPOLATION={excerpt(beyond)} is not supported")
     kind = parameters.get("TYPE", "ELASTIC").upper()
     if kind != "ELASTIC":
         material.not_taken.append(
@@ -157,7 +157,9 @@ def _store(block: Block, material: _Material, component: str) -> None:
         )
     rows = [without_trailing_comma(words) for words in block.data]
     if any(len(row) < 2 for row in rows) or len({len(row) for row in rows}) > 1:
-        raise MeshError("each line must have a stress and a strain, and as many words")
+        raise MeshError(
+            "each line must have a stress and a strain, and the same number of words"
+        )
     numbers = from_words([word for row in rows for word in row], "f8")
     table = numbers.reshape(len(rows), -1) if rows else np.empty((0, 2))
     if not np.isfinite(table).all():
@@ -165,8 +167,7 @@ def _store(block: Block, material: _Material, component: str) -> None:
     if table.shape[1] > 2 and len(table):
         if np.ptp(table[:, 2:], axis=0).any():
             raise MeshError(
-                "it depends on temperature, rate or fields; leave the lines of one "
-                "value"
+                "it depends on temperature, rate or fields; keep the lines of one value"
             )
         material.not_taken.append(
             f"{component}: temperature, rate or fields of the loading data"
@@ -178,12 +179,12 @@ def _store(block: Block, material: _Material, component: str) -> None:
         strain, stress = strain[::-1], stress[::-1]
     own = material.data[component]
     if any(data.direction in (direction, "") or not direction for data in own):
-        raise MeshError("its direction is given twice")
+        raise MeshError("its direction is defined twice")
     own.append(_Data(direction, strain, stress, beyond == "LINEAR"))
 
 
 def _chosen(materials: list[_Material], name: str | None) -> _Material:
-    """The material of a name, or the only fabric."""
+    """Material with a name, or the only fabric."""
     fabrics = [m for m in materials if m.fabric]
     if name is not None:
         fabrics = [m for m in fabrics if m.name.upper() == name.upper()]
@@ -198,7 +199,7 @@ def _chosen(materials: list[_Material], name: str | None) -> _Material:
 
 
 def _thickness(every: list[Block], material: str) -> float:
-    """The thickness of the section of a material."""
+    """Thickness of the section of a material."""
     given = {
         block.data[0][0]
         for block in every
@@ -219,24 +220,24 @@ def _thickness(every: list[Block], material: str) -> float:
 
 
 def _law(component: str, data: list[_Data], not_taken: list[str], scale: float) -> Law:
-    """The law of a component, from its data in N/mm² times the thickness."""
+    """Law of a component, from its data in N/mm² times the thickness."""
     both = sorted(data, key=lambda part: part.direction)  # compression comes first
     strain = np.concatenate([part.strain for part in both])
     stress = np.concatenate([part.stress for part in both])
     if any(part.direction for part in both) and not (strain == 0).any():
         at = int(np.searchsorted(strain, 0.0))
         strain, stress = np.insert(strain, at, 0.0), np.insert(stress, at, 0.0)
-    if len(both) == 2:  # both state the origin
+    if len(both) == 2:  # both contain the origin
         keep = np.append(True, ~((np.diff(strain) == 0) & (strain[1:] == 0)))
         strain, stress = strain[keep], stress[keep]
     one_sided = len(strain) and ((strain >= 0).all() or (strain <= 0).all())
     if one_sided and strain[-1] <= 0:
         strain, stress = -strain[::-1], -stress[::-1]
         if both[0].direction == "COMPRESSION":
-            raise MeshError("it has data of compression alone")
+            raise MeshError("it has compression data only")
     if component == "shear":
         x, y = strain, scale * stress
-        if not one_sided:  # from fill to warp, where here it is from warp to weft
+        if not one_sided:  # from fill to warp, but here from warp to weft
             x, y = -x[::-1], -y[::-1]
     elif (strain <= -1).any():
         raise MeshError("a nominal strain must be above -1")
@@ -247,42 +248,47 @@ def _law(component: str, data: list[_Data], not_taken: list[str], scale: float) 
     if not linear:
         not_taken.append(
             f"{component}: EXTRAPOLATION=CONSTANT; the law ends at the strain "
-            f"{strain[-1]:g}, and no state beyond is an answer"
+            f"{strain[-1]:g}, and states beyond it are refused"
         )
     tension_alone = one_sided and both[0].direction == "TENSION"
     odd = bool(one_sided) and (component == "shear" or not tension_alone)
     if odd and tension_alone:
-        not_taken.append("shear: DIRECTION=TENSION; the law holds for both signs")
+        not_taken.append("shear: DIRECTION=TENSION; the law is used for both signs")
     law = Tabulated(x, y, "linear" if linear else "refuse", odd)
     if tension_alone and not odd:
         not_taken.append(
-            f"{component}: there is no data of compression, so fibres do not resist it"
+            f"{component}: there are no compression data, so fibres do not resist "
+            "compression"
         )
         return TensionOnly(law)
     return law
 
 
-# Points of a law that is no table: a straight line between two of a parabola is off by
-# a millionth of its largest value.
+# Number of points of a law that is not tabulated: linear interpolation of a parabola
+# then has an error of a millionth of its largest value.
 _N_POINTS = 1001
 
-# Strain and angle up to which laws without a finite domain are written.
+# Strain and angle up to which laws with an unbounded domain are written.
 _STRAIN, _ANGLE = 0.1, np.radians(80.0)
 
-# Shear and fibres in the order of Abaqus: fill, warp, shear.
+# Components in the order of Abaqus: fill, warp, shear.
 _WRITTEN_COMPONENTS = (("1", 1), ("2", 0), ("SHEAR", 2))
 
 
 def material_of(fabric: Fabric, thickness: float, name: str) -> str:
-    """A material of Abaqus with the laws of a fabric, refused if it has no such law."""
+    """Abaqus material with the laws of a fabric; an error if it cannot be expressed."""
     if not isinstance(fabric.tensions, TwoLaws):
-        raise ValueError("*FABRIC has no law of both fibre strains; write a .json")
+        raise ValueError(
+            "*FABRIC does not support a law of both fibre strains; write a .json"
+        )
     if fabric.bends:
-        raise ValueError("*FABRIC has no bending or twist stiffness; write a .json")
+        raise ValueError(
+            "*FABRIC does not support bending or twist stiffness; write a .json"
+        )
     if np.any(np.not_equal(fabric.wrinkling_angle, Fabric.wrinkling_angle)):
-        raise ValueError("*FABRIC has no wrinkling angle; write a .json")
+        raise ValueError("*FABRIC does not support a wrinkling angle; write a .json")
     if fabric.at() is not fabric:
-        raise ValueError("*FABRIC is the same in every element; write a .json")
+        raise ValueError("*FABRIC is uniform over the elements; write a .json")
     lines = [f"*MATERIAL, NAME={name}", "*FABRIC"]
     for word, number in _WRITTEN_COMPONENTS:
         lines.append(f"*UNIAXIAL, COMPONENT={word}")
@@ -317,7 +323,7 @@ def _points(law: Any, reach: float) -> tuple[ndarray, ndarray, str]:
         x = np.array([-reach, 0.0, reach])
         return x, law.value(x), ", EXTRAPOLATION=LINEAR"
     ends = domain_of(law)
-    if np.isfinite(ends).any():  # where there may be a pole
+    if np.isfinite(ends).any():  # as there may be a pole
         ends = getattr(law, "shown", None) or ends
     low, high = max(float(ends[0]), -reach), min(float(ends[1]), reach)
     x = np.linspace(low, high, _N_POINTS)

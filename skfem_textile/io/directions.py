@@ -1,8 +1,8 @@
-"""Fibre directions of each element in files: VTU, CSV and decks of Abaqus.
+"""Fibre directions of each element in files: VTU, CSV and Abaqus decks.
 
-Abaqus takes the first local direction of an `*ORIENTATION` for the fill yarns of a
-fabric, and the second for the warp yarns (Abaqus Analysis User's Guide, "Fabric
-material behavior").
+The first local direction of an `*ORIENTATION` is that of the fill yarns of a fabric,
+the second that of the warp yarns (Abaqus Analysis User's Guide, "Fabric material
+behavior").
 """
 
 import csv
@@ -33,19 +33,19 @@ from .vtk import read_xml, write_grid
 
 _SECTIONS = ("SHELL SECTION", "MEMBRANE SECTION", "SHELL GENERAL SECTION")
 
-# Keywords of a deck that bear on directions.
+# Keywords of a deck that define directions.
 _KEYWORDS = ("ORIENTATION", "DISTRIBUTION", "DISTRIBUTION TABLE", *_SECTIONS)
 
 _VECTORS = ("warp_direction", "weft_direction")
 _ANGLES = ("warp_angle_deg", "weft_angle_deg")
 
-#: Names that `read_mesh` has for what `read_directions` reads.
+#: Names in `read_mesh` of data that `read_directions` reads.
 OF_DIRECTIONS = (*_VECTORS, *_ANGLES, *(f"*{keyword}" for keyword in _KEYWORDS))
 
 _COMPONENTS = {**dict.fromkeys(_VECTORS, 3), **dict.fromkeys(_ANGLES, 1)}
 
-# Components of unit vectors out of the plane up to which they lie in it.  Chosen: above
-# the six digits of a deck.
+# Out-of-plane component of a unit vector below which it lies in the plane.  Chosen:
+# above the six digits of a deck.
 _IN_PLANE = 1e-5
 
 
@@ -54,8 +54,8 @@ def read_directions(path: str | os.PathLike[str]) -> FibreDirections:
 
     A .vtu has cell data ``warp_direction`` and ``weft_direction``, vectors, or else
     ``warp_angle_deg`` and ``weft_angle_deg``, angles to the x axis.  A .csv has the
-    columns ``element``, from 1 on, and both angles.  A .inp of Abaqus has
-    ``*ORIENTATION``, with ``*DISTRIBUTION`` where it differs from element to element.
+    columns ``element``, from 1 on, and both angles.  An Abaqus .inp has
+    ``*ORIENTATION``, with ``*DISTRIBUTION`` if it varies by element.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def _of_csv(content: bytes) -> FibreDirections:
     try:
         rows = list(csv.reader(content.decode("utf-8-sig").splitlines(), strict=True))
     except (UnicodeDecodeError, csv.Error):
-        raise MeshError("no CSV file in UTF-8") from None
+        raise MeshError("not a CSV file in UTF-8") from None
     lines = [(i, row) for i, row in enumerate(rows, 1) if any(map(str.strip, row))]
     header = [name.strip() for name in lines[0][1]] if lines else []
     needed = ("element", *_ANGLES)
@@ -145,26 +145,27 @@ def write_directions(
     directions: FibreDirections,
     points: ndarray | None = None,
 ) -> None:
-    """Write fibre directions so that `read_directions` finds them.
+    """Write fibre directions in a format for `read_directions`.
 
-    A .vtu has vectors and angles, bit by bit; a .csv angles with all digits; a .inp of
-    Abaqus a distribution and an orientation for each family.
+    A .vtu has vectors and angles, bit by bit; a .csv angles with full precision; an
+    Abaqus .inp a distribution and an orientation for each family.
 
     Parameters
     ----------
     path
         The file.
     mesh
-        The mesh; of a split or cut mesh the user's elements are written.
+        The mesh; for a split or cut mesh the user's elements are written.
     directions
         Directions in these elements.
     points
-        Positions of the nodes, if they are not those of the mesh, shape (2, n).
+        Positions of the nodes, shape (2, n); by default those of the mesh.
 
     Raises
     ------
     ValueError
-        If the name has another suffix, or there is not one direction for each element.
+        If the name has another suffix, or the number of directions differs from that of
+        the elements.
     OSError
         If the file cannot be written.
     """
@@ -200,20 +201,20 @@ def write_directions(
 
 
 def _in_space(x: ndarray) -> ndarray:
-    """Columns of vectors in the plane, in space."""
+    """Columns of vectors in the plane, as vectors in space."""
     return np.pad(x, ((0, 1), (0, 0)))
 
 
-# Tables of distributions that are read: how many numbers each element has.
+# Supported tables of distributions, with the number of values per element.
 _TABLES = {("COORD3D", "COORD3D"): 6, ("ANGLE",): 1}
 
 
 @dataclass
 class _Deck:
-    """The blocks of a deck that bear on directions, by their names in capitals.
+    """Blocks of a deck that define directions, by their names in upper case.
 
-    ``sections`` are pairs of a set of elements and an orientation.  ``numbers`` are
-    those of all elements, ``sets`` their members.
+    ``sections`` are pairs of a set of elements and an orientation.  ``numbers`` are the
+    numbers of all elements, ``sets`` their members.
     """
 
     orientations: dict[str, Block] = field(default_factory=dict)
@@ -224,7 +225,7 @@ class _Deck:
     sets: dict[str, ndarray] = field(default_factory=dict)
 
     def members(self, name: str) -> ndarray:
-        """Positions of the elements of a set."""
+        """Indices of the elements of a set."""
         members = _named("*ELSET", name, self.sets)
         return np.flatnonzero(np.isin(self.numbers, members))
 
@@ -243,7 +244,7 @@ def directions_of_deck(content: bytes) -> tuple[ndarray, ndarray] | None:
     Raises
     ------
     MeshError
-        If the deck departs from its format, or states directions that are not read.
+        If the deck violates its format, or has unsupported directions.
     """
     deck, has_elements = _Deck(), False
     for block in blocks(content):
@@ -266,19 +267,19 @@ def directions_of_deck(content: bytes) -> tuple[ndarray, ndarray] | None:
         fill, warp = _local(deck, block)
     else:
         raise MeshError(
-            "no section names one of its orientations; name it in *SHELL SECTION, or "
-            f"call two of them {WARP} and {WEFT}"
+            "no section refers to one of its orientations; refer to it in *SHELL "
+            f"SECTION, or name two of them {WARP} and {WEFT}"
         )
     if (without := np.isnan(fill).any(axis=0)).any():
         raise MeshError(
-            f"element {deck.numbers[without][0]} is in no section that has an "
+            f"element {deck.numbers[without][0]} is not in a section with an "
             "orientation"
         )
     return warp, fill
 
 
 def _store(deck: _Deck, block: Block) -> None:
-    """Keep a block if it bears on directions."""
+    """Store a block if it defines directions."""
     keyword, parameters, data = block
     name = parameters.get("NAME", "").upper()
     kept = {"ORIENTATION": deck.orientations, "DISTRIBUTION": deck.distributions}
@@ -290,7 +291,7 @@ def _store(deck: _Deck, block: Block) -> None:
         deck.tables[name] = _TABLES.get(tuple(filter(None, words)), 0)
     elif keyword in kept:
         if name in kept[keyword]:
-            raise MeshError(f"{block}: there are two of this name")
+            raise MeshError(f"{block}: it is defined twice")
         kept[keyword][name] = block
 
 
@@ -317,7 +318,9 @@ def _local_directions(
     second = data[1] if len(data) > 1 else [b"3", b"0"]
     axis = 1 if second[0] == b"" else int(from_words(second[:1], "i8")[0])
     if axis not in (1, 2, 3):
-        raise MeshError(f"its additional rotation is about {axis}, which is no axis")
+        raise MeshError(
+            f"its additional rotation is about {axis}, which is not an axis"
+        )
     one, two, normal = (axes[(axis + i) % 3] for i in range(3))
     if np.abs(normal[:2]).max() > _IN_PLANE:
         raise MeshError(
@@ -328,7 +331,7 @@ def _local_directions(
     one, two = c * one + s * two, c * two - s * one
     if "LOCAL DIRECTIONS" not in parameters:
         if len(data) > 2:
-            raise MeshError("it has more lines than an axis and an angle")
+            raise MeshError("it has lines besides an axis and an angle")
         return np.stack([one[:2], two[:2]])
     return np.stack([u * one[:2] + v * two[:2] for u, v in _yarns(data[2:])])
 
@@ -371,7 +374,7 @@ def _axes(deck: _Deck, data: list[list[bytes]]) -> ndarray:
 
 
 def _unit(v: ndarray) -> ndarray:
-    """Columns of length 1; a column without length stays zero."""
+    """Normalised columns; a column of length zero stays zero."""
     largest = np.abs(v).max(axis=0)
     v = v / np.where(largest > 0, largest, 1.0)
     length = np.linalg.norm(v, axis=0)
@@ -379,7 +382,7 @@ def _unit(v: ndarray) -> ndarray:
 
 
 def _angles(deck: _Deck, words: list[bytes]) -> ndarray:
-    """The additional rotation of each element in degrees."""
+    """Additional rotation of each element in degrees."""
     words = [word for word in words if word]
     if not words:
         return np.zeros(len(deck.numbers))
@@ -405,13 +408,15 @@ def _distributed(deck: _Deck, word: bytes, width: int) -> ndarray:
 def _values(deck: _Deck, block: Block, width: int) -> ndarray:
     parameters, numbers = block.parameters, deck.numbers
     if other := set(parameters) - {"NAME", "LOCATION", "TABLE"}:
-        raise MeshError(f"{excerpt(min(other))!r} is not read; give numbers without it")
+        raise MeshError(
+            f"{excerpt(min(other))!r} is not supported; use numbers without it"
+        )
     if parameters.get("LOCATION", "").upper() != "ELEMENT":
-        raise MeshError("only LOCATION=ELEMENT is read")
+        raise MeshError("only LOCATION=ELEMENT is supported")
     table = parameters.get("TABLE", "").upper()
     if deck.tables.get(table, 0) != width:
         kinds = {6: "COORD3D, COORD3D", 1: "ANGLE"}
-        raise MeshError(f"its *DISTRIBUTION TABLE must be there, with {kinds[width]}")
+        raise MeshError(f"it requires a *DISTRIBUTION TABLE with {kinds[width]}")
     by_element: list[tuple[bytes, list[bytes]]] = []
     values, with_default = np.full((width, len(numbers)), np.nan), False
     for words in block.data:
@@ -435,7 +440,7 @@ def _values(deck: _Deck, block: Block, width: int) -> ndarray:
         tags = from_words([tag for tag, _ in by_element], "i8")
         given = from_words([word for _, own in by_element for word in own], "f8")
         if len(np.unique(tags)) < len(tags):
-            raise MeshError("it has two lines of one element")
+            raise MeshError("it has two lines for one element")
         values[:, tag_positions(numbers, tags, "element")] = given.reshape(-1, width).T
     if (left := np.isnan(values).any(axis=0)).any():
         raise MeshError(f"it has no value for element {numbers[left][0]}")

@@ -1,4 +1,4 @@
-"""Tools from files, and draped fibres and flat patterns in files."""
+"""Tools from files, and output of draped fibres and flat patterns."""
 
 import csv
 import os
@@ -32,7 +32,7 @@ from .meshes import read_raw
 from .results import cell_fields, on_users_elements
 from .vtk import write_grid
 
-#: Names of files that `write_draped` writes.
+#: Names of the files written by `write_draped`.
 DRAPED = ("fibres.vtu", "fibres.csv", "fibres.inp")
 
 _VECTORS = ("warp_direction", "weft_direction")
@@ -42,19 +42,19 @@ _MEASURES = ("warp_angle_deg", "weft_angle_deg", "shear_angle_deg")
 def write_fibres(path: str | os.PathLike[str], fibres: FibresInSpace) -> None:
     """Write the fibres in elements in space.
 
-    A .vtu has the vectors ``warp_direction``, ``weft_direction`` and ``reference``,
-    from which angles are counted, ``warp_angle_deg``, ``weft_angle_deg`` and
+    A .vtu has the vectors ``warp_direction``, ``weft_direction`` and ``reference``, to
+    which the angles ``warp_angle_deg`` and ``weft_angle_deg`` refer,
     ``shear_angle_deg``, and ``covered``, 1 or 0.  A .csv has the angles at the centre
-    of each element.  A .inp of Abaqus has a distribution and an orientation for each
-    family.  Elements are numbered from 1 on.  Where the ply does not reach, a .vtu has
-    NaN, a .csv empty cells, and a .inp the set ``NOT_COVERED``.
+    of each element.  An Abaqus .inp has a distribution and an orientation for each
+    family.  Elements are numbered from 1 on.  Elements not covered by the ply have NaN
+    in a .vtu, empty cells in a .csv, and form the set ``NOT_COVERED`` in a .inp.
 
     Parameters
     ----------
     path
         The file.
     fibres
-        Of `fibres_on_tool` or `fibres_on_ply`.
+        Result of `fibres_on_tool` or `fibres_on_ply`.
 
     Raises
     ------
@@ -92,19 +92,19 @@ def write_fibres(path: str | os.PathLike[str], fibres: FibresInSpace) -> None:
 def write_draped(
     result: Result, folder: str | os.PathLike[str], axes: Axes = SAME_AXES
 ) -> None:
-    """Write the fibres of the last state for the next analysis: VTU, CSV and Abaqus.
+    """Write the fibres of the last state for subsequent analyses: VTU, CSV and Abaqus.
 
-    Nodes are where they ended, and directions those of the deformed fibres in the
-    mean of each of the user's elements.
+    Nodes are at their final positions, and directions are element means of the deformed
+    fibres in the user's elements.
 
     Parameters
     ----------
     result
         The result.
     folder
-        Where ``fibres.vtu``, ``fibres.csv`` and ``fibres.inp`` go.
+        Folder for ``fibres.vtu``, ``fibres.csv`` and ``fibres.inp``.
     axes
-        Axes of a ply in space among those of the files.
+        Axes of a ply in space in the coordinates of the files.
 
     Raises
     ------
@@ -130,10 +130,11 @@ def write_draped(
         write_directions(file, ply.mesh, directions, points)
 
 
-# Length of an axis, and height of letters, as shares of the pattern's smaller extent.
+# Length of an axis, and height of letters, relative to the smaller extent of the
+# pattern.
 _AXIS, _LETTERS = 0.25, 0.04
 
-# Margin and width of lines of an SVG, as shares of the larger extent.
+# Margin and line width of an SVG, relative to the larger extent.
 _MARGIN, _LINE = 0.05, 0.002
 
 # Colours of both families in an SVG.
@@ -147,10 +148,10 @@ def write_pattern(
 ) -> None:
     """Write the outlines of a flat pattern.
 
-    A .csv has the points of each curve, the length along it up to each point, the
-    angles of the fibres in the flat ply to its x axis, and the point on the tool.  A
-    .svg and a .dxf have the outlines at full size and the mean directions of warp and
-    weft.  A .dxf has them on the layers ``CUT``, ``WARP`` and ``WEFT``.
+    A .csv has the points of each curve, the arc length up to each point, the angles of
+    the fibres in the flat ply to its x axis, and the point on the tool.  A .svg and a
+    .dxf have the outlines at full size and the mean directions of warp and weft.  A
+    .dxf has them on the layers ``CUT``, ``WARP`` and ``WEFT``.
 
     Parameters
     ----------
@@ -202,7 +203,7 @@ def _write_outline_csv(path: Path, curves: list[FlatPattern]) -> None:
 
 
 class _Drawing(NamedTuple):
-    """Extent of a pattern, its middle, and arrows along warp and weft by colour."""
+    """Extent of a pattern, its centre, and arrows along warp and weft by colour."""
 
     low: ndarray
     high: ndarray
@@ -276,17 +277,17 @@ def _write_dxf(path: Path, curves: list[FlatPattern]) -> None:
 def read_tool_mesh(path: str | os.PathLike[str]) -> ToolMesh:
     """Read the triangles and quadrilaterals of a tool, in the order of the file.
 
-    Other cells are left out.
+    Other cells are ignored.
 
     Parameters
     ----------
     path
-        The file: STL, and what else meshio reads.
+        The file: STL or another format supported by meshio.
 
     Raises
     ------
     MeshError
-        If the file cannot be read, or holds no surface in space.
+        If the file cannot be read, or does not contain a surface in space.
     """
     with errors_about(path):
         return ToolMesh(*_points_and_cells(path))
@@ -295,7 +296,7 @@ def read_tool_mesh(path: str | os.PathLike[str]) -> ToolMesh:
 def _points_and_cells(
     path: str | os.PathLike[str],
 ) -> tuple[ndarray, tuple[ndarray, ...]]:
-    """Points and cells of a file, the arguments of `ToolMesh`."""
+    """Points and cells of a file, as arguments of `ToolMesh`."""
     raw, _ = read_raw(Path(path))
     cells = tuple(
         np.asarray(block.data, dtype=int).T
@@ -310,10 +311,10 @@ def _points_and_cells(
 
 
 def read_surface(path: str | os.PathLike[str]) -> TriangleMesh:
-    """Read a tool's surface, smoothed: STL, and what else meshio reads.
+    """Read a smoothed tool surface: STL or another format supported by meshio.
 
-    Quadrilaterals are cut in two.  Other cells are left out, and triangles whose
-    corners coincide, as at the pole of a sphere.
+    Quadrilaterals are cut into triangles.  Other cells are ignored, and so are
+    triangles with coincident corners, as at the pole of a sphere.
 
     Parameters
     ----------
@@ -323,7 +324,7 @@ def read_surface(path: str | os.PathLike[str]) -> TriangleMesh:
     Raises
     ------
     MeshError
-        If the file cannot be read, or holds no surface.
+        If the file cannot be read, or does not contain a surface.
     """
     with errors_about(path):
         points, cells = _points_and_cells(path)
@@ -336,7 +337,7 @@ def read_trimming_curve(path: str | os.PathLike[str]) -> ndarray:
     Parameters
     ----------
     path
-        The file, in UTF-8.  Its first row names the columns, and others are left out.
+        The file, in UTF-8.  Its first row names the columns; other columns are ignored.
 
     Returns
     -------
@@ -346,7 +347,7 @@ def read_trimming_curve(path: str | os.PathLike[str]) -> ndarray:
     Raises
     ------
     ValueError
-        If it is no such file; one line names the file and the row.
+        If the file is not valid; one line names the file and the row.
     OSError
         If it cannot be read.
     """
@@ -362,7 +363,9 @@ def read_trimming_curve(path: str | os.PathLike[str]) -> ndarray:
                 raise ValueError
         except (ValueError, IndexError):
             shown = excerpt(",".join(row))
-            raise ValueError(f"{file}, row {number}: '{shown}' is no point") from None
+            raise ValueError(
+                f"{file}, row {number}: '{shown}' is not a point"
+            ) from None
     if len(np.unique(points, axis=0)) < 3:
-        raise ValueError(f"{file}: a closed curve needs three points at least")
+        raise ValueError(f"{file}: a closed curve needs at least three points")
     return np.transpose(points)

@@ -1,4 +1,4 @@
-"""Fabrics from files and to files, whatever their format."""
+"""Input and output of fabrics, for all formats."""
 
 import logging
 import os
@@ -18,22 +18,22 @@ from .file_numbers import errors_about
 
 log = logging.getLogger(__name__)
 
-#: Names, as of `read_mesh`, of what `read_fabric` reads of a deck, or warns of.
+#: Names, as in `read_mesh`, of the data of a deck that `read_fabric` reads or reports.
 OF_FABRICS = tuple(f"*{keyword}" for keyword in abaqus_fabric.KEYWORDS)
 
-# Suffixes of files that have a fabric.
+# Suffixes of fabric files.
 _SUFFIXES = (".json", ".inp", ".rad")
 
-# How many N or mm a unit is.
+# Units in N or mm.
 _FORCES = {"N": 1.0, "kN": 1e3}
 _LENGTHS = {"mm": 1.0, "cm": 10.0, "m": 1e3}
 
 
 class FabricOfFile(NamedTuple):
-    """A fabric that was read, and what could not be taken over.
+    """Fabric read from a file, and messages about ignored data.
 
-    ``fabric`` has laws in N/mm, and directions if the file states them.  ``not_taken``
-    has a sentence for each thing that the file has and the fabric has not.
+    ``fabric`` has laws in N/mm, and directions if the file defines them.  ``not_taken``
+    has one message per ignored feature of the file.
     """
 
     fabric: Fabric
@@ -48,29 +48,30 @@ def read_fabric(
 ) -> FabricOfFile:
     """Read a fabric: of the package (.json), of Abaqus (.inp) or OpenRadioss (.rad).
 
-    The log ``skfem_textile`` has a warning for each thing that could not be taken over.
+    A warning in the log ``skfem_textile`` reports each ignored feature.
 
     Parameters
     ----------
     path
         The file.
     thickness
-        Of the ply in mm, which turns stress into force per width.  If it is not given,
-        that of the material's section in an Abaqus deck.
+        Thickness of the ply in mm, which converts stress to force per width.  By
+        default that of the section of the material in an Abaqus deck.
     units
-        Force and length of a deck.
+        Units of force and length in a deck.
     material
-        Name, or in OpenRadioss the number, of the material, if there are several.
+        Name, or number in OpenRadioss, of the material, if there are several.
 
     Returns
     -------
     FabricOfFile
-        The fabric, and sentences on what could not be taken over.
+        The fabric, and messages about ignored data.
 
     Raises
     ------
     MeshError
-        If the file cannot be read or has no fabric; one line names the file.
+        If the file cannot be read or does not contain a fabric; one line names the
+        file.
 
     Examples
     --------
@@ -102,7 +103,7 @@ def _read(
     if suffix == ".json":
         if thickness is not None or material is not None:
             raise MeshError(
-                "a fabric of the package needs no thickness and no material"
+                "a fabric file of the package has no thickness and no material"
             )
         return FabricOfFile(fabric_of_text(content), ())
     stress = force / length**2
@@ -118,7 +119,7 @@ def _read(
 
 
 def _units(words: str) -> tuple[float, float]:
-    """The units of force and length of a deck, in N and mm."""
+    """Units of force and length of a deck, in N and mm."""
     force, _, length = words.strip().partition(" ")
     length = length.strip()
     if force not in _FORCES or length not in _LENGTHS:
@@ -135,10 +136,10 @@ def write_fabric(
     thickness: float | None = None,
     name: str = "FABRIC",
 ) -> None:
-    """Write a fabric, to .json without loss or to .inp as a material of Abaqus.
+    """Write a fabric, lossless to .json or as an Abaqus material to .inp.
 
-    A .inp has the laws alone, in N and mm; a law that is no table is written as 1001
-    points, up to a strain of 0.1 or an angle of 80°.  Directions go to
+    A .inp contains only the laws, in N and mm; a law that is not tabulated is written
+    as 1001 points, up to a strain of 0.1 or an angle of 80°.  Directions are written by
     `write_directions`.
 
     Parameters
@@ -148,9 +149,9 @@ def write_fabric(
     fabric
         The fabric.
     thickness
-        Of the ply in mm, for a .inp.
+        Thickness of the ply in mm, for a .inp.
     name
-        Of the material in a .inp.
+        Name of the material in a .inp.
 
     Raises
     ------
@@ -167,7 +168,7 @@ def write_fabric(
     elif suffix != ".inp":
         raise ValueError(f"{path}: fabrics are written to .json and .inp")
     elif thickness is None or not (np.isfinite(thickness) and thickness > 0):
-        raise ValueError(f"{path}: *FABRIC needs the thickness of the ply in mm")
+        raise ValueError(f"{path}: *FABRIC requires the thickness of the ply in mm")
     else:
         text = abaqus_fabric.material_of(fabric, thickness, name)
     path.write_text(text, encoding="utf-8")

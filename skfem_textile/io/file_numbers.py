@@ -1,4 +1,4 @@
-"""Numbers in files, as text or binary, read with all checks of their count."""
+"""Numbers in text and binary files, read with validation of their count."""
 
 import contextlib
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from ..mesh.user_input import excerpt, printable
 
 @contextlib.contextmanager
 def errors_about(what: object) -> Iterator[None]:
-    """Raise errors as a `MeshError` that begins with what they are about."""
+    """Convert exceptions to a `MeshError` that begins with their context."""
     try:
         yield
     except OSError as error:
@@ -26,7 +26,7 @@ def errors_about(what: object) -> Iterator[None]:
 
 
 def word_of(x: float | None) -> str:
-    """A number as text with 12 significant digits; empty if it is none or not finite.
+    """Number as text with 12 significant digits; empty if missing or not finite.
 
     Examples
     --------
@@ -37,14 +37,16 @@ def word_of(x: float | None) -> str:
 
 
 def from_words(words: list[bytes], dtype: Any) -> ndarray:
-    """Numbers of a type, shape (n,); other words, and too large ones, are refused."""
+    """Numbers of a type, shape (n,); other words, and numbers too large, are
+    refused.
+    """
     dtype = np.dtype(dtype)
     parse: Any = float if dtype.kind == "f" else int
     try:
         numbers = list(map(parse, words))
     except ValueError:
         _refuse_words(words, parse)
-    if b"_" in b"".join(words):  # Python's own way to write long numbers
+    if b"_" in b"".join(words):  # Python's notation for long numbers
         _refuse_words(words, parse)
     if parse is float:
         with np.errstate(over="ignore"):  # infinite numbers are refused later
@@ -57,7 +59,7 @@ def from_words(words: list[bytes], dtype: Any) -> ndarray:
 
 
 def _refuse_words(words: list[bytes], parse: Any) -> NoReturn:
-    """Name the first word that is no number."""
+    """Report the first word that is not a number."""
     for word in words:
         with contextlib.suppress(ValueError):
             if b"_" not in word:
@@ -70,18 +72,18 @@ def _refuse_words(words: list[bytes], parse: Any) -> NoReturn:
 
 
 class TextNumbers:
-    """Numbers that are written as text."""
+    """Numbers in text form."""
 
     def __init__(self, text: bytes) -> None:
         self._words, self._position = text.split(), 0
 
     @property
     def left(self) -> int:
-        """Number of words that are left."""
+        """Number of remaining words."""
         return len(self._words) - self._position
 
     def words(self, count: int) -> list[bytes]:
-        """The next words."""
+        """Next words."""
         if not 0 <= count <= self.left:
             raise MeshError(f"{count} numbers are due where {self.left} are left")
         words = self._words[self._position : self._position + count]
@@ -89,23 +91,23 @@ class TextNumbers:
         return words
 
     def take(self, count: int, dtype: Any) -> ndarray:
-        """The next numbers of a type, shape (count,)."""
+        """Next numbers of a type, shape (count,)."""
         return from_words(self.words(count), dtype)
 
     def refuse_rest(self) -> None:
         """Refuse further numbers."""
         if self.left:
-            raise MeshError(f"{self.left} more words than its counts state")
+            raise MeshError(f"{self.left} words more than its counts declare")
 
 
 class BinaryNumbers:
-    """Numbers that are written as binary data."""
+    """Numbers in binary form."""
 
     def __init__(self, content: bytes) -> None:
         self._content, self._position = content, 0
 
     def take(self, count: int, dtype: Any) -> ndarray:
-        """The next numbers of a type, shape (count,)."""
+        """Next numbers of a type, shape (count,)."""
         size = count * np.dtype(dtype).itemsize
         left = len(self._content) - self._position
         if not 0 <= size <= left:
@@ -115,7 +117,7 @@ class BinaryNumbers:
         return taken
 
     def line(self) -> bytes:
-        """The rest of this line."""
+        """Rest of this line."""
         end = self._content.find(b"\n", self._position)
         end = len(self._content) if end < 0 else end
         line = self._content[self._position : end]
@@ -126,11 +128,11 @@ class BinaryNumbers:
         """Refuse further bytes, except the end of a line."""
         rest = self._content[self._position :]
         if rest not in (b"", b"\n", b"\r\n"):
-            raise MeshError(f"{len(rest)} more bytes than its counts state")
+            raise MeshError(f"{len(rest)} bytes more than its counts declare")
 
 
 def tag_positions(tags: ndarray, wanted: ndarray, what: str) -> ndarray:
-    """Positions of wanted tags among tags, in the shape of the wanted ones."""
+    """Positions of wanted tags among tags, with the shape of the wanted ones."""
     if not len(tags):
         raise MeshError(f"it has no {what}")
     order = np.argsort(tags, kind="stable")
@@ -138,7 +140,7 @@ def tag_positions(tags: ndarray, wanted: ndarray, what: str) -> ndarray:
     position = order[rank]
     missing = wanted[tags[position] != wanted]
     if missing.size:
-        raise MeshError(f"it names {what} {missing[0]}, which is not there")
+        raise MeshError(f"it names {what} {missing[0]}, which is undefined")
     return position
 
 
@@ -146,4 +148,4 @@ def refuse_duplicates(tags: ndarray, what: str) -> None:
     """Refuse duplicate tags."""
     tags = np.sort(tags)
     if (duplicates := tags[1:][tags[1:] == tags[:-1]]).size:
-        raise MeshError(f"there are two of {what} {duplicates[0]}; number them apart")
+        raise MeshError(f"there are two of {what} {duplicates[0]}; use unique numbers")

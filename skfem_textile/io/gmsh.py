@@ -1,4 +1,4 @@
-"""Files of Gmsh, versions 2.2 and 4.1, as text or binary."""
+"""Gmsh files, versions 2.2 and 4.1, as text or binary."""
 
 import re
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ from .file_numbers import (
     tag_positions,
 )
 
-#: Name, dimension and number of nodes of a cell, by Gmsh's number of its type.
+#: Name, dimension and number of nodes of a cell, by Gmsh type number.
 CELL_TYPES = {
     15: ("vertex", 0, 1),
     1: ("line", 1, 2),
@@ -33,8 +33,8 @@ Numbers = TextNumbers | BinaryNumbers
 class CellBlock(NamedTuple):
     """Cells of one type, and their groups.
 
-    ``kind`` is Gmsh's number of the type; ``numbers`` has shape (n,), ``nodes`` (n,
-    corners).  ``members`` are positions in the block, ``groups`` the group of each.
+    ``kind`` is the Gmsh type number; ``numbers`` has shape (n,), ``nodes`` (n,
+    corners).  ``members`` are indices in the block, ``groups`` the group of each.
     """
 
     kind: int
@@ -56,7 +56,7 @@ def nodes_22(numbers: Numbers) -> tuple[ndarray, ndarray]:
 
 
 def _count_22(numbers: Numbers) -> int:
-    """Number of nodes or elements, which is always text."""
+    """Number of nodes or elements, always as text."""
     if isinstance(numbers, TextNumbers):
         return numbers.take(1, "i4").item()
     line = TextNumbers(numbers.line())
@@ -84,7 +84,7 @@ def cells_22(numbers: Numbers) -> list[CellBlock]:
 
 
 def _text_rows(numbers: TextNumbers, count: int) -> Iterator[tuple[int, Any]]:
-    """Kind of each element, and its number, group and nodes."""
+    """Type of each element, and its number, group and nodes."""
     words = numbers.take(numbers.left, "i4").tolist()
     position = 0
     for _ in range(count):
@@ -93,17 +93,17 @@ def _text_rows(numbers: TextNumbers, count: int) -> Iterator[tuple[int, Any]]:
         first = position + 3 + n_tags
         position = first + _n_corners(kind)
         if n_tags < 0 or position > len(words):
-            raise MeshError(f"{count} elements are due, and it is cut off")
+            raise MeshError(f"{count} elements are expected, and it is truncated")
         yield (
             kind,
             [number, words[first - n_tags] if n_tags else 0, *words[first:position]],
         )
     if position < len(words):
-        raise MeshError(f"{len(words) - position} more words than its counts state")
+        raise MeshError(f"{len(words) - position} words more than its counts declare")
 
 
 def _binary_rows(numbers: BinaryNumbers, left: int) -> Iterator[tuple[int, Any]]:
-    """Kind of consecutive elements, and their numbers, groups and nodes."""
+    """Type of consecutive elements, and their numbers, groups and nodes."""
     while left > 0:
         kind, count, n_tags = numbers.take(3, "i4").tolist()
         width = 1 + n_tags + _n_corners(kind)
@@ -175,7 +175,7 @@ def cells_41(
         if dimension != CELL_TYPES[kind][1]:
             raise MeshError(f"a {CELL_TYPES[kind][0]} in an entity of {dimension}D")
         if groups is not None and (dimension, tag) not in groups:
-            raise MeshError(f"entity {tag} of dimension {dimension} is not there")
+            raise MeshError(f"entity {tag} of dimension {dimension} is undefined")
         rows = numbers.take(count * width, "u8").reshape(count, width)
         own_groups = np.array((groups or {}).get((dimension, tag), []), dtype="i4")
         members = np.repeat(np.arange(count), len(own_groups))
@@ -185,10 +185,10 @@ def cells_41(
     return blocks
 
 
-# Sections that are read, others than comments.
+# Supported sections, other than comments.
 _READ = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
 
-# A line of a group: dimension, number and name.
+# Line of a group: dimension, number and name.
 _GROUP = re.compile(r'[ \t]*([0-9]{1,9})[ \t]+([0-9]{1,9})[ \t]+"([^"]+)"[ \t\r]*')
 
 # Characters that may surround a line.
@@ -198,14 +198,14 @@ _Names = dict[tuple[int, int], str]
 
 
 def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
-    """The mesh of a file of Gmsh, and names of the sections that are not read.
+    """Mesh of a Gmsh file, and names of the ignored sections.
 
-    Groups with a name are sets of cells.
+    Groups with a name become sets of cells.
 
     Raises
     ------
     MeshError
-        If the file departs from its format, or has other cells than points, edges,
+        If the file violates its format, or has cells other than points, edges,
         triangles and four-node quadrilaterals.
     """
     sections: dict[str, bytes] = {}
@@ -247,7 +247,7 @@ def _sections(content: bytes) -> Iterator[tuple[str, bytes]]:
         if not line:
             continue
         if not line.startswith(b"$") or line.startswith(b"$End"):
-            raise MeshError(f"{shown!r} stands where a section of Gmsh should begin")
+            raise MeshError(f"{shown!r} found where a Gmsh section should begin")
         last = b"$End" + line[1:]
         close = content.find(last, end)
         if close < 0:
@@ -259,20 +259,20 @@ def _sections(content: bytes) -> Iterator[tuple[str, bytes]]:
 
 
 def _format(body: bytes) -> tuple[str, bool]:
-    """The version, and whether numbers are binary."""
+    """Version, and whether numbers are binary."""
     head, _, marker = body.partition(b"\n")
     version, kind, size, *more = [*head.decode(errors="replace").split(), "", "", ""]
     if version not in ("2", "2.2", "4.1"):
         raise MeshError(
-            f"version {excerpt(version)!r} of Gmsh's files is not read; save it "
-            "as 2.2 or 4.1"
+            f"version {excerpt(version)!r} of the Gmsh format is not supported; save "
+            "it as 2.2 or 4.1"
         )
     if kind not in ("0", "1") or size != "8" or any(more):
-        raise MeshError("$MeshFormat must name a version, 0 or 1, and the size 8")
+        raise MeshError("$MeshFormat must have a version, 0 or 1, and the size 8")
     if kind == "1" and marker[:4] != np.array(1, "i4").tobytes():
-        raise MeshError("its bytes are in the order of another machine")
+        raise MeshError("its byte order is that of another machine")
     if marker[4 if kind == "1" else 0 :].strip():
-        raise MeshError("$MeshFormat holds more than a format")
+        raise MeshError("$MeshFormat contains more than a format")
     return version, kind == "1"
 
 
@@ -289,9 +289,11 @@ def _group_names(body: bytes) -> _Names:
         match = _GROUP.fullmatch(line)
         if match is None or int(match[1]) > 3:
             shown = excerpt(line.strip())
-            raise MeshError(f"$PhysicalNames: {shown} is no dimension, number and name")
+            raise MeshError(
+                f"$PhysicalNames: {shown} is not a dimension, number and name"
+            )
         if match[3] in names.values():
-            raise MeshError(f"two groups are named {match[3]!r}; name them apart")
+            raise MeshError(f"two groups are named {match[3]!r}; use unique names")
         if (key := (int(match[1]), int(match[2]))) in names:
             raise MeshError(f"group {match[3]!r} has the number of another")
         names[key] = match[3]
@@ -301,7 +303,7 @@ def _group_names(body: bytes) -> _Names:
 def _merge_copies(cells: CellBlock, names: _Names) -> CellBlock:
     """Merge the copies of a cell that version 2.2 writes for each of its groups.
 
-    Other copies stay, so that `check_mesh` refuses them.
+    Other copies are kept, so that `check_mesh` refuses them.
     """
     _, first, copy = np.unique(
         cells.nodes, axis=0, return_index=True, return_inverse=True

@@ -1,4 +1,4 @@
-"""Meshes from files of Gmsh, Abaqus and VTK, and in other formats of meshio."""
+"""Meshes from Gmsh, Abaqus and VTK files, and from other formats of meshio."""
 
 import contextlib
 import io
@@ -29,18 +29,18 @@ from ..mesh.user_input import printable
 from . import abaqus, gmsh, vtk
 from .file_numbers import errors_about
 
-# Extent of a mesh along z over its largest extent, up to which it counts as plane.
+# Extent of a mesh along z, relative to its largest extent, below which it is plane.
 # Chosen: far above rounding (2e-16).
 _FLAT = 1e-9
 
-# Characters of a reason of meshio in a message.  Chosen: two lines in all.
+# Maximum length of a meshio error in a message.  Chosen: two lines in total.
 _LONGEST_REASON = 100
 
 log = logging.getLogger(__name__)
 
 _MESH_CLASSES: dict[str, type[Mesh]] = {"quad": MeshQuad, "triangle": MeshTri}
 _N_CORNERS = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4}
-# Formats that are read here, because meshio accepts many errors in them.
+# Formats with own readers, because meshio accepts many errors in them.
 _READERS = {
     ".msh": gmsh.read,
     ".inp": abaqus.read,
@@ -52,30 +52,31 @@ _CELL_NAMES = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
 
 
 def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mesh:
-    """Read a plane mesh: Gmsh .msh, Abaqus .inp, .vtu and more.
+    """Read a plane mesh: Gmsh .msh, Abaqus .inp, .vtu and others.
 
-    Quadrilaterals are a `skfem.MeshQuad` and triangles a `skfem.MeshTri`.  Where a file
-    has both they are split in quadrilaterals (`split_cells`), as scikit-fem has no
-    mesh of both; the nodes of the file are the first.  Named groups of edges (Gmsh
-    physical groups) and the outer edges between nodes of a named set (Abaqus node sets)
-    become boundaries of that name, the other nodes of a set, and named points, named
-    nodes.  What else the file holds is named in a warning of the log ``skfem_textile``.
+    Quadrilaterals become a `skfem.MeshQuad` and triangles a `skfem.MeshTri`.  A file
+    with both is split into quadrilaterals (`split_cells`), as scikit-fem has no mixed
+    mesh; the nodes of the file come first.  Named groups of edges (Gmsh physical
+    groups) and the outer edges between nodes of a named set (Abaqus node sets) become
+    boundaries of that name; the other nodes of a set, and named points, become named
+    nodes.  A warning in the log ``skfem_textile`` lists the ignored content of the
+    file.
 
     Parameters
     ----------
     path
         The file.
     others
-        Names that are read by other functions, which the warning leaves out:
+        Names of content that other functions read, which the warning omits:
         `OF_DIRECTIONS`, `OF_FABRICS`.
 
     Raises
     ------
     MeshError
-        If the file cannot be read, has other cells than triangles and four-node
-        quadrilaterals, does not lie in a plane z = const, names edges that are none of
-        the mesh, is not a sound mesh (`check_mesh`), or is less than 1 mm wide and
-        high, as one in metres is.
+        If the file cannot be read, has cells other than triangles and four-node
+        quadrilaterals, is not in a plane z = const, names edges outside the mesh, is
+        not a valid mesh (`check_mesh`), or is less than 1 mm wide and high, as a mesh
+        in metres.
     """
     path = Path(path)
     with errors_about(path):
@@ -89,7 +90,7 @@ def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mes
 
 
 def read_raw(path: Path) -> tuple[meshio.Mesh, list[str]]:
-    """Content of a file, and names of what is not read."""
+    """Content of a file, and names of its ignored parts."""
     if not path.is_file():
         raise MeshError("no such file")
     if read := _READERS.get(path.suffix.lower()):
@@ -98,7 +99,7 @@ def read_raw(path: Path) -> tuple[meshio.Mesh, list[str]]:
 
 
 def _read_with_meshio(path: Path) -> tuple[meshio.Mesh, list[str]]:
-    """Read with meshio, which prints and exits on errors."""
+    """Read with meshio, which prints messages and exits on errors."""
     printed = io.StringIO()
     try:
         with (
@@ -127,10 +128,10 @@ def _read_with_meshio(path: Path) -> tuple[meshio.Mesh, list[str]]:
 
 @dataclass
 class _Content:
-    """The content of a file.
+    """Content of a file.
 
     Nodes of shape (2, n), blocks of cells of shape (3, n) and (4, n), and by name: end
-    nodes of edges, shape (2, n), cells counted through the blocks, and nodes.
+    nodes of edges, shape (2, n), cell numbers over all blocks, and nodes.
     """
 
     points: ndarray
@@ -166,7 +167,7 @@ def _content(raw: meshio.Mesh) -> _Content:
 
 
 def _refuse_numbers(raw: meshio.Mesh, blocks: list[int]) -> None:
-    """Refuse cells of missing nodes; cells are numbered by kind, as in the file."""
+    """Refuse cells with undefined nodes; cells are numbered by kind, as in the file."""
     n = len(raw.points)
     for kind in dict.fromkeys(raw.cells[i].type for i in blocks):
         nodes = [raw.cells[i].data for i in blocks if raw.cells[i].type == kind]
@@ -175,8 +176,8 @@ def _refuse_numbers(raw: meshio.Mesh, blocks: list[int]) -> None:
         listed = np.concatenate([np.asarray(x).astype(np.int64) for x in nodes])
         exists: Any = ((listed >= 0) & (listed < n)).all(axis=1)
         refuse(
-            f"{_CELL_NAMES.get(kind, kind)}(s) name a node that is not there (there "
-            f"are nodes 0 to {n - 1} only)",
+            f"{_CELL_NAMES.get(kind, kind)}(s) refer to an undefined node (node "
+            f"numbers range from 0 to {n - 1})",
             ~exists,
         )
 
@@ -188,7 +189,7 @@ def _name_groups(content: _Content, raw: meshio.Mesh, plane: list[int]) -> None:
     for name, number, members in _groups(raw):
         block = raw.cells[number]
         if members.min() < 0 or members.max() >= len(block.data):
-            raise MeshError(f"group {name!r} names cells that are not there")
+            raise MeshError(f"group {name!r} refers to undefined cells")
         chosen = np.asarray(block.data, dtype=int)[members].T
         if block.type == "line":
             _merge(content.edges, name, np.sort(chosen, axis=0))
@@ -201,7 +202,7 @@ def _name_groups(content: _Content, raw: meshio.Mesh, plane: list[int]) -> None:
 def _groups(raw: meshio.Mesh) -> Iterator[tuple[str, int, ndarray]]:
     """Named groups of cells: name, block of cells, numbers in the block.
 
-    In files that were converted from Gmsh, as .xdmf, meshio returns them as tags.
+    For files converted from Gmsh, such as .xdmf, meshio returns them as tags.
     """
     sets: Any = {n: s for n, s in raw.cell_sets.items() if not n.startswith("gmsh:")}
     tags: Any = raw.cell_data.get("gmsh:physical", [])
@@ -221,7 +222,7 @@ def _groups(raw: meshio.Mesh) -> Iterator[tuple[str, int, ndarray]]:
 
 
 def _merge(named: dict[str, ndarray], name: str, more: ndarray) -> None:
-    """Add members to a name, each once."""
+    """Add members to a name, without duplicates."""
     if name in named:
         more = np.concatenate([named[name], more], axis=-1)
     named[name] = np.unique(more, axis=-1)
@@ -233,7 +234,7 @@ def _name_node_sets(content: _Content, raw: meshio.Mesh) -> None:
     for name, members in raw.point_sets.items():
         nodes = np.asarray(members).astype(int).ravel()
         if nodes.size and (nodes.min() < 0 or nodes.max() >= n):
-            raise MeshError(f"node set {name!r} names nodes that are not there")
+            raise MeshError(f"node set {name!r} refers to undefined nodes")
         within = outer[:, np.isin(outer, nodes).all(axis=0)]
         other_nodes = np.setdiff1d(nodes, within)
         if within.size:
@@ -251,14 +252,16 @@ def _name_as_skfem(content: _Content, raw: meshio.Mesh, plane: list[int]) -> Non
     if not data:
         return
     if len(raw.cells) > 1:
-        raise MeshError("names that scikit-fem wrote are read of one block of cells")
+        raise MeshError(
+            "names written by scikit-fem are supported for one block of cells"
+        )
     (cells,) = content.cells
     for key, (values,) in data.items():
         kind, _, name = key.removeprefix(vtk.SKFEM).partition(":")
         largest = {"s": 1, "b": 2 ** len(cells) - 1}.get(kind, -1)
         marks = np.ravel(values)
         if len(marks) != cells.shape[1] or not np.isin(marks, range(largest + 1)).all():
-            raise MeshError(f"name {name!r} that scikit-fem wrote cannot be read")
+            raise MeshError(f"name {name!r} written by scikit-fem cannot be read")
         if kind == "s":
             _merge(content.subdomains, name, np.flatnonzero(marks))
             continue

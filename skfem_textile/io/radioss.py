@@ -1,10 +1,11 @@
 """Fabrics from `/MAT/LAW58` and `/MAT/LAW158` of OpenRadioss.
 
-Fields and defaults are those of ``hm_read_mat58.F`` and ``hm_read_mat158.F``, formulas
-those of ``sigeps58c.F`` and ``sigeps158c.F``.  The force F(d) of a yarn there is per
-thickness; times the thickness it is that of `CrimpedYarns`.  The shear stress τ(Γ) is
-that in the orthogonal axes midway between the families (``mulawc.F90``).  Its power per
-reference area is t τ λ₁ λ₂ dΓ/dt, so that the moment is t τ where no fibre stretches.
+Fields and defaults follow ``hm_read_mat58.F`` and ``hm_read_mat158.F``, formulas
+``sigeps58c.F`` and ``sigeps158c.F``.  The force F(d) of a yarn is given there per
+thickness; times the thickness it is the force of `CrimpedYarns`.  The shear stress τ(Γ)
+refers to the orthogonal axes midway between the families (``mulawc.F90``).  Its power
+per reference area is t τ λ₁ λ₂ dΓ/dt, so that the moment is t τ for inextensible
+fibres.
 """
 
 import re
@@ -20,10 +21,10 @@ from .file_numbers import errors_about, from_words
 
 _LAWS = {"LAW58": 58, "FABR_A": 58, "LAW158": 158, "FABR_NL": 158}
 
-# Width of a column of a card; numbers with a point take two.
+# Width of a column of a card; floating-point numbers take two.
 _COLUMN = 10
 
-# Fields of the cards by name: first column, and how many it has.
+# Fields of the cards by name: first column, and number of columns.
 _CARDS_58 = (
     {"density": (0, 2)},
     {"E1": (0, 2), "B1": (2, 2), "E2": (4, 2), "B2": (6, 2), "Flex": (8, 2)},
@@ -52,25 +53,25 @@ _CARDS_158 = (
 _CARDS = {
     58: (_CARDS_58, 5),
     158: (_CARDS_158, 6),
-}  # the second: how many must be there
+}  # the second: minimum number
 
 # Defaults of hm_read_mat58.F and hm_read_mat158.F.
 _CRIMP, _FLEX = 0.1, 1e-3
 
-# Fields that have no counterpart if they are not zero, and why.
+# Fields without a counterpart if they are not zero, and the reason.
 _OTHERS = {
     "Gsh": "the ply lies in its plane",
-    "sens_ID": "there is no reference state before the first",
+    "sens_ID": "a reference state is not modelled",
     "Df": "the ply is in static equilibrium, without damping",
     "Ds": "yarns cross without friction",
     "Gfrot": "yarns cross without friction",
-    "ZeroStress": "there is no reference state before the first",
+    "ZeroStress": "a reference state is not modelled",
     "density": "the ply is in static equilibrium",
 }
 
 
 class _Option(NamedTuple):
-    """A keyword, the parts of its name, and its cards."""
+    """Keyword, the parts of its name, and its cards."""
 
     name: list[str]
     cards: list[str]
@@ -79,14 +80,14 @@ class _Option(NamedTuple):
 def read(
     content: bytes, thickness: float | None, stress: float, material: str | None
 ) -> tuple[Fabric, list[str]]:
-    """The fabric of a deck, and sentences on what is not taken over.
+    """Fabric of a deck, and messages about ignored data.
 
-    ``stress`` is how many N/mm² the deck's are.
+    ``stress`` is the unit of stress of the deck in N/mm².
 
     Raises
     ------
     MeshError
-        If the deck departs from its format, has no such material, or no thickness is
+        If the deck violates its format or has no such material, or if no thickness is
         given.
     """
     options = _options(content)
@@ -101,7 +102,7 @@ def read(
         wanted = "" if material is None else f" of the number {excerpt(material)}"
         raise MeshError(f"it has no /MAT/LAW58 or /MAT/LAW158{wanted}")
     if len(found) > 1:
-        raise MeshError("it has several fabrics; give the number of one material")
+        raise MeshError("it has several fabrics; specify the number of one material")
     (option,) = found
     name = "/" + "/".join(option.name[:3])
     if thickness is None:
@@ -123,7 +124,7 @@ def _options(content: bytes) -> list[_Option]:
         elif found and not line.startswith(("#", "$")):
             found[-1].cards.append(line)
     if not found:
-        raise MeshError("it has no keyword of OpenRadioss")
+        raise MeshError("it has no OpenRadioss keyword")
     return found
 
 
@@ -154,13 +155,14 @@ def _not_taken(option: _Option, fields: dict[str, float]) -> list[str]:
     said = [f"{n}: {why}" for n, why in _OTHERS.items() if fields.get(n)]
     if option.name[3:4] not in ([], [""], ["0"]):
         said.append(
-            f"/UNIT/{excerpt(option.name[3])}: units are those given beside the deck"
+            f"/UNIT/{excerpt(option.name[3])}: the units specified with the deck are "
+            "used"
         )
     return said
 
 
 class _Functions:
-    """The /FUNCT of a deck, as laws in N/mm."""
+    """Functions (/FUNCT) of a deck, as laws in N/mm."""
 
     def __init__(self, options: list[_Option], scale: float) -> None:
         self._scale = scale
@@ -182,20 +184,22 @@ class _Functions:
         return x, (factor or 1.0) * self._scale * y
 
     def yarn(self, number: float, factor: float) -> tuple[Law, float]:
-        """The law of a yarn, and its slope at rest."""
+        """Law of a yarn, and its slope at rest."""
         x, y = self.table(number, factor)
         law = Tabulated(x, y, "linear")
         at_rest = float(law.value(np.zeros(1))[0])
         ahead = x[x > 0]
         if at_rest or not len(ahead):
-            raise MeshError(f"/FUNCT/{int(number)} must vanish at 0 and go on past it")
+            raise MeshError(
+                f"/FUNCT/{int(number)} must be zero at 0 and extend beyond it"
+            )
         slope = float(law.value(ahead[:1])[0]) / float(ahead[0])
         return law, slope
 
 
 _STRAIGHT_LINES = (
-    "functions: OpenRadioss goes in straight lines between points; the laws here "
-    "go through the same points in a monotone cubic"
+    "functions: OpenRadioss interpolates linearly; the laws here interpolate the same "
+    "points with a monotone cubic"
 )
 
 
@@ -204,7 +208,9 @@ def _law58(
 ) -> Fabric:
     for name in ("N1", "N2"):
         if f[name] not in (0, 1):
-            raise MeshError(f"{name} = {f[name]:g} is not read; state yarns for 1")
+            raise MeshError(
+                f"{name} = {f[name]:g} is not supported; specify yarns for 1"
+            )
     crimp = [f["S1"] or _CRIMP, f["S2"] or _CRIMP]
     flex = f["Flex"] or _FLEX
     flexes = (f["Flex1"] or f["Flex2"] or flex, f["Flex2"] or f["Flex1"] or flex)
@@ -217,12 +223,12 @@ def _law58(
             slope = scale * f[f"E{i}"]
             yarn = Softening(slope, scale * f[f"B{i}"])
         yarns.append(yarn)
-        # The sine: height of the crimp over the length of its yarn.
+        # Sine of the crimp: its height over the length of its yarn.
         springs.append(own * slope * float(np.sqrt((1 + s) ** 2 - 1) / (1 + s)))
     if f["fct_ID1"] or f["fct_ID2"]:
         not_taken += [
-            "functions of warp and weft: OpenRadioss scales the crimp's spring with "
-            "the slope of the function; here it keeps the one at rest",
+            "functions of warp and weft: OpenRadioss scales the crimp spring with the "
+            "slope of the function; here the slope at rest is used",
             _STRAIGHT_LINES,
         ]
     for i, name in ((4, "warp"), (5, "weft"), (6, "shear")):
@@ -234,7 +240,9 @@ def _law58(
     GT = f["GT"] or 0.25 * (f["E1"] + f["E2"])
     cosine = 0.5 * sum(np.sqrt((1 + s) ** 2 - 1) for s in crimp)
     if not f["AlphaT"] and cosine >= 1:
-        raise MeshError("AlphaT is not given, and none follows from so much crimp")
+        raise MeshError(
+            "AlphaT is not specified, and is undefined for this amount of crimp"
+        )
     lock = np.radians(f["AlphaT"]) if f["AlphaT"] else float(np.arccos(cosine))
     G = GT / (1 + np.tan(lock) ** 2)
     shear = TangentShear(scale * (f["G0"] or G), scale * G, float(lock))
@@ -254,8 +262,8 @@ def _law158(
             )
     if any(f[f"Fscale{i}"] not in (0, 1) for i in (1, 2, 3)):
         not_taken.append(
-            "Fscale: functions are scaled here as the format says; sigeps158c.F leaves "
-            "out the scales of forces and shear stress"
+            "Fscale: functions are scaled here as documented; sigeps158c.F omits the "
+            "scales of forces and shear stress"
         )
     yarns = [tables.yarn(f[f"fct_ID{i}"], f[f"Fscale{i}"])[0] for i in (1, 2)]
     not_taken.append(_STRAIGHT_LINES)
@@ -266,10 +274,10 @@ def _law158(
 
 
 def _shear(f: dict[str, float], tables: _Functions, not_taken: list[str]) -> Law:
-    """The law of a function of the shear angle in degrees."""
+    """Law of a function of the shear angle in degrees."""
     x, y = tables.table(f["fct_ID3"], f["Fscale3"])
     if one_sided := bool(len(x)) and bool((x >= 0).all()):
-        not_taken.append("fct_ID3: the law of positive angles holds for both signs")
+        not_taken.append("fct_ID3: the law of positive angles is used for both signs")
     if _STRAIGHT_LINES not in not_taken:
         not_taken.append(_STRAIGHT_LINES)
     return Tabulated(np.radians(x), y, "linear", one_sided)

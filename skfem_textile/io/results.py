@@ -1,4 +1,4 @@
-"""Results in files: fields, history and summary."""
+"""Output of results: fields, history and summary."""
 
 import contextlib
 import csv
@@ -41,10 +41,10 @@ def cell_fields(
 ) -> dict[str, ndarray]:
     """Fibre strains, tensions and directions, and the shear angle, per element.
 
-    Strains are those that enter the law of tension (`Ply.law_strain`), tensions as of
-    `Ply.fibre_tension`.  Of the points in an element, that with the
-    largest magnitude counts, so that the extremes of a field are those of the ply.
-    Directions are those at the centre, in the current configuration.
+    Strains are those of the tension law (`Ply.law_strain`), tensions those of
+    `Ply.fibre_tension`.  The value of largest magnitude in each element is used, so
+    that the extremes of a field are those of the ply.  Directions are evaluated at the
+    centre, in the current configuration.
 
     Returns
     -------
@@ -66,11 +66,11 @@ def cell_fields(
 def fields_on_tool(
     ply: Ply, surface: Surface, state: State
 ) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
-    """Fields of a ply on a surface as it is at a state, of its vertices and elements.
+    """Fields of a ply on the surface of a state, at its vertices and elements.
 
-    Of the vertices ``contact_pressure`` (N/mm²), of the elements ``wrinkle_risk`` and
-    ``bridging``, 1 where there is some, and on a tool of triangles ``beyond_tool``, 1
-    beyond its edges.
+    At vertices ``contact_pressure`` (N/mm²); for elements ``wrinkle_risk`` and
+    ``bridging``, 0 or 1, and on a triangulated tool ``beyond_tool``, 1 beyond its
+    edges.
     """
     u = state.u
     pressure = contact_pressure(ply, surface, u, state.load_factor, state.parameters)
@@ -85,9 +85,9 @@ def fields_on_tool(
 
 
 def on_users_elements(ply: Ply, fields: dict[str, ndarray]) -> dict[str, ndarray]:
-    """Fields of the elements of a ply on the user's elements, in the mean.
+    """Means of element fields over the user's elements.
 
-    Of directions it is the direction of the mean.
+    For directions the direction of the mean.
     """
     means = {name: ply.on_users_elements(x.T).T for name, x in fields.items()}
     return {
@@ -97,7 +97,7 @@ def on_users_elements(ply: Ply, fields: dict[str, ndarray]) -> dict[str, ndarray
 
 
 def _extreme(x: ndarray) -> ndarray:
-    """The value of largest magnitude over the points of each element."""
+    """Value of largest magnitude over the points of each element."""
     largest = np.abs(x).argmax(axis=-1)
     return np.take_along_axis(x, largest[:, None], axis=-1)[:, 0]
 
@@ -107,13 +107,13 @@ def _in_space(x: ndarray) -> ndarray:
     return np.pad(x, ((0, 3 - len(x)), (0, 0))).T
 
 
-#: Names of files that `write_fields` writes.
+#: Names of the files written by `write_fields`.
 FIELDS = ("step_[0-9]*.vtu", "steps.pvd", "own_step_[0-9]*.vtu", "own_steps.pvd")
 
 
 @contextlib.contextmanager
 def _name_path(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Add the path to errors without one, such as that of a full disk."""
+    """Add the path to exceptions without one, such as that of a full disk."""
     try:
         yield
     except OSError as error:
@@ -127,14 +127,13 @@ def write_fields(
 ) -> None:
     """Write every state as ``step_0000.vtu``, ... and ``steps.pvd`` into a folder.
 
-    The points are those of the undeformed ply: a viewer that warps them by
-    ``displacement`` shows the deformed one.  Fields are those of `point_fields` and
-    `cell_fields`, of a ply on a tool those of `fields_on_tool` too.  The .pvd file
-    lists the steps by load factor; ParaView opens it as one series.
-    If the ply has split or cut the user's elements there is a second series,
-    ``own_steps.pvd``, with the mean of each field over them.  Steps that the folder
-    already holds are removed.
-    Points and vectors are in the axes among which ``axes`` are those of the ply.
+    The points are those of the undeformed ply; warping by ``displacement`` shows the
+    deformed ply.  Fields are those of `point_fields` and `cell_fields`, and of
+    `fields_on_tool` for a ply on a tool.  The .pvd file lists the steps by load factor
+    and opens in ParaView as one series.  If the user's elements were split or cut there
+    is a second series, ``own_steps.pvd``, with the mean of each field over them.
+    Existing steps in the folder are removed.  Points and vectors are converted to the
+    coordinates in which ``axes`` are those of the ply.
     """
     folder = Path(folder)
     with _name_path(folder):
@@ -165,7 +164,7 @@ def _write_series(
         name = f"{prefix}step_{i:04d}.vtu"
         points, fields = _fields(result, state, axes)
         write_grid(folder / name, place, cells, on_cells(fields), points)
-        # Fields that a viewer shows, and warps by, at first; meshio cannot set them.
+        # Default fields of a viewer for colour and warp; meshio cannot set them.
         text = (folder / name).read_bytes()
         text = text.replace(b"<PointData>", b'<PointData Vectors="displacement">', 1)
         text = text.replace(b"<CellData>", b'<CellData Scalars="shear_angle">', 1)
@@ -196,7 +195,7 @@ def _fields(
 def write_history(result: Result, path: str | os.PathLike[str]) -> None:
     """Write the history of a run as CSV, one row per converged state.
 
-    Numbers have 12 significant digits; those of `Result.history` have all.
+    Numbers have 12 significant digits; those of `Result.history` have full precision.
     """
     rows = result.history()
     with _name_path(path), open(path, "w", newline="") as file:
@@ -207,7 +206,7 @@ def write_history(result: Result, path: str | os.PathLike[str]) -> None:
 
 
 def write_summary(summary: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
-    """Write a summary as JSON; null stands for a number that is not finite."""
+    """Write a summary as JSON; null represents a number that is not finite."""
     with _name_path(path):
         Path(path).write_text(json.dumps(_finite(summary), indent=2) + "\n")
 

@@ -1,4 +1,4 @@
-"""Unstructured grids of VTK: legacy files, and those in XML."""
+"""VTK unstructured grids: legacy and XML files."""
 
 import base64
 import binascii
@@ -26,17 +26,17 @@ SKFEM = "skfem:"
 
 _VERSIONS = ("1.0", "2.0", "3.0", "4.0", "4.1", "4.2", "5.1")
 
-# Numbers of nodes of the cells that can be used, by VTK's number of their type.
+# Numbers of nodes of supported cells, by VTK type number.
 _N_CORNERS = {1: 1, 3: 2, 5: 3, 9: 4}
 
-# Types of numbers; binary ones are big-endian.
+# Number types; binary ones are big-endian.
 _LEGACY_TYPES = {
     **{"char": "i1", "short": "i2", "int": "i4", "long": "i8", "vtktypeint64": "i8"},
     **{"unsigned_char": "u1", "unsigned_short": "u2", "unsigned_int": "u4"},
     **{"unsigned_long": "u8", "vtkidtype": "i4", "float": "f4", "double": "f8"},
 }
 
-# Components of data of these kinds at each point or cell.
+# Number of components of each kind of data.
 _COMPONENTS = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "TENSORS6": 6}
 
 
@@ -45,8 +45,8 @@ def cells_of(
 ) -> list[tuple[str, ndarray]]:
     """Blocks of consecutive cells: name of the cell, and nodes, shape (n, corners).
 
-    ``types`` are VTK's numbers of the cells, ``connectivity`` the nodes of one cell
-    after another, and ``offsets`` where each begins and the last one ends.
+    ``types`` are VTK type numbers of the cells, ``connectivity`` the concatenated nodes
+    of the cells, and ``offsets`` the start of each and the end of the last.
     """
     if not set(types.tolist()) <= set(_N_CORNERS):
         names = {vtk_to_meshio_type.get(t, f"type {t}") for t in types.tolist()}
@@ -56,9 +56,9 @@ def cells_of(
         )
     corners = np.array([_N_CORNERS[t] for t in types.tolist()], dtype=int)
     if offsets[0] != 0 or offsets[-1] != len(connectivity):
-        raise MeshError("its cells do not name all nodes that they list")
+        raise MeshError("its offsets do not cover all listed nodes")
     if not np.array_equal(np.diff(offsets), corners):
-        raise MeshError("a cell has not as many nodes as its type")
+        raise MeshError("the number of nodes of a cell does not match its type")
     breaks = np.flatnonzero(np.diff(types)) + 1
     blocks: list[tuple[str, ndarray]] = []
     for block in np.split(np.arange(len(types)), breaks) if len(types) else ():
@@ -74,7 +74,7 @@ def mesh_of(
     data: Mapping[str, ndarray],
     of_points: Any = None,
 ) -> meshio.Mesh:
-    """The mesh with data of its cells and points, each of shape (n,) or (n, m)."""
+    """Mesh with data of its cells and points, each of shape (n,) or (n, m)."""
     ends = np.cumsum([len(nodes) for _, nodes in cells])[:-1]
     blocks: Any = cells
     by_block: Any = {name: np.split(values, ends) for name, values in data.items()}
@@ -90,7 +90,8 @@ def write_grid(
 ) -> None:
     """Write fields of triangles and quadrilaterals, and of their corners.
 
-    These are the first columns of ``points``, shape (3, n), and rows of the fields.
+    The corners are the first columns of ``points``, shape (3, n), and rows of the
+    fields.
     """
     n = 1 + max(cell.max() for cell in cells)
     blocks = [({3: "triangle", 4: "quad"}[len(cell)], cell.T) for cell in cells]
@@ -99,14 +100,14 @@ def write_grid(
 
 
 def read_legacy(content: bytes) -> tuple[meshio.Mesh, list[str]]:
-    """The mesh of a legacy file, and the names of data that are not read.
+    """Mesh of a legacy file, and the names of ignored data.
 
-    The mesh has the data of cells that hold names by scikit-fem.
+    The mesh has the cell data that contain names written by scikit-fem.
 
     Raises
     ------
     MeshError
-        If the file departs from its format.
+        If the file violates its format.
     """
     file = _LegacyFile(content)
     while (words := file.line()) is not None:
@@ -125,10 +126,10 @@ def read_legacy(content: bytes) -> tuple[meshio.Mesh, list[str]]:
 
 
 class _LegacyFile:
-    """A legacy file, read section by section.
+    """Legacy file, read section by section.
 
-    ``sections`` has the values that were read, by keyword, ``data`` those of cells that
-    hold names by scikit-fem, and ``ignored`` the names of other data.
+    ``sections`` has the values read, by keyword, ``data`` the cell data that contain
+    names written by scikit-fem, and ``ignored`` the names of other data.
     """
 
     def __init__(self, content: bytes) -> None:
@@ -139,10 +140,12 @@ class _LegacyFile:
             re.IGNORECASE,
         )
         if head is None:
-            raise MeshError("it does not begin as a file of VTK")
+            raise MeshError("it does not begin as a VTK file")
         version = head[1].decode()
         if version not in _VERSIONS:
-            raise MeshError(f"version {excerpt(version)} of VTK's files is not read")
+            raise MeshError(
+                f"version {excerpt(version)} of the VTK format is not supported"
+            )
         self._content, self._position = content, head.end()
         self._binary = head[2].upper() == b"BINARY"
         self._has_offsets = version == "5.1"
@@ -162,7 +165,7 @@ class _LegacyFile:
         return None
 
     def numbers(self, count: int, dtype: str) -> ndarray:
-        """The next numbers of a type, shape (count,)."""
+        """Next numbers of a type, shape (count,)."""
         if self._binary:
             rest = BinaryNumbers(self._content[self._position :])
             taken = rest.take(count, f">{dtype}")
@@ -191,7 +194,7 @@ class _LegacyFile:
     def _read(self, keyword: str, arguments: list[str]) -> None:
         if keyword == "DATASET":
             if arguments != ["UNSTRUCTURED_GRID"]:
-                raise MeshError("only an UNSTRUCTURED_GRID is read")
+                raise MeshError("only an UNSTRUCTURED_GRID is supported")
         elif keyword == "POINTS":
             count, kind = arguments
             points = self.numbers(3 * _natural(count), _type(kind))
@@ -223,7 +226,7 @@ class _LegacyFile:
             starts.append(position)
             position += 1 + max(int(numbers[position]), 0)
         if len(starts) != n or position != size:
-            raise MeshError("its numbers are not as many as its cells have")
+            raise MeshError("the number of its values does not match its cells")
         offsets = np.cumsum([0, *numbers[starts]])
         return np.delete(numbers, starts), offsets
 
@@ -233,7 +236,7 @@ class _LegacyFile:
         for part, count in (("OFFSETS", n), ("CONNECTIVITY", size)):
             keyword, kind = self.line() or ("", "")
             if keyword.upper() != part:
-                raise MeshError(f"{part} is missing here")
+                raise MeshError(f"{part} is missing")
             arrays.append(self.numbers(count, _type(kind)).astype("i8"))
         offsets, connectivity = arrays
         if not n:
@@ -248,7 +251,7 @@ class _LegacyFile:
         self._position = blank.end() if blank else len(self._content)
 
     def _field(self, number: int) -> None:
-        """Read arrays that state their length."""
+        """Read arrays with a declared length."""
         for _ in range(number):
             words = self.line() or []
             while words[:1] == ["METADATA"]:
@@ -258,7 +261,7 @@ class _LegacyFile:
             self._read_array(name, _natural(tuples), _natural(components), _type(kind))
 
     def _data(self, keyword: str, arguments: list[str]) -> None:
-        """Read one array of data of the points or cells, or a table of colours."""
+        """Read one array of point or cell data, or a colour table."""
         name, count = arguments[0], self._count
         if keyword == "LOOKUP_TABLE":
             self.numbers(4 * _natural(arguments[1]), "u1" if self._binary else "f4")
@@ -277,12 +280,12 @@ class _LegacyFile:
             self._read_array(name, count, _COMPONENTS[keyword], _type(arguments[1]))
 
     def _read_array(self, name: str, count: int, components: int, kind: str) -> None:
-        """Read an array; store it if it holds names by scikit-fem."""
+        """Read an array; store it if it contains names written by scikit-fem."""
         values = self.numbers(count * components, kind)
         if self._of_cells and name.startswith(SKFEM):
             if (count, components) != (self._count, 1) or name in self.data:
                 raise MeshError(
-                    "it is not one number for each cell, or its name is not unique"
+                    "it does not have one number per cell, or its name is not unique"
                 )
             self.data[name] = values
         else:
@@ -297,7 +300,7 @@ def _type(word: str) -> str:
     return _LEGACY_TYPES[word.lower()]
 
 
-#: Decompressors by VTK's name.
+#: Decompressors by VTK name.
 DECOMPRESSORS: dict[str | None, Any] = {
     None: None,
     "vtkZLibDataCompressor": zlib.decompressobj,
@@ -306,19 +309,19 @@ DECOMPRESSORS: dict[str | None, Any] = {
 
 
 class RawData:
-    """Bytes that are not encoded."""
+    """Bytes without encoding."""
 
     def __init__(self, content: bytes) -> None:
         self._content, self._position = content, 0
 
     def peek(self, count: int) -> bytes:
-        """The next bytes, without taking them."""
+        """Next bytes, without consuming them."""
         if not 0 <= count <= len(self._content) - self._position:
-            raise MeshError("it is cut off")
+            raise MeshError("it is truncated")
         return self._content[self._position : self._position + count]
 
     def take(self, count: int) -> bytes:
-        """The next bytes."""
+        """Next bytes."""
         taken = self.peek(count)
         self._position += count
         return taken
@@ -329,14 +332,14 @@ class RawData:
 
 
 class Base64Data(RawData):
-    """Bytes in base64, in runs that each end with a whole group of characters."""
+    """Bytes in base64, in runs that each end with a complete group of characters."""
 
     @staticmethod
     def _length(count: int) -> int:
         return -(-count // 3) * 4
 
     def peek(self, count: int) -> bytes:
-        """The next bytes of a run."""
+        """Next bytes of a run."""
         try:
             chars = super().peek(self._length(count))
             return base64.b64decode(chars, validate=True)[:count]
@@ -344,7 +347,7 @@ class Base64Data(RawData):
             raise MeshError("it is not in base64") from None
 
     def take(self, count: int) -> bytes:
-        """The next run, of so many bytes."""
+        """Next run, with a given number of bytes."""
         taken = self.peek(count)
         self._position += self._length(count)
         padding = self._content[: self._position][-2:].count(b"=")
@@ -353,18 +356,18 @@ class Base64Data(RawData):
         return taken
 
     def ends_after(self, count: int) -> bool:
-        """True if a run of so many bytes ends there."""
+        """True if a run of a given number of bytes ends there."""
         end = b"=" * (-count % 3)
         return bool(end) and super().peek(self._length(count)).endswith(end)
 
     def refuse_rest(self) -> None:
         """Refuse further data."""
         if self._position < len(self._content):
-            raise MeshError("it is longer than it states")
+            raise MeshError("it is longer than declared")
 
 
 def read_uncompressed(data: RawData, header: np.dtype) -> bytes:
-    """Read bytes that follow their number."""
+    """Read bytes preceded by their number."""
     (count,) = np.frombuffer(data.peek(header.itemsize), header).tolist()
     if data.ends_after(header.itemsize):
         data.take(header.itemsize)
@@ -377,8 +380,8 @@ def read_compressed(
 ) -> bytes:
     """Read a number of bytes that are compressed in blocks.
 
-    Before them stand the number of blocks, the size of one and of the last, and their
-    compressed sizes.
+    They are preceded by the number of blocks, the size of one and of the last block,
+    and their compressed sizes.
     """
     (n,) = np.frombuffer(data.peek(header.itemsize), header).tolist()
     sizes = np.frombuffer(data.take((3 + n) * header.itemsize), header).tolist()[1:]
@@ -393,9 +396,9 @@ def read_compressed(
             part = rest[start : start + size]
             blocks.append(block.decompress(part, max_length=length + 1))
         except (zlib.error, lzma.LZMAError):
-            raise MeshError("it cannot be unpacked") from None
+            raise MeshError("it cannot be decompressed") from None
         if len(blocks[-1]) != length or not block.eof or block.unused_data:
-            raise MeshError("a block has another length than it states")
+            raise MeshError("the length of a block differs from the declared one")
         start += size
     return b"".join(blocks)
 
@@ -412,15 +415,15 @@ _ORDERS: dict[str, Any] = {"LittleEndian": "<", "BigEndian": ">"}
 def read_xml(
     content: bytes, wanted: Mapping[str, int] = MappingProxyType({})
 ) -> tuple[meshio.Mesh, list[str]]:
-    """The mesh of a file in XML, of one piece, and names of data that are not read.
+    """Mesh of an XML file with one piece, and names of ignored data.
 
-    The mesh has the data of cells that hold names by scikit-fem, and those whose names
-    are ``wanted``, with so many components.
+    The mesh has the cell data that contain names written by scikit-fem, and those whose
+    names are ``wanted``, with the given number of components.
 
     Raises
     ------
     MeshError
-        If the file departs from its format.
+        If the file violates its format.
     """
     file = _XMLFile(content)
     grid = _only(file.root, "UnstructuredGrid")
@@ -476,20 +479,20 @@ def _by_name(parent: Element) -> dict[str, Element]:
 
 
 def _whole(element: Element, key: str) -> int:
-    """The natural number in an attribute of an element."""
+    """Natural number in an attribute of an element."""
     with errors_about(key):
         return _natural(element.get(key, ""))
 
 
 def _choice(element: Element, key: str, default: Any, choices: Any) -> Any:
-    """The value of an attribute, which must be one of the choices."""
+    """Value of an attribute, which must be one of the choices."""
     if (chosen := element.get(key, default)) not in choices:
         raise MeshError(f"{key} {excerpt(str(chosen))!r} is not read")
     return chosen
 
 
 class _XMLFile:
-    """The XML of a file and its appended data."""
+    """XML of a file and its appended data."""
 
     def __init__(self, content: bytes) -> None:
         head, tag, rest = content.partition(b"<AppendedData")
@@ -501,10 +504,10 @@ class _XMLFile:
                 head + tag + attributes + last + foot if appended else content
             )
         except (ElementTree.ParseError, ValueError, LookupError) as error:
-            raise MeshError(f"it is no XML: {excerpt(str(error))}") from None
+            raise MeshError(f"it is not XML: {excerpt(str(error))}") from None
         root = self.root
         if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
-            raise MeshError("it is no VTKFile of an UnstructuredGrid")
+            raise MeshError("it is not a VTKFile of an UnstructuredGrid")
         _choice(root, "version", "0.1", ("0.1", "1.0"))
         self._order = _ORDERS[_choice(root, "byte_order", "LittleEndian", _ORDERS)]
         header = _choice(root, "header_type", "UInt32", ("UInt32", "UInt64"))
@@ -520,7 +523,7 @@ class _XMLFile:
                 raise MeshError("appended data must begin with '_'")
 
     def array(self, element: Element, count: int, whole: bool = False) -> ndarray:
-        """The numbers of an array, shape (count,)."""
+        """Numbers of an array, shape (count,)."""
         with errors_about(f"array {excerpt(element.get('Name', 'of the points'))!r}"):
             return self._array(element, count, whole)
 

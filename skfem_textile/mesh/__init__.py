@@ -1,1 +1,1 @@
-"""Meshes: checks, names, and the bases that forms go with."""
+"""Meshes: validation, names, splitting, and bases of the forms."""

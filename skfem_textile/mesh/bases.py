@@ -1,10 +1,10 @@
 """Finite elements, quadrature rules, nodes and bases of the displacement.
 
 Quadratic triangles have three points; bilinear quadrilaterals have the centre, 2×2
-points or both.  Their gradient is its value at the centre plus a fluctuation,
-∇N(ξ) = ∇N(0) + (∇N(ξ) − ∇N(0)).  The fluctuation is exactly the paper's
-B_HGL = γ ⊗ ∇h (Hamila & Boisse 2013, §3.1).  Macro-elements are all quadrilaterals into
-which an element was split.  Corners of elements are where these fold first.
+points or both.  The gradient of a bilinear quadrilateral is its value at the centre
+plus a fluctuation, ∇N(ξ) = ∇N(0) + (∇N(ξ) − ∇N(0)).  The fluctuation equals B_HGL = γ ⊗
+∇h of the paper (Hamila & Boisse 2013, §3.1).  A macro-element consists of all
+quadrilaterals into which an element was split.  Elements fold first at their corners.
 """
 
 from itertools import product
@@ -26,11 +26,11 @@ from skfem.quadrature import get_quadrature
 
 from .scikit_fem import set_element_dofs, set_positions
 
-# A corner is flat if det J is below this share of the largest of its element.  Chosen:
-# far above rounding, as in `checks`.
+# A corner is flat if det J is below this share of the largest value of its element.
+# Chosen: far above rounding, as in `checks`.
 _FLAT = 1e-9
 
-#: One point at the centre, carrying the exact area of a bilinear quadrilateral.
+#: One point at the centre, weighted with the exact area of a bilinear quadrilateral.
 CENTRE = (np.array([[0.5], [0.5]]), np.array([1.0]))
 
 #: 2×2 Gauss points.
@@ -46,7 +46,7 @@ SIX = get_quadrature(ElementTriP2, 4)
 class ElementQuad1Fluctuation(ElementQuad1):
     """Bilinear element whose gradient is the fluctuation ∇N(ξ) − ∇N(0).
 
-    `centre_grad` returns the centre gradient ∇N(0), which fields hold too.
+    `centre_grad` returns the centre gradient ∇N(0), which its fields also contain.
 
     Examples
     --------
@@ -63,7 +63,7 @@ class ElementQuad1Fluctuation(ElementQuad1):
     def gbasis(
         self, mapping: Any, X: ndarray, i: int, tind: ndarray | None = None
     ) -> tuple[DiscreteField, ...]:
-        """One basis function: its value, fluctuation and centre gradient."""
+        """Value, fluctuation and centre gradient of one basis function."""
         (field,) = super().gbasis(mapping, X, i, tind)
         (centre,) = super().gbasis(mapping, CENTRE[0], i, tind)
         fluctuation = field.grad - centre.grad
@@ -81,7 +81,7 @@ def centre_grad(u: DiscreteField) -> ndarray:
 def quad_basis(
     mesh: Mesh, rule: tuple[ndarray, ndarray], dimension: int = 2
 ) -> CellBasis:
-    """Basis of the displacement on ``mesh`` with the points and weights of ``rule``.
+    """Displacement basis on ``mesh`` with the points and weights of ``rule``.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def quad_basis(
     rule
         `CENTRE` for one point, `GAUSS` for 2×2.
     dimension
-        Components of the displacement: 2 in the plane, 3 in space.
+        Number of displacement components: 2 in the plane, 3 in space.
     """
     return CellBasis(mesh, ElementVector(ElementQuad1(), dimension), quadrature=rule)
 
@@ -101,12 +101,12 @@ def triangle_basis(mesh: Mesh, dimension: int = 2) -> CellBasis:
 
 
 def components(basis: AbstractBasis) -> int:
-    """Number of components of the displacement, d."""
+    """Number d of displacement components."""
     return len(basis.nodal_dofs)
 
 
 def element_numbers(basis: Any) -> ndarray:
-    """Number of the element at each point of a basis, shape (n_elements, n_points)."""
+    """Element number at each point of a basis, shape (n_elements, n_points)."""
     given = basis.default_parameters()
     if "element" in given:
         return np.asarray(given["element"])
@@ -117,8 +117,8 @@ def element_numbers(basis: Any) -> ndarray:
 def node_positions(basis: CellBasis) -> ndarray:
     """Nodes of a basis of the displacement, shape (2, n_nodes).
 
-    The vertices of the mesh in their order, then the middles of its edges if the
-    element has nodes there.
+    The vertices of the mesh in their order, then the edge midpoints if the element has
+    nodes there.
     """
     mesh = basis.mesh
     if not basis.elem.facet_dofs:
@@ -127,7 +127,7 @@ def node_positions(basis: CellBasis) -> ndarray:
 
 
 def node_dofs(basis: CellBasis) -> ndarray:
-    """Unknowns of each of the nodes of `node_positions`, shape (d, n_nodes)."""
+    """Unknowns of each node of `node_positions`, shape (d, n_nodes)."""
     return np.arange(basis.N).reshape(-1, components(basis)).T
 
 
@@ -154,7 +154,7 @@ class HourglassBasis(CellBasis):
 
 
 def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:
-    """∇u alone at the points of a basis, without the values that take most time.
+    """Displacement gradient ∇u at the points of a basis.
 
     Parameters
     ----------
@@ -176,36 +176,41 @@ def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:
 
 
 class MeanBasis(CellBasis):
-    """A `skfem.CellBasis` with the parameters of means over elements.
+    """`skfem.CellBasis` with the parameters of means over elements.
 
-    ``w["share"]`` is the share of each point in the area of its element, shape
-    (n_elements, n_points).
+    ``w["share"]`` is the area fraction of each point in its element, shape (n_elements,
+    n_points).
 
     Attributes
     ----------
     parts
-        Numbers of the quadrilaterals into which each element was split, as of
-        `MacroBasis`; None where the elements are those of the mesh.
+        Numbers of the quadrilaterals into which each element was split, see
+        `MacroBasis`; None if the elements are those of the mesh.
     """
 
     parts: ndarray | None = None
 
     def default_parameters(self) -> dict[str, Any]:
-        """Position and share, and of macro-elements the quadrilateral of each point."""
+        """Position and share, and for macro-elements the quadrilateral of each
+        point.
+        """
         share = self.dx / self.dx.sum(axis=1, keepdims=True)
         given = {"x": self.global_coordinates(), "share": share}
         return given if self.parts is None else given | {"element": self.parts}
 
     def from_ply_points(self, x: ndarray) -> ndarray:
-        """Convert values at the ply's own points to values at these points.
+        """Convert values at the integration points of the ply to values at these
+        points.
 
-        The ply's own points are the same, or of macro-elements the centres of the
-        quadrilaterals, shape (..., n_quadrilaterals, 1).
+        The integration points of the ply are the same or, for macro-elements, the
+        centres of the quadrilaterals, shape (..., n_quadrilaterals, 1).
         """
         return x if self.parts is None else x[..., self.parts, 0]
 
     def to_ply_points(self, x: ndarray) -> ndarray:
-        """Convert values at these points to values at the ply's own points."""
+        """Convert values at these points to values at the integration points of the
+        ply.
+        """
         if self.parts is None:
             return x
         exists = self.parts >= 0
@@ -215,7 +220,7 @@ class MeanBasis(CellBasis):
 
 
 class MacroBasis(MeanBasis):
-    """Basis of the displacement on the original elements of a mesh that was split.
+    """Basis of the displacement on the original elements of a split mesh.
 
     The points of an element are the centres of its quadrilaterals, weighted with their
     areas; its functions are those of all their nodes.
@@ -223,7 +228,7 @@ class MacroBasis(MeanBasis):
     Parameters
     ----------
     mesh
-        A mesh that was split (`SplitMesh`).
+        A split mesh (`SplitMesh`).
     dimension
         Components of the displacement.
     **kwargs
@@ -232,11 +237,11 @@ class MacroBasis(MeanBasis):
     Attributes
     ----------
     parts
-        Numbers of the quadrilaterals of each element, shape (n_elements, n_points);
-        −1 where an element has fewer than others.
+        Numbers of the quadrilaterals of each element, shape (n_elements, n_points),
+        padded with −1.
     corners
-        For each corner of its quadrilaterals, which node of the element it is; shape
-        (4, n_points, n_elements).
+        Local node number in the element of each corner of its quadrilaterals, shape (4,
+        n_points, n_elements).
     """
 
     parts: ndarray
@@ -253,7 +258,7 @@ class MacroBasis(MeanBasis):
         self.dx = np.where(exists, self.dx[self.parts, 0], 0.0)
         set_positions(self, x[:, self.parts, 0])
 
-        # Nodes of an element, and for each corner of its parts which of them it is.
+        # Nodes of an element, and the local node number of each corner of its parts.
         nodes = np.where(exists, mesh.t[:, self.parts], mesh.t[:, self.parts[:, :1]])
         own_nodes, which = _distinct(nodes.transpose(0, 2, 1).reshape(-1, self.nelems))
         self.corners = corners = which.reshape(4, n_points, self.nelems)
@@ -277,7 +282,7 @@ class MacroBasis(MeanBasis):
 
 
 def _along(axis: int, dimension: int, N: ndarray, dN: ndarray) -> DiscreteField:
-    """A basis function that displaces along one axis."""
+    """Basis function of a displacement along one axis."""
     value = np.zeros((dimension, *N.shape))
     gradient = np.zeros((dimension, *dN.shape))
     value[axis], gradient[axis] = N, dN
@@ -285,7 +290,7 @@ def _along(axis: int, dimension: int, N: ndarray, dN: ndarray) -> DiscreteField:
 
 
 def _parts(parent: ndarray) -> ndarray:
-    """Parts of each parent, shape (n_parents, n_most), filled up with −1."""
+    """Parts of each parent, shape (n_parents, n_most), padded with −1."""
     order, counts = np.argsort(parent, kind="stable"), np.bincount(parent)
     parts = np.full((len(counts), counts.max()), -1)
     parts[np.arange(counts.max()) < counts[:, None]] = order
@@ -293,9 +298,9 @@ def _parts(parent: ndarray) -> ndarray:
 
 
 def _distinct(nodes: ndarray) -> tuple[ndarray, ndarray]:
-    """Distinct nodes of each column, and for each entry which of them it is.
+    """Distinct nodes of each column, and the index of each entry among them.
 
-    They stand in the order of their appearance, so that elements of one kind have one
+    They are in the order of appearance, so that elements of one kind have one
     numbering.  A column with fewer distinct nodes than others repeats its first.
     """
     rows = np.arange(len(nodes))[:, None]
@@ -309,7 +314,8 @@ def _distinct(nodes: ndarray) -> tuple[ndarray, ndarray]:
 class CornerBasis(CellBasis):
     """Basis of the displacement at one node of each of the given elements.
 
-    Each of the n nodes of an element has the weight A/n, where A is its area.
+    Each of the n nodes of an element has the weight A/n, where A is the area of the
+    element.
 
     Parameters
     ----------
@@ -339,10 +345,10 @@ class Corners:
     """Area ratio det F at the nodes of the elements of a basis.
 
     det F = det(∂x/∂ξ) / det(∂X/∂ξ): at a corner the columns of ∂x/∂ξ are edges of the
-    element, so that it takes half the time of F.  In space the cross product of the
-    columns takes the place of the determinant: its length, negative at a node where it
-    opposes its mean over the element (`sided`).  The last result is kept, because
-    an iteration needs it several times.
+    element, which takes half the time of F.  In space the determinant is replaced by
+    the cross product of the columns: its length, negative at a node where it opposes
+    its mean over the element (`sided`).  The last result is cached, because an
+    iteration uses it several times.
 
     Parameters
     ----------
@@ -371,7 +377,7 @@ class Corners:
         """Current area per reference area, det F, shape (n_points, n_elements).
 
         Infinite at a corner that is flat or reflex in the reference configuration,
-        where det F has no meaning.
+        where det F is undefined.
         """
         last, ratio = self._last
         if np.array_equal(last, u):
@@ -388,9 +394,9 @@ class Corners:
         return ratio
 
     def normals(self, u: ndarray) -> ndarray:
-        """Normals of the elements in space, of any length, shape (3, n_elements).
+        """Normals of the elements in space, not normalised, shape (3, n_elements).
 
-        At rest all lie on the same side of the ply.
+        At rest all point to the same side of the ply.
         """
         return self._turn * self._vectors(u.reshape(-1, 3)).sum(axis=1)
 
@@ -415,7 +421,7 @@ def sided(vectors: ndarray, normals: ndarray) -> ndarray:
     """Lengths of area vectors, negative where they oppose the normal of their element.
 
     An area in space has no sign, and a ply may lie upside down.  A part of an element
-    that faces the other way than the element does is folded.
+    that faces the opposite way is folded.
 
     Parameters
     ----------
@@ -430,10 +436,10 @@ _MIDDLE = np.array([[0.5]]), np.array([1.0])
 
 
 class JumpBasis(InteriorFacetBasis):
-    """Basis of the displacement at the middles of interior edges, on both sides.
+    """Basis of the displacement at the midpoints of interior edges, on both sides.
 
-    Each edge has two points, both at its middle, one in the element on either side: a
-    jump is the difference between them.  Their weights add up to (A⁺ + A⁻)/4, with the
+    Each edge has two points at its midpoint, one in the element on either side; a jump
+    is the difference between them.  Their weights add up to (A⁺ + A⁻)/4, with the
     reference areas of the two elements.
 
     Parameters
@@ -449,7 +455,7 @@ class JumpBasis(InteriorFacetBasis):
         super().__init__(mesh, element, quadrature=_MIDDLE, **kwargs)
         other = InteriorFacetBasis(mesh, element, quadrature=_MIDDLE, side=1, **kwargs)
         set_element_dofs(self, np.vstack([self.element_dofs, other.element_dofs]))
-        first, second = np.eye(2)  # 1 at the own point of a side, 0 at the other
+        first, second = np.eye(2)  # 1 at the point of this side, 0 at the other
         self.basis = [
             (DiscreteField(np.asarray(field) * own, np.asarray(field.grad) * own),)
             for own, side in ((first, self), (second, other))

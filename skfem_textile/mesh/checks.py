@@ -1,4 +1,4 @@
-"""Checks of a mesh before anything is computed on it."""
+"""Validation of a mesh before a computation."""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -13,8 +13,9 @@ from .contact import boundary_of, cells_within, contact_of
 from .scikit_fem import with_names
 from .selection import named_nodes
 
-# An edge of a cell counts as zero below this share of the longest, a Jacobian below it
-# times its square.  Chosen: far above rounding (2e-16), far below cells in use.
+# Share of the longest edge of a cell below which an edge counts as zero, and of its
+# square below which a Jacobian does.  Chosen: far above rounding (2e-16), far below
+# practical cells.
 _NEGLIGIBLE = 1e-9
 
 # Largest coordinate, in mm.  Chosen: areas, up to 1e200, do not overflow (1.8e308).
@@ -24,17 +25,17 @@ _FAR = 1e100
 # their inverses overflow.
 _SHORT = 1e-100
 
-# Largest side in mm of the bounding box below which a mesh is in other units.  Chosen:
-# a ply narrower than a yarn is no ply, and one of less than 1 m in metres is below it.
+# Side of the bounding box in mm below which a mesh is in other units.  Chosen: about
+# the width of a yarn; a ply of less than 1 m in metres is below it.
 _SMALLEST_PLY = 1.0
 
-# Numbers of nodes or cells that a message lists.  Chosen: one line.
+# Maximum number of nodes or cells listed in a message.  Chosen: one line.
 _LISTED = 10
 
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
 
-# Elements of the meshes that can be used, and what their cells are called.
+# Element types of supported meshes, and the names of their cells.
 _CELLS: dict[type[Element], str] = {
     ElementQuad1: "quadrilateral",
     ElementTriP1: "triangle",
@@ -42,20 +43,20 @@ _CELLS: dict[type[Element], str] = {
 
 
 class MeshError(ValueError):
-    """An unusable mesh; the message says where and what to do."""
+    """Invalid mesh; the message says where and what to do."""
 
 
 def check_mesh(mesh: Mesh) -> None:
-    """Refuse a mesh of quadrilaterals or triangles that is not sound.
+    """Validate a mesh of quadrilaterals or triangles.
 
     Raises
     ------
     MeshError
-        If the mesh has other cells, positions that are not finite, unused nodes or
-        nodes that are not there, names of edges or nodes that are not there, edges of
-        more than two cells, cells with a collapsed edge, quadrilaterals inverted at a
-        2×2 point, triangles without area, cells that overlap, nodes on an edge between
-        its ends, or coincident nodes other than those along a cut (`contact`).
+        If the mesh has other cells, positions that are not finite, unused or undefined
+        nodes, names of undefined edges or nodes, edges of more than two cells, cells
+        with a collapsed edge, quadrilaterals inverted at a 2×2 point, triangles without
+        area, overlapping cells, nodes on the interior of an edge, or coincident nodes
+        other than along a cut (`contact`).
     """
     if getattr(mesh, "elem", None) not in _CELLS:
         raise MeshError(
@@ -71,7 +72,7 @@ def check_mesh(mesh: Mesh) -> None:
     shared = np.bincount(mesh.t2f.ravel())
     crowded = (shared > 2)[mesh.t2f].any(axis=0)
     refuse(f"{cell}(s) share an edge with more than one other", crowded)
-    jacobian = det(mesh.mapping().DF(gauss))  # that of a triangle is constant
+    jacobian = det(mesh.mapping().DF(gauss))  # constant for a triangle
     turn = np.sign(jacobian.sum(axis=1))
     x = mesh.p[:, mesh.t]
     length = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)
@@ -79,7 +80,7 @@ def check_mesh(mesh: Mesh) -> None:
     inverted = (jacobian * turn[:, None]).min(axis=1) <= _NEGLIGIBLE * longest**2
     collapsed = length.min(axis=0) <= np.maximum(_NEGLIGIBLE * longest, _SHORT)
     refuse(f"{cell}(s) inverted or degenerate", inverted | collapsed)
-    refuse(f"{cell}(s) lie on top of a neighbour", _overlapping(mesh, turn))
+    refuse(f"{cell}(s) overlap a neighbour", _overlapping(mesh, turn))
     _refuse_contact(mesh, cell)
     for name, edges in (mesh.boundaries or {}).items():
         _refuse_names(f"boundary {name!r}", edges, mesh.nfacets)
@@ -107,21 +108,21 @@ def refuse_positions(p: ndarray) -> None:
 
 
 def refuse_nodes(p: ndarray, cells: Sequence[ndarray], what: str = "cell") -> None:
-    """Refuse positions as `refuse_positions`, and cells of nodes that are not there.
+    """Refuse invalid positions (`refuse_positions`), and cells of undefined nodes.
 
-    Cells are arrays of node numbers of the shape (n_corners, n), counted through them
-    all, and called ``what``.
+    Cells are arrays of node numbers of the shape (n_corners, n), numbered
+    consecutively, and called ``what``.
     """
     refuse_positions(p)
     listed = [((t >= 0) & (t < p.shape[1])).all(axis=0) for t in cells]
-    refuse(f"{what}(s) name a node that is not there", ~np.concatenate(listed))
+    refuse(f"{what}(s) refer to an undefined node", ~np.concatenate(listed))
 
 
 def with_edges(mesh: _Mesh) -> _Mesh:
     """Name the straight edges ``left``, ``bottom``, ``right`` and ``top``.
 
     They are the boundary edges on the sides of the bounding box.  Sides without an edge
-    get no name, and names that the mesh has stay.
+    are not named, and existing names are kept.
     """
     boundary = mesh.boundary_facets()
     x = mesh.p[:, mesh.facets[:, boundary]]
@@ -136,7 +137,7 @@ def with_edges(mesh: _Mesh) -> _Mesh:
 
 
 def refuse(what: str, bad: ndarray) -> None:
-    """Refuse bad items, given as one bool for each or as their numbers."""
+    """Raise an error for invalid items, given as one bool per item or as numbers."""
     numbers = np.flatnonzero(bad) if bad.dtype == bool else bad
     if numbers.size:
         first = ", ".join(map(str, numbers[:_LISTED]))
@@ -148,38 +149,39 @@ def _refuse_names(what: str, numbers: ndarray, n: int) -> None:
     """Refuse named edges or nodes whose numbers are not in the mesh."""
     numbers = np.asarray(numbers)
     if numbers.size and (numbers.min() < 0 or numbers.max() >= n):
-        raise MeshError(f"{what}: its numbers must be from 0 to {n - 1}; name it anew")
+        raise MeshError(
+            f"{what}: its numbers must be from 0 to {n - 1}; define it again"
+        )
 
 
 def _refuse_contact(mesh: Mesh, cell: str) -> None:
-    """Refuse a mesh that touches itself, except along cuts, or overlaps itself."""
+    """Refuse a mesh that overlaps itself, or touches itself except along cuts."""
     boundary = boundary_of(mesh)
     contact = contact_of(boundary)
     if contact is None:
-        raise MeshError("more boundary edges lie on top of others than can be judged")
+        raise MeshError("more boundary edges lie on top of others than can be checked")
     refuse(
         f"{cell}(s) lie on top of others, edge on edge; keep one layer", contact.layered
     )
-    overlap = f"{cell}(s) overlap others that are no neighbours"
+    overlap = f"{cell}(s) overlap others that are not neighbours"
     refuse(f"{overlap}; the boundary crosses itself there", contact.crossing)
     refuse(
-        "node(s) lie on an edge of which they are no end; split the cell there or move "
-        "the node off",
+        "node(s) lie in the interior of an edge; split the cell there or move the node",
         contact.hanging,
     )
     refuse(
-        "node(s) lie at the place of others; merge them (the sides of a cut may touch "
-        "only where both of its ends are single nodes; else move them apart)",
+        "node(s) coincide with others; merge them (the sides of a cut may touch only "
+        "if both of its ends are single nodes; otherwise move them apart)",
         contact.doubled,
     )
-    refuse(f"{overlap}; one piece of the mesh lies in another", cells_within(boundary))
+    refuse(f"{overlap}; one part of the mesh lies in another", cells_within(boundary))
 
 
 def _overlapping(mesh: Mesh, turn: ndarray) -> ndarray:
-    """Elements that lie on the same side of an edge as their neighbour there.
+    """Elements that lie on the same side of an edge as their neighbour.
 
-    Cells on either side of an edge pass it in opposite directions when each is walked
-    anticlockwise.
+    Two cells on either side of an edge traverse it in opposite directions if each is
+    traversed anticlockwise.
     """
     start = mesh.t  # the edges run 0-1, 1-2, ..., back to 0, in the order of t2f
     along = np.where(start == mesh.facets[0, mesh.t2f], 1, -1) * turn

@@ -1,8 +1,8 @@
 """Contact of the boundary of a mesh with itself: seams, cuts and overlaps.
 
-`check_mesh` has refused inverted cells, and neighbours on the same side of their edge.
-Then cells overlap exactly where the boundary, walked with the mesh on its left, crosses
-itself or encloses a place twice.
+`check_mesh` has excluded inverted cells, and neighbours on the same side of their edge.
+Cells then overlap if and only if the boundary, traversed with the mesh on its left,
+crosses itself or winds around a point twice.
 """
 
 from dataclasses import dataclass
@@ -16,26 +16,26 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 from skfem import Mesh
 
-# Nodes coincide if they are closer than this share of the shorter edge.  Chosen: above
-# the rounding of coordinates that are written with seven digits.
+# Share of the shorter edge below which nodes coincide.  Chosen: above the rounding of
+# coordinates with seven digits.
 _COINCIDENT = 1e-6
 
-# Pairs of neighbouring edges up to which a mesh is judged.  Measured: 2.5 µs a pair, so
-# that the limit takes 25 s; a sound mesh has a few pairs an edge.
+# Maximum number of pairs of close edges.  Measured: 2.5 µs per pair, so that the limit
+# takes 25 s; a valid mesh has a few pairs per edge.
 _MOST_PAIRS = 10_000_000
 
-# Pairs of points and edges that are computed at a time.  Chosen: about ten arrays of
-# 8 bytes each, 100 MB.
+# Number of pairs of points and edges per block.  Chosen: about ten arrays of 8 bytes
+# each, 100 MB.
 _PAIRS_AT_A_TIME = 1_000_000
 
-# Distance from an edge of a point inside its cell, as a share of the cell's area per
-# length of the edge.  Chosen: inside the cell, and far above rounding.
+# Distance of an interior point of a cell from an edge, relative to the area of the cell
+# over the length of the edge.  Chosen: inside the cell, and far above rounding.
 _INSIDE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Boundary:
-    """The boundary edges of a mesh, each with the mesh on its left.
+    """Boundary edges of a mesh, each with the mesh on its left.
 
     Attributes
     ----------
@@ -44,9 +44,9 @@ class Boundary:
     ends
         Nodes at the start and at the end of each edge, shape (2, n).
     cell
-        The cell of each edge, shape (n,).
+        Cell of each edge, shape (n,).
     area
-        The area of this cell, shape (n,).
+        Area of this cell, shape (n,).
     """
 
     p: ndarray
@@ -83,7 +83,7 @@ def signed_areas(x: ndarray, y: ndarray) -> ndarray:
 
 
 def boundary_of(mesh: Mesh) -> Boundary:
-    """The boundary of a mesh; no edge may belong to more than two cells."""
+    """Boundary of a mesh; no edge may belong to more than two cells."""
     x, y = mesh.p[:, mesh.t] - mesh.p[:, mesh.t[:1]]
     area = signed_areas(x, y)
     single = np.bincount(mesh.t2f.ravel()) == 1
@@ -100,11 +100,12 @@ class Contact:
     Attributes
     ----------
     layered
-        Cells with an edge that runs along that of another cell, on the same side of it.
+        Cells with an edge that coincides with an edge of another cell, on the same
+        side.
     crossing
-        Cells with an edge that crosses that of another cell.
+        Cells with an edge that crosses an edge of another cell.
     hanging
-        Nodes that lie on an edge between its ends.
+        Nodes in the interior of an edge.
     doubled
         Nodes that coincide with others, except along cuts with single nodes as ends.
     """
@@ -116,7 +117,7 @@ class Contact:
 
 
 def contact_of(boundary: Boundary) -> Contact | None:
-    """Find edges of a boundary that touch or cross others.
+    """Edges of a boundary that touch or cross others.
 
     None if more than `_MOST_PAIRS` pairs are close.
     """
@@ -174,7 +175,8 @@ def _close_pairs(boundary: Boundary) -> ndarray | None:
 def _distance_and_share(
     boundary: Boundary, edge: ndarray, x: ndarray
 ) -> tuple[ndarray, ndarray]:
-    """Distance of points from edges, positive on the left, and position along them.
+    """Distance of points from edges, positive on the left, and relative position along
+    them.
 
     The position is 0 at the start and 1 at the end.
     """
@@ -187,8 +189,8 @@ def _distance_and_share(
 def _coincident_off_cuts(joined: ndarray, seam: ndarray, n_nodes: int) -> ndarray:
     """Nodes that coincide with others and do not lie along a cut.
 
-    ``joined`` are pairs of coincident nodes, and ``seam`` nodes of the edges that run
-    along another in opposite direction, shape (2, n) each.
+    ``joined`` are pairs of coincident nodes, and ``seam`` nodes of coincident edges of
+    opposite direction, shape (2, n) each.
     """
     place = _groups(joined, n_nodes)
     n_nodes_at = np.bincount(place)
@@ -206,15 +208,15 @@ def _coincident_off_cuts(joined: ndarray, seam: ndarray, n_nodes: int) -> ndarra
 
 
 def _groups(pairs: ndarray, n: int) -> ndarray:
-    """Number of the connected group of each of n items, given pairs that are joined."""
+    """Number of the connected component of each of n items, given joined pairs."""
     joined = coo_matrix((np.ones(pairs.shape[1]), tuple(pairs)), shape=(n, n))
     return connected_components(joined, directed=False)[1]
 
 
 def cells_within(boundary: Boundary) -> ndarray:
-    """Boundary cells that lie in other cells, although no edge crosses another.
+    """Boundary cells that lie in other cells without crossing edges.
 
-    Either a piece of the mesh lies in another, or cells overlap that share one node.
+    Either one part of the mesh lies in another, or cells that share one node overlap.
     """
     ends = boundary.ends
     piece = _groups(ends, boundary.p.shape[1])[ends[0]]
@@ -232,8 +234,8 @@ def cells_within(boundary: Boundary) -> ndarray:
 def _pinched(boundary: Boundary) -> ndarray:
     """Boundary edges at nodes around which fans of cells overlap.
 
-    Anticlockwise around a node, an edge that leaves the node begins a fan of cells, and
-    an edge that arrives there ends it.  Without overlap they alternate.
+    In anticlockwise order around a node, an outgoing edge begins a fan of cells and an
+    incoming edge ends it.  Without overlap they alternate.
     """
     ends, n = boundary.ends, boundary.ends.shape[1]
     node = ends.ravel()
@@ -252,7 +254,7 @@ def _pinched(boundary: Boundary) -> ndarray:
 def _winding_numbers(boundary: Boundary, x: ndarray) -> ndarray:
     """Winding number of the boundary around each point, shape (n,).
 
-    It counts upward crossings of the ray from the point to the right.
+    Counts the upward crossings of the ray from the point to the right.
     """
     turns = np.zeros(x.shape[1])
     y = boundary.p[1, boundary.ends]
@@ -260,7 +262,7 @@ def _winding_numbers(boundary: Boundary, x: ndarray) -> ndarray:
     for exponent in np.unique(size):
         edges = np.flatnonzero(size == exponent)
         edges = edges[np.argsort(low[edges])]
-        # Edges at the height of a point begin below it, by their length at most.
+        # Edges at the height of a point begin below it, by at most their length.
         first = np.searchsorted(low[edges], x[1] - 2.0**exponent * (1 + _COINCIDENT))
         last = np.searchsorted(low[edges], x[1], side="right")
         batch = np.cumsum(last - first) // _PAIRS_AT_A_TIME

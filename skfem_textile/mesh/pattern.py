@@ -1,7 +1,7 @@
-"""Sparsity pattern of a symmetric matrix of d×d blocks, found once.
+"""Sparsity pattern of a symmetric matrix of d×d blocks.
 
 The matrix of a ply couples the nodes of each element.  Each pair of coupled nodes has
-one block, below the diagonal.  Entries that happen to be zero are kept.
+one block, below the diagonal.  Zero entries are kept.
 """
 
 from collections.abc import Iterable, Sequence
@@ -12,27 +12,27 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import coo_matrix, csr_matrix
 
-# How far a matrix may be from symmetric, as a share of its largest entry.
+# Tolerance of the symmetry of a matrix, relative to its largest entry.
 _SYMMETRIC = 1e-8
 
 
 class Pattern:
-    """Places of the blocks of element matrices in the whole matrix.
+    """Positions of the blocks of element matrices in the assembled matrix.
 
     Parameters
     ----------
     dimension, n_nodes
-        Components of the displacement, d, and number of nodes; node k has the unknowns
-        from dk on.
+        Number d of displacement components, and number of nodes; the unknowns of node k
+        start at dk.
     elements
         Nodes of the elements of each group, shape (n_nodes_of_element, n_elements).
     others
-        Further groups of nodes that couple.
+        Further groups of coupled nodes.
 
     Attributes
     ----------
     rows, cols
-        Nodes that each block couples, row ≥ column, ascending; shape (n_blocks,).
+        Nodes of each block, row ≥ column, ascending; shape (n_blocks,).
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Pattern:
         matrices
             Blocks of the pairs of nodes (a, c), a ≤ c, of the elements of each group,
             in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n_elements).
-            None for a group whose matrices vanish.
+            None for a group whose matrices are zero.
         """
         d = self.dimension
         size = d * d * len(self.rows)
@@ -92,9 +92,10 @@ class Pattern:
         return sum(sums, np.zeros(size)).reshape(-1, d, d)
 
     def add(self, blocks: ndarray, matrix: Any, name: str) -> None:
-        """Add a symmetric sparse matrix of a term, by its name, to the blocks of a sum.
+        """Add the symmetric sparse matrix of a term, by its name, to the blocks of a
+        sum.
 
-        Refused if it is not symmetric, or couples nodes that the pattern does not.
+        Raises an error if it is not symmetric, or couples nodes outside the pattern.
         """
         K = csr_matrix(matrix)
         if not K.has_canonical_format:
@@ -111,13 +112,13 @@ class Pattern:
             refuse_unsymmetric(name, K - K.T, K)
             if K.data[last.outside].any():
                 raise ValueError(
-                    f"term {name!r}: its tangent couples nodes of which `couples` says "
-                    "nothing; let it name them"
+                    f"term {name!r}: its tangent couples nodes that `couples` does "
+                    "not declare"
                 )
         np.add.at(blocks.reshape(-1), last.slots, K.data[last.inside])
 
     def _places(self, K: csr_matrix) -> "_Added":
-        """Where the entries of a matrix are in the blocks."""
+        """Positions of the entries of a matrix in the blocks."""
         entries, d = K.tocoo(), self.dimension
         row, i = np.divmod(entries.row.astype(np.int64), d)
         col, j = np.divmod(entries.col.astype(np.int64), d)
@@ -130,7 +131,7 @@ class Pattern:
         return _Added(K, slots, inside, below[~known])
 
     def matrix(self, blocks: ndarray) -> csr_matrix:
-        """The whole matrix."""
+        """Assembled matrix."""
         K = self._whole
         return csr_matrix((blocks.ravel()[K.data], K.indices, K.indptr), K.shape)
 
@@ -143,7 +144,7 @@ class Pattern:
         return matrix_of_slots(np.append(slots, slots[below]), row, col, (n, n))
 
     def entries(self) -> tuple[ndarray, ndarray, ndarray]:
-        """The entries at and below the diagonal: number in the blocks, row, column."""
+        """Entries at and below the diagonal: index into the blocks, row, column."""
         d = self.dimension
         i, j = np.indices((d, d))
         row = (d * self.rows[:, None, None] + i).ravel()
@@ -153,10 +154,10 @@ class Pattern:
 
 
 class _Added(NamedTuple):
-    """A sparse matrix added to blocks.
+    """Sparse matrix added to blocks.
 
-    ``slots`` are numbers of entries of the blocks, ``inside`` the numbers of the
-    matrix's entries there, ``outside`` those of entries for which there is no block.
+    ``slots`` are indices into the entries of the blocks, ``inside`` the indices of the
+    corresponding entries of the matrix, ``outside`` those of entries without a block.
     """
 
     matrix: csr_matrix
@@ -168,19 +169,20 @@ class _Added(NamedTuple):
 def matrix_of_slots(
     slots: ndarray, row: ndarray, col: ndarray, shape: tuple[int, int]
 ) -> csr_matrix:
-    """A sorted matrix whose data are the numbers (slots) of its entries elsewhere."""
+    """Sorted matrix whose data are the indices (slots) of its entries elsewhere."""
     matrix = coo_matrix((slots, (row, col)), shape).tocsr()
     matrix.sort_indices()
     return matrix
 
 
 def refuse_unsymmetric(name: str, difference: Any, matrix: Any) -> None:
-    """Refuse the tangent of a term that is no second derivative.
+    """Refuse the tangent of a term that is not a second derivative.
 
     ``difference`` is the tangent less its transpose.
     """
     if abs(difference).max() > _SYMMETRIC * abs(matrix).max():
         raise ValueError(
             f"term {name!r}: its tangent is not symmetric, so it is not the second "
-            "derivative of an energy; mend its forms, or leave out what has no energy"
+            "derivative of an energy; correct its forms, or omit parts without an "
+            "energy"
         )

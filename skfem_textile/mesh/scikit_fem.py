@@ -1,6 +1,6 @@
-"""All that the package uses of scikit-fem beyond its public interface.
+"""Uses of scikit-fem beyond its public interface.
 
-Found in scikit-fem 12.  `tests/mesh/test_scikit_fem.py` fails where a later version
+Written for scikit-fem 12.  `tests/mesh/test_scikit_fem.py` fails if a later version
 differs.
 """
 
@@ -14,7 +14,7 @@ from skfem.assembly.basis.abstract_basis import AbstractBasis
 
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
-#: Arguments of `skfem.assembly.form.coo_data.COOData`: indices, values, shape of the
+#: Arguments of `skfem.assembly.form.coo_data.COOData`: indices, values, shapes of the
 #: whole and of an element.
 Entries: TypeAlias = tuple[ndarray, ndarray, tuple[int, ...], tuple[int, ...]]
 
@@ -24,34 +24,36 @@ def with_names(
     boundaries: dict[str, ndarray] | None,
     subdomains: dict[str, ndarray] | None,
 ) -> _Mesh:
-    """Copy a mesh with exactly these boundaries and subdomains, as numbers.
+    """Copy of a mesh with exactly these boundaries and subdomains, as numbers.
 
-    `skfem.Mesh.with_boundaries` keeps names that the mesh has, and so cannot drop any.
+    `skfem.Mesh.with_boundaries` keeps existing names, and so cannot remove any.
     """
     return replace(mesh, _boundaries=boundaries, _subdomains=subdomains)
 
 
 def set_element_dofs(basis: AbstractBasis, element_dofs: ndarray) -> None:
-    """Let elements of a basis have these unknowns, shape (n_functions, n_elements)."""
+    """Set the unknowns of the elements of a basis, shape (n_functions, n_elements)."""
     basis._element_dofs = element_dofs
     basis.Nbfun = len(element_dofs)
 
 
 def set_positions(basis: AbstractBasis, x: ndarray) -> None:
-    """Let the points of a basis lie at x, shape (2, n_elements, n_points)."""
+    """Set the positions of the points of a basis to x, shape (2, n_elements,
+    n_points).
+    """
     basis._global_coordinates = DiscreteField(x)
 
 
 class OwnAssembly:
-    """A mixin for forms that may compute their entries without their function.
+    """Mixin for forms that may compute their entries without evaluating their function.
 
-    It comes before a form of scikit-fem in the bases of a class.
+    It must precede a scikit-fem form in the bases of a class.
     """
 
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: dict[str, Any]
     ) -> Entries | None:
-        """Entries by other means; None to evaluate the form with the parameters."""
+        """Entries computed otherwise; None to evaluate the form with the parameters."""
         raise NotImplementedError
 
     def _assemble(self, ubasis: Any, vbasis: Any = None, **parameters: Any) -> Any:

@@ -17,7 +17,7 @@ _Mesh = TypeVar("_Mesh", bound=Mesh)
 
 @dataclass(repr=False)
 class NamedNodes:
-    """A mesh with named nodes.
+    """Mesh with named nodes.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class NamedTriangles(NamedNodes, MeshTri):
 
 
 def with_named_nodes(mesh: _Mesh, nodes: Mapping[str, ndarray]) -> _Mesh:
-    """Add names of nodes to a mesh."""
+    """Add named nodes to a mesh."""
     if not nodes:
         return mesh
     if isinstance(mesh, NamedNodes):
@@ -62,12 +62,12 @@ def with_named_nodes(mesh: _Mesh, nodes: Mapping[str, ndarray]) -> _Mesh:
 
 
 def named_nodes(mesh: Mesh) -> dict[str, ndarray]:
-    """Node numbers by name; empty for a plain mesh of scikit-fem."""
+    """Node numbers by name; empty for a plain scikit-fem mesh."""
     return mesh.named_nodes if isinstance(mesh, NamedNodes) else {}
 
 
 def edge_numbers(edges: ndarray, ends: ndarray) -> ndarray:
-    """Number of the edge with given ends, shape (m,); −1 if there is none.
+    """Numbers of the edges with given ends, shape (m,); −1 if there is none.
 
     ``edges`` are the end nodes of each edge, ascending, shape (2, n), and ``ends``
     pairs of nodes in any order, shape (2, m).
@@ -90,12 +90,12 @@ def selected_nodes(what: str, where: Where, basis: CellBasis) -> ndarray:
     Parameters
     ----------
     what
-        What acts on the nodes, for messages.
+        Description of the condition or load, for messages.
     where
         The name of a boundary or of nodes of the mesh, a function of position
         ``(2, n) -> (n,) bool``, one bool per node, or node numbers.
     basis
-        Basis of the displacement: its nodes are the vertices, then the middles of edges
+        Basis of the displacement: its nodes are the vertices, then the edge midpoints
         if the element has nodes there.
 
     Raises
@@ -121,12 +121,12 @@ def selected_nodes(what: str, where: Where, basis: CellBasis) -> ndarray:
     if nodes.size == 0:
         raise ValueError(f"{what} acts on no node")
     if nodes.min() < 0 or nodes.max() >= n_nodes:
-        raise ValueError(f"{what}: there are nodes 0 to {n_nodes - 1} only")
+        raise ValueError(f"{what}: node numbers range from 0 to {n_nodes - 1} only")
     return nodes
 
 
 def _as_array(what: str, where: Any, X: ndarray) -> ndarray:
-    """A selection as an array; without bools or whole numbers if it is invalid."""
+    """Selection as an array; without bools or whole numbers if it is invalid."""
     if callable(where):
         where = call_user_function(f"{what}: where", where, X)
     try:

@@ -1,16 +1,12 @@
-"""Meshes split into quadrilaterals, cut into triangles, or refined.
+"""Splitting into quadrilaterals, cutting into triangles, and refinement.
 
-Triangles and quadrilaterals split into quadrilaterals.
+Split: every triangle becomes three quadrilaterals, with corners at its edge midpoints
+and its centroid; in a mesh with triangles every quadrilateral becomes four.  There are
+then about as many unknowns as constraints on the fibre stretch, as in the continuum,
+whereas two triangles per quadrilateral lock.
 
-Every triangle becomes three quadrilaterals, with corners at the middles of its edges
-and at its centroid; in a mesh with triangles every quadrilateral becomes four.  There
-are then about as many unknowns as constraints on the stretch of fibres, as in the
-continuum, while two triangles in place of a quadrilateral lock.
-
-Triangles refined at their longest edges.
-
-A triangle of which an edge is halved has its longest edge halved too, so that angles do
-not get small (Rivara 1984): it becomes two triangles, three, or four.
+Refinement: a triangle with a bisected edge also has its longest edge bisected, which
+bounds the angles from below (Rivara 1984): it becomes two, three or four triangles.
 """
 
 from collections.abc import Mapping, Sequence
@@ -47,20 +43,20 @@ def _ends(cell: ndarray) -> ndarray:
 
 
 def named_edges(name: str, points: ndarray, edges: ndarray, ends: ndarray) -> ndarray:
-    """Numbers of the edges of a named boundary, given as for `edge_numbers`.
+    """Numbers of the edges of a named boundary, given as in `edge_numbers`.
 
-    Refused if two of the nodes are not the ends of an edge.
+    Raises an error if two of the nodes are not the ends of an edge.
     """
     numbers = edge_numbers(edges, ends)
     missing = ends[:, numbers < 0]
     if missing.size:
         a, b = missing[:, 0].tolist()
         more = missing.shape[1] - 1
-        others = f", nor {more} more pair(s) of nodes that it names" if more else ""
+        others = f", nor {more} more of its pair(s) of nodes" if more else ""
         raise MeshError(
             f"boundary {name!r}: no edge of the mesh joins nodes {a} and {b} at "
-            f"{_position(points, a)} and {_position(points, b)}{others}; name edges of "
-            "cells"
+            f"{_position(points, a)} and {_position(points, b)}{others}; specify "
+            "edges of cells"
         )
     return numbers
 
@@ -73,10 +69,10 @@ def _position(points: ndarray, node: int) -> str:
 def hat_functions(mesh: Mesh, n_nodes: int) -> csr_matrix:
     """Values at all nodes of functions that are 1 at one corner and 0 at the others.
 
-    They are linear along the edges of the cells, and in the middle of a cell the mean
-    of its corners.  The mesh has triangles, whose further nodes are the middles of
-    their edges, or is a `SplitMesh`, whose corners are those of its cells, or has other
-    quadrilaterals.  Shape (n_corners, n_nodes).
+    They are linear along the edges of the cells; in the middle of a cell they are the
+    mean of its corners.  The mesh has triangles with edge midpoints as further nodes,
+    is a `SplitMesh`, whose corners are those of its cells, or has other quadrilaterals.
+    Shape (n_corners, n_nodes).
     """
     parts: Any = mesh
     cells = getattr(parts, "cells", ())
@@ -100,18 +96,16 @@ class SplitMesh(NamedNodes, MeshQuad):
     Attributes
     ----------
     cells
-        Triangles and quadrilaterals that were split, as node numbers, arrays of shape
-        (3, n) and (4, n).  Nodes of the original mesh are the first of this mesh.
+        Split triangles and quadrilaterals as node numbers, arrays of shape (3, n) and
+        (4, n).  Nodes of the original mesh come first.
     parent
-        For each quadrilateral the cell that it is part of, counted through ``cells``;
-        shape (n_elements,).
+        Index into ``cells`` of the cell that contains each quadrilateral, shape
+        (n_elements,).
     originals
-        Elements of the original mesh as node numbers: the cells, but each
-        quadrilateral that is not convex in place of the two triangles in which it was
-        cut first.
+        Elements of the original mesh as node numbers: the cells, with each non-convex
+        quadrilateral in place of the two triangles into which it was cut.
     origin
-        For each cell its original element, counted through ``originals``; shape
-        (n_cells,).
+        Index into ``originals`` of the element of each cell, shape (n_cells,).
     """
 
     cells: tuple[ndarray, ...] = ()
@@ -121,10 +115,10 @@ class SplitMesh(NamedNodes, MeshQuad):
 
 
 def was_split(mesh: Mesh) -> TypeGuard[SplitMesh]:
-    """Whether a mesh is a result of `split` with its parents still valid.
+    """True if a mesh is a result of `split` with valid parents.
 
-    Nodes may have moved, and quadrilaterals may have another order, together with their
-    parents.  A mesh that was refined, restricted or renumbered is none.
+    Nodes may have moved, and quadrilaterals may be reordered together with their
+    parents.  A refined, restricted or renumbered mesh is not valid.
     """
     if not isinstance(mesh, SplitMesh) or not mesh.cells:
         return False
@@ -141,8 +135,8 @@ def was_split(mesh: Mesh) -> TypeGuard[SplitMesh]:
 def split(mesh: Mesh) -> SplitMesh:
     """Split every triangle of a mesh in three, or every quadrilateral in four.
 
-    A quadrilateral that is not convex is cut in two triangles first.  Boundaries,
-    subdomains and named nodes keep their names.
+    A non-convex quadrilateral is first cut into two triangles.  Names of boundaries,
+    subdomains and nodes are kept.
 
     Parameters
     ----------
@@ -188,7 +182,7 @@ def split_cells(
     subdomains: Mapping[str, ndarray] | None = None,
     nodes: Mapping[str, ndarray] | None = None,
 ) -> SplitMesh:
-    """Split triangles in three quadrilaterals each, and quadrilaterals in four.
+    """Split triangles into three quadrilaterals each, and quadrilaterals into four.
 
     Parameters
     ----------
@@ -200,15 +194,15 @@ def split_cells(
     edges
         Named boundaries, each as node numbers of its edges, shape (2, m).
     subdomains
-        Named subdomains, each as element numbers, counted through ``cells``.
+        Named subdomains, each as indices into ``cells``.
     nodes
         Named nodes, each as node numbers.
 
     Raises
     ------
     MeshError
-        If positions or node numbers are invalid, or an edge of a named boundary is no
-        edge of the cells.
+        If positions or node numbers are invalid, or an edge of a named boundary is not
+        an edge of the cells.
     """
     refuse_nodes(points, cells)
     pairs, inverse = edges_of(cells)
@@ -255,9 +249,9 @@ def _named(
     edges: Mapping[str, ndarray],
     subdomains: Mapping[str, ndarray],
 ) -> SplitMesh:
-    """Give a mesh the boundaries and subdomains of the original.
+    """Transfer boundaries and subdomains of the original to a split mesh.
 
-    Each edge has become two, from its ends to its middle.
+    Each edge is split at its midpoint.
     """
     boundaries = {}
     for name, ends in edges.items():
@@ -271,8 +265,8 @@ def _named(
     return with_names(mesh, boundaries or None, parts or None)
 
 
-# Areas that differ by less than this share count as equal.  Chosen: above rounding, so
-# that the cut of a parallelogram does not depend on it.
+# Relative difference below which areas count as equal.  Chosen: above rounding, so that
+# the cut of a parallelogram does not depend on it.
 _EQUAL_AREAS = 1e-9
 
 
@@ -285,7 +279,7 @@ class CutMesh(NamedNodes, MeshTri):
     quads
         The quadrilaterals as node numbers, shape (4, n).
     parent
-        For each triangle its quadrilateral; shape (n_elements,).
+        Quadrilateral of each triangle, shape (n_elements,).
     """
 
     quads: ndarray = field(default_factory=lambda: np.empty((4, 0), dtype=int))
@@ -293,7 +287,7 @@ class CutMesh(NamedNodes, MeshTri):
 
 
 def was_cut(mesh: Mesh) -> TypeGuard[CutMesh]:
-    """Whether a mesh is a result of `cut` with its parents still valid."""
+    """True if a mesh is a result of `cut` with valid parents."""
     if not isinstance(mesh, CutMesh) or np.shape(mesh.parent) != (mesh.nelements,):
         return False
     if not np.array_equal(np.unique(mesh.parent), np.arange(mesh.quads.shape[1])):
@@ -303,11 +297,11 @@ def was_cut(mesh: Mesh) -> TypeGuard[CutMesh]:
 
 
 def cut(mesh: MeshQuad) -> CutMesh:
-    """Cut every quadrilateral in two triangles.
+    """Cut every quadrilateral into two triangles.
 
-    The diagonal is the one whose smaller triangle is larger, so that no triangle lies
-    outside a quadrilateral that is not convex.  Boundaries, subdomains and named
-    nodes keep their names.
+    The diagonal maximises the area of the smaller triangle, so that no triangle lies
+    outside a non-convex quadrilateral.  Names of boundaries, subdomains and nodes are
+    kept.
 
     Raises
     ------
@@ -336,14 +330,16 @@ def cut(mesh: MeshQuad) -> CutMesh:
 
 
 def corner_areas(mesh: MeshQuad) -> ndarray:
-    """Twice the area of the triangle at each corner, negative at a reflex one."""
+    """Twice the area of the triangle at each corner, negative at a reflex corner."""
     before, here, after = (mesh.p[:, np.roll(mesh.t, i, axis=0)] for i in (1, 0, -1))
     corner = cross(after - here, before - here)
     return corner * np.sign(corner.sum(axis=0))
 
 
 def _with_diagonal(mesh: MeshQuad) -> ndarray:
-    """Nodes of the quadrilaterals, rotated: the diagonal joins second and last."""
+    """Nodes of the quadrilaterals, rotated so that the diagonal joins second and
+    last.
+    """
     corner = corner_areas(mesh)
     ends_13, ends_02 = corner[::2].min(axis=0), corner[1::2].min(axis=0)
     switch = ends_02 > ends_13 + _EQUAL_AREAS * np.abs(ends_13)
@@ -358,17 +354,16 @@ def triangles_of(mesh: MeshQuad) -> ndarray:
 
 @dataclass(frozen=True, eq=False)
 class RefinedTriangles:
-    """A mesh of triangles of which some were refined.
+    """Partially refined mesh of triangles.
 
     Attributes
     ----------
     mesh
-        The refined mesh.  Its first nodes are those of the mesh before.
+        The refined mesh.  Nodes of the coarse mesh come first.
     parent
-        For each element of ``mesh`` the one before that it is part of; shape
-        (n_elements,).
+        Coarse element that contains each element of ``mesh``, shape (n_elements,).
     ends
-        Each further node lies in the middle between these two, shape (2, n_new).
+        The two nodes between which each new node lies halfway, shape (2, n_new).
     """
 
     mesh: MeshTri
@@ -377,9 +372,9 @@ class RefinedTriangles:
 
 
 def refine_triangles(mesh: MeshTri, elements: ndarray) -> RefinedTriangles:
-    """Halve every edge of some elements, and the edges that this asks for.
+    """Bisect every edge of some elements, and further edges for conformity.
 
-    Boundaries and subdomains keep their names, and named nodes theirs.
+    Names of boundaries, subdomains and nodes are kept.
 
     Parameters
     ----------
@@ -414,9 +409,9 @@ def refine_triangles(mesh: MeshTri, elements: ndarray) -> RefinedTriangles:
 
 
 def _longest_first(mesh: MeshTri) -> tuple[ndarray, ndarray]:
-    """Corners of each triangle, the longest edge between the first two; its edges.
+    """Corners of each triangle, the longest edge between the first two, and its edges.
 
-    The edges are those of corners 0 and 1, 1 and 2, 2 and 0.
+    The edges join corners 0 and 1, 1 and 2, 2 and 0.
     """
     x = mesh.p[:, mesh.t]
     longest = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0).argmax(axis=0)
@@ -426,9 +421,9 @@ def _longest_first(mesh: MeshTri) -> tuple[ndarray, ndarray]:
 
 
 def _parts(t: ndarray, middle: ndarray) -> tuple[ndarray, ndarray]:
-    """Triangles between corners a, b, c and middles of edges, and the parent of each.
+    """Triangles between corners a, b, c and edge midpoints, and the parent of each.
 
-    ``middle`` are the nodes in the middle of ab, bc and ca; −1 where there is none.
+    ``middle`` are the midpoint nodes of ab, bc and ca; −1 if there is none.
     """
     (a, b, c), (ab, bc, ca) = t, middle
     first, second, third = middle >= 0
@@ -459,16 +454,15 @@ def _halves(
 
 
 def original_elements(mesh: Mesh) -> tuple[tuple[ndarray, ...], ndarray]:
-    """Elements that a mesh was split or cut from, and of which each of its own is part.
+    """Elements that a mesh was split or cut from, and the original of each element.
 
     They are the elements of the mesh itself if it was neither split nor cut.
 
     Returns
     -------
     tuple
-        Original elements as node numbers, arrays of shape (3, n) and (4, n); and for
-        each element of the mesh its original one, counted through them, shape
-        (n_elements,).
+        Original elements as node numbers, arrays of shape (3, n) and (4, n); and the
+        index of the original of each element of the mesh, shape (n_elements,).
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Functions, numbers and text of users, with errors of one line."""
+"""Functions, numbers and text of users, with one-line errors."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,15 +6,16 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-#: Largest angle in degrees, a hundred turns: beyond, its decimals are lost.
+#: Largest angle in degrees, a hundred turns: beyond it decimals are lost.
 MOST_DEGREES = 36_000.0
 
-# Characters of a value or of foreign text in a message.  Chosen: two lines in all.
+# Maximum length of a value or of foreign text in a message.  Chosen: two lines in
+# total.
 _LONGEST_TEXT = 60
 
 
 def call_user_function(what: str, function: Callable, *arguments: Any) -> Any:
-    """Call a function of the user.
+    """Call a user's function.
 
     Raises
     ------
@@ -29,7 +30,7 @@ def call_user_function(what: str, function: Callable, *arguments: Any) -> Any:
 
 
 def real_numbers(what: str, value: Any) -> ndarray:
-    """Convert a value of the user to an array of real numbers.
+    """Convert a user's value to an array of real numbers.
 
     Raises
     ------
@@ -46,12 +47,12 @@ def real_numbers(what: str, value: Any) -> ndarray:
 
 
 def number_of_text(text: str) -> float:
-    """The number that a cell of a table holds, in decimal digits.
+    """Number in a table cell, in decimal digits.
 
     Raises
     ------
     ValueError
-        If it holds none, or is written as only Python reads it: ``1_000``, or with the
+        If it is not a number, or is in a notation specific to Python: ``1_000``, or
         digits of another script.
     """
     if "_" in text or not text.isascii():
@@ -60,7 +61,7 @@ def number_of_text(text: str) -> float:
 
 
 def printable(text: object) -> str:
-    """Foreign text in one line, with control characters as escape codes."""
+    """Foreign text on one line, with control characters as escape codes."""
     return "".join(
         char
         if char.isprintable()
@@ -70,13 +71,13 @@ def printable(text: object) -> str:
 
 
 def excerpt(text: bytes | str) -> str:
-    """The beginning of foreign text, printable in one line."""
+    """Beginning of foreign text, printable on one line."""
     if isinstance(text, bytes):
         text = text[:_LONGEST_TEXT].decode(errors="replace")
     return printable(text[:_LONGEST_TEXT])
 
 
 def _shortened(value: Any) -> str:
-    """A value as text of one line, or its type if that is long."""
+    """Value as text on one line, or its type if that is too long."""
     text = " ".join(repr(value).split())
     return text if len(text) <= _LONGEST_TEXT else type(value).__name__

@@ -1,4 +1,6 @@
-"""A ply: mesh, fabric, formulation and further terms as a function of displacement."""
+"""Ply model: mesh, fabric, formulation and further terms as a function of
+displacement.
+"""
 
 from .ply import Ply
 

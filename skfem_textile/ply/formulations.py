@@ -1,4 +1,4 @@
-"""Formulations: on which element, at which points, and what stabilises it."""
+"""Formulations: element, integration points and stabilisation."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,17 +37,17 @@ from .parameters import (
 )
 from .terms import FormTerm, TensionTerm, Term
 
-# Twist is held with this share of the smaller bending stiffness, where both families
-# have one: fibres that bend one by one leave the ply no other motion without stiffness
-# than z = xy.  Chosen: it adds 0.1 % to the load under which a square plate buckles.
+# Twist stiffness relative to the smaller bending stiffness, if both families have one:
+# with independently bending fibres the only remaining mechanism of the ply is z = xy.
+# Chosen: it adds 0.1 % to the load under which a square plate buckles.
 _TWIST_OVER_BENDING = 0.002
 
 
 class Pointwise:
-    """Every point has the tension of its own fibre strain, and nothing is added."""
+    """Tension of the local fibre strain at every point, without stabilisation."""
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
-        """The tension T(ε) at every point."""
+        """Tension T(ε) at every point."""
         definition, kernel = forms.tension(fabric), TensionKernel(fabric)
         return TensionTerm("tension", definition, basis, kernel)
 
@@ -57,14 +57,14 @@ class Pointwise:
 
 
 class Quadrilaterals(Pointwise):
-    """Bilinear quadrilaterals, judged at the 2×2 points."""
+    """Bilinear quadrilaterals, checked at the 2×2 points."""
 
     rule: ClassVar[tuple[ndarray, ndarray]]
     centre: ClassVar[ndarray] = CENTRE[0]
     fine_points: ClassVar[ndarray] = GAUSS[0]
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
-        """Quadrilaterals as they are, triangles split."""
+        """Quadrilaterals unchanged, triangles split."""
         if getattr(mesh, "elem", None) is not ElementTriP1:
             return mesh
         check_mesh(mesh)
@@ -79,7 +79,7 @@ class Quadrilaterals(Pointwise):
 def mean_tension_term(
     fabric: Fabric, deviation: float | ndarray, basis: MeanBasis
 ) -> TensionTerm:
-    """The term of fibres that meet their whole stiffness in mean stretches alone."""
+    """Term of fibres whose full stiffness acts on mean stretches only."""
     return TensionTerm(
         "tension",
         forms.mean_tension(fabric),
@@ -91,7 +91,7 @@ def mean_tension_term(
 
 
 def refuse_stiffness(name: str, value: float | str, also: str = "") -> None:
-    """Refuse what is no stiffness, nor ``auto`` where that may be."""
+    """Validate a stiffness, or "auto" where permitted."""
     if also and isinstance(value, str) and value == "auto":
         return
     if not isinstance(value, Real) or not (np.isfinite(value) and value >= 0):
@@ -100,7 +100,7 @@ def refuse_stiffness(name: str, value: float | str, also: str = "") -> None:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OutOfPlane(FormTerm):
-    """The term of `out_of_plane`, with the numbers of its kernel.
+    """Term of `out_of_plane`, evaluated by its kernel.
 
     Parameters
     ----------
@@ -137,9 +137,9 @@ class OutOfPlane(FormTerm):
 def hourglass_terms(
     stabilisation: float | str, basis: CellBasis, fabric: Fabric
 ) -> list[Term]:
-    """The terms of a number C_s or ``auto``, none if it is zero.
+    """Hourglass terms for C_s, a number or ``auto``; empty if C_s is zero.
 
-    The hourglass term, and in space `OutOfPlane`.
+    In space these are the hourglass term and `OutOfPlane`.
     """
     if stabilisation == 0:
         return []
@@ -162,11 +162,11 @@ def hourglass_terms(
 
 
 def _most_against_twist(C_s: float, fabric: Fabric, basis: HourglassBasis) -> ndarray:
-    """The largest C_s out of the plane, shape (n_elements, 1).
+    """Largest C_s out of the plane, shape (n_elements, 1).
 
-    Where fibres resist bending, elements resist twist with a share of that at most.
-    A bending stiffness D resists a curvature κ with ½ D κ² per area; C_s resists a
-    twist κ of a square of area A with ½ C_s A/6 κ².
+    If fibres resist bending, the stiffness of elements against twist is limited to a
+    share of the bending stiffness.  A bending stiffness D has the energy ½ D κ² per
+    area; C_s has ½ C_s A/6 κ² for the twist κ of a square of area A.
     """
     least = np.minimum(*fabric.bending)
     D = np.broadcast_to(least, basis.dx[:, 0].shape)[:, None]
@@ -175,7 +175,7 @@ def _most_against_twist(C_s: float, fabric: Fabric, basis: HourglassBasis) -> nd
 
 
 def hourglass_basis(basis: CellBasis) -> HourglassBasis:
-    """The `HourglassBasis` of the same displacement."""
+    """`HourglassBasis` of the same displacement."""
     d = components(basis)
     return HourglassBasis(basis.mesh, d, mapping=basis.mapping, dofs=basis.dofs)
 
@@ -183,9 +183,11 @@ def hourglass_basis(basis: CellBasis) -> HourglassBasis:
 def _automatic(
     basis: CellBasis, fabric: Fabric, across: bool = False
 ) -> HeldStabilisation:
-    """C_s of each element in the plane, or across it, where grip does not count.
+    """C_s of each element, in the plane or out of the plane (without the effect of
+    grip).
 
-    The tension at a single point is not that of the fabric.
+    Tension is not included: the tension at a single point does not represent the
+    fabric.
     """
     if isinstance(basis, MeanBasis):
         return HeldStabilisation(fabric, basis, by_tension=True, by_grip=not across)
@@ -205,7 +207,7 @@ def stabilising_term(
     kernel: HourglassKernel | None = None,
     parameters: TermParameters | None = None,
 ) -> FormTerm:
-    """The term of a stabilisation."""
+    """Stabilisation term."""
     return FormTerm(
         "stabilisation",
         forms,
@@ -218,7 +220,9 @@ def stabilising_term(
 
 @dataclass(frozen=True)
 class Full(Quadrilaterals):
-    """2×2 points and no stabilisation: locks unless a mesh follows the fibres."""
+    """2×2 points without stabilisation: locks unless the mesh is aligned with the
+    fibres.
+    """
 
     name: ClassVar[str] = "full"
     title: ClassVar[str] = "2×2 points"
@@ -230,25 +234,26 @@ Kind: TypeAlias = Literal["energy", "rate", "continuity", "isotropic"]
 
 @dataclass(frozen=True)
 class OnePoint(Quadrilaterals):
-    """One point at the centre, stabilised on the non-constant shear angle alone.
+    """One central integration point, with stabilisation of the non-constant shear
+    angle.
 
     Parameters
     ----------
     stabilisation
         Stabilisation stiffness C_s in N/mm (Hamila & Boisse 2013, §3.2), or ``auto``:
-        in each element by its shear stiffness and the angle between its fibres
+        from the shear stiffness and the angle between the fibres of each element
         (`stabilisation_stiffness`, without tension).
     kind
-        ``energy``: independent of the path, with an exact tangent.  ``rate``: the
-        paper's accumulated rates, parameters that are advanced once a step.
-        For comparison, ``continuity``: against jumps of the shear angle between
-        elements; ``isotropic``: against hourglass motions of all directions.
+        ``energy``: path-independent, with an exact tangent.  ``rate``: the accumulated
+        rates of the paper, internal variables updated once per step.  For comparison,
+        ``continuity``: penalty on jumps of the shear angle between elements;
+        ``isotropic``: penalty on hourglass modes in all directions.
 
     Raises
     ------
     ValueError
-        If the stabilisation is negative or not finite, or ``auto`` with another kind
-        than ``energy``, or the kind unknown.
+        If the stabilisation is negative or not finite, if ``auto`` is used with a kind
+        other than ``energy``, or if the kind is unknown.
     """
 
     stabilisation: float | Literal["auto"] = "auto"
@@ -265,24 +270,24 @@ class OnePoint(Quadrilaterals):
         refuse_stiffness("stabilisation", self.stabilisation, " or 'auto'")
         if self.stabilisation == "auto" and self.kind != "energy":
             raise ValueError(
-                f"stabilisation auto goes with kind energy, not {self.kind}: give a "
+                f"stabilisation auto requires kind energy, not {self.kind}: give a "
                 "number"
             )
 
     @property
     def title(self) -> str:
-        """What to call it in a picture."""
+        """Name in pictures."""
         kind = "" if self.kind == "energy" else f", {self.kind}"
         C_s = self.stabilisation
         return f"one point, Cs = {C_s if C_s == 'auto' else f'{C_s:g}'}{kind}"
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
-        """The hourglass term, unless C_s is zero, or jumps are of no edge."""
+        """Stabilisation terms; empty if C_s is zero or there are no interior edges."""
         if self.kind == "energy":
             return hourglass_terms(self.stabilisation, basis, fabric)
         if components(basis) == 3 and self.kind != "isotropic":
             raise ValueError(
-                f"stabilisation of kind {self.kind} is of a ply in the plane: take "
+                f"stabilisation of kind {self.kind} is for a ply in the plane: use "
                 "energy or isotropic in space"
             )
         if (C_s := float(self.stabilisation)) == 0:
@@ -302,26 +307,27 @@ class OnePoint(Quadrilaterals):
 
 @dataclass(frozen=True)
 class Macro(Quadrilaterals):
-    """Quadrilaterals and triangles split in parts of one point each, nothing to tune.
+    """Macro-elements: quadrilaterals and triangles split into parts with one point
+    each.
 
-    The elements are split (`split`).  They are macro-elements, whose fibres meet their
-    whole stiffness in the mean stretch alone (`mean_tension`); each of the parts is
-    stabilised as by `OnePoint`.
+    The full stiffness of the fibres of a macro-element (`split`) acts on the mean
+    stretch only (`mean_tension`); each of the parts is stabilised as in `OnePoint`.  No
+    parameter needs tuning.
 
     Parameters
     ----------
     stabilisation
-        As of `OnePoint`, but that it grows with the tension too.
+        See `OnePoint`; the automatic value also increases with the tension.
     deviation
-        Stiffness that meets deviations from the mean stretch, as a multiple of shear
-        stiffness and tension (`deviation_stiffness`), in what was a triangle and a
-        quadrilateral.  Measured on bias extensions at 30°, 45° and 60°:
-        `python -m studies angles --part choosing`.
+        Stiffness against deviations from the mean stretch, as a multiple of shear
+        stiffness and tension (`deviation_stiffness`), for triangles and for
+        quadrilaterals.  Calibrated with bias extensions at 30°, 45° and 60°: `python -m
+        studies angles --part choosing`.
 
     Raises
     ------
     ValueError
-        If one of them is negative or not finite.
+        If a stiffness is negative or not finite.
     """
 
     stabilisation: float | Literal["auto"] = "auto"
@@ -342,7 +348,7 @@ class Macro(Quadrilaterals):
 
     @property
     def title(self) -> str:
-        """What to call it in a picture."""
+        """Name in pictures."""
         C_s, own = self.stabilisation, self.deviation == Macro.deviation
         return (
             "macro-elements"
@@ -351,19 +357,19 @@ class Macro(Quadrilaterals):
         )
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
-        """The mesh split, unless it was split already."""
+        """The mesh after splitting, unless it was split already."""
         if was_split(mesh):
             return mesh
         if isinstance(mesh, SplitMesh):
             raise MeshError(
-                "the mesh was split, and refined, cut out or renumbered since: do that "
-                "to the mesh before it is split, or give its elements as a new MeshQuad"
+                "the mesh was refined, restricted or renumbered after it was split: "
+                "do this before splitting, or pass its elements as a new MeshQuad"
             )
         check_mesh(mesh)
         return split(mesh)
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
-        """The tension of the mean stretch of each macro-element."""
+        """Tension of the mean stretch of each macro-element."""
         mesh: Any = basis.mesh
         d = components(basis)
         macro = MacroBasis(mesh, d, mapping=basis.mapping, dofs=basis.dofs)
@@ -373,24 +379,24 @@ class Macro(Quadrilaterals):
         return mean_tension_term(fabric, deviation[:, None], macro)
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
-        """The hourglass term, unless C_s is zero."""
+        """Hourglass terms; empty if C_s is zero."""
         return hourglass_terms(self.stabilisation, basis, fabric)
 
 
 @dataclass(frozen=True)
 class Quadratic(Pointwise):
-    """Quadratic triangles with three points and no stabilisation.
+    """Quadratic triangles with three integration points and no stabilisation.
 
-    The element is `skfem.ElementTriP2` on triangles, in which quadrilaterals are cut
-    (`cut`): nodes at vertices and at the middles of edges.  Judged at six points, exact
-    to degree 4.
+    The element is `skfem.ElementTriP2` on triangles; quadrilaterals are cut into
+    triangles (`cut`).  Nodes are at vertices and edge midpoints.  Strains and folding
+    are checked at six points, exact to degree 4.
 
     Parameters
     ----------
     deviation
-        If given, fibres meet their whole stiffness in the mean stretch of a triangle
-        alone, and deviations from it this multiple of shear stiffness and tension
-        (`deviation_stiffness`).
+        If given, the full stiffness of the fibres acts on the mean stretch of a
+        triangle only, and this multiple of shear stiffness and tension
+        (`deviation_stiffness`) acts on deviations from it.
 
     Raises
     ------
@@ -410,16 +416,17 @@ class Quadratic(Pointwise):
 
     @property
     def title(self) -> str:
-        """What to call it in a picture."""
+        """Name in pictures."""
         C_d = self.deviation
         return "quadratic triangles" + ("" if C_d is None else f", mean, {C_d:g}")
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
-        """Triangles as they are, quadrilaterals cut."""
+        """Triangles unchanged, quadrilaterals cut."""
         if isinstance(mesh, SplitMesh):
             raise MeshError(
-                "quadratic triangles take no mesh that was split, as that of a file "
-                "with both triangles and quadrilaterals is: give one of either"
+                "quadratic triangles do not accept a mesh that was split, such as "
+                "that of a file with both triangles and quadrilaterals: use a mesh of "
+                "one kind"
             )
         if getattr(mesh, "elem", None) is not ElementQuad1:
             return mesh
@@ -433,7 +440,7 @@ class Quadratic(Pointwise):
         return triangle_basis(mesh, dimension)
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
-        """The tension at each of the points, or of their mean stretch."""
+        """Tension at each point, or of the mean stretch."""
         if self.deviation is None:
             return super().tension_term(basis, fabric)
         means = MeanBasis(
@@ -446,5 +453,5 @@ class Quadratic(Pointwise):
         return mean_tension_term(fabric, self.deviation, means)
 
 
-#: The formulation where none is given.
+#: Default formulation.
 DEFAULT = Macro()

@@ -31,7 +31,7 @@ Vector: TypeAlias = ArrayLike | Callable[[ndarray], ndarray]
 
 @dataclass(frozen=True)
 class Traction:
-    """A force per reference length of a named boundary.
+    """Force per reference length of a named boundary.
 
     Parameters
     ----------
@@ -40,14 +40,14 @@ class Traction:
     value
         N/mm: a vector, or a function of reference position.
     factor
-        Function of the load factor by which it is multiplied: the load factor itself
-        if none is given.  A number for a load that is there from the start.
+        Function of the load factor that scales the load; by default the load factor
+        itself.  A number for a load that acts from the start.
     name
-        Name of the term; that of the boundary if none is given.
+        Name of the term; derived from the boundary by default.
 
     Examples
     --------
-    A square ply of 10 mm, pulled upwards by 5 N/mm, carries 50 N:
+    A traction of 5 N/mm on the upper edge of a square ply of 10 mm, 50 N in total:
 
     >>> from skfem import MeshQuad
     >>> from skfem_textile import Fabric, Full, Ply, Traction
@@ -64,12 +64,12 @@ class Traction:
     name: str = ""
 
     def on(self, basis: CellBasis) -> VectorTerm:
-        """The term on a basis of the displacement.
+        """Term on a basis of the displacement.
 
         Raises
         ------
         ValueError
-            If there is no boundary of that name, or the value is no finite vector.
+            If there is no boundary of that name, or the value is not a finite vector.
         """
         name = self.name or f"traction on {self.boundary}"
         edges = _boundary(f"load {name!r}", self.boundary, basis)
@@ -78,17 +78,17 @@ class Traction:
 
 @dataclass(frozen=True)
 class Force:
-    """A force in all, spread evenly over a boundary or shared by nodes.
+    """Total force, distributed uniformly over a boundary or equally among nodes.
 
     Parameters
     ----------
     where
-        The name of a boundary, over whose reference length the force is spread; or what
-        nodes of `Condition` may be, which share it in equal parts.
+        Name of a boundary, over whose reference length the force is distributed; or
+        nodes, as for `Condition`, which receive equal parts.
     total
-        The whole force in N, a vector.
+        Total force vector in N.
     factor, name
-        As of `Traction`.
+        See `Traction`.
     """
 
     where: Where
@@ -97,12 +97,13 @@ class Force:
     name: str = ""
 
     def on(self, basis: CellBasis) -> VectorTerm:
-        """The term on a basis of the displacement.
+        """Term on a basis of the displacement.
 
         Raises
         ------
         ValueError
-            If nothing of that name is there, or the force is no finite vector.
+            If there is no boundary or node set of that name, or the force is not a
+            finite vector.
         """
         place = self.where if isinstance(self.where, str) else ""
         name = self.name or (f"force on {place}" if place else "force")
@@ -119,14 +120,14 @@ class Force:
 
 @dataclass(frozen=True)
 class BodyForce:
-    """A force per reference area of the ply, such as its weight.
+    """Force per reference area of the ply, such as its weight.
 
     Parameters
     ----------
     value
         N/mm²: a vector, or a function of reference position.
     factor
-        As of `Traction`; 1.0 for a weight that is there from the start.
+        See `Traction`; 1.0 for a weight that acts from the start.
     name
         Name of the term.
     """
@@ -136,12 +137,12 @@ class BodyForce:
     name: str = "body force"
 
     def on(self, basis: CellBasis) -> VectorTerm:
-        """The term on a basis of the displacement.
+        """Term on a basis of the displacement.
 
         Raises
         ------
         ValueError
-            If the value is no finite vector.
+            If the value is not a finite vector.
         """
         area = CellBasis(basis.mesh, basis.elem, basis.mapping, dofs=basis.dofs)
         return VectorTerm(self.name, _spread(self.name, self.value, area), self.factor)
@@ -154,7 +155,7 @@ def _boundary(what: str, name: str, basis: CellBasis) -> FacetBasis:
         raise ValueError(f"{what}: the mesh has no boundary {name!r} (it has: {names})")
     edges = np.unique(mesh.boundaries[name])
     if not edges.size:
-        raise ValueError(f"{what}: the boundary {name!r} has no edge")
+        raise ValueError(f"{what}: the boundary {name!r} has no edges")
     return FacetBasis(mesh, basis.elem, basis.mapping, facets=edges, dofs=basis.dofs)
 
 
@@ -177,37 +178,37 @@ def _spread(name: str, value: Vector, basis: Any) -> ndarray:
 
 
 def _finite(what: str, value: Any, shape: tuple[int, ...]) -> ndarray:
-    """A finite real array of a shape."""
+    """Finite real array of a given shape."""
     array = real_numbers(what, value)
     if array.shape != shape or not np.isfinite(array).all():
         raise ValueError(
             f"{what}: its value must be finite numbers, shape {shape[:1]}, or a "
-            f"function of position that gives these; got shape {array.shape}"
+            f"function of position that returns these; got shape {array.shape}"
         )
     return array
 
 
-# Of a held direction this share may be free: the round-off of directions.
+# Round-off tolerance of fixed directions.
 _FREE = 1e-9
 
 
 @dataclass(frozen=True)
 class Pressure:
-    """A pressure on a ply in space, along the normal of its deformed surface.
+    """Pressure on a ply in space, normal to its deformed surface.
 
-    It pushes to the side to which z points at rest.  Its energy is −p V with the volume
-    V between the surface and the plane z = 0, so that it has a symmetric tangent where
-    no work is done on the walls below the edges.  A ply is refused unless each edge is
-    held at z = 0, or may not move along its normal at rest, as on a plane of symmetry.
-    There the reaction along the normal includes the pressure on the wall.
+    It acts towards the side of positive z at rest.  Its energy is −p V with the volume
+    V between the surface and the plane z = 0, so that its tangent is symmetric if no
+    work is done on the walls below the edges.  Each edge must therefore be fixed at z =
+    0, or must not move along its initial normal, as on a plane of symmetry; the
+    reaction along that normal includes the pressure on the wall.
 
     Parameters
     ----------
     value
         Pressure in N/mm².
     factor
-        Function of the load factor by which it is multiplied: the load factor itself
-        if none is given.
+        Function of the load factor that scales the load; by default the load factor
+        itself.
     name
         Name of the term.
     """
@@ -217,12 +218,12 @@ class Pressure:
     name: str = "pressure"
 
     def on(self, basis: CellBasis) -> "PressureTerm":
-        """The term on a basis of the displacement.
+        """Term on a basis of the displacement.
 
         Raises
         ------
         ValueError
-            If the ply is not in space, or the value is no finite number.
+            If the ply is not in space, or the value is not a finite number.
         """
         value = real_numbers(f"load {self.name!r}", self.value)
         if value.shape or not np.isfinite(value):
@@ -232,12 +233,12 @@ class Pressure:
             )
         if components(basis) != 3:
             raise ValueError(
-                f"load {self.name!r}: a pressure acts across a ply in space: give the "
-                "ply dimension=3"
+                f"load {self.name!r}: a pressure requires a ply in space: Ply(..., "
+                "dimension=3)"
             )
         quads = isinstance(basis.elem.elem, ElementQuad1)  # type: ignore[attr-defined]
-        # Quadrilaterals are pushed where tension holds them: 2×2 points would push a
-        # motion that tension at one point does not see, and the ply buckles.
+        # The pressure is integrated at the points of the tension: with 2×2 points it
+        # would load a mode that has no tension at one point, and the ply would buckle.
         rule = {"quadrature": basis.quadrature} if quads else {"intorder": 4}
         points = CellBasis(
             *(basis.mesh, basis.elem, basis.mapping), dofs=basis.dofs, **rule
@@ -248,10 +249,10 @@ class Pressure:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PressureTerm(FormTerm):
-    """The term of `Pressure`."""
+    """Term of `Pressure`."""
 
     def unsupported(self, supports: Any) -> str:
-        """Why conditions leave it no potential; empty where it has one.
+        """Reason why there is no potential under the conditions; empty if there is one.
 
         Parameters
         ----------
@@ -274,9 +275,9 @@ class PressureTerm(FormTerm):
         )
         if not (flat | upright).all():
             return (
-                "a pressure needs edges that are held across the ply, or do not move "
-                f"along their normal: {(~flat & ~upright).sum()} edge(s) of the "
-                "boundary are free, where its work depends on the path"
+                "a pressure needs edges that are fixed normal to the ply, or do not "
+                f"move along their own normal: {(~flat & ~upright).sum()} edge(s) of "
+                "the boundary are free, where its work depends on the path"
             )
         on_edges = np.unique(dofs[2][np.concatenate([at[~upright] for at in nodes])])
         if on_edges.size and np.abs(_prescribed(supports)[on_edges]).max() > 0:
@@ -288,7 +289,7 @@ class PressureTerm(FormTerm):
 
 
 def _held(dofs: ndarray, n: ndarray, supports: Any) -> ndarray:
-    """Whether motions of nodes along directions n are fixed; shapes (3, n_nodes)."""
+    """True where motions of nodes along directions n are fixed; shapes (3, n_nodes)."""
     columns = np.arange(n.shape[1])
     entries = n.ravel(), (dofs.ravel(), np.tile(columns, 3))
     motion = csr_matrix(entries, shape=(_size(supports), len(columns)))
@@ -303,7 +304,7 @@ def _size(supports: Any) -> int:
 
 
 def _prescribed(supports: Any) -> ndarray:
-    """Displacements that are prescribed at the full load, zero where none are."""
+    """Prescribed displacements at the full load, zero for free unknowns."""
     q = np.zeros(_size(supports))
     q[supports.fixed] = supports.fixed_values(1.0)
     return q if supports.turn is None else supports.turn @ q
@@ -339,5 +340,5 @@ def _forms(name: str, value: float, factor: Factor) -> Forms:
 
 
 def _mixed(F: Any, G: Any) -> ndarray:
-    """Derivative of det F along G, of 2×2 arrays; 2 det F where both are the same."""
+    """Derivative of det F along G, for 2×2 arrays; 2 det F if both are the same."""
     return F[0][0] * G[1][1] + F[1][1] * G[0][0] - F[0][1] * G[1][0] - F[1][0] * G[0][1]

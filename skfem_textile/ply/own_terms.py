@@ -1,4 +1,4 @@
-"""Terms of bending, and of corners that resist folding."""
+"""Terms of bending, and of resistance to folding at corners."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -19,26 +19,23 @@ from .kernels.kernel import node_pair_blocks
 from .parameters import NO_VALUES, Values
 from .terms import ElementTerm, MatrixTerm
 
-# κ as a share of the fibre stiffness, where this is more than the shear stiffness.
-# A larger one adds more energy where corners close; a smaller one lets them come closer
-# to folding.  A tenth and ten times as much keep corners open as well:
-# pytest tests/ply/test_corners.py -k how_stiff
+# κ relative to the fibre stiffness, if larger than the shear stiffness.  A larger value
+# adds energy where corners close; a smaller one lets them come closer to folding.  A
+# tenth and ten times the value also keep corners open: pytest tests/ply/test_corners.py
+# -k how_stiff
 _SHARE_OF_FIBRES = 1e-5
 
 
 @np.errstate(over="ignore")  # a run refuses what is not finite
 def corner_stiffness(fabric: Fabric, basis: CellBasis) -> float:
-    """κ in N/mm: the shear stiffness at rest, and at least 10⁻⁵ of the fibres'.
-
-    Means over the points of a basis, as laws may differ there.
-    """
+    """κ in N/mm: the shear stiffness at rest, at least 10⁻⁵ of the fibre stiffness."""
     unstrained = np.zeros(basis.dx.shape)
     E_1, E_2, G = (float(np.mean(law.tangent(unstrained))) for law in fabric.at().laws)
     return max(G, _SHARE_OF_FIBRES * (E_1 + E_2) / 2)
 
 
 class CornerTerm(ElementTerm):
-    """The term of the corners, which acts where they close and nowhere else.
+    """Term of the corners, active only where corners close.
 
     The stiffness is κ in N/mm.
     """
@@ -57,17 +54,17 @@ class CornerTerm(ElementTerm):
         return 0.0 if basis is None else float(asm(self._forms.energy, basis, u=u))
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
-        """Its derivative."""
+        """Derivative of the energy."""
         basis, form = self._closing(u), self._forms.residual
         return np.zeros(len(u)) if basis is None else asm(form, basis, u=u)
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
-        """Its second derivative; None where all corners are open."""
+        """Second derivative of the energy; None if all corners are open."""
         basis = self._closing(u)
         return None if basis is None else asm(self._forms.tangent, basis, u=u)
 
     def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray | None:
-        """See `ElementTerm`; None where all corners are open."""
+        """See `ElementTerm`; None if all corners are open."""
         if (basis := self._closing(u)) is None:
             return None
         size: Any = basis.Nbfun
@@ -79,7 +76,7 @@ class CornerTerm(ElementTerm):
         return np.moveaxis(every, 0, -1)
 
     def _closing(self, u: ndarray) -> CornerBasis | None:
-        """Basis of the corners that close; None where all are open."""
+        """Basis of the closing corners; None if all are open."""
         closing, elements = np.nonzero(self._corners.area_ratio(u) < RESISTING)
         if not elements.size:
             return None
@@ -88,10 +85,10 @@ class CornerTerm(ElementTerm):
 
 @dataclass(frozen=True, eq=False)
 class BendingTerm(MatrixTerm):
-    """The term ½ v·K·v, whose clamps may turn; v as of `bending_matrix`.
+    """Energy ½ v·K·v with optionally rotating clamps; v as in `bending_matrix`.
 
-    Its ``matrix`` is that of the displacement alone, K is the ``whole``, and
-    ``turning`` are the clamps that turn, by the names of boundaries.
+    ``matrix`` is the part of the displacement, K is ``whole``, and ``turning`` are the
+    rotating clamps by boundary name.
     """
 
     whole: csr_matrix = field(kw_only=True)
@@ -117,9 +114,9 @@ class BendingTerm(MatrixTerm):
 
 
 def turn_of(name: str, end: Turning, t: float, d: int) -> ndarray:
-    """The rotation of a clamp at the load factor t, shape (d, d).
+    """Rotation of a clamp at the load factor t, shape (d, d).
 
-    Refused if it is no finite vector in space, or no finite angle in the plane.
+    The rotation must be a finite vector in space, and a finite angle in the plane.
     """
     subject = f"fibre_ends: the turn of {name!r}"
     angle = real_numbers(subject, call_user_function(subject, end, t))
@@ -133,10 +130,10 @@ def turn_of(name: str, end: Turning, t: float, d: int) -> ndarray:
 def bending_term(
     basis: CellBasis, fabric: Fabric, ends: Mapping[str, FibreEnd]
 ) -> BendingTerm:
-    """The term of ½ ∫ (D₁ |κ₁|² + D₂ |κ₂|² + D_t |τ|²).
+    """Term ½ ∫ (D₁ |κ₁|² + D₂ |κ₂|² + D_t |τ|²).
 
-    Directions are taken at the mean of the nodes of each element.  ``ends`` say how
-    fibres are held where they end, by the names of boundaries.
+    Directions are evaluated at the mean of the nodes of each element.  ``ends`` are the
+    fibre ends by boundary name.
     """
     mesh = basis.mesh
     centres = mesh.p[:, mesh.t].mean(axis=1)[:, :, None]
@@ -160,14 +157,14 @@ def bending_term(
     whole = csr_matrix(K)
     matrix = whole[: basis.N, : basis.N]
     term = BendingTerm("bending", matrix, whole=whole, turning=turning)
-    term.energy(basis.zeros(), 0.0)  # refuses turns that are none
+    term.energy(basis.zeros(), 0.0)  # refuses invalid rotations
     return term
 
 
 def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd]:
-    """Fibre ends by the names of boundaries.
+    """Fibre ends by boundary name.
 
-    Refused if a boundary or an end is unknown, or two boundaries share an edge.
+    Raises an error if a boundary or an end is unknown, or two boundaries share an edge.
     """
     if not isinstance(ends, Mapping):
         raise ValueError(
@@ -184,7 +181,7 @@ def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd
         if end not in FIBRE_ENDS and not callable(end):
             raise ValueError(
                 f"fibre_ends: {name!r} must be {', '.join(FIBRE_ENDS)} or a function "
-                f"of the load factor that turns a clamp, not {end!r}"
+                f"of the load factor that rotates a clamp, not {end!r}"
             )
         edges = np.unique(boundaries[name])
         if not np.isin(edges, mesh.boundary_facets()).all():

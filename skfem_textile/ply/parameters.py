@@ -1,9 +1,9 @@
 """Parameters of terms: immutable values, held stiffnesses and accumulated moments.
 
-C_s meets the non-constant shear of an element, and E_d what the stretches in it deviate
-from their mean.  Neither is of the fabric: they are as large as keeps the element from
-moving without resistance, and no larger.  Both follow the laws to where these are, and
-are local: no size of the mesh is in them.
+C_s acts on the non-constant shear of an element, and E_d on deviations of the stretches
+from their mean.  Neither is a property of the fabric: they are just large enough to
+suppress mechanisms of the element.  Both are derived from the local constitutive
+response, without an element size.
 """
 
 from collections.abc import Callable, Mapping
@@ -32,32 +32,32 @@ from ..mesh.bases import MeanBasis, displacement_gradient, element_numbers
 
 T = TypeVar("T")
 
-# C_s over shear stiffness and over tension, and the power of the grip; of E_d, what
-# tension adds over what shear stiffness adds; how fast tension loses weight where
-# fibres are soft: `python -m studies angles --part choosing`.
+# Coefficients: C_s over shear stiffness and over tension, and the power of the grip;
+# for E_d the ratio of the tension to the shear contribution; decay of the tension
+# weight for soft fibres: `python -m studies angles --part choosing`.
 _C_S_OF_SHEAR, _C_S_OF_TENSION, _POWER_OF_GRIP = 4.0, 3.2, 1.5
 _TENSION_OVER_SHEAR, _SOFTNESS = 0.7, 80.0
 
-# C_s and E_d over the fibre stiffness where there is no shear stiffness: strip and
+# C_s and E_d relative to the fibre stiffness without shear stiffness: strip and
 # trellis, `python -m studies formulations`.
 _C_S_OF_FIBRES, _E_D_OF_FIBRES = 1e-4, 0.5
 
-# The least grip.  Chosen: fibres that cross at 8 degrees, less than fabrics let them.
+# Minimum grip.  Chosen: fibres crossing at 8 degrees, less than fabrics permit.
 _LEAST_GRIP = 0.01
 
-# Shear stiffness over fibre stiffness at which these have fallen to a third.  Chosen:
-# far beyond the 1e-8 of the stiffest cases that are studied, so that it changes none.
+# Ratio of shear to fibre stiffness at which these have decreased to 1/e.  Chosen: far
+# below the 1e-8 of the stiffest cases of the studies, so that it affects none.
 _NO_SHEAR = 1e-11
 
-# Share of the shear stiffness at rest below which a softening law is not followed.
+# Lower bound of the shear stiffness of a softening law, relative to that at rest.
 _LEAST_OF_REST = 0.1
 
-# Below this shear angle (radians) the secant is the tangent at rest.
+# Shear angle in radians below which the secant is the tangent at rest.
 _SMALL_ANGLE = 1e-6
 
 
 class Frozen(dict[str, T]):
-    """An immutable mapping, which can be copied and pickled."""
+    """Immutable mapping that can be copied and pickled."""
 
     __slots__ = ()
 
@@ -75,12 +75,12 @@ class Frozen(dict[str, T]):
 
 
 class Values(Frozen[ndarray]):
-    """Read-only arrays by name, on which a term's energy depends beside u and t.
+    """Read-only arrays by name, on which the energy of a term depends besides u and t.
 
     Parameters
     ----------
     arrays
-        The arrays, which are copied unless they are read-only.
+        The arrays, copied unless read-only.
     """
 
     __slots__ = ()
@@ -94,33 +94,32 @@ class Values(Frozen[ndarray]):
         super().__init__(own)
 
     def same_as(self, other: "Values") -> bool:
-        """Whether other values are equal arrays under the same names."""
+        """True if other values are equal arrays under the same names."""
         return self is other or (
             list(self) == list(other)
             and all(np.array_equal(self[name], other[name]) for name in self)
         )
 
 
-#: Values of the terms of a ply that have parameters, by the names of the terms.
+#: Parameter values of the terms of a ply, by term name.
 PlyParameters: TypeAlias = Mapping[str, Values]
 
-#: The values of a term without parameters.
+#: Values of a term without parameters.
 NO_VALUES = Values()
 
 
 class TermParameters(Protocol):
     """Declaration of the parameters of a term: value at rest and two update rules.
 
-    Both rules are pure: they return new values and change nothing.  A class that
-    derives from this one defines ``at_rest`` and one or both of the rules.  Values
-    named ``work`` are an energy in N·mm that the term has stored so far; `FormTerm`
-    adds it to its energy form.
+    Both rules are pure functions that return new values.  A derived class defines
+    ``at_rest`` and one or both of the rules.  Values named ``work`` are the energy in
+    N·mm that the term has stored so far; `FormTerm` adds it to its energy form.
 
     Attributes
     ----------
     depends_on_steps
-        Whether the values depend on the length of the steps however short these are,
-        so that no number of steps resolves a load path.
+        Whether the values depend on the step length, however short, so that no number
+        of steps resolves a load path.
     """
 
     depends_on_steps: bool = False
@@ -132,40 +131,40 @@ class TermParameters(Protocol):
     def updated(
         self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
     ) -> Values:
-        """Values updated within an iteration, such as stiffnesses at a state.
+        """Values updated within an iteration, such as state-dependent stiffnesses.
 
         Parameters
         ----------
         values
-            The values before.
+            Previous values.
         u, t
             Displacement and load factor.
         tension
-            Predicted fibre tensions, which replace those at ``u``, shape (2,
-            n_elements, n_points), as `Ply.geometric_tension` returns them.
+            Predicted fibre tensions, used instead of the tensions at ``u``, shape (2,
+            n_elements, n_points), see `Ply.geometric_tension`.
         """
         return values
 
     def advanced(self, values: Values, u: ndarray, t: float) -> Values:
-        """Values updated once a step, at its converged displacement ``u``."""
+        """Values updated once per step, at its converged displacement ``u``."""
         return values
 
 
 def stabilisation_stiffness(
     G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray
 ) -> ndarray:
-    """C_s in N/mm: grows with G and tension, and where fibres close up.
+    """C_s in N/mm: increases with G and tension, and with the closing of the fibre
+    angle.
 
     ``C_s = (4 G + 3.2 τ)/(1 − |cos ω|)^1.5`` with τ of `effective_tension` and the
-    angle ω between the families, and 10⁻⁴ E without shear stiffness.  Where the
-    families are nearly parallel, the shear angle hardly grips motions across both: of
-    the squares of motions across either, ``1 − |cos ω|`` is the least share.
+    angle ω between the families, and 10⁻⁴ E without shear stiffness.  For nearly
+    parallel families the shear angle is insensitive to motions across both: ``1 − |cos
+    ω|`` is the smallest share of the squares of motions across either.
 
     Parameters
     ----------
     G, E, T
-        Stiffness of shear and of fibres, and fibre tension, in N/mm, where the element
-        is.
+        Shear stiffness, fibre stiffness and fibre tension of the element, in N/mm.
     cos_angle
         ``|cos ω|``.
     """
@@ -182,17 +181,16 @@ def deviation_stiffness(
     """E_d in N/mm: a multiple of G + 0.7 τ, in series with E.
 
     It is ½ E without shear stiffness.  A jump of the shear angle lies along fibres that
-    carry a force of their own.  The smaller the elements, the larger is its tension T
-    in them, and the more of the force would be lost to stretches that deviate.  Where
-    there is no such fibre, E_d is of the order of G and elements do not lock.
+    carry a concentrated force.  Their tension T increases as the elements become
+    smaller, and with a constant E_d an increasing part of the force would be lost to
+    deviating stretches.  Elsewhere E_d is of the order of G, and elements do not lock.
 
     Parameters
     ----------
     multiple
-        Measured, see `Macro` and `Quadratic`.
+        Calibrated, see `Macro` and `Quadratic`.
     G, E, T
-        As for `stabilisation_stiffness`; of G what resists further shear,
-        `further_shear_stiffness`.
+        See `stabilisation_stiffness`; G is the `further_shear_stiffness`.
     """
     without_shear = _without_shear(G, E)
     resistance = multiple * (G + _TENSION_OVER_SHEAR * effective_tension(G, E, T))
@@ -204,22 +202,21 @@ def deviation_stiffness(
 def effective_tension(G: ndarray, E: ndarray, T: ndarray) -> ndarray:
     """``τ = |T|/(1 + 80 √(G/E))`` in N/mm.
 
-    The force of a fibre at a jump spreads over a layer whose width goes with √(G/E).
-    Where the layer is wide, elements resolve more of it by themselves.  Fibres in
-    compression count as much as those in tension: elements at a free edge would fold
-    along them.
+    The force of a fibre at a jump spreads over a layer whose width is proportional to
+    √(G/E).  Elements resolve more of a wide layer.  Fibres in compression count as
+    those in tension, because elements at a free edge would fold along them.
 
     Parameters
     ----------
     G, E, T
-        As for `stabilisation_stiffness`.
+        See `stabilisation_stiffness`.
     """
     softness = np.sqrt(G / np.where(E > 0, E, 1.0))
     return np.abs(T) / (1.0 + _SOFTNESS * softness)
 
 
 def shear_stiffness(law: Law, angle: ndarray) -> ndarray:
-    """Secant M_s/Γ in N/mm, at least a tenth of what it is at rest."""
+    """Secant M_s/Γ in N/mm, at least a tenth of its value at rest."""
     at_rest = law.tangent(np.zeros_like(angle))
     sheared = np.abs(angle) > _SMALL_ANGLE
     divisor = np.where(sheared, angle, 1.0)
@@ -228,17 +225,17 @@ def shear_stiffness(law: Law, angle: ndarray) -> ndarray:
 
 
 def further_shear_stiffness(law: Law, angle: ndarray) -> ndarray:
-    """The tangent in N/mm where the law stiffens, and the secant where it softens."""
+    """Tangent in N/mm for a stiffening law, secant for a softening one."""
     return np.maximum(shear_stiffness(law, angle), law.tangent(angle))
 
 
 def _without_shear(G: ndarray, E: ndarray) -> ndarray:
-    """1 where there is no shear stiffness, 0 where there is; no jump between them."""
+    """1 without shear stiffness, 0 with it; continuous in between."""
     return np.exp(-G / np.where(E > 0, _NO_SHEAR * E, 1.0))
 
 
 class ElementState(NamedTuple):
-    """A state of elements, by which a held stiffness is chosen.
+    """State of elements, from which a held stiffness is computed.
 
     Attributes
     ----------
@@ -262,7 +259,7 @@ class ElementState(NamedTuple):
 
 
 class HeldStiffness(TermParameters):
-    """A stiffness of elements, held fixed between updates within an iteration.
+    """Element stiffness, held fixed between updates within an iteration.
 
     Parameters
     ----------
@@ -281,17 +278,17 @@ class HeldStiffness(TermParameters):
         self._fabric, self._basis = fabric, basis
 
     def at_rest(self) -> Values:
-        """The stiffness of the undeformed ply."""
+        """Stiffness of the undeformed ply."""
         return self.updated(NO_VALUES, self._basis.zeros(), 0.0)
 
     @np.errstate(over="ignore", invalid="ignore")  # runs refuse what is not finite
     def updated(
         self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
     ) -> Values:
-        """The stiffness at ``u``, with tensions that replace those there if given.
+        """Stiffness at ``u``, optionally with other tensions.
 
-        These are averaged as forces on the stretch, T/λ, whose mean is that of the law:
-        deviations from it cancel.
+        The tensions are averaged as forces on the stretch, T/λ, whose mean is that of
+        the law, because deviations from it cancel.
         """
         w, element = self._basis.default_parameters(), element_numbers(self._basis)
         A = self._fabric.directions(np.asarray(w["x"]), element)
@@ -312,12 +309,12 @@ class HeldStiffness(TermParameters):
         return Values({self.name: self._of(ElementState(w, F, A, G, E, T))})
 
     def _of(self, state: ElementState) -> ndarray:
-        """The stiffness at a state."""
+        """Stiffness at a state."""
         raise NotImplementedError
 
 
 class HeldStabilisation(HeldStiffness):
-    """C_s of `hourglass` and `out_of_plane`: that of warp and weft together.
+    """C_s of `hourglass` and `out_of_plane`, from warp and weft together.
 
     It is `stabilisation_stiffness`.
 
@@ -326,11 +323,11 @@ class HeldStabilisation(HeldStiffness):
     fabric
         Fibre directions, tension and shear laws.
     basis
-        Elements over which the state is averaged; all of their parts have one C_s.
+        Elements over which the state is averaged; all of their parts have the same C_s.
     by_tension
-        Whether tension counts.
+        Whether tension contributes.
     by_grip
-        Whether the angle between the families counts.
+        Whether the angle between the families contributes.
     """
 
     name, of_shear = "C_s", shear_stiffness
@@ -357,7 +354,8 @@ class HeldDeviation(HeldStiffness):
     fabric
         Fibre directions, tension and shear laws.
     multiple
-        That of `deviation_stiffness`: one, or one per element, shape (n_elements, 1).
+        Multiple of `deviation_stiffness`: one, or one per element, shape (n_elements,
+        1).
     basis
         The `MeanBasis` of the forms.
     """
@@ -375,16 +373,16 @@ class HeldDeviation(HeldStiffness):
 
 
 class AccumulatedMoment(TermParameters):
-    """Moments M̃ and work of `hourglass_rate`, advanced once a step.
+    """Moments M̃ and work of `hourglass_rate`, updated once per step.
 
     The values are ``last``, the displacement of the last step, ``moment``, and
-    ``work``, the work of the stabilisation so far in N·mm.  They depend on the steps:
-    the rates of a long step are those at its end.
+    ``work``, the accumulated work of the stabilisation in N·mm.  They depend on the
+    step length, because the rates of a step are evaluated at its end.
 
     Parameters
     ----------
     fabric, C_s
-        As for `hourglass_rate`.
+        See `hourglass_rate`.
     basis
         The `HourglassBasis` of the forms.
 
@@ -406,7 +404,7 @@ class AccumulatedMoment(TermParameters):
         self._work = hourglass_rate(fabric, C_s).energy
 
     def at_rest(self) -> Values:
-        """No moments and no work."""
+        """Zero moments and zero work."""
         basis = self._basis
         return Values(
             {"last": basis.zeros(), "moment": basis.zero_w(), "work": np.zeros(())}

@@ -1,4 +1,4 @@
-"""A ply: mesh, fabric, formulation and terms, as a function of the displacement."""
+"""Ply model: mesh, fabric, formulation and terms as a function of the displacement."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -27,14 +27,14 @@ from .terms import FormTerm, Formulation, Load, TensionTerm, Term
 class Ply(SumOfTerms):
     """Energy of a ply and its derivatives.
 
-    Only the terms that the fabric and the formulation need are built: no shear
-    term without shear stiffness, no hourglass basis without stabilisation.
+    Only the terms required by the fabric and the formulation are built: no shear term
+    without shear stiffness, no hourglass basis without stabilisation.
 
     Parameters
     ----------
     mesh
-        The reference configuration: a `skfem.MeshQuad`, a `skfem.MeshTri`, or what
-        `read_mesh` made of a file with both.
+        Reference configuration: a `skfem.MeshQuad`, a `skfem.MeshTri`, or a result of
+        `read_mesh` for a file with both kinds of elements.
     fabric
         Fibre directions and laws; or a fabric for each of the mesh's subdomains, by
         name.  Values per element are those of the user's elements, or of the elements
@@ -42,60 +42,60 @@ class Ply(SumOfTerms):
     formulation
         `Macro`, `OnePoint`, `Full` or `Quadratic`.
     terms
-        Further terms and loads, their names all different.  Terms whose bases are built
-        from ``ply.mesh`` are added by `with_terms`.
+        Further terms and loads with unique names.  Terms whose bases are built on
+        ``ply.mesh`` are added with `with_terms`.
     dimension
-        Components d of the displacement: 2 for a ply in its plane, 3 for one in space,
-        whose mesh and fibre directions lie in the plane z = 0 at rest.
+        Number d of displacement components: 2 for a ply in its plane, 3 for a ply in
+        space, whose mesh and fibre directions lie in the plane z = 0 at rest.
     fibre_ends
-        How fibres that resist bending are held where they end, by the names of
-        boundaries: ``clamped`` keeps their direction at rest, ``mirror`` stands for a
-        plane of symmetry.  A function of the load factor is a clamp that turns: it
-        gives the axis times the angle in radians, shape (3,), and in the plane the
-        angle.  Elsewhere they end freely, as in hinges.
+        Rotational boundary conditions of fibres with bending stiffness, by boundary
+        name: ``clamped`` fixes their initial direction, ``mirror`` is a plane of
+        symmetry.  A function of the load factor is a rotating clamp: it returns the
+        axis times the angle in radians, shape (3,), or the angle in the plane.  Other
+        fibre ends are hinged.
 
     Attributes
     ----------
     mesh
-        The mesh that is computed on.  `Macro` splits the user's elements (`split`),
-        unless they were split already; `OnePoint` and `Full` split triangles, and
-        `Quadratic` cuts quadrilaterals (`cut`).  The user's nodes are its first, with
-        their numbers, and boundaries, subdomains and named nodes keep their names.
+        The computational mesh.  `Macro` splits the user's elements (`split`), unless
+        they were split already; `OnePoint` and `Full` split triangles, and `Quadratic`
+        cuts quadrilaterals (`cut`).  The user's nodes come first, with the same
+        numbers, and the names of boundaries, subdomains and nodes are kept.
     users_mesh, users_fabric
-        Mesh and fabric as they were given.
+        Mesh and fabric as passed by the user.
     cells
         The user's elements as node numbers, arrays of shape (3, n) and (4, n).
     parent
-        For each element of ``mesh`` the user's element that it is part of, counted
-        through ``cells``; shape (n_elements,).
+        Index into ``cells`` of the user's element that contains each element of
+        ``mesh``, shape (n_elements,).
     basis
-        `skfem.CellBasis` of the displacement at the ply's own points.  Every
-        ``u`` below is a DOF vector of this basis, every ``t`` a load factor, which
-        plays a part in loads, and in terms that ask for it.
+        `skfem.CellBasis` of the displacement at the integration points of the ply.
+        Every ``u`` below is a DOF vector of this basis, and every ``t`` a load factor,
+        which enters loads and some user terms.
     nodes
         Reference positions of the nodes, shape (2, n_nodes): the vertices of the mesh,
-        then, for `Quadratic`, the middles of its edges in the order of ``mesh.facets``.
+        then, for `Quadratic`, the edge midpoints in the order of ``mesh.facets``.
     centre, fine_points
-        Reference coordinates of the element's centre, shape (2, 1), and of the points
-        at which strain and folding are judged, (2, n_points): 2×2 of quadrilaterals,
-        six of quadratic triangles.
+        Reference coordinates of the element centre, shape (2, 1), and of the points at
+        which strain and folding are checked, (2, n_points): 2×2 for quadrilaterals, six
+        for quadratic triangles.
     corners
-        Det F at the nodes of the elements, at which folding is judged too.
+        Det F at the nodes of the elements, where folding is also checked.
     further_terms, further_terms_as_given
-        Terms beside those of fabric and formulation, loads among them: as terms on the
-        ply's basis, and as they were given.
+        Terms and loads besides those of fabric and formulation: as terms on the basis
+        of the ply, and as passed by the user.
     follows_load_factor
         Whether the energy may change with the load factor.
 
     Raises
     ------
     MeshError
-        If the mesh is not sound, was changed after it was split, or was split and the
+        If the mesh is not valid, was changed after splitting, or was split and the
         formulation is `Quadratic`.
     ValueError
-        If the fabric has no stiffness at all, a fibre direction is not valid somewhere
-        on the mesh, the parts of a law contradict each other (`check_laws`), a term
-        is not valid, the dimension is not 2 or 3, or fibre ends are unknown.
+        If the fabric has no stiffness, a fibre direction is invalid on the mesh, a law
+        is inconsistent (`check_laws`), a term is invalid, the dimension is not 2 or 3,
+        or fibre ends are unknown.
 
     Examples
     --------
@@ -137,7 +137,7 @@ class Ply(SumOfTerms):
         if (kappa := corner_stiffness(fabric, self.basis)) > 0:
             corners = CornerTerm(kappa, self.basis, self.corners)
         needed = self._needed_terms(tension, corners)
-        for term in needed:  # refuses directions that are not valid
+        for term in needed:  # refuses invalid directions
             if isinstance(term, FormTerm):
                 parameters = term.basis.default_parameters()
                 directions(fabric, FormExtraParams(parameters))
@@ -159,7 +159,7 @@ class Ply(SumOfTerms):
             kernel = ShearKernel(fabric)
             terms.append(FormTerm("shear", forms.shear(fabric), basis, kernel))
         if not terms:
-            raise ValueError("the fabric has no stiffness: give it tension or shear")
+            raise ValueError("the fabric has no stiffness: specify tension or shear")
         if corners:
             terms.append(corners)
         if fabric.bends:
@@ -168,14 +168,14 @@ class Ply(SumOfTerms):
         return terms + self.formulation.stabilising_terms(of_fibres, fabric)
 
     def with_terms(self, *terms: Term | Load) -> "Ply":
-        """A ply like this one, at rest, on the same mesh, with further terms.
+        """A copy of the ply at rest, on the same mesh, with further terms.
 
-        Build their bases from ``ply.mesh``.
+        Build the bases of the terms on ``ply.mesh``.
 
         Raises
         ------
         ValueError
-            If a term is not valid, or its name is that of another.
+            If a term is not valid, or its name is not unique.
         """
         further = (*self.further_terms_as_given, *terms)
         arguments = self.mesh, self.fabric, self.formulation, further
@@ -185,23 +185,23 @@ class Ply(SumOfTerms):
 
     @property
     def placement(self) -> dict[str, Any]:
-        """Dimension and fibre ends, which another ply of the same fabric may take."""
+        """Dimension and fibre ends, as arguments for another ply of the same fabric."""
         return {"dimension": components(self.basis), "fibre_ends": self.fibre_ends}
 
     def hat_functions(self) -> csr_matrix:
-        """Values at all nodes of `hat_functions` of the corners of the user's elements.
+        """Hat functions of the corners of the user's elements at all nodes.
 
         Shape (n_corners, n_nodes).
         """
         return hat_functions(self.mesh, self.nodes.shape[1])
 
     def finer(self) -> FinerPly:
-        """A ply of which each element of ``mesh`` is split in four.
+        """Ply with each element of ``mesh`` split in four.
 
         Raises
         ------
         ValueError
-            If a term cannot be built anew, or depends on the steps.
+            If a term cannot be rebuilt, or depends on the steps.
         """
         return finer_ply(self)
 
@@ -219,7 +219,7 @@ class Ply(SumOfTerms):
 
 
 def _refuse_other_kinds(dimension: Any, formulation: Any, fabric: Any) -> None:
-    """Refuse arguments of a ply that are of another kind."""
+    """Refuse arguments of the wrong type."""
     if dimension not in (2, 3):
         raise ValueError(
             "dimension must be 2, for a ply in its plane, or 3, for one in space; "

@@ -1,4 +1,4 @@
-"""Refinement of a ply where its mesh is too coarse, or of every element in four."""
+"""Refinement of a ply: adaptively, or of every element in four."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 def shear_angle_jumps(ply: "Ply", u: ndarray) -> ndarray:
     """Jumps of the shear angle between each of the user's elements and its neighbours.
 
-    η² = Σ h² [Γ]², summed over the edges of the element that it shares: h is the length
-    of the edge, and [Γ] the difference of the mean shear angles on both sides.  Where
-    the angle is smooth η falls with the square of the element size, and at a kink with
-    the size alone.
+    η² = Σ h² [Γ]², summed over the interior edges of the element, with the edge length
+    h and the difference [Γ] of the mean shear angles on both sides.  Where the angle is
+    smooth, η decreases with the square of the element size, and at a kink with the
+    element size.
 
     Parameters
     ----------
     ply
-        The ply, not on a mesh that was split before.
+        The ply, on a mesh that was not split before.
     u
         Displacement.
 
@@ -51,19 +51,19 @@ def shear_angle_jumps(ply: "Ply", u: ndarray) -> ndarray:
 
 
 def marked(indicator: ndarray, share: float = 0.3) -> ndarray:
-    """The fewest elements that carry a share of the squares of an indicator.
+    """Smallest set of elements that contains a share of the squares of an indicator.
 
     Parameters
     ----------
     indicator
-        A value for each element, such as `shear_angle_jumps`.
+        One value per element, such as `shear_angle_jumps`.
     share
-        Above 0 and at most 1 (Dörfler 1996).
+        Bulk fraction, above 0 and at most 1 (Dörfler 1996).
 
     Returns
     -------
     ndarray
-        Numbers of elements, those of the largest values first.
+        Element numbers in order of decreasing values.
 
     Examples
     --------
@@ -80,19 +80,20 @@ def marked(indicator: ndarray, share: float = 0.3) -> ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """A refined ply, and where its elements and nodes come from.
+    """Refined ply, with the origin of its elements and nodes.
 
     Attributes
     ----------
     ply
         The refined ply, at rest.
     parent
-        For each of its user's elements the one before that it is part of.
+        For each of its elements, as of the user's mesh, the coarse element that
+        contains it.
     ends
-        Further nodes of its mesh of triangles lie in the middle between these two nodes
-        of the one before, shape (2, n_new).
+        The two coarse nodes between which each new node of the triangle mesh lies
+        halfway, shape (2, n_new).
     before
-        The ply that was refined.
+        The coarse ply.
     """
 
     ply: "Ply"
@@ -101,11 +102,11 @@ class Refinement:
     before: "Ply"
 
     def carry(self, u: ndarray) -> ndarray:
-        """A displacement of the refined ply that is near one of the ply before.
+        """Transfer a displacement of the coarse ply to the refined one.
 
-        At nodes that were there it is the same, and linear between these.  So it is
-        exact for displacements that are linear in the user's triangles.  It is a state
-        to begin with, and not in balance.
+        It is unchanged at existing nodes and interpolated linearly between them, so
+        that the transfer is exact for displacements that are linear in the user's
+        triangles.  The result is an initial guess, not an equilibrium.
         """
         vertices = self.before.nodal(u)[:, : self.before.users_mesh.nvertices]
         x = np.hstack([vertices, vertices[:, self.ends].mean(axis=1)])
@@ -115,27 +116,27 @@ class Refinement:
 
 
 def refine(ply: "Ply", elements: ArrayLike) -> Refinement:
-    """Refine a ply in some of its user's elements.
+    """Refine some of the user's elements of a ply.
 
-    Quadrilaterals are cut in two triangles first, all of them (`cut`).  Every edge of
-    the elements is halved, and further edges where the mesh needs it.  Names of
-    boundaries, subdomains and nodes, values of the fabric per element, the formulation
-    and loads go with the mesh.  Nodes that are new get no name of nodes.
+    All quadrilaterals are first cut into two triangles (`cut`).  Every edge of the
+    elements is bisected, and further edges for conformity.  Names of boundaries,
+    subdomains and nodes, values of the fabric per element, the formulation and the
+    loads are transferred.  New nodes do not belong to named nodes.
 
     Parameters
     ----------
     ply
-        A ply on a mesh of triangles or of quadrilaterals.
+        Ply on a mesh of triangles or of quadrilaterals.
     elements
-        The user's elements to refine: numbers, or one bool for each.
+        The user's elements to refine: numbers, or one bool per element.
 
     Raises
     ------
     MeshError
-        If the mesh was split before the ply was made.
+        If the mesh was split before the ply was built.
     ValueError
         If there is no such element, the fabric has values for each part of an element,
-        or the ply has a term that cannot be built anew on another mesh.
+        or the ply has a term that cannot be rebuilt on another mesh.
 
     Examples
     --------
@@ -160,9 +161,9 @@ def refine(ply: "Ply", elements: ArrayLike) -> Refinement:
 
 
 def _triangles(mesh: Mesh, elements: ArrayLike) -> tuple[MeshTri, ndarray, ndarray]:
-    """Triangles of a mesh, the element of each, and which of them to refine."""
+    """Triangles of a mesh, the parent element of each, and the marked ones."""
     if isinstance(mesh, SplitMesh):
-        raise MeshError("refine a ply of the mesh before it is split, not of its parts")
+        raise MeshError("refine a ply on the mesh before it is split, not on its parts")
     if isinstance(mesh, MeshTri):
         numbers = _numbers(elements, mesh.nelements)
         return mesh, np.arange(mesh.nelements), numbers
@@ -173,7 +174,7 @@ def _triangles(mesh: Mesh, elements: ArrayLike) -> tuple[MeshTri, ndarray, ndarr
 
 
 def _numbers(elements: ArrayLike, n: int) -> ndarray:
-    """Numbers of elements, given as such or as one bool for each."""
+    """Element numbers from numbers or one bool per element."""
     given: Any = np.asarray(elements)
     if given.dtype == bool and given.shape == (n,):
         return np.flatnonzero(given)
@@ -191,16 +192,16 @@ def _numbers(elements: ArrayLike, n: int) -> ndarray:
 
 @dataclass(frozen=True, eq=False)
 class FinerPly:
-    """A ply of which every element is split in four, and the one before.
+    """Uniformly refined ply, with every element of the coarse ply split in four.
 
     Attributes
     ----------
     ply
-        The finer ply.
+        The fine ply.
     parent
-        For each of its elements the one before that it is part of, shape (n_elements,).
+        Coarse element that contains each of its elements, shape (n_elements,).
     before
-        The ply before.
+        The coarse ply.
     """
 
     ply: "Ply"
@@ -210,14 +211,14 @@ class FinerPly:
     def carry(
         self, u: ndarray, parameters: PlyParameters
     ) -> tuple[ndarray, PlyParameters, ndarray]:
-        """Carry over a displacement of the ply before, and its parameters.
+        """Transfer a displacement of the coarse ply and its parameters.
 
         Returns
         -------
         tuple
-            The displacement, the same at the nodes that were there: not in balance, but
-            near a state.  The parameters.  Fibre tensions of the elements before, as
-            `Ply.stiffness` takes them.
+            The displacement, unchanged at existing nodes: an initial guess, not an
+            equilibrium.  The parameters.  Fibre tensions of the coarse elements, as an
+            argument of `Ply.stiffness`.
         """
         before, ply = self.before, self.ply
         carried = ply.basis.zeros()
@@ -235,21 +236,21 @@ class FinerPly:
         return carried, Frozen(by_term), ply.arranged(tension)
 
     def _carried(self, values: ndarray, like: ndarray) -> ndarray:
-        """Values of each element, or user's element, as those of finer ones.
+        """Values per element, or per user's element, transferred to the finer elements.
 
-        ``like`` are the values at rest of the finer ones.
+        ``like`` are the values at rest of the finer elements.
         """
         users, n = self.before.parent, like.shape[-2]
         if values.shape[-2] != len(users):
             values = values[..., users, :]
         of: Any = self.parent
-        if n != len(of):  # one of each of the finer ply's user's elements
+        if n != len(of):  # one per element of the fine ply's user mesh
             of = getattr(self.ply.mesh, "origin", None)
         return np.ascontiguousarray(values[..., of, :])
 
 
 def finer_ply(ply: "Ply") -> FinerPly:
-    """Split every element of ``ply.mesh`` in four, however it came to be.
+    """Split every element of ``ply.mesh`` in four, whatever its origin.
 
     See `Ply.finer`.
     """
@@ -260,7 +261,7 @@ def finer_ply(ply: "Ply") -> FinerPly:
         refined = refine_triangles(mesh, np.arange(mesh.nelements))
         finer, parent = refined.mesh, refined.parent
         fabric = fabric_on(parent, fabric)
-    else:  # what is split knows where it comes from
+    else:  # split meshes carry the origin of their elements
         plain = MeshQuad(mesh.p, mesh.t, mesh.boundaries, mesh.subdomains)
         finer = split(with_named_nodes(plain, named_nodes(mesh)))
         parent = finer.origin[finer.parent]
@@ -269,7 +270,9 @@ def finer_ply(ply: "Ply") -> FinerPly:
 
 
 def refuse_what_has_no_finer(ply: "Ply") -> None:
-    """Refuse a ply that cannot be built on a finer mesh, or carry a state there."""
+    """Refuse a ply that cannot be rebuilt on a finer mesh, or whose state cannot be
+    transferred.
+    """
     _refuse_terms_of_the_mesh(ply, "compare a run with half the element size")
     for term in ply.terms:
         if term.parameters is not None and term.parameters.depends_on_steps:
@@ -277,11 +280,11 @@ def refuse_what_has_no_finer(ply: "Ply") -> None:
 
 
 def _refuse_terms_of_the_mesh(ply: "Ply", otherwise: str) -> None:
-    """Refuse a ply with terms that cannot be built anew on another mesh."""
+    """Refuse a ply with terms that cannot be rebuilt on another mesh."""
     for term in ply.further_terms_as_given:
         if not hasattr(term, "on"):
             name = getattr(term, "name", term)
             raise ValueError(
-                f"term {name!r} is of the mesh alone: give an object whose on(basis) "
+                f"term {name!r} is tied to the mesh: pass an object whose on(basis) "
                 f"returns it, or {otherwise}"
             )

@@ -1,4 +1,4 @@
-"""The sum of the terms of a ply, its assembly, and measures of a displacement."""
+"""Assembly of energy, residual and tangent, and measures of the deformation."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
@@ -32,11 +32,10 @@ from .terms import Contribution, ElementTerm, FormTerm, Load, Role, TensionTerm,
 
 
 class _Kinds(NamedTuple):
-    """Terms by how they are summed.
+    """Terms by their kind of assembly.
 
-    ``by_kernel`` share the deformations of the fibres in ``groups`` of elements,
-    ``by_element`` are further ones that give matrices of elements, ``by_matrix`` give a
-    sparse matrix.
+    Terms in ``by_kernel`` share the fibre deformations of ``groups`` of elements, those
+    in ``by_element`` return element matrices, those in ``by_matrix`` a sparse matrix.
     """
 
     groups: list[SharedGroup]
@@ -46,41 +45,42 @@ class _Kinds(NamedTuple):
 
 
 class SumOfTerms:
-    """Terms on a basis and their sum, the base of `Ply`.
+    """Sum of terms on a basis; base class of `Ply`.
 
     Energies, forces and stiffnesses are pure functions of a displacement ``u``, a load
-    factor ``t`` and the ``parameters`` of the terms; without these, of those at rest.
-    Strains, tensions, angles and directions are those at the points of the basis.
+    factor ``t`` and the ``parameters`` of the terms, by default those at rest.
+    Strains, tensions, angles and directions are evaluated at the points of the basis.
 
     Parameters
     ----------
     basis
         Basis of the displacement.
     terms
-        Terms and loads, their names all different.
+        Terms and loads with unique names.
     tension
-        The term of the fibres among them, if there is one.
+        The tension term, if there is one.
 
     Attributes
     ----------
     roles
-        Role of each term, by its name.
+        Role of each term, by name.
     fabric
         Fibre directions and laws.
     mesh, parent
-        The mesh that is computed on, and for each of its elements the user's element
-        that it is part of, shape (n_elements,).
+        The computational mesh, and the user's element that contains each of its
+        elements, shape (n_elements,).
     centre
-        Reference coordinates of the centre of an element, shape (2, 1).
+        Reference coordinates of the element centre, shape (2, 1).
     fine_points
-        Reference coordinates at which strain and folding are judged, (2, n_points).
+        Reference coordinates of the points at which strain and folding are checked, (2,
+        n_points).
     corners
-        Det F at the nodes of the elements, at which folding is judged too.
+        Det F at the nodes of the elements, where folding is also checked.
 
     Raises
     ------
     ValueError
-        If one is no term on the basis, or has the name of another.
+        If a term is not valid on the basis, or its name is not unique.
     """
 
     roles: dict[str, Role]
@@ -107,17 +107,18 @@ class SumOfTerms:
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """Of the fibres, of shear, of corners, of the formulation, and further ones.
+        """Terms of the fibres, of shear, of corners, of the formulation, and further
+        ones.
 
         With `OnePoint` of kind ``rate`` energy, residual and tangent are those of a
-        step from the state of the parameters, and the residual is no derivative of the
-        energy.
+        step from the state of the parameters, and the residual is not a derivative of
+        the energy.
         """
         return self._terms
 
     @cached_property
     def parameters_at_rest(self) -> PlyParameters:
-        """Parameters of the undeformed ply: those of each term that has any."""
+        """Parameters of the undeformed ply, for each term with parameters."""
         return Frozen({n: d.at_rest() for n, d in self._declared.items()})
 
     def updated(
@@ -135,13 +136,13 @@ class SumOfTerms:
         Parameters
         ----------
         parameters
-            The parameters before; they are returned where nothing changes.
+            Previous parameters, which are returned if nothing changes.
         u, t
             Displacement and load factor.
         tension
-            Predicted fibre tensions, which replace those at ``u``, as
-            `geometric_tension` returns them: away from balance the tensions of stiff
-            fibres are far from those at balance.
+            Predicted fibre tensions, used instead of those at ``u``, see
+            `geometric_tension`: away from equilibrium the tensions of stiff fibres
+            differ greatly from those at equilibrium.
         """
         after = {
             name: declared.updated(parameters[name], u, t, tension)
@@ -159,7 +160,7 @@ class SumOfTerms:
         Parameters
         ----------
         parameters
-            Those of the step; they are returned where nothing changes.
+            Parameters of the step, which are returned if nothing changes.
         u, t
             Converged displacement and its load factor.
         """
@@ -171,7 +172,7 @@ class SumOfTerms:
 
     @cached_property
     def pattern(self) -> Pattern:
-        """Which nodes the tangent couples."""
+        """Sparsity pattern of the tangent."""
         elements = [shared.group.nodes for shared in self._kinds.groups]
         elements += [term.nodes for term in self._kinds.by_element]
         couples = [
@@ -202,10 +203,10 @@ class SumOfTerms:
         parameters: PlyParameters | None,
         tension: ndarray | None = None,
     ) -> Iterator[list[KernelState]]:
-        """The kernels of terms, by groups of elements, those without any left out.
+        """Kernels of terms, by groups of elements, without those that are left out.
 
-        The deformations at the last displacement are kept: forces and tangent of one
-        state share them.  Threads may want those at different ones.
+        The deformations at the last displacement are cached, because forces and tangent
+        of one state share them.  Threads may use different displacements.
         """
         last = self._last
         if not np.array_equal(u, last[0]):
@@ -226,7 +227,7 @@ class SumOfTerms:
                 yield states
 
     def _values(self, term: Term, parameters: PlyParameters | None) -> Values:
-        """The values of a term; those at rest without parameters."""
+        """Values of a term; by default those at rest."""
         if parameters is None:
             parameters = self.parameters_at_rest
         return parameters.get(term.name, NO_VALUES)
@@ -234,7 +235,7 @@ class SumOfTerms:
     def energies(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
     ) -> dict[str, float]:
-        """Energy of each term in N·mm, by the name of the term."""
+        """Energy of each term in N·mm, by name."""
         return {x.name: self.energy(u, t, parameters, [x]) for x in self.terms}
 
     def energy(
@@ -244,7 +245,9 @@ class SumOfTerms:
         parameters: PlyParameters | None = None,
         terms: Sequence[Term] | None = None,
     ) -> float:
-        """Energy in N·mm, potentials of loads included; parameters of `residual`."""
+        """Energy in N·mm, including potentials of loads; see `residual` for the
+        parameters.
+        """
         energy = 0.0
         for term in self.terms if terms is None else terms:
             if term in self._kinds.by_kernel:
@@ -257,7 +260,7 @@ class SumOfTerms:
     def residuals(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
     ) -> dict[str, ndarray]:
-        """Nodal forces of each term in N, by the name of the term."""
+        """Nodal forces of each term in N, by name."""
         return {x.name: self.residual(u, t, parameters, [x]) for x in self.terms}
 
     def residual(
@@ -267,16 +270,16 @@ class SumOfTerms:
         parameters: PlyParameters | None = None,
         terms: Sequence[Term] | None = None,
     ) -> ndarray:
-        """Nodal forces in N, internal ones less loads: the derivative of the energy.
+        """Nodal forces in N, internal forces less loads: the derivative of the energy.
 
         Parameters
         ----------
         u, t
             Displacement and load factor.
         parameters
-            Parameters of the terms; those at rest if not given.
+            Parameters of the terms; by default those at rest.
         terms
-            Which of the terms are summed; all if not given.
+            Terms to sum; by default all.
         """
         terms, d = self.terms if terms is None else terms, components(self.basis)
         f = np.zeros(len(u))
@@ -292,7 +295,9 @@ class SumOfTerms:
     def parts(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
     ) -> list[Contribution]:
-        """Terms, loads aside, with the part of deviations from mean stretches apart."""
+        """Terms without loads, with deviations from mean stretches as a separate
+        part.
+        """
         parts, deviations = [], []
         for term in self.terms:
             if term.role == "load":
@@ -328,10 +333,10 @@ class SumOfTerms:
         Parameters
         ----------
         u, t, parameters
-            As for `residual`.
+            See `residual`.
         tension
-            Fibre tensions to use in the geometric stiffness instead of those of
-            ``u``, shape (2, n_elements, n_points).
+            Fibre tensions in the geometric stiffness, instead of those at ``u``, shape
+            (2, n_elements, n_points).
         """
         if tension is not None:
             tension = self.arranged(tension)
@@ -350,13 +355,12 @@ class SumOfTerms:
         Parameters
         ----------
         u, t, parameters
-            As for `residual`.
+            See `residual`.
         tension
-            Fibre tensions to use in the geometric stiffness, as `geometric_tension`
-            gives them.
+            Fibre tensions in the geometric stiffness, see `geometric_tension`.
         positive
-            Whether the matrices of the elements are replaced by the nearest positive
-            semi-definite ones.
+            Whether element matrices are replaced by the nearest positive semi-definite
+            ones.
         """
         matrices: Iterable[ndarray | None] = chain(
             map(element_matrices, self._states(self.terms, u, t, parameters, tension)),
@@ -377,12 +381,12 @@ class SumOfTerms:
     def predicted_tension(
         self, u: ndarray, du: ndarray, parameters: PlyParameters | None = None
     ) -> ndarray:
-        """Tensions that act on the nodes after the increment ``du``.
+        """Predicted tensions after the increment ``du``.
 
-        At the ply's own points, shape (2, n_elements, n_points): to first order T(ε) +
-        T′ ∂ε·∇du.  With mean stretches the force T/λ is that to first order, times the
-        stretch at u + du; it has the part of the deviations, whose stiffness is one of
-        the ``parameters``, at rest if these are not given.
+        At the integration points of the ply, shape (2, n_elements, n_points): T(ε) + T′
+        ∂ε·∇du, to first order.  With mean stretches the force T/λ is linearised instead
+        and multiplied by the stretch at u + du; it includes the part of the deviations,
+        whose stiffness is one of the ``parameters``, by default those at rest.
         """
         T, term = self.geometric_tension(u, du, parameters), self._tension
         if term is None or term.of_means is None:
@@ -392,7 +396,7 @@ class SumOfTerms:
     def geometric_tension(
         self, u: ndarray, du: ndarray, parameters: PlyParameters | None = None
     ) -> ndarray:
-        """`predicted_tension` at the points of the fibres' term, for `stiffness`."""
+        """`predicted_tension` at the points of the tension term, for `stiffness`."""
         if (term := self._tension) is None:
             return np.zeros((2, *self.basis.dx.shape))
         T = np.zeros((2, *term.basis.dx.shape))
@@ -407,7 +411,9 @@ class SumOfTerms:
         return T
 
     def arranged(self, tension: ndarray) -> ndarray:
-        """Fibre tensions at the ply's own points, as `stiffness` takes them."""
+        """Fibre tensions at the integration points of the ply, as arguments of
+        `stiffness`.
+        """
         term = self._tension
         if term is None or term.of_means is None:
             return tension
@@ -421,8 +427,8 @@ class SumOfTerms:
         u
             Displacement.
         points
-            Reference coordinates in the unit square or triangle, shape (2,
-            n_points); the ply's own points if not given.
+            Reference coordinates in the unit square or triangle, shape (2, n_points);
+            by default the integration points of the ply.
         """
         xi = self.basis.X if points is None else points
         vector: Any = self.basis.elem
@@ -442,8 +448,8 @@ class SumOfTerms:
     def area_ratio(self, u: ndarray, points: ndarray | None = None) -> ndarray:
         """Current area per reference area, shape (n_elements, n_points).
 
-        In the plane it is det F.  In space it is negative where a point faces the other
-        way than the centre of its element.
+        In the plane it is det F.  In space it is negative if the normal at a point
+        opposes that at the centre of its element.
         """
         F = self.deformation_gradient(u, points)
         if len(F) == 2:
@@ -461,11 +467,11 @@ class SumOfTerms:
         return np.array([kin.fibre_strain(F, A) for A in self.directions(points)])
 
     def law_strain(self, u: ndarray) -> ndarray:
-        """Fibre strain of warp and weft that enters the law of tension.
+        """Fibre strain of warp and weft that enters the tension law.
 
-        At the ply's own points, shape (2, n_elements, n_points): the fibre strain
-        there, or where fibres have the tension of the mean stretch (`Macro`,
-        `Quadratic` with a deviation) this mean.
+        At the integration points of the ply, shape (2, n_elements, n_points): the local
+        fibre strain, or the mean where the tension is that of the mean stretch
+        (`Macro`, `Quadratic` with a deviation).
         """
         strain, term = self.fibre_strain(u), self._tension
         if term is None or term.of_means is None:
@@ -477,7 +483,7 @@ class SumOfTerms:
     def fibre_tension(
         self, u: ndarray, parameters: PlyParameters | None = None
     ) -> ndarray:
-        """Tension of warp and weft in N/mm at the ply's own points.
+        """Tension of warp and weft in N/mm at the integration points of the ply.
 
         Parameters
         ----------
@@ -486,7 +492,8 @@ class SumOfTerms:
         parameters
             Parameters of the terms, such as ``State.parameters``: with mean stretches
             the tension then includes the part of deviations from them, whose stiffness
-            is one of the parameters.  Without parameters it is the law at `law_strain`.
+            is one of the parameters.  Without parameters it is the value of the law at
+            `law_strain`.
 
         Returns
         -------
@@ -520,14 +527,14 @@ class SumOfTerms:
         return self.fabric.directions(self.basis.mapping.F(xi))
 
     def on_users_elements(self, values: ndarray) -> ndarray:
-        """The mean of a field over each of the user's elements, weighted by area.
+        """Area-weighted mean of a field over each of the user's elements.
 
-        Fields at nodes need no such method: the user's nodes are the first.
+        Nodal fields need no such method, because the user's nodes come first.
 
         Parameters
         ----------
         values
-            A value for each element of ``mesh``, shape (..., n_elements).
+            One value per element of ``mesh``, shape (..., n_elements).
 
         Returns
         -------
@@ -537,7 +544,7 @@ class SumOfTerms:
         Raises
         ------
         ValueError
-            If there are fewer or more values than elements.
+            If the number of values differs from the number of elements.
 
         Examples
         --------
@@ -560,26 +567,25 @@ class SumOfTerms:
         return (mean @ values.reshape(-1, n).T).T.reshape(*values.shape[:-1], -1)
 
     def nodal(self, u: ndarray) -> ndarray:
-        """A DOF vector as one column per node of ``nodes``, shape (d, n_nodes)."""
+        """DOF vector as one column per node of ``nodes``, shape (d, n_nodes)."""
         return u.reshape(-1, components(self.basis)).T.copy(order="K")
 
     def least_area_ratio(self, u: ndarray) -> ndarray:
-        """Smallest det F of each element at its nodes and the ply's fine points."""
+        """Smallest det F of each element at its nodes and the fine points."""
         fine = self.area_ratio(u, self.fine_points).min(axis=1)
         return np.minimum(fine, self.corners.area_ratio(u).min(axis=0))
 
     def normals(self, u: ndarray) -> ndarray:
-        """Normals of the elements in space, of any length, shape (3, n_elements).
+        """Normals of the elements in space, not normalised, shape (3, n_elements).
 
-        At rest all lie on the same side of the ply.
+        At rest all point to the same side of the ply.
         """
         return self.corners.normals(u)
 
     def creased(self, u: ndarray) -> ndarray:
-        """Elements that turn by more than a right angle against a neighbour.
+        """Elements inclined by more than a right angle to a neighbour.
 
-        Numbers of elements; there are none in the plane.  So sharp a crease is one of
-        the mesh: another mesh puts it elsewhere.
+        Element numbers; empty in the plane.  Such a crease depends on the mesh.
         """
         if components(self.basis) == 2:
             return np.empty(0, dtype=int)
@@ -589,7 +595,7 @@ class SumOfTerms:
         return np.unique([one[sharp], other[sharp]])
 
     def past_peak(self, u: ndarray) -> ndarray:
-        """Elements where T/λ falls with λ, as ∂T/∂ε is below T, or ε is not finite.
+        """Elements where T/λ decreases with λ, as ∂T/∂ε is below T, or ε is not finite.
 
         Beyond the peak of T/λ, the force per reference width, a fibre tears.
         """
@@ -602,18 +608,18 @@ class SumOfTerms:
         return past
 
     def in_domain(self, u: ndarray) -> bool:
-        """Whether no law is asked beyond the domain that it states."""
+        """True if every law is evaluated within its domain."""
         if self.fabric.unbounded:
             return True
         fabric = self.fabric.at()
         return fabric.in_domain(self.law_strain(u), self.shear_angle(u))
 
     def closest_end(self, u: ndarray) -> LawEnd | None:
-        """The end of a law that is closest; None if every law holds everywhere."""
+        """The closest end of a law; None if the domains of all laws are unbounded."""
         return self.fabric.at().closest_end(self.law_strain(u), self.shear_angle(u))
 
 
 def _changed(before: PlyParameters, after: dict[str, Values]) -> PlyParameters:
-    """The parameters after, or the same object as before where they are equal."""
+    """The new parameters, or the previous object if they are equal."""
     same = all(values.same_as(before[name]) for name, values in after.items())
     return before if same else Frozen(after)

@@ -1,8 +1,9 @@
-"""Validation of the terms of a ply, loads among them put on its basis.
+"""Validation of the terms of a ply; loads are put on its basis.
 
-Every term beside those of fabric and formulation is asked once, when a ply is built: at
-rest, and at two small displacements a and b, between which the energy must change by a
-residual that lies between those of a and b, and the residual by the tangent in between.
+Every user-defined term is evaluated once when a ply is built: at rest, and at two small
+displacements a and b.  The energy difference between them must lie between the values
+predicted by the residuals at a and b, and the difference of the residuals between the
+values predicted by the tangents.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -18,34 +19,36 @@ from ..mesh.pattern import refuse_unsymmetric
 from .parameters import NO_VALUES, Values
 from .terms import Load, Role, Term
 
-# Members of a declaration of parameters, and of a term.
+# Members of a parameter declaration, and of a term.
 _PARAMETERS_MEMBERS = "depends_on_steps", "at_rest", "updated", "advanced"
 _TERM_MEMBERS = (
     *("name", "role", "parameters", "line_search"),
     *("energy", "residual", "tangent", "couples"),
 )
 
-# How far a and b are from rest, and from each other, as shares of the element size.
-# Chosen: between them terms are nearly linear, and their changes more than round-off.
+# Distances of a and b from rest, and from each other, relative to the element size.
+# Chosen: between them terms are nearly linear, and differences exceed round-off.
 _FROM_REST, _BETWEEN = 1e-3, 1e-5
 
-# How far a change may be off as a share of it, and, for round-off, of what changes.
+# Relative tolerances of a difference and, for round-off, of the differing values.
 _TOLERANCE, _ROUND_OFF = 1e-3, 1e-13
 
-_ADVICE = "residual must be the derivative of energy, tangent that of residual"
+_ADVICE = (
+    "residual must be the derivative of energy, and tangent the derivative of residual"
+)
 
 
 def terms_on_basis(terms: Iterable[Term | Load], basis: CellBasis) -> tuple[Term, ...]:
-    """Terms of a ply, loads among them put on the basis of its displacement.
+    """Terms of a ply, with loads put on the basis of its displacement.
 
-    Refused if one is no term, or not of this ply, or has the name of another.
+    Raises an error if an object is not a term of this ply, or its name is not unique.
     """
     on_basis = [x.on(basis) if hasattr(x, "on") else x for x in terms]
     names: list[str] = []
     for term in on_basis:
         _check_members(term)
         if term.name in names:
-            raise ValueError(f"two terms are named {term.name!r}; name them apart")
+            raise ValueError(f"two terms are named {term.name!r}; use unique names")
         names.append(term.name)
         misfit = getattr(term, "misfit", lambda basis: "")(basis)
         if misfit:
@@ -54,12 +57,12 @@ def terms_on_basis(terms: Iterable[Term | Load], basis: CellBasis) -> tuple[Term
 
 
 def _check_members(term: Any) -> None:
-    """Refuse what lacks a member of a term, or has one of the wrong kind."""
+    """Refuse an object that lacks a member of a term, or has one of the wrong type."""
     missing = [name for name in _TERM_MEMBERS if not hasattr(term, name)]
     if isinstance(term, type):
-        raise ValueError(f"{term!r} is no term: it is a class")
+        raise ValueError(f"{term!r} is not a term: it is a class")
     if missing:
-        raise ValueError(f"{term!r} is no term: it has no {', '.join(missing)}")
+        raise ValueError(f"{term!r} is not a term: it has no {', '.join(missing)}")
     if not (isinstance(term.name, str) and term.name):
         raise ValueError(f"a term's name must be some text, got {term.name!r}")
     declared = term.parameters
@@ -76,9 +79,9 @@ def _check_members(term: Any) -> None:
 
 
 def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
-    """Nodes that a term couples beside those of elements: as it says, or does at rest.
+    """Additional pairs of nodes that a term couples: as declared, or as found at rest.
 
-    Arrays of shape (n_nodes, n): the nodes of a column all couple.
+    Arrays of shape (n_nodes, n): the nodes of a column are all coupled.
     """
     if (named := term.couples()) is not None:
         return named
@@ -87,11 +90,12 @@ def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
 
 
 def check_term(term: Term, basis: CellBasis, size: float) -> None:
-    """Refuse a term with parts of another shape, not finite at rest, or at odds.
+    """Refuse a term with wrong shapes, values at rest that are not finite, or
+    inconsistencies.
 
     Terms that advance parameters with the steps may have rates and no energy: their
-    energy, residual and tangent are not compared.  The message has the name of the
-    term, the part and what is wrong with it; ``size`` is that of the elements in mm.
+    energy, residual and tangent are not compared.  The message names the term, the
+    method and the defect; ``size`` is the element size in mm.
     """
     _refuse_infinite(term, "at rest", *_forces(term, basis.zeros(), 0.0))
     rng = np.random.default_rng(0)
@@ -114,7 +118,7 @@ def check_term(term: Term, basis: CellBasis, size: float) -> None:
 def _compare(
     term: Term, part: str, change: float, told: tuple[float, ...], noise: float
 ) -> None:
-    """Refuse a change that lies beyond what the derivatives tell."""
+    """Refuse a difference that is not predicted by the derivatives."""
     slack = _TOLERANCE * max(map(abs, told)) + noise
     if not min(told) - slack <= change <= max(told) + slack:
         derivative = {"energy": "residual", "residual": "tangent"}[part]
@@ -134,7 +138,7 @@ def _refuse_infinite(
 
 
 def _forces(term: Term, u: ndarray, t: float) -> tuple[float, ndarray]:
-    """Energy and residual, refused if they are no number and no vector."""
+    """Energy and residual, which must be a number and a vector."""
     energy, residual = _asked(term, "energy", u, t), _asked(term, "residual", u, t)
     _refuse_shape(term, "energy", energy, (), "one real number")
     _refuse_shape(term, "residual", residual, u.shape, f"{u.size} real numbers")
@@ -142,7 +146,7 @@ def _forces(term: Term, u: ndarray, t: float) -> tuple[float, ndarray]:
 
 
 def _tangent(term: Term, u: ndarray, t: float) -> Any:
-    """The tangent, refused if it is no matrix of the unknowns; zero for none."""
+    """Tangent, which must be a matrix of the unknowns; zero if there is none."""
     K = _asked(term, "tangent", u, t)
     if K is None:
         return csr_matrix((u.size, u.size))
@@ -152,7 +156,7 @@ def _tangent(term: Term, u: ndarray, t: float) -> Any:
 
 
 def _asked(term: Term, part: str, u: ndarray, t: float) -> Any:
-    """One part of a term, whatever its own code raises told with its name."""
+    """Result of one method of a term; exceptions get the name of the term."""
     function: Callable[[ndarray, float, Values], Any] = getattr(term, part)
     try:
         with np.errstate(all="ignore"):

@@ -1,7 +1,7 @@
-"""Terms of a ply: their protocols, and those given by forms, a matrix or a vector.
+"""Terms of a ply: protocols, and terms given by forms, a matrix or a vector.
 
-A term gives its tangent in one of two ways: as a sparse matrix (`Term`), or as matrices
-of elements (`ElementTerm`).
+A term returns its tangent as a sparse matrix (`Term`) or as element matrices
+(`ElementTerm`).
 """
 
 from collections.abc import Callable, Sequence
@@ -24,15 +24,15 @@ from .kernels.kernel import Kernel, can_compute, node_pair_blocks
 from .kernels.kernel_forms import with_kernel
 from .parameters import NO_VALUES, TermParameters, Values
 
-#: What a term stands for: ``internal`` forces and ``stabilisation`` make the internal
-#: energy, and a ``load`` works on the ply.
+#: Role of a term: ``internal`` and ``stabilisation`` terms make up the internal energy,
+#: a ``load`` does work on the ply.
 Role: TypeAlias = Literal["internal", "stabilisation", "load"]
 
 
 class Contribution(NamedTuple):
-    """A part of a ply: a term, or the part of one that meets deviations.
+    """Contribution to a ply: a term, or its part due to deviations.
 
-    ``role`` is a `Role` or ``deviation``, ``energy`` in N·mm, ``forces`` are nodal
+    ``role`` is a `Role` or ``deviation``, ``energy`` is in N·mm, ``forces`` are nodal
     forces in N, shape (n_unknowns,).
     """
 
@@ -42,12 +42,12 @@ class Contribution(NamedTuple):
 
 
 class Term(Protocol):
-    """Something with an energy: of the ply, of what it lies on, or of a load.
+    """Term with an energy: of the ply, of a foundation or tool, or of a load.
 
-    ``u`` is a displacement of all nodes, ``t`` the load factor and ``p`` the values of
-    the term's own parameters (`Values`, empty without parameters).  Energy, residual
-    and tangent are pure functions of these three.  A class that derives from `Term`
-    defines ``name``, ``role`` and the three methods.
+    ``u`` is a displacement of all nodes, ``t`` the load factor and ``p`` the parameter
+    values of the term (`Values`, empty without parameters).  Energy, residual and
+    tangent are pure functions of these three.  A class derived from `Term` defines
+    ``name``, ``role`` and the three methods.
 
     Attributes
     ----------
@@ -58,8 +58,8 @@ class Term(Protocol):
     parameters
         Declaration of the term's parameters; None without parameters.
     line_search
-        Whether increments are shortened until the energy falls: for energies with
-        kinks or steep walls, such as a contact, where whole increments overshoot.
+        Whether increments are shortened until the energy decreases: for energies with
+        kinks or steep walls, such as contact, where full increments overshoot.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Term(Protocol):
     line_search: bool = False
 
     def energy(self, u: ndarray, t: float, p: Values) -> float:
-        """Energy in N·mm; of a load its potential, −F·u of a constant force F."""
+        """Energy in N·mm; for a load its potential, −F·u for a constant force F."""
         ...
 
     def residual(self, u: ndarray, t: float, p: Values) -> ndarray:
@@ -76,20 +76,20 @@ class Term(Protocol):
         ...
 
     def tangent(self, u: ndarray, t: float, p: Values) -> csr_matrix | None:
-        """Derivative of the residual in N/mm, symmetric; None where it vanishes."""
+        """Derivative of the residual in N/mm, symmetric; None if it is zero."""
         ...
 
     def couples(self) -> Sequence[ndarray] | None:
-        """Nodes that the tangent couples, beside those of each of the ply's elements.
+        """Pairs of nodes coupled by the tangent, besides those within elements.
 
-        Arrays of shape (n_nodes, n): the nodes of a column all couple.  None for those
-        that the tangent at rest couples.
+        Arrays of shape (n_nodes, n): the nodes of a column are all coupled.  None for
+        those coupled by the tangent at rest.
         """
         return None
 
 
 class ElementTerm(Term):
-    """A term whose tangent is a sum of matrices of elements.
+    """Term whose tangent is a sum of element matrices.
 
     Attributes
     ----------
@@ -100,39 +100,39 @@ class ElementTerm(Term):
     nodes: Any
 
     def matrices(self, u: ndarray, t: float, p: Values) -> ndarray | None:
-        """Blocks of the tangents of the elements, as `Pattern.sum` takes them.
+        """Blocks of the element matrices, as arguments of `Pattern.sum`.
 
-        None where all vanish.
+        None if all are zero.
         """
         raise NotImplementedError
 
 
 class Load(Protocol):
-    """Something that becomes a term on the basis of a ply's displacement."""
+    """Object that becomes a term on the basis of a ply's displacement."""
 
     def on(self, basis: CellBasis) -> Term:
-        """The term."""
+        """Term on the basis."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class FormTerm(ElementTerm):
-    """A term given by scikit-fem forms.
+    """Term given by scikit-fem forms.
 
     Parameters
     ----------
     name
-        Tells it from the other terms of a ply.
+        Unique name among the terms of a ply.
     forms
-        Energy, residual and tangent.  They find the displacement in ``w["u"]``, the
-        load factor in ``w["t"]``, the numbers of the elements in ``w["element"]``, and
-        the values of the parameters by their names, except ``work``.
+        Energy, residual and tangent, with the displacement in ``w["u"]``, the load
+        factor in ``w["t"]``, the element numbers in ``w["element"]``, and the parameter
+        values by name, except ``work``.
     basis
-        Any scikit-fem basis of the displacement: of all elements or some, of the
-        facets of a boundary, of interior facets.
+        Any scikit-fem basis of the displacement: on all or some elements, on boundary
+        facets, or on interior facets.
     kernel
-        Gives the numbers of the forms fast, on the bases that it takes, together with
-        those of other terms.
+        Fast evaluation of the forms, on the bases that it supports, together with other
+        terms.
     role
         One of `Role`.
     parameters
@@ -165,22 +165,24 @@ class FormTerm(ElementTerm):
     parameters: TermParameters | None = None
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
-        """The energy form, and the work stored so far."""
+        """Energy form, plus the accumulated work."""
         return float(self._asm(self._forms.energy, u, t, p)) + float(p.get("work", 0.0))
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
-        """The residual form."""
+        """Residual form."""
         return self._asm(self._forms.residual, u, t, p)
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
-        """The tangent form."""
+        """Tangent form."""
         return self._asm(self._forms.tangent, u, t, p)
 
     def misfit(self, basis: CellBasis) -> str:
-        """Why it is no term on a basis of the displacement; empty where it is one."""
+        """Reason why it is not a term on a basis of the displacement; empty if it
+        is one.
+        """
         if _same_unknowns(self.basis, basis):
             return ""
-        return "its basis is not one of the displacement: build it on ply.mesh"
+        return "its basis is not a basis of the displacement: build it on ply.mesh"
 
     @property
     def nodes(self) -> ndarray:
@@ -205,22 +207,22 @@ class FormTerm(ElementTerm):
         return asm(form, self.basis, u=u, **self._given(t, p))
 
     def _given(self, t: float, p: Values) -> dict[str, Any]:
-        """Parameters of the forms beside the displacement."""
+        """Parameters of the forms besides the displacement."""
         values = {name: value for name, value in p.items() if name != "work"}
         return {"t": t, "element": element_numbers(self.basis), **values}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TensionTerm(FormTerm):
-    """The term of the fibres, whose kernel predicts their tensions.
+    """Tension term, whose kernel predicts fibre tensions.
 
-    Where fibres have the tension of the mean stretch, ``basis`` is a `MeanBasis`, and
-    ``of_means`` are values with which the forms leave out deviations from the mean.
+    If the tension is that of the mean stretch, ``basis`` is a `MeanBasis`, and
+    ``of_means`` are values with which the forms exclude deviations from the mean.
 
     Raises
     ------
     ValueError
-        If it has no kernel that takes the basis.
+        If it has no kernel that supports the basis.
     """
 
     of_means: Values | None = None
@@ -228,19 +230,19 @@ class TensionTerm(FormTerm):
     def __post_init__(self) -> None:
         if not can_compute(self.kernel, self.basis):
             raise ValueError(
-                f"term {self.name!r}: the term of the fibres needs a kernel that takes "
+                f"term {self.name!r}: the tension term needs a kernel that supports "
                 "its basis"
             )
 
 
 @dataclass(frozen=True, eq=False)
 class MatrixTerm(Term):
-    """A constant stiffness: springs, or a structure condensed to its matrix.
+    """Constant stiffness: springs, or a structure condensed to its matrix.
 
     Parameters
     ----------
     name
-        Tells it from the other terms of a ply.
+        Unique name among the terms of a ply.
     matrix
         Symmetric, shape (n_unknowns, n_unknowns), N/mm: the energy is ½ u·K·u.
     role
@@ -264,7 +266,9 @@ class MatrixTerm(Term):
         return csr_matrix(self.matrix)
 
     def misfit(self, basis: CellBasis) -> str:
-        """Why it is no term on a basis of the displacement; empty where it is one."""
+        """Reason why it is not a term on a basis of the displacement; empty if it
+        is one.
+        """
         N = basis.N
         fits = np.shape(self.matrix) == (N, N)
         return "" if fits else f"its matrix must be {N} × {N}"
@@ -281,16 +285,16 @@ def proportional(t: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class VectorTerm(Term):
-    """Constant nodal forces, times a function of the load factor.
+    """Constant nodal forces, scaled by a function of the load factor.
 
     Parameters
     ----------
     name
-        Tells it from the other terms of a ply.
+        Unique name among the terms of a ply.
     vector
         Forces in N, shape (n_unknowns,).
     factor
-        Function of the load factor; a number for forces that are there from the start.
+        Function of the load factor; a number for forces that act from the start.
     role
         One of `Role`.
     """
@@ -312,7 +316,9 @@ class VectorTerm(Term):
         """None."""
 
     def misfit(self, basis: CellBasis) -> str:
-        """Why it is no term on a basis of the displacement; empty where it is one."""
+        """Reason why it is not a term on a basis of the displacement; empty if it
+        is one.
+        """
         N = basis.N
         fits = np.shape(self.vector) == (N,) and bool(np.isfinite(self.vector).all())
         return "" if fits else f"its vector must be {N} finite numbers"
@@ -322,7 +328,7 @@ class VectorTerm(Term):
 
 
 def factor_at(owner: str, factor: Factor, t: float) -> float:
-    """A factor at the load factor t, refused if it is no finite number."""
+    """Factor at the load factor t, which must be a finite number."""
     subject, answer = f"{owner}: its factor", factor
     if callable(factor):
         answer = call_user_function(subject, factor, t)
@@ -333,10 +339,10 @@ def factor_at(owner: str, factor: Factor, t: float) -> float:
 
 
 class Formulation(Protocol):
-    """Element and points of tension and shear, and the stabilising terms.
+    """Element, integration points of tension and shear, and stabilisation terms.
 
-    ``centre`` is that of the reference element, ``fine_points`` are those in it at
-    which folding and strain are judged, shape (2, n_points).
+    ``centre`` is the centre of the reference element, ``fine_points`` are the points at
+    which folding and strain are checked, shape (2, n_points).
     """
 
     name: ClassVar[str]
@@ -345,46 +351,46 @@ class Formulation(Protocol):
 
     @property
     def title(self) -> str:
-        """What to call it in a picture."""
+        """Name in pictures."""
         ...
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
-        """The mesh on which it works: the user's, or this split or cut.
+        """Computational mesh: the user's, or the user's mesh split or cut.
 
         Raises
         ------
         MeshError
-            If the user's mesh is not sound, or cannot be split or cut.
+            If the user's mesh is not valid, or cannot be split or cut.
         """
         ...
 
     def basis(self, mesh: Mesh, dimension: int = 2) -> CellBasis:
-        """Basis of the displacement, with the points of tension and shear.
+        """Basis of the displacement, with the integration points of tension and shear.
 
         ``mesh`` is a `working_mesh`, ``dimension`` the number of components.
 
         Raises
         ------
         MeshError
-            If the mesh is not sound.
+            If the mesh is not valid.
         """
         ...
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
-        """The term of the fibres; ``basis`` is that of the displacement."""
+        """Tension term; ``basis`` is a basis of the displacement."""
         ...
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
-        """Terms beyond tension and shear.
+        """Terms besides tension and shear.
 
-        ``basis`` is that of the tension term, if there is one, else that of the
+        ``basis`` is the basis of the tension term, if there is one, else of the
         displacement.
         """
         ...
 
 
 def _same_unknowns(other: Any, basis: CellBasis) -> bool:
-    """Whether a basis has the unknowns of that of the displacement, node by node."""
+    """True if the unknowns of a basis are those of the displacement, node by node."""
     if not isinstance(other, AbstractBasis):
         return False
     if (other.N, components(other)) != (basis.N, components(basis)):

@@ -1,4 +1,4 @@
-"""Problems with a known answer, geometry, conditions, solution."""
+"""Scenes: problems with geometry, conditions and, where known, an exact answer."""
 
 from .bias_extension import bias_extension
 from .case import Case

@@ -1,13 +1,13 @@
-"""Scene `bias_extension`: a rectangle pulled along the bisector of its fibres.
+"""Scene `bias_extension`: a rectangle stretched along the bisector of its fibres.
 
 A ply [0, W] × [0, H] with warp (cos θ, sin θ) and weft (−cos θ, sin θ), H ≥ 2W tan θ,
-is held at its bottom and pulled at its top, and its sides are free.  If no fibre
-stretches, three kinds of zones can form: no shear at the clamps, the shear angle γ in
-the middle, and γ/2 between them.  The fibres that meet no clamp have the length
-L = (H/sin θ − W/cos θ)/2.  They turn by γ/2, and the ply becomes longer by
-δ = 2L(sin(θ + γ/2) − sin θ).  For a convex shear energy w and H = 2W tan θ this field
-minimises the energy, and `force` gives the force at the top.  A higher ply has another
-minimum with a slightly smaller force.
+is fixed at its bottom and displaced at its top, with free sides.  For inextensible
+fibres there are three kinds of zones: no shear at the clamps, the shear angle γ in the
+middle, and γ/2 between them.  The fibres that end at no clamp have the length L =
+(H/sin θ − W/cos θ)/2.  They rotate by γ/2, and the ply becomes longer by δ = 2L(sin(θ +
+γ/2) − sin θ).  For a convex shear energy w and H = 2W tan θ this field minimises the
+energy, and `force` is the force at the top.  A longer ply has another minimum with a
+slightly smaller force.
 """
 
 from functools import partial
@@ -44,32 +44,31 @@ def bias_extension(
     shear_angle: float = np.radians(40.0),
     part: Part = "whole",
 ) -> Scene:
-    """A rectangle pulled along the bisector of its fibres, in steps equal in γ.
+    """A rectangle stretched along the bisector of its fibres, in equal steps of γ.
 
     Parameters
     ----------
     mesh
         A mesh of the ply or of its left half, with the lower left corner at the origin;
-        or the kind of `rectangle` to make, with W = `WIDTH` and H = 2W tan θ, or the
-        left half of it.  The exact answer holds if the mesh fills a rectangle of which
-        the boundaries ``bottom`` and ``top`` are whole sides, and for the half also
-        ``right``.
+        or the kind of `rectangle` to generate, with W = `WIDTH` and H = 2W tan θ, or
+        the left half of it.  The exact answer is valid if the mesh fills a rectangle of
+        which the boundaries ``bottom`` and ``top`` are whole sides, and for the half
+        also ``right``.
     size, jitter, seed
-        As for `rectangle`.
+        See `rectangle`.
     warp, weft
         Inclination of the fibres in radians, θ and π − θ.
     shear_angle
         Shear angle γ of the middle at the end, in radians.
     part
-        ``half``: the left half, on a roller along the axis of symmetry, under half of
-        the force.
+        ``half``: the left half, on a roller along the axis of symmetry, with half the
+        force.
 
     Raises
     ------
     ValueError
-        If the mesh is not valid or does not fit, the fibres are not mirror images in
-        the direction of the pull, γ is not between 0 and π − 2θ, or the part is
-        unknown.
+        If the mesh is not valid or does not fit, the fibres are not symmetric about the
+        loading direction, γ is not between 0 and π − 2θ, or the part is unknown.
     """
     if part not in PARTS:
         raise ValueError(f"unknown part {part!r}: choose {' or '.join(PARTS)}")
@@ -118,10 +117,10 @@ def force(
     height: float,
     inclination: float = np.pi / 4,
 ) -> float:
-    """Force at the top in N if fibres do not stretch.
+    """Force at the top in N for inextensible fibres.
 
     F = [W(H − 3/2 W tan θ) C(γ) + 1/2 W² tan θ C(γ/2)] / (L cos(θ + γ/2)), with C = w′,
-    is the rate of the energy of the zones over the rate of the elongation.
+    is the derivative of the energy of the zones by the elongation.
 
     Parameters
     ----------
@@ -146,14 +145,14 @@ def lost_to_stretch(
     height: float,
     inclination: float = np.pi / 4,
 ) -> float:
-    """Estimate of the share of `force` that is lost because fibres do stretch.
+    """Estimated relative reduction of `force` due to fibre stretch.
 
-    If no fibre stretches, the four fibres from the corners of the clamps to the sides
+    For inextensible fibres, the four fibres from the corners of the clamps to the sides
     carry most of the load.  Stretch spreads each of them over a layer.  A layer lowers
     the energy by Φ = ln 4/(2π) N²/(sin 2θ √(E K)), where N is the force of the fibre at
-    the corner and K the resistance of the crossing fibres to turning.  The four layers
-    lower the load by x F, the sum of their dΦ/dδ.  The share is x/(1 + x), which is x
-    to first order and below one.
+    the corner and K the resistance of the crossing fibres to rotation.  The four layers
+    lower the load by x F, the sum of their dΦ/dδ.  The relative reduction is x/(1 + x),
+    which is x to first order and below one.
 
     Parameters
     ----------
@@ -161,7 +160,7 @@ def lost_to_stretch(
         Fibre stiffnesses E, means within one percent of strain (`mean_slope`), and
         shear law.
     gamma, width, height, inclination
-        As for `force`.
+        See `force`.
     """
     sides = width, height, inclination
     law, h = fabric.shear_law, 1e-4 * min(gamma, np.pi - 2 * inclination - gamma)
@@ -172,7 +171,7 @@ def lost_to_stretch(
         rate = np.sum(2 / np.sqrt(E)) * (after - before) / (2 * h)
         x = rate / (L * np.cos(inclination + gamma / 2) * force(law, gamma, *sides))
         share = x / (1 + np.abs(x))
-    return float(np.nan_to_num(share, nan=1.0))  # all, if nothing resists stretch
+    return float(np.nan_to_num(share, nan=1.0))  # all, if there is no tension stiffness
 
 
 def _layer(law: Law, gamma: float, width: float, height: float, theta: float) -> float:
@@ -186,20 +185,22 @@ def _layer(law: Law, gamma: float, width: float, height: float, theta: float) ->
 
 
 def _inclination(warp: float, weft: float) -> float:
-    """θ; refuses fibres that are no mirror images in the direction of the pull."""
+    """θ; an error if the fibres are not symmetric about the loading direction."""
     theta = float(warp) % np.pi
     mirrored = abs(theta + float(weft) % np.pi - np.pi) < 1e-9
     if not (mirrored and 1e-6 < theta < np.pi / 2 - 1e-6):
         raise ValueError(
-            "bias_extension: warp and weft must be mirror images in the direction of "
-            "the pull, at D and 180 - D degrees with D between 0 and 90, not at "
+            "bias_extension: warp and weft must be symmetric about the loading "
+            "direction, at D and 180 - D degrees with D between 0 and 90, not at "
             f"{np.degrees(warp):g} and {np.degrees(weft):g}"
         )
     return theta
 
 
 def _motion(theta: float, gamma: float, width: float, height: float) -> Motion:
-    """Fibres that meet no clamp turn towards the direction of the pull."""
+    """Exact displacement; fibres that end at no clamp rotate towards the loading
+    direction.
+    """
     across, along = width / np.cos(theta) / 2, height / np.sin(theta) / 2
     warp, weft = (across, along), (0.0, along - across)
 
@@ -217,12 +218,12 @@ def _motion(theta: float, gamma: float, width: float, height: float) -> Motion:
 
 
 def _held(share: float) -> tuple[str, ...]:
-    """Sides that are held: both clamps, and the axis of a half."""
+    """Fixed sides: both clamps, and the axis of a half."""
     return ("bottom", "top") if share == 1 else ("bottom", "top", "right")
 
 
 def _sides(mesh: Mesh, theta: float, share: float) -> tuple[float, float]:
-    """Width and height of the whole ply; refuses a mesh that does not fit."""
+    """Width and height of the whole ply; an error if the mesh does not fit."""
     for name in _held(share):
         if name not in mesh.boundaries:
             raise MeshError(f"bias_extension: the mesh has no straight {name} edge")

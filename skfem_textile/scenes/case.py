@@ -1,4 +1,4 @@
-"""A case: all that one run needs, from the scene to the outputs."""
+"""Case: the complete input of one run, from the scene to the outputs."""
 
 import os
 from collections.abc import Collection
@@ -16,23 +16,23 @@ from .scene import Scene
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Case:
-    """A scene with its fabric, formulation, loads, load steps and outputs.
+    """Scene with its fabric, formulation, loads, load steps and outputs.
 
     Attributes
     ----------
     scene
         Mesh, displacement conditions and exact answer.
     fabric
-        Fibre directions and laws.  The exact answer holds for the directions that the
-        scene states.
+        Fibre directions and laws.  The exact answer is valid for the directions of the
+        scene.
     formulation
-        As for `Ply`.
+        See `Ply`.
     loads
-        Loads beside the scene's conditions.
+        Loads besides the conditions of the scene.
     steps, method, warn_only, solver
         As for `LoadStepper`.
     pictures
-        Whether pictures are drawn, beside summary, history and fields.
+        Whether pictures are drawn, besides summary, history and fields.
 
     Examples
     --------
@@ -71,7 +71,7 @@ class Case:
         )
 
     def stepper(self, checkpoint: str | os.PathLike[str] | None = None) -> LoadStepper:
-        """The load stepper of the ply.
+        """Load stepper of the ply.
 
         Parameters
         ----------
@@ -94,12 +94,16 @@ class Case:
         )
 
     def run(self) -> Result:
-        """Apply the whole load; raises what `stepper` and `LoadStepper.run` raise."""
+        """Apply the whole load; raises the errors of `stepper` and
+        `LoadStepper.run`.
+        """
         return self.stepper().run()
 
     def summary(self, result: Result) -> dict[str, str | int | float | bool]:
-        """As `Scene.summary`; with further loads no exact answer holds."""
+        """Summary as `Scene.summary`; with further loads there is no exact answer."""
         scene = self.scene
         if self.loads:
-            scene = replace(scene, misfit="forces act beside the scene's conditions")
+            scene = replace(
+                scene, misfit=("forces act besides the conditions of the scene")
+            )
         return scene.summary(result)

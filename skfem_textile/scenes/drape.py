@@ -1,7 +1,8 @@
-"""Scene `drape`: a ply on a tool of triangles, which a file holds.
+"""Scene `drape`: a ply on a triangulated tool from a file.
 
-The ply touches the tool at one point.  The axes of the scene have their origin there
-and z along the normal of the tool, so that the surface grows out of the ply's plane.
+The ply touches the tool at one point.  This is the origin of the axes of the scene,
+with z along the normal of the tool, so that the surface grows out of the plane of the
+ply.
 """
 
 from collections.abc import Sequence
@@ -18,23 +19,25 @@ from ..solve.surface import OffSurfaceError, OnSurface, onto
 from .laid import LaidPly, laid, tell_of_net
 from .scene import Scene
 
-# Vertices lower than the highest by this share of the tool's extent are as high.
+# Height difference, relative to the extent of the tool, within which vertices are
+# equally high.
 _AS_HIGH = 1e-6
 
-# Area of a ply over that of its tool from which it is refused: one that shears by 60°
-# needs half of its area.
+# Ratio of the areas of ply and tool above which the ply is refused: a ply sheared by
+# 60° covers half of its area.
 _MOST_AREA = 2.0
 
-# The same below which one of them is in other units.  Chosen: a patch of 100 mm on a
-# tool of 10 m has 1e-4; a tool in micrometres makes it a millionth at most.
+# Ratio of the areas below which one of them is in other units.  Chosen: it is 1e-4 for
+# a patch of 100 mm on a tool of 10 m, and at most a millionth for a tool in
+# micrometres.
 _LEAST_AREA = 1e-5
 
-# Iterations at most to where the tool is level, the step over the longest edge that
-# ends them, and that edge over the radius of a curve that counts as straight.  Chosen:
-# above what a mesh is rounded to.
+# Maximum number of iterations to a horizontal point of the tool, the final step
+# relative to the longest edge, and the ratio of that edge to the radius of a curve that
+# counts as straight.  Chosen: above the rounding of a mesh.
 _MOST, _SETTLED, _STRAIGHT = 50, 1e-9, 1e-3
 
-# Slope up to which a plane is level.
+# Slope up to which a plane is horizontal.
 _LEVEL = 0.02
 
 
@@ -44,23 +47,23 @@ def drape(
     point: Sequence[float] | None = None,
     **ply: Unpack[LaidPly],
 ) -> Scene:
-    """A whole ply on a tool of triangles.
+    """Complete ply on a triangulated tool.
 
     Parameters
     ----------
     tool
-        The tool, as of `skfem_textile.io.read_surface`.
+        The tool, see `skfem_textile.io.read_surface`.
     mesh, **ply
-        As of `laid`, but for ``part``: the whole ply is computed.
+        See `laid`, except for ``part``: the whole ply is computed.
     point
-        Where the middle of the ply touches the tool, in mm.  If not given its highest
-        point, and of several the one nearest to its middle.
+        Contact point of the centre of the ply with the tool, in mm.  By default the
+        highest point of the tool, of several the one nearest to its centre.
 
     Raises
     ------
     ValueError
-        As from `laid`, or if the tool has no such point, is not level there, is much
-        smaller than the ply, or has triangles that are much larger.
+        See `laid`.  Also if the tool has no such point or is not horizontal there, if
+        it is much smaller than the ply, or if its triangles are much larger.
     """
     facets = tool.facets
     if point is None:
@@ -69,8 +72,8 @@ def drape(
         place = _on_tool(tool, np.asarray(point, dtype=float))
     if tool.beyond_edges(place[:, None])[0] > 0:
         raise ValueError(
-            f"drape: the tool has no triangle at {_said(place)}, where the ply is to "
-            "touch it: give another point"
+            f"drape: the tool has no triangle at {_said(place)}, the contact point of "
+            "the ply: specify another point"
         )
     axes = Axes.at(tool, place)
     surface = tool.moved(*axes)
@@ -90,35 +93,35 @@ def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:
     of_ply = np.abs(signed_areas(x, y)).sum()
     areas = f"drape: the ply has {of_ply:.4g} mm2, the tool {of_tool:.4g} mm2 in all"
     if of_ply > _MOST_AREA * of_tool:
-        raise ValueError(f"{areas}: take a smaller ply, or a file in mm")
+        raise ValueError(f"{areas}: use a smaller ply, or a file in mm")
     if of_ply < _LEAST_AREA * of_tool:
-        raise ValueError(f"{areas}: take a larger ply, or a file in mm")
+        raise ValueError(f"{areas}: use a larger ply, or a file in mm")
 
 
 def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
-    """The point of a tool that is nearest to one that a user gives."""
+    """Point of a tool that is nearest to a given one."""
     if point.shape != (3,) or not np.isfinite(point).all():
         raise ValueError(
             f"drape: the point must be three numbers, got {point.tolist()}"
         )
     near = tool.facets.longest_edges().max()
     try:
-        with np.errstate(all="ignore"):  # what is far away is refused
+        with np.errstate(all="ignore"):  # distant points are refused
             place = onto(tool, point[:, None])[:, 0]
     except OffSurfaceError:
         place = np.full(3, np.inf)
     if not np.linalg.norm(place - point) <= near:
         raise ValueError(
             f"drape: the point {_said(point)} is further than {near:.3g} mm, an edge "
-            "of a triangle, from the tool: give a point on it"
+            "of a triangle, from the tool: specify a point on it"
         )
     return place
 
 
 def _highest(tool: TriangleMesh) -> ndarray:
-    """The highest point of a tool, where it is level, by Newton's method.
+    """Highest point of a tool, where it is horizontal, by Newton's method.
 
-    There e_z = μ∇φ and φ = 0.  Along a ridge, and on a flat top, it stays where it is.
+    There e_z = μ∇φ and φ = 0.  The start is kept along a ridge and on a flat top.
     """
     facets = tool.facets
     x, near = facets.points, facets.longest_edges().max()
@@ -143,8 +146,8 @@ def _highest(tool: TriangleMesh) -> ndarray:
     if inside and away <= 2 * near and np.hypot(*g[:2]) <= _LEVEL * abs(g[2]):
         return place
     raise ValueError(
-        f"drape: the highest point of the tool, {_said(start)}, is at its edge or on a "
-        "slope: give the point where the ply touches it"
+        f"drape: the highest point of the tool, {_said(start)}, is at its edge or on "
+        "a slope: specify the contact point of the ply"
     )
 
 

@@ -1,13 +1,13 @@
 """Tension on the free edges of a draped ply, along the fibres that end there.
 
-Tractions keep the directions of a kinematic net, for which the ply needs no solution.
-They are those by which a larger ply would go on in the net: T e + M_s p of each family,
-e along its fibres and p = λ ∂Γ/∂a across them, times the cosine between the fibres and
-the normal of the edge at rest.
+The tractions have the directions of a kinematic net, which requires no solution for the
+ply.  They are those of a larger ply that continues in the net: T e + M_s p for each
+family, with e along its fibres and p = λ ∂Γ/∂a normal to them, times the cosine of the
+angle between the fibres and the normal of the edge at rest.
 
-As the surface grows, they follow its nets.  The surface at the load factor t is the
+They follow the nets of the growing surface.  The surface at the load factor t is the
 tool enlarged by 1/t about the point X₀ where it touches the ply, and so is its net.
-Directions at X are those of the tool's net at X₀ + t(X − X₀): one net gives all.
+Directions at X are those of the net of the tool at X₀ + t(X − X₀): one net suffices.
 """
 
 from dataclasses import dataclass
@@ -25,25 +25,25 @@ from ..ply.terms import Term
 from ..solve.surface import OnSurface
 from .on_tool import CELLS, net_over
 
-# Cells that the net reaches beyond the ply.
+# Number of cells of the net beyond the ply.
 _BEYOND = 2
 
 # Load factors at which the net is laid around the points of the edges, at most 1.5
-# cells apart, and at which the shear law is asked before the ply is draped.
+# cells apart, and at which the shear law is checked before draping.
 _ON_THE_WAY = np.linspace(0.0, 1.0, CELLS + 1)
 
-# Shear angle of a net in radians that is rounding.
+# Shear angle of a net in radians that is round-off.
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeTension:
-    """Tension on the edges of a ply, there from the start.
+    """Tension on the edges of a ply, acting from the start.
 
     Parameters
     ----------
     on_tool
-        The surface on which the ply lies.
+        Surface on which the ply lies.
     tension
         T in N/mm.
     angles
@@ -61,12 +61,13 @@ class EdgeTension:
     held: tuple[str, ...]
 
     def on(self, basis: CellBasis) -> "_Tractions":
-        """The term on a basis of the displacement.
+        """Term on a basis of the displacement.
 
         Raises
         ------
         ValueError
-            If the net folds or leaves the surface, or shears past what the law knows.
+            If the net folds or leaves the surface, or shears beyond the domain of the
+            law.
         """
         mesh = basis.mesh
         held = [mesh.boundaries[name] for name in self.held]
@@ -81,8 +82,8 @@ class EdgeTension:
             directions = laid.tangents(way)
         except ValueError as error:
             raise ValueError(
-                f"edge tension: {error}; or leave the tension out and give the fibres "
-                "a bending stiffness"
+                f"edge tension: {error}; or omit the tension and give the fibres a "
+                "bending stiffness"
             ) from None
         self._moment(*_cosine_and_sine(directions))
         return _Tractions(self, edges, laid)
@@ -95,7 +96,7 @@ class EdgeTension:
         X, N
             Points of the edges in mm and normals there, shape (2, n_edges, n_points).
         laid
-            The net of the tool.
+            Net of the tool.
         t
             The load factor.
         """
@@ -114,7 +115,7 @@ class EdgeTension:
         return touch + t * (X - touch)
 
     def _moment(self, c: ndarray, s: ndarray) -> ndarray:
-        """M_s where fibres are at an angle of given cosine and sine to one another."""
+        """M_s for fibres at an angle of given cosine and sine."""
         if self.shear_law is None:
             return np.zeros_like(c)
         gamma = self.angles[1] - self.angles[0] - np.arctan2(s, c)
@@ -122,15 +123,16 @@ class EdgeTension:
         moment = np.asarray(self.shear_law.value(gamma))
         if not np.isfinite(moment).all():
             raise ValueError(
-                f"edge tension: its net shears by {np.degrees(np.abs(gamma).max()):.3g}"
-                " degrees, past what the shear law knows: leave the tension out and "
-                "give the fibres a bending stiffness"
+                "edge tension: its net shears by "
+                f"{np.degrees(np.abs(gamma).max()):.3g} degrees, beyond the domain of "
+                "the shear law: omit the tension and give the fibres a bending "
+                "stiffness"
             )
         return moment
 
 
 class _Tractions(Term):
-    """Forces of the tractions at a load factor; those of the last one are kept."""
+    """Forces of the tractions at a load factor, cached for the last one."""
 
     name, role = "edge tension", "load"
 
@@ -157,7 +159,7 @@ class _Tractions(Term):
 
 
 def _cosine_and_sine(e: ndarray) -> tuple[ndarray, ndarray]:
-    """Of the angles between warp and weft of given directions, shape (n,)."""
+    """Cosine and sine of the angles between warp and weft directions, shape (n,)."""
     c = (e[0] * e[1]).sum(axis=0)
     return c, np.linalg.norm(np.cross(e[0], e[1], axis=0), axis=0)
 

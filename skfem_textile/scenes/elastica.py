@@ -1,4 +1,4 @@
-"""Plane curves that bend without stretch: the elastica under weight and compression."""
+"""Inextensible plane curves in bending: the elastica under weight and compression."""
 
 from typing import Any, NamedTuple
 
@@ -7,7 +7,7 @@ from numpy import ndarray
 
 
 class Elastica(NamedTuple):
-    """A curve of unit length that begins at the origin along x.
+    """Curve of unit length that begins at the origin along x.
 
     Attributes
     ----------
@@ -28,17 +28,17 @@ class Elastica(NamedTuple):
 
 
 def hanging(weight: float, end_force: float = 0.0) -> Elastica:
-    """A cantilever of unit length and bending stiffness that hangs down.
+    """Cantilever of unit length and bending stiffness under downward loads.
 
-    θ″ = −(w (1 − s) + f) cos θ with θ(0) = 0, θ′(1) = 0 and θ the angle of the curve
+    θ″ = −(w (1 − s) + f) cos θ with θ(0) = 0, θ′(1) = 0 and the angle θ of the curve
     below x (Bickley 1934 for weight alone).
 
     Parameters
     ----------
     weight
-        Weight w per length; of a strip w L³/D.
+        Weight w per length; w L³/D for a strip.
     end_force
-        Force f down at the end; of a strip F L²/D, F per width.
+        Downward force f at the end; F L²/D for a strip, with F per width.
     """
     from scipy.integrate import solve_bvp
 
@@ -67,20 +67,20 @@ def peirce(length: Any, weight: float, angle: Any) -> Any:
     length, weight
         Length L in mm, a number or an array, and weight w per area in N/mm².
     angle
-        Angle θ of the chord below the table in radians, for each length.
+        Angle θ of the chord below the horizontal in radians, for each length.
     """
     return weight * length**3 / 8 * np.cos(angle / 2) / np.tan(angle)
 
 
 class Buckled(NamedTuple):
-    """A hinged strip of unit length and bending stiffness under compression.
+    """Hinged strip of unit length and bending stiffness under compression.
 
     Attributes
     ----------
     force
-        Force at the ends, π² where it begins to buckle.
+        Force at the ends, π² at the onset of buckling.
     height
-        Height of the middle over the chord.
+        Height of the middle above the chord.
     """
 
     force: float
@@ -88,12 +88,12 @@ class Buckled(NamedTuple):
 
 
 def buckled(shortening: float) -> Buckled:
-    """The first mode: 1 − δ = 2 E(k)/K(k) − 1, P = 4 K², height k/K (Euler).
+    """First buckling mode: 1 − δ = 2 E(k)/K(k) − 1, P = 4 K², height k/K (Euler).
 
     Parameters
     ----------
     shortening
-        δ, how much nearer the ends are, between 0 and 1.
+        δ, relative approach of the ends, between 0 and 1.
     """
     from scipy.optimize import brentq
     from scipy.special import ellipe, ellipk

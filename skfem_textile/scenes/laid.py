@@ -1,16 +1,15 @@
-"""A ply that is laid on a tool, which grows out of its plane.
+"""Ply on a tool that grows out of its plane.
 
-The tool touches the ply at its middle, the origin.  A quarter of the ply is enough
-where tool and fibres have planes of symmetry, with fibres along the sides or at 45° to
-them.  Otherwise the whole ply is held along x at its middle, and along y at two nodes
-near its x axis, one on each side, where geodesics lay them.  On a tool that half a turn
-leaves as it is, these forces leave the ply so too.
+The tool touches the ply at its centre, the origin.  A quarter of the ply suffices if
+tool and fibres have planes of symmetry, with fibres along the sides or at 45° to them.
+Otherwise the whole ply is fixed along x at its centre, and along y at two nodes near
+its x axis, one on each side, at positions given by geodesics.  On a tool with a twofold
+axis these forces vanish.
 
-What a tool asks of a ply, told before the ply is draped.
-
-Fibres that do not stretch lie on a tool as a kinematic net does: how far it shears
-follows from the curvature of the tool.  At the corner of a box the whole right angle
-of curvature is in one place, and no net lies around it.  Load steps become tiny there.
+Inextensible fibres lie on a tool like a kinematic net, whose shear is determined by the
+curvature of the tool.  At the corner of a box the total curvature of a right angle is
+concentrated in one point, and no net fits around it.  Load steps become very small
+there, of which `tell_of_net` warns before draping.
 """
 
 import logging
@@ -38,25 +37,25 @@ from .scene import Scene, unknown
 log = logging.getLogger(__name__)
 
 # Shear angle of a net in degrees, and its change over the length of an element, above
-# which both together are told.  Measured with 6 to 32 elements along the ply: beyond
-# the corners of boxes with walls of 45°, 67° and 78° nets shear by 21°, 52° and 72°,
-# with changes of 11° to 24°, 33° to 54° and 51° to 77°.  Under tension 16×16 elements
-# get over the second in short load steps and 8×8 do not.  Over a sphere nets shear by
-# up to 72°; where it is more than 45° changes are 28° at most.
+# which both together are reported.  Measured with 6 to 32 elements along the ply:
+# beyond the corners of boxes with walls of 45°, 67° and 78° nets shear by 21°, 52° and
+# 72°, with changes of 11° to 24°, 33° to 54° and 51° to 77°.  Under tension, 16×16
+# elements pass the second in short load steps and 8×8 do not.  On a sphere nets shear
+# by up to 72°; above 45° changes are at most 28°.
 _MOST_SHEAR, _MOST_CHANGE = 45.0, 30.0
 
-# No tension or stiffness mends it.  Rounding a corner spreads its curvature and leaves
-# the shear beyond it as it is.
+# Tension or stiffness does not help.  Rounding a corner distributes its curvature and
+# does not change the shear beyond it.
 _ADVICE = (
-    "The load steps may become tiny and the run may stop: let the ply end before that "
-    "corner, or drape it in parts"
+    "The load steps may become very small and the run may stop: use a ply that ends "
+    "before that corner, or drape it in parts"
 )
 
 
 def tell_of_net(
     on_tool: OnSurface, X: ndarray, angles: tuple[float, float], axes: Axes
 ) -> None:
-    """Warn of a tool on which a net folds, or shears far at a corner.
+    """Warn of a tool on which a net folds, or shears strongly at a corner.
 
     Parameters
     ----------
@@ -67,19 +66,21 @@ def tell_of_net(
     angles
         Inclination of warp and weft at rest in radians.
     axes
-        Axes of the ply among those of the tool, in which places are told.
+        Axes of the ply in those of the tool, for positions in messages.
     """
     try:
         net = net_over(X, on_tool, 1.0, angles)
     except FoldedNetError as error:
         log.warning(
-            "drape: fibres that do not stretch cannot lie on this tool: their net "
-            "folds at (%s). %s",
+            "drape: inextensible fibres cannot lie on this tool: their net folds at "
+            "(%s). %s",
             _said(axes, error.place),
             _ADVICE,
         )
         return
-    except NetError:  # its first threads leave the surface, which tells of no fold
+    except (
+        NetError
+    ):  # leaves the surface, which is not a fold
         return
     shear = np.degrees(net.shear_angle())
     cell = np.ptp(X, axis=1).max() / CELLS
@@ -94,8 +95,8 @@ def tell_of_net(
         i, j = np.unravel_index(shear.argmax(), shear.shape)
         place = net.positions[:, i : i + 2, j : j + 2].mean(axis=(1, 2))
         log.warning(
-            "drape: fibres that do not stretch shear by %.0f degrees at (%s), for the "
-            "curvature of this tool is at a corner. %s",
+            "drape: inextensible fibres shear by %.0f degrees at (%s), because the "
+            "curvature of this tool is concentrated at a corner. %s",
             shear.max(),
             _said(axes, place),
             _ADVICE,
@@ -113,12 +114,12 @@ PARTS: tuple[str, ...] = get_args(Part)
 #: Sides in planes of symmetry, and their normals.
 _SYMMETRY = {"left": (0.0, None, None), "bottom": (None, 0.0, None)}
 
-# Angle in radians, and share of the ply, that count as none.
+# Tolerances of angles in radians, and of lengths relative to the ply.
 _OFF = 1e-6
 
 
 class LaidPly(TypedDict, total=False):
-    """What all plies that are laid have; `laid` says what each is."""
+    """Common parameters of all plies on tools; see `laid`."""
 
     size: tuple[int, int]
     jitter: float
@@ -147,47 +148,47 @@ def laid(
     off_exact: Callable[[ndarray], str] = lambda X: "no exact answer is known",
     axes: Axes = SAME_AXES,
 ) -> Scene:
-    """The scene of a ply on a tool.
+    """Scene of a ply on a tool.
 
     Parameters
     ----------
     name
         Name of the scene.
     surface
-        The tool, which touches the plane z = 0 at the origin.  If a quarter is computed
-        it is symmetric about the planes x = 0 and y = 0.
+        The tool, which touches the plane z = 0 at the origin.  For a quarter it must be
+        symmetric about the planes x = 0 and y = 0.
     mesh
-        A mesh of the ply with its middle at the origin, or of its quarter with the
-        lower left corner there; or the kind of `rectangle` to make.
+        A mesh of the ply centred at the origin, or of its quarter with the lower left
+        corner there; or the kind of `rectangle` to generate.
     size, jitter, seed
-        As for `rectangle`, of what is computed.
+        See `rectangle`; for the computed part.
     fibres
-        Inclination of the warp in radians; the weft is at right angles to it.
+        Inclination of the warp in radians; the weft is normal to it.
     width, height
-        Sides of the whole ply in mm, where its mesh is made.
+        Sides of the whole ply in mm, if its mesh is generated.
     tension
         Tension in N/mm on free edges along the fibres, see `EdgeTension`.
     part
-        What is computed; a quarter if not given where the fibres allow it.
+        Computed part; by default a quarter if the fibres permit it.
     exact
-        Exact shear angle ``(X, t) -> (n,)`` in radians, `unknown` if it is.
+        Exact shear angle ``(X, t) -> (n,)`` in radians, or `unknown`.
     off_exact
-        Why it does not hold for a ply with given nodes, (2, n); empty if it does.
+        Function of the nodes, (2, n): reason why it is not valid; empty if it is.
     axes
-        Axes of the scene among those of the tool that a user gives.
+        Axes of the scene in those of the user's tool.
 
     Raises
     ------
     ValueError
         If the mesh is not valid or does not fit, a number is not positive, or the part
-        does not go with the fibres.
+        does not match the fibres.
     """
     _refuse_numbers(name, width, height, tension, fibres)
     symmetric = abs(fibres / (np.pi / 4) - round(fibres / (np.pi / 4))) < _OFF
     if part == "quarter" and not symmetric:
         raise ValueError(
             f"{name}: fibres at {np.degrees(fibres):g} degrees have no planes of "
-            "symmetry: take the whole ply"
+            "symmetry: use the whole ply"
         )
     part = part or ("quarter" if symmetric else "whole")
     share, held = (0.5, tuple(_SYMMETRY)) if part == "quarter" else (1.0, ())
@@ -231,7 +232,7 @@ def laid(
 def shear_errors(
     result: Result, exact: Callable[[ndarray, float], ndarray]
 ) -> dict[str, float]:
-    """How far shear angles at the centres of elements are from exact ones."""
+    """Deviation of shear angles at the centres of elements from exact ones."""
     ply, t = result.ply, result.states[-1].load_factor
     X = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
     expected = exact(X, t)
@@ -274,10 +275,10 @@ def _in_planes(name: str, mesh: Mesh) -> dict[str, Condition]:
 
 
 def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition]:
-    """Conditions on three nodes of a whole ply, as many as rigid motions on a plane.
+    """Conditions on three nodes of a whole ply, one for each rigid motion on a plane.
 
-    The node nearest to the middle is held along x.  That nearest to the middle of the
-    right half of the x axis, and the one across from it on the left, are held along y.
+    The node nearest to the centre is fixed along x.  The node nearest to the middle of
+    the right half of the x axis, and the opposite one on the left, are fixed along y.
     """
     low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
     if (low >= 0).any() or (high <= 0).any():
@@ -286,8 +287,9 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
     def nearest(place: ndarray, among: ndarray) -> ndarray:
         if not among.size:
             raise MeshError(
-                f"{name}: a whole ply is held at its middle and at one node on either "
-                "side of it along x, and this mesh has no three such nodes: refine it"
+                f"{name}: a whole ply is fixed at its centre and at one node on "
+                "either side of it along x, and this mesh has no three such nodes: "
+                "refine it"
             )
         away = mesh.p[:, among] - place[:, None]
         return among[[np.hypot(*away).argmin()]]

@@ -1,4 +1,4 @@
-"""Figures of a ply that lies on a tool."""
+"""Results of a ply on a tool."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -21,8 +21,8 @@ from ..ply import Ply
 from ..solve.result import Result
 from ..solve.surface import OnSurface, Surface
 
-#: Cells of a net over the longer side of the ply.  Chosen: directions of its threads at
-#: the edges are off by 1e-4.
+#: Number of cells of a net along the longer side of the ply.  Chosen: the error of the
+#: thread directions at the edges is 1e-4.
 CELLS = 64
 
 
@@ -33,23 +33,23 @@ def net_over(
     angles: tuple[float, float],
     beyond: int = 0,
 ) -> Net:
-    """A net that reaches up to points of a ply, or beyond them.
+    """Net that covers the points of a ply.
 
     Parameters
     ----------
     points
         Points of the flat ply in mm, shape (2, n).
     on_tool, t
-        The surface, and the load factor to which it has grown.
+        The surface, and its load factor.
     angles
         Inclination of warp and weft at rest in radians.
     beyond
-        Cells that it reaches beyond them.
+        Number of cells beyond the points.
 
     Raises
     ------
     ValueError
-        As from `net`.
+        See `net`.
     """
     cell = float(np.ptp(points, axis=1).max()) / CELLS
     flat, touch = np.array([np.cos(angles), np.sin(angles)]), on_tool.touch
@@ -67,32 +67,32 @@ def net_over(
 
 
 _NO_NET = (
-    "nothing pulls the edges, and fibres do not resist bending: where fibres are "
-    "compressed they buckle in the plane of the ply, and the state is not the net"
+    "the edges have no tension, and the fibres no bending stiffness: compressed "
+    "fibres buckle in the plane of the ply, and the state differs from the net"
 )
 
-# Turn of the tool's normal over an element in degrees from which a mesh is coarse.
+# Rotation of the tool normal over an element in degrees above which a mesh is coarse.
 # Measured on boxes and domes with walls of 50° and fillets of 6 to 60 mm, against
 # elements of a quarter of the size: up to 27° all shear angles are within 0.9°, from
-# 36° to 50° the largest errors are 0.4° to 2.9°
-# (`pytest tests/drape/test_coarse_elements.py` has one of each).
+# 36° to 50° the largest errors are 0.4° to 2.9° (`pytest
+# tests/drape/test_coarse_elements.py` has one of each).
 _COARSE = 30.0
 
 
-# Force of a node that holds a ply over all forces on its edges, from which it is told.
-# Measured with 8×8 elements: up to 0.008 where tool and fibres have planes of symmetry,
-# 0.012 to 0.047 elsewhere.
+# Force of a supported node, relative to all forces on the edges of a ply, above which
+# it is reported.  Measured with 8×8 elements: up to 0.008 where tool and fibres have
+# planes of symmetry, 0.012 to 0.047 elsewhere.
 _HOLDS = 0.01
 
 
 def measured_on_tool(
     result: Result, axes: Axes, holding: Sequence[str] = ()
 ) -> dict[str, float | str]:
-    """Where the shear is largest, contact pressures, shares of the ply's area, advice.
+    """Largest shear, contact pressures, area fractions of defects, and advice.
 
-    Places are in the axes of the tool, among which ``axes`` are those of the ply;
-    ``holding`` are conditions on single nodes that keep it from sliding.
-    Empty of a ply that is on no tool.
+    Positions are in the axes of the tool, in which ``axes`` are those of the ply;
+    ``holding`` are conditions on single nodes that prevent sliding.  Empty for a ply
+    that is not on a tool.
     """
     ply, state = result.ply, result.states[-1]
     u, t = state.u, state.load_factor
@@ -110,7 +110,9 @@ def measured_on_tool(
 
 
 class _Found(NamedTuple):
-    """Pressures at nodes, and of each element the turn and whether it is beyond."""
+    """Pressures at nodes, and for each element the rotation of the normal and the
+    masks.
+    """
 
     pressure: ndarray
     turn_deg: ndarray
@@ -118,7 +120,7 @@ class _Found(NamedTuple):
 
 
 def _places(result: Result, axes: Axes) -> dict[str, float]:
-    """Where the ply touches the tool at first, and where it shears most."""
+    """Initial contact point of ply and tool, and position of the largest shear."""
     ply, u = result.ply, result.u
     sheared = np.abs(ply.shear_angle(u)).max(axis=1).argmax()
     corners = ply.mesh.t[:, sheared]
@@ -147,39 +149,40 @@ def _figures(result: Result, found: _Found) -> dict[str, float]:
 
 
 def _advice(result: Result, surface: Surface, found: _Found) -> dict[str, str]:
-    """What keeps figures from being true, and what to do."""
+    """Limitations of the results, and advice."""
     ply, u, (pressure, turn, beyond) = result.ply, result.u, found
     advice: dict[str, str] = {}
     if beyond is not None and beyond.any():
         advice["beyond_tool"] = (
             f"{100 * _share(ply, beyond):.3g} % of the ply is beyond the edges of the "
-            "tool, or over its holes, where its surface is a guess: trim there, or "
-            "take a smaller ply or a larger tool"
+            "tool, or over its holes, where its surface is extrapolated: trim there, "
+            "or use a smaller ply or a larger tool"
         )
     off = off_triangles(ply, surface, u)
     if off is not None and off.any():
         advice["off_triangles"] = (
-            f"under {100 * _share(ply, off):.3g} % of the ply the smoothed tool is off "
-            "its triangles by more than a tenth of their mean edge: give one side of a "
-            "shell, and triangles that are about as long as wide"
+            f"under {100 * _share(ply, off):.3g} % of the ply the smoothed tool "
+            "deviates from its triangles by more than a tenth of their mean edge: use "
+            "one side of a shell, and triangles that are nearly equilateral"
         )
     if (coarse := turn > _COARSE).any():
         advice["coarse_elements"] = (
-            f"the normal of the tool turns by up to {turn.max():.0f} degrees over one "
-            f"element, by more than {_COARSE:.0f} under {100 * _share(ply, coarse):.3g}"
-            " % of the ply: shear angles may be off by up to 3 degrees near its edges "
-            f"and fillets, take elements of {_COARSE / turn.max():.0%} of the size "
-            "there"
+            f"the normal of the tool rotates by up to {turn.max():.0f} degrees over "
+            f"one element, by more than {_COARSE:.0f} under "
+            f"{100 * _share(ply, coarse):.3g} % of the ply: errors of shear angles "
+            "may reach 3 degrees near its edges and fillets, use elements of "
+            f"{_COARSE / turn.max():.0%} of the size there"
         )
     if surface.gradient(np.zeros((3, 1)))[2, 0] < 0:
         advice["faces_away"] = (
-            "the tool faces down where the ply touches it: turn its triangles round if "
-            "the ply lies above it, for pressures have the other sign now"
+            "the tool faces down at the contact point of the ply: reverse its "
+            "triangles if the ply lies above it, because pressures now have the "
+            "opposite sign"
         )
     elif (pressure < 0).all():
         advice["faces_away"] = (
-            "the tool would have to pull everywhere: turn its triangles round if the "
-            "ply lies on its other side"
+            "the contact pressure is tensile everywhere: reverse the triangles of the "
+            "tool if the ply lies on its other side"
         )
     if not (any(map(np.any, ply.fabric.bending)) or _load(result).any()):
         advice["not_the_net"] = _NO_NET
@@ -187,17 +190,18 @@ def _advice(result: Result, surface: Surface, found: _Found) -> dict[str, str]:
 
 
 def _held(result: Result, holding: Sequence[str]) -> dict[str, float | str]:
-    """The largest force of a node that holds the ply, and what follows of it."""
+    """Largest force of a node that supports the ply, and advice."""
     state, ply = result.states[-1], result.ply
     force = max(float(np.linalg.norm(state.reactions[name])) for name in holding)
     held: dict[str, float | str] = {"max_holding_force_N": force}
     load = ply.nodal(_load(result))
     if 0 < _HOLDS * np.linalg.norm(load, axis=0).sum() < force:
         held["held_askew"] = (
-            f"a node that keeps the ply from sliding carries {force:.3g} N, for the "
-            "tensions of the edges do not balance on this tool: shear near it is of "
-            "this force, and grows as elements become smaller; let the ply touch where "
-            "the tool is symmetric, or take no tension and fibres that resist bending"
+            f"a node that keeps the ply from sliding carries {force:.3g} N, because "
+            "the tensions of the edges are not in equilibrium on this tool: shear "
+            "near it is caused by this force, and increases under mesh refinement; "
+            "let the ply touch at a point of symmetry of the tool, or use fibres with "
+            "bending stiffness and no tension"
         )
     return held
 
@@ -209,6 +213,6 @@ def _load(result: Result) -> ndarray:
 
 
 def _share(ply: Ply, elements: ndarray) -> float:
-    """Share of the area of a ply that some of its elements have."""
+    """Area fraction of some elements of a ply."""
     area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
     return float(area[elements].sum() / area.sum())

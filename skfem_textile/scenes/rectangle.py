@@ -1,4 +1,4 @@
-"""Meshes of a rectangle: along the fibres, or with nodes that are moved at random."""
+"""Meshes of a rectangle: along the fibres, or with randomly moved nodes."""
 
 from collections.abc import Iterable
 from typing import Literal, TypeAlias, get_args
@@ -15,7 +15,7 @@ Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical", "del
 
 KINDS: tuple[str, ...] = get_args(Kind)
 
-# How far an edge may be off a side, as a share of the rectangle.
+# Tolerance of an edge on a side, relative to the rectangle.
 _OFF = 1e-6
 
 
@@ -38,13 +38,13 @@ def rectangle(
     size
         Number of spacings along x and y.
     kind
-        ``aligned`` with the fibres (`mesh_along_fibres`); ``irregular``, every node
-        moved; ``horizontal``, nodes moved along x only, so that horizontal element
+        ``aligned`` with the fibres (`mesh_along_fibres`); ``irregular``, with all nodes
+        moved; ``horizontal``, with nodes moved along x only, so that horizontal element
         edges stay aligned; ``vertical``, along y only.  Boundary nodes slide along
         their edges.  ``delaunay``, the Delaunay triangulation of the nodes of
         ``irregular``.
     jitter
-        Largest move, as a share of the spacing.
+        Largest move, relative to the spacing.
     seed
         Seed of the moves.
     warp, weft
@@ -53,8 +53,8 @@ def rectangle(
     Raises
     ------
     ValueError
-        If the kind is unknown, a side or the size not positive, the jitter not in
-        [0, 1), the seed negative, or warp and weft of ``aligned`` are parallel.
+        If the kind is unknown, a side or the size is not positive, the jitter is not in
+        [0, 1), the seed is negative, or warp and weft of ``aligned`` are parallel.
 
     Examples
     --------
@@ -96,10 +96,10 @@ def rectangle(
 
 
 def misfit(mesh: Mesh, sides: Iterable[str]) -> str:
-    """Why a mesh does not fill its bounding rectangle; empty if it does.
+    """Reason why a mesh does not fill its bounding rectangle; empty if it does.
 
     It does if every boundary edge lies on one of the four sides, to a millionth of the
-    rectangle.  Files with seven digits keep that much.
+    rectangle, as in files with seven digits.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def misfit(mesh: Mesh, sides: Iterable[str]) -> str:
     inside = ~np.any(list(on.values()), axis=0)
     if inside.any():
         return (
-            f"{inside.sum()} boundary edge(s) of the mesh lie on no side of its "
+            f"{inside.sum()} boundary edge(s) of the mesh do not lie on a side of its "
             "bounding rectangle"
         )
     for side in sides:

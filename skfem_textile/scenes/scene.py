@@ -1,4 +1,4 @@
-"""A scene: geometry, conditions and exact answer of one problem."""
+"""Scene: geometry, conditions and exact answer of one problem."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,18 +22,20 @@ if TYPE_CHECKING:
 
 ExactField = Callable[[ndarray, float], ndarray]
 
-# From this share of the load on, a sentence tells what fibre stretch costs.
+# Relative load reduction by fibre stretch above which the summary reports it.
 _WORTH_SAYING = 0.01
 
 
 def unknown(X: ndarray, t: float) -> ndarray:
-    """A field of which no exact answer is known; raises a ValueError."""
-    raise ValueError("the scene has no exact field: its figures say what is exact")
+    """Field without an exact answer; raises a ValueError."""
+    raise ValueError(
+        "the scene has no exact field: its figures contain the exact values"
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """One problem: mesh, fibre directions, conditions and exact answer.
+    """Problem: mesh, fibre directions, conditions and exact answer.
 
     Attributes
     ----------
@@ -46,41 +48,40 @@ class Scene:
     conditions
         Conditions by name.
     driven
-        Name of the condition whose nodes have the reported reaction.
+        Name of the condition with the reported reaction.
     displacement
-        Exact displacement ``(X, t) -> (2, n)`` at the load factor t; `unknown`
-        where ``figures`` say what is exact.
+        Exact displacement ``(X, t) -> (2, n)`` at the load factor t; `unknown` if
+        ``figures`` have the exact values.
     shear_angle
         Exact shear angle ``(X, t) -> (n,)`` in radians.
     rotation
-        Angle in radians by which the whole problem has been turned.
+        Angle in radians by which the whole problem is rotated.
     load
-        Exact force along y on the driven edge in N, ``(shear law, t) -> float``, if
-        fibres do not stretch; None if it is unknown or zero.
+        Exact force along y on the driven edge in N, ``(shear law, t) -> float``, for
+        inextensible fibres; None if it is unknown or zero.
     load_lost
-        Estimate of the share of this force that is lost because fibres do stretch,
-        ``(fabric, t) -> float``; None if there is no estimate.
+        Estimated relative reduction of this force by fibre stretch, ``(fabric, t) ->
+        float``; None if there is no estimate.
     misfit
-        Why the exact answer does not hold on this mesh; empty if it does.
+        Reason why the exact answer is not valid on this mesh; empty if it is.
     shear_test
-        The test of shear that this is; None if it is none.
+        The shear test that the scene represents, or None.
     dimension
-        Components of the displacement, 3 of a ply in space.
+        Number of displacement components, 3 for a ply in space.
     fibre_ends
-        As of `Ply`.
+        See `Ply`.
     loads
         Loads that are part of the problem.
     reacting
-        Name of the condition whose nodes have the reported reaction, where it is not
-        the driven one.
+        Name of the condition with the reported reaction, if it is not the driven one.
     loads_of
-        Further loads, which depend on the fabric.
+        Further loads, as a function of the fabric.
     figures
-        Further figures of a result, beside exact ones.
+        Further figures of a result, besides exact ones.
     measured
         Further figures of a result that need no exact answer.
     axes
-        Axes of the scene among those of the tool on which the ply lies.
+        Axes of the scene in those of the tool on which the ply lies.
     """
 
     name: str
@@ -106,7 +107,7 @@ class Scene:
     axes: Axes = SAME_AXES
 
     def rotated(self, angle: float) -> "Scene":
-        """The same problem with mesh, fibres and conditions turned together.
+        """The same problem with mesh, fibres and conditions rotated together.
 
         Parameters
         ----------
@@ -116,14 +117,14 @@ class Scene:
         Raises
         ------
         ValueError
-            If the angle is not finite, or the scene in space.
+            If the angle is not finite, or the scene is in space.
         """
         if not np.isfinite(angle):
             raise ValueError(f"rotation must be a finite angle, got {angle}")
         if angle == 0:
             return self
         if self.dimension == 3:
-            raise ValueError(f"the scene {self.name} is in space and is not turned")
+            raise ValueError(f"the scene {self.name} is in space and cannot be rotated")
         Q = _rotation(angle)
         displacement, shear_angle = self.displacement, self.shear_angle
         return replace(
@@ -134,7 +135,7 @@ class Scene:
             conditions={
                 k: c.turned(Q)
                 for k, c in self.conditions.items()
-                if isinstance(c, Condition)  # on a surface plies in space alone are
+                if isinstance(c, Condition)  # only plies in space are on surfaces
             },
             displacement=lambda X, t: Q @ displacement(Q.T @ X, t),
             shear_angle=lambda X, t: shear_angle(Q.T @ X, t),
@@ -161,9 +162,10 @@ class Scene:
         return self.turn.T @ vector if len(vector) == 2 else vector
 
     def errors(self, result: Result) -> dict[str, float]:
-        """Distance of the last converged state from the exact answer; see `distance`.
+        """Errors of the last converged state relative to the exact answer; see
+        `distance`.
 
-        Empty if the exact answer does not hold on the mesh.
+        Empty if the exact answer is not valid on the mesh.
         """
         if self.misfit or self.displacement is unknown:
             return {}
@@ -182,20 +184,20 @@ class Scene:
         area: ndarray,
         t: float,
     ) -> dict[str, float]:
-        """Distance of displacements and shear angles from the exact ones.
+        """Errors of displacements and shear angles.
 
-        The displacement error is taken over all nodes, unweighted.  The shear
-        angle at the element centre is compared with the exact one at the mean of
-        the vertices, weighted by reference area.
+        The displacement error is taken over all nodes, unweighted.  The shear angle at
+        the element centre is compared with the exact one at the mean of the vertices,
+        weighted by reference area.
 
         Parameters
         ----------
         nodes, u
             Nodes and their displacements in mm, shape (2, n_nodes).
         centres, angle, area
-            Of each element that is computed with the mean of the vertices in mm, shape
-            (2, n_elements), the shear angle at the centre in radians and the reference
-            area in mm².
+            For each computed element the mean of the vertices in mm, shape (2,
+            n_elements), the shear angle at the centre in radians and the reference area
+            in mm².
         t
             Load factor.
         """
@@ -209,11 +211,11 @@ class Scene:
         }
 
     def summary(self, result: Result) -> dict[str, str | int | float | bool]:
-        """The result's summary with this scene's reaction and errors.
+        """Summary of the result with the reaction and errors of this scene.
 
-        If the exact answer holds on the mesh, the summary has ``load_over_exact``,
-        ``displacement_error_...`` and ``shear_angle_error_...``.  If something limits
-        them, the sentence ``exact_answer`` says what.
+        If the exact answer is valid on the mesh, the summary has ``load_over_exact``,
+        ``displacement_error_...`` and ``shear_angle_error_...``.  ``exact_answer``
+        states any limitation.
         """
         state = result.states[-1]
         reaction = self.reaction(state).tolist()
@@ -233,9 +235,9 @@ class Scene:
     def _load_over_exact(
         self, result: Result, reaction_y: float
     ) -> dict[str, float | str]:
-        """The load over the exact load, if this is known and not zero."""
+        """Load relative to the exact load, if this is known and not zero."""
         fabric, t = result.ply.fabric, result.states[-1].load_factor
-        uniform = fabric.at() is fabric  # the exact load holds for one law
+        uniform = fabric.at() is fabric  # the exact load is valid for one law
         if self.misfit or self.load is None or not uniform:
             return {}
         if is_zero(fabric.shear_law) or t == 0:
@@ -243,8 +245,10 @@ class Scene:
         exact = self.load(fabric.shear_law, t)
         if not np.isfinite(exact):
             return {
-                "exact_answer": "none: without fibre stretch the shear angle is beyond "
-                "the domain of the shear law"
+                "exact_answer": (
+                    "none: for inextensible fibres the shear angle is beyond the "
+                    "domain of the shear law"
+                )
             }
         found: dict[str, float | str] = {"load_over_exact": reaction_y / exact}
         if self.load_lost is None:
@@ -252,8 +256,8 @@ class Scene:
         found["load_lost_to_fibre_stretch"] = lost = self.load_lost(fabric, t)
         if lost > _WORTH_SAYING:
             found["exact_answer"] = (
-                "of fibres that do not stretch; stretch costs about "
-                f"{100 * lost:.0f} % of the load: load_over_exact converges to about "
+                "for inextensible fibres; stretch reduces the load by about "
+                f"{100 * lost:.0f} %: load_over_exact converges to about "
                 f"{1 - lost:.2f}, not to 1"
             )
         return found

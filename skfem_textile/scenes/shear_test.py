@@ -1,4 +1,4 @@
-"""Shear tests of fibres that do not stretch: their zones, and what machines measure."""
+"""Shear tests with inextensible fibres: shear zones and machine quantities."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ Angle = TypeVar("Angle", float, ndarray)
 def force_of_moments(
     gamma: Angle, width: float, height: float, inclination: float = np.pi / 4
 ) -> tuple[Angle, Angle]:
-    """What C(γ) and C(γ/2) are multiplied by in the force at the clamps, in mm.
+    """Factors of C(γ) and C(γ/2) in the force at the clamps, in mm.
 
-    These are the areas of the zones over the rate dδ/dγ of the elongation.
+    They are the areas of the zones over the derivative dδ/dγ of the elongation.
 
     Parameters
     ----------
@@ -35,16 +35,16 @@ def force_of_moments(
 
 
 def free_length(width: float, height: float, inclination: float) -> float:
-    """Length L in mm of the fibres that meet no clamp."""
+    """Length L in mm of the fibres that end at no clamp."""
     return float((height / np.sin(inclination) - width / np.cos(inclination)) / 2)
 
 
-# Angle in radians up to which a ply is at rest: rounding.
+# Angle in radians up to which a ply is at rest: round-off.
 _AT_REST = 1e-9
 
 
 class ShearTest(ABC):
-    """A test in which fibres that do not stretch are sheared.
+    """Test that shears inextensible fibres.
 
     Angles are in radians, lengths in mm, forces in N, moments in N·mm/mm².
     """
@@ -52,52 +52,53 @@ class ShearTest(ABC):
     @property
     @abstractmethod
     def largest_angle(self) -> float:
-        """The shear angle at which the motion ends."""
+        """Shear angle at the end of the motion."""
 
     @abstractmethod
     def shear_angle(self, displacement: ndarray) -> ndarray:
-        """The theoretical shear angle γ; nan where the motion has ended."""
+        """Theoretical shear angle γ; nan beyond the end of the motion."""
 
     @abstractmethod
     def displacement(self, gamma: ndarray) -> ndarray:
-        """The displacement at the theoretical shear angle."""
+        """Displacement at the theoretical shear angle."""
 
     @abstractmethod
     def arms(self, gamma: ndarray) -> tuple[tuple[float, ndarray], ...]:
-        """Pairs of a share s and a length a: the force is Σ a C(s γ)."""
+        """Pairs of a factor s and a length a: the force is Σ a C(s γ)."""
 
     @abstractmethod
     def moment(self, gamma: ndarray, force: ndarray) -> ndarray:
-        """C(γ), point by point, from forces at shear angles in rising order.
+        """C(γ), point by point, from forces at increasing shear angles.
 
-        NaN where the force or the angle is, and where the angle does not rise.
+        NaN where force or angle is NaN, and where the angle does not increase.
         """
 
     def normalised(self, gamma: ndarray, force: ndarray) -> ndarray:
-        """Shear force per length in N/mm, C/cos γ; as `moment` for the rest."""
+        """Shear force per length in N/mm, C/cos γ; see `moment`."""
         return self.moment(gamma, force) / np.cos(gamma)
 
     def force(self, law: Law, gamma: ndarray) -> ndarray:
-        """The force of a shear law at shear angles, which is linear in the law."""
+        """Force of a shear law at shear angles, linear in the law."""
         parts = (arm * law.value(share * gamma) for share, arm in self.arms(gamma))
         return sum(parts, np.zeros(np.shape(gamma)))
 
 
 @dataclass(frozen=True)
 class PictureFrame(ShearTest):
-    """A square of fabric in a hinged frame whose corners are pulled apart.
+    """Square of fabric in a hinged frame, loaded along its diagonal.
 
     Parameters
     ----------
     frame
         L_frame, the side of the frame from hinge to hinge, in mm.
     fabric
-        L_fabric, the side of the square that is sheared, in mm.
+        L_fabric, the side of the sheared square, in mm.
 
     Raises
     ------
     ValueError
-        If a side is not a positive finite number, or the fabric's is the longer.
+        If a side is not a positive finite number, or the fabric is larger than the
+        frame.
 
     Examples
     --------
@@ -116,13 +117,13 @@ class PictureFrame(ShearTest):
         number("the side of the fabric", self.fabric, above=0)
         if self.fabric > self.frame:
             raise ValueError(
-                f"the side of the fabric, {self.fabric:g} mm, is longer than that of "
-                f"the frame, {self.frame:g} mm"
+                f"the side of the fabric, {self.fabric:g} mm, is longer than the side "
+                f"of the frame, {self.frame:g} mm"
             )
 
     @property
     def largest_angle(self) -> float:
-        """A right angle, at which the frame is closed."""
+        """Right angle, at which the frame is closed."""
         return np.pi / 2
 
     def shear_angle(self, displacement: ndarray) -> ndarray:
@@ -148,7 +149,7 @@ class PictureFrame(ShearTest):
 
 @dataclass(frozen=True)
 class BiasExtension(ShearTest):
-    """A strip pulled along the bisector of its fibres, clamped at both ends.
+    """Strip stretched along the bisector of its fibres, clamped at both ends.
 
     Parameters
     ----------
@@ -193,7 +194,7 @@ class BiasExtension(ShearTest):
 
     @property
     def largest_angle(self) -> float:
-        """π − 2θ, at which fibres lie along the pull."""
+        """π − 2θ, at which fibres are parallel to the loading direction."""
         return np.pi - 2 * self.inclination
 
     @property
@@ -213,15 +214,15 @@ class BiasExtension(ShearTest):
         return 2 * self._length * (np.sin(theta + gamma / 2) - np.sin(theta))
 
     def arms(self, gamma: ndarray) -> tuple[tuple[float, ndarray], ...]:
-        """Those of the middle, and of the zones that shear by γ/2."""
+        """Those of the middle, and of the zones sheared by γ/2."""
         sides = self.width, self.height, self.inclination
         middle, between = force_of_moments(gamma, *sides)
         return (1.0, middle), (0.5, between)
 
     def moment(self, gamma: ndarray, force: ndarray) -> ndarray:
-        """C(γ) by the recursion in γ/2, which begins with C(0) = 0.
+        """C(γ) by recursion in γ/2, which begins with C(0) = 0.
 
-        C(γ/2) lies on straight lines between the points, the new one included.
+        C(γ/2) is interpolated linearly between the points, including the new one.
         """
         (_, middle), (_, between) = self.arms(gamma)
         known, moments = [0.0], [0.0]
@@ -242,25 +243,25 @@ class BiasExtension(ShearTest):
 
 @dataclass(frozen=True)
 class BiasTest(BiasExtension):
-    """A bias extension that is simulated, as if the ply had no hole.
+    """Simulated bias extension, as if the ply had no hole.
 
     Parameters
     ----------
     width, height, inclination
-        As for `BiasExtension`.
+        See `BiasExtension`.
     share
-        Share of the ply that is computed.
+        Computed fraction of the ply.
     """
 
     share: float = 1.0
 
     def measured(self, moved: ndarray, force: ndarray) -> tuple[ndarray, ndarray]:
-        """Displacement and force of the machine in mm and N: the pull along y.
+        """Displacement and force of the machine in mm and N, along y.
 
         Parameters
         ----------
         moved, force
-            Displacements of the driven edge in mm, and the forces on it in N, of each
+            Displacements of the driven edge in mm, and the forces on it in N, for each
             state from the undeformed one on, shape (n, 2).
         """
         return moved[:, 1], force[:, 1] / self.share
@@ -268,18 +269,18 @@ class BiasTest(BiasExtension):
 
 @dataclass(frozen=True)
 class FrameTest(PictureFrame):
-    """A picture frame that is simulated, with fabric from hinge to hinge."""
+    """Simulated picture frame, with fabric from hinge to hinge."""
 
     def measured(self, moved: ndarray, force: ndarray) -> tuple[ndarray, ndarray]:
-        """Displacement and force of the machine in mm and N: those of the diagonal.
+        """Displacement and force of the machine in mm and N, along the diagonal.
 
         The top bar has the force L C (cos γ, −sin γ), with the shear moment C per area;
-        the machine pulls by L C/sin(π/4 − γ/2).
+        the machine force is L C/sin(π/4 − γ/2).
 
         Parameters
         ----------
         moved, force
-            As for `BiasTest.measured`.
+            See `BiasTest.measured`.
         """
         gamma = np.arctan2(moved[:, 0], self.frame + moved[:, 1])
         along = force[:, 0] * np.cos(gamma) - force[:, 1] * np.sin(gamma)

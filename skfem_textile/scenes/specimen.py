@@ -1,4 +1,4 @@
-"""Scene `specimen`: a ply of which the user says what is held and what moves."""
+"""Scene `specimen`: a ply with user-defined displacement conditions."""
 
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias
@@ -15,19 +15,19 @@ from .rectangle import rectangle
 from .scene import Scene
 from .shear_test import BiasTest
 
-#: Sides of a ply to make in mm.
+#: Sides of a generated ply in mm.
 WIDTH, HEIGHT = 50.0, 100.0
 
 #: A component of a displacement in mm, or `FREE`.
 Component: TypeAlias = float | str
 
-#: A component that is not prescribed.
+#: Free component.
 FREE = "free"
 
-# What moves if nothing is said, by x and y in mm.
+# Default displacements along x and y in mm.
 _MOVES = (("bottom", (0.0, 0.0)), ("top", (0.0, 10.0)))
 
-# An outline is a rectangle at the origin if it is off by less than this share of it.
+# Tolerance of a rectangular outline at the origin, relative to its size.
 _OFF = 1e-6
 
 
@@ -43,31 +43,31 @@ def specimen(
     moves: Sequence[tuple[str, tuple[Component, Component]]] = _MOVES,
     driven: str | None = None,
 ) -> Scene:
-    """A ply with boundaries that are held or moved; it has no exact answer.
+    """Ply with fixed or displaced boundaries, without an exact answer.
 
     Parameters
     ----------
     mesh
-        A mesh, or the kind of `rectangle` to make, with a lower left corner at the
-        origin.
+        A mesh, or the kind of `rectangle` to generate, with its lower left corner at
+        the origin.
     size, jitter, seed
         As for `rectangle`.
     width, height
-        Sides of a mesh to make in mm.
+        Sides of a generated mesh in mm.
     warp, weft
         Inclination of the fibres in radians.
     moves
-        Names of boundaries or of nodes, and their displacements along x and y in mm in
-        the end; ``"free"`` for one that is not prescribed.
+        Names of boundaries or nodes, and their final displacements along x and y in mm;
+        ``"free"`` for a free component.
     driven
-        Which of them has the reported reaction: the one that moves furthest if none is
-        given.
+        Name of the one with the reported reaction; by default the one with the largest
+        displacement.
 
     Raises
     ------
     ValueError
-        If the mesh is not valid or has no such boundary, a side is not positive,
-        nothing is prescribed, a displacement is not finite, or ``driven`` does not
+        If the mesh is not valid or has no such boundary, a side is not positive, no
+        displacement is prescribed, a displacement is not finite, or ``driven`` does not
         move.
 
     Examples
@@ -99,7 +99,7 @@ def specimen(
         driven=_driven(moves, conditions, driven),
         displacement=_unknown_displacement,
         shear_angle=_unknown_shear_angle,
-        misfit="no specimen has one",
+        misfit="a specimen has none",
         shear_test=_bias_test(mesh, warp, weft, dict(moves)),
     )
 
@@ -107,7 +107,7 @@ def specimen(
 def _condition(
     mesh: Mesh, name: str, components: tuple[Component, Component]
 ) -> Condition | None:
-    """The condition of a boundary; None if nothing of it is prescribed."""
+    """Condition of a boundary; None if all components are free."""
     known = [*(mesh.boundaries or {}), *named_nodes(mesh)]
     if name not in known:
         raise MeshError(
@@ -135,14 +135,14 @@ def _driven(
     conditions: dict[str, Condition],
     named: str | None,
 ) -> str:
-    """Of which condition the reaction is reported."""
+    """Name of the condition with the reported reaction."""
     if not conditions:
-        raise ValueError("specimen: nothing is held or moved: name a boundary")
+        raise ValueError("specimen: no boundary is fixed or displaced: name one")
     if named is not None:
         if named not in conditions:
             raise ValueError(
-                f"specimen: {printable(named)!r} is not held or moved: name one of "
-                f"{', '.join(conditions)}"
+                f"specimen: {printable(named)!r} is not fixed or displaced: name one "
+                f"of {', '.join(conditions)}"
             )
         return named
 
@@ -159,7 +159,7 @@ def _bias_test(
     weft: float,
     moves: Mapping[str, tuple[Component, Component]],
 ) -> BiasTest | None:
-    """The bias test that this is, if it is one: by outline, fibres and clamps."""
+    """The bias test represented by outline, fibres and clamps, or None."""
     width, height = np.ptp(mesh.p, axis=1).tolist()
     theta = warp % np.pi
     mirrored = abs(theta + weft % np.pi - np.pi) < _OFF and 0 < theta < np.pi / 2
@@ -174,7 +174,7 @@ def _bias_test(
 
 
 def _spans(mesh: Mesh, name: str, width: float) -> bool:
-    """Whether a boundary goes from side to side."""
+    """True if a boundary extends from side to side."""
     edges = (mesh.boundaries or {}).get(name, ())
     x = mesh.p[0, mesh.facets[:, edges]]
     return x.size > 0 and bool(np.ptp(x) > (1 - _OFF) * width)

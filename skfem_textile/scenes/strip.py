@@ -1,9 +1,9 @@
-"""Scene `strip`: a ply laid on a circle (Hamila & Boisse 2013, §2.2).
+"""Scene `strip`: a ply deformed to a circle (Hamila & Boisse 2013, §2.2).
 
-A strip of 40 mm × 60 mm, warp along x and weft along y, is clamped along its
-bottom.  Its right edge moves along x onto a circle of radius R, so that the weft
-bends onto circles and the warp stays straight: x = X e₁ + (R(1 − cos(Y/R)),
-R sin(Y/R)).  No fibre is stretched, and the shear angle is Γ = Y/R.
+A strip of 40 mm × 60 mm, with the warp along x and the weft along y, is clamped at its
+bottom.  Its right edge moves along x onto a circle of radius R, so that the weft bends
+to circles and the warp stays straight: x = X e₁ + (R(1 − cos(Y/R)), R sin(Y/R)).  No
+fibre is stretched, and the shear angle is Γ = Y/R.
 """
 
 import numpy as np
@@ -24,15 +24,15 @@ def strip(
     jitter: float = 0.3,
     seed: int = 1,
 ) -> Scene:
-    """A strip laid on a circle, fibres along its sides, clamped at the bottom.
+    """Strip deformed to a circle, with fibres along its sides, clamped at the bottom.
 
     Parameters
     ----------
     mesh
         A mesh with its bottom on y = 0 and less than 86 mm high, or the kind of
-        `rectangle` to make.  The scene uses the boundaries ``bottom`` and ``right`` if
-        the mesh names them, and else the lowest and the rightmost edges.  The exact
-        answer holds if the mesh fills a rectangle of which these are whole sides.
+        `rectangle` to generate.  The boundaries ``bottom`` and ``right`` are used if
+        they exist, otherwise the lowest and the rightmost edges.  The exact answer is
+        valid if the mesh fills a rectangle of which these are whole sides.
     size, jitter, seed
         As for `rectangle`.
 
@@ -72,7 +72,7 @@ def displacement(X: ndarray, t: float) -> ndarray:
 
 
 def _laid_out(mesh: Mesh) -> Mesh:
-    """The mesh with its bottom and right edges named, if it fits the scene."""
+    """Mesh with its bottom and right edges named, if it fits the scene."""
     check_mesh(mesh)
     mesh = with_edges(mesh)
     for name in ("bottom", "right"):
@@ -84,6 +84,6 @@ def _laid_out(mesh: Mesh) -> Mesh:
     if mesh.p[1].max() >= RADIUS * np.pi / 2:
         raise MeshError(
             f"strip: the mesh is {mesh.p[1].max():g} mm high; above "
-            f"{RADIUS * np.pi / 2:.1f} mm the shear angle would pass 90 degrees"
+            f"{RADIUS * np.pi / 2:.1f} mm the shear angle would exceed 90 degrees"
         )
     return mesh

@@ -1,4 +1,4 @@
-"""The load stepper in a loop: solve, estimate, refine, until a tolerance is met."""
+"""Adaptive mesh refinement: solve, estimate the error, refine, up to a tolerance."""
 
 import logging
 from collections.abc import Callable, Collection, Sequence
@@ -31,43 +31,44 @@ from .stepper import DEFAULT_WARN_ONLY, LoadStepper
 
 log = logging.getLogger(__name__)
 
-#: Unknowns at most by default: a run that reaches them takes about 80 s on
+#: Default limit of the number of unknowns.  A run that reaches it takes about 80 s on
 #: one core, with all of its meshes (`skfem-textile run bias_extension --mesh delaunay
 #: --size 10x20 --tolerance 1e-6 --no-render --out DIR`).
 MOST_UNKNOWNS = 50_000
 
-# What an estimate counts: on refined meshes it was up to a third too small,
+# Safety factor on the estimate, which was up to a third too small on refined meshes:
 # `python -m studies adaptive`.
 _MARGIN = 1.5
 
-# Share of the squares of the jumps that the elements carry which are refined.  Chosen:
-# with less there are more rounds, with more elements are refined that need not be.
+# Bulk fraction (Dörfler marking): share of the sum of the squared jumps that the marked
+# elements contain.  A smaller share takes more rounds; a larger one refines elements
+# needlessly.
 _SHARE = 0.5
 
-# Rounds at most: each about doubles the unknowns.
+# Limit of the number of rounds; each about doubles the number of unknowns.
 _MOST_ROUNDS = 25
 
 
 @dataclass(frozen=True)
 class Round:
-    """A mesh of the loop, and what was found on it.
+    """One refinement round: the mesh and the result on it.
 
     Attributes
     ----------
     unknowns
         Number of unknowns.
     linear_solves
-        Linear solves that the state took.
+        Number of linear solves for the state.
     whole_path
-        Whether the whole load was applied, and not only its end.
+        Whether the whole load path was computed on this mesh, not only its end.
     load_change
-        Change of the load since the round before, as a share of it; None at first.
+        Relative change of the load since the previous round; None in the first.
     estimated_load_error
         As of `Result.summary`.
     error
-        What counts: the largest of one and a half times the estimate, changes on this
-        mesh, and half of what counted on the last coarser mesh that has an estimate.
-        Infinite where there is no estimate.
+        Error that is compared with the tolerance: the largest of 1.5 times the
+        estimate, the change of the load, and half of this error on the last coarser
+        mesh that has an estimate.  Infinite where there is no estimate.
     """
 
     unknowns: int
@@ -90,14 +91,14 @@ class Round:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AdaptiveResult(Result):
-    """The result on the last mesh, and the rounds that led to it.
+    """Result on the last mesh, with the refinement rounds.
 
     Attributes
     ----------
     tolerance
-        Largest error of the load that is accepted, as a share of it.
+        Relative tolerance of the load.
     rounds
-        All rounds, the one on the last mesh included.
+        All rounds, including the one on the last mesh.
     """
 
     tolerance: float
@@ -105,7 +106,7 @@ class AdaptiveResult(Result):
 
     @property
     def tolerance_met(self) -> bool:
-        """Whether the whole load was applied, and its estimated error is small."""
+        """True if the whole load was applied and its error is within the tolerance."""
         last = self.rounds[-1:]
         met = any(one.whole_path and one.error <= self.tolerance for one in last)
         return self.converged and met
@@ -123,7 +124,7 @@ class AdaptiveResult(Result):
 def counted(
     rounds: Sequence[Round], unknowns: int, change: float | None, estimate: float | None
 ) -> float:
-    """What counts as the error of a round, see `Round`."""
+    """Error of a round, see `Round`."""
     if estimate is None:
         return np.inf
     at_once = [one.load_change for one in rounds if one.unknowns == unknowns]
@@ -134,29 +135,28 @@ def counted(
 
 
 class AdaptiveStepper:
-    """Load a ply on meshes that are refined until the estimated error is small.
+    """Load stepper with adaptive mesh refinement to a tolerance of the load.
 
-    The load is applied on the mesh as it is.  Then elements at which the shear angle
-    jumps are refined, the last state is carried over and balanced, and the error of the
-    load is estimated, round by round.  Where the state that was carried over leads to
-    none, and on the last mesh, the whole load is applied anew: every state of the
-    result is on the last mesh.
+    The load is first applied on the given mesh.  Each round then refines the elements
+    at which the shear angle jumps, transfers the last state to the refined mesh,
+    restores equilibrium and estimates the error of the load.  If no equilibrium is
+    found from the transferred state, and always on the last mesh, the whole load is
+    applied again, so that every state of the result is on the last mesh.
 
-    What counts as the error is the largest of one and a half times the estimate, of
-    what the load changed since the mesh before, and of half of what counted there: an
-    estimate may be small by chance.  Where there is none the tolerance is not met.
+    The error of a round is the largest of 1.5 times the estimate, the change of the
+    load since the previous mesh, and half of the previous error, because a single
+    estimate may be small by chance.  Without an estimate the tolerance is not met.
 
     Parameters
     ----------
     ply
-        The ply, on triangles or quadrilaterals, of which a refined one is made of
-        triangles.
+        The ply, on triangles or quadrilaterals; refined meshes consist of triangles.
     conditions
         Displacement conditions by name, on boundaries or given by functions.
     tolerance
-        Error of the load as a share of it, between 0 and 1.
+        Relative tolerance of the load, between 0 and 1.
     most_unknowns
-        No mesh has more unknowns.
+        Limit of the number of unknowns of a mesh.
     on_round
         Called with each `Round`.
     steps, method, warn_only, solver, on_iteration, on_step
@@ -165,9 +165,9 @@ class AdaptiveStepper:
     Raises
     ------
     ValueError
-        As from `LoadStepper`; if the tolerance or ``most_unknowns`` is not valid, the
-        ply cannot be refined or has no estimated error, or a condition is on nodes
-        given by number or name that share an edge.
+        See `LoadStepper`.  Also if the tolerance or ``most_unknowns`` is not valid, if
+        the ply cannot be refined or has no error estimate, or if a condition acts on
+        nodes, given by number or name, that share an edge.
 
     Examples
     --------
@@ -224,14 +224,15 @@ class AdaptiveStepper:
         Parameters
         ----------
         resume
-            Not possible: there is no checkpoint.
+            Not supported: adaptive runs have no checkpoint.
 
         Raises
         ------
         StepError
-            If the load cannot be applied, nothing that moves carries a load, or the
-            tolerance is not met with the unknowns that are allowed.  Its ``result`` is
-            that on the last mesh that carried the whole load, if there is one.
+            If the load cannot be applied, if no moving condition carries a load, or if
+            the tolerance is not met within ``most_unknowns``.  Its ``result`` is the
+            result on the last mesh on which the whole load was applied, if there is
+            one.
         """
         if resume:
             raise ValueError("a run to a tolerance has no checkpoint to resume from")
@@ -268,15 +269,15 @@ class AdaptiveStepper:
 
     @property
     def states(self) -> tuple[State, ...]:
-        """The states on the last mesh on which the whole load was applied.
+        """States on the last mesh on which the whole load was applied.
 
-        Before there is one, those so far.
+        Before there is one, the states so far.
         """
         return self._stepper.states
 
     @property
     def result(self) -> AdaptiveResult:
-        """What has been found so far."""
+        """Result so far."""
         result = self._stepper.result
         found = {field.name: getattr(result, field.name) for field in fields(Result)}
         rounds, estimate = tuple(self._rounds), self._estimate
@@ -296,7 +297,7 @@ class AdaptiveStepper:
         )
 
     def _refine_from(self, ply: Ply, state: State) -> None:
-        """Refine until the tolerance is met, or the mesh would be too large."""
+        """Refine until the tolerance is met or the limit of unknowns is reached."""
         finer: tuple[Ply, State] | None = (ply, state)
         while finer is not None:
             ply, state = finer
@@ -311,7 +312,9 @@ class AdaptiveStepper:
             self._apply(ply)
 
     def _apply(self, ply: Ply) -> tuple[Ply, State]:
-        """Apply the whole load to a ply, a round; on failure the one before remains."""
+        """Apply the whole load to a ply in a new round; after a failure the last one
+        remains.
+        """
         stepper = self._stepper_of(ply)
         if not self._rounds:  # what a failure or an interruption leaves
             self._stepper, self._estimate = stepper, None
@@ -328,7 +331,9 @@ class AdaptiveStepper:
         return ply, state
 
     def _refined(self, ply: Ply, state: State) -> tuple[Ply, State] | None:
-        """The state on a refined mesh, a round; None where that would be too large."""
+        """Transfer the state to a refined mesh in a new round; None if that is too
+        large.
+        """
         if len(self._rounds) >= _MOST_ROUNDS:
             return None
         found = refine(ply, marked(shear_angle_jumps(ply, state.u), _SHARE))
@@ -344,7 +349,7 @@ class AdaptiveStepper:
         return found.ply, after
 
     def _finish(self, ply: Ply, state: State, whole_path: bool) -> None:
-        """Estimate the error of a state, and keep its round."""
+        """Estimate the error of a state and record its round."""
         place = ply, self._conditions, self._stepper.result.solver.name
         try:
             work = work_of(problem_at(*place, state.load_factor), state)
@@ -365,10 +370,10 @@ class AdaptiveStepper:
 
 
 def _refuse_what_cannot_be_refined(ply: Ply, conditions: Conditions) -> None:
-    """Refuse a ply and conditions that are not valid on a refined mesh.
+    """Refuse a ply or conditions that cannot be refined.
 
-    The ply must have a refined one and an estimated error, and conditions valid values
-    there; those on nodes by number must be on vertices that share no edge.
+    The ply needs a refined version and an error estimate, and the conditions need valid
+    values on it.  Nodes given by number must be vertices that share no edge.
     """
     refine(ply, [])
     try:

@@ -1,4 +1,4 @@
-"""A run on disk, one file per converged state, to go on from after an interruption."""
+"""Checkpoints: one file per converged state, from which a run is resumed."""
 
 import json
 import os
@@ -23,21 +23,21 @@ from .problem import Problem
 from .states import Equilibrium, State, Verdict
 from .verdict import Trial
 
-# Version of the files; another one is refused.
+# File format version; other versions are refused.
 _FORMAT = 7
 _RUN, _STATES = "run.npz", "state_*.npz"
 
 # Fields of a state with a vector for each condition.
 _VECTORS = ("reactions", "displacements")
 
-# Characters of a setting that a message shows.
+# Length to which a setting is shortened in a message.
 _SHOWN = 100
 
-# How far the forces of the same ply may differ between machines, and what round-off
-# leaves of strains and area ratios.
+# Relative difference of the forces of one ply between machines, and round-off of
+# strains and area ratios.
 _SAME, _ROUND_OFF = 1e-9, 1e-13
 
-# Load factors at which loads and further terms are compared, at no regular distances.
+# Load factors at which loads and user terms are compared, irregularly spaced.
 _PROBED = (
     *(0.0, 0.0313, 0.1303, 0.2541, 0.3719, 0.5, 0.6237),
     *(0.7177, 0.8119, 0.9091, 0.9707, 1.0),
@@ -48,11 +48,11 @@ _STRAIN, _ANGLE = 0.1, np.radians(80.0)
 
 
 class CheckpointError(ValueError):
-    """A checkpoint that cannot be used; the message says why and what to do."""
+    """Checkpoint that cannot be used; the message says why and what to do."""
 
 
 class Progress(NamedTuple):
-    """Continuation of a run, its counts and times, and its duration in s."""
+    """Continuation parameters, counters and times of a run; duration in s."""
 
     continuation: Continuation
     clock: Clock
@@ -60,20 +60,20 @@ class Progress(NamedTuple):
 
 
 class Saved(NamedTuple):
-    """States read from a checkpoint, and where the stepper was at the last of them."""
+    """States read from a checkpoint, and the progress at the last of them."""
 
     states: list[State]
     progress: Progress
 
 
 class Checkpoint:
-    """The states of a run in a folder, which is made when a run begins.
+    """Folder with the states of a run, created when the run begins.
 
-    Every file is written beside its place and then renamed, so a run may be killed at
-    any moment; the next removes what it left there.  ``run.npz`` identifies a run: by
-    its ``settings`` as given, and by mesh, laws, conditions and forces of the problem.
-    Every state has the name of the run, its own number, and a digest of its content and
-    of all files before it.
+    Every file is written under a temporary name and then renamed, so that a run may be
+    killed at any moment; the next run removes unfinished files.  ``run.npz`` identifies
+    the run by its ``settings`` and by mesh, laws, conditions and forces of the problem.
+    Every state holds the name of the run, its number, and a digest of its content and
+    of all previous files.
     """
 
     def __init__(
@@ -97,16 +97,16 @@ class Checkpoint:
         self._lock: sealed.Lock | None = None
 
     def release(self) -> None:
-        """Let others have the folder."""
+        """Unlock the folder."""
         if self._lock is not None:
             self._lock.release()
         self._lock = None
 
     def begin(self) -> None:
-        """Make the folder ready for a new run; a finished one stays until `save`.
+        """Prepare the folder for a new run; a finished run is kept until `save`.
 
-        An error if it holds an unfinished run, another run writes to it, or it cannot
-        be written.
+        Raises an error if the folder holds an unfinished run, is in use by another run,
+        or cannot be written.
         """
         with self._writing():
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -126,9 +126,10 @@ class Checkpoint:
             self._last = sealed.write(beside, self._run, "run", "", settings, arrays)
 
     def save(self, number: int, state: State, progress: Progress) -> None:
-        """Write a state, and where the stepper is; an error if that cannot be written.
+        """Write a state and the progress of the run.
 
-        The first state of a run takes the place of a finished run.
+        The first state of a run replaces a finished run.  Raises an error if the file
+        cannot be written.
         """
         text = asdict(replace(state, parameters={}))
         text["progress"] = {
@@ -153,10 +154,10 @@ class Checkpoint:
             beside.replace(self.folder / f"{name}.npz")
 
     def load(self, replay: "Replay") -> Saved | None:
-        """Read every state and check it by a replay; None if there is none.
+        """Read every state and validate it by a replay; None if there is none.
 
-        An error if a file is damaged or missing, or belongs to another run, or another
-        run writes to the folder.
+        Raises an error if a file is damaged or missing, if it belongs to another run,
+        or if another run writes to the folder.
         """
         if not self.folder.is_dir():
             return None
@@ -182,7 +183,7 @@ class Checkpoint:
         return Saved(states, progress)
 
     def _files(self) -> list[Path]:
-        """The files of states in their order, whatever else the folder holds."""
+        """Files of states in order; other files in the folder are ignored."""
         files = [f for f in self.folder.glob(_STATES) if f.stem[6:].isdecimal()]
         return sorted(files, key=lambda file: int(file.stem[6:]))
 
@@ -210,7 +211,7 @@ class Checkpoint:
         raise CheckpointError(f"checkpoint file {path} {why}")
 
     def _check_identity(self, run: sealed.Content) -> None:
-        """Refuse a run with other settings or another fingerprint than this one."""
+        """Refuse a run with other settings or another fingerprint."""
         another = f"checkpoint {self.folder} is of another run: "
         for name, value in self._settings.items():
             if (was := run.text.get(name)) != value:
@@ -230,9 +231,9 @@ class Checkpoint:
     def _fingerprint(self) -> dict[str, ndarray]:
         """Mesh, fibre directions, laws, conditions, and the forces of each term.
 
-        Conditions are evaluated at the requested load factors and in between; forces at
-        a displacement that shears and stretches every element, with the parameters at
-        rest.
+        Conditions are evaluated at the requested load factors and between them.  Forces
+        are evaluated at a displacement that shears and stretches every element, with
+        the parameters at rest.
         """
         ply, constraints = self._ply, self._constraints
         turn, surfaces = constraints.turn, constraints.surfaces
@@ -250,7 +251,7 @@ class Checkpoint:
                 fabric.tensions.of_family(i, (_STRAIN, _STRAIN)) for i in range(2)
             ]
             values = np.concatenate([_values(law, _STRAIN) for law in beside])
-            found["values of the tensions beside a stretched family"] = values
+            found["values of the tensions with the other family stretched"] = values
         found["values of the shear law"] = _values(shear, _ANGLE)
         found |= {
             f"nodes of {name!r}": nodes for name, nodes in constraints.nodes.items()
@@ -271,7 +272,7 @@ class Checkpoint:
         return found
 
     def _hold(self) -> None:
-        """Lock the folder, and remove what a killed run left half done."""
+        """Lock the folder and remove the unfinished files of a killed run."""
         if self._lock is not None:
             return
         with self._writing():
@@ -309,7 +310,7 @@ class Checkpoint:
 
 
 class Replay:
-    """Checks of the states of a checkpoint, one after the other from the first on.
+    """Sequential validation of the states of a checkpoint.
 
     ``last`` is the trial of the last state.
     """
@@ -320,7 +321,7 @@ class Replay:
         self._problem = problem
 
     def trial(self, state: State) -> tuple[Trial, ndarray]:
-        """The trial of the displacement of a state, and its fixed values."""
+        """Trial of the displacement of a state, and its fixed values."""
         t, u, p = state.load_factor, state.u, state.parameters
         problem = self._problem.at(t)
         before = self.last.next_start() if t > 0 else None
@@ -329,13 +330,15 @@ class Replay:
         return trial, problem.constraints.fixed_values(t)
 
     def compared(self, state: State, trial: Trial, fixed_values: ndarray) -> State:
-        """Compare a state with its trial; add its shares; an error if they disagree.
+        """Compare a state with its trial and add its shares; an error if they disagree.
 
-        Counts and residuals are not compared: they depend on how the state was found.
+        Counters and residuals are not compared, because they depend on the iterations.
         """
         problem, (u, f, *_) = trial.problem, trial.equilibrium
         if not problem.is_fixed(u, fixed_values):
-            raise ValueError("its displacement is not that of its load factor")
+            raise ValueError(
+                "its displacement does not satisfy the conditions at its load factor"
+            )
         found, largest = trial.state(state.linear_solves), float(np.abs(f).max())
         rounding = max(state.tolerance - problem.converged * largest, 0.0)
         stored = *trial.energies.values(), *trial.potentials.values()
@@ -377,7 +380,7 @@ def _described(problem: Problem) -> dict[str, Any]:
 
 
 def _values(law: Law, most: float) -> ndarray:
-    """Values of a law, one after the other, as it may have parameters by element."""
+    """Values of a law as a flat sequence; its parameters may vary by element."""
     with np.errstate(all="ignore"):
         values = [law.value(np.full(1, x)) for x in np.linspace(-most, most, 41)]
     return np.concatenate([np.ravel(value) for value in values])
@@ -386,7 +389,7 @@ def _values(law: Law, most: float) -> ndarray:
 def _compare(
     name: str, saved: Mapping[str, Any], expected: Mapping[str, Any], error: float
 ) -> None:
-    """Refuse values that are not the expected ones, within an error."""
+    """Refuse values that differ from the expected ones by more than an error."""
     if list(saved) != list(expected):
         raise ValueError(f"its {name} are not those of this problem")
     for key, value in expected.items():
@@ -396,7 +399,7 @@ def _compare(
 
 
 def _state(content: sealed.Content, before: Sequence[State], ply: Ply) -> State:
-    """The state in a file; refused if it is not one after those before it.
+    """State in a file; refused if it does not follow the previous ones.
 
     Its displacement and parameters must have the names, shapes and types of the ply.
     """
@@ -425,7 +428,7 @@ def _state(content: sealed.Content, before: Sequence[State], ply: Ply) -> State:
 def _progress(
     text: Mapping[str, Any], states: Sequence[State], settings: Mapping[str, Any]
 ) -> Progress:
-    """Where the stepper was; refused if no run has these states and settings there."""
+    """Progress in a file; refused if it is inconsistent with states and settings."""
     path, clock = Continuation.of(text["continuation"]), Clock(**text["clock"])
     progress = Progress(**{**text, "continuation": path, "clock": clock})
     longest = 1.0 / settings["steps"]
@@ -448,6 +451,6 @@ def _progress(
 
 
 def _shown(value: object) -> str:
-    """A value of a file, short and on one line."""
+    """A value of a file, shortened to one line."""
     text = "".join(char if char.isprintable() else " " for char in str(value))
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

@@ -1,4 +1,4 @@
-"""Conditions on displacements, and the constraints into which they are resolved."""
+"""Displacement conditions and the constraints that they resolve to."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,19 +22,19 @@ Value: TypeAlias = (
     ArrayLike | Sequence[ArrayLike | None] | Callable[[ndarray, float], ndarray]
 )
 
-# Two directions at a node closer than this (radians) are one.  A larger angle takes
-# directions that differ on purpose for one.  A smaller one takes round-off of normals
-# for a second direction, along which a node is then held.
+# Angle in radians below which two directions at a node count as one.  A larger angle
+# would merge directions that differ on purpose; with a smaller one round-off of normals
+# would fix a node in a second direction.
 _PARALLEL_ANGLE = 1e-6
 
-# Conditions agree at a node if their displacements differ by no more than this share of
-# the largest, and, for round-off, this share of the largest coordinate.
+# Conditions agree at a node if their displacements differ by at most this share of the
+# largest displacement and, for round-off, of the largest coordinate.
 _AGREEING, _ROUND_OFF = 1e-9, 1e-15
 
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """A displacement fixed on some nodes, whole or along one direction.
+    """Prescribed displacement of nodes, of all components or along one direction.
 
     Parameters
     ----------
@@ -49,15 +49,15 @@ class Condition:
         function ``value(X, t)`` of reference position and load factor, or a constant
         that is reached in proportion to the load factor.  Values per node are in the
         order in which the node numbers are given, and of ascending numbers where none
-        are.  Of constant components those that are None stay free.
+        are.  Components of a constant that are None are free.
     direction
         The direction in which the displacement is fixed: a vector of d components or a
-        function of position.  Without it the whole displacement is fixed.
+        function of position.  If not given, all components are fixed.
 
     Examples
     --------
-    A clamp, an edge pulled by 5 mm, a roller on a slope of 30°, and in space an edge
-    that is pulled along y, does not move along x and is free along z:
+    A clamp, an edge displaced by 5 mm, a roller on a slope of 30°, and in space an edge
+    that is displaced along y, fixed along x and free along z:
 
     >>> clamp = Condition("bottom")
     >>> pulled = Condition("top", 5.0, direction=(0, 1))
@@ -70,7 +70,7 @@ class Condition:
     direction: Direction | None = None
 
     def nodes(self, name: str, basis: CellBasis) -> ndarray:
-        """Numbers of the nodes on which the condition acts, in the order of its values.
+        """Numbers of the nodes of the condition, in the order of its values.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class Condition:
         return selected_nodes(f"condition {name!r}", self.where, basis)
 
     def directions(self, name: str, X: ndarray, d: int = 2) -> ndarray:
-        """Fixed directions at nodes, shape (k, d, n), with k from 1 to d."""
+        """Fixed directions at the nodes, shape (k, d, n), with k from 1 to d."""
         shape = d, X.shape[1]
         if self.direction is None:
             axes = np.eye(d)[self._axes(name, d)]
@@ -111,7 +111,7 @@ class Condition:
         return np.broadcast_to(value, shape).reshape(-1, n_nodes)
 
     def _axes(self, name: str, d: int) -> list[int]:
-        """Numbers of the components that are fixed where there is no direction."""
+        """Numbers of the fixed components of a condition without direction."""
         value = self.value
         if not isinstance(value, list | tuple) or all(x is not None for x in value):
             return list(range(d))
@@ -124,7 +124,7 @@ class Condition:
         return axes
 
     def turned(self, Q: ndarray) -> "Condition":
-        """The same condition in a problem turned in its plane by the rotation Q."""
+        """The same condition after a rotation Q of the problem in its plane."""
         if self.direction is None and len(axes := self._axes("turned", 2)) < 2:
             (axis,), value = axes, self.value
             along: Any = np.eye(2)[axis]
@@ -154,11 +154,11 @@ Conditions: TypeAlias = Mapping[str, Condition | OnSurface]
 
 
 class Constraints:
-    """The conditions of a ply, resolved into fixed unknowns.
+    """Conditions of a ply, resolved into fixed unknowns.
 
     Where inclined directions are fixed at a node and others are free, the unknowns of
-    that node are turned so that the first lie along them: u = turn @ q.  Conditions
-    that repeat one another are merged.
+    that node are rotated so that the first ones lie along the fixed directions: u =
+    turn @ q.  Repeated conditions are merged.
 
     Parameters
     ----------
@@ -170,17 +170,17 @@ class Constraints:
     Attributes
     ----------
     turn
-        Orthogonal matrix from the turned to the plain unknowns; None where every
-        fixed direction lies along an axis.  Nodes on surfaces turn further.
+        Orthogonal matrix from the rotated to the Cartesian unknowns; None if every
+        fixed direction lies along an axis.  Nodes on surfaces are rotated further.
     prescribed
-        Numbers of the (turned) unknowns that conditions on displacements fix.
+        Numbers of the (rotated) unknowns fixed by displacement conditions.
     surfaces
-        The nodes on surfaces; None where there are none.
+        Nodes on surfaces; None if there are none.
     fixed, free
-        Numbers of the fixed unknowns, those across surfaces among them, and of the
-        others.
+        Numbers of the fixed unknowns, including those normal to surfaces, and of the
+        free ones.
     nodes
-        Node numbers of each condition, by name: ascending, each of them once.
+        Node numbers of each condition, by name: ascending and unique.
 
     Raises
     ------
@@ -201,7 +201,7 @@ class Constraints:
                     f"Condition('bottom'), not {type(condition).__name__}"
                 )
         if not conditions:
-            raise ValueError("no conditions: a ply must be held somewhere")
+            raise ValueError("no conditions: the ply needs displacement conditions")
         self._X, self._d = node_positions(basis), components(basis)
         acting = {name: c.nodes(name, basis) for name, c in conditions.items()}
         self.nodes = {name: np.unique(nodes) for name, nodes in acting.items()}
@@ -232,7 +232,7 @@ class Constraints:
         self.free = np.setdiff1d(np.arange(basis.N), self.fixed)
 
     def _resolve(self, basis: CellBasis, direction: ndarray) -> None:
-        """Choose the fixed unknowns and the map from the rows' values to theirs.
+        """Choose the fixed unknowns and the map from the values of the rows to theirs.
 
         ``_rows @ q[prescribed]`` are the displacements along the directions.
         """
@@ -254,16 +254,16 @@ class Constraints:
         if self.turn is not None:
             N = N @ self.turn
         self._rows = N[:, self.prescribed]
-        # The rows of a node couple its unknowns alone, of full rank by choice: least
-        # squares, which leave a remainder where conditions disagree.
+        # The rows of a node couple only its unknowns, with full rank by construction:
+        # least squares, with a residual where conditions disagree.
         normal = (self._rows.T @ self._rows).tocsc()
         self._normal = splu(normal) if len(self.prescribed) else None
 
     def fixed_values(self, t: float) -> ndarray:
         """Values of the prescribed unknowns at the load factor ``t``.
 
-        Refused if two conditions prescribe different displacements of a node, or a
-        surface cannot grow.
+        Raises an error if two conditions prescribe different displacements of a node or
+        if a surface cannot grow.
         """
         if self.surfaces:
             self.surfaces.check(t)
@@ -288,9 +288,9 @@ class Constraints:
 def _held_directions(
     node: ndarray, direction: ndarray, n_nodes: int
 ) -> tuple[ndarray, ndarray]:
-    """Orthonormal directions held at each node, and how many there are.
+    """Orthonormal fixed directions at each node, and their number.
 
-    Shapes (d, d, n_nodes), zero where there are fewer, and (n_nodes,).
+    Shapes (d, d, n_nodes), padded with zeros, and (n_nodes,).
     """
     d = len(direction)
     held, count = np.zeros((d, d, n_nodes)), np.zeros(n_nodes, dtype=int)
@@ -314,7 +314,7 @@ def _held_directions(
 
 
 def _turns(n_dofs: int, dofs: ndarray, held: ndarray) -> csr_matrix | None:
-    """Identity, but for nodes whose first unknowns are to lie along what is held."""
+    """Identity, with the first unknowns of some nodes rotated to fixed directions."""
     if dofs.size == 0:
         return None
     turn = identity(n_dofs, format="lil")
@@ -332,10 +332,10 @@ def _turns(n_dofs: int, dofs: ndarray, held: ndarray) -> csr_matrix | None:
 
 
 def turned(u: ndarray, turn: csr_matrix | None) -> ndarray:
-    """A DOF vector in unknowns that are turned."""
+    """Transform a DOF vector to rotated unknowns."""
     return u if turn is None else turn.T @ u
 
 
 def plain(q: ndarray, turn: csr_matrix | None) -> ndarray:
-    """A vector of unknowns that are turned as a DOF vector."""
+    """Transform a vector of rotated unknowns to a DOF vector."""
     return q if turn is None else turn @ q

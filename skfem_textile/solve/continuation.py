@@ -1,10 +1,10 @@
-"""Continuation in the load factor: length of the steps, the load path, limit loads.
+"""Continuation in the load factor: step length, load path, limit loads.
 
 A ply may have several stable equilibria under one load.  A short step leads to the one
-that continues the load path; a long one may lead to another.  Iterations that pass
-where the ply is not stable tell them apart.  A step of which they are few is easy, and
-stays on the path.  A hard one is halved, until its halves are easy or it is short; then
-its end is reached in one step and in two, and both must agree.
+that continues the load path; a long step may lead to another.  Indefinite tangents
+during the iterations indicate this.  A step with few of them is easy and stays on the
+path.  A hard step is halved until its halves are easy or short; then its end is
+computed in one step and in two, and both must agree.
 """
 
 import logging
@@ -21,9 +21,9 @@ from .states import NoEquilibriumError, State
 
 log = logging.getLogger(__name__)
 
-# Energies and reactions that differ by a smaller share are of one state.  A larger
-# share takes two equilibria for one; a smaller one takes what round-off and C_s of
-# another state leave for another equilibrium.
+# Relative difference of energies and reactions below which two states count as one.  A
+# larger value would merge two equilibria; with a smaller one, differences caused by
+# round-off and by C_s of the previous state would count as another equilibrium.
 _SAME_STATE = 0.01
 
 #: Projected tangents at most in an easy step.  Checked by `python -m studies
@@ -31,29 +31,28 @@ _SAME_STATE = 0.01
 #: that stay on the path are halved.
 MOST_ALTERED = 2
 
-# How much shorter than a requested step a hard one becomes before it is taken: 2⁻⁶.
+# Number of halvings of a requested step after which a hard step is accepted: 2⁻⁶.
 _PATH_HALVINGS = 6
 
-# Load factors that a warning names at most.
+# Maximum number of load factors listed in a warning.
 _SHOWN = 5
 
-# How well a limit load is to be known, as a share of it.  Half of it takes about
-# one more halving of a step.
+# Relative accuracy of a limit load.  Half of it takes about one more halving.
 _KNOWN_SHARE = 0.005
 
-# The shortest step on the way to a limit, in load factors.  A longer one may end before
-# the limit is known; a shorter one takes more steps, of changes that are round-off.
+# Shortest step towards a limit, in load factors.  A longer one may end before the limit
+# is located; a shorter one takes more steps whose changes are round-off.
 _SHORTEST_STEP = 1e-9
 
-# Share of the energy of a ply from which loads that grow drive it: half, for the work
-# of a load that alone drives a ply is at least the energy.
+# Share of the energy of a ply above which growing loads drive it: half, because the
+# work of a load that drives a ply alone is at least the energy.
 _DRIVES = 0.5
 
 
 class StepEnd(NamedTuple):
-    """The state at the end of a hard step, as far as it is compared.
+    """State at the end of a hard step: the quantities that are compared.
 
-    Its energy in N·mm, all components of the reactions in N, and the errors of both by
+    Energy in N·mm, all components of the reactions in N, and the errors of both due to
     the tolerance of the equilibrium.
     """
 
@@ -75,7 +74,7 @@ class StepEnd(NamedTuple):
         )
 
     def agrees(self, other: "StepEnd") -> bool:
-        """Whether both are of one state."""
+        """True if both are the same state."""
         ours, theirs = np.array(self.reactions), np.array(other.reactions)
         force = np.abs([ours, theirs]).max()
         energy = max(abs(self.energy), abs(other.energy))
@@ -87,7 +86,7 @@ class StepEnd(NamedTuple):
 
 @dataclass
 class Continuation:
-    """Where the next step ends, and whether a step is kept, halved or the last.
+    """Control of the step length: the end of the next step, and acceptance of a step.
 
     Attributes
     ----------
@@ -104,9 +103,9 @@ class Continuation:
     unresolved
         Load factors at which another number of steps may lead to another equilibrium.
     to_compare
-        Ends of hard steps that are being taken again, as two.
+        Ends of hard steps that are being repeated in two halves.
     not_followed_until
-        Up to this load factor the path is not followed.
+        Load factor up to which the path is not followed.
     """
 
     longest: float
@@ -126,15 +125,15 @@ class Continuation:
 
     @property
     def _short(self) -> float:
-        """Length of a hard step that is taken as it comes."""
+        """Step length at which a hard step is accepted."""
         halvings = max(self.halvings - 2, 0) if self.follows_path else 0
         return self.longest / 2.0 ** min(_PATH_HALVINGS, halvings)
 
     def end(self, t: float, goal: float) -> float:
-        """Where the next step from ``t`` ends, ``goal`` at most.
+        """End of the next step from ``t``, at most ``goal``.
 
-        It passes no end of a hard step that is to be compared, and leaves no step over
-        that is too short.
+        The step does not pass the end of a hard step that is to be compared, and leaves
+        no remainder that is too short.
         """
         goal = min([goal, *(past.load_factor for past in self.to_compare)])
         end = t + self.next
@@ -142,22 +141,24 @@ class Continuation:
         return goal if end > goal - 0.5 * min(shortest, self.next) else end
 
     def most_altered(self, step: float, t: float, loads_drive: bool) -> float:
-        """Projected tangents at most in a step to ``t``; with more it is halved.
+        """Maximum number of projected tangents in a step to ``t``; with more it is
+        halved.
 
-        Past a limit of a load that drives the ply there is no path.
+        Beyond a limit load that drives the ply there is no path.
         """
         followed = step > 1.5 * self._short and t > self.not_followed_until
         return MOST_ALTERED if followed or loads_drive else np.inf
 
     def keeps(self, step: float, state: State, altered: int, settled: bool) -> bool:
-        """Whether to keep the state to which a step led, or to take two instead.
+        """True if the state of a step is accepted, False if the step is repeated in two
+        halves.
 
         Parameters
         ----------
         step, state, altered
             Length of the step, the state, and projected tangents in the step.
         settled
-            Whether the state is the same however many steps lead to it along the path.
+            Whether the state is independent of the number of steps along the path.
         """
         t = state.load_factor
         if altered > MOST_ALTERED or not self.follows_path:
@@ -180,12 +181,12 @@ class Continuation:
     def failed(
         self, failure: NoEquilibriumError, t: float, end: float, goal: float, by: float
     ) -> None:
-        """Shorten the step from t to ``end`` that failed, or go on without the path.
+        """Shorten the step from t to ``end`` that failed, or continue without the path.
 
         ``goal`` is the requested load factor, and ``by`` the growth of the loads in the
-        step, as of `load_growth`; zero where loads do not drive it.  A
-        `NoEquilibriumError` says that the load passes a limit, or that steps fail
-        however short they are.
+        step, see `load_growth`; zero if loads do not drive the ply.  Raises a
+        `NoEquilibriumError` if the load exceeds a limit, or if steps fail at any
+        length.
         """
         step, shortest = end - t, self.longest / 2.0**self.halvings
         known = step <= _SHORTEST_STEP or by <= _KNOWN_SHARE
@@ -194,9 +195,9 @@ class Continuation:
             self.next, self.cut = 0.5 * step, self.cut + 1
         elif by:
             raise NoEquilibriumError(
-                f"between the load factors {t:.6g} and {end:.6g} the load passes a "
-                f"limit: no acceptable state near the last one carries more of it "
-                f"({failure})",
+                f"between the load factors {t:.6g} and {end:.6g} the load exceeds a "
+                "limit load: there is no acceptable state near the last one at a "
+                f"higher load ({failure})",
                 failure.elements,
                 "displacements in place of the load, or a smaller load",
             )
@@ -214,7 +215,7 @@ class Continuation:
             self.unresolved.append(t)
 
     def warning(self) -> str:
-        """The warning of unresolved load factors; empty if there are none."""
+        """Warning that lists the unresolved load factors; empty if there are none."""
         if not self.unresolved:
             return ""
         shown = ", ".join(f"{t:.4g}" for t in self.unresolved[:_SHOWN])
@@ -226,9 +227,9 @@ class Continuation:
 
 
 def moves(problem: Problem, load_factors: Iterable[float]) -> bool:
-    """Whether conditions prescribe a motion, or keep nodes on surfaces.
+    """True if conditions prescribe a motion or keep nodes on surfaces.
 
-    An error if a condition has no valid value at one of the load factors.
+    Raises an error if a condition has no valid value at one of the load factors.
     """
     values = [problem.constraints.fixed_values(t).any() for t in load_factors]
     return problem.surfaces is not None or any(values)
@@ -241,10 +242,10 @@ def loads_drive(
     energies: dict[str, float],
     moved: bool,
 ) -> bool:
-    """Whether the growth of loads drives a ply, beside displacements and surfaces.
+    """True if growing loads drive the ply, besides displacements and surfaces.
 
-    The problem is that at the load factor of a state with displacement, parameters and
-    energies by term; ``moved`` is what `moves` says.
+    The problem is at the load factor of a state with displacement, parameters and
+    energies by term; ``moved`` is the result of `moves`.
     """
     ply, t = problem.ply, problem.load_factor
     if not problem.loaded:
@@ -258,10 +259,9 @@ def loads_drive(
 
 
 def load_growth(problem: Problem, state: State, beyond: float) -> float:
-    """Growth of the loads from a state to a load factor, over the growth from 0 on.
+    """Growth of the loads from a state to a load factor, relative to the growth from 0.
 
-    Zero where a motion of the state meets no stiffness: whatever the load, there is no
-    balance.
+    Zero at a singular tangent: a mechanism has no equilibrium under any load.
     """
     if state.verdict.negative_pivots is None:
         return 0.0
@@ -274,10 +274,9 @@ def load_growth(problem: Problem, state: State, beyond: float) -> float:
 def balanced_at_rest(
     problem: Problem, load_factors: Iterable[float], tolerance: float
 ) -> bool:
-    """Whether no load moves the ply at rest at any of the load factors of a run.
+    """True if no load moves the undeformed ply at any of the load factors of a run.
 
-    The tolerance is the force in N from which on a nodal force counts, be its node held
-    or free.
+    The tolerance in N applies to the nodal forces of all nodes, fixed or free.
     """
     rest, p = problem.ply.basis.zeros(), problem.ply.parameters_at_rest
     return all(
@@ -286,10 +285,10 @@ def balanced_at_rest(
 
 
 def on_grown_surface(problem: Problem, start: Start) -> Start:
-    """An initial guess carried along geodesics onto the surface at a load factor.
+    """Predictor for a moving surface: the initial guess is carried along geodesics.
 
-    From there an iteration is short.  The initial guess itself where no surface grows,
-    and where carrying it folds the ply or takes it beyond a law.
+    Returns the initial guess itself if no surface grows, or if carrying it folds the
+    ply or leaves the domain of a law.
     """
     if problem.surfaces is None:
         return start

@@ -1,11 +1,10 @@
-"""An estimate of the discretisation error: how much a finer mesh changes a state.
+"""A posteriori estimate of the discretisation error by a finer mesh.
 
-A kink of the shear angle lies between the nodes, and a mesh smears it.  The state is
-carried over to the ply whose elements are split in four, and two linear systems tell to
-where it moves.  What the stabilisation and deviations carry at a kink falls with the
-element size so slowly that a finer mesh hardly tells of it: a share of it counts too.
-
-A load is measured by the work of reactions and loads.
+The shear angle has kinks between nodes, which a mesh smears.  The state is transferred
+to the ply with each element split in four, and two linear systems predict its change.
+The contribution of stabilisation and deviations at a kink decreases so slowly with the
+element size that a finer mesh hardly reveals it; a share of it is therefore added.  The
+load is measured by the work of reactions and loads.
 """
 
 from typing import Any
@@ -21,45 +20,45 @@ from .newton import definite, within_laws
 from .problem import Problem, Tangent
 from .states import ErrorEstimate, NoEquilibriumError, State
 
-#: Error of the shear angle over the change that halved elements make, and error of the
-#: load over the share of the energy that stabilisation and deviations carry:
-#: `python -m studies adaptive`, on the cases that calibrate.
+#: Ratio of the shear-angle error to the change on halved elements, and of the load
+#: error to the energy share of stabilisation and deviations: `python -m studies
+#: adaptive`, calibration cases.
 SHEAR_ANGLE_OVER_CHANGE, LOAD_OVER_SHARE = 1.4, 0.4
 
-#: Unknowns from which there is no estimate.  Chosen: the factors of the finer mesh, of
-#: four times as many, then take some gigabytes.
+#: Number of unknowns above which there is no estimate.  Chosen: the factors of the
+#: finer mesh, with four times as many, then take some gigabytes.
 MOST_UNKNOWNS = 250_000
 
-# Increments at most until the load is settled, and the change from one to the next that
-# counts as settled, as a share of the change in all.  Chosen: where no tangent had to
-# be altered the second increment is within it in all cases of the study.
+# Maximum number of increments until the load has converged, and the relative change per
+# increment that counts as converged.  Chosen: if no tangent is projected, the second
+# increment is within it in all cases of the study.
 _MOST_INCREMENTS, _SETTLED = 4, 0.2
 
-# The same where one had to be shortened, as a law ends.  Chosen: the ply with a hole
-# takes 5, others up to 8.
+# The same if an increment was shortened at the end of a law.  Chosen: the ply with a
+# hole takes 5, others up to 8.
 _MOST_SHORTENED = 12
 
-# Length of the step, as a share of the load factor, that tells how conditions move.
+# Relative step of the load factor for the finite difference of the fixed values.
 _STEP_BACK = 1e-3
 
-# Work over the energy of a ply on a surface from which a load does it.  Nodes that hold
-# a ply on a tool of triangles do up to 0.2 % of the energy in work as they follow the
-# tool; an edge tension does several times the energy.
+# Ratio of work to energy, for a ply on a surface, above which the work counts as a
+# load's.  Supported nodes that follow a triangulated tool do work of up to 0.2 % of the
+# energy; an edge tension does several times the energy.
 _OF_A_LOAD = 0.01
 
-_NO_LOAD = "nothing that moves carries a load"
+_NO_LOAD = "no moving condition carries a load"
 
 
 def estimated_error(
     ply: Ply, conditions: Conditions, solver: str, state: State
 ) -> ErrorEstimate:
-    """Estimate the error of a state, with the linear solver of a name.
+    """Estimated error of a state, with a linear solver by name.
 
-    Where a finer mesh has no state near it, there is none.  That of an earlier state
-    would not do, for it may be several times smaller than the error.
+    There is none if the finer mesh has no state near it.  The estimate of an earlier
+    state is not a substitute, because it may be several times too small.
     """
     if state.load_factor == 0:
-        return ErrorEstimate(reason="there is no load yet")
+        return ErrorEstimate(reason="the load is zero")
     if ply.basis.N > MOST_UNKNOWNS:
         return ErrorEstimate(reason=f"more than {MOST_UNKNOWNS} unknowns")
     try:
@@ -81,7 +80,7 @@ def estimated_error(
 
 
 def refuse_single_nodes(ply: Ply, conditions: Conditions) -> None:
-    """Refuse conditions on nodes by number that share an edge.
+    """Refuse conditions on nodes, given by number, that share an edge.
 
     A finer mesh has further nodes between these.
     """
@@ -94,15 +93,15 @@ def refuse_single_nodes(ply: Ply, conditions: Conditions) -> None:
         nodes = condition.nodes(name, ply.basis)
         if np.isin(ply.mesh.facets, nodes).all(axis=0).any():
             raise ValueError(
-                f"condition {name!r} is on nodes by number, between which a finer mesh "
-                "has others: name a boundary"
+                f"condition {name!r} acts on nodes by number, and a finer mesh has "
+                "further nodes between them: name a boundary"
             )
 
 
 def problem_at(
     ply: Ply, conditions: Conditions, solver: str, load_factor: float
 ) -> Problem:
-    """The problem of a ply at a load factor, with a linear solver by its name."""
+    """Problem of a ply at a load factor, with a linear solver by name."""
     constraints = Constraints(ply.basis, conditions)
     problem = Problem(ply, constraints, solver_named(solver))
     problem.load_factor = load_factor
@@ -110,9 +109,9 @@ def problem_at(
 
 
 def work_of(problem: Problem, state: State) -> ndarray:
-    """Work at a state of reactions and of loads in N·mm, shape (2,).
+    """Work of reactions and of loads at a state in N·mm, shape (2,).
 
-    An error if nothing that moves carries a load.
+    Raises an error if no moving condition carries a load.
     """
     u, p = state.u, state.parameters
     work = _work(problem, problem.residual(u, p), u, p)
@@ -122,16 +121,16 @@ def work_of(problem: Problem, state: State) -> ndarray:
 
 
 def change_of(before: ndarray, after: ndarray) -> float:
-    """Change of the work, as a share of what it was."""
+    """Relative change of the work."""
     return float(np.abs((after - before).sum()) / np.abs(before).sum())
 
 
 def _work(
     problem: Problem, f: ndarray, u: ndarray, parameters: PlyParameters
 ) -> ndarray:
-    """Work of reactions in the motion of their conditions, and of loads.
+    """Work of the reactions in the motion of their conditions, and of the loads.
 
-    Each node of a condition counts with its own motion: an edge may turn.
+    Each node of a condition contributes with its own motion, as an edge may rotate.
     """
     constraints = problem.constraints
     moving = turned(f, constraints.turn)[constraints.prescribed]
@@ -139,16 +138,18 @@ def _work(
 
 
 def _rate(problem: Problem) -> ndarray:
-    """How fixed unknowns move with the load factor, times the load factor, in mm."""
+    """Derivative of the fixed unknowns by the load factor, times the load factor, in
+    mm.
+    """
     constraints, t = problem.constraints, problem.load_factor
     now, before = (constraints.fixed_values(x) for x in (t, (1 - _STEP_BACK) * t))
     return (now - before) / _STEP_BACK
 
 
 def _is_of_load(work: ndarray, problem: Problem, state: State) -> bool:
-    """Whether work is more than forces do that a state leaves unbalanced.
+    """True if the work exceeds the work of the unbalanced forces of a state.
 
-    On a surface, which shapes the ply as it grows, it is more than that of supports.
+    On a surface, whose growth deforms the ply, it must exceed the work of the supports.
     """
     length = np.abs(state.u).sum() + np.abs(_rate(problem)).sum()
     least = state.tolerance * length
@@ -160,9 +161,9 @@ def _is_of_load(work: ndarray, problem: Problem, state: State) -> bool:
 def _estimate(
     ply: Ply, conditions: Conditions, solver: str, state: State
 ) -> ErrorEstimate:
-    """The estimate, of the shear angle alone where a surface shapes a ply without load.
+    """The estimate; of the shear angle alone if a surface deforms a ply without load.
 
-    A ValueError says that there is no finer ply, or that nothing shapes the ply.
+    Raises a ValueError if there is no finer ply or no motion.
     """
     coarse, u = problem_at(ply, conditions, solver, state.load_factor), state.u
     p = ply.updated(state.parameters, u, state.load_factor)
@@ -191,11 +192,11 @@ def _estimate(
 
 
 class _Way:
-    """Increments of a problem from a displacement, within its laws.
+    """Newton increments of a problem from a displacement, within the domains of its
+    laws.
 
-    It has displacement, parameters, forces and tangent after the ``number`` of
-    increments so far, and says whether the last one was ``whole`` and whether any was
-    ``shortened``.
+    Holds displacement, parameters, forces and tangent after ``number`` increments, and
+    whether the last one was ``whole`` and any was ``shortened``.
     """
 
     def __init__(
@@ -204,7 +205,7 @@ class _Way:
         self.problem, self.number, self.whole, self.shortened = problem, 0, True, False
         u, self.parameters = problem.moved(u, np.zeros_like(u)), parameters
         if not problem.in_domain(u, parameters):
-            raise NoEquilibriumError("this state is past the end of a law there")
+            raise NoEquilibriumError("this state is beyond the end of a law there")
         self._at(u, tension, 0.0)
 
     def _at(
@@ -215,7 +216,7 @@ class _Way:
         self.f = self.problem.residual(u, p)
 
     def go(self, du: ndarray) -> None:
-        """Make an increment, as long as the laws allow."""
+        """Apply an increment, as long as the laws permit."""
         problem, p = self.problem, self.parameters
         step = within_laws(problem, self.u, du, p)
         self.whole = np.array_equal(step, du)
@@ -236,18 +237,19 @@ class _Way:
 
 
 def _moved(way: _Way, before: ndarray, loaded: bool) -> tuple[ndarray, ndarray]:
-    """A displacement nearer to the equilibrium, and the work there to first order.
+    """Displacement closer to the equilibrium, and the work there to first order.
 
-    A second increment whose tangent is not altered settles it, unless the first had to
-    be shortened.  Otherwise the work decides, and without a load nothing does.
+    A second increment with an unprojected tangent is sufficient unless the first was
+    shortened.  Otherwise the convergence of the work decides; without a load there is
+    no criterion.
     """
     problem = way.problem
     values = problem.constraints.fixed_values(problem.load_factor)
     way.go(way.tangent.increment(way.f, way.u, values))
     if not loaded and way.shortened:
         raise NoEquilibriumError(
-            "its first increment reaches the end of a law, and without a load nothing "
-            "tells when further ones are enough"
+            "its first increment reaches the end of a law, and without a load there "
+            "is no criterion for further ones"
         )
     if not loaded and way.tangent.altered:
         raise NoEquilibriumError("its tangent is not stable")
@@ -258,11 +260,11 @@ def _moved(way: _Way, before: ndarray, loaded: bool) -> tuple[ndarray, ndarray]:
 
 
 def _settled(way: _Way, before: ndarray) -> tuple[ndarray, ndarray]:
-    """Where the work is settled, as of `_moved`.
+    """State at which the work has converged, see `_moved`.
 
-    Where a law ends, increments are shortened.  Then more of them are made, half as
-    long as soon as the work goes to and fro, until it is settled at a whole one whose
-    tangent is not altered.
+    Increments are shortened at the end of a law.  Further increments follow, halved as
+    soon as the work oscillates, until it converges at a whole increment with an
+    unprojected tangent.
     """
     last, moved, length, size = before, np.inf, 1.0, np.abs(before).sum()
     while way.number < (_MOST_SHORTENED if way.shortened else _MOST_INCREMENTS):
@@ -279,5 +281,5 @@ def _settled(way: _Way, before: ndarray) -> tuple[ndarray, ndarray]:
         last = now
         way.go(length * du)
     raise NoEquilibriumError(
-        f"after {way.number} increments its load still changes by {moved / size:.1%}"
+        f"after {way.number} increments the load still changes by {moved / size:.1%}"
     )

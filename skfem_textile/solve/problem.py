@@ -1,7 +1,7 @@
-"""A ply under conditions at one load factor, initial guesses, and its tangents.
+"""Ply under conditions at one load factor: residual, tangent and initial guess.
 
-A tangent is assembled, reduced to the free unknowns, factorised, and solved with.  On a
-surface φ = 0 it is the second derivative of the energy less λ∇²φ, see `SurfaceNodes`.
+A tangent is assembled, reduced to the free unknowns and factorised.  On a surface φ = 0
+it is the second derivative of the energy less λ∇²φ, see `SurfaceNodes`.
 """
 
 from copy import copy
@@ -24,16 +24,16 @@ from .states import NoEquilibriumError
 #: Relative round-off of a number.
 EPSILON = 2.0**-53
 
-#: What to try where forces or a tangent are not finite.
+#: Advice for forces or a tangent that are not finite.
 NOT_FINITE = "a smaller load, more steps, or laws that are finite everywhere"
 
-# Share of the largest force that an equilibrium may leave unbalanced; under loads what
-# comes back in the reactions is to be seen to ten digits.
+# Relative tolerance of the residual; under loads it is smaller, so that the reactions
+# balance them to ten digits.
 _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 
-# How many times the round-off of a number a stretch has after the operations that lead
-# to it: with once, macro-elements under a small load never balance
-# (`pytest tests/solve/stepper -k round_off`).
+# Round-off of a stretch, in units of the round-off of a number: with one unit,
+# macro-elements under a small load never converge (`pytest tests/solve/stepper -k
+# round_off`).
 _ROUNDINGS = 4
 
 _MORE_STIFFNESS = (
@@ -43,7 +43,7 @@ _MORE_STIFFNESS = (
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Initial guess of an iteration: a displacement, with forces and energies there.
+    """Initial guess of an iteration: a displacement, with its forces and energies.
 
     Attributes
     ----------
@@ -69,32 +69,33 @@ class Start:
 
 
 class Problem:
-    """A ply under conditions at one load factor: what an iteration needs to know.
+    """Ply under conditions at one load factor.
 
     Parameters
     ----------
     ply, constraints
         The ply, and its conditions as fixed unknowns.
     solver
-        Makes the linear solver of a pattern: the class of one, or `ChosenSolver` with
-        the name that it is to take.
+        Factory of the linear solver for a sparsity pattern: a solver class, or
+        `ChosenSolver` with a name.
 
     Attributes
     ----------
     load_factor
         Load factor.
     held
-        Forces in N that act beside the loads: what is not let go yet at rest.
+        Additional nodal forces in N that are removed gradually in the search for the
+        equilibrium at rest.
     converged
-        Share of the largest force that an equilibrium may leave unbalanced.
+        Relative tolerance of the residual.
     element_size
         Size of the largest element in mm.
     nodes
         Reference positions of the nodes, shape (2, n_nodes).
     in_space
-        Whether the ply may leave its plane.
+        Whether the displacement has three components.
     surfaces
-        The nodes on surfaces; None where there are none.
+        Nodes on surfaces; None if there are none.
     loaded, line_search
         Whether there are loads, and whether a term has a ``line_search``.
 
@@ -127,7 +128,7 @@ class Problem:
 
     @cached_property
     def system(self) -> System:
-        """Where the tangent's entries are among the free unknowns, on the clock."""
+        """Positions of the entries of the tangent among the free unknowns; timed."""
         clock, ply, constraints = self.clock, self.ply, self.constraints
         pattern = clock.time("assembly", lambda: ply.pattern)
         arguments = pattern, self.nodes, constraints, self._solver
@@ -140,7 +141,7 @@ class Problem:
         return sum(energies.values()) - float(np.sum(self.held * u))
 
     def residual(self, u: ndarray, parameters: PlyParameters) -> ndarray:
-        """Nodal forces in N, internal ones less loads."""
+        """Nodal forces in N: internal forces less loads."""
         arguments = u, self.load_factor, parameters
         return self.clock.time("assembly", self.ply.residual, *arguments) - self.held
 
@@ -160,15 +161,15 @@ class Problem:
     def start(
         self, u: ndarray, parameters: PlyParameters, tangent: Any = None
     ) -> Start:
-        """The start of an iteration at ``u``."""
+        """Initial guess of an iteration at ``u``."""
         energies, _ = self.energies(u, parameters)
         f, load = self.residual(u, parameters), self.load(u, parameters)
         return Start(self.load_factor, u, f, load, energies, parameters, tangent)
 
     def at(self, load_factor: float, held: ndarray | float = 0.0) -> "Problem":
-        """The same problem, on the same clock, at another load factor.
+        """The same problem, with the same clock, at another load factor.
 
-        ``held`` are forces beside the loads.
+        ``held`` are additional nodal forces.
         """
         _ = self.system  # that both share it
         other = copy(self)
@@ -176,34 +177,34 @@ class Problem:
         return other
 
     def turn(self, u: ndarray) -> csr_matrix | None:
-        """The map from the unknowns at a displacement to the plain ones.
+        """Matrix from the unknowns at a displacement to the Cartesian unknowns.
 
-        None where they are the same.  Those of nodes on a surface turn with it.
+        None if they are the same.  The unknowns of nodes on a surface rotate with it.
         """
         if self.surfaces is None:
             return self.constraints.turn
         return self.surfaces.turn(u, self.load_factor)
 
     def moved(self, u: ndarray, du: ndarray) -> ndarray:
-        """The displacement after an increment, nodes brought back onto surfaces.
+        """Displacement after an increment, with nodes projected back onto surfaces.
 
-        An error if a node does not get there.
+        Raises an error if the projection of a node fails.
         """
         if self.surfaces is None:
             return u + du
         return self.surfaces.onto(u + du, self.load_factor)
 
     def unfixed(self, f: ndarray, u: ndarray) -> ndarray:
-        """A DOF vector without its components along what is fixed at ``u``."""
+        """DOF vector without its components along the fixed directions at ``u``."""
         turn = self.turn(u)
         q = turned(f, turn).copy()
         q[self.constraints.fixed] = 0.0
         return plain(q, turn)
 
     def unbalanced(self, f: ndarray, u: ndarray) -> float:
-        """Largest nodal force along the unknowns that are free at ``u``.
+        """Largest nodal force along the free unknowns at ``u``.
 
-        An error if a nodal force is not finite, be it along a fixed unknown.
+        Raises an error if any nodal force, free or fixed, is not finite.
         """
         if not np.isfinite(f).all():
             raise NoEquilibriumError("the forces are not finite", advice=NOT_FINITE)
@@ -211,7 +212,7 @@ class Problem:
         return float(np.abs(free).max(initial=0.0))
 
     def nodal(self, u: ndarray) -> ndarray:
-        """A DOF vector as one column per node, shape (d, n_nodes)."""
+        """DOF vector as one column per node, shape (d, n_nodes)."""
         return u.reshape(-1, self._dimension).T
 
     def reactions(self, f: ndarray) -> dict[str, ndarray]:
@@ -220,9 +221,8 @@ class Problem:
         return {name: forces[:, n].sum(axis=1) for name, n in nodes.items()}
 
     def is_fixed(self, u: ndarray, fixed_values: ndarray) -> bool:
-        """Whether fixed unknowns have their values, to round-off of positions.
-
-        And whether nodes are on their surfaces.
+        """True if the fixed unknowns have their values, to round-off, and nodes are on
+        surfaces.
         """
         constraints, surfaces = self.constraints, self.surfaces
         off = turned(u, constraints.turn)[constraints.prescribed] - fixed_values
@@ -231,15 +231,16 @@ class Problem:
         return held and (surfaces is None or surfaces.are_on(u, self.load_factor))
 
     def in_domain(self, u: ndarray, parameters: PlyParameters) -> bool:
-        """Whether every law holds at ``u``, and has a finite energy."""
+        """True if every law is defined at ``u`` and has a finite energy."""
         if self.ply.fabric.unbounded:
             return True
         return self.ply.in_domain(u) and bool(np.isfinite(self.energy(u, parameters)))
 
     def area_ratio(self, u: ndarray) -> ndarray:
-        """Smallest det F of each element; negative where it faces its surface wrongly.
+        """Smallest det F of each element; negative if it faces its surface the wrong
+        way.
 
-        Elements on a surface are to face it as most of them do.
+        The right way is the way in which most elements on the surface face.
         """
         ply, ratio = self.ply, self.ply.least_area_ratio(u)
         if self.surfaces is None:
@@ -256,7 +257,7 @@ class Problem:
 
 
 def between(before: PlyParameters, after: PlyParameters, share: float) -> PlyParameters:
-    """Parameters a share of the way from some to others."""
+    """Parameters interpolated between two sets."""
 
     def mixed(old: Values, new: Values) -> Values:
         return type(old)({name: x + share * (new[name] - x) for name, x in old.items()})
@@ -265,21 +266,20 @@ def between(before: PlyParameters, after: PlyParameters, share: float) -> PlyPar
 
 
 class Tangent:
-    """Tangent of a problem, factorised on the free unknowns.
+    """Factorised tangent of a problem on the free unknowns.
 
-    ``altered`` is True where an indefinite tangent was projected.
+    ``altered`` is True if an indefinite tangent was projected.
 
     Parameters
     ----------
     problem, u, parameters
         The problem, displacement, and parameters of the ply's terms.
     tension
-        Fibre tensions for the geometric stiffness in place of the tensions at ``u``.
+        Fibre tensions for the geometric stiffness, instead of the tensions at ``u``.
     positive
-        Whether the matrices of the elements are projected onto positive semi-definite
-        ones.
+        Whether the element matrices are projected onto positive semi-definite ones.
     contact
-        Multipliers λ of nodes on surfaces in place of the multipliers at ``u``, 0 for a
+        Multipliers λ of nodes on surfaces, instead of the multipliers at ``u``; 0 for a
         tangent without contact forces.
 
     Raises
@@ -317,12 +317,12 @@ class Tangent:
 
     @property
     def definite(self) -> bool:
-        """Whether every small motion of the free unknowns costs energy."""
+        """True if the tangent is positive definite on the free unknowns."""
         return self._factors.definite
 
     @cached_property
     def negative_pivots(self) -> int | None:
-        """Number of negative eigenvalues; None where the factors do not tell."""
+        """Number of negative eigenvalues; None if the factors do not determine it."""
         clock, factors = self._problem.clock, self._factors
         before = factors.factorisations
         try:
@@ -333,7 +333,7 @@ class Tangent:
             clock.factorisations += factors.factorisations - before
 
     def increment(self, f: ndarray, u: ndarray, fixed_values: ndarray) -> ndarray:
-        """Solve K·du = −f, with the fixed unknowns brought to their values."""
+        """Solve K·du = −f, with the fixed unknowns set to their values."""
         problem, turn, dq = self._problem, self._turn, np.zeros_like(u)
         constraints, free = problem.constraints, problem.system.free
         prescribed = constraints.prescribed
@@ -348,7 +348,7 @@ class Tangent:
     def contact(self, f: ndarray, du: ndarray) -> ndarray | None:
         """Multipliers λ of nodes on surfaces after an increment, to first order.
 
-        None where there are no such nodes.
+        None if there are no such nodes.
         """
         problem = self._problem
         if not problem.surfaces:
@@ -357,7 +357,7 @@ class Tangent:
         return _multipliers(problem, self._u, after)
 
     def settled(self, f: ndarray) -> tuple[ndarray, ndarray]:
-        """The motion that balances forces, and the forces after it, to first order."""
+        """Increment that balances the forces, and the forces after it, linearised."""
         problem, turn = self._problem, self._turn
         free, fixed = problem.system.free, problem.constraints.fixed
         motion, after, before = np.zeros_like(f), np.zeros_like(f), turned(f, turn)
@@ -366,9 +366,9 @@ class Tangent:
         return plain(motion, turn), plain(after, turn)
 
     def softest(self) -> ndarray:
-        """The motion with the least stiffness, its largest component 1.
+        """Eigenvector of the smallest stiffness, with largest component 1.
 
-        By inverse iteration from a vector without symmetry.
+        Computed by inverse iteration from a vector without symmetry.
         """
         problem = self._problem
         q, free = np.zeros(problem.ply.basis.N), problem.system.free
@@ -391,11 +391,11 @@ class Tangent:
             clock.factorisations += factors.factorisations - before
 
     def tolerance(self, u: ndarray, f: ndarray) -> float:
-        """A share of the largest force, and what round-off leaves in any case.
+        """Residual tolerance: a share of the largest force, and at least the round-off.
 
         Rounding moves nodes by 2⁻⁵³ of their displacement and changes gradients by
-        2⁻⁵³, a few times on the way to a stretch; the stiffness, the largest sum of
-        magnitudes in a row, turns both into forces.  Nodes on surfaces are brought to
+        2⁻⁵³, a few times in the computation of a stretch; the stiffness, as the largest
+        absolute row sum, converts both to forces.  Nodes on surfaces are projected to
         positions, which are rounded as a whole.
         """
         problem = self._problem
@@ -414,7 +414,7 @@ class Tangent:
 
 
 def _multipliers(problem: Problem, u: ndarray, f: ndarray) -> ndarray:
-    """λ of nodes on surfaces, shape (n,): forces f across them over the slope of φ."""
+    """λ of nodes on surfaces, shape (n,): normal forces f over the slope of φ."""
     assert problem.surfaces
     contact = problem.surfaces.contact(u, problem.load_factor)
     across = (problem.nodal(f)[:, contact.nodes] * contact.across).sum(axis=0)
@@ -428,7 +428,7 @@ def _curved(
     blocks: ndarray,
     contact: ndarray | float | None,
 ) -> ndarray:
-    """The blocks of a tangent less λ∇²φ of nodes on surfaces."""
+    """Blocks of a tangent less λ∇²φ of nodes on surfaces."""
     surfaces, pattern = problem.surfaces, problem.ply.pattern
     assert surfaces
     if contact is None:
@@ -443,7 +443,7 @@ def _curved(
 def tangent_at(
     problem: Problem, u: ndarray, parameters: PlyParameters
 ) -> Tangent | None:
-    """The consistent tangent; None where it is singular."""
+    """The consistent tangent; None if it is singular."""
     try:
         return Tangent(problem, u, parameters)
     except NoEquilibriumError:
@@ -451,14 +451,14 @@ def tangent_at(
 
 
 class Reduced(NamedTuple):
-    """A tangent on the free unknowns, in the order of elimination.
+    """Tangent on the free unknowns, in elimination order.
 
     Attributes
     ----------
     upper
-        Its entries at and above the diagonal.
+        Entries at and above the diagonal.
     coupling
-        The matrix from the fixed unknowns to the free ones.
+        Matrix from the fixed to the free unknowns.
     """
 
     upper: csr_matrix
@@ -466,7 +466,7 @@ class Reduced(NamedTuple):
 
 
 def reduced(system: System, blocks: ndarray, turn: csr_matrix | None = None) -> Reduced:
-    """The blocks of a tangent, as of `System.turned`, on the free unknowns."""
+    """Blocks of a tangent, see `System.turned`, reduced to the free unknowns."""
     if turn is not None:
         blocks = system.turned(blocks, turn)
     entries = blocks.ravel()

@@ -1,4 +1,4 @@
-"""The result of a run, and the error that ends one."""
+"""Result of a run, and the error that ends a run."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
@@ -13,43 +13,43 @@ from .linear.solver import Choice
 from .states import ErrorEstimate, State
 from .surface import OnSurface, Surface
 
-# States that a printed result lists at most.
+# Maximum number of states in a printed result.
 _LINES = 11
 
-# Elements that the message of an error names at most.
+# Maximum number of elements listed in an error message.
 _ELEMENTS = 5
 
-# Terms that every table has, in this order before others.
+# Terms that are in every table, listed first and in this order.
 _TERMS = ("tension", "shear", "stabilisation", "corners")
 
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """Every converged state of a run, from the undeformed ply on.
+    """Converged states of a run, beginning with the undeformed ply.
 
     Attributes
     ----------
     ply
-        The ply that was loaded.
+        The ply.
     states
         Converged states in order of load factor.
     converged
         Whether the whole load was applied.
     linear_solves, factorisations
-        Linear solves and factorisations in all, abandoned steps included.
+        Total number of linear solves and factorisations, including abandoned steps.
     steps_cut
-        How often a step failed or was hard, and was halved.
+        Number of halved steps.
     unresolved
         Load factors at which another number of steps may lead to another equilibrium.
     wall_time_s, assembly_time_s, solve_time_s
-        Time of the run and its two largest parts; solutions include what ``auto`` took
-        to find the fastest solver.
+        Time of the run and its two largest parts; the solve time includes the
+        measurements of ``auto``.
     solver
-        Name of the linear solver, and why it was chosen.
+        Name of the linear solver, and the reason for its choice.
     surfaces
         The conditions that keep nodes on surfaces, by name.
     estimate
-        Finds the estimated error of a state of the ply.
+        Function that estimates the error of a state of the ply.
     """
 
     ply: Ply
@@ -68,16 +68,17 @@ class Result:
 
     @classmethod
     def of_state(cls, ply: Ply, conditions: Conditions, state: State) -> "Result":
-        """The result of one state that no run has found, for pictures and files.
+        """Result of a single state that was not computed by a run, for pictures and
+        files.
 
-        Times and factorisations are 0, and its error is not estimated.
+        Times and factorisations are 0, and the error is not estimated.
 
         Parameters
         ----------
         ply, conditions
             The ply and its conditions by name.
         state
-            A state of it, as of `equilibrium_near`.
+            State of the ply, such as the result of `equilibrium_near`.
         """
         on = {k: c for k, c in conditions.items() if isinstance(c, OnSurface)}
         return cls(
@@ -98,11 +99,11 @@ class Result:
 
     @property
     def path_resolved(self) -> bool:
-        """Whether no step gave reason to doubt that more steps lead to the same end."""
+        """True if no step indicated that more steps may lead to another end."""
         return not self.unresolved
 
     def tool(self, t: float) -> Surface | None:
-        """The surface on which all nodes lie at a load factor, or None."""
+        """Surface on which all nodes lie at a load factor, or None."""
         for name, condition in self.surfaces.items():
             if condition.where is None:
                 return condition.at(name, t)
@@ -115,19 +116,18 @@ class Result:
 
     @cached_property
     def estimated_error(self) -> ErrorEstimate:
-        """The estimated error of the last state, computed at first use."""
+        """Estimated error of the last state, computed at first access."""
         return self.estimate(self.states[-1])
 
     def history(self) -> list[dict[str, float | None]]:
-        """One row per converged state, ready for a table.
+        """Table with one row per converged state.
 
         Columns: load_factor, linear_solves, residual (N), tolerance (N),
-        negative_pivots, min_det_F, max_fibre_strain, mesh_fibre_strain; of each
+        negative_pivots, min_det_F, max_fibre_strain, mesh_fibre_strain; for each
         condition displacement_x and displacement_y, the mean over its nodes (mm), and
-        reaction_x and reaction_y (N), in space with a z each; energy of the state in
-        all and by term, potentials of the loads, and work of reactions and loads on the
-        way (N·mm); shares of stabilisation and deviations in energy, work and
-        reactions.
+        reaction_x and reaction_y (N), in space also z; the energy in total and by term,
+        potentials of the loads, and work of reactions and loads along the path (N·mm);
+        shares of stabilisation and deviations in energy, work and reactions.
         """
         rows, work = [], 0.0
         for state in self.states:
@@ -150,20 +150,20 @@ class Result:
         return rows
 
     def summary(self) -> dict[str, str | int | float | bool | None]:
-        """Figures of the last converged state and of the run, in N, mm and degrees.
+        """Summary of the last converged state and of the run, in N, mm and degrees.
 
-        ``max_fibre_strain`` is the largest magnitude that the law of tension sees,
-        ``max_fibre_tension`` and ``max_shear_angle_deg`` are those at the ply's own
-        points.  ``mesh_fibre_strain`` is taken at the ply's fine points, the 2×2 points
-        of quadrilaterals or six points of quadratic triangles, and ``min_det_F`` at
-        the nodes of the elements too.  ``mesh_fibre_strain`` is a measure of the mesh,
-        not of what fibres carry.
+        ``max_fibre_strain`` is the largest magnitude of the strain in the tension law;
+        ``max_fibre_tension`` and ``max_shear_angle_deg`` are largest values at the
+        integration points of the ply.  ``mesh_fibre_strain`` is evaluated at the fine
+        points of the ply, the 2×2 points of quadrilaterals or six points of quadratic
+        triangles, and ``min_det_F`` also at the nodes of the elements.
+        ``mesh_fibre_strain`` measures element distortion; it does not enter the law.
 
-        ``estimated_load_error``, a share of the load, and
-        ``estimated_shear_angle_error_deg`` tell what the mesh costs, as far as a finer
-        one shows it (`estimated_error`).  ``error_estimate`` says how they were found;
-        where both are None it begins with "none: " and says why.  A ply that a tool
-        alone shapes has an error of the shear angle, and none of a load.
+        ``estimated_load_error``, relative to the load, and
+        ``estimated_shear_angle_error_deg`` are the estimated discretisation errors
+        (`estimated_error`). ``error_estimate`` names the method; if both are None it
+        begins with "none: " and states the reason.  A ply that is deformed by a tool
+        alone has an error of the shear angle and none of a load.
         """
         ply, u, state = self.ply, self.u, self.states[-1]
         verdict, shares, error = state.verdict, state.shares, self.estimated_error
@@ -230,18 +230,18 @@ class Result:
 
 
 class StepError(RuntimeError):
-    """No acceptable state was found.
+    """Error that ends a run: no acceptable state was found.
 
     Attributes
     ----------
     result
-        Every state before, the last good one included.
+        All previous states, including the last accepted one.
     elements
-        Numbers of the elements where the last attempt failed; empty where no one
-        place is to blame.
+        Numbers of the elements where the last attempt failed; empty if the failure is
+        not local.
     quantity
-        What is at the end of its law there, or past it: warp_strain, weft_strain or
-        shear_angle; empty where nothing is.
+        Quantity at or beyond the end of its law there: warp_strain, weft_strain or
+        shear_angle; empty if there is none.
     """
 
     def __init__(
@@ -254,7 +254,7 @@ class StepError(RuntimeError):
 
     @classmethod
     def after(cls, error: Exception, result: Result) -> "StepError":
-        """The error that ends a run, with what the run has found."""
+        """The error that ends a run, with the result so far."""
         elements = getattr(error, "elements", np.empty(0, dtype=int))
         advice, state = getattr(error, "advice", ""), result.states[-1]
         lengths = {
@@ -279,7 +279,7 @@ class StepError(RuntimeError):
 
 
 def _energies(state: State) -> dict[str, float]:
-    """Internal energy in all and by term, and the potentials of loads."""
+    """Internal energy, total and by term, and the potentials of loads."""
     names = dict.fromkeys((*_TERMS, *state.energies))
     by_term = {f"{term}_energy": state.energies.get(term, 0.0) for term in names}
     loads = {f"{load}_potential": value for load, value in state.potentials.items()}
@@ -287,7 +287,7 @@ def _energies(state: State) -> dict[str, float]:
 
 
 def _columns(shares: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """Shares of parts of the discretisation, by the names of their columns."""
+    """Shares of stabilisation and deviations, by column name."""
     return {
         f"{whole}_share_of_{part}": share
         for whole, by_part in shares.items()

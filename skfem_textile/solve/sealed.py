@@ -1,8 +1,8 @@
-"""Files of arrays and text with a seal, and locks for one writer at a time.
+"""Checksummed files of arrays and text, and locks for a single writer.
 
-A seal is the last line of a file: run, name, and a digest of the content, of the rest
-of the seal and of the digest of the file before it in a series.  A file that was edited
-disagrees with the others even if it is given a new digest.
+The last line of a file is its seal: run, name, and a digest of the content, the rest of
+the seal and the digest of the previous file in a series.  An edited file therefore
+disagrees with the others even with a recomputed digest.
 """
 
 import io
@@ -43,11 +43,11 @@ def write(
     text: Mapping[str, Any],
     arrays: Mapping[str, ndarray],
 ) -> str:
-    """Write a file, which is on the disk when the function returns; its digest.
+    """Write a file to disk, synchronously; returns its digest.
 
-    ``run`` has 32 hexadecimal digits, ``name`` is the file's name in the run, and
-    ``before`` the digest of the file before it, empty for the first.  ``text`` is what
-    JSON can hold.
+    ``run`` has 32 hexadecimal digits, ``name`` is the name of the file in the run, and
+    ``before`` is the digest of the previous file, empty for the first.  ``text`` must
+    be serialisable as JSON.
     """
     buffer = io.BytesIO()
     np.savez(buffer, text=np.array(json.dumps(text)), **arrays)  # type: ignore[arg-type]
@@ -58,7 +58,7 @@ def write(
             file.write(f"\n{run} {name} {digest}".encode())
             file.flush()
             os.fsync(file.fileno())
-    except OSError:  # half a file must not take the room of results on a full disk
+    except OSError:  # an incomplete file must not occupy space on a full disk
         with suppress(OSError):
             path.unlink()
         raise
@@ -66,23 +66,23 @@ def write(
 
 
 def read(path: Path, run: str, before: str) -> Content:
-    """Read a file; an empty ``run`` stands for any.
+    """Read a file; an empty ``run`` matches any run.
 
-    A ValueError says that it is damaged, not of the run, or not what it was called or
-    came after.
+    Raises a ValueError if the file is damaged, belongs to another run, or has another
+    name or predecessor.
     """
-    if path.exists() and not path.is_file():  # a pipe or device would never end
+    if path.exists() and not path.is_file():  # a pipe or device may never end
         raise ValueError("is no file")
     body, _, seal = path.read_bytes().rpartition(b"\n")
     if not (match := _SEAL.fullmatch(seal.decode(errors="replace"))):
-        raise ValueError("is damaged: its last line is no seal")
+        raise ValueError("is damaged: its last line is not a seal")
     its_run, name, its_digest = match.groups()
     if run and its_run != run:
         raise ValueError("is of another run")
     if name != path.stem:
         raise ValueError(f"is {name}{path.suffix} under another name")
     if (digest := _digest(before, its_run, name, body)) != its_digest:
-        raise ValueError("is damaged: it, or a file before it, has changed")
+        raise ValueError("is damaged: it or a previous file was modified")
     try:
         with np.load(io.BytesIO(body), allow_pickle=False) as content:
             arrays = dict(content)
@@ -96,16 +96,15 @@ def _digest(before: str, run: str, name: str, body: bytes) -> str:
 
 
 class Lock:
-    """A lock on a file or folder that is there, until it is released.
+    """Lock on an existing file or folder, held until it is released.
 
-    The system keeps it with the open file (``flock``), and lifts it however the process
-    ends: a run that was killed leaves no lock behind, which a file with the number of
-    its process would be.  Where the system has no such lock (Windows, some network
-    drives) there is none.  A BlockingIOError says that another run, or another part of
-    this one, holds it.
+    The lock belongs to the open file (``flock``), so that the system releases it when
+    the process ends, also if it is killed.  Systems without such locks (Windows, some
+    network drives) have none.  Raises a BlockingIOError if another run, or another part
+    of this one, holds the lock.
     """
 
-    _descriptor = -1  # also of a lock that was interrupted as it was made
+    _descriptor = -1  # also of a lock whose creation was interrupted
 
     def __init__(self, path: Path) -> None:
         if sys.platform == "win32":
@@ -124,11 +123,11 @@ class Lock:
 
     @property
     def is_held(self) -> bool:
-        """Whether nobody else can hold it: not where the system has no such lock."""
+        """True if no other process can hold the lock; False without system locks."""
         return self._descriptor >= 0
 
     def release(self) -> None:
-        """Lift the lock; again if it is lifted, to no effect."""
+        """Release the lock; has no effect the second time."""
         descriptor, self._descriptor = self._descriptor, -1
         if descriptor >= 0:
             os.close(descriptor)
@@ -144,5 +143,5 @@ def _release_all() -> None:
         lock.release()
 
 
-if sys.platform != "win32":  # a forked process leaves the locks to its parent
+if sys.platform != "win32":  # a forked process must not release the locks of its parent
     os.register_at_fork(after_in_child=_release_all)

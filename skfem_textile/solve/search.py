@@ -1,4 +1,4 @@
-"""Search for the equilibrium at one load factor, and its acceptance checks."""
+"""Search for an accepted equilibrium at one load factor."""
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
@@ -22,31 +22,31 @@ _AT_REST = (
     "or more shear stiffness"
 )
 
-# The shortest step to balance at rest, as a share of what is not balanced: of a ply
-# that is stable there, and of another.  With longer ones heavy cantilevers with little
-# bending stiffness are refused; with shorter ones a refusal takes longer.
+# Shortest relative step in the search for the equilibrium at rest, for a ply that is
+# stable there and for one that is not.  With longer steps, heavy cantilevers with
+# little bending stiffness are refused; with shorter ones, a refusal takes longer.
 _SHORTEST_AT_REST = 2.0**-12, 2.0**-6
 
-# Share of `SETTLED` below which nodal forces that an update of the parameters changes
-# need no linear solve to show that the reactions change by less than `SETTLED`.
+# Share of `SETTLED` below which the change of nodal forces by a parameter update
+# implies, without a linear solve, that the reactions change by less than `SETTLED`.
 _CERTAINLY = 0.1
 
 
 class Goal(NamedTuple):
-    """A load factor to reach, and the initial guess.
+    """Target load factor and initial guess.
 
     Attributes
     ----------
     load_factor, step
-        Load factor, and its distance from the last good state.
+        Load factor, and its distance from the last accepted state.
     fixed_values
         Values of the fixed unknowns.
     start, before
-        Initial guess, and the last good state; None before the load.
+        Initial guess, and the last accepted state; None before loading.
     most_altered
-        Projected tangents at most.
+        Maximum number of projected tangents.
     held
-        Forces beside the loads, as of `Problem`.
+        Additional nodal forces, see `Problem`.
     """
 
     load_factor: float
@@ -59,16 +59,16 @@ class Goal(NamedTuple):
 
 
 class Found(NamedTuple):
-    """A state that passes every check.
+    """State that passes all acceptance checks.
 
     Attributes
     ----------
     trial
-        The state.
+        The checked equilibrium.
     altered
-        Projected tangents, at most of the iterations that led to it.
+        Largest number of projected tangents in the iterations that led to it.
     settled
-        Whether parameters updated at the state would not change it.
+        Whether updating the parameters at the state leaves it unchanged.
     """
 
     trial: Trial
@@ -78,16 +78,16 @@ class Found(NamedTuple):
 
 @dataclass(frozen=True)
 class EquilibriumSearch:
-    """Nonlinear solver and acceptance checks.
+    """Nonlinear solver with acceptance checks.
 
     Attributes
     ----------
     problem, method
-        The problem of a ply, and the nonlinear solver.
+        Problem and nonlinear solver.
     warn_only
-        Checks of `CHECKS` that do not refuse a state but only warn.
+        Checks of `CHECKS` that warn instead of refusing a state.
     report
-        Called with each iteration.
+        Callback for each iteration.
     moved
         Whether conditions prescribe a motion, see `moves`.
     """
@@ -99,11 +99,11 @@ class EquilibriumSearch:
     moved: bool = True
 
     def __call__(self, goal: Goal) -> Found:
-        """A state that passes every check, its parameters settled if they can be.
+        """State that passes all checks, with converged parameters where possible.
 
-        Parameters that would change the state are updated and the forces balanced
-        again.  An update is halved if changes do not shrink by half.  A
-        `NoEquilibriumError` says that there is no such state.
+        Parameters that would change the state are updated, and equilibrium is restored.
+        An update is halved if the changes do not decrease by half.  Raises a
+        `NoEquilibriumError` if there is no such state.
         """
         found, share, last = self._first(goal), 1.0, np.inf
         goal = goal._replace(most_altered=min(goal.most_altered, MOST_ALTERED))
@@ -115,7 +115,7 @@ class EquilibriumSearch:
                     if after is p:
                         return found._replace(settled=True)
                     start, change = _updated(found.trial, after)
-                    # Further changes are a geometric series of this rate.
+                    # Further changes form a geometric series of this ratio.
                     rate = change / last
                     if change <= SETTLED * (1.0 - rate):
                         return found._replace(settled=True)
@@ -130,13 +130,14 @@ class EquilibriumSearch:
         return found
 
     def at_rest(self, start: Start, fixed_values: ndarray) -> Found:
-        """The state at the load factor 0 of a ply that is not in balance there.
+        """State at the load factor 0 of a ply that is not in equilibrium undeformed.
 
-        What is not balanced at rest, such as a constant weight, is held at first, and
-        let go in steps that shrink where the way is hard.  Prescribed displacements
-        grow with it to their ``fixed_values`` at the load factor 0. A ply that is not
-        stable at rest may have no path from there: what the shortest step cannot let go
-        is then let go at once, by whatever way the iteration takes.
+        Unbalanced forces at rest, such as a constant weight, are first compensated and
+        then released in steps, which shrink where convergence is difficult.  Prescribed
+        displacements grow with the release to their ``fixed_values`` at the load factor
+        0. A ply that is unstable at rest may have no such path: the remainder that the
+        shortest step cannot release is then released at once, whatever path the
+        iteration takes.
         """
         unbalanced, u, tangent = start.f, start.u, start.tangent
         p = start.parameters
@@ -165,9 +166,10 @@ class EquilibriumSearch:
             done, step = share, 2 * step
 
     def _first(self, goal: Goal) -> Found:
-        """An equilibrium at the parameters of the start that passes every check.
+        """Equilibrium, with the initial parameters, that passes all checks.
 
-        Loads that drive a path may jump to another equilibrium: there work must agree.
+        Loads that drive a path may jump to another equilibrium; the work check is then
+        strict.
         """
         problem = self.problem.at(goal.load_factor, goal.held)
         method, place = self.method, (goal.load_factor, goal.step)
@@ -207,7 +209,7 @@ def _updated(trial: Trial, parameters: PlyParameters) -> tuple[Start, float]:
     tolerance, tangent = trial.equilibrium.tolerance, trial.equilibrium.tangent
     start = problem.start(u, parameters, tangent)
     if not np.isfinite(start.f).all():
-        raise NoEquilibriumError("parameters are not finite")
+        raise NoEquilibriumError("the parameters are not finite")
     if problem.unbalanced(start.f, u) <= tolerance:
         return start, 0.0
     before, end = (sum(x.energies.values()) for x in (trial, start))
@@ -229,7 +231,7 @@ def _updated(trial: Trial, parameters: PlyParameters) -> tuple[Start, float]:
 
 
 def method_of(method: str | Method) -> Method:
-    """A nonlinear solver, or the one of that name; refused if it is none."""
+    """Nonlinear solver, given itself or by name."""
     if isinstance(method, str):
         if method not in METHODS:
             raise ValueError(
@@ -254,29 +256,29 @@ def equilibrium_near(
     warn_only: Collection[str] = (),
     solver: str = "auto",
 ) -> State:
-    """Find the state at a load factor that is near a displacement, and judge it.
+    """Find and check the equilibrium at a load factor near a displacement.
 
-    There is no step before it, so that its work is not checked.
+    There is no previous state, so that its work is not checked.
 
     Parameters
     ----------
     ply, conditions
         The ply, and its displacement conditions by name.
     u
-        The displacement, as `Refinement.carry` makes one.
+        Displacement, such as a result of `Refinement.carry`.
     load_factor
         Load factor.
     parameters
-        Parameters of the ply's terms to start with, as ``State.parameters``; the ones
-        at rest if not given: away from balance the tensions of stiff fibres are far
-        from the tensions at balance.
+        Initial parameters of the terms, as ``State.parameters``.  Default: those at
+        rest, because away from equilibrium the tensions of stiff fibres differ greatly
+        from those at equilibrium.
     method, warn_only, solver
-        As for `LoadStepper`.
+        See `LoadStepper`.
 
     Raises
     ------
     NoEquilibriumError
-        If no state is found, or it is refused.
+        If no equilibrium is found, or it is refused.
     ValueError
         If a condition or a name is not valid.
     """

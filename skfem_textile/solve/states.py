@@ -1,4 +1,4 @@
-"""Equilibria, states with their figures, and the errors on the way to them."""
+"""Equilibria, states and the errors of failed attempts."""
 
 import sysconfig
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from ..ply.parameters import PlyParameters
 
-# Folders of code that is not the user's: of this package, and of installed ones.
+# Folders of library code: of this package, and of installed packages.
 _INSTALLED = (
     str(Path(__file__).parents[1]),
     *{sysconfig.get_path(name) for name in ("purelib", "platlib", "stdlib")},
@@ -19,17 +19,17 @@ _INSTALLED = (
 
 
 class NoEquilibriumError(Exception):
-    """An attempt at a load factor failed.
+    """Failed attempt at a load factor.
 
     Attributes
     ----------
     elements
-        Numbers of the elements where it failed; empty where no one place is to blame.
+        Numbers of the elements where it failed; empty if the failure is not local.
     advice
-        What to try.
+        Suggested remedy.
     quantity
-        What is at the end of its law, or past it: warp_strain, weft_strain or
-        shear_angle; empty where nothing is.
+        Quantity at or beyond the end of its law: warp_strain, weft_strain or
+        shear_angle; empty if there is none.
     """
 
     def __init__(
@@ -41,15 +41,15 @@ class NoEquilibriumError(Exception):
 
 
 class UserError(Exception):
-    """An error that a user's function raised: a term, law, condition or callback.
+    """Exception raised by a user's function: a term, law, condition or callback.
 
-    The message has the type and the text of the error, and the function and line
+    The message contains type and text of the exception, and the function and line
     outside installed packages that raised it.
 
     Parameters
     ----------
     error
-        The error.
+        The exception.
     """
 
     def __init__(self, error: Exception) -> None:
@@ -63,11 +63,11 @@ class UserError(Exception):
 
 
 class Equilibrium(NamedTuple):
-    """The end of an iteration, and how it converged.
+    """Converged iteration, with its convergence history.
 
-    ``parameters`` of the ply's terms balance the forces, ``altered`` is the number of
-    tangents that were projected, ``tangent`` is the consistent tangent, None where it
-    is singular.
+    ``parameters`` are the parameters of the terms with which the forces balance,
+    ``altered`` is the number of projected tangents, ``tangent`` is the consistent
+    tangent, None if it is singular.
     """
 
     u: ndarray
@@ -81,23 +81,24 @@ class Equilibrium(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """Figures of a state that tell whether it is an answer.
+    """Quantities for the acceptance checks of a state.
 
     Attributes
     ----------
     negative_pivots
         Negative eigenvalues of the consistent tangent; None where it is singular.
     min_det_F
-        Smallest det F of the elements, at their nodes and at the ply's fine points: of
-        quadrilaterals the 2×2 points, of quadratic triangles six points.  In space the
-        area ratio, negative where a point faces the other way than its element.
+        Smallest det F of the elements, at their nodes and at the fine points of the
+        ply: the 2×2 points of quadrilaterals, six points of quadratic triangles.  In
+        space the area ratio, negative if the normal at a point opposes that of its
+        element.
     max_fibre_strain
-        Largest magnitude of the fibre strain that the law of tension sees.
+        Largest magnitude of the fibre strain in the tension law.
     mesh_fibre_strain
-        Largest magnitude of the fibre strain at the fine points, most of which no law
-        sees: a measure of the mesh, not of what fibres carry.
+        Largest magnitude of the fibre strain at the fine points, most of which do not
+        enter a law: a measure of element distortion, not of fibre load.
     work
-        Work of reactions and loads since the state before in N·mm (trapezoidal rule).
+        Work of reactions and loads since the previous state in N·mm (trapezoidal rule).
     """
 
     negative_pivots: int | None
@@ -108,15 +109,15 @@ class Verdict:
 
     @property
     def stable(self) -> bool:
-        """Whether every small motion costs energy."""
+        """True if the consistent tangent is positive definite."""
         return self.negative_pivots == 0
 
 
 class Iteration(NamedTuple):
-    """An iteration on the way to a load factor, as ``on_iteration`` is given it.
+    """Information passed to ``on_iteration``: one iteration towards a load factor.
 
-    ``step`` is the length of the step, ``residual`` the largest free nodal force in N,
-    which must fall below ``tolerance``.
+    ``step`` is the step length, ``residual`` the largest free nodal force in N, which
+    must fall below ``tolerance``.
     """
 
     load_factor: float
@@ -135,7 +136,7 @@ class Iteration(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A converged state.
+    """Converged state.
 
     Attributes
     ----------
@@ -145,29 +146,29 @@ class State:
     u
         Displacement, DOF vector of the ply's basis.
     reactions
-        Force of the support on the ply in N, shape (d,), by condition: the sum
-        over its nodes of the internal forces less the loads.
+        Force of the support on the ply in N, shape (d,), by condition: the internal
+        forces less the loads, summed over its nodes.
     displacements
         Mean displacement of the nodes of the condition in mm, shape (d,), by condition.
     energies
         Energy in N·mm by term, without loads.
     linear_solves
-        Linear solves since the state before, abandoned attempts included.
+        Linear solves since the previous state, including abandoned attempts.
     residuals
         Largest free nodal force in N after each iteration of the last attempt.
     tolerance
-        Force in N that the last of them had to fall below.
+        Tolerance in N of the last residual.
     verdict
-        Stability, folding, strain and work of the state.
+        Stability, smallest det F, strains and work of the state.
     potentials
         Potential of each load in N·mm.
     shares
-        Shares of ``stabilisation`` and ``deviation``, from 0 to 1, in each whole:
-        ``energy``, ``work`` and, for each condition, ``CONDITION_reaction``.
+        Shares of ``stabilisation`` and ``deviation``, from 0 to 1, in ``energy``,
+        ``work`` and, for each condition, ``CONDITION_reaction``.
     parameters
-        Parameters of the ply's terms with which the forces balance, such as stiffnesses
-        of the discretisation: an immutable mapping, see `Ply.parameters_at_rest`.
-        ``ply.residual(state.u, state.load_factor, state.parameters)`` has these forces.
+        Parameters of the terms at which the forces balance, such as stabilisation
+        stiffnesses: an immutable mapping, see `Ply.parameters_at_rest`.  The forces are
+        ``ply.residual(state.u, state.load_factor, state.parameters)``.
     """
 
     load_factor: float
@@ -190,17 +191,17 @@ class State:
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """An estimated error of a state, or why there is none.
+    """Estimated discretisation error of a state, or the reason why there is none.
 
     Attributes
     ----------
     load
-        As a share of the load: of the force of the conditions that move along their
-        motion, and of the work of loads.  None if there is none.
+        Relative error of the load: of the force of moving conditions along their
+        motion, and of the work of loads.  None if not available.
     shear_angle
-        Root of the mean square over the ply, in radians; None if there is none.
+        Root mean square over the ply, in radians; None if not available.
     reason
-        Why there is none, or none of a load; else empty.
+        Reason why the estimate, or that of the load, is not available; else empty.
     """
 
     load: float | None = None

@@ -1,4 +1,4 @@
-"""Load stepper: a growing load, and a checked state at the end of each step."""
+"""Load stepper: incremental loading with a checked state after each step."""
 
 import logging
 import os
@@ -37,55 +37,56 @@ log = logging.getLogger(__name__)
 #: Checks that only warn by default.
 DEFAULT_WARN_ONLY = "work", "stabilisation", "deviation", "corners", "surface"
 
-# More equal steps than this are taken for a slip.
+# Largest accepted number of equal steps; more are taken for a slip.
 _MOST_STEPS = 1_000_000
 
-# A load factor near 1 has 53 binary digits, and 20 of them are for the steps.
+# A load factor near 1 has 53 binary digits, of which 20 are for the steps.
 _MOST_HALVINGS = 30
 
 _NOTHING_DRIVES = (
-    "nothing will move: no condition prescribes a displacement other than zero, and "
-    "there is no load; look at the displacements of the conditions"
+    "no motion: no condition prescribes a nonzero displacement, and there is no load; "
+    "check the displacements of the conditions"
 )
 
 
 class LoadStepper:
-    """Load a ply, in steps that shrink where they fail and grow where they are easy.
+    """Load a ply incrementally, with adaptive step lengths.
 
-    A converged state is checked: if it is folded, torn or not stable, it is refused.  A
-    step that fails is halved.
+    Each converged state is checked: a state with folded elements, excessive fibre
+    strain or an unstable tangent is refused.  A step that fails is halved.
 
     Parameters
     ----------
     ply
-        The ply to load.
+        The ply.
     conditions
         Displacement conditions by name.
     steps
         Number of equal steps to the load factor 1.  The run has a state at the end of
-        each, and in between where a step had to be halved.
+        each step, and additional ones where a step was halved.
     method
         Nonlinear solver: `Newton`, `PlainNewton` or the name of one, ``newton`` or
         ``plain``.
     max_halvings
-        How often a step may be halved before the run stops.
+        Maximum number of halvings of a step before the run stops.
     warn_only
-        Checks of `CHECKS` that do not refuse a state but only warn.
+        Checks of `CHECKS` that warn instead of refusing a state.
     on_iteration, on_step
-        Called with each `Iteration` and with each converged `State`.
+        Callbacks for each `Iteration` and each converged `State`.
     checkpoint
-        A folder to which every converged state is written.
+        Folder to which every converged state is written.
     solver
         Linear solver: ``superlu``, ``cholmod`` (needs cvxopt), ``pardiso`` (needs
-        pypardiso), or ``auto`` for the fastest that is installed, which large systems
-        measure once in a process.
+        pypardiso), or ``auto`` for the fastest installed one, which is measured once
+        per process for large systems.
 
     Raises
     ------
     ValueError
-        If a condition is not valid at some load factor, ``steps`` is no whole number
-        from 1 to a million, ``max_halvings`` none from 0 to 30, a method or check
-        unknown, the solver unknown or not installed, or something is of another kind.
+        If a condition is not valid at some load factor, ``steps`` is not a whole number
+        from 1 to a million, ``max_halvings`` not one from 0 to 30, a method or check is
+        unknown, the solver is unknown or not installed, or an argument has the wrong
+        type.
 
     Examples
     --------
@@ -138,7 +139,7 @@ class LoadStepper:
         )
         self.max_halvings = max_halvings
         self.on_iteration, self.on_step = on_iteration, on_step
-        # What the states depend on beyond the problem.
+        # Settings, besides the problem, on which the states depend.
         settings = {
             "steps": len(self.load_factors),
             "method": repr(self.search.method),
@@ -160,19 +161,19 @@ class LoadStepper:
         Parameters
         ----------
         resume
-            Go on from the last state in the checkpoint, if it holds one.
+            Continue from the last state in the checkpoint, if there is one.
 
         Raises
         ------
         StepError
-            If a step fails however often it is halved, a condition has no valid value
-            at some load factor, or a checkpoint cannot be written.
+            If a step fails after the maximum number of halvings, a condition has no
+            valid value at some load factor, or a checkpoint cannot be written.
         CheckpointError
-            If the checkpoint is damaged, or of another run.
+            If the checkpoint is damaged or belongs to another run.
         ValueError
             If there is no checkpoint to resume from, or a law is not finite at rest.
         UserError
-            If a function of the user raises anything but ValueError before there is a
+            If a user's function raises any exception except ValueError before the first
             state.
         """
         if resume and not self.checkpoint:
@@ -182,12 +183,12 @@ class LoadStepper:
 
     @property
     def states(self) -> tuple[State, ...]:
-        """The states so far; none before a run."""
+        """States so far; none before a run."""
         return tuple(self._run.states)
 
     @property
     def result(self) -> Result:
-        """The result so far; after an interruption, with every state before it.
+        """Result so far; after an interruption it contains every previous state.
 
         Raises
         ------
@@ -203,10 +204,10 @@ class LoadStepper:
 
 
 class Run:
-    """A run of a load stepper, called once: from rest, or the end of its checkpoint.
+    """One run of a load stepper, from rest or from the end of its checkpoint.
 
-    It has the converged ``states`` so far, and in ``continuation`` the length of the
-    steps and the load path.
+    Holds the converged ``states`` so far and, in ``continuation``, the step length and
+    the load path.
     """
 
     def __init__(self, stepper: LoadStepper) -> None:
@@ -250,7 +251,7 @@ class Run:
 
     @property
     def result(self) -> Result:
-        """The result so far; see `LoadStepper.result`."""
+        """Result so far; see `LoadStepper.result`."""
         if not self.states:
             raise RuntimeError("the load stepper has not been run")
         stepper, clock = self._stepper, self.problem.clock
@@ -272,7 +273,7 @@ class Run:
         )
 
     def _resume(self) -> bool:
-        """Start from the end of the checkpoint; False where it holds no state."""
+        """Start from the end of the checkpoint; False if it holds no state."""
         problem, checkpoint = self.problem, self._stepper.checkpoint
         replay = Replay(problem)
         if checkpoint is None or not (saved := checkpoint.load(replay)):
@@ -282,27 +283,29 @@ class Run:
         tangent = tangent_at(replay.last.problem, end.u, end.parameters)
         replay.last.equilibrium = end._replace(tangent=tangent)
         self._start = replay.last.next_start()
-        # It holds the time of that tangent already.
+        # The checkpoint already includes the time of that tangent.
         problem.clock = replay.last.problem.clock = saved.progress.clock
         self._began -= saved.progress.elapsed
         log.info("resumed at load factor %g", self.states[-1].load_factor)
         return True
 
     def _begin(self, nothing_to_resume: bool) -> None:
-        """Start from the ply at rest, balanced and held by the conditions.
+        """Start from the ply at rest, in equilibrium and with the conditions applied.
 
-        A ply at rest may have motions without stiffness, but none that gains energy.
+        A ply at rest may have singular modes, but no negative ones.
         """
         problem, checkpoint = self.problem, self._stepper.checkpoint
         ply = problem.ply
         u, p = ply.basis.zeros(), ply.parameters_at_rest
         f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
         if not np.isfinite([*f, *energies.values(), *potentials.values()]).all():
-            raise ValueError("a law has no finite energy or force at rest: mend it")
+            raise ValueError("a law has no finite energy or force at rest: correct it")
         if checkpoint:
             checkpoint.begin()
         if nothing_to_resume:
-            log.warning("nothing to resume: the run starts from the undeformed ply")
+            log.warning(
+                "no state to resume from: the run starts from the undeformed ply"
+            )
         tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
         undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
@@ -336,7 +339,7 @@ class Run:
         )
         try:
             values = problem.constraints.fixed_values(t)
-            # The factors of loads are functions of the user.
+            # The factors of loads are user functions.
             problem.at(t).load(start.u, start.parameters)
         except ValueError as error:
             raise StepError.after(error, self.result) from None
@@ -357,7 +360,7 @@ class Run:
             log.info("step to %g was hard, taken again as two", t)
 
     def _depends_on_steps(self, state: State) -> bool:
-        """Whether energies depend on the number of steps, however short these are."""
+        """True if energies depend on the number of steps, however short these are."""
         now, before = (s.energies | s.potentials for s in (state, self.states[-1]))
         return any(
             term.parameters is not None
@@ -396,7 +399,7 @@ def _check_arguments(
     warn_only: Any,
     callbacks: Mapping[str, Callable | None],
 ) -> None:
-    """Refuse arguments that `LoadStepper` cannot use, with what is wrong with them."""
+    """Refuse invalid arguments of `LoadStepper`."""
     if isinstance(ply, type) or not hasattr(ply, "stiffness"):
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
     if not _is_whole(steps, 1, _MOST_STEPS):
@@ -410,14 +413,14 @@ def _check_arguments(
             f"{max_halvings!r}"
         )
     known = ", ".join(CHECKS)
-    # A bare name is a collection too, of its letters.
+    # A bare string is also a collection, of its letters.
     if isinstance(warn_only, str) or not isinstance(warn_only, Collection):
         raise ValueError(
             f"checks in warn_only must be given as a list, of {known}; got "
             f"{warn_only!r}"
         )
     for name in warn_only:
-        if name not in [*CHECKS]:  # names may be of any type, even unhashable
+        if name not in [*CHECKS]:  # names may have any type, even an unhashable one
             raise ValueError(f"unknown check {name!r}: choose of {known}")
     for name, function in callbacks.items():
         if function is not None and not callable(function):

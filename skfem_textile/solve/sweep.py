@@ -1,7 +1,7 @@
-"""Parameter studies: a function of many cases, on any executor.
+"""Parameter studies: evaluate a function for many cases, on any executor.
 
-Results are yielded as soon as they are known, and kept on file if a file is named.  A
-case is run again if it fails or its worker dies.
+Results are yielded as they complete, and appended to a file if one is named.  A case is
+repeated if it fails or its worker dies.
 """
 
 import json
@@ -35,32 +35,32 @@ Result = TypeVar("Result")
 
 log = logging.getLogger(__name__)
 
-# Most cases that an executor has at a time.  Chosen: more than a cluster is likely to
+# Maximum number of cases submitted at a time.  Chosen: more than a cluster is likely to
 # have workers, and few enough to hold in memory.
 _MAX_PENDING = 4096
 
 _THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 
-# How every line begins, and the names of its entries in order.
+# Beginning of every line, and the names of its entries in order.
 _LINE_START = b'{"case": '
 _ENTRIES = ["case", "found", "digest"]
 
-# Number of lines, or of cases, that a message lists.
+# Maximum number of lines, or of cases, listed in a message.
 _LISTED = 5
 
-_FOREIGN = "{} is not what a sweep wrote: remove it or name another file"
+_FOREIGN = "{} was not written by a sweep: remove it or name another file"
 
-# A fork would share threads and locks of the libraries that the caller has loaded.
+# A fork would share threads and locks of libraries loaded by the caller.
 _SPAWN = get_context("spawn")
 
 
 class SweepError(RuntimeError):
-    """Cases of a sweep have failed; the results of the others are not lost.
+    """Some cases of a sweep failed; the results of the others are kept.
 
     Attributes
     ----------
     failed
-        Cases that failed, each with its last error.
+        Failed cases, each with its last error.
     """
 
     def __init__(self, message: str, failed: list[tuple[Any, Exception]]) -> None:
@@ -77,41 +77,42 @@ def sweep(
     key: Callable[[Case], str] = repr,
     retries: int = 1,
 ) -> Iterator[tuple[Case, Result]]:
-    """Yield every case with the function's result, as soon as it is known.
+    """Yield every case with the result of the function, as soon as it completes.
 
     Linear algebra uses one thread in each call, and in the caller until the end, so
-    that they do not compete for the processors.  At most 4096 cases are taken from
+    that calls do not compete for processors.  At most 4096 cases are taken from
     ``cases`` ahead of their results.
 
     Parameters
     ----------
     function
-        Function of a case.  On processes it and the cases must be picklable.
+        Function of a case.  With processes, it and the cases must be picklable.
     cases
-        The cases; their number has no limit.
+        The cases; their number is unlimited.
     executor
-        `WorkerProcesses`, the executor of a dask client, or any other one.
+        `WorkerProcesses`, the executor of a dask client, or any other executor.
     out
         File to which every result is appended at once, as a line of JSON with a digest.
-        Cases in the file are not run again, so that a sweep resumes where it was
-        interrupted.  Lines that were changed are not used, and a warning lists them.
-        Results are yielded as JSON reads them back: numbers, text, lists and dicts.
+        Cases in the file are skipped, so that an interrupted sweep resumes.  Modified
+        lines are ignored, and a warning lists them.  Results are yielded as decoded
+        from JSON: numbers, text, lists and dicts.
     key
-        Name of a case in ``out`` and in messages, the same in every run.
+        Function that names a case in ``out`` and in messages, the same in every run.
     retries
-        Number of times that a case that fails is run again.
+        Number of repetitions of a failed case.
 
     Raises
     ------
     SweepError
-        At the end, if cases have failed.  If the executor itself breaks, no further
-        case begins.
+        At the end, if cases failed.  If the executor itself breaks, no further case is
+        started.
     ValueError
-        If ``out`` is no file of a sweep, or two cases have the same name.
+        If ``out`` was not written by a sweep, or two cases have the same name.
     BlockingIOError
         If another sweep writes to ``out``.
     OSError
-        If a result cannot be written, as on a full disk.  What ``out`` holds remains.
+        If a result cannot be written, as on a full disk.  The content of ``out`` is
+        kept.
     TypeError
         If a result cannot be written as JSON.
     """
@@ -119,9 +120,9 @@ def sweep(
 
     file = None if out is None else ResultsFile(Path(out))
     calls = _Calls(function, executor, key, retries, file)
-    # Workers load the libraries before their first call.  Variables such as
-    # OMP_NUM_THREADS would come too late, threadpoolctl does not.  If the workers are
-    # threads of this process, only the caller knows when to lift the limit.
+    # Workers load the libraries before their first call: too late for variables such as
+    # OMP_NUM_THREADS, but not for threadpoolctl.  If the workers are threads of this
+    # process, only the caller can lift the limit.
     with threadpool_limits(1), closing(calls), closing(file) if file else nullcontext():
         for case in cases:
             if file and file.check_name(name := key(case)) in file.earlier:
@@ -137,11 +138,10 @@ def sweep(
 
 
 class ResultsFile:
-    """A file with a line of JSON for every case that has a result, each with a digest.
+    """File with one line of JSON per completed case, each with a digest.
 
-    The file is locked.  It is changed only if it is new or holds a line that a sweep
-    wrote.  ``earlier`` are the results that an earlier sweep left there, by the names
-    of their cases.
+    The file is locked.  It is modified only if it is new or contains a line written by
+    a sweep.  ``earlier`` are the results of an earlier sweep, by case name.
     """
 
     def __init__(self, path: Path) -> None:
@@ -161,21 +161,21 @@ class ResultsFile:
         self._lock.release()
 
     def _read(self) -> dict[str, Any]:
-        """Read the results; a warning lists the lines that are not used."""
+        """Read the results; a warning lists the ignored lines."""
         content = self._path.read_bytes()
         *lines, unfinished = content.split(b"\n")
         entries = [_entry(line) for line in lines]
         if content and not any(entries):
             raise ValueError(_FOREIGN.format(self._path))
         if _LINE_START.startswith(unfinished[: len(_LINE_START)]):
-            # A sweep died while it wrote; if the last line is whole this cuts nothing.
+            # A sweep was killed while writing; a complete last line is kept.
             os.truncate(self._path, len(content) - len(unfinished))
         else:
             with open(self._path, "ab") as file:
                 file.write(b"\n")
         if unfinished:
             entries.append(None)
-        # Several results of a case count as none, unless they are equal.
+        # Differing results of one case are ignored.
         count = Counter(case for case, _ in set(filter(None, entries)))
         used = {i: e for i, e in enumerate(entries, 1) if e and count[e[0]] == 1}
         unused = [str(i) for i in range(1, len(entries) + 1) if i not in used]
@@ -189,7 +189,7 @@ class ResultsFile:
         return {case: json.loads(result) for case, result in used.values()}
 
     def check_name(self, name: str) -> str:
-        """The name; refuses one that another case has, or that changes between runs."""
+        """Name of a case; refused if another case has it or it differs between runs."""
         if name in self._names:
             raise ValueError(f"two cases are named {name}: give a key that tells them")
         if " at 0x" in name:
@@ -198,9 +198,10 @@ class ResultsFile:
         return name
 
     def add(self, name: str, result: Any) -> Any:
-        """Write a result; return what a later sweep will read.
+        """Write a result; returns the value that a later sweep reads.
 
-        An OSError if it cannot be written, a TypeError if JSON cannot hold it.
+        Raises an OSError if it cannot be written and a TypeError if it is not
+        serialisable.
         """
         result_text = json.dumps(result, ensure_ascii=False, default=_as_json)
         name_text = json.dumps(name, ensure_ascii=False)
@@ -211,13 +212,13 @@ class ResultsFile:
         except OSError as error:
             raise OSError(
                 f"cannot write results to {self._path}: {error.strerror or error}; "
-                "what it holds remains, and a sweep goes on from there"
+                "its content is kept, and a sweep resumes from it"
             ) from None
         return json.loads(result_text)
 
 
 def _entry(line: bytes) -> tuple[str, str] | None:
-    """Name and result, as JSON, of a line; None if no sweep wrote the line."""
+    """Name and result, as JSON, of a line; None if it was not written by a sweep."""
     start, digest, end = line[:-18], line[-18:-2], line[-2:]
     if end != b'"}' or digest != _digest(start):
         return None
@@ -236,7 +237,7 @@ def _digest(start: bytes) -> bytes:
 
 
 def _as_json(array: Any) -> Any:
-    """Arrays and numbers of numpy as lists and numbers."""
+    """NumPy arrays and numbers as lists and numbers."""
     try:
         return array.tolist()
     except AttributeError:
@@ -247,14 +248,14 @@ def _as_json(array: Any) -> Any:
 
 
 def _shortened(items: list[str], separator: str) -> str:
-    """The first items on one line, and the number of the others."""
+    """First items on one line, and the number of the others."""
     more = [f"and {len(items) - _LISTED} more"] if items[_LISTED:] else []
     return separator.join(items[:_LISTED] + more)
 
 
 @dataclass
 class _Calls(Generic[Case, Result]):
-    """The pending calls of an executor, and the cases that failed in every attempt."""
+    """Pending calls of an executor, and the cases that failed in every attempt."""
 
     function: Callable[[Case], Result]
     executor: Executor
@@ -267,7 +268,7 @@ class _Calls(Generic[Case, Result]):
     is_broken: bool = False
 
     def submit(self, case: Case, attempt: int = 0) -> None:
-        """Give a case to the executor."""
+        """Submit a case to the executor."""
         try:
             future = self.executor.submit(_call, self.function, case, attempt)
         except BrokenExecutor as error:
@@ -296,7 +297,7 @@ class _Calls(Generic[Case, Result]):
                 yield case, result
 
     def error(self) -> SweepError:
-        """An error that lists the failed cases in one line."""
+        """Error that lists the failed cases on one line."""
         listed = [f"{self.key(case)}: {_one_line(e)}" for case, e in self.failed]
         message = f"{len(listed)} case(s) failed: {_shortened(listed, '; ')}"
         if self.is_broken:
@@ -308,7 +309,7 @@ class _Calls(Generic[Case, Result]):
         return SweepError(message, self.failed)
 
     def close(self) -> None:
-        """Cancel the calls that have not begun."""
+        """Cancel the calls that have not started."""
         for future in self.pending:
             future.cancel()
 
@@ -320,10 +321,10 @@ def _one_line(error: Exception) -> str:
 def _call(function: Callable[[Case], Result], case: Case, attempt: int) -> Result:
     """Call the function with a case.
 
-    The number of the attempt makes each call different: dask would answer an equal call
+    The number of the attempt makes each call unique: dask would answer an equal call
     with the error of the first.  A worker keeps the limit of one thread, because no
-    call knows when the last one ends.  An error that cannot be pickled, such as
-    `StepError`, would break some executors and is replaced.
+    call can determine when the last one ends.  An exception that cannot be pickled,
+    such as `StepError`, would break some executors and is replaced.
     """
     from threadpoolctl import threadpool_limits
 
@@ -341,12 +342,12 @@ def _call(function: Callable[[Case], Result], case: Case, attempt: int) -> Resul
 
 
 class WorkerProcesses(ThreadPoolExecutor):
-    """Threads that pass their calls on to pools of one process each.
+    """Executor with threads that delegate their calls to pools of one process each.
 
-    A process that dies fails its own call with `BrokenExecutor`, and another process
-    takes its place.  A ``with`` block that ends with an error ends the processes at
-    once.  The processes ignore Ctrl-C, which the caller handles, and end when the
-    caller dies.  A script that uses them needs ``if __name__ == "__main__"``.
+    If a process dies, its call fails with `BrokenExecutor`, and a new process replaces
+    it.  A ``with`` block that ends with an error ends the processes at once.  The
+    processes ignore Ctrl-C, which the caller handles, and end when the caller dies.
+    Scripts need ``if __name__ == "__main__"``.
 
     Parameters
     ----------
@@ -375,14 +376,14 @@ class WorkerProcesses(ThreadPoolExecutor):
         try:
             return pool.submit(function, *args, **kwargs).result()
         except BrokenExecutor:
-            pool.shutdown()  # waits until the process has ended
+            pool.shutdown()  # waits for the end of the process
             pool = self._new_pool()
             raise
         finally:
             self._idle_pools.put(pool)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Take no more calls; wait for the pending ones, or cancel them."""
+        """Accept no more calls; wait for the pending ones, or cancel them."""
         super().shutdown(wait, cancel_futures=cancel_futures)
         while wait and not self._idle_pools.empty():
             self._idle_pools.get().shutdown()
@@ -395,7 +396,7 @@ class WorkerProcesses(ThreadPoolExecutor):
 
 
 def _block_interrupts() -> None:
-    """Block Ctrl-C in processes that this thread starts, from their first import on."""
+    """Block Ctrl-C in processes started by this thread, from their first import on."""
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
 

@@ -1,14 +1,14 @@
-"""Acceptance checks of an equilibrium, and the state that it becomes.
+"""Acceptance checks of a converged equilibrium.
 
-An iteration that balances the forces may have found a saddle point of the energy,
-folded elements, or an equilibrium that the load does not lead to.
+A converged iteration may have found a saddle point of the energy, folded elements, or
+an equilibrium off the load path.
 
-A stabilisation and deviations from the mean stretch are of the discretisation and not
-of the fabric.  They have shares of the energy, of the work of reactions and loads in
-the motion of a step, and of the nodal forces that make up a reaction.  The force that
-drives an edge is the rate of the energy: the share of the work is the share of that
-force, wherever in the ply it is carried.  Nodal forces depend on the elements along the
-edge alone.
+Stabilisation and deviations from the mean stretch belong to the discretisation, not to
+the fabric.  Their shares are computed in the energy, in the work of reactions and loads
+during a step, and in the nodal forces that make up a reaction.  The force that drives
+an edge is the derivative of the energy: the share of the work is the share of that
+force, wherever in the ply it arises.  Nodal forces depend only on the elements along
+the edge.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -25,7 +25,7 @@ from .conditions import turned
 from .problem import Problem, Start
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
 
-#: Names of the checks, the cheap ones first.
+#: Names of the checks, cheap ones first.
 CHECKS = (
     *("folding", "crease", "strain", "stability", "work"),
     *("stabilisation", "deviation", "corners", "surface"),
@@ -33,53 +33,54 @@ CHECKS = (
 
 _STIFFER = "more steps, or a larger stabilisation"
 
-# Share of the energy that the trapezoidal rule may miss before a step stands out.  A
-# smaller share marks coarse steps that end right; a larger one passes over jumps.
+# Relative energy error of the trapezoidal rule above which a step is reported.  A
+# smaller value reports coarse steps that end correctly; a larger one misses jumps.
 _MISSED_WORK = 0.01
 
-# Of the energies of two states, what round-off leaves of their difference.
+# Relative round-off of the difference of two energies.
 _ROUND_OFF = 64 * 2.0**-53
 
-# Roles of `Ply.parts` that are of the discretisation, and how a warning begins.
+# Roles of `Ply.parts` that belong to the discretisation, and their names in warnings.
 _ROLES = {
-    "stabilisation": "the stabilisation carries",
-    "deviation": "deviations from the mean stretch carry",
+    "stabilisation": "the stabilisation contributes",
+    "deviation": "deviations from the mean stretch contribute",
 }
 
-# Shares that pass without a warning, of energy and work and of the nodal forces of a
-# reaction.  Measured by `pytest tests/solve/test_shares.py`: ordinary runs stay below
-# both, and with a tenth of the energy the load is more than a tenth too large.
+# Limits of the shares of energy and work, and of the nodal forces of a reaction, above
+# which there is a warning.  Measured by `pytest tests/solve/test_shares.py`: ordinary
+# runs stay below both, and at a tenth of the energy the load is more than a tenth too
+# large.
 _MOST, _MOST_OF_REACTION = {"energy": 0.1, "work": 0.1}, 0.25
 
-# Smallest whole of which there are shares.
+# Smallest total for which shares are computed.
 _TINY = 1e-300
 
-# Share of the energy that corners which resist may hold unremarked.  A smaller share
-# warns of corners that change no figure; a larger one hides corners that do.
+# Energy share of the corner resistance above which there is a warning.  A smaller limit
+# warns of corners that change no result; a larger one misses corners that do.
 _CORNER_SHARE = 0.01
 
-# Gap between an element and its surface, over its longest edge, from which a mesh does
-# not follow the surface: of an arc that turns by a radian, or of a square on a sphere
-# with sides of half the radius.  Measured: at a fillet with the radius of an element it
-# is 0.13 to 0.15, with twice that radius 0.08 to 0.09
-# (`pytest tests/drape/test_between_nodes.py`).
+# Gap between an element and its surface, relative to its longest edge, above which the
+# mesh does not resolve the surface: that of an arc of one radian, or of a square on a
+# sphere with sides of half the radius.  Measured: at a fillet with the radius of an
+# element it is 0.13 to 0.15, with twice that radius 0.08 to 0.09 (`pytest
+# tests/drape/test_between_nodes.py`).
 _GAP = 0.125
 
 
 @dataclass(eq=False)
 class Trial:
-    """An equilibrium to be checked.
+    """Equilibrium to be checked.
 
     Attributes
     ----------
     problem, equilibrium
-        The problem of a ply, and the equilibrium.
+        Problem and equilibrium.
     start
-        The last good state; None for a state before the load.
+        Last accepted state; None for a state before loading.
     energies, potentials
         Energy of the equilibrium in N·mm by term, and potentials of the loads.
     warnings
-        Messages of the checks that failed and only warn, by their names.
+        Messages of failed checks that only warn, by name.
     """
 
     problem: Problem
@@ -93,7 +94,7 @@ class Trial:
     def of(
         cls, problem: Problem, equilibrium: Equilibrium, start: Start | None
     ) -> "Trial":
-        """The trial of an equilibrium, whose parameters the last good state takes."""
+        """Trial of an equilibrium, with the parameters of the last accepted state."""
         u, p = equilibrium.u, equilibrium.parameters
         energies, potentials = problem.energies(u, p)
         if start and not all(p[k].same_as(own) for k, own in start.parameters.items()):
@@ -115,7 +116,7 @@ class Trial:
     def works(self) -> tuple[float, float]:
         """Work in N·mm of the internal forces at either end of the step in its motion.
 
-        They balance reactions and loads.
+        The internal forces balance reactions and loads.
         """
         start, end = self.start, self.equilibrium
         if start is None:
@@ -126,10 +127,10 @@ class Trial:
 
     @cached_property
     def shares(self) -> dict[str, dict[str, float]]:
-        """Shares of stabilisation and deviations, from 0 to 1, as `State.shares`.
+        """Shares of stabilisation and deviations, from 0 to 1, see `State.shares`.
 
-        A whole is the sum of the magnitudes of its parts, of a reaction at each of its
-        nodes; at least what the tolerance of the equilibrium may have made.
+        A total is the sum of the magnitudes of its parts, for a reaction at each of its
+        nodes; it is at least the error due to the tolerance of the equilibrium.
         """
         problem, (u, _, parameters, *_) = self.problem, self.equilibrium
         place = u, problem.load_factor, parameters
@@ -157,10 +158,10 @@ class Trial:
         return shares
 
     def apply_checks(self, warn_only: Collection[str]) -> None:
-        """Apply every check; failures of those in ``warn_only`` become ``warnings``.
+        """Apply all checks; failures of those in ``warn_only`` become ``warnings``.
 
-        An error if an energy is not finite, a law is asked beyond its domain, or
-        another check fails.
+        Raises an error if an energy is not finite, a law is evaluated beyond its
+        domain, or another check fails.
         """
         for name, energy in (*self.energies.items(), *self.potentials.items()):
             if not np.isfinite(energy):
@@ -171,9 +172,9 @@ class Trial:
         if not self.problem.in_domain(self.equilibrium.u, self.equilibrium.parameters):
             end = self.problem.ply.closest_end(self.equilibrium.u)
             raise NoEquilibriumError(
-                "a law is asked beyond its domain" + (f": {end}" if end else ""),
+                "a law is evaluated beyond its domain" + (f": {end}" if end else ""),
                 end.elements if end else (),
-                "a smaller load, or a law that holds there",
+                "a smaller load, or a law that is defined there",
                 end.quantity if end else "",
             )
         checks = _element_checks, _energy_checks, _discretisation_checks, _surface_check
@@ -183,7 +184,7 @@ class Trial:
             self.warnings[name] = str(failure)
 
     def next_start(self) -> Start:
-        """The equilibrium as the start of a step, its parameters advanced."""
+        """The equilibrium as the start of a step, with advanced parameters."""
         problem, (u, f, parameters, *_) = self.problem, self.equilibrium
         t = problem.load_factor
         advanced = problem.ply.advanced(parameters, u, t)
@@ -193,10 +194,10 @@ class Trial:
         return Start(t, u, f, load, self.energies, parameters, tangent)
 
     def state(self, linear_solves: int) -> State:
-        """The state, after a number of linear solves since the state before."""
+        """The state, after a number of linear solves since the previous one."""
         problem, equilibrium = self.problem, self.equilibrium
         ply, u, tangent = problem.ply, equilibrium.u, equilibrium.tangent
-        u.flags.writeable = False  # the run goes on from it
+        u.flags.writeable = False  # the run continues from it
         mesh_strain = ply.fibre_strain(u, ply.fine_points)
         moved, nodes = problem.nodal(u), problem.constraints.nodes.items()
         return State(
@@ -226,7 +227,7 @@ _Failures: TypeAlias = Iterator[tuple[str, NoEquilibriumError]]
 
 
 def _element_checks(trial: Trial) -> _Failures:
-    """Elements that are folded, creased against a neighbour, or torn."""
+    """Folded elements, creases between neighbours, and excessive fibre strain."""
     ply, u, ratio = trial.problem.ply, trial.equilibrium.u, trial.area_ratio
     folded = np.flatnonzero(~(ratio > 0))
     if folded.size:
@@ -239,8 +240,8 @@ def _element_checks(trial: Trial) -> _Failures:
     creased = ply.creased(u)
     if creased.size:
         error = NoEquilibriumError(
-            f"{creased.size} element(s) turn by more than a right angle against a "
-            "neighbour, a crease that no mesh resolves",
+            f"{creased.size} element(s) are inclined by more than a right angle to a "
+            "neighbour, a crease that the mesh cannot resolve",
             creased,
             advice="a finer mesh, or a smaller load",
         )
@@ -250,8 +251,8 @@ def _element_checks(trial: Trial) -> _Failures:
         strain = np.abs(ply.fibre_strain(u, ply.fine_points)[:, torn])
         warp, weft = strain.max(axis=(1, 2))
         error = NoEquilibriumError(
-            f"fibre strain up to {strain.max():.2g} in {torn.size} element(s), past "
-            "the largest force of a fibre",
+            f"fibre strain up to {strain.max():.2g} in {torn.size} element(s), beyond "
+            "the maximum of the fibre force",
             torn,
             "a smaller load",
             "weft_strain" if weft > warp else "warp_strain",
@@ -260,21 +261,21 @@ def _element_checks(trial: Trial) -> _Failures:
 
 
 def _energy_checks(trial: Trial) -> _Failures:
-    """Stability, and whether the energy rises by the work done in the step.
+    """Stability, and agreement of the energy with the work done in the step.
 
-    The work is of the motion alone, the load factor held: the energy may change with
-    the load factor too.
+    The work is that of the motion alone, at a fixed load factor, because the energy may
+    also change with the load factor.
     """
     problem, tangent, start = trial.problem, trial.equilibrium.tangent, trial.start
     if tangent is None or tangent.negative_pivots is None:
         error = NoEquilibriumError(
-            "an equilibrium, but some motion meets no stiffness", advice=_STIFFER
+            "singular tangent at the equilibrium: a mechanism is present",
+            advice=_STIFFER,
         )
         yield "stability", error
     elif tangent.negative_pivots:
         error = NoEquilibriumError(
-            f"an equilibrium, but not stable: {tangent.negative_pivots} negative "
-            "pivot(s)",
+            f"unstable equilibrium: {tangent.negative_pivots} negative pivot(s)",
             problem.around(tangent.softest()),
             advice=_STIFFER,
         )
@@ -295,20 +296,19 @@ def _energy_checks(trial: Trial) -> _Failures:
     margin += _ROUND_OFF * sum(map(abs, stored))
     if not low - margin <= rise <= high + margin:
         error = NoEquilibriumError(
-            f"the energy changed by {rise:.3g} N·mm, where the forces at the "
-            f"two ends of the step do {low:.3g} to {high:.3g}: the step is long, or "
+            f"the energy changed by {rise:.3g} N·mm, but the work of the forces at "
+            f"the ends of the step is {low:.3g} to {high:.3g}: the step is long, or "
             "the ply went over to another equilibrium"
         )
         yield "work", error
 
 
 def _discretisation_checks(trial: Trial) -> _Failures:
-    """Parts of the discretisation that carry too much, and corners that resist."""
+    """Shares of stabilisation and deviations, and resistance of corners."""
     cure = (
-        "take a finer mesh; if you gave the stabilisation as a number, give a smaller "
-        "one"
+        "refine the mesh; if the stabilisation is given as a number, reduce it"
         if "shear" in trial.energies
-        else "the fabric has no shear stiffness, give it one"
+        else "the fabric has no shear stiffness, specify one"
     )
     supports = _point_supports(trial.problem, trial.equilibrium.u)
     for role, beginning in _ROLES.items():
@@ -318,14 +318,14 @@ def _discretisation_checks(trial: Trial) -> _Failures:
     whole = abs(sum(trial.energies.values()))
     if held > _CORNER_SHARE * whole:
         error = NoEquilibriumError(
-            f"corners that resist before they close hold {held / whole:.0%} of the "
-            "energy: the mesh is coarse there, or the stabilisation small"
+            f"the corner resistance holds {held / whole:.0%} of the energy: the mesh "
+            "is too coarse there, or the stabilisation too small"
         )
         yield "corners", error
 
 
 def _surface_check(trial: Trial) -> _Failures:
-    """Elements that leave their surface between nodes."""
+    """Elements that deviate from their surface between nodes."""
     problem, basis = trial.problem, trial.problem.ply.basis
     if problem.surfaces is None:
         return
@@ -341,19 +341,19 @@ def _surface_check(trial: Trial) -> _Failures:
         worst = off[found.share[off].argmax()]
         place = ", ".join(f"{x:.3g}" for x in found.place[:, worst])
         error = NoEquilibriumError(
-            f"{off.size} element(s), {share:.2g} % of the area, leave their surface "
-            f"between nodes, by {found.gap[worst]:.2g} mm at ({place}): they are "
-            "large against its radius there; take a finer mesh there",
+            f"{off.size} element(s), {share:.2g} % of the area, deviate from their "
+            f"surface between nodes, by {found.gap[worst]:.2g} mm at ({place}): they "
+            "are large compared with its radius there; refine the mesh there",
             off,
         )
         yield "surface", error
 
 
 def _point_supports(problem: Problem, u: ndarray) -> list[str]:
-    """Conditions of one node that is held where it was at rest, or on a surface.
+    """Conditions of one node that is fixed at its initial position, or on a surface.
 
-    A surface that grows takes the node along.  Shares of their reactions depend on the
-    elements around the node alone.
+    A growing surface moves the node.  Shares of their reactions depend only on the
+    elements around the node.
     """
     constraints = problem.constraints
     held = np.abs(turned(u, constraints.turn)[constraints.prescribed])
@@ -371,10 +371,10 @@ def _point_supports(problem: Problem, u: ndarray) -> list[str]:
 def excess(
     shares: Mapping[str, Mapping[str, float]], role: str, supports: Collection[str] = ()
 ) -> str:
-    """Words for the shares of a role that are too large; empty if there are none.
+    """Shares of a role that exceed their limits, in words; empty if there are none.
 
-    The role is ``stabilisation`` or ``deviation``. Reactions of the conditions
-    ``supports`` do not count.
+    The role is ``stabilisation`` or ``deviation``.  Reactions of the conditions
+    ``supports`` are excluded.
     """
     passed = {f"{name}_reaction" for name in supports}
     return ", ".join(

@@ -1,7 +1,7 @@
-"""Biaxial laws of fibres that exchange crimp.
+"""Biaxial laws with crimp interchange.
 
-`CrimpInterchange` has the energy of saw-teeth.  `CrimpedYarns` is a cell of two yarns
-that press on each other where they cross, the model of OpenRadioss's ``/MAT/LAW58`` and
+`CrimpInterchange` has the energy of a saw-tooth geometry.  `CrimpedYarns` is a cell of
+two yarns in contact at their crossing, the model of OpenRadioss's ``/MAT/LAW58`` and
 ``/MAT/LAW158`` (``sigeps58c.F``, ``sigeps158c.F``), without damping.
 """
 
@@ -16,16 +16,16 @@ from numpy import ndarray
 from ..law import BiaxialLaw, Law, ScalarLaw, inner_law, number, pair
 from .tension import CrimpToe
 
-# Newton steps are taken until they are this share of the range of the amplitude, which
-# leaves an error of round-off, as they converge quadratically.
+# Newton steps, relative to the range of the amplitude, at which the iteration ends; as
+# it converges quadratically, the remaining error is round-off.
 _STEP = 1e-12
 
-# More iterations than halvings of the range to that share, each of which may cost two.
+# Maximum number of iterations: more than two per bisection of the range to that share.
 _MOST_ITERATIONS = 100
 
 
-# Largest crimp: teeth of a slope of 1, beyond which the second order in slopes is no
-# approximation.  It also tells a crimp in percent from a ratio.
+# Largest crimp: a slope of 1, beyond which the second order in slopes is not an
+# approximation.  It also detects a crimp in percent.
 _MOST_CRIMP = 0.5
 
 
@@ -50,44 +50,45 @@ class _Yarns(NamedTuple):
 class CrimpInterchange(BiaxialLaw):
     """Tensions of a weave in which one family straightens by crimping the other.
 
-    Yarns are saw-teeth that touch where they cross (Kawabata, Niwa & Kawai 1973).  The
-    slope of the teeth is η = √(2c) at rest, where c is the crimp.  As the slope of the
-    warp falls by w that of the weft grows by w, and the yarns are strained by
+    The yarns form saw-teeth in contact at their crossings (Kawabata, Niwa & Kawai
+    1973).  The slope of the teeth is η = √(2c) at rest, where c is the crimp.  If the
+    slope of the warp decreases by w, that of the weft increases by w, and the yarn
+    strains are
 
         e₁ = ε₁ − η₁ w + ½ w²,   e₂ = ε₂ + η₂ w + ½ w²,
 
-    to second order in the slopes.  The amplitude w is that of least energy (King,
+    to second order in the slopes.  The amplitude w minimises the energy (King,
     Jearanaisilawong & Socrate 2005),
 
         ψ(ε₁, ε₂) = min_w [φ₁(e₁) + φ₂(e₂) + ½ K w²] + ½ k (ε₁² + ε₂²),
 
-    with the energy φ of a `CrimpToe` without initial stiffness: yarns do not push.  The
-    energy is convex, and its second derivatives are continuous.  Without crimp the law
-    is that of two `CrimpToe`, of the initial stiffness k.
+    with the energy φ of a `CrimpToe` without initial stiffness: yarns do not carry
+    compression.  The energy is convex, and its second derivatives are continuous.
+    Without crimp the law reduces to two `CrimpToe` with the initial stiffness k.
 
     Parameters
     ----------
     stiffness
         E of the yarns in N/mm: a number, or a pair (warp, weft).
     crimp
-        c, length of a yarn over that of the fabric less one: a number, or a pair.  The
-        spacings of warp and weft are taken as equal.
+        c, length of a yarn relative to the fabric, less one: a number, or a pair.  The
+        spacings of warp and weft are assumed equal.
     bending
-        K in N/mm, the resistance to another shape of the yarns.
+        K in N/mm, the resistance to a change of the yarn shape.
     toe
-        e₀ of the yarns, the strain within which they take up load.
+        e₀ of the yarns, the strain over which their stiffness develops.
     initial_stiffness
         k in N/mm, at rest and in compression.
 
     Raises
     ------
     ValueError
-        If E, K or e₀ is not a positive finite number, c or k not one >= 0, or c more
-        than 0.5.
+        If E, K or e₀ is not a positive finite number, c or k is not a finite number >=
+        0, or c exceeds 0.5.
 
     Examples
     --------
-    Warp that is pulled by 1 %, with the weft held and with a weft that contracts:
+    Warp stretched by 1 %, with a fixed weft and with a contracting weft:
 
     >>> law = CrimpInterchange(1e4, 0.01, bending=1.0, toe=1e-3, initial_stiffness=1.0)
     >>> law.value(np.array([[0.01, 0.01], [0.0, -0.004]])).round(1).tolist()
@@ -117,12 +118,12 @@ class CrimpInterchange(BiaxialLaw):
 
     @property
     def shown(self) -> tuple[float, float]:
-        """From some compression to where the yarns of a free weft are straight."""
+        """From some compression to straight yarns at a free weft."""
         straight = sum(self._crimps) + 4 * self.toe
         return -0.5 * straight, 2 * straight
 
     def energy(self, strain: ndarray) -> ndarray:
-        """The least energy of all amplitudes."""
+        """Minimum of the energy over the amplitude."""
         w = self._amplitude(strain)
         e = self._yarns(strain, w).strain
         stored = sum(law.energy(x) for law, x in zip(self._laws, e, strict=True))
@@ -130,15 +131,15 @@ class CrimpInterchange(BiaxialLaw):
         return stored + 0.5 * self.bending * np.square(w) + 0.5 * held
 
     def value(self, strain: ndarray) -> ndarray:
-        """The tensions of the yarns, and k ε_α."""
+        """Tensions of the yarns, plus k ε_α."""
         yarns = self._yarns(strain, self._amplitude(strain))
         return yarns.tension + self.initial_stiffness * strain
 
     def tangent(self, strain: ndarray) -> ndarray:
-        """∂T_α/∂ε_β while w follows.
+        """∂T_α/∂ε_β with the dependence of w.
 
-        S₁ (R + S₂ r₂²)/H + k and −S₁ S₂ r₁ r₂/H, where R = K + T₁ + T₂, and
-        H = R + S₁ r₁² + S₂ r₂² is the second derivative of the energy by w.
+        S₁ (R + S₂ r₂²)/H + k and −S₁ S₂ r₁ r₂/H, where R = K + T₁ + T₂, and H = R + S₁
+        r₁² + S₂ r₂² is the second derivative of the energy by w.
         """
         yarns = self._yarns(strain, self._amplitude(strain))
         S, r = yarns.stiffness, yarns.slope
@@ -148,14 +149,16 @@ class CrimpInterchange(BiaxialLaw):
         return np.array([[own[0], cross], [cross, own[1]]])
 
     def _amplitude(self, strain: ndarray) -> ndarray:
-        """The w of least energy: Newton's method, bisection where that is slow."""
+        """Amplitude w of minimum energy: Newton's method with bisection as
+        safeguard.
+        """
         given = strain.reshape(2, -1)
         eta_1, eta_2 = self._slopes_at_rest
         tolerance = _STEP * (eta_1 + eta_2)
         found = np.zeros(given.shape[1])
         w, low, high = found.copy(), found - eta_2, found + eta_1
         last, left = np.full_like(w, np.inf), np.arange(w.size)
-        with np.errstate(all="ignore"):  # of strains that are not finite
+        with np.errstate(all="ignore"):  # for strains that are not finite
             for _ in range(_MOST_ITERATIONS):
                 yarns = self._yarns(given[:, left], w)
                 force = (yarns.tension * yarns.slope).sum(axis=0) + self.bending * w
@@ -192,7 +195,7 @@ class CrimpInterchange(BiaxialLaw):
 
     @cached_property
     def _laws(self) -> tuple[CrimpToe, CrimpToe]:
-        """Those of the yarns."""
+        """Laws of the yarns."""
         E: Any = self.stiffness
         return CrimpToe(E[0], self.toe, 0.0), CrimpToe(E[1], self.toe, 0.0)
 
@@ -207,41 +210,42 @@ class CrimpInterchange(BiaxialLaw):
         return np.sqrt(2 * np.array(self._crimps))
 
 
-# Newton steps end where they are this share of the heights of the crimp.
+# Newton steps, relative to the heights of the crimp, at which the iteration ends.
 _CELL_STEP = 1e-13
 
-# Rounding of an energy, as a share of it.
+# Relative rounding of an energy.
 _ROUNDING = 1e-15
 
-# Share of the heights below which a step is taken even if rounding hides that the
-# energy falls.  Chosen: Newton's method converges quadratically there.
+# Step length, relative to the heights, below which a step is accepted although rounding
+# hides the decrease of the energy.  Chosen: Newton's method converges quadratically
+# there.
 _NEAR = 1e-6
 
-# More iterations than any state needed: the steepest table takes 30.
+# Maximum number of iterations: the steepest table takes 30.
 _CELL_ITERATIONS = 200
 
-# Largest crimp.  It tells a crimp in percent from a ratio.
+# Largest crimp.  It detects a crimp in percent.
 _CELL_CRIMP = 1.0
 
-# Shortest height of a crimp over that at rest, where its spring is logarithmic.
+# Smallest height of a crimp, relative to that at rest, with a logarithmic spring.
 _SHORTEST = 1e-9
 
 
 @dataclass(frozen=True)
 class Softening(ScalarLaw):
-    """A yarn of force (K − ½ B d) d at the elongation d, constant past d = K/B.
+    """Yarn with the force (K − ½ B d) d at the elongation d, constant beyond d = K/B.
 
     Parameters
     ----------
     stiffness
         K in N/mm.
     softening
-        B in N/mm; without it the yarn is linear.
+        B in N/mm; by default the yarn is linear.
 
     Raises
     ------
     ValueError
-        If K is not a positive finite number or B not one >= 0.
+        If K is not a positive finite number, or B is not a finite number >= 0.
     """
 
     stiffness: float
@@ -253,24 +257,24 @@ class Softening(ScalarLaw):
         object.__setattr__(self, "softening", number("softening", self.softening))
 
     def energy(self, x: ndarray) -> ndarray:
-        """The integral of the force from 0."""
+        """Integral of the force from 0."""
         d, past = self._split(x)
         return (0.5 * self.stiffness - self.softening * d / 6) * d**2 + past * (
             self.stiffness - 0.5 * self.softening * d
         ) * d
 
     def value(self, x: ndarray) -> ndarray:
-        """The force."""
+        """Force."""
         d, _ = self._split(x)
         return (self.stiffness - 0.5 * self.softening * d) * d
 
     def tangent(self, x: ndarray) -> ndarray:
-        """Its slope."""
+        """Slope of the force."""
         d, _ = self._split(x)
         return self.stiffness - self.softening * d
 
     def _split(self, x: ndarray) -> tuple[ndarray, ndarray]:
-        """The elongation as far as the force grows, and what is past it."""
+        """Elongation in the range of increasing force, and the excess."""
         x = np.asarray(x, dtype=float)
         end = self.stiffness / self.softening if self.softening else np.inf
         d = np.minimum(x, end)
@@ -299,32 +303,32 @@ class _Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class CrimpedYarns(BiaxialLaw):
-    """Tensions of two yarns in a cell of side 1, each the hypotenuse of its crimp.
+    """Tensions of two yarns in a unit cell, each the hypotenuse of its crimp triangle.
 
-    A yarn over the side L = exp ε has the length D = √(L² + (H + y)²), where
-    H = √((1 + s)² − 1) is the height of its crimp at rest, and bears the force
-    F(D − D₀).  A spring holds y back.  Without a ``coupling`` the yarns touch and
-    cannot pass through each other, y₁ + y₂ >= 0.  With one, ½ C (y₁ + y₂)²/(H₁ + H₂) is
-    part of the energy and springs are logarithmic.  The elongations y are those of
-    least energy, and the tensions T = L ∂W/∂L.
+    A yarn over the side L = exp ε has the length D = √(L² + (H + y)²), where H = √((1 +
+    s)² − 1) is the height of its crimp at rest, and carries the force F(D − D₀).  A
+    spring resists y.  Without a ``coupling`` the yarns are in contact, y₁ + y₂ >= 0.
+    With one, ½ C (y₁ + y₂)²/(H₁ + H₂) is added to the energy and springs are
+    logarithmic.  The elongations y minimise the energy, and the tensions are T = L
+    ∂W/∂L.
 
     Parameters
     ----------
     yarns
-        The laws F(d) in N/mm of warp and weft, of the elongation d of a yarn over a
-        cell of side 1.
+        Laws F(d) in N/mm of warp and weft, by the elongation d of a yarn in a unit
+        cell.
     crimp
-        s, length of a yarn over that of the cell less one: a number, or a pair.
+        s, length of a yarn relative to the cell, less one: a number, or a pair.
     springs
-        Their stiffness in N/mm: a number, or a pair.
+        Spring stiffness in N/mm: a number, or a pair.
     coupling
-        C in N/mm; None for yarns that touch.
+        C in N/mm; None for yarns in contact.
 
     Raises
     ------
     ValueError
-        If a stiffness or a crimp is not a positive finite number, a crimp more than 1,
-        or a yarn no law.
+        If a stiffness or a crimp is not a positive finite number, a crimp exceeds 1, or
+        a yarn is not a law.
 
     Examples
     --------
@@ -355,12 +359,12 @@ class CrimpedYarns(BiaxialLaw):
 
     @property
     def shown(self) -> tuple[float, float]:
-        """From half of the larger crimp in compression to one and a half of it."""
+        """From half of the larger crimp in compression to 1.5 times it in tension."""
         crimp = max(self.crimp)
         return -0.5 * crimp, 1.5 * crimp
 
     def energy(self, strain: ndarray) -> ndarray:
-        """W at the elongations of least energy."""
+        """W at the elongations of minimum energy."""
         L = np.exp(strain)
         y, _ = self._balanced(L)
         return self._energy(L, y)
@@ -371,7 +375,7 @@ class CrimpedYarns(BiaxialLaw):
         return L * self._cell(L, self._balanced(L)[0]).pull
 
     def tangent(self, strain: ndarray) -> ndarray:
-        """∂T_α/∂ε_β with the elongations that follow, shape (2, 2, ...)."""
+        """∂T_α/∂ε_β with the dependence of the elongations, shape (2, 2, ...)."""
         L = np.exp(strain)
         y, touching = self._balanced(L)
         cell = self._cell(L, y)
@@ -391,11 +395,11 @@ class CrimpedYarns(BiaxialLaw):
 
     @property
     def _stiff(self) -> float:
-        """Second derivative of the coupling's energy."""
+        """Second derivative of the coupling energy."""
         return 0.0 if self.coupling is None else self.coupling / self._heights.sum()
 
     def _balanced(self, L: ndarray) -> tuple[ndarray, ndarray]:
-        """Elongations of least energy, shape (2, ...), and where yarns touch."""
+        """Elongations of minimum energy, shape (2, ...), and mask of contact."""
         L = np.asarray(L, dtype=float)
         nowhere = np.zeros(L.shape[1:], dtype=bool)
         if self.coupling is not None:
@@ -407,9 +411,9 @@ class CrimpedYarns(BiaxialLaw):
         return np.where(touching, self._least(L, touching), apart), touching
 
     def _least(self, L: ndarray, touching: ndarray) -> ndarray:
-        """Elongations of least energy by Newton's method, with steps that descend.
+        """Elongations of minimum energy by Newton's method with descending steps.
 
-        NaN where they are not found, which no state of a run may be.
+        NaN if they are not found, which no state of a run may contain.
         """
         H = _columns(self._heights, L)
         lowest = -(1 - _SHORTEST) * H
@@ -433,7 +437,9 @@ class CrimpedYarns(BiaxialLaw):
         return np.where(moves, np.nan, y)
 
     def _inverse(self, stiffness: ndarray, touching: ndarray) -> ndarray:
-        """Inverse of ∂²W/∂y², on y₁ + y₂ = 0 where yarns touch; shape (2, 2, ...)."""
+        """Inverse of ∂²W/∂y², restricted to y₁ + y₂ = 0 in contact; shape (2, 2,
+        ...).
+        """
         h_1, h_2 = stiffness + self._stiff
         C = self._stiff
         tied = 1 / (stiffness[0] + stiffness[1])

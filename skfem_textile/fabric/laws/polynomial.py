@@ -1,4 +1,4 @@
-"""A law that is a polynomial in its argument or in the argument's sine."""
+"""Polynomial law, in the argument or in its sine."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from ..law import ScalarLaw
 
 @dataclass(frozen=True)
 class Polynomial(ScalarLaw):
-    """The law c₁ s + c₂ s² + ... of s = x, or of s = sin x.
+    """Law c₁ s + c₂ s² + ... of s = x, or of s = sin x.
 
     Parameters
     ----------
@@ -22,8 +22,8 @@ class Polynomial(ScalarLaw):
     sine
         Whether it is a polynomial in the sine of the argument.
     odd
-        Whether it holds for arguments >= 0, and for negative ones with the sign of the
-        value turned; as is meant of even powers in a fit to a shear test.
+        Whether the polynomial is continued as an odd function for negative arguments,
+        as intended for even powers in a fit to a shear test.
 
     Raises
     ------
@@ -56,7 +56,7 @@ class Polynomial(ScalarLaw):
         object.__setattr__(self, "odd", bool(self.odd))
 
     def energy(self, x: ndarray) -> ndarray:
-        """The integral of the value from 0."""
+        """Integral of the value from 0."""
         a = self._side(x)[0]
         if self.sine:
             powers = _integrals(a, len(self.coefficients))
@@ -72,13 +72,13 @@ class Polynomial(ScalarLaw):
         return sign * polyval(np.sin(a) if self.sine else a, [0, *self.coefficients])
 
     def tangent(self, x: ndarray) -> ndarray:
-        """Its derivative."""
+        """Derivative of the polynomial."""
         a = self._side(x)[0]
         own = [k * c for k, c in enumerate(self.coefficients, 1)]
         return polyval(np.sin(a), own) * np.cos(a) if self.sine else polyval(a, own)
 
     def _side(self, x: ndarray) -> tuple[ndarray, ndarray | float]:
-        """The argument at which the polynomial is taken, and the sign of its value."""
+        """Argument of the polynomial, and the sign of its value."""
         x = np.asarray(x, dtype=float)
         return (np.abs(x), np.sign(x)) if self.odd else (x, 1.0)
 

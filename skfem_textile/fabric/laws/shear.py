@@ -1,4 +1,4 @@
-"""Shear laws: of sin²Γ, with a pole at a locking angle, and of the tangent."""
+"""Shear laws: sin²Γ, a pole at a locking angle, and the tangent of Γ."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -11,7 +11,7 @@ from ..law import OneStiffness, Resistance, ScalarLaw, number, refuse_other_unit
 
 @dataclass(frozen=True)
 class Sin2(OneStiffness):
-    """The shear law w = ½ G sin²Γ, M_s = ½ G sin 2Γ, convex up to 45°.
+    """Shear law w = ½ G sin²Γ, M_s = ½ G sin 2Γ, convex up to 45°.
 
     Raises
     ------
@@ -40,9 +40,9 @@ _SHOWN = 0.95
 
 @dataclass(frozen=True)
 class Locking(ScalarLaw):
-    """The shear law M_s = G Γ/(1 − (Γ/a)²), which has a pole at the locking angle a.
+    """Shear law M_s = G Γ/(1 − (Γ/a)²) with a pole at the locking angle a.
 
-    Its energy, −½ G a² ln(1 − (Γ/a)²), has no bound either: no state reaches the pole.
+    Its energy, −½ G a² ln(1 − (Γ/a)²), is also unbounded: no state reaches the pole.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Locking(ScalarLaw):
     Raises
     ------
     ValueError
-        If one of them is not a positive finite number, or the angle above π/2.
+        If a parameter is not a positive finite number, or the angle exceeds π/2.
 
     Examples
     --------
@@ -108,13 +108,13 @@ class Locking(ScalarLaw):
         return np.where(np.abs(share) <= 1, share, np.nan)
 
 
-# The tangent is infinite there, and fibres of both families lie on each other.
+# There the tangent is infinite and the fibres of both families coincide.
 _CLOSED = 0.5 * np.pi
 
 
 @dataclass(frozen=True)
 class TangentShear(ScalarLaw):
-    """The shear law M_s = G₀ tan Γ, and beyond a locking angle with another slope.
+    """Shear law M_s = G₀ tan Γ, with another slope beyond a locking angle.
 
     For Γ beyond a it is G_L tan Γ + (G₀ − G_L) tan a, and odd, as in OpenRadioss's
     ``/MAT/LAW58``.  The tangent jumps at a.
@@ -129,7 +129,7 @@ class TangentShear(ScalarLaw):
     Raises
     ------
     ValueError
-        If one of them is not a finite number in its range.
+        If a parameter is not a finite number in its range.
 
     Examples
     --------
@@ -157,12 +157,12 @@ class TangentShear(ScalarLaw):
 
     @property
     def shown(self) -> tuple[float, float]:
-        """A third beyond the locking angle, as far as the law holds."""
+        """A third beyond the locking angle, within the domain."""
         end = min(4 / 3 * self.angle, 0.9 * _CLOSED)
         return -end, end
 
     def energy(self, x: ndarray) -> ndarray:
-        """The integral of the value from 0."""
+        """Integral of the value from 0."""
         a, locked = self._side(x)
         at_lock = np.minimum(a, self.angle)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -171,13 +171,13 @@ class TangentShear(ScalarLaw):
         return free + np.where(locked, past + self._step * (a - at_lock), 0.0)
 
     def value(self, x: ndarray) -> ndarray:
-        """G₀ tan Γ, or its continuation past the locking angle."""
+        """G₀ tan Γ, or its continuation beyond the locking angle."""
         a, locked = self._side(x)
         past = self.locked_stiffness * np.tan(a) + self._step
         return np.sign(x) * np.where(locked, past, self.stiffness * np.tan(a))
 
     def tangent(self, x: ndarray) -> ndarray:
-        """The stiffness times 1 + tan² Γ."""
+        """Stiffness times 1 + tan² Γ."""
         a, locked = self._side(x)
         G = np.where(locked, self.locked_stiffness, self.stiffness)
         return G * (1 + np.tan(a) ** 2)
@@ -187,7 +187,7 @@ class TangentShear(ScalarLaw):
         return (self.stiffness - self.locked_stiffness) * float(np.tan(self.angle))
 
     def _side(self, x: ndarray) -> tuple[ndarray, ndarray]:
-        """Magnitude of Γ, NaN where fibres have crossed, and whether it is locked."""
+        """Magnitude of Γ, NaN beyond a right angle, and mask of locking."""
         a = np.abs(np.asarray(x, dtype=float))
         a = np.where(a < _CLOSED, a, np.nan)
         return a, a > self.angle

@@ -1,4 +1,4 @@
-"""A law through measured points."""
+"""Tabulated law through measured points."""
 
 import csv
 import logging
@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike
 from ...mesh.user_input import excerpt, number_of_text, printable, real_numbers
 from ..law import Resistance, ScalarLaw, refuse_other_units
 
-# What each column is called, and its units: how much a unit is in radians, strain, or
-# N/mm.  A moment per area in N·mm/mm² is a number of N/mm.
+# Names of the columns, and factors of their units to radians, strain, or N/mm.  A
+# moment per area in N·mm/mm² equals N/mm.
 _DEGREE = np.pi / 180
-#: How much units of an angle are in radians.
+#: Factors of angle units to radians.
 ANGLE = {"deg": _DEGREE, "°": _DEGREE, "degrees": _DEGREE, "rad": 1.0, "radians": 1.0}
 _MOMENT = dict.fromkeys(("N mm/mm2", "N mm/mm²", "N·mm/mm²", "N/mm"), 1.0)
-# The shear force over the side of the frame, from which the moment is had by cos γ.
+# Shear force over the side of the frame; the moment is this times cos γ.
 _NORMALISED = "normalised shear force"
 _COLUMNS: dict[Resistance, tuple[dict[str, dict[str, float]], ...]] = {
     "shear": (
@@ -40,10 +40,10 @@ _LIKE: dict[Resistance, str] = {
     "tension": "fibre strain (-),tension (N/mm)",
 }
 
-#: The heading of a column: what it is, and its unit in round or square brackets.
+#: Header of a column: its name, and its unit in round or square brackets.
 HEADING = re.compile(r"\s*(.*?)\s*[(\[]\s*(.*?)\s*[)\]]\s*")
 
-# What files of columns have that are no commas.
+# Separators other than commas.
 _NO_COMMAS = {";": "semicolons", "\t": "tabs"}
 
 
@@ -53,22 +53,22 @@ def refuse_bad_points(
     rows: Sequence[int],
     row: str = "row",
 ) -> None:
-    """Refuse points through which no law goes.
+    """Refuse points that do not define a law.
 
     Parameters
     ----------
     arguments, values
         The points.
     rows
-        The number of each, for the message.
+        Number of each point, for the message.
     row
-        What a point is called there.
+        Name of a point there.
 
     Raises
     ------
     ValueError
-        If there are fewer than two, or one is not finite, or an argument is not larger
-        than the one before.
+        If there are fewer than two, one is not finite, or an argument does not exceed
+        the previous one.
     """
     if len(rows) < 2:
         raise ValueError(f"a table needs at least two points, got {len(rows)}")
@@ -79,27 +79,27 @@ def refuse_bad_points(
     if falls.size:
         i = int(falls[0])
         raise ValueError(
-            f"{row} {rows[i + 1]}: {arguments[i + 1]:g} comes after {arguments[i]:g}; "
-            "the first column must increase"
+            f"{row} {rows[i + 1]}: {arguments[i + 1]:g} follows {arguments[i]:g}; the "
+            "first column must increase"
         )
 
 
 def read_table(
     path: str | os.PathLike[str], of: Resistance | None = None
 ) -> tuple[ndarray, ndarray]:
-    """Arguments and values of the law in a CSV file of two columns.
+    """Arguments and values of a law in a two-column CSV file.
 
     The first row names them, with their units in brackets: ``shear angle (deg),moment
     (N mm/mm2)``, the angle in ``deg`` or ``rad``; or ``fibre strain (-),tension
     (N/mm)``, the strain as a number or in ``%``.  A ``normalised shear force (N/mm)``
-    F_n is read as the moment F_n cos γ (Cao et al. 2008).
+    F_n is converted to the moment F_n cos γ (Cao et al.  2008).
 
     Parameters
     ----------
     path
         The file, in UTF-8.
     of
-        Which of the two it must be; either if not given.
+        Required quantity; by default either.
 
     Returns
     -------
@@ -109,7 +109,7 @@ def read_table(
     Raises
     ------
     ValueError
-        If it is no such file; one line names the file and the row.
+        If the file is not valid; one line names the file and the row.
     OSError
         If it cannot be read.
     """
@@ -128,17 +128,17 @@ def read_table(
 
 
 def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[str]]]]:
-    """The lines of a CSV file that are not empty.
+    """Non-empty lines of a CSV file.
 
     Returns
     -------
     tuple
-        What to call the file in a message, and of each line its number and cells.
+        Name of the file for messages, and number and cells of each line.
 
     Raises
     ------
     ValueError
-        If it is no CSV file in UTF-8, it is empty, or its columns are not separated by
+        If it is not a CSV file in UTF-8, is empty, or its columns are not separated by
         commas; one line names the file.
     OSError
         If it cannot be read.
@@ -149,7 +149,7 @@ def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[
             reader = csv.reader(opened)
             rows = [(reader.line_num, row) for row in reader]
     except (UnicodeDecodeError, csv.Error):
-        raise ValueError(f"{file}: no CSV file in UTF-8") from None
+        raise ValueError(f"{file}: not a CSV file in UTF-8") from None
     lines = [(line, row) for line, row in rows if any(map(str.strip, row))]
     if not lines:
         raise ValueError(f"{file}: the file is empty")
@@ -166,7 +166,7 @@ def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[
 def _units(
     file: str, header: list[str], of: Resistance | None
 ) -> tuple[tuple[float, float], bool, Resistance]:
-    """Factors of both columns, whether the force is normalised, and which law it is."""
+    """Factors of both columns, whether the force is normalised, and the quantity."""
     headings = [HEADING.fullmatch(cell) for cell in header]
     for kind in _COLUMNS if of is None else (of,):
         if len(headings) != 2:
@@ -202,7 +202,7 @@ _EXTRAPOLATIONS = ("refuse", "linear")
 
 
 class _Curve(NamedTuple):
-    """A cubic between each two points: its ends, its integral, itself, its slope."""
+    """Piecewise cubic: its ends, its integral, itself, its slope."""
 
     low: float
     high: float
@@ -213,32 +213,32 @@ class _Curve(NamedTuple):
 
 @dataclass(frozen=True)
 class Tabulated(ScalarLaw):
-    """A law through points: a cubic between each two, C¹ and monotone where they are.
+    """Law through points: piecewise cubic, C¹, and monotone where the points are.
 
-    The interpolation is PCHIP of scipy.  A table whose points lie on a straight line is
+    The interpolation is PCHIP of SciPy.  A table whose points lie on a straight line is
     the linear law.
 
     Parameters
     ----------
     arguments
-        Fibre strains, or shear angles in radians, in rising order.
+        Fibre strains, or shear angles in radians, in ascending order.
     values
         Tension or shear moment in N/mm at each of them.
     extrapolation
-        ``refuse``: the domain ends where the table does, and no state beyond is an
-        answer.  ``linear``: the law goes on as a straight line, with one warning in the
-        log.  It comes with the first energy beyond the table: the load stepper asks
-        the energy of what it has found, and only the force of what it tries.
+        ``refuse``: the domain ends with the table, and states beyond it are refused.
+        ``linear``: the law is continued as a straight line, with one warning in the log
+        at the first energy evaluated beyond the table: the load stepper evaluates
+        energies only at converged states.
     odd
-        Whether the law of a table for arguments >= 0 holds for negative ones with the
-        sign of the value turned.  The law then vanishes at 0.
+        Whether a table for arguments >= 0 is continued as an odd function for negative
+        ones.  The law is then zero at 0.
 
     Raises
     ------
     ValueError
         If there are fewer than two points, a point is not finite, the arguments do not
-        rise, the table is not extrapolated and goes beyond a right angle or leaves out
-        0, or an odd law has negative arguments or does not vanish at 0.
+        increase, the table is not extrapolated and exceeds a right angle or excludes 0,
+        or an odd law has negative arguments or is not zero at 0.
 
     Examples
     --------
@@ -259,7 +259,7 @@ class Tabulated(ScalarLaw):
         )
         if x.ndim != 1 or x.shape != y.shape:
             raise ValueError(
-                "arguments and values must be two rows of as many numbers, got shapes "
+                "arguments and values must have the same number of values, got shapes "
                 f"{x.shape} and {y.shape}"
             )
         refuse_bad_points(x, y, range(1, len(x) + 1), "point")
@@ -272,8 +272,8 @@ class Tabulated(ScalarLaw):
             )
         if self.odd and (x[0] < 0 or (x[0] == 0 and y[0] != 0)):
             raise ValueError(
-                "an odd law is given for arguments >= 0 and vanishes at 0, but point 1 "
-                f"is {x[0]:g}, {y[0]:g}"
+                "an odd law is defined for arguments >= 0 and is zero at 0, but point "
+                f"1 is {x[0]:g}, {y[0]:g}"
             )
         object.__setattr__(self, "arguments", tuple(x.tolist()))
         object.__setattr__(self, "values", tuple(y.tolist()))
@@ -281,8 +281,8 @@ class Tabulated(ScalarLaw):
         low, high = self.domain
         if not low <= 0 <= high:
             raise ValueError(
-                f"the table goes from {low:g} to {high:g} and leaves out 0, where the "
-                "ply is at rest: add a point, or extrapolate"
+                f"the table goes from {low:g} to {high:g} and excludes 0, the state "
+                "at rest: add a point, or extrapolate"
             )
         _ = self._curve
 
@@ -294,21 +294,21 @@ class Tabulated(ScalarLaw):
         odd: bool = False,
         of: Resistance | None = None,
     ) -> Self:
-        """The law of a CSV file of two columns, which `read_table` describes.
+        """Law of a two-column CSV file, see `read_table`.
 
         Parameters
         ----------
         path
             The file.
         extrapolation, odd
-            As of the law.
+            See `Tabulated`.
         of
-            Whether it must be a law of ``tension`` or ``shear``; either if not given.
+            Required quantity, ``tension`` or ``shear``; by default either.
 
         Raises
         ------
         ValueError
-            If the file is refused, or the law; one line names the file.
+            If the file or the law is not valid; one line names the file.
         """
         x, y = read_table(path, of)
         try:
@@ -318,18 +318,18 @@ class Tabulated(ScalarLaw):
 
     @property
     def domain(self) -> tuple[float, float]:
-        """The ends of the table, or no ends with extrapolation."""
+        """Ends of the table; unbounded with extrapolation."""
         return self.shown if self.extrapolation == "refuse" else (-np.inf, np.inf)
 
     @property
     def shown(self) -> tuple[float, float]:
-        """The ends of the table, turned to both sides if the law is odd."""
+        """Ends of the table, symmetric if the law is odd."""
         x, _ = self.points
         return float(x[0]), float(x[-1])
 
     @cached_property
     def points(self) -> tuple[ndarray, ndarray]:
-        """Arguments and values, those of both signs if the law is odd."""
+        """Arguments and values, of both signs if the law is odd."""
         x, y = np.array(self.arguments), np.array(self.values)
         if not self.odd:
             return x, y
@@ -346,11 +346,11 @@ class Tabulated(ScalarLaw):
         with np.errstate(all="ignore"):
             steep = not np.isfinite(np.diff(y) / np.diff(x)).all()
         if steep:
-            raise ValueError("the table rises faster than numbers go")
-        with np.errstate(over="ignore", invalid="ignore"):  # of slopes that are none
+            raise ValueError("the table overflows double precision")
+        with np.errstate(over="ignore", invalid="ignore"):  # for undefined slopes
             value = PchipInterpolator(x, y)
         if not np.isfinite(value(x)).all():
-            raise ValueError("the table has values larger than a cubic can go through")
+            raise ValueError("the values of the table are too large for a cubic")
         energy = value.antiderivative()
         return _Curve(*self.shown, energy, value, value.derivative())
 
@@ -359,7 +359,7 @@ class Tabulated(ScalarLaw):
         return float(self._energy(np.zeros(()))[()])
 
     def energy(self, x: ndarray) -> ndarray:
-        """The integral of the value from 0."""
+        """Integral of the value from 0."""
         if self.extrapolation == "linear":
             self._tell_extrapolation(x)
         return self._energy(x) - self._energy_at_rest
@@ -373,7 +373,7 @@ class Tabulated(ScalarLaw):
         return energy
 
     def value(self, x: ndarray) -> ndarray:
-        """The cubic between the points on either side."""
+        """Cubic between the neighbouring points."""
         within, past = self._split(x)
         value = self._curve.value(within)
         if past.any():
@@ -381,12 +381,14 @@ class Tabulated(ScalarLaw):
         return value
 
     def tangent(self, x: ndarray) -> ndarray:
-        """The derivative of the cubic."""
+        """Derivative of the cubic."""
         within, past = self._split(x)
         return self._curve.tangent(within) + 0.0 * past
 
     def _split(self, x: ndarray) -> tuple[ndarray, ndarray]:
-        """The nearest argument of the table, and how far it is: NaN if refused."""
+        """Nearest argument within the table, and the distance from it: NaN if
+        refused.
+        """
         low, high, *_ = self._curve
         within = np.clip(x, low, high)
         past = x - within
@@ -400,8 +402,8 @@ class Tabulated(ScalarLaw):
             return
         vars(self)["_told"] = True
         log.warning(
-            "a tabulated law of %g to %g is extrapolated in a straight line, as an "
-            "argument is %g",
+            "a tabulated law of %g to %g is extrapolated linearly for an argument of "
+            "%g",
             low,
             high,
             np.min(x) if np.min(x) < low else np.max(x),

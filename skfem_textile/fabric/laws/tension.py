@@ -1,4 +1,4 @@
-"""Tension laws: with a crimp toe, other in compression, and with pretension."""
+"""Tension laws: crimp toe, different behaviour in compression, and pretension."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,11 +19,11 @@ from ..law import (
     refuse_other_units,
 )
 
-# Below this share of the toe the series of the exponential is taken, to this power:
-# z^15/15! is 10⁻²⁷ there, and differences of numbers near z lose no digits.
+# Argument below which the series of the exponential is used, and its last power:
+# z^15/15!  is 10⁻²⁷ there, and differences of numbers near z lose no digits.
 _SERIES_BELOW, _POWERS = 0.1, 15
 
-# e^(-z) - 1 + z from z², and z²/2 less that from z³.
+# e^(-z) - 1 + z from z² on, and z²/2 less this from z³ on.
 _SIGNS = (-1.0) ** np.arange(_POWERS)
 _SERIES = _SIGNS / np.cumprod([1.0, *range(1, _POWERS)])
 _VALUE_SERIES = np.where(np.arange(_POWERS) < 2, 0.0, _SERIES)
@@ -32,11 +32,11 @@ _ENERGY_SERIES = np.where(np.arange(_POWERS) < 3, 0.0, -_SERIES)
 
 @dataclass(frozen=True)
 class CrimpToe(ScalarLaw):
-    """The tension T = E (ε − e₀ (1 − exp(−ε/e₀))) + k ε of fibres with crimp.
+    """Tension T = E (ε − e₀ (1 − exp(−ε/e₀))) + k ε of crimped fibres.
 
-    The stiffness is k at rest and tends to E + k, with a toe as wide as e₀.  That
-    holds for ε >= 0.  In compression T = k ε: the exponential would grow there
-    without bound.  Value and tangent are continuous at 0, and the energy is convex.
+    The stiffness is k at rest and tends to E + k over a toe of width e₀, for ε >= 0.
+    In compression T = k ε, because the exponential would grow without bound.  Value and
+    tangent are continuous at 0, and the energy is convex.
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ class CrimpToe(ScalarLaw):
     Raises
     ------
     ValueError
-        If E or e₀ is not a positive finite number, or k not one >= 0, or
-        e₀ is above 1.
+        If E or e₀ is not a positive finite number, k is not a finite number >= 0, or e₀
+        exceeds 1.
 
     Examples
     --------
@@ -77,7 +77,7 @@ class CrimpToe(ScalarLaw):
 
     @property
     def shown(self) -> tuple[float, float]:
-        """From some compression to where the toe is past."""
+        """From some compression to beyond the toe."""
         return -self.toe, 4 * self.toe
 
     def energy(self, x: ndarray) -> ndarray:
@@ -109,34 +109,35 @@ class CrimpToe(ScalarLaw):
         return np.maximum(x, 0.0) / self.toe
 
 
-# Strain from 0 within which a law goes over into the other.  A wider switch leaves more
-# of the small strains softer than the law.  A narrower one changes the tangent faster,
-# so that an iteration is more likely to step across it.
+# Strain over which a law changes into another.  With a wider switch more of the small
+# strains are softer than the law.  A narrower one changes the tangent faster, so that
+# an iteration is more likely to step across it.
 _WIDTH = 1e-4
 
 
 @dataclass(frozen=True)
 class TensionOnly(ScalarLaw):
-    """A law that vanishes in compression, with a smooth switch.
+    """Law that is zero in compression, with a smooth transition.
 
     The tension is T(r) r′ of a strain r(ε): r = 0 below −width, r = ε above width, and
-    between them r′ is a polynomial of degree five.  The tension is the given one above
-    the width and exactly zero below −width.  Value and tangent are continuous, and
-    so is the second derivative of the value if that of the given law is.  The value
-    rises if the given one does.  The tangent at rest is 0.40 of the given one's.
+    r′ is a polynomial of degree five in between.  The tension is that of the given law
+    above the width and exactly zero below −width.  Value and tangent are continuous,
+    and so is the second derivative of the value if that of the given law is.  The value
+    increases if the given law does.  The tangent at rest is 0.40 times that of the
+    given law.
 
     Parameters
     ----------
     law
-        The law of tension, zero at rest.  It is asked for r >= 0 only.
+        Law in tension, zero at rest.  It is evaluated for r >= 0 only.
     width
-        Strain at which the switch ends.
+        Strain at which the transition ends.
 
     Raises
     ------
     ValueError
-        If the law does not vanish at rest, ends before the width, or differs from
-        element to element; or the width is not a positive finite number.
+        If the law is not zero at rest, ends before the width, or varies by element; or
+        if the width is not a positive finite number.
 
     Examples
     --------
@@ -155,17 +156,17 @@ class TensionOnly(ScalarLaw):
 
     @property
     def domain(self) -> tuple[float, float]:
-        """As far as the law's, and all of compression."""
+        """The upper end of the law, and unbounded compression."""
         return -np.inf, domain_of(self.law)[1]
 
     @property
     def shown(self) -> tuple[float, float] | None:
-        """What the law shows of tension, and a tenth of that of compression."""
+        """Shown range of the law in tension, and a tenth of it in compression."""
         shown = getattr(self.law, "shown", None)
         return None if shown is None else (-0.1 * shown[1], shown[1])
 
     def energy(self, x: ndarray) -> ndarray:
-        """The energy of r, less that at rest."""
+        """Energy of r, less that at rest."""
         ramp, rest = _ramp(x, self.width), _ramp(np.zeros(1), self.width)
         return self.law.energy(ramp.strain) - self.law.energy(rest.strain)[0]
 
@@ -181,23 +182,23 @@ class TensionOnly(ScalarLaw):
 
 @dataclass(frozen=True)
 class Asymmetric(ScalarLaw):
-    """One law in tension and another in compression, with a smooth switch.
+    """Different laws in tension and in compression, with a smooth transition.
 
-    Each is switched as in `TensionOnly`, and their tensions are added.  Above the width
-    the tension is exactly the one, below −width the other.  Of two laws of the same
-    stiffness the tangent at rest is 0.79 of that.
+    Each has a transition as in `TensionOnly`, and their tensions are added.  Above the
+    width the tension is exactly that of the first law, below −width that of the second.
+    For two laws of the same stiffness the tangent at rest is 0.79 times this stiffness.
 
     Parameters
     ----------
     tension, compression
-        The laws for positive and for negative strain, each zero at rest.
+        Laws for positive and for negative strain, each zero at rest.
     width
-        Strain at which the switch ends on either side.
+        Strain at which the transition ends on either side.
 
     Raises
     ------
     ValueError
-        As of `TensionOnly`, of either law.
+        See `TensionOnly`, for either law.
 
     Examples
     --------
@@ -224,7 +225,7 @@ class Asymmetric(ScalarLaw):
 
     @property
     def shown(self) -> tuple[float, float] | None:
-        """What each law shows on its side, if both tell."""
+        """Shown range of each law on its side, if both are defined."""
         below, above = (
             getattr(law, "shown", None) for law in (self.compression, self.tension)
         )
@@ -233,7 +234,7 @@ class Asymmetric(ScalarLaw):
         return below[0], above[1]
 
     def energy(self, x: ndarray) -> ndarray:
-        """The sum of both, each of its own r, less that at rest."""
+        """Sum of both energies, each of its own r, less that at rest."""
         return self._energy(x) - self._energy(np.zeros(1))[0]
 
     def _energy(self, x: ndarray) -> ndarray:
@@ -241,13 +242,13 @@ class Asymmetric(ScalarLaw):
         return self.tension.energy(ramp.strain) + self.compression.energy(-other.strain)
 
     def value(self, x: ndarray) -> ndarray:
-        """The sum of both."""
+        """Sum of both values."""
         ramp, other = self._ramps(x)
         above = self.tension.value(ramp.strain) * ramp.slope
         return above + self.compression.value(-other.strain) * other.slope
 
     def tangent(self, x: ndarray) -> ndarray:
-        """The sum of both."""
+        """Sum of both tangents."""
         ramp, other = self._ramps(x)
         above = _tangent(self.tension, ramp, 1.0)
         return above + _tangent(self.compression, other, -1.0)
@@ -273,27 +274,27 @@ def _ramp(x: ndarray, width: float) -> _Ramp:
 
 
 def _tangent(law: Law, ramp: _Ramp, sign: float) -> ndarray:
-    """The derivative of a law's value, switched on one side."""
+    """Derivative of the value of a law with a one-sided transition."""
     x = sign * ramp.strain
     return law.tangent(x) * ramp.slope**2 + sign * law.value(x) * ramp.bend
 
 
-# Largest strain at which the tension is looked for, and the first.
+# Upper bound of the strain search for the tension, and its first value.
 _LARGEST, _FIRST = 10.0, 1e-6
 
 
 @dataclass(frozen=True)
 class Pretensioned(ScalarLaw):
-    """A law of fibres that were stretched before, up to a tension.
+    """Law of fibres with a pretension.
 
-    The tension is T(ε + ε₀), where T(ε₀) is the given one.  Fibres with crimp have
-    less of it then, and those of `TensionOnly` go slack where they have shortened by
-    ε₀.  Of a linear law that is T₀ + E ε.
+    The tension is T(ε + ε₀), where T(ε₀) is the pretension.  It reduces the toe of
+    crimped fibres, and fibres with `TensionOnly` become slack after shortening by ε₀.
+    For a linear law it is T₀ + E ε.
 
     Parameters
     ----------
     law
-        The law of the fibres without pretension; it rises.
+        Law of the fibres without pretension; it must increase.
     tension
         T₀ in N/mm.
 
@@ -301,7 +302,7 @@ class Pretensioned(ScalarLaw):
     ------
     ValueError
         If the tension is not a finite number >= 0, or the law does not reach it or
-        differs from element to element.
+        varies by element.
 
     Examples
     --------
@@ -321,7 +322,7 @@ class Pretensioned(ScalarLaw):
 
     @cached_property
     def strain_before(self) -> float:
-        """ε₀, by bisection down to neighbouring numbers."""
+        """ε₀, by bisection to adjacent floating-point numbers."""
         low, high = 0.0, _FIRST
         if (at_rest := self._at(low)) > self.tension:
             raise ValueError(
@@ -348,20 +349,20 @@ class Pretensioned(ScalarLaw):
 
     @property
     def domain(self) -> tuple[float, float]:
-        """That of the law, from the strain before."""
+        """Domain of the law, shifted by the pre-strain."""
         low, high = domain_of(self.law)
         return low - self.strain_before, high - self.strain_before
 
     @property
     def shown(self) -> tuple[float, float] | None:
-        """What the law shows."""
+        """Shown range of the law."""
         shown = getattr(self.law, "shown", None)
         if shown is None:
             return None
         return shown[0] - self.strain_before, shown[1] - self.strain_before
 
     def energy(self, x: ndarray) -> ndarray:
-        """The law's energy, less that at rest."""
+        """Energy of the law, less that at rest."""
         at_rest = self.law.energy(np.array([self.strain_before]))[0]
         return self.law.energy(x + self.strain_before) - at_rest
 

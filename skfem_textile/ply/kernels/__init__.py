@@ -1,1 +1,1 @@
-"""The same numbers as the forms, for all elements at once, on a fixed pattern."""
+"""Vectorised evaluation of the forms for all elements, on a fixed sparsity pattern."""

@@ -4,14 +4,14 @@ A fibre a = F·A is linear in the modes u_a of an element,
 
     a = A + Σ_a b_a u_a,
 
-so that one number per mode, fibre and point is all that a kernel needs of a mesh.
-The modes are displacements of nodes, with b_a = A·∇N_a, or combinations of these.
-Element matrices are symmetric and hold the d×d blocks of the pairs of modes (a, c)
-with a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n).
+so that a kernel needs only one number of the mesh per mode, fibre and point.  The modes
+are displacements of nodes, with b_a = A·∇N_a, or combinations of these.  Element
+matrices are symmetric and hold the d×d blocks of the pairs of modes (a, c) with a ≤ c,
+in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n).
 
-In the plane a fibre written as a complex number z = a_x + i a_y has the logarithm
-ε + iθ, its strain and its inclination.  `in_space` has what takes the place of that.
-Symmetric d×d matrices are given by their entries at and above the diagonal.
+In the plane a fibre written as a complex number z = a_x + i a_y has the logarithm ε +
+iθ, its strain and its inclination.  `in_space` has the counterpart in space.  Symmetric
+d×d matrices are given by their entries at and above the diagonal.
 """
 
 from collections.abc import Iterator, Sequence
@@ -38,10 +38,10 @@ from .in_space import InSpace, angle_in_space
 if TYPE_CHECKING:
     from ...fabric import Fabric
 
-# Elements that are computed at a time, so that their values stay in the processor's
-# cache.  Measured: forces and matrices of 59 700 quadrilaterals with `OnePoint`, one
-# thread of an Intel Xeon, take 165, 134, 131, 153 and 194 ms
-# with 512, 2048, 8192, 32 768 and 65 536.
+# Number of elements per block, so that their values stay in the processor cache.
+# Measured: forces and matrices of 59 700 quadrilaterals with `OnePoint`, one thread of
+# an Intel Xeon, take 165, 134, 131, 153 and 194 ms with 512, 2048, 8192, 32 768 and 65
+# 536.
 _BLOCK = 8192
 
 _ALL = slice(None)
@@ -112,8 +112,8 @@ class FibreDeformation:
     def stiffness(self, stress: Stress, block: slice) -> tuple[ndarray, Values]:
         """E v vᵀ + T ∂²ε + M ∂²Γ with the stress of a block of elements.
 
-        Of each fibre with itself, per b_a b_c, shape (2, P, d (d + 1)/2, n); and of
-        warp with weft, (P, d (d + 1)/2, n), None where they do not couple.
+        For each fibre with itself, per b_a b_c, shape (2, P, d (d + 1)/2, n); and for
+        warp with weft, (P, d (d + 1)/2, n), None if they do not couple.
         """
         T, M, E = stress
         x, y = self.v[:, :, 0, block], self.v[:, :, 1, block]
@@ -155,9 +155,9 @@ class IntegrationPoints(Protocol):
     """P integration points in each of n elements, and sums over them.
 
     ``A`` are the directions of warp and weft, shape (2, P, d, n), ``dx`` the areas of
-    the points, shape (P, n), and ``b`` what tells the deformations of two sets of
-    points apart, beside A.  ``block`` selects elements.  Arguments and results have
-    values for these only.
+    the points, shape (P, n), and ``b`` identifies, together with A, sets of points with
+    equal deformations.  ``block`` selects elements.  Arguments and results have values
+    for these only.
     """
 
     A: ndarray
@@ -175,9 +175,9 @@ class IntegrationPoints(Protocol):
     def add_stiffness(
         self, K: ndarray, own: ndarray, across: Values, block: slice
     ) -> None:
-        """Add Σ b_a b_c k over fibres and points, as of `FibreDeformation.stiffness`.
+        """Add Σ b_a b_c k over fibres and points, see `FibreDeformation.stiffness`.
 
-        The coupling of warp and weft goes with b¹_a b²_c + b²_a b¹_c.
+        The coupling of warp and weft is multiplied by b¹_a b²_c + b²_a b¹_c.
         """
         ...
 
@@ -207,8 +207,8 @@ class GeneralPoints:
     d
         Components of the displacement.
     nodes, n_nodes
-        Which nodes of the element move the fibres there, shape (k,), of how many; all
-        if not given.
+        Nodes of the element that move the fibres, shape (k,), and number of nodes; by
+        default all nodes.
 
     Attributes
     ----------
@@ -370,7 +370,7 @@ class ElementGroup:
         Modes per displacement of the nodes, shape (n_modes, n_nodes, n); None if the
         modes are the displacements.
     points
-        Integration points, in sets that a kernel handles at once.
+        Integration points, in sets that a kernel evaluates together.
     fabrics, fabric
         The fabric with its laws at the points, and at the elements (`Fabric.at`), for
         arguments in the order of the forms.
@@ -384,7 +384,7 @@ class ElementGroup:
     area
         Area of each element, shape (n,).
     blocks
-        Slices of the elements whose values fit into the cache.
+        Slices of elements whose values fit into the cache.
     """
 
     def __init__(
@@ -442,10 +442,10 @@ class ElementGroup:
 
 
 def element_groups(basis: Any, fabric: "Fabric") -> list[ElementGroup]:
-    """Groups of the elements of a basis of the displacement, found once.
+    """Groups of the elements of a basis of the displacement, cached.
 
-    The basis must not be changed after this.  Of `HourglassBasis` the centre comes
-    first, with the fibres of the corners and no weight, then the corners.
+    The basis must not be changed afterwards.  For `HourglassBasis` the centre comes
+    first, with the fibres of the corners and zero weight, then the corners.
     """
     known = _GROUPS.setdefault(basis, WeakKeyDictionary())
     if fabric not in known:
@@ -488,9 +488,9 @@ def _new_groups(basis: Any, fabric: "Fabric") -> Iterator[ElementGroup]:
 
 
 def hourglass_mode(basis: Any, dN: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """How gradients vary in bilinear quadrilaterals: ∇N_a(ξ) = ∇N_a(0) + γ_a ∇h(ξ).
+    """Variation of gradients in bilinear quadrilaterals: ∇N_a(ξ) = ∇N_a(0) + γ_a ∇h(ξ).
 
-    γ is the hourglass vector (Flanagan & Belytschko 1981). From ∇N_a at the points,
+    γ is the hourglass vector (Flanagan & Belytschko 1981).  From ∇N_a at the points,
     shape (4, 2, n, P), these are ∇N_a(0), shape (4, 2, n, 1), γ, shape (4, n), and ∇h,
     shape (2, n, P).
     """
@@ -507,7 +507,7 @@ def hourglass_mode(basis: Any, dN: ndarray) -> tuple[ndarray, ndarray, ndarray]:
 def _macro_groups(
     basis: Any, fabric: "Fabric", nodes: ndarray, dN: ndarray, A: ndarray
 ) -> Iterator[ElementGroup]:
-    """Macro-elements, grouped by which of their nodes their quadrilaterals have."""
+    """Macro-elements, grouped by the nodes that their quadrilaterals share."""
     d = components(basis)
     flat = basis.corners.reshape(-1, basis.nelems)
     patterns, pattern_of = np.unique(flat, axis=1, return_inverse=True)

@@ -33,15 +33,15 @@ class _Crossing(NamedTuple):
 
 
 class InSpace:
-    """What the deformation of fibres has in space in place of that in the plane.
+    """Counterpart in space of the deformation of fibres in the plane.
 
     Attributes
     ----------
     v, squared_stretch
-        As of `FibreDeformation`.
+        See `FibreDeformation`.
     side
-        1 where the weft lies anticlockwise of the warp at rest, −1 where clockwise: the
-        sign of the angle between them.  Broadcasts to (P, n).
+        1 if the weft lies anticlockwise of the warp at rest, −1 if clockwise: the sign
+        of the angle between them.  Broadcasts to (P, n).
     """
 
     v: ndarray

@@ -1,16 +1,16 @@
 """Kernels: energies, stresses and stiffnesses of the forms, for all elements at once.
 
-A kernel knows, at the points of an `ElementGroup`, the tension T and the shear moment M
-times area, and their slopes with respect to the strains of the fibres.  Then
+A kernel computes, at the points of an `ElementGroup`, the tension T and the shear
+moment M times area, and their derivatives by the fibre strains.  Then
 
     f_a  = Σ b_a (T v + M ∂Γ),
     K_ac = Σ b_a b_c (E v vᵀ + T ∂²ε + M ∂²Γ) + Σ s g_a g_cᵀ,
 
-where in the plane ∂²(ε + iθ) = −(δz/z)², and in space ∂²Γ has a part across warp and
-weft too.  The rank-one stiffnesses s g gᵀ belong to strains of more than one fibre or
-point: shear angles, their differences, and means.  Where a tension takes both strains,
-D₁₂ (g₁ g₂ᵀ + g₂ g₁ᵀ) is the rank-one stiffness D₁₂ of ε₁ + ε₂, less D₁₂ in the slope of
-each tension.
+where in the plane ∂²(ε + iθ) = −(δz/z)², and in space ∂²Γ also has a part normal to
+warp and weft.  The rank-one stiffnesses s g gᵀ belong to strains of more than one fibre
+or point: shear angles, their differences, and means.  If a tension depends on both
+strains, D₁₂ (g₁ g₂ᵀ + g₂ g₁ᵀ) is the rank-one stiffness D₁₂ of ε₁ + ε₂, less D₁₂ in the
+slope of each tension.
 
 Element matrices are symmetric and hold the d×d blocks of the pairs of nodes (a, c) with
 a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n_elements).
@@ -52,9 +52,9 @@ class RankOneStiffness(NamedTuple):
 
 
 class Kernel(Protocol):
-    """Energy of a term and its derivatives with respect to strains of fibres.
+    """Energy of a term and its derivatives by the fibre strains.
 
-    It can compute on bases of the class ``basis_type`` (`can_compute`).
+    It supports bases of the class ``basis_type`` (`can_compute`).
     """
 
     basis_type: ClassVar[type[CellBasis]]
@@ -78,11 +78,11 @@ class Kernel(Protocol):
 
 
 class KernelState(NamedTuple):
-    """A kernel on a group of elements in one state.
+    """Kernel on a group of elements in one state.
 
     ``fibres`` are the deformations at the points of the group, ``places`` the same
-    points, or those of another term at which fibres deform equally, and ``w``
-    parameters of the form.
+    points, or those of another term with equal fibre deformations, and ``w`` parameters
+    of the form.
     """
 
     kernel: Kernel
@@ -94,7 +94,7 @@ class KernelState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TensionKernel:
-    """The kernel of `tension`."""
+    """Kernel of `tension`."""
 
     fabric: Fabric
     basis_type: ClassVar[type[CellBasis]] = CellBasis
@@ -108,7 +108,7 @@ class TensionKernel:
         )
 
     def stresses(self, x: KernelState) -> list[Stress]:
-        """Tension and its slope; of ε₁ + ε₂ the slope is in `stiffnesses`."""
+        """Tension and its slope; the slope of ε₁ + ε₂ is in `stiffnesses`."""
         given, stresses = _given_tension(self.fabric, x), []
         sets = zip(x.group.points, x.group.fabrics, x.fibres, strict=True)
         for i, (p, fabric, f) in enumerate(sets):
@@ -119,7 +119,7 @@ class TensionKernel:
         return stresses
 
     def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
-        """None, but where a tension takes both strains that of ε₁ + ε₂."""
+        """Warp-weft coupling as a rank-one update of ε₁ + ε₂; empty if uncoupled."""
         if isinstance(self.fabric.tensions, TwoLaws):
             return []
         sets = zip(x.group.points, x.group.fabrics, x.fibres, strict=True)
@@ -142,7 +142,7 @@ class TensionKernel:
 
 @dataclass(frozen=True, eq=False)
 class ShearKernel:
-    """The kernel of `shear`."""
+    """Kernel of `shear`."""
 
     fabric: Fabric
     basis_type: ClassVar[type[CellBasis]] = CellBasis
@@ -158,7 +158,7 @@ class ShearKernel:
         return [Stress(moment=p.dx * M_p) for p, M_p in pairs]
 
     def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
-        """The slope of the shear law, along the gradient of the shear angle."""
+        """Slope of the shear law, along the gradient of the shear angle."""
         sets = zip(x.group.points, x.fibres, _of_shear("tangent", x), strict=True)
         return [
             RankOneStiffness(p.dx * G_p, partial(_angle_gradients, [(p, f)]))
@@ -168,7 +168,7 @@ class ShearKernel:
 
 @dataclass(frozen=True, eq=False)
 class HourglassKernel:
-    """The kernel of `hourglass`: points at the centre, then at the corners."""
+    """Kernel of `hourglass`: points at the centre, then at the corners."""
 
     fabric: Fabric
     C_s: float | None = None
@@ -180,7 +180,7 @@ class HourglassKernel:
         return 0.5 * float((C_s * difference**2).sum())
 
     def stresses(self, x: KernelState) -> list[Stress]:
-        """Moments at the points, and their opposites at the centre."""
+        """Moments at the points, and the opposite moments at the centre."""
         C_s, difference = self._state(x)
         moment = C_s * difference
         one_centre = len(x.fibres[0].shear_angle) == 1
@@ -205,7 +205,7 @@ class HourglassKernel:
 
 @dataclass(frozen=True, eq=False)
 class MeanTensionKernel:
-    """The kernel of `mean_tension`."""
+    """Kernel of `mean_tension`."""
 
     fabric: Fabric
     basis_type: ClassVar[type[CellBasis]] = MeanBasis
@@ -220,7 +220,7 @@ class MeanTensionKernel:
         )
 
     def stresses(self, x: KernelState) -> list[Stress]:
-        """Tension λ ∂ψ/∂λ, and its slope λ² E_d + T in a strain that deviates."""
+        """Tension λ ∂ψ/∂λ, and its slope λ² E_d + T for deviating strains."""
         stretches, means, E_d = self._state(x)
         T = _given_tension(self.fabric, x)
         if not T:
@@ -232,7 +232,7 @@ class MeanTensionKernel:
         ]
 
     def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
-        """The rest of the slope of the laws, along the gradient of the mean stretch."""
+        """Remaining slope of the laws, along the gradient of the mean stretch."""
         group, (stretches, means, E_d) = x.group, self._state(x)
         T = _laws(group.fabric, "value", np.log(means))
         own, cross = _slopes(group.fabric, np.log(means))
@@ -254,8 +254,9 @@ class MeanTensionKernel:
     def predicted_tension(self, x: KernelState, after: KernelState) -> list[ndarray]:
         """Tension over stretch to first order, times the new stretch; (2, P, n) each.
 
-        The force N works on the stretch, so that N is what follows the increment.  The
-        tension λ N does not: where fibres turn the stretch grows to second order.
+        The force N is conjugate to the stretch and is linear in the increment to first
+        order.  The tension λ N is not: the stretch of a rotating fibre grows to second
+        order.
         """
         group, (stretches, means, E_d) = x.group, self._state(x)
         new_stretches, _, _ = self._state(after)
@@ -289,9 +290,9 @@ class MeanTensionKernel:
 
 
 def can_compute(kernel: Kernel | None, basis: Any) -> bool:
-    """Whether there is a kernel that takes a basis, with unknowns node by node.
+    """True if there is a kernel that supports a basis, with unknowns node by node.
 
-    That is d = 2 or 3 components, with the unknowns from dk on of each node k.
+    The unknowns from dk on are those of node k, with d = 2 or 3 components.
     """
     if kernel is None or not isinstance(basis, kernel.basis_type):
         return False
@@ -329,13 +330,13 @@ def _mean(group: ElementGroup, values: list[ndarray]) -> ndarray:
 
 
 def _resisting(fabric: Fabric) -> ndarray:
-    """1 for a family that has a tension law, 0 for one that has none; (2, 1, 1)."""
+    """1 for a family with a tension law, 0 without; (2, 1, 1)."""
     resists = [not is_zero(family.tension) for family in fabric.families]
     return np.array(resists, dtype=float)[:, None, None]
 
 
 def _given_tension(fabric: Fabric, x: KernelState) -> list[ndarray]:
-    """Tensions at the points that stand for those of the laws; none if not given."""
+    """Tensions at the points that replace those of the laws; none by default."""
     if "tension" not in x.w:
         return []
     T = np.asarray(x.w["tension"])[..., x.group.elements, :]
@@ -356,7 +357,7 @@ def _slopes(fabric: Fabric, strain: ndarray) -> Slopes:
 
 
 def _of_shear(part: str, x: KernelState) -> list[ndarray]:
-    """One part of the shear law at the points, shape (P, n) each; it takes (n, P)."""
+    """Energy, value or tangent of the shear law at the points, shape (P, n)."""
     angles = (f.shear_angle.T for f in x.fibres)
     laws = (getattr(fabric.shear_law, part) for fabric in x.group.fabrics)
     pairs = zip(laws, angles, strict=True)
@@ -366,7 +367,7 @@ def _of_shear(part: str, x: KernelState) -> list[ndarray]:
 class SharedGroup(NamedTuple):
     """Elements with the same nodes and modes, with the points of each term.
 
-    Of points at which fibres deform equally the first stand for all.
+    The first of several points with equal fibre deformations represents all.
     """
 
     group: ElementGroup
@@ -374,7 +375,7 @@ class SharedGroup(NamedTuple):
 
 
 def shared_groups(terms: Sequence[Any]) -> list[SharedGroup]:
-    """Groups of the elements of terms whose kernels can compute on their bases."""
+    """Groups of the elements of terms whose kernels support their bases."""
     groups: list[SharedGroup] = []
     for term in terms:
         for group in element_groups(term.basis, term.kernel.fabric):
@@ -393,7 +394,7 @@ def shared_groups(terms: Sequence[Any]) -> list[SharedGroup]:
 
 
 def _same(one: Any, other: Any, *names: str) -> bool:
-    """Whether two objects of one class have equal arrays, or None, of these names."""
+    """True if arrays, or None, of these names are equal in two objects of one class."""
     return type(one) is type(other) and all(
         np.array_equal(getattr(one, name), getattr(other, name)) for name in names
     )
@@ -416,7 +417,7 @@ def element_forces(states: Sequence[KernelState]) -> ndarray:
 def element_matrices(states: Sequence[KernelState]) -> ndarray:
     """Sum of the element matrices of kernels on a group.
 
-    They are blocks of the pairs of nodes, shape (n_pairs, d, d, n).
+    Returned as blocks of the pairs of nodes, shape (n_pairs, d, d, n).
     """
     group, stresses = states[0].group, _sum_of_stresses(states)
     d, n_nodes = states[0].fibres[0].v.shape[2], len(group.nodes)
@@ -481,8 +482,8 @@ def full_matrices(K: ndarray) -> ndarray:
 def positive_part(K: ndarray | None) -> ndarray | None:
     """The nearest positive semi-definite element matrices (Higham 1988).
 
-    Their negative eigenvalues are set to zero.  Both are blocks of the pairs of nodes,
-    shape (n_pairs, d, d, n).
+    Negative eigenvalues are set to zero.  Both are blocks of the pairs of nodes, shape
+    (n_pairs, d, d, n).
     """
     if K is None or not np.isfinite(K).all():
         return K
@@ -498,10 +499,10 @@ def positive_part(K: ndarray | None) -> ndarray | None:
 
 
 def node_pair_blocks(K: ndarray, nodes: ndarray, d: int) -> ndarray:
-    """Blocks of the pairs of nodes of whole symmetric matrices.
+    """Blocks of the pairs of nodes of full symmetric matrices.
 
-    K has the shape (d n_nodes, d n_nodes, n); in ``nodes``, shape (n_nodes, n), one may
-    be there several times.
+    K has the shape (d n_nodes, d n_nodes, n); ``nodes``, shape (n_nodes, n), may
+    contain a node several times.
     """
     n_nodes = len(nodes)
     first, second = np.triu_indices(n_nodes)

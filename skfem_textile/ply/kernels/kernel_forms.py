@@ -1,7 +1,7 @@
-"""scikit-fem forms with a kernel, which computes their entries where it can.
+"""scikit-fem forms with a kernel, which computes their entries where possible.
 
-`asm` assembles them like any other form; on a basis that the kernel does not take the
-form itself is evaluated.  The package exports those at the end.
+`asm` assembles them like any other form; on a basis that the kernel does not support,
+the form itself is evaluated.
 """
 
 from collections.abc import Callable
@@ -57,7 +57,7 @@ class KernelResidual(OwnAssembly, LinearForm):
         self, ubasis: Any, vbasis: Any, parameters: dict[str, Any]
     ) -> Entries | None:
         """Forces of the kernel."""
-        parameters.pop("tension", None)  # only the tangent takes other tensions
+        parameters.pop("tension", None)  # only the tangent accepts other tensions
         states = _states(self.params["kernel"], ubasis, parameters)
         if not states:
             return None
@@ -87,7 +87,7 @@ class KernelTangent(OwnAssembly, BilinearForm):
 
 
 def with_kernel(definition: Forms, kernel: Kernel) -> Forms:
-    """Forms with a kernel, which computes their entries where it can."""
+    """Attach a kernel with the same arguments to the forms of a term."""
     energy, residual, tangent = definition
     return Forms(
         KernelEnergy(energy, kernel=kernel),
@@ -99,7 +99,7 @@ def with_kernel(definition: Forms, kernel: Kernel) -> Forms:
 def _states(
     kernel: Kernel, basis: Any, parameters: dict[str, Any]
 ) -> list[KernelState]:
-    """The kernel on each group of elements; empty if it cannot compute these."""
+    """Kernel on each group of elements; empty if it does not support the basis."""
     u = parameters.get("u")
     if not isinstance(u, ndarray) or u.ndim != 1 or not can_compute(kernel, basis):
         return []

@@ -1,9 +1,9 @@
-"""The numbers of `out_of_plane`, for all elements at once.
+"""Vectorised evaluation of `out_of_plane`.
 
-With γ and ∇h of `hourglass_mode` the energy of an element is ½ k v², where
-``k = C_s Σ_k A/4 |∇h(ξ_k)|²`` and v = (y₁ × y₂)·y₃: y₁ and y₂ are the columns of the
-deformation gradient at the centre, y₃ = Σ γ_a u_a.  Each y_s = Σ_a B_sa x_a is linear
-in the positions x_a of the nodes, as γ takes reference positions to zero.
+With γ and ∇h of `hourglass_mode` the energy of an element is ½ k v², where ``k = C_s
+Σ_k A/4 |∇h(ξ_k)|²`` and v = (y₁ × y₂)·y₃: y₁ and y₂ are the columns of the deformation
+gradient at the centre, y₃ = Σ γ_a u_a.  Each y_s = Σ_a B_sa x_a is linear in the nodal
+positions x_a, because γ maps reference positions to zero.
 """
 
 from typing import Any
@@ -19,12 +19,12 @@ _EPSILON = np.zeros((3, 3, 3))
 _EPSILON[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
 _EPSILON[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
 
-# Pairs of the vectors y that follow each other, and the third.
+# Cyclic pairs of the vectors y, and the third.
 _CYCLE = (0, 1, 2), (1, 2, 0), (2, 0, 1)
 
 
 class OutOfPlaneKernel:
-    """The kernel of `out_of_plane`.
+    """Kernel of `out_of_plane`.
 
     ``u`` is a displacement in space, shape (n_unknowns,), ``C_s`` a number or an array
     that broadcasts to (n_elements, 4).

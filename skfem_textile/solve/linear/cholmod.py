@@ -1,4 +1,4 @@
-"""CHOLMOD through cvxopt, which is under the GPL and never required."""
+"""CHOLMOD through cvxopt, which is licensed under the GPL and always optional."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -12,28 +12,29 @@ from scipy.sparse.linalg import SuperLU as Decomposition
 
 from .solver import OneAtATime, SingularMatrixError, refuse_round_off
 
-# Kinds of factors, as its option ``supernodal`` numbers them: LLᵀ and LDLᵀ.
+# Values of the option ``supernodal`` for the kinds of factors LLᵀ and LDLᵀ.
 _SUPERNODAL, _SIMPLICIAL = 2, 0
 
-# Systems that its function ``solve`` solves with a part of the factors, as it numbers
-# them: D x = b, and x = P b with the order P of the pivots.
+# Arguments of ``solve`` for systems with a part of the factors: D x = b, and x = P b
+# with the pivot order P.
 _DIAGONAL, _PERMUTED = 6, 7
 
-# The options of cvxopt hold for the whole process.
+# The options of cvxopt apply to the whole process.
 _LOCK = Lock()
 
 
 class Cholmod(OneAtATime):
-    """Cholesky factors, whose success proves stability; LDLᵀ counts where it fails.
+    """Cholesky factors, whose existence proves stability; otherwise LDLᵀ for the
+    inertia.
 
     Parameters
     ----------
     lower
-        As of `Solver`.
+        See `Solver`.
     """
 
     def __init__(self, lower: csc_matrix) -> None:
-        import cvxopt.cholmod  # when the first system is to be solved
+        import cvxopt.cholmod  # at the first solve
 
         self.lower, self.cvxopt, n = lower, cvxopt, lower.shape[0]
         col = np.repeat(np.arange(n), np.diff(lower.indptr))
@@ -52,12 +53,12 @@ class Cholmod(OneAtATime):
 
     @cached_property
     def simplicial(self) -> Any:
-        """The pattern analysed for LDLᵀ."""
+        """Symbolic factorisation for LDLᵀ."""
         symbolic = self.cvxopt.cholmod.symbolic
         return self.of_kind(_SIMPLICIAL, symbolic, self.A, self._order)
 
     def of_kind(self, kind: int, function: Callable, *args: Any) -> Any:
-        """Call a function of cvxopt that makes factors, to make them of this kind."""
+        """Call a factorisation function of cvxopt for a kind of factors."""
         options = self.cvxopt.cholmod.options
         with _LOCK:
             before = dict(options)
@@ -80,7 +81,7 @@ class CholmodFactors:
         solver.hold(self)
 
     def refactorise(self) -> None:
-        """Cholesky's factors, if there are any."""
+        """Cholesky factors, if they exist."""
         solver, cholmod = self._solver, self._cvxopt.cholmod
         solver.A.V = self._cvxopt.matrix(self._data)
         try:
@@ -92,7 +93,7 @@ class CholmodFactors:
 
     @cached_property
     def negative_pivots(self) -> int:
-        """By the signs of D."""
+        """Number of negative entries of D."""
         if self.definite:
             return 0
         self.factorisations += 1
@@ -119,7 +120,7 @@ class CholmodFactors:
 
     @cached_property
     def _pivoted(self) -> Decomposition:
-        """What solves where there is no Cholesky factor: LDLᵀ does not pivot."""
+        """Fallback without Cholesky factors: LDLᵀ here does not pivot."""
         self.factorisations += 1
         return self._solver.superlu.pivoted(self._data)
 

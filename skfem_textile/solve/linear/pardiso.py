@@ -1,4 +1,4 @@
-"""MKL's PARDISO through pypardiso."""
+"""MKL PARDISO through pypardiso."""
 
 from functools import cached_property
 from weakref import finalize
@@ -10,32 +10,32 @@ from scipy.sparse.linalg import SuperLU as Decomposition
 
 from .solver import OneAtATime, SingularMatrixError
 
-# Types of matrices and phases, as its manual numbers them.
+# Matrix types and phases as numbered in its manual.
 _SYMMETRIC_INDEFINITE = -2
 _ANALYSE, _FACTORISE, _SOLVE = 11, 22, 33
 
-# Entries of its array of parameters, counted from 1 as in its manual.
+# Entries of its parameter array, counted from 1 as in its manual.
 _OWN_PARAMETERS, _ORDER_GIVEN, _REFINEMENTS, _LEAST_PIVOT = 1, 5, 8, 10
 _PERTURBED, _NEGATIVE = 14, 23
 
-# Number of its error where a pivot vanishes.
+# Error number for a zero pivot.
 _ZERO_PIVOT = -4
 
 
 class Pardiso(OneAtATime):
-    """LDLᵀ factors, for matrices that may be indefinite: they tell the inertia.
+    """LDLᵀ factors for possibly indefinite matrices, with the inertia.
 
     Parameters
     ----------
     lower
-        As of `Solver`.
+        See `Solver`.
     """
 
     def __init__(self, lower: csc_matrix) -> None:
-        from pypardiso import PyPardisoSolver  # when the first system is to be solved
+        from pypardiso import PyPardisoSolver  # at the first solve
 
         self.lower = lower
-        # The lower triangle by columns is the upper one by rows.
+        # The lower triangle in CSC is the upper one in CSR.
         self._A = csr_matrix(
             (np.ones(lower.nnz), lower.indices, lower.indptr), lower.shape
         )
@@ -81,7 +81,7 @@ class PardisoFactors:
 
     @property
     def negative_pivots(self) -> int:
-        """The inertia that came with the factors."""
+        """Inertia computed by the factorisation."""
         if self._negative is None:
             raise SingularMatrixError
         return self._negative
@@ -111,6 +111,6 @@ class PardisoFactors:
 
     @cached_property
     def _pivoted(self) -> Decomposition:
-        """What solves an indefinite system: PARDISO pivots in blocks only."""
+        """Fallback for indefinite systems: PARDISO pivots only within blocks."""
         self.factorisations += 1
         return self._solver.superlu.pivoted(self._data)

@@ -1,6 +1,7 @@
-"""Linear solvers: their interface, the choice of one by name, and the time they take.
+"""Linear solvers: interface, choice by name, and time measurement.
 
-Whether CHOLMOD or PARDISO is faster depends on the processor: ``auto`` measures it.
+Whether CHOLMOD or PARDISO is faster depends on the processor, so ``auto`` measures
+both.
 """
 
 import logging
@@ -20,32 +21,33 @@ from scipy.sparse import csc_matrix
 
 log = logging.getLogger(__name__)
 
-# A pivot is round-off if it is no larger than this share of the entry that it comes
-# from, or this share of the largest pivot.  Larger shares refuse sound matrices of very
-# different stiffnesses; smaller ones take a mechanism for stiff.
+# Share of the diagonal entry, and of the largest pivot, below which a pivot is
+# round-off.  Larger shares refuse regular matrices with very different stiffnesses;
+# smaller ones miss mechanisms.
 _LEAST_OF_ENTRY, _LEAST_OF_LARGEST = 1e-12, 1e-16
 
-#: Unknowns from which ``auto`` measures.  There it takes 2 s, 0.6 s of them to load
-#: PARDISO; a solver that saves a third of the time repays that in 25 factorisations.
+#: Number of unknowns from which ``auto`` measures.  The measurement then takes 2 s, of
+#: which 0.6 s load PARDISO; a solver that saves a third of the time repays this in 25
+#: factorisations.
 MEASURED_FROM = 100_000
 
-# Unknowns that are eliminated at most to measure: more would take longer and rank the
-# solvers alike.  A quarter of this tells too little: PARDISO gains as systems grow.
+# Maximum number of unknowns eliminated in the measurement: more would take longer and
+# give the same ranking.  A quarter is too few, as PARDISO gains with system size.
 _MOST_MEASURED = 200_000
 
 
 @dataclass(frozen=True)
 class Offer:
-    """A linear solver that can be chosen by name.
+    """Linear solver that can be selected by name.
 
     Attributes
     ----------
     path
-        Its module in this package and its class, ``module:Class``.
+        Module in this package and class, ``module:Class``.
     needs
-        The module of another package that it imports when a system is to be solved.
+        Module of the third-party package that it imports at the first solve.
     unknowns
-        Number of unknowns from which the time of that import is repaid.
+        Number of unknowns from which the import time is repaid.
     rival
         Whether it may be the fastest for large systems.
     """
@@ -57,19 +59,19 @@ class Offer:
 
     @property
     def package(self) -> str:
-        """The package that it needs."""
+        """Name of the required package."""
         return self.needs.partition(".")[0]
 
     @property
     def build(self) -> Any:
-        """Its class."""
+        """Solver class."""
         module, _, name = self.path.partition(":")
         return getattr(import_module(f".{module}", __package__), name)
 
 
-#: The solvers by their names, the fastest known first.  SuperLU takes four times as
-#: long as the others or longer, and three times the memory: it is not worth a
-#: measurement.  Unknowns that repay an import are of ``docs/speed.md``.
+#: Solvers by name, the fastest known first.  SuperLU takes at least four times as long
+#: as the others and three times the memory, so it is not measured.  The numbers of
+#: unknowns that repay an import are from ``docs/speed.md``.
 SOLVERS = {
     "cholmod": Offer("cholmod:Cholmod", "cvxopt.cholmod", 500, True),
     "pardiso": Offer("pardiso:Pardiso", "pypardiso", 20_000, True),
@@ -78,14 +80,14 @@ SOLVERS = {
 
 
 class SingularMatrixError(RuntimeError):
-    """The matrix leaves some motion without stiffness."""
+    """Singular matrix: a mechanism is present."""
 
     def __init__(self) -> None:
-        super().__init__("some motion meets no stiffness")
+        super().__init__("singular tangent: a mechanism is present")
 
 
 def refuse_round_off(pivots: ndarray, entries: ndarray) -> None:
-    """Refuse pivots, given by magnitude, that are but round-off of the entries."""
+    """Refuse pivots, given by magnitude, that are round-off of the entries."""
     largest = pivots.max(initial=0.0)
     round_off = np.maximum(
         _LEAST_OF_ENTRY * np.abs(entries), _LEAST_OF_LARGEST * largest
@@ -95,24 +97,25 @@ def refuse_round_off(pivots: ndarray, entries: ndarray) -> None:
 
 
 class Factors(Protocol):
-    """Factors of a symmetric matrix, definite or not.
+    """Factors of a symmetric matrix, definite or indefinite.
 
-    ``factorisations`` is how many were needed so far: an indefinite matrix may have to
-    be factorised again to solve with, and so may one whose factors gave way to others.
+    ``factorisations`` is the number of factorisations so far: an indefinite matrix may
+    need a second one for the solve, and so does a matrix whose factors were discarded
+    in favour of others.
     """
 
     factorisations: int
 
     @property
     def definite(self) -> bool:
-        """Whether the matrix is positive definite."""
+        """True if the matrix is positive definite."""
         ...
 
     @property
     def negative_pivots(self) -> int | None:
         """Number of negative eigenvalues, by Sylvester's law of inertia.
 
-        None where a pivot had to be taken off the diagonal and does not tell.
+        None if a pivot was taken off the diagonal.
 
         Raises
         ------
@@ -133,13 +136,13 @@ class Factors(Protocol):
 
 
 class Solver(Protocol):
-    """Factorises symmetric matrices of one pattern, which is analysed once.
+    """Factorises symmetric matrices of one sparsity pattern, analysed once.
 
     Parameters
     ----------
     lower
-        A matrix of the pattern: its triangle at and below the diagonal, with sorted
-        indices, in an order in which factors are sparse.
+        Lower triangle of a matrix with the pattern, diagonal included, with sorted
+        indices and in a fill-reducing order.
     """
 
     def __init__(self, lower: csc_matrix) -> None: ...
@@ -150,43 +153,45 @@ class Solver(Protocol):
         Raises
         ------
         SingularMatrixError
-            If a pivot vanishes; one that is round-off may be found later.
+            If a pivot is zero; a round-off pivot may be detected later.
         """
         ...
 
 
 class OneAtATime:
-    """Base of solvers that keep the factors of one matrix, the last that was used.
+    """Base of solvers that keep the factors of one matrix, the most recent one.
 
-    Factors of large matrices are most of the memory of a run.  Those of another matrix
-    are computed again.
+    Factors of large matrices take most of the memory of a run.  Discarded factors are
+    recomputed when needed.
     """
 
     lower: csc_matrix
-    # Weak, or memory would not be free before Python looks for cycles.
+    # Weak, so that memory is freed without waiting for garbage collection of cycles.
     _held: ref | None = None
 
     @cached_property
     def superlu(self) -> Any:
-        """Solves indefinite systems; analysed when the first is to be solved."""
+        """Solver for indefinite systems; analysed at first use."""
         return SOLVERS["superlu"].build(self.lower)
 
     def hold(self, factors: Any) -> None:
-        """Keep these factors, and no others."""
+        """Keep these factors and discard others."""
         if self._held is None or self._held() is not factors:
-            self._held = None  # in case this fails
+            self._held = None  # in case the factorisation fails
             factors.refactorise()
             factors.factorisations += 1
             self._held = ref(factors)
 
 
-#: Makes the solver of a pattern, given as its lower triangle.
+#: Factory of a solver for a pattern, given as its lower triangle.
 SolverOfPattern: TypeAlias = Callable[[csc_matrix], Solver]
 
 
 @dataclass(eq=False)
 class Clock:
-    """Linear solves and factorisations, and the time that these and assembly took."""
+    """Numbers of linear solves and factorisations, and times of these and of
+    assembly.
+    """
 
     solves: int = 0
     factorisations: int = 0
@@ -195,7 +200,7 @@ class Clock:
     )
 
     def time(self, part: str, function: Callable, *args: Any) -> Any:
-        """Call the function and add its time to that part."""
+        """Call the function and add its time to a category."""
         start = perf_counter()
         try:
             return function(*args)
@@ -204,30 +209,30 @@ class Clock:
 
 
 class Choice(NamedTuple):
-    """Name of a solver, and why it was chosen."""
+    """Name of a solver, and the reason for its choice."""
 
     name: str
     reason: str
 
 
-# What this process has measured, by who took part; one measurement at a time.
+# Measurements of this process, by participating solvers; one measurement at a time.
 _MEASURED: dict[tuple[str, ...], Choice] = {}
 _LOCK = Lock()
 
 
 class ChosenSolver:
-    """A `Solver` by name; ``auto`` takes the fastest that is installed.
+    """`Solver` by name; ``auto`` selects the fastest installed one.
 
-    For few unknowns that is SuperLU, which takes no time to load, for more the fastest
-    known.  From `MEASURED_FROM` unknowns on the solvers are measured with the first
-    matrix that is positive definite, once in a process.
+    For few unknowns this is SuperLU, which needs no import; for more, the fastest
+    known.  From `MEASURED_FROM` unknowns on, the solvers are measured with the first
+    positive definite matrix, once per process.
 
     Parameters
     ----------
     name
-        Name of a solver of `SOLVERS`, or ``auto``.
+        Name of a solver in `SOLVERS`, or ``auto``.
     lower
-        As of `Solver`.
+        See `Solver`.
 
     Attributes
     ----------
@@ -237,7 +242,7 @@ class ChosenSolver:
     Raises
     ------
     ValueError
-        If the name is unknown, or the package that it needs is not installed.
+        If the name is unknown or the required package is not installed.
     """
 
     def __init__(self, name: str, lower: csc_matrix) -> None:
@@ -245,7 +250,7 @@ class ChosenSolver:
         self._rivals: tuple[str, ...] = ()  # to be measured
         if name != "auto":
             check_solver(name)
-            self.choice = Choice(name, "asked for")
+            self.choice = Choice(name, "requested")
         elif n < MEASURED_FROM:
             reason = f"fastest known, not measured below {MEASURED_FROM} unknowns"
             self.choice = Choice(_known(n), reason)
@@ -256,14 +261,14 @@ class ChosenSolver:
             if rivals in _MEASURED:
                 self.choice = _MEASURED[rivals]
             else:
-                self.choice = Choice(_known(n), "fastest known of those installed")
+                self.choice = Choice(_known(n), "fastest known of the installed ones")
                 self._rivals = rivals if len(rivals) > 1 else ()
         self._solver: Solver = SOLVERS[self.choice.name].build(lower)
         if not self._rivals:
             log.info("linear solver %s: %s", *self.choice)
 
     def factorise(self, data: ndarray) -> Factors:
-        """As of `Solver`; measures before, if that is due."""
+        """See `Solver`; measures the solvers first, if required."""
         if self._rivals and (choice := _measured(self._rivals, self._lower, data)):
             if choice.name != self.choice.name:
                 self._solver = SOLVERS[choice.name].build(self._lower)
@@ -273,16 +278,16 @@ class ChosenSolver:
 
 
 def solver_named(name: str) -> type[Solver]:
-    """The solver of a name of `SOLVERS`; it raises the errors of `check_solver`."""
+    """Solver for a name in `SOLVERS`; raises the errors of `check_solver`."""
     check_solver(name)
     return SOLVERS[name].build
 
 
 def check_solver(name: str) -> None:
-    """Refuse a name that is unknown or needs what is not installed, by a ValueError."""
+    """Raise a ValueError if a name is unknown or its package is not installed."""
     if name == "auto":
         return
-    if name not in [*SOLVERS]:  # a list, as the name may be no string
+    if name not in [*SOLVERS]:  # a list, as the name may not be a string
         raise ValueError(
             f"unknown solver {name!r}: choose of auto, {', '.join(SOLVERS)}"
         )
@@ -292,12 +297,12 @@ def check_solver(name: str) -> None:
 
 
 def _known(unknowns: int) -> str:
-    """The fastest known that is installed."""
+    """Fastest known solver that is installed."""
     for name, offer in SOLVERS.items():
         if unknowns >= offer.unknowns and find_spec(offer.package):
             try:
                 import_module(offer.needs)
-            except ImportError as error:  # installed, but not whole
+            except ImportError as error:  # incompletely installed
                 log.warning("solver %s: %s", name, error)
             else:
                 return name
@@ -307,9 +312,9 @@ def _known(unknowns: int) -> str:
 def _measured(
     rivals: tuple[str, ...], lower: csc_matrix, data: ndarray
 ) -> Choice | None:
-    """The fastest, measured unless remembered; None where the matrix does not tell.
+    """Fastest solver, measured or remembered; None if the matrix does not allow it.
 
-    That is one that is not positive definite, or that all of them fail at.
+    The matrix must be positive definite, and at least one solver must succeed.
     """
     n = min(lower.shape[0], _MOST_MEASURED)
     with _LOCK:
@@ -320,7 +325,7 @@ def _measured(
         for name in rivals:
             try:
                 took = _seconds(name, part)
-            except Exception as error:  # it would fail in the run too
+            except Exception as error:  # it would also fail in the run
                 log.info("linear solver %s failed: %s", name, error)
                 reports.append(f"{name} failed")
                 continue
@@ -336,9 +341,9 @@ def _measured(
 
 
 def _seconds(name: str, matrix: csc_matrix) -> float | None:
-    """Time to factorise and solve: of the second time, as the first one warms up.
+    """Time of the second factorisation and solve, as the first one warms up.
 
-    None where the matrix is not positive definite: CHOLMOD stops early there.
+    None if the matrix is not positive definite: CHOLMOD then stops early.
     """
     solver, b = SOLVERS[name].build(matrix), np.ones(matrix.shape[0])
     for _ in range(2):

@@ -1,4 +1,4 @@
-"""SciPy's SuperLU: needs nothing else, and solves what other solvers cannot pivot."""
+"""SuperLU of SciPy: always available, and solves systems that need pivoting."""
 
 from functools import cached_property
 
@@ -13,12 +13,12 @@ from .solver import SingularMatrixError, refuse_round_off
 
 
 class SuperLU:
-    """LU factors; pivots stay on the diagonal and tell the inertia.
+    """LU factors; pivots stay on the diagonal and determine the inertia.
 
     Parameters
     ----------
     lower
-        As of `Solver`.
+        See `Solver`.
     """
 
     def __init__(self, lower: csc_matrix) -> None:
@@ -37,17 +37,17 @@ class SuperLU:
         return SuperLUFactors(self, data)
 
     def matrix(self, data: ndarray) -> csc_matrix:
-        """The matrix with the entries ``data`` of the lower triangle."""
+        """Matrix with the entries ``data`` of the lower triangle."""
         whole = self._whole
         return csc_matrix((data[whole.data], whole.indices, whole.indptr), whole.shape)
 
     def pivoted(self, data: ndarray) -> Decomposition:
-        """LU factors to solve an indefinite system with.
+        """LU factors with pivoting for an indefinite system.
 
         Raises
         ------
         SingularMatrixError
-            If a pivot vanishes to working precision.
+            If a pivot is zero to working precision.
         """
         A = self.matrix(data)
         lu = _decomposed(A, pivoting=0.01)
@@ -67,7 +67,7 @@ class SuperLUFactors:
 
     @cached_property
     def negative_pivots(self) -> int | None:
-        """By the signs of the pivots, where they stay on the diagonal."""
+        """Number of negative pivots, if all pivots stay on the diagonal."""
         lu = self._lu
         pivots = lu.U.diagonal()
         refuse_round_off(np.abs(pivots)[lu.perm_c], self._diagonal)
@@ -76,7 +76,7 @@ class SuperLUFactors:
 
     @property
     def definite(self) -> bool:
-        """Whether every pivot is positive, and none of them round-off."""
+        """True if every pivot is positive and none is round-off."""
         try:
             return self.negative_pivots == 0
         except SingularMatrixError:
@@ -93,7 +93,7 @@ class SuperLUFactors:
 
 
 def _decomposed(A: csc_matrix, pivoting: float) -> Decomposition:
-    """Factors in the order of the matrix, apart from rows that pivoting exchanges."""
+    """Factors in the order of the matrix, except for row exchanges by pivoting."""
     try:
         return splu(
             A,

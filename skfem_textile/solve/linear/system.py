@@ -1,9 +1,9 @@
-"""The linear system that constraints leave of a tangent, and its order of elimination.
+"""Linear system on the free unknowns, and its elimination order.
 
-The order is a nested dissection by geometry, which keeps factors sparse (George 1973):
-the nodes of a part are halved along its longer side, and the nodes that keep the halves
-apart are eliminated after both.  These are the fewest that touch every pair across, by
-König's theorem from a largest matching (Hopcroft & Karp 1973).
+The order is a geometric nested dissection, which keeps factors sparse (George 1973):
+the nodes of a part are bisected along its longer side, and the separator is eliminated
+after both halves.  The separator is the smallest vertex cover of the pairs across,
+obtained by König's theorem from a maximum matching (Hopcroft & Karp 1973).
 """
 
 import numpy as np
@@ -15,36 +15,36 @@ from ...mesh.pattern import Pattern, matrix_of_slots
 from ..conditions import Constraints
 from .solver import SolverOfPattern
 
-# Parts of no more nodes than this are not divided.  Smaller parts take longer to order;
-# larger ones leave more entries in the factors.
+# Number of nodes up to which a part is not divided.  Smaller parts take longer to
+# order; larger ones leave more entries in the factors.
 _LEAF_NODES = 32
 
 
 class System:
-    """Free unknowns in the order of elimination, and where their entries are.
+    """Free unknowns in elimination order, and the positions of their entries.
 
     Parameters
     ----------
     pattern
         Pattern of the tangent.
     positions
-        Of the nodes, shape (2, n_nodes).
+        Positions of the nodes, shape (2, n_nodes).
     constraints
-        What fixes the other unknowns.
+        Constraints of the other unknowns.
     solver
-        Makes the linear solver of their pattern.
+        Factory of the linear solver for their pattern.
 
     Attributes
     ----------
     dimension
-        Components of the displacement.
+        Number of displacement components.
     free
         Numbers of the free unknowns, shape (n_free,).
     upper, coupling
-        Numbers of the entries among those of the blocks: of free unknowns at and above
-        the diagonal, and from the fixed unknowns to the free ones.
+        Indices into the entries of the blocks: of free unknowns at and above the
+        diagonal, and from fixed to free unknowns.
     solver
-        The linear solver, ready for their pattern.
+        Linear solver for their pattern.
     """
 
     def __init__(
@@ -71,13 +71,15 @@ class System:
             slots[across], row[across], col[across] - n, (n, n_fixed)
         )
         self._pattern = pattern
-        self._turn: csr_matrix | None = None  # the last, whose places are known
-        # The upper triangle by rows is the lower one by columns.
+        self._turn: csr_matrix | None = (
+            None  # the remaining ones, whose positions are known
+        )
+        # The upper triangle in CSR is the lower one in CSC.
         upper = self.upper.data, self.upper.indices, self.upper.indptr
         self.solver = solver(csc_matrix(upper, (n, n)))
 
     def turned(self, blocks: ndarray, turn: csr_matrix) -> ndarray:
-        """Blocks of a tangent in turned unknowns, Rᵀ K R with R of `Problem.turn`."""
+        """Blocks of a tangent in rotated unknowns, Rᵀ K R with R of `Problem.turn`."""
         d, pattern = self.dimension, self._pattern
         if self._turn is not turn:
             self._turn, R = turn, turn.tobsr(blocksize=(d, d)).data
@@ -93,25 +95,25 @@ class System:
 
 
 def nested_dissection(positions: ndarray, pairs: ndarray) -> ndarray:
-    """Nodes in an order of elimination, shape (n_nodes,).
+    """Nodes in elimination order, shape (n_nodes,).
 
     Parameters
     ----------
     positions, pairs
-        Of the nodes, shape (2, n_nodes), and numbers of the nodes that are coupled,
-        shape (2, n_pairs).
+        Positions of the nodes, shape (2, n_nodes), and pairs of coupled nodes, shape
+        (2, n_pairs).
 
     Examples
     --------
-    Of nodes in a row the middle one comes last.
+    The middle one of collinear nodes comes last.
 
     >>> x = np.stack([np.arange(65.0), np.zeros(65)])
     >>> int(nested_dissection(x, np.stack([np.arange(64), np.arange(1, 65)]))[-1])
     32
     """
     n, n_parts = positions.shape[1], 1
-    part = np.zeros(n, dtype=np.int64)  # of each node; −1 once it keeps others apart
-    place = np.zeros(n, dtype=np.int64)  # in the order, a digit of three per division
+    part = np.zeros(n, dtype=np.int64)  # of each node; −1 for separator nodes
+    place = np.zeros(n, dtype=np.int64)  # in the order, one ternary digit per division
     while True:
         size = np.bincount(part[part >= 0], minlength=n_parts)
         if size.max(initial=0) <= _LEAF_NODES:
@@ -128,7 +130,7 @@ def nested_dissection(positions: ndarray, pairs: ndarray) -> ndarray:
 
 
 def _upper_halves(positions: ndarray, part: ndarray, size: ndarray) -> ndarray:
-    """Whether each node lies above the middle of its part, along its longer side."""
+    """Mask of the nodes above the middle of their part, along its longer side."""
     nodes = np.flatnonzero(part >= 0)
     part_of, x = part[nodes], positions[:, nodes]
     low, high = np.full((2, 2, len(size)), [[[np.inf]], [[-np.inf]]])
@@ -144,7 +146,7 @@ def _upper_halves(positions: ndarray, part: ndarray, size: ndarray) -> ndarray:
 
 
 def _cover(first: ndarray, second: ndarray) -> ndarray:
-    """The fewest nodes that touch every pair, each of one node on either side."""
+    """Minimum vertex cover of pairs of nodes, one on either side."""
     lower, i = np.unique(first, return_inverse=True)
     upper, j = np.unique(second, return_inverse=True)
     pairs = csr_matrix((np.ones(len(i)), (i, j)), shape=(len(lower), len(upper)))
@@ -152,7 +154,7 @@ def _cover(first: ndarray, second: ndarray) -> ndarray:
     matched = np.flatnonzero(mate >= 0)
     back = np.full(len(upper), -1)
     back[mate[matched]] = matched
-    # What alternating paths from unmatched nodes of the lower side reach.
+    # Nodes reached by alternating paths from unmatched nodes of the lower side.
     reached, new, passed = mate < 0, mate < 0, np.zeros(len(upper), dtype=bool)
     while new.any():
         ahead = (pairs.T @ new > 0) & ~passed

@@ -1,4 +1,4 @@
-"""Surfaces on which nodes are kept, and geodesics on them."""
+"""Surfaces that constrain nodes, and geodesics on them."""
 
 from .on_surface import OnSurface
 from .surface import Grown, OffSurfaceError, Surface, distance, gaps, is_on, onto

@@ -1,9 +1,9 @@
-"""Nodes on surfaces: normals that are eliminated, forces along them, curvature.
+"""Nodes constrained to surfaces: eliminated normals, contact forces, curvature.
 
-A node on a surface φ = 0 moves in its tangent plane.  Where linear conditions hold
-directions of it too, ∇φ counts without them: with the projector P onto what they leave,
-the node moves along its surface across n = P∇φ/‖P∇φ‖.  The equilibrium is
-∂E/∂x = λ∇φ across what is held, and its tangent is that of E less λ∇²φ.
+A node on a surface φ = 0 moves in its tangent plane.  If linear conditions also fix
+directions of the node, ∇φ is projected: with the projector P onto the remaining
+directions, the fixed direction is n = P∇φ/‖P∇φ‖. The equilibrium is ∂E/∂x = λ∇φ along
+the fixed directions, and its tangent is the second derivative of E less λ∇²φ.
 """
 
 from collections.abc import Mapping
@@ -18,23 +18,24 @@ from ..states import NoEquilibriumError
 from .on_surface import OnSurface, SurfaceError, UserSurface
 from .surface import Gaps, OffSurfaceError, exponential_map, gaps, is_on, onto
 
-# Sine of the angle between a normal and what conditions hold below which they hold the
-# node across its surface already.  Chosen: far above rounding.
+# Sine of the angle between a normal and the directions fixed by conditions below which
+# these already fix the normal.  Chosen: far above round-off.
 _HELD_ACROSS = 1e-6
 
-# Steps along geodesics by which a ply is carried.  Chosen: on a sphere, over a quarter
-# of its circumference, they end within 1e-3 of the radius, enough for a start; each
-# evaluates the surface at three places, which of triangles takes long.
+# Number of steps along the geodesics that carry a ply.  Chosen: on a sphere, over a
+# quarter of its circumference, the error is 1e-3 of the radius, sufficient for an
+# initial guess; each step evaluates the surface three times, which is expensive for
+# triangles.
 _STEPS = 4
 
 
 class Contact(NamedTuple):
-    """Nodes on surfaces, and the surfaces at them.
+    """Nodes on surfaces, with the surface values at them.
 
     Attributes
     ----------
     nodes
-        Their numbers, shape (n,).
+        Node numbers, shape (n,).
     level, gradient
         φ, shape (n,), and ∇φ, (3, n).
     across, slope
@@ -49,32 +50,32 @@ class Contact(NamedTuple):
 
 
 class SurfaceNodes:
-    """The nodes that conditions keep on surfaces.
+    """Nodes constrained to surfaces by conditions.
 
     Parameters
     ----------
     conditions
         `OnSurface` by name.
     nodes
-        Nodes of each, by name.
+        Nodes of each condition, by name.
     X
         Reference positions of all nodes, shape (2, n_nodes).
     turn
-        The map from the unknowns of linear conditions to the plain ones, or None.
+        Matrix from the unknowns of linear conditions to the Cartesian ones, or None.
     prescribed
-        Numbers of the unknowns that linear conditions fix.
+        Numbers of the unknowns fixed by linear conditions.
 
     Attributes
     ----------
     nodes
-        Numbers of the nodes on a surface that linear conditions do not hold whole.
+        Numbers of the nodes on a surface that linear conditions do not fix completely.
     eliminated
-        For each of them the number of the unknown that the surface fixes.
+        Number of the unknown fixed by the surface, for each of them.
 
     Raises
     ------
     ValueError
-        If what is given is no surface, or a node is to be on two surfaces.
+        If a surface is not valid, or a node is on two surfaces.
     """
 
     def __init__(
@@ -100,7 +101,7 @@ class SurfaceNodes:
             if taken[own].any():
                 node = own[taken[own]].min()
                 raise ValueError(
-                    f"condition {name!r}: node {node} is on another surface too"
+                    f"condition {name!r}: node {node} is also on another surface"
                 )
             taken[own] = True
             self._parts.append((name, condition, own))
@@ -109,21 +110,24 @@ class SurfaceNodes:
         self.eliminated = 3 * self.nodes + first
         columns = self._frames[self.nodes] * self._free[self.nodes][:, None]
         self._projector = columns @ columns.swapaxes(1, 2)
-        # Contact and turn of the last displacement: an iteration needs them repeatedly.
+        # Contact and rotation of the last displacement, which an iteration uses
+        # repeatedly.
         self._u, self._t = np.empty(0), 0.0
         self._contact: Contact | None = None
         self._turn: csr_matrix | None = None
         self._laid: dict[float, ndarray] = {}
 
     def check(self, t: float) -> None:
-        """Refuse surfaces that cannot grow out of the ply's plane at a load factor."""
+        """Refuse surfaces that cannot grow out of the plane of the ply at a load
+        factor.
+        """
         for name, condition, _ in self._parts:
             condition.at(name, t)
 
     def contact(self, u: ndarray, t: float) -> Contact:
-        """The surfaces at the nodes of a displacement.
+        """Surface values at the nodes of a displacement.
 
-        An error if a node is held across its surface already.
+        Raises an error if conditions already fix the normal of a node.
         """
         if self._contact and t == self._t and np.array_equal(u, self._u):
             return self._contact
@@ -137,7 +141,7 @@ class SurfaceNodes:
         if lost.any():
             node = self.nodes[lost.argmax()]
             raise NoEquilibriumError(
-                f"conditions hold node {node} across its surface already",
+                f"conditions fix node {node} normal to its surface already",
                 advice="fewer conditions there",
             )
         self._u, self._t, self._turn = u.copy(), t, None
@@ -151,12 +155,12 @@ class SurfaceNodes:
         return np.concatenate(parts, axis=2).transpose(2, 0, 1)
 
     def turn(self, u: ndarray, t: float) -> csr_matrix:
-        """The map from unknowns of which ``eliminated`` lie across surfaces."""
+        """Matrix from the unknowns, of which ``eliminated`` are normal to surfaces."""
         contact = self.contact(u, t)
         if self._turn is None:
             frames, own = self._frames.copy(), self.nodes
             across = np.einsum("nij,in->nj", frames[own], contact.across)
-            # Householder: the reflection has n as its column ``first``.
+            # Householder reflection with n as its column ``first``.
             mirror = np.where(self._free[own], across, 0.0)
             row, first = np.arange(len(own)), self.eliminated - 3 * own
             mirror[row, first] += np.copysign(1.0, mirror[row, first])
@@ -169,7 +173,7 @@ class SurfaceNodes:
         return self._turn
 
     def motion(self, u: ndarray, t: float, du: ndarray) -> ndarray:
-        """A motion of conditions, and of nodes onto surfaces to first order."""
+        """Increment of conditions, and of nodes onto surfaces to first order."""
         contact, moved = self.contact(u, t), du.reshape(-1, 3).T.copy()
         own = contact.nodes
         missing = contact.level + (contact.gradient * moved[:, own]).sum(axis=0)
@@ -177,7 +181,7 @@ class SurfaceNodes:
         return moved.T.ravel()
 
     def onto(self, u: ndarray, t: float) -> ndarray:
-        """The displacement with nodes brought onto surfaces; an error if one is not."""
+        """Displacement with nodes projected onto surfaces; an error if this fails."""
         x, place = self._positions(u), 0
         for surface, own in self._surfaces(t):
             free = self._projector[place : place + len(own)]
@@ -187,15 +191,15 @@ class SurfaceNodes:
             except OffSurfaceError as error:
                 raise NoEquilibriumError(
                     f"condition {surface.name!r}: {error}",
-                    advice="more steps, or a start that is nearer to the surface",
+                    advice="more steps, or an initial guess closer to the surface",
                 ) from None
         return (x - self._X).T.ravel()
 
     def carried(self, u: ndarray, before: float, t: float) -> ndarray | None:
-        """A displacement carried from the surface at a load factor to that at another.
+        """Displacement carried from the surface at one load factor to that at another.
 
-        Each node moves by the difference of the ends of its geodesics on the two.  None
-        where geodesics do not lay the whole ply.
+        Each node moves by the difference of the ends of its geodesics on the two
+        surfaces.  None if geodesics do not reach every node.
         """
         name, condition, _ = self._parts[0]
         if condition.where is not None:
@@ -216,16 +220,16 @@ class SurfaceNodes:
             return None
 
     def are_on(self, u: ndarray, t: float) -> bool:
-        """Whether the nodes are on their surfaces."""
+        """True if the nodes are on their surfaces."""
         x = self._positions(u)
         return all(is_on(s, x[:, own]) for s, own in self._surfaces(t))
 
     def gaps(self, u: ndarray, t: float, basis: CellBasis) -> Gaps:
-        """How far elements lie off their surfaces between nodes."""
+        """Distance of elements from their surfaces between nodes."""
         return gaps(self._surfaces(t), self._positions(u), basis)
 
     def levels(self, t: float) -> ndarray:
-        """φ and ∇φ of each surface at a probe of positions, to tell surfaces apart."""
+        """φ and ∇φ of each surface at probe positions, which identify a surface."""
         probe = self._X + 0.1 * np.sin(np.arange(self._X.size)).reshape(self._X.shape)
         surfaces = [(s, probe[:, own]) for s, own in self._surfaces(t)]
         try:
@@ -237,8 +241,8 @@ class SurfaceNodes:
     def facing(self, u: ndarray, t: float, elements: ndarray, n: ndarray) -> ndarray:
         """1 for elements that face their surface as most do, −1 for the others.
 
-        Elements that are not wholly on surfaces face it as most do.  ``elements`` are
-        the nodes of each, and ``n`` their normals (a₁×a₂), shape (3, n_elements).
+        Elements that are not completely on surfaces count as 1.  ``elements`` are the
+        nodes of each element, and ``n`` the normals (a₁×a₂), shape (3, n_elements).
         """
         contact, normals = self.contact(u, t), np.full(self._X.shape, np.nan)
         unit = contact.gradient / np.linalg.norm(contact.gradient, axis=0)
@@ -248,7 +252,7 @@ class SurfaceNodes:
         return np.where(height * np.copysign(1.0, most) < 0, -1.0, 1.0)
 
     def _surfaces(self, t: float) -> list[tuple[UserSurface, ndarray]]:
-        """The surfaces at a load factor, and the nodes on each."""
+        """Surfaces at a load factor, and the nodes on each."""
         return [(UserSurface(name, c.at(name, t)), own) for name, c, own in self._parts]
 
     def _positions(self, u: ndarray) -> ndarray:

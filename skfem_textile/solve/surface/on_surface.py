@@ -1,9 +1,9 @@
-"""The condition that nodes lie on a surface, and whether the surface is a valid one.
+"""Condition that nodes lie on a surface, and validation of the surface.
 
-Gradient and Hessian are to be the slopes of level and gradient.  Between two points of
-a line a slope must be some value of the derivative between those at its ends.  That
-holds where the derivative jumps too.  Where it turns round it may fail, but not on
-three intervals on end: there the parts contradict each other.
+Gradient and Hessian must be the derivatives of level and gradient.  The slope between
+two points of a line must lie between the derivatives at its ends, also where the
+derivative jumps.  It may not where the derivative has an extremum, but not on three
+consecutive intervals: that is a contradiction.
 """
 
 from dataclasses import dataclass
@@ -18,52 +18,52 @@ from ...mesh.user_input import call_user_function
 from ..states import NoEquilibriumError
 from .surface import Grown, Surface
 
-# Distance of the surface from the plane of the ply where they touch, as a share of the
-# largest coordinate, and the sine of the angle between them, that count as none.
-# Chosen: above what meshes of surfaces are rounded to.
+# Tolerances for contact of the surface with the plane of the ply: distance, relative to
+# the largest coordinate, and sine of the angle between them.  Chosen: above the
+# rounding of surface meshes.
 _TOUCHING = 1e-4
 
-# Nodes near which a surface is checked, and the length of an interval over the extent
-# of the nodes.  Chosen: shorter than any fillet that a mesh of the ply follows, and
-# long enough for surfaces that are themselves computed to ten digits.
+# Number of nodes near which a surface is checked, and the interval length relative to
+# the extent of the nodes.  Chosen: shorter than any fillet resolved by a mesh of the
+# ply, and long enough for surfaces that are computed to ten digits.
 _NODES, _INTERVAL = 12, 1e-3
 
 # Ends of the intervals of a line, in intervals from its middle.
 _ENDS = np.arange(-2, 3)
 
-# How far slopes may be off: as a share of the derivative, and, for round-off, of what
-# changes and of the coordinates.  Chosen: a derivative that is off by less takes no
-# more iterations.
+# Tolerances of slopes: relative to the derivative and, for round-off, to the function
+# and the coordinates.  Chosen: a derivative with a smaller error takes no more
+# iterations.
 _OFF, _NOISE, _ROUNDING = 1e-2, 1e-9, 64 * 2.0**-53
 
-# What a function may raise of points at which it need not be defined: beyond the nodes.
+# Exceptions that a function may raise at points outside its domain, beyond the nodes.
 _UNDEFINED = (ValueError, ArithmeticError, LookupError, RuntimeError, AssertionError)
 
-# Steps at most to the surface.
+# Maximum number of steps to the surface.
 _MOST = 20
 
 
 @dataclass(frozen=True, eq=False)
 class OnSurface:
-    """Nodes lie on a surface, along which they move freely.
+    """Condition that nodes lie on a surface, along which they move freely.
 
-    With the load factor the surface grows out of the plane of the ply: at the load
+    The surface grows out of the plane of the ply with the load factor: at the load
     factor t it is the surface enlarged by 1/t about the point where it touches the
-    plane z = 0.  At 1 it is the surface as it is, and need not touch that plane.
+    plane z = 0.  At 1 it is the given surface, and need not touch that plane.
 
     Parameters
     ----------
     surface
         The surface.
     where
-        The nodes, as for `Condition`; all nodes if not given.
+        The nodes, see `Condition`; all nodes if not given.
     touch
-        x and y of the point in mm where the surface touches the plane of the ply.
+        Coordinates x and y in mm of the point where the surface touches the ply.
 
     Examples
     --------
-    A square ply grows onto a sphere of the radius 100 mm, its first node held at the
-    pole and its lower edge in a plane of symmetry:
+    A square ply formed over a growing sphere with a radius of 100 mm, with the first
+    node fixed at the pole and the lower edge in a plane of symmetry:
 
     >>> import numpy as np
     >>> from skfem import MeshQuad
@@ -98,12 +98,12 @@ class OnSurface:
         return np.unique(selected_nodes(f"condition {name!r}", self.where, basis))
 
     def check(self, name: str, x: ndarray) -> None:
-        """Refuse what is no surface at points, shape (3, n).
+        """Refuse an invalid surface at points, shape (3, n).
 
         Raises
         ------
         ValueError
-            If a method is missing, fails, gives arrays of another shape, or
+            If a method is missing, fails, returns an array of another shape, or
             contradicts another.
         """
         methods = "level", "gradient", "hessian"
@@ -120,12 +120,12 @@ class OnSurface:
         _check_derivatives(surface, x)
 
     def at(self, name: str, t: float) -> Surface:
-        """The surface at a load factor.
+        """Surface at a load factor.
 
         Raises
         ------
         ValueError
-            If it is still to grow, and fails or does not touch the plane of the ply.
+            If a growing surface fails or does not touch the plane of the ply.
         """
         if t == 1:
             return self.surface
@@ -143,23 +143,23 @@ class OnSurface:
         else:
             return Grown(self.surface, point, t)
         raise ValueError(
-            f"condition {name!r}: the surface cannot grow out of the ply, for it does "
-            f"not touch the plane z = 0 at {self.touch}, where it {off}: move it, give "
-            "another point as touch, or start from positions on it with "
+            f"condition {name!r}: the surface cannot grow out of the ply, because it "
+            f"does not touch the plane z = 0 at {self.touch}, where it {off}: move "
+            "it, specify another point as touch, or start from positions on it with "
             "equilibrium_near"
         )
 
 
 class SurfaceError(NoEquilibriumError, ValueError):
-    """A surface that fails: before a run it is not valid, in a run an attempt fails."""
+    """Failed surface: invalid before a run, a failed attempt during a run."""
 
 
 @dataclass(frozen=True, eq=False)
 class UserSurface:
-    """The surface of a condition, by whose name errors call it.
+    """Surface of a condition, with the name of the condition in its errors.
 
-    Its methods raise a `SurfaceError` if an array has another shape, or the user's
-    function fails, whose error is the cause.
+    Its methods raise a `SurfaceError` if an array has another shape, or if the user's
+    function fails, with that exception as the cause.
     """
 
     name: str
@@ -182,7 +182,7 @@ class UserSurface:
         try:
             found = call_user_function(what, getattr(self.surface, method), x)
         except ValueError as error:
-            advice = "a surface that goes on beyond the ply, or a smaller ply"
+            advice = "a surface that extends beyond the ply, or a smaller ply"
             raise SurfaceError(str(error), advice=advice) from error.__cause__
         shape = *rows, x.shape[1]
         if np.shape(found) != shape:
@@ -193,19 +193,18 @@ class UserSurface:
 
 
 def _check_derivatives(surface: UserSurface, x: ndarray) -> None:
-    """Refuse a surface whose parts contradict each other where a ply may lie.
+    """Refuse a surface with inconsistent derivatives near a ply.
 
-    They are compared at some points of it, to which slopes of level lead from the nodes
-    at ``x``. The message names the part, the place, both numbers and the length over
-    which they differ.  A function that fails with an error that is not one of its
-    domain fails here too.
+    Derivatives are compared with slopes at points of the surface near ``x``.  The
+    message names the method, the position, both numbers and the length of the interval.
+    A function that fails with an exception other than a domain error also fails here.
     """
     h = _INTERVAL * float(np.ptp(x, axis=1).max())
     if not h:
         return
     some = np.unique(np.linspace(0, x.shape[1] - 1, _NODES).astype(int))
     try:
-        with np.errstate(all="ignore"):  # what is not finite tells nothing
+        with np.errstate(all="ignore"):  # values that are not finite are skipped
             points = _on_surface(surface, x[:, some], h)
             # Shape (3, axes, places on each line, points).
             steps = h * np.eye(3)[:, :, None, None] * _ENDS[:, None]
@@ -236,13 +235,13 @@ def _check_derivatives(surface: UserSurface, x: ndarray) -> None:
         f"condition {surface.name!r}: {part} of the surface differs from the slope of "
         f"{of} at ({', '.join(f'{c:.6g}' for c in place)}): along {'xyz'[i]} "
         f"{changing} changes by {slope:.4g} per mm, and {derivative} is {value:.4g}; "
-        f"slopes are over {h:.3g} mm: correct the derivative, or smooth waves that are "
-        f"shorter than {3 * h:.3g} mm, which no ply of this size follows"
+        f"slopes are over {h:.3g} mm: correct the derivative, or smooth undulations "
+        f"shorter than {3 * h:.3g} mm, which no ply of this size resolves"
     )
 
 
 def _on_surface(surface: Surface, x: ndarray, h: float) -> ndarray:
-    """Points of a surface near others, without those that do not get there."""
+    """Points of a surface near others, without those that do not converge."""
     for _ in range(_MOST):
         ends = x[:, None, None] + h * np.eye(3)[:, :, None, None] * [[-1], [1]]
         back, ahead = np.moveaxis(
@@ -262,10 +261,10 @@ def _on_surface(surface: Surface, x: ndarray, h: float) -> ndarray:
 def _contradiction(
     lines: ndarray, whole: ndarray, derivative: ndarray, h: float
 ) -> tuple[int, int, ndarray, float, float] | None:
-    """The largest contradiction on lines, if any: row, axis, place, slope, derivative.
+    """Largest contradiction on lines, if any: row, axis, place, slope, derivative.
 
-    ``whole`` and ``derivative`` are rows of what changes and of its derivatives along
-    the lines, shape (rows, axes, places, points), and h is the length of an interval.
+    ``whole`` and ``derivative`` are rows of a function and of its derivatives along the
+    lines, shape (rows, axes, places, points), and h is the length of an interval.
     """
     size = np.abs(derivative).max(axis=(0, 1, 2))
     rounding = _ROUNDING * np.abs(lines).max(initial=0.0)

@@ -1,4 +1,4 @@
-"""Surfaces as zeros of a function of position: points, gaps and geodesics on them."""
+"""Surfaces as level sets: projection of points, gaps and geodesics."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -8,39 +8,39 @@ import numpy as np
 from numpy import ndarray
 from skfem import CellBasis
 
-# Distance from a surface, as a share of the largest coordinate, of a point that is on
-# it, and iterations at most to get there.  Chosen: far below any mesh, and above the
-# rounding of a surface that is itself computed.
+# Distance from a surface, relative to the largest coordinate, below which a point is on
+# it, and maximum number of iterations of the projection.  Chosen: far below any element
+# size, and above the rounding of computed surfaces.
 _ON_SURFACE, _MOST = 1e-11, 50
 
-# Steps along the longest geodesic, and the shortest over its length.  Chosen: a sphere
-# over a quarter of its circumference is off by 4e-7 of the radius; steps are as short
-# as the shortest only where a surface has an edge.
+# Number of steps along the longest geodesic, and shortest step relative to its length.
+# Chosen: the error on a sphere over a quarter of its circumference is 4e-7 of the
+# radius; the shortest steps occur only at edges of a surface.
 _STEPS, _SHORTEST = 32, 1e-3
 
-# Estimated error over the length of the longest geodesic above which steps are shorter:
-# the error of the derivative at the end, times the whole way.  Chosen: far less than a
-# start needs.  Triangles that are smoothed have curvatures that vary from one to the
-# next, and are off the tool they stand for by more.
+# Estimated error, relative to the length of the longest geodesic, above which steps are
+# shortened: the error of the derivative at the end, times the whole length.  Chosen:
+# far below the accuracy of an initial guess.  Smoothed triangles have curvatures that
+# vary between triangles and deviate more from the tool that they represent.
 _ACCURACY = 1e-3
 
-# Share of the step that would have this error, and how much shorter and longer than the
-# last a step is at most.
+# Safety factor of the step length, and limits of its change per step.
 _CAUTION, _SHORTER, _LONGER = 0.9, 0.2, 5.0
 
-# Sine of the angle to an upright plane up to which one is upright.  Chosen: above what
-# smoothed triangles of an upright wall are off, and below the draft of moulds.
+# Sine of the angle up to which a tangent plane counts as vertical.  Chosen: above the
+# error of smoothed triangles of a vertical wall, and below the draft of moulds.
 _UPRIGHT = 0.01
 
-# Smallest error that is divided by, in mm.
+# Lower bound of the error in the step control, in mm.
 _TINY = 1e-100
 
 
 class Surface(Protocol):
-    """A surface: the points x at which φ(x) = 0, where the gradient is not 0.
+    """Surface as a level set: the points x with φ(x) = 0, where the gradient is
+    nonzero.
 
-    φ may be any smooth function that is positive on one side and negative on the other;
-    it need not be the distance.  Positions ``x`` have the shape (3, n), in mm.
+    φ may be any smooth function that is positive on one side and negative on the other,
+    not necessarily the distance.  Positions ``x`` have the shape (3, n), in mm.
     """
 
     def level(self, x: ndarray) -> ndarray:
@@ -57,24 +57,24 @@ class Surface(Protocol):
 
 
 class OffSurfaceError(ValueError):
-    """A point that has no way to a surface."""
+    """Point that cannot be projected onto a surface."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grown:
-    """A surface on its way from its tangent plane at a point: φ(p + t(x − p))/t.
+    """Surface growing from its tangent plane at a point: φ(p + t(x − p))/t.
 
-    It is the surface enlarged by 1/t about the point p, so that curvatures grow in
-    proportion to t.  At t = 0 it is the tangent plane.
+    It is the surface enlarged by 1/t about the point p, so that curvatures are
+    proportional to t.  At t = 0 it is the tangent plane.
 
     Parameters
     ----------
     surface
         The surface.
     point
-        The point p on it, in mm, shape (3,).
+        The point p on the surface, in mm, shape (3,).
     t
-        From 0 to 1.
+        Parameter from 0 to 1.
     """
 
     surface: Surface
@@ -100,28 +100,28 @@ class Grown:
 
 
 def distance(surface: Surface, x: ndarray) -> ndarray:
-    """Distance from a surface to first order, shape (n,), with the sign of φ, in mm."""
+    """Signed distance from a surface to first order, shape (n,), in mm."""
     return surface.level(x) / np.linalg.norm(surface.gradient(x), axis=0)
 
 
 def is_on(surface: Surface, x: ndarray) -> bool:
-    """Whether all points are on a surface, but for what rounding makes of them."""
+    """True if all points are on a surface, to round-off."""
     allowed = 2 * _ON_SURFACE * np.abs(x).max(initial=1.0)
     return bool((np.abs(distance(surface, x)) <= allowed).all())
 
 
 def onto(surface: Surface, x: ndarray, free: ndarray | None = None) -> ndarray:
-    """Points brought onto a surface along its normals, by Newton's method.
+    """Project points onto a surface along its normals, by Newton's method.
 
     Parameters
     ----------
     surface
         The surface.
     x
-        Points near it, shape (3, n).
+        Points near the surface, shape (3, n).
     free
-        Projectors onto the directions in which each point may move, shape (n, 3, 3);
-        any direction if not given.
+        Projectors onto the free directions of each point, shape (n, 3, 3); all
+        directions are free if not given.
 
     Returns
     -------
@@ -131,7 +131,7 @@ def onto(surface: Surface, x: ndarray, free: ndarray | None = None) -> ndarray:
     Raises
     ------
     OffSurfaceError
-        If a point does not get there.
+        If the projection of a point fails.
     """
     allowed = _ON_SURFACE * np.abs(x).max(initial=1.0)
     for _ in range(_MOST):
@@ -146,21 +146,22 @@ def onto(surface: Surface, x: ndarray, free: ndarray | None = None) -> ndarray:
             break
     place = np.round(x[:, np.flatnonzero(off)[0]], 6).tolist()
     raise OffSurfaceError(
-        f"{off.sum()} point(s) have no way to the surface, the first at {place}"
+        f"{off.sum()} point(s) cannot be projected onto the surface, the first at "
+        f"{place}"
     )
 
 
 class Gaps(NamedTuple):
-    """Gaps between elements and their surfaces, 0 where an element is on none.
+    """Gaps between elements and their surfaces, 0 if an element is not on a surface.
 
     Attributes
     ----------
     share
-        Largest gap of each element over its longest edge, shape (n_elements,).
+        Largest gap of each element, relative to its longest edge, shape (n_elements,).
     gap
         Largest gap in mm, shape (n_elements,).
     place
-        Where that is in mm, shape (3, n_elements).
+        Its position in mm, shape (3, n_elements).
     """
 
     share: ndarray
@@ -173,8 +174,8 @@ def gaps(
 ) -> Gaps:
     """Gaps of the elements whose nodes all lie on one surface.
 
-    They are measured midway between nodes: of quadrilaterals at the centre and the
-    middles of the edges, of quadratic triangles between corners and middles of edges.
+    They are measured midway between nodes: at the centre and the edge midpoints of
+    quadrilaterals, and between corners and edge midpoints of quadratic triangles.
 
     Parameters
     ----------
@@ -214,10 +215,10 @@ def exponential_map(
     first: ndarray | None = None,
     steps: int = _STEPS,
 ) -> ndarray:
-    """Positions on a surface at the ends of geodesics, as long as they are in the ply.
+    """Ends of geodesics on a surface, one for each point of the ply.
 
-    A geodesic starts for each point of the ply at the point where the ply touches the
-    surface, in the direction and with the length that it has in the ply.
+    Each geodesic starts at the point where the ply touches the surface, with the
+    direction and length of the line to the point in the plane of the ply.
 
     Parameters
     ----------
@@ -226,14 +227,14 @@ def exponential_map(
     X
         Points of the ply in mm, shape (2, n).
     touch
-        The point of the ply that touches the surface.
+        Point of the ply that touches the surface.
     point
-        Where it does in space, shape (3,); (x, y, 0) of the ``touch`` if not given.
+        Its position in space, shape (3,); (x, y, 0) of ``touch`` if not given.
     first
-        Direction in space of the ply's x there; without its part across the surface.
-        The x axis if not given.
+        Direction in space of the x axis of the ply there, projected onto the tangent
+        plane.  The x axis if not given.
     steps
-        Steps along the longest geodesic; more where the curvature varies.
+        Number of steps along the longest geodesic; more where the curvature varies.
 
     Returns
     -------
@@ -262,10 +263,9 @@ def exponential_map(
     away = X - np.asarray(touch)[:, None]
     lengths = np.linalg.norm(away, axis=0)
     directions = along @ (away / np.where(lengths > 0, lengths, 1.0))
-    # All geodesics advance together by steps of one length, a share of the longest, so
-    # that their errors are alike, each to its own end.  It is Nyström's method
-    # of order 4 (Hairer, Nørsett & Wanner 1993, Solving ordinary differential equations
-    # I, II.14); the change at the end of a step tells its error.
+    # All geodesics advance together, by the same fraction of their lengths.  Nyström's
+    # method of order 4 (Hairer, Nørsett & Wanner 1993, Solving ordinary differential
+    # equations I, II.14); the change at the end of a step estimates its error.
     longest = lengths.max(initial=0.0)
     x, v = np.tile(start, len(lengths)), longest * directions
     bend = _bending(surface, x)(v)
@@ -293,10 +293,10 @@ def exponential_map(
 
 
 def tangents(surface: Surface, point: ndarray, first: ndarray | tuple) -> ndarray:
-    """Unit vectors of the ply's x and y in the tangent plane at a point, shape (3, 2).
+    """Unit vectors of the x and y axes of the ply in the tangent plane, shape (3, 2).
 
-    y is to the left of x, seen from above: from the side on which z increases.  Where
-    the tangent plane is upright it is seen from the side on which φ is positive.
+    Seen from the side of increasing z, y is to the left of x.  A vertical tangent plane
+    is seen from the side on which φ is positive.
 
     Raises
     ------
@@ -311,24 +311,24 @@ def tangents(surface: Surface, point: ndarray, first: ndarray | tuple) -> ndarra
     x = x - n * (n @ x)
     if not np.linalg.norm(x) > 1e-6 * length:
         raise ValueError(
-            f"the direction {first} is normal to the surface: give another as first"
+            f"the direction {first} is normal to the surface: specify another as first"
         )
     x = x / np.linalg.norm(x)
     return np.array([x, np.cross(n, x)]).T
 
 
 def displacement(X: ndarray, x: ndarray) -> ndarray:
-    """The displacement of a ply whose nodes X, shape (2, n), lie at x, shape (3, n).
+    """Displacement of a ply whose nodes X, shape (2, n), lie at x, shape (3, n).
 
-    A DOF vector, as `equilibrium_near` takes one.
+    Returned as a DOF vector for `equilibrium_near`.
     """
     return (x - np.pad(X, ((0, 1), (0, 0)))).T.ravel()
 
 
 def _bending(surface: Surface, x: ndarray) -> Callable[[ndarray], ndarray]:
-    """Second derivatives of geodesics at points by their first, −(v·∇²φ v) ∇φ/‖∇φ‖².
+    """Second derivatives of geodesics from their first, −(v·∇²φ v) ∇φ/‖∇φ‖².
 
-    An error if the surface has no normal there.
+    Raises an error if the surface has no normal there.
     """
     H = surface.hessian(x)
     g = surface.gradient(x)
