@@ -2,8 +2,8 @@
 
     python prose.py FOLDER FILE_OR_FOLDER ...
 
-Each file becomes FOLDER/<its path>.md with as many lines, so that a finding has the line
-of the source.  A message stands on its first line, with … for each value.
+Each file becomes FOLDER/PATH.md with the same number of lines, so that findings have
+the line numbers of the source. A message is on its first line, with … for each value.
 """
 
 import ast
@@ -55,7 +55,9 @@ def _messages(tree: ast.AST, taken: set[int]) -> Iterator[tuple[int, str]]:
     for node in ast.walk(tree):
         if isinstance(node, ast.JoinedStr):
             taken.update(map(id, node.values))
-            parts = (p.value if isinstance(p, ast.Constant) else "…" for p in node.values)
+            parts = (
+                p.value if isinstance(p, ast.Constant) else "…" for p in node.values
+            )
             text = "".join(parts)
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             text = "" if id(node) in taken else node.value

@@ -61,7 +61,7 @@ class BiaxialCurve:
         return widths * np.asarray(tension) / np.exp(self.strain)
 
     def force_along(self, family: int, law: Law) -> ndarray:
-        """Force along a family predicted by a law of its own strain, shape (n,)."""
+        """Force along a family predicted by a law of its strain, shape (n,)."""
         strain = self.strain[family]
         return self.widths[family] * law.value(strain) / np.exp(strain)
 
@@ -117,7 +117,7 @@ def read_biaxial(
     widths
         Width in mm normal to the warp load, and normal to the weft load.
     units
-        Units of columns for which the file has none.
+        Units of columns for which the file contains none.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def fit_tension(
         is stretched or loaded; or see `regression.fit`.
     """
     if law not in TENSION_LAWS:
-        raise ValueError(f"the law {law!r} is none of {', '.join(TENSION_LAWS)}")
+        raise ValueError(f"the law {law!r} must be one of {', '.join(TENSION_LAWS)}")
     if law == "crimp-interchange":
         model = _model(law, curves, (0, 1), points, bounds, extrapolation)
         both = [Sample(c.name, c.force.ravel(), partial(_both, c)) for c in curves]

@@ -1,4 +1,4 @@
-"""Test curves from CSV files whose columns have units, and checks of their beginning.
+"""Test curves from CSV files with units, and checks of their beginning.
 
 An undeformed fabric carries no force.  A curve that begins with a force contains the
 weight of clamps, friction of a frame or a pretension, which no law represents.
@@ -53,7 +53,7 @@ def read_curve(
     """Columns of a test, in mm, N, radians, N/mm, and strains as numbers.
 
     The first row names the columns, with their units in round or square brackets:
-    ``displacement (mm),force (N)``, in any order.  Names are those of `COLUMNS`; other
+    ``displacement (mm),force (N)``, in any order.  `COLUMNS` lists the names; other
     columns are ignored.
 
     Parameters
@@ -61,9 +61,9 @@ def read_curve(
     path
         The file, in UTF-8.
     units
-        Units of columns by name; they take precedence over those of the first row.
+        Units of columns by name; they take precedence over the first row.
     gaps
-        Whether cells may be empty; they become nan.
+        If True, cells may be empty; they become nan.
 
     Returns
     -------
@@ -129,7 +129,7 @@ def _factor(file: str, name: str, unit: str) -> float:
         return allowed[unit]
     if unit in {u for other, units in COLUMNS.items() if other != name for u in units}:
         raise ValueError(
-            f"{file}: the column {name!r} has the unit '{unit}', which is none of "
+            f"{file}: the column {name!r} has the unit '{unit}'; expected one of "
             f"{', '.join(allowed)}: check whether columns are swapped"
         )
     has = f"the unit '{excerpt(unit)}', which is none" if unit else "no unit, needs one"
@@ -192,7 +192,7 @@ def force_at_rest(x: ndarray, force: ndarray) -> float:
     """Force of a curve at 0; 0 if it may be noise.
 
     It is the intercept of a straight line through the beginning.  The noise is the
-    larger one of that of second differences and that of the line.  If a parabola, or
+    larger of the values from second differences and from the line.  If a parabola, or
     the mean of the first two points, gives less than half of the force, it rises
     steeply from rest, as with friction in a frame, which is not a force at rest.
     """

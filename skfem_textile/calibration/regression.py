@@ -246,8 +246,8 @@ def solve_nonlinear(
 ) -> tuple[ndarray, ndarray]:
     """Nonlinear least squares from given parameters, or from the best linear law.
 
-    The scale of each parameter is that of this linear law, as a parameter at a bound
-    has none.
+    The linear law determines the scale of each parameter, as a parameter at a bound has
+    none.
     """
     assert model.start is not None
     unit = predict(Linear(1.0))
@@ -472,7 +472,7 @@ def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
     samples
         The curves.
     compare
-        Whether each curve is also fitted alone, to test for differences.
+        True if each curve is also fitted alone, to test for differences.
 
     Raises
     ------

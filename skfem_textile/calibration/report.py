@@ -95,7 +95,7 @@ def bending_report(found: "BendingFit") -> dict[str, Any]:
         "readings": readings,
         "notes": [
             f"the error of Peirce's formula is up to {100 * largest:.1f} % at these "
-            "angles: the stiffness is that of the elastica"
+            "angles: the stiffness is computed with the elastica"
         ],
     }
 
@@ -191,8 +191,8 @@ def _notes(fit: Fit) -> list[str]:
     notes = []
     if fit.beyond_noise:
         notes.append(
-            f"curves differ significantly (probability {fit.differ:.2g}): bands are "
-            "those of the mean of such specimens"
+            f"curves differ significantly (probability {fit.differ:.2g}): bands "
+            "describe the mean of such specimens"
         )
     names = np.array([sample.name for sample in fit.samples])
     if fit.systematic.any():

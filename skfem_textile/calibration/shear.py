@@ -1,10 +1,10 @@
 """Shear law from picture-frame or bias-extension tests of several specimens.
 
 Beyond the range of their kinematics bias extensions are simulated.  The ratio of the
-simulated load to that of the closed form, which accounts for fibre stretch and all
-other effects that the closed form neglects, depends only weakly on the law: the closed
-form times this ratio is fitted, and the simulation is repeated with the resulting law
-until the loads converge.
+simulated load to the closed form, which accounts for fibre stretch and all other
+effects that the closed form neglects, depends only weakly on the law: the closed form
+times this ratio is fitted, and the simulation is repeated with the resulting law until
+the loads converge.
 """
 
 import logging
@@ -203,7 +203,7 @@ def read_specimen(
     test
         Kind of test and its dimensions.
     units
-        Units of columns for which the file has none.
+        Units of columns for which the file contains none.
 
     Raises
     ------
@@ -249,7 +249,7 @@ def fit_shear(
     bounds
         Smallest and largest value of parameters, by name.
     ratios
-        Ratio of the force of each specimen to that of the closed form at shear angles.
+        Ratio of the force of each specimen to the closed form at shear angles.
 
     Raises
     ------
@@ -269,7 +269,7 @@ def fit_shear(
     0.3
     """
     if law not in SHEAR_LAWS:
-        raise ValueError(f"the law {law!r} is none of {', '.join(SHEAR_LAWS)}")
+        raise ValueError(f"the law {law!r} must be one of {', '.join(SHEAR_LAWS)}")
     if up_to is not None and not up_to > 0:
         raise ValueError(
             f"the largest shear angle must be > 0, got {np.degrees(up_to):g} degrees"
@@ -494,6 +494,6 @@ def _simulated(
 
 
 def _ratio(test: ShearTest, law: Law, curve: Simulated) -> Callable[[ndarray], ndarray]:
-    """Ratio of the simulated load to that of the closed form."""
+    """Ratio of the simulated load to the closed form."""
     ratio = curve.forces[1:] / test.force(law, curve.angles[1:])
     return PchipInterpolator(curve.angles, np.concatenate([ratio[:1], ratio]))

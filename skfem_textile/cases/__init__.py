@@ -1,4 +1,4 @@
-"""Cases: their declaration, and what it builds."""
+"""Cases: declaration of a problem, and its construction."""
 
 from .build import built, case_from_file, case_from_tables
 from .read import CaseFileError, declared, read_tables

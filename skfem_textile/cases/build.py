@@ -1,4 +1,4 @@
-"""The case that a declaration describes."""
+"""Construction of a case from its declaration."""
 
 import filecmp
 import logging
@@ -38,16 +38,16 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-# Name of the subdomain of elements that are in no region.
+# Name of the subdomain of elements outside all regions.
 _OTHERS = "elements in no region"
 
-# Sine of the angle up to which two directions are the same.  Chosen: above the six
-# digits of a deck.
+# Sine of the angle below which two directions are equal. Chosen: above the six digits
+# of a deck.
 _SAME = 1e-5
 
 
 def case_from_file(path: str | os.PathLike[str]) -> Case:
-    """The case of a file.
+    """Build the case of a file.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def case_from_file(path: str | os.PathLike[str]) -> Case:
     Raises
     ------
     CaseFileError
-        If it describes no case; the message names the key.
+        If the file does not describe a case; the message names the key.
     OSError
         If it cannot be read.
     """
@@ -72,20 +72,20 @@ def case_from_file(path: str | os.PathLike[str]) -> Case:
 def case_from_tables(
     tables: Mapping[str, Any], folder: str | os.PathLike[str] = "."
 ) -> Case:
-    """The case that tables describe, with the keys and values of a case file.
+    """Build a case from tables with the keys and values of a case file.
 
     Parameters
     ----------
     tables
         The tables of a case file, as dictionaries, lists, strings and numbers.
-        Functions, which no file can hold, are refused: `Case` takes them.
+        Functions, which a file cannot contain, are refused: pass them to `Case`.
     folder
-        Folder from which names of files are taken.
+        Folder to which file names are relative.
 
     Raises
     ------
     CaseFileError
-        If they describe no case.
+        If the tables do not describe a case.
 
     Examples
     --------
@@ -103,12 +103,12 @@ def case_from_tables(
 
 
 def built(file: CaseFile) -> Case:
-    """The case of a declaration.
+    """Build the case of a declaration.
 
     Raises
     ------
     ValueError
-        If the declaration describes no case.
+        If the declaration does not describe a case.
     OSError
         If a file that it names cannot be read.
     """
@@ -128,7 +128,7 @@ def built(file: CaseFile) -> Case:
         _warn_of_other_directions(file)
     if file.regions:
         fabric = _with_regions(scene, fabric, file)
-        scene = replace(scene, misfit="the fabric differs from region to region")
+        scene = replace(scene, misfit="the fabric differs between regions")
     return Case(
         scene=scene,
         fabric=fabric,
@@ -159,7 +159,7 @@ def _refuse_contradictions(file: CaseFile) -> None:
     of_deck = file.fabric.thickness_mm, file.fabric.units, file.fabric.material
     if file.fabric.file is None and of_deck != (None, "N mm", None):
         raise ValueError(
-            "fabric.thickness_mm, units and material go with fabric.file: name it"
+            "fabric.thickness_mm, units and material require fabric.file: name it"
         )
     for key, named in (
         ("fabric.file", file.fabric.file),
@@ -167,19 +167,19 @@ def _refuse_contradictions(file: CaseFile) -> None:
     ):
         if named is not None and file.regions:
             raise ValueError(
-                f"{key} is of the whole ply, but regions have their own: leave one of "
-                "them out"
+                f"{key} applies to the whole ply, but regions are given: omit one of "
+                "them"
             )
     for key in ("part_mesh", "trim"):
         if getattr(file.output, key) and not isinstance(file.scene, OnTool):
-            raise ValueError(f"output.{key} goes with the scene of a ply on a tool")
+            raise ValueError(f"output.{key} requires a scene of a ply on a tool")
     most = file.stepping.most_unknowns
     if file.stepping.tolerance is None and most != Stepping().most_unknowns:
-        raise ValueError("stepping.most_unknowns goes with stepping.tolerance")
+        raise ValueError("stepping.most_unknowns requires stepping.tolerance")
 
 
 def _scene(scene: AnyScene, own: Mesh, fabric: str | None) -> "Scene":
-    """The scene on its mesh, turned."""
+    """The scene on its mesh, rotated."""
     generated = {"size": own.size, "jitter": own.jitter, "seed": own.seed}
     generated = {key: value for key, value in generated.items() if value is not None}
     mesh: str | SkfemMesh = own.source
@@ -191,8 +191,8 @@ def _scene(scene: AnyScene, own: Mesh, fabric: str | None) -> "Scene":
             )
         if generated:
             raise ValueError(
-                f"mesh.{next(iter(generated))} is of a mesh to make, but mesh.source "
-                "names a file: leave one of them out"
+                f"mesh.{next(iter(generated))} applies to a generated mesh, but "
+                "mesh.source names a file: omit one of them"
             )
         mesh = _read(own.source, own.directions, fabric)
     built = scene.build(mesh, **generated)
@@ -200,7 +200,7 @@ def _scene(scene: AnyScene, own: Mesh, fabric: str | None) -> "Scene":
 
 
 def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh":
-    """The mesh of a file, which may hold directions and the fabric too."""
+    """The mesh of a file, which may also contain directions and the fabric."""
     from ..io import OF_DIRECTIONS, OF_FABRICS, read_mesh
 
     others = [
@@ -211,7 +211,7 @@ def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh
 
 
 def _is_copy(named: str | None, file: str) -> bool:
-    """Whether a file is another or a copy of it, as a written case has them."""
+    """True if a file is another one or a copy of it, as in written cases."""
     try:
         return named is not None and filecmp.cmp(named, file, shallow=False)
     except (OSError, ValueError):  # its reader reports it
@@ -221,7 +221,7 @@ def _is_copy(named: str | None, file: str) -> bool:
 def _fabric(
     tension: Tension, shear: Shear, bending: Bending, fibres: tuple[Any, Any]
 ) -> Fabric:
-    """The fabric of laws; an error names the table."""
+    """Fabric with the given laws; an error names the table."""
     warp = _named("tension", tension.build)
     weft = None if tension.weft is None else _named("tension weft", tension.weft.build)
     return Fabric(
@@ -235,7 +235,7 @@ def _fabric(
 
 
 def _named(table: str, build: Callable[[], Any]) -> Any:
-    """The law of a table, which an error names."""
+    """Build the law of a table; an error names the table."""
     try:
         return build()
     except ValueError as error:
@@ -251,7 +251,7 @@ def _fabric_of_file(file: str, own: FabricOfFile) -> Fabric:
 def _with_directions(
     file: str, scene: "Scene", fabric: Fabric
 ) -> tuple["Scene", Fabric]:
-    """The scene and its fabric, with the fibre directions of a file."""
+    """Scene and fabric with the fibre directions of a file."""
     from ..io import read_directions
 
     if any(isinstance(one, OnSurface) for one in scene.conditions.values()):
@@ -265,17 +265,17 @@ def _with_directions(
         warn_of_directions(scene.mesh, turned)
     except ValueError as error:
         raise ValueError(f"mesh.directions {printable(file)}: {error}") from None
-    misfit = scene.misfit or f"fibre directions are those of {printable(file)}"
+    misfit = scene.misfit or f"fibre directions are read from {printable(file)}"
     return replace(scene, misfit=misfit), turned.on(fabric)
 
 
 def _has_other_directions(stated: Fabric, scene: "Scene", taken: Fabric) -> bool:
-    """Whether a file states other directions than the run has."""
+    """True if a file states directions that the run does not use."""
     if stated.warp is Fabric.warp and stated.weft is Fabric.weft:
-        return False  # a deck without orientations states none
+        return False  # a deck without orientations
     try:
         own, used = (directions_of(scene.mesh, one) for one in (stated, taken))
-    except ValueError:  # of another number of elements
+    except ValueError:  # another number of elements
         return True
     for A, B in (own.warp, used.warp), (own.weft, used.weft):
         x, y = scene.turn @ A
@@ -286,14 +286,14 @@ def _has_other_directions(stated: Fabric, scene: "Scene", taken: Fabric) -> bool
 
 def _warn_of_other_directions(file: CaseFile) -> None:
     fabric, other = str(file.fabric.file), file.mesh.directions
-    source = "the scene's" if other is None else f"those of {printable(other)}"
+    source = "the scene" if other is None else printable(other)
     how = (
-        "write_directions makes a file of them for mesh.directions"
+        "write_directions writes a file of them for mesh.directions"
         if Path(fabric).suffix.lower() == ".json"
-        else "to take them give the file as mesh.directions too"
+        else "to use them, pass the file as mesh.directions too"
     )
     log.warning(
-        "%s: its fibre directions are not taken, %s are: %s",
+        "%s: its fibre directions are ignored; they are from %s: %s",
         printable(fabric),
         source,
         how,
@@ -301,7 +301,7 @@ def _warn_of_other_directions(file: CaseFile) -> None:
 
 
 def _with_regions(scene: "Scene", fabric: Fabric, file: CaseFile) -> Fabric:
-    """A fabric of the regions, and of the whole ply elsewhere."""
+    """Fabric of the regions, and of the whole ply elsewhere."""
     mesh, fabrics = scene.mesh, {}
     for name, own in file.regions.items():
         fibres = [

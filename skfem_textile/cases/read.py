@@ -1,4 +1,4 @@
-"""The declaration of a case from a file or from plain values, checked key by key."""
+"""Declaration of a case from a file or plain values, validated key by key."""
 
 import datetime
 import math
@@ -19,13 +19,13 @@ from .scenes import SCENES, Scene
 from .schema import MESH_KINDS, CaseFile, InCompression, Region, Shear, Tension, Weft
 from .table import FILE, named, tag_of
 
-# Larger files are none that a person writes, and take long to read.
+# Limit on the size of a case file; larger ones take long to read.
 _MOST_BYTES = 1_000_000
 
-# What a case file can hold.
+# Types that a case file can contain.
 _HELD = (Mapping, list, tuple, str, int, float, datetime.date, datetime.time, NoneType)
 
-# Types of msgspec in the words of a user.
+# Names of the types of msgspec in messages.
 _KINDS = {
     "object": "a table",
     "array": "an array",
@@ -38,21 +38,21 @@ _KINDS = {
     "time": "a time",
 }
 
-# Laws that stand for the ending of the name of a file.
+# Laws by the suffix of a file.
 _OF_FILES = {".csv": "FILE.csv", ".json": "FILE.json"}
 
 
 class CaseFileError(ValueError):
-    """A case file that cannot be read, or describes no case."""
+    """Case file that cannot be read or does not describe a case."""
 
 
 def read_tables(path: Path) -> dict[str, Any]:
-    """The content of a case file.
+    """Read the tables of a case file.
 
     Raises
     ------
     CaseFileError
-        If it is no TOML.
+        If it is not valid TOML.
     OSError
         If it cannot be read.
     """
@@ -60,7 +60,7 @@ def read_tables(path: Path) -> dict[str, Any]:
         data = file.read(_MOST_BYTES + 1)
     try:
         if len(data) > _MOST_BYTES:
-            raise ValueError(f"a case file has at most {_MOST_BYTES} bytes")
+            raise ValueError(f"a case file may contain at most {_MOST_BYTES} bytes")
         return _toml(data)
     except ValueError as error:
         raise CaseFileError(f"{printable(path)}: {error}") from None
@@ -70,30 +70,30 @@ def _toml(data: bytes) -> dict[str, Any]:
     try:
         return tomllib.loads(data.decode("utf-8-sig"))
     except UnicodeDecodeError:
-        raise ValueError("no text in UTF-8") from None
+        raise ValueError("not a text file in UTF-8") from None
     except RecursionError:
         raise ValueError("arrays or tables are nested too deeply") from None
     except ValueError as error:
-        raise ValueError(f"no TOML: {printable(error)}") from None
+        raise ValueError(f"not valid TOML: {printable(error)}") from None
 
 
 def declared(
     tables: Mapping[str, Any], folder: str | os.PathLike[str] = "."
 ) -> CaseFile:
-    """The declaration of a case.
+    """Declaration of a case.
 
     Parameters
     ----------
     tables
-        The tables of a case file; keys that are missing have their defaults.
+        The tables of a case file; missing keys take their defaults.
     folder
-        Folder from which names of files are taken.
+        Folder to which file names are relative.
 
     Raises
     ------
     CaseFileError
-        If a key is unknown or missing, or a value is not one of its type; one line
-        names the key.
+        If a key is unknown or missing, or a value has the wrong type; the message is
+        one line and names the key.
     """
     try:
         if not isinstance(tables, Mapping):
@@ -123,14 +123,15 @@ def declared(
 
 
 def with_files(table: Any, place: Callable[[str, str], str], where: str = "") -> Any:
-    """A table with other names of files.
+    """Table with other file names.
 
     Parameters
     ----------
     table
-        A table of a case, or the whole.
+        A table of a case, or the whole case.
     place
-        The new name, of the path of the key with dots and the old name.
+        Function of the dotted path of the key and the old name that returns the new
+        name.
     where
         The path of the table.
     """
@@ -154,11 +155,11 @@ def with_files(table: Any, place: Callable[[str, str], str], where: str = "") ->
 
 
 def _refuse_values(where: str, value: Any) -> None:
-    """Refuse what only Python can hold, and numbers that are not finite."""
+    """Refuse objects that exist in Python only, and numbers that are not finite."""
     if not isinstance(value, _HELD):
         kind = "function" if callable(value) else type(value).__name__
         raise ValueError(
-            f"{where} is a {kind}, which a case file cannot hold: make a Case in Python"
+            f"{where} is a {kind}, which a case file cannot contain: use Case"
         )
     if isinstance(value, float) and not math.isfinite(value):
         raise ValueError(f"{where} must be a finite number, got {value}")
@@ -177,7 +178,7 @@ def _scene_of(tables: Mapping[str, Any]) -> type[Scene]:
     name = given.get("name")
     if not isinstance(name, str) or name not in SCENES:
         said = "is missing" if name is None else f"is {_shown(name)}"
-        raise ValueError(f"scene.name {said}: it must be one of {', '.join(SCENES)}")
+        raise ValueError(f"scene.name {said}: must be one of {', '.join(SCENES)}")
     return SCENES[name]
 
 
@@ -185,15 +186,15 @@ def _scene_of(tables: Mapping[str, Any]) -> type[Scene]:
 
 
 def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, Any]:
-    """All tables, with the defaults of the scene for keys that are missing."""
+    """All tables, with the defaults of the scene for missing keys."""
     found = {name: tables.get(name, {}) for name in CaseFile.__struct_fields__}
     found |= tables
     if isinstance(found["fabric"], dict) and found["fabric"].get("file") is not None:
         for name in ("tension", "shear", "bending"):
             if found[name]:
                 raise ValueError(
-                    f"[{name}] has a law, but fabric.file names a file that has all: "
-                    "leave one of them out"
+                    f"[{name}] sets a law, but fabric.file contains all laws: omit one "
+                    "of them"
                 )
     of_mesh = {"size": scene.size, "jitter": scene.jitter, "seed": 1}
     for name, defaults in (
@@ -211,9 +212,9 @@ def _is_made(mesh: Any) -> bool:
 
 
 def _laws_nested(tables: Any, scene: type[Scene]) -> Any:
-    """Tables with the keys of each law apart from those beside it.
+    """Tables in which the keys of each law are nested below it.
 
-    A stiffness that is missing in a table has the default of the scene.
+    A missing stiffness has the default of the scene.
     """
     if not isinstance(tables, dict):
         return tables
@@ -235,7 +236,7 @@ def _law_nested(table: Any, kind: type[Struct], stiffness: float) -> Any:
         return table
     if "file" in table:
         raise ValueError(
-            "a law of a file is named by it: law = 'FILE.csv', without file"
+            "a law in a file is named by the file: law = 'FILE.csv', without file"
         )
     beside = {key: v for key, v in table.items() if key in _beside(kind)}
     for part, own in (("in_compression", InCompression), ("weft", Weft)):
@@ -260,7 +261,7 @@ def _beside(kind: type[Struct]) -> set[str]:
 
 
 def _converted(where: str, given: Any, kind: type[Any]) -> Any:
-    """A table, checked; an error names the path of the key."""
+    """Validated table; an error names the path of the key."""
     try:
         return msgspec.convert(given, kind)
     except (msgspec.ValidationError, OverflowError) as error:
@@ -268,12 +269,12 @@ def _converted(where: str, given: Any, kind: type[Any]) -> Any:
 
 
 def _worded(where: str, message: str, given: Any, kind: type[Any]) -> str:
-    """A message of msgspec in the words of the file, the path first."""
+    """Message of msgspec in terms of the file, with the path first."""
     said, at, place = message.rpartition(" - at ")
     said, place = (said, place) if at else (message, "")
     keys = re.findall(r"\.(\w+)", place)
     table, beside = _followed(keys, given, kind)
-    # The key of a law is written in the table that has the law.
+    # The key of a law is written in the table that contains the law.
     shown = [k for i, k in enumerate(keys) if k != "law" or "law" in keys[:i]]
     path = ".".join([where, *shown] if where else shown)
     if unknown := re.match(r"Object contains unknown field `(.*)`", said, re.DOTALL):
@@ -284,7 +285,7 @@ def _worded(where: str, message: str, given: Any, kind: type[Any]) -> str:
         known = [*dict.fromkeys(_choices(table))]
         word = re.findall(r"Invalid (?:enum )?value (.*)", said, re.DOTALL)[0]
         return (
-            f"{path} is {excerpt(word)}, which is none of {', '.join(known)}"
+            f"{path} is {excerpt(word)}; expected one of {', '.join(known)}"
             f"{_nearest(word.strip(chr(39)), known)}"
         )
     said = said.replace(" | null", "").replace("Expected", "must be")
@@ -293,9 +294,9 @@ def _worded(where: str, message: str, given: Any, kind: type[Any]) -> str:
 
 
 def _followed(keys: list[str], given: Any, kind: Any) -> tuple[Any, list[Any]]:
-    """The type of a path, and of a table those that may stand in its place.
+    """Type at a path, and for a table its alternatives.
 
-    Beside the table of a law stands the one in which its keys are written.
+    The alternatives of a law include the table in which its keys are written.
     """
     kind, beside = _table_of(kind, given)
     for key in keys:
@@ -316,7 +317,7 @@ def _is_table(kind: Any) -> bool:
 
 
 def _table_of(kind: Any, given: Any) -> tuple[Any, list[Any]]:
-    """The table that is chosen of a union, and all of them."""
+    """The selected table of a union, and all tables of the union."""
     union = get_origin(kind) in (Union, UnionType)
     tables = [*filter(_is_table, get_args(kind) if union else (kind,))]
     if not tables:
@@ -331,7 +332,7 @@ def _tag_field(table: type[Struct]) -> str | None:
 
 
 def _unknown(path: str, key: str, table: type[Struct], beside: list[Any]) -> str:
-    """An unknown key, with what is known; the key may belong to another choice."""
+    """Message on an unknown key, which may belong to another choice."""
     tag = _tag_field(table)
     others = [tag_of(one) for one in beside if tag and key in one.__struct_fields__]
     if others:
@@ -349,7 +350,7 @@ def _unknown(path: str, key: str, table: type[Struct], beside: list[Any]) -> str
 
 
 def _choices(kind: Any) -> Iterator[str]:
-    """The words that a type allows, and what else it takes."""
+    """Allowed words of a type, and other types that it accepts."""
     if get_origin(kind) is Literal:
         yield from map(str, get_args(kind))
     elif kind is float:
@@ -362,15 +363,15 @@ def _choices(kind: Any) -> Iterator[str]:
 
 
 def _nearest(word: str, known: Iterable[str]) -> str:
-    """The known word that is nearest, as the end of a message; empty if none is."""
+    """The closest known word, as the end of a message; empty if there is none."""
     known = list(known)
     longer = [name for name in known if word and name.startswith(f"{word}_")]
     near = longer or get_close_matches(word[:100], known, n=1)
-    return f"; the nearest is {near[0]!r}" if near else ""
+    return f"; did you mean {near[0]!r}" if near else ""
 
 
 def _shown(value: Any) -> str:
-    """A value of a file in a message, or its kind where it is long."""
+    """Value in a message, or its kind if it is long."""
     for kind, name in ((dict, "a table"), (list, "an array")):
         if isinstance(value, kind):
             return name

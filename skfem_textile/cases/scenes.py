@@ -1,6 +1,6 @@
-"""The declaration of the scenes: keys of ``[scene]``, their types and defaults.
+"""Declaration of the scenes: keys of ``[scene]``, types and defaults.
 
-Each struct builds its scene, and imports what that needs only then.
+Each struct builds its scene and imports the modules for it only then.
 """
 
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
@@ -22,7 +22,7 @@ class Scene(Table, tag_field="name"):
     Attributes
     ----------
     size, jitter
-        Default of the mesh to make.
+        Defaults of a generated mesh.
     fibre_stiffness, shear_stiffness
         Default stiffnesses in N/mm.
     bending
@@ -39,26 +39,26 @@ class Scene(Table, tag_field="name"):
     steps: ClassVar[int] = 20
 
     def build(self, mesh: "str | SkfemMesh", **generated: Any) -> "BuiltScene":
-        """The scene on a mesh, or on one to make.
+        """Build the scene on a given or generated mesh.
 
         Parameters
         ----------
         mesh
-            A mesh, or a kind of `MESH_KINDS`.
+            A mesh, or one of `MESH_KINDS`.
         **generated
-            ``size``, ``jitter`` and ``seed`` of one to make.
+            ``size``, ``jitter`` and ``seed`` of a generated mesh.
         """
         raise NotImplementedError
 
 
 class PlaneScene(Scene):
-    """A scene in the plane, which can be turned."""
+    """Scene in the plane, which can be rotated."""
 
     rotate_deg: Annotated[Degrees, about("rotation of the whole problem")] = 0.0
 
 
 class Strip(PlaneScene, tag="strip"):
-    """a strip laid on a circle, fibres along its sides, clamped at the bottom"""
+    """a strip bent onto a circle, fibres along its sides, clamped at the bottom"""
 
     size = (10, 15)
     shear_stiffness = 0.0
@@ -73,7 +73,7 @@ class Strip(PlaneScene, tag="strip"):
 class PictureFrame(PlaneScene, tag="picture_frame"):
     """a square sheared by a hinged frame, fibres along its sides"""
 
-    shear_angle_deg: Annotated[Degrees, about("shear angle at the end")] = 45.0
+    shear_angle_deg: Annotated[Degrees, about("final shear angle")] = 45.0
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
         """See `Scene.build`."""
@@ -87,20 +87,20 @@ Side: TypeAlias = Literal["top", "right", "bottom", "left"]
 
 
 class Trellis(PlaneScene, tag="trellis"):
-    """a square whose edges follow a motion that stretches no fibre"""
+    """a square whose edges follow a motion without fibre strain"""
 
     warp_deg: Annotated[Degrees, about("inclination of the warp")] = 0.0
     weft_deg: Annotated[Degrees, about("inclination of the weft")] = 90.0
-    shear_angle_deg: Annotated[
-        Degrees, about("shear angle at the origin, at the end")
-    ] = 45.0
-    bend_deg: Annotated[
-        Degrees, about("angle by which a fibre of 100 mm bends at the end")
-    ] = 30.0
-    free: Annotated[tuple[Side, ...], about("sides that are not held")] = ()
+    shear_angle_deg: Annotated[Degrees, about("final shear angle at the origin")] = 45.0
+    bend_deg: Annotated[Degrees, about("final bending angle of a fibre of 100 mm")] = (
+        30.0
+    )
+    free: Annotated[tuple[Side, ...], about("free sides")] = ()
     roller_deg: Annotated[
         dict[Side, Degrees],
-        about("sides on a roller, with the inclination of the line on which it rolls"),
+        about(
+            "sides on rollers, with the inclination of the line along which they roll"
+        ),
     ] = field(default_factory=dict)
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
@@ -128,13 +128,13 @@ class BiasExtension(PlaneScene, tag="bias_extension"):
 
     warp_deg: Annotated[Degrees, about("inclination of the warp, below 90")] = 45.0
     weft_deg: Annotated[
-        Degrees | None, about("inclination of the weft (default: 180 less the warp's)")
+        Degrees | None,
+        about("inclination of the weft (default: 180 minus the warp angle)"),
     ] = None
-    shear_angle_deg: Annotated[
-        Degrees, about("shear angle of the middle at the end")
-    ] = 40.0
+    shear_angle_deg: Annotated[Degrees, about("final shear angle in the middle")] = 40.0
     part: Annotated[
-        Literal["whole", "half"], about("half: on a roller along the axis of symmetry")
+        Literal["whole", "half"],
+        about("half: the half up to the axis of symmetry, on rollers"),
     ] = "whole"
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
@@ -152,23 +152,24 @@ Component: TypeAlias = float | Literal["free"]
 
 
 class Specimen(PlaneScene, tag="specimen"):
-    """a ply of which you say what is held and what moves"""
+    """a ply with displacements that you prescribe on its boundaries"""
 
     size = (8, 16)
     jitter = 0.25
     fibre_stiffness = 1e5
 
-    width_mm: Annotated[float, about("width of a mesh to make")] = 50.0
-    height_mm: Annotated[float, about("height of a mesh to make")] = 100.0
+    width_mm: Annotated[float, about("width of a generated mesh")] = 50.0
+    height_mm: Annotated[float, about("height of a generated mesh")] = 100.0
     warp_deg: Annotated[Degrees, about("inclination of the warp")] = 45.0
     weft_deg: Annotated[
-        Degrees | None, about("inclination of the weft (default: 180 less the warp's)")
+        Degrees | None,
+        about("inclination of the weft (default: 180 minus the warp angle)"),
     ] = None
     move_mm: Annotated[
         dict[str, tuple[Component, Component]],
         about(
-            "displacements of boundaries along x and y at the end: 0,0 to hold one, "
-            "free for what is not prescribed"
+            "final displacements of boundaries along x and y: 0,0 for a clamped one, "
+            "free for a component that is not prescribed"
         ),
     ] = field(default_factory=lambda: {"bottom": (0.0, 0.0), "top": (0.0, 10.0)})
     driven: Annotated[
@@ -198,7 +199,7 @@ def _mirrored(warp: float, weft: float | None) -> tuple[float, float]:
 
 
 class StripInSpace(Scene):
-    """A strip that bends."""
+    """Strip that bends."""
 
     size = (16, 2)
     jitter = 0.0
@@ -207,12 +208,12 @@ class StripInSpace(Scene):
 
 
 class Cantilever(StripInSpace, tag="cantilever"):
-    """a strip in space that bends under its own weight (Peirce)"""
+    """a strip in space that bends under its weight (Peirce)"""
 
     steps = 4
 
     length_mm: Annotated[float, about("length of the strip")] = 200.0
-    weight_N_per_mm2: Annotated[float, about("weight per area, 6e-6 for 0.6 kg/m2")] = (
+    weight_N_per_mm2: Annotated[float, about("weight per area; 6e-6 for 0.6 kg/m2")] = (
         6e-6
     )
 
@@ -226,15 +227,16 @@ class Cantilever(StripInSpace, tag="cantilever"):
 
 
 class Buckling(StripInSpace, tag="buckling"):
-    """a strip in space whose ends are pushed together"""
+    """a strip in space that is compressed along its length"""
 
     fibre_stiffness = 1e5
 
     shortening: Annotated[
-        float, about("share of the length by which the ends approach at the end")
+        float, about("final approach of the ends relative to the length")
     ] = 0.2
     push_N_per_mm2: Annotated[
-        float, about("load across the strip, which decides to which side it buckles")
+        float,
+        about("transverse load, which determines the side to which the strip buckles"),
     ] = 1e-8
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
@@ -247,7 +249,7 @@ class Buckling(StripInSpace, tag="buckling"):
 
 
 class OnTool(Scene):
-    """A ply on a tool."""
+    """Ply on a tool."""
 
     size = (16, 16)
     jitter = 0.0
@@ -257,18 +259,18 @@ class OnTool(Scene):
     fibres_deg: Annotated[
         Degrees, about("inclination of the warp; the weft is at right angles")
     ] = 0.0
-    width_mm: Annotated[float, about("of the whole ply along x, of a mesh to make")] = (
-        180.0
-    )
+    width_mm: Annotated[
+        float, about("length of the whole ply along x, for a generated mesh")
+    ] = 180.0
     height_mm: Annotated[
-        float, about("of the whole ply along y, of a mesh to make")
+        float, about("length of the whole ply along y, for a generated mesh")
     ] = 180.0
     tension_N_per_mm: Annotated[
-        float, about("tension on free edges along the fibres; 0 for edges without")
+        float, about("tension along the fibres on free edges; 0 for none")
     ] = 2.0
 
     def ply(self) -> dict[str, Any]:
-        """The parameters of the ply."""
+        """Parameters of the ply."""
         return {
             "fibres": float(np.radians(self.fibres_deg)),
             "width": self.width_mm,
@@ -278,18 +280,18 @@ class OnTool(Scene):
 
 
 class OnSymmetricTool(OnTool):
-    """A ply on a tool with two planes of symmetry."""
+    """Ply on a tool with two planes of symmetry."""
 
     part: Annotated[
         Literal["quarter", "whole"] | None,
         about(
-            "computed part (default: quarter with fibres along the sides or at 45 "
-            "degrees to them, else whole)"
+            "computed part (default: quarter if the fibres are along the sides or at "
+            "45 degrees to them, else whole)"
         ),
     ] = None
 
     def ply(self) -> dict[str, Any]:
-        """The parameters of the ply."""
+        """Parameters of the ply."""
         return {**super().ply(), "part": self.part}
 
 
@@ -306,7 +308,7 @@ class Hemisphere(OnSymmetricTool, tag="hemisphere"):
 
 
 class Cylinder(OnSymmetricTool, tag="cylinder"):
-    """a ply on a cylinder, which shears no ply"""
+    """a ply on a cylinder, without shear"""
 
     radius_mm: Annotated[float, about("radius of the cylinder")] = 100.0
 
@@ -322,11 +324,11 @@ class DoubleDome(OnSymmetricTool, tag="double_dome"):
 
     size = (32, 18)
 
-    width_mm: Annotated[float, about("of the whole ply along x, of a mesh to make")] = (
-        470.0
-    )
+    width_mm: Annotated[
+        float, about("length of the whole ply along x, for a generated mesh")
+    ] = 470.0
     height_mm: Annotated[
-        float, about("of the whole ply along y, of a mesh to make")
+        float, about("length of the whole ply along y, for a generated mesh")
     ] = 270.0
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
@@ -351,18 +353,18 @@ class Saddle(OnSymmetricTool, tag="saddle"):
 
 
 class Drape(OnTool, tag="drape"):
-    """a ply on a tool in a file, such as STL"""
+    """a ply on a tool from a file, such as STL"""
 
     tool: Annotated[
         str | None,
-        about("triangles of an STL file, or of another file that meshio reads"),
+        about("STL file, or another file of triangles that meshio reads"),
         FILE,
     ] = None
     point_mm: Annotated[
         tuple[float, float, float] | None,
         about(
             "point of the tool that the middle of the ply touches (default: the "
-            "highest point, nearest to the middle)"
+            "highest point, closest to the middle)"
         ),
     ] = None
 
@@ -392,5 +394,5 @@ AnyScene: TypeAlias = (
     | Drape
 )
 
-#: The scenes by their names.
+#: Scenes by name.
 SCENES: dict[str, type[Scene]] = named(AnyScene)

@@ -1,4 +1,4 @@
-"""What the tables of a case are made of."""
+"""Building blocks of the tables of a case."""
 
 from typing import Annotated, Any, TypeAlias, get_args
 
@@ -8,30 +8,30 @@ from ..mesh.user_input import MOST_DEGREES
 
 
 class Table(Struct, kw_only=True, forbid_unknown_fields=True):
-    """A table of a case file."""
+    """Table of a case file."""
 
 
 def about(text: str) -> Meta:
-    """The meaning of a key."""
+    """Metadata with the meaning of a key."""
     return Meta(description=text)
 
 
-#: Marks a key whose value is the name of a file.
+#: Metadata of a key whose value is a file name.
 FILE = Meta(extra={"file": True})
 
 Degrees: TypeAlias = Annotated[float, Meta(ge=-MOST_DEGREES, le=MOST_DEGREES)]
 
 
 def tag_of(table: type[Struct]) -> str:
-    """The name by which a table of a union is chosen."""
+    """Name that selects a table of a union."""
     return str(table.__struct_config__.tag)
 
 
 def named(union: Any) -> dict[str, type[Any]]:
-    """The tables of a union by their names."""
+    """Tables of a union by name."""
     return {tag_of(table): table for table in get_args(union)}
 
 
 def summary_of(table: type[Struct]) -> str:
-    """The first line of the documentation of a table."""
+    """First line of the docstring of a table."""
     return (table.__doc__ or "").partition("\n")[0]

@@ -1,4 +1,4 @@
-"""A case as tables, as the text of a case file, and the reference of its keys."""
+"""Cases as tables and as text of a case file; reference of all keys."""
 
 import os
 import textwrap
@@ -23,15 +23,15 @@ from .scenes import SCENES
 from .schema import CaseFile, Region
 from .table import FILE, named, summary_of
 
-#: The first line of a case file that a run has written.
+#: First line of a case file that a run has written.
 WRITTEN = "# The case of this folder, with every default, written by skfem-textile."
 
-#: Name of the case file, and of the folder of the files that it names.
+#: Names of the case file and of the folder with the files that it refers to.
 CASE, FILES = "case.toml", "case_files"
 
 _LAW_ENDINGS = (".csv", ".json")
 
-# Meshes are copied where one file holds the whole mesh.
+# Meshes in these formats, with the whole mesh in one file, are copied.
 _OF_MESH = ("mesh", "tool", "part_mesh")
 _WHOLE = (".msh", ".inp", ".vtu", ".vtk", ".stl", ".obj", ".ply", ".off")
 
@@ -45,13 +45,13 @@ WRITTEN_FILES = (
     *(f"{FILES}/{key}*" for key in ("test_curve", "trim")),
 )
 
-_UNITS = "# Lengths are in mm, forces in N and angles in degrees, as the keys say."
+_UNITS = "# Lengths are in mm, forces in N and angles in degrees; keys end with their units."
 
 _WIDTH = 88
 
 
 class _Key(NamedTuple):
-    """A key of a table, its value and what it means."""
+    """Key of a table, its value and meaning."""
 
     name: str
     value: Any
@@ -59,7 +59,7 @@ class _Key(NamedTuple):
 
 
 def tables_of(table: Struct) -> dict[str, Any]:
-    """A declaration as the tables of a case file, without keys that are not given."""
+    """Tables of a declaration as in a case file, without keys that are not given."""
     found: dict[str, Any] = {}
     for name, value, _ in _keys(table):
         if isinstance(value, Struct):
@@ -72,19 +72,19 @@ def tables_of(table: Struct) -> dict[str, Any]:
 
 
 def case_text(case: CaseFile, head: str) -> str:
-    """The text of a case file, with every default and a comment for each key.
+    """Text of a case file, with every default and a comment for each key.
 
     Parameters
     ----------
     case
         The case.
     head
-        The first line, a comment.
+        First line, a comment.
     """
     parts, hints = [f"{head}\n{_UNITS}\n"], get_type_hints(CaseFile)
     for name, value, _ in _keys(case):
         if name in ("tension", "shear", "bending") and case.fabric.file is not None:
-            continue  # the file of the fabric has all laws
+            continue  # the file of the fabric contains all laws
         if name == "regions":
             for region, own in value.items():
                 parts.append(_block(f"regions.{_toml_key(region)}", own))
@@ -94,7 +94,7 @@ def case_text(case: CaseFile, head: str) -> str:
 
 
 class WrittenCase:
-    """The case of a run as it is at the start, to be written at the end.
+    """Snapshot of a case at the start of a run, written at its end.
 
     Parameters
     ----------
@@ -112,14 +112,14 @@ class WrittenCase:
         self.text = case_text(with_files(case, self._keep), WRITTEN)
 
     def write(self, folder: Path) -> None:
-        """Write ``case.toml`` and the files that it names into a folder."""
+        """Write ``case.toml`` and the files that it refers to into a folder."""
         (folder / CASE).write_text(self.text, encoding="utf-8")
         for name, content in self._files.items():
             (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_bytes(content)
 
     def _keep(self, path: str, name: str) -> str:
-        """Keep the content of a file; returns its name beside the results."""
+        """Store the content of a file; returns its name in the results folder."""
         *tables, key = path.split(".")
         if key in ("file", "source"):
             key = "_".join(tables)
@@ -132,12 +132,12 @@ class WrittenCase:
 
 
 def refuse_foreign_case(folder: Path) -> None:
-    """Refuse a folder with a case file that no run has written.
+    """Refuse a folder with a case file that was not written by a run.
 
     Raises
     ------
     ValueError
-        If there is one.
+        If the folder contains such a file.
     """
     file = folder / CASE
     if not file.is_file():
@@ -152,7 +152,7 @@ def refuse_foreign_case(folder: Path) -> None:
 
 
 def _keys(table: Struct) -> Iterator[_Key]:
-    """The keys of a table as they are written: its name first, a law's keys inline."""
+    """Keys of a table in the order in which they are written, laws inline."""
     hints = get_type_hints(type(table), include_extras=True)
     config = table.__struct_config__
     if config.tag_field and config.tag and "file" not in table.__struct_fields__:
@@ -169,7 +169,7 @@ def _keys(table: Struct) -> Iterator[_Key]:
 
 
 def _block(where: str, table: Struct, choices: str = "") -> str:
-    """A table: its plain values, then the tables within it."""
+    """Text of a table: its plain values, then the nested tables."""
     lines, tables = [f"[{where}]"], []
     for name, value, about in _keys(table):
         about = about or choices
@@ -189,13 +189,13 @@ def _block(where: str, table: Struct, choices: str = "") -> str:
 
 
 def meaning(hint: Any) -> str:
-    """The meaning of a key."""
+    """Meaning of a key."""
     found = [one for one in get_args(hint) if isinstance(one, Meta)]
     return "; ".join(one.description for one in found if one.description)
 
 
 def _with_words(hint: Any) -> str:
-    """The meaning of a key, with the words that it allows."""
+    """Meaning of a key, with the words that it allows."""
     text, words = meaning(hint), _words(hint)
     if all(word in text for word in words):
         return text
@@ -209,7 +209,7 @@ def _words(hint: Any) -> list[str]:
 
 
 def _described(union: Any) -> str:
-    """The choices of a union of tables."""
+    """Choices of a union of tables."""
     if get_origin(union) not in (Union, UnionType):
         return ""
     return "; ".join(f"{name}: {summary_of(one)}" for name, one in named(union).items())
@@ -230,29 +230,29 @@ def _line(key: str, value: Any) -> str:
     if isinstance(value, tuple | list):  # on one line
         inner = ", ".join(_line("x", one).partition(" = ")[2] for one in value)
         return f"{_toml_key(key)} = [{inner}]"
-    import tomli_w  # only a case file needs it
+    import tomli_w  # needed for case files only
 
     return tomli_w.dumps({key: value}).rstrip("\n")
 
 
 def _toml_key(name: str) -> str:
-    """A key as TOML has it, in quotes where it needs them."""
+    """Key in TOML syntax, in quotes if necessary."""
     import tomli_w
 
     return tomli_w.dumps({name: 0}).rpartition(" = ")[0]
 
 
 class Entry(NamedTuple):
-    """A key of the reference.
+    """Entry of the reference of keys.
 
     Attributes
     ----------
     table
         Path of its table.
     choice
-        The name that the table must have for this key; empty if any.
+        Name of the table to which this key belongs; empty if it belongs to all.
     key, kind, default, about
-        The key, its type, its default in words, and its meaning.
+        Key, type, default and meaning as text.
     """
 
     table: str
@@ -264,7 +264,7 @@ class Entry(NamedTuple):
 
 
 def reference() -> Iterator[Entry]:
-    """Every key of a case file."""
+    """Generate all keys of a case file."""
     for name, hint in get_type_hints(CaseFile, include_extras=True).items():
         if name == "regions":
             yield from _entries("regions.NAME", Region)
@@ -273,12 +273,12 @@ def reference() -> Iterator[Entry]:
 
 
 def key_help(scene: str) -> str:
-    """The keys of a case of a scene, as text for a terminal.
+    """Keys of a case as text for a terminal.
 
     Parameters
     ----------
     scene
-        The name of a scene; another word stands for all of them.
+        Name of a scene; any other word selects all scenes.
     """
     lines, table = ["", "keys of a case file, for --set table.key=value:"], ""
     for own in reference():
@@ -325,7 +325,7 @@ def _entries(where: str, hint: Any, choice: str = "") -> Iterator[Entry]:
 
 
 def _kind(hint: Any) -> str:
-    """A type in words."""
+    """Description of a type."""
     plain = {float: "number", int: "integer", str: "text", bool: "true or false"}
     if hint in plain:
         return plain[hint]

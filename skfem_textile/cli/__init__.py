@@ -1,1 +1,1 @@
-"""The command line ``skfem-textile``: arguments, and what they build."""
+"""The command line ``skfem-textile``."""

@@ -1,4 +1,4 @@
-"""The curve that a machine would measure, from the states of a run."""
+"""Machine curve (force against displacement) of a run."""
 
 import csv
 import os
@@ -18,7 +18,7 @@ from ..solve.result import Result
 DISPLACEMENT, FORCE = "displacement (mm)", "force (N)"
 ANGLE, NORMALISED = "angle (deg)", "normalised shear force (N/mm)"
 
-# What heads a column of `read_curve`, and how much its unit is in that of the heading.
+# Headings of the columns of `read_curve`, and factors to their units.
 _HEADINGS = {
     "displacement": (DISPLACEMENT, 1.0),
     "shear angle": (ANGLE, 180 / np.pi),
@@ -28,10 +28,10 @@ _HEADINGS = {
 
 
 def read_test_curve(path: str | os.PathLike[str]) -> dict[str, ndarray]:
-    """Columns of the curve of a test by their headings.
+    """Read the columns of a test curve by heading.
 
-    The first row names the columns, as for `calibration.curves.read_curve`: at least a
-    displacement or an angle, and at least one force.  Cells may be empty.
+    The first row names the columns, as in `calibration.curves.read_curve`: at least one
+    displacement or angle, and at least one force.  Cells may be empty.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ def read_test_curve(path: str | os.PathLike[str]) -> dict[str, ndarray]:
     Returns
     -------
     dict
-        For each column that is there its numbers, shape (n,); NaN for empty cells.
+        Numbers of each column in the file, shape (n,); NaN for empty cells.
 
     Raises
     ------
     ValueError
-        If it is no such file; one line names the file and the row.
+        If the file is invalid; one line names the file and the row.
     OSError
         If it cannot be read.
     """
@@ -70,22 +70,22 @@ def read_test_curve(path: str | os.PathLike[str]) -> dict[str, ndarray]:
     return curve
 
 
-#: Columns of a curve by their headings.
+#: Columns of a curve by heading.
 Curve: TypeAlias = Mapping[str, ndarray]
 
-#: The file of the curve.
+#: File of the curve.
 CURVE = "curve.csv"
 
 
 def curve_of(scene: Scene, result: Result) -> dict[str, ndarray]:
-    """Columns of the curve by their headings, a row for each state.
+    """Columns of the curve by heading, one row per state.
 
-    Of a shear test the displacement and force of its machine, the shear angle in
-    degrees that the displacement means if no fibre stretches, and the shear force per
-    length.  Of another scene the mean displacement and the force of the driven edge
-    along the axis along which it moves further.
+    For a shear test: displacement and force of the machine, the theoretical shear angle
+    in degrees (inextensible fibres), and the normalised shear force. For another scene:
+    the mean displacement and the force of the driven edge along the axis of its larger
+    displacement.
 
-    A force is 0 where it is below what nodes in balance may leave of it.
+    Forces below the equilibrium tolerance are 0.
     """
     moved = np.array([scene.driven_displacement(state) for state in result.states])
     force = np.array([scene.reaction(state) for state in result.states])
@@ -99,14 +99,14 @@ def curve_of(scene: Scene, result: Result) -> dict[str, ndarray]:
 
 
 def completed(curve: Curve, test: ShearTest | None) -> dict[str, ndarray]:
-    """A curve with the columns that follow from others, where it lacks them.
+    """Add missing columns that follow from others.
 
     Parameters
     ----------
     curve
-        Columns by their headings.
+        Columns by heading.
     test
-        The test that it is of; None if it is of none.
+        The shear test; None for another scene.
     """
     curve = dict(curve)
     if test is None:

@@ -1,4 +1,4 @@
-"""The command ``fit``: laws of a fabric from its tests."""
+"""The command ``fit``: identify laws of a fabric from tests."""
 
 import argparse
 from collections.abc import Sequence
@@ -28,26 +28,26 @@ from .interruption import held
 from .output import say
 from .result_folder import ResultFolder
 
-# The options of a command: keywords of `argparse`, by flag.
+# Options of a command: keywords of `argparse` by flag.
 _Options: TypeAlias = dict[str, dict[str, Any]]
 
 
 def _option(
     text: str, of: Any = None, metavar: str | None = None, **more: Any
 ) -> dict[str, Any]:
-    """Keywords of an option; its help ends with its default, if there is one."""
+    """Keywords of an option; its help ends with its default, if any."""
     shown = " (default: %(default)s)" if more.get("default") else ""
     how = {"help": text + shown, "type": of, "metavar": metavar, **more}
     return {key: value for key, value in how.items() if value is not None}
 
 
 def _repeated(text: str, of: Any, metavar: str) -> dict[str, Any]:
-    """Keywords of an option that may be given several times."""
+    """Keywords of an option that may be repeated."""
     return _option(text, of, metavar, action="append", default=[])
 
 
 def _size(what: str) -> dict[str, Any]:
-    """A size of specimens: one for all, or one for each file."""
+    """Size of specimens: one for all files, or one for each."""
     return _option(
         f"{what}, in mm: one for all files or one for each", float, "MM", nargs="+"
     )
@@ -55,8 +55,7 @@ def _size(what: str) -> dict[str, Any]:
 
 _UNIT: _Options = {
     "--unit": _repeated(
-        "unit of a column, where the first row of a file does not tell it; may be "
-        "repeated",
+        "unit of a column without a unit in the first row; may be repeated",
         words.unit,
         "COLUMN=UNIT",
     )
@@ -64,7 +63,7 @@ _UNIT: _Options = {
 
 _FABRIC: _Options = {
     "--fabric": _option(
-        "a fabric.json of another fit, whose other laws are kept", metavar="FILE"
+        "fabric.json of another fit, whose other laws are kept", metavar="FILE"
     )
 }
 
@@ -72,14 +71,14 @@ _COMMON: _Options = {
     **_UNIT,
     **_FABRIC,
     "--bound": _repeated(
-        "least and largest value of a parameter; may be repeated",
+        "lower and upper bound of a parameter; may be repeated",
         words.bound,
         "NAME=LOW,HIGH",
     ),
-    "--points": _option("points of a table beside 0", int, "N", default=8),
+    "--points": _option("points of a table, excluding 0", int, "N", default=8),
     "--extrapolation": _option(
-        "of a table beyond the data: refuse every state, which is the default, or go "
-        "on in a straight line",
+        "of a table beyond the data: refuse every state (default), or extrapolate "
+        "linearly",
         choices=("refuse", "linear"),
     ),
 }
@@ -92,27 +91,27 @@ _SHEAR: _Options = {
     ),
     "--degree": _option("highest power of the polynomial, odd", int, "N", default=5),
     "--up-to": _option(
-        "shear angle up to which points are taken; without it up to 40 where the angle "
-        "is theoretical, and all where it is measured or the tests are simulated",
+        "largest shear angle of the points used (default: 40 for theoretical angles; "
+        "all points for measured angles or simulated tests)",
         words.degrees,
         "DEG",
     ),
     "--fibre-stiffness": _option(
-        "of fabric.json, and of simulated tests, in N/mm (default: 1e5, or that of "
-        "--fabric)",
+        "fibre stiffness of fabric.json and of simulated tests in N/mm (default: "
+        "from --fabric, else 1e5)",
         float,
         "E",
     ),
     **_COMMON,
 }
 
-#: What each kind of test fits, and its options.
+#: Kinds of tests: help text and options.
 TESTS: dict[str, tuple[str, _Options]] = {
     "picture-frame": (
         "a shear law from picture-frame tests",
         {
             "--frame-side": _size("side of the frame from hinge to hinge"),
-            "--fabric-side": _size("side of the square of fabric that is sheared"),
+            "--fabric-side": _size("side of the sheared square of fabric"),
             **_SHEAR,
         },
     ),
@@ -126,7 +125,8 @@ TESTS: dict[str, tuple[str, _Options]] = {
             ),
             **_SHEAR,
             "--simulate": _option(
-                "fit simulated tests, with so many element edges across the width",
+                "fit simulated tests, with this number of element edges across the "
+                "width",
                 int,
                 "N",
             ),
@@ -136,55 +136,57 @@ TESTS: dict[str, tuple[str, _Options]] = {
         "a bending stiffness from cantilever tests, by the elastica (Peirce)",
         {
             "--weight": _option(
-                "weight per area in N/mm2, 6e-6 for 0.6 kg/m2", float, "W"
+                "weight per area in N/mm2; 6e-6 for 0.6 kg/m2", float, "W"
             ),
             "--family": _option(
-                "whose fibres lie along the strips",
+                "fibre family along the strips",
                 default="warp",
                 choices=("warp", "weft"),
             ),
             "--chord-angle": _option(
-                "of files without that column, such as 41.5", words.degrees, "DEG"
+                "chord angle for files without that column, such as 41.5",
+                words.degrees,
+                "DEG",
             ),
             **_UNIT,
             **_FABRIC,
         },
     ),
     "biaxial": (
-        "tension laws from biaxial tests, one file for each ratio of the strains",
+        "tension laws from biaxial tests, one file per strain ratio",
         {
             "--law": _option(
                 "crimp-toe, linear or tabulated for each family, or crimp-interchange",
                 metavar="LAW",
                 default="crimp-toe",
             ),
-            "--warp-width": _size("width across the pull of the warp"),
-            "--weft-width": _size("width across the pull of the weft"),
+            "--warp-width": _size("width transverse to the warp force"),
+            "--weft-width": _size("width transverse to the weft force"),
             **_COMMON,
         },
     ),
 }
 
 
-# Fibre stiffness in N/mm of a fabric of which only shear is known.
+# Default fibre stiffness in N/mm if no tension law is known.
 _FIBRES = 1e5
 
-# Properties of a fabric that no test has determined.
+# Notes on properties that no test has determined.
 _NO_TENSION = (
-    f"fibres of fabric.json have {_FIBRES:g} N/mm, which no test told: give "
-    "--fibre-stiffness, or fit biaxial tests with --fabric and this file"
+    f"fibres of fabric.json have {_FIBRES:g} N/mm by default: pass --fibre-stiffness, "
+    "or fit biaxial tests with --fabric and this file"
 )
 _NO_SHEAR = (
-    "fabric.json has no shear stiffness: fit a shear test, and this test with --fabric "
-    "and its fabric.json"
+    "fabric.json contains no shear stiffness: fit a shear test, then this test with "
+    "--fabric and the resulting fabric.json"
 )
 
 _NO_LAWS = (
-    "fibres of fabric.json have a stiffness that no test told, and its shear none: fit "
-    "tests of shear and tension, and this test with --fabric and their fabric.json"
+    "fabric.json contains a default fibre stiffness and no shear stiffness: fit shear "
+    "and tension tests, then this test with --fabric and the resulting fabric.json"
 )
 
-# Files that a fit may write; summary.json comes last.
+# Output files of a fit.
 _FILES = (
     *("summary.json", "fabric.json", "report.md"),
     *("law.json", "warp_law.json", "weft_law.json"),
@@ -194,7 +196,7 @@ _PICTURE = "fit.png"
 
 @dataclass(frozen=True)
 class _Found:
-    """Reports by title, the fabric, laws by file name, and the fit."""
+    """Reports by title, fabric, laws by file name, and the fit."""
 
     reports: dict[str, dict[str, Any]]
     fabric: Fabric
@@ -203,7 +205,7 @@ class _Found:
 
 
 def run_fit(options: argparse.Namespace) -> int:
-    """Fit laws to the files of the options and write them; returns the exit code."""
+    """Fit laws to the data files and write them; returns the exit code."""
     from .. import io
 
     fits = {
@@ -296,7 +298,7 @@ def _tension(options: argparse.Namespace) -> _Found:
 
 def _bending(options: argparse.Namespace) -> _Found:
     if options.weight is None:
-        raise ValueError("--weight is missing: the weight per area is needed")
+        raise ValueError("--weight is missing: the weight per area is required")
     units, angle = _units(options), options.chord_angle
     fixed = None if angle is None else float(np.radians(angle))
     tests = [bending.read_cantilever(path, fixed, units) for path in options.data]
@@ -311,14 +313,14 @@ def _bending(options: argparse.Namespace) -> _Found:
 
 
 def _of_table(options: argparse.Namespace) -> dict[str, Any]:
-    """Arguments of a fit of laws that are tables, or have bounds."""
+    """Arguments of a fit for tables and bounds."""
     names = "points", "extrapolation"
     how = {name: getattr(options, name) for name in names}
     return how | {"bounds": dict(options.bound)}
 
 
 def _kept(options: argparse.Namespace, plain: Fabric) -> Fabric:
-    """The fabric of --fabric, or a plain one."""
+    """Fabric of --fabric, or a plain one."""
     from ..io import read_fabric
 
     return plain if options.fabric is None else read_fabric(options.fabric).fabric
@@ -333,13 +335,13 @@ def _units(options: argparse.Namespace) -> dict[str, str]:
 
 
 def _sizes(options: argparse.Namespace, *keys: str) -> list[tuple[float, float]]:
-    """Two sizes of the specimen of each file."""
+    """Two sizes of the specimen for each file."""
     n, columns = len(options.data), []
     for key in keys:
         given, name = getattr(options, key), f"--{key.replace('_', '-')}"
         if given is None:
             raise ValueError(
-                f"{name} is missing: the sizes of the specimens are needed"
+                f"{name} is missing: the sizes of the specimens are required"
             )
         if len(given) not in (1, n):
             raise ValueError(

@@ -1,8 +1,8 @@
 """Ctrl-C and SIGTERM on the command line: one line, and exit code 130.
 
-The package imports this module first.  From then on a signal ends the process of the
-command line at once: nothing can be lost while modules are imported.  Within `raised` a
-signal raises `KeyboardInterrupt`.  After `raised` signals are ignored.
+The package imports this module first. While modules are imported, a signal ends the
+process of the command line at once, because nothing can be lost. Within `raised` a
+signal raises `KeyboardInterrupt`. After `raised` signals are ignored.
 """
 
 import os
@@ -18,7 +18,7 @@ from typing import Any
 #: Exit code after an interruption.
 INTERRUPTED = 130
 
-# Seconds until a signal is sent again that came where Python drops errors.
+# Seconds until a signal is sent again after Python dropped its exception.
 _LATER = 0.01
 
 _SIGNALS = signal.SIGINT, signal.SIGTERM
@@ -26,14 +26,14 @@ _SIGNALS = signal.SIGINT, signal.SIGTERM
 
 @contextmanager
 def raised() -> Iterator[None]:
-    """Raise `KeyboardInterrupt` on SIGTERM too."""
+    """Raise `KeyboardInterrupt` also on SIGTERM."""
     with _answered(_interrupt):
         yield
 
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Hold a signal back until the block ends; a second signal interrupts it."""
+    """Defer a signal until the block ends; a second signal interrupts it."""
     first: list[tuple[int, Any]] = []
 
     def note(number: int, frame: Any) -> None:
@@ -51,7 +51,7 @@ def held() -> Iterator[None]:
 
 @contextmanager
 def _answered(answer: Callable[[int, Any], None]) -> Iterator[dict[int, Any]]:
-    """Handle signals that are not ignored; yields the handlers before."""
+    """Handle signals that are not ignored; yields the previous handlers."""
     before: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():  # others may not
         before = {number: signal.getsignal(number) for number in _SIGNALS}
@@ -74,7 +74,7 @@ def _interrupt(number: int, frame: Any) -> None:
 
 
 def _is_ignored(frame: Any) -> bool:
-    """Whether Python drops errors here, as it does where it removes objects."""
+    """True if Python drops exceptions here, as in finalisers."""
     while frame is not None:
         module = frame.f_globals.get("__name__")
         if frame.f_code.co_name == "__del__" or module in ("weakref", "_weakrefset"):
@@ -89,7 +89,7 @@ def _end(number: int, frame: Any) -> None:
 
 
 def _is_command() -> bool:
-    """Whether this process is the command line, and not one of its workers."""
+    """True if this process is the command line, not one of its workers."""
     script, words = (sys.argv or [""])[0], sys.orig_argv
     if script == "-m":  # Python still looks for the module
         return ("-m", "skfem_textile") in pairwise(words)

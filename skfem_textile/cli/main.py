@@ -1,4 +1,4 @@
-"""The command line ``skfem-textile``: its commands and exit codes."""
+"""Entry point of the command line ``skfem-textile``: commands and exit codes."""
 
 import argparse
 import sys
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code.
 
-    0 when every step converged, 1 when a run stopped early or its results cannot be
-    written, 2 for bad input, 130 after Ctrl-C or SIGTERM.
+    0 if every step converged, 1 if a run stopped early or its results cannot be
+    written, 2 for invalid input, 130 after Ctrl-C or SIGTERM.
     """
     try:
         with raised():
@@ -39,14 +39,14 @@ def _answer(arguments: Sequence[str]) -> int:
     """Run the command line; an error is one line on stderr.  Returns the exit code."""
     try:
         return _run(arguments)
-    except BrokenPipeError:  # the reader has closed the output
+    except BrokenPipeError:  # the reader closed the output
         silence(sys.stdout)
         return 0
     except OutputError as error:
         complain(f"error: {error}")
         return STOPPED_EARLY
     except (ValueError, OSError, MemoryError) as error:
-        complain(f"error: {error or 'there is not enough memory'}")
+        complain(f"error: {error or 'not enough memory'}")
         return BAD_INPUT
 
 
@@ -87,14 +87,14 @@ def _run_case(options: argparse.Namespace) -> int:
 
 
 def _shear_test(path: Path) -> "ShearTest | None":
-    """The test of shear that the case of a file is."""
+    """Shear test of a case file."""
     from ..cases import case_from_file
 
     return case_from_file(path).scene.shear_test
 
 
 def _init(scene: str, file: Path) -> int:
-    """Write a case file of a scene, with all defaults and comments."""
+    """Write the case file of a scene with all defaults and comments."""
     from ..cases.write import case_text
 
     head = f"# A case: skfem-textile run {printable(file.name)} --out results"

@@ -1,15 +1,15 @@
-"""Output of the command line, and what happens if it cannot be written."""
+"""Output of the command line to stdout and stderr."""
 
 import os
 import sys
 from typing import TextIO
 
-# Most characters of a line on stderr: a word of the command line may have any number.
+# Most characters of a line on stderr; arguments can be of any length.
 _LONGEST = 400
 
 
 class OutputError(OSError):
-    """Results cannot be written or printed."""
+    """Error if results cannot be written or printed."""
 
 
 def say(text: str, end: str = "\n") -> None:
@@ -18,7 +18,7 @@ def say(text: str, end: str = "\n") -> None:
     Raises
     ------
     BrokenPipeError
-        If the reader has closed the output.
+        If the reader closed the output.
     OutputError
         If printing fails for another reason.
     """
@@ -34,7 +34,7 @@ def say(text: str, end: str = "\n") -> None:
 
 
 def complain(text: str) -> None:
-    """Print one line to stderr if possible; leave out the middle of a long one."""
+    """Print one line to stderr if possible; omit the middle of a long one."""
     shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     if len(shown) > _LONGEST:
         shown = f"{shown[: _LONGEST // 2]} ... {shown[-_LONGEST // 2 :]}"
@@ -47,5 +47,5 @@ def complain(text: str) -> None:
 
 
 def silence(stream: TextIO) -> None:
-    """Send the last flush of a stream that cannot be written to the null device."""
+    """Redirect the final flush of an unwritable stream to the null device."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

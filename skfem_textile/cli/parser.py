@@ -1,4 +1,4 @@
-"""The parser of the command line, built from the declaration of a case."""
+"""Parser of the command line, generated from the declaration of a case."""
 
 import argparse
 import re
@@ -30,82 +30,91 @@ from .fit import TESTS
 from .output import complain, say
 from .show import add_show
 
-#: Exit code of bad input.
+#: Exit code for invalid input.
 BAD_INPUT = 2
 
-# How the name of a case file ends.
+# Suffix of case files.
 _SUFFIX = ".toml"
 
 _CASE_FILE = f"CASE{_SUFFIX}"
 
-# Options of the usual keys, beside the keys of the scene.
+# Options for common keys, in addition to the keys of the scene.
 _OPTIONS = {
-    "mesh": ("mesh.source", "a file, or a kind of mesh to make"),
-    "size": ("mesh.size", "elements along x and y of a mesh to make, such as 8x16"),
-    "directions": ("mesh.directions", "a file of the fibre directions of elements"),
-    "fabric": ("fabric.file", "a file of all laws"),
-    "tension-law": ("tension.law", "a name, or a .csv or .json file"),
+    "mesh": ("mesh.source", "mesh file, or kind of generated mesh"),
+    "size": ("mesh.size", "elements along x and y of a generated mesh, such as 8x16"),
+    "directions": ("mesh.directions", "file of fibre directions of elements"),
+    "fabric": ("fabric.file", "file of all laws"),
+    "tension-law": ("tension.law", "name of a law, or a .csv or .json file"),
     "fibre-stiffness": ("tension.stiffness_N_per_mm", "tension stiffness in N/mm"),
-    "shear-law": ("shear.law", "a name, or a .csv or .json file"),
+    "shear-law": ("shear.law", "name of a law, or a .csv or .json file"),
     "shear-stiffness": ("shear.stiffness_N_per_mm", "shear stiffness in N/mm"),
-    "formulation": ("formulation.name", "the elements"),
-    "force": ("loads.force_N", "a force in N on a boundary; may be repeated"),
+    "formulation": ("formulation.name", "element formulation"),
+    "force": ("loads.force_N", "force in N on a boundary; may be repeated"),
     "steps": ("stepping.steps", "load steps"),
-    "tolerance": ("stepping.tolerance", "refine until the load has this error"),
+    "tolerance": (
+        "stepping.tolerance",
+        "refine until the relative error of the load is below this",
+    ),
     "solver": ("stepping.solver", "linear solver"),
-    "test-curve": ("output.test_curve", "a CSV file of a test to draw beside the run"),
+    "test-curve": (
+        "output.test_curve",
+        "CSV file with a test curve to draw with the run",
+    ),
 }
 _OPTIONS_ON_TOOL = {
-    "part-mesh": ("output.part_mesh", "a mesh of the part, which gets the fibres"),
-    "trim": ("output.trim", "a CSV file of the curve that trims the flat pattern"),
+    "part-mesh": (
+        "output.part_mesh",
+        "mesh of the part, whose elements receive fibres",
+    ),
+    "trim": ("output.trim", "CSV file of the curve that trims the flat pattern"),
 }
 
-# More keys than a path of a case has.
+# Upper bound on the depth of a key path.
 _MOST_KEYS = 9
 
-# Keys whose value is the name of a mesh, of a law or of a file.
+# Keys whose value is a mesh, a law or a file name.
 _NAME_OR_FILE = ("mesh.source", "tension.law", "shear.law")
 
-# The option of a key of a scene that is not its name without the unit.
+# Options of scene keys that differ from the key without its unit.
 _RENAMED = {"warp_deg": "fibres"}
 
 _EXIT_CODES = (
-    "exit code: 0, every step converged; 1, stopped early and the last good state "
-    "written, or what was found cannot be written; 2, bad input and nothing written; "
-    "130, interrupted by Ctrl-C or SIGTERM and the last good state written"
+    "exit code: 0, every step converged; 1, stopped early with the last converged "
+    "state written, or results cannot be written; 2, invalid input, nothing written; "
+    "130, interrupted by Ctrl-C or SIGTERM, last converged state written"
 )
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that reports bad input in one line."""
+    """Parser that reports invalid input in one line."""
 
     def error(self, message: str) -> NoReturn:
         complain(f"error: {message}")
         self.exit(BAD_INPUT)
 
     def parse_args(self, arguments: Any = None, namespace: Any = None) -> Any:
-        """The options; refuses ``--name=--``, which argparse would read as no value."""
+        """Parse options; refuses ``--name=--``, which argparse treats as no value."""
         for word in sys.argv[1:] if arguments is None else arguments:
             if word.startswith("--") and word.endswith("=--"):
-                self.error(f"argument {word[:-3]}: '--' is no value")
+                self.error(f"argument {word[:-3]}: '--' is not a value")
         return super().parse_args(arguments, namespace)
 
 
 def is_case_file(word: str) -> bool:
-    """Whether a word in the place of a scene is the name of a case file."""
+    """True if a word in place of a scene is the name of a case file."""
     return word.lower().endswith(_SUFFIX)
 
 
 def command_parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
-    """The parser; it sets ``command``, and for the command ``run`` also ``scene``.
+    """Build the parser; it sets ``command``, and for ``run`` also ``scene``.
 
-    Values of keys of a case are set by the path of the key, see `tables_of_options`.
+    Values of case keys are stored by the path of the key, see `tables_of_options`.
 
     Parameters
     ----------
     arguments
-        What is to be parsed: the name of a case file may stand for a scene.  Only
-        scenes that it names have their options; all have them if it is empty.
+        Arguments to parse; a case file may replace a scene. Only the scenes among them
+        get their options; all scenes if empty.
     """
     whole = _Parser(
         prog="skfem-textile",
@@ -120,7 +129,9 @@ def command_parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
     )
     scenes = run.add_subparsers(dest="scene", required=True)
     for name, scene in SCENES.items():
-        named = not arguments or name in arguments  # the options of others take time
+        named = (
+            not arguments or name in arguments
+        )  # building options of all scenes takes time
         _add_scene(scenes, name, summary_of(scene), scene if named else None)
     files = [word for word in arguments[1:2] if is_case_file(word)]
     _add_scene(scenes, _CASE_FILE, "a case in a file", None, aliases=files)
@@ -131,26 +142,30 @@ def command_parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
 
 
 def _add_init(commands: Any) -> None:
-    init = commands.add_parser("init", help="write a commented case file to start from")
+    init = commands.add_parser(
+        "init", help="write a commented case file as a starting point"
+    )
     init.add_argument("file", type=_case_file, metavar=_CASE_FILE)
     init.add_argument(
         "--scene",
         choices=tuple(SCENES),
         default="specimen",
-        help="of which it is a case (default: %(default)s)",
+        help="scene of the case (default: %(default)s)",
     )
 
 
 def _add_report(commands: Any) -> None:
     report = commands.add_parser(
-        "report", help="write report.html, one page of all that a run has found"
+        "report", help="write report.html, one page with all results folder of a run"
     )
-    report.add_argument("folder", type=_folder, metavar="DIR", help="results of a run")
+    report.add_argument(
+        "folder", type=_folder, metavar="DIR", help="results folder of a run"
+    )
     report.add_argument(
         "--test-curve",
         type=Path,
         metavar="FILE.csv",
-        help="the curve of a test, in place of the one of the case",
+        help="test curve, in place of the one named in the case",
     )
 
 
@@ -162,7 +177,7 @@ def _case_file(text: str) -> Path:
 
 def _add_fits(commands: Any) -> None:
     """Add the command ``fit``; it sets ``test``."""
-    fit = commands.add_parser("fit", help="find laws of a fabric from its tests")
+    fit = commands.add_parser("fit", help="identify laws of a fabric from tests")
     tests = fit.add_subparsers(dest="test", required=True)
     for name, (description, options) in TESTS.items():
         one = tests.add_parser(name, help=description, description=description)
@@ -175,7 +190,7 @@ def _add_fits(commands: Any) -> None:
 def _add_scene(
     scenes: Any, name: str, about: str, scene: type[Scene] | None, **settings: Any
 ) -> None:
-    """Add a scene, or a case file in its place, with the keys that have options."""
+    """Add a scene, or a case file in its place, with options for its keys."""
     parser = scenes.add_parser(
         name,
         help=about,
@@ -220,7 +235,7 @@ def _add_scene(
 
 
 def _add_key(parser: Any, flag: str, path: str, hint: Any, about: str) -> None:
-    """Add the option of a key; argparse reads words as its type says."""
+    """Add the option of a key; argparse converts values to its type."""
     given: dict[str, Any] = {"dest": path, "default": argparse.SUPPRESS, "help": about}
     kind = hint
     while get_origin(kind) is Annotated or NoneType in get_args(kind):
@@ -247,7 +262,7 @@ def _add_key(parser: Any, flag: str, path: str, hint: Any, about: str) -> None:
 
 
 def _default(value: Any) -> str:
-    """The default of a key, as the end of its help."""
+    """Default of a key, as the end of its help."""
     if value in (None, (), {}) or isinstance(value, dict):
         return ""
     shown = "x".join(map(str, value)) if isinstance(value, tuple) else value
@@ -255,7 +270,7 @@ def _default(value: Any) -> str:
 
 
 def _type_of(path: str) -> Any:
-    """The type of a key that has an option."""
+    """Type of a key that has an option."""
     table, key = path.split(".")
     hint = get_type_hints(CaseFile, include_extras=True)[table]
     if key == "name":
@@ -272,7 +287,7 @@ def _without_unit(key: str) -> str:
 def tables_of_options(
     tables: Mapping[str, Any], options: argparse.Namespace
 ) -> dict[str, Any]:
-    """The tables of a case with what the options say in their place.
+    """Tables of a case with the values of the options.
 
     Raises
     ------
@@ -299,7 +314,7 @@ def tables_of_options(
 
 
 def _joined(value: Any) -> Any:
-    """The table of pairs of names and values; another value as it is."""
+    """Table from pairs of names and values; other values unchanged."""
     if not (isinstance(value, list) and isinstance(value[0], tuple)):
         return value
     names = [name for name, _ in value]
@@ -310,32 +325,32 @@ def _joined(value: Any) -> Any:
 
 
 def _copied(value: Any) -> Any:
-    """A copy of nested tables."""
+    """Copy of nested tables."""
     if isinstance(value, dict):
         return {key: _copied(one) for key, one in value.items()}
     return value
 
 
 def _setting(word: str) -> tuple[str, Any]:
-    """The path and the value of ``path.to.key=value``, the value as in a case file."""
+    """Path and value of ``path.to.key=value``, the value as in a case file."""
     path, equals, value = word.partition("=")
     keys = path.split(".")
     if not equals or not 1 < len(keys) < _MOST_KEYS or not all(keys):
-        raise ArgumentTypeError(f"{word!r} is not like stepping.steps=5")
+        raise ArgumentTypeError(f"{word!r} is not of the form stepping.steps=5")
     return path, _value(value)
 
 
 def _pair(word: str) -> tuple[str, Any]:
-    """The name and the value of ``NAME=VALUE``, several values with commas."""
+    """Name and value of ``NAME=VALUE``; several values are separated by commas."""
     name, _, value = word.partition("=")
     if not (name and value):
-        raise ArgumentTypeError(f"{word!r} is not like top=0,40")
+        raise ArgumentTypeError(f"{word!r} is not of the form top=0,40")
     parts = [_value(part) for part in value.split(",")]
     return name, parts if len(parts) > 1 else parts[0]
 
 
 def _value(word: str) -> Any:
-    """A value as TOML has it, numbers with commas as an array, or else the word."""
+    """Value in TOML syntax, comma-separated numbers as an array, else the text."""
     if re.fullmatch(r"[-+]?(\d+|(\d+\.\d*|\.\d+)([eE][-+]?\d+)?)", word):
         return int(word) if word.lstrip("+-").isdigit() else float(word)
     for text in (word, f"[{word}]"):
@@ -353,12 +368,12 @@ def _size(word: str) -> list[int]:
     try:
         nx, ny = (int(n) for n in word.split("x"))
     except ValueError:
-        raise ArgumentTypeError(f"{word!r} is not like 10x15") from None
+        raise ArgumentTypeError(f"{word!r} is not of the form 10x15") from None
     return [nx, ny]
 
 
 class _Formatter(argparse.HelpFormatter):
-    """Options whose help stands on the same line."""
+    """Help formatter that prints options and help on the same line."""
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog, max_help_position=32, width=88)
@@ -379,19 +394,19 @@ class _Help(argparse.Action):
 
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("--out", type=_folder, required=True, metavar="DIR", help="where results go")
-    add("--no-render", action="store_true", help="write no pictures")
+    add("--out", type=_folder, required=True, metavar="DIR", help="folder for results")
+    add("--no-render", action="store_true", help="do not draw pictures")
 
 
 def _add_course(parser: argparse.ArgumentParser) -> None:
-    """Add the options that change no result."""
+    """Add the options that do not change results."""
     parser.add_argument(
         "--checkpoint",
         type=_folder,
         nargs="?",
         const=True,
         metavar="FOLDER",
-        help="write every converged step, to `checkpoint` in DIR if no folder is named",
+        help="write every converged step (default folder: `checkpoint` in DIR)",
     )
     parser.add_argument(
         "--resume",
@@ -399,20 +414,20 @@ def _add_course(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const=True,
         metavar="FOLDER",
-        help="go on from the checkpoint of an interrupted run, and keep writing it",
+        help="resume from the checkpoint of an interrupted run and keep writing it",
     )
     parser.add_argument(
         "-v",
         "--verbose",
         action="count",
         default=0,
-        help="tell of every step; twice: of every iteration",
+        help="log every step; twice: every iteration",
     )
 
 
 def _folder(text: str) -> Path:
     if not text:
-        raise ArgumentTypeError("a folder must have a name")
-    if text.startswith("--"):  # argparse does not know it as an option
-        raise ArgumentTypeError(f"{text!r} is no option; a folder is ./{text}")
+        raise ArgumentTypeError("the name of a folder is empty")
+    if text.startswith("--"):  # argparse does not recognise it as an option
+        raise ArgumentTypeError(f"{text!r} is not an option; a folder is ./{text}")
     return Path(text)

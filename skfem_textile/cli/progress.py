@@ -1,4 +1,4 @@
-"""The course of a run: progress bar, log and exit code."""
+"""Execution of a run: progress bar, log and exit code."""
 
 import logging
 from contextlib import AbstractContextManager
@@ -37,7 +37,7 @@ def load(
     Returns
     -------
     tuple
-        Exit code, a message for the end, and the error that stopped the run.
+        Exit code, final message, and the error that stopped the run.
     """
     with _bar() as bar:
         _log(verbose)
@@ -66,14 +66,14 @@ def load(
 
 
 def shown(what: str) -> AbstractContextManager[object]:
-    """Show on a terminal what is under way, where nothing tells how far it is."""
+    """Show the current activity on a terminal, without a measure of progress."""
     bar = _bar()
     bar.add_task(what, total=None)
     return bar
 
 
 def _bar() -> "Progress":
-    """A bar on a terminal, which goes away at its end; none elsewhere."""
+    """Progress bar on a terminal, removed at its end; none elsewhere."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
@@ -87,13 +87,16 @@ def _interrupted(stepper: "Stepper") -> str:
     at = stepper.states[-1].load_factor
     if hasattr(stepper, "tolerance"):
         return f"interrupted; the state at load factor {at:.6g} of a mesh is written"
-    kept, lost = "--resume goes on from there", "--checkpoint lets a run resume"
+    kept, lost = (
+        "--resume continues from there",
+        "use --checkpoint to make runs resumable",
+    )
     advice = kept if stepper.checkpoint else lost
     return f"interrupted; the state at load factor {at:.6g} is written, {advice}"
 
 
 def _log(verbose: int) -> None:
-    """Send the log to stderr, beside the progress bar."""
+    """Send the log to stderr without disturbing the progress bar."""
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("%(message)s"))
     log = logging.getLogger("skfem_textile")

@@ -1,4 +1,4 @@
-"""The report of a run: one page in HTML."""
+"""Report of a run: one HTML page."""
 
 import json
 import tempfile
@@ -18,20 +18,20 @@ from .output import say
 from .result_folder import ResultFolder
 from .results import CURVES, draw_curves
 
-#: The file of the report.
+#: File of the report.
 REPORT = "report.html"
 
-#: The test of shear that the case in a file is, if it is one.
+#: Function that returns the shear test of a case file, or None.
 ShearTestOf: TypeAlias = Callable[[Path], ShearTest | None]
 
-# Figures that are shown first, and what they are called.
+# Figures at the top of the report, and their labels.
 _FIGURES = {
     "load_factor": "Load factor reached",
     "reaction_x": "Force on the driven edge along x (N)",
     "reaction_y": "Force on the driven edge along y (N)",
-    "load_over_exact": "Load over the exact load",
+    "load_over_exact": "Load relative to the exact load",
     "max_shear_angle_deg": "Largest shear angle (°)",
-    "max_fibre_strain": "Largest fibre strain that the law sees",
+    "max_fibre_strain": "Largest fibre strain in the law",
     "max_fibre_tension": "Largest fibre tension (N/mm)",
     "energy": "Energy (N·mm)",
     "n_elements": "Elements",
@@ -41,37 +41,36 @@ _FIGURES = {
     "wall_time_s": "Time of the run (s)",
 }
 
-# Checks of the last state: the name, what holds, and what does not.
+# Acceptance checks of the last state: name, text if passed, text if failed.
 _CHECKS = {
-    "converged": ("Whole load", "applied", "not applied: the run stopped early"),
+    "converged": ("Full load", "applied", "not applied: the run stopped early"),
     "stable": ("Equilibrium", "stable", "not stable"),
     "path_resolved": (
-        "Path of the load",
+        "Load path",
         "resolved",
-        "not resolved: another number of steps may lead to another equilibrium",
+        "not resolved: a different number of steps may lead to a different equilibrium",
     ),
 }
 
-# Pictures of the last state, and what each shows.
+# Pictures of the last state, and their captions.
 _PICTURES = {
-    "refused.png": "The last good state, and where the next step was refused",
+    "refused.png": "Last converged state; elements of the rejected step",
     "shear_angle.png": "Shear angle at the last load factor",
     "draped.png": "Shear angle and contact pressure on the tool",
     "fibre_strain.png": "Fibre strain at the last load factor",
     "fibre_directions.png": "Fibre directions at the last load factor",
-    "animation.gif": "The shear angle as the load grows",
+    "animation.gif": "Shear angle during loading",
 }
 
-# A row of a table: its name, a class of CSS or nothing, and its value.
+# Row of a table: name, CSS class or empty, and value.
 _Row: TypeAlias = tuple[str, str, Any]
 
 
 def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf) -> int:
     """Write ``report.html`` into the folder of a run; returns the exit code.
 
-    The page holds all its pictures and refers to nothing else.  The curves are drawn
-    anew, that of a test if one is given or the case names one.  Damaged results are
-    refused.
+    The page contains all pictures and has no external references. Curves are redrawn,
+    with a test curve if one is given or named in the case. Damaged results are refused.
     """
     import jinja2
 
@@ -111,7 +110,7 @@ def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf)
 
 
 def _verdict(summary: Mapping[str, Any]) -> Iterator[_Row]:
-    """Rows on the checks of the last state."""
+    """Rows for the acceptance checks of the last state."""
     for key, (name, good, bad) in _CHECKS.items():
         holds = summary.get(key)
         if holds is None:
@@ -134,21 +133,21 @@ def _verdict(summary: Mapping[str, Any]) -> Iterator[_Row]:
 
 
 def _rows(values: Any) -> list[_Row]:
-    """Rows of a mapping; of anything else none."""
+    """Rows of a mapping; empty for anything else."""
     if not isinstance(values, Mapping):
         return []
     return [(printable(name), "", value) for name, value in values.items()]
 
 
 def _shown(value: Any) -> str:
-    """A value in one line, numbers with six digits."""
+    """Format a value in one line, numbers with six digits."""
     if isinstance(value, float):
         return f"{value:.6g}"
     return "" if value is None else printable(value)
 
 
 def _sources(folder: Path, captions: Mapping[str, str]) -> dict[str, str]:
-    """Pictures of a folder as data URLs, by their captions."""
+    """Pictures of a folder as data URLs by caption."""
     found = {}
     for name, caption in captions.items():
         if (folder / name).is_file():
@@ -159,36 +158,36 @@ def _sources(folder: Path, captions: Mapping[str, str]) -> dict[str, str]:
 
 
 def _summary(folder: Path) -> dict[str, Any]:
-    """The content of ``summary.json``."""
+    """Read ``summary.json``."""
     file = folder / "summary.json"
     if not file.is_file():
-        raise ValueError(f"{printable(folder)} holds no results, no {file.name}")
+        raise ValueError(f"{printable(folder)} contains no results, no {file.name}")
     try:
         summary = json.loads(file.read_text(encoding="utf-8"))
     except (ValueError, RecursionError):
         summary = None
     if not isinstance(summary, dict):
-        raise ValueError(f"{printable(file)} is damaged: it is no summary of a run")
+        raise ValueError(f"{printable(file)} is damaged: it is not a summary of a run")
     return summary
 
 
 def _text_of_file(file: Path) -> str | None:
-    """The text of a file; None if it is not there."""
+    """Text of a file; None if it does not exist."""
     if not file.is_file():
         return None
     try:
         return file.read_text(encoding="utf-8")
     except UnicodeDecodeError:
-        raise ValueError(f"{printable(file)} is damaged: no text in UTF-8") from None
+        raise ValueError(f"{printable(file)} is damaged: not text in UTF-8") from None
 
 
 def _named_test(folder: Path, text: str | None) -> Path | None:
-    """The curve of a test that a case names."""
+    """Test curve named in a case."""
     try:
         output = tomllib.loads(text or "").get("output", {})
         named = output.get("test_curve")
     except (ValueError, AttributeError, RecursionError):
-        damaged = f"{printable(folder / CASE)} is damaged: it is no case"
+        damaged = f"{printable(folder / CASE)} is damaged: it is not a case"
         raise ValueError(damaged) from None
     return folder / named if isinstance(named, str) else None
 
@@ -196,9 +195,9 @@ def _named_test(folder: Path, text: str | None) -> Path | None:
 def _drawn_curves(
     folder: Path, test: Path | None, shear_test: ShearTestOf
 ) -> tuple[dict[str, str], str]:
-    """The curves as data URLs by their titles, or why there are none."""
+    """Curves as data URLs by title, or the reason why there are none."""
     if not (folder / CURVE).is_file():
-        return {}, f"The folder holds no {CURVE}."
+        return {}, f"The folder contains no {CURVE}."
     run = read_test_curve(folder / CURVE)
     measured = None
     if test:
@@ -208,6 +207,6 @@ def _drawn_curves(
         try:
             draw_curves(run, measured, Path(scratch))
         except ImportError:
-            return {}, "Curves need matplotlib: pip install 'skfem-textile[plot]'."
+            return {}, "Curves require matplotlib: pip install 'skfem-textile[plot]'."
         titles = {name: title for name, (title, *_) in CURVES.items()}
-        return _sources(Path(scratch), titles), "No force drives the run."
+        return _sources(Path(scratch), titles), "The run is not driven by a force."

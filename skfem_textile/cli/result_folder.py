@@ -1,4 +1,4 @@
-"""The folder that receives the results of a run."""
+"""Atomic replacement of the results folder of a run."""
 
 import contextlib
 import os
@@ -12,16 +12,16 @@ from ..solve.sealed import Lock
 from .interruption import held
 from .output import OutputError
 
-# Prefix of the name of a folder that holds a result until it is complete.
+# Prefix of scratch folders for incomplete results.
 _SCRATCH = ".unfinished-"
 
 
 class ResultFolder:
-    """A folder that receives the result of one run, all at once.
+    """Folder whose content is replaced by the result of one run at once.
 
-    The folder is locked until it holds the result or this object is deleted.  If it was
-    made for the result and is still empty, it is removed then.  Unfinished files of a
-    killed run are removed at the start.
+    The folder is locked until it contains the result or this object is deleted. If it
+    was created for the result and is still empty, it is then removed. Incomplete files
+    of a killed run are removed at the start.
 
     ``summary.json`` is removed first and written last, so that it never describes files
     that are missing, even if the process is killed.
@@ -29,18 +29,17 @@ class ResultFolder:
     Parameters
     ----------
     path
-        The folder; made if it is missing.
+        The folder; created if it is missing.
     names
-        Files that a run may write: names of files, or patterns in a subfolder.
+        Files that a run may write: file names, or patterns in a subfolder.
 
     Raises
     ------
     OSError
-        If the folder cannot be written, something else has its name, or another run
-        writes to it.
+        If the folder cannot be written, is not a folder, or another run writes to it.
     OutputError
-        At the end of the block, if the result cannot be written, as on a full disk.
-        The earlier content of the folder remains.
+        At the end of the block, if the result cannot be written, for example on a full
+        disk. The previous content of the folder remains.
     """
 
     def __init__(self, path: str | os.PathLike[str], names: Sequence[str]) -> None:
@@ -53,7 +52,7 @@ class ResultFolder:
                 if target.is_dir():
                     raise IsADirectoryError(f"{target} is a folder")
                 if target.parent.exists() and not target.parent.is_dir():
-                    raise NotADirectoryError(f"{target.parent} is no folder")
+                    raise NotADirectoryError(f"{target.parent} is not a folder")
             made = [p for p in (self.path, *self.path.parents) if not p.exists()]
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -65,7 +64,7 @@ class ResultFolder:
                 shutil.rmtree(scratch, ignore_errors=True)
 
     def __enter__(self) -> Path:
-        """Make a scratch folder to write into."""
+        """Create a scratch folder."""
         try:
             scratch = tempfile.mkdtemp(prefix=_SCRATCH, dir=self.path)
         except OSError as error:
@@ -112,7 +111,7 @@ class ResultFolder:
 
 
 def _leave(lock: Lock, made: Sequence[Path]) -> None:
-    """Release the folder; remove the folders that were made if they are empty."""
+    """Release the folder; remove created folders that are empty."""
     with contextlib.suppress(OSError):
         for folder in made:
             folder.rmdir()
@@ -120,7 +119,7 @@ def _leave(lock: Lock, made: Sequence[Path]) -> None:
 
 
 def _refuse_unwritable(folder: Path) -> None:
-    """Try to write into a folder, or into its nearest parent that exists."""
+    """Test writing into a folder, or into its nearest existing parent."""
     while not folder.exists():
         folder = folder.parent
     tempfile.TemporaryFile(dir=folder).close()

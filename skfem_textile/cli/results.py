@@ -1,4 +1,4 @@
-"""Pictures of a run, and exports of a ply on a tool: fibres and flat patterns."""
+"""Pictures of a run, and export of fibres and flat patterns of draped plies."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ from .curve import (
 )
 from .interruption import held
 
-#: Files of the pictures of every run.
+#: Pictures of every run.
 PICTURES = (
     "fibre_strain.png",
     "shear_angle.png",
@@ -35,16 +35,16 @@ PICTURES = (
     "animation.gif",
 )
 
-#: Files of the further pictures of a shear test.
+#: Additional pictures of shear tests.
 OF_SHEAR_TESTS = ("load_by_angle.png", "normalised_load.png")
 
-#: File of the further picture of a ply on a tool.
+#: Additional picture of a ply on a tool.
 DRAPED = "draped.png"
 
-#: File of the picture of a run that stopped early.
+#: Picture of a run that stopped early.
 REFUSED = "refused.png"
 
-#: Pictures of a curve: their titles, and what is drawn over what.
+#: Pictures of a curve: titles, abscissa and ordinate.
 CURVES = {
     "load.png": ("Force against displacement", DISPLACEMENT, FORCE),
     "load_by_angle.png": ("Force against shear angle", ANGLE, FORCE),
@@ -55,9 +55,9 @@ CURVES = {
 def draw(
     scene: Scene, run: Result | StepError, test: Curve | None, folder: Path
 ) -> None:
-    """Draw all pictures into a folder; a signal waits until the current one is done.
+    """Draw all pictures into a folder; signals wait until the current one is done.
 
-    Of a run that stopped early they are those of its result, and where it stopped.
+    For a run that stopped early: pictures of its result, and where it stopped.
     """
     result = run.result if isinstance(run, StepError) else run
     with held():  # VTK may crash if it is interrupted
@@ -80,9 +80,9 @@ def draw(
 
 
 def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
-    """Draw the pictures of `CURVES` of which run or test have the columns.
+    """Draw the `CURVES` for which run or test contain the columns.
 
-    A run without a force is not drawn by itself.
+    A run without a force is drawn only together with a test.
     """
     from ..plot.curves import curves
 
@@ -98,7 +98,7 @@ def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
 
 
 def _axis(heading: str) -> str:
-    """The label of an axis for a heading."""
+    """Axis label for a heading."""
     heading = heading.replace("(deg)", "(°)")
     return heading[:1].upper() + heading[1:]
 
@@ -109,10 +109,10 @@ _PATTERN = ("pattern.csv", "pattern.svg", "pattern.dxf")
 
 @dataclass(frozen=True, eq=False)
 class HandOver:
-    """The elements that get fibres, and closed curves, (3, n), of the flat pattern.
+    """Export of a draped ply: elements of the part, and curves that trim the pattern.
 
-    ``no_curves`` says why there are none, if some are wanted, and ``trimmed`` whether
-    the user gives the curve.  `write` may write ``files``.
+    ``curves`` are closed, each (3, n); ``no_curves`` is the reason why there are none,
+    and ``trimmed`` is true for a curve of the user. `write` may write ``files``.
     """
 
     part: ToolMesh | None = None
@@ -123,7 +123,7 @@ class HandOver:
 
     @classmethod
     def read(cls, output: Output) -> "HandOver":
-        """The exports that a case asks for."""
+        """Read the part and the curve that a case names."""
         part, curve = output.part_mesh, output.trim
         if part is None and curve is None:
             return cls()
@@ -138,9 +138,9 @@ class HandOver:
             return cls(mesh, no_curves=f"{printable(part)}: {error}")
 
     def write(self, result: Result, axes: Axes, folder: Path) -> dict[str, Any]:
-        """Write what there is, and return figures and why anything is missing.
+        """Write the exports; returns figures, and the reason for each missing export.
 
-        The result is of a ply on a tool, with ``axes`` among those of tool and part.
+        The result is of a ply on a tool with the given axes.
         """
         if self.part is None and not self.curves:
             return {}
@@ -157,7 +157,7 @@ class HandOver:
         return found
 
     def missing(self, found: Mapping[str, Any]) -> list[str]:
-        """Exports that the user asks for and `write` has not written, and why."""
+        """Requested exports that `write` has not written, with reasons."""
         asked = ["part"] * (self.part is not None) + ["pattern"] * self.trimmed
         return [f"{what}: {found[what]}" for what in asked if what in found]
 
@@ -182,7 +182,7 @@ class HandOver:
         for name in _PATTERN:
             if not name.endswith("dxf") or find_spec("ezdxf"):
                 io.write_pattern(folder / name, patterns)
-        # Holes go round the other way than the pieces.
+        # Holes have the opposite orientation.
         return {
             "pattern_area_mm2": abs(sum(one.signed_area for one in patterns)),
             "pattern_length_mm": sum(pattern.length for pattern in patterns),

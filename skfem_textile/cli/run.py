@@ -1,4 +1,4 @@
-"""The command ``run``: it checks, then computes, then writes."""
+"""The command ``run``: validate, compute, write."""
 
 import argparse
 import platform
@@ -31,24 +31,23 @@ if TYPE_CHECKING:
     from .curve import Curve
     from .progress import Stepper
 
-# Every picture that a run may draw.
+# All pictures that a run may draw.
 _PICTURES = (
     *(*results.PICTURES, *results.OF_SHEAR_TESTS),
     *(results.DRAPED, results.REFUSED),
 )
 
 
-@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
+@np.errstate(over="ignore", invalid="ignore")  # results that are not finite are refused
 def run(file: CaseFile, options: argparse.Namespace) -> int:
-    """Load a case and write its results; returns the exit code.
+    """Run a case and write its results; returns the exit code.
 
     Parameters
     ----------
     file
         The declaration of the case.
     options
-        Folders of results and checkpoint, whether pictures are drawn, and how much is
-        logged.
+        Folders of results and checkpoint, flag for pictures, and verbosity.
 
     Raises
     ------
@@ -66,7 +65,7 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
     case = built(file)
     hand_over = results.HandOver.read(file.output)
     written = WrittenCase(file)
-    with shown("preparing the ply"):  # nets on a tool take long
+    with shown("preparing the ply"):  # nets on tools take time
         checkpoint = _checkpoint(options.out, options.checkpoint, options.resume)
         if file.stepping.tolerance is None:
             stepper: Stepper = case.stepper(checkpoint)
@@ -100,7 +99,7 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
                 io.write_draped(result, folder, case.scene.axes)
             complete = True
         if code != INTERRUPTED:
-            # With the estimated error.
+            # Includes the estimated error.
             with shown("estimating the error"):
                 summary = case.summary(result) | said_before | handed
             _write_again(summary, options.out)
@@ -128,7 +127,7 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
 
 
 def versions() -> dict[str, str]:
-    """Versions of what a run is computed with."""
+    """Versions of the packages that a run uses."""
     packages = "numpy", "scipy", "scikit-fem"
     return {
         "skfem-textile": __version__,
@@ -141,16 +140,16 @@ def versions() -> dict[str, str]:
 def _adaptive(
     case: Case, stepping: Stepping, checkpoint: Path | None
 ) -> AdaptiveStepper:
-    """The load stepper of a case to a tolerance.
+    """Adaptive load stepper of a case.
 
     Raises
     ------
     ValueError
-        As from the stepper, or if there is a checkpoint.
+        As for the stepper, or if there is a checkpoint.
     """
     if checkpoint or stepping.tolerance is None:
         raise ValueError(
-            "stepping.tolerance cannot have a checkpoint: leave one of them out"
+            "stepping.tolerance does not support checkpoints: omit one of them"
         )
     return AdaptiveStepper(
         *(case.ply(), case.scene.conditions, stepping.tolerance, case.steps),
@@ -162,24 +161,24 @@ def _adaptive(
 
 
 def _write_again(summary: Mapping[str, Any], out: Path) -> None:
-    """Write the summary in place of the one without an estimate, if that can be."""
+    """Replace the summary without an error estimate, if possible."""
     from .. import io
 
     try:
         with held(), ResultFolder(out, ("summary.json",)) as folder:
             io.write_summary(summary, folder / "summary.json")
     except OSError as error:
-        say(f"no estimated error in summary.json: {printable(error)}")
+        say(f"summary.json lacks the estimated error: {printable(error)}")
 
 
 def _without_estimate(result: Result) -> Result:
-    """The result before its error is estimated, which may take long and be stopped."""
+    """Result before error estimation, which may be slow and interrupted."""
     none = ErrorEstimate(reason="interrupted")
     return replace(result, estimate=lambda _: none)
 
 
 def _say(key: str, value: Any) -> None:
-    """Print a figure, of a list each of its parts on a line."""
+    """Print a figure, or each item of a list on a line."""
     for part in value if isinstance(value, list) else [value]:
         shown = f"{part:.6g}" if isinstance(part, float) else part
         if isinstance(part, dict):
@@ -188,7 +187,7 @@ def _say(key: str, value: Any) -> None:
 
 
 def _draw(case: Case, run: Result | StepError, test: "Curve | None", out: Path) -> bool:
-    """Draw pictures, or print in one line why not; False after an interruption.
+    """Draw pictures, or print the reason why not; False after an interruption.
 
     The numbers are already written.
     """
@@ -206,7 +205,7 @@ def _draw(case: Case, run: Result | StepError, test: "Curve | None", out: Path) 
 def _checkpoint(
     out: Path, checkpoint: Path | bool | None, resume: Path | bool | None
 ) -> Path | None:
-    """The folder of --checkpoint or --resume, by default one in the output folder."""
+    """Folder of --checkpoint or --resume, by default within the output folder."""
     named = {folder for folder in (checkpoint, resume) if isinstance(folder, Path)}
     if len(named) > 1:
         raise ValueError("--checkpoint and --resume name different folders")
@@ -216,8 +215,8 @@ def _checkpoint(
 
 
 def _kept(stepper: "Stepper") -> str:
-    """Tell what remains of a run whose results cannot be written."""
+    """Message on the remains of a run whose results cannot be written."""
     if stepper.checkpoint is None:
-        return "nothing is kept, as --checkpoint was not given"
+        return "no checkpoint exists, because --checkpoint was not given"
     kept = stepper.checkpoint.folder
-    return f"the checkpoint {kept} remains, and --resume goes on from there"
+    return f"the checkpoint {kept} remains; --resume continues from it"

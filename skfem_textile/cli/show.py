@@ -1,4 +1,4 @@
-"""The command ``show``: a mesh and its fibres."""
+"""The command ``show``: draw a mesh and its fibres."""
 
 import argparse
 from pathlib import Path
@@ -14,18 +14,18 @@ from .interruption import held
 from .output import complain, say
 from .result_folder import ResultFolder
 
-_DIRECTIONS = "fibre directions of each element, as for `run` (default: those of MESH)"
+_DIRECTIONS = "fibre directions of each element, as for `run` (default: from MESH)"
 
 
 def add_show(commands: Any) -> None:
-    """Add the command to those of a parser."""
+    """Add the command to a parser."""
     show = commands.add_parser(
         "show", help="draw a mesh and its fibres, and write the directions to files"
     )
     add = show.add_argument
     add("mesh", metavar="MESH", help="a file of quadrilaterals or triangles")
-    add("--out", type=Path, required=True, metavar="DIR", help="where files go")
-    add("--no-render", action="store_true", help="write no picture")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder for files")
+    add("--no-render", action="store_true", help="do not draw a picture")
     add("--directions", metavar="FILE", help=_DIRECTIONS)
     for name in ("warp", "weft"):
         said = f"angle of the {name} to the x axis in every element"
@@ -70,9 +70,9 @@ def _directions(options: argparse.Namespace, n_elements: int) -> FibreDirections
 
     angles = options.warp, options.weft
     if (angles[0] is None) != (angles[1] is None):
-        raise ValueError("--warp and --weft go together")
+        raise ValueError("--warp and --weft must be given together")
     if angles[0] is not None and options.directions is not None:
-        raise ValueError("--warp and --directions: leave one of them out")
+        raise ValueError("--warp and --directions: omit one of them")
     if angles[0] is not None:
         return FibreDirections.of_angles(*(np.full(n_elements, a) for a in angles))
     file = options.directions or options.mesh
@@ -83,7 +83,7 @@ def _directions(options: argparse.Namespace, n_elements: int) -> FibreDirections
 
 
 def _draw(mesh: Any, directions: FibreDirections, out: Path) -> None:
-    """Draw the picture, or print in one line why not: the files are already written."""
+    """Draw the picture, or print the reason why not; the files are already written."""
     try:
         with held(), ResultFolder(out, (_PICTURE,)) as folder:
             from ..plot import mesh_and_fibres

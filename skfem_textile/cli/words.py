@@ -1,4 +1,4 @@
-"""Readers of the words of the command line."""
+"""Converters of command-line values."""
 
 from argparse import ArgumentTypeError
 
@@ -6,7 +6,7 @@ from ..mesh.user_input import MOST_DEGREES
 
 
 def degrees(word: str) -> float:
-    """A finite angle of at most a hundred turns."""
+    """Angle in degrees, at most a hundred turns."""
     try:
         angle = float(word)
     except ValueError:
@@ -17,20 +17,20 @@ def degrees(word: str) -> float:
 
 
 def unit(word: str) -> tuple[str, str]:
-    """A column and its unit of ``COLUMN=UNIT``."""
+    """Column and unit of ``COLUMN=UNIT``."""
     name, _, unit = word.partition("=")
     if not (name and unit):
-        raise ArgumentTypeError(f"{word!r} is not like force=kN")
+        raise ArgumentTypeError(f"{word!r} is not of the form force=kN")
     return name, unit
 
 
 def bound(word: str) -> tuple[str, tuple[float, float]]:
-    """A parameter and its ends of ``NAME=LOW,HIGH``."""
+    """Parameter and bounds of ``NAME=LOW,HIGH``."""
     name, _, ends = word.partition("=")
     try:
         low, high = (float(end) for end in ends.split(","))
     except ValueError:
         low = high = float("nan")
     if not (name and low < high):
-        raise ArgumentTypeError(f"{word!r} is not like c1=0,1")
+        raise ArgumentTypeError(f"{word!r} is not of the form c1=0,1")
     return name, (low, high)

@@ -21,7 +21,7 @@ _ACROSS = 0.0175
 
 
 class Axes(NamedTuple):
-    """Coordinate axes of a ply in those of its tool.
+    """Coordinate axes of a ply relative to its tool.
 
     Parameters
     ----------
@@ -47,19 +47,15 @@ class Axes(NamedTuple):
         return cls(point, np.column_stack([plane, np.cross(*plane.T)]))
 
     def of_tool(self, x: ndarray) -> ndarray:
-        """Convert points from the axes of the ply to those of the tool, shape (3,
-        n).
-        """
+        """Convert points from ply axes to tool axes, shape (3, n)."""
         return self.origin[:, None] + self.turn @ x
 
     def of_ply(self, x: ndarray) -> ndarray:
-        """Convert points from the axes of the tool to those of the ply, shape (3,
-        n).
-        """
+        """Convert points from tool axes to ply axes, shape (3, n)."""
         return self.turn.T @ (x - self.origin[:, None])
 
 
-#: Axes of a ply equal to those of its tool.
+#: Axes of a ply that coincide with the axes of its tool.
 SAME_AXES = Axes()
 
 

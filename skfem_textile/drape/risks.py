@@ -64,8 +64,8 @@ def contact_pressure(
 def bridging(ply: Ply, u: ndarray, pressure: ndarray) -> ndarray:
     """Elements with a tensile mean contact pressure.
 
-    The pressure must exceed that of the largest fibre tension on a virtually flat
-    surface.
+    The pressure must exceed the pressure of the largest fibre tension on a virtually
+    flat surface.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ _RIDGE = 1e-12
 class Elements:
     """Triangles or quadrilaterals, by node numbers, (n_corners, n).
 
-    Local coordinates are those of scikit-fem, from 0 to 1.
+    Local coordinates follow scikit-fem, from 0 to 1.
     """
 
     nodes: ndarray
@@ -131,7 +131,7 @@ class ElementTree:
     ) -> tuple[ndarray, ndarray]:
         """Numbers of points, (3, n), each with all candidates for its nearest element.
 
-        The nearest element is no further away than the nearest centre.
+        The nearest element is at most as far away as the nearest centre.
         """
         nearest, _ = self._centres.query(points.T)
         within = self.radii.max() + np.minimum(reach, nearest)

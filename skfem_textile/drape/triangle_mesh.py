@@ -129,9 +129,10 @@ class Quadrics:
         # If the reach depends on the nearest point: the gradient ρ of its logarithm.
         follows = reach > self._reach
         rho = follows * d[:, :, :1] * (_FAR / reach) ** 2
-        # Wendland's C⁴ function w = (1 − s)⁶ (35 s² + 18 s + 3), its derivative over s
-        # and that of the latter over s.  With m = s ∇s: ∇w = slope m, ∇²w = bend m m +
-        # slope ∇m, ∇m = I (1 − s²R²/r₁²)/R² − 2 (m ρ + ρ m), r₁ to the nearest point.
+        # Wendland's C⁴ function w = (1 − s)⁶ (35 s² + 18 s + 3), its derivative over s,
+        # and the derivative of the latter over s. With m = s ∇s: ∇w = slope m, ∇²w =
+        # bend m m + slope ∇m, ∇m = I (1 − s²R²/r₁²)/R² − 2 (m ρ + ρ m), r₁ to the
+        # nearest point.
         inside = 1 - s
         square = inside * inside
         fourth = square * square

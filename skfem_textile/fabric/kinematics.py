@@ -130,8 +130,8 @@ def shear_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     if the weft lies anticlockwise of the warp.  It is smooth until they coincide.  Its
     rate is Γ̇ = f²·L·f₁ + f¹·L·f₂ (Hamila & Boisse 2013, §3.2).
 
-    An angle in space has no sign; it gets that of ∠(A₁, A₂), so that a flat ply has the
-    shear angle that it has in its plane.
+    An angle in space has no sign; it gets the sign of ∠(A₁, A₂), so that a flat ply has
+    the same shear angle in space as in its plane.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def shear_angle_dd(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
 def crossing(
     a1: ndarray, a2: ndarray
 ) -> tuple[ndarray, ndarray, ndarray, tuple[ndarray, ndarray]]:
-    """How fibres cross in space: derivatives of the angle between them, and normal.
+    """Crossing of fibres in space: derivatives of the angle between them, and normal.
 
     With e_α = a_α/λ_α: c = e₁·e₂, s = ``|e₁×e₂|``, n = e₁×e₂/s, and
     g₁ = (e₂ − c e₁)/(s λ₁), g₂ = (e₁ − c e₂)/(s λ₂), which are −∂∠(a₁, a₂)/∂a_α.

@@ -27,7 +27,7 @@ Resistance: TypeAlias = Literal["tension", "shear"]
 #: Largest shear angle in radians: at a right angle both families are parallel.
 RIGHT_ANGLE = 0.5 * np.pi
 
-#: Largest strain of a fibre, far beyond that of any fibre or crimp.
+#: Largest strain of a fibre, far beyond the strain of any fibre or crimp.
 LARGEST_STRAIN = 1.0
 
 # Relative rounding tolerance of a right angle.

@@ -53,8 +53,8 @@ def check_laws(fabric: Fabric, shape: tuple[int, ...]) -> None:
 
     They are compared where they are finite, and must return arrays of real numbers of
     the shape of their argument.  The message names the fibre family or the shear, the
-    method and the argument.  The shape (n_elements, n_points) is that of the
-    integration points of a ply: a law that varies by point is evaluated there, at fewer
+    method and the argument.  The integration points of a ply have the shape
+    (n_elements, n_points): a law that varies by point is evaluated there, at fewer
     arguments.
     """
     warp, weft = fabric.families
@@ -111,7 +111,7 @@ def _check_law(
 
 
 def _domain(name: str, law: Law, reach: float) -> tuple[float, float]:
-    """Ends of the arguments: those of the domain, if finite."""
+    """Ends of the arguments: the ends of the domain, if finite."""
     stated = getattr(law, "domain", None)
     if stated is None:
         return -reach, reach

@@ -242,8 +242,7 @@ class _Net:
         return _subdivided(a, counts[0]), _subdivided(b, counts[1])
 
     def _closed(self, lines: tuple[ndarray, ndarray]) -> tuple[ndarray, ndarray] | None:
-        """Lines, with those of the other family through their intersections with the
-        outline.
+        """Lines, and lines of the other family through their ends on the outline.
 
         None if lines would be too close to each other.
         """
@@ -286,7 +285,7 @@ class _Net:
     def _matched(
         self, lines: tuple[ndarray, ndarray], counts: list[ndarray]
     ) -> list[ndarray]:
-        """Counts such that lines between those of a closed net also meet at the sides.
+        """Counts such that lines halfway in a closed net also meet at the sides.
 
         Each side joins a gap between lines of one family to one of the other.
         """

@@ -6,8 +6,8 @@ Each integration point with nearly inextensible fibres adds a constraint.  With 
 point per quadrilateral there are as many constraints as unknowns, with three points per
 quadratic triangle more: both lock for realistic fibre stiffnesses where the shear angle
 jumps along fibres.  Here the fibre law is evaluated at the mean λ̄ of the stretches at
-the points of an element, and deviations from it have a stiffness E_d that does not
-increase with that of the fibres,
+the points of an element, and deviations from it have a stiffness E_d that is
+independent of the fibre stiffness,
 
     ψ(ln λ̄) + ½ E_d (λ − λ̄)²,
 

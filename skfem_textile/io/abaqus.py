@@ -87,7 +87,7 @@ class _Deck:
     """Numbers and positions of nodes, elements, and sets by keyword and name.
 
     ``blocks`` has cell type, numbers, nodes and set of each ``*ELEMENT``.  A set has at
-    most as many members as the file has lines.
+    most one member for each line of the file.
     """
 
     tags: ndarray | None = None
@@ -244,7 +244,7 @@ def _members(data: list[list[bytes]], generate: bool, n_lines: int) -> ndarray:
         )
     first, last, step = numbers.tolist()
     if not 0 <= (last - first) // step < n_lines:
-        raise MeshError("has more members than the file has lines, or none")
+        raise MeshError("has no members, or more than the number of lines of the file")
     return np.arange(first, last + 1, step)
 
 
@@ -284,7 +284,7 @@ def _mesh(deck: _Deck) -> meshio.Mesh:
     return meshio.Mesh(deck.points, cells, point_sets=nodes, cell_sets=elements)
 
 
-#: Names of two orientations, whose first directions are those of the families: an
+#: Names of two orientations, one for each family, along their first directions: an
 #: Abaqus orientation cannot describe families whose angle varies by element.
 WARP, WEFT = "WARP", "WEFT"
 

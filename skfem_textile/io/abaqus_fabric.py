@@ -131,7 +131,7 @@ def _component(block: Block, material: _Material) -> str:
     word = block.parameters.get("COMPONENT", "").upper()
     if word not in _COMPONENTS:
         raise MeshError(
-            f"COMPONENT={excerpt(word)} is none of {', '.join(_COMPONENTS)}"
+            f"COMPONENT={excerpt(word)} must be one of {', '.join(_COMPONENTS)}"
         )
     if _COMPONENTS[word] in material.data:
         raise MeshError(f"COMPONENT={word} is defined twice")

@@ -1,8 +1,7 @@
 """Fibre directions of each element in files: VTU, CSV and Abaqus decks.
 
-The first local direction of an `*ORIENTATION` is that of the fill yarns of a fabric,
-the second that of the warp yarns (Abaqus Analysis User's Guide, "Fabric material
-behavior").
+The first local direction of an `*ORIENTATION` is along the fill yarns of a fabric, the
+second along the warp yarns (Abaqus Analysis User's Guide, "Fabric material behavior").
 """
 
 import csv
@@ -159,13 +158,13 @@ def write_directions(
     directions
         Directions in these elements.
     points
-        Positions of the nodes, shape (2, n); by default those of the mesh.
+        Positions of the nodes, shape (2, n); by default ``mesh.p``.
 
     Raises
     ------
     ValueError
-        If the name has another suffix, or the number of directions differs from that of
-        the elements.
+        If the name has another suffix, or the number of directions differs from the
+        number of elements.
     OSError
         If the file cannot be written.
     """

@@ -56,7 +56,7 @@ def read_fabric(
         The file.
     thickness
         Thickness of the ply in mm, which converts stress to force per width.  By
-        default that of the section of the material in an Abaqus deck.
+        default the thickness of the section of the material in an Abaqus deck.
     units
         Units of force and length in a deck.
     material

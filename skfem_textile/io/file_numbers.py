@@ -68,7 +68,7 @@ def _refuse_words(words: list[bytes], parse: Any) -> NoReturn:
         break
     kind = "number" if parse is float else "whole number"
     shown = excerpt(word)
-    raise MeshError(f"{shown!r} is no {kind}")
+    raise MeshError(f"{shown!r} is not a {kind}")
 
 
 class TextNumbers:

@@ -270,7 +270,7 @@ def _format(body: bytes) -> tuple[str, bool]:
     if kind not in ("0", "1") or size != "8" or any(more):
         raise MeshError("$MeshFormat must have a version, 0 or 1, and the size 8")
     if kind == "1" and marker[:4] != np.array(1, "i4").tobytes():
-        raise MeshError("its byte order is that of another machine")
+        raise MeshError("its byte order differs from the byte order of this machine")
     if marker[4 if kind == "1" else 0 :].strip():
         raise MeshError("$MeshFormat contains more than a format")
     return version, kind == "1"

@@ -41,10 +41,10 @@ def cell_fields(
 ) -> dict[str, ndarray]:
     """Fibre strains, tensions and directions, and the shear angle, per element.
 
-    Strains are those of the tension law (`Ply.law_strain`), tensions those of
-    `Ply.fibre_tension`.  The value of largest magnitude in each element is used, so
-    that the extremes of a field are those of the ply.  Directions are evaluated at the
-    centre, in the current configuration.
+    Strains enter the tension law (`Ply.law_strain`); tensions are from
+    `Ply.fibre_tension`. The value of largest magnitude in each element is used, so that
+    the extremes of a field equal the extremes of the ply.  Directions are evaluated at
+    the centre, in the current configuration.
 
     Returns
     -------
@@ -113,7 +113,7 @@ FIELDS = ("step_[0-9]*.vtu", "steps.pvd", "own_step_[0-9]*.vtu", "own_steps.pvd"
 
 @contextlib.contextmanager
 def _name_path(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Add the path to exceptions without one, such as that of a full disk."""
+    """Add the path to exceptions without one, such as on a full disk."""
     try:
         yield
     except OSError as error:
@@ -127,13 +127,13 @@ def write_fields(
 ) -> None:
     """Write every state as ``step_0000.vtu``, ... and ``steps.pvd`` into a folder.
 
-    The points are those of the undeformed ply; warping by ``displacement`` shows the
-    deformed ply.  Fields are those of `point_fields` and `cell_fields`, and of
+    The points belong to the undeformed ply; warping by ``displacement`` shows the
+    deformed ply.  The fields come from `point_fields` and `cell_fields`, and from
     `fields_on_tool` for a ply on a tool.  The .pvd file lists the steps by load factor
     and opens in ParaView as one series.  If the user's elements were split or cut there
     is a second series, ``own_steps.pvd``, with the mean of each field over them.
     Existing steps in the folder are removed.  Points and vectors are converted to the
-    coordinates in which ``axes`` are those of the ply.
+    coordinates in which the ply has the ``axes``.
     """
     folder = Path(folder)
     with _name_path(folder):
@@ -195,7 +195,7 @@ def _fields(
 def write_history(result: Result, path: str | os.PathLike[str]) -> None:
     """Write the history of a run as CSV, one row per converged state.
 
-    Numbers have 12 significant digits; those of `Result.history` have full precision.
+    Numbers have 12 significant digits; `Result.history` has full precision.
     """
     rows = result.history()
     with _name_path(path), open(path, "w", newline="") as file:

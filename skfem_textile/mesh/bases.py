@@ -185,7 +185,7 @@ class MeanBasis(CellBasis):
     ----------
     parts
         Numbers of the quadrilaterals into which each element was split, see
-        `MacroBasis`; None if the elements are those of the mesh.
+        `MacroBasis`; None if no element was split.
     """
 
     parts: ndarray | None = None
@@ -223,7 +223,7 @@ class MacroBasis(MeanBasis):
     """Basis of the displacement on the original elements of a split mesh.
 
     The points of an element are the centres of its quadrilaterals, weighted with their
-    areas; its functions are those of all their nodes.
+    areas; it has the functions of all their nodes.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ _CELLS: dict[type[Element], str] = {
 
 
 class MeshError(ValueError):
-    """Invalid mesh; the message says where and what to do."""
+    """Invalid mesh; the message names the place and the remedy."""
 
 
 def check_mesh(mesh: Mesh) -> None:

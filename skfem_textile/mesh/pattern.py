@@ -157,7 +157,8 @@ class _Added(NamedTuple):
     """Sparse matrix added to blocks.
 
     ``slots`` are indices into the entries of the blocks, ``inside`` the indices of the
-    corresponding entries of the matrix, ``outside`` those of entries without a block.
+    corresponding entries of the matrix, ``outside`` the indices of entries without a
+    block.
     """
 
     matrix: csr_matrix

@@ -71,8 +71,8 @@ def hat_functions(mesh: Mesh, n_nodes: int) -> csr_matrix:
 
     They are linear along the edges of the cells; in the middle of a cell they are the
     mean of its corners.  The mesh has triangles with edge midpoints as further nodes,
-    is a `SplitMesh`, whose corners are those of its cells, or has other quadrilaterals.
-    Shape (n_corners, n_nodes).
+    is a `SplitMesh` (corners of its cells), or has other quadrilaterals. Shape
+    (n_corners, n_nodes).
     """
     parts: Any = mesh
     cells = getattr(parts, "cells", ())

@@ -56,7 +56,7 @@ def number_of_text(text: str) -> float:
         digits of another script.
     """
     if "_" in text or not text.isascii():
-        raise ValueError(f"{excerpt(text)!r} is no number")
+        raise ValueError(f"{excerpt(text)!r} is not a number")
     return float(text)
 
 

@@ -16,14 +16,14 @@ from ..fabric.law import BiaxialLaw, Law, domain_of
 from .layout import POINT, TITLE, default_width, text_width
 from .picture_files import picture_path, save
 
-# Okabe and Ito's colours, told apart with any kind of colour vision.
+# Okabe and Ito's colours, distinct for any kind of colour vision.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 
-# Least height of a figure in inches.  Chosen by eye: room for the legend.
+# Minimum height of a figure in inches. Chosen by eye: room for the legend.
 _LEAST_HEIGHT = 2.5
 
-# Most columns of a legend; the line and gap before each label, and the gap after it, in
-# sizes of the letters: matplotlib's defaults.
+# Largest number of columns of a legend; widths of the line and gap before each label,
+# and of the gap after it, in font sizes (matplotlib's defaults).
 _MOST_COLUMNS, _LINE, _BETWEEN = 3, 2.8, 2.0
 
 
@@ -33,16 +33,16 @@ def curves(
     ylabel: str,
     filename: str | os.PathLike[str] | None = None,
 ) -> Figure:
-    """Curves side by side, panel by panel; a label has one colour in all of them.
+    """Plot curves in panels side by side; a label has the same colour in all panels.
 
     Parameters
     ----------
     panels
-        By the panel's title, the curves ``(x, y)`` in it by their label.
+        For each panel title, curves ``(x, y)`` by label.
     xlabel, ylabel
-        What is on the axes, with units.
+        Labels of the axes, with units.
     filename
-        Where to write a PNG, or vectors: .svg, .pdf or .eps.
+        Output file: PNG, or vector graphics (.svg, .pdf or .eps).
 
     Raises
     ------
@@ -90,7 +90,7 @@ def curves(
 
 
 def _columns(labels: Sequence[str], width: float) -> int:
-    """The number of columns of a legend that fit a width in mm."""
+    """Number of columns of a legend that fit a width in mm."""
     size = TITLE * POINT
     for n in range(_MOST_COLUMNS, 1, -1):
         columns = np.array_split([text_width(label, TITLE) for label in labels], n)
@@ -100,17 +100,17 @@ def _columns(labels: Sequence[str], width: float) -> int:
     return 1
 
 
-# Largest argument for laws without a shown range or a finite domain: fibre strain, and
-# shear angle in radians.
+# Largest argument for laws without a default range or a finite domain: fibre strain,
+# and shear angle in radians.
 _STRAIN, _ANGLE = 0.02, np.radians(60.0)
 
 _N_POINTS = 401
 
-# Strain of the weft over that of the warp, for which biaxial laws are drawn.
+# Ratios of weft to warp strain for which biaxial laws are plotted.
 _STRAIN_RATIOS = (-0.5, 0.0, 0.5, 1.0)
 
-# Labels of both axes by the quantity of the law, and the factor from the argument of
-# the law to the unit of the axis.
+# Axis labels by the quantity of the law, and the factor from the argument of the law to
+# the unit of the axis.
 _AXES: dict[str | None, tuple[str, str, float]] = {
     "tension": ("fibre strain ε (-)", "tension T (N/mm)", 1.0),
     "shear": ("shear angle Γ (deg)", "shear moment (N mm/mm²)", 180.0 / np.pi),
@@ -132,19 +132,19 @@ def plot_law(
     Parameters
     ----------
     law
-        Any law.  The curve of a table includes its points.  A `BiaxialLaw` is plotted
-        by `plot_tensions`.
+        Any law. The curve of a table includes its points. For a `BiaxialLaw` use
+        `plot_tensions`.
     axes
-        Axes of the plot; those of a new figure of pyplot if not given.
+        Axes of the plot; by default, of a new pyplot figure.
     of
-        Quantity of the law, which determines labels and units; ``law.of`` if not
-        given.  Without either the label of an axis is that of both quantities.
+        Quantity of the law, which determines labels and units; by default ``law.of``.
+        Without either, labels name both quantities.
 
     Returns
     -------
     matplotlib.axes.Axes
-        The axes: fibre strain (-) and tension (N/mm), or shear angle (deg) and shear
-        moment (N mm/mm²).
+        Axes: fibre strain (-) and tension (N/mm), or shear angle (deg) and shear moment
+        (N mm/mm²).
 
     Examples
     --------
@@ -161,7 +161,7 @@ def plot_law(
     x_label, y_label, unit = _AXES[quantity]
     low, high = _ends(law, _STRAIN if quantity == "tension" else _ANGLE)
     x = np.linspace(low, high, _N_POINTS)
-    with np.errstate(all="ignore"):  # values that are not finite are gaps
+    with np.errstate(all="ignore"):  # gaps where values are not finite
         (line,) = axes.plot(unit * x, law.value(x))
     points = getattr(law, "points", None)
     if points is not None:
@@ -176,28 +176,28 @@ def plot_tensions(
     axes: Axes | None = None,
     ratios: Sequence[float] = _STRAIN_RATIOS,
 ) -> Axes:
-    """Plot the tensions of a biaxial law along lines of a constant ratio of strains.
+    """Plot the tensions of a biaxial law for constant strain ratios.
 
     Parameters
     ----------
     law
         A `BiaxialLaw`.
     axes
-        Axes of the plot; those of a new figure of pyplot if not given.
+        Axes of the plot; by default, of a new pyplot figure.
     ratios
-        Strain of the weft over that of the warp.  Each ratio has a line for the tension
-        of the warp and a dashed line for that of the weft.
+        Ratios of weft to warp strain. Each ratio has a solid line for the warp tension
+        and a dashed line for the weft tension.
 
     Returns
     -------
     matplotlib.axes.Axes
-        The axes: warp strain (-) and tension (N/mm).
+        Axes: warp strain (-) and tension (N/mm).
     """
     axes = _axes(axes)
     low, high = law.shown or (-_STRAIN, _STRAIN)
     x = np.linspace(low, high, _N_POINTS)
     for ratio in ratios:
-        with np.errstate(all="ignore"):  # values that are not finite are gaps
+        with np.errstate(all="ignore"):  # gaps where values are not finite
             warp, weft = law.value(np.array([x, ratio * x]))
         (line,) = axes.plot(x, warp, label=f"warp, weft strain {ratio:g} ε")
         axes.plot(x, weft, "--", color=line.get_color())
@@ -208,7 +208,7 @@ def plot_tensions(
 
 
 def _axes(axes: Axes | None) -> Axes:
-    """The given axes, or those of a new figure."""
+    """The given axes, or axes of a new figure."""
     if axes is not None:
         return axes
     from matplotlib import pyplot  # slow to import
@@ -217,7 +217,7 @@ def _axes(axes: Axes | None) -> Axes:
 
 
 def _ends(law: Law, reach: float) -> tuple[float, float]:
-    """Ends of the plot: the shown range, or the domain as far as it is finite."""
+    """Limits of the plot: the default range, or the finite part of the domain."""
     shown = getattr(law, "shown", None)
     if shown is not None:
         return shown

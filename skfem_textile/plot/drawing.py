@@ -1,7 +1,7 @@
-"""Drawing of sheets: vectors by matplotlib, pixels by pyvista, and their files.
+"""Drawing of sheets: vectors with matplotlib, pixels with pyvista.
 
-Lines of a ply in space that faces hide are drawn as vectors all the same, unless a tool
-hides them.
+Vector graphics of a ply in space include lines that faces hide, but not lines that a
+tool hides.
 """
 
 import os
@@ -43,7 +43,7 @@ def draw(
     plotter: "pv.Plotter | None",
     size: float | tuple[float, float] | None,
 ) -> "pv.Plotter | Figure":
-    """Draw a sheet into a plotter or a new picture, and write it."""
+    """Draw a sheet into a plotter or a new picture, and write the file."""
     path = None if filename is None else picture_path(filename)
     if plotter is None:
         layout = lay_out(sheet, size)
@@ -54,9 +54,11 @@ def draw(
         plotter = pyvista_drawing().new_plotter(layout, PRINTED)
         pyvista_drawing().draw_new(plotter, sheet, layout)
     elif is_vector(path):
-        raise ValueError(f"{path}: a plotter draws pixels: name it .png, or give none")
+        raise ValueError(
+            f"{path}: a plotter draws pixels: use the suffix .png or no file name"
+        )
     elif isinstance(size, tuple):
-        raise ValueError("beside plotter, size is the width of its window in mm")
+        raise ValueError("with a plotter, size is the width of its window in mm")
     else:
         columns = (plotter.shape if len(plotter.shape) == 2 else (1, 1))[1]
         width = default_width(columns) if size is None else size
@@ -67,7 +69,7 @@ def draw(
 
 
 def pyvista_drawing() -> Any:
-    """The module that draws with pyvista, which takes a second to load."""
+    """Import the module that draws with pyvista, which takes a second."""
     try:
         return import_module(".pyvista_drawing", __package__)
     except ModuleNotFoundError as error:
@@ -75,15 +77,15 @@ def pyvista_drawing() -> Any:
         raise ModuleNotFoundError(message, name=error.name) from None
 
 
-# Width in points of the edge that closes the gaps that viewers leave between polygons.
+# Width in points of the edge that closes gaps between polygons in viewers.
 _SEAM = 0.4
 
-# Colours of a scale.
+# Colour map and normalisation of a scale.
 _COLOURS = 256
 
 
 def _figure_of(sheet: Sheet, layout: Layout) -> Figure:
-    """The panels, scales and keys of a sheet as a figure, all of it vectors."""
+    """Figure with the panels, scales and keys of a sheet as vector graphics."""
     inch = 25.4
     figure = Figure(figsize=(layout.width / inch, layout.height / inch))
     page = figure.add_axes((0, 0, 1, 1))
@@ -148,7 +150,7 @@ def _faces(panel: Panel) -> tuple[list[ndarray], ndarray, ndarray]:
 
 
 def _draw_bar(page: mpl.axes.Axes, bar: Bar) -> None:
-    """Draw a rectangle for each colour; it reaches below the next one: no gaps."""
+    """Draw a rectangle for each colour, extended below the next one to avoid gaps."""
     (x, y, width, height), scale = bar.box, bar.scale
     colours = scale.colours(np.linspace(0, 1, _COLOURS))
     ends = x + width * np.arange(_COLOURS + 1) / _COLOURS

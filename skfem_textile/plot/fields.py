@@ -1,4 +1,4 @@
-"""Fields of results, and shapes of plies and tools, as pictures show them."""
+"""Fields of results and shapes of plies and tools for pictures."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,19 +18,19 @@ from .sheet import Scale, Shape, Tool, eye_axes, in_perspective
 
 @dataclass(frozen=True)
 class Field:
-    """A quantity with one value per element.
+    """Quantity with one value per element.
 
     Attributes
     ----------
     label
-        What stands at its scale, with the unit.
+        Label of the scale, with the unit.
     values
-        The values of a ply at a displacement, ``(ply, u) -> values``, shape
+        Function of a ply and a displacement, ``(ply, u) -> values``, shape
         (n_elements,).
     cmap
-        Colours of the scale, the name of a colour map of matplotlib.
+        Name of a matplotlib colour map.
     symmetric
-        Whether the scale is symmetric about zero; else it holds zero.
+        If True, the scale is symmetric about zero; otherwise it includes zero.
 
     Examples
     --------
@@ -47,7 +47,7 @@ class Field:
 
 
 def _of_family(label: str, factor: float = 1.0) -> Field:
-    """A strain or tension of fibres, one of the fields of elements."""
+    """Strain or tension of fibres, one of the element fields."""
     name = "_".join(label.lower().split()[:2])
     return Field(
         label, lambda ply, u: factor * cell_fields(ply, u)[name], "RdBu_r", True
@@ -55,12 +55,12 @@ def _of_family(label: str, factor: float = 1.0) -> Field:
 
 
 def _moved(ply: Ply, u: ndarray) -> ndarray:
-    """The mean displacement of the vertices of each element."""
+    """Mean displacement of the vertices of each element."""
     displacement = point_fields(ply, u)["displacement"]
     return np.linalg.norm(displacement[ply.mesh.t].mean(axis=0), axis=1)
 
 
-#: Fields by their names.
+#: Fields by name.
 FIELDS: Mapping[str, Field] = {
     "shear_angle": Field(
         "Shear angle (°)", lambda ply, u: cell_fields(ply, u)["shear_angle"]
@@ -71,22 +71,24 @@ FIELDS: Mapping[str, Field] = {
     "weft_tension": _of_family("Weft tension (N/mm)"),
     "displacement": Field("Displacement (mm)", _moved, "cividis"),
     "area_ratio": Field(
-        "Area over initial area", lambda ply, u: ply.least_area_ratio(u), "cividis"
+        "Area relative to initial area",
+        lambda ply, u: ply.least_area_ratio(u),
+        "cividis",
     ),
 }
 
 
 def field_of(field: str | Field) -> Field:
-    """The field of a name, or what is a field already."""
+    """Look up a field by name; a `Field` is returned unchanged."""
     if isinstance(field, Field):
         return field
     if field not in FIELDS:
-        raise ValueError(f"there is no field {field!r}: take {', '.join(FIELDS)}")
+        raise ValueError(f"unknown field {field!r}: take {', '.join(FIELDS)}")
     return FIELDS[field]
 
 
 def values_of(field: Field, ply: Ply, u: ndarray) -> ndarray:
-    """The values of a field, refused if not one finite number for each element."""
+    """Values of a field; refused unless one finite number per element."""
     values = np.asarray(field.values(ply, u), dtype=float)
     if values.shape != (ply.mesh.nelements,):
         raise ValueError(
@@ -100,7 +102,7 @@ def values_of(field: Field, ply: Ply, u: ndarray) -> ndarray:
 
 
 def reach(fields: Sequence[ndarray], symmetric: bool) -> tuple[float, float]:
-    """The least and largest value on a scale that shows all fields and zero."""
+    """Limits of a scale that includes all fields and zero."""
     low = min((float(x.min()) for x in fields), default=0.0)
     high = max((float(x.max()) for x in fields), default=0.0)
     if symmetric:
@@ -109,14 +111,14 @@ def reach(fields: Sequence[ndarray], symmetric: bool) -> tuple[float, float]:
     return min(low, 0.0), max(high, 0.0)
 
 
-# Chosen by eye: how far a tool is drawn beyond the ply, over the diagonal of the ply's
-# box; cubes along the longest side of that box; the darkest and the lightest grey; and
-# from where light comes: to the right, up and towards the eye.
+# Chosen by eye: margin of a tool beyond the ply relative to the diagonal of the ply's
+# box; number of cubes along the longest side of this box; darkest and lightest grey;
+# and direction of the light: right, up and towards the eye.
 _BEYOND, _CUBES, _GREYS, _LIGHT = 0.17, 56, (0.58, 0.93), (-0.35, 0.65, 0.67)
 
 
 def tool_under(points: ndarray, surface: Surface) -> Tool:
-    """The part of a tool that is near a ply, by the corners of its elements, (n, 3)."""
+    """Part of a tool near a ply, given the corners of its elements, (n, 3)."""
     low, high = points.min(axis=0), points.max(axis=0)
     beyond = _BEYOND * np.linalg.norm(high - low)
     x, triangles, normal = _triangles(surface, low - beyond, high + beyond)
@@ -130,9 +132,10 @@ def tool_under(points: ndarray, surface: Surface) -> Tool:
 def _triangles(
     surface: Surface, low: ndarray, high: ndarray
 ) -> tuple[ndarray, ndarray, ndarray]:
-    """Triangles of a tool in a box: corners, their numbers, and normals.
+    """Triangles of a tool in a box: corners, connectivity and normals.
 
-    Those of a tool of triangles are its own: nothing is drawn beyond its edges.
+    A triangulated tool is drawn with its own triangles, without extension beyond its
+    edges.
     """
     whole = surface.surface if isinstance(surface, Grown) else surface
     facets = getattr(whole, "facets", None)  # of a `TriangleMesh`
@@ -150,9 +153,9 @@ def _triangles(
 
 
 def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]:
-    """The plies of results in a state each, with straight edges between the vertices.
+    """Plies of results, each in one state, with straight edges between the vertices.
 
-    In perspective if one of them is in space, and with the tools on which they lie.
+    In perspective if at least one is in space, with the tools on which they lie.
     """
     shapes = []
     for result, at in zip(results, states, strict=True):
@@ -171,7 +174,7 @@ def on_one_scale(
     cmap: Any = None,
     clim: Sequence[float] | None = None,
 ) -> tuple[list[ndarray], Scale]:
-    """The values of a field of each result, and the scale of them all."""
+    """Values of a field for each result, and their common scale."""
     pairs = zip(results, states, strict=True)
     shown = [values_of(field, result.ply, at.u) for result, at in pairs]
     found = reach(shown, field.symmetric)

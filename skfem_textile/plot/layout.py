@@ -9,18 +9,18 @@ from numpy import ndarray
 
 from .sheet import Legend, Panel, Scale, Sheet
 
-#: Sizes of titles and of the numbers on a scale, in points.
+#: Font sizes of titles and of the numbers on a scale, in points.
 TITLE, NUMBER = 8.0, 7.0
 
-#: A point in mm.
+#: Length of a point in mm.
 POINT = 25.4 / 72
 
-# Height of a line of text over its size.
+# Line height relative to the font size.
 _LINE = 1.3
 
 
 class Writing(NamedTuple):
-    """A line of text, centred at x unless ``align`` is left; y is its middle."""
+    """Line of text, centred at x unless ``align`` is left; y is its middle."""
 
     text: str
     x: float
@@ -30,7 +30,7 @@ class Writing(NamedTuple):
 
 
 def font_file() -> str:
-    """The file of the font of all pictures."""
+    """File of the font of all pictures."""
     return str(findfont("DejaVu Sans"))
 
 
@@ -43,7 +43,7 @@ def text_width(text: str, size: float) -> float:
 
 
 def wrapped(text: str, width: float, size: float) -> list[str]:
-    """Lines of a text that are not wider than ``width`` in mm; long words are cut.
+    """Split a text into lines of at most ``width`` in mm; long words are cut.
 
     Examples
     --------
@@ -66,7 +66,7 @@ def wrapped(text: str, width: float, size: float) -> list[str]:
 
 
 def number(x: float) -> str:
-    """A number as it stands on a scale.
+    """Format a number for a scale.
 
     Examples
     --------
@@ -85,7 +85,7 @@ def text_height(lines: int, size: float) -> float:
 def text_lines(
     lines: Sequence[str], x: float, top: float, size: float
 ) -> list[Writing]:
-    """Lines of text below one another."""
+    """Lines of text, one below the other."""
     step = text_height(1, size)
     return [
         Writing(line, x, top - (i + 0.5) * step, size) for i, line in enumerate(lines)
@@ -93,7 +93,7 @@ def text_lines(
 
 
 class Box(NamedTuple):
-    """A rectangle in mm, of which (x, y) is the lower left corner."""
+    """Rectangle in mm with the lower left corner (x, y)."""
 
     x: float
     y: float
@@ -102,14 +102,14 @@ class Box(NamedTuple):
 
 
 class Bar(NamedTuple):
-    """The coloured rectangle of a scale."""
+    """Coloured rectangle of a scale."""
 
     scale: Scale
     box: Box
 
     @property
     def tips(self) -> tuple[ndarray, ndarray]:
-        """Corners of the arrows at its ends, empty where no values lie beyond."""
+        """Corners of the arrows at its ends; empty if no values lie beyond."""
         x, y, width, height = self.box
         ends = ((self.scale.below, x, -height), (self.scale.above, x + width, height))
         low, high = (
@@ -120,7 +120,7 @@ class Bar(NamedTuple):
 
 
 class Stroke(NamedTuple):
-    """The horizontal line of a key, from (x, y) on."""
+    """Horizontal line of a key, starting at (x, y)."""
 
     colour: str
     x: float
@@ -128,7 +128,7 @@ class Stroke(NamedTuple):
 
 
 class Place(NamedTuple):
-    """A panel: its box, and within it that of the ply, and its title."""
+    """Panel: its box, the box of the ply within it, and its title."""
 
     panel: Panel
     box: Box
@@ -137,18 +137,18 @@ class Place(NamedTuple):
 
     @property
     def middle(self) -> ndarray:
-        """The middle of the ply's box."""
+        """Centre of the ply's box."""
         x, y, width, height = self.ply
         return np.array([x + width / 2, y + height / 2])
 
     def scale_of(self, extent: tuple[ndarray, ndarray]) -> float:
-        """Mm on the picture over mm of what is seen, so that all of it is."""
+        """Scale of the picture (mm per mm) at which the whole extent is visible."""
         span = np.maximum(extent[1] - extent[0], 1e-12)
         return float(min(self.ply.width / span[0], self.ply.height / span[1]))
 
 
 class Below(NamedTuple):
-    """A legend: its box and what is in it."""
+    """Legend: its box and content."""
 
     box: Box
     bars: list[Bar]
@@ -156,7 +156,7 @@ class Below(NamedTuple):
     writings: list[Writing]
 
     def with_top(self, top: float) -> "Below":
-        """The legend with its top at a height, and its box down to the bottom."""
+        """Legend with its top at a height, and its box down to the bottom."""
         return Below(
             self.box._replace(y=0.0, height=top),
             [b._replace(box=b.box._replace(y=b.box.y + top)) for b in self.bars],
@@ -166,7 +166,7 @@ class Below(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """A picture of a size in mm: its panels, row by row, and what is below them."""
+    """Layout of a picture: size in mm, panels row by row, and legends below them."""
 
     width: float
     height: float
@@ -177,16 +177,16 @@ class Layout(NamedTuple):
 #: Margins in mm, chosen by eye, as all sizes below.
 MARGIN = 2.0
 
-# Of a scale: its thickness, its greatest length, its length over the width below which
-# it stands, and the gap between its numbers.
+# Scales: thickness, maximum length, length relative to the width above it, and gap
+# between numbers.
 _THICKNESS, _LONGEST, _SHARE, _GAP = 2.2, 70.0, 0.8, 1.5
 
-# Length of the coloured line in a key, and the gaps after it and after the name.
+# Length of the coloured line in a key, and gaps after the line and after the name.
 KEY, KEY_GAP, _KEY_END = 4.0, 1.0, 4.0
 
 
 def _legend(legend: Legend, cell: float) -> Below:
-    """A legend below columns of a width in mm, from y = 0 downwards."""
+    """Legend below columns of a width in mm, from y = 0 downwards."""
     left, width = legend.first * cell, (legend.last - legend.first) * cell
     below, middle, y = (
         Below(Box(left, 0, width, 0), [], [], []),
@@ -223,7 +223,7 @@ def _key_width(name: str) -> float:
 def _rows_of_keys(
     keys: Sequence[tuple[str, str]], width: float
 ) -> list[list[tuple[str, str]]]:
-    """Keys in rows that are not wider than ``width``, unless a key is."""
+    """Keys in rows of at most ``width``, unless a single key is wider."""
     rows: list[list[tuple[str, str]]] = []
     used = np.inf
     for key in keys:
@@ -237,7 +237,7 @@ def _rows_of_keys(
 
 
 def _numbers(scale: Scale, length: float) -> list[tuple[float, str]]:
-    """As many numbers as stand on a scale of a length without touching."""
+    """Numbers that fit on a scale of a length without overlap."""
     for intervals in range(6, 0, -1):
         ticks = scale.ticks(intervals)
         found = [(float(x), number(x)) for x in ticks]
@@ -248,17 +248,17 @@ def _numbers(scale: Scale, length: float) -> list[tuple[float, str]]:
     return found
 
 
-#: Widths of a column and of a page of a journal, in mm.  Elsevier's are 90 and 190,
-#: Springer's 84 and 174.
+#: Widths of a column and of a page of a journal in mm (Elsevier: 90 and 190, Springer:
+#: 84 and 174).
 COLUMN, PAGE = 85.0, 174.0
 
-#: Dots per inch of a picture that is printed.
+#: Dots per inch in print.
 PRINTED = 300
 
-# Chosen by eye, in mm: the most and least height of a ply and of all plies of a page.
+# Chosen by eye, in mm: maximum and minimum height of a ply, and of all plies of a page.
 _MOST_HEIGHT, _LEAST_HEIGHT, _PAGE_HEIGHT = 80.0, 10.0, 200.0
 
-# Columns of panels that fit a column of a journal.
+# Number of panels side by side in a column of a journal.
 _FEW_COLUMNS = 2
 
 
@@ -266,7 +266,7 @@ def lay_out(sheet: Sheet, size: float | tuple[float, float] | None = None) -> La
     """Place panels and legends.
 
     The size is the width in mm, or width and height; by default a journal's column or
-    page, and as high as needed.  One that leaves no room is refused.
+    page, with the required height. Sizes that are too small are refused.
     """
     width, height = _size(size, len(sheet.rows[0]))
     cell = width / len(sheet.rows[0])
@@ -294,25 +294,25 @@ def lay_out(sheet: Sheet, size: float | tuple[float, float] | None = None) -> La
 
 
 def default_width(columns: int) -> float:
-    """Width in mm of a picture of columns of panels."""
+    """Width of a picture in mm by its number of columns."""
     return COLUMN if columns <= _FEW_COLUMNS else PAGE
 
 
 def _size(
     size: float | tuple[float, float] | None, columns: int
 ) -> tuple[float, float | None]:
-    """Width, and height if it is given."""
+    """Width, and height if given."""
     if size is None:
         return default_width(columns), None
     given = np.atleast_1d(np.asarray(size, dtype=float))
     if given.shape not in ((1,), (2,)) or not (0 < given.min() <= given.max() < np.inf):
-        raise ValueError(f"size {size!r}: give the width in mm, or width and height")
+        raise ValueError(f"size {size!r}: pass the width in mm, or width and height")
     width, *height = given.tolist()
     return width, height[0] if height else None
 
 
 def _ply_height(sheet: Sheet, cell: float, left: float | None) -> float:
-    """Height of each row of plies."""
+    """Height of each row of plies in mm."""
     low, high = sheet.extent
     width, n = cell - 2 * MARGIN, len(sheet.rows)
     if left is None:
@@ -322,6 +322,6 @@ def _ply_height(sheet: Sheet, cell: float, left: float | None) -> float:
     if min(width, left / n) < 0.5 * _LEAST_HEIGHT:
         raise ValueError(
             f"the size leaves {max(width, 0):.3g} mm × {max(left / n, 0):.3g} mm for "
-            "each ply: give a larger one"
+            "each ply: pass a larger size"
         )
     return left / n

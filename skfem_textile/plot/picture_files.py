@@ -1,4 +1,4 @@
-"""Paths of pictures, checked before drawing, and how they are written."""
+"""Picture files: validation of paths before drawing, and writing."""
 
 import contextlib
 import os
@@ -9,17 +9,16 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Suffixes of files that hold vectors.
+#: Suffixes of vector graphics.
 VECTORS = (".svg", ".pdf", ".eps")
 
-#: Suffixes of pictures; a name without a suffix is a PNG.
+#: Suffixes of pictures; a name without a suffix becomes a PNG.
 SUFFIXES = (".png", *VECTORS)
 
-# Dots per inch of a PNG, as journals ask for.
+# Dots per inch of a PNG, as journals require.
 _DOTS = 300
 
-# Fonts of a PDF and EPS are embedded as TrueType, as journals ask for; an SVG is the
-# same whenever it is written.
+# PDF and EPS embed fonts as TrueType, as journals require; SVG output is reproducible.
 _STYLE = {"pdf.fonttype": 42, "ps.fonttype": 42, "svg.hashsalt": "skfem_textile"}
 _NO_DATE = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
@@ -27,19 +26,19 @@ _NO_DATE = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 def picture_path(
     filename: str | os.PathLike[str], suffixes: Sequence[str] = SUFFIXES
 ) -> Path:
-    """The path of a picture's file.
+    """Validated path of a picture.
 
     Parameters
     ----------
     filename
-        Where to write the picture.
+        Output file.
     suffixes
-        Suffixes of formats; a name without a suffix is accepted too, as the first.
+        Accepted suffixes; a name without a suffix gets the first one.
 
     Raises
     ------
     ValueError
-        If the name has another suffix.
+        If the suffix is not accepted.
     FileNotFoundError
         If the folder of the file does not exist.
     """
@@ -50,25 +49,25 @@ def picture_path(
             f"name it {path.stem}{suffixes[0]}"
         )
     if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
+        raise FileNotFoundError(f"{path}: no such folder: {path.parent}")
     return path
 
 
 def is_vector(path: Path | None) -> bool:
-    """True if the suffix of a file is that of vector graphics."""
+    """True if a path has a suffix of vector graphics."""
     return path is not None and path.suffix.lower() in VECTORS
 
 
 @contextlib.contextmanager
 def written_whole(path: Path, suffix: str) -> Iterator[Path]:
-    """A temporary name to write a file under, which is then renamed."""
+    """Yield a temporary name; the file is renamed at the end."""
     unfinished = path.with_name(f".unfinished-{path.stem}{suffix}")
     yield unfinished
     unfinished.replace(path)
 
 
 def save(figure: "Figure", path: Path | None) -> None:
-    """Write a figure in the format of the name; do nothing without a path."""
+    """Write a figure in the format of the suffix; without a path do nothing."""
     import matplotlib as mpl
 
     if path is None:
@@ -79,7 +78,7 @@ def save(figure: "Figure", path: Path | None) -> None:
 
 
 def save_pixels(pixels: Any, path: Path) -> None:
-    """Write pixels as a PNG that is printed with 300 dots per inch."""
+    """Write pixels as a PNG with 300 dots per inch."""
     from PIL import Image
 
     with written_whole(path, ".png") as file:

@@ -1,4 +1,4 @@
-"""Pictures of plies: fields in colours, fibres, verdicts on states, animations."""
+"""Pictures of plies: fields, fibres, acceptance checks and animations."""
 
 import os
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ _FAMILIES = [("Warp", WARP), ("Weft", WEFT)]
 
 
 class View(TypedDict, total=False):
-    """Options of every picture of results; see `field`."""
+    """Options common to all pictures of results; see `field`."""
 
     filename: str | os.PathLike[str] | None
     plotter: "pv.Plotter | None"
@@ -57,7 +57,7 @@ class View(TypedDict, total=False):
 
 
 class Options(View, total=False):
-    """Options of a picture of one field."""
+    """Options of pictures of a field."""
 
     titles: Sequence[str]
     cmap: Any
@@ -65,7 +65,7 @@ class Options(View, total=False):
 
 
 class _Picture:
-    """Results in a state each, and how they are drawn."""
+    """Results, each in one state, with drawing options."""
 
     def __init__(
         self,
@@ -81,11 +81,11 @@ class _Picture:
         if filename is not None:
             picture_path(filename)
         if not results:
-            raise ValueError("nothing to draw: give at least one result")
+            raise ValueError("nothing to draw: pass at least one result")
         for result in results:
             if not hasattr(result, "states"):
                 raise ValueError(
-                    f"a picture is of a Result, not of a {type(result).__name__}: of a "
+                    f"pictures require a Result, not a {type(result).__name__}: of a "
                     "state of equilibrium_near give Result.of_state(ply, conditions, "
                     "state)"
                 )
@@ -93,11 +93,11 @@ class _Picture:
         self.titles = titles or (several if len(results) > 1 else [""])
         if len(self.titles) != len(results):
             raise ValueError(
-                f"{len(results)} results need as many titles: {len(titles)}"
+                f"{len(results)} results require as many titles: {len(titles)}"
             )
         fewest = min(len(result.states) for result in results)
         if not -fewest <= state < fewest:
-            raise ValueError(f"there is no state {state}: a result has {fewest} states")
+            raise ValueError(f"no state {state}: a result has {fewest} states")
         self.results, self.states = results, [r.states[state] for r in results]
         self.shapes = shapes_of(results, self.states)
         self._show_edges, self._how = show_edges, (filename, plotter, size)
@@ -105,14 +105,14 @@ class _Picture:
     def drawn(
         self, rows: Sequence[Sequence[Panel]], *legends: Legend
     ) -> "pv.Plotter | Figure":
-        """The picture of rows of panels and their legends."""
+        """Picture of rows of panels and their legends."""
         sheet = Sheet(rows, legends, extent(self.shapes), self._show_edges)
         return draw(sheet, *self._how)
 
     def on_one_scale(
         self, field: Field, cmap: Any = None, clim: Sequence[float] | None = None
     ) -> tuple[list[ndarray], Scale]:
-        """The values of a field of each result, and the scale of them all."""
+        """Values of a field for each result, and their common scale."""
         return on_one_scale(self.results, self.states, field, cmap, clim)
 
 
@@ -124,55 +124,54 @@ def field(
     clim: Sequence[float] | None = None,
     **options: Unpack[View],
 ) -> "pv.Plotter | Figure":
-    """A field on the deformed plies, one panel per result, all on one scale.
+    """Field on the deformed plies, one panel per result, with a common scale.
 
-    Plies in their plane are seen from above, plies in space in perspective.
+    Plane plies are drawn from above, plies in space in perspective.
 
     Parameters
     ----------
     *results
         Results of runs.
     field
-        Name in `FIELDS`, or a `Field` of one's own.
+        Name in `FIELDS`, or a custom `Field`.
     titles
-        One short title per result.  If not given, what is drawn, with its unit; of
-        several results their formulations.
+        One short title per result. By default the field with its unit or, for several
+        results, their formulations.
     filename
-        Where to write a PNG with 300 dots per inch, or vectors: .svg, .pdf or .eps.
+        Output file: PNG with 300 dots per inch, or vector graphics (.svg, .pdf, .eps).
     plotter
-        Draw into the subplots of this plotter, from the active one on, a panel into
-        each, and not into a new plotter.  Pictures in several subplots share a scale
-        if they have the same ``clim``.
+        Draw into the subplots of this plotter, one panel each, starting with the active
+        one. Pictures in several subplots share a scale if they have the same ``clim``.
     state
-        Number of the state in ``result.states``; -1 is the last.
+        Index of the state in ``result.states``; -1 is the last.
     cmap
-        Colours, as matplotlib knows them; those of the field if not given.
+        Matplotlib colour map; by default the colour map of the field.
     clim
-        Least and largest value on the scale; if not given, round numbers that hold
-        every value and zero.  Arrows at the scale mark values beyond.
+        Limits of the scale; by default round numbers that enclose all values and zero.
+        Arrows mark values beyond the limits.
     show_edges
-        Whether the edges of elements are drawn; if not given, where the mean element
-        has a side of 1.3 mm on the picture.  The outline of a ply is always drawn.
+        If True, draw element edges; by default if the mean element has a side of at
+        least 1.3 mm on the picture. The outline of a ply is always drawn.
     size
-        Width in mm, or width and height.  If not given, 85 mm, a column of a journal;
-        174 mm, a page, from three panels side by side on; and as high as needed.
+        Width in mm, or width and height. The default width is 85 mm (journal column),
+        or 174 mm (page) for three or more panels side by side; the height follows.
 
     Returns
     -------
     pyvista.Plotter or matplotlib.figure.Figure
-        The plotter, off screen, for further drawing; of vectors the figure.
+        The off-screen plotter for further drawing; for vector graphics the figure.
 
     Raises
     ------
     ImportError
-        If pyvista or matplotlib is not installed; the message says how to.
+        If pyvista or matplotlib is not installed; the message gives the command.
     RuntimeError
-        If nothing can be drawn off screen here; the message says what to install.
+        If off-screen drawing fails; the message names the packages to install.
     ValueError
-        If there is no result, not one title per result, no such state, field or colour
-        map; if limits do not rise, the size leaves no room, or the plotter has too few
-        subplots; if the name of the file has another suffix, or asks for vectors of a
-        plotter.
+        If results are missing, titles do not match the results, or the state, field or
+        colour map is unknown; if limits do not increase, the size is too small, or the
+        plotter has too few subplots; if the suffix is not supported, or requests vector
+        graphics from a plotter.
     FileNotFoundError
         If the folder of the file does not exist.
 
@@ -198,9 +197,9 @@ def field(
 
 
 def shear_angle(*results: Result, **options: Unpack[Options]) -> "pv.Plotter | Figure":
-    """Shear angle in degrees, one panel per result, all on one scale.
+    """Shear angle in degrees, one panel per result, with a common scale.
 
-    Parameters, returned value and errors as for `field`.
+    Parameters, returned value and exceptions as for `field`.
     """
     return field(*results, field="shear_angle", **options)
 
@@ -214,12 +213,12 @@ def fibre_strain(
 ) -> "pv.Plotter | Figure":
     """Fibre strain of warp (above) and weft (below), one column per result.
 
-    The strain is that which enters the law of tension: in macro-elements the mean
-    over an element, otherwise that at the element's own points.  All panels share one
-    diverging scale, symmetric about zero.  Of one result that is taller than wide warp
-    and weft are side by side.
+    The strain is the argument of the tension law: in macro-elements the mean over an
+    element, otherwise the value at the element's points. All panels share a diverging
+    scale, symmetric about zero. For a single result that is taller than wide, warp and
+    weft are side by side.
 
-    Parameters, returned value and errors as for `field`.
+    Parameters, returned value and exceptions as for `field`.
     """
     picture = _Picture(results, titles, **options)
     rows, scale = _strain_rows(picture, cmap, clim)
@@ -234,7 +233,7 @@ def contact_sheet(
 ) -> "pv.Plotter | Figure":
     """Warp strain, weft strain and shear angle in columns, one row per result.
 
-    Parameters, returned value and errors as for `field`.
+    Parameters, returned value and exceptions as for `field`.
     """
     picture = _Picture(results, titles, **options)
     strains, strain = _strain_rows(picture)
@@ -249,11 +248,11 @@ def contact_sheet(
 def fibre_directions(
     *results: Result, titles: Sequence[str] = (), **options: Unpack[View]
 ) -> "pv.Plotter | Figure":
-    """Directions of warp (blue) and weft (red): a line per element and family.
+    """Directions of warp (blue) and weft (red): one line per element and family.
 
-    Of elements that are closer than 2.5 mm on the picture some have lines.
+    If elements are closer than 2.5 mm on the picture, only some have lines.
 
-    Parameters, returned value and errors as for `field`.
+    Parameters, returned value and exceptions as for `field`.
     """
     picture, row = _Picture(results, titles, **options), []
     for result, title, shape, at in zip(
@@ -273,20 +272,21 @@ def verdict(
     clim: Sequence[float] | None = None,
     **options: Unpack[View],
 ) -> "pv.Plotter | Figure":
-    """The verdict on states, in words above a field, and where steps were refused.
+    """Acceptance checks of states as titles above a field, and rejected steps.
 
     Parameters
     ----------
     *runs
-        Results, and errors of runs that stopped.  Of an error the message is the title,
-        the last good state is drawn, and the elements to blame are marked.
+        Results, and exceptions of runs that stopped. For an exception the message is
+        the title, the last converged state is drawn, and the critical elements are
+        marked.
     field
-        Name in `FIELDS`, or a `Field` of one's own.  If not given, the shear angle or
-        fibre strain whose law ends where the first of the runs stopped that stopped at
-        the end of a law; else the smallest area over the initial area in each element,
-        which is zero where an element folds.
+        Name in `FIELDS`, or a custom `Field`. By default, if a run stopped at the end
+        of a law, the shear angle or fibre strain in this law (of the first such run);
+        otherwise the smallest area ratio in each element, which is zero where an
+        element folds.
 
-    Other parameters, returned value and errors as for `field`.
+    Other parameters, returned value and exceptions as for `field`.
     """
     results = [run.result if isinstance(run, StepError) else run for run in runs]
     picture, row = _Picture(results, **options), []
@@ -301,12 +301,12 @@ def verdict(
             panel = panel._replace(title=str(run), marked=run.elements)
         row.append(panel)
     some = any(panel.marked.size for panel in row)
-    keys = [("Elements where the step was refused", REFUSED)] if some else []
+    keys = [("Elements where the step was rejected", REFUSED)] if some else []
     return picture.drawn([row], Legend(0, len(row), scale, keys))
 
 
 def _words(state: State) -> str:
-    """The verdict on a state, as a title."""
+    """Acceptance checks of a state as a title."""
     found = state.verdict
     n = found.negative_pivots
     stability = "stable" if found.stable else "not stable"
@@ -320,14 +320,14 @@ def _words(state: State) -> str:
 
 
 def _titled(name: str, title: str, alone: str) -> str:
-    """The name of a panel and the title of its result; of one result ``alone``."""
+    """Name of a panel and title of its result; ``alone`` for a single result."""
     return f"{name}, {title}" if title else alone
 
 
 def _strain_rows(
     picture: _Picture, cmap: Any = None, clim: Sequence[float] | None = None
 ) -> tuple[list[list[Panel]], Scale]:
-    """Panels of warp and of weft, on one scale."""
+    """Panels of warp and weft with a common scale."""
     pairs = list(zip(picture.results, picture.states, strict=True))
     fields = {"Warp": FIELDS["warp_strain"], "Weft": FIELDS["weft_strain"]}
     shown = [
@@ -357,19 +357,19 @@ def mesh_and_fibres(
     show_edges: bool | None = None,
     size: float | tuple[float, float] | None = None,
 ) -> "pv.Plotter | Figure":
-    """A mesh with warp (blue) and weft (red) in each element, before any run.
+    """Mesh with warp (blue) and weft (red) in each element, before a run.
 
-    Of elements that are closer than 2.5 mm on the picture some have lines.
+    If elements are closer than 2.5 mm on the picture, only some have lines.
 
     Parameters
     ----------
     mesh
-        The mesh; of a split or cut mesh the user's elements are drawn.
+        The mesh; for a split or cut mesh the user's elements are drawn.
     directions
-        Directions in these elements.
+        Directions in the elements.
 
-    Other parameters, returned value and errors as for `field`; directions that are not
-    one for each element are a `ValueError`.
+    Other parameters, returned value and exceptions as for `field`; `ValueError` if
+    there is not one direction per element.
     """
     cells, _ = original_elements(mesh)
     directions.refuse_other(cells)
@@ -387,14 +387,13 @@ def mesh_and_fibres(
 def draped(
     *results: Result, titles: Sequence[str] = (), **options: Unpack[View]
 ) -> "pv.Plotter | Figure":
-    """Shear angle and contact pressure of plies on tools, a row for each.
+    """Shear angle and contact pressure of plies on tools, one row per ply.
 
-    Elements in which fibres may wrinkle are marked on the shear angle.  A pressure
-    below zero is a pull: there the ply bridges the tool.  The picture is 174 mm wide if
-    no size is given.
+    Elements with a risk of wrinkling are marked on the shear angle. A negative pressure
+    is tensile: there the ply bridges the tool. The default width is 174 mm.
 
-    Parameters, returned value and errors as for `field`; a ply that is on no tool is a
-    `ValueError`.
+    Parameters, returned value and exceptions as for `field`; `ValueError` for a ply
+    without a tool.
     """
     if not (options.get("size") or options.get("plotter")):
         options["size"] = PAGE
@@ -413,24 +412,24 @@ def draped(
         sheared = Panel(left, shape, angle, shear, marked=at_risk)
         rows.append([sheared, Panel(right, shape, pressure, scale)])
     some = any(at_risk.size for _, at_risk in found)
-    keys = [("Fibres may wrinkle", REFUSED)] if some else []
+    keys = [("Risk of wrinkling", REFUSED)] if some else []
     return picture.drawn(rows, Legend(0, 1, shear, keys), Legend(1, 2, scale))
 
 
 def _on_tool(result: Result, state: State) -> tuple[ndarray, ndarray]:
-    """Contact pressure of elements, and numbers of those at risk of wrinkles."""
+    """Contact pressure of elements, and elements with a risk of wrinkling."""
     ply, surface = result.ply, result.tool(state.load_factor)
     if surface is None:
-        raise ValueError("a ply is on no tool: it needs a condition OnSurface")
+        raise ValueError("a ply is not on a tool: it requires a condition OnSurface")
     points, cells = fields_on_tool(ply, surface, state)
     pressure = points["contact_pressure"][ply.mesh.t].mean(axis=0)
     return pressure, np.flatnonzero(cells["wrinkle_risk"])
 
 
-# Dots per inch: of a picture for a screen.
+# Dots per inch on a screen.
 _DOTS = 150
 
-# Duration of a frame and of the last one, in ms.
+# Durations of a frame and of the last frame in ms.
 _FRAME, _LAST = 125, 1125
 
 
@@ -443,16 +442,16 @@ def animation(
     show_edges: bool | None = None,
     size: float | tuple[float, float] | None = None,
 ) -> None:
-    """Write a field on the moving ply as a GIF, one frame per state, on one scale.
+    """Write a field on the moving ply as a GIF, one frame per state on one scale.
 
     Parameters
     ----------
     result
-        The result whose states are drawn.
+        Result whose states are drawn.
     filename
-        Where to write the GIF.
+        Output file.
 
-    Other parameters and errors as for `field`; an mm has 6 pixels.
+    Other parameters and exceptions as for `field`; 1 mm has 6 pixels.
     """
     from PIL import Image
 

@@ -1,4 +1,4 @@
-"""Pictures drawn by pyvista: off screen, or into a plotter that is given."""
+"""Pictures drawn with pyvista: off screen, or into a given plotter."""
 
 import functools
 import os
@@ -33,25 +33,25 @@ _COLOURS = 256
 # Width in mm of the line of a key.
 _STROKE = 0.5
 
-# Distance in mm of lines from what they are drawn in front of, and on a tool, where
+# Distance in mm of lines in front of the surface, and in front of a tool, where
 # elements are inclined.
 _LIFT, _LIFT_ON_TOOL = 0.1, 1.0
 
 
 class Frame(NamedTuple):
-    """The part of a picture that a renderer shows, in mm, and its dots per mm."""
+    """Part of a picture in a renderer, in mm, and its resolution in dots per mm."""
 
     box: Box
     dots: float
 
     def on(self, x: float, y: float) -> tuple[float, float]:
-        """A place as shares of width and height of the renderer."""
+        """Position relative to width and height of the renderer."""
         box = self.box
         return (x - box.x) / box.width, (y - box.y) / box.height
 
 
 def new_plotter(layout: Layout, dots_per_inch: float) -> pv.Plotter:
-    """An empty plotter off screen with a renderer for each panel and each legend."""
+    """Empty off-screen plotter with a renderer for each panel and legend."""
     require_offscreen()
     dots = dots_per_inch / 25.4
     heights = [row[0].box.height for row in layout.places]
@@ -75,7 +75,7 @@ def new_plotter(layout: Layout, dots_per_inch: float) -> pv.Plotter:
 
 
 def draw_new(plotter: pv.Plotter, sheet: Sheet, layout: Layout) -> None:
-    """Draw a sheet into a plotter that was made for its layout."""
+    """Draw a sheet into a plotter created for its layout."""
     dots = plotter.window_size[0] / layout.width
     for i, row in enumerate(layout.places):
         for j, place in enumerate(row):
@@ -90,14 +90,14 @@ def draw_new(plotter: pv.Plotter, sheet: Sheet, layout: Layout) -> None:
 def draw_into(plotter: pv.Plotter, sheet: Sheet, width: float) -> None:
     """Draw the panels of a sheet into subplots of a plotter, from the active one on.
 
-    Each has its scale and keys.  The window of the plotter counts as ``width`` mm.
+    Each panel has its scale and keys. The plotter window corresponds to ``width`` mm.
     """
     panels, renderers = sheet.panels, plotter.renderers
     first = renderers.active_index
     if first + len(panels) > len(renderers):
         raise ValueError(
-            f"{len(panels)} panels need as many subplots of the plotter, from the "
-            f"active one on: {len(renderers) - first}"
+            f"{len(panels)} panels require as many subplots of the plotter, starting "
+            f"with the active one: {len(renderers) - first}"
         )
     dots = plotter.window_size[0] / width
     keys = [key for legend in sheet.legends for key in legend.keys]
@@ -151,7 +151,7 @@ def _draw_place(plotter: pv.Plotter, place: Place, sheet: Sheet, frame: Frame) -
 def _point_camera(
     plotter: pv.Plotter, place: Place, sheet: Sheet, frame: Frame
 ) -> None:
-    """Look from above, so that the middle of the extent is that of the ply's box."""
+    """View from above, with the middle of the extent in the middle of the ply's box."""
     scale, (low, high) = place.scale_of(sheet.extent), sheet.extent
     seen = np.array([frame.box.x, frame.box.y]) + 0.5 * np.array(frame.box[2:])
     centre = 0.5 * (low + high)
@@ -243,11 +243,11 @@ window.Render()
 
 @functools.cache
 def require_offscreen() -> None:
-    """Choose a kind of OpenGL window in which VTK can draw off screen.
+    """Select an OpenGL window class with which VTK can draw off screen.
 
-    Without one VTK ends the process with a segmentation fault, so that each kind is
-    tried in a child process.  The environment variable by which VTK chooses is
-    set to the first kind that works: EGL, then OSMesa, then the default of VTK.
+    Without a suitable window VTK ends the process with a segmentation fault, so each
+    class is tried in a child process. The environment variable of VTK is set to the
+    first class that works: EGL, then OSMesa, then the default of VTK.
     """
     preset = [os.environ[_WINDOW]] if _WINDOW in os.environ else []
     kinds = ["vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow"]

@@ -1,4 +1,4 @@
-"""Contents of a picture, independent of the renderer: panels, scales and keys."""
+"""Content of a picture, independent of the renderer: panels, scales and keys."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -13,29 +13,30 @@ from skfem import Mesh
 from ..mesh.contact import signed_areas
 from ..mesh.splitting import boundary_edges, edges_of
 
-# Least extent of a scale, in its unit.  Chosen: above the rounding of zero.
+# Minimum extent of a scale in its unit. Chosen: above the round-off of zero.
 _LEAST_EXTENT = 1e-8
 
-# Most intervals between the numbers on a scale, and those to which its ends are
-# rounded; their sizes, times powers of ten.
+# Largest number of intervals between the numbers on a scale, and for rounding its ends;
+# sizes of intervals, times powers of ten.
 _MOST_INTERVALS, _FINE_INTERVALS, _ROUND = 6, 20, [1, 2, 2.5, 4, 5, 10]
 
 
-# From where a ply in space is seen, and one on a tool, whose quarter has x, y > 0:
-# azimuth and elevation of the eye in degrees, and its distance over half the diagonal
-# of what it sees.  Chosen by eye.
+# Viewpoints for a ply in space and for a ply on a tool, whose quarter has x, y > 0:
+# azimuth and elevation in degrees, and distance relative to half the diagonal of the
+# view. Chosen by eye.
 _VIEW, _VIEW_OF_TOOL, _DISTANCE = (-60.0, 25.0), (60.0, 38.0), 4.0
 
-# Height of a tool over its longer side from which it is seen so; a flat one is seen
-# from this elevation in degrees, and in between linearly.  Chosen by eye.
+# Height of a tool relative to its longer side from which on this elevation is used;
+# elevation for a flat tool in degrees, with linear interpolation in between. Chosen by
+# eye.
 _HIGH, _LOWEST = 0.2, 18.0
 
-# How far a tool is behind the ply on it, as a share of half that diagonal.
+# Distance of a tool behind the ply on it, relative to half this diagonal.
 _BEHIND = 0.02
 
 
 class Tool(NamedTuple):
-    """Triangles of a tool: corners (n, 3), their numbers (3, m), and a grey of each."""
+    """Triangles of a tool: corners (n, 3), connectivity (3, m), and grey levels."""
 
     points: ndarray
     triangles: ndarray
@@ -43,16 +44,16 @@ class Tool(NamedTuple):
 
     @property
     def centres(self) -> ndarray:
-        """The mean of the corners of each triangle, shape (m, 3)."""
+        """Mean of the corners of each triangle, shape (m, 3)."""
         return np.asarray(self.points[self.triangles].mean(axis=0))
 
 
 class Shape(NamedTuple):
     """Elements with straight edges between corners in mm, shape (n, 3).
 
-    ``cells`` are numbers of corners, for each k an array (k, n_k).  In perspective
-    ``frames`` are what becomes of vectors at the centres of the elements, shape
-    (n_elements, 3, 3), and ``tool`` may be the tool on which they lie.
+    ``cells`` is the connectivity, for each k an array (k, n_k). In perspective
+    ``frames`` transform vectors at the centres of the elements, shape (n_elements, 3,
+    3), and ``tool`` may be the tool on which they lie.
     """
 
     points: ndarray
@@ -62,7 +63,7 @@ class Shape(NamedTuple):
 
     @classmethod
     def of(cls, mesh: Mesh, u: ndarray) -> "Shape":
-        """A mesh whose vertices are displaced by ``u``, shape (2 or 3, n_vertices)."""
+        """Mesh with vertices displaced by ``u``, shape (2 or 3, n_vertices)."""
         points = np.zeros((mesh.nvertices, 3))
         points[:, : len(mesh.p)] = mesh.p[:, : mesh.nvertices].T
         points[:, : len(u)] += u[:, : mesh.nvertices].T
@@ -70,18 +71,18 @@ class Shape(NamedTuple):
 
     @property
     def centres(self) -> ndarray:
-        """The mean of the corners of each element, shape (n_elements, 3)."""
+        """Mean of the corners of each element, shape (n_elements, 3)."""
         return np.vstack([self.points[cell].mean(axis=0) for cell in self.cells])
 
     def seen(self, vectors: ndarray) -> ndarray:
-        """Vectors of the elements as they are seen, shape (n_elements, 3)."""
+        """Vectors of the elements in the view, shape (n_elements, 3)."""
         if self.frames is None:
             return vectors
         return np.einsum("nij,nj->ni", self.frames, vectors)
 
     @property
     def sides(self) -> ndarray:
-        """Side in mm of a square as large as each element, shape (n_elements,)."""
+        """Side in mm of a square with the area of each element, shape (n_elements,)."""
         areas = []
         for cell in self.cells:
             x, y, _ = self.points[cell].transpose(2, 0, 1)
@@ -89,7 +90,7 @@ class Shape(NamedTuple):
         return np.sqrt(np.abs(np.concatenate(areas)))
 
     def edges(self, outer: bool) -> ndarray:
-        """Ends of the edges, or of the outer ones alone, shape (n_edges, 2, 3)."""
+        """Ends of all edges, or of the outer edges only, shape (n_edges, 2, 3)."""
         edges = boundary_edges(self.cells) if outer else edges_of(self.cells)[0]
         return self.points[edges].swapaxes(0, 1)
 
@@ -104,7 +105,7 @@ class Shape(NamedTuple):
 
 
 class Scale(NamedTuple):
-    """A scale of colours.
+    """Colour scale.
 
     ``below`` and ``above`` are true if values lie beyond its ends.
     """
@@ -124,7 +125,7 @@ class Scale(NamedTuple):
         cmap: Any,
         clim: Sequence[float] | None,
     ) -> "Scale":
-        """A scale to round numbers that hold ``reach``, or between limits."""
+        """Scale between round numbers that enclose ``reach``, or between limits."""
         try:
             colours = mpl.colormaps.get_cmap(cmap)
         except (TypeError, ValueError):
@@ -137,12 +138,14 @@ class Scale(NamedTuple):
             return cls(label, float(ticks[0]), float(ticks[-1]), colours)
         limits = np.asarray(clim, dtype=float)
         if limits.shape != (2,) or not limits[0] < limits[1] < np.inf > -limits[0]:
-            raise ValueError(f"clim {clim!r}: give two finite limits that rise")
+            raise ValueError(
+                f"clim {clim!r}: pass two finite limits in ascending order"
+            )
         low, high = limits.tolist()
         return cls(label, low, high, colours, reach[0] < low, reach[1] > high)
 
     def ticks(self, intervals: int = _MOST_INTERVALS) -> ndarray:
-        """Round numbers on the scale with at most so many intervals between them."""
+        """Round numbers on the scale with at most the given number of intervals."""
         locator = MaxNLocator(intervals, steps=_ROUND)
         ticks = np.asarray(locator.tick_values(self.low, self.high))
         slack = 1e-9 * (self.high - self.low)
@@ -150,7 +153,7 @@ class Scale(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """Straight lines of one colour: their ends (n, 2, 3), and their width in mm."""
+    """Straight lines of one colour: ends (n, 2, 3), and width in mm."""
 
     ends: ndarray
     colour: str
@@ -165,9 +168,9 @@ class Fibres(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """One shape with its title, in the colours of a scale, or in grey without one.
+    """Shape with a title, coloured by a scale, or grey without one.
 
-    There may be directions of fibres to draw as lines, and numbers of elements to mark.
+    Optional fibre directions are drawn as lines; optional elements are marked.
     """
 
     title: str
@@ -179,7 +182,7 @@ class Panel(NamedTuple):
 
 
 class Legend(NamedTuple):
-    """A scale, and names of colours, below the panels of some columns."""
+    """Scale and keys below the panels of some columns."""
 
     first: int
     last: int
@@ -188,11 +191,10 @@ class Legend(NamedTuple):
 
 
 class Sheet(NamedTuple):
-    """Rows of panels and, below them, their legends.
+    """Rows of panels with legends below.
 
-    ``extent`` are the least and largest coordinates that all panels show, in mm.
-    ``show_edges`` says whether the edges of elements are drawn; None: where there is
-    room for them.
+    ``extent`` contains the minimum and maximum coordinates of all panels, in mm.
+    ``show_edges`` selects element edges; None: if elements are large enough.
     """
 
     rows: Sequence[Sequence[Panel]]
@@ -207,9 +209,9 @@ class Sheet(NamedTuple):
 
 
 def eye_axes(on_tool: bool, size: ndarray | None = None) -> ndarray:
-    """Rows to the right, up and to the eye that sees plies in space, or on a tool.
+    """Rows: directions right, up and towards the viewer, in space or on a tool.
 
-    Of a shallow tool, by the ``size`` of what is seen, it is lower.
+    The viewer is lower for a shallow tool, depending on the ``size`` of the view.
     """
     azimuth, elevation = _VIEW_OF_TOOL if on_tool else _VIEW
     if on_tool and size is not None:
@@ -223,17 +225,17 @@ def eye_axes(on_tool: bool, size: ndarray | None = None) -> ndarray:
 
 
 def in_perspective(shapes: Sequence[Shape]) -> list[Shape]:
-    """Shapes in space as an eye sees them, all from the same place.
+    """Perspective projection of shapes in space, from a common viewpoint.
 
-    Their coordinates become those on the picture, to the right and up, in mm where
-    they are as far away as the middle of all, and how much nearer to the eye they are.
+    The projected coordinates are right, up (in mm at the distance of the common
+    centre), and the depth towards the viewer.
     """
     low, high = extent(shapes)
     axes = eye_axes(any(shape.tool for shape in shapes), high - low)
     middle, distance = 0.5 * (low + high), _DISTANCE * 0.5 * np.linalg.norm(high - low)
 
     def enlarged(places: ndarray) -> tuple[ndarray, ndarray]:
-        """Places along the axes, and by how much they are seen larger."""
+        """Coordinates along the axes, and magnification."""
         turned = (places - middle) @ axes.T
         return turned, distance / (distance - turned[:, 2])
 
@@ -257,54 +259,54 @@ def in_perspective(shapes: Sequence[Shape]) -> list[Shape]:
 
 
 def extent(shapes: Sequence[Shape]) -> tuple[ndarray, ndarray]:
-    """The least and the largest coordinates of shapes, each of shape (3,)."""
+    """Minimum and maximum coordinates of shapes, each of shape (3,)."""
     tools = [shape.tool.points for shape in shapes if shape.tool]
     points = np.vstack([*(shape.points for shape in shapes), *tools])
     return points.min(axis=0), points.max(axis=0)
 
 
-# Chosen by eye, in mm on the picture, as all sizes and colours below.  The least side
-# of an element that has fibres of its own; elsewhere they stand on a square grid of
-# this spacing.  Their length over spacing or side, the greatest length, and the width.
+# Chosen by eye, in mm on the picture, as all sizes and colours below. Minimum side of
+# an element with fibres in each element; smaller elements have fibres on a square grid
+# of this spacing. Length relative to spacing or side, maximum length, and width.
 _OWN, _SPACING, _LENGTH, _LONGEST, _WIDTH = 1.6, 2.4, 0.8, 7.0, 0.3
 
-# Points of the grid that are closer than this share of the spacing to an element's own
-# fibres have none.
+# Grid points closer than this fraction of the spacing to fibres of an element are
+# omitted.
 _NEAREST = 0.7
 
-# How many lengths, each half the last, are tried of a line that leaves the outline.
+# Number of trial lengths, each half the last, for a line that leaves the outline.
 _LENGTHS = 4
 
-# Elements of which one may hold a point: so many with the nearest centres.
+# Number of candidate elements for a point, by distance of their centres.
 _CANDIDATES = 8
 
-# The least mean side of elements whose edges are drawn, and the widths of the edges and
-# of the outline of the ply.
+# Minimum mean side of elements with drawn edges, and widths of the edges and of the
+# outline of the ply.
 _LEAST_SIDE, _EDGE, _OUTLINE = 1.3, 0.1, 0.2
 
-# Depth behind a tool, as a share of its own, from which the tool hides a line.
+# Depth behind a tool, relative to its depth, from which on the tool hides a line.
 _HIDDEN = 0.05
 
-# Marks of elements: the width of their lines, and the radius of the rings around
-# elements that are smaller, and at most so many.
+# Marks of elements: line width, radius of the rings around smaller elements, and
+# maximum number of rings.
 _MARK, _RING, _CORNERS, _FEW = 0.45, 1.6, 24, 12
 
-#: Colours of a ply without colours, of edges on it and elsewhere, and of outlines.
+#: Colours of a ply without a field, of edges on it and elsewhere, and of outlines.
 PLY = "#F4F4F4"
 _PALE_EDGE, _DARK_EDGE, _OUTER = "#B8B8B8", "#404040", "#202020"
 
-#: Blue and vermilion of Okabe & Ito (2008), distinct in any kind of colour vision.
+#: Blue and vermilion of Okabe & Ito (2008), distinct for any kind of colour vision.
 WARP, WEFT = "#0072B2", "#D55E00"
 
-#: Magenta, which no usual colour map has.
+#: Magenta, which common colour maps do not contain.
 REFUSED = "#E6007E"
 
 
 def lines_of(panel: Panel, scale: float, show_edges: bool | None) -> list[Lines]:
-    """Everything that is drawn on a ply, in order.
+    """All lines drawn on a ply, in order.
 
-    The scale is mm on the picture over mm of the ply.  Without ``show_edges`` edges of
-    elements are drawn where they are not too small.
+    The scale is in mm on the picture per mm of the ply. Without ``show_edges`` element
+    edges are drawn if elements are large enough.
     """
     shape = panel.shape
     drawn = []
@@ -321,7 +323,7 @@ def lines_of(panel: Panel, scale: float, show_edges: bool | None) -> list[Lines]
 
 
 def in_front_of_tool(ends: ndarray, tool: Tool | None) -> ndarray:
-    """The lines that a tool does not hide, shape (n, 2, 3)."""
+    """Lines that a tool does not hide, shape (n, 2, 3)."""
     if tool is None or not len(ends):
         return ends
     centres, middles = tool.centres, ends.mean(axis=1)
@@ -343,12 +345,12 @@ def _along(shape: Shape, vectors: ndarray, scale: float) -> ndarray:
 
 
 def places_of_fibres(shape: Shape, scale: float) -> tuple[ndarray, ndarray, ndarray]:
-    """Positions of drawn fibres: in each element, or on a grid where these are small.
+    """Positions of drawn fibres: in each element, or on a grid for small elements.
 
-    Points (n, 3), the element at each (n,), and the room there in mm of the ply (n,).
+    Points (n, 3), their elements (n,), and available lengths in mm of the ply (n,).
     """
     centres, sides, spacing = shape.centres, shape.sides, _SPACING / scale
-    if shape.tool:  # elements shrink towards its flanks: all have them, or none
+    if shape.tool:  # elements shrink towards its flanks: all are drawn, or none
         sides = np.full_like(sides, sides.mean())
     large = np.flatnonzero(sides * scale >= _OWN)
     grid = _grid_over(centres, spacing)
@@ -366,7 +368,7 @@ def places_of_fibres(shape: Shape, scale: float) -> tuple[ndarray, ndarray, ndar
 
 
 def holding(shape: Shape, points: ndarray) -> ndarray:
-    """Number of the element above or below each point; -1 where there is none."""
+    """Number of the element above or below each point; -1 if there is none."""
     corners = np.vstack(
         [shape.points[cell[[*range(len(cell)), -1][:4]].T] for cell in shape.cells]
     )[..., :2]
@@ -382,7 +384,7 @@ def holding(shape: Shape, points: ndarray) -> ndarray:
 
 
 def _grid_over(points: ndarray, spacing: float) -> ndarray:
-    """A square grid over points, in the middle of them, shape (n, 3)."""
+    """Square grid over points, centred, shape (n, 3)."""
     low, high = points.min(axis=0), points.max(axis=0)
     axes = []
     for a, b in zip(low[:2], high[:2], strict=True):
@@ -393,7 +395,7 @@ def _grid_over(points: ndarray, spacing: float) -> ndarray:
 
 
 def _marks(panel: Panel, scale: float) -> ndarray:
-    """The outline of the marked elements, and rings around a few that are small."""
+    """Outline of the marked elements, and rings around a few small ones."""
     edges = panel.shape.outline_of(panel.marked)
     if panel.marked.size > _FEW or panel.shape.sides.mean() * scale > _RING:
         return edges

@@ -424,9 +424,8 @@ class Quadratic(Pointwise):
         """Triangles unchanged, quadrilaterals cut."""
         if isinstance(mesh, SplitMesh):
             raise MeshError(
-                "quadratic triangles do not accept a mesh that was split, such as "
-                "that of a file with both triangles and quadrilaterals: use a mesh of "
-                "one kind"
+                "quadratic triangles do not accept a split mesh, such as one from a "
+                "file with both triangles and quadrilaterals: use a mesh of one kind"
             )
         if getattr(mesh, "elem", None) is not ElementQuad1:
             return mesh

@@ -118,7 +118,7 @@ class TermParameters(Protocol):
     Attributes
     ----------
     depends_on_steps
-        Whether the values depend on the step length, however short, so that no number
+        True if the values depend on the step length, however short, so that no number
         of steps resolves a load path.
     """
 
@@ -287,8 +287,8 @@ class HeldStiffness(TermParameters):
     ) -> Values:
         """Stiffness at ``u``, optionally with other tensions.
 
-        The tensions are averaged as forces on the stretch, T/λ, whose mean is that of
-        the law, because deviations from it cancel.
+        The tensions are averaged as forces on the stretch, T/λ: their mean equals the
+        law, because deviations from it cancel.
         """
         w, element = self._basis.default_parameters(), element_numbers(self._basis)
         A = self._fabric.directions(np.asarray(w["x"]), element)
@@ -325,9 +325,9 @@ class HeldStabilisation(HeldStiffness):
     basis
         Elements over which the state is averaged; all of their parts have the same C_s.
     by_tension
-        Whether tension contributes.
+        True if tension contributes.
     by_grip
-        Whether the angle between the families contributes.
+        True if the angle between the families contributes.
     """
 
     name, of_shear = "C_s", shear_stiffness

@@ -37,8 +37,8 @@ class Ply(SumOfTerms):
         `read_mesh` for a file with both kinds of elements.
     fabric
         Fibre directions and laws; or a fabric for each of the mesh's subdomains, by
-        name.  Values per element are those of the user's elements, or of the elements
-        of ``ply.mesh``.
+        name.  Values per element refer to the user's elements or to the elements of
+        ``ply.mesh``.
     formulation
         `Macro`, `OnePoint`, `Full` or `Quadratic`.
     terms
@@ -82,10 +82,10 @@ class Ply(SumOfTerms):
     corners
         Det F at the nodes of the elements, where folding is also checked.
     further_terms, further_terms_as_given
-        Terms and loads besides those of fabric and formulation: as terms on the basis
-        of the ply, and as passed by the user.
+        Terms and loads besides fabric and formulation: as terms on the basis of the
+        ply, and as passed by the user.
     follows_load_factor
-        Whether the energy may change with the load factor.
+        True if the energy may change with the load factor.
 
     Raises
     ------

@@ -110,9 +110,9 @@ class SumOfTerms:
         """Terms of the fibres, of shear, of corners, of the formulation, and further
         ones.
 
-        With `OnePoint` of kind ``rate`` energy, residual and tangent are those of a
-        step from the state of the parameters, and the residual is not a derivative of
-        the energy.
+        With `OnePoint` of kind ``rate`` energy, residual and tangent describe a step
+        from the state of the parameters, and the residual is not a derivative of the
+        energy.
         """
         return self._terms
 
@@ -359,7 +359,7 @@ class SumOfTerms:
         tension
             Fibre tensions in the geometric stiffness, see `geometric_tension`.
         positive
-            Whether element matrices are replaced by the nearest positive semi-definite
+            True if element matrices are replaced by the nearest positive semi-definite
             ones.
         """
         matrices: Iterable[ndarray | None] = chain(
@@ -470,7 +470,7 @@ class SumOfTerms:
         """Fibre strain of warp and weft that enters the tension law.
 
         At the integration points of the ply, shape (2, n_elements, n_points): the local
-        fibre strain, or the mean where the tension is that of the mean stretch
+        fibre strain, or the mean where the law is evaluated at the mean stretch
         (`Macro`, `Quadratic` with a deviation).
         """
         strain, term = self.fibre_strain(u), self._tension

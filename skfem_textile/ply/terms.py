@@ -58,7 +58,7 @@ class Term(Protocol):
     parameters
         Declaration of the term's parameters; None without parameters.
     line_search
-        Whether increments are shortened until the energy decreases: for energies with
+        True if increments are shortened until the energy decreases: for energies with
         kinks or steep walls, such as contact, where full increments overshoot.
     """
 
@@ -216,7 +216,7 @@ class FormTerm(ElementTerm):
 class TensionTerm(FormTerm):
     """Tension term, whose kernel predicts fibre tensions.
 
-    If the tension is that of the mean stretch, ``basis`` is a `MeanBasis`, and
+    If the law is evaluated at the mean stretch, ``basis`` is a `MeanBasis`, and
     ``of_means`` are values with which the forms exclude deviations from the mean.
 
     Raises
@@ -390,7 +390,7 @@ class Formulation(Protocol):
 
 
 def _same_unknowns(other: Any, basis: CellBasis) -> bool:
-    """True if the unknowns of a basis are those of the displacement, node by node."""
+    """True if the unknowns of a basis are the displacements, node by node."""
     if not isinstance(other, AbstractBasis):
         return False
     if (other.N, components(other)) != (basis.N, components(basis)):

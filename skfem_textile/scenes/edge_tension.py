@@ -1,13 +1,13 @@
 """Tension on the free edges of a draped ply, along the fibres that end there.
 
 The tractions have the directions of a kinematic net, which requires no solution for the
-ply.  They are those of a larger ply that continues in the net: T e + M_s p for each
-family, with e along its fibres and p = λ ∂Γ/∂a normal to them, times the cosine of the
-angle between the fibres and the normal of the edge at rest.
+ply.  They equal the forces in a larger ply that continues in the net: T e + M_s p for
+each family, with e along its fibres and p = λ ∂Γ/∂a normal to them, times the cosine of
+the angle between the fibres and the normal of the edge at rest.
 
 They follow the nets of the growing surface.  The surface at the load factor t is the
-tool enlarged by 1/t about the point X₀ where it touches the ply, and so is its net.
-Directions at X are those of the net of the tool at X₀ + t(X − X₀): one net suffices.
+tool enlarged by 1/t about the point X₀ where it touches the ply, and so is its net. The
+net of the tool at X₀ + t(X − X₀) has the directions at X: one net suffices.
 """
 
 from dataclasses import dataclass

@@ -66,7 +66,7 @@ def tell_of_net(
     angles
         Inclination of warp and weft at rest in radians.
     axes
-        Axes of the ply in those of the tool, for positions in messages.
+        Axes of the ply in the axes of the tool, for positions in messages.
     """
     try:
         net = net_over(X, on_tool, 1.0, angles)
@@ -78,9 +78,7 @@ def tell_of_net(
             _ADVICE,
         )
         return
-    except (
-        NetError
-    ):  # leaves the surface, which is not a fold
+    except NetError:  # leaves the surface, which is not a fold
         return
     shear = np.degrees(net.shear_angle())
     cell = np.ptp(X, axis=1).max() / CELLS
@@ -175,7 +173,7 @@ def laid(
     off_exact
         Function of the nodes, (2, n): reason why it is not valid; empty if it is.
     axes
-        Axes of the scene in those of the user's tool.
+        Axes of the scene in the axes of the user's tool.
 
     Raises
     ------

@@ -90,7 +90,7 @@ def measured_on_tool(
 ) -> dict[str, float | str]:
     """Largest shear, contact pressures, area fractions of defects, and advice.
 
-    Positions are in the axes of the tool, in which ``axes`` are those of the ply;
+    Positions are in the axes of the tool; ``axes`` are the axes of the ply in these;
     ``holding`` are conditions on single nodes that prevent sliding.  Empty for a ply
     that is not on a tool.
     """

@@ -81,7 +81,7 @@ class Scene:
     measured
         Further figures of a result that need no exact answer.
     axes
-        Axes of the scene in those of the tool on which the ply lies.
+        Axes of the scene in the axes of the tool on which the ply lies.
     """
 
     name: str
@@ -213,9 +213,9 @@ class Scene:
     def summary(self, result: Result) -> dict[str, str | int | float | bool]:
         """Summary of the result with the reaction and errors of this scene.
 
-        If the exact answer is valid on the mesh, the summary has ``load_over_exact``,
-        ``displacement_error_...`` and ``shear_angle_error_...``.  ``exact_answer``
-        states any limitation.
+        If the exact answer is valid on the mesh, the summary contains
+        ``load_over_exact``, ``displacement_error_...`` and ``shear_angle_error_...``.
+        ``exact_answer`` states any limitation.
         """
         state = result.states[-1]
         reaction = self.reaction(state).tolist()

@@ -13,7 +13,7 @@ from .elastica import buckled, hanging, peirce
 from .rectangle import misfit, rectangle
 from .scene import Scene
 
-#: Names of its ends.
+#: Names of the ends of a strip.
 ENDS = ("left", "right")
 
 
@@ -25,23 +25,23 @@ def strip_with_ends(
     jitter: float,
     seed: int,
 ) -> Mesh:
-    """A mesh whose ends are named ``left`` and ``right``.
+    """Mesh of a strip with ends named ``left`` and ``right``.
 
     Parameters
     ----------
     scene
-        Name of the scene, for errors.
+        Name of the scene, for error messages.
     mesh
-        A mesh, or the kind of `rectangle` to make.
+        A mesh, or the kind of `rectangle` to generate.
     sides
-        Length and width in mm of one to make.
+        Length and width of a generated mesh in mm.
     size, jitter, seed
         As for `rectangle`.
 
     Raises
     ------
     ValueError
-        If the mesh is not valid, or has no such end.
+        If the mesh is not valid, or an end is not straight.
     """
     if isinstance(mesh, str):
         return rectangle(*sides, size, mesh, jitter, seed)
@@ -53,7 +53,7 @@ def strip_with_ends(
     return mesh
 
 
-#: Width of strips in mm, that of ASTM D1388.
+#: Width of strips in mm (ASTM D1388).
 WIDTH = 25.0
 
 
@@ -65,18 +65,18 @@ def cantilever(
     length: float = 200.0,
     weight: float = 6e-6,
 ) -> Scene:
-    """A strip that is clamped at its left edge and bends under its own weight.
+    """Strip clamped at its left edge that bends under its weight.
 
     Parameters
     ----------
     mesh
         A mesh of the strip with its left edge on x = 0, or the kind of `rectangle` to
-        make.  The exact answer holds if the mesh fills a rectangle of which ``left``
-        and ``right`` are whole sides.
+        generate. The exact answer is valid if the mesh fills a rectangle with ``left``
+        and ``right`` as whole sides.
     size, jitter, seed
         As for `rectangle`.
     length
-        Length L of the strip in mm, where its mesh is made.
+        Length L of a generated strip in mm.
     weight
         Weight per area in N/mm².
 
@@ -112,12 +112,12 @@ def cantilever(
 def _cantilever_figures(
     result: Result, length: float, weight: float
 ) -> dict[str, float]:
-    """Where the tip is, and where that of the elastica is.
+    """Position of the tip, computed and of the elastica.
 
     Parameters
     ----------
     result
-        Of a run of the scene.
+        Result of a run of the scene.
     length
         Length L in mm.
     weight
@@ -158,20 +158,20 @@ def buckling(
     shortening: float = 0.2,
     push: float = 1e-8,
 ) -> Scene:
-    """A hinged strip that is pushed together, and buckles.
+    """Hinged strip that is compressed along its length and buckles.
 
     Parameters
     ----------
     mesh
-        A mesh of the strip, or the kind of `rectangle` to make.  The exact answer holds
-        if the mesh fills a rectangle of which ``left`` and ``right`` are whole sides.
+        A mesh of the strip, or the kind of `rectangle` to generate. The exact answer is
+        valid if the mesh fills a rectangle with ``left`` and ``right`` as whole sides.
     size, jitter, seed
         As for `rectangle`.
     shortening
-        Share of the length by which the ends are nearer at the end.
+        Final approach of the ends relative to the length.
     push
-        Load across the strip in N/mm² that is there from the start and tells to which
-        side it buckles.  It must be small against D (π/L)⁴ times a height.
+        Constant transverse load in N/mm², which determines the side to which the strip
+        buckles. It must be small against D (π/L)⁴ times a height.
 
     Raises
     ------
@@ -207,16 +207,16 @@ def buckling(
 def _buckling_figures(
     result: Result, length: float, width: float, shortening: float
 ) -> dict[str, float]:
-    """Force at the ends and height of the middle, beside those of the elastica.
+    """Force at the ends and height of the middle, computed and of the elastica.
 
     Parameters
     ----------
     result
-        Of a run of the scene.
+        Result of a run of the scene.
     length, width
         Sides of the strip in mm.
     shortening
-        As of `buckling`.
+        As for `buckling`.
     """
     ply, state = result.ply, result.states[-1]
     bending, t = ply.fabric.bending[0], state.load_factor

@@ -1,4 +1,4 @@
-"""Scenes of plies on a sphere, a cylinder, a double dome and a saddle."""
+"""Scenes of plies draped on a sphere, a cylinder, a double dome and a saddle."""
 
 from collections.abc import Callable
 from functools import cache, partial
@@ -13,10 +13,10 @@ from ..drape import double_dome as tool
 from .laid import LaidPly, laid
 from .scene import Scene
 
-#: Where the net folds, ω = 0.
+#: Argument at which the net folds, ω = 0.
 FOLD = 1.8616
 
-# Where the series ω = π/2 − z takes over from the differential equation.
+# Argument below which the series ω = π/2 − z replaces the differential equation.
 _SERIES = 1e-6
 
 
@@ -34,7 +34,7 @@ def _omega() -> Callable:
 
 
 def shear_angle(z: ndarray) -> ndarray:
-    """Shear angle π/2 − ω in radians where uv/R² is z, an odd function of it.
+    """Shear angle π/2 − ω in radians at z = uv/R², an odd function of z.
 
     Examples
     --------
@@ -46,7 +46,7 @@ def shear_angle(z: ndarray) -> ndarray:
     return np.where(np.abs(z) < _SERIES, z, np.copysign(angle, z))
 
 
-# Share of the ply's width, and of an eighth of a turn, that counts as none.
+# Tolerance relative to the ply's width and to an eighth of a turn.
 _OFF = 1e-6
 
 
@@ -55,18 +55,18 @@ def hemisphere(
     radius: float = 100.0,
     **ply: Unpack[LaidPly],
 ) -> Scene:
-    """A ply on a sphere, its pole at the origin.
+    """Ply on a sphere with its pole at the origin.
 
-    Where the ply is symmetric about the fibres through the pole these are great
-    circles, and the exact answer is the Chebyshev net: with fibres along the sides, or
-    at 45° to the sides of a square.
+    If the ply is symmetric about the fibres through the pole (fibres along the sides,
+    or at 45° to the sides of a square), these are great circles, and the exact answer
+    is the Chebyshev net.
 
     Parameters
     ----------
     radius
         Radius in mm.
     mesh, **ply
-        As of `laid`.
+        As for `laid`.
 
     Raises
     ------
@@ -85,13 +85,13 @@ def hemisphere(
 
 
 def _threads(X: ndarray, fibres: float, radius: float) -> ndarray:
-    """uv/R² of the lengths u and v along the threads of points of the flat ply."""
+    """uv/R² for points of the flat ply, with lengths u and v along the threads."""
     c, s = np.cos(fibres), np.sin(fibres)
     return (c * X[0] + s * X[1]) * (c * X[1] - s * X[0]) / radius**2
 
 
 def _off_exact(X: ndarray, fibres: float, radius: float) -> str:
-    """Why the Chebyshev net is not the answer; empty if it is."""
+    """Reason why the Chebyshev net is not the answer; empty if it is."""
     eighths = fibres / (np.pi / 4)
     if abs(eighths - round(eighths)) > _OFF:
         return "the net is known of fibres along the sides or at 45 degrees to them"
@@ -110,16 +110,16 @@ def cylinder(
     radius: float = 100.0,
     **ply: Unpack[LaidPly],
 ) -> Scene:
-    """A ply on a cylinder, its axis along y below the origin.
+    """Ply on a cylinder with its axis along y below the origin.
 
-    The exact answer, for fibres at any angle: nothing shears.
+    The exact answer for fibres at any angle is zero shear.
 
     Parameters
     ----------
     radius
         Radius in mm.
     mesh, **ply
-        As of `laid`.
+        As for `laid`.
 
     Raises
     ------
@@ -137,12 +137,12 @@ def cylinder(
 
 
 def double_dome(mesh: str | Mesh = "irregular", **ply: Unpack[LaidPly]) -> Scene:
-    """A ply on `skfem_textile.drape.double_dome`, its long side along x.
+    """Ply on `skfem_textile.drape.double_dome` with its long side along x.
 
     Parameters
     ----------
     mesh, **ply
-        As of `laid`.
+        As for `laid`.
 
     Raises
     ------
@@ -158,14 +158,14 @@ def saddle(
     radius: float = 150.0,
     **ply: Unpack[LaidPly],
 ) -> Scene:
-    """A ply on a saddle that is hollow along x and bulges along y.
+    """Ply on a saddle that is concave along x and convex along y.
 
     Parameters
     ----------
     radius
         Radius R of both curvatures in the middle, in mm.
     mesh, **ply
-        As of `laid`.
+        As for `laid`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Scene `trellis`: a motion that stretches no fibre, enforced.
+"""Scene `trellis`: prescribed motion without fibre strain.
 
 Every planar motion without fibre strain is x = f(X₁) + g(X₂) with ‖f′‖ = ‖g′‖ = 1,
 where X = X₁ A₁ + X₂ A₂ are coordinates along warp and weft: a trellis of bars.  The
@@ -27,15 +27,15 @@ from .shear_test import FrameTest
 #: Side of the ply in mm.
 SIDE = 100.0
 
-#: Angle in radians through which a family has turned at the coordinate s along its
-#: fibres (mm) and the load factor t: ``(s, t) -> (n,)``.
+#: Rotation of a family in radians at the coordinate s along its fibres (mm) and the
+#: load factor t: ``(s, t) -> (n,)``.
 Turn: TypeAlias = Callable[[ndarray, float], ndarray]
 
 #: Support of a side: ``held`` prescribes the whole displacement, ``free`` nothing.  A
 #: number is the inclination in radians of the line along which a roller rolls.
 Edge: TypeAlias = Literal["held", "free"] | float
 
-#: The sides; the first that is not free is the driven edge.
+#: Sides; the first that is not free is the driven edge.
 SIDES = ("top", "right", "bottom", "left")
 
 _XI, _WEIGHTS = leggauss(24)
@@ -51,23 +51,23 @@ def trellis(
     turns: tuple[Turn, Turn] | None = None,
     edges: Mapping[str, Edge] | None = None,
 ) -> Scene:
-    """A ply whose boundary follows a motion that stretches no fibre.
+    """Ply whose boundary follows a motion without fibre strain.
 
-    Without shear stiffness the motion needs no force, whichever sides are free.  With
+    Without shear stiffness the motion requires no force, whichever sides are free. With
     shear stiffness it is the answer only if every side is held and the fibres stay
-    straight: the shear moment moves free sides and rollers.
+    straight, because the shear moment moves free sides and rollers.
 
     Parameters
     ----------
     mesh
-        A mesh, or the kind of `rectangle` to make, a square of side `SIDE`.  A mesh
-        may have any outline and holes, whose edges are held and follow the motion too.
+        A mesh, or the kind of `rectangle` to generate, a square of side `SIDE`. A mesh
+        may have any outline and holes, whose edges also follow the motion.
     size, jitter, seed
         As for `rectangle`.
     warp, weft
         Inclination of the fibres in radians.
     turns
-        How warp and weft turn; by default as `sheared` by 45° and bent by 30°.
+        Rotations of warp and weft; by default `sheared` by 45° and bent by 30°.
     edges
         Supports of the sides ``left``, ``bottom``, ``right`` and ``top``: ``"free"``,
         or the inclination in radians of the line along which a roller rolls.  On a
@@ -78,8 +78,8 @@ def trellis(
     Raises
     ------
     ValueError
-        If the mesh is not valid, the fibres are parallel, or they would fold onto one
-        another somewhere; if a side or its support is unknown, or no side is held.
+        If the mesh is not valid, the fibres are parallel or would fold onto each other;
+        if a side or its support is unknown, or no side is held.
 
     Examples
     --------
@@ -112,14 +112,14 @@ def trellis(
 
 
 def sheared(shear_angle: float, bend: float = 0.0) -> tuple[Turn, Turn]:
-    """Turn both families by half of the shear angle, and bend them along their length.
+    """Rotate both families by half of the shear angle, and bend them.
 
     Parameters
     ----------
     shear_angle
-        Shear angle in radians at the origin, at the end.
+        Final shear angle at the origin in radians.
     bend
-        Angle in radians by which a fibre of length `SIDE` bends in the end.
+        Final bending angle of a fibre of length `SIDE` in radians.
     """
 
     def warp(s: ndarray, t: float) -> ndarray:
@@ -132,7 +132,7 @@ def sheared(shear_angle: float, bend: float = 0.0) -> tuple[Turn, Turn]:
 
 
 def _with_held(mesh: Mesh, edges: Mapping[str, Edge]) -> Mesh:
-    """The mesh with the boundary ``held``: all but free sides and rollers."""
+    """Mesh with the boundary ``held``: all edges except free sides and rollers."""
     held = mesh.boundary_facets()
     for side, edge in edges.items():
         if side not in SIDES:
@@ -156,7 +156,7 @@ def _with_held(mesh: Mesh, edges: Mapping[str, Edge]) -> Mesh:
 def _conditions(
     mesh: Mesh, edges: Mapping[str, Edge], motion: "Motion"
 ) -> tuple[dict[str, Condition], str]:
-    """The conditions by name, and the name of the driven one."""
+    """Conditions by name, and the name of the driven one."""
     conditions = {"held": Condition("held", motion.displacement)}
     conditions |= {
         side: _roller(side, edge, motion)
@@ -170,7 +170,7 @@ def _conditions(
 
 
 def _roller(side: str, inclination: float, motion: "Motion") -> Condition:
-    """A condition: the displacement across an inclined line follows the motion."""
+    """Condition of a roller: displacement across an inclined line is prescribed."""
     normal = np.array([-np.sin(inclination), np.cos(inclination)])
     return Condition(side, lambda X, t: normal @ motion.displacement(X, t), normal)
 
@@ -180,16 +180,16 @@ def _is_angle(edge: Edge) -> bool:
 
 
 class Motion:
-    """x = f(X₁) + g(X₂), from the inclinations of the fibres and their turns.
+    """Motion x = f(X₁) + g(X₂) by the inclinations of the fibres and their rotations.
 
     Parameters
     ----------
     inclinations
         Inclinations of warp and weft in radians.
     turns
-        How warp and weft turn.
+        Rotations of warp and weft.
     kinks
-        Ascending coordinates along warp and weft at which the turn jumps.
+        Ascending coordinates along warp and weft at which the rotation jumps.
 
     Raises
     ------
@@ -217,20 +217,20 @@ class Motion:
         return sum(_curve(*family, s, t) for family, s in along) - X
 
     def shear_angle(self, X: ndarray, t: float) -> ndarray:
-        """The turn of the warp minus the turn of the weft."""
+        """Rotation of the warp minus the rotation of the weft."""
         s1, s2 = self._coordinates @ X
         (_, turn1, _), (_, turn2, _) = self._families
         return turn1(s1, t) - turn2(s2, t)
 
     def check(self, X: ndarray) -> None:
-        """Refuse fibres that fold onto one another at some load factor."""
+        """Refuse fibres that fold onto each other at some load factor."""
         for t in np.linspace(0.0, 1.0, 11):
             shear = self.shear_angle(X, t)
             angle = np.sign(self._crossing) * (self._crossing - shear)
             if not np.all((angle > 0) & (angle < np.pi)):
                 worst = np.degrees(shear[np.abs(angle - np.pi / 2).argmax()])
                 raise ValueError(
-                    "warp and weft would fold onto one another: they cross at "
+                    "warp and weft would fold onto each other: they cross at "
                     f"{np.degrees(self._crossing):.6g} degrees and shear by "
                     f"{worst:.6g} at load factor {t:.1f}"
                 )
@@ -257,21 +257,21 @@ def picture_frame(
     seed: int = 1,
     shear_angle: float = np.pi / 4,
 ) -> Scene:
-    """A square ply in a hinged frame, fibres along its sides.
+    """Square ply in a hinged frame with fibres along its sides.
 
-    The bottom bar stays where it is and the side bars turn: at the load factor t the
-    shear angle is γ = t·shear_angle everywhere.  With sides of length L the force on
-    the top bar is L·C(γ)·(cos γ, −sin γ), where C is the shear moment per area; a
-    machine that pulls two corners apart would need F = L·C(γ)/sin(π/4 − γ/2).  The
-    nodes at the ends of the top bar also carry half an element of each side bar.  These
-    two parts cancel if the elements are equally high.
+    The bottom bar is fixed and the side bars rotate: at the load factor t the shear
+    angle is γ = t·shear_angle everywhere. With sides of length L the force on the top
+    bar is L·C(γ)·(cos γ, −sin γ), where C is the shear moment per area; a machine that
+    pulls two corners apart requires F = L·C(γ)/sin(π/4 − γ/2).  The nodes at the ends
+    of the top bar also carry half an element of each side bar.  These two parts cancel
+    if the elements are equally high.
 
     Parameters
     ----------
     mesh, size, jitter, seed
         As for `trellis`.
     shear_angle
-        Shear angle at the end in radians.
+        Final shear angle in radians.
 
     Raises
     ------

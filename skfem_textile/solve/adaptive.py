@@ -60,7 +60,7 @@ class Round:
     linear_solves
         Number of linear solves for the state.
     whole_path
-        Whether the whole load path was computed on this mesh, not only its end.
+        True if the whole load path was computed on this mesh, not only its end.
     load_change
         Relative change of the load since the previous round; None in the first.
     estimated_load_error
@@ -250,7 +250,8 @@ class AdaptiveStepper:
         except Exception as error:  # a user's function may raise anything
             if not self.states:
                 raise
-            # What was valid on the first mesh may not be on a finer one: a ValueError.
+            # Input that is valid on the first mesh may be invalid on a finer one: a
+            # ValueError.
             named = isinstance(error, ValueError | UserError)
             why = error if named else UserError(error)
             where = "on a finer mesh " if first else ""
@@ -264,7 +265,7 @@ class AdaptiveStepper:
             said = f"cannot be estimated ({result.estimated_error.reason})"
         raise self._unmet(
             f"with at most {self.most_unknowns} unknowns the tolerance is not met: the "
-            f"error of the load {said}, {100 * self.tolerance:g}% was asked for"
+            f"error of the load {said}, {100 * self.tolerance:g}% was requested"
         )
 
     @property
@@ -387,8 +388,9 @@ def _refuse_what_cannot_be_refined(ply: Ply, conditions: Conditions) -> None:
         by_number = not (where is None or callable(where) or isinstance(where, str))
         if by_number and condition.nodes(name, ply.basis).max() >= n_vertices:
             raise ValueError(
-                f"condition {name!r} is on nodes by number that are no vertices of the "
-                "mesh, and are elsewhere on a refined one: give a function of position"
+                f"condition {name!r} lists nodes by number that are not vertices of "
+                "the mesh and whose positions change on refinement: give a function "
+                "of position"
             )
     finer = refine(ply, np.arange(ply.users_mesh.nelements)).ply
     try:

@@ -48,7 +48,7 @@ _STRAIN, _ANGLE = 0.1, np.radians(80.0)
 
 
 class CheckpointError(ValueError):
-    """Checkpoint that cannot be used; the message says why and what to do."""
+    """Checkpoint that cannot be used; the message gives the reason and the remedy."""
 
 
 class Progress(NamedTuple):
@@ -89,7 +89,7 @@ class Checkpoint:
                 f"checkpoint must be a folder, not {folder!r}"
             ) from None
         if "\0" in str(folder):
-            raise CheckpointError(f"checkpoint {str(folder)!r} is no path")
+            raise CheckpointError(f"checkpoint {str(folder)!r} is not a path")
         self._ply, self._constraints = problem.ply, problem.constraints
         given = {"format": _FORMAT, **settings, **_described(problem)}
         self._settings = json.loads(json.dumps(given))
@@ -391,11 +391,11 @@ def _compare(
 ) -> None:
     """Refuse values that differ from the expected ones by more than an error."""
     if list(saved) != list(expected):
-        raise ValueError(f"its {name} are not those of this problem")
+        raise ValueError(f"its {name} belong to another problem")
     for key, value in expected.items():
         off = np.abs(np.subtract(saved[key], value))
         if np.shape(saved[key]) != np.shape(value) or not np.all(off <= error):
-            raise ValueError(f"its {name} are not those of its displacement")
+            raise ValueError(f"its {name} do not match its displacement")
 
 
 def _state(content: sealed.Content, before: Sequence[State], ply: Ply) -> State:
@@ -439,14 +439,14 @@ def _progress(
     if not np.isfinite([progress.elapsed, *clock.seconds.values(), *numbers]).all():
         raise ValueError("its times or load factors are not finite")
     if set(clock.seconds) != set(Clock().seconds):
-        raise ValueError("its times are not those of a run")
+        raise ValueError("its times are incomplete")
     if (
         path.longest != longest
         or path.halvings != settings["max_halvings"]
         or clock.solves != sum(state.linear_solves for state in states)
         or not (clock.factorisations >= 0 and path.cut >= 0)
     ):
-        raise ValueError("its counts are not those of its states")
+        raise ValueError("its counts do not match its states")
     return progress
 
 

@@ -149,7 +149,7 @@ class Condition:
         )
 
 
-#: What a ply meets, by name.
+#: Conditions on a ply by name.
 Conditions: TypeAlias = Mapping[str, Condition | OnSurface]
 
 

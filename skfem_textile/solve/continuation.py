@@ -93,9 +93,9 @@ class Continuation:
     longest
         Length of a requested step, in load factors.
     halvings
-        How often it may be halved.
+        Most successive halvings.
     follows_path
-        Whether the load path is followed, see `Method`.
+        True if the load path is followed, see `Method`.
     next
         Length of the next step.
     cut
@@ -158,7 +158,7 @@ class Continuation:
         step, state, altered
             Length of the step, the state, and projected tangents in the step.
         settled
-            Whether the state is independent of the number of steps along the path.
+            True if the state is independent of the number of steps along the path.
         """
         t = state.load_factor
         if altered > MOST_ALTERED or not self.follows_path:

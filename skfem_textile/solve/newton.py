@@ -24,23 +24,23 @@ _OVER_SHEAR_STIFFNESS = 10.0
 # stretches are known well enough for a stiffness.
 _NEAR = 0.1
 
-#: How often forces are balanced anew at most, with parameters updated at a state.
+#: Most repetitions of the iteration at a state with updated parameters.
 MOST_UPDATES = 8
 
 #: Share of the energy and of the largest reaction by which an update of the parameters
 #: may change them at a state.
 SETTLED = 0.0025
 
-# Over the tolerance what is unbalanced at the end of an iteration that met rounding.
+# Ratio of residual to tolerance above which an iteration limited by round-off failed.
 _STALLED = 100.0
 
-#: What to do where rounding keeps forces from balancing.
+#: Advice where round-off prevents balance.
 LESS_ROUNDING = (
     "coordinates of mesh and surfaces that are nearer to the origin, for what is left "
     "is rounding"
 )
 
-# What to do where a ply on a surface finds no balance.
+# Advice where a ply on a surface finds no balance.
 _ON_SURFACE = (
     "a ply that ends before sharp corners of the surface; where it has none, tension "
     "on the edges or fibres that resist bending"
@@ -70,7 +70,7 @@ class Method(Protocol):
     name
         Name in reports and messages.
     follows_path
-        Whether a state is on the load path if at most `MOST_ALTERED` tangents were
+        True if a state is on the load path if at most `MOST_ALTERED` tangents were
         projected.
     """
 
@@ -271,7 +271,7 @@ class _Iterate(NamedTuple):
 
     @property
     def unstable(self) -> bool:
-        """Whether the consistent tangent is regular and indefinite."""
+        """True if the consistent tangent is regular and indefinite."""
         tangent = self.tangent
         return tangent is not None and bool(tangent.altered or tangent.negative_pivots)
 
@@ -290,7 +290,7 @@ class _Progress:
     is_balanced: bool = False
 
     def balanced(self, tangent: Tangent, u: ndarray, f: ndarray) -> bool:
-        """Whether the forces balance after an increment by a tangent.
+        """True if the forces balance after an increment by a tangent.
 
         An error if more tangents were projected than allowed, or forces are not finite.
         """
@@ -301,7 +301,7 @@ class _Progress:
         self.report(len(self.residuals), self.residuals[-1], self.tolerance)
         if self.altered > self.most_altered:
             raise NoEquilibriumError(
-                f"more than {self.most_altered:g} tangents were indefinite on the way",
+                f"more than {self.most_altered:g} tangents were indefinite",
                 problem.around(problem.unfixed(f, u)),
                 advice=_ON_SURFACE if problem.surfaces else "",
             )
@@ -369,7 +369,7 @@ def definite(
     The projected tangent has no compression, element matrices projected onto positive
     semi-definite ones, and on surfaces no contact forces.  In space, off surfaces, it
     has a least fibre tension.  Where it is not definite even so, it has the tensions at
-    ``u``. The arguments and the error are those of `Tangent`.
+    ``u``. Arguments and exceptions are as for `Tangent`.
     """
     try:
         tangent = Tangent(problem, u, parameters, tension, contact=contact)

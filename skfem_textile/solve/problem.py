@@ -93,11 +93,11 @@ class Problem:
     nodes
         Reference positions of the nodes, shape (2, n_nodes).
     in_space
-        Whether the displacement has three components.
+        True if the displacement has three components.
     surfaces
         Nodes on surfaces; None if there are none.
     loaded, line_search
-        Whether there are loads, and whether a term has a ``line_search``.
+        True if there are loads; true if a term has a ``line_search``.
 
     Raises
     ------
@@ -277,7 +277,7 @@ class Tangent:
     tension
         Fibre tensions for the geometric stiffness, instead of the tensions at ``u``.
     positive
-        Whether the element matrices are projected onto positive semi-definite ones.
+        True if the element matrices are projected onto positive semi-definite ones.
     contact
         Multipliers λ of nodes on surfaces, instead of the multipliers at ``u``; 0 for a
         tangent without contact forces.

@@ -34,7 +34,7 @@ class Result:
     states
         Converged states in order of load factor.
     converged
-        Whether the whole load was applied.
+        True if the whole load was applied.
     linear_solves, factorisations
         Total number of linear solves and factorisations, including abandoned steps.
     steps_cut

@@ -72,7 +72,7 @@ def read(path: Path, run: str, before: str) -> Content:
     name or predecessor.
     """
     if path.exists() and not path.is_file():  # a pipe or device may never end
-        raise ValueError("is no file")
+        raise ValueError("is not a file")
     body, _, seal = path.read_bytes().rpartition(b"\n")
     if not (match := _SEAL.fullmatch(seal.decode(errors="replace"))):
         raise ValueError("is damaged: its last line is not a seal")

@@ -68,7 +68,7 @@ class Found(NamedTuple):
     altered
         Largest number of projected tangents in the iterations that led to it.
     settled
-        Whether updating the parameters at the state leaves it unchanged.
+        True if updating the parameters at the state leaves it unchanged.
     """
 
     trial: Trial
@@ -89,7 +89,7 @@ class EquilibriumSearch:
     report
         Callback for each iteration.
     moved
-        Whether conditions prescribe a motion, see `moves`.
+        True if conditions prescribe a motion, see `moves`.
     """
 
     problem: Problem

@@ -90,8 +90,8 @@ class Verdict:
     min_det_F
         Smallest det F of the elements, at their nodes and at the fine points of the
         ply: the 2×2 points of quadrilaterals, six points of quadratic triangles.  In
-        space the area ratio, negative if the normal at a point opposes that of its
-        element.
+        space the area ratio, negative if the normal at a point opposes the normal of
+        its element.
     max_fibre_strain
         Largest magnitude of the fibre strain in the tension law.
     mesh_fibre_strain
@@ -201,7 +201,8 @@ class ErrorEstimate:
     shear_angle
         Root mean square over the ply, in radians; None if not available.
     reason
-        Reason why the estimate, or that of the load, is not available; else empty.
+        Reason why the estimate, or the estimate of the load, is not available; else
+        empty.
     """
 
     load: float | None = None

@@ -273,7 +273,7 @@ class Run:
         )
 
     def _resume(self) -> bool:
-        """Start from the end of the checkpoint; False if it holds no state."""
+        """Start from the end of the checkpoint; False if it contains no state."""
         problem, checkpoint = self.problem, self._stepper.checkpoint
         replay = Replay(problem)
         if checkpoint is None or not (saved := checkpoint.load(replay)):

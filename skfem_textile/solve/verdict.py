@@ -60,8 +60,8 @@ _TINY = 1e-300
 _CORNER_SHARE = 0.01
 
 # Gap between an element and its surface, relative to its longest edge, above which the
-# mesh does not resolve the surface: that of an arc of one radian, or of a square on a
-# sphere with sides of half the radius.  Measured: at a fillet with the radius of an
+# mesh does not resolve the surface: the gap of an arc of one radian, or of a square on
+# a sphere with sides of half the radius.  Measured: at a fillet with the radius of an
 # element it is 0.13 to 0.15, with twice that radius 0.08 to 0.09 (`pytest
 # tests/drape/test_between_nodes.py`).
 _GAP = 0.125
@@ -263,7 +263,7 @@ def _element_checks(trial: Trial) -> _Failures:
 def _energy_checks(trial: Trial) -> _Failures:
     """Stability, and agreement of the energy with the work done in the step.
 
-    The work is that of the motion alone, at a fixed load factor, because the energy may
+    The work includes the motion alone, at a fixed load factor, because the energy may
     also change with the load factor.
     """
     problem, tangent, start = trial.problem, trial.equilibrium.tangent, trial.start

@@ -52,7 +52,7 @@ class CrimpInterchange(BiaxialLaw):
 
     The yarns form saw-teeth in contact at their crossings (Kawabata, Niwa & Kawai
     1973).  The slope of the teeth is η = √(2c) at rest, where c is the crimp.  If the
-    slope of the warp decreases by w, that of the weft increases by w, and the yarn
+    slope of the warp decreases by w, the slope of the weft increases by w, and the yarn
     strains are
 
         e₁ = ε₁ − η₁ w + ½ w²,   e₂ = ε₂ + η₂ w + ½ w²,

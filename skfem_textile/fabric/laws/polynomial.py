@@ -20,9 +20,9 @@ class Polynomial(ScalarLaw):
     coefficients
         c₁, c₂, ... in N/mm.
     sine
-        Whether it is a polynomial in the sine of the argument.
+        True if it is a polynomial in the sine of the argument.
     odd
-        Whether the polynomial is continued as an odd function for negative arguments,
+        True if the polynomial is continued as an odd function for negative arguments,
         as intended for even powers in a fit to a shear test.
 
     Raises
@@ -84,7 +84,7 @@ class Polynomial(ScalarLaw):
 
 
 def _integrals(x: ndarray, n: int) -> list[ndarray]:
-    """∫ sinᵏ from 0 to x for k = 1 to n: by parts, from that of k − 2."""
+    """∫ sinᵏ from 0 to x for k = 1 to n: by parts, from the integral for k − 2."""
     s, c = np.sin(x), np.cos(x)
     found = [x, 2 * np.sin(x / 2) ** 2]
     for k in range(2, n + 1):

@@ -230,7 +230,7 @@ class Tabulated(ScalarLaw):
         at the first energy evaluated beyond the table: the load stepper evaluates
         energies only at converged states.
     odd
-        Whether a table for arguments >= 0 is continued as an odd function for negative
+        True if a table for arguments >= 0 is continued as an odd function for negative
         ones.  The law is then zero at 0.
 
     Raises

@@ -120,11 +120,11 @@ class TensionOnly(ScalarLaw):
     """Law that is zero in compression, with a smooth transition.
 
     The tension is T(r) r′ of a strain r(ε): r = 0 below −width, r = ε above width, and
-    r′ is a polynomial of degree five in between.  The tension is that of the given law
-    above the width and exactly zero below −width.  Value and tangent are continuous,
-    and so is the second derivative of the value if that of the given law is.  The value
-    increases if the given law does.  The tangent at rest is 0.40 times that of the
-    given law.
+    r′ is a polynomial of degree five in between.  The tension equals the given law
+    above the width and is exactly zero below −width. Value and tangent are continuous,
+    and so is the second derivative of the value if it is for the given law. The value
+    increases if the given law does. The tangent at rest is 0.40 times the tangent of
+    the given law.
 
     Parameters
     ----------
@@ -184,9 +184,9 @@ class TensionOnly(ScalarLaw):
 class Asymmetric(ScalarLaw):
     """Different laws in tension and in compression, with a smooth transition.
 
-    Each has a transition as in `TensionOnly`, and their tensions are added.  Above the
-    width the tension is exactly that of the first law, below −width that of the second.
-    For two laws of the same stiffness the tangent at rest is 0.79 times this stiffness.
+    Each has a transition as in `TensionOnly`, and their tensions are added.  The
+    tension equals the first law above the width and the second law below −width. For
+    two laws of the same stiffness the tangent at rest is 0.79 times this stiffness.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ class Asymmetric(ScalarLaw):
         return below[0], above[1]
 
     def energy(self, x: ndarray) -> ndarray:
-        """Sum of both energies, each of its own r, less that at rest."""
+        """Sum of both energies, each at its strain r, less the energy at rest."""
         return self._energy(x) - self._energy(np.zeros(1))[0]
 
     def _energy(self, x: ndarray) -> ndarray:

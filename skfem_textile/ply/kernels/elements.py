@@ -156,8 +156,8 @@ class IntegrationPoints(Protocol):
 
     ``A`` are the directions of warp and weft, shape (2, P, d, n), ``dx`` the areas of
     the points, shape (P, n), and ``b`` identifies, together with A, sets of points with
-    equal deformations.  ``block`` selects elements.  Arguments and results have values
-    for these only.
+    equal deformations.  ``block`` selects elements.  Arguments and returned values
+    refer to these only.
     """
 
     A: ndarray
@@ -322,7 +322,7 @@ class QuadPoints:
             add_symmetric(K[diagonal], fibre.sum(axis=0))
             add_symmetric(K[coupled], product.sum(axis=0))
         add_symmetric(K[5], np.einsum("fpn,fpcn->cn", eta, mixed))
-        if across is not None:  # pair 1 is that of warp and weft
+        if across is not None:  # pair 1 is warp and weft
             by_warp, by_weft = eta[:, :, None] * across
             add_symmetric(K[1], across.sum(axis=0))
             add_symmetric(K[2], by_weft.sum(axis=0))

@@ -81,8 +81,8 @@ class KernelState(NamedTuple):
     """Kernel on a group of elements in one state.
 
     ``fibres`` are the deformations at the points of the group, ``places`` the same
-    points, or those of another term with equal fibre deformations, and ``w`` parameters
-    of the form.
+    points, or points of another term with equal fibre deformations, and ``w`` the
+    parameters of the form.
     """
 
     kernel: Kernel
@@ -292,7 +292,7 @@ class MeanTensionKernel:
 def can_compute(kernel: Kernel | None, basis: Any) -> bool:
     """True if there is a kernel that supports a basis, with unknowns node by node.
 
-    The unknowns from dk on are those of node k, with d = 2 or 3 components.
+    Node k has the unknowns from dk on, with d = 2 or 3 components.
     """
     if kernel is None or not isinstance(basis, kernel.basis_type):
         return False
@@ -336,7 +336,7 @@ def _resisting(fabric: Fabric) -> ndarray:
 
 
 def _given_tension(fabric: Fabric, x: KernelState) -> list[ndarray]:
-    """Tensions at the points that replace those of the laws; none by default."""
+    """Tensions at the points that replace the values of the laws; none by default."""
     if "tension" not in x.w:
         return []
     T = np.asarray(x.w["tension"])[..., x.group.elements, :]
@@ -459,7 +459,7 @@ def _sum_of_stresses(
 
 
 def nodal_blocks(K: ndarray, modes: ndarray) -> ndarray:
-    """Blocks of the pairs of nodes from those of the pairs of modes: Rᵀ K R."""
+    """Blocks of the pairs of nodes from blocks of the pairs of modes: Rᵀ K R."""
     (n_modes, _, n), d = modes.shape, K.shape[1]
     k = full_matrices(K).reshape(n_modes, d, n_modes, d, n)
     half = np.einsum("ran,risjn->asijn", modes, k)

@@ -71,7 +71,7 @@ class PardisoFactors:
     Attributes
     ----------
     definite
-        Whether no pivot is negative, and none of them round-off.
+        True if all pivots are positive and above round-off.
     """
 
     def __init__(self, solver: Pardiso, data: ndarray) -> None:

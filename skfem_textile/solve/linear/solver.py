@@ -1,7 +1,6 @@
 """Linear solvers: interface, choice by name, and time measurement.
 
-Whether CHOLMOD or PARDISO is faster depends on the processor, so ``auto`` measures
-both.
+The faster of CHOLMOD and PARDISO depends on the processor, so ``auto`` measures both.
 """
 
 import logging
@@ -49,7 +48,7 @@ class Offer:
     unknowns
         Number of unknowns from which the import time is repaid.
     rival
-        Whether it may be the fastest for large systems.
+        True if it may be the fastest for large systems.
     """
 
     path: str
