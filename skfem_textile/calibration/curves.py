@@ -79,27 +79,27 @@ def read_curve(
     """
     file, lines = read_lines(path)
     header = lines[0][1]
-    found: dict[str, tuple[int, float]] = {}
+    positions: dict[str, tuple[int, float]] = {}
     for i, cell in enumerate(header):
         heading = HEADING.fullmatch(cell)
         word, unit = (heading[1], heading[2]) if heading else (cell, "")
         if (name := column_named(word)) not in COLUMNS:
             continue
-        if name in found:
+        if name in positions:
             raise ValueError(f"{file}, row 1: there are two columns {name!r}")
-        found[name] = i, _factor(file, name, (units or {}).get(name, unit))
-    if not found:
+        positions[name] = i, _factor(file, name, (units or {}).get(name, unit))
+    if not positions:
         raise ValueError(
             f"{file}, row 1: the first row must name columns, and none is one of "
             f"{', '.join(COLUMNS)}: got '{excerpt(','.join(header))}'"
         )
     if len(lines) < 2:
         raise ValueError(f"{file}: there are no points")
-    rows = [_numbers(file, *line, found.values(), gaps) for line in lines[1:]]
-    columns = dict(zip(found, np.transpose(rows), strict=True))
+    rows = [_numbers(file, *line, positions.values(), gaps) for line in lines[1:]]
+    columns = dict(zip(positions, np.transpose(rows), strict=True))
     for name, column in columns.items():
         of: Resistance = "shear" if COLUMNS[name] is ANGLE else "tension"
-        unit_is_one = found[name][1] == 1  # radians, or a ratio
+        unit_is_one = positions[name][1] == 1  # radians, or a ratio
         if unit_is_one and COLUMNS[name] in (ANGLE, _STRAIN):
             for (line, _), x in zip(lines[1:], column, strict=True):
                 refuse_other_units(f"{file}, row {line}: {name}", x, of)
@@ -206,7 +206,7 @@ def force_at_rest(x: ndarray, force: ndarray) -> float:
     if not np.all(np.diff(z) > 0):
         return 0.0
     line, parabola = (np.polynomial.Polynomial.fit(z, f, d) for d in (1, 2))
-    found, curved = float(line(0.0)), float(parabola(0.0))
+    intercept, curved = float(line(0.0)), float(parabola(0.0))
     of_line = np.sqrt(np.sum((f - line(z)) ** 2) / (n - 2))
     of_curve = np.sqrt(np.mean(np.diff(force, 2) ** 2) / 6)
     spread = np.sqrt(1 / n + z.mean() ** 2 / np.sum((z - z.mean()) ** 2))
@@ -214,9 +214,9 @@ def force_at_rest(x: ndarray, force: ndarray) -> float:
         _SHARE * float(np.abs(force).max()),
         _DEVIATIONS * spread * max(of_line, of_curve),
     )
-    signed = np.sign(found) * np.array([curved, f[:2].mean()])
-    steep = signed.min() < 0.5 * abs(found)
-    return found if abs(found) > least and not steep else 0.0
+    signed = np.sign(intercept) * np.array([curved, f[:2].mean()])
+    steep = signed.min() < 0.5 * abs(intercept)
+    return intercept if abs(intercept) > least and not steep else 0.0
 
 
 def seems_swapped(driven: ndarray, force: ndarray) -> bool:

@@ -23,7 +23,7 @@ _MOST = 1.6
 
 
 def draw(
-    found: ShearFit | TensionFit | BendingFit, filename: str | os.PathLike[str]
+    fit: ShearFit | TensionFit | BendingFit, filename: str | os.PathLike[str]
 ) -> None:
     """Draw the test curves and the fitted laws.
 
@@ -44,63 +44,63 @@ def draw(
     with mpl.rc_context(style):
         figure = Figure(figsize=(9.6, 4.2), layout="constrained")
         panels = figure.subplots(1, 2)
-        if isinstance(found, ShearFit):
-            _draw_shear(found, *panels)
-        elif isinstance(found, BendingFit):
-            _draw_bending(found, *panels)
+        if isinstance(fit, ShearFit):
+            _draw_shear(fit, *panels)
+        elif isinstance(fit, BendingFit):
+            _draw_bending(fit, *panels)
         else:
-            _draw_tension(found, panels)
+            _draw_tension(fit, panels)
         for axes in panels:
             axes.grid(alpha=0.3)
             axes.legend(frameon=False)
         save(figure, path)
 
 
-def _draw_shear(found: ShearFit, left: Any, right: Any) -> None:
+def _draw_shear(fit: ShearFit, left: Any, right: Any) -> None:
     """Forces and moments of the tests, and of the law with its band."""
     colours, largest = cycle(COLOURS[1:]), 0.0
-    for i, specimen in enumerate(found.specimens):
-        colour, used = next(colours), specimen.used(found.up_to)
+    for i, specimen in enumerate(fit.specimens):
+        colour, used = next(colours), specimen.used(fit.up_to)
         angle = np.degrees(specimen.angle)
         order = np.argsort(angle[used])
-        predicted = found.fit.samples[i].predict(found.fit.law)
+        predicted = fit.fit.samples[i].predict(fit.fit.law)
         largest = max(largest, float(specimen.force[used].max()))
         name = specimen.name
         left.plot(angle[used], specimen.force[used], ".", color=colour, label=name)
         left.plot(angle[~used], specimen.force[~used], "x", color=colour, ms=3)
         left.plot(angle[used][order], predicted[order], color=colour)
-        gamma, C = specimen.pointwise(found.up_to)
+        gamma, C = specimen.pointwise(fit.up_to)
         right.plot(np.degrees(gamma), C, ".", color=colour, ms=3)
-    gamma = np.linspace(0.0, found.largest_angle, _N)
+    gamma = np.linspace(0.0, fit.largest_angle, _N)
 
     def value(law: Any) -> ndarray:
         return law.value(gamma)
 
-    low, high = found.fit.band(value)
+    low, high = fit.fit.band(value)
     degrees = np.degrees(gamma)
     right.fill_between(degrees, low, high, color=COLOURS[0], alpha=0.3, lw=0)
-    right.plot(degrees, value(found.fit.law), color=COLOURS[0], label="law, 95 %")
-    holds = min(np.degrees(s.kinematics_hold_to) for s in found.specimens)
+    right.plot(degrees, value(fit.fit.law), color=COLOURS[0], label="law, 95 %")
+    holds = min(np.degrees(s.kinematics_hold_to) for s in fit.specimens)
     right.axvline(holds, color="grey", ls=":", label="kinematics hold to here")
     left.set(xlabel="shear angle (deg)", ylabel="force (N)")
     if left.get_ylim()[1] > _MOST * largest:  # excluded points would hide the others
         left.set_ylim(-0.05 * largest, _MOST * largest)
         left.set_xlim(right=_MOST * float(degrees[-1]))
     right.set(xlabel="shear angle (deg)", ylabel="shear moment C (N mm/mm²)")
-    inside = value(found.fit.law)
+    inside = value(fit.fit.law)
     right.set_ylim(min(0.0, 1.1 * float(low.min())), 1.3 * float(inside.max()))
 
 
-def _draw_tension(found: TensionFit, panels: ndarray) -> None:
+def _draw_tension(fit: TensionFit, panels: ndarray) -> None:
     """Tensions of warp and weft over their strains, and the laws with their bands."""
     for i, (axes, family) in enumerate(zip(panels, FAMILIES, strict=True)):
         colours = cycle(COLOURS)
-        for curve in found.curves:
+        for curve in fit.curves:
             colour, order = next(colours), np.argsort(curve.strain[i])
             strain = curve.strain[i][order]
             scale = np.exp(strain) / curve.widths[i]
-            low, high = found.band(curve)[:, i, order] * scale
-            law = found.forces(curve)[i, order] * scale
+            low, high = fit.band(curve)[:, i, order] * scale
+            law = fit.forces(curve)[i, order] * scale
             measured = curve.tension[i][order]
             axes.plot(strain, measured, ".", color=colour, label=curve.name)
             axes.fill_between(strain, low, high, color=colour, alpha=0.15, lw=0)
@@ -109,17 +109,17 @@ def _draw_tension(found: TensionFit, panels: ndarray) -> None:
         axes.set(xlabel=f"{family} strain ln λ (-)", ylabel="tension (N/mm)")
 
 
-def _draw_bending(found: BendingFit, lengths: Any, stiffnesses: Any) -> None:
+def _draw_bending(fit: BendingFit, lengths: Any, stiffnesses: Any) -> None:
     """Readings over the angle, and the resulting stiffnesses."""
-    for test, colour in zip(found.tests, cycle(COLOURS), strict=False):
+    for test, colour in zip(fit.tests, cycle(COLOURS), strict=False):
         degrees = np.degrees(test.angle)
         lengths.plot(degrees, test.overhang, "o", color=colour, label=test.name)
-    degrees = np.degrees(np.concatenate([test.angle for test in found.tests]))
+    degrees = np.degrees(np.concatenate([test.angle for test in fit.tests]))
     for values, label, mark in (
-        (found.by_elastica, "elastica", "o"),
-        (found.by_peirce, "Peirce", "x"),
+        (fit.by_elastica, "elastica", "o"),
+        (fit.by_peirce, "Peirce", "x"),
     ):
         stiffnesses.plot(degrees, values, mark, label=label)
-    stiffnesses.axhline(found.stiffness, color="#808080", lw=1.0)
+    stiffnesses.axhline(fit.stiffness, color="#808080", lw=1.0)
     lengths.set(xlabel="Chord angle (°)", ylabel="Overhang (mm)")
     stiffnesses.set(xlabel="Chord angle (°)", ylabel="Bending stiffness (N·mm)")

@@ -416,21 +416,21 @@ class Fit:
         ν the degrees of freedom of its noise.
         """
         free = ~self.at_bound
-        within, found = np.ix_(free, free), np.zeros((free.size, free.size))
+        within, covariance = np.ix_(free, free), np.zeros((free.size, free.size))
         if not free.any():
-            return found
+            return covariance
         rho = np.where(self.systematic, self.correlations, 0.0)
         weights = _spread_out(self.samples, (1 - rho) / (1 + rho) / self.noise**2)
         known = _leverage(self.samples, self.jacobian[:, free], weights)
         share = known / known.sum()
         sizes = np.array([sample.measured.size for sample in self.samples])
         lost = 4 * np.sum(share * (1 - share) / (sizes - known))
-        found[within] = (1 + lost) * covariance_of(self.jacobian[:, free], weights)
+        covariance[within] = (1 + lost) * covariance_of(self.jacobian[:, free], weights)
         if self.beyond_noise:
             assert self.singles is not None
-            spread = np.cov(self.singles.T).reshape(found.shape)
-            found[within] += spread[within] / len(self.singles)
-        return found
+            spread = np.cov(self.singles.T).reshape(covariance.shape)
+            covariance[within] += spread[within] / len(self.singles)
+        return covariance
 
     @property
     def intervals(self) -> ndarray:

@@ -27,13 +27,13 @@ ANGLES = tuple(range(5, 90, 5))
 _MOST_STRAIN = 0.5
 
 
-def shear_report(found: "ShearFit") -> dict[str, Any]:
+def shear_report(result: "ShearFit") -> dict[str, Any]:
     """Report of a shear law: numbers, lists and text."""
-    fit, specimens = found.fit, []
-    for i, specimen in enumerate(found.specimens):
+    fit, specimens = result.fit, []
+    for i, specimen in enumerate(result.specimens):
         measured = specimen.measured_angle is not None
         more = {
-            "left_out": int(np.sum(~specimen.used(found.up_to))),
+            "left_out": int(np.sum(~specimen.used(result.up_to))),
             "angle": "measured" if measured else "theoretical",
             "kinematics_hold_to_deg": _holds(specimen),
             "test": repr(specimen.test),
@@ -41,25 +41,25 @@ def shear_report(found: "ShearFit") -> dict[str, Any]:
         specimens.append(_curve(fit, i) | more)
     return {
         **_law("shear", fit),
-        "compared_with": "simulations" if found.simulated else "closed forms",
-        "kinematics_hold_to_deg": min(map(_holds, found.specimens)),
-        "largest_angle_deg": float(np.degrees(found.largest_angle)),
+        "compared_with": "simulations" if result.simulated else "closed forms",
+        "kinematics_hold_to_deg": min(map(_holds, result.specimens)),
+        "largest_angle_deg": float(np.degrees(result.largest_angle)),
         "specimens": specimens,
-        "moments": _moments(found),
-        "notes": [*_notes(fit), *_range_notes(found), *_falling_notes(found)],
+        "moments": _moments(result),
+        "notes": [*_notes(fit), *_range_notes(result), *_falling_notes(result)],
     }
 
 
-def tension_report(found: "TensionFit") -> dict[str, Any]:
+def tension_report(result: "TensionFit") -> dict[str, Any]:
     """Reports of tension laws, by ``warp`` and ``weft``, or ``both``."""
     reports = {}
-    for name, one in found.fits.items():
+    for name, one in result.fits.items():
         families = [i for i, family in enumerate(FAMILIES) if name in (family, "both")]
-        largest = max(float(c.strain[families].max()) for c in found.curves)
+        largest = max(float(c.strain[families].max()) for c in result.curves)
         reports[name] = _law("tension", one) | {
             "largest_strain": largest,
             "curves": [_curve(one, i) for i in range(len(one.samples))],
-            "notes": [*_notes(one), *_tension_notes(found, families)],
+            "notes": [*_notes(one), *_tension_notes(result, families)],
         }
         if one.beyond_noise:
             reports[name]["notes"].append(
@@ -69,29 +69,29 @@ def tension_report(found: "TensionFit") -> dict[str, Any]:
     return reports
 
 
-def bending_report(found: "BendingFit") -> dict[str, Any]:
+def bending_report(fit: "BendingFit") -> dict[str, Any]:
     """Report of a bending stiffness."""
-    low, high = found.interval
-    largest = float(np.abs(found.by_peirce / found.by_elastica - 1).max())
+    low, high = fit.interval
+    largest = float(np.abs(fit.by_peirce / fit.by_elastica - 1).max())
     readings = [
         {
             "name": test.name,
             "overhang_mm": float(length),
             "chord_angle_deg": float(np.degrees(angle)),
         }
-        for test in found.tests
+        for test in fit.tests
         for length, angle in zip(test.overhang, test.angle, strict=True)
     ]
-    both = zip(found.by_elastica, found.by_peirce, strict=True)
+    both = zip(fit.by_elastica, fit.by_peirce, strict=True)
     for reading, (exact, simple) in zip(readings, both, strict=True):
         reading |= {"by_elastica_N_mm": float(exact), "by_peirce_N_mm": float(simple)}
     return {
         "of": "bending",
         "confidence": CONFIDENCE,
-        "bending_N_mm": found.stiffness,
+        "bending_N_mm": fit.stiffness,
         "low_N_mm": low,
         "high_N_mm": high,
-        "by_peirce_N_mm": float(found.by_peirce.mean()),
+        "by_peirce_N_mm": float(fit.by_peirce.mean()),
         "readings": readings,
         "notes": [
             f"the error of Peirce's formula is up to {100 * largest:.1f} % at these "
@@ -140,18 +140,18 @@ def _curve(fit: Fit, i: int) -> dict[str, Any]:
     }
 
 
-def _moments(found: "ShearFit") -> list[dict[str, Any]]:
+def _moments(result: "ShearFit") -> list[dict[str, Any]]:
     """C at `ANGLES`: the law, its band, and each specimen alone."""
-    reach = np.degrees(found.largest_angle) + 1e-9
+    reach = np.degrees(result.largest_angle) + 1e-9
     angles = np.array([angle for angle in ANGLES if angle <= reach], dtype=float)
-    gamma, fit = np.radians(angles), found.fit
+    gamma, fit = np.radians(angles), result.fit
 
     def value(law: Any) -> ndarray:
         return law.value(gamma)
 
     C, band, alone = value(fit.law), fit.band(value), fit.singles
     own = [] if alone is None else [value(fit.model.build(one)) for one in alone]
-    points = [s.pointwise(found.up_to) for s in found.specimens]
+    points = [s.pointwise(result.up_to) for s in result.specimens]
     rows = []
     for i, angle in enumerate(angles):
         low, high = band[:, i]
@@ -167,11 +167,11 @@ def _moments(found: "ShearFit") -> list[dict[str, Any]]:
     return rows
 
 
-def _tension_notes(found: "TensionFit", families: Sequence[int]) -> list[str]:
+def _tension_notes(result: "TensionFit", families: Sequence[int]) -> list[str]:
     """Notes on the curves of families, by their numbers."""
     notes = []
     for i in families:
-        for curve in found.curves:
+        for curve in result.curves:
             called = f"{curve.name}, {FAMILIES[i]}"
             notes += rest_notes(called, curve.strain[i], curve.force[i])
             if (largest := float(np.expm1(curve.strain[i].max()))) > _MOST_STRAIN:
@@ -206,18 +206,18 @@ def _notes(fit: Fit) -> list[str]:
     return notes
 
 
-def _range_notes(found: "ShearFit") -> list[str]:
-    end = np.degrees(found.largest_angle)
+def _range_notes(result: "ShearFit") -> list[str]:
+    end = np.degrees(result.largest_angle)
     notes = [
         f"{specimen.name}: the test contains loading and unloading, and all of it is "
         "fitted as one curve: keep the rows of one loading"
-        for specimen in found.specimens
-        if all(specimen.ways(found.up_to))
+        for specimen in result.specimens
+        if all(specimen.ways(result.up_to))
     ]
-    for specimen in found.specimens:
-        notes += _beginning_notes(specimen, found.up_to)
-    if found.stabilisation is not None:
-        shares = {"energy": {"stabilisation": found.stabilisation}}
+    for specimen in result.specimens:
+        notes += _beginning_notes(specimen, result.up_to)
+    if result.stabilisation is not None:
+        shares = {"energy": {"stabilisation": result.stabilisation}}
         if carried := excess(shares, "stabilisation"):
             notes.append(
                 f"the stabilisation of the simulations contributes up to {carried}: "
@@ -225,7 +225,7 @@ def _range_notes(found: "ShearFit") -> list[str]:
                 "--simulate until the law converges"
             )
         return notes
-    for specimen in found.specimens:
+    for specimen in result.specimens:
         holds = _holds(specimen)
         if specimen.measured_angle is None:
             if end > holds + 1e-9:
@@ -265,10 +265,10 @@ def _beginning_notes(specimen: "Specimen", up_to: float | None) -> list[str]:
     return notes + rest_notes(name, specimen.angle[used], force)
 
 
-def _falling_notes(found: "ShearFit") -> list[str]:
+def _falling_notes(result: "ShearFit") -> list[str]:
     """Note on a law that decreases within the range of the data."""
-    gamma = np.linspace(0.0, found.largest_angle * (1 - 1e-9), 201)
-    falls = gamma[found.fit.law.tangent(gamma) < 0]
+    gamma = np.linspace(0.0, result.largest_angle * (1 - 1e-9), 201)
+    falls = gamma[result.fit.law.tangent(gamma) < 0]
     if not falls.size:
         return []
     return [

@@ -283,8 +283,8 @@ def fit_shear(
     angles = [float(s.angle[s.used(up_to)].max()) for s in specimens]
     largest = max(angles, default=0.0)
     model = SHEAR_LAWS[law](largest, degree, points).bounded(bounds or {})
-    found = fit(model.extrapolated(extrapolation), samples)
-    return ShearFit(found, tuple(specimens), up_to)
+    result = fit(model.extrapolated(extrapolation), samples)
+    return ShearFit(result, tuple(specimens), up_to)
 
 
 def _sample(
@@ -314,13 +314,13 @@ def _refuse_angles(specimen: Specimen, used: ndarray, up_to: float | None) -> No
     if np.any(used & (specimen.angle > 0)):
         return
     last = np.degrees(specimen.last_angle(up_to))
-    found = (
+    message = (
         f"they go from {angles.min():.3g} to {angles.max():.3g}"
         if angles.size
         else "all displacements are beyond the end of the test: check their unit"
     )
     raise ValueError(
-        f"{name}: no shear angle is between 0 and {last:.3g} degrees; {found}"
+        f"{name}: no shear angle is between 0 and {last:.3g} degrees; {message}"
     )
 
 
@@ -454,15 +454,15 @@ def fit_by_simulation(
     end = np.inf if up_to is None else up_to
     how: dict[str, Any] = {"degree": degree, "points": points, "bounds": bounds}
     how["extrapolation"] = extrapolation
-    found = fit_shear(driven, law, up_to=end, **how)
+    result = fit_shear(driven, law, up_to=end, **how)
     largest = [float(s.angle[s.used(end)].max()) for s in driven]
     before = [np.full(1, np.inf) for _ in driven]
     for n in range(_MOST_ROUNDS):
-        law_now = found.fit.law
+        law_now = result.fit.law
         curves = _simulated(simulation, law_now, driven, largest)
         ratios = [_ratio(s.test, law_now, curves[s.test]) for s in driven]
-        found = fit_shear(driven, law, up_to=end, **how, ratios=ratios)
-        loads = [sample.predict(found.fit.law) for sample in found.fit.samples]
+        result = fit_shear(driven, law, up_to=end, **how, ratios=ratios)
+        loads = [sample.predict(result.fit.law) for sample in result.fit.samples]
         change = max(
             float(np.abs(now - then).max() / np.abs(now).max())
             for now, then in zip(loads, before, strict=True)
@@ -470,7 +470,7 @@ def fit_by_simulation(
         log.info("simulation %d: loads change by %.3g of the largest", n + 1, change)
         if change < _SETTLED:
             shares = (curve.stabilisation for curve in curves.values())
-            return replace(found, stabilisation=max(shares))
+            return replace(result, stabilisation=max(shares))
         before = loads
     raise ValueError(
         f"after {_MOST_ROUNDS} simulations the loads still change by {change:.2%}: "

@@ -103,11 +103,11 @@ def declared(
         regions = tables.get("regions", {})
         if not isinstance(regions, dict):
             raise ValueError(f"regions must be a table, not {_shown(regions)}")
-        found = _converted(
+        case = _converted(
             "", {**_with_defaults(tables, scene), "regions": {}}, CaseFile
         )
-        found = msgspec.structs.replace(
-            found,
+        case = msgspec.structs.replace(
+            case,
             regions={
                 name: _converted(
                     f"regions.{printable(name)}", _laws_nested(region, scene), Region
@@ -119,7 +119,7 @@ def declared(
         raise CaseFileError("tables are nested too deeply") from None
     except ValueError as error:
         raise CaseFileError(str(error)) from None
-    return with_files(found, lambda path, name: str(Path(folder) / name))
+    return with_files(case, lambda path, name: str(Path(folder) / name))
 
 
 def with_files(table: Any, place: Callable[[str, str], str], where: str = "") -> Any:
@@ -177,8 +177,8 @@ def _scene_of(tables: Mapping[str, Any]) -> type[Scene]:
         raise ValueError(f"scene must be a table, not {_shown(given)}")
     name = given.get("name")
     if not isinstance(name, str) or name not in SCENES:
-        said = "is missing" if name is None else f"is {_shown(name)}"
-        raise ValueError(f"scene.name {said}: must be one of {', '.join(SCENES)}")
+        reason = "is missing" if name is None else f"is {_shown(name)}"
+        raise ValueError(f"scene.name {reason}: must be one of {', '.join(SCENES)}")
     return SCENES[name]
 
 
@@ -187,24 +187,24 @@ def _scene_of(tables: Mapping[str, Any]) -> type[Scene]:
 
 def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, Any]:
     """All tables, with the defaults of the scene for missing keys."""
-    found = {name: tables.get(name, {}) for name in CaseFile.__struct_fields__}
-    found |= tables
-    if isinstance(found["fabric"], dict) and found["fabric"].get("file") is not None:
+    filled = {name: tables.get(name, {}) for name in CaseFile.__struct_fields__}
+    filled |= tables
+    if isinstance(filled["fabric"], dict) and filled["fabric"].get("file") is not None:
         for name in ("tension", "shear", "bending"):
-            if found[name]:
+            if filled[name]:
                 raise ValueError(
                     f"[{name}] sets a law, but fabric.file contains all laws: omit one "
                     "of them"
                 )
     of_mesh = {"size": scene.size, "jitter": scene.jitter, "seed": 1}
     for name, defaults in (
-        ("mesh", of_mesh if _is_made(found["mesh"]) else {}),
+        ("mesh", of_mesh if _is_made(filled["mesh"]) else {}),
         ("formulation", {"name": "macro"}),
         ("stepping", {"steps": scene.steps}),
     ):
-        if isinstance(found[name], dict):
-            found[name] = {**defaults, **found[name]}
-    return _laws_nested({"tension": {}, "shear": {}, **found}, scene)
+        if isinstance(filled[name], dict):
+            filled[name] = {**defaults, **filled[name]}
+    return _laws_nested({"tension": {}, "shear": {}, **filled}, scene)
 
 
 def _is_made(mesh: Any) -> bool:
@@ -270,27 +270,27 @@ def _converted(where: str, given: Any, kind: type[Any]) -> Any:
 
 def _worded(where: str, message: str, given: Any, kind: type[Any]) -> str:
     """Message of msgspec in terms of the file, with the path first."""
-    said, at, place = message.rpartition(" - at ")
-    said, place = (said, place) if at else (message, "")
+    text, at, place = message.rpartition(" - at ")
+    text, place = (text, place) if at else (message, "")
     keys = re.findall(r"\.(\w+)", place)
     table, beside = _followed(keys, given, kind)
     # The key of a law is written in the table that contains the law.
     shown = [k for i, k in enumerate(keys) if k != "law" or "law" in keys[:i]]
     path = ".".join([where, *shown] if where else shown)
-    if unknown := re.match(r"Object contains unknown field `(.*)`", said, re.DOTALL):
+    if unknown := re.match(r"Object contains unknown field `(.*)`", text, re.DOTALL):
         return _unknown(path, unknown[1], table, beside)
-    if missing := re.match(r"Object missing required field `(.*)`", said):
+    if missing := re.match(r"Object missing required field `(.*)`", text):
         return f"{path}.{missing[1]} is missing"
-    if said.startswith("Invalid "):
+    if text.startswith("Invalid "):
         known = [*dict.fromkeys(_choices(table))]
-        word = re.findall(r"Invalid (?:enum )?value (.*)", said, re.DOTALL)[0]
+        word = re.findall(r"Invalid (?:enum )?value (.*)", text, re.DOTALL)[0]
         return (
             f"{path} is {excerpt(word)}; expected one of {', '.join(known)}"
             f"{_nearest(word.strip(chr(39)), known)}"
         )
-    said = said.replace(" | null", "").replace("Expected", "must be")
-    said = re.sub(r"`(\w+)", lambda kind: _KINDS.get(kind[1], kind[1]), said)
-    return printable(f"{path} {said.replace('`', '')}".strip())
+    text = text.replace(" | null", "").replace("Expected", "must be")
+    text = re.sub(r"`(\w+)", lambda kind: _KINDS.get(kind[1], kind[1]), text)
+    return printable(f"{path} {text.replace('`', '')}".strip())
 
 
 def _followed(keys: list[str], given: Any, kind: Any) -> tuple[Any, list[Any]]:

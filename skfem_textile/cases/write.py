@@ -45,7 +45,7 @@ WRITTEN_FILES = (
     *(f"{FILES}/{key}*" for key in ("test_curve", "trim")),
 )
 
-_UNITS = "# Lengths are in mm, forces in N and angles in degrees; keys end with their units."
+_UNITS = "# Lengths in mm, forces in N, angles in degrees; keys end with their units."
 
 _WIDTH = 88
 
@@ -60,15 +60,15 @@ class _Key(NamedTuple):
 
 def tables_of(table: Struct) -> dict[str, Any]:
     """Tables of a declaration as in a case file, without keys that are not given."""
-    found: dict[str, Any] = {}
+    tables: dict[str, Any] = {}
     for name, value, _ in _keys(table):
         if isinstance(value, Struct):
-            found[name] = tables_of(value)
+            tables[name] = tables_of(value)
         elif name == "regions":
-            found[name] = {region: tables_of(own) for region, own in value.items()}
+            tables[name] = {region: tables_of(own) for region, own in value.items()}
         elif value is not None:
-            found[name] = value
-    return found
+            tables[name] = value
+    return tables
 
 
 def case_text(case: CaseFile, head: str) -> str:
@@ -176,8 +176,8 @@ def _block(where: str, table: Struct, choices: str = "") -> str:
         comment = [_comment(about)] if about else []
         inner = f"{where}.{name}"
         if isinstance(value, Struct):
-            said = _comment(summary_of(type(value)))
-            tables += ["", said, _block(inner, value).rstrip()]
+            heading = _comment(summary_of(type(value)))
+            tables += ["", heading, _block(inner, value).rstrip()]
         elif isinstance(value, dict):
             named = [_line(key, one) for key, one in value.items()]
             tables += ["", *comment, f"[{inner}]", *named]
@@ -190,8 +190,8 @@ def _block(where: str, table: Struct, choices: str = "") -> str:
 
 def meaning(hint: Any) -> str:
     """Meaning of a key."""
-    found = [one for one in get_args(hint) if isinstance(one, Meta)]
-    return "; ".join(one.description for one in found if one.description)
+    metadata = [one for one in get_args(hint) if isinstance(one, Meta)]
+    return "; ".join(one.description for one in metadata if one.description)
 
 
 def _with_words(hint: Any) -> str:
@@ -317,8 +317,8 @@ def _entries(where: str, hint: Any, choice: str = "") -> Iterator[Entry]:
         if one.name == "law":
             yield from _entries(where, own, choice)
         elif isinstance(inner, type) and issubclass(inner, Struct):
-            said = summary_of(inner)
-            yield Entry(where, choice, one.name, f"[{where}.{one.name}]", "", said)
+            summary = summary_of(inner)
+            yield Entry(where, choice, one.name, f"[{where}.{one.name}]", "", summary)
         elif one.name != "file" or not choice:
             kind = "file" if FILE in get_args(own) else _kind(own)
             yield Entry(where, choice, one.name, kind, _default(one), meaning(own))

@@ -52,11 +52,11 @@ def read_test_curve(path: str | os.PathLike[str]) -> dict[str, ndarray]:
     """
     from ..calibration.curves import read_curve
 
-    found = read_curve(path, gaps=True)
+    columns = read_curve(path, gaps=True)
     curve = {
-        heading: found[name] * factor
+        heading: columns[name] * factor
         for name, (heading, factor) in _HEADINGS.items()
-        if name in found
+        if name in columns
     }
     if not ({DISPLACEMENT, ANGLE} & set(curve) and {FORCE, NORMALISED} & set(curve)):
         raise ValueError(

@@ -214,15 +214,15 @@ def run_fit(options: argparse.Namespace) -> int:
         "cantilever": _bending,
         "biaxial": _tension,
     }
-    found = fits[options.test](options)
-    text = report.report_text(found.reports)
+    outcome = fits[options.test](options)
+    text = report.report_text(outcome.reports)
     inputs = {k: v for k, v in vars(options).items() if k not in ("command", "out")}
     inputs["data"] = [str(path) for path in options.data]
-    summary = {"reports": found.reports, "inputs": {"version": __version__, **inputs}}
+    summary = {"reports": outcome.reports, "inputs": {"version": __version__, **inputs}}
     with held(), ResultFolder(options.out, (*_FILES, _PICTURE)) as folder:
-        for name, law in found.laws.items():
+        for name, law in outcome.laws.items():
             write_law(law, folder / name)
-        io.write_fabric(folder / "fabric.json", found.fabric)
+        io.write_fabric(folder / "fabric.json", outcome.fabric)
         (folder / "report.md").write_text(text, encoding="utf-8")
         io.write_summary(summary, folder / "summary.json")
     if not options.no_render:
@@ -230,7 +230,7 @@ def run_fit(options: argparse.Namespace) -> int:
             with ResultFolder(options.out, (_PICTURE,)) as folder:
                 from ..calibration.figure import draw
 
-                draw(found.fit, folder / _PICTURE)
+                draw(outcome.fit, folder / _PICTURE)
         except ImportError as error:
             say(f"no picture: {printable(error)}; pip install 'skfem-textile[plot]'")
     say(text, end="")
@@ -269,31 +269,31 @@ def _shear(
     how: dict[str, Any] = {"degree": options.degree, "up_to": up_to}
     how |= _of_table(options)
     if across is None:
-        found = fit_shear(specimens, options.law, **how)
+        result = fit_shear(specimens, options.law, **how)
     else:
         simulation = Simulation(fabric.tension, across)
-        found = fit_by_simulation(specimens, options.law, simulation, **how)
-    law, shear = found.fit.law, report.shear_report(found)
+        result = fit_by_simulation(specimens, options.law, simulation, **how)
+    law, shear = result.fit.law, report.shear_report(result)
     if options.fabric is None and stiffness is None:
         shear["notes"].append(_NO_TENSION)
     fabric = replace(fabric, shear=law)
-    return _Found({"Shear": shear}, fabric, {"law.json": law}, found)
+    return _Found({"Shear": shear}, fabric, {"law.json": law}, result)
 
 
 def _tension(options: argparse.Namespace) -> _Found:
     sizes, units = _sizes(options, "warp_width", "weft_width"), _units(options)
     paths = zip(options.data, sizes, strict=True)
     curves = [biaxial.read_biaxial(path, size, units) for path, size in paths]
-    found = biaxial.fit_tension(curves, options.law, **_of_table(options))
-    fabric, tension = _kept(options, Fabric()), found.tension
+    result = biaxial.fit_tension(curves, options.law, **_of_table(options))
+    fabric, tension = _kept(options, Fabric()), result.tension
     laws: dict[str, Any] = {"law.json": tension}
     if isinstance(tension, tuple):
         laws = dict(zip(("warp_law.json", "weft_law.json"), tension, strict=True))
-    reports = {f"Tension, {k}": r for k, r in report.tension_report(found).items()}
+    reports = {f"Tension, {k}": r for k, r in report.tension_report(result).items()}
     if options.fabric is None:
         for one in reports.values():
             one["notes"].append(_NO_SHEAR)
-    return _Found(reports, replace(fabric, tension=tension), laws, found)
+    return _Found(reports, replace(fabric, tension=tension), laws, result)
 
 
 def _bending(options: argparse.Namespace) -> _Found:
@@ -302,14 +302,14 @@ def _bending(options: argparse.Namespace) -> _Found:
     units, angle = _units(options), options.chord_angle
     fixed = None if angle is None else float(np.radians(angle))
     tests = [bending.read_cantilever(path, fixed, units) for path in options.data]
-    found = bending.fit_bending(tests, options.weight)
-    fabric, known = _kept(options, Fabric()), report.bending_report(found)
-    D, (warp, weft) = found.stiffness, fabric.bending
+    result = bending.fit_bending(tests, options.weight)
+    fabric, known = _kept(options, Fabric()), report.bending_report(result)
+    D, (warp, weft) = result.stiffness, fabric.bending
     both = (D, weft) if options.family == "warp" else (warp, D)
     if options.fabric is None:
         known["notes"].append(_NO_LAWS)
     fabric = replace(fabric, bending=both)
-    return _Found({f"Bending of the {options.family}": known}, fabric, {}, found)
+    return _Found({f"Bending of the {options.family}": known}, fabric, {}, result)
 
 
 def _of_table(options: argparse.Namespace) -> dict[str, Any]:

@@ -214,14 +214,14 @@ def _add_scene(
         for key, hint in get_type_hints(scene, include_extras=True).items():
             if key in scene.__struct_fields__:
                 flag = _RENAMED.get(key, _without_unit(key)).replace("_", "-")
-                said = meaning(hint) + _default(defaults["scene"].get(key))
-                _add_key(of_scene, flag, f"scene.{key}", hint, said)
+                help_text = meaning(hint) + _default(defaults["scene"].get(key))
+                _add_key(of_scene, flag, f"scene.{key}", hint, help_text)
         options = _OPTIONS | (_OPTIONS_ON_TOOL if issubclass(scene, OnTool) else {})
         group = parser.add_argument_group("mesh, laws, elements and load steps")
         for flag, (path, about) in options.items():
             table, key = path.split(".")
-            said = about + _default(defaults[table].get(key))
-            _add_key(group, flag, path, _type_of(path), said)
+            help_text = about + _default(defaults[table].get(key))
+            _add_key(group, flag, path, _type_of(path), help_text)
     parser.add_argument(
         "--set",
         action="extend",
@@ -294,7 +294,7 @@ def tables_of_options(
     ValueError
         If a path leads through a key that is not a table, or a name is given twice.
     """
-    found = {name: _copied(own) for name, own in tables.items()}
+    case = {name: _copied(own) for name, own in tables.items()}
     settings = [(path, _joined(v)) for path, v in vars(options).items() if "." in path]
     further = getattr(options, "set", ())
     for path, times in Counter(path for path, _ in further).items():
@@ -304,13 +304,13 @@ def tables_of_options(
             raise ValueError("--set scene.name: name the scene after `run`")
     for path, value in [*settings, *further]:
         *around, key = path.split(".")
-        table: Any = found
+        table: Any = case
         for name in around:
             table = table.setdefault(name, {})
             if not isinstance(table, dict):
                 raise ValueError(f"--set {path}: {name} is a value, not a table")
         table[key] = value
-    return found
+    return case
 
 
 def _joined(value: Any) -> Any:
@@ -355,11 +355,11 @@ def _value(word: str) -> Any:
         return int(word) if word.lstrip("+-").isdigit() else float(word)
     for text in (word, f"[{word}]"):
         try:
-            found = tomllib.loads(f"x = {text}")
+            parsed = tomllib.loads(f"x = {text}")
         except (ValueError, RecursionError):
             continue
-        if [*found] == ["x"]:
-            return found["x"]
+        if [*parsed] == ["x"]:
+            return parsed["x"]
     return word
 
 

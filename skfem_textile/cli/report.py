@@ -124,10 +124,13 @@ def _verdict(summary: Mapping[str, Any]) -> Iterator[_Row]:
             yield "Elements", "good", f"none folded, {smallest}"
         else:
             yield "Elements", "bad", smallest
-    error, said = summary.get("estimated_load_error"), summary.get("error_estimate", "")
+    error, reason = (
+        summary.get("estimated_load_error"),
+        summary.get("error_estimate", ""),
+    )
     if isinstance(error, int | float):
-        said = f"{100 * error:.2g} % {printable(said)}".strip()
-    yield "Estimated error of the load", "", said or "none"
+        reason = f"{100 * error:.2g} % {printable(reason)}".strip()
+    yield "Estimated error of the load", "", reason or "none"
     if "exact_answer" in summary:
         yield "Exact answer", "", summary["exact_answer"]
 
@@ -148,13 +151,13 @@ def _shown(value: Any) -> str:
 
 def _sources(folder: Path, captions: Mapping[str, str]) -> dict[str, str]:
     """Pictures of a folder as data URLs by caption."""
-    found = {}
+    sources = {}
     for name, caption in captions.items():
         if (folder / name).is_file():
             data = b64encode((folder / name).read_bytes()).decode()
             kind = "gif" if name.endswith(".gif") else "png"
-            found[caption] = f"data:image/{kind};base64,{data}"
-    return found
+            sources[caption] = f"data:image/{kind};base64,{data}"
+    return sources
 
 
 def _summary(folder: Path) -> dict[str, Any]:

@@ -146,20 +146,20 @@ class HandOver:
             return {}
         on_tool = Sheet.of_ply(result.ply, result.u)
         sheet = replace(on_tool, positions=axes.of_tool(on_tool.positions))
-        found: dict[str, Any] = {}
+        figures: dict[str, Any] = {}
         for what, write in (("part", self._fibres), ("pattern", self._pattern)):
             try:
                 if not result.converged:
                     raise ValueError("the run stopped early")
-                found |= write(sheet, folder)
+                figures |= write(sheet, folder)
             except ValueError as error:
-                found[what] = f"none: {error}"
-        return found
+                figures[what] = f"none: {error}"
+        return figures
 
-    def missing(self, found: Mapping[str, Any]) -> list[str]:
+    def missing(self, figures: Mapping[str, Any]) -> list[str]:
         """Requested exports that `write` has not written, with reasons."""
-        asked = ["part"] * (self.part is not None) + ["pattern"] * self.trimmed
-        return [f"{what}: {found[what]}" for what in asked if what in found]
+        requested = ["part"] * (self.part is not None) + ["pattern"] * self.trimmed
+        return [f"{what}: {figures[what]}" for what in requested if what in figures]
 
     def _fibres(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
         from .. import io

@@ -63,7 +63,7 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
             file, output=msgspec.structs.replace(file.output, pictures=False)
         )
     case = built(file)
-    hand_over = results.HandOver.read(file.output)
+    export = results.HandOver.read(file.output)
     written = WrittenCase(file)
     with shown("preparing the ply"):  # nets on tools take time
         checkpoint = _checkpoint(options.out, options.checkpoint, options.resume)
@@ -76,22 +76,22 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
     refuse_foreign_case(options.out)
     fields = (f"fields/{name}" for name in io.FIELDS)
     tables = ("summary.json", "history.csv", CURVE)
-    drapes = *io.DRAPED, *hand_over.files
+    drapes = *io.DRAPED, *export.files
     files = (*tables, *WRITTEN_FILES, *drapes, *fields, *_PICTURES)
     out = ResultFolder(options.out, files)
-    code, said, refusal = load(stepper, options.resume is not None, options.verbose)
+    code, message, refusal = load(stepper, options.resume is not None, options.verbose)
     result = stepper.result
-    said_before = {
+    provenance = {
         "inputs": {"version": __version__, **tables_of(file)},
         "versions": versions(),
     }
-    summary = case.summary(_without_estimate(result)) | said_before
+    summary = case.summary(_without_estimate(result)) | provenance
     complete = False
     try:
         with held():
             with out as folder:
-                handed = hand_over.write(result, case.scene.axes, folder)
-                io.write_summary(summary | handed, folder / "summary.json")
+                exported = export.write(result, case.scene.axes, folder)
+                io.write_summary(summary | exported, folder / "summary.json")
                 io.write_history(result, folder / "history.csv")
                 write_curve(curve_of(case.scene, result), folder / CURVE)
                 written.write(folder)
@@ -101,28 +101,28 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
         if code != INTERRUPTED:
             # Includes the estimated error.
             with shown("estimating the error"):
-                summary = case.summary(result) | said_before | handed
+                summary = case.summary(result) | provenance | exported
             _write_again(summary, options.out)
     except OutputError as error:
         raise OutputError(f"{error}; {_kept(stepper)}") from None
     except KeyboardInterrupt:
         if not complete:
             raise
-        code, said = INTERRUPTED, "interrupted; the results are written"
+        code, message = INTERRUPTED, "interrupted; the results are written"
     if (
         case.pictures
         and code != INTERRUPTED
         and not _draw(case, refusal or result, test, options.out)
     ):
         code = INTERRUPTED
-    if code == 0 and (missing := hand_over.missing(handed)):
-        code, said = STOPPED_EARLY, "; ".join(missing)
+    if code == 0 and (missing := export.missing(exported)):
+        code, message = STOPPED_EARLY, "; ".join(missing)
     del summary["inputs"], summary["versions"]
     for key, value in summary.items():
         _say(key, value)
     say(f"results in {printable(options.out)}")
-    if said:
-        complain(said)
+    if message:
+        complain(message)
     return code
 
 

@@ -28,8 +28,8 @@ def add_show(commands: Any) -> None:
     add("--no-render", action="store_true", help="do not draw a picture")
     add("--directions", metavar="FILE", help=_DIRECTIONS)
     for name in ("warp", "weft"):
-        said = f"angle of the {name} to the x axis in every element"
-        add(f"--{name}", type=words.degrees, metavar="DEG", help=said)
+        text = f"angle of the {name} to the x axis in every element"
+        add(f"--{name}", type=words.degrees, metavar="DEG", help=text)
 
 
 _PICTURE = "mesh_and_fibres.png"
@@ -76,10 +76,10 @@ def _directions(options: argparse.Namespace, n_elements: int) -> FibreDirections
     if angles[0] is not None:
         return FibreDirections.of_angles(*(np.full(n_elements, a) for a in angles))
     file = options.directions or options.mesh
-    found = read_directions(file)
-    if (n := found.warp.shape[1]) != n_elements:
+    directions = read_directions(file)
+    if (n := directions.warp.shape[1]) != n_elements:
         raise ValueError(f"{printable(file)}: {n} directions for {n_elements} elements")
-    return found
+    return directions
 
 
 def _draw(mesh: Any, directions: FibreDirections, out: Path) -> None:

@@ -91,8 +91,8 @@ class Net:
             If a point is outside the net.
         """
         along = (np.gradient(self.positions, axis=axis) for axis in (1, 2))
-        found = np.array([self._between(tangent, X) for tangent in along])
-        return found / np.linalg.norm(found, axis=1, keepdims=True)
+        tangents = np.array([self._between(tangent, X) for tangent in along])
+        return tangents / np.linalg.norm(tangents, axis=1, keepdims=True)
 
     def _between(self, x: ndarray, X: ndarray) -> ndarray:
         """Values at points, bilinear between the crossings, shape (3, n)."""
@@ -337,12 +337,12 @@ def _crossings(
             x = x - np.linalg.solve(rows, off.T[:, :, None])[:, :, 0].T
     sine = np.linalg.norm(np.cross(x - a, x - b, axis=0), axis=0) / cell**2
     across = (x - corner) * (a + b - 2 * corner)
-    found = (np.abs(off) <= _EXACT * cell).all(axis=0) & (sine > _FOLDED)
-    found &= across.sum(axis=0) > 0
-    if not found.all():
+    crosses = (np.abs(off) <= _EXACT * cell).all(axis=0) & (sine > _FOLDED)
+    crosses &= across.sum(axis=0) > 0
+    if not crosses.all():
         raise FoldedNetError(
             "the threads fold onto one another or leave the surface",
-            corner[:, np.flatnonzero(~found)[0]],
+            corner[:, np.flatnonzero(~crosses)[0]],
             ": use fewer cells, or start elsewhere",
         )
     return x

@@ -136,9 +136,9 @@ class ElementTree:
         nearest, _ = self._centres.query(points.T)
         within = self.radii.max() + np.minimum(reach, nearest)
         near = self._centres.query_ball_point(points.T, within)
-        counts = np.array([len(found) for found in near], dtype=int)
+        counts = np.array([len(close) for close in near], dtype=int)
         point = np.repeat(np.arange(points.shape[1]), counts)
-        return point, np.array([e for found in near for e in found], dtype=int)
+        return point, np.array([e for close in near for e in close], dtype=int)
 
 
 def closest_on_triangles(
@@ -324,10 +324,10 @@ class Sheet:
         chosen = np.full(n, -1)
         chosen[point[order]] = order
         places = Places(np.full(n, -1), np.full((2, n), np.nan), np.full(n, np.inf))
-        found, chosen = chosen >= 0, chosen[chosen >= 0]
-        places.element[found] = element[chosen]
-        places.local[:, found] = self._elements.inside(local[:, chosen])
-        places.distance[found] = distance[chosen]
+        inside, chosen = chosen >= 0, chosen[chosen >= 0]
+        places.element[inside] = element[chosen]
+        places.local[:, inside] = self._elements.inside(local[:, chosen])
+        places.distance[inside] = distance[chosen]
         return places
 
     def flat_at(self, places: Places) -> ndarray:

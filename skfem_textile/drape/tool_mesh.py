@@ -209,11 +209,11 @@ def _crossed_edges(tetrahedra: ndarray, level: ndarray) -> ndarray:
     a, b, c, d = np.take_along_axis(tetrahedra, order, axis=0)
     n = above.sum(axis=0)
     one, two, three = (np.flatnonzero(n == k) for k in (1, 2, 3))
-    found = [
+    crossed = [
         ([d, d, d], [a, b, c], one),
         ([a, a, a], [b, c, d], three),
         ([a, a, b], [c, d, c], two),
         ([b, b, a], [d, c, d], two),
     ]
-    edges = [np.array(ends)[:, :, of] for *ends, of in found]
+    edges = [np.array(ends)[:, :, of] for *ends, of in crossed]
     return np.concatenate(edges, axis=2)

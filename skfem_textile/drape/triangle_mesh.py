@@ -88,7 +88,7 @@ class Quadrics:
     def mean(self, x: ndarray) -> Derivatives:
         """φ = Σ w q / Σ w and its derivatives at positions, shape (3, n)."""
         n = x.shape[1]
-        found = Derivatives(np.empty(n), np.empty((3, n)), np.empty((3, 3, n)))
+        mean = Derivatives(np.empty(n), np.empty((3, n)), np.empty((3, 3, n)))
         left = [(np.arange(n), _NEIGHBOURS, self._reach)]
         while left:
             some, count, bound = left.pop()
@@ -108,14 +108,14 @@ class Quadrics:
             k = (distance < reach).any(axis=0).sum()  # the nearest come first
             at, known = some[whole], (near[whole, :k], distance[whole, :k])
             for values, own in zip(
-                found, self._mean(x[:, at], *known, reach[whole]), strict=True
+                mean, self._mean(x[:, at], *known, reach[whole]), strict=True
             ):
                 values[..., at] = own
             if not whole.all():
                 left.append((some[~whole], 2 * count, np.inf))
-        for values in found:
+        for values in mean:
             values.setflags(write=False)
-        return found
+        return mean
 
     def _mean(
         self, x: ndarray, near: ndarray, distance: ndarray, reach: ndarray

@@ -216,8 +216,8 @@ def directions_of(mesh: Mesh, fabric: Fabric) -> FibreDirections:
     fabric = fabric_on(every, fabric)
     x = centres[:, :, None]
     families = fabric.families
-    found = (unit_vectors(f.name, f.direction, x, every[:, None]) for f in families)
-    warp, weft = (np.broadcast_to(A, x.shape)[..., 0] for A in found)
+    vectors = (unit_vectors(f.name, f.direction, x, every[:, None]) for f in families)
+    warp, weft = (np.broadcast_to(A, x.shape)[..., 0] for A in vectors)
     return FibreDirections(warp, weft)
 
 
@@ -267,8 +267,8 @@ def directions_warning(mesh: Mesh, directions: FibreDirections) -> str:
 
 def warn_of_directions(mesh: Mesh, directions: FibreDirections) -> None:
     """Log the result of `directions_warning` as a warning, if there is one."""
-    if said := directions_warning(mesh, directions):
-        log.warning(said)
+    if warning := directions_warning(mesh, directions):
+        log.warning(warning)
 
 
 def _edges(mesh: Mesh, cells: tuple[ndarray, ...]) -> dict[int, ndarray]:

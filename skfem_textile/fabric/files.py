@@ -132,20 +132,20 @@ def fabric_of_text(content: bytes) -> Fabric:
     ValueError
         If the text does not describe a fabric.
     """
-    found = _content(content)
-    if not isinstance(found, Mapping) or found.get("format") != _FORMAT:
+    parts = _content(content)
+    if not isinstance(parts, Mapping) or parts.get("format") != _FORMAT:
         raise ValueError(f"it does not state the format {_FORMAT!r}")
-    if set(found) - {"format", *_OTHERS} != set(_PARTS):
+    if set(parts) - {"format", *_OTHERS} != set(_PARTS):
         raise ValueError(
             f"it must have {', '.join(_PARTS)}, it may have {', '.join(_OTHERS)}, and "
             "nothing else"
         )
-    return _described("fabric", lambda: _fabric(found))
+    return _described("fabric", lambda: _fabric(parts))
 
 
-def _fabric(found: Mapping[str, Any]) -> Fabric:
-    decoded = {name: _decoded(found[name]) for name in found if name != "format"}
-    tension = found["tension"]
+def _fabric(content: Mapping[str, Any]) -> Fabric:
+    decoded = {name: _decoded(content[name]) for name in content if name != "format"}
+    tension = content["tension"]
     if isinstance(tension, Mapping) and "kind" not in tension:
         if set(tension) != {"warp", "weft"}:
             raise ValueError("tension must be a law, or one for warp and one for weft")

@@ -384,13 +384,13 @@ def number(name: str, value: Any, above: float | None = None) -> float:
     """
     least = ">= 0" if above is None else f"> {above:g}"
     try:
-        found = float(value)
+        converted = float(value)
     except (TypeError, ValueError):
-        found = math.nan
-    large_enough = found >= 0 if above is None else found > above
-    if not (math.isfinite(found) and large_enough):
+        converted = math.nan
+    large_enough = converted >= 0 if above is None else converted > above
+    if not (math.isfinite(converted) and large_enough):
         raise ValueError(f"{name} must be a finite number {least}, got {value!r}")
-    return found
+    return converted
 
 
 def refuse_other_units(
@@ -408,13 +408,13 @@ def refuse_other_units(
     if not beyond.size:
         return
     angles = f"shear angles end at a right angle, {RIGHT_ANGLE:.4g} rad"
-    found, end, unit = {
+    quantity, end, unit = {
         "shear": (f"{np.degrees(beyond[0]):.4g}°", angles, "degrees"),
         "tension": (f"{beyond[0]:.4g}", f"strains end at {most:g}", "per cent"),
         None: (f"{beyond[0]:.4g}", angles, "degrees, or in per cent"),
     }[of]
     question = f": in {unit}?" if ask else ""
-    raise ValueError(f"{name} has {found}, but {end}{question}")
+    raise ValueError(f"{name} has {quantity}, but {end}{question}")
 
 
 def pair(name: str, value: Any, above: float | None = None) -> tuple[float, float]:
@@ -499,8 +499,8 @@ class LawEnd(NamedTuple):
         shown = f"{value:.3g}", f"{end:.3g}"
         if self.quantity == "shear_angle":
             shown = f"{np.degrees(value):.4g}°", f"{np.degrees(end):.4g}°"
-        said = f"the {name} is {shown[0]}, and its law ends at {shown[1]}"
-        return said + (_GO_ON if self.quantity == "shear_angle" and end == 0 else "")
+        text = f"the {name} is {shown[0]}, and its law ends at {shown[1]}"
+        return text + (_GO_ON if self.quantity == "shear_angle" and end == 0 else "")
 
 
 def closest_end(
@@ -511,7 +511,7 @@ def closest_end(
     Arguments are the ends of the laws of warp, weft and shear, and fibre strains of
     warp and weft, and shear angles, shape (n_elements, n) each.
     """
-    found = []
+    ends_found = []
     for name, domain, x in zip(_QUANTITIES, domains, values, strict=True):
         for end, side in zip(domain, (-1, 1), strict=True):
             ends = np.broadcast_to(end, x.shape)
@@ -521,5 +521,5 @@ def closest_end(
                 close = gaps <= least + _AS_CLOSE * np.abs(ends)
                 elements = np.flatnonzero(close.any(axis=1))
                 place = float(x.flat[at]), float(ends.flat[at]), elements
-                found.append((least, LawEnd(name, *place)))
-    return min(found, key=lambda each: each[0])[1] if found else None
+                ends_found.append((least, LawEnd(name, *place)))
+    return min(ends_found, key=lambda each: each[0])[1] if ends_found else None

@@ -92,9 +92,9 @@ def _check_law(
     if is_zero(law):
         return
     low, high = _domain(name, law, reach)
-    asked = _ask(name, law, np.linspace(low, high, _DENSE), shape)
-    of_value = _contradiction(asked.x, *asked.parts[:2])
-    of_tangent = _contradiction(asked.x, *asked.parts[1:])
+    arguments = _ask(name, law, np.linspace(low, high, _DENSE), shape)
+    of_value = _contradiction(arguments.x, *arguments.parts[:2])
+    of_tangent = _contradiction(arguments.x, *arguments.parts[1:])
     if of_value is not None:
         part = "energy" if of_tangent is None else "value"
         (x, change, own), whole, derivative = of_value, "energy", "value"
@@ -148,31 +148,31 @@ def _answer(name: str, law: Law, part: str, x: ndarray) -> ndarray:
     """Result of one method of a law at points, validated as an array of real
     numbers.
     """
-    told, given = f"{name} law, {part}: ", x.copy()
+    prefix, argument = f"{name} law, {part}: ", x.copy()
     function: Callable[[ndarray], Any] = getattr(law, part)
     try:
         with np.errstate(all="ignore"):
-            found = function(given)
+            values = function(argument)
     except Exception as error:  # a user's function may raise anything
         reason = f"{type(error).__name__} {error}".strip().partition("\n")[0]
         raise ValueError(
-            f"{told}fails for an array of shape {x.shape}: {reason}"
+            f"{prefix}fails for an array of shape {x.shape}: {reason}"
         ) from None
-    if not isinstance(found, ndarray):
+    if not isinstance(values, ndarray):
         raise ValueError(
-            f"{told}must return an array of the shape of its argument, not "
-            f"{type(found).__name__}"
+            f"{prefix}must return an array of the shape of its argument, not "
+            f"{type(values).__name__}"
         )
-    if found.shape != x.shape:
+    if values.shape != x.shape:
         raise ValueError(
-            f"{told}must give an array of the shape of its argument, {x.shape}, not "
-            f"{found.shape}"
+            f"{prefix}must give an array of the shape of its argument, {x.shape}, not "
+            f"{values.shape}"
         )
-    if found.dtype.kind not in "iuf":
-        raise ValueError(f"{told}must return real numbers, not {found.dtype}")
-    if not np.array_equal(given, x):
-        raise ValueError(f"{told}must not modify its argument")
-    return found.copy()
+    if values.dtype.kind not in "iuf":
+        raise ValueError(f"{prefix}must return real numbers, not {values.dtype}")
+    if not np.array_equal(argument, x):
+        raise ValueError(f"{prefix}must not modify its argument")
+    return values.copy()
 
 
 def _within(x: ndarray, parts: list[ndarray]) -> list[ndarray]:

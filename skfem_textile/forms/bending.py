@@ -315,12 +315,12 @@ def _inside(mesh: Any, along: tuple[ndarray, ndarray]) -> Any:
         _sides(mesh, element()) for element in (ElementTriP2, ElementTriP0)
     )
     n = np.asarray(slopes[0].normals)
-    found: Any = 0.0
+    inside: Any = 0.0
     for sign, own in zip((1, -1), triangles, strict=True):
         A, B = (direction[:, own.tind, None] for direction in along)
         slope = 0.5 * sign * dot(A, n) * B
-        found = found + sum(asm(_FLUX, side, own, slope=slope) for side in slopes)
-    return found
+        inside = inside + sum(asm(_FLUX, side, own, slope=slope) for side in slopes)
+    return inside
 
 
 def _prescribed(mesh: Any, clamped: Clamps) -> csr_matrix:

@@ -102,12 +102,12 @@ def read(
 
 
 def _materials(every: list[Block]) -> list[_Material]:
-    found: list[_Material] = []
+    materials: list[_Material] = []
     current, component = None, ""
     for block in every:
         if block.keyword == "MATERIAL":
             current, component = _Material(block.parameters.get("NAME", "")), ""
-            found.append(current)
+            materials.append(current)
             continue
         if current is None:
             continue
@@ -124,7 +124,7 @@ def _materials(every: list[Block]) -> list[_Material]:
                 current.not_taken.append(f"*{block.keyword}: {reason}")
             else:
                 current = None
-    return found
+    return materials
 
 
 def _component(block: Block, material: _Material) -> str:

@@ -339,13 +339,13 @@ def _yarns(rows: list[list[bytes]]) -> list[tuple[float, float]]:
     """Both directions in local components, of the lines after the axis and angle."""
     if len(rows) != 2:
         raise MeshError("LOCAL DIRECTIONS=2 needs two lines of components")
-    found = []
+    yarns = []
     for row in rows:
         x = from_words(row, "f8")
         if len(x) not in (2, 3) or not np.isfinite(x).all() or x[2:].any():
             raise MeshError("a local direction needs components in the plane")
-        found.append((float(x[0]), float(x[1])))
-    return found
+        yarns.append((float(x[0]), float(x[1])))
+    return yarns
 
 
 def _axes(deck: _Deck, data: list[list[bytes]]) -> ndarray:

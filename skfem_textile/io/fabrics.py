@@ -82,10 +82,10 @@ def read_fabric(
     """
     path = Path(path)
     with errors_about(path):
-        found = _read(path, thickness, units, material)
-    for sentence in found.not_taken:
+        result = _read(path, thickness, units, material)
+    for sentence in result.not_taken:
         log.warning("%s: not taken over: %s", printable(path), sentence)
-    return found
+    return result
 
 
 def _read(

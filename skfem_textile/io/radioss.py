@@ -91,19 +91,19 @@ def read(
         given.
     """
     options = _options(content)
-    found = [
+    laws = [
         o
         for o in options
         if o.name[0] == "MAT" and o.name[1:2] and o.name[1].upper() in _LAWS
     ]
     if material is not None:
-        found = [o for o in found if o.name[2:3] == [material]]
-    if not found:
+        laws = [o for o in laws if o.name[2:3] == [material]]
+    if not laws:
         wanted = "" if material is None else f" of the number {excerpt(material)}"
         raise MeshError(f"it has no /MAT/LAW58 or /MAT/LAW158{wanted}")
-    if len(found) > 1:
+    if len(laws) > 1:
         raise MeshError("it has several fabrics; specify the number of one material")
-    (option,) = found
+    (option,) = laws
     name = "/" + "/".join(option.name[:3])
     if thickness is None:
         raise MeshError(f"{excerpt(name)}: state the thickness in mm")
@@ -117,15 +117,15 @@ def read(
 
 
 def _options(content: bytes) -> list[_Option]:
-    found: list[_Option] = []
+    options: list[_Option] = []
     for line in re.split(r"\r\n|\n|\r", content.decode("utf-8", "replace")):
         if line.startswith("/"):
-            found.append(_Option([p.strip() for p in line[1:].split("/")], []))
-        elif found and not line.startswith(("#", "$")):
-            found[-1].cards.append(line)
-    if not found:
+            options.append(_Option([p.strip() for p in line[1:].split("/")], []))
+        elif options and not line.startswith(("#", "$")):
+            options[-1].cards.append(line)
+    if not options:
         raise MeshError("it has no OpenRadioss keyword")
-    return found
+    return options
 
 
 def _fields(
@@ -152,13 +152,13 @@ def _fields(
 
 
 def _not_taken(option: _Option, fields: dict[str, float]) -> list[str]:
-    said = [f"{n}: {why}" for n, why in _OTHERS.items() if fields.get(n)]
+    reasons = [f"{n}: {why}" for n, why in _OTHERS.items() if fields.get(n)]
     if option.name[3:4] not in ([], [""], ["0"]):
-        said.append(
+        reasons.append(
             f"/UNIT/{excerpt(option.name[3])}: the units specified with the deck are "
             "used"
         )
-    return said
+    return reasons
 
 
 class _Functions:

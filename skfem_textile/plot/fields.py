@@ -177,5 +177,5 @@ def on_one_scale(
     """Values of a field for each result, and their common scale."""
     pairs = zip(results, states, strict=True)
     shown = [values_of(field, result.ply, at.u) for result, at in pairs]
-    found = reach(shown, field.symmetric)
-    return shown, Scale.of(field.label, found, cmap or field.cmap, clim)
+    limits = reach(shown, field.symmetric)
+    return shown, Scale.of(field.label, limits, cmap or field.cmap, clim)

@@ -240,12 +240,12 @@ def _numbers(scale: Scale, length: float) -> list[tuple[float, str]]:
     """Numbers that fit on a scale of a length without overlap."""
     for intervals in range(6, 0, -1):
         ticks = scale.ticks(intervals)
-        found = [(float(x), number(x)) for x in ticks]
-        wide = max((text_width(text, NUMBER) for _, text in found), default=0.0)
+        labelled = [(float(x), number(x)) for x in ticks]
+        wide = max((text_width(text, NUMBER) for _, text in labelled), default=0.0)
         apart = np.diff(ticks).min() if len(ticks) > 1 else np.inf
         if apart / (scale.high - scale.low) * length >= wide + _GAP:
             break
-    return found
+    return labelled
 
 
 #: Widths of a column and of a page of a journal in mm (Elsevier: 90 and 190, Springer:

@@ -307,15 +307,15 @@ def verdict(
 
 def _words(state: State) -> str:
     """Acceptance checks of a state as a title."""
-    found = state.verdict
-    n = found.negative_pivots
-    stability = "stable" if found.stable else "not stable"
+    checks = state.verdict
+    n = checks.negative_pivots
+    stability = "stable" if checks.stable else "not stable"
     if n:
         stability += f", {n} negative pivot{'s' if n > 1 else ''}"
     return (
         f"Load factor {state.load_factor:.4g}: {stability}, smallest area ratio "
-        f"{found.min_det_F:.3g}, largest fibre strain "
-        f"{100 * found.max_fibre_strain:.2g} %"
+        f"{checks.min_det_F:.3g}, largest fibre strain "
+        f"{100 * checks.max_fibre_strain:.2g} %"
     )
 
 
@@ -334,9 +334,9 @@ def _strain_rows(
         [values_of(f, result.ply, at.u) for result, at in pairs]
         for f in fields.values()
     ]
-    found = reach([values for row in shown for values in row], symmetric=True)
+    limits = reach([values for row in shown for values in row], symmetric=True)
     colours = cmap or fields["Warp"].cmap
-    scale = Scale.of("Fibre strain in the law (%)", found, colours, clim)
+    scale = Scale.of("Fibre strain in the law (%)", limits, colours, clim)
     rows = [
         [
             Panel(_titled(family, title, f.label), shape, values, scale)
@@ -399,19 +399,19 @@ def draped(
         options["size"] = PAGE
     picture = _Picture(results, titles, **options)
     pairs = zip(results, picture.states, strict=True)
-    found = [_on_tool(result, at) for result, at in pairs]
+    pairs_of_fields = [_on_tool(result, at) for result, at in pairs]
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
-    pressures = reach([pressure for pressure, _ in found], symmetric=True)
+    pressures = reach([pressure for pressure, _ in pairs_of_fields], symmetric=True)
     scale = Scale.of("Contact pressure (N/mm²)", pressures, "RdBu_r", None)
     rows = []
     for title, shape, angle, (pressure, at_risk) in zip(
-        picture.titles, picture.shapes, angles, found, strict=True
+        picture.titles, picture.shapes, angles, pairs_of_fields, strict=True
     ):
         names = "Shear angle", "Contact pressure"
         left, right = (_titled(name, title, name) for name in names)
         sheared = Panel(left, shape, angle, shear, marked=at_risk)
         rows.append([sheared, Panel(right, shape, pressure, scale)])
-    some = any(at_risk.size for _, at_risk in found)
+    some = any(at_risk.size for _, at_risk in pairs_of_fields)
     keys = [("Risk of wrinkling", REFUSED)] if some else []
     return picture.drawn(rows, Legend(0, 1, shear, keys), Legend(1, 2, scale))
 
@@ -459,8 +459,8 @@ def animation(
     shown, states = field_of(field), result.states
     shapes = shapes_of([result] * len(states), states)
     values = [values_of(shown, result.ply, state.u) for state in states]
-    found = reach(values, shown.symmetric)
-    scale = Scale.of(shown.label, found, cmap or shown.cmap, clim)
+    limits = reach(values, shown.symmetric)
+    scale = Scale.of(shown.label, limits, cmap or shown.cmap, clim)
     sheets = [
         Sheet(
             [[Panel(f"Load factor {state.load_factor:.2f}", shape, each, scale)]],

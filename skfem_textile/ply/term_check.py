@@ -116,15 +116,15 @@ def check_term(term: Term, basis: CellBasis, size: float) -> None:
 
 
 def _compare(
-    term: Term, part: str, change: float, told: tuple[float, ...], noise: float
+    term: Term, part: str, change: float, prefix: tuple[float, ...], noise: float
 ) -> None:
     """Refuse a difference that is not predicted by the derivatives."""
-    slack = _TOLERANCE * max(map(abs, told)) + noise
-    if not min(told) - slack <= change <= max(told) + slack:
+    slack = _TOLERANCE * max(map(abs, prefix)) + noise
+    if not min(prefix) - slack <= change <= max(prefix) + slack:
         derivative = {"energy": "residual", "residual": "tangent"}[part]
         raise ValueError(
             f"term {term.name!r}: its {part} changes by {change:.4g} where its "
-            f"{derivative} says {np.mean(told):.4g}; {_ADVICE}"
+            f"{derivative} says {np.mean(prefix):.4g}; {_ADVICE}"
         )
 
 

@@ -52,10 +52,10 @@ def hanging(weight: float, end_force: float = 0.0) -> Elastica:
     s = np.linspace(0.0, 1.0, 201)
     turn = min(1.2, weight / 6 + end_force / 2)
     guess = np.array([turn * s, turn * (1 - s), s, -turn * s**2])
-    found = solve_bvp(slopes, ends, s, guess, tol=1e-9, max_nodes=100_000)
-    if not found.success:
+    solution = solve_bvp(slopes, ends, s, guess, tol=1e-9, max_nodes=100_000)
+    if not solution.success:
         raise ValueError(f"no elastica is found for w = {weight:g}, f = {end_force:g}")
-    _, _, x, z = found.sol(s)
+    _, _, x, z = solution.sol(s)
     return Elastica(s, x, z)
 
 

@@ -99,12 +99,12 @@ def measured_on_tool(
     surface = result.tool(t)
     if surface is None:
         return {}
-    found = _Found(
+    measured = _Found(
         contact_pressure(ply, surface, u, t, state.parameters),
         np.degrees(turn_of_normal(ply, surface, u)),
         beyond_edges(ply, surface, u),
     )
-    figures, advice = _figures(result, found), _advice(result, surface, found)
+    figures, advice = _figures(result, measured), _advice(result, surface, measured)
     held = _held(result, holding) if holding else {}
     return {**_places(result, axes), **figures, **held, **advice}
 
@@ -133,24 +133,24 @@ def _places(result: Result, axes: Axes) -> dict[str, float]:
     }
 
 
-def _figures(result: Result, found: _Found) -> dict[str, float]:
-    ply, u, pressure = result.ply, result.u, found.pressure
+def _figures(result: Result, measured: _Found) -> dict[str, float]:
+    ply, u, pressure = result.ply, result.u, measured.pressure
     at_risk = wrinkle_risk(ply, u, result.states[-1].parameters)
     figures = {
         "max_contact_pressure_N_per_mm2": float(pressure.max()),
         "min_contact_pressure_N_per_mm2": float(pressure.min()),
         "bridging_share_of_area": _share(ply, bridging(ply, u, pressure)),
         "wrinkle_risk_share_of_area": _share(ply, at_risk),
-        "max_turn_of_normal_deg": float(found.turn_deg.max()),
+        "max_turn_of_normal_deg": float(measured.turn_deg.max()),
     }
-    if found.beyond is not None:
-        figures["beyond_tool_share_of_area"] = _share(ply, found.beyond)
+    if measured.beyond is not None:
+        figures["beyond_tool_share_of_area"] = _share(ply, measured.beyond)
     return figures
 
 
-def _advice(result: Result, surface: Surface, found: _Found) -> dict[str, str]:
+def _advice(result: Result, surface: Surface, measured: _Found) -> dict[str, str]:
     """Limitations of the results, and advice."""
-    ply, u, (pressure, turn, beyond) = result.ply, result.u, found
+    ply, u, (pressure, turn, beyond) = result.ply, result.u, measured
     advice: dict[str, str] = {}
     if beyond is not None and beyond.any():
         advice["beyond_tool"] = (

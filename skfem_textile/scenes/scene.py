@@ -250,17 +250,17 @@ class Scene:
                     "domain of the shear law"
                 )
             }
-        found: dict[str, float | str] = {"load_over_exact": reaction_y / exact}
+        figures: dict[str, float | str] = {"load_over_exact": reaction_y / exact}
         if self.load_lost is None:
-            return found
-        found["load_lost_to_fibre_stretch"] = lost = self.load_lost(fabric, t)
+            return figures
+        figures["load_lost_to_fibre_stretch"] = lost = self.load_lost(fabric, t)
         if lost > _WORTH_SAYING:
-            found["exact_answer"] = (
+            figures["exact_answer"] = (
                 "for inextensible fibres; stretch reduces the load by about "
                 f"{100 * lost:.0f} %: load_over_exact converges to about "
                 f"{1 - lost:.2f}, not to 1"
             )
-        return found
+        return figures
 
 
 def _rotation(angle: float) -> ndarray:

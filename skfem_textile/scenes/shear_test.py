@@ -226,7 +226,7 @@ class BiasExtension(ShearTest):
         """
         (_, middle), (_, between) = self.arms(gamma)
         known, moments = [0.0], [0.0]
-        found = np.where(np.abs(gamma) <= _AT_REST, 0.0, np.nan)
+        moment = np.where(np.abs(gamma) <= _AT_REST, 0.0, np.nan)
         for i, angle in enumerate(gamma):
             last, half = known[-1], angle / 2
             if not (angle > max(last, _AT_REST) and np.isfinite(force[i])):
@@ -235,10 +235,10 @@ class BiasExtension(ShearTest):
             if half > last:  # between the last point and the new one
                 new = (half - last) / (angle - last)
                 own, rest = own + between[i] * new, (1 - new) * moments[-1]
-            found[i] = (force[i] - between[i] * rest) / own
+            moment[i] = (force[i] - between[i] * rest) / own
             known.append(angle)
-            moments.append(found[i])
-        return found
+            moments.append(moment[i])
+        return moment
 
 
 @dataclass(frozen=True)

@@ -131,18 +131,18 @@ def _cantilever_figures(
     (x, _, z), right = ply.nodal(result.u), ply.nodes[0] > ply.nodes[0].max() - 1e-9
     tip_x, tip_z = length + float(x[right].mean()), float(z[right].mean())
     angle = float(np.arctan2(-tip_z, tip_x))
-    found = {
+    figures = {
         "tip_x_mm": tip_x,
         "tip_z_mm": tip_z,
         "chord_angle_deg": float(np.degrees(angle)),
     }
     if angle > 0:
-        found["bending_by_peirce_N_mm"] = float(peirce(length, t * weight, angle))
+        figures["bending_by_peirce_N_mm"] = float(peirce(length, t * weight, angle))
     if not D:
-        return found
+        return figures
     exact = hanging(t * weight * length**3 / D)
     off = np.hypot(tip_x - length * exact.x[-1], tip_z - length * exact.z[-1])
-    return found | {
+    return figures | {
         "exact_tip_x_mm": float(length * exact.x[-1]),
         "exact_tip_z_mm": float(length * exact.z[-1]),
         "exact_chord_angle_deg": float(np.degrees(exact.chord_angle)),
@@ -225,11 +225,11 @@ def _buckling_figures(
     D = np.asarray(bending).item()
     force = -float(state.reactions["right"][0]) / width
     height = float(np.abs(ply.nodal(result.u)[2]).max())
-    found = {"force_N_per_mm": force, "height_mm": height}
+    figures = {"force_N_per_mm": force, "height_mm": height}
     if not D:
-        return found
+        return figures
     exact = buckled(t * shortening)
-    return found | {
+    return figures | {
         "buckling_force_N_per_mm": float(D * (np.pi / length) ** 2),
         "exact_force_N_per_mm": float(D / length**2 * exact.force),
         "exact_height_mm": length * exact.height,

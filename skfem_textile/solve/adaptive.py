@@ -260,12 +260,12 @@ class AdaptiveStepper:
         if result.tolerance_met:
             return result
         last = self._rounds[-1].error
-        said = f"is about {last:.2%}"
+        error_text = f"is about {last:.2%}"
         if last == np.inf:
-            said = f"cannot be estimated ({result.estimated_error.reason})"
+            error_text = f"cannot be estimated ({result.estimated_error.reason})"
         raise self._unmet(
             f"with at most {self.most_unknowns} unknowns the tolerance is not met: the "
-            f"error of the load {said}, {100 * self.tolerance:g}% was requested"
+            f"error of the load {error_text}, {100 * self.tolerance:g}% was requested"
         )
 
     @property
@@ -280,11 +280,11 @@ class AdaptiveStepper:
     def result(self) -> AdaptiveResult:
         """Result so far."""
         result = self._stepper.result
-        found = {field.name: getattr(result, field.name) for field in fields(Result)}
+        values = {field.name: getattr(result, field.name) for field in fields(Result)}
         rounds, estimate = tuple(self._rounds), self._estimate
         if estimate is not None:
-            found["estimate"] = lambda _: estimate
-        return AdaptiveResult(**found, tolerance=self.tolerance, rounds=rounds)
+            values["estimate"] = lambda _: estimate
+        return AdaptiveResult(**values, tolerance=self.tolerance, rounds=rounds)
 
     def _unmet(self, why: str) -> StepError:
         return StepError(why, self.result, np.empty(0, dtype=int))
@@ -337,17 +337,19 @@ class AdaptiveStepper:
         """
         if len(self._rounds) >= _MOST_ROUNDS:
             return None
-        found = refine(ply, marked(shear_angle_jumps(ply, state.u), _SHARE))
-        if not ply.basis.N < found.ply.basis.N <= self.most_unknowns:
+        refinement = refine(ply, marked(shear_angle_jumps(ply, state.u), _SHARE))
+        if not ply.basis.N < refinement.ply.basis.N <= self.most_unknowns:
             return None
-        u = found.carry(state.u)
+        u = refinement.carry(state.u)
         try:
-            after = equilibrium_near(found.ply, self._conditions, u, **self._search)
+            after = equilibrium_near(
+                refinement.ply, self._conditions, u, **self._search
+            )
         except NoEquilibriumError as error:
             log.info("the whole load is applied anew: %s", error)
-            return self._apply(found.ply)
-        self._finish(found.ply, after, whole_path=False)
-        return found.ply, after
+            return self._apply(refinement.ply)
+        self._finish(refinement.ply, after, whole_path=False)
+        return refinement.ply, after
 
     def _finish(self, ply: Ply, state: State, whole_path: bool) -> None:
         """Estimate the error of a state and record its round."""

@@ -239,7 +239,7 @@ class Checkpoint:
         turn, surfaces = constraints.turn, constraints.surfaces
         fabric = ply.fabric.at()
         warp, weft, shear = fabric.laws
-        found = {
+        entries = {
             "nodes": ply.mesh.p,
             "cells": ply.mesh.t,
             "fibre directions": np.concatenate([A.ravel() for A in ply.directions()]),
@@ -251,13 +251,13 @@ class Checkpoint:
                 fabric.tensions.of_family(i, (_STRAIN, _STRAIN)) for i in range(2)
             ]
             values = np.concatenate([_values(law, _STRAIN) for law in beside])
-            found["values of the tensions with the other family stretched"] = values
-        found["values of the shear law"] = _values(shear, _ANGLE)
-        found |= {
+            entries["values of the tensions with the other family stretched"] = values
+        entries["values of the shear law"] = _values(shear, _ANGLE)
+        entries |= {
             f"nodes of {name!r}": nodes for name, nodes in constraints.nodes.items()
         }
         load_factors = np.linspace(0.0, 1.0, 2 * self._settings["steps"] + 1)
-        found |= {
+        entries |= {
             "fixed unknowns": constraints.fixed,
             "fixed directions": np.empty(0) if turn is None else turn.data,
             "fixed values": np.array(
@@ -268,8 +268,8 @@ class Checkpoint:
         probe = 0.1 * ply.element_size * np.sin(np.arange(ply.basis.N))
         for t in _PROBED if ply.follows_load_factor else (1.0,):
             forces = ply.residuals(probe, t)
-            found |= {f"{name} forces at {t}": f for name, f in forces.items()}
-        return found
+            entries |= {f"{name} forces at {t}": f for name, f in forces.items()}
+        return entries
 
     def _hold(self) -> None:
         """Lock the folder and remove the unfinished files of a killed run."""
@@ -339,7 +339,7 @@ class Replay:
             raise ValueError(
                 "its displacement does not satisfy the conditions at its load factor"
             )
-        found, largest = trial.state(state.linear_solves), float(np.abs(f).max())
+        state_again, largest = trial.state(state.linear_solves), float(np.abs(f).max())
         rounding = max(state.tolerance - problem.converged * largest, 0.0)
         stored = *trial.energies.values(), *trial.potentials.values()
         energy = _SAME * sum(map(abs, stored))
@@ -351,8 +351,8 @@ class Replay:
             "potentials": energy,
         }
         for name, error in allowed.items():
-            _compare(name, getattr(state, name), getattr(found, name), error)
-        ours, theirs = asdict(found.verdict), asdict(state.verdict)
+            _compare(name, getattr(state, name), getattr(state_again, name), error)
+        ours, theirs = asdict(state_again.verdict), asdict(state.verdict)
         del ours["negative_pivots"], theirs["negative_pivots"]
         work = {"work": ours.pop("work")}, {"work": theirs.pop("work")}
         _compare("work", *work, energy + _SAME * sum(map(abs, trial.works)))
@@ -360,7 +360,7 @@ class Replay:
             error = _SAME * abs(value) + _ROUND_OFF
             _compare("verdict", {name: theirs[name]}, {name: value}, error)
         self.last = trial
-        return replace(state, shares=found.shares)
+        return replace(state, shares=state_again.shares)
 
 
 def _described(problem: Problem) -> dict[str, Any]:
@@ -374,8 +374,8 @@ def _described(problem: Problem) -> dict[str, Any]:
         "shear law": ply.fabric.shear_law,
     }
     # On one line, without the place in memory.
-    said = {k: re.sub(r" at 0x[0-9a-fA-F]+", "", repr(x)) for k, x in given.items()}
-    texts = {name: " ".join(text.split()) for name, text in said.items()}
+    shown = {k: re.sub(r" at 0x[0-9a-fA-F]+", "", repr(x)) for k, x in given.items()}
+    texts = {name: " ".join(text.split()) for name, text in shown.items()}
     return texts | {"conditions": list(problem.constraints.nodes)}
 
 

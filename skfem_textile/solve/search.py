@@ -105,20 +105,20 @@ class EquilibriumSearch:
         An update is halved if the changes do not decrease by half.  Raises a
         `NoEquilibriumError` if there is no such state.
         """
-        found, share, last = self._first(goal), 1.0, np.inf
+        trial, share, last = self._first(goal), 1.0, np.inf
         goal = goal._replace(most_altered=min(goal.most_altered, MOST_ALTERED))
         for _ in range(MOST_UPDATES):
-            problem, (u, _, p, *_) = found.trial.problem, found.trial.equilibrium
+            problem, (u, _, p, *_) = trial.trial.problem, trial.trial.equilibrium
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
                     after = problem.ply.updated(p, u, goal.load_factor)
                     if after is p:
-                        return found._replace(settled=True)
-                    start, change = _updated(found.trial, after)
+                        return trial._replace(settled=True)
+                    start, change = _updated(trial.trial, after)
                     # Further changes form a geometric series of this ratio.
                     rate = change / last
                     if change <= SETTLED * (1.0 - rate):
-                        return found._replace(settled=True)
+                        return trial._replace(settled=True)
                     share, last = share if rate <= 0.5 else share / 2, change
                     if share < 1.0:
                         p = between(p, after, share)
@@ -126,8 +126,8 @@ class EquilibriumSearch:
                 again = self._first(goal._replace(start=start))
             except NoEquilibriumError:
                 break
-            found = again._replace(altered=max(found.altered, again.altered))
-        return found
+            trial = again._replace(altered=max(trial.altered, again.altered))
+        return trial
 
     def at_rest(self, start: Start, fixed_values: ndarray) -> Found:
         """State at the load factor 0 of a ply that is not in equilibrium undeformed.
@@ -150,7 +150,7 @@ class EquilibriumSearch:
             begin = self.problem.at(0.0, held).start(u, p, tangent)
             goal = Goal(0.0, 0.0, share * fixed_values, begin, None, most, held)
             try:
-                found = self(goal)
+                trial = self(goal)
             except NoEquilibriumError:
                 step /= 2
                 if step < shortest:
@@ -158,10 +158,10 @@ class EquilibriumSearch:
                         raise
                     step, most = 1.0, np.inf
                 continue
-            altered = max(altered, found.altered)
+            altered = max(altered, trial.altered)
             if share == 1.0:
-                return found._replace(altered=altered)
-            last = found.trial.next_start()
+                return trial._replace(altered=altered)
+            last = trial.trial.next_start()
             u, p, tangent = last.u, last.parameters, last.tangent
             done, step = share, 2 * step
 
@@ -292,5 +292,5 @@ def equilibrium_near(
         problem, method_of(method), frozenset(warn_only), lambda _: None
     )
     values = constraints.fixed_values(load_factor)
-    found = search(Goal(load_factor, 0.0, values, start, None))
-    return found.trial.state(problem.clock.solves)
+    trial = search(Goal(load_factor, 0.0, values, start, None))
+    return trial.trial.state(problem.clock.solves)

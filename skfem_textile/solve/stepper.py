@@ -319,13 +319,13 @@ class Run:
                 log.warning(_NOTHING_DRIVES)
             return
         self.states = [state]  # until the ply is in balance
-        found = self._search.at_rest(problem.start(u, p, tangent), values)
-        state = found.trial.state(problem.clock.solves)
-        easy = found.altered <= MOST_ALTERED and self._search.method.follows_path
-        if not easy or not found.settled or self._depends_on_steps(state):
+        equilibrium = self._search.at_rest(problem.start(u, p, tangent), values)
+        state = equilibrium.trial.state(problem.clock.solves)
+        easy = equilibrium.altered <= MOST_ALTERED and self._search.method.follows_path
+        if not easy or not equilibrium.settled or self._depends_on_steps(state):
             self.continuation.mark(0.0)
         self.states = []
-        self._keep(state, found.trial)
+        self._keep(state, equilibrium.trial)
 
     def _step(self, goal: float) -> None:
         """Take a step towards a requested load factor, or prepare a shorter one."""
@@ -346,16 +346,16 @@ class Run:
         most_altered = self.continuation.most_altered(step, t, driven)
         guess = on_grown_surface(problem.at(t), start)
         try:
-            found = self._search(Goal(t, step, values, guess, start, most_altered))
+            trial = self._search(Goal(t, step, values, guess, start, most_altered))
         except NoEquilibriumError as failure:
             growth = load_growth(problem, last, t) if driven else 0.0
             self.continuation.failed(failure, last.load_factor, t, goal, growth)
             return
         before = sum(state.linear_solves for state in self.states)
-        state = found.trial.state(problem.clock.solves - before)
-        settled = found.settled and not self._depends_on_steps(state)
-        if self.continuation.keeps(step, state, found.altered, settled):
-            self._keep(state, found.trial)
+        state = trial.trial.state(problem.clock.solves - before)
+        settled = trial.settled and not self._depends_on_steps(state)
+        if self.continuation.keeps(step, state, trial.altered, settled):
+            self._keep(state, trial.trial)
         else:
             log.info("step to %g was hard, taken again as two", t)
 

@@ -330,19 +330,19 @@ def _surface_check(trial: Trial) -> _Failures:
     if problem.surfaces is None:
         return
     try:
-        found = problem.surfaces.gaps(trial.equilibrium.u, problem.load_factor, basis)
+        gaps = problem.surfaces.gaps(trial.equilibrium.u, problem.load_factor, basis)
     except NoEquilibriumError as failure:  # of a user's surface
         yield "surface", failure
         return
-    off = np.flatnonzero(found.share > _GAP)
+    off = np.flatnonzero(gaps.share > _GAP)
     if off.size:
         area = basis.dx.sum(axis=1)
         share = 100 * area[off].sum() / area.sum()
-        worst = off[found.share[off].argmax()]
-        place = ", ".join(f"{x:.3g}" for x in found.place[:, worst])
+        worst = off[gaps.share[off].argmax()]
+        place = ", ".join(f"{x:.3g}" for x in gaps.place[:, worst])
         error = NoEquilibriumError(
             f"{off.size} element(s), {share:.2g} % of the area, deviate from their "
-            f"surface between nodes, by {found.gap[worst]:.2g} mm at ({place}): they "
+            f"surface between nodes, by {gaps.gap[worst]:.2g} mm at ({place}): they "
             "are large compared with its radius there; refine the mesh there",
             off,
         )

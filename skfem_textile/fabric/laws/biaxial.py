@@ -155,8 +155,8 @@ class CrimpInterchange(BiaxialLaw):
         given = strain.reshape(2, -1)
         eta_1, eta_2 = self._slopes_at_rest
         tolerance = _STEP * (eta_1 + eta_2)
-        found = np.zeros(given.shape[1])
-        w, low, high = found.copy(), found - eta_2, found + eta_1
+        amplitude = np.zeros(given.shape[1])
+        w, low, high = amplitude.copy(), amplitude - eta_2, amplitude + eta_1
         last, left = np.full_like(w, np.inf), np.arange(w.size)
         with np.errstate(all="ignore"):  # for strains that are not finite
             for _ in range(_MOST_ITERATIONS):
@@ -168,13 +168,13 @@ class CrimpInterchange(BiaxialLaw):
                 quick = (step <= 0.5 * last) | (step <= tolerance)
                 new = np.where(quick, newton, 0.5 * (low + high))
                 last, w = np.abs(new - w), new
-                found[left] = w
+                amplitude[left] = w
                 going = last > tolerance
                 if not going.any():
                     break
                 left, last, w = left[going], last[going], w[going]
                 low, high = low[going], high[going]
-        return found.reshape(strain.shape[1:])
+        return amplitude.reshape(strain.shape[1:])
 
     def _yarns(self, strain: ndarray, w: ndarray) -> _Yarns:
         eta_1, eta_2 = self._slopes_at_rest

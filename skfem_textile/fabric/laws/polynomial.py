@@ -86,7 +86,7 @@ class Polynomial(ScalarLaw):
 def _integrals(x: ndarray, n: int) -> list[ndarray]:
     """∫ sinᵏ from 0 to x for k = 1 to n: by parts, from the integral for k − 2."""
     s, c = np.sin(x), np.cos(x)
-    found = [x, 2 * np.sin(x / 2) ** 2]
+    integrals = [x, 2 * np.sin(x / 2) ** 2]
     for k in range(2, n + 1):
-        found.append(((k - 1) * found[k - 2] - s ** (k - 1) * c) / k)
-    return found[1 : n + 1]
+        integrals.append(((k - 1) * integrals[k - 2] - s ** (k - 1) * c) / k)
+    return integrals[1 : n + 1]

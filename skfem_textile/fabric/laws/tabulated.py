@@ -171,13 +171,13 @@ def _units(
     for kind in _COLUMNS if of is None else (of,):
         if len(headings) != 2:
             break
-        found = [
+        matching = [
             heading and names.get(heading[1].lower(), {}).get(heading[2])
             for heading, names in zip(headings, _COLUMNS[kind], strict=True)
         ]
-        if all(found):
+        if all(matching):
             normalised = headings[1][1].lower() == _NORMALISED  # type: ignore[index]
-            units: Any = found
+            units: Any = matching
             return (units[0], units[1]), normalised, kind
     expected = " or ".join(repr(_LIKE[kind]) for kind in ([of] if of else _LIKE))
     raise ValueError(

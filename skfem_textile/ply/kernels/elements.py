@@ -414,7 +414,7 @@ class ElementGroup:
         d, n = points[0].A.shape[2], self.nodes.shape[1]
         columns = u.reshape(-1, d).T.copy()
         local = np.stack([x[self.nodes] for x in columns], axis=1)
-        found = [
+        in_space = [
             (np.empty((2, P, d, n)), np.empty((2, P, n)), np.empty((P, n)))
             for P in map(len, (p.dx for p in points))
         ]
@@ -422,7 +422,7 @@ class ElementGroup:
             modes = local[..., block]
             if self.modes is not None:
                 modes = np.einsum("ran,ain->rin", self.modes[..., block], modes)
-            for p, (v, squared, angle) in zip(points, found, strict=True):
+            for p, (v, squared, angle) in zip(points, in_space, strict=True):
                 a = p.fibres(modes, block)
                 square = a[:, :, 0] ** 2 + a[:, :, 1] ** 2
                 if d == 3:
@@ -430,7 +430,7 @@ class ElementGroup:
                 v[..., block], squared[..., block] = a / square[:, :, None], square
                 angle[..., block] = angle_between(a) if d == 2 else angle_in_space(a)
         deformations: Deformations = []
-        for p, (v, squared, angle) in zip(points, found, strict=True):
+        for p, (v, squared, angle) in zip(points, in_space, strict=True):
             at_rest = angle_between(p.A[:, :, :2])
             if d == 2:
                 own = FibreDeformation(v, squared, at_rest - angle)

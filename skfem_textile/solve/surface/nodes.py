@@ -233,10 +233,10 @@ class SurfaceNodes:
         probe = self._X + 0.1 * np.sin(np.arange(self._X.size)).reshape(self._X.shape)
         surfaces = [(s, probe[:, own]) for s, own in self._surfaces(t)]
         try:
-            found = [[*s.level(x), *s.gradient(x).flat] for s, x in surfaces]
+            values_found = [[*s.level(x), *s.gradient(x).flat] for s, x in surfaces]
         except SurfaceError as error:
             raise ValueError(str(error)) from error.__cause__
-        return np.concatenate(found)
+        return np.concatenate(values_found)
 
     def facing(self, u: ndarray, t: float, elements: ndarray, n: ndarray) -> ndarray:
         """1 for elements that face their surface as most do, −1 for the others.

@@ -180,16 +180,16 @@ class UserSurface:
     def _value(self, method: str, x: ndarray, rows: tuple[int, ...]) -> ndarray:
         what = f"condition {self.name!r}: {method} of the surface"
         try:
-            found = call_user_function(what, getattr(self.surface, method), x)
+            value = call_user_function(what, getattr(self.surface, method), x)
         except ValueError as error:
             advice = "a surface that extends beyond the ply, or a smaller ply"
             raise SurfaceError(str(error), advice=advice) from error.__cause__
         shape = *rows, x.shape[1]
-        if np.shape(found) != shape:
+        if np.shape(value) != shape:
             raise SurfaceError(
-                f"{what} must have the shape {shape}, not {np.shape(found)}"
+                f"{what} must have the shape {shape}, not {np.shape(value)}"
             )
-        return np.asarray(found)
+        return np.asarray(value)
 
 
 def _check_derivatives(surface: UserSurface, x: ndarray) -> None:
@@ -219,13 +219,13 @@ def _check_derivatives(surface: UserSurface, x: ndarray) -> None:
         raise
     axis = np.arange(3)
     part, of = "gradient", "level"
-    found = _contradiction(lines, level, gradient[axis, axis][None], h)
-    if found is None:
+    contradiction = _contradiction(lines, level, gradient[axis, axis][None], h)
+    if contradiction is None:
         part, of = "hessian", "gradient"
-        found = _contradiction(lines, gradient, hessian[:, axis, axis], h)
-    if found is None:
+        contradiction = _contradiction(lines, gradient, hessian[:, axis, axis], h)
+    if contradiction is None:
         return
-    row, i, place, slope, value = found
+    row, i, place, slope, value = contradiction
     if part == "gradient":
         changing, derivative = "level", f"the {'xyz'[i]} component of gradient"
     else:
