@@ -233,7 +233,7 @@ def references(rows: Sequence[Row]) -> str:
         agree = "yes" if max(map(abs, off)) <= AGREEMENT else "no"
         lines.append([material.name, *shown, *map(percent, off), agree])
     head = [f"{method.name}, {cells} cells: N" for method, cells in REFERENCES]
-    head += ["difference", "last halving", f"within {100 * AGREEMENT:g} %"]
+    head += ["apart", "last halving", f"within {100 * AGREEMENT:g} %"]
     return markdown_table(["material", *head], lines)
 
 
@@ -250,7 +250,7 @@ def judged(rows: Sequence[Row]) -> str:
     head = ["material", "method"]
     for across in ACROSS:
         limit = f"within {100 * LIMITS[across]:g} %"
-        head += [f"{across} across: median", "worst", limit, "warnings"]
+        head += [f"{across} across: median", "worst", limit, "warned"]
     return markdown_table(head, lines)
 
 
@@ -278,7 +278,7 @@ def warned(rows: Sequence[Row]) -> str:
     Examples
     --------
     >>> path = "the path was not resolved"
-    >>> texts = (path, f"load factor 1: deviations carry 12% | {path}", None)
+    >>> texts = (path, f"load factor 1: deviations contribute 12% | {path}", None)
     >>> warned([{"warnings": text} for text in texts])
     'deviations 1, path 2'
     """
