@@ -1,1 +1,1 @@
-"""Studies that measure the library, outside the installed package."""
+"""Verification studies and benchmarks, outside the installed package."""

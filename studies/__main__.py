@@ -1,6 +1,6 @@
 """Run a study: ``python -m studies NAME --out DIR``.  Without a name, list them.
 
-``python -m studies figures`` writes the results of the studies into the pages.
+``python -m studies figures`` writes the results of the studies to the documentation.
 """
 
 import argparse
@@ -33,14 +33,14 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a study; returns the exit code.
 
-    0 when every case was examined and the study has no complaint, 1 if not, or if
-    results cannot be written, 2 for bad input, 130 after Ctrl-C or SIGTERM.
+    0 if every case ran and the study reports no failure, 1 otherwise or if results
+    cannot be written, 2 for bad input, 130 after Ctrl-C or SIGTERM.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
     try:
         with raised():
             return _answer(words)
-    except BrokenPipeError:  # the reader has closed the output
+    except BrokenPipeError:  # the output pipe is closed
         silence(sys.stdout)
         return 0
     except OutputError as error:
@@ -61,12 +61,14 @@ def _answer(words: list[str]) -> int:
         return 0
     parser = _Parser(prog="python -m studies", description=__doc__)
     names = parser.add_subparsers(dest="study", metavar="NAME", required=True)
-    pages = names.add_parser("figures", help="write results into the pages")
-    pages.add_argument("--check", action="store_true", help="compare, write nothing")
+    pages = names.add_parser("figures", help="write results to the documentation")
+    pages.add_argument(
+        "--check", action="store_true", help="compare only, write nothing"
+    )
     study: Study[Any] | None = None
     for name, description in descriptions().items():
         options = names.add_parser(name, help=description, description=description)
-        if name == words[0]:  # only this one loads what it needs
+        if name == words[0]:  # load the dependencies of this study only
             study = load(name)
             _add_options(options, study)
     chosen = parser.parse_args(words)
@@ -80,14 +82,14 @@ def _answer(words: list[str]) -> int:
 
 def _add_options(parser: argparse.ArgumentParser, study: Study[Any]) -> None:
     add = parser.add_argument
-    add("--out", type=Path, required=True, metavar="DIR", help="where results go")
-    add("--resume", action="store_true", help="go on where a run into DIR stopped")
-    add("--no-render", action="store_true", help="write no pictures")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
+    add("--resume", action="store_true", help="continue an interrupted run in DIR")
+    add("--no-render", action="store_true", help="do not draw figures")
     add(
         "--case",
         nargs="+",
         metavar="NAME",
-        help="these cases only; * stands for any characters",
+        help="run these cases only; * matches any characters",
     )
     if not study.timed:
         add("--workers", type=_positive, default=1, help="processes (default: 1)")
@@ -96,16 +98,16 @@ def _add_options(parser: argparse.ArgumentParser, study: Study[Any]) -> None:
 
 def _positive(text: str) -> int:
     if not (text.isdecimal() and int(text)):
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number of at least 1")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a positive integer")
     return int(text)
 
 
 def _run(study: Study[Any], options: argparse.Namespace) -> int:
-    """Examine the cases and write the report, without cases that fail."""
+    """Run the cases and write the report, without failed cases."""
     from skfem_textile.cli.result_folder import ResultFolder
     from skfem_textile.solve.sweep import SweepError
 
-    if study.timed:  # before libraries of linear algebra are loaded
+    if study.timed:  # before linear-algebra libraries are loaded
         os.environ.update(ONE_THREAD)
     cases = _cases(study, options)
     written = [*study.written(cases), provenance.FILE]
@@ -113,7 +115,7 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
     kept = options.out / f"{options.study}-unfinished.jsonl"
     if kept.is_file() and kept.stat().st_size and not options.resume:
         raise ValueError(
-            f"{kept} is of an unfinished study: --resume goes on with it, or remove it"
+            f"{kept} is from an unfinished study: use --resume, or delete the file"
         )
     code, complaint = 0, ""
     rows_by_name: dict[str, list[Row]] = {}
@@ -121,10 +123,16 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
     try:
         _examine(study, cases, options, kept, rows_by_name)
     except SweepError as error:
-        code, complaint = STOPPED_EARLY, f"{error}; --resume runs what is left"
+        code, complaint = (
+            STOPPED_EARLY,
+            f"{error}; use --resume to run the remaining cases",
+        )
     except KeyboardInterrupt:
-        code, complaint = INTERRUPTED, "interrupted; --resume runs what is left"
-    finally:  # a study that stops still reports
+        code, complaint = (
+            INTERRUPTED,
+            "interrupted; use --resume to run the remaining cases",
+        )
+    finally:  # an interrupted study still writes its report
         rows = _with_earlier(study, options, rows_by_name)
         if rows:
             with results as folder:
@@ -144,7 +152,7 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
 
 
 def _cases(study: Study[Any], options: argparse.Namespace) -> list[Any]:
-    """The cases of the study, or those that the options name."""
+    """The cases of the study that match ``--case``; all by default."""
     cases = list(study.cases(options))
     if options.case is None:
         return cases
@@ -153,7 +161,7 @@ def _cases(study: Study[Any], options: argparse.Namespace) -> list[Any]:
     for pattern in options.case:
         if not (named := [n for n in names if fnmatchcase(n, pattern)]):
             known = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
-            raise ValueError(f"no case is named {pattern}: there are {known}")
+            raise ValueError(f"no case matches {pattern}; available: {known}")
         chosen.update(named)
     return [case for case, name in zip(cases, names, strict=True) if name in chosen]
 
@@ -165,7 +173,7 @@ def _examine(
     kept: Path,
     rows_by_name: dict[str, list[Row]],
 ) -> None:
-    """Add the rows of every case by its name; they are on file at once."""
+    """Add the rows of each case by its name; they are saved as cases finish."""
     from skfem_textile.solve.sweep import sweep
 
     kept.parent.mkdir(parents=True, exist_ok=True)
@@ -182,7 +190,7 @@ def _examine(
 def _with_earlier(
     study: Study[Any], options: argparse.Namespace, rows_by_name: dict[str, list[Row]]
 ) -> list[Row]:
-    """The rows in the order of the cases; those of other cases stay as they are."""
+    """The rows in case order; stored rows of cases not run are kept."""
     if options.case and rows_by_name:
         try:
             stored = study.stored(options.out)
@@ -194,17 +202,17 @@ def _with_earlier(
 
 
 def _render(study: Study[Any], rows: list[Row], results: Any, code: int) -> int:
-    """Draw the pictures, or print in one line why not; returns the exit code."""
+    """Draw the figures, or print the error on one line; returns the exit code."""
     try:
         with results as folder:
             study.draw(rows, folder)
     except KeyboardInterrupt:
-        complain("interrupted; the numbers are written, pictures are not")
+        complain("interrupted; tables are written, figures are not")
         return INTERRUPTED
     except ImportError as error:
-        say(f"no pictures: {error}; pip install 'skfem-textile[plot]'")
+        say(f"no figures: {error}; pip install 'skfem-textile[plot]'")
     except Exception as error:
-        say(f"no pictures: {error}")
+        say(f"no figures: {error}")
     return code
 
 

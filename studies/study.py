@@ -1,7 +1,7 @@
-"""The protocol of all studies: cases, the rows of each case, tables and results.
+"""Protocol of studies: cases, rows of results, tables and figures.
 
-A study is a folder at any depth with a module `study` that defines ``STUDY``.  Its name
-is the folder's, and the first line of the folder's docstring is its description.
+A study is a package at any depth with a module `study` that defines ``STUDY``.  The
+package gives its name; the first line of the package's docstring is its description.
 """
 
 import argparse
@@ -17,26 +17,26 @@ from .common.tables import Row, cell, csv_table, json_text, rows_of_csv
 
 Case = TypeVar("Case")
 
-#: The text of a table, a function of rows; empty if the rows do not have its cases.
+#: Text of a table as a function of rows; empty if the rows lack its cases.
 Table: TypeAlias = Callable[[list[Row]], str]
 
-#: Draws a picture of rows into a file.
+#: Draws rows to a figure file.
 Picture: TypeAlias = Callable[[list[Row], Path], object]
 
 
 @dataclass(frozen=True)
 class Part:
-    """A file of rows, with the tables and pictures that are made of them.
+    """A file of rows, with the tables and figures made from them.
 
     Attributes
     ----------
     data
-        Name of the file: CSV, or JSON with a list of rows, or with the row of the only
-        case of the part.
+        File name: CSV, or JSON with a list of rows, or with one row if the part has one
+        case.
     tables, pictures
-        Tables and pictures by the names of their files.
+        Tables and figures by file name.
     cases
-        Patterns of the names of the cases; ``*`` stands for any characters.
+        Patterns of case names; ``*`` matches any characters.
     """
 
     data: str
@@ -45,7 +45,7 @@ class Part:
     cases: tuple[str, ...] = ("*",)
 
     def has(self, name: str) -> bool:
-        """Whether a case of this name belongs to the part."""
+        """Return True if a case of this name belongs to the part."""
         return any(fnmatchcase(name, pattern) for pattern in self.cases)
 
     def of(self, rows: Sequence[Row]) -> list[Row]:
@@ -53,7 +53,7 @@ class Part:
         return [row for row in rows if self.has(row.get("case", ""))]
 
     def texts(self, rows: list[Row]) -> dict[str, str]:
-        """The rows and the tables that they give, by the names of the files."""
+        """The rows and their tables, by file name."""
         texts = {name: text for name, of in self.tables.items() if (text := of(rows))}
         return {self.data: self._written(rows), **texts}
 
@@ -65,7 +65,7 @@ class Part:
         return json_text({k: x for k, x in rows[0].items() if k != "case"})
 
     def read(self, folder: Path) -> list[Row]:
-        """The rows of the file in a folder; none if there is no file."""
+        """Read the rows from a folder; empty if the file is missing."""
         file = folder / self.data
         if not file.is_file():
             return []
@@ -77,28 +77,27 @@ class Part:
 
 
 class Study(Generic[Case]):
-    """A study, which ``python -m studies NAME --out DIR`` runs.
+    """A study, run by ``python -m studies NAME --out DIR``.
 
     A subclass defines `parts` and `cases`, and `examine` unless its cases have a method
-    ``rows``.  With more than one worker the study and its cases must be picklable.
+    ``rows``.  With several workers, the study and its cases must be picklable.
 
     Attributes
     ----------
     parts
-        The files that the study writes.
+        Files that the study writes.
     shown
-        A format of the entries of a row, for the line that reports it; all of them
-        without it.  A row that has something under ``refused`` is reported with that.
+        Format of a row for the log line; by default all entries.  The entry ``refused``
+        of a row, if not empty, is printed instead.
     timed
-        Whether cases are timed.  Timed cases run one at a time, on one thread.
+        True if cases are timed.  Timed cases run one at a time, on one thread.
     folder
-        Folder of the published results below ``docs``; empty if it has the name of the
-        study.
+        Folder of the published results below ``docs``; empty for the name of the study.
     sample
         Name of a case of a few seconds, which ``python -m studies figures --check``
-        computes again; empty if there is none.
+        recomputes; empty for none.
     volatile
-        Parts of the names of columns that differ from run to run, such as times.
+        Substrings of the names of columns that vary between runs, such as times.
     """
 
     parts: ClassVar[tuple[Part, ...]] = ()
@@ -110,32 +109,32 @@ class Study(Generic[Case]):
 
     @property
     def files(self) -> Sequence[str]:
-        """Names of the files that `tables` may write."""
+        """Names of the files written by `tables`."""
         return [name for part in self.parts for name in (part.data, *part.tables)]
 
     @property
     def pictures(self) -> Sequence[str]:
-        """Names of the files that `draw` may write."""
+        """Names of the files written by `draw`."""
         return [name for part in self.parts for name in part.pictures]
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
-        """Add further command-line options; by default none."""
+        """Add command-line options; by default none."""
 
     def cases(self, options: argparse.Namespace) -> Sequence[Case]:
-        """The cases, in the order of the report."""
+        """The cases in report order."""
         raise NotImplementedError
 
     def name(self, case: Case) -> str:
-        """A name that no other case has, and that is the same in every run."""
+        """A unique name of a case, the same in every run."""
         return str(case)
 
     def examine(self, case: Any) -> list[Row]:
-        """Run one case and return its rows, which are kept on file for ``--resume``."""
+        """Run one case and return its rows, which are saved for ``--resume``."""
         rows: list[Row] = case.rows()
         return rows
 
     def line(self, rows: list[Row]) -> str:
-        """Text for the rows of one case, in one line or more."""
+        """Log text for the rows of one case, of one or more lines."""
         shown = (row.get("refused") or self._shown(row) for row in rows)
         return f"{rows[0]['case']}: {', '.join(map(str, shown))}"
 
@@ -149,9 +148,9 @@ class Study(Generic[Case]):
         )
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
-        """The text of each file by its name, a function of the rows alone.
+        """The text of each file by its name, as a function of the rows only.
 
-        The rows may come from some cases only.
+        The rows may be from a subset of the cases.
         """
         texts: dict[str, str] = {}
         for part in self.parts:
@@ -160,35 +159,35 @@ class Study(Generic[Case]):
         return texts
 
     def stored(self, folder: Path) -> list[Row]:
-        """The rows that a run wrote into a folder; each has all columns of its file.
+        """The rows that a run wrote to a folder, with all columns of their file.
 
         Raises
         ------
         FileNotFoundError
-            If the folder has no results.
+            If the folder contains no results.
         """
         rows = [row for part in self.parts for row in part.read(folder)]
         if not rows:
-            raise FileNotFoundError(f"{folder} has no results")
+            raise FileNotFoundError(f"{folder} contains no results")
         return rows
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        """Results for prose by name, in words and with their units; by default none."""
+        """Results for prose by name, formatted with units; by default none."""
         return {}
 
     def draw(self, rows: list[Row], folder: Path) -> None:
-        """Draw the pictures of the rows into a folder."""
+        """Draw the figures of the rows into a folder."""
         for part in self.parts:
             if own := part.of(rows):
                 for name, draw in part.pictures.items():
                     draw(own, folder / name)
 
     def complaint(self, rows: list[Row]) -> str:
-        """Why the study fails, with exit code 1, on one line; empty if it does not."""
+        """One-line failure message, for exit code 1; empty if the study passes."""
         return ""
 
     def written(self, cases: Sequence[Case]) -> Sequence[str]:
-        """Names of the files that a run of these cases replaces."""
+        """Names of the files replaced by a run of these cases."""
         names = [self.name(case) for case in cases]
         return [
             file
@@ -199,7 +198,7 @@ class Study(Generic[Case]):
 
 
 def descriptions() -> dict[str, str]:
-    """The description of each study by its name; loads nothing that studies need."""
+    """Descriptions of the studies by name; imports no study module."""
     modules = sorted(_modules().items())
     documented = ((name, import_module(module).__doc__) for name, module in modules)
     return {
@@ -208,14 +207,14 @@ def descriptions() -> dict[str, str]:
 
 
 def load(name: str) -> Study[Any]:
-    """Load the study of this name, and all that it needs."""
+    """Load the study of this name with its dependencies."""
     study = import_module(f"{_modules()[name]}.study").STUDY
     assert isinstance(study, Study)
     return study
 
 
 def _modules() -> dict[str, str]:
-    """The module of each study by its name."""
+    """Module of each study by name."""
     here = Path(__file__).parent
     folders = (file.parent.relative_to(here) for file in here.glob("*/**/study.py"))
     return {folder.name: ".".join(("studies", *folder.parts)) for folder in folders}

@@ -1,4 +1,4 @@
-"""The estimated error against references, and refinement against uniform meshes."""
+"""Estimated errors against references, and adaptive against uniform meshes."""
 
 import argparse
 from collections.abc import Iterator, Sequence
@@ -30,34 +30,34 @@ from ..common.running import run
 from ..common.tables import having, markdown_table, percent, span, table
 from ..study import Part, Row, Study
 
-#: Of the pull at equal unknowns: angles in degrees, and unknowns at most.
+#: Comparison at equal unknowns: fibre angles in degrees, and maximum of unknowns.
 KINKS, MOST_UNKNOWNS = (30.0, 45.0, 60.0), 25_000
 
-#: Cells along a side of a rhombus of the mesh along the fibres.
+#: Cells along a rhombus side of the fibre-aligned mesh.
 CELLS = 16
 
-#: Tolerance of the load that is asked for.
+#: Tolerance of the load.
 TOLERANCE = 0.01
 
-#: Load steps of the runs that are not timed.
+#: Load steps of runs that are not timed.
 STEPS = 8
 
-# Corners are moved to this share of their distance from the middle, so that one on a
-# kink is on the side of its element.  Shear angles that differ by more than the other,
-# in radians, are of two sides of a kink.  Chosen: far above rounding.
+# Corners are moved towards the element centre by this factor, so that a corner on a
+# kink lies on the side of its element.  A larger difference of shear angles, in
+# radians, means that a kink crosses the element.  Both are far above round-off.
 _INSIDE, _JUMP = 0.99, 1e-6
 
 
 @dataclass(frozen=True)
 class Case:
-    """A pull along the bisector of the fibres, and what it is for.
+    """Tension along the bisector of the fibres, and the purpose of the run.
 
     Attributes
     ----------
     task
         ``calibrates`` or ``judges`` the estimate, ``tolerance``, or ``kinks``.
     degrees, gamma
-        Inclination of the fibres, and shear angle at the end.
+        Inclination of the fibres, and final shear angle.
     E
         Fibre stiffness in N/mm.
     mesh, across, seed
@@ -102,18 +102,18 @@ class Case:
         return Specimen(self.degrees, "linear", self.E / G)
 
     def reference(self, scene: Scene) -> float:
-        """The load in N at the end: that of the study of angles."""
+        """The final load in N, from the study of angles."""
         assert scene.load is not None
         inextensible = scene.load(self.specimen.shear_law, 1.0)
         share = stored()[self.specimen, round(self.gamma)]["load"]
         return float(share * inextensible)
 
     def scene_along_fibres(self) -> Scene:
-        """The scene up to 40 degrees on the coarser mesh of the study's references."""
+        """The scene up to 40 degrees on the coarser reference mesh of that study."""
         return self.specimen.along_fibres(CELLS)
 
     def rows(self) -> list[Row]:
-        """The rows of a case; of kinks one for each mesh."""
+        """The rows of a case; one per mesh for ``kinks``."""
         scene, kinks = self.scene(), self.task == "kinks"
         found = _kinks(self, scene) if kinks else [_of_load(self, scene)]
         head = {"case": str(self), "task": self.task, "degrees": self.degrees}
@@ -121,7 +121,7 @@ class Case:
 
 
 def all_cases() -> Iterator[Case]:
-    """Every case; those that judge have other meshes and stiffnesses, more angles."""
+    """All cases; validation uses other meshes, stiffnesses and more angles."""
     meshes, gammas = ("irregular", "delaunay"), (20.0, 40.0)
     for degrees, gamma, mesh, across in product(
         (30.0, 45.0, 60.0), gammas, meshes, (6, 12)
@@ -137,7 +137,7 @@ def all_cases() -> Iterator[Case]:
 
 
 def _of_load(case: Case, scene: Scene) -> Row:
-    """Error of the load, and what was estimated."""
+    """Load error and its estimate."""
     ply, met = case.ply(scene), None
     if case.task == "tolerance":
         result = _refined(ply, scene, TOLERANCE, MOST_UNKNOWNS)
@@ -162,7 +162,7 @@ def _of_load(case: Case, scene: Scene) -> Row:
 
 
 def _kinks(case: Case, scene: Scene) -> list[Row]:
-    """Position errors of uniform meshes, and of those that are finer at kinks."""
+    """Position errors of uniform meshes and of meshes refined at kinks."""
     rows, ply = [], case.ply(scene)
     while ply.basis.N <= MOST_UNKNOWNS:
         rows.append(position(scene, ply, _end(scene, ply)) | {"mesh": "uniform"})
@@ -179,7 +179,7 @@ def _kinks(case: Case, scene: Scene) -> list[Row]:
 
 
 def band_at_kinks(ply: Ply, scene: Scene, most: int) -> Ply:
-    """A ply that is refined only in elements that kinks of the exact motion cross."""
+    """A ply refined only in elements crossed by kinks of the exact solution."""
     while True:
         corners = ply.users_mesh.p[:, ply.users_mesh.t]
         middle = corners.mean(axis=1, keepdims=True)
@@ -195,18 +195,18 @@ def band_at_kinks(ply: Ply, scene: Scene, most: int) -> Ply:
 
 
 def _end(scene: Scene, ply: Ply) -> ndarray:
-    """The displacement under the whole load."""
+    """The displacement at full load."""
     return LoadStepper(ply, scene.conditions, STEPS).run().u
 
 
 def _refined(ply: Ply, scene: Scene, tolerance: float, most: int) -> Result:
-    """The result on the last mesh, be the tolerance met or not."""
+    """The result on the last mesh, even if the tolerance is not met."""
     given = ply, scene.conditions, tolerance, STEPS
     return run(AdaptiveStepper(*given, most_unknowns=most))[0]
 
 
 def position(scene: Scene, ply: Ply, u: ndarray) -> Row:
-    """Position errors in mm, over nodes and over the area."""
+    """Root-mean-square position errors in mm, over nodes and over the area."""
     off = ply.nodal(u) - scene.displacement(ply.nodes, 1.0)
     square = (off**2).sum(axis=0)
     in_elements = square[ply.mesh.t].mean(axis=0)
@@ -217,13 +217,13 @@ def position(scene: Scene, ply: Ply, u: ndarray) -> Row:
     }
 
 
-#: Errors below this are small: an estimate is to stay below `_LEAST_LARGE` there.
+#: For errors below `SMALL`, estimates must stay below `_LEAST_LARGE`.
 SMALL, _LEAST_LARGE = 0.005, 0.02
 
-#: Least and largest estimate over error that pass.
+#: Accepted range of the ratio of estimate to error.
 PASSES = 0.5, 3.0
 
-#: What meshes of the comparison at equal unknowns are called.
+#: Names of the meshes in the comparison at equal unknowns.
 MESHES = {
     "refined": "refined at kinks",
     "known": "refined at the exact kinks",
@@ -232,29 +232,29 @@ MESHES = {
 
 _POSITIONS = "position_error", "over_area"
 
-# Ends of the axes of load errors in per cent, and of position errors in mm.
+# Axis limits of load errors in per cent, and of position errors in mm.
 _ENDS, _POSITION_ENDS = (0.03, 30.0), (0.004, 1.0)
 
 
 def estimates(rows: Sequence[Row]) -> str:
-    """Ratios of estimate and error, of the cases that calibrate and that judge."""
+    """Ratios of estimate to error for calibration and validation cases."""
     lines = []
-    for task in ("calibrates", "judges"):
+    for task, name in (("calibrates", "calibration"), ("judges", "validation")):
         if found := having(rows, task=task):
             costs = [row["cost"] for row in found]
             cost = f"{np.median(costs):.0%}, {np.max(costs):.0%}"
-            lines.append([task, *_passed(found), cost])
+            lines.append([name, *_passed(found), cost])
     head = [
         "cases",
-        f"estimate over error from {PASSES[0]:g} to {PASSES[1]:g}",
-        f"error at most {SMALL:.1%}, estimate below {_LEAST_LARGE:.0%}",
-        "share of the run, median and most",
+        f"estimate over error in {PASSES[0]:g} to {PASSES[1]:g}",
+        f"error ≤ {SMALL:.1%}: estimate < {_LEAST_LARGE:.0%}",
+        "share of run time: median, maximum",
     ]
     return markdown_table(head, lines)
 
 
 def _passed(rows: Sequence[Row]) -> tuple[str, str]:
-    """How many estimates of large errors and of small errors pass."""
+    """Numbers of accepted estimates for large and for small errors."""
     large = [row for row in rows if abs(row["error"]) > SMALL]
     small = [row for row in rows if abs(row["error"]) <= SMALL]
     ratios = [(row["estimate"] or 0.0) / abs(row["error"]) for row in large]
@@ -264,7 +264,7 @@ def _passed(rows: Sequence[Row]) -> tuple[str, str]:
 
 
 def factor(rows: Sequence[Row]) -> str:
-    """Error over what tells of it in the cases that calibrate, and what is taken."""
+    """Ratios of error to indicator in calibration cases, and the factors used."""
     found = [row for row in having(rows, task="calibrates") if row["estimate"]]
     large = [row for row in found if abs(row["error"]) > SMALL]
     load = [abs(r["error"]) / r["carried"] for r in large]
@@ -273,12 +273,12 @@ def factor(rows: Sequence[Row]) -> str:
     lines = [
         [name, f"{np.median(x):.2f}", span(x, ".2f"), f"{now:g}"]
         for name, x, now in (
-            ("load over the share of the energy", load, LOAD_OVER_SHARE),
-            ("shear angle over its change", angle, taken),
+            ("load error over energy share", load, LOAD_OVER_SHARE),
+            ("shear-angle error over change", angle, taken),
         )
         if x
     ]
-    return markdown_table(["error", "median", "range", "taken"], lines)
+    return markdown_table(["ratio", "median", "range", "used"], lines)
 
 
 def tolerances(rows: Sequence[Row]) -> str:
@@ -296,7 +296,7 @@ def tolerances(rows: Sequence[Row]) -> str:
 
 
 def kinks(rows: Sequence[Row]) -> str:
-    """Position errors over those of uniform meshes, interpolated at equal unknowns."""
+    """Position errors relative to uniform meshes, interpolated at equal unknowns."""
     lines, found = [], having(rows, task="kinks")
     for row in (row for row in found if row["mesh"] != "uniform"):
         line = [f"{row['degrees']:g}°", MESHES[row["mesh"]], row["unknowns"]]
@@ -311,7 +311,7 @@ def kinks(rows: Sequence[Row]) -> str:
 
 
 def _uniform(rows: Sequence[Row], row: Row, key: str) -> float:
-    """The error of uniform meshes with as many unknowns as a row has."""
+    """The error of uniform meshes at the number of unknowns of a row."""
     uniform = having(rows, degrees=row["degrees"], mesh="uniform")
     sizes = np.log([other["unknowns"] for other in uniform])
     errors = np.log([other[key] for other in uniform])
@@ -319,7 +319,7 @@ def _uniform(rows: Sequence[Row], row: Row, key: str) -> float:
 
 
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
-    """The results that pages say, by name."""
+    """The results quoted on pages, by name."""
     runs, found = having(rows, task="tolerance"), having(rows, task="kinks")
     within = [row for row in runs if abs(row["error"]) <= TOLERANCE]
     met = [row for row in runs if row["met"]]

@@ -1,1 +1,1 @@
-"""Fibres at angles other than 45°: how far the load of the bias extension is off."""
+"""Load error of the bias extension with fibres at angles other than 45°."""

@@ -1,9 +1,9 @@
 """Plies, meshes, converged loads and cases of the study of angles.
 
-Converged loads come from meshes along the fibres, fine where fibres are stretched.  The
-fibres that start at the corners of the clamps divide a ply of the height 2W tan θ into
-equal rhombi and halves of them.  The shear angle jumps at these fibres, and they carry
-forces that stretch spreads over narrow layers.
+Converged loads come from fibre-aligned meshes, graded towards stretched fibres.  The
+fibres through the corners of the clamps divide a ply of height 2W tan θ into equal
+rhombi and half-rhombi.  The shear angle jumps at these fibres; their tension is
+distributed over narrow layers by fibre stretch.
 """
 
 import json
@@ -37,7 +37,7 @@ from ..common.tables import Row
 #: Inclinations of the warp in degrees, and shear angles in degrees.
 INCLINATIONS, ANGLES = (30.0, 37.5, 45.0, 52.5, 60.0), (10, 20, 30, 40)
 
-#: Load steps; each of the shear angles is at the end of one.
+#: Load steps; each shear angle is reached at the end of a step.
 STEPS = 8
 
 #: Shear stiffness in N/mm, shear laws by name, and ratios E/G.
@@ -45,59 +45,58 @@ G = 0.5
 LAWS: dict[str, Law] = {"linear": Linear(G), "sin²": Sin2(G)}
 RATIOS = (2e4, 2e5, 2e6)
 
-#: Numbers of element edges along the clamps after the split inside, and the mesh of
-#: each kind of elements.
+#: Numbers of element edges along the clamps after internal splitting, and the mesh of
+#: each element shape.
 ACROSS = (16, 32)
 MESHES = {"quads": "irregular", "triangles": "delaunay"}
 
-#: Limits of the errors of median loads by the number of edges across, as shares, up to
-#: the inclination `STEEP` in degrees; twice as much above.
+#: Limits of the relative error of median loads by edges across, up to the inclination
+#: `STEEP` in degrees; twice as large above.
 LIMITS, STEEP = {16: 0.04, 32: 0.02}, 52.5
 
-#: Largest move of a node, as a share of the spacing.
+#: Largest displacement of a node relative to the spacing.
 JITTER = 0.25
 
-#: Seeds and inclinations that judge, and those by which constants are chosen.
+#: Seeds and inclinations for validation, and for the choice of constants.
 JUDGING = (1, 2, 3, 4, 5), INCLINATIONS
 CHOOSING = (11, 12, 13), (30.0, 45.0, 60.0)
 
-#: Grading of the meshes of the references.  Chosen: the narrowest cells are 0.001 L
-#: wide, where L is a side of a rhombus.  Layers are about L √(G/E) wide, from 0.007 L
-#: at E/G = 2e4 to 0.0007 L at 2e6.
+#: Grading of the reference meshes.  The narrowest cells are 0.001 L wide, with the
+#: rhombus side L.  Layers are about L √(G/E) wide: 0.007 L at E/G = 2e4 to 0.0007 L at
+#: 2e6.
 GRADING = 6.0
 
-#: Formulations of the references, with cells along a side of a rhombus.  The last gives
-#: the answer, the one before has cells twice as wide, the first is another formulation.
+#: Formulations of the references, with cells along a rhombus side.  The last gives the
+#: result, the second has cells twice as wide, the first uses another formulation.
 REFERENCES: tuple[tuple[Formulation, int], ...] = (
     (Full(), 16),
     (Quadratic(), 16),
     (Quadratic(), 32),
 )
 
-#: Where converged loads are stored.
+#: File of the converged loads.
 FILE = Path(__file__).parents[2] / "docs" / "angles" / "references.json"
 
-#: Most by which two formulations may differ, and by which the load may change when
-#: cells are halved, as shares of the load.
+#: Largest relative load difference between two formulations, and on halving the cells.
 AGREEMENT = 0.005
 
-# Digits after the point that are stored.  Chosen: far finer than the agreement.
+# Number of stored decimals, far finer than the agreement.
 _DIGITS = 6
 
-# A point that is nearer to a side than this share of a rhombus is on it.  Chosen: far
-# above rounding, 2e-16, and far below the narrowest cells, 1e-3.
+# Points closer to a side than this fraction of a rhombus are on it: far above
+# round-off, 2e-16, and far below the narrowest cells, 1e-3.
 _NEAR = 1e-9
 
 
 def graded_mesh(theta: float, cells: int) -> Mesh:
-    """Triangles along the fibres, graded towards those that start at the corners.
+    """Fibre-aligned triangles, graded towards the fibres through the corners.
 
     Parameters
     ----------
     theta
         Inclination of the fibres in radians.
     cells
-        Number of cells along a side of a rhombus, even.
+        Even number of cells along a rhombus side.
     """
     lines = np.concatenate([i + _graded(cells) for i in range(3)] + [[3.0]])
     outline = np.array([[0.0, 1.0, 3.0, 2.0], [0.0, -1.0, 1.0, 2.0]])
@@ -107,7 +106,7 @@ def graded_mesh(theta: float, cells: int) -> Mesh:
 
 
 def _graded(cells: int) -> ndarray:
-    """Points from 0 on, below 1, that are denser at both ends."""
+    """Points in [0, 1), denser at both ends."""
     share = np.arange(cells) / cells
     from_end = np.minimum(share, 1 - share)
     moved = np.sinh(2 * GRADING * from_end) / np.sinh(GRADING) / 2
@@ -116,7 +115,7 @@ def _graded(cells: int) -> ndarray:
 
 @dataclass(frozen=True)
 class Specimen:
-    """A ply of the height 2W tan θ, its warp at an inclination in degrees.
+    """A ply of height 2W tan θ, with the inclination of its warp in degrees.
 
     ``law`` is the name of a shear law, and ``ratio`` is E/G.
     """
@@ -137,7 +136,7 @@ class Specimen:
 
     @property
     def row(self) -> Row:
-        """What rows tell of it."""
+        """Entries of the ply in rows."""
         return asdict(self)
 
     @classmethod
@@ -160,7 +159,7 @@ class Specimen:
         return Fabric(self.ratio * G, self.shear_law, scene.warp, scene.weft)
 
     def along_fibres(self, cells: int) -> Scene:
-        """The scene on a mesh with so many cells along a side of a rhombus."""
+        """The scene on a fibre-aligned mesh with given cells along a rhombus side."""
         return self.scene(graded_mesh(float(np.radians(self.inclination)), cells))
 
     def stepper(self, scene: Scene, formulation: Formulation) -> LoadStepper:
@@ -169,9 +168,9 @@ class Specimen:
         return LoadStepper(ply, scene.conditions, STEPS)
 
     def loads(self, scene: Scene, result: Result) -> dict[int, float]:
-        """The load over that of fibres that do not stretch, by shear angle in degrees.
+        """Ratio of the load to the inextensible load, by shear angle in degrees.
 
-        It is nan where the run did not get to.
+        Values beyond the end of a failed run are nan.
         """
         assert scene.load is not None
         loads = dict.fromkeys(ANGLES, np.nan)
@@ -184,16 +183,16 @@ class Specimen:
         return loads
 
     def converged(self) -> Iterator[Row]:
-        """The converged load at each shear angle, over that of inextensible fibres.
+        """Ratio of the converged to the inextensible load at each shear angle.
 
-        ``apart`` is by how much another formulation differs, ``halving`` by how much
-        the load changed when cells were halved, both as shares of the load.  ``lost``
-        is the estimate of the share of the load that is lost to stretch.
+        ``apart`` is the difference to another formulation, ``halving`` the change on
+        halving the cells, both relative to the load.  ``lost`` is the estimated
+        fraction of the load lost to fibre stretch.
 
         Raises
         ------
         StepError
-            If a run does not reach its end.
+            If a run fails.
         """
         loads = []
         for formulation, cells in REFERENCES:
@@ -213,18 +212,18 @@ class Specimen:
 
 
 def limit(inclination: float, across: int) -> float:
-    """Limit of the error of a median load, as a share of the reference."""
+    """Limit of the relative error of a median load."""
     return LIMITS[across] * (2 if inclination > STEEP else 1)
 
 
 def agree(row: Row) -> bool:
-    """Whether formulations and meshes of a reference agree."""
+    """Return True if formulations and meshes of a reference agree."""
     return max(abs(row["apart"]), abs(row["halving"])) <= AGREEMENT
 
 
 @cache
 def stored() -> dict[tuple[Specimen, int], Row]:
-    """The stored converged loads by ply and shear angle.
+    """Stored converged loads by ply and shear angle.
 
     Raises
     ------
@@ -240,7 +239,7 @@ SPECIMENS = tuple(Specimen(*given) for given in product(INCLINATIONS, LAWS, RATI
 
 @dataclass(frozen=True)
 class Reference:
-    """A converged load, which is stored."""
+    """Computation of a converged load."""
 
     specimen: Specimen
 
@@ -258,7 +257,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Judged:
-    """The default formulation on an irregular mesh with so many edges across."""
+    """The default formulation on an irregular mesh with given edges across."""
 
     specimen: Specimen
     elements: str
@@ -272,13 +271,13 @@ class Judged:
         return f"{self.specimen}, {mesh}"
 
     def mesh(self) -> Mesh:
-        """The mesh before the split inside, about square elements."""
+        """The mesh before internal splitting, of nearly square elements."""
         n, slope = self.across // 2, np.tan(np.radians(self.specimen.inclination))
         size, kind = (n, round(2 * n * slope)), MESHES[self.elements]
         return rectangle(WIDTH, 2 * WIDTH * slope, size, kind, JITTER, self.seed)
 
     def rows(self) -> list[Row]:
-        """A row for each shear angle; loads that a run does not reach are nan."""
+        """A row for each shear angle; loads beyond the end of a failed run are nan."""
         specimen = self.specimen
         scene = specimen.scene(self.mesh())
         with warnings_collected() as warnings:

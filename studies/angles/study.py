@@ -1,7 +1,7 @@
-"""The bias extension with fibres at 30° to 60°: how far the load is off.
+"""Load error of the bias extension with fibres at 30° to 60°.
 
-``--part references`` computes converged loads on meshes along the fibres, which are
-stored.  The other parts compare the default formulation on irregular meshes with them.
+``--part references`` computes and stores converged loads on fibre-aligned meshes.  The
+other parts compare the default formulation on irregular meshes with them.
 """
 
 import argparse
@@ -43,20 +43,20 @@ from .cases import (
     stored,
 )
 
-#: A ply, shear angle, kind of elements, and number of edges across.
+#: Ply, shear angle, element shape, and number of edges across.
 Key: TypeAlias = tuple[Specimen, int, str, int]
 
-#: Kinds of elements, and numbers of edges across.
+#: Element shapes, and numbers of edges across.
 KINDS = tuple(product(MESHES, ACROSS))
 
 _CHECKS = "apart", "halving"
 
-# Width in degrees over which the lines of a panel stand beside each other.
+# Half-width in degrees of the horizontal offset between the lines of a panel.
 _SPREAD = 3.0
 
 
 def errors(rows: Sequence[Row]) -> dict[Key, list[float]]:
-    """Errors of the loads of the seeds, as shares of the reference."""
+    """Relative load errors of the seeds."""
     found: dict[Key, list[float]] = {}
     for row in rows:
         mesh = row["elements"], row["across"]
@@ -66,7 +66,7 @@ def errors(rows: Sequence[Row]) -> dict[Key, list[float]]:
 
 
 def agreements(rows: Sequence[Row]) -> str:
-    """The references, and how much meshes and formulations differ."""
+    """The references, with differences between meshes and formulations."""
     known = {specimen: having(rows, **specimen.row) for specimen in SPECIMENS}
     lines = [
         [
@@ -85,7 +85,7 @@ def agreements(rows: Sequence[Row]) -> str:
 
 
 def summary(rows: Sequence[Row]) -> str:
-    """The furthest median by inclination, and how many medians are within the limit."""
+    """The largest median error by inclination, and counts of medians within limits."""
     lines, found = [], _medians(errors(rows))
     for inclination in INCLINATIONS:
         line = [f"{inclination:g}°"]
@@ -101,12 +101,12 @@ def summary(rows: Sequence[Row]) -> str:
         lines.append(line)
     head = ["fibres"]
     for elements, across in KINDS:
-        head += [f"{elements}, {across} across: furthest median", "met by"]
+        head += [f"{elements}, {across} across: largest median error", "met by"]
     return markdown_table(head, lines)
 
 
 def in_words(converged: Sequence[Row], compared: Sequence[Row]) -> dict[str, str]:
-    """The results that pages say, by name, of references and of what is judged."""
+    """The results quoted on pages, by name."""
     found = errors(compared)
     medians = _medians(found)
     gentle = [
@@ -135,12 +135,12 @@ def in_words(converged: Sequence[Row], compared: Sequence[Row]) -> dict[str, str
 
 
 def _medians(found: Mapping[Key, Sequence[float]]) -> dict[Key, float]:
-    """Medians of the errors that are known; nan if none is."""
+    """Medians of the known errors; nan if none is known."""
     return {key: median(off) for key, off in found.items()}
 
 
 def _within(medians: Mapping[Key, float]) -> int:
-    """How many medians are within their limits."""
+    """Number of medians within their limits."""
     return sum(
         abs(middle) <= limit(key[0].inclination, key[3])
         for key, middle in medians.items()
@@ -148,9 +148,9 @@ def _within(medians: Mapping[Key, float]) -> int:
 
 
 def draw_loads(rows: Sequence[Row], file: File = None) -> Any:
-    """Loads at the largest shear angle: a panel for each kind of element and mesh.
+    """Draw loads at the largest shear angle, a panel per element shape and mesh.
 
-    Points are medians of the seeds, bars go from the least to the largest load.
+    Points are medians over the seeds; bars extend from the smallest to the largest load.
     """
     from matplotlib.patches import Patch
 
@@ -216,7 +216,7 @@ COMPARED = Part(
 
 
 class Angles(Study[Case]):
-    """References, or the default formulation beside them."""
+    """Reference loads, or the default formulation compared with them."""
 
     parts = REFERENCES, COMPARED
     sample = "45°, linear, E/G = 2e5, quads, 16 across, seed 1"
@@ -226,14 +226,14 @@ class Angles(Study[Case]):
             "--part",
             choices=("judging", "choosing", "references"),
             default="judging",
-            help="the cases that judge the default formulation (the default), those by "
-            "which its constants are chosen, or the converged loads",
+            help="validation of the default formulation (default), cases to choose its "
+            "constants, or converged loads",
         )
 
     def cases(self, options: argparse.Namespace) -> Sequence[Case]:
         if options.part == "references":
             return [Reference(specimen) for specimen in SPECIMENS]
-        stored()  # refuses a missing file before any work
+        stored()  # raises early if the file is missing
         return list(judged(*(JUDGING if options.part == "judging" else CHOOSING)))
 
     def line(self, rows: list[Row]) -> str:
@@ -245,7 +245,7 @@ class Angles(Study[Case]):
         return in_words(REFERENCES.of(rows), COMPARED.of(rows))
 
     def complaint(self, rows: list[Row]) -> str:
-        """References on which formulations or meshes do not agree."""
+        """Report references on which formulations or meshes do not agree."""
         doubtful = [row for row in REFERENCES.of(rows) if not agree(row)]
         if not doubtful:
             return ""

@@ -1,1 +1,1 @@
-"""What the commands and scripts of the documentation print and write."""
+"""Output of the commands and scripts in the documentation."""

@@ -1,1 +1,1 @@
-"""Modules that several studies use."""
+"""Modules shared by several studies."""

@@ -1,6 +1,6 @@
-"""Figures of studies: frames, styles of lines, logarithmic axes and legends.
+"""Figures of studies: layout, line styles, logarithmic axes and legends.
 
-Matplotlib is loaded when a figure is drawn.
+Matplotlib is imported when a figure is drawn.
 """
 
 import os
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-#: Where to write a picture; None for a figure that is not written.
+#: File of a figure; None for a figure that is not written.
 File = str | os.PathLike[str] | None
 
 #: Width of a printed page in inches.
@@ -20,20 +20,20 @@ _MARKERS = "osD^vP*Xdh"
 
 
 def colour_of(i: int) -> str:
-    """The colour of the i-th kind."""
+    """Colour of the i-th series."""
     from skfem_textile.plot.curves import COLOURS
 
     return COLOURS[i % len(COLOURS)]
 
 
 def style_of(i: int, **more: Any) -> dict[str, Any]:
-    """Colour and marker of the lines of the i-th kind."""
+    """Colour and marker of the i-th series."""
     return {"color": colour_of(i), "marker": _MARKERS[i % len(_MARKERS)], **more}
 
 
 @contextmanager
 def figure_of(size: tuple[float, float], file: File, font_size: int) -> Iterator[Any]:
-    """A figure of a size in inches, which is written when the block ends.
+    """A figure with a size in inches, written at the end of the block.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def panels_of(
     xlabel: str = "",
     **sharing: Any,
 ) -> Iterator[tuple[Any, np.ndarray]]:
-    """A figure and its panels: a column for each title, a row for each label of y."""
+    """A figure with a grid of panels: one column per title, one row per y-label."""
     with figure_of(size, file, font_size) as figure:
         shape = len(ylabels), len(titles)
         grid = figure.subplots(*shape, squeeze=False, **sharing)
@@ -82,7 +82,7 @@ def legend(
     columns: int,
     more: Iterable[Any] = (),
 ) -> None:
-    """A legend of lines below the figure, by their labels."""
+    """Draw a legend of the lines below the figure."""
     from matplotlib.lines import Line2D
 
     lines = [Line2D([], [], label=label, **style) for label, style in styles.items()]
@@ -95,7 +95,7 @@ def legend(
 
 
 def plain_numbers(axes: Any, form: str = "g") -> None:
-    """Label logarithmic axes with numbers in full, and none between them."""
+    """Label the major ticks of logarithmic axes with plain numbers, minor ticks not."""
     from matplotlib.ticker import NullFormatter
 
     for axis in (axes.xaxis, axes.yaxis):
@@ -104,7 +104,7 @@ def plain_numbers(axes: Any, form: str = "g") -> None:
 
 
 def ticks_of_decades(axes: Any) -> None:
-    """Mark values of y at decades, or three to a decade where there is about one."""
+    """Put y-ticks at decades, or three per decade if the range is about one decade."""
     from matplotlib.ticker import LogLocator
 
     low, high = axes.get_ylim()

@@ -1,4 +1,4 @@
-"""Where results come from: the command, the commit, the versions and the machine."""
+"""Provenance of results: command, commit, versions and machine."""
 
 import argparse
 import json
@@ -12,12 +12,12 @@ from typing import Any
 from .rivals.codes import interpreter
 from .tables import json_text
 
-#: The file beside the results, with the runs of each study that wrote them.
+#: The file with the runs of each study that wrote the results.
 FILE = "provenance.json"
 
 _ROOT = Path(__file__).parents[2]
 
-# Options that do not change results.
+# Options without influence on the results.
 _NO_RESULT = "study", "out", "resume", "no_render", "workers"
 
 _PACKAGES = (
@@ -27,10 +27,10 @@ _PACKAGES = (
 
 
 def recorded(options: argparse.Namespace) -> str:
-    """The text of the file after a run, given the options of its command line.
+    """The text of the file after a run with these command-line options.
 
-    A run of some cases is added to the earlier runs.  A whole run replaces those with
-    the same options.
+    A run of selected cases is added to the earlier runs.  A full run replaces the runs
+    with the same options.
     """
     chosen = {
         name: value
@@ -50,7 +50,7 @@ def recorded(options: argparse.Namespace) -> str:
 
 
 def read(folder: Path) -> dict[str, list[dict[str, Any]]]:
-    """The runs of each study that wrote into a folder; empty without the file."""
+    """The runs of each study recorded in a folder; empty without the file."""
     try:
         text = (folder / FILE).read_text(encoding="utf-8")
     except FileNotFoundError:
@@ -60,7 +60,7 @@ def read(folder: Path) -> dict[str, list[dict[str, Any]]]:
 
 
 def machine() -> dict[str, Any]:
-    """Processor, cores, threads and versions; None for a package that is missing."""
+    """Processor, cores, threads and versions; None for a missing package."""
     there = interpreter()
     versions = {name: _version(name) for name in _PACKAGES}
     return {
@@ -74,7 +74,7 @@ def machine() -> dict[str, Any]:
 
 
 def sentence(machine: dict[str, Any]) -> str:
-    """A machine in words."""
+    """Description of a machine."""
     packages = machine["packages"].items()
     there = ", ".join(f"{name} {version}" for name, version in packages if version)
     return (
@@ -101,7 +101,7 @@ def _processor() -> str:
 
 
 def _commit() -> dict[str, Any]:
-    """The commit of the code, and whether the code differs from it."""
+    """The commit of the code, and whether the code has uncommitted changes."""
     try:
         commit = _git("rev-parse", "HEAD")
         changes = _git("status", "--porcelain", "--", "skfem_textile", "studies")

@@ -1,4 +1,4 @@
-"""Runs of the cases of a study: processes, and the log of the library."""
+"""Execution of the cases of a study: processes and logging."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -11,7 +11,7 @@ from skfem_textile.solve.result import Result, StepError
 from skfem_textile.solve.stepper import LoadStepper
 from skfem_textile.solve.sweep import WorkerProcesses
 
-#: Variables that give libraries of linear algebra one thread.
+#: Environment variables that limit linear-algebra libraries to one thread.
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
 )
@@ -20,12 +20,12 @@ _LOG = logging.getLogger("skfem_textile")
 
 
 class InProcess(Executor):
-    """Calls every function at once, in this process."""
+    """Executor that calls each function immediately, in this process."""
 
     def submit(
         self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any
     ) -> Future[Any]:
-        """Call the function; the future keeps errors, but interruptions are raised."""
+        """Call the function; the future stores errors, interruptions are raised."""
         future: Future[Any] = Future()
         try:
             future.set_result(fn(*args, **kwargs))
@@ -35,7 +35,7 @@ class InProcess(Executor):
 
 
 def executor_of(workers: int) -> Executor:
-    """The present process for one worker, and worker processes for more."""
+    """Executor in this process for one worker, in worker processes for several."""
     return InProcess() if workers == 1 else WorkerProcesses(workers)
 
 
@@ -46,7 +46,7 @@ def in_new_process(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def run(stepper: LoadStepper | AdaptiveStepper) -> tuple[Result, str]:
-    """The result as far as a run goes, and why it stopped early; empty if not."""
+    """The result up to the last state, and the error message; empty on success."""
     try:
         return stepper.run(), ""
     except StepError as error:
@@ -66,7 +66,7 @@ def errors_only() -> Iterator[None]:
 
 @contextmanager
 def warnings_collected() -> Iterator[list[str]]:
-    """Collect the texts of warnings and errors in a list, and log none of them."""
+    """Collect the texts of warnings and errors in a list instead of logging them."""
     texts = list[str]()
     collector, propagate = logging.Handler(logging.WARNING), _LOG.propagate
     collector.emit = lambda record: texts.append(record.getMessage())  # type: ignore[method-assign]

@@ -1,4 +1,4 @@
-"""Rows of results as CSV, JSON and tables in Markdown, and numbers in words."""
+"""Rows of results as CSV, JSON and Markdown tables, and formatted numbers."""
 
 import csv
 import io
@@ -8,10 +8,10 @@ from math import isfinite, nan
 from statistics import median as middle
 from typing import Any, TypeAlias
 
-#: A result, ready for JSON: numbers, text, lists and dicts.
+#: A JSON-serialisable result: numbers, text, lists and dicts.
 Row: TypeAlias = dict[str, Any]
 
-#: What stands in a column: a format of the entries of a row, or a function of the row.
+#: Content of a column: a format of the entries of a row, or a function of the row.
 Column: TypeAlias = str | Callable[[Row], object]
 
 _WORDS = {"": None, "None": None, "True": True, "False": False}
@@ -19,7 +19,7 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def csv_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows as CSV, with a column for every key of any row.
+    """Rows as CSV, with one column for each key in any row.
 
     Examples
     --------
@@ -35,9 +35,9 @@ def csv_table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def rows_of_csv(text: str) -> list[Row]:
-    r"""The rows of `csv_table`: numbers, booleans and text; an empty cell is None.
+    r"""Parse the text of `csv_table`: numbers, booleans, text; empty cells are None.
 
-    A number that `csv_table` would write otherwise is text.
+    A number in another format than `csv_table` writes remains text.
 
     Examples
     --------
@@ -49,7 +49,7 @@ def rows_of_csv(text: str) -> list[Row]:
 
 
 def _value(text: str) -> Any:
-    """What `csv_table` wrote into a cell."""
+    """The value of a cell written by `csv_table`."""
     if text in _WORDS:
         return _WORDS[text]
     for number in (int, float):
@@ -62,7 +62,7 @@ def _value(text: str) -> Any:
 
 
 def json_text(content: Any) -> str:
-    """Content as JSON; refuses nan, which JSON does not have."""
+    """Content as JSON; raises ValueError for nan, which JSON does not support."""
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -72,7 +72,7 @@ def having(rows: Iterable[Row], **entries: Any) -> list[Row]:
 
 
 def grouped(rows: Iterable[Row], *keys: str) -> dict[Any, list[Row]]:
-    """Rows by what they have under a key, or as tuples under several keys.
+    """Rows grouped by the value of a key, or by tuples of the values of several keys.
 
     Examples
     --------
@@ -88,7 +88,7 @@ def grouped(rows: Iterable[Row], *keys: str) -> dict[Any, list[Row]]:
 
 
 def markdown_table(head: Iterable[object], lines: Iterable[Iterable[object]]) -> str:
-    """A table in Markdown.
+    """A Markdown table.
 
     Examples
     --------
@@ -103,7 +103,7 @@ def markdown_table(head: Iterable[object], lines: Iterable[Iterable[object]]) ->
 
 
 def table(rows: Iterable[Row], columns: Mapping[str, Column]) -> str:
-    """A table in Markdown with a line for each row, by the heads of its columns.
+    """A Markdown table with a line for each row, and columns by heading.
 
     Examples
     --------
@@ -119,7 +119,7 @@ def table(rows: Iterable[Row], columns: Mapping[str, Column]) -> str:
 
 
 def cell(row: Row, column: Column) -> object:
-    """What stands in a column of a row; ``-`` if the row does not have an entry."""
+    """The cell of a column in a row; ``-`` if the row lacks an entry."""
     if callable(column):
         return column(row)
     known = {k: x for k, x in row.items() if x is not None and x == x}
@@ -130,12 +130,12 @@ def cell(row: Row, column: Column) -> object:
 
 
 def on(what: str, heads: Iterable[str]) -> list[str]:
-    """Heads of columns with what they are of."""
+    """Column headings with a common prefix."""
     return [f"{what}: {head}" for head in heads]
 
 
 def percent(share: float | None, form: str = "+.2f") -> str:
-    """A share in per cent; ``-`` if it is unknown.
+    """A fraction in per cent; ``-`` if it is unknown.
 
     Examples
     --------
@@ -147,7 +147,7 @@ def percent(share: float | None, form: str = "+.2f") -> str:
 
 
 def percent_of(key: str, form: str = "+.2f") -> Column:
-    """A column of shares in per cent."""
+    """A column of fractions in per cent."""
     return lambda row: percent(row[key], form)
 
 
@@ -164,7 +164,7 @@ def span(values: Iterable[float], form: str) -> str:
 
 
 def furthest(values: Iterable[float], middle: float = 0.0) -> float:
-    """The known value that is furthest from a middle; nan if none is known.
+    """The known value furthest from a reference value; nan if none is known.
 
     Examples
     --------
@@ -182,12 +182,12 @@ def median(values: Iterable[float]) -> float:
 
 
 def minus(text: str) -> str:
-    """Text with the sign of typography in place of hyphens."""
+    """Text with minus signs in place of hyphens."""
     return text.replace("-", "−")
 
 
 def scientific(number: float, digits: int = 2) -> str:
-    """A number with a power of ten.
+    """A number in scientific notation.
 
     Examples
     --------

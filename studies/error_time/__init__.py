@@ -1,1 +1,1 @@
-"""Error against run time, beside other codes: an hour and a half."""
+"""Error against run time, compared with other codes: 1.5 h."""

@@ -1,8 +1,8 @@
-"""Codes that are timed on finer and finer meshes, and the converged load of a scene.
+"""Codes timed on successively finer meshes, and the converged load of a scene.
 
 The codes are elements of this library and of other codes.  The converged load of the
-bias extension, at the stiffnesses of the study, comes from two formulations on meshes
-along the fibres, whose cells are halved three times.
+bias extension comes from two formulations on fibre-aligned meshes, whose cells are
+halved three times.
 """
 
 from collections.abc import Callable, Sequence
@@ -53,7 +53,7 @@ PROBLEMS = {
     "bias_extension": replace(BIAS[1], scene=bias_extension, steps=1, last=1),
 }
 
-#: Formulations of this library by the name of their element.
+#: Formulations of this library by element name.
 OWN = {
     "Q4, one point": AUTO,
     "macro, quads": MACRO,
@@ -63,38 +63,38 @@ OWN = {
     "Q4, 2×2": FULL,
 }
 
-#: Refinements of a uniform mesh: element edges across the scene, after any division.
+#: Refinements of a uniform mesh: element edges across the scene, after any splitting.
 ACROSS = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
 
-#: Tolerances of the load to which a mesh is refined, and edges across the first mesh.
+#: Load tolerances of adaptive runs, and edges across the initial mesh.
 TOLERANCES, _FIRST_ACROSS = (0.2, 0.1, 0.05, 0.02), 8
 
-#: Seconds of a run after which a method is not refined further.
+#: Run time in s beyond which a method is not refined further.
 LONG = 1.5
 
-#: In the note of a search for a number of steps that took too long.
+#: Text in the note of a search for a number of steps that exceeded its time.
 GIVEN_UP = "given up"
 
-#: Seconds for which a rival may search for a number of steps with which it converges.
+#: Time limit in s of another code's search for a number of steps that converges.
 PATIENCE = 15.0
 
-#: Linear solvers of this library by the name of their set.
+#: Linear solvers of this library by set.
 SOLVERS = {"SciPy": "superlu", "fastest": "auto"}
 
-#: The ply of the reference: 45°, linear law, E/G = 2·10⁵; its last step ends at 40°.
+#: Ply of the reference: 45°, linear law, E/G = 2·10⁵; the last step ends at 40°.
 SPECIMEN = AlignedPly(45.0, "linear", 2e5)
 
-#: Formulations, and cells along a side of a rhombus.
+#: Formulations, and cells along a rhombus side.
 FORMULATIONS: dict[str, Formulation] = {"Quadratic()": Quadratic(), "Full()": Full()}
 CELLS = (8, 16, 32, 64)
 
-#: What rows of the reference have as their code.
+#: Entry ``code`` of reference rows.
 CODE = "reference"
 
 
 @dataclass(frozen=True)
 class ThisLibrary:
-    """One of the formulations of this library, with a solver of `SOLVERS`."""
+    """A formulation of this library with a solver of `SOLVERS`."""
 
     element: str
     method: Method
@@ -103,12 +103,12 @@ class ThisLibrary:
     refinements: ClassVar[Sequence[float]] = ACROSS
 
     def missing(self) -> str:
-        """Nothing."""
+        """Missing packages; none."""
         return ""
 
     @errors_only()
     def measured(self, problem: Specimen, across: Any, seed: int) -> Row:
-        """Errors and the time of a load in one step, halved if it must be."""
+        """Errors and run time of one load step, halved if necessary."""
         scene = Case("", problem, self.method, across, seed).scene()
 
         def loaded() -> Result:
@@ -121,13 +121,13 @@ class ThisLibrary:
 
 
 class Refined(ThisLibrary):
-    """A formulation of this library on a mesh that is refined to a tolerance."""
+    """A formulation of this library on an adaptively refined mesh."""
 
     refinements: ClassVar[Sequence[float]] = TOLERANCES
 
     @errors_only()
     def measured(self, problem: Specimen, tolerance: Any, seed: int) -> Row:
-        """Refine to a tolerance, with the whole load in one step on each mesh."""
+        """Refine to a tolerance, with the full load in one step on each mesh."""
         method, formulation = self.method, self.method.formulation(1.0)
         mesh = problem.mesh(method.mesh, _FIRST_ACROSS // method.parts, seed)
         scene = problem.scene(mesh)
@@ -144,7 +144,7 @@ class Refined(ThisLibrary):
 
 @dataclass(frozen=True)
 class OtherCode:
-    """A rival of this library."""
+    """An element of another code."""
 
     rival: Rival
     refinements: ClassVar[tuple[int, ...]] = ACROSS
@@ -165,11 +165,11 @@ class OtherCode:
         return self.rival.solver
 
     def missing(self) -> str:
-        """Packages to install first."""
+        """Missing packages."""
         return self.rival.missing()
 
     def measured(self, problem: Specimen, across: Any, seed: int) -> Row:
-        """Load in the number of steps that suffices; finding it is not timed."""
+        """Load in a sufficient number of steps; the search for it is not timed."""
         shape = self.rival.shape
         scene = problem.scene(problem.mesh(shape.mesh, across // shape.parts, seed))
         G = float(problem.law.tangent(np.zeros(1))[0])
@@ -184,7 +184,7 @@ class OtherCode:
         return {"across": across} | row
 
     def _run(self, mesh: tuple[str, str, int, int], task: Task) -> tuple[Run, int]:
-        """A timed run, and its number of steps, known or found."""
+        """A timed run and its number of steps, from an earlier run or a search."""
         run = self._unfolded(task, _STEPS[mesh], 1) if mesh in _STEPS else None
         if run is None:
             _STEPS[mesh] = self._best_steps(task, _STEPS.get(_coarser(mesh), 1))
@@ -192,15 +192,14 @@ class OtherCode:
         return run, _STEPS[mesh]
 
     def _best_steps(self, task: Task, coarser: int) -> int:
-        """The number of equal steps, out of the first two that suffice.
+        """The number of equal steps with fewer solves, of the first two that converge.
 
-        It is the one with fewer linear solves.  The first that is tried is the one
-        before that of the next coarser mesh.
+        The search starts one number below the result of the next coarser mesh.
 
         Raises
         ------
         NotConvergedError
-            If no number leads to an unfolded state, or not in time.
+            If no number within the time limit gives a state without inverted elements.
         """
         start, found = perf_counter(), dict[int, int]()
         for steps in STEPS[max(0, STEPS.index(coarser) - 1) :]:
@@ -214,13 +213,13 @@ class OtherCode:
                 break
         if found:
             return found[min(found)]
-        note = f"no unfolded state in up to {steps} equal steps"
+        note = f"inverted elements in up to {steps} equal steps"
         if steps < STEPS[-1]:
             note += f", {GIVEN_UP} after {PATIENCE:.0f} s"
         raise NotConvergedError(note)
 
     def _unfolded(self, task: Task, steps: int, repeats: int) -> Run | None:
-        """A run, None if it fails."""
+        """A run; None if it fails or elements are inverted."""
         try:
             run = self.rival.run(task, steps, repeats)
         except NotConvergedError:
@@ -228,8 +227,8 @@ class OtherCode:
         return run if unfolded(task.basis, run.u) else None
 
 
-# Numbers of steps by problem, element, edges across and seed: other codes with the same
-# element take the same Newton steps.
+# Numbers of steps by problem, element, edges across and seed; codes with the same
+# element have the same Newton iterates.
 _STEPS: dict[tuple[str, str, int, int], int] = {}
 
 
@@ -240,7 +239,7 @@ def _coarser(mesh: tuple[str, str, int, int]) -> tuple[str, str, int, int]:
 
 
 def _own(scene: Scene, loaded: Callable[[], Result]) -> Row:
-    """Errors and the time of the second of two runs of this library."""
+    """Errors and run time of the second of two runs of this library."""
     try:
         loaded()
         start = perf_counter()
@@ -258,9 +257,9 @@ def _own(scene: Scene, loaded: Callable[[], Result]) -> Row:
 
 
 def _errors(scene: Scene, basis: CellBasis, u: ndarray, reaction: ndarray) -> Row:
-    """Load in N along the prescribed displacement; errors of the shape if it is known.
+    """Load in N along the prescribed displacement; shape errors if the shape is known.
 
-    That of the bias extension is known only for fibres that do not stretch.
+    The exact shape of the bias extension is known only for inextensible fibres.
     """
     if scene.load is not None:
         return {"load": float(reaction[1])}
@@ -277,7 +276,7 @@ def _row(
     linear_solves: int | None = None,
     note: str = "",
 ) -> Row:
-    """A row of the table; a run that failed has a note and no figures."""
+    """A row of the table; a failed run has a note and no results."""
     return {
         "elements": basis.mesh.nelements,
         "unknowns": basis.N,
@@ -290,12 +289,12 @@ def _row(
 
 
 def shape_errors(scene: Scene, basis: CellBasis, u: ndarray) -> dict[str, float]:
-    """Distance of a displacement at the end of the load from the exact motion.
+    """Shape errors of the displacement at full load against the exact solution.
 
     Parameters
     ----------
     scene
-        The scene, with load factor 1 at the end.
+        The scene, with load factor 1 at full load.
     basis
         Basis of the displacement.
     u
@@ -304,8 +303,8 @@ def shape_errors(scene: Scene, basis: CellBasis, u: ndarray) -> dict[str, float]
     Returns
     -------
     dict
-        ``position``, rms over the nodes in mm; ``angle``, rms of the shear angle over
-        the centres of the elements in degrees.
+        ``position``, rms error over the nodes in mm; ``angle``, rms error of the shear
+        angle at element centres in degrees.
     """
     warp, weft = (np.reshape(A, (2, 1, 1)) for A in (scene.warp, scene.weft))
     centre = _at_points(basis, basis.mesh.elem.refdom.p.mean(axis=1, keepdims=True))
@@ -320,7 +319,7 @@ def shape_errors(scene: Scene, basis: CellBasis, u: ndarray) -> dict[str, float]
 
 
 def unfolded(basis: CellBasis, u: ndarray) -> bool:
-    """Whether det F is positive at the 2×2 points, or the six of triangles."""
+    """True if det F > 0 at the 2×2 points, or at the six points of triangles."""
     points, _ = SIX if basis.mesh.elem is ElementTriP1 else GAUSS
     return bool((kin.area_ratio(_F(_at_points(basis, points), u)) > 0).all())
 
@@ -335,7 +334,7 @@ def _at_points(basis: CellBasis, points: ndarray) -> CellBasis:
     return CellBasis(basis.mesh, basis.elem, quadrature=rule)
 
 
-#: This library with each set of solvers, then the rivals.
+#: This library with each set of solvers, then the other codes.
 CODES: tuple[ThisLibrary | OtherCode, ...] = (
     *(ThisLibrary(*own, solver) for solver in SOLVERS for own in OWN.items()),
     Refined("macro, refined", MACRO_TRIANGLES, "SciPy"),
@@ -344,7 +343,7 @@ CODES: tuple[ThisLibrary | OtherCode, ...] = (
 
 
 class Timed(NamedTuple):
-    """A code, timed on finer and finer meshes of a scene."""
+    """A code, timed on successively finer meshes of a scene."""
 
     seed: int
     scene: str
@@ -356,10 +355,10 @@ class Timed(NamedTuple):
         return ", ".join(words)
 
     def rows(self) -> list[Row]:
-        """The results of a code on one seed, from coarse to fine meshes.
+        """Results of a code for one seed, from coarse to fine meshes.
 
         The mesh is refined, or the tolerance reduced, until a run takes longer than
-        `LONG`.  A code that is not installed has one row that says so.
+        `LONG`.  For a code that is not installed, one row contains a note.
         """
         code = self.code
         head: Row = {"scene": self.scene, "code": code.code, "element": code.element}
@@ -379,7 +378,7 @@ class Timed(NamedTuple):
 
 @dataclass(frozen=True)
 class Reference:
-    """A formulation on a mesh along the fibres with so many cells."""
+    """A formulation on a fibre-aligned mesh with a number of cells."""
 
     element: str
     cells: int
@@ -414,10 +413,10 @@ class Load(NamedTuple):
 
 
 def converged(rows: Sequence[Row]) -> Load | None:
-    """The converged load; None unless every mesh of both formulations has a row.
+    """The converged load; None if a mesh of a formulation has no row.
 
-    The mean of the extrapolated loads of both formulations.  Its uncertainty is the
-    largest of their difference and of the changes when cells were halved last.
+    The load is the mean of the extrapolated loads of both formulations.  The
+    uncertainty is the maximum of their difference and the last changes on halving.
     """
     known = {
         (row["element"], row["across"]): row for row in rows if row["code"] == CODE
@@ -433,9 +432,9 @@ def converged(rows: Sequence[Row]) -> Load | None:
 
 
 def extrapolated(series: Sequence[float]) -> float:
-    """Richardson's extrapolation by the order of the last two changes.
+    """Richardson extrapolation with the order of the last two changes.
 
-    The last value where these do not have the same sign and do not become smaller.
+    Returns the last value unless the changes have the same sign and decrease.
 
     Examples
     --------
@@ -451,9 +450,9 @@ def extrapolated(series: Sequence[float]) -> float:
 
 
 def all_cases() -> list[Timed | Reference]:
-    """The reference, then every code; the codes take turns, seed by seed.
+    """The reference, then all codes in turn, seed by seed.
 
-    A tolerance of the load is a share of it, and the strip has none.
+    The tolerance is relative to the load, which is zero for the strip.
     """
     timed = (Timed(*given) for given in product(SEEDS, PROBLEMS, CODES))
     return [

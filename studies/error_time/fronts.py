@@ -1,4 +1,4 @@
-"""Medians over seeds, Pareto fronts of codes, and ratios of their times."""
+"""Medians over seeds, Pareto fronts of codes, and time ratios."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -9,23 +9,23 @@ import numpy as np
 from ..common.tables import Row
 from .cases import CODE, GIVEN_UP, Load, ThisLibrary, converged
 
-#: Sets of linear solvers: what rows of a set have as their solver.
+#: Sets of linear solvers, with the solver names in the rows.
 SETS = {"SciPy": ("SciPy", "MUMPS"), "fastest": ("fastest", "MUMPS")}
 
-# Errors that differ by a smaller share are the same: codes with the same element differ
-# by what Newton's tolerance leaves.
+# Relative tolerance for equal errors: codes with the same element differ by the Newton
+# tolerance.
 _SAME = 1e-3
 
-#: Seeds that must have a result for a mesh to count.
+#: Minimum number of seeds with a result for a mesh to count.
 LEAST_SEEDS = 3
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """An error of a scene, and the errors at which codes are compared.
+    """An error measure of a scene, and the levels at which codes are compared.
 
-    With ``%`` as the unit errors are shares.  ``beside`` are errors near a step of the
-    ratio, which prose names.
+    With the unit ``%`` errors are relative.  ``beside`` are errors near a step of the
+    ratio, quoted on pages.
     """
 
     scene: str
@@ -37,7 +37,7 @@ class Criterion:
 
     @property
     def factor(self) -> float:
-        """The unit of the error, by which it is multiplied."""
+        """Conversion factor of the error to its unit."""
         return 100.0 if self.unit == "%" else 1.0
 
     def text(self, error: float, digits: int = 2) -> str:
@@ -45,7 +45,7 @@ class Criterion:
         return f"{self.number(error, digits)} {self.unit}".replace(" °", "°")
 
     def number(self, error: float, digits: int = 2) -> str:
-        """An error in the unit, with so many digits or as a whole number."""
+        """An error in its unit, with significant digits or as an integer."""
         value = self.factor * error
         return f"{value:.0f}" if value >= 10**digits else f"{value:.{digits}g}"
 
@@ -67,7 +67,7 @@ def _load(row: Row, reference: Load | None) -> float | None:
 
 _ANGLE, _LOAD = "strip, rms shear-angle error", "bias extension, load error"
 
-#: The criteria by their names.
+#: The criteria by name.
 CRITERIA = {
     "angle": Criterion("strip", _ANGLE, "°", (0.2, 0.1, 0.02), _angle),
     "force": Criterion("strip", "strip, load error", "N", (10.0, 1.0, 0.1), _force),
@@ -78,7 +78,7 @@ CRITERIA = {
 
 
 class Spread(NamedTuple):
-    """Median, smallest and largest of several seeds."""
+    """Median, smallest and largest value over several seeds."""
 
     median: float
     least: float
@@ -111,7 +111,7 @@ class Point:
 
     @property
     def mesh(self) -> str:
-        """The mesh in words."""
+        """Description of the mesh."""
         if self.tolerance is None:
             return f"{self.across} across"
         return f"{self.across} across, refined to {100 * self.tolerance:g} %"
@@ -123,9 +123,9 @@ Method = tuple[str, str, str]
 def methods(rows: Sequence[Row], criterion: Criterion) -> dict[Method, list[Point]]:
     """The points of each code, element and solver, from coarse to fine.
 
-    A mesh counts if `LEAST_SEEDS` seeds have a result.  Seeds that failed count as
-    infinite in medians, and a mesh on which most failed as an infinite error.  A search
-    for a number of steps that was given up is no failure: refinement ends there.
+    A mesh counts if `LEAST_SEEDS` seeds have a result.  Failed seeds count as infinite
+    values in medians, and a mesh on which most seeds failed as an infinite error.  If
+    the search for a number of steps was given up, refinement ends without a failure.
     """
     reference, by = converged(rows), dict[Method, dict[tuple, list[Row]]]()
     for row in rows:
@@ -163,7 +163,7 @@ def methods(rows: Sequence[Row], criterion: Criterion) -> dict[Method, list[Poin
 
 
 def _spread(values: Sequence[float | None]) -> Spread:
-    """Failed seeds, which are None, count as infinite in the median."""
+    """Median and range; failed seeds, None, count as infinite in the median."""
     known = [value for value in values if value is not None]
     whole = known + [np.inf] * (len(values) - len(known))
     return Spread(float(np.median(whole)), min(known), max(known))
@@ -173,9 +173,9 @@ Fronts = dict[str, list[Point]]
 
 
 def fronts(rows: Sequence[Row], criterion: Criterion, solvers: str) -> Fronts:
-    """The Pareto front of each code, of smaller and smaller errors.
+    """The Pareto front of each code, ordered by decreasing error.
 
-    A point is on it if no other of its code takes less time for an error that is as
+    A point is on the front if no other point of its code is faster with an error as
     small on its mesh and on all finer meshes of its element.
     """
     found: Fronts = {}
@@ -197,24 +197,24 @@ def fastest(front: Sequence[Point], error: float) -> Point | None:
 
 
 class Comparison(NamedTuple):
-    """Points of this library and of another code; None where an error is not met."""
+    """Points of this library and another code; None if the error is not reached."""
 
     own: Point | None
     other: Point | None
 
     @property
     def ratio(self) -> float | None:
-        """Time of the other over that of this library."""
+        """Ratio of the run times, other code to this library."""
         return self._over(lambda point: point.seconds.median)
 
     @property
     def solves(self) -> float | None:
-        """Linear solves of the other over those of this library."""
+        """Ratio of the numbers of linear solves, other code to this library."""
         return self._over(lambda point: point.solves)
 
     @property
     def per_solve(self) -> float | None:
-        """Time per linear solve of the other over that of this library."""
+        """Ratio of the times per linear solve, other code to this library."""
         return self._over(lambda point: point.seconds.median / point.solves)
 
     def _over(self, of: Callable[[Point], float]) -> float | None:
@@ -222,7 +222,7 @@ class Comparison(NamedTuple):
 
 
 def compared(by_code: Fronts, error: float) -> Comparison:
-    """Points of this library and of the fastest other code at an error."""
+    """Points of this library and of the fastest other code for an error."""
     reached = {code: fastest(front, error) for code, front in by_code.items()}
     own = reached.pop(ThisLibrary.code, None)
     others = [point for point in reached.values() if point]
@@ -231,9 +231,9 @@ def compared(by_code: Fronts, error: float) -> Comparison:
 
 
 def ratios(by_code: Fronts) -> list[tuple[float, float]]:
-    """Ratios of times by the error, from large errors to small ones.
+    """Time ratios by error, from large to small errors.
 
-    A ratio holds for errors from its own up to the one before.
+    A ratio applies from its error up to the previous one.
     """
     levels = {point.within for front in by_code.values() for point in front}
     known, before = list[tuple[float, float]](), np.inf
@@ -246,14 +246,14 @@ def ratios(by_code: Fronts) -> list[tuple[float, float]]:
 
 
 class Pair(NamedTuple):
-    """The same element on the same mesh of another code, by the set of solvers."""
+    """Comparison with the same element and mesh of another code, by set of solvers."""
 
     scene: str
     by_set: dict[str, Comparison]
 
 
 def pairs(rows: Sequence[Row]) -> Iterator[Pair]:
-    """Other codes beside this library, on the finest mesh that all sets did."""
+    """Comparisons with other codes on the finest mesh common to all sets."""
     for criterion in (CRITERIA["force"], CRITERIA["load"]):
         known = methods(rows, criterion)
         for code, element in dict.fromkeys(method[:2] for method in known):

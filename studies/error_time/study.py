@@ -1,8 +1,7 @@
-"""Error against run time, of this library and of its rivals.
+"""Error against run time for this library and other codes.
 
-Every formulation and every rival loads two scenes on finer and finer meshes.
-The clock runs from mesh and fabric in memory to the end of the load, in a process that
-has done the same once before.
+All formulations and other codes load two scenes on successively finer meshes.  Run
+times are from mesh and fabric in memory to full load, after one warm-up run.
 """
 
 import argparse
@@ -54,22 +53,22 @@ from .fronts import (
 )
 from .fronts import ratios as ratios_by_error
 
-#: Scenes as tables name them.
+#: Names of scenes in tables.
 SCENES = {"strip": "strip", "bias_extension": "bias extension"}
 
-# Codes in the order of their colours, and what lines of sets of solvers are called.
+# Codes in the order of their colours, and labels of sets of solvers.
 _CODES = (ThisLibrary.code, "scikit-fem", "FElupe", "DOLFINx", "scikit-fem-native")
 _SET_NAMES = {"SciPy": "SciPy alone", "fastest": "fastest solvers"}
 
-# Size of letters in points.
+# Font size in points.
 _LETTERS = 9
 
-# Errors shown are at most these: with larger ones an answer says little.
+# Largest errors shown in figures.
 _MOST = {"angle": 2.0, "force": 100.0, "load": 1.0}
 
 
 def ratios(rows: Sequence[Row]) -> str:
-    """The fastest element and mesh of this library and of others, by error."""
+    """The fastest element and mesh of this library and of other codes, by error."""
     lines = []
     for criterion, solvers in product(CRITERIA.values(), SETS):
         by_code = fronts(rows, criterion, solvers)
@@ -85,13 +84,13 @@ def ratios(rows: Sequence[Row]) -> str:
             )
     head = [
         *("criterion", "error at most", "solvers", "skfem_textile", "fastest other"),
-        *("time ratio", "= ratio of solves", "× ratio of time per solve"),
+        *("time ratio", "= ratio of solves", "× ratio of times per solve"),
     ]
     return markdown_table(head, lines)
 
 
 def codes(rows: Sequence[Row]) -> Iterator[Row]:
-    """Every code at each error of each criterion, with its fastest element and mesh."""
+    """The fastest element and mesh of each code at each error of each criterion."""
     for (name, criterion), solvers in product(CRITERIA.items(), SETS):
         by_code = fronts(rows, criterion, solvers)
         for error, code in product(criterion.levels, by_code):
@@ -111,7 +110,7 @@ def codes(rows: Sequence[Row]) -> Iterator[Row]:
 
 
 def meshes(rows: Sequence[Row]) -> Iterator[Row]:
-    """Medians and ranges over the seeds on every mesh, for each criterion."""
+    """Medians and ranges over the seeds on each mesh, for each criterion."""
     for name, criterion in CRITERIA.items():
         for series in methods(rows, criterion).values():
             for point in series:
@@ -119,9 +118,9 @@ def meshes(rows: Sequence[Row]) -> Iterator[Row]:
 
 
 def elements(rows: Sequence[Row]) -> str:
-    """The time of every element to the middle error of each criterion.
+    """The time of each element to reach the middle error of each criterion.
 
-    An element that does not reach it has its finest mesh.
+    If an element does not reach it, its finest mesh is given.
     """
     lines = [
         [f"**{code}**" if code == ThisLibrary.code else code, element, *cells.values()]
@@ -132,7 +131,7 @@ def elements(rows: Sequence[Row]) -> str:
 
 
 def _to_errors(rows: Sequence[Row]) -> dict[tuple[str, str], dict[str, str]]:
-    """What `elements` says of each code and element, by the name of a criterion."""
+    """Cells of `elements` for each code and element, by criterion."""
     known = {name: methods(rows, criterion) for name, criterion in CRITERIA.items()}
     order = dict.fromkeys(method for series in known.values() for method in series)
     return {
@@ -146,7 +145,7 @@ def _to_errors(rows: Sequence[Row]) -> dict[tuple[str, str], dict[str, str]]:
 
 
 def same_mesh(rows: Sequence[Row]) -> str:
-    """Other codes over this library with the same element on the same mesh."""
+    """Ratios of other codes to this library, with the same element and mesh."""
     lines = []
     for scene, by_set in pairs(rows):
         one = by_set["SciPy"]
@@ -161,15 +160,15 @@ def same_mesh(rows: Sequence[Row]) -> str:
             ]
         )
     head = [
-        *("scene", "element", "code", "across", "solves : ours"),
-        *(f"time per solve over ours, {name}" for name in SETS),
-        *(f"time over ours, {name}" for name in SETS),
+        *("scene", "element", "code", "across", "solves, other : ours"),
+        *(f"time per solve / ours, {name}" for name in SETS),
+        *(f"time / ours, {name}" for name in SETS),
     ]
     return markdown_table(head, lines)
 
 
 def reference(rows: Sequence[Row]) -> str:
-    """The loads on the meshes along the fibres, and their extrapolation."""
+    """Loads on fibre-aligned meshes, and their extrapolation."""
     known = {
         (row["element"], row["across"]): row["load"] for row in having(rows, code=CODE)
     }
@@ -186,7 +185,7 @@ def reference(rows: Sequence[Row]) -> str:
 
 
 def failed(rows: Sequence[Row]) -> str:
-    """The runs without a result: scene, code, element, solver, meshes and seeds."""
+    """Runs without a result: scene, code, element, solver, meshes and seeds."""
     noted = [
         row | {"why": GIVEN_UP if GIVEN_UP in note else "failed" if mesh else note}
         for row in rows
@@ -310,7 +309,7 @@ def _spread(name: str, spread: Spread) -> dict[str, float]:
 
 
 def _point(point: Point | None, criterion: Criterion, named: bool = False) -> str:
-    """Element, mesh, error and time with their ranges."""
+    """Element, mesh, error and time, with ranges."""
     if point is None:
         return "none"
     code = f"{point.code}, " if named else ""
@@ -341,7 +340,7 @@ def _factor(value: float | None) -> str:
 
 
 def _key(text: str) -> str:
-    """A part of the name of a result."""
+    """Part of the name of a result."""
     kept = "".join(c if c.isalnum() else "_" for c in text.lower())
     return "_".join(part for part in kept.split("_") if part)
 
@@ -349,8 +348,8 @@ def _key(text: str) -> str:
 def draw_fronts(rows: Sequence[Row], file: File = None) -> Any:
     """The Pareto front of each code with the fastest solvers, for two criteria.
 
-    Lines join medians, and bars are the ranges over the seeds.  The uncertainty of the
-    reference is a grey band; errors below it are open markers at its edge.
+    Lines connect medians; bars are ranges over the seeds.  A grey band is the
+    uncertainty of the reference; errors below it are open markers at its edge.
     """
     with figure_of((PAGE, 3.3), file, _LETTERS) as figure:
         for axes, name in zip(figure.subplots(1, 2), ("angle", "load"), strict=True):
@@ -391,11 +390,11 @@ def _draw_front(
 
 
 def _label_ends(axes: Any, ends: Sequence[tuple[str, float, float, str]]) -> None:
-    """Names at the ends of lines, moved apart where they would overlap."""
+    """Write names at the ends of lines, without overlap."""
     low, high = np.log(axes.get_ylim())
     ends = sorted(ends, key=lambda end: end[2])
     wanted = [(np.log(y) - low) / (high - low) for _, _, y, _ in ends]
-    at = _apart(wanted, 0.075)  # a line of text as a share of the height of the axes
+    at = _apart(wanted, 0.075)  # text height over axes height
     for i, (code, x, y, colour) in enumerate(ends):
         axes.annotate(
             code.replace("skfem_textile", "this library"),
@@ -416,14 +415,14 @@ def _label_ends(axes: Any, ends: Sequence[tuple[str, float, float, str]]) -> Non
 
 
 def _apart(wanted: Sequence[float], least: float) -> list[float]:
-    """Ascending places that are at least so far apart, near the wanted ones.
+    """Ascending positions near the wanted ones, with a minimum spacing.
 
     Examples
     --------
     >>> _apart([0.0, 0.5, 0.5], 0.25)
     [0.0, 0.375, 0.625]
     """
-    blocks: list[list[float]] = []  # of places less their distance from the first
+    blocks: list[list[float]] = []  # positions minus minimum offsets
     for i, place in enumerate(wanted):
         blocks.append([place - i * least])
         while len(blocks) > 1 and np.mean(blocks[-2]) > np.mean(blocks[-1]):
@@ -433,11 +432,10 @@ def _apart(wanted: Sequence[float], least: float) -> list[float]:
 
 
 def draw_ratios(rows: Sequence[Row], file: File = None) -> Any:
-    """Time of the fastest other code over that of this library, by the error.
+    """Draw the time ratio of the fastest other code to this library against the error.
 
-    A panel for each criterion and a line for each set of solvers.  Below one the other
-    code is faster.  A line ends at the smallest error that a timed run of another code
-    reaches.
+    Panels are criteria, lines are sets of solvers.  Below one the other code is faster.
+    A line ends at the smallest error reached by a timed run of another code.
     """
     form: dict[str, Any] = {
         "titles": [""] * len(CRITERIA),
@@ -465,10 +463,10 @@ def draw_ratios(rows: Sequence[Row], file: File = None) -> Any:
 
 
 def draw_elements(rows: Sequence[Row], name: str, file: File = None) -> Any:
-    """Median errors of every element over its median times, with the fastest solvers.
+    """Draw median errors against median times, with the fastest solvers.
 
-    Colours are codes, markers are elements.  ``name`` is that of a criterion.  Much
-    larger errors than those of fronts are left out.
+    Colours are codes, markers are elements.  ``name`` is the name of a criterion.
+    Errors much larger than on the fronts are omitted.
     """
     criterion = CRITERIA[name]
     with figure_of((PAGE, 4.4), file, _LETTERS) as figure:
@@ -497,7 +495,7 @@ def draw_elements(rows: Sequence[Row], name: str, file: File = None) -> Any:
 
 
 def _frame(axes: Any, criterion: Criterion, xlabel: str) -> None:
-    """Logarithmic axes with plain numbers, a grid and the criterion as the title."""
+    """Set logarithmic axes with plain numbers, a grid and the criterion as title."""
     axes.set(xscale="log", yscale="log", xlabel=xlabel)
     plain_numbers(axes, ".12g")
     scene, _, error = criterion.label.partition(", ")
@@ -512,7 +510,7 @@ def _look(code: str) -> tuple[str, float]:
 
 
 class ErrorTime(Study[Timed | Reference]):
-    """Every code on both scenes, and the converged load of one."""
+    """All codes on both scenes, and the converged load of one scene."""
 
     parts = (
         Part(
@@ -552,13 +550,13 @@ class ErrorTime(Study[Timed | Reference]):
         )
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        """Results in words.
+        """Formatted results.
 
-        ``CRITERION_ERROR_SOLVERS_WHAT`` is of this library and the fastest other code
-        at an error: ``ratio``, ``solves`` and ``per_solve``, ``other_code``, and
+        ``CRITERION_ERROR_SOLVERS_WHAT`` compares this library with the fastest other
+        code at an error: ``ratio``, ``solves``, ``per_solve``, ``other_code``, and
         ``ours`` or ``other`` for the element, with ``_mesh``, ``_error``, ``_seconds``
-        and ``_solves`` of it.  ``CRITERION_ELEMENT`` is of an element of this library
-        at the middle error.
+        and ``_solves``.  ``CRITERION_ELEMENT`` is the time of an element of this
+        library to the middle error.
         """
         return in_words(rows)
 

@@ -1,1 +1,1 @@
-"""Results of studies in the pages: written, compared and computed again."""
+"""Results of studies in the documentation: write, compare and recompute."""

@@ -1,8 +1,7 @@
-"""``python -m studies figures``: pages and tables say what the stored results say.
+"""``python -m studies figures``: update pages and tables from the stored results.
 
-A page says a result as ``<!--laws.worst-->3.3 %<!--/-->``: the name of a study, the
-name of one of its `Study.figures`, and the text.  Renderers of Markdown do not show the
-comments.
+A result on a page reads ``<!--laws.worst-->3.3 %<!--/-->``: the name of a study, the
+name of one of its `Study.figures`, and the text.  Markdown renderers hide the comments.
 """
 
 import re
@@ -18,7 +17,7 @@ from ..study import Row, Study, descriptions, load
 
 ROOT = Path(__file__).parents[2]
 
-#: Every page that may say a result.
+#: Pages that may contain results.
 PAGES = (
     ROOT / "README.md",
     ROOT / "CHANGELOG.md",
@@ -30,24 +29,23 @@ PAGES = (
     ),
 )
 
-#: A marker with the name of a result and the text between.
+#: A marker with the name of a result, and the enclosed text.
 MARKED = re.compile(r"<!--([a-z_0-9]+)\.(\S+?)-->(.*?)<!--/-->", re.S)
 
-# Numbers that differ by less are the same, as a share and in the unit of the column.
-# Processors and libraries of linear algebra differ by round-off, which equilibria with
-# nearly singular tangents amplify; pages show four digits at most.
+# Relative and absolute tolerances for equal numbers.  Round-off differs between
+# processors and linear-algebra libraries; nearly singular tangents amplify it.  Pages
+# show four digits at most.
 _SAME, _NOTHING = 1e-4, 1e-7
 
 
 def main(check: bool) -> int:
-    """Write every result into its page, or compare; returns the exit code.
+    """Write or compare the results on the pages; returns the exit code.
 
     Parameters
     ----------
     check
-        Write nothing.  Name each page and table that differs from the results, each
-        result in prose without a marker, and each sample that the code computes
-        differently now.
+        Write nothing.  Report each page and table that differs from the results, each
+        result in prose without a marker, and each sample whose recomputed rows differ.
     """
     from .prose import unmarked
 
@@ -75,7 +73,7 @@ def main(check: bool) -> int:
         for name, study in published.items():
             folder = _folder_of(name, study)
             if name not in provenance.read(folder):
-                defects.append(f"{_name(folder)} does not say where {name} is from")
+                defects.append(f"{_name(folder)}: no provenance of {name}")
             defects += [f"{name}, {text}" for text in _differences(study, folder)]
     else:
         for file, text in texts.items():
@@ -87,7 +85,7 @@ def main(check: bool) -> int:
 
 
 def markers(text: str) -> Iterator[tuple[str, str, str]]:
-    """Study, name and text of each result on a page.
+    """Study, name and text of each marked result on a page.
 
     Examples
     --------
@@ -99,7 +97,7 @@ def markers(text: str) -> Iterator[tuple[str, str, str]]:
 
 
 def filled(text: str, results: Mapping[str, Mapping[str, str]]) -> str:
-    """The page with the results in place of what stands between its markers.
+    """The page with the texts between its markers replaced by the results.
 
     Parameters
     ----------
@@ -111,7 +109,7 @@ def filled(text: str, results: Mapping[str, Mapping[str, str]]) -> str:
     Raises
     ------
     ValueError
-        If a marker names no result.
+        If a marker names an unknown result.
 
     Examples
     --------
@@ -122,14 +120,14 @@ def filled(text: str, results: Mapping[str, Mapping[str, str]]) -> str:
     def written(match: re.Match[str]) -> str:
         study, name, _ = match.groups()
         if name not in results.get(study, {}):
-            raise ValueError(f"no result is named {study}.{name}")
+            raise ValueError(f"unknown result {study}.{name}")
         return f"<!--{study}.{name}-->{results[study][name]}<!--/-->"
 
     return MARKED.sub(written, text)
 
 
 def in_words(name: str, study: Study[Any]) -> dict[str, str]:
-    """The results of a study in words, and the machine and commit of its last run."""
+    """Formatted results of a study, and the machine of its last run."""
     folder = _folder_of(name, study)
     words = study.figures(study.stored(folder))
     for run in provenance.read(folder).get(name, [])[-1:]:
@@ -139,7 +137,7 @@ def in_words(name: str, study: Study[Any]) -> dict[str, str]:
 
 
 def _folder_of(name: str, study: Study[Any]) -> Path:
-    """The folder with the published results of a study."""
+    """Folder of the published results of a study."""
     return ROOT / "docs" / (study.folder or name)
 
 
@@ -148,9 +146,9 @@ def _name(file: Path) -> str:
 
 
 def _outdated_tables(study: Study[Any], folder: Path) -> dict[Path, str]:
-    """The tables that differ from what the stored rows give, with the right text.
+    """Tables that differ from the stored rows, with the correct text.
 
-    CSV files are among them: cells that are edited by hand seldom stay as written.
+    CSV files are included, which reveals most manual edits of cells.
     """
     texts = {folder / k: text for k, text in study.tables(study.stored(folder)).items()}
     return {
@@ -161,7 +159,7 @@ def _outdated_tables(study: Study[Any], folder: Path) -> dict[Path, str]:
 
 
 def _differences(study: Study[Any], folder: Path) -> list[str]:
-    """How the sample of a study, computed again, differs from the stored rows."""
+    """Differences between the recomputed sample of a study and the stored rows."""
     if not study.sample:
         return []
     parser = ArgumentParser()
@@ -178,7 +176,7 @@ def _differences(study: Study[Any], folder: Path) -> list[str]:
 def _apart(
     row: Row, stored: Iterable[Row], volatile: tuple[str, ...]
 ) -> list[tuple[str, Any, Any]]:
-    """Columns in which a row differs from the stored row that is nearest to it."""
+    """Columns in which a row differs from the closest stored row."""
     steady = {k: v for k, v in row.items() if not any(part in k for part in volatile)}
     return min(
         (

@@ -1,4 +1,4 @@
-"""Results in prose that no marker makes."""
+"""Find results in prose that are not marked."""
 
 import re
 import tomllib
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from .pages import MARKED, ROOT
 
-#: Phrases with a number that is no result: a setting, a definition, the literature.
+#: Phrases with numbers other than results: settings, definitions, literature values.
 SETTINGS = Path(__file__).with_name("settings.toml")
 
 _WITH_RESULTS = (
@@ -16,7 +16,7 @@ _WITH_RESULTS = (
     "verification"
 )
 
-#: Pages that say results: all but those that describe interfaces alone.
+#: Pages with results: all except pages that only describe interfaces.
 CHECKED = (
     ROOT / "README.md",
     ROOT / "paper" / "paper.md",
@@ -25,21 +25,21 @@ CHECKED = (
     *sorted((ROOT / "docs" / "tutorial").glob("*.md")),
 )
 
-# A figure or note, whose content is prose.
+# Figures and notes, whose content is prose.
 _FIGURE = re.compile(
     r"^```\{(?:figure|image|note|warning|tip|important|list-table)\}[^\n]*\n(.*?)^```$",
     re.M | re.S,
 )
 
-# What is no prose: code, formulas, addresses, commands of MyST and front matter.
+# Code, formulas, addresses, MyST directives and front matter.
 _NO_PROSE = re.compile(
     r"\A---\n.*?\n---$|^```.*?^```$|^:(?!alt:)\w+:[^\n]*$"
     r"|``[^`]+``|`[^`]*`|\$\$.*?\$\$|\$[^$\n]*\$|\]\([^)]*\)|<[^>\n]*>",
     re.M | re.S,
 )
 
-# A number, and what makes it a result: a unit, a per cent, a factor, a ratio, a count
-# of what was run, or its size and precision alone.
+# A number, and the features of a result: a unit, a per cent, a factor, a ratio, a count
+# of runs, or sufficient size or precision.
 _NUMBER = r"[−+-]?\d[\d.,]*\d?(?:·10)?[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]*"
 _UNIT = (
     r"\s?%|\s?°|\s(?:per cent|mm|N|GPa|MPa|s|ms|µs|h|min|seconds?|minutes?|hours?"
@@ -61,22 +61,22 @@ _SET = re.compile(
 
 
 def settings() -> dict[str, list[str]]:
-    """The reviewed phrases of each page."""
+    """Reviewed phrases of each page."""
     return tomllib.loads(SETTINGS.read_text(encoding="utf-8"))
 
 
 def unmarked() -> list[str]:
-    """Results without a marker, and reviewed phrases that no page has any more."""
+    """Results without a marker, and reviewed phrases missing from their page."""
     reviewed, defects = settings(), []
     for page in CHECKED:
         name = str(page.relative_to(ROOT))
         prose = of_page(page.read_text(encoding="utf-8"))
         for phrase in reviewed.get(name, []):
             if phrase not in prose:
-                defects.append(f"{SETTINGS.name}: {name} does not say {phrase!r}")
+                defects.append(f"{SETTINGS.name}: {name} lacks {phrase!r}")
             prose = prose.replace(phrase, " ")
         defects += [
-            f"{name}: no marker makes {found!r} in {near!r}"
+            f"{name}: unmarked result {found!r} in {near!r}"
             for found, near in results_in(prose)
         ]
     return defects
@@ -95,7 +95,7 @@ def of_page(text: str) -> str:
 
 
 def results_in(prose: str) -> Iterator[tuple[str, str]]:
-    """Each result in some prose, with the words around it.
+    """Each result in a text, with the surrounding words.
 
     Examples
     --------

@@ -1,1 +1,1 @@
-"""Every formulation on every scene: how far strains, load and shape are from exact."""
+"""Errors of strain, load and shape for every formulation on every scene."""

@@ -24,13 +24,13 @@ from skfem_textile.solve.stepper import LoadStepper
 from ..common.running import errors_only, run
 from ..common.tables import Row
 
-#: Shear stiffness of the bias extension in N/mm, and its shear angles in degrees.
+#: Shear stiffness in N/mm and shear angles in degrees of the bias extension.
 G, ANGLES = 0.5, (10, 20, 30, 40, 50)
 
-#: Refinements: element edges across the scene, after any split.
+#: Refinements: element edges across the scene, after any splitting.
 ACROSS = (8, 16, 32)
 
-#: The finest refinement, for the remaining differences from the exact load.
+#: The finest refinement, for the remaining load error.
 RESOLVED = 64
 
 SEEDS = (1, 2, 3, 4, 5)
@@ -38,11 +38,11 @@ SEEDS = (1, 2, 3, 4, 5)
 
 @dataclass(frozen=True)
 class Method:
-    """An element on a kind of mesh.
+    """An element and a kind of mesh.
 
-    ``mesh`` is ``quads`` or ``triangles``.  ``parts`` is the number of parts into which
-    an edge is split, 2 for quadratic triangles.  The stabilisation of a method that is
-    ``scaled`` is a multiple of C, eight times the shear stiffness at rest.
+    ``mesh`` is ``quads`` or ``triangles``.  ``parts`` is the number of parts of a split
+    edge, 2 for quadratic triangles.  The stabilisation of a ``scaled`` method is a
+    multiple of C, eight times the initial shear stiffness.
     """
 
     name: str
@@ -75,10 +75,10 @@ QUADRATIC = Method("quadratic", "triangles", 2, Quadratic())
 SPLIT_ONE_POINT = Method("one point, triangles", "triangles", 2, OnePoint())
 FULL = Method("2×2 points", "quads", 1, Full())
 
-#: Methods that lock where the shear angle jumps, at any E/G.
+#: Methods that lock at jumps of the shear angle, at any E/G.
 LOCKING = QUADRATIC, FULL
 
-#: One or two methods of each formulation, those with nothing to tune first.
+#: One or two methods of each formulation, parameter-free ones first.
 METHODS = (
     *(MACRO, MACRO_TRIANGLES, AUTO, SPLIT_ONE_POINT, MEAN_QUADRATIC, QUADRATIC),
     *(PAPER, Method("rates, C_s = 1", "quads", 1, OnePoint(1.0, "rate"))),
@@ -88,7 +88,7 @@ METHODS = (
     FULL,
 )
 
-#: Other constants: C_s of one point, and the stiffness of deviations.
+#: Other constants: C_s of one-point elements, and the deviation stiffness.
 STABILISATIONS = (
     *(_scaled(f"C_s = {k:g} C", k) for k in (1 / 32, 1 / 8, 1 / 4, 1 / 2, 2, 4, 8, 32)),
     *(
@@ -107,8 +107,8 @@ DEVIATIONS = tuple(
 class Specimen:
     """A scene and a material.
 
-    The load is applied in ``steps`` steps; results are those after the step ``last``.
-    ``exact_load`` is the right load, in N or as a share of the exact one.
+    The load is applied in ``steps`` steps; results are evaluated after step ``last``.
+    ``exact_load`` is the expected load: zero in N, or one relative to the exact load.
     """
 
     name: str
@@ -132,7 +132,7 @@ class Specimen:
         return Fabric(self.E, self.law, scene.warp, scene.weft)
 
     def mesh(self, cells: str, n: int, seed: int) -> Mesh:
-        """A mesh of ``quads`` or of ``triangles``, n edges wide."""
+        """A mesh of ``quads`` or ``triangles``, n edges wide."""
         W, H = self.sides
         kind = {"quads": "irregular", "triangles": "delaunay"}[cells]
         return rectangle(W, H, (n, round(n * H / W)), kind, self.jitter, seed)
@@ -160,13 +160,13 @@ FRAME = Specimen(
 BIAS = tuple(_bias(ratio, Linear(G)) for ratio in RATIOS)
 BIAS_SIN2 = tuple(_bias(ratio, Sin2(G)) for ratio in RATIOS)
 
-#: The methods with a limit for the error of the load.
+#: The methods with a limit for the load error.
 FOR_LOAD = (MACRO, MACRO_TRIANGLES, AUTO, MEAN_QUADRATIC)
 
 
 @dataclass(frozen=True)
 class Case:
-    """A run: a method on a problem, on a mesh with so many edges across and a seed."""
+    """A run of a method on a problem, with a number of edges across and a seed."""
 
     group: str
     problem: Specimen
@@ -188,7 +188,7 @@ class Case:
 
     @errors_only()
     def rows(self) -> list[Row]:
-        """Run the case; its row has nan for numbers that it does not reach."""
+        """Run the case; its row contains nan for results beyond a failed step."""
         problem, scene = self.problem, self.scene()
         formulation = self.method.formulation(problem.stabilisation)
         ply = Ply(scene.mesh, problem.fabric(scene), formulation)
@@ -216,14 +216,14 @@ _FIGURES = (
 
 
 def _figures(scene: Scene, result: Result, t: float) -> Row:
-    """Figures of the state at the load factor t."""
+    """Results of the state at the load factor t."""
     reached = [s for s in result.states if s.load_factor <= t + 1e-9]
     if reached[-1].load_factor < t - 1e-9:
         return dict.fromkeys(_FIGURES, np.nan)
     summary: Row = scene.summary(replace(result, states=reached))
     driven = scene.conditions[scene.driven]
     assert isinstance(driven, Condition)
-    led = driven.direction  # the force is whole where there is none
+    led = driven.direction  # None: magnitude of the force
     force = np.array([summary["reaction_x"], summary["reaction_y"]])
     values = (
         float(np.linalg.norm(force if led is None else force @ np.asarray(led)))
@@ -242,7 +242,7 @@ def _figures(scene: Scene, result: Result, t: float) -> Row:
 
 
 def _loads(scene: Scene, result: Result, steps: int) -> dict[str, float]:
-    """The load over the exact one at each of the shear angles, where it is known."""
+    """Ratio of the load to the exact load at each shear angle, if known."""
     ratios = {f"load_{angle}": np.nan for angle in ANGLES}
     if scene.load is None:
         return ratios
@@ -256,7 +256,7 @@ def _loads(scene: Scene, result: Result, steps: int) -> dict[str, float]:
 
 
 def all_cases() -> Iterator[Case]:
-    """Every case; the report has one table for each group."""
+    """All cases; one table per group."""
     every = (STRIP, TRELLIS, FRAME, *BIAS)
     yield from _grid("methods", every, METHODS, ACROSS)
     yield from _grid("methods", BIAS_SIN2, FOR_LOAD, ACROSS)

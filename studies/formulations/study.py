@@ -1,8 +1,7 @@
-"""Every formulation on every scene: strains, load, position and shear angle.
+"""Errors of strain, load, position and shear angle for all formulations and scenes.
 
-Each case has its distance from the exact answer of fibres that do not stretch.  Tables
-and a figure show medians over the seeds; if not every seed reached a figure, the table
-says how many did.
+The reference is the exact solution for inextensible fibres.  Tables and the figure show
+medians over the seeds; if some runs failed, the number of successful runs is given.
 """
 
 import argparse
@@ -62,23 +61,23 @@ from .cases import (
     all_cases,
 )
 
-#: The shear angles in degrees at which there are converged loads; the last is judged.
+#: Shear angles in degrees with converged loads; the last one is evaluated.
 CONVERGED_ANGLES = angles.ANGLES
 JUDGED_ANGLE = CONVERGED_ANGLES[-1]
 
 _STRAINS = "strain", "mesh_fibre_strain"
 
-#: Heads of load, position and shear angle where the exact load is zero.
-_ERRORS = ["load (N)", "position off by (mm)", "shear angle off by (°)"]
+#: Headings of load, position and shear-angle errors for zero exact load.
+_ERRORS = ["load (N)", "position error (mm)", "shear-angle error (°)"]
 
-# What the words of a method begin with.
+# Prefixes of the results of a method.
 _NAMES = "quads", "triangles", "one_point", "quadratic_mean"
 
 
 def of(
     rows: Iterable[Row], group: str, problem: Specimen, method: Method, across: int
 ) -> list[Row]:
-    """Rows of the cases that differ only in their seed."""
+    """Rows of the cases that differ only in the seed."""
     names = {"group": group, "problem": problem.name, "method": method.name}
     return having(rows, **names, across=across)
 
@@ -88,10 +87,10 @@ def _median(rows: Sequence[Row], key: str) -> float:
 
 
 def exact_load(problem: Specimen, angle: int = JUDGED_ANGLE) -> float:
-    """The exact load: zero, or in the bias extension the converged one.
+    """The exact load: zero, or the converged load of the bias extension.
 
     The converged load comes from the study of angles at the same E/G and shear angle in
-    degrees, as a share of the load of fibres that do not stretch.
+    degrees, relative to the load of inextensible fibres.
     """
     if not problem.exact_load:
         return 0.0
@@ -101,20 +100,20 @@ def exact_load(problem: Specimen, angle: int = JUDGED_ANGLE) -> float:
 
 
 def over_exact(rows: Sequence[Row], problem: Specimen) -> list[Row]:
-    """Loads of the bias extension at `JUDGED_ANGLE` over the exact one, as ``load``."""
+    """Ratios of bias-extension load to exact load at `JUDGED_ANGLE`, as ``load``."""
     return [{"load": row["load"] / exact_load(problem)} for row in rows]
 
 
 def load_error(rows: Sequence[Row], problem: Specimen) -> float:
-    """Median error of the load, in N or in the bias extension relative to the load."""
+    """Median load error, in N, or relative for the bias extension."""
     exact = exact_load(problem)
     return median(abs(row["load"] - exact) / (exact or 1) for row in rows)
 
 
 def over_angles(rows: Sequence[Row], problem: Specimen) -> tuple[float, float]:
-    """The median and the single load over the exact one that are furthest from 1.
+    """Median and single load ratios to the exact load that differ most from 1.
 
-    Of all shear angles at which there are converged loads.
+    All shear angles with converged loads are included.
     """
     exact = {f"load_{angle}": exact_load(problem, angle) for angle in CONVERGED_ANGLES}
     loads = [[row[key] / load for row in rows] for key, load in exact.items()]
@@ -123,7 +122,7 @@ def over_angles(rows: Sequence[Row], problem: Specimen) -> tuple[float, float]:
 
 
 def methods(rows: list[Row]) -> str:
-    """Every method at the middle refinement: strip and trellis, then bias extension."""
+    """All methods at the middle refinement: strip and trellis, then bias extension."""
     smooth, kinked = [], []
     for method in METHODS:
         strip, trellis, *bias = (
@@ -151,14 +150,14 @@ def methods(rows: list[Row]) -> str:
     head = ["method", "unknowns", *on("strip", _ERRORS), *strains]
     head += [*on("trellis", _ERRORS), "trellis: linear solves"]
     text = markdown_table(head, smooth)
-    loads = [f"load over exact, E/G = {_ratio(problem)}" for problem in BIAS]
+    loads = [f"load / exact, E/G = {_ratio(problem)}" for problem in BIAS]
     head = ["method", "unknowns", *loads, *_ERRORS[1:], *strains, "linear solves"]
     kinks = markdown_table(head, kinked)
     return text + "\n" + kinks + "\n" + _sheared(rows)
 
 
 def _sheared(rows: list[Row]) -> str:
-    """A smooth motion of a fabric with shear stiffness."""
+    """A smooth deformation of a fabric with shear stiffness."""
     lines = []
     for method in (*FOR_LOAD, PAPER):
         line = [method.name]
@@ -174,7 +173,7 @@ def _sheared(rows: list[Row]) -> str:
 
 
 def load(rows: list[Row]) -> str:
-    """The load of the bias extension: worst median and worst case over shear angles."""
+    """Bias-extension load: worst median and worst case over shear angles."""
     lines = []
     for method in FOR_LOAD:
         for problem in (*BIAS, *BIAS_SIN2):
@@ -198,7 +197,7 @@ def load(rows: list[Row]) -> str:
 
 
 def constants(rows: list[Row]) -> str:
-    """Errors with other constants than ``auto`` takes."""
+    """Errors with constants other than the automatic ones."""
     lines = []
     for method in (*STABILISATIONS, AUTO, MACRO):
         group = "methods" if method in METHODS else "stabilisation"
@@ -209,19 +208,19 @@ def constants(rows: list[Row]) -> str:
                 line.append(_cell(seeds, "load"))
             if problem in BIAS:
                 line.append(_over_exact(seeds, problem))
-            if problem != BIAS[0]:  # where stretch moves nodes by more than errors do
+            if problem != BIAS[0]:  # fibre stretch exceeds the errors there
                 line.append(_cell(seeds, "position"))
         lines.append(line)
     load, position, _ = _ERRORS
     head = ["C_s", *on("strip", [load, position]), *on("trellis", [position])]
     for problem in BIAS:
-        heads = ["load over exact", position][: 1 if problem == BIAS[0] else 2]
+        heads = ["load / exact", position][: 1 if problem == BIAS[0] else 2]
         head += on(f"E/G = {_ratio(problem)}", heads)
     return markdown_table(head, lines) + "\n" + _deviations(rows)
 
 
 def _deviations(rows: list[Row]) -> str:
-    """Loads with other stiffnesses against deviations."""
+    """Loads with other deviation stiffnesses."""
     problems = (*BIAS[::2], *BIAS_SIN2[::2])
     lines = []
     for chosen, c in zip((MACRO_TRIANGLES, MACRO), Macro().deviation, strict=True):
@@ -240,7 +239,7 @@ def _deviations(rows: list[Row]) -> str:
 
 
 def triangulations(rows: list[Row]) -> str:
-    """Ten Delaunay triangulations of the strip, with two fibre stiffnesses."""
+    """Results of ten Delaunay triangulations of the strip with two stiffnesses."""
     strips = grouped(having(rows, group="triangulations"), "across")
     lines = [
         [
@@ -258,12 +257,12 @@ def triangulations(rows: list[Row]) -> str:
 
 
 def _per_stiffness(row: Row) -> float:
-    """The load of a strip over its fibre stiffness in mm."""
+    """Ratio of the load of a strip to its fibre stiffness in mm."""
     return row["load"] / float(row["problem"].rpartition(" ")[2])
 
 
 def equal(rows: list[Row]) -> str:
-    """The recommended element and the paper's, at equal unknowns."""
+    """The recommended and the paper's element at equal unknowns."""
     lines = []
     for problem in (STRIP, *BIAS[1:]):
         for across in ACROSS:
@@ -276,7 +275,7 @@ def equal(rows: list[Row]) -> str:
                 line += [_cell(seeds, key) for seeds in (macro, paper)]
             lines.append(line)
     head = ["scene", "unknowns"]
-    for what in ("load off by", *_ERRORS[1:]):
+    for what in ("load error", *_ERRORS[1:]):
         head += [f"macro: {what}", f"C_s = 1: {what}"]
     return markdown_table(head, lines)
 
@@ -302,12 +301,12 @@ def _count(x: float) -> str:
 
 
 def _over_exact(rows: Sequence[Row], problem: Specimen) -> str:
-    """The load of the bias extension over the exact one."""
+    """Ratio of the bias-extension load to the exact load."""
     return _cell(over_exact(rows, problem), "load", _load)
 
 
 def _cell(rows: Sequence[Row], key: str, show: Callable[[float], str] = _figure) -> str:
-    """The median, and the number of rows that have a value if not all have."""
+    """The median, with the number of known values if some are missing."""
     known = sum(not np.isnan(row[key]) for row in rows)
     if not known:
         return "-"
@@ -366,7 +365,7 @@ def _range(values: Iterable[float]) -> str:
 
 
 def _per_cent(loads: Iterable[float]) -> str:
-    """How far loads over the exact ones are from 1, with their signs.
+    """Signed deviations of load ratios from 1.
 
     Examples
     --------
@@ -377,9 +376,9 @@ def _per_cent(loads: Iterable[float]) -> str:
 
 
 def draw_convergence(rows: Sequence[Row], file: File = None) -> Any:
-    """Errors against unknowns: a row of panels for each error, a column for each scene.
+    """Draw errors against unknowns: one row per error, one column per scene.
 
-    A method has one colour in all of them.
+    A method has the same colour in all panels.
     """
     from matplotlib.ticker import LogLocator
 
@@ -416,7 +415,7 @@ _NOT_DRAWN = "rates, C_s = 1", "isotropic, κ = C/8", "one point, triangles"
 
 
 class Formulations(Study[Case]):
-    """Every method on every problem, on finer and finer meshes."""
+    """All methods on all problems, on successively finer meshes."""
 
     parts = (
         Part(

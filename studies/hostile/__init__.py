@@ -1,6 +1,6 @@
-"""Hostile inputs: refused in one line, or read as a plain reader reads them.
+"""Malformed input files: rejected on one line, or read as by a reference reader.
 
-The families of inputs, and the claims about each, are property tests beside their
-subjects in ``tests``.  The study tries many inputs of each family in forked workers,
-which limit time and memory, and counts how they end.
+The families of inputs and the properties of each are property-based tests in
+``tests``.  The study runs many inputs of each family in forked workers with limits on
+time and memory, and counts the outcomes.
 """

@@ -1,4 +1,4 @@
-"""The study of hostile inputs: every family of trials, counted by outcome."""
+"""Trials of hostile inputs by family, counted by outcome."""
 
 import argparse
 import json
@@ -25,7 +25,7 @@ from .workers import GOOD, OUTCOMES, findings
 
 _COUNTS, _TABLE = "hostile.json", "hostile.md"
 
-#: The families of hostile inputs, which are tests beside their subjects.
+#: The families of hostile inputs, defined in the tests.
 FAMILIES: tuple[Family, ...] = (
     *mesh_files.FAMILIES,
     *decks.FAMILIES,
@@ -40,7 +40,7 @@ FAMILIES: tuple[Family, ...] = (
 
 
 class Trials(NamedTuple):
-    """Trials of a family by their numbers, and the processes that run them."""
+    """Trials of a family by number, and the number of worker processes."""
 
     family: str
     numbers: range
@@ -48,21 +48,26 @@ class Trials(NamedTuple):
 
 
 class Hostile(Study[Trials]):
-    """Trials of hostile inputs; it fails if one ends badly."""
+    """Trials of hostile inputs; the study fails if a trial has a bad outcome."""
 
     files = (_COUNTS, _TABLE)
-    timed = True  # trials have time limits, and workers of their own
+    timed = True  # trials have time limits and start workers themselves
     sample = "mesh defects 0-1059"
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
-        """Add the options that choose trials."""
+        """Add the options that select trials."""
         add = parser.add_argument
-        add("--short", action="store_true", help="the short form, for CI")
+        add("--short", action="store_true", help="short version for CI")
         add("--workers", type=int, default=os.cpu_count(), help="processes")
-        add("--first", type=int, default=0, help="first number, which seeds the inputs")
+        add(
+            "--first",
+            type=int,
+            default=0,
+            help="number of the first trial, used as seed",
+        )
 
     def cases(self, options: argparse.Namespace) -> Sequence[Trials]:
-        """Every family, with the numbers of its trials."""
+        """All families, with the numbers of their trials."""
         first = options.first
         return [
             Trials(family.name, range(first, first + number), options.workers)
@@ -75,7 +80,7 @@ class Hostile(Study[Trials]):
         return f"{case.family} {case.numbers[0]}-{case.numbers[-1]}"
 
     def examine(self, case: Trials) -> list[Row]:
-        """Count the trials by outcome, and list those that end badly."""
+        """Count the trials by outcome, and list bad outcomes."""
         (family,) = (family for family in FAMILIES if family.name == case.family)
         found = list(findings(family, case.numbers, case.workers))
         counts = Counter(finding.outcome for finding in found)
@@ -89,7 +94,7 @@ class Hostile(Study[Trials]):
         ]
 
     def line(self, rows: list[Row]) -> str:
-        """Counts of a family, and a line for each trial that ends badly."""
+        """Counts of a family, and a line for each bad outcome."""
         (row,) = rows
         counts = ", ".join(f"{n} {outcome}" for outcome, n in row["counts"].items())
         return f"{row['family']:16}{counts}\n{row['bad']}".rstrip()
@@ -102,7 +107,7 @@ class Hostile(Study[Trials]):
         return {_COUNTS: json_text(counts), _TABLE: table}
 
     def stored(self, folder: Path) -> list[Row]:
-        """The counts of each family, whose numbers began at zero."""
+        """The counts of each family, with trials numbered from zero."""
         text = (folder / _COUNTS).read_text(encoding="utf-8")
         return [
             {
@@ -114,17 +119,17 @@ class Hostile(Study[Trials]):
         ]
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        """Numbers of trials, and of those that end badly."""
+        """Numbers of trials and of bad outcomes."""
         return {"trials": str(_trials(rows, OUTCOMES)), "bad": str(_bad(rows))}
 
     def complaint(self, rows: list[Row]) -> str:
-        """How many trials end badly."""
+        """Report the number of bad outcomes."""
         bad = _bad(rows)
-        return f"{bad} trials end badly" if bad else ""
+        return f"{bad} trial(s) with bad outcomes" if bad else ""
 
 
 def _trials(rows: Sequence[Row], outcomes: Sequence[str]) -> int:
-    """How many trials have one of these outcomes."""
+    """Number of trials with one of these outcomes."""
     return sum(row["counts"][outcome] for row in rows for outcome in outcomes)
 
 

@@ -1,4 +1,4 @@
-"""Forked workers that try the inputs of a family, with a limit of time and memory."""
+"""Forked workers that try the inputs of a family, with time and memory limits."""
 
 import contextlib
 import os
@@ -22,25 +22,25 @@ from tests.helpers.hostile import (
     end_with_parent,
 )
 
-#: Refused, but not in one clear line; accepted with a wrong answer.
+#: Refused without a clear one-line message; accepted with a wrong result.
 UNCLEAR, SILENT = "unclear", "silent"
 #: Other errors, trials over their time limit, and processes that ended.
 TRACEBACK, HANG, DIED = "traceback", "hang", "died"
-#: Every outcome of a trial, in the order of the table.
+#: All outcomes of a trial, in table order.
 OUTCOMES = (RIGHT, REFUSED, UNCLEAR, SILENT, TRACEBACK, HANG, DIED)
 GOOD = (RIGHT, REFUSED)
 
-#: Memory that a worker may take, in bytes: damaged counts may ask for any size.
+#: Memory limit of a worker in bytes: corrupted counts can request any size.
 MEMORY = 6 * 2**30
 
-# Trials of one process.  Then a new one starts, which frees the memory of the old one.
+# Trials per process; a new process then starts, which frees memory.
 _TRIALS_PER_PROCESS = 300
 
 _FORK = get_context("fork")
 
 
 class Finding(NamedTuple):
-    """The end of a trial: one of `OUTCOMES`, the input and a message."""
+    """Result of a trial: one of `OUTCOMES`, the input and a message."""
 
     outcome: str
     hostile: str = ""
@@ -48,7 +48,7 @@ class Finding(NamedTuple):
 
 
 class _Trials(NamedTuple):
-    """A number of trials of one kind of input, and the seed of Hypothesis."""
+    """A number of trials of one kind of input, and the Hypothesis seed."""
 
     kind: str
     number: int
@@ -56,7 +56,7 @@ class _Trials(NamedTuple):
 
 
 def findings(family: Family, numbers: range, workers: int) -> Iterator[Finding]:
-    """Try inputs, equally many of each kind; they end in no order.
+    """Try equal numbers of inputs of each kind; yields results in arbitrary order.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def findings(family: Family, numbers: range, workers: int) -> Iterator[Finding]:
     numbers
         Numbers of the trials; the first seeds the inputs.
     workers
-        How many processes there are at a time.
+        Number of concurrent processes.
     """
     waiting = deque(_shared(family, numbers))
     busy: dict[Any, tuple[Any, _Trials]] = {}
@@ -107,7 +107,7 @@ def _shared(family: Family, numbers: range) -> Iterator[_Trials]:
 
 
 def _started(family: Family, trials: _Trials) -> tuple[Any, Any]:
-    """A process that sends its findings, and the pipe to receive them from."""
+    """A process that sends its findings, and the receiving pipe."""
     pipe, of_process = _FORK.Pipe(duplex=False)
     arguments = family, trials, of_process, os.getpid()
     process = _FORK.Process(target=_serve, args=arguments, daemon=True)
@@ -117,7 +117,7 @@ def _started(family: Family, trials: _Trials) -> tuple[Any, Any]:
 
 
 def _end(process: Any) -> None:
-    """End a process, and those that it has started."""
+    """End a process and its child processes."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
     process.kill()
@@ -125,7 +125,7 @@ def _end(process: Any) -> None:
 
 
 def _serve(family: Family, trials: _Trials, pipe: Any, parent: int) -> None:
-    """Try inputs; the kernel ends this process when one takes too long."""
+    """Try inputs; the kernel ends this process on a timeout."""
     os.setpgid(0, 0)
     end_with_parent(parent)
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -158,6 +158,6 @@ def _finding(family: Family, hostile: Any) -> Finding:
         outcome, message = UNCLEAR, str(error)
     except WrongAnswerError as error:
         outcome, message = SILENT, str(error)
-    except BaseException as error:  # every error that the library lets out counts
+    except BaseException as error:  # any uncaught error counts
         outcome, message = TRACEBACK, "".join(traceback.format_exception(error))
     return Finding(outcome, repr(hostile)[:1000], message)

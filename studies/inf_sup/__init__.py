@@ -1,1 +1,1 @@
-"""Inf-sup constants of formulations, and their motions that stretch no fibre."""
+"""Inf-sup constants of formulations, and their inextensional modes."""

@@ -1,13 +1,13 @@
-"""What stiff fibres ask of a motion, and the inf-sup constant of a formulation.
+"""Inextensibility constraints and the inf-sup constant of a formulation.
 
-A formulation asks ∫ φ δε_α = 0 for each family α and each tension φ that it can have.
-Its tensions are polynomials on the elements over which the law takes a mean: constants
-where there is one value, bilinear in quadrilaterals of 2×2 points, linear in triangles
-of three.  Its points integrate φ δε exactly.
+In the limit of stiff fibres, a formulation imposes ∫ φ δε_α = 0 for each fibre family α
+and each tension φ of its tension space.  Tensions are polynomials on the elements on
+which the law is evaluated: constant for one point, bilinear for quadrilaterals with 2×2
+points, linear for triangles with three.  The quadrature integrates φ δε exactly.
 
-The norm of a motion is that of H¹ on the unit square.  That of a tension T is what it
-does on a motion of norm one, sup_v ∫ T δε(v)/‖v‖, taken over the motions of a finer
-mesh.  The inf-sup constant of the fabric itself is then one.
+Displacements have the H¹ norm on the unit square.  Tensions have the dual norm
+sup_v ∫ T δε(v)/‖v‖ over the displacements of a finer mesh.  The inf-sup constant of the
+continuous problem is then one.
 """
 
 from dataclasses import dataclass
@@ -27,17 +27,16 @@ from skfem_textile.fabric import kinematics as kin
 from skfem_textile.mesh.bases import MeanBasis
 from skfem_textile.ply.terms import Formulation
 
-#: Order to which norms are integrated.
+#: Integration order of norms.
 ORDER = 6
 
-# A squared singular value below this is zero.  The study complains where values near it
-# leave a doubt.
+# Squared singular values below this are zero; the study fails without a clear gap.
 _ZERO = 1e-9
 
-# Right-hand sides that are solved for at a time, to bound the memory.
+# Number of right-hand sides per solve, to limit memory.
 _BLOCK = 512
 
-# Powers of both reference coordinates in tensions that have so many values.
+# Exponents of the reference coordinates by the number of tension values per element.
 _POWERS = {
     1: ((0, 0),),
     3: ((0, 0), (1, 0), (0, 1)),
@@ -47,16 +46,16 @@ _POWERS = {
 
 @dataclass(frozen=True, eq=False)
 class Constraints:
-    """What a formulation asks about a homogeneous state in which no fibre is stretched.
+    """Constraints of a formulation about a homogeneous state with unstretched fibres.
 
     Attributes
     ----------
     mesh
-        The mesh on which the formulation works.
+        Working mesh of the formulation.
     fabric
-        Gives the fibre directions.
+        Fabric with the fibre directions.
     formulation
-        Gives the points, and the elements over which means are taken.
+        Formulation with the quadrature points and the elements of strain averages.
     F
         Deformation gradient of the state, shape (2, 2).
     """
@@ -73,16 +72,15 @@ class Constraints:
 
     @cached_property
     def _law_basis(self) -> Any:
-        """Basis on the elements over which the law takes a mean."""
+        """Basis on the elements on which the law is evaluated."""
         return self.formulation.tension_term(self.basis, self.fabric).basis
 
     @cached_property
     def matrix(self) -> csr_matrix:
-        """B, shape (n_constraints, n_unknowns): the strains that the law sees, by area.
+        """B, shape (n_constraints, n_unknowns): area-weighted strains of the law.
 
-        The rows are those of the warp, then those of the weft.  They are the derivative
-        of the strain at a point times its weight, or of the mean over an element times
-        its area.
+        Warp rows precede weft rows.  A row is the derivative of the strain at a point
+        times its weight, or of the element average times the element area.
         """
         basis = self._law_basis
         n, points = basis.dx.shape
@@ -93,18 +91,18 @@ class Constraints:
 
     @cached_property
     def areas(self) -> ndarray:
-        """The area that each row of B integrates over, shape (n_constraints,).
+        """Area weight of each row of B, shape (n_constraints,).
 
-        Of tensions it is their matrix of L², which the points integrate exactly.
+        This diagonal is the L² mass matrix of tensions, integrated exactly.
         """
         dx = self._law_basis.dx
         own = dx.sum(axis=1) if isinstance(self._law_basis, MeanBasis) else dx.ravel()
         return np.tile(own, 2)
 
     def on_finer_mesh(self, times: int) -> tuple[CellBasis, csr_matrix]:
-        """A basis on the mesh refined so many times, and B on it for the same tensions.
+        """A basis on the refined mesh, and B on it for the same tensions.
 
-        Refined twice every element has 16 parts.
+        Each refinement divides an element into four.
         """
         fine = self.formulation.basis(self.mesh.refined(times))
         element = np.tile(np.arange(self.mesh.nelements), 4**times)
@@ -123,7 +121,7 @@ class Constraints:
         return fine, self._rows(fine, element[:, None], tensions)
 
     def _elements_of_law(self) -> ndarray:
-        """For each element of the mesh the one over which the law takes the mean."""
+        """For each element of the mesh, the element on which the law is evaluated."""
         parts = self._law_basis.parts
         if parts is None:
             return np.arange(self.mesh.nelements)
@@ -138,12 +136,12 @@ class Constraints:
         Parameters
         ----------
         basis
-            Of the displacement, with points that integrate φ δε.
+            Displacement basis with quadrature exact for φ δε.
         element
-            The element that has the tensions at each point, shape (n, 1).
+            Tension element of each element of the basis, shape (n, 1).
         tensions
-            Values of its tensions at the points, shape (n_tensions, n, n_points) or
-            what broadcasts to it.
+            Values of the tensions at the points, broadcastable to (n_tensions, n,
+            n_points).
         """
         weights = (tensions * basis.dx).reshape(-1, *basis.dx.shape)
         n_tensions, n_rows = len(weights), (element.max() + 1) * len(weights)
@@ -163,19 +161,18 @@ class Constraints:
 
 
 class Spectrum(NamedTuple):
-    """Singular values of B and the motions that it does not see.
+    """Singular values and kernel of B.
 
     Attributes
     ----------
     values
-        Singular values of B that are not zero, from the smallest on.
+        Non-zero singular values of B in ascending order.
     largest_zero
-        The largest of those that count as zero.
+        The largest singular value that counts as zero.
     kernel
-        Motions without strain that the law sees, shape (n_unknowns, n), orthonormal
-        in H¹.
+        Kernel of B, shape (n_unknowns, n), orthonormal in H¹.
     in_l2
-        The smallest singular value that is not zero with the norm of L² for tensions.
+        The smallest non-zero singular value with the L² norm of tensions.
     """
 
     values: ndarray
@@ -185,12 +182,12 @@ class Spectrum(NamedTuple):
 
     @property
     def inf_sup(self) -> float:
-        """The smallest singular value that is not zero."""
+        """The smallest non-zero singular value."""
         return float(self.values[0])
 
 
 def spectrum(constraints: Constraints, refined: int) -> Spectrum:
-    """Singular values of B, with the norm of tensions from a mesh refined so often."""
+    """Singular values of B, with the tension norm from a mesh refined so many times."""
     B, M = constraints.matrix, gram(constraints.basis)
     fine, B_fine = constraints.on_finer_mesh(refined)
     factor = cholesky(dual_gram(B_fine, scalar_gram(fine)), lower=True)
@@ -213,19 +210,19 @@ def spectrum(constraints: Constraints, refined: int) -> Spectrum:
 
 
 def scalar_gram(basis: CellBasis) -> csr_matrix:
-    """∫ u v + ∇u·∇v of one component, shape (n_nodes, n_nodes)."""
+    """∫ u v + ∇u·∇v for one component, shape (n_nodes, n_nodes)."""
     vector: Any = basis.elem
     scalar = CellBasis(basis.mesh, vector.elem, intorder=ORDER)
     return asm(BilinearForm(lambda u, v, w: u * v + dot(grad(u), grad(v))), scalar)
 
 
 def gram(basis: CellBasis) -> csr_matrix:
-    """The inner product of H¹, shape (n_unknowns, n_unknowns)."""
+    """Matrix of the H¹ inner product, shape (n_unknowns, n_unknowns)."""
     return csr_matrix(kron(scalar_gram(basis), np.eye(2)))
 
 
 def dual_gram(B: csr_matrix, scalar: csr_matrix) -> ndarray:
-    """B M⁻¹ Bᵀ, the squared norm of tensions; M has the same block in x and in y."""
+    """B M⁻¹ Bᵀ, the Gram matrix of tensions; M has the same block for x and y."""
     factors = splu(
         scalar.tocsc(),
         permc_spec="MMD_AT_PLUS_A",

@@ -1,7 +1,8 @@
-"""Motions that stretch no fibre: how near a formulation comes, and how stiff it is.
+"""Inextensional modes: their approximation by a formulation, and its stiffness.
 
-To first order about a homogeneous state a motion u stretches no fibre if u·a₁ depends
-on s₂ alone and u·a₂ on s₁ alone, with X = s₁ A₁ + s₂ A₂ and the current fibres a_α.
+To first order about a homogeneous state, a displacement u is inextensional if u·a₁
+depends only on s₂ and u·a₂ only on s₁, with X = s₁ A₁ + s₂ A₂ and the current fibre
+vectors a_α.
 """
 
 from collections.abc import Callable
@@ -31,8 +32,8 @@ def _kink(k: float) -> Profile:
     return (lambda s: np.abs(s - k)), (lambda s: np.sign(s - k))
 
 
-# Along a side the kinks are at evenly spread places between lines of every mesh: their
-# number has no factor in common with the 2 to 12 spacings of the half that they take.
+# The kinks are evenly distributed relative to the lines of each mesh: their number is
+# coprime to the 2 to 12 spacings in the half of the side that they occupy.
 _KINKS = 11
 
 #: Kinks in the middle half of a line along a side.
@@ -42,14 +43,14 @@ KINKED: tuple[Profile, ...] = tuple(
 
 
 class Field(NamedTuple):
-    """A motion at points: values, shape (2, ...), and gradients, shape (2, 2, ...)."""
+    """A displacement field: values, shape (2, ...), and gradients, (2, 2, ...)."""
 
     value: ndarray
     grad: ndarray
 
 
 def unstretched(profile: Profile, x: ndarray, directions: ndarray, F: ndarray) -> Field:
-    """The motion with u·a₁ = p(s₂) and u·a₂ = p(s₁), s from the middle of the square.
+    """The field with u·a₁ = p(s₂) and u·a₂ = p(s₁), s from the centre of the square.
 
     Parameters
     ----------
@@ -58,7 +59,7 @@ def unstretched(profile: Profile, x: ndarray, directions: ndarray, F: ndarray) -
     x
         Points, shape (2, ...).
     directions
-        Unit reference directions A₁, A₂ as columns, at right angles.
+        Orthogonal unit reference directions A₁, A₂ as columns.
     F
         Deformation gradient of the state, shape (2, 2).
     """
@@ -75,9 +76,9 @@ def distances(
     kernel: ndarray,
     profiles: tuple[Profile, ...],
 ) -> tuple[float, float]:
-    """Distances of motions from all of the mesh and from the kernel, over their norm.
+    """Relative H¹ distances of inextensional modes from the mesh space and the kernel.
 
-    Root mean squares over the profiles, in H¹.
+    Root mean squares over the profiles.
     """
     basis = constraints.basis
     points = CellBasis(basis.mesh, basis.elem, intorder=ORDER, dofs=basis.dofs)
@@ -97,11 +98,11 @@ def distances(
 
 
 def stiffness(constraints: Constraints, profiles: tuple[Profile, ...]) -> float:
-    """Work that the forces of a motion do on it, over what they do on the ply's answer.
+    """Work of the forces of a mode on the mode, over their work on the ply's response.
 
-    The forces are those that shear alone resists the motion with.  The exact answer of
-    a flat ply is the motion, whatever the stiffness of the fibres, so that the ratio
-    should be one.  The mean over the profiles.
+    The forces are the shear forces of the mode.  The exact response of a flat ply is
+    the mode itself for any fibre stiffness; the exact ratio is one.  Returns the mean
+    over the profiles.
     """
     fabric, basis = constraints.fabric, constraints.basis
     ply = Ply(constraints.mesh, fabric, constraints.formulation)
@@ -130,7 +131,7 @@ def _directions(constraints: Constraints) -> ndarray:
 
 
 def _rigid(nodes: ndarray) -> ndarray:
-    """Translations and the rotation as orthonormal columns, shape (2 n_nodes, 3)."""
+    """Rigid-body modes as orthonormal columns, shape (2 n_nodes, 3)."""
     x, y = nodes
     zero, one = np.zeros_like(x), np.ones_like(x)
     motions = [np.stack(m, axis=1).ravel() for m in ((one, zero), (zero, one), (-y, x))]

@@ -1,4 +1,4 @@
-"""Inf-sup constants, kernels, and the motions of fibres that do not stretch."""
+"""Inf-sup constants, kernels, and approximation of inextensional modes."""
 
 import argparse
 from collections.abc import Callable, Iterator, Sequence
@@ -30,17 +30,17 @@ from ..study import Part, Row, Study
 from .constraints import Constraints, spectrum
 from .motions import KINKED, SMOOTH, distances, stiffness
 
-#: Stiffness of fibres and of shear in N/mm, of real fabrics at the upper end.
+#: Fibre and shear stiffness in N/mm; the ratio is high but realistic.
 E, G = 1e6, 1.0
 
-#: Spacings of nodes along a side of the unit square.
+#: Numbers of node spacings along a side of the unit square.
 ACROSS = (4, 8, 16, 24)
 
-#: Shear angle in degrees of the sheared state, and the finest mesh for it.
+#: Shear angle in degrees of the sheared state, and its finest mesh.
 SHEARED, SHEARED_ACROSS = 40, 16
 
-#: How often the mesh is refined on which the norm of a tension is taken; and once more,
-#: on meshes of so many spacings, to see what that changes.
+#: Number of refinements for the tension norm, and the mesh on which one more refinement
+#: checks its influence.
 REFINED, CHECKED_ACROSS = 2, 8
 
 
@@ -48,7 +48,7 @@ REFINED, CHECKED_ACROSS = 2, 8
 class Method:
     """A formulation on quadrilaterals or triangles.
 
-    ``parts`` is the number of spacings of nodes along an edge of the user's element.
+    ``parts`` is the number of node spacings along an edge of the user's element.
     """
 
     name: str
@@ -92,7 +92,7 @@ LAYOUTS = (*(Layout(angle) for angle in (0, 15, 30, 45)), IRREGULAR)
 
 @dataclass(frozen=True)
 class Case:
-    """A method on the unit square, about a flat or a sheared state."""
+    """A method on the unit square, about an undeformed or sheared state."""
 
     method: Method
     layout: Layout
@@ -106,7 +106,7 @@ class Case:
         return f"{self.method.name}, {self.layout}{state}, {mesh}"
 
     def mesh(self) -> Mesh:
-        """The user's mesh; triangles of a regular one are squares cut in two."""
+        """The user's mesh; regular triangles are halved squares."""
         n = self.across // self.method.parts
         triangles, regular = self.method.triangles, self.layout.regular
         if not regular:
@@ -121,7 +121,7 @@ class Case:
         return np.array([[c, -s], [s, c]])
 
     def constraints(self) -> Constraints:
-        """What the formulation asks; each family turns by half of the shear angle."""
+        """Constraints of the formulation; each family turns by half the shear angle."""
         A, half = self.directions(), np.radians(self.shear) / 2
         closer = np.array([[np.cos(half), np.sin(half)], [np.sin(half), np.cos(half)]])
         mesh = self.method.formulation.working_mesh(self.mesh())
@@ -129,7 +129,7 @@ class Case:
         return Constraints(mesh, fabric, self.method.formulation, A @ closer @ A.T)
 
     def rows(self) -> list[Row]:
-        """Singular values, kernel and distances; of flat plies the stiffness too."""
+        """Singular values, kernel and distances; also the stiffness of flat plies."""
         asked = self.constraints()
         found = spectrum(asked, self.refined)
         row: Row = {
@@ -157,7 +157,7 @@ class Case:
 
 
 def all_cases() -> Iterator[Case]:
-    """Every case: flat, sheared, and with the norm taken on a finer mesh."""
+    """All cases: flat, sheared, and with the tension norm from a finer mesh."""
     for method, layout in product(METHODS, LAYOUTS):
         for across in ACROSS:
             yield Case(method, layout, across)
@@ -168,10 +168,10 @@ def all_cases() -> Iterator[Case]:
         yield Case(method, Layout(30), CHECKED_ACROSS, refined=REFINED + 1)
 
 
-#: What counts as zero must be below this share of the smallest other singular value.
+#: Upper bound of zero singular values relative to the smallest non-zero one.
 CLEAR = 0.01
 
-#: Spacings of which unknowns and constraints are counted.
+#: Spacings of the table of unknowns and constraints.
 COUNTED_ACROSS = 16
 
 _KINDS = "smooth", "kinked"
@@ -184,14 +184,14 @@ def of(
     shear: int = 0,
     refined: int = REFINED,
 ) -> dict[int, Row]:
-    """The rows of a method on a layout, by the number of spacings."""
+    """The rows of a method and a layout, by number of spacings."""
     given = {"method": method.name, "layout": str(layout), "shear": shear}
     found = having(rows, **given, refined=refined)
     return {row["across"]: row for row in sorted(found, key=lambda row: row["across"])}
 
 
 def order(found: dict[int, float]) -> float:
-    """The power of h with which a value goes, of the two finest meshes.
+    """Convergence order in h from the two finest meshes.
 
     Examples
     --------
@@ -203,7 +203,7 @@ def order(found: dict[int, float]) -> float:
 
 
 def constants(rows: Sequence[Row], key: str) -> str:
-    """A constant on the coarsest and the finest mesh, on regular ones its order too."""
+    """A constant on the coarsest and finest mesh; its order if meshes are regular."""
 
     def cell(found: dict[int, Row]) -> str:
         values = {across: row[key] for across, row in found.items()}
@@ -216,12 +216,12 @@ def constants(rows: Sequence[Row], key: str) -> str:
 
 
 def ratios(rows: Sequence[Row]) -> str:
-    """How much further the kernel is from a motion than the mesh is."""
+    """Distances of modes from the kernel relative to the distances from the mesh."""
     return _by_layout(rows, lambda found: _of_kinds(found, _from_kernel, ".2f"))
 
 
 def stiffnesses(rows: Sequence[Row]) -> str:
-    """How much stiffer than exact a ply is."""
+    """Ratios of the stiffness of a ply to the exact stiffness."""
 
     def stiffness(row: Row, kind: str) -> float:
         return float(row[f"{kind}_stiffness"])
@@ -230,21 +230,21 @@ def stiffnesses(rows: Sequence[Row]) -> str:
 
 
 def _of_kinds(found: dict[int, Row], value: Callable, form: str) -> str:
-    """A value for both kinds of motions on the finest mesh."""
+    """A value for both kinds of modes on the finest mesh."""
     return ", ".join(f"{value(found[max(found)], kind):{form}}" for kind in _KINDS)
 
 
 def _from_kernel(row: Row, kind: str) -> float:
-    """The distance of the kernel from a motion over that of the mesh."""
+    """Distance of a mode from the kernel over its distance from the mesh space."""
     return float(row[f"{kind}_from_kernel"] / row[f"{kind}_from_mesh"])
 
 
 def _by_layout(
     rows: Sequence[Row], cell: Callable[[dict[int, Row]], str], least: int = 1
 ) -> str:
-    """A line for each method, with a cell for each layout on flat plies.
+    """A line for each method, with a cell for each layout of flat plies.
 
-    ``least`` is the number of meshes that a cell needs.
+    ``least`` is the number of meshes required for a cell.
     """
     lines = []
     for method in METHODS:
@@ -266,7 +266,7 @@ def kernels(rows: Sequence[Row]) -> str:
 
 
 def sheared(rows: Sequence[Row]) -> str:
-    """The inf-sup constant about the flat and about the sheared state."""
+    """The inf-sup constant about the flat and the sheared state."""
     layouts = [layout for layout in LAYOUTS if layout.regular]
 
     def cell(method: Method, layout: Layout) -> str:
@@ -278,7 +278,7 @@ def sheared(rows: Sequence[Row]) -> str:
 
 
 def norms(rows: Sequence[Row]) -> str:
-    """The inf-sup constant with the norm of tensions from finer and finer meshes."""
+    """The inf-sup constant with the tension norm from successively finer meshes."""
     often, layout = (REFINED, REFINED + 1), Layout(30)
     lines = [
         [
@@ -328,7 +328,7 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def _range(values: Sequence[float], form: str) -> str:
-    """The smallest and the largest value, or the one that both are.
+    """The smallest and the largest value, or one value if both agree.
 
     Examples
     --------
@@ -339,7 +339,7 @@ def _range(values: Sequence[float], form: str) -> str:
 
 
 def draw_constants(rows: Sequence[Row], file: File = None) -> Any:
-    """A column of panels for each layout of fibres, a row for each result."""
+    """Draw a column of panels for each fibre layout and a row for each result."""
     from matplotlib.ticker import FixedLocator, NullLocator
 
     layouts = Layout(0), Layout(30), Layout(45), IRREGULAR
@@ -386,7 +386,7 @@ def draw_constants(rows: Sequence[Row], file: File = None) -> Any:
 
 
 def _draw_slope(axes: Any, power: int, start: float) -> None:
-    """A short line that falls with a power of h."""
+    """Draw a short line with the slope of a power of h."""
     first, last = 4.0, 7.0
     end = start * (first / last) ** power
     axes.plot([first, last], [start, end], color="grey", linewidth=0.8)
@@ -395,7 +395,7 @@ def _draw_slope(axes: Any, power: int, start: float) -> None:
 
 
 class InfSup(Study[Case]):
-    """Every method on every layout of fibres, flat and sheared."""
+    """All methods on all fibre layouts, flat and sheared."""
 
     parts = (
         Part(
@@ -423,12 +423,12 @@ class InfSup(Study[Case]):
         return in_words(rows)
 
     def complaint(self, rows: list[Row]) -> str:
-        """Rows in which what counts as zero is not far below every other value."""
+        """Report rows without a clear gap between zero and non-zero singular values."""
         doubtful = [r for r in rows if r["largest_zero"] > CLEAR * r["inf_sup"]]
         if not doubtful:
             return ""
         first = self.line(doubtful[:1])
-        return f"{len(doubtful)} case(s) have no clear smallest value, first: {first}"
+        return f"{len(doubtful)} case(s) without a clear smallest value, first: {first}"
 
 
 STUDY = InfSup()

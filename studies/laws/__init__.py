@@ -1,1 +1,1 @@
-"""The bias extension with five laws: how far the load is from a converged one."""
+"""Load error of the bias extension with five constitutive laws."""

@@ -1,7 +1,7 @@
-"""The bias extension with five laws: how far the load is from a converged one.
+"""Load error of the bias extension with five constitutive laws.
 
-The references are quadratic triangles along the fibres, as in the study of angles.  The
-default formulation is judged on irregular quadrilaterals and on Delaunay's triangles.
+The references use fibre-aligned quadratic triangles, as in the study of angles.  The
+default formulation is tested on irregular quadrilaterals and Delaunay triangles.
 """
 
 import argparse
@@ -41,17 +41,17 @@ from ..common.running import run, warnings_collected
 from ..common.tables import furthest, having, markdown_table, median, percent
 from ..study import Part, Row, Study
 
-#: The specimen of the study of angles with the linear law: its meshes, references and
-#: limits are those of this study.
+#: The specimen of the study of angles with the linear law, whose meshes, references and
+#: limits this study uses.
 SPECIMEN = Specimen(45.0, "linear", 2e5)
 
-#: Sides in mm, and shear angle in radians at the end.
+#: Sides in mm, and final shear angle in radians.
 SIDES, ANGLE = (50.0, 100.0), np.radians(ANGLES[-1])
 
-#: Load steps of second runs with steep shear.
+#: Load steps of the second runs with steep shear.
 MORE_STEPS = 2 * STEPS
 
-#: Stiffness of straight fibres in N/mm.
+#: Stiffness of straightened fibres in N/mm.
 E = SPECIMEN.ratio * G
 
 SEEDS = JUDGING[0]
@@ -59,7 +59,7 @@ SEEDS = JUDGING[0]
 
 @dataclass(frozen=True)
 class Material:
-    """Laws of tension, of both families or of warp and weft, and of shear."""
+    """Tension law, for both families or for warp and weft, and shear law."""
 
     name: str
     tension: Law | float | tuple[float, float] = E
@@ -71,7 +71,7 @@ class Material:
 
 
 def _steep_shear() -> Tabulated:
-    """A table of shear whose slope rises a hundredfold from 30° to 55°."""
+    """A tabulated shear law whose slope rises a hundredfold from 30° to 55°."""
     low, high = np.radians([30.0, 55.0])
     angles = np.radians([*np.arange(0.0, 57.5, 2.5), 60.0, 65.0])
     rising, last = np.clip(angles, low, high), np.maximum(angles - high, 0.0)
@@ -90,7 +90,7 @@ MATERIALS = (LINEAR, TOE, TENSION_ONLY, STEEP_SHEAR, STIFF_WARP)
 
 @dataclass(frozen=True)
 class Method:
-    """A formulation on meshes with a number of element edges across, by seed."""
+    """A formulation on meshes with given element edges across, by seed."""
 
     name: str
     mesh: Callable[[int, int], Mesh]
@@ -99,7 +99,7 @@ class Method:
 
 
 def _irregular(kind: str, parts: int, across: int, seed: int) -> Mesh:
-    """A mesh whose edges the formulation splits into parts."""
+    """A mesh whose edges the formulation divides into parts."""
     n = across // parts
     return rectangle(*SIDES, (n, 2 * n), kind, JITTER, seed)
 
@@ -108,7 +108,7 @@ def _along_fibres(cells: int, seed: int) -> Mesh:
     return graded_mesh(np.pi / 4, cells)
 
 
-#: The methods that are judged, and one beside them.
+#: The tested methods, and one for comparison.
 QUADS = Method("default, quads", partial(_irregular, "irregular", 2), DEFAULT)
 TRIANGLES = Method("default, triangles", partial(_irregular, "delaunay", 2), DEFAULT)
 ONE_POINT = Method("one point, quads", partial(_irregular, "irregular", 1), OnePoint())
@@ -120,12 +120,11 @@ IN_MORE_STEPS = {
 
 
 def judged_methods(material: Material) -> dict[Method, tuple[int, ...]]:
-    """The methods that are judged with a material, with their seeds."""
+    """The methods tested with a material, and their seeds."""
     return JUDGED | IN_MORE_STEPS if material is STEEP_SHEAR else JUDGED
 
 
-#: The references with their numbers of cells along a side of a rhombus: the last is
-#: the converged one.
+#: References with numbers of cells along a rhombus side; the last is the converged one.
 FULL = Method("full", _along_fibres, Full())
 QUADRATIC = Method("quadratic", _along_fibres, Quadratic())
 REFERENCES = (FULL, 16), (QUADRATIC, 16), (QUADRATIC, 32)
@@ -133,10 +132,10 @@ REFERENCES = (FULL, 16), (QUADRATIC, 16), (QUADRATIC, 32)
 
 @dataclass(frozen=True)
 class Case:
-    """A run: a material and a method, on a mesh.
+    """A run with a material and a method on a mesh.
 
-    ``across`` is the number of element edges across, of references the number of cells
-    along a side of a rhombus.
+    ``across`` is the number of element edges across; for references, the number of
+    cells along a rhombus side.
     """
 
     group: str
@@ -155,7 +154,7 @@ class Case:
         return bias_extension(mesh, shear_angle=ANGLE)
 
     def rows(self) -> list[Row]:
-        """Run the case; the load of a run that is refused is nan."""
+        """Run the case; the load is nan if the run fails."""
         method, scene = self.method, self.scene()
         ply = Ply(scene.mesh, self.material.fabric(scene), method.formulation)
         with warnings_collected() as warnings:
@@ -179,7 +178,7 @@ class Case:
 
 
 def all_cases() -> Iterator[Case]:
-    """Every case."""
+    """All cases."""
     for material in MATERIALS:
         for method, cells in REFERENCES:
             yield Case("reference", material, method, cells, 0)
@@ -189,43 +188,43 @@ def all_cases() -> Iterator[Case]:
                 yield Case("judged", material, method, across, seed)
 
 
-# Methods beside each other in a column of width 1 of the figure.
+# Horizontal offset between methods in the figure.
 _SPREAD = 0.25
 
 
 def of(rows: Sequence[Row], material: Material, method: Method, n: int) -> list[Row]:
-    """Rows of the cases with a material and a method, n across."""
+    """Rows of the cases with a material, a method and n edges across."""
     return having(rows, material=material.name, method=method.name, across=n)
 
 
 def converged(rows: Sequence[Row], material: Material) -> float:
-    """The load in N of the finest reference; nan if there is none."""
+    """Load of the finest reference in N; nan if missing."""
     return _loads(rows, material)[-1]
 
 
 def errors(
     rows: Sequence[Row], material: Material, method: Method, across: int
 ) -> np.ndarray:
-    """Errors of the loads of the seeds, as shares; nan if a run is refused."""
+    """Relative load errors of the seeds; nan if a run fails."""
     end = converged(rows, material)
     own = of(rows, material, method, across)
     return np.array([row["load"] / end - 1 for row in own])
 
 
 def _loads(rows: Sequence[Row], material: Material) -> list[float]:
-    """Loads of the references in N; nan where there is none."""
+    """Loads of the references in N; nan if missing."""
     found = (of(rows, material, *reference) for reference in REFERENCES)
     return [own[0]["load"] if own else np.nan for own in found]
 
 
 def _differences(loads: Sequence[float]) -> tuple[float, float]:
-    """Other formulation and last halving against the finest, as shares of the load."""
+    """Relative differences: other formulation to finest, and last halving."""
     other, coarse, finest = loads
     return other / finest - 1, finest / coarse - 1
 
 
 def references(rows: Sequence[Row]) -> str:
-    """The loads of the references, and how much they differ."""
+    """Loads of the references and their differences."""
     lines = []
     for material in MATERIALS:
         loads = _loads(rows, material)
@@ -239,7 +238,7 @@ def references(rows: Sequence[Row]) -> str:
 
 
 def judged(rows: Sequence[Row]) -> str:
-    """Errors of loads: their medians and the worst seeds."""
+    """Load errors: medians and worst seeds."""
     lines = [
         [
             *(material.name, method.name),
@@ -258,7 +257,7 @@ def judged(rows: Sequence[Row]) -> str:
 def _cells(
     rows: Sequence[Row], material: Material, method: Method, across: int
 ) -> list[str]:
-    """Median, worst, whether the median is within the limit, and warnings."""
+    """Median, worst error, check of the median against the limit, and warnings."""
     off, limit = errors(rows, material, method, across), LIMITS[across]
     known = off[np.isfinite(off)]
     if not known.size:
@@ -274,12 +273,12 @@ def _cells(
 
 
 def warned(rows: Sequence[Row]) -> str:
-    """Subjects of the warnings of runs, each with the number of runs.
+    """Subjects of warnings, each with the number of runs.
 
     Examples
     --------
     >>> path = "the path was not resolved"
-    >>> texts = (path, f"load factor 1: deviations carry 12% | {path}", None)
+    >>> texts = (path, f"load factor 1: deviations contribute 12% | {path}", None)
     >>> warned([{"warnings": text} for text in texts])
     'deviations 1, path 2'
     """
@@ -292,13 +291,13 @@ def warned(rows: Sequence[Row]) -> str:
 
 
 def _subject(warning: str) -> str:
-    """The noun with which a warning begins."""
+    """The first noun of a warning."""
     text = warning.partition(": ")[2] if warning.startswith("load factor") else warning
     return text.removeprefix("the ").split()[0]
 
 
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
-    """The results that pages say, by name."""
+    """The results quoted on pages, by name."""
     medians = {
         key: median(errors(rows, *key))
         for key in product(MATERIALS, (QUADS, TRIANGLES), ACROSS)
@@ -333,7 +332,7 @@ _MET = "met", "met_half"
 
 
 def draw_errors(rows: Sequence[Row], file: File = None) -> Any:
-    """Errors of loads: a panel for each refinement, a point for each mesh."""
+    """Draw load errors: a panel for each refinement, a point for each mesh."""
     methods = judged_methods(LINEAR)
     styles = [style_of(i, markersize=4.0, linestyle="") for i in range(len(methods))]
     titles = [f"{across} across" for across in LIMITS]
@@ -355,7 +354,7 @@ def draw_errors(rows: Sequence[Row], file: File = None) -> Any:
 
 
 class Laws(Study[Case]):
-    """Every material with every method."""
+    """All materials with all methods."""
 
     parts = (
         Part(

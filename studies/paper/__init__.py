@@ -1,1 +1,1 @@
-"""The strips and the two elements of Hamila & Boisse (2013), beside what they print."""
+"""Strips and the two-element model of Hamila & Boisse (2013), against their values."""

@@ -1,6 +1,6 @@
 """Figs. 3 to 5 and 9 to 12 of Hamila & Boisse (2013), and the equations of §2.3.
 
-The paper's mesh is not published: the irregular meshes here are those of the scene
+The paper does not publish its mesh.  The irregular meshes here are from the scene
 `strip` with 10×15 elements, jitter 0.3 and seed 1.
 """
 
@@ -23,12 +23,12 @@ from ..common.tables import markdown_table
 from ..study import Part, Row, Study
 from . import two_element
 
-#: The case of the two elements of §2.3.
+#: Case of the two elements of §2.3.
 TWO_ELEMENTS = "two elements"
 
 _STEPS = 40
 
-#: The numbers of a strip by what tables call them, under their names in the summary.
+#: Results of a strip: table heading and name in the summary.
 MEASURED = {
     "strain": "max_fibre_strain",
     "mesh strain": "mesh_fibre_strain",
@@ -40,7 +40,7 @@ MEASURED = {
 
 
 class Strip(NamedTuple):
-    """A figure of the paper: the run, and what the paper says about it."""
+    """A figure of the paper: the run, and the paper's values."""
 
     figure: str
     mesh: str
@@ -53,18 +53,18 @@ class Strip(NamedTuple):
 
     @property
     def is_of_rates(self) -> bool:
-        """Whether the stabilisation is the paper's, which has no energy."""
+        """Return True for the paper's rate-form stabilisation, which has no energy."""
         return isinstance(self.formulation, OnePoint) and (
             self.formulation.kind == "rate"
         )
 
     def ply(self) -> Ply:
-        """The ply, unloaded."""
+        """The unloaded ply."""
         return Ply(strip(self.mesh).mesh, Fabric(1e4), self.formulation)
 
 
 def strips() -> list[Strip]:
-    """The figures of the paper, the last three with both kinds of stabilisation."""
+    """The figures of the paper, the last three with both stabilisation kinds."""
     return [
         Strip("3, 5", "aligned", Full(), "< 2e-6", "almost zero"),
         Strip("4, 5", "irregular", Full(), "9.5e-3", "140 N"),
@@ -88,17 +88,17 @@ def _stabilised(kind: Kind) -> list[Strip]:
 
 @errors_only()
 def examined(case: Strip) -> Row:
-    """Run a strip as far as it goes.
+    """Run a strip up to full load or failure.
 
-    Its row has its results beside those of the paper and, as ``drawn``, what pictures
-    need: the load curve as displacements at the top of the right edge and forces on
+    The row contains the results, the paper's values and, as ``drawn``, the data for
+    figures: the load curve as displacements at the top of the right edge and forces on
     that edge, the last load factor and the last displacement.
     """
     scene, ply, outcome = strip(case.mesh), case.ply(), "stable"
     result, refused = run(LoadStepper(ply, scene.conditions, _STEPS))
     if refused:
         t = result.states[-1].load_factor
-        outcome = f"no acceptable state beyond load factor {t:.3f}; figures at that"
+        outcome = f"no acceptable state beyond load factor {t:.3f}; results there"
     summary = scene.summary(result)
     corner = int(np.argmax(scene.mesh.p.sum(axis=0)))
     return {
@@ -121,7 +121,7 @@ def examined(case: Strip) -> Row:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """The strips, with the entries of their rows as columns."""
+    """The strips, with a column for each entry of their rows."""
     shown = [{k: v for k, v in row.items() if k != "case"} for row in rows]
     lines = [
         [f"{x:.3g}" if isinstance(x, float) else x for x in row.values()]
@@ -131,7 +131,7 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def draw(rows: Sequence[tuple[Strip, Row]], folder: Path) -> None:
-    """Draw the strips whose stabilisation has an energy, each with what it draws."""
+    """Draw the load curves and last states of strips, except rate forms."""
     from skfem_textile import plot
     from skfem_textile.plot.curves import curves
 
@@ -168,7 +168,7 @@ def draw(rows: Sequence[tuple[Strip, Row]], folder: Path) -> None:
 
 
 def _last_state(case: Strip, row: Row) -> Any:
-    """The part of the result that pictures need."""
+    """The data of a result that figures require."""
     u = np.array(row["u"])
     state = SimpleNamespace(u=u, load_factor=row["load_factor"])
     return SimpleNamespace(
@@ -177,7 +177,7 @@ def _last_state(case: Strip, row: Row) -> Any:
 
 
 def _caption(case: Strip, row: Row) -> str:
-    """The figure's number, and how far the case came if it stopped early."""
+    """The figure number, and the last load factor of a case that failed."""
     caption = f"Fig. {case.figure.partition(',')[0]}"
     if row["load_factor"] < 1:
         return f"{caption}, t = {row['load_factor']:.2f}"
@@ -187,7 +187,7 @@ def _caption(case: Strip, row: Row) -> str:
 
 
 class Paper(Study[Strip | str]):
-    """The strips of the figures, and the two elements."""
+    """The strips of the figures, and the two-element model."""
 
     parts = (
         Part("paper.csv", {"paper.md": table}, cases=("Fig. *",)),
@@ -205,7 +205,7 @@ class Paper(Study[Strip | str]):
         return [*strips(), TWO_ELEMENTS]
 
     def examine(self, case: Strip | str) -> list[Row]:
-        """A strip is one row; the two elements are one that has their equations."""
+        """One row: results of a strip, or equations of the two-element model."""
         return [two_element.report() if isinstance(case, str) else examined(case)]
 
     def line(self, rows: list[Row]) -> str:
@@ -215,19 +215,19 @@ class Paper(Study[Strip | str]):
         return f"{row['case']}: {row['outcome']}"
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
-        """Files without what pictures need."""
+        """Texts of the files, without the data for figures."""
         kept = [{k: x for k, x in row.items() if k != "drawn"} for row in rows]
         return super().tables(kept)
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        """The largest difference that rates make at the largest C_s."""
+        """Largest difference between energy and rate form at the largest C_s."""
         by_element = {row["element"]: row for row in rows if "element" in row}
         energy, rate = (by_element[f"one point, Cs = 10{x}"] for x in ("", ", rate"))
         apart = max(abs(rate[key] / energy[key] - 1) for key in MEASURED)
         return {"rate_apart": f"{100 * apart:.1f} %"}
 
     def written(self, cases: Sequence[Strip | str]) -> list[str]:
-        """Pictures show every strip, and a run of some leaves them as they are."""
+        """Names of the files; figures are replaced only by runs of all strips."""
         whole = {*map(str, strips())} <= {*map(str, cases)}
         return [*super().written(cases), *(self.pictures if whole else ())]
 

@@ -1,10 +1,10 @@
-"""Why quadrilaterals lock: two elements of Hamila & Boisse (2013), §2.3.
+"""Locking of quadrilaterals: the two elements of Hamila & Boisse (2013), §2.3.
 
-Two elements, A = 1-2-3-4 and above it B = 4-3-6-5, clamped at nodes 1 and 2, fibres
-along x and y.  That no fibre is stretched at a point is one linear equation in the
-nodal velocities.  The paper writes these equations at 2×2 points and at the centre, and
-asks which velocities they leave free.  Coefficients are printed as 4 ∂N/∂x.  What the
-paper prints stands beside what is computed here.
+Element A = 1-2-3-4 lies below element B = 4-3-6-5.  Nodes 1 and 2 are clamped; fibres
+are along x and y.  Inextensibility at a point is one linear equation in the nodal
+velocities.  The paper writes these equations at 2×2 points and at the centre, and
+determines the velocities that they leave free.  Coefficients are given as 4 ∂N/∂x.
+This module compares the paper's equations with computed ones.
 """
 
 from collections.abc import Sequence
@@ -18,8 +18,8 @@ from skfem_textile.mesh.bases import CENTRE, GAUSS
 
 from ..common.tables import Row, markdown_table
 
-# Nodes 1 to 6.  The first mesh is that of the paper's coefficients; of the others the
-# paper (Fig. 8) gives no coordinates: these are ours.
+# Nodes 1 to 6.  The first mesh reproduces the paper's coefficients; the paper (Fig. 8)
+# gives no coordinates for the others, which are chosen here.
 MESHES = {
     "unaligned": [(0, 0), (2, 0), (2, 1.2), (0, 0.8), (0, 2), (2, 2)],
     "aligned": [(0, 0), (2, 0), (2, 1), (0, 1), (0, 2), (2, 2)],
@@ -27,13 +27,13 @@ MESHES = {
 }
 _A, _B = (0, 1, 2, 3), (3, 2, 5, 4)
 
-# The paper numbers its Gauss points anticlockwise, scikit-fem along η first.
+# The paper numbers Gauss points anticlockwise, scikit-fem along η first.
 _ANTICLOCKWISE = [0, 2, 3, 1]
 POINTS = {"2x2": (GAUSS[0][:, _ANTICLOCKWISE], GAUSS[1]), "one point": CENTRE}
 
 
 class Printed(NamedTuple):
-    """What the paper prints of a system: equations, rows, and what they leave."""
+    """A system as printed in the paper: equation numbers, rows and conclusion."""
 
     equations: tuple[str, ...]
     rows: list[tuple[float, float, float]]
@@ -87,25 +87,25 @@ _NOT_PRINTED = Printed(("-",) * 4, [], "-")
 
 
 class PrintedSystem(NamedTuple):
-    """The equations of no stretch along one fibre family in one element.
+    """The inextensibility equations of one fibre family in one element.
 
     Attributes
     ----------
     mesh, points, element, direction
-        A key of `MESHES`, one of `POINTS`, ``A`` or ``B``, and ``x`` or ``y``.
+        Key of `MESHES`, key of `POINTS`, ``A`` or ``B``, and ``x`` or ``y``.
     unknowns
         Names of the unknowns: velocities u (along x) or v (along y) of nodes 3 and 4 in
         element A; velocities of nodes 5 and 6 in element B, as w and z in units of u₃
         or v₃ if element A leaves these free.
     rows
-        Coefficients of both unknowns and the right side, one row per point.
+        Coefficients of both unknowns and the right-hand side, one row per point.
     rank
         Rank of the coefficients.
     solution
-        The two unknowns; None if the equations leave one of them free.
+        The two unknowns; None if one of them is undetermined.
     equations, printed, conclusion
-        Of `Printed`: the paper's numbers of the rows, the rows as it prints them, and
-        what it says about rank and solution.
+        From `Printed`: the paper's equation numbers, rows, and statement on rank and
+        solution.
     """
 
     mesh: str
@@ -122,7 +122,7 @@ class PrintedSystem(NamedTuple):
 
     @property
     def factor(self) -> float:
-        """The factor from the computed coefficients to the printed ones."""
+        """Ratio of the printed to the computed coefficients."""
         if self.printed.size == 0:
             return np.nan
         computed, printed = self.rows[:, :2].ravel(), self.printed[:, :2].ravel()
@@ -136,7 +136,7 @@ class PrintedSystem(NamedTuple):
 
 
 def systems() -> list[PrintedSystem]:
-    """Every system of §2.3: meshes, points, elements and directions."""
+    """All systems of §2.3: meshes, points, elements and directions."""
     return [
         system
         for mesh in MESHES
@@ -147,7 +147,7 @@ def systems() -> list[PrintedSystem]:
 
 
 def _both_elements(mesh: str, points: str, direction: str) -> list[PrintedSystem]:
-    """Element A, and element B given what element A leaves free."""
+    """Element A, and element B given the free velocities of element A."""
     a, b = _coefficients(mesh, points)[:, "xy".index(direction)]
     velocity, ratio = {"x": ("u", "w"), "y": ("v", "z")}[direction]
 
@@ -167,10 +167,10 @@ def _both_elements(mesh: str, points: str, direction: str) -> list[PrintedSystem
             printed.conclusion,
         )
 
-    node3, node4, node5, node6 = 2, 3, 3, 2  # places in the elements' lists of nodes
+    node3, node4, node5, node6 = 2, 3, 3, 2  # local node numbers
     below = system("A", velocity, a[:, [node3, node4]], np.zeros(len(a)))
     right = np.zeros(len(b))
-    if below.solution is None:  # nodes 3 and 4 are not held
+    if below.solution is None:  # nodes 3 and 4 are not fixed
         velocity, of_node3, of_node4 = ratio, 1.0, -below.rows[0, 0] / below.rows[0, 1]
         right = -(b[:, 1] * of_node3 + b[:, 0] * of_node4)
     return [below, system("B", velocity, b[:, [node5, node6]], right)]
@@ -187,7 +187,7 @@ def _coefficients(mesh: str, points: str) -> ndarray:
 
 
 class Slip(NamedTuple):
-    """Something that the paper prints and that does not follow from the rest of it."""
+    """A printed statement of the paper that contradicts the rest of it."""
 
     where: str
     printed: str
@@ -196,7 +196,7 @@ class Slip(NamedTuple):
 
 
 def slips() -> list[Slip]:
-    """The paper's slips, each with numbers computed here that show it."""
+    """The paper's slips, each with computed evidence."""
     by_name = {s[:4]: s for s in systems()}
     vertical = by_name["unaligned", "2x2", "A", "y"]
     last = by_name["unaligned", "one point", "B", "y"]
@@ -216,21 +216,21 @@ def slips() -> list[Slip]:
         Slip(
             "Eq. (1)",
             "N_i = (1 - ξ_i ξ)(1 - η_i η)/4",
-            "ξ_i and η_i of the opposite sign",
+            "opposite signs of ξ_i and η_i",
             f"N_i at its node (ξ_i, η_i) = (1, 1) is {_eq1(1, 1, 1, 1):g}, "
-            f"at the opposite one {_eq1(1, 1, -1, -1):g}",
+            f"at the opposite node {_eq1(1, 1, -1, -1):g}",
         ),
         Slip(
             "Eqs. (5.1) to (5.4)",
             "0.38225928 v3 + 1.42661107 v4 = 0, ...",
             "4 ∂N/∂y",
-            f"printed are {vertical.factor:g} times these",
+            f"printed values are {vertical.factor:g} times 4 ∂N/∂y",
         ),
         Slip(
             "§2.3.5, last equation, left",
             "0.8 z5 + 0.8 z6",
             "4 ∂N/∂y",
-            f"printed are {last.factor:g} times these",
+            f"printed values are {last.factor:g} times 4 ∂N/∂y",
         ),
         Slip(
             "§2.3.5, last equation, right",
@@ -272,7 +272,7 @@ def _jacobian_of_B(first: int, second: int) -> float:
 
 
 def report() -> Row:
-    """Systems and slips as plain data, ready for JSON."""
+    """Systems and slips as JSON-serialisable data."""
     return {
         "systems": [
             {
@@ -294,7 +294,7 @@ def report() -> Row:
 
 
 def table(systems: Sequence[Row], slips: Sequence[Row]) -> str:
-    """Equations that the paper prints, systems and slips as Markdown tables.
+    """Printed equations, systems and slips as Markdown tables.
 
     Parameters
     ----------
@@ -322,7 +322,7 @@ def table(systems: Sequence[Row], slips: Sequence[Row]) -> str:
 
 
 def _equation(system: Row, row: Sequence[float]) -> str:
-    a, b, right = (round(x, 8) + 0.0 for x in row)  # no minus zero
+    a, b, right = (round(x, 8) + 0.0 for x in row)  # avoids −0
     first, second = system["unknowns"]
     sign = "+" if b >= 0 else "-"
     left = f"{a:.10g} {first} {sign} {abs(b):.10g} {second}"

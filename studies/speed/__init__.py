@@ -1,1 +1,1 @@
-"""Benchmarks: where the time of a run goes, and how it compares with other codes."""
+"""Benchmarks: breakdown of the run time, and comparison with other codes."""

@@ -1,1 +1,1 @@
-"""Stiff and extreme cases: which end right, which are refused, and which wrong."""
+"""Stiff and extreme cases: counts of correct, rejected and wrong results."""

@@ -122,7 +122,7 @@ def test_a_mesh_on_which_most_seeds_fail_refutes_the_coarser_ones():
 
 
 def test_a_search_that_was_given_up_ends_the_refinement_and_refutes_nothing():
-    note = f"no unfolded state in up to 5 equal steps, {cases.GIVEN_UP} after 9 s"
+    note = f"inverted elements in up to 5 equal steps, {cases.GIVEN_UP} after 9 s"
     rows = [*ROWS[:-5], *runs("FElupe", "P2", 16, 9.0, same(None), note=note)]
     assert fronts.fastest(front(rows)["FElupe"], 0.1).across == 8
 
@@ -423,7 +423,7 @@ def test_a_rival_that_never_converges_says_so():
             raise NotConvergedError
 
     found = OtherCode(Never(TRIANGLE6)).measured(PROBLEMS["strip"], 4, 98)
-    assert found["note"] == "no unfolded state in up to 80 equal steps"
+    assert found["note"] == "inverted elements in up to 80 equal steps"
     assert found["seconds"] is None
     assert found["unknowns"] > 0
 

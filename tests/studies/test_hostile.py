@@ -104,7 +104,7 @@ def test_stored_counts_are_those_of_the_cases_of_a_whole_run(tmp_path):
     assert [row["case"] for row in stored] == [STUDY.name(case) for case in cases]
     assert STUDY.tables(stored) == STUDY.tables(rows)
     assert STUDY.figures(stored)["bad"] == "1"
-    assert STUDY.complaint(stored) == "1 trials end badly"
+    assert STUDY.complaint(stored) == "1 trial(s) with bad outcomes"
 
 
 @pytest.fixture(autouse=True)

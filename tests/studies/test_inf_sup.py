@@ -184,7 +184,7 @@ def test_a_study_without_a_clear_smallest_value_fails():
     row["case"] = "it"
     assert STUDY.complaint([row]) == ""
     doubtful = row | {"largest_zero": 0.5 * row["inf_sup"]}
-    assert "1 case(s) have no clear smallest" in STUDY.complaint([row, doubtful])
+    assert "1 case(s) without a clear smallest" in STUDY.complaint([row, doubtful])
 
 
 def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):

@@ -110,7 +110,7 @@ def test_references_that_differ_by_half_a_percent_agree():
 
 
 def test_loads_are_judged_by_the_median_beside_the_finest_quadratic_triangles():
-    texts = "load factor 1: deviations carry 12% | the path was not resolved at 1"
+    texts = "load factor 1: deviations contribute 12% | the path was not resolved at 1"
     rows = [row(QUADS, 16, x) for x in (40.4, 39.4)]
     rows += [row(QUADS, 16, 42.0, texts), row(QUADS, 16, np.nan, texts)]
     rows += [row(QUADS, 32, x) for x in (41.2, 41.0, 40.1)]

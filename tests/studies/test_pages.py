@@ -94,16 +94,16 @@ def test_pages_that_say_what_the_data_say_pass(docs, capsys):
         ("page.md", "9 mm", "8 mm", "docs/page.md differs from its data"),
         ("squares/squares.csv", "3,9.0", "3,9.5", "docs/page.md differs from its data"),
         ("squares/squares.md", "9.0", "9.1", "docs/squares/squares.md differs"),
-        ("page.md", "noise", "noise in 3.2 s", "no marker makes '3.2 s'"),
-        ("page.md", "A caption", "Within 7 mm", "no marker makes '7 mm'"),
-        ("page.md", "noise", "noise, 1/3.2 of it", "no marker makes '1/3.2'"),
-        ("page.md", "noise", "noise, 62 cases", "no marker makes '62 cases'"),
-        ("page.md", "noise", "noise; 1415 are right", "no marker makes '1415'"),
-        ("page.md", "noise", "noise, error = 7.9 %", "no marker makes '7.9 %'"),
+        ("page.md", "noise", "noise in 3.2 s", "unmarked result '3.2 s'"),
+        ("page.md", "A caption", "Within 7 mm", "unmarked result '7 mm'"),
+        ("page.md", "noise", "noise, 1/3.2 of it", "unmarked result '1/3.2'"),
+        ("page.md", "noise", "noise, 62 cases", "unmarked result '62 cases'"),
+        ("page.md", "noise", "noise; 1415 are right", "unmarked result '1415'"),
+        ("page.md", "noise", "noise, error = 7.9 %", "unmarked result '7.9 %'"),
         ("page.md", "noise", "noise in 8 linear solves", "makes '8 linear solves'"),
-        ("page.md", ":width: 100%", ":alt: 3.1 mm", "no marker makes '3.1 mm'"),
-        ("page.md", "5 %", "7 %", "does not say 'with 5 % of noise'"),
-        ("page.md", ".largest", ".least", "no result is named squares.least"),
+        ("page.md", ":width: 100%", ":alt: 3.1 mm", "unmarked result '3.1 mm'"),
+        ("page.md", "5 %", "7 %", "lacks 'with 5 % of noise'"),
+        ("page.md", ".largest", ".least", "unknown result squares.least"),
     ],
 )
 def test_a_change_of_a_page_or_its_data_is_found(docs, capsys, file, old, new, named):
@@ -122,7 +122,7 @@ def test_data_that_the_code_no_longer_gives_are_found(docs, monkeypatch, capsys)
 def test_results_without_their_origin_are_named(docs, capsys):
     (docs / "squares" / "provenance.json").unlink()
     assert pages.main(check=True) == 1
-    assert "docs/squares does not say where squares is from" in capsys.readouterr().err
+    assert "docs/squares: no provenance of squares" in capsys.readouterr().err
 
 
 def test_results_are_written_into_pages_and_tables(docs):

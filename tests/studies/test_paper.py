@@ -63,7 +63,7 @@ def test_one_point_equations_are_the_papers():
 
 def test_the_slips_are_slips():
     evidence = " ".join(slip.evidence for slip in slips())
-    for number in ("62.50°", "17.6 times", "is 0, at the opposite one 1", "0.4 times"):
+    for number in ("62.50°", "17.6 times", "is 0, at the opposite node 1", "0.4 times"):
         assert number in evidence
     for unlike in ("is 0 as printed, 0.5 as corrected", "4 entries, B_HGL^T 8 rows"):
         assert unlike in evidence
@@ -119,7 +119,7 @@ def test_strips_are_tabled_and_one_that_stops_does_not_stop_the_others(
     assert [row["outcome"] for row in rows] == [
         "stable",
         "stable",
-        "no acceptable state beyond load factor 0.000; figures at that",
+        "no acceptable state beyond load factor 0.000; results there",
     ]
     assert float(rows[1]["load (N)"]) == pytest.approx(-3.49714, rel=1e-5)
     assert (out / "paper.md").read_text().count("\n") == 5

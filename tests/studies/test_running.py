@@ -112,8 +112,8 @@ def test_cases_are_chosen_by_name(squares, capsys):
 @pytest.mark.parametrize(
     ("words", "answer"),
     [
-        (("--case", "cube"), "no case is named cube: there are square of 1, "),
-        (("--workers", "0"), "'0' is no whole number of at least 1"),
+        (("--case", "cube"), "no case matches cube; available: square of 1, "),
+        (("--workers", "0"), "'0' is not a positive integer"),
         (("--bad", "x"), "invalid int value: 'x'"),
     ],
 )

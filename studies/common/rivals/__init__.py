@@ -1,5 +1,5 @@
-"""Other codes, and plain scikit-fem, that the library is compared with.
+"""Other codes, and plain scikit-fem, for comparison with the library.
 
-They share its definitions of fabric, kinematics and scenes, and nothing of its plies,
-load stepper and solvers.
+They share the fabric, kinematics and scenes of the library, but not its plies, load
+stepper and solvers.
 """

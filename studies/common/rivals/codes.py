@@ -1,7 +1,7 @@
-"""The rivals: plain scikit-fem, FElupe, scikit-fem-native and DOLFINx.
+"""The other codes: plain scikit-fem, FElupe, scikit-fem-native and DOLFINx.
 
-DOLFINx runs in a new process of the first interpreter that can import it: the present
-one, or that of the system, which has Debian's python3-dolfinx.
+DOLFINx runs in a new process of the first interpreter that can import it: the current
+one, or the system's with Debian's python3-dolfinx.
 """
 
 import os
@@ -50,11 +50,11 @@ _CHILD = Path(__file__).with_name("dolfinx_child.py")
 
 @dataclass(frozen=True, eq=False)
 class Plain(Rival):
-    """The element and stabilisation of a straightforward script.
+    """Element and stabilisation of a plain scikit-fem script.
 
-    It has scikit-fem's own assembly of readable forms, `condense` and `solve`.  ``C_s``
-    is the stiffness of the hourglass energy, if there is one: as a multiple of 8 G, or
-    of 10⁻⁴ E without shear stiffness.
+    Uses scikit-fem's own assembly of readable forms, `condense` and `solve`.  ``C_s``
+    is the stiffness of the hourglass energy, if any, as a multiple of 8 G, or of
+    10⁻⁴ E without shear stiffness.
     """
 
     C_s: float = 0.0
@@ -93,18 +93,18 @@ class _PlainSystem:
 def _stock(
     forms: Forms, basis: CellBasis
 ) -> tuple[LinearForm, BilinearForm, CellBasis]:
-    """The same integrands in forms that scikit-fem assembles itself."""
+    """The same integrands as forms assembled by scikit-fem."""
     return LinearForm(forms.residual.form), BilinearForm(forms.tangent.form), basis
 
 
 class FElupe(Rival):
-    """FElupe on one thread: the same energy as a user material, on its assembly."""
+    """FElupe on one thread: the same energy as a user material, FElupe's assembly."""
 
     packages: ClassVar[dict[str, str]] = {"felupe": "felupe"}
 
     @property
     def code(self) -> str:  # type: ignore[override]
-        """FElupe, and PARDISO if that is its solver."""
+        """FElupe, with PARDISO if selected as the solver."""
         return "FElupe with Pardiso" if self.solver == "pypardiso" else "FElupe"
 
     def system(self, task: Task) -> RivalSystem:
@@ -140,7 +140,7 @@ class _FElupeSystem:
         return self._body.assemble.vector(self._container).toarray()[:, 0]
 
     def tangent(self, u: ndarray):
-        return self._body.assemble.matrix()  # of the field of the forces
+        return self._body.assemble.matrix()  # at the field values of `forces`
 
     def increment(self, K, f: ndarray, du: ndarray) -> ndarray:
         field, fixed = self._container, self.fixed
@@ -150,10 +150,10 @@ class _FElupeSystem:
 
 
 def _corrected(gradient: Callable, rs: ndarray) -> ndarray:
-    """Gradients of the functions of the quadratic triangle.
+    """Gradients of the shape functions of the quadratic triangle.
 
-    FElupe 11.3 differentiates the last one, 4s(1 − r − s), wrongly by s, and with it
-    those of the two vertices.
+    FElupe 11.3 has a wrong derivative with respect to s of the last function,
+    4s(1 − r − s), and therefore of the two vertex functions.
     """
     dh, (r, s) = gradient(rs), rs
     change = 4 * (1 - r - 2 * s) - dh[5, 1]
@@ -162,10 +162,10 @@ def _corrected(gradient: Callable, rs: ndarray) -> ndarray:
 
 
 class Native(Rival):
-    """scikit-fem-native on one thread: assembly in C++ of forms as scikit-fem has them.
+    """scikit-fem-native on one thread: C++ assembly of forms with scikit-fem's syntax.
 
-    It takes no tensor of fourth order as a coefficient of vector fields.  The blocks of
-    the tangent are therefore assembled one by one, as forms of scalar fields.
+    It does not support fourth-order tensors as coefficients of vector fields.  The
+    blocks of the tangent are therefore assembled separately, as forms of scalar fields.
     """
 
     code: ClassVar[str] = "scikit-fem-native"
@@ -203,7 +203,7 @@ class _NativeSystem:
         self._task, self._solve = task, solver
         self.fixed, self.stiffness, self.size = task.fixed, task.E, self._vector.N
         self._free = np.setdiff1d(np.arange(self.size), self.fixed)
-        # The blocks number the unknowns by their direction first.
+        # The block matrix orders the unknowns by direction first.
         node, direction = np.divmod(np.arange(self.size), 2)
         self._in_blocks = direction * (self.size // 2) + node
 
@@ -233,15 +233,15 @@ class _NativeSystem:
 
 
 class DolfinxError(RuntimeError):
-    """The process of DOLFINx failed; the message is its last line."""
+    """The DOLFINx process failed; the message is its last line."""
 
 
 @dataclass(frozen=True, eq=False)
 class Dolfinx(Rival):
-    """DOLFINx 0.5 on one thread: the same energy in UFL, with MUMPS' LDLᵀ.
+    """DOLFINx 0.5 on one thread: the same energy in UFL, solved by MUMPS LDLᵀ.
 
-    Mesh, space and compiled forms are made before the clock starts.  ``shape`` is
-    `QUAD4` or `TRIANGLE6`.
+    The times exclude mesh, function space and form compilation.  ``shape`` is `QUAD4`
+    or `TRIANGLE6`.
     """
 
     solver: str = "MUMPS"
@@ -259,7 +259,7 @@ class Dolfinx(Rival):
         NotConvergedError
             If a step does not converge.
         DolfinxError
-            If its process fails.
+            If the DOLFINx process fails.
         """
         said = _child(task, values=task.values(steps), repeats=repeats)
         if "failure" in said:
@@ -276,7 +276,7 @@ class Dolfinx(Rival):
 
 @cache
 def interpreter() -> tuple[str, str] | None:
-    """The first interpreter that can import DOLFINx, and its version and BLAS."""
+    """The first interpreter that can import DOLFINx, with its version and BLAS."""
     for python in (sys.executable, "/usr/bin/python3"):
         try:
             return python, _run(python, timeout=60)
@@ -286,7 +286,7 @@ def interpreter() -> tuple[str, str] | None:
 
 
 def _child(task: Task, **more: Any) -> dict[str, ndarray]:
-    """The results of the process for a task."""
+    """Results of the DOLFINx process for a task."""
     if (there := interpreter()) is None:
         raise DolfinxError("DOLFINx: no interpreter can import it")
     with tempfile.TemporaryDirectory() as folder:
@@ -308,7 +308,7 @@ def _child(task: Task, **more: Any) -> dict[str, ndarray]:
 
 
 def _run(python: str, *arguments: str, timeout: float | None = None) -> str:
-    """The output of the script."""
+    """Output of the script."""
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
     environment |= ONE_THREAD
     child = subprocess.run(
@@ -334,8 +334,8 @@ def _in_process(solver: str) -> tuple[Rival, ...]:
     )
 
 
-#: Each code and element with the fastest linear solver that it can take, and with that
-#: of SciPy alone; DOLFINx has but its own.
+#: Each code and element with the fastest available linear solver, and with SciPy's;
+#: DOLFINx with MUMPS only.
 RIVALS: tuple[Rival, ...] = (
     *_in_process("fastest"),
     *(Dolfinx(QUAD4), Dolfinx(TRIANGLE6)),

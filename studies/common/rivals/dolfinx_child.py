@@ -1,8 +1,8 @@
-"""Load a ply with DOLFINx 0.5: run as a script, by an interpreter that has it.
+"""Load a ply with DOLFINx 0.5; run as a script by an interpreter with DOLFINx.
 
-``python dolfinx_child.py IN OUT``: reads the task from one .npz and writes the end of
-the load, its times and one iteration to another.  Without arguments it only imports
-what it needs and prints the version.
+``python dolfinx_child.py IN OUT`` reads the task from one .npz file and writes the
+state at full load and its times, or the times of iterations, to another.  Without
+arguments it only imports its dependencies and prints the version.
 """
 
 import sys
@@ -17,7 +17,7 @@ from newton import NotConvergedError, iterations, timed
 from petsc4py import PETSc
 from scipy.spatial import KDTree
 
-# Cells, vertices in DOLFINx's order, degree and degree of the rule by nodes per cell.
+# Cell, vertices in DOLFINx order, element and quadrature degree by nodes per cell.
 _ELEMENTS = {
     4: ("quadrilateral", [0, 1, 3, 2], 1, 3),
     6: ("triangle", [0, 1, 2], 2, 2),
@@ -25,7 +25,7 @@ _ELEMENTS = {
 
 
 class Forms:
-    """Mesh, space and compiled forms of a task."""
+    """Mesh, function space and compiled forms of a task."""
 
     def __init__(self, task):
         cell, vertices, degree, rule = _ELEMENTS[len(task["cells"])]
@@ -43,13 +43,13 @@ class Forms:
         options = {"cffi_extra_compile_args": ["-O3", "-march=native"]}
         self.residual = fem.form(residual, jit_params=options)
         self.tangent = fem.form(tangent, jit_params=options)
-        # For each node of the task its node here.
+        # Node of this mesh for each node of the task.
         here = self.space.tabulate_dof_coordinates()[:, :2]
         off, self.node = KDTree(here).query(task["nodes"].T)
         assert off.max() < 1e-9 * np.ptp(here)
 
     def dofs(self):
-        """For each unknown of the task its unknown here."""
+        """Unknown of this space for each unknown of the task."""
         return (2 * self.node[:, None] + np.arange(2)).ravel()
 
 
@@ -70,7 +70,7 @@ def density(u, task):
 
 
 class DolfinxSystem:
-    """The discretised ply, with MUMPS' LDLᵀ."""
+    """The discretised ply, solved by MUMPS LDLᵀ."""
 
     def __init__(self, forms, task):
         self._forms, dofs = forms, forms.dofs()
@@ -80,7 +80,7 @@ class DolfinxSystem:
         self._f = petsc.create_vector(forms.residual)
         self._du, self._b = self._f.duplicate(), self._f.duplicate()
         self.size = self._f.getSize()
-        # MUMPS orders indefinite matrices for pivoting by default, in twice the time.
+        # MUMPS by default orders indefinite matrices for pivoting: twice the time.
         PETSc.Options().setValue("mat_mumps_icntl_12", 1)
         self._solver = PETSc.KSP().create(MPI.COMM_WORLD)
         self._solver.setType("preonly")
@@ -96,7 +96,7 @@ class DolfinxSystem:
         return self._f.array.copy()
 
     def tangent(self, u):
-        """Their derivative."""
+        """Derivative of the forces."""
         self._K.zeroEntries()
         petsc.assemble_matrix(self._K, self._forms.tangent)
         self._K.assemble()
@@ -114,7 +114,7 @@ class DolfinxSystem:
 
 
 def blas():
-    """File of the BLAS that MUMPS has loaded, with its folder."""
+    """File of the loaded BLAS, with its folder."""
     with open("/proc/self/maps") as maps:
         files = [line.split("/")[-2:] for line in maps if "blas" in line]
     known = ("/".join(file).strip() for file in files if file[-1].startswith("lib"))
@@ -122,7 +122,7 @@ def blas():
 
 
 def main(source, target):
-    """Load the ply of the file and write the results."""
+    """Load the ply of the input file and write the results."""
     task = dict(np.load(source))
     forms = Forms(task)
     dofs = forms.dofs()

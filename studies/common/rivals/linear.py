@@ -1,4 +1,4 @@
-"""Linear solvers for the rivals that run in this process: functions of A and b."""
+"""Linear solvers for the codes that run in this process: functions of A and b."""
 
 from collections.abc import Callable
 from typing import Any, TypeAlias
@@ -23,10 +23,10 @@ Solve: TypeAlias = Callable[[Any, ndarray], ndarray]
 
 
 def solver_of(task: Task, name: str) -> Solve:
-    """The linear solver of this name for the free unknowns of a task.
+    """Linear solver by name for the free unknowns of a task.
 
-    ``SciPy``, SciPy's SuperLU in its own order of elimination; ``fastest``, the solver
-    and the order of elimination of this library; ``pypardiso``, PARDISO.
+    ``SciPy``: SciPy's SuperLU with its default ordering; ``fastest``: the solver and
+    ordering of this library; ``pypardiso``: PARDISO.
     """
     if name == "SciPy":
         return spsolve
@@ -34,14 +34,14 @@ def solver_of(task: Task, name: str) -> Solve:
 
 
 class SolverOfThisLibrary:
-    """The solver that this library chooses by ``auto``, with its elimination order.
+    """The solver that this library selects for ``auto``, with its ordering.
 
-    A pattern is ordered and analysed once.
+    Each sparsity pattern is ordered and analysed once.
 
     Parameters
     ----------
     task
-        The task.  Matrices have its free unknowns in ascending order.
+        The task.  Matrices contain its free unknowns in ascending order.
     """
 
     def __init__(self, task: Task) -> None:
@@ -50,7 +50,7 @@ class SolverOfThisLibrary:
         self._patterns: list[_Pattern] = []
 
     def __call__(self, A: Any, b: ndarray) -> ndarray:
-        """Solve A x = b for a symmetric A; SciPy's SuperLU solves singular ones."""
+        """Solve A x = b for a symmetric A; by SciPy's SuperLU if A is singular."""
         A = csr_matrix(A)
         A.sort_indices()
         try:
@@ -67,7 +67,7 @@ class SolverOfThisLibrary:
 
 
 class _Pattern:
-    """The order of elimination and the analysis of one pattern."""
+    """The ordering and the symbolic analysis of one sparsity pattern."""
 
     def __init__(self, A: csr_matrix, free: ndarray, positions: ndarray) -> None:
         self._indptr, self._indices = A.indptr, A.indices
@@ -79,7 +79,7 @@ class _Pattern:
         place = np.argsort(self._order)
         i, j = place[row], place[A.indices]
         kept = np.flatnonzero(i >= j)
-        # The lower triangle by columns is its transpose by rows.
+        # The CSC lower triangle is the CSR upper triangle.
         slots = matrix_of_slots(kept, j[kept], i[kept], A.shape)
         self._slots = slots.data
         self._solver = ChosenSolver(
@@ -87,7 +87,7 @@ class _Pattern:
         )
 
     def fits(self, A: csr_matrix) -> bool:
-        """Whether a matrix has this pattern."""
+        """Return True if a matrix has this pattern."""
         return np.array_equal(A.indptr, self._indptr) and np.array_equal(
             A.indices, self._indices
         )
@@ -103,7 +103,7 @@ class _Pattern:
 def _pardiso() -> Solve:
     import pypardiso
 
-    solver = pypardiso.PyPardisoSolver()  # one for each task: it keeps the last factors
+    solver = pypardiso.PyPardisoSolver()  # one per task: caches the last factors
 
     def solve(A: Any, b: ndarray) -> ndarray:
         try:

@@ -1,4 +1,4 @@
-"""Plain Newton iterations in equal load steps, with a clock, on NumPy alone."""
+"""Timed Newton iterations in equal load steps; requires NumPy only."""
 
 import warnings
 from collections.abc import Callable
@@ -9,14 +9,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy import ndarray
 
-#: Numbers of equal load steps that are tried, one after the other.
+#: Numbers of equal load steps, tried in this order.
 STEPS = (1, 2, 5, 10, 20, 40, 80)
 
-# Iterations in a step, and the share of the largest force that may be left.
+# Maximum number of iterations, and tolerance relative to the largest force.
 _MOST, _LEFT = 30, 1e-8
 
-# Round-off of the forces: of 2⁻⁵³ of the displacement, met by ten times the fibres'
-# stiffness, which is about the largest sum of magnitudes in a row of the tangent.
+# Round-off of the forces: 2⁻⁵³ of the displacement times ten fibre stiffnesses, about
+# the largest sum of magnitudes in a row of the tangent.
 _ROUND_OFF = 10 * 2.0**-53
 
 
@@ -25,12 +25,12 @@ class NotConvergedError(RuntimeError):
 
 
 class RivalSystem(Protocol):
-    """A discretised ply, as a function of the displacement.
+    """A discretised ply: forces and tangent as functions of the displacement.
 
     Attributes
     ----------
     fixed
-        Unknowns that are prescribed.
+        Prescribed unknowns.
     stiffness
         Fibre stiffness in N/mm.
     size
@@ -46,17 +46,17 @@ class RivalSystem(Protocol):
         ...
 
     def tangent(self, u: ndarray) -> Any:
-        """Their derivative, called after `forces` for the same ``u``."""
+        """Derivative of the forces, called after `forces` with the same ``u``."""
         ...
 
     def increment(self, K: Any, f: ndarray, du: ndarray) -> ndarray:
-        """Solve K·du = −f for the free unknowns, given the fixed entries of du."""
+        """Solve K·du = −f for the free entries of du, given the fixed entries."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """The end of the load, and the times of repeated runs.
+    """The state at full load, and the times of repeated runs.
 
     ``u`` and the nodal forces ``f`` in N are numbered as in `Task.nodes`.
     """
@@ -68,7 +68,7 @@ class Run:
 
 
 def loaded(system: RivalSystem, values: ndarray) -> tuple[ndarray, ndarray, int]:
-    """Displacement, nodal forces and number of linear solves at the end of the load.
+    """Displacement, nodal forces and number of linear solves at full load.
 
     Parameters
     ----------
@@ -104,16 +104,16 @@ def loaded(system: RivalSystem, values: ndarray) -> tuple[ndarray, ndarray, int]
 
 
 def timed(begin: Callable[[], RivalSystem], values: ndarray, repeats: int) -> Run:
-    """Load a ply once to warm up, then several times with a clock.
+    """Load a ply once for warm-up, then several times with timing.
 
-    The clock runs from before ``begin`` makes the system.
+    The times include the call of ``begin``.
 
     Raises
     ------
     NotConvergedError
         If a step does not converge.
     """
-    # A singular tangent gives numbers that are not finite, which are caught.
+    # A singular tangent yields non-finite numbers, which `loaded` detects.
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         end = loaded(begin(), values)
@@ -126,7 +126,7 @@ def timed(begin: Callable[[], RivalSystem], values: ndarray, repeats: int) -> Ru
 
 
 def one_iteration(system: RivalSystem, u: ndarray) -> tuple[float, float]:
-    """Seconds of the assembly and of the solution in one iteration at ``u``."""
+    """Assembly and solution times in s of one iteration at ``u``."""
     start = perf_counter()
     f, K = system.forces(u), system.tangent(u)
     assembled = perf_counter()
@@ -137,9 +137,9 @@ def one_iteration(system: RivalSystem, u: ndarray) -> tuple[float, float]:
 def iterations(
     system: RivalSystem, u: ndarray, repeats: int
 ) -> list[tuple[float, float]]:
-    """The same for several iterations, after one to warm up.
+    """The same for several iterations, after one for warm-up.
 
-    The displacement changes a little each time, because factors might be kept.
+    The displacement changes slightly each time, because factors may be cached.
     """
     shares = 1 + 1e-9 * np.arange(1 + repeats)
     return [one_iteration(system, share * u) for share in shares][1:]

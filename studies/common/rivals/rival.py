@@ -1,4 +1,4 @@
-"""What rivals load, and the protocol that they follow."""
+"""Task and protocol of the other codes."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,10 +29,10 @@ from .newton import RivalSystem, Run, iterations, timed
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """An element with its rule, as scikit-fem has them.
+    """A scikit-fem element with its quadrature rule.
 
-    ``mesh`` is ``quads`` or ``triangles``.  ``parts`` is the number of parts into which
-    nodes divide an edge.
+    ``mesh`` is ``quads`` or ``triangles``; ``parts`` is the number of intervals between
+    nodes on an edge.
     """
 
     name: str
@@ -51,16 +51,16 @@ QUAD9_REDUCED = Shape("Q9, 2×2", "quads", 2, ElementQuad2(), GAUSS)
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A scene with its nodes for an element, and a fabric of linear laws.
+    """A scene discretised with an element, and a fabric with linear laws.
 
     Parameters
     ----------
     scene
         The scene.
     element
-        A scalar scikit-fem element of the cells of its mesh.
+        A scalar scikit-fem element for the cells of its mesh.
     rule
-        Reference coordinates and weights of the points.
+        Reference coordinates and weights of the quadrature points.
     E, G
         Fibre and shear stiffness in N/mm, T = E ε and M_s = G Γ.
     """
@@ -84,14 +84,14 @@ class Task:
 
     @cached_property
     def nodes(self) -> ndarray:
-        """Positions of the nodes, (2, n_nodes), with the unknowns 2i and 2i + 1."""
+        """Node positions, (2, n_nodes); node i has the unknowns 2i and 2i + 1."""
         return self.basis.doflocs[:, ::2]
 
     @cached_property
     def cells(self) -> ndarray:
-        """Nodes of each element anticlockwise, (n, n_elements): vertices first.
+        """Nodes of each element anticlockwise, (n, n_elements).
 
-        Then the middles of the edges 0-1, 1-2, ..., then the centre.
+        Vertices, midpoints of the edges 0-1, 1-2, ..., then the centre.
         """
         cells = self.basis.element_dofs[::2] // 2
         if self.scene.mesh.elem is not ElementTriP1:
@@ -107,21 +107,21 @@ class Task:
 
     @property
     def fixed(self) -> ndarray:
-        """Unknowns that are prescribed."""
+        """Prescribed unknowns."""
         return self._constraints.fixed
 
     def values(self, steps: int) -> ndarray:
-        """Their values at the end of each equal step, (steps, n_fixed)."""
+        """Prescribed values at the end of each equal step, (steps, n_fixed)."""
         factors = np.linspace(0.0, 1.0, steps + 1)[1:]
         return np.array([self._constraints.fixed_values(t) for t in factors])
 
     def reaction(self, f: ndarray) -> ndarray:
-        """Force on the driven edge in N, shape (2,), of nodal forces."""
+        """Resultant of nodal forces on the driven edge in N, shape (2,)."""
         driven = self._constraints.nodes[self.scene.driven]
         return f[node_dofs(self.basis)[:, driven]].sum(axis=1)
 
     def stress(self, F: ndarray) -> ndarray:
-        """Derivative of ½ E (ε₁² + ε₂²) + ½ G Γ² by F, of shape (2, 2, n, m)."""
+        """Derivative of ½ E (ε₁² + ε₂²) + ½ G Γ² w.r.t. F, of shape (2, 2, n, m)."""
         A, E, G = self._directions, self.E, self.G
         P = sum(E * kin.fibre_strain(F, a) * kin.fibre_strain_d(F, a) for a in A)
         if G:
@@ -154,18 +154,18 @@ def _outer(S: ndarray, T: ndarray) -> ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Rival:
-    """A code with an element and a linear solver, that loads a ply by plain Newton.
+    """A code with an element and a linear solver, which uses Newton's method.
 
     Attributes
     ----------
     shape
         The element.
     solver
-        A name of `linear.solver_of`, or that of the code's own solver.
+        A name of `linear.solver_of`, or the name of the code's own solver.
     code
         The code.
     packages
-        Packages beside this library: how to import and to install them.
+        Required packages: import name and installation name.
     """
 
     shape: Shape
@@ -174,17 +174,17 @@ class Rival:
     packages: ClassVar[dict[str, str]] = {}
 
     def missing(self) -> str:
-        """Packages to install first; empty if nothing is missing."""
+        """Missing packages; empty if none is missing."""
         pardiso = {"pypardiso": "pypardiso"} if self.solver == "pypardiso" else {}
         needed = (self.packages | pardiso).items()
         return ", ".join(name for module, name in needed if find_spec(module) is None)
 
     def system(self, task: Task) -> RivalSystem:
-        """The discretised ply, of a code that runs in this process."""
+        """The discretised ply, for a code that runs in this process."""
         raise NotImplementedError
 
     def run(self, task: Task, steps: int, repeats: int) -> Run:
-        """Load a ply in equal steps, once to warm up, then with a clock.
+        """Load a ply in equal steps, once for warm-up, then timed.
 
         Parameters
         ----------
@@ -193,7 +193,7 @@ class Rival:
         steps
             Number of load steps.
         repeats
-            Runs on the clock, from mesh and fabric in memory to the end of the load.
+            Number of timed runs, from mesh and fabric in memory to the full load.
 
         Raises
         ------
@@ -205,5 +205,5 @@ class Rival:
     def iterations(
         self, task: Task, u: ndarray, repeats: int
     ) -> list[tuple[float, float]]:
-        """Seconds of assembly and of solution in Newton iterations at ``u``."""
+        """Assembly and solution times in s of Newton iterations at ``u``."""
         return iterations(self.system(task), u, repeats)

@@ -1,1 +1,1 @@
-"""Draping on a sphere, a cylinder and a cone, against exact answers."""
+"""Draping on a sphere, a cylinder and a cone, against exact solutions."""

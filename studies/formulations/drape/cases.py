@@ -1,7 +1,7 @@
-"""The cases of the study: a ply on the sphere in many ways, nets, rolled plies.
+"""Cases of the study: plies on a sphere, nets, rolled plies.
 
-Of each case is measured how far it is from the exact answer.  Formulations and starts
-on the sphere are timed too.
+Each case measures errors against the exact solution.  Formulations and initial guesses
+on the sphere are also timed.
 """
 
 from collections.abc import Callable, Iterator
@@ -39,15 +39,15 @@ from .rolled import BIAS, CYLINDER, FAN, SQUARES
 
 
 class Flat(Macro):
-    """Macro-elements that are stabilised in their plane alone."""
+    """Macro-elements with in-plane stabilisation only."""
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
-        """The hourglass term without that out of the plane."""
+        """The stabilising terms without the out-of-plane term."""
         every = super().stabilising_terms(basis, fabric)
         return [term for term in every if term.name != "out_of_plane"]
 
 
-#: Name of what is stabilised in its plane alone.
+#: Name of the formulation with in-plane stabilisation only.
 FLAT = "macro, no C_s out of plane"
 
 FORMULATIONS: dict[str, Formulation] = {
@@ -59,18 +59,18 @@ FORMULATIONS: dict[str, Formulation] = {
     "split triangles": Macro(),
 }
 
-#: What a case may be: on the sphere, on the clock, a net, a net beside one by a
-#: published method, or rolled.
+#: Kinds of cases: ply on the sphere, timed ply on the sphere, net, net compared with a
+#: published method, rolled ply.
 SPHERE, TIME, NET = "sphere", "time", "net"
 PUBLISHED, ROLLED = "published", "rolled"
 
-#: How a drape may start.
+#: Initial guesses.
 EXPONENTIAL, FROM_NET, GROWTH = "exponential map", "net", "growth"
 
 # Shear stiffness in N/mm.
 _SHEAR = 0.1
 
-# Of so many timed runs the fastest counts, until they have taken so many seconds.
+# Timed runs, of which the fastest counts, and total time in s after which to stop.
 _RUNS, _ENOUGH = 5, 2.0
 
 _WARN_ONLY = "stabilisation", "deviation", "work"
@@ -85,8 +85,8 @@ class Case:
     kind
         One of `SPHERE`, `TIME`, `NET`, `PUBLISHED` and `ROLLED`.
     parts
-        Nodes a side less one: macro-elements and quadratic triangles are twice as
-        large.  Of a published net, how many cells a side take the place of one.
+        Node spacings per side; macro-elements and quadratic triangles span two.  For a
+        published net, the number of cells per side that replace one cell.
     formulation
         Name of `FORMULATIONS`.
     stretch, tension
@@ -94,12 +94,12 @@ class Case:
     bending
         D of both families in N·mm.
     distortion
-        Largest move of nodes as a share of the element size.
+        Largest displacement of mesh nodes relative to the element size.
     halvings
-        How often the elements are halved after their nodes have moved.
+        Number of uniform refinements after the nodes are moved.
     surface
-        How the sphere is given, analytic or as 5000 triangles; what a ply is rolled on;
-        which of the published drapings.
+        Representation of the sphere, analytic or as 5000 triangles; the surface of a
+        rolled ply; the name of a published draping.
     start
         `EXPONENTIAL`, `FROM_NET` or `GROWTH`.
     """
@@ -130,7 +130,7 @@ class Case:
         return ", ".join(words)
 
     def rows(self) -> list[Row]:
-        """Run the case; one that finds no state says why."""
+        """Run the case; the row of a failed run contains the reason."""
         measure = {NET: _net, PUBLISHED: _published, TIME: _timed}
         head: Row = {"case": str(self), "refused": "", **asdict(self)}
         try:
@@ -140,7 +140,7 @@ class Case:
 
 
 def _draped(case: Case) -> Row:
-    """Figures of a ply on its surface."""
+    """Results of a ply on its surface."""
     ply, conditions, surface, start = (
         on_sphere(case) if case.kind == SPHERE else _on_developable(case)
     )
@@ -163,7 +163,7 @@ def _draped(case: Case) -> Row:
 
 
 def _on_net(ply: Ply, state: State) -> Row:
-    """What is off the Chebyshev net."""
+    """Errors against the Chebyshev net."""
     off = chebyshev.errors(ply, state.u)
     corner = ply.mesh.p[:, ply.mesh.t].mean(axis=1).sum(axis=0).argmax()
     tension = ply.fibre_tension(state.u, state.parameters)
@@ -185,7 +185,7 @@ def _on_net(ply: Ply, state: State) -> Row:
 
 
 def _sheared(ply: Ply, state: State, exact: ndarray) -> Row:
-    """Shear where there ought to be none, that of the exact positions too."""
+    """Spurious shear of the state and of the exact positions."""
     largest, interpolated = (
         float(np.degrees(np.abs(ply.shear_angle(u)).max())) for u in (state.u, exact)
     )
@@ -194,7 +194,7 @@ def _sheared(ply: Ply, state: State, exact: ndarray) -> Row:
 
 
 def sphere_of_triangles(vertices: int = 2502) -> drape.TriangleMesh:
-    """The sphere of `chebyshev` from triangles between points of a spiral."""
+    """The sphere of `chebyshev` as triangles between points of a spiral."""
     k = np.arange(vertices) + 0.5
     polar, around = np.arccos(1 - 2 * k / vertices), np.pi * (1 + 5**0.5) * k
     across = np.sin(polar)
@@ -230,13 +230,13 @@ def _published(case: Case) -> Row:
 
 
 def _cells(case: Case) -> int:
-    """The user's elements a side, before they are halved."""
+    """The user's elements per side, before refinement."""
     large = case.formulation not in ("one point", "2×2 points")
     return case.parts // (2 if large else 1) // 2**case.halvings
 
 
 def on_sphere(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
-    """Ply, conditions, surface and start."""
+    """Ply, conditions, surface and initial guess."""
     ply, conditions, start = chebyshev.problem(
         FORMULATIONS[case.formulation],
         _cells(case),
@@ -264,10 +264,10 @@ def _on_developable(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
 def _pressure_error(
     case: Case, ply: Ply, surface: Surface, state: State
 ) -> float | None:
-    """Largest error of the mean contact pressure of an element, as a share.
+    """Largest relative error of the mean contact pressure of an element.
 
-    That of elements along edges that are pulled is left out.  On the sphere the exact
-    one is that of the tensions found, (T₁ + T₂)/(R cos Γ).
+    Elements along loaded edges are excluded.  On the sphere the exact pressure follows
+    from the computed tensions, (T₁ + T₂)/(R cos Γ).
     """
     if not case.tension:
         return None
@@ -289,7 +289,7 @@ def _pressure_error(
 
 
 def _timed(case: Case) -> Row:
-    """The fastest of a few runs, from a ply to a state: start, set-up and solution."""
+    """The fastest of a few runs: initial guess, set-up and solution."""
     seconds: list[float] = []
     while len(seconds) < _RUNS and sum(seconds) < _ENOUGH:
         run = _run_of(case)
@@ -308,7 +308,7 @@ def _timed(case: Case) -> Row:
 
 
 def _run_of(case: Case) -> Callable[[], tuple[ndarray, int]]:
-    """A run with a ply of its own, which knows nothing of runs before."""
+    """A run with a new ply, without cached data."""
     ply, conditions, surface, _ = on_sphere(case)
 
     def grown() -> tuple[ndarray, int]:
@@ -329,7 +329,7 @@ def _run_of(case: Case) -> Callable[[], tuple[ndarray, int]]:
 
 
 def all_cases() -> Iterator[Case]:
-    """All cases, those of one table one after the other."""
+    """All cases, grouped by table."""
     both = "macro", "one point"
     for name, parts in product(both, (8, 16, 32, 64, 128)):
         yield Case(SPHERE, parts, name)

@@ -1,9 +1,9 @@
-"""The Chebyshev net of a sphere, as a map and as a mechanical problem.
+"""The Chebyshev net of a sphere, as a mapping and as a mechanical problem.
 
-With two great circles through the pole as first threads the angle ω between the
-families depends on z = uv/R² alone: z ω″ + ω′ + sin ω = 0, ω(0) = π/2.  The net is in
-equilibrium under the tractions T e + M_s p on its free edges, e along the fibres that
-end there, p = ∂Γ/∂a across them in the tangent plane.
+With two great circles through the pole as first threads, the angle ω between the
+families depends only on z = uv/R²: z ω″ + ω′ + sin ω = 0, ω(0) = π/2.  The net is in
+equilibrium under the edge tractions T e + M_s p, with e along the fibres that end there
+and p = ∂Γ/∂a normal to them in the tangent plane.
 """
 
 from collections.abc import Callable
@@ -22,22 +22,22 @@ from skfem_textile.scenes import tools
 #: Radius of the sphere and side of the quarter ply in mm.
 RADIUS = SIDE = 100.0
 
-#: The sphere, its pole at the origin.
+#: The sphere with its pole at the origin.
 SPHERE = drape.Sphere(RADIUS, (0.0, 0.0, -RADIUS))
 
-# Cells of the net that gives the directions of the tractions.  Chosen: the directions
-# are off by 1e-6, which moves the answer by less than 1e-4 degrees.
+# Cells of the net that defines the traction directions.  The directions have errors of
+# 1e-6, which change the result by less than 1e-4 degrees.
 _CELLS = 512
 
 
 def shear_angle(X: ndarray) -> ndarray:
-    """Shear angle in radians of points of the flat ply, shape (2, ...)."""
+    """Shear angle in radians at points of the flat ply, shape (2, ...)."""
     return tools.shear_angle(X[0] * X[1] / RADIUS**2)
 
 
 @cache
 def _directions() -> tuple[Callable, Callable]:
-    """Unit directions of warp and weft, functions of points (n, 2) -> (n, 3)."""
+    """Unit directions of warp and weft as functions of points, (n, 2) -> (n, 3)."""
     h = SIDE / _CELLS
     x = drape.net(SPHERE, h, (0, _CELLS), (0, _CELLS)).positions
     s = np.linspace(0, SIDE, _CELLS + 1)
@@ -52,7 +52,7 @@ def _directions() -> tuple[Callable, Callable]:
 def traction(family: int, tension: float, shear: float) -> Callable:
     """T e + M_s p of a family at reference points, ``(2, ...) -> (3, ...)``.
 
-    ``tension`` is T in N/mm, ``shear`` the stiffness G in N/mm.
+    ``tension`` is T in N/mm, ``shear`` is the stiffness G in N/mm.
     """
 
     def at(X: ndarray) -> ndarray:
@@ -79,26 +79,26 @@ def problem(
     halvings: int = 0,
     triangles: bool = False,
 ) -> tuple[Ply, dict[str, Condition | OnSurface], ndarray]:
-    """The ply, its conditions and a start on the exponential map.
+    """The ply, its conditions and the exponential map as initial guess.
 
     Parameters
     ----------
     formulation
         The formulation.
     cells
-        The user's elements a side, before they are halved.
+        The user's elements per side, before refinement.
     stretch, shear
         Stiffnesses E and G in N/mm.
     tension
-        Tension on the free edges in N/mm; 0 for edges without any traction.
+        Tension on the free edges in N/mm; 0 for traction-free edges.
     bending
         Stiffness D of both families in N·mm.
     distortion
-        Largest move of inner nodes as a share of the element size.
+        Largest displacement of inner nodes relative to the element size.
     halvings
-        How often elements are halved after that.
+        Number of uniform refinements after that.
     triangles
-        Whether the elements are triangles.
+        Use triangles instead of quadrilaterals.
     """
     s = np.linspace(0, SIDE, cells + 1)
     of = MeshTri if triangles else MeshQuad
@@ -138,7 +138,7 @@ def error(ply: Ply, u: ndarray) -> tuple[float, float]:
 
 @cache
 def energy(shear: float = 0.1) -> float:
-    """Energy of shear in the net of inextensible fibres in N·mm."""
+    """Shear energy of the net of inextensible fibres in N·mm."""
     x, w = np.polynomial.legendre.leggauss(20)
     X = 0.5 * SIDE * (1 + np.array(np.meshgrid(x, x)))
     weights = 0.25 * SIDE**2 * np.outer(w, w)

@@ -1,12 +1,12 @@
-"""Stiff and extreme drapes, each judged by checks that do not use the solver.
+"""Stiff and extreme drapes, verified by checks that do not use the solver.
 
 - Every node is on the surface.
-- Motions along the surface change the energy in second order only, and raise it.
-- Fibres along the sides of inextensible plies lie as the kinematic net does.  Both
-  planes of symmetry hold a thread of it straight, so that nothing about it is free,
-  but for threads that end at a hole.
-- The mirror image of a surface has the same shear angles.
-- A mesh of half the element size has the same shear angles and positions.
+- Perturbations along the surface change the energy in second order only, and raise it.
+- Fibres along the sides of inextensible plies agree with the kinematic net.  Each plane
+  of symmetry keeps a thread straight, which makes the net unique, except for threads
+  that end at a hole.
+- The mirror image of a surface gives the same shear angles.
+- A mesh with half the element size gives the same shear angles and positions.
 """
 
 from collections.abc import Callable, Iterator
@@ -42,58 +42,57 @@ from skfem_textile.solve.verdict import excess
 from ...common.tables import Row
 from . import cases
 
-#: Slope of a wall of 60°, and the side of the quarter ply in mm.
+#: Slope of a 60° wall, and side of the quarter ply in mm.
 STEEP, SIDE = np.sqrt(3.0), 100.0
 
-# Radii in mm of what is not flat beside the walls.
+# Radii of the curved regions in mm.
 _TIP, _BUMP, _WAVE = 40.0, 50.0, 40.0
 
-#: The kind of all cases.
+#: Kind of all cases.
 EXTREME = "extreme"
 
 FORMULATIONS = cases.FORMULATIONS | {"quadratic": Quadratic(80.0)}
 
 SHEAR = 0.1
 
-# Largest move of inner nodes as a share of the element size.
+# Largest displacement of inner nodes relative to the element size.
 _DISTORTION = 0.25
 
-# Step in mm of a difference of positions.
+# Finite-difference step of positions in mm.
 _STEP = 1e-3
 
-# Equal steps in which a surface grows.
+# Number of equal steps of a growing surface.
 _STEPS = 4
 
-#: Outcomes: right; off by more than is allowed, as the state itself tells; refused with
-#: a reason; wrong.
+#: Outcomes: right; inaccurate, but with a warning; refused with a reason; wrong.
 RIGHT, TOLD, REFUSED, WRONG = "right", "told", "refused", "wrong"
 
 #: Largest distance from the surface in mm.
 OFF_SURFACE = 1e-8
 
-#: Allowed: root mean square of the difference of shear angles in degrees, difference of
-#: positions as a share of the elements that are computed on.
+#: Tolerances: rms difference of shear angles in degrees, difference of positions
+#: relative to the working element size.
 ANGLE, POSITION = 3.0, 0.25
 
-#: Largest difference of shear angles from those of the mirror image in degrees.
+#: Largest difference of shear angles between mirror images in degrees.
 OFF_MIRROR = 1e-4
 
-#: Rotation in degrees that fibres of the strain 1 make, where the net has no strain.
+#: Rotation in degrees per unit fibre strain, for the net without strain.
 ANGLE_OVER_STRAIN = 100.0
 
-# Motions in mm that are tried, their number, and the energy to first order over that
-# to second that is none.
+# Amplitude of test perturbations in mm, their number, and the ratio of first-order to
+# second-order energy that counts as zero.
 _MOTION, _MOTIONS, _FIRST_ORDER = 1e-4, 5, 1e-2
 
-# Cells of the net along a side.
+# Net cells per side.
 _CELLS = 64
 
-# E/G from which fibres are as good as inextensible.
+# E/G from which fibres are virtually inextensible.
 _INEXTENSIBLE = 1e4
 
 
 def _rounded_cone(x: ndarray, y: ndarray) -> drape.Height:
-    """Walls of 60° far from a tip that is rounded."""
+    """A cone with 60° walls and a rounded tip."""
     s = np.sqrt(x * x + y * y + _TIP**2)
     height = (_TIP - s, -x / s, -y / s)
     second = (x * x / s**3 - 1 / s, x * y / s**3, y * y / s**3 - 1 / s)
@@ -101,7 +100,7 @@ def _rounded_cone(x: ndarray, y: ndarray) -> drape.Height:
 
 
 def _bump(x: ndarray, y: ndarray) -> drape.Height:
-    """Gauss's bell, the steepest slope of which is 60°."""
+    """A Gaussian bump with a maximum slope of 60°."""
     s, top = _BUMP, STEEP * _BUMP * np.exp(0.5)
     h = top * np.exp(-0.5 * (x * x + y * y) / s**2)
     second = ((x * x / s**2 - 1), x * y / s**2, (y * y / s**2 - 1))
@@ -111,14 +110,14 @@ def _bump(x: ndarray, y: ndarray) -> drape.Height:
 
 
 def _waves(x: ndarray, y: ndarray) -> drape.Height:
-    """Waves along x, the steepest slope of which is 60°; nothing shears on them."""
+    """Waves along x with a maximum slope of 60°; a developable surface."""
     zero, a = np.zeros_like(x), STEEP * _WAVE
     c, s = np.cos(x / _WAVE), np.sin(x / _WAVE)
     return drape.Height(a * (c - 1), -STEEP * s, zero, -a / _WAVE**2 * c, zero, zero)
 
 
 def _saddle(x: ndarray, y: ndarray) -> drape.Height:
-    """A saddle, the slope of which is 60° at the distance of the side."""
+    """A saddle with a slope of 60° at the distance of the side."""
     zero, a = np.zeros_like(x), 0.5 * STEEP / SIDE
     return drape.Height(
         a * (x * x - y * y), 2 * a * x, -2 * a * y, zero + 2 * a, zero, zero - 2 * a
@@ -139,7 +138,7 @@ SURFACES: dict[str, Surface] = {
 
 @dataclass(frozen=True, eq=False)
 class Mirrored:
-    """A surface mirrored in the plane z = 0, and its two sides exchanged."""
+    """A surface mirrored in the plane z = 0, with its two sides exchanged."""
 
     surface: Surface
 
@@ -158,7 +157,7 @@ class Mirrored:
 
 
 def _mirrored(v: ndarray) -> ndarray:
-    """Vectors with their last component turned round."""
+    """Vectors with their last component negated."""
     return np.concatenate([v[:2], -v[2:]])
 
 
@@ -169,17 +168,17 @@ class Extreme:
     Attributes
     ----------
     group
-        What is extreme about it.
+        Group of extreme cases.
     surface
         Name of `SURFACES`.
     bias
-        Whether the fibres run at ±45° and not along the sides.
+        Fibres at ±45° instead of along the sides.
     stiffness
         E/G; G is 0.1 N/mm.
     formulation
         Name of `FORMULATIONS`.
     cells
-        The user's elements a side.
+        The user's elements per side.
     mesh
         Regular or distorted quadrilaterals, or triangles, or with a hole.
     bending
@@ -187,9 +186,9 @@ class Extreme:
     tension
         Tension on the free edges in N/mm.
     mirrored
-        Whether the surface is mirrored.
+        Mirror the surface.
     growing
-        Whether the surface grows out of the plane, in place of a start along geodesics.
+        Grow the surface out of the plane, instead of an initial guess along geodesics.
     kind
         `EXTREME`.
     """
@@ -214,7 +213,7 @@ class Extreme:
         return ", ".join(words)
 
     def rows(self) -> list[Row]:
-        """Run the case, and compare what it found."""
+        """Run the case and verify the result."""
         return [{"case": str(self), "refused": "", **asdict(self), **judged(self)}]
 
 
@@ -243,7 +242,7 @@ def all_extremes() -> Iterator[Extreme]:
 
 
 class Drape(NamedTuple):
-    """A ply on its surface, and the state that was found."""
+    """A ply on its surface, and the computed state."""
 
     ply: Ply
     conditions: Conditions
@@ -257,18 +256,18 @@ class Drape(NamedTuple):
 
     @property
     def angle(self) -> ndarray:
-        """Shear angle in degrees, the mean over each of the user's elements."""
+        """Mean shear angle of each of the user's elements in degrees."""
         of_parts = self.ply.shear_angle(self.state.u).mean(axis=1)
         return np.degrees(self.ply.on_users_elements(of_parts))
 
 
 def draped(case: Extreme, halvings: int = 0) -> Drape:
-    """Drape a ply, its elements halved a number of times.
+    """Drape a ply on a mesh refined a number of times.
 
     Raises
     ------
     NoEquilibriumError, StepError
-        If no state is found.
+        If no equilibrium is found.
     """
     surface = SURFACES[case.surface]
     surface = Mirrored(surface) if case.mirrored else surface
@@ -322,7 +321,7 @@ def mesh_of(case: Extreme) -> Mesh:
 
 
 def _outwards(surface: Surface, side: int, tension: float) -> Callable:
-    """Dead traction along the geodesics that leave the ply across a side."""
+    """Dead traction along the geodesics normal to a side of the ply."""
 
     def at(X: ndarray) -> ndarray:
         points = X.reshape(2, -1)
@@ -338,7 +337,7 @@ def _outwards(surface: Surface, side: int, tension: float) -> Callable:
 
 
 def judged(case: Extreme) -> Row:
-    """Run a case, and compare what it found."""
+    """Run a case and verify the result."""
     try:
         found = draped(case)
     except (NoEquilibriumError, StepError) as error:
@@ -366,7 +365,7 @@ def judged(case: Extreme) -> Row:
 
 
 def _told(found: Drape) -> str:
-    """Why a state says itself that it may be off; empty if it does not."""
+    """Warnings of a state about its accuracy; empty without warnings."""
     ply, state = found.ply, found.state
     estimate = estimated_error(ply, found.conditions, "superlu", state).shear_angle
     reasons = {
@@ -379,14 +378,14 @@ def _told(found: Drape) -> str:
 
 
 def _is_unsound(row: Row) -> bool:
-    """Whether a state is off its surface, or no stable equilibrium."""
+    """Return True if a state is off its surface, or not a stable equilibrium."""
     return not (
         row["off_surface"] <= OFF_SURFACE and 0 <= row["first_order"] <= _FIRST_ORDER
     )
 
 
 def _complaints(row: Row) -> list[str]:
-    """What is wrong with a state."""
+    """Failed checks of a state."""
     found = []
     if _is_unsound(row):
         found.append("no stable equilibrium on the surface")
@@ -402,10 +401,10 @@ def _complaints(row: Row) -> list[str]:
 
 
 def _first_order(case: Extreme, found: Drape) -> float:
-    """Energy to first order over that to second of motions along the surface.
+    """Ratio of first-order to second-order energy of perturbations along the surface.
 
-    At most of a few smooth motions that symmetry allows; −1 where one lowers the
-    energy.  The positions at either end are brought onto the surface.
+    The maximum over a few smooth symmetric perturbations; −1 if one lowers the energy.
+    Perturbed positions are projected onto the surface.
     """
     ply, x = found.ply, found.positions
     rng, largest = np.random.default_rng(0), 0.0
@@ -434,7 +433,7 @@ def _energy(found: Drape, x: ndarray) -> float:
 
 
 def _against_net(case: Extreme, found: Drape) -> Row:
-    """How far the shear angles are from those of the net, root mean square."""
+    """Rms difference of the shear angles from the kinematic net."""
     inextensible = case.stiffness >= _INEXTENSIBLE and case.tension and not case.bending
     if case.bias or not inextensible or case.mesh == "hole":
         return {}
@@ -450,7 +449,7 @@ def _against_net(case: Extreme, found: Drape) -> Row:
 
 
 def _against_finer(case: Extreme, found: Drape) -> Row:
-    """How far shear angles and positions are from those with elements halved."""
+    """Differences of shear angles and positions from a refined mesh."""
     try:
         finer = draped(case, halvings=1)
     except (NoEquilibriumError, StepError):

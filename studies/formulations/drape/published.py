@@ -1,14 +1,14 @@
-"""A kinematic net by a published method, to compare `drape.net` with.
+"""A kinematic net by a published method, for comparison with `drape.net`.
 
 KinDrape (Krogh, Bak, Lindgaard, Olesen, Hermansen, Broberg, Kepler, Lund & Jakobsen
 2021, A simple MATLAB draping code for fiber-reinforced composites with application to
 optimization of manufacturing process parameters, Struct. Multidisc. Optim. 64:457)
-places cells of a pin-jointed net in three steps.  A first edge lies in a vertical plane
-through the origin.  Generator cells, in both directions from the first cell, have the
-smallest sum of the shear angles at their four corners.  The others are constrained:
-three corners are known, and the fourth is where two spheres meet the surface.  There
-are no first threads, which `drape.net` has.  Here the three steps are written from this
-description; the authors' program, of the MIT licence, was not copied.
+places the cells of a pin-jointed net in three steps.  The first edge lies in a vertical
+plane through the origin.  Generator cells, in both directions from the first cell,
+minimise the sum of the shear angles at their four corners.  The other cells are
+constrained: three corners are known, and the fourth is the intersection of two spheres
+with the surface.  Unlike `drape.net`, the method has no first threads.  This module
+implements the description; it does not copy the authors' MIT-licensed program.
 """
 
 from dataclasses import dataclass, replace
@@ -19,15 +19,15 @@ from scipy.optimize import brentq, minimize_scalar
 
 from skfem_textile import Surface, drape
 
-# Half of the arc on which a corner is looked for, and the largest turn of a generator
-# cell against the square, in radians.
+# Half of the search arc of a corner, and the largest rotation of a generator cell
+# relative to the square, in radians.
 _ARC, _TURN = 1.2, 0.7
 
-# Error of the turn of a generator cell in radians.
+# Tolerance of the rotation of a generator cell in radians.
 _EXACT = 1e-9
 
-#: A point and an edge of the first cell that an arm of generator cells starts from, and
-#: the way it goes, in rows and columns.
+#: First edge of each arm of generator cells, as two points of the first cell, and
+#: direction of the arm, in rows and columns.
 _ARMS = (
     ((0, 0), (0, 1), (1, 0)),
     ((1, 1), (0, 1), (0, 1)),
@@ -38,18 +38,18 @@ _ARMS = (
 
 @dataclass(frozen=True)
 class Draping:
-    """A drape that the authors of the method show, in mm.
+    """A draping example of the authors of the method, in mm.
 
     Attributes
     ----------
     surface
         The mould.
     cell
-        Length of a side of a cell.
+        Side length of a cell.
     nodes
         Numbers of nodes in rows and columns.
     origin
-        The row and column of the origin, from 0 on.
+        Zero-based row and column of the origin.
     place
         x and y of the origin.
     degrees
@@ -77,8 +77,8 @@ def _double_curved(x: ndarray, y: ndarray) -> drape.Height:
     return drape.Height(1e3 * h, h_x, h_y, 1e-3 * h_xx, 1e-3 * h_xy, 1e-3 * h_yy)
 
 
-#: What the authors drape, by name.  Their hemisphere has the radius 1, here 100 mm.
-#: From its side they lay 24 nodes a row; the threads of the net fold beyond the 20th.
+#: The authors' examples by name.  Their hemisphere has radius 1, here 100 mm.  From its
+#: side they place 24 nodes per row; the threads of the net fold beyond the 20th.
 DRAPINGS = {
     "hemisphere, from the pole": Draping(
         drape.Sphere(100.0), 8.0, (24, 24), (11, 11), (-4.0, -4.0)
@@ -93,7 +93,7 @@ DRAPINGS = {
 
 
 def published_net(draping: Draping, first: ndarray) -> ndarray:
-    """Nodes of the net by the published method, shape (3, n_rows, n_columns).
+    """Nodes of the net of the published method, shape (3, n_rows, n_columns).
 
     ``first`` is the origin in space, shape (3,).
     """
@@ -125,10 +125,10 @@ def _inside(draping: Draping, node: ndarray) -> bool:
 def _generator(
     surface: Surface, one: ndarray, two: ndarray, x: ndarray, before: ndarray, d: float
 ) -> tuple[ndarray, ndarray]:
-    """The further corners of the cell of least shear on the edge from one to two.
+    """The other two corners of the cell of minimum shear on the edge from one to two.
 
-    It lies on the other side of the edge than the node ``before``, or where none has
-    been placed, on the right of the edge seen from above.
+    The cell lies on the opposite side of the edge from the node ``before``, or, if that
+    node is not yet placed, to the right of the edge seen from above.
     """
     normal = _normal(surface, one)
     edge = (two - one) / np.linalg.norm(two - one)
@@ -155,7 +155,7 @@ def _generator(
 
 
 def _constrained(draping: Draping, x: ndarray, i_way: int, j_way: int) -> None:
-    """Place the nodes of a quadrant, which have three neighbours in a cell."""
+    """Place the nodes of a quadrant, each with three known corners of a cell."""
     row, column = draping.origin
     ends = [
         (start + 2, n) if way > 0 else (start - 1, -1)
@@ -171,7 +171,7 @@ def _constrained(draping: Draping, x: ndarray, i_way: int, j_way: int) -> None:
 
 
 def corner_shear(x: ndarray) -> ndarray:
-    """Shear angles at the four corners of cells, radians, corners (3, 4, ...)."""
+    """Shear angles at the four corners of cells in radians, corners (3, 4, ...)."""
     after, before = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
     sine = np.linalg.norm(np.cross(after, before, axis=0), axis=0)
     return np.abs(np.arctan2(sine, (after * before).sum(axis=0)) - np.pi / 2)
@@ -186,7 +186,7 @@ def _normal(surface: Surface, x: ndarray) -> ndarray:
 def _at_distance(
     surface: Surface, x: ndarray, along: ndarray, up: ndarray, d: float
 ) -> ndarray:
-    """The point of a surface at a distance from x in the plane of two directions."""
+    """Point of a surface at a distance from x, in the plane of two directions."""
     normal = _normal(surface, x)
     tangent = along - up * (along @ normal) / (up @ normal)
     tangent = tangent / np.linalg.norm(tangent)
@@ -197,7 +197,7 @@ def _at_distance(
 def _across(
     surface: Surface, one: ndarray, two: ndarray, corner: ndarray, d: float
 ) -> ndarray:
-    """Where two spheres and the surface meet, across from a corner."""
+    """Intersection of two spheres with the surface, opposite a corner."""
     middle, axis = 0.5 * (one + two), two - one
     radius = np.sqrt(d * d - 0.25 * axis @ axis)
     u = middle - corner
@@ -208,7 +208,7 @@ def _across(
 
 
 def _on_circle(surface: Surface, centre: ndarray, u: ndarray, v: ndarray) -> ndarray:
-    """The point of a surface on the circle of u and v, not far from u."""
+    """Intersection of a surface with the circle of u and v, near u."""
 
     def at(angle: float) -> ndarray:
         return centre + np.cos(angle) * u + np.sin(angle) * v
@@ -220,22 +220,22 @@ def _on_circle(surface: Surface, centre: ndarray, u: ndarray, v: ndarray) -> nda
 
 
 def differences(name: str, finer: int = 1) -> tuple[ndarray, ndarray]:
-    """Shear angles of cells by the published method, and how far `drape.net` is off.
+    """Shear angles of cells by the published method, and differences of `drape.net`.
 
-    `drape.net` starts in the middle of the published first cell, along its rows, with
-    rods of half the length: four of its cells are one of the others.
+    `drape.net` starts at the centre of the published first cell, along its rows, with
+    half the cell size: four of its cells correspond to one published cell.
 
     Parameters
     ----------
     name
-        Of `DRAPINGS`.
+        Name in `DRAPINGS`.
     finer
-        How many cells take the place of one, in both directions.
+        Number of cells that replace one, in both directions.
 
     Returns
     -------
     tuple
-        Means over the corners, and differences, in degrees, shapes (n_rows, n_columns).
+        Corner means and differences in degrees, shapes (n_rows, n_columns).
     """
     draping = _finer(DRAPINGS[name], finer)
     height = _above(draping)

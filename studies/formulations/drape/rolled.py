@@ -1,8 +1,8 @@
-"""Plies that are rolled onto a cylinder and a cone, which ought not to shear.
+"""Plies rolled onto a cylinder and a cone, with zero exact shear.
 
 Elements with straight sides between generators of the surface are plane: the ply is a
-row of plane strips, and lies without strain.  That asks for lines of the mesh along the
-generators, and for loads in the planes of the strips.
+row of plane strips without strain.  This requires mesh lines along the generators and
+loads in the planes of the strips.
 """
 
 from dataclasses import replace
@@ -15,16 +15,16 @@ from skfem_textile import Condition, Fabric, OnSurface, Ply, Surface, Traction, 
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.solve.conditions import Conditions
 
-#: Radius of the cylinder in mm, half angle of the cone in radians, how far from its tip
-#: the ply begins, and side of the ply, in mm.
+#: Radius of the cylinder in mm, half angle of the cone in radians, distance of the ply
+#: from the tip and side of the ply in mm.
 RADIUS, CONE_ANGLE, FROM_TIP, SIDE = 60.0, 0.4, 150.0, 100.0
 
-#: What plies are rolled on, and how.
+#: Surfaces and orientations of rolled plies.
 CYLINDER, BIAS = "cylinder, 0/90", "cylinder, ±45"
 FAN, SQUARES = "cone, a fan of elements", "cone, square elements"
 SURFACES = CYLINDER, BIAS, FAN, SQUARES
 
-# Angle of the fan in radians: it is as wide as long in the middle.
+# Angle of the fan in radians: its mid-width equals its length.
 _FAN_ANGLE = 0.5
 
 _CYLINDER = drape.Cylinder(RADIUS, (0, 0, -RADIUS))
@@ -41,7 +41,7 @@ def problem(
     stretch: float = 1e5,
     shear: float = 0.1,
 ) -> tuple[Ply, Conditions, Surface, ndarray]:
-    """The ply, its conditions, the surface, and a start on the exact positions.
+    """The ply, its conditions, the surface, and the exact positions as initial guess.
 
     Parameters
     ----------
@@ -50,10 +50,10 @@ def problem(
     formulation
         The formulation.
     cells, strips
-        The user's elements a side, and those that are computed.
+        Elements per side of the user's mesh and of the working mesh.
     tension
-        What pulls on all sides that are not planes of symmetry, in N/mm; 0 with
-        square elements on the cone.
+        Tension in N/mm on all sides that are not planes of symmetry; 0 for square
+        elements on the cone.
     stretch, shear
         Stiffnesses E and G in N/mm.
     """
@@ -98,7 +98,7 @@ def _on_cylinder(X: ndarray) -> ndarray:
 
 
 def _on_cone(X: ndarray) -> ndarray:
-    """On the cone, which touches the plane of the ply along the x axis."""
+    """Positions on the cone, which touches the plane of the ply along the x axis."""
     r, angle = np.hypot(X[0] + FROM_TIP, X[1]), _polar(X) / np.sin(CONE_ANGLE)
     return r * _generator(angle) + _TIP[:, None]
 
@@ -111,19 +111,19 @@ def _generator(angle: ndarray) -> ndarray:
 
 
 def _on_strips(tension: float, chord: float, strips: int) -> list[Traction]:
-    """The pull on a cylinder: on its last strip across the axis, on each along it."""
+    """Loads on a cylinder: last strip circumferentially, all strips axially."""
     angle = 2 * (strips - 0.5) * np.arcsin(chord / (2 * RADIUS))
     across = tension * np.cos(angle), 0.0, -tension * np.sin(angle)
     return [Traction("right", across), Traction("top", (0.0, tension, 0.0))]
 
 
 def _on_fan(tension: float, cells: int, strips: int) -> list[Traction]:
-    """The pull on a fan, in the planes of its strips."""
+    """Loads on a fan, in the planes of its strips."""
     step = _FAN_ANGLE / strips
     around = 2 * np.arcsin(np.sin(0.5 * step) / np.sin(CONE_ANGLE))
 
     def turned(X: ndarray, polar: ndarray | float) -> ndarray:
-        """The direction at a polar angle of the flat ply, in the strip of a point."""
+        """Traction at a polar angle of the flat ply, in the strip of a point."""
         strip = np.floor(_polar(X) / step).clip(0, strips - 1)
         sides = _generator(around * strip), _generator(around * (strip + 1))
         radial, chord = (
@@ -146,5 +146,5 @@ def _on_fan(tension: float, cells: int, strips: int) -> list[Traction]:
 
 
 def _polar(X: ndarray) -> ndarray:
-    """Polar angle of points of the flat ply around the tip."""
+    """Polar angle of points of the flat ply about the tip."""
     return np.arctan2(X[1], X[0] + FROM_TIP)

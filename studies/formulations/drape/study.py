@@ -1,4 +1,4 @@
-"""Draping on a sphere, a cylinder and a cone, against exact answers."""
+"""Draping on a sphere, a cylinder and a cone, against exact solutions."""
 
 import argparse
 from collections import Counter
@@ -44,21 +44,21 @@ _DEFAULTS = {
     if field.name not in ("kind", "parts", "formulation")
 }
 
-# Outcomes of extreme drapes as tables name them.
+# Names of the outcomes in tables.
 _WORDS = {
     RIGHT: "right",
-    TOLD: "off, and reported",
+    TOLD: "inaccurate, reported",
     REFUSED: "refused",
     WRONG: "wrong",
 }
 
 Columns = Mapping[str, Column]
 
-_MESH: Columns = {"formulation": "{formulation}", "parts a side": "{parts}"}
+_MESH: Columns = {"formulation": "{formulation}", "parts per side": "{parts}"}
 _LARGEST: Columns = {"largest error of Γ in °": "{largest:.4f}"}
 _ERRORS: Columns = {**_LARGEST, "root mean square in °": "{rms:.4f}"}
 _SOLVES: Columns = {"solves": "{solves}"}
-_SECONDS: Columns = {"seconds of processor": "{seconds:.2f}"}
+_SECONDS: Columns = {"CPU time in s": "{seconds:.2f}"}
 _PRESSURE: Columns = {
     "largest error of pressure": lambda r: _share(r["pressure_error"])
 }
@@ -69,7 +69,7 @@ def _share(x: float | None) -> str:
 
 
 def of_runs(rows: Iterable[Row], settings: Columns, results: Columns) -> str:
-    """A table with a line for each row; one that was refused has no results."""
+    """A table with a line for each row, without results for failed runs."""
     refused = ["refused", *(len(results) - 1) * ["–"]]
     lines = [
         [
@@ -82,12 +82,12 @@ def of_runs(rows: Iterable[Row], settings: Columns, results: Columns) -> str:
 
 
 def _of(rows: Sequence[Row], kind: str, *different: str) -> list[Row]:
-    """Rows of a kind that differ from the ordinary in these settings."""
+    """Rows of a kind with non-default values of exactly these settings."""
     return [r for r in having(rows, kind=kind) if _own(r) == [*different]]
 
 
 def _own(row: Row) -> list[str]:
-    """The settings of a row that are not the ordinary ones."""
+    """Names of the non-default settings of a row."""
     return [name for name, ordinary in _DEFAULTS.items() if row[name] != ordinary]
 
 
@@ -99,7 +99,7 @@ def refinement(rows: Sequence[Row]) -> str:
 
 
 def orders(rows: Sequence[Row]) -> str:
-    """Errors of 32 to 128 parts, with softer and stiffer fibres."""
+    """Errors with 32 to 128 parts, for two fibre stiffnesses."""
     formulation, parts = _MESH.items()
     settings = dict([formulation, ("E in N/mm", "{stretch:g}"), parts])
     own = [r for r in _of(rows, SPHERE) if r["parts"] >= 32]
@@ -111,7 +111,7 @@ def orders(rows: Sequence[Row]) -> str:
 
 
 def distorted(rows: Sequence[Row]) -> str:
-    """The same where nodes have moved by 20 %."""
+    """Errors on meshes with nodes moved by 20 %."""
     formulation, parts = _MESH.items()
     settings = dict([formulation, ("nodes moved by 20 %", _moved), parts])
     tension = "{least_tension:.1f} to {largest_tension:.1f}"
@@ -123,16 +123,16 @@ def distorted(rows: Sequence[Row]) -> str:
 def _moved(row: Row) -> str:
     halvings = row["halvings"]
     if not halvings:
-        return "in each mesh anew"
+        return "in each mesh independently"
     return f"with {row['parts'] // 2**halvings} parts, then halved"
 
 
 def other_drapes(rows: Sequence[Row]) -> str:
-    """The same with other stiffness, starts and surfaces."""
+    """Errors with other stiffnesses, initial guesses and surfaces."""
     words = {
         "stretch": "E = {stretch:g} N/mm",
         "surface": "sphere of 5000 triangles",
-        "start": "start from a {start}",
+        "start": "initial guess: {start}",
     }
     own = [
         row
@@ -147,18 +147,18 @@ def other_drapes(rows: Sequence[Row]) -> str:
         )
 
     results = {**_LARGEST, **_SOLVES, "fibre strain": "{fibre_strain:.1e}"}
-    return of_runs(own, {**_MESH, "what is different": different}, results)
+    return of_runs(own, {**_MESH, "difference": different}, results)
 
 
 def free_edges(rows: Sequence[Row]) -> str:
-    """Edges free of load: how far from the net, and with how much less energy."""
+    """Differences from the net and energy of plies with unloaded edges."""
     sphere, pulled = having(rows, kind=SPHERE), _DEFAULTS["tension"]
     settings = {"q in N/mm": "{tension:g}", "D in N·mm": "{bending:g}"}
     results: Columns = {
         **_ERRORS,
         "median in °": "{median:.2f}",
         "Γ in the corner in °": "{corner_angle:.1f}",
-        f"energy in N·mm, {chebyshev.energy():.1f} of the net": "{energy:.1f}",
+        f"energy in N·mm, {chebyshev.energy():.1f} for the net": "{energy:.1f}",
         "elements at risk of wrinkles": "{at_risk:.0%}",
         "stable": lambda row: "yes" if row["stable"] else "no",
         **_SOLVES,
@@ -170,12 +170,12 @@ def free_edges(rows: Sequence[Row]) -> str:
 def nets(rows: Sequence[Row]) -> str:
     """Error of kinematic nets."""
     forms = "{parts}", "{largest:.5f}", "{rms:.5f}"
-    columns = dict(zip(("cells a side", *_ERRORS), forms, strict=True))
+    columns = dict(zip(("cells per side", *_ERRORS), forms, strict=True))
     return table(_of(rows, NET), {**columns, **_SECONDS})
 
 
 def published_nets(rows: Sequence[Row]) -> str:
-    """Differences of nets against those by a published method."""
+    """Differences between nets and a published method."""
     return table(
         _of(rows, PUBLISHED, "surface"),
         {
@@ -189,7 +189,7 @@ def published_nets(rows: Sequence[Row]) -> str:
 
 
 def rolled(rows: Sequence[Row]) -> str:
-    """Shear on developable surfaces, which ought to be none, on finer meshes."""
+    """Spurious shear on developable surfaces, on successively finer meshes."""
     found = having(rows, kind=ROLLED)
     parts = sorted({row["parts"] for row in found})
     lines = []
@@ -206,7 +206,7 @@ def rolled(rows: Sequence[Row]) -> str:
 
 
 def outcomes(rows: Sequence[Row]) -> str:
-    """How many extreme drapes of each group end how."""
+    """Outcomes of extreme drapes by group."""
     compared = "off_net", "off_finer"
     lines = []
     for group, own in (grouped(rows, "group") | {"all": [*rows]}).items():
@@ -219,13 +219,13 @@ def outcomes(rows: Sequence[Row]) -> str:
         angles = [f"{max(off):.1f}" if off else "–" for off in known]
         counts = len(own), *(count[outcome] for outcome in _WORDS), alone
         lines.append([group, *counts, *angles])
-    head = ["what is extreme", "drapes", *_WORDS.values(), "right, but not compared"]
-    head += ["largest difference from the net in °", "from the finer mesh in °"]
+    head = ["group", "drapes", *_WORDS.values(), "right, not compared"]
+    head += ["largest difference to the net in °", "to the finer mesh in °"]
     return markdown_table(head, lines)
 
 
 def told_or_refused(rows: Sequence[Row]) -> str:
-    """The extreme drapes that are not right, and why."""
+    """The extreme drapes that are not right, with reasons."""
 
     def reason(row: Row) -> str:
         told = f" (reported: {row['told']})" if row.get("told") else ""
@@ -236,13 +236,13 @@ def told_or_refused(rows: Sequence[Row]) -> str:
         {
             "drape": lambda row: row["case"].partition(", ")[2],
             "outcome": lambda row: _WORDS[row["outcome"]],
-            "why": reason,
+            "reason": reason,
         },
     )
 
 
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
-    """Errors, orders and pressures for prose, of the parts that there are."""
+    """Errors, orders and pressures for prose."""
     regular = _by_mesh(_of(rows, SPHERE))
     moved = _by_mesh(_of(rows, SPHERE, "distortion"))
     halved = _by_mesh(_of(rows, SPHERE, "distortion", "halvings"))
@@ -280,7 +280,7 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def extremes_in_words(rows: Sequence[Row]) -> dict[str, str]:
-    """How many extreme drapes there are, how they end, and how many right ones warn.
+    """Numbers of extreme drapes, of each outcome, and of right drapes with warnings.
 
     Examples
     --------
@@ -300,12 +300,12 @@ def extremes_in_words(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def _by_mesh(rows: Iterable[Row]) -> dict[tuple[str, int], Row]:
-    """Rows by formulation and parts a side."""
+    """Rows by formulation and parts per side."""
     return {(row["formulation"], row["parts"]): row for row in rows}
 
 
 def _orders(rows: dict[tuple[str, int], Row], formulation: str, error: str) -> str:
-    """Orders of an error from 32 to 64 parts and from 64 to 128.
+    """Convergence orders of an error from 32 to 64 and from 64 to 128 parts.
 
     Examples
     --------
@@ -318,13 +318,13 @@ def _orders(rows: dict[tuple[str, int], Row], formulation: str, error: str) -> s
 
 
 def _largest(rows: Iterable[Row]) -> str:
-    """The largest error of the contact pressure, in per cent with two digits."""
+    """The largest contact-pressure error in per cent, with two digits."""
     errors = (row["pressure_error"] for row in rows)
     return percent(max(e for e in errors if e is not None), ".2g")
 
 
 def draw_error_time(rows: Sequence[Row], file: File = None) -> Any:
-    """Root-mean-square error against processor time, a panel for each start."""
+    """Draw rms error against CPU time, a panel for each initial guess."""
     from matplotlib.ticker import NullFormatter
 
     starts = EXPONENTIAL, FROM_NET, GROWTH
@@ -350,7 +350,7 @@ def draw_error_time(rows: Sequence[Row], file: File = None) -> Any:
 
 
 class Drape(Study[Case | Extreme]):
-    """Every case once, on one thread; ``--case 'time*'`` and the like run one part."""
+    """All cases, on one thread; for example, ``--case 'time*'`` runs one part."""
 
     parts = (
         Part(

@@ -1,1 +1,1 @@
-"""A ply in space against exact answers: bending, buckling, extreme stiffnesses."""
+"""Ply in 3D against exact solutions: bending, buckling, extreme stiffness ratios."""

@@ -1,4 +1,4 @@
-"""Errors of a ply in space, and whether extreme stiffnesses lead to wrong answers."""
+"""Errors of a ply in 3D, and outcomes with extreme stiffness ratios."""
 
 import argparse
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -42,29 +42,28 @@ from ...study import Part, Row, Study
 #: Length and width of strips, and side of squares, in mm.
 LENGTH, WIDTH = 100.0, 20.0
 
-#: Formulations by name, and element edges over those of the mesh that is given.
+#: Formulations by name, and parts into which they divide the edges of the user's mesh.
 FORMULATIONS: Mapping[str, tuple[Any, int]] = {
     "one point": (OnePoint(), 1),
     "macro": (Macro(), 2),
     "quadratic": (Quadratic(), 1),
 }
 
-#: Cantilevers by name: force at the end P L²/D and weight w L³/D.
+#: Cantilevers by name: dimensionless end force P L²/D and weight w L³/D.
 CANTILEVERS = {"force 1": (1.0, 0.0), "force 10": (10.0, 0.0), "weight 8": (0.0, 8.0)}
 
-# Fibre stiffness of strips in N/mm, where it is not varied, and share of the length by
-# which a strip is shortened.
+# Default fibre stiffness of strips in N/mm, relative shortening of the buckled strip.
 _FIBRES, _SHORTENING = 1e4, 0.2
 
-# Span of a sheet that hangs between two edges over its length, and its weight in N/mm².
+# Span of the hanging sheet over its length, and its weight in N/mm².
 _SPAN, _WEIGHT = 0.8, 1e-3
 
-# Halvings of an interval that holds a critical tension.
+# Bisection steps for a critical tension.
 _HALVINGS = 16
 
 
 def cantilever(load: str, **given: Any) -> Row:
-    """The tip of a cantilever in one load step, off by shares of its length."""
+    """Tip errors of a cantilever in one load step, relative to its length."""
     (force, weight), D = CANTILEVERS[load], given["D"]
     loads: list[Any] = []
     if force:
@@ -85,7 +84,7 @@ def cantilever(load: str, **given: Any) -> Row:
 
 
 def shortened(**given: Any) -> Row:
-    """Force and height of a strip that buckles, off by shares of the exact ones."""
+    """Relative errors of force and height of a buckled strip."""
     D, moved = given["D"], (-_SHORTENING * LENGTH, 0.0, 0.0)
     push = BodyForce((0.0, 0.0, 1e-3 * D / LENGTH**3), factor=1.0)
     conditions = {"left": Condition("left"), "right": Condition("right", moved)}
@@ -104,7 +103,7 @@ def shortened(**given: Any) -> Row:
 
 
 def hanging_sheet(**given: Any) -> Row:
-    """Sag and pull of a sheet without bending stiffness between two edges."""
+    """Relative errors of sag and horizontal force of a hanging sheet, D = 0."""
     load = BodyForce((0.0, 0.0, -_WEIGHT), factor=1.0)
     moved = ((_SPAN - 1) * LENGTH, 0.0, 0.0)
     conditions = {"left": Condition("left"), "right": Condition("right", moved)}
@@ -132,9 +131,9 @@ def _loaded(
     D: float,
     E_over_G: float,
 ) -> tuple[Row, Ply, Any]:
-    """What a run of a strip tells, its ply and its result; None where it is refused.
+    """Outcome of a strip run, its ply and its result; None if the run fails.
 
-    The strip has n element edges along it after any split.
+    The strip has n element edges along its length after any splitting.
     """
     chosen, halves = FORMULATIONS[formulation]
     size = n // halves, max(n // 16, 2) // halves
@@ -155,10 +154,10 @@ def _loaded(
 
 
 def plate(degrees: float, n: int, jitter: float, formulation: str) -> Row:
-    """Largest error of the deflection of a simply supported square, over its largest.
+    """Largest relative deflection error of a simply supported square.
 
-    Under p sin(πx/L) sin(πy/L), w = p/(c D (π/L)⁴) sin sin with c = 2 for fibres along
-    the sides and 4 at 45°.
+    The load is p sin(πx/L) sin(πy/L), the solution w = p/(c D (π/L)⁴) sin sin with
+    c = 2 for fibres along the sides and 4 at 45°.
     """
     mesh = rectangle(LENGTH, LENGTH, (n, n), "irregular", jitter, 1)
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
@@ -180,10 +179,10 @@ def plate(degrees: float, n: int, jitter: float, formulation: str) -> Row:
 
 
 def critical(where: str, n: int, formulation: str, D: float) -> Row:
-    """The tension at which fibres along x, compressed evenly, are no more stable.
+    """Relative error of the critical tension under uniform compression along x.
 
-    ``in plane``: ends held and z held, T = −(G + D (π/L)²).  ``out of plane``: all
-    edges held in position, T = −2 D (π/L)².
+    ``in plane``: ends and z fixed, T = −(G + D (π/L)²).  ``out of plane``: all edges
+    fixed in position, T = −2 D (π/L)².
     """
     E, G, k = 1e5, 0.1, np.pi / LENGTH
     chosen, halves = FORMULATIONS[formulation]
@@ -210,7 +209,7 @@ def critical(where: str, n: int, formulation: str, D: float) -> Row:
 
 
 def zero_modes(formulation: str, D: float) -> Row:
-    """Motions of a free flat patch of 4×4 elements that no stiffness meets."""
+    """Number of zero-energy modes of a free flat patch of 4×4 elements."""
     chosen = {"one point, C_s = 0": OnePoint(0.0), "full": Full()}
     made: Any = chosen.get(formulation) or FORMULATIONS[formulation][0]
     m = 2 if formulation == "macro" else 4
@@ -221,10 +220,10 @@ def zero_modes(formulation: str, D: float) -> Row:
     return {"unknowns": ply.basis.N, "modes": int(zero.sum())}
 
 
-# Weights w L³/D of hanging strips; 8 is that of the usual angle of the chord.
+# Weights w L³/D of hanging strips; 8 corresponds to the usual chord angle.
 _WEIGHTS, _USUAL = (1, 2, 4, 8, 20, 80), 8
 
-#: An answer that is off by more than this share is wrong.
+#: Relative error above which a result is wrong.
 WRONG = 0.02
 
 _PROBLEMS: dict[str, Callable[..., dict[str, Any]]] = {
@@ -239,7 +238,7 @@ _PROBLEMS: dict[str, Callable[..., dict[str, Any]]] = {
 
 
 class Case(NamedTuple):
-    """A problem by its part, and its parameters."""
+    """A problem by name, and its parameters."""
 
     part: str
     parameters: dict[str, Any]
@@ -249,7 +248,7 @@ class Case(NamedTuple):
         return f"{self.part}: {given}"
 
     def rows(self) -> list[Row]:
-        """What the problem gives."""
+        """Run the problem; returns one row."""
         found = _PROBLEMS[self.part](**self.parameters)
         return [{"part": self.part, **self.parameters, **found}]
 
@@ -259,7 +258,7 @@ def _every(part: str, **choices: Any) -> list[Case]:
     return [Case(part, dict(zip(choices, one, strict=True))) for one in sets]
 
 
-#: Stiffnesses and meshes of the extreme cases; 32 element edges along a strip.
+#: Stiffnesses and meshes of the extreme cases, with 32 element edges along a strip.
 _EXTREME: dict[str, Sequence[Any]] = {
     "n": [32],
     "jitter": [0.0, 0.25],
@@ -270,7 +269,7 @@ _EXTREME: dict[str, Sequence[Any]] = {
 
 
 def plain_cases() -> list[Case]:
-    """The cases without extreme stiffnesses."""
+    """The cases without extreme stiffness ratios."""
     every: Any = list(FORMULATIONS)
     in_plane: Any = {"where": ["in plane"]}
     return [
@@ -328,15 +327,15 @@ def _share(key: str) -> Column:
 
 
 def cantilevers(rows: Sequence[Row]) -> str:
-    """Errors of the tip over the length."""
+    """Tip errors relative to the length."""
     return table(
         having(rows, part="cantilever"),
         {
             "formulation": "{formulation}",
             "load": "{load}",
             "edges": "{n}",
-            "x, of L": _share("off_x"),
-            "z, of L": _share("off_z"),
+            "x error / L": _share("off_x"),
+            "z error / L": _share("off_z"),
             "steps": "{load_steps}",
             "solves": "{linear_solves}",
         },
@@ -344,7 +343,7 @@ def cantilevers(rows: Sequence[Row]) -> str:
 
 
 def plates(rows: Sequence[Row]) -> str:
-    """Largest error of the deflection over the largest deflection."""
+    """Largest deflection error relative to the largest deflection."""
     found = having(rows, part="plate")
     edges = list(grouped(found, "n"))
     lines = []
@@ -359,7 +358,7 @@ def plates(rows: Sequence[Row]) -> str:
 
 
 def buckling(rows: Sequence[Row]) -> str:
-    """Errors of critical tensions."""
+    """Relative errors of critical tensions."""
     found = having(rows, part="buckling")
     edges = sorted(grouped(found, "n"))
     lines = []
@@ -368,28 +367,28 @@ def buckling(rows: Sequence[Row]) -> str:
         errors = {row["n"]: f"{row['off_x']:+.1e}" for row in own}
         line = [where, formulation, f"{D:g}", f"{own[0]['exact']:.4g}"]
         lines.append([*line, *(errors.get(n, "-") for n in edges)])
-    head = ["buckles", "formulation", "D, N·mm", "exact, N/mm"]
+    head = ["buckling", "formulation", "D, N·mm", "exact, N/mm"]
     return markdown_table([*head, *(f"{n} edges" for n in edges)], lines)
 
 
 def modes(rows: Sequence[Row]) -> str:
-    """Zero modes of a free flat patch."""
+    """Zero-energy modes of a free flat patch."""
     return table(
         having(rows, part="modes"),
         {
             "formulation": "{formulation}",
             "D, N·mm": "{D:g}",
             "unknowns": "{unknowns}",
-            "motions without stiffness": "{modes}",
+            "zero-energy modes": "{modes}",
         },
     )
 
 
 def wrong(rows: Sequence[Row]) -> list[Row]:
-    """Runs of extreme stiffnesses that converged to an answer that is off.
+    """Runs with extreme stiffness ratios that converged to a wrong result.
 
-    A strip that has buckled against its push is in an equilibrium to which the path
-    does not lead.  It is right if the run says that its path is not resolved.
+    A strip that buckled to the side opposite the imperfection is on another
+    equilibrium path.  It counts as right if the run reports an unresolved path.
     """
     return [
         row
@@ -403,7 +402,7 @@ def _off(row: Row) -> float:
 
 
 def extremes(rows: Sequence[Row]) -> str:
-    """Runs that are right, refused and wrong, by problem and E/G."""
+    """Numbers of right, refused and wrong runs by problem and E/G."""
     lines = []
     for key, own in grouped(_of_extremes(rows), "part", "E_over_G").items():
         part, stiff = key
@@ -416,23 +415,23 @@ def extremes(rows: Sequence[Row]) -> str:
 
 
 def peirce_over_elastica(rows: Sequence[Row]) -> str:
-    """Bending stiffness by Peirce's formula over that of the elastica."""
+    """Ratio of bending stiffness by Peirce's formula to the elastica solution."""
     lines = []
     for weight in _WEIGHTS:
         angle, ratio = _peirce(weight)
         lines.append([weight, f"{angle:.1f}", f"{ratio:.3f}"])
-    head = ["w L³/D", "angle of the chord in °", "Peirce over elastica"]
+    head = ["w L³/D", "chord angle in °", "Peirce / elastica"]
     return markdown_table(head, lines)
 
 
 def _peirce(weight: float) -> tuple[float, float]:
-    """The angle of the chord in degrees, and Peirce's formula over the elastica."""
+    """Chord angle in degrees, and ratio of Peirce's formula to the elastica."""
     angle = hanging(weight).chord_angle
     return float(np.degrees(angle)), peirce(1.0, weight, angle)
 
 
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
-    """Largest errors of quadrilaterals, outcomes of extremes, and Peirce's formula."""
+    """Largest errors of quadrilaterals, outcomes of extreme cases, Peirce's formula."""
     quadrilaterals = [r for r in rows if r["formulation"] in ("one point", "macro")]
     tips = having(quadrilaterals, part="cantilever", n=32)
     bent = [r for r in having(quadrilaterals, part="buckling") if r["D"]]
@@ -456,12 +455,12 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def draw_errors(rows: Sequence[Row], file: File = None) -> Any:
-    """Errors of cantilevers and of plates over the number of element edges."""
+    """Draw errors of cantilevers and plates against the number of element edges."""
     panels: dict[str, dict[str, Any]] = {
         **{f"Cantilever,\n{x}": {"load": x} for x in CANTILEVERS},
         **{f"Plate,\nfibres at {x}°": {"degrees": x} for x in (0, 45)},
     }
-    # Markers of a formulation grow, so that lines on each other are all seen.
+    # Marker sizes differ, so that coinciding lines remain visible.
     sizes = {"quadratic": 5, "one point": 5, "macro": 10}
     styles = {
         name: style_of(i, markersize=size, markerfacecolor="none", ls="-")
@@ -499,7 +498,7 @@ def draw_errors(rows: Sequence[Row], file: File = None) -> Any:
 
 
 class Space(Study[Case]):
-    """Bending, buckling, zero modes, and extreme stiffnesses."""
+    """Bending, buckling, zero-energy modes, and extreme stiffness ratios."""
 
     parts = (
         Part(
@@ -522,7 +521,7 @@ class Space(Study[Case]):
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
-            "--quick", action="store_true", help="without the extreme stiffnesses"
+            "--quick", action="store_true", help="omit extreme stiffness ratios"
         )
 
     def cases(self, options: argparse.Namespace) -> Sequence[Case]:
@@ -540,7 +539,7 @@ class Space(Study[Case]):
         return in_words(rows)
 
     def complaint(self, rows: list[Row]) -> str:
-        """Runs that converged to a wrong answer."""
+        """Report runs that converged to a wrong result."""
         bad = wrong(rows)
         return f"{len(bad)} wrong, first: {self.line(bad[:1])}" if bad else ""
 

@@ -1,1 +1,1 @@
-"""Laws from curves of tests: bands, inverse fits, two tests of one fabric."""
+"""Calibration of laws: confidence bands, inverse fits, two tests of one fabric."""

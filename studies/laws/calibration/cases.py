@@ -1,4 +1,4 @@
-"""Known laws, specimens with noise, and the cases: what calibration makes of them."""
+"""Known laws, specimens with noise, and the calibration cases."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -34,18 +34,18 @@ from ...angles.cases import graded_mesh
 from ...common.running import errors_only, run
 from ...common.tables import Row
 
-#: Noise of forces over the largest, and points of a curve.
+#: Noise relative to the largest force, and points of a curve.
 NOISE, POINTS = 0.02, 60
 
-#: Shear angle in degrees up to which the kinematics hold, and of inverse fits.
+#: Shear angle in degrees up to which the kinematics hold, and for inverse fits.
 HOLD, BEYOND = 40.0, 50.0
 _HELD = np.radians(HOLD)
 
 #: Angles in degrees at which laws and loads are compared.
 ANGLES = (10, 20, 30, 40)
 
-#: Parameters of known laws.  The polynomial softens up to 20 degrees and is twice as
-#: stiff at 40 degrees as at rest.
+#: Parameters of known laws.  The polynomial softens up to 20 degrees; its stiffness at
+#: 40 degrees is twice the initial one.
 KNOWN: dict[str, tuple[float, ...]] = {
     "polynomial": (0.3, -0.3, 0.6),
     "linear": (0.1,),
@@ -54,43 +54,43 @@ KNOWN: dict[str, tuple[float, ...]] = {
     "tabulated": (0.010, 0.020, 0.030, 0.042, 0.060, 0.095),
 }
 
-#: Seeds of fits by closed forms.
+#: Number of seeds of closed-form fits.
 SEEDS = 1000
 
-#: Seeds of inverse fits by their element edges across.  Data come from simulations with
-#: twice as many.
+#: Seeds of inverse fits by element edges across.  The data come from simulations with
+#: twice as many edges.
 INVERSE_SEEDS = {12: range(1, 11), 24: range(1, 4)}
 
-#: Fibre stiffness in N/mm of inverse fits: E/G is 2e5 at 40 degrees.
+#: Fibre stiffness in N/mm for inverse fits: E/G is 2e5 at 40 degrees.
 SOFT = 1e5
 
-#: Fibre stiffness of comparisons with the closed form: E/G is 2e6 at 40 degrees.
+#: Fibre stiffness for comparisons with the closed form: E/G is 2e6 at 40 degrees.
 STIFF = 1.2e6
 
-#: Sizes in mm of the benchmark's specimens, and C in N·mm/mm² at `ANGLES`.
+#: Sizes in mm of the benchmark specimens, and C in N·mm/mm² at `ANGLES`.
 BENCHMARK: dict[tuple[float, float], tuple[float, ...]] = {
     (115.0, 230.0): (0.0051, 0.0093, 0.0117, 0.0145),
     (150.0, 450.0): (0.0061, 0.0074, 0.0130, 0.0196),
 }
 
-# Probability that a number of a normal distribution is within 1.96 deviations: 95 %.
+# 97.5 % quantile of the normal distribution, for two-sided 95 % bands.
 _TWO_SIDED = 1.959963984540054
 
-# Tolerance of the load of simulations on adaptive meshes, and their load steps.
+# Load tolerance and load steps of simulations on adaptive meshes.
 _TOLERANCE, _STEPS = 0.02, 4
 
 # Load steps of other simulations.
 _FINE_STEPS = 20
 
-# Cells along a side of a rhombus of the mesh along the fibres.
+# Cells along a rhombus side of the fibre-aligned mesh.
 _CELLS = 16
 
-# Largest jitter of meshes.
+# Jitter of meshes.
 _JITTER = 0.25
 
 
 def bias(degrees: float, width: float = 100.0, over: float = 1.0) -> BiasExtension:
-    """A strip whose fibres are at an angle, higher than it must be by a factor."""
+    """A strip with inclined fibres; ``over`` scales the minimum height."""
     theta = float(np.radians(degrees))
     return BiasExtension(width, 2 * over * width * float(np.tan(theta)), theta)
 
@@ -105,7 +105,7 @@ TESTS: dict[str, tuple[ShearTest, ...]] = {
 
 
 def known(law: str) -> tuple[Model, ndarray]:
-    """A kind of law, and its parameters."""
+    """The model of a law, and its parameters."""
     values = np.array(KNOWN[law])
     return SHEAR_LAWS[law](np.radians(HOLD), 5, values.size), values
 
@@ -117,7 +117,7 @@ def specimens(
     seed: int,
     noise: float,
 ) -> list[Specimen]:
-    """Specimens whose forces at displacements have noise."""
+    """Specimens with noise added to their forces."""
     rng, found = np.random.default_rng(seed), []
     for i, test in enumerate(tests):
         own = noise * forces[i].max() * rng.standard_normal(forces[i].size)
@@ -135,7 +135,7 @@ def steps(test: ShearTest, n: int = POINTS, degrees: float = HOLD) -> ndarray:
 def _curves(
     tests: Sequence[ShearTest], law: Law
 ) -> tuple[list[ndarray], list[ndarray]]:
-    """Displacements of each test, and the forces of a law there."""
+    """Displacements of each test, and the corresponding forces of a law."""
     moved = [steps(test) for test in tests]
     return moved, [
         test.force(law, test.shear_angle(own))
@@ -145,7 +145,7 @@ def _curves(
 
 @dataclass(frozen=True)
 class Coverage:
-    """Fits of a known law to three specimens with noise, with many seeds."""
+    """Fits of a known law to three specimens with noise, for many seeds."""
 
     test: str
     law: str
@@ -155,7 +155,7 @@ class Coverage:
         return f"coverage: {self.test}, {self.law}"
 
     def rows(self) -> list[Row]:
-        """How often each parameter is inside its band, and how wide the band is."""
+        """Coverage and width of the confidence band of each parameter."""
         tests, (model, truth) = TESTS[self.test], known(self.law)
         law = model.build(truth)
         moved, forces = _curves(tests, law)
@@ -183,11 +183,11 @@ class Coverage:
         ]
 
     def cramer_rao(self, forces: list[ndarray]) -> ndarray:
-        """Least deviations of unbiased estimates, by differences of the true forces."""
+        """Cramér–Rao standard deviations, by finite differences of the true forces."""
         tests, (model, truth) = TESTS[self.test], known(self.law)
         information = np.zeros((truth.size, truth.size))
         for test, force in zip(tests, forces, strict=True):
-            gamma = test.shear_angle(steps(test)) * (1 - 1e-12)  # inside of a table
+            gamma = test.shear_angle(steps(test)) * (1 - 1e-12)  # within a table
             columns = []
             for i, own in enumerate(truth):
                 ends = np.repeat(truth[None], 2, axis=0)
@@ -201,7 +201,7 @@ class Coverage:
 
 @cache
 def _fine_curve(across: int) -> tuple[BiasExtension, CubicSpline]:
-    """A simulated test beyond the kinematics, with element edges across."""
+    """A test simulated beyond the range of the kinematics."""
     test, (model, truth) = bias(45), known("polynomial")
     fine = Simulation(SOFT, across, _FINE_STEPS, seed=100)
     angles, forces, _ = fine.curve(model.build(truth), test, np.radians(BEYOND))
@@ -219,7 +219,7 @@ class Inverse:
         return f"inverse: {self.across} across, seed {self.seed}"
 
     def rows(self) -> list[Row]:
-        """An inverse fit on a coarse mesh to data of a finer one."""
+        """Fit on a coarse mesh to data from a finer mesh."""
         test, curve = _fine_curve(2 * self.across)
         moved = steps(test, POINTS, BEYOND)
         gamma = test.shear_angle(moved)
@@ -255,13 +255,13 @@ class Inverse:
 
 @dataclass(frozen=True)
 class Agreement:
-    """A law from a picture frame and from a bias extension, both simulated."""
+    """Laws fitted to a simulated picture frame and a simulated bias extension."""
 
     def __str__(self) -> str:
         return "agreement"
 
     def rows(self) -> list[Row]:
-        """C from a frame and a bias extension that are simulated with one fabric."""
+        """C from a picture frame and a bias extension of the same fabric."""
         model, truth = known("polynomial")
         law = model.build(truth)
         from_frame = fit_shear([_simulated_frame(law)]).fit.law
@@ -284,17 +284,17 @@ class Agreement:
 
 
 def _simulated_frame(law: Law) -> Specimen:
-    """A picture frame on a mesh whose elements are equally high."""
+    """A picture frame on a mesh of elements of equal height."""
     test = PictureFrame(SIDE, SIDE)
     mesh = rectangle(SIDE, SIDE, (8, 8), "horizontal", _JITTER, 1)
     gamma, (x, y) = _sheared(picture_frame(mesh, shear_angle=_HELD), law, Full())
-    along = x * np.cos(gamma) - y * np.sin(gamma)  # the force in the turned fibres
+    along = x * np.cos(gamma) - y * np.sin(gamma)  # force along the rotated fibres
     force = along / np.sin(np.pi / 4 - gamma / 2)
     return Specimen("frame", test, force, test.displacement(gamma))
 
 
 def _simulated_strip(law: Law) -> Specimen:
-    """A bias extension on a mesh along its fibres, as those of the study of angles."""
+    """A bias extension on a fibre-aligned mesh, as in the study of angles."""
     test, mesh = BiasExtension(WIDTH, 2 * WIDTH), graded_mesh(np.pi / 4, _CELLS)
     scene = bias_extension(mesh, shear_angle=_HELD)
     gamma, (_, force) = _sheared(scene, law, Quadratic())
@@ -304,7 +304,7 @@ def _simulated_strip(law: Law) -> Specimen:
 def _sheared(
     scene: Scene, law: Law, formulation: Formulation
 ) -> tuple[ndarray, ndarray]:
-    """Shear angles in radians and reactions at the ends of steps."""
+    """Shear angles in radians and reactions at the end of each step."""
     ply = Ply(scene.mesh, Fabric(STIFF, law, scene.warp, scene.weft), formulation)
     states = LoadStepper(ply, scene.conditions, _FINE_STEPS).run().states[1:]
     gamma = np.array([state.load_factor for state in states]) * _HELD
@@ -313,7 +313,7 @@ def _sheared(
 
 @dataclass(frozen=True)
 class RoundTrip:
-    """Data of a known law, the law that is found, and its simulation."""
+    """Data from a known law, the fitted law, and a simulation with it."""
 
     degrees: float
 
@@ -321,7 +321,7 @@ class RoundTrip:
         return f"round trip: {self.degrees:g}°"
 
     def rows(self) -> list[Row]:
-        """Loads of the simulation with the law that was found, beside the data's."""
+        """Loads simulated with the fitted law, against the data."""
         model, truth = known("polynomial")
         strips = TESTS[f"bias {self.degrees:g}°"]
         law = model.build(truth)
@@ -356,7 +356,7 @@ class RoundTrip:
 
 
 def example() -> ShearFit:
-    """A fit to three specimens that were pulled beyond the kinematics."""
+    """A fit to three specimens extended beyond the range of the kinematics."""
     model, truth = known("polynomial")
     tests, law = TESTS["bias 45°"], model.build(truth)
     moved = [steps(test, POINTS, BEYOND) for test in tests]
@@ -366,7 +366,7 @@ def example() -> ShearFit:
 
 @dataclass(frozen=True)
 class Benchmark:
-    """A copy of the benchmark's curves in a folder."""
+    """A benchmark curve from a folder."""
 
     width: float
     height: float
@@ -377,11 +377,11 @@ class Benchmark:
 
     @cached_property
     def file(self) -> Path:
-        """The file of the curve."""
+        """File of the curve."""
         return self.folder / f"glass_plain_{self.width:g}_{self.height:g}.csv"
 
     def rows(self) -> list[Row]:
-        """C = F_sh cos γ of a curve of the benchmark, point by point."""
+        """C = F_sh cos γ of a benchmark curve, point by point."""
         units = {"displacement": "mm", "force": "N"}
         test = BiasExtension(self.width, self.height)
         specimen = read_specimen(self.file, test, units)
@@ -405,7 +405,7 @@ Case = Coverage | Inverse | Agreement | RoundTrip | Benchmark
 
 
 def all_cases(benchmark: Path | None) -> list[Case]:
-    """Every case; those of the benchmark where a folder has its curves.
+    """All cases; benchmark cases only if a folder with the curves is given.
 
     Raises
     ------
@@ -423,6 +423,6 @@ def all_cases(benchmark: Path | None) -> list[Case]:
         curves = [Benchmark(*sides, benchmark) for sides in BENCHMARK]
         for curve in curves:
             if not curve.file.is_file():
-                raise FileNotFoundError(f"there is no {curve.file}")
+                raise FileNotFoundError(f"missing file {curve.file}")
         found += curves
     return found

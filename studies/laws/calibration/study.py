@@ -1,7 +1,7 @@
-"""Known laws and what calibration makes of their curves; the benchmark's curves.
+"""Calibration of laws to synthetic data and to benchmark data.
 
-``--benchmark DIR`` reads a copy of the curves of Cao et al. (2008) in the repository
-guzmalalo/bias_test, its folder ``test_data``.
+``--benchmark DIR`` reads a copy of the folder ``test_data`` of the repository
+guzmalalo/bias_test, with the curves of Cao et al. (2008).
 """
 
 import argparse
@@ -23,15 +23,14 @@ from ...common.tables import (
 from ...study import Part, Row, Study
 from .cases import ANGLES, Agreement, Case, all_cases, example
 
-#: Share of parameters that ought to lie in their bands.
+#: Nominal coverage of the confidence bands.
 CONFIDENCE = 0.95
 
-#: Share of parameters inside their bands, and width of these over the least possible.
+#: Accepted coverage of the bands, and largest width over the Cramér–Rao bound.
 INSIDE, WIDTH = (0.930, 0.970), 1.5
 
-#: Most by which loads and moments may differ, as a share, by task and column: inverse
-#: fits and the two tests of one fabric; the way from data to law to simulation; the
-#: benchmark.
+#: Largest relative differences of loads and moments, by task and column: inverse fits,
+#: two tests of one fabric, round trip from data to law to simulation, benchmark.
 MOST = {
     ("inverse", "off_over_largest"): 0.02,
     ("agreement", "apart"): 0.02,
@@ -53,23 +52,23 @@ _COLUMNS: Mapping[str, Mapping[str, Column]] = {
         "across": "{across}",
         "seed": "{seed}",
         "stabilisation": percent_of("stabilisation", ".0f"),
-        "load, of the largest": percent_of("off_over_largest", ".2f"),
-        "load past 10°, of itself": percent_of("off_past_10", ".2f"),
+        "load error / largest load": percent_of("off_over_largest", ".2f"),
+        "relative load error past 10°": percent_of("off_past_10", ".2f"),
         **{f"C at {angle}°": percent_of(f"moment_{angle}") for angle in ANGLES},
     },
     "agreement": {
         "angle, deg": "{angle}",
         "C of the frame": "{frame:.5f}",
         "C of the bias extension": "{bias:.5f}",
-        "apart": percent_of("apart"),
-        "frame off the known law": percent_of("frame_off"),
+        "difference": percent_of("apart"),
+        "frame, error": percent_of("frame_off"),
     },
     "benchmark": {
         "specimen, mm": "{specimen}",
         "angle, deg": "{angle}",
         "C, N·mm/mm²": "{moment:.4f}",
         "expected": "{expected:.4f}",
-        "apart": percent_of("off"),
+        "difference": percent_of("off"),
     },
 }
 
@@ -80,7 +79,7 @@ def of_task(rows: Sequence[Row], task: str) -> str:
 
 
 def round_trip(rows: Sequence[Row]) -> str:
-    """Simulated loads beside those of the data."""
+    """Errors of simulated loads against the data."""
     lines = [
         [
             *(f"{degrees:g}°", *(percent(row["off"]) for row in own)),
@@ -89,11 +88,11 @@ def round_trip(rows: Sequence[Row]) -> str:
         for degrees, own in grouped(having(rows, task="round trip"), "degrees").items()
     ]
     head = ["fibres", *(f"load at {angle}°" for angle in ANGLES)]
-    return markdown_table([*head, "unknowns", "the stepper says"], lines)
+    return markdown_table([*head, "unknowns", "message of the stepper"], lines)
 
 
 def missed(rows: Sequence[Row]) -> list[str]:
-    """What is not as it should be."""
+    """Missed targets."""
     found = []
     for row in having(rows, task="coverage"):
         what = f"{row['test']}, {row['law']}, {row['parameter']}"
@@ -104,12 +103,12 @@ def missed(rows: Sequence[Row]) -> list[str]:
     for (task, key), most in MOST.items():
         own = [row[key] for row in having(rows, task=task)]
         if own and not np.abs(own).max() <= most:
-            found.append(f"{task}: off by {100 * np.abs(own).max():.1f} %")
+            found.append(f"{task}: error of {100 * np.abs(own).max():.1f} %")
     return found
 
 
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
-    """Ranges of what the tables show, and the scatter of a share of the seeds."""
+    """Ranges of the tables, and the standard deviation of the coverage."""
     bands = having(rows, task="coverage")
     inside = [100 * row["inside"] for row in bands]
     widest = max(row["width_over_cramer_rao"] for row in bands)
@@ -133,7 +132,7 @@ def draw_fit(rows: Sequence[Row], file: Path) -> None:
 
 
 class Calibration(Study[Case]):
-    """Bands, inverse fits, agreement of tests, the way to a simulation and back."""
+    """Confidence bands, inverse fits, agreement of tests, round trips."""
 
     parts = (
         Part(
@@ -160,7 +159,7 @@ class Calibration(Study[Case]):
             "--benchmark",
             type=Path,
             metavar="DIR",
-            help="a folder with the benchmark's curves, glass_plain_115_230.csv and "
+            help="folder of the benchmark curves glass_plain_115_230.csv and "
             "glass_plain_150_450.csv",
         )
 

@@ -1,1 +1,1 @@
-"""Load and linear solves by E/G and distortion of the mesh, beside other codes."""
+"""Load and linear solves against E/G and mesh distortion, with other codes."""
