@@ -19,8 +19,8 @@ from skfem_textile.io import read_directions, read_fabric, read_mesh, write_drap
 
 deck = Path(__file__).with_name("cloth.inp")
 mesh, directions = read_mesh(deck), read_directions(deck)
-fabric, not_taken = read_fabric(deck)
-print(*(f"not taken over: {sentence}" for sentence in not_taken), sep="\n")
+fabric, ignored = read_fabric(deck)
+print(*(f"not taken over: {sentence}" for sentence in ignored), sep="\n")
 
 # %%
 # Look at the fibres before a run. Directions that follow the numbering of nodes by

@@ -195,7 +195,7 @@ _PICTURE = "fit.png"
 
 
 @dataclass(frozen=True)
-class _Found:
+class _FitOutcome:
     """Reports by title, fabric, laws by file name, and the fit."""
 
     reports: dict[str, dict[str, Any]]
@@ -238,13 +238,13 @@ def run_fit(options: argparse.Namespace) -> int:
     return 0
 
 
-def _frame(options: argparse.Namespace) -> _Found:
+def _frame(options: argparse.Namespace) -> _FitOutcome:
     sizes = _sizes(options, "frame_side", "fabric_side")
     tests = [PictureFrame(frame, fabric) for frame, fabric in sizes]
     return _shear(options, tests, Fabric(_FIBRES))
 
 
-def _bias(options: argparse.Namespace) -> _Found:
+def _bias(options: argparse.Namespace) -> _FitOutcome:
     theta = float(np.radians(options.warp))
     sizes = _sizes(options, "width", "height")
     tests = [BiasExtension(width, height, theta) for width, height in sizes]
@@ -258,7 +258,7 @@ def _shear(
     tests: Sequence[ShearTest],
     plain: Fabric,
     across: int | None = None,
-) -> _Found:
+) -> _FitOutcome:
     units, stiffness = _units(options), options.fibre_stiffness
     pairs = zip(options.data, tests, strict=True)
     specimens = [read_specimen(path, test, units) for path, test in pairs]
@@ -277,10 +277,10 @@ def _shear(
     if options.fabric is None and stiffness is None:
         shear["notes"].append(_NO_TENSION)
     fabric = replace(fabric, shear=law)
-    return _Found({"Shear": shear}, fabric, {"law.json": law}, result)
+    return _FitOutcome({"Shear": shear}, fabric, {"law.json": law}, result)
 
 
-def _tension(options: argparse.Namespace) -> _Found:
+def _tension(options: argparse.Namespace) -> _FitOutcome:
     sizes, units = _sizes(options, "warp_width", "weft_width"), _units(options)
     paths = zip(options.data, sizes, strict=True)
     curves = [biaxial.read_biaxial(path, size, units) for path, size in paths]
@@ -293,10 +293,10 @@ def _tension(options: argparse.Namespace) -> _Found:
     if options.fabric is None:
         for one in reports.values():
             one["notes"].append(_NO_SHEAR)
-    return _Found(reports, replace(fabric, tension=tension), laws, result)
+    return _FitOutcome(reports, replace(fabric, tension=tension), laws, result)
 
 
-def _bending(options: argparse.Namespace) -> _Found:
+def _bending(options: argparse.Namespace) -> _FitOutcome:
     if options.weight is None:
         raise ValueError("--weight is missing: the weight per area is required")
     units, angle = _units(options), options.chord_angle
@@ -309,7 +309,7 @@ def _bending(options: argparse.Namespace) -> _Found:
     if options.fabric is None:
         known["notes"].append(_NO_LAWS)
     fabric = replace(fabric, bending=both)
-    return _Found({f"Bending of the {options.family}": known}, fabric, {}, result)
+    return _FitOutcome({f"Bending of the {options.family}": known}, fabric, {}, result)
 
 
 def _of_table(options: argparse.Namespace) -> dict[str, Any]:

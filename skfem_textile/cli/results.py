@@ -108,7 +108,7 @@ _PATTERN = ("pattern.csv", "pattern.svg", "pattern.dxf")
 
 
 @dataclass(frozen=True, eq=False)
-class HandOver:
+class DrapeExport:
     """Export of a draped ply: elements of the part, and curves that trim the pattern.
 
     ``curves`` are closed, each (3, n); ``no_curves`` is the reason why there are none,
@@ -122,7 +122,7 @@ class HandOver:
     files: ClassVar[tuple[str, ...]] = (*_PART, *_PATTERN)
 
     @classmethod
-    def read(cls, output: Output) -> "HandOver":
+    def read(cls, output: Output) -> "DrapeExport":
         """Read the part and the curve that a case names."""
         part, curve = output.part_mesh, output.trim
         if part is None and curve is None:

@@ -63,7 +63,7 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
             file, output=msgspec.structs.replace(file.output, pictures=False)
         )
     case = built(file)
-    export = results.HandOver.read(file.output)
+    export = results.DrapeExport.read(file.output)
     written = WrittenCase(file)
     with shown("preparing the ply"):  # nets on tools take time
         checkpoint = _checkpoint(options.out, options.checkpoint, options.resume)

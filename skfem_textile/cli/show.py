@@ -60,7 +60,7 @@ def show(options: argparse.Namespace) -> int:
             write_directions(folder / name, mesh, directions)
     if not options.no_render:
         _draw(mesh, directions, options.out)
-    _tell(mesh, directions)
+    _print_figures(mesh, directions)
     say(f"directions in {printable(options.out)}")
     return 0
 
@@ -93,7 +93,7 @@ def _draw(mesh: Any, directions: FibreDirections, out: Path) -> None:
         complain(f"no picture: {printable(error)}")
 
 
-def _tell(mesh: Any, directions: FibreDirections) -> None:
+def _print_figures(mesh: Any, directions: FibreDirections) -> None:
     warp, weft = directions.angles_deg()
     between = np.abs((weft - warp + 90) % 180 - 90)
     for name, shown in (

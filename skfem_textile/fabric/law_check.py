@@ -41,7 +41,7 @@ _LINES = (
 )
 
 
-class _Asked(NamedTuple):
+class _Samples(NamedTuple):
     """Arguments in ascending order, and energy, value and tangent there, (n, ...)."""
 
     x: ndarray
@@ -92,7 +92,7 @@ def _check_law(
     if is_zero(law):
         return
     low, high = _domain(name, law, reach)
-    arguments = _ask(name, law, np.linspace(low, high, _DENSE), shape)
+    arguments = _sampled(name, law, np.linspace(low, high, _DENSE), shape)
     of_value = _contradiction(arguments.x, *arguments.parts[:2])
     of_tangent = _contradiction(arguments.x, *arguments.parts[1:])
     if of_value is not None:
@@ -131,7 +131,7 @@ def _domain(name: str, law: Law, reach: float) -> tuple[float, float]:
     )
 
 
-def _ask(name: str, law: Law, x: ndarray, shape: tuple[int, ...]) -> _Asked:
+def _sampled(name: str, law: Law, x: ndarray, shape: tuple[int, ...]) -> _Samples:
     """Evaluate all arguments at once, or one by one for a law that varies by point."""
     try:
         parts = [_answer(name, law, part, x[None])[0] for part in _PARTS]
@@ -141,7 +141,7 @@ def _ask(name: str, law: Law, x: ndarray, shape: tuple[int, ...]) -> _Asked:
         parts = [
             np.array([_answer(name, law, part, at) for at in points]) for part in _PARTS
         ]
-    return _Asked(x, _within(x, parts))
+    return _Samples(x, _within(x, parts))
 
 
 def _answer(name: str, law: Law, part: str, x: ndarray) -> ndarray:

@@ -63,7 +63,7 @@ class _Material:
     name: str
     fabric: bool = False
     data: dict[str, list[_Data]] = field(default_factory=dict)
-    not_taken: list[str] = field(default_factory=list)
+    ignored: list[str] = field(default_factory=list)
 
 
 def read(
@@ -86,19 +86,19 @@ def read(
     chosen = _chosen(_materials(every), material)
     if thickness is None:
         thickness = length * _thickness(every, chosen.name)
-    not_taken, laws = chosen.not_taken, []
+    ignored, laws = chosen.ignored, []
     for component in ("warp", "weft", "shear"):
         with errors_about(component):
             data = chosen.data.get(component)
             if not data:
                 raise MeshError("it has no *LOADING DATA")
-            laws.append(_law(component, data, not_taken, thickness * stress))
+            laws.append(_law(component, data, ignored, thickness * stress))
     warp, weft, shear = laws
-    not_taken.append(
+    ignored.append(
         "Abaqus interpolates the data linearly; the laws here interpolate the same "
         "points with a monotone cubic"
     )
-    return Fabric((warp, weft), shear), not_taken
+    return Fabric((warp, weft), shear), ignored
 
 
 def _materials(every: list[Block]) -> list[_Material]:
@@ -121,7 +121,7 @@ def _materials(every: list[Block]) -> list[_Material]:
                     raise MeshError("USER is a subroutine; provide test data")
                 current.fabric = True
             elif reason := _OTHERS.get(block.keyword):
-                current.not_taken.append(f"*{block.keyword}: {reason}")
+                current.ignored.append(f"*{block.keyword}: {reason}")
             else:
                 current = None
     return materials
@@ -151,7 +151,7 @@ def _store(block: Block, material: _Material, component: str) -> None:
         raise MeshError(f"EXTRAPOLATION={excerpt(beyond)} is not supported")
     kind = parameters.get("TYPE", "ELASTIC").upper()
     if kind != "ELASTIC":
-        material.not_taken.append(
+        material.ignored.append(
             f"{component}, TYPE={excerpt(kind)}: the law is elastic, unloading follows "
             "the loading data"
         )
@@ -169,7 +169,7 @@ def _store(block: Block, material: _Material, component: str) -> None:
             raise MeshError(
                 "it depends on temperature, rate or fields; keep the lines of one value"
             )
-        material.not_taken.append(
+        material.ignored.append(
             f"{component}: temperature, rate or fields of the loading data"
         )
     strain, stress = table[:, 1], table[:, 0]
@@ -219,7 +219,7 @@ def _thickness(every: list[Block], material: str) -> float:
     )
 
 
-def _law(component: str, data: list[_Data], not_taken: list[str], scale: float) -> Law:
+def _law(component: str, data: list[_Data], ignored: list[str], scale: float) -> Law:
     """Law of a component, from its data in N/mm² times the thickness."""
     both = sorted(data, key=lambda part: part.direction)  # compression comes first
     strain = np.concatenate([part.strain for part in both])
@@ -246,17 +246,17 @@ def _law(component: str, data: list[_Data], not_taken: list[str], scale: float) 
             x, y = np.log1p(strain), scale * (1 + strain) * stress
     linear = all(part.linear for part in both)
     if not linear:
-        not_taken.append(
+        ignored.append(
             f"{component}: EXTRAPOLATION=CONSTANT; the law ends at the strain "
             f"{strain[-1]:g}, and states beyond it are refused"
         )
     tension_alone = one_sided and both[0].direction == "TENSION"
     odd = bool(one_sided) and (component == "shear" or not tension_alone)
     if odd and tension_alone:
-        not_taken.append("shear: DIRECTION=TENSION; the law is used for both signs")
+        ignored.append("shear: DIRECTION=TENSION; the law is used for both signs")
     law = Tabulated(x, y, "linear" if linear else "refuse", odd)
     if tension_alone and not odd:
-        not_taken.append(
+        ignored.append(
             f"{component}: there are no compression data, so fibres do not resist "
             "compression"
         )

@@ -32,12 +32,12 @@ _LENGTHS = {"mm": 1.0, "cm": 10.0, "m": 1e3}
 class FabricOfFile(NamedTuple):
     """Fabric read from a file, and messages about ignored data.
 
-    ``fabric`` has laws in N/mm, and directions if the file defines them.  ``not_taken``
+    ``fabric`` has laws in N/mm, and directions if the file defines them.  ``ignored``
     has one message per ignored feature of the file.
     """
 
     fabric: Fabric
-    not_taken: tuple[str, ...]
+    ignored: tuple[str, ...]
 
 
 def read_fabric(
@@ -83,7 +83,7 @@ def read_fabric(
     path = Path(path)
     with errors_about(path):
         result = _read(path, thickness, units, material)
-    for sentence in result.not_taken:
+    for sentence in result.ignored:
         log.warning("%s: not taken over: %s", printable(path), sentence)
     return result
 
@@ -108,14 +108,14 @@ def _read(
         return FabricOfFile(fabric_of_text(content), ())
     stress = force / length**2
     if suffix == ".rad":
-        fabric, not_taken = radioss.read(content, thickness, stress, material)
+        fabric, ignored = radioss.read(content, thickness, stress, material)
     else:
-        fabric, not_taken = abaqus_fabric.read(
+        fabric, ignored = abaqus_fabric.read(
             content, thickness, length, stress, material
         )
         if directions := directions_of_deck(content):
             fabric = replace(fabric, warp=directions[0], weft=directions[1])
-    return FabricOfFile(fabric, tuple(not_taken))
+    return FabricOfFile(fabric, tuple(ignored))
 
 
 def _units(words: str) -> tuple[float, float]:

@@ -111,9 +111,9 @@ def read(
     with errors_about(excerpt(name)):
         tables = _Functions(options, scale)
         fields = _fields(option.cards, *_CARDS[law])
-        not_taken = _not_taken(option, fields)
+        ignored = _ignored(option, fields)
         build = _law58 if law == 58 else _law158
-        return build(fields, scale, tables, not_taken), not_taken
+        return build(fields, scale, tables, ignored), ignored
 
 
 def _options(content: bytes) -> list[_Option]:
@@ -151,7 +151,7 @@ def _fields(
     return fields
 
 
-def _not_taken(option: _Option, fields: dict[str, float]) -> list[str]:
+def _ignored(option: _Option, fields: dict[str, float]) -> list[str]:
     reasons = [f"{n}: {why}" for n, why in _OTHERS.items() if fields.get(n)]
     if option.name[3:4] not in ([], [""], ["0"]):
         reasons.append(
@@ -204,7 +204,7 @@ _STRAIGHT_LINES = (
 
 
 def _law58(
-    f: dict[str, float], scale: float, tables: _Functions, not_taken: list[str]
+    f: dict[str, float], scale: float, tables: _Functions, ignored: list[str]
 ) -> Fabric:
     for name in ("N1", "N2"):
         if f[name] not in (0, 1):
@@ -226,17 +226,17 @@ def _law58(
         # Sine of the crimp: its height over the length of its yarn.
         springs.append(own * slope * float(np.sqrt((1 + s) ** 2 - 1) / (1 + s)))
     if f["fct_ID1"] or f["fct_ID2"]:
-        not_taken += [
+        ignored += [
             "functions of warp and weft: OpenRadioss scales the crimp spring with the "
             "slope of the function; here the slope at rest is used",
             _STRAIGHT_LINES,
         ]
     for i, name in ((4, "warp"), (5, "weft"), (6, "shear")):
         if f[f"fct_ID{i}"]:
-            not_taken.append(f"fct_ID{i}: unloading of {name} follows the loading")
+            ignored.append(f"fct_ID{i}: unloading of {name} follows the loading")
     law = CrimpedYarns((yarns[0], yarns[1]), tuple(crimp), tuple(springs))
     if f["fct_ID3"]:
-        return Fabric(law, _shear(f, tables, not_taken))
+        return Fabric(law, _shear(f, tables, ignored))
     GT = f["GT"] or 0.25 * (f["E1"] + f["E2"])
     cosine = 0.5 * sum(np.sqrt((1 + s) ** 2 - 1) for s in crimp)
     if not f["AlphaT"] and cosine >= 1:
@@ -250,34 +250,34 @@ def _law58(
 
 
 def _law158(
-    f: dict[str, float], scale: float, tables: _Functions, not_taken: list[str]
+    f: dict[str, float], scale: float, tables: _Functions, ignored: list[str]
 ) -> Fabric:
     for i in (1, 2, 3):
         if not f[f"fct_ID{i}"]:
             raise MeshError(f"fct_ID{i} must name a function")
     for i, name in ((4, "warp"), (5, "weft")):
         if f[f"fct_ID{i}"]:
-            not_taken.append(
+            ignored.append(
                 f"fct_ID{i}: the crimp's spring of the {name} stays logarithmic"
             )
     if any(f[f"Fscale{i}"] not in (0, 1) for i in (1, 2, 3)):
-        not_taken.append(
+        ignored.append(
             "Fscale: functions are scaled here as documented; sigeps158c.F omits the "
             "scales of forces and shear stress"
         )
     yarns = [tables.yarn(f[f"fct_ID{i}"], f[f"Fscale{i}"])[0] for i in (1, 2)]
-    not_taken.append(_STRAIGHT_LINES)
+    ignored.append(_STRAIGHT_LINES)
     springs = (scale * (f["Flex1"] or 1.0), scale * (f["Flex2"] or 1.0))
     crimp = (f["S1"] or _CRIMP, f["S2"] or _CRIMP)
     law = CrimpedYarns((yarns[0], yarns[1]), crimp, springs, scale * (f["Flex"] or 1.0))
-    return Fabric(law, _shear(f, tables, not_taken))
+    return Fabric(law, _shear(f, tables, ignored))
 
 
-def _shear(f: dict[str, float], tables: _Functions, not_taken: list[str]) -> Law:
+def _shear(f: dict[str, float], tables: _Functions, ignored: list[str]) -> Law:
     """Law of a function of the shear angle in degrees."""
     x, y = tables.table(f["fct_ID3"], f["Fscale3"])
     if one_sided := bool(len(x)) and bool((x >= 0).all()):
-        not_taken.append("fct_ID3: the law of positive angles is used for both signs")
-    if _STRAIGHT_LINES not in not_taken:
-        not_taken.append(_STRAIGHT_LINES)
+        ignored.append("fct_ID3: the law of positive angles is used for both signs")
+    if _STRAIGHT_LINES not in ignored:
+        ignored.append(_STRAIGHT_LINES)
     return Tabulated(np.radians(x), y, "linear", one_sided)

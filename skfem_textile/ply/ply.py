@@ -81,7 +81,7 @@ class Ply(SumOfTerms):
         for quadratic triangles.
     corners
         Det F at the nodes of the elements, where folding is also checked.
-    further_terms, further_terms_as_given
+    further_terms, user_terms
         Terms and loads besides fabric and formulation: as terms on the basis of the
         ply, and as passed by the user.
     follows_load_factor
@@ -141,8 +141,8 @@ class Ply(SumOfTerms):
             if isinstance(term, FormTerm):
                 parameters = term.basis.default_parameters()
                 directions(fabric, FormExtraParams(parameters))
-        self.further_terms_as_given = tuple(terms)
-        every = *needed, *self.further_terms_as_given
+        self.user_terms = tuple(terms)
+        every = *needed, *self.user_terms
         super().__init__(self.basis, every, tension)
         self.further_terms = self.terms[len(needed) :]
         turning = any(map(callable, self.fibre_ends.values()))
@@ -177,7 +177,7 @@ class Ply(SumOfTerms):
         ValueError
             If a term is not valid, or its name is not unique.
         """
-        further = (*self.further_terms_as_given, *terms)
+        further = (*self.user_terms, *terms)
         arguments = self.mesh, self.fabric, self.formulation, further
         ply = Ply(*arguments, **self.placement)
         ply.users_mesh, ply.users_fabric = self.users_mesh, self.users_fabric

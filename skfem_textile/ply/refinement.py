@@ -154,7 +154,7 @@ def refine(ply: "Ply", elements: ArrayLike) -> Refinement:
     if isinstance(fabric, Fabric):
         fabric = fabric_on(parent, fabric)
     finer = type(ply)(
-        *(refined.mesh, fabric, ply.formulation, ply.further_terms_as_given),
+        *(refined.mesh, fabric, ply.formulation, ply.user_terms),
         **ply.placement,
     )
     return Refinement(finer, parent, refined.ends, ply)
@@ -265,7 +265,7 @@ def finer_ply(ply: "Ply") -> FinerPly:
         plain = MeshQuad(mesh.p, mesh.t, mesh.boundaries, mesh.subdomains)
         finer = split(with_named_nodes(plain, named_nodes(mesh)))
         parent = finer.origin[finer.parent]
-    arguments = finer, fabric, ply.formulation, ply.further_terms_as_given
+    arguments = finer, fabric, ply.formulation, ply.user_terms
     return FinerPly(type(ply)(*arguments, **ply.placement), parent, ply)
 
 
@@ -281,7 +281,7 @@ def refuse_what_has_no_finer(ply: "Ply") -> None:
 
 def _refuse_terms_of_the_mesh(ply: "Ply", otherwise: str) -> None:
     """Refuse a ply with terms that cannot be rebuilt on another mesh."""
-    for term in ply.further_terms_as_given:
+    for term in ply.user_terms:
         if not hasattr(term, "on"):
             name = getattr(term, "name", term)
             raise ValueError(

@@ -594,7 +594,7 @@ class SumOfTerms:
         sharp = ~((n[:, one] * n[:, other]).sum(axis=0) > 0)
         return np.unique([one[sharp], other[sharp]])
 
-    def past_peak(self, u: ndarray) -> ndarray:
+    def beyond_peak(self, u: ndarray) -> ndarray:
         """Elements where T/λ decreases with λ, as ∂T/∂ε is below T, or ε is not finite.
 
         Beyond the peak of T/λ, the force per reference width, a fibre tears.

@@ -16,7 +16,7 @@ from ..drape import Axes, ToolMesh, TriangleMesh
 from ..drape.sheet import boundary_edges
 from ..mesh.contact import signed_areas
 from ..solve.surface import OffSurfaceError, OnSurface, onto
-from .laid import LaidPly, laid, tell_of_net
+from .draped_ply import PlyOptions, draped_ply, warn_of_net
 from .scene import Scene
 
 # Height difference, relative to the extent of the tool, within which vertices are
@@ -45,7 +45,7 @@ def drape(
     tool: TriangleMesh,
     mesh: str | Mesh = "irregular",
     point: Sequence[float] | None = None,
-    **ply: Unpack[LaidPly],
+    **ply: Unpack[PlyOptions],
 ) -> Scene:
     """Complete ply on a triangulated tool.
 
@@ -54,7 +54,7 @@ def drape(
     tool
         The tool, see `skfem_textile.io.read_surface`.
     mesh, **ply
-        See `laid`, except for ``part``: the whole ply is computed.
+        See `draped_ply`, except for ``part``: the whole ply is computed.
     point
         Contact point of the centre of the ply with the tool, in mm.  By default the
         highest point of the tool, of several the one nearest to its centre.
@@ -62,8 +62,8 @@ def drape(
     Raises
     ------
     ValueError
-        See `laid`.  Also if the tool has no such point or is not horizontal there, if
-        it is much smaller than the ply, or if its triangles are much larger.
+        See `draped_ply`.  Also if the tool has no such point or is not horizontal
+        there, if it is much smaller than the ply, or if its triangles are much larger.
     """
     facets = tool.facets
     if point is None:
@@ -72,17 +72,17 @@ def drape(
         place = _on_tool(tool, np.asarray(point, dtype=float))
     if tool.beyond_edges(place[:, None])[0] > 0:
         raise ValueError(
-            f"drape: the tool has no triangle at {_said(place)}, the contact point of "
+            f"drape: the tool has no triangle at {_xyz(place)}, the contact point of "
             "the ply: specify another point"
         )
     axes = Axes.at(tool, place)
     surface = tool.moved(*axes)
-    whole: LaidPly = {**ply, "part": "whole"}
-    scene = laid("drape", surface, mesh, **whole, axes=axes)
+    whole: PlyOptions = {**ply, "part": "whole"}
+    scene = draped_ply("drape", surface, mesh, **whole, axes=axes)
     _refuse_sizes(facets, scene.mesh)
     on_tool, fibres = scene.conditions["tool"], float(ply.get("fibres", 0.0))
     assert isinstance(on_tool, OnSurface)
-    tell_of_net(on_tool, scene.mesh.p, (fibres, fibres + np.pi / 2), axes)
+    warn_of_net(on_tool, scene.mesh.p, (fibres, fibres + np.pi / 2), axes)
     return scene
 
 
@@ -112,7 +112,7 @@ def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
         place = np.full(3, np.inf)
     if not np.linalg.norm(place - point) <= near:
         raise ValueError(
-            f"drape: the point {_said(point)} is further than {near:.3g} mm, an edge "
+            f"drape: the point {_xyz(point)} is further than {near:.3g} mm, an edge "
             "of a triangle, from the tool: specify a point on it"
         )
     return place
@@ -146,10 +146,10 @@ def _highest(tool: TriangleMesh) -> ndarray:
     if inside and away <= 2 * near and np.hypot(*g[:2]) <= _LEVEL * abs(g[2]):
         return place
     raise ValueError(
-        f"drape: the highest point of the tool, {_said(start)}, is at its edge or on "
+        f"drape: the highest point of the tool, {_xyz(start)}, is at its edge or on "
         "a slope: specify the contact point of the ply"
     )
 
 
-def _said(point: ndarray) -> str:
+def _xyz(point: ndarray) -> str:
     return " ".join(f"{x:.6g}" for x in point)

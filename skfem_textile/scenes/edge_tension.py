@@ -28,9 +28,9 @@ from .on_tool import CELLS, net_over
 # Number of cells of the net beyond the ply.
 _BEYOND = 2
 
-# Load factors at which the net is laid around the points of the edges, at most 1.5
+# Load factors of the nets around the points of the edges, at most 1.5
 # cells apart, and at which the shear law is checked before draping.
-_ON_THE_WAY = np.linspace(0.0, 1.0, CELLS + 1)
+_LOAD_FACTORS = np.linspace(0.0, 1.0, CELLS + 1)
 
 # Shear angle of a net in radians that is round-off.
 _ROUNDING = 1e-9
@@ -76,31 +76,31 @@ class EdgeTension:
             *(mesh, basis.elem, basis.mapping), facets=free.astype(int), dofs=basis.dofs
         )
         X = np.asarray(edges.global_coordinates()).reshape(2, -1)
-        way = np.hstack([self._in_net(X, t) for t in _ON_THE_WAY])
+        path = np.hstack([self._in_net(X, t) for t in _LOAD_FACTORS])
         try:
-            laid = net_over(way, self.on_tool, 1.0, self.angles, _BEYOND)
-            directions = laid.tangents(way)
+            net = net_over(path, self.on_tool, 1.0, self.angles, _BEYOND)
+            directions = net.tangents(path)
         except ValueError as error:
             raise ValueError(
                 f"edge tension: {error}; or omit the tension and give the fibres a "
                 "bending stiffness"
             ) from None
         self._moment(*_cosine_and_sine(directions))
-        return _Tractions(self, edges, laid)
+        return _Tractions(self, edges, net)
 
-    def traction(self, X: ndarray, N: ndarray, laid: Net, t: float) -> ndarray:
+    def traction(self, X: ndarray, N: ndarray, net: Net, t: float) -> ndarray:
         """Force per reference length at points, shape (3, n_edges, n_points).
 
         Parameters
         ----------
         X, N
             Points of the edges in mm and normals there, shape (2, n_edges, n_points).
-        laid
+        net
             Net of the tool.
         t
             The load factor.
         """
-        e = laid.tangents(self._in_net(X.reshape(2, -1), t))
+        e = net.tangents(self._in_net(X.reshape(2, -1), t))
         c, s = _cosine_and_sine(e)
         moment = self._moment(c, s)
         force = np.zeros_like(e[0])
@@ -136,13 +136,13 @@ class _Tractions(Term):
 
     name, role = "edge tension", "load"
 
-    def __init__(self, tension: EdgeTension, edges: FacetBasis, laid: Net) -> None:
+    def __init__(self, tension: EdgeTension, edges: FacetBasis, net: Net) -> None:
         X = np.asarray(edges.global_coordinates())
         N = np.asarray(edges.normals)
 
         @lru_cache(maxsize=1)
         def at(t: float) -> ndarray:
-            return asm(_WORK, edges, force=tension.traction(X, N, laid, t))
+            return asm(_WORK, edges, force=tension.traction(X, N, net, t))
 
         self._at = at
 

@@ -99,17 +99,17 @@ def measured_on_tool(
     surface = result.tool(t)
     if surface is None:
         return {}
-    measured = _Found(
+    measured = _Measured(
         contact_pressure(ply, surface, u, t, state.parameters),
         np.degrees(turn_of_normal(ply, surface, u)),
         beyond_edges(ply, surface, u),
     )
     figures, advice = _figures(result, measured), _advice(result, surface, measured)
-    held = _held(result, holding) if holding else {}
+    held = _holding_forces(result, holding) if holding else {}
     return {**_places(result, axes), **figures, **held, **advice}
 
 
-class _Found(NamedTuple):
+class _Measured(NamedTuple):
     """Pressures at nodes, and for each element the rotation of the normal and the
     masks.
     """
@@ -133,7 +133,7 @@ def _places(result: Result, axes: Axes) -> dict[str, float]:
     }
 
 
-def _figures(result: Result, measured: _Found) -> dict[str, float]:
+def _figures(result: Result, measured: _Measured) -> dict[str, float]:
     ply, u, pressure = result.ply, result.u, measured.pressure
     at_risk = wrinkle_risk(ply, u, result.states[-1].parameters)
     figures = {
@@ -148,7 +148,7 @@ def _figures(result: Result, measured: _Found) -> dict[str, float]:
     return figures
 
 
-def _advice(result: Result, surface: Surface, measured: _Found) -> dict[str, str]:
+def _advice(result: Result, surface: Surface, measured: _Measured) -> dict[str, str]:
     """Limitations of the results, and advice."""
     ply, u, (pressure, turn, beyond) = result.ply, result.u, measured
     advice: dict[str, str] = {}
@@ -189,7 +189,7 @@ def _advice(result: Result, surface: Surface, measured: _Found) -> dict[str, str
     return advice
 
 
-def _held(result: Result, holding: Sequence[str]) -> dict[str, float | str]:
+def _holding_forces(result: Result, holding: Sequence[str]) -> dict[str, float | str]:
     """Largest force of a node that supports the ply, and advice."""
     state, ply = result.states[-1], result.ply
     force = max(float(np.linalg.norm(state.reactions[name])) for name in holding)

@@ -10,7 +10,7 @@ from skfem import Mesh
 
 from ..drape import Cylinder, Height, HeightField, Sphere
 from ..drape import double_dome as tool
-from .laid import LaidPly, laid
+from .draped_ply import PlyOptions, draped_ply
 from .scene import Scene
 
 #: Argument at which the net folds, ω = 0.
@@ -53,7 +53,7 @@ _OFF = 1e-6
 def hemisphere(
     mesh: str | Mesh = "irregular",
     radius: float = 100.0,
-    **ply: Unpack[LaidPly],
+    **ply: Unpack[PlyOptions],
 ) -> Scene:
     """Ply on a sphere with its pole at the origin.
 
@@ -66,15 +66,15 @@ def hemisphere(
     radius
         Radius in mm.
     mesh, **ply
-        As for `laid`.
+        As for `draped_ply`.
 
     Raises
     ------
     ValueError
-        As from `laid`, or if the radius is not positive.
+        As from `draped_ply`, or if the radius is not positive.
     """
     fibres = ply.get("fibres", 0.0)
-    return laid(
+    return draped_ply(
         "hemisphere",
         Sphere(radius, (0.0, 0.0, -radius)),
         mesh,
@@ -108,7 +108,7 @@ def _off_exact(X: ndarray, fibres: float, radius: float) -> str:
 def cylinder(
     mesh: str | Mesh = "irregular",
     radius: float = 100.0,
-    **ply: Unpack[LaidPly],
+    **ply: Unpack[PlyOptions],
 ) -> Scene:
     """Ply on a cylinder with its axis along y below the origin.
 
@@ -119,14 +119,14 @@ def cylinder(
     radius
         Radius in mm.
     mesh, **ply
-        As for `laid`.
+        As for `draped_ply`.
 
     Raises
     ------
     ValueError
-        As from `laid`, or if the radius is not positive.
+        As from `draped_ply`, or if the radius is not positive.
     """
-    return laid(
+    return draped_ply(
         "cylinder",
         Cylinder(radius, (0.0, 0.0, -radius)),
         mesh,
@@ -136,27 +136,27 @@ def cylinder(
     )
 
 
-def double_dome(mesh: str | Mesh = "irregular", **ply: Unpack[LaidPly]) -> Scene:
+def double_dome(mesh: str | Mesh = "irregular", **ply: Unpack[PlyOptions]) -> Scene:
     """Ply on `skfem_textile.drape.double_dome` with its long side along x.
 
     Parameters
     ----------
     mesh, **ply
-        As for `laid`.
+        As for `draped_ply`.
 
     Raises
     ------
     ValueError
-        As from `laid`.
+        As from `draped_ply`.
     """
-    given: LaidPly = {"size": (32, 18), "width": 470.0, "height": 270.0, **ply}
-    return laid("double_dome", tool(), mesh, **given)
+    given: PlyOptions = {"size": (32, 18), "width": 470.0, "height": 270.0, **ply}
+    return draped_ply("double_dome", tool(), mesh, **given)
 
 
 def saddle(
     mesh: str | Mesh = "irregular",
     radius: float = 150.0,
-    **ply: Unpack[LaidPly],
+    **ply: Unpack[PlyOptions],
 ) -> Scene:
     """Ply on a saddle that is concave along x and convex along y.
 
@@ -165,12 +165,12 @@ def saddle(
     radius
         Radius R of both curvatures in the middle, in mm.
     mesh, **ply
-        As for `laid`.
+        As for `draped_ply`.
 
     Raises
     ------
     ValueError
-        As from `laid`, or if the radius is not positive.
+        As from `draped_ply`, or if the radius is not positive.
     """
     if not 0 < radius < np.inf:
         raise ValueError(f"saddle: the radius must be positive, got {radius:g}")
@@ -180,4 +180,4 @@ def saddle(
         h = 0.5 * (x * x - y * y) / radius
         return Height(h, x / radius, -y / radius, curved, zero, -curved)
 
-    return laid("saddle", HeightField(height), mesh, **ply)
+    return draped_ply("saddle", HeightField(height), mesh, **ply)

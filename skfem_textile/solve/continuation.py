@@ -29,7 +29,7 @@ _SAME_STATE = 0.01
 #: Projected tangents at most in an easy step.  Checked by `python -m studies
 #: stability`: with more, a run takes another equilibrium unnoticed; with fewer, steps
 #: that stay on the path are halved.
-MOST_ALTERED = 2
+MOST_PROJECTED = 2
 
 # Number of halvings of a requested step after which a hard step is accepted: 2⁻⁶.
 _PATH_HALVINGS = 6
@@ -140,28 +140,28 @@ class Continuation:
         shortest = self.longest / 2.0**self.halvings
         return goal if end > goal - 0.5 * min(shortest, self.next) else end
 
-    def most_altered(self, step: float, t: float, loads_drive: bool) -> float:
+    def most_projected(self, step: float, t: float, loads_drive: bool) -> float:
         """Maximum number of projected tangents in a step to ``t``; with more it is
         halved.
 
         Beyond a limit load that drives the ply there is no path.
         """
         followed = step > 1.5 * self._short and t > self.not_followed_until
-        return MOST_ALTERED if followed or loads_drive else np.inf
+        return MOST_PROJECTED if followed or loads_drive else np.inf
 
-    def keeps(self, step: float, state: State, altered: int, settled: bool) -> bool:
+    def keeps(self, step: float, state: State, projected: int, settled: bool) -> bool:
         """True if the state of a step is accepted, False if the step is repeated in two
         halves.
 
         Parameters
         ----------
-        step, state, altered
+        step, state, projected
             Length of the step, the state, and projected tangents in the step.
         settled
             True if the state is independent of the number of steps along the path.
         """
         t = state.load_factor
-        if altered > MOST_ALTERED or not self.follows_path:
+        if projected > MOST_PROJECTED or not self.follows_path:
             follow = self.follows_path and self.halvings and t > self.not_followed_until
             if follow and step > 0.75 * self._short:
                 self.to_compare.append(StepEnd.of(state))
@@ -174,7 +174,7 @@ class Continuation:
             self.to_compare.remove(past)
             if not past.agrees(StepEnd.of(state)):
                 self.mark(t)
-        if altered == 0:
+        if projected == 0:
             self.next = min(2 * self.next, self.longest)
         return True
 

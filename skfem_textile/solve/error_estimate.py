@@ -174,8 +174,8 @@ def _estimate(
         raise ValueError(_NO_LOAD)
     finer: Any = ply.finer()
     fine = problem_at(finer.ply, conditions, solver, state.load_factor)
-    way = _Way(fine, *finer.carry(u, p))
-    fine_u, after = _moved(way, before, loaded)
+    trial = _Trial(fine, *finer.carry(u, p))
+    fine_u, after = _moved(trial, before, loaded)
     angle, fine_angle = (
         of.shear_angle(x).mean(axis=1) for of, x in ((ply, u), (finer.ply, fine_u))
     )
@@ -191,7 +191,7 @@ def _estimate(
     return ErrorEstimate(float(max(change, LOAD_OVER_SHARE * carried)), shear_angle)
 
 
-class _Way:
+class _Trial:
     """Newton increments of a problem from a displacement, within the domains of its
     laws.
 
@@ -236,30 +236,30 @@ class _Way:
         return du, _work(self.problem, forces, self.u + du, self.parameters)
 
 
-def _moved(way: _Way, before: ndarray, loaded: bool) -> tuple[ndarray, ndarray]:
+def _moved(trial: _Trial, before: ndarray, loaded: bool) -> tuple[ndarray, ndarray]:
     """Displacement closer to the equilibrium, and the work there to first order.
 
     A second increment with an unprojected tangent is sufficient unless the first was
     shortened.  Otherwise the convergence of the work decides; without a load there is
     no criterion.
     """
-    problem = way.problem
+    problem = trial.problem
     values = problem.constraints.fixed_values(problem.load_factor)
-    way.go(way.tangent.increment(way.f, way.u, values))
-    if not loaded and way.shortened:
+    trial.go(trial.tangent.increment(trial.f, trial.u, values))
+    if not loaded and trial.shortened:
         raise NoEquilibriumError(
             "its first increment reaches the end of a law, and without a load there "
             "is no criterion for further ones"
         )
-    if not loaded and way.tangent.altered:
+    if not loaded and trial.tangent.projected:
         raise NoEquilibriumError("its tangent is not stable")
-    if way.shortened or way.tangent.altered:
-        return _settled(way, before)
-    du, now = way.ahead()
-    return problem.moved(way.u, du), now
+    if trial.shortened or trial.tangent.projected:
+        return _settled(trial, before)
+    du, now = trial.ahead()
+    return problem.moved(trial.u, du), now
 
 
-def _settled(way: _Way, before: ndarray) -> tuple[ndarray, ndarray]:
+def _settled(trial: _Trial, before: ndarray) -> tuple[ndarray, ndarray]:
     """State at which the work has converged, see `_moved`.
 
     Increments are shortened at the end of a law.  Further increments follow, halved as
@@ -267,19 +267,19 @@ def _settled(way: _Way, before: ndarray) -> tuple[ndarray, ndarray]:
     unprojected tangent.
     """
     last, moved, length, size = before, np.inf, 1.0, np.abs(before).sum()
-    while way.number < (_MOST_SHORTENED if way.shortened else _MOST_INCREMENTS):
-        du, now = way.ahead()
+    while trial.number < (_MOST_SHORTENED if trial.shortened else _MOST_INCREMENTS):
+        du, now = trial.ahead()
         moved_before = moved
         moved, change = (np.abs((now - x).sum()) for x in (last, before))
         if not np.isfinite(now).all():
             raise NoEquilibriumError("its load is not finite")
-        near = way.whole and not way.tangent.altered and change < size
-        if moved <= _SETTLED * change and (near or not way.shortened):
-            return way.problem.moved(way.u, du), now
-        if way.shortened and way.number > 1 and moved > moved_before / 2:
+        near = trial.whole and not trial.tangent.projected and change < size
+        if moved <= _SETTLED * change and (near or not trial.shortened):
+            return trial.problem.moved(trial.u, du), now
+        if trial.shortened and trial.number > 1 and moved > moved_before / 2:
             length = 0.5
         last = now
-        way.go(length * du)
+        trial.go(length * du)
     raise NoEquilibriumError(
-        f"after {way.number} increments the load still changes by {moved / size:.1%}"
+        f"after {trial.number} increments the load still changes by {moved / size:.1%}"
     )

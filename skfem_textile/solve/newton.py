@@ -70,7 +70,7 @@ class Method(Protocol):
     name
         Name in reports and messages.
     follows_path
-        True if a state is on the load path if at most `MOST_ALTERED` tangents were
+        True if a state is on the load path if at most `MOST_PROJECTED` tangents were
         projected.
     """
 
@@ -87,7 +87,7 @@ class Method(Protocol):
         problem: Problem,
         start: Start,
         fixed_values: ndarray,
-        most_altered: float,
+        most_projected: float,
         report: Report,
     ) -> Equilibrium:
         """Balance the forces and bring the fixed unknowns to their values.
@@ -96,7 +96,7 @@ class Method(Protocol):
         ----------
         problem, start, fixed_values
             Problem, initial guess, and values of the fixed unknowns.
-        most_altered
+        most_projected
             Projected tangents at most.
         report
             Called after each iteration.
@@ -154,23 +154,23 @@ class Newton:
         problem: Problem,
         start: Start,
         fixed_values: ndarray,
-        most_altered: float,
+        most_projected: float,
         report: Report,
     ) -> Equilibrium:
         """See `Method`."""
         tangent, p = _first_tangent(problem, start)
         changed = problem.surfaces or problem.ply.follows_load_factor
         f = problem.residual(start.u, p) if changed else start.f
-        progress = _Progress(problem, fixed_values, most_altered, report)
+        progress = _Progress(problem, fixed_values, most_projected, report)
         end = self._iterate(progress, _Iterate(start.u, f, p, tangent), self.most)
-        leave = not np.isfinite(most_altered) and end.unstable
+        leave = not np.isfinite(most_projected) and end.unstable
         if leave:
             motion = self.imperfection * problem.element_size * end.tangent.softest()
             u, p = problem.moved(end.u, motion), end.parameters
             tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
             tangent = definite(problem, u, p, tension)
             end = _Iterate(u, problem.residual(u, p), p, tangent)
-        if leave or not (progress.is_balanced or end.tangent.altered):
+        if leave or not (progress.is_balanced or end.tangent.projected):
             end = self._iterate(progress, end, _DESCENT * self.most, descend=True)
         return progress.equilibrium(end)
 
@@ -234,13 +234,13 @@ class PlainNewton:
         problem: Problem,
         start: Start,
         fixed_values: ndarray,
-        most_altered: float,
+        most_projected: float,
         report: Report,
     ) -> Equilibrium:
         """See `Method`."""
         u, p, tangent = start.u, start.parameters, start.tangent
         f = problem.residual(u, p)
-        progress = _Progress(problem, fixed_values, most_altered, report)
+        progress = _Progress(problem, fixed_values, most_projected, report)
         for _ in range(self.most):
             if tangent is None or problem.surfaces:  # which move with the load factor
                 tangent = Tangent(problem, u, p)
@@ -273,7 +273,9 @@ class _Iterate(NamedTuple):
     def unstable(self) -> bool:
         """True if the consistent tangent is regular and indefinite."""
         tangent = self.tangent
-        return tangent is not None and bool(tangent.altered or tangent.negative_pivots)
+        return tangent is not None and bool(
+            tangent.projected or tangent.negative_pivots
+        )
 
 
 @dataclass
@@ -282,10 +284,10 @@ class _Progress:
 
     problem: Problem
     fixed_values: ndarray
-    most_altered: float
+    most_projected: float
     report: Report
     residuals: list[float] = field(default_factory=list)
-    altered: int = 0
+    projected: int = 0
     tolerance: float = 0.0
     is_balanced: bool = False
 
@@ -297,11 +299,11 @@ class _Progress:
         problem = self.problem
         self.residuals.append(problem.unbalanced(f, u))
         self.tolerance = tangent.tolerance(u, f)
-        self.altered += tangent.altered
+        self.projected += tangent.projected
         self.report(len(self.residuals), self.residuals[-1], self.tolerance)
-        if self.altered > self.most_altered:
+        if self.projected > self.most_projected:
             raise NoEquilibriumError(
-                f"more than {self.most_altered:g} tangents were indefinite",
+                f"more than {self.most_projected:g} tangents were indefinite",
                 problem.around(problem.unfixed(f, u)),
                 advice=_ON_SURFACE if problem.surfaces else "",
             )
@@ -326,7 +328,7 @@ class _Progress:
                 advice=advice,
             )
         residuals = tuple(self.residuals)
-        return Equilibrium(u, f, p, residuals, tolerance, self.altered, tangent)
+        return Equilibrium(u, f, p, residuals, tolerance, self.projected, tangent)
 
 
 def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, PlyParameters]:
@@ -383,7 +385,7 @@ def definite(
     def projected(tension: ndarray) -> Tangent:
         clipped = np.maximum(tension, least)
         tangent = Tangent(problem, u, parameters, clipped, True, contact=0.0)
-        tangent.altered = True
+        tangent.projected = True
         return tangent
 
     try:

@@ -268,7 +268,7 @@ def between(before: PlyParameters, after: PlyParameters, share: float) -> PlyPar
 class Tangent:
     """Factorised tangent of a problem on the free unknowns.
 
-    ``altered`` is True if an indefinite tangent was projected.
+    ``projected`` is True if an indefinite tangent was projected.
 
     Parameters
     ----------
@@ -299,7 +299,7 @@ class Tangent:
     ) -> None:
         self._problem, clock, system = problem, problem.clock, problem.system
         self._u = u
-        self.altered = False
+        self.projected = False
         arguments = u, problem.load_factor, parameters, tension, positive
         blocks = clock.time("assembly", problem.ply.stiffness, *arguments)
         self._turn = problem.turn(u)

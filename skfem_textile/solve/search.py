@@ -10,7 +10,7 @@ from numpy import ndarray
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
 from .conditions import Conditions, Constraints
-from .continuation import MOST_ALTERED, loads_drive
+from .continuation import MOST_PROJECTED, loads_drive
 from .linear import ChosenSolver
 from .newton import LESS_ROUNDING, METHODS, MOST_UPDATES, SETTLED, Method
 from .problem import Problem, Start, between
@@ -43,7 +43,7 @@ class Goal(NamedTuple):
         Values of the fixed unknowns.
     start, before
         Initial guess, and the last accepted state; None before loading.
-    most_altered
+    most_projected
         Maximum number of projected tangents.
     held
         Additional nodal forces, see `Problem`.
@@ -54,7 +54,7 @@ class Goal(NamedTuple):
     fixed_values: ndarray
     start: Start
     before: Start | None
-    most_altered: float = np.inf
+    most_projected: float = np.inf
     held: ndarray | float = 0.0
 
 
@@ -65,14 +65,14 @@ class Found(NamedTuple):
     ----------
     trial
         The checked equilibrium.
-    altered
+    projected
         Largest number of projected tangents in the iterations that led to it.
     settled
         True if updating the parameters at the state leaves it unchanged.
     """
 
     trial: Trial
-    altered: int
+    projected: int
     settled: bool
 
 
@@ -106,7 +106,7 @@ class EquilibriumSearch:
         `NoEquilibriumError` if there is no such state.
         """
         trial, share, last = self._first(goal), 1.0, np.inf
-        goal = goal._replace(most_altered=min(goal.most_altered, MOST_ALTERED))
+        goal = goal._replace(most_projected=min(goal.most_projected, MOST_PROJECTED))
         for _ in range(MOST_UPDATES):
             problem, (u, _, p, *_) = trial.trial.problem, trial.trial.equilibrium
             try:
@@ -126,7 +126,7 @@ class EquilibriumSearch:
                 again = self._first(goal._replace(start=start))
             except NoEquilibriumError:
                 break
-            trial = again._replace(altered=max(trial.altered, again.altered))
+            trial = again._replace(projected=max(trial.projected, again.projected))
         return trial
 
     def at_rest(self, start: Start, fixed_values: ndarray) -> Found:
@@ -141,7 +141,7 @@ class EquilibriumSearch:
         """
         unbalanced, u, tangent = start.f, start.u, start.tangent
         p = start.parameters
-        done, step, most, altered = 0.0, 1.0, float(MOST_ALTERED), 0
+        done, step, most, projected = 0.0, 1.0, float(MOST_PROJECTED), 0
         stable = tangent is not None and tangent.negative_pivots == 0
         shortest = _SHORTEST_AT_REST[0 if stable else 1]
         while True:
@@ -158,9 +158,9 @@ class EquilibriumSearch:
                         raise
                     step, most = 1.0, np.inf
                 continue
-            altered = max(altered, trial.altered)
+            projected = max(projected, trial.projected)
             if share == 1.0:
-                return trial._replace(altered=altered)
+                return trial._replace(projected=projected)
             last = trial.trial.next_start()
             u, p, tangent = last.u, last.parameters, last.tangent
             done, step = share, 2 * step
@@ -176,7 +176,7 @@ class EquilibriumSearch:
         try:
             with np.errstate(all="ignore"):  # what is not finite is caught
                 equilibrium = method.solve(
-                    *(problem, goal.start, goal.fixed_values, goal.most_altered),
+                    *(problem, goal.start, goal.fixed_values, goal.most_projected),
                     lambda *done: self.report(Iteration(*place, method.name, *done)),
                 )
                 trial = Trial.of(problem, equilibrium, goal.before)
@@ -196,7 +196,7 @@ class EquilibriumSearch:
                 _AT_REST if at_rest else failure.advice,
                 failure.quantity,
             ) from None
-        return Found(trial, equilibrium.altered, settled=False)
+        return Found(trial, equilibrium.projected, settled=False)
 
 
 def _updated(trial: Trial, parameters: PlyParameters) -> tuple[Start, float]:

@@ -66,7 +66,7 @@ class Equilibrium(NamedTuple):
     """Converged iteration, with its convergence history.
 
     ``parameters`` are the parameters of the terms with which the forces balance,
-    ``altered`` is the number of projected tangents, ``tangent`` is the consistent
+    ``projected`` is the number of projected tangents, ``tangent`` is the consistent
     tangent, None if it is singular.
     """
 
@@ -75,7 +75,7 @@ class Equilibrium(NamedTuple):
     parameters: PlyParameters
     residuals: tuple[float, ...]
     tolerance: float
-    altered: int = 0
+    projected: int = 0
     tangent: Any = None
 
 

@@ -13,7 +13,7 @@ from ..ply import Ply
 from .checkpoint import Checkpoint, CheckpointError, Progress, Replay
 from .conditions import Conditions, Constraints
 from .continuation import (
-    MOST_ALTERED,
+    MOST_PROJECTED,
     Continuation,
     balanced_at_rest,
     load_growth,
@@ -321,7 +321,9 @@ class Run:
         self.states = [state]  # until the ply is in balance
         equilibrium = self._search.at_rest(problem.start(u, p, tangent), values)
         state = equilibrium.trial.state(problem.clock.solves)
-        easy = equilibrium.altered <= MOST_ALTERED and self._search.method.follows_path
+        easy = (
+            equilibrium.projected <= MOST_PROJECTED and self._search.method.follows_path
+        )
         if not easy or not equilibrium.settled or self._depends_on_steps(state):
             self.continuation.mark(0.0)
         self.states = []
@@ -343,10 +345,10 @@ class Run:
             problem.at(t).load(start.u, start.parameters)
         except ValueError as error:
             raise StepError.after(error, self.result) from None
-        most_altered = self.continuation.most_altered(step, t, driven)
+        most_projected = self.continuation.most_projected(step, t, driven)
         guess = on_grown_surface(problem.at(t), start)
         try:
-            trial = self._search(Goal(t, step, values, guess, start, most_altered))
+            trial = self._search(Goal(t, step, values, guess, start, most_projected))
         except NoEquilibriumError as failure:
             growth = load_growth(problem, last, t) if driven else 0.0
             self.continuation.failed(failure, last.load_factor, t, goal, growth)
@@ -354,7 +356,7 @@ class Run:
         before = sum(state.linear_solves for state in self.states)
         state = trial.trial.state(problem.clock.solves - before)
         settled = trial.settled and not self._depends_on_steps(state)
-        if self.continuation.keeps(step, state, trial.altered, settled):
+        if self.continuation.keeps(step, state, trial.projected, settled):
             self._keep(state, trial.trial)
         else:
             log.info("step to %g was hard, taken again as two", t)

@@ -246,7 +246,7 @@ def _element_checks(trial: Trial) -> _Failures:
             advice="a finer mesh, or a smaller load",
         )
         yield "crease", error
-    torn = np.flatnonzero(ply.past_peak(u))
+    torn = np.flatnonzero(ply.beyond_peak(u))
     if torn.size:
         strain = np.abs(ply.fibre_strain(u, ply.fine_points)[:, torn])
         warp, weft = strain.max(axis=(1, 2))

@@ -150,7 +150,7 @@ def _within(medians: Mapping[Key, float]) -> int:
 def draw_loads(rows: Sequence[Row], file: File = None) -> Any:
     """Draw loads at the largest shear angle, a panel per element shape and mesh.
 
-    Points are medians over the seeds; bars extend from the smallest to the largest load.
+    Points are medians over the seeds; bars extend from the least to the largest load.
     """
     from matplotlib.patches import Patch
 

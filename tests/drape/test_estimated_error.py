@@ -74,7 +74,7 @@ def test_without_a_load_one_increment_tells_why_there_is_no_estimate(
 
     def altered(*arguments):
         tangent = find(*arguments)
-        tangent.altered = not shortened
+        tangent.projected = not shortened
         return tangent
 
     def within(problem, u, du, parameters):

@@ -5,7 +5,7 @@ import pytest
 
 from skfem_textile import Fabric, Newton, OnSurface, StepError, drape
 from skfem_textile.drape.kinematic_net import NetError
-from skfem_textile.scenes import Case, laid
+from skfem_textile.scenes import Case, draped_ply
 from skfem_textile.scenes import drape as on_tool
 from skfem_textile.scenes.on_tool import net_over
 
@@ -89,7 +89,7 @@ def test_a_first_thread_that_leaves_the_tool_is_no_fold(caplog, monkeypatch):
     def leaves(*_):
         raise NetError("its first thread leaves the surface", np.zeros(3))
 
-    monkeypatch.setattr(laid, "net_over", leaves)
+    monkeypatch.setattr(draped_ply, "net_over", leaves)
     _, said = told(caplog, box(89.0))
     assert not said
 

@@ -103,7 +103,7 @@ def test_a_fabric_comes_back_from_its_file_with_every_digit(tmp_path, fabric):
     write_fabric(tmp_path / "fabric.json", fabric)
     found = read_fabric(tmp_path / "fabric.json")
     assert shown(found.fabric) == shown(fabric)
-    assert found.not_taken == ()
+    assert found.ignored == ()
 
 
 def test_the_fabric_of_regions_comes_back(tmp_path):
@@ -243,7 +243,7 @@ def test_what_abaqus_has_and_the_fabric_has_not_is_said(tmp_path, caplog):
     )
     path = written(tmp_path, "a.inp", deck)
     with caplog.at_level(logging.WARNING, "skfem_textile"):
-        said = read_fabric(path, 0.3).not_taken
+        said = read_fabric(path, 0.3).ignored
     for part in (
         "*DENSITY",
         "*DAMPING",

@@ -183,8 +183,8 @@ def attempt_radioss(deck):
 
 def read(path):
     found = read_fabric(path, THICKNESS)
-    if not all(map(is_clear, found.not_taken)):
-        raise UnclearError(found.not_taken)
+    if not all(map(is_clear, found.ignored)):
+        raise UnclearError(found.ignored)
     return found.fabric
 
 

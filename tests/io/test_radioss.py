@@ -45,7 +45,7 @@ def test_law58_is_a_cell_of_crimped_yarns(tmp_path):
     shear = found.fabric.shear_law
     assert (shear.stiffness, shear.angle) == (0.1, pytest.approx(np.pi / 4))
     assert shear.locked_stiffness == pytest.approx(0.5)
-    assert [s.partition(":")[0] for s in found.not_taken] == [
+    assert [s.partition(":")[0] for s in found.ignored] == [
         "Df",
         "density",
         "/UNIT/1",
@@ -69,7 +69,7 @@ def test_law158_couples_logarithmic_springs(tmp_path):
         *(card(c0_1=3), card(c0_1=3, c2_2=2.0), card(c0_1=4)),
     ]
     found = read_fabric(rad(tmp_path, *lines, *FUNCTION, *TURN), 0.5)
-    assert any("Fscale" in sentence for sentence in found.not_taken)
+    assert any("Fscale" in sentence for sentence in found.ignored)
     law = found.fabric.tensions
     assert (law.coupling, law.springs, law.crimp) == (1.5, (2.0, 0.5), (0.05, 0.04))
     assert np.isfinite(law.value(np.array([[0.02], [0.01]]))).all()

@@ -253,7 +253,7 @@ def test_the_last_resort_makes_a_tangent_definite_in_space():
     assert not Tangent(problem, u, rest, slack).definite
     tangent = definite(problem, u, rest, slack)
     assert tangent.definite
-    assert tangent.altered
+    assert tangent.projected
 
 
 @pytest.mark.parametrize("dimension", [1, 4, "3", None])

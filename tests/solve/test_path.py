@@ -50,7 +50,7 @@ def test_the_strip_ends_alike_however_many_steps_it_takes():
 def test_an_easy_path_costs_nothing_more(scene, steps, monkeypatch):
     result = loaded(scene(), Full(), steps, 0.5)
     assert result.path_resolved
-    monkeypatch.setattr(Continuation, "most_altered", lambda *_: np.inf)
+    monkeypatch.setattr(Continuation, "most_projected", lambda *_: np.inf)
     monkeypatch.setattr(Continuation, "keeps", lambda *_: True)
     assert loaded(scene(), Full(), steps, 0.5).linear_solves == result.linear_solves
 
@@ -172,7 +172,7 @@ def state(t, energy, force):
 
 
 @pytest.mark.parametrize(
-    ("energy", "force", "altered", "resolved"),
+    ("energy", "force", "projected", "resolved"),
     [
         (1.009, 2.0, 2, True),
         (1.02, 2.0, 2, False),
@@ -181,22 +181,22 @@ def state(t, energy, force):
     ],
 )
 def test_a_hard_step_and_its_halves_must_agree_to_1_per_cent_and_be_easy(
-    energy, force, altered, resolved
+    energy, force, projected, resolved
 ):
     path, step = Continuation(1.0, 8, True, next=1.0), 2.0**-6
-    assert not path.keeps(step, state(step, 1.0, 2.0), altered=3, settled=True)
+    assert not path.keeps(step, state(step, 1.0, 2.0), projected=3, settled=True)
     assert path.end(0.0, 1.0) == path.next == step / 2
-    assert path.keeps(step / 2, state(step / 2, 0.5, 1.0), altered, settled=True)
+    assert path.keeps(step / 2, state(step / 2, 0.5, 1.0), projected, settled=True)
     path.next = 1.0
     assert path.end(step / 2, 1.0) == step
-    assert path.keeps(step / 2, state(step, energy, force), altered=0, settled=True)
+    assert path.keeps(step / 2, state(step, energy, force), projected=0, settled=True)
     assert (not path.unresolved) == resolved
     assert path.end(step, 1.0) == 1.0
 
 
 def test_a_path_is_saved_and_taken_up_again():
     path = Continuation(1.0, 8, True, next=1.0, unresolved=[0.5])
-    path.keeps(2.0**-6, state(2.0**-6, 1.0, 2.0), altered=3, settled=True)
+    path.keeps(2.0**-6, state(2.0**-6, 1.0, 2.0), projected=3, settled=True)
     assert path.to_compare
     assert Continuation.of(json.loads(json.dumps(asdict(path)))) == path
 

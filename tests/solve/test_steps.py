@@ -27,11 +27,11 @@ from tests.helpers.pulled import CLAMP, ShortSteps, load_factors, pulled
 class ShyAtFirst(Newton):
     """Fails beyond the first tenth of the way unless steps are short."""
 
-    def solve(self, problem, start, fixed_values, most_altered, report):
+    def solve(self, problem, start, fixed_values, most_projected, report):
         at = np.abs(start.u).max()
         if at < 0.05 and fixed_values.max() - at > 0.03:
             raise NoEquilibriumError("too long")
-        return super().solve(problem, start, fixed_values, most_altered, report)
+        return super().solve(problem, start, fixed_values, most_projected, report)
 
 
 def test_a_failed_step_is_halved_and_counted():

@@ -361,7 +361,7 @@ class Tabulated(ScalarLaw):
     def energy(self, x: ndarray) -> ndarray:
         """Integral of the value from 0."""
         if self.extrapolation == "linear":
-            self._tell_extrapolation(x)
+            self._warn_of_extrapolation(x)
         return self._energy(x) - self._energy_at_rest
 
     def _energy(self, x: ndarray) -> ndarray:
@@ -396,7 +396,7 @@ class Tabulated(ScalarLaw):
             past = np.where(past == 0, 0.0, np.nan)
         return within, past
 
-    def _tell_extrapolation(self, x: ndarray) -> None:
+    def _warn_of_extrapolation(self, x: ndarray) -> None:
         low, high = self.shown
         if "_told" in vars(self) or not np.any((x < low) | (x > high)):
             return

@@ -9,7 +9,7 @@ axis these forces vanish.
 Inextensible fibres lie on a tool like a kinematic net, whose shear is determined by the
 curvature of the tool.  At the corner of a box the total curvature of a right angle is
 concentrated in one point, and no net fits around it.  Load steps become very small
-there, of which `tell_of_net` warns before draping.
+there, of which `warn_of_net` warns before draping.
 """
 
 import logging
@@ -52,7 +52,7 @@ _ADVICE = (
 )
 
 
-def tell_of_net(
+def warn_of_net(
     on_tool: OnSurface, X: ndarray, angles: tuple[float, float], axes: Axes
 ) -> None:
     """Warn of a tool on which a net folds, or shears strongly at a corner.
@@ -74,7 +74,7 @@ def tell_of_net(
         log.warning(
             "drape: inextensible fibres cannot lie on this tool: their net folds at "
             "(%s). %s",
-            _said(axes, error.place),
+            _xyz(axes, error.place),
             _ADVICE,
         )
         return
@@ -96,12 +96,12 @@ def tell_of_net(
             "drape: inextensible fibres shear by %.0f degrees at (%s), because the "
             "curvature of this tool is concentrated at a corner. %s",
             shear.max(),
-            _said(axes, place),
+            _xyz(axes, place),
             _ADVICE,
         )
 
 
-def _said(axes: Axes, place: ndarray) -> str:
+def _xyz(axes: Axes, place: ndarray) -> str:
     return ", ".join(f"{x:.4g}" for x in axes.of_tool(place[:, None])[:, 0])
 
 
@@ -116,8 +116,8 @@ _SYMMETRY = {"left": (0.0, None, None), "bottom": (None, 0.0, None)}
 _OFF = 1e-6
 
 
-class LaidPly(TypedDict, total=False):
-    """Common parameters of all plies on tools; see `laid`."""
+class PlyOptions(TypedDict, total=False):
+    """Common parameters of all plies on tools; see `draped_ply`."""
 
     size: tuple[int, int]
     jitter: float
@@ -129,7 +129,7 @@ class LaidPly(TypedDict, total=False):
     part: Part | None
 
 
-def laid(
+def draped_ply(
     name: str,
     surface: Surface,
     mesh: str | Mesh,
