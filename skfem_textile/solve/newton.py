@@ -46,7 +46,9 @@ _ON_SURFACE = (
     "on the edges or fibres that resist bending"
 )
 
-# Halvings of an increment until every law has a value, or the energy falls.
+# Trial lengths of an increment, each half the previous one, until every law has a value
+# or the energy decreases.  Chosen: the last, 2⁻¹¹, is shorter than a converging
+# iteration takes.
 _HALVINGS = 12
 
 # Iterations at most with the line search, as a multiple of the ones before it.
@@ -402,11 +404,10 @@ def within_laws(
     problem: Problem, u: ndarray, du: ndarray, parameters: PlyParameters
 ) -> ndarray:
     """The increment, halved until every law has a value; an error if none has one."""
-    for _ in range(_HALVINGS):
-        if problem.in_domain(u + du, parameters):
-            return du
-        du = du / 2
-    end = problem.ply.closest_end(u)
+    for share in 0.5 ** np.arange(_HALVINGS):
+        if problem.in_domain(u + share * du, parameters):
+            return share * du
+    end = problem.ply.closest_end(u + share * du)
     raise NoEquilibriumError(
         "even the shortest increment passes the end of a law"
         + (f": {end}" if end else ""),
