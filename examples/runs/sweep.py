@@ -38,8 +38,8 @@ def load(case):
 
 # %%
 # This page uses threads. ``python sweep.py --processes`` runs two cases at a time on
-# two processors, and ``--dask`` on the workers of a cluster, here a local one. Code that
-# must not run again when a process imports the script is below
+# two processors, and ``--dask`` on the workers of a cluster, here a local one. Code
+# that must not run again when a process imports the script is below
 # ``if __name__ == "__main__"``.
 
 
