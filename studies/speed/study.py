@@ -419,23 +419,9 @@ class Speed(Study[Benchmark]):
         add(
             "--most", type=int, default=defaults.most, help="maximum number of elements"
         )
-        add(
-            "--solver",
-            default=defaults.solver,
-            help="solver of whole_strip and scaling",
-        )
-        add(
-            "--before",
-            default="",
-            metavar="DIR",
-            help="checkout of this project, for by_turns",
-        )
-        add(
-            "--after",
-            default="",
-            metavar="DIR",
-            help="checkout to compare with, for by_turns",
-        )
+        add("--solver", default=defaults.solver, help="for whole_strip and scaling")
+        add("--before", default="", metavar="DIR", help="first checkout for by_turns")
+        add("--after", default="", metavar="DIR", help="second checkout for by_turns")
 
     def cases(self, options: argparse.Namespace) -> list[Benchmark]:
         settings = Settings(*(getattr(options, name) for name in Settings._fields))
