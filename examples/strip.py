@@ -1,13 +1,13 @@
 """
-A strip, with tension locking and without
-=========================================
+Strip with and without tension locking
+======================================
 
-The strip of Hamila & Boisse (2013) is bent into an arc whose fibres do not stretch. It
-is computed three times with about as many unknowns: on a mesh that follows no fibre
-with 2×2 points, which lock; with one stabilised point, as in the paper; and on a
-coarser mesh as macro-elements, which are split in four. Warp and weft are strained
-where the elements lock. One point strains them little, but is further off in its shape
-than the locked mesh. Strains and position errors are least with macro-elements.
+The strip of Hamila & Boisse (2013) is bent into an arc without fibre stretch. Three
+computations have about the same number of unknowns. On a mesh not aligned with the
+fibres, elements with 2×2 points lock: warp and weft are strained. Elements with one
+stabilised point, as in the paper, have small strains, but larger position errors than
+the locked mesh. Macro-elements, on a coarser mesh whose elements are split in four,
+have the smallest strains and position errors.
 """
 
 from pathlib import Path
@@ -19,7 +19,7 @@ from skfem_textile.scenes import strip
 
 
 def draw_locking(results, exact, filename):
-    """Draw strains that enter the law above, and position errors below."""
+    """Draw the strains of the law (top) and position errors (bottom)."""
     from matplotlib import colors, pyplot
     from matplotlib.collections import PolyCollection
 

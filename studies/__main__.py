@@ -62,9 +62,7 @@ def _answer(words: list[str]) -> int:
     parser = _Parser(prog="python -m studies", description=__doc__)
     names = parser.add_subparsers(dest="study", metavar="NAME", required=True)
     pages = names.add_parser("figures", help="write results to the documentation")
-    pages.add_argument(
-        "--check", action="store_true", help="compare only, write nothing"
-    )
+    pages.add_argument("--check", action="store_true", help="compare, do not write")
     study: Study[Any] | None = None
     for name, description in descriptions().items():
         options = names.add_parser(name, help=description, description=description)
@@ -123,15 +121,9 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
     try:
         _examine(study, cases, options, kept, rows_by_name)
     except SweepError as error:
-        code, complaint = (
-            STOPPED_EARLY,
-            f"{error}; use --resume to run the remaining cases",
-        )
+        code, complaint = STOPPED_EARLY, f"{error}; --resume runs the remaining cases"
     except KeyboardInterrupt:
-        code, complaint = (
-            INTERRUPTED,
-            "interrupted; use --resume to run the remaining cases",
-        )
+        code, complaint = INTERRUPTED, "interrupted; --resume runs the remaining cases"
     finally:  # an interrupted study still writes its report
         rows = _with_earlier(study, options, rows_by_name)
         if rows:

@@ -1,10 +1,10 @@
 """
-From curves of specimens to a fabric
-====================================
+From test curves to a fabric
+============================
 
-Three bias-extension tests give a shear law with confidence intervals, the law goes into
-a fabric on file, and a simulation with that fabric finds the load again. The curves are
-made here, of a known law with noise; yours come from a machine.
+A shear law with confidence intervals is fitted to three bias-extension tests and
+written to a fabric file. A simulation with this fabric reproduces the load. The curves
+are synthetic here, from a known law with noise; replace them with measured ones.
 """
 
 from pathlib import Path
@@ -23,7 +23,7 @@ KNOWN = Polynomial((0.3, 0.0, -0.3, 0.0, 0.6))
 TEST = BiasExtension(width=WIDTH, height=2 * WIDTH)
 
 # %%
-# Three files of a machine.
+# Three test files.
 
 folder = Path(mkdtemp())
 gamma = np.radians(np.linspace(1.0, 40.0, 60))
@@ -36,7 +36,7 @@ for name in names:
     np.savetxt(name, columns, delimiter=",", header=header, comments="")
 
 # %%
-# The law that fits them, and its 95 % intervals.
+# The fitted law with 95 % confidence intervals.
 
 found = fit_shear([read_specimen(name, TEST) for name in names])
 fit = found.fit
@@ -47,7 +47,7 @@ for name, value, (low, high) in zip(
 draw(found, "fit.png")
 
 # %%
-# The fabric on file, and a simulation of it.
+# The fabric file, and a simulation with it.
 
 scene = bias_extension(size=(6, 12), shear_angle=np.radians(30.0))
 write_fabric(folder / "fabric.json", Fabric(1e6, fit.law, scene.warp, scene.weft))
@@ -55,5 +55,5 @@ ply = Ply(scene.mesh, read_fabric(folder / "fabric.json").fabric)
 result = LoadStepper(ply, scene.conditions, steps=6).run()
 simulated = scene.reaction(result.states[-1])[1]
 known = TEST.force(KNOWN, np.radians(30.0))
-print(f"load at 30°: {simulated:.2f} N, of the known law {known:.2f} N")
+print(f"load at 30°: {simulated:.2f} N, known law: {known:.2f} N")
 assert abs(simulated / known - 1) < 0.03

@@ -2,10 +2,10 @@
 Fibres with crimp
 =================
 
-Woven fibres are crimped: they are soft until they are straight, and do nothing in
-compression. Two fabrics of the same final stiffness are pulled along the warp and in a
-bias-extension test. The crimp lowers the first force. The second, where fibres hardly
-stretch, stays nearly what it was.
+Woven fibres are crimped: they are compliant until straight, and carry no compression.
+Two fabrics with the same final stiffness are stretched along the warp and in a
+bias-extension test. Crimp reduces the force along the warp. In bias extension fibres
+hardly stretch, and the load is nearly the same.
 """
 
 import matplotlib.pyplot as plt
@@ -24,7 +24,7 @@ from skfem_textile import (
 from skfem_textile.scenes import bias_extension
 
 # %%
-# The law with a toe of 0.4 % strain has 10 N/mm at rest, and 5·10⁴ N/mm when straight.
+# The initial stiffness is 10 N/mm; beyond a toe of 0.4 % strain it is 5·10⁴ N/mm.
 
 crimped = TensionOnly(CrimpToe(5e4, toe=0.004, initial_stiffness=10.0))
 fibres = {"Straight": 5e4, "Crimped": crimped}
@@ -38,8 +38,8 @@ axes.grid(alpha=0.3)
 figure.savefig("law.png", dpi=300)
 
 # %%
-# A square of 10 mm is pulled along the warp by 1 %. The weft is stretched by 0.1 %: at
-# rest it would be on the edge of slackness, where nothing resists its compression.
+# A 10 mm square is stretched along the warp by 1 %. The weft is stretched by 0.1 %:
+# without tension it would have no stiffness in compression.
 
 mesh = MeshQuad().scaled(10.0).refined(1).with_defaults()
 pull = {
@@ -60,7 +60,7 @@ assert abs(along["Crimped"][1][-1] / exact - 1) < 1e-6
 plot.curves({"": along}, "Strain (%)", "Force along the warp (N)", "along.png")
 
 # %%
-# A bias-extension test, sheared by 30°.
+# A bias-extension test up to a shear angle of 30°.
 
 scene = bias_extension(size=(6, 12), shear_angle=np.radians(30.0))
 loads = []

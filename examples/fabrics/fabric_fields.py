@@ -1,11 +1,11 @@
 """
-Fabrics that differ from place to place
-=======================================
+Spatially varying fabrics
+=========================
 
-Directions may be functions of position, and stiffnesses may have one value per element,
-as they come from a field in a mesh file. Here the warp fans out from a point below the
-ply, and the fabric is stiffer in shear to the right. Pulled at the top, the ply is
-sheared most on its soft side.
+Fibre directions can be functions of position, and stiffnesses can have one value per
+element, for example from a field in a mesh file. Here the warp fans out from a point
+below the ply, and the shear stiffness increases to the right. When the top is pulled,
+shear is largest on the compliant side.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from skfem_textile import Condition, Fabric, LoadStepper, Ply, plot
 from skfem_textile.fabric.directions import directions_of
 
 # %%
-# The warp lies at −45° to rays from (30, −200) mm, and the weft at 45°.
+# Warp and weft are at −45° and 45° to rays from (30, −200) mm.
 
 mesh = MeshQuad.init_tensor(np.linspace(0, 60, 13), np.linspace(0, 150, 31))
 mesh = mesh.with_defaults()
@@ -33,7 +33,7 @@ def turned(degrees):
 
 
 # %%
-# ``cell_data`` stands for a field of a file: shear stiffnesses from 0.1 to 2 N/mm.
+# ``cell_data`` represents a field of a file: shear stiffnesses from 0.1 to 2 N/mm.
 
 centres = mesh.p[:, mesh.t].mean(axis=1)
 cell_data = {"shear": 0.1 * 20 ** (centres[0] / 60.0)}
@@ -42,7 +42,7 @@ fabric = Fabric(5e4, cell_data["shear"], warp=turned(-45.0), weft=turned(45.0))
 plot.mesh_and_fibres(mesh, directions_of(mesh, fabric), "fibres.png")
 
 # %%
-# The top is pulled by 12 mm.
+# The top moves up by 12 mm.
 
 ply = Ply(mesh, fabric)
 pull = {
@@ -52,12 +52,12 @@ pull = {
 result = LoadStepper(ply, pull, steps=6).run()
 angle = np.degrees(ply.on_users_elements(ply.shear_angle(result.u).mean(axis=1)))
 low, high = angle[centres[0] < 30.0].max(), angle[centres[0] > 30.0].max()
-print(f"pulled with {result.states[-1].reactions['top'][1]:.1f} N")
+print(f"load {result.states[-1].reactions['top'][1]:.1f} N")
 print(f"largest shear angle {low:.1f}° on the left and {high:.1f}° on the right")
 assert low > high
 
 # %%
-# The field of stiffness as it was given.
+# The given stiffness field.
 
 given = plot.Field(
     "Shear stiffness (N/mm)",

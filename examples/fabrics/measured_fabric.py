@@ -1,10 +1,9 @@
 """
-A fabric from a laboratory
-==========================
+Fabric from a measured shear curve
+==================================
 
-A table of a shear test makes a fabric. It is easy to shear up to 30°, and then the
-moment rises steeply. A bias-extension test of the fabric shows the same rise in its
-force.
+The shear law interpolates a measured table. The moment is small up to 30°, then rises
+steeply. The load of a bias-extension test rises in the same way.
 """
 
 from pathlib import Path
@@ -16,8 +15,8 @@ from skfem_textile import Fabric, LoadStepper, Ply, Tabulated, plot
 from skfem_textile.scenes import bias_extension, picture_frame
 
 # %%
-# The table has a header that names columns and units. Between its points the law is
-# smooth; ``odd`` continues it to negative angles.
+# The header of the table specifies columns and units. The law is smooth between the
+# points; ``odd`` extends it to negative angles.
 
 table = Path(__file__).with_name("shear.csv")
 print(table.read_text())
@@ -29,7 +28,7 @@ plot.plot_law(shear, axes, of="shear")
 figure.savefig("law.png", dpi=300)
 
 # %%
-# In a picture frame the moment is that of the table.
+# The moment in a picture frame equals the tabulated one.
 
 frame = picture_frame(size=(2, 2), shear_angle=np.radians(40.0))
 ply = Ply(frame.mesh, Fabric(1e5, shear, frame.warp, frame.weft))
@@ -39,9 +38,9 @@ print(f"moment at 40°: {moments.mean():.4f} N mm/mm²")
 assert np.allclose(moments, 0.120, rtol=1e-4)
 
 # %%
-# The bias-extension test, and the load that the table predicts for fibres that do not
-# stretch. At its end the load is a little lower: these fibres stretch, and the mesh
-# smears the borders of the zones.
+# The bias-extension test, and the load from the table for inextensible fibres. The
+# final load is slightly lower: the fibres stretch, and the mesh smears the zone
+# boundaries.
 
 scene = bias_extension(size=(8, 16), shear_angle=np.radians(38.0))
 ply = Ply(scene.mesh, Fabric(1e5, shear, scene.warp, scene.weft))
@@ -56,7 +55,7 @@ plot.curves(
     "Load (N)",
     filename="load.png",
 )
-print(f"load {found[-1]:.1f} N, of inextensible fibres {exact[-1]:.1f} N")
+print(f"load {found[-1]:.1f} N, inextensible fibres {exact[-1]:.1f} N")
 
 # %%
 

@@ -2,9 +2,9 @@
 Picture frame
 =============
 
-A hinged frame shears a square of fabric by the same angle everywhere, at any mesh. The
-force of the machine that pulls two of its corners apart follows from the shear moment.
-Three shear laws with the same moment at 30° part beyond it.
+A hinged frame imposes a uniform shear angle on a square of fabric, for any mesh. The
+force of the testing machine at two opposite corners follows from the shear moment.
+Three shear laws have the same moment at 30° and differ beyond.
 """
 
 import numpy as np
@@ -13,8 +13,8 @@ from skfem_textile import Fabric, LoadStepper, Locking, Ply, Polynomial, Sin2, p
 from skfem_textile.scenes import picture_frame
 
 # %%
-# A moment of 0.05 N·mm/mm² at 30°: a fabric that becomes softer, one that becomes
-# stiffer, and one that locks at 55°.
+# A moment of 0.05 N·mm/mm² at 30°: a softening fabric, a stiffening one, and one that
+# locks at 55°.
 
 AT = np.radians(30.0)
 laws = {
@@ -24,7 +24,7 @@ laws = {
 }
 
 # %%
-# The ply is distorted on purpose: fibres do not follow its elements.
+# The mesh is distorted on purpose: fibres are not aligned with the elements.
 
 scene = picture_frame(size=(6, 6), shear_angle=np.radians(50.0))
 side, curves, results = 40.0, {}, {}
@@ -45,7 +45,7 @@ for name, law in laws.items():
 plot.curves({"": curves}, "Shear angle (°)", "Pull at the corner (N)", "pull.png")
 
 # %%
-# The shape is the same with each law.
+# The shape is the same for all laws.
 
 plot.fibre_directions(
     results["Locking"], titles=["Fibres at 50°"], filename="fibres.png"

@@ -2,10 +2,10 @@
 Two fabrics in one ply
 ======================
 
-A patch of a stiffer fabric is sewn into a ply. First both are pulled one after the
-other along the warp: they carry the same force, so the softer one stretches more. Then
-the ply is pulled at 45° to its fibres: the stiff patch shears less, and the fabric at
-its corners shears more.
+A patch of a stiffer fabric is sewn into a ply. First, both fabrics are loaded in series
+along the warp: the force is the same, so the compliant one stretches more. Then the ply
+is stretched at 45° to its fibres: the stiff patch shears less, and the fabric at its
+corners shears more.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from skfem_textile import Condition, Fabric, LoadStepper, Macro, OnePoint, Ply, 
 from skfem_textile.scenes import bias_extension
 
 # %%
-# Each subdomain of the mesh has a fabric.
+# Assign a fabric to each subdomain of the mesh.
 
 SOFT, STIFF, PULLED = 1e4, 4e4, 0.1  # N/mm, N/mm, mm
 
@@ -36,19 +36,19 @@ for formulation in (OnePoint(), Macro()):
     low, high = float(strain.min()), float(strain.max())
     force = result.states[-1].reactions["pulled"][0] / 5.0
     print(f"{ply.formulation.name:10} strains {low:.5f} and {high:.5f}")
-    # The force per width is T/λ in both, and both are 10 mm long.
+    # The force per width is T/λ in both; each is 10 mm long.
     assert abs(STIFF * low / np.exp(low) / force - 1) < 1e-6
     assert abs(SOFT * high / np.exp(high) / force - 1) < 1e-6
     assert abs(10 * (np.exp(low) + np.exp(high)) - 20 - PULLED) < 1e-6
 
 # %%
-# A bias-extension test of a ply with a patch of ten times the shear stiffness.
+# A bias-extension test of a ply with a patch ten times as stiff in shear.
 
 scene = bias_extension("irregular", (10, 20), jitter=0.0, shear_angle=np.radians(30.0))
 
 
 def inside(x):
-    """Whether a point lies in the patch."""
+    """Return True for points in the patch."""
     return (abs(x[0] - 25.0) < 10.0) & (abs(x[1] - 50.0) < 10.0)
 
 

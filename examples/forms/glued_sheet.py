@@ -1,12 +1,11 @@
 """
-An isotropic sheet glued to a fabric
-====================================
+Isotropic sheet glued to a fabric
+=================================
 
-A term of its own, on the same nodes, stands for a thin film that is glued to the
-fabric. Pulled along the warp between rollers, the strain is the same everywhere, and
-the sheet adds its own force, that of plane strain. Pulled at 45° to its fibres the
-fabric shears. The fibres dictate the shape, with a film and without, and the film
-raises the load.
+A user-defined term on the same nodes represents a thin film glued to the fabric. Under
+tension along the warp between rollers, the strain is uniform, and the sheet adds its
+plane-strain force. Under tension at 45° to the fibres, the fabric shears. The fibres
+determine the shape with and without the film, and the film increases the load.
 """
 
 import numpy as np
@@ -29,11 +28,11 @@ YOUNG, POISSON = 200.0, 0.3  # N/mm
 E, PULLED = 1e4, 1e-4  # N/mm, mm
 
 # %%
-# The energy of Saint-Venant and Kirchhoff in plane stress, and its two derivatives.
+# The Saint Venant–Kirchhoff energy in plane stress, and its two derivatives.
 
 
 def sheet(young, poisson):
-    """Saint Venant's and Kirchhoff's energy of a thin sheet, in plane stress."""
+    """Saint Venant–Kirchhoff energy of a thin sheet in plane stress."""
     mu = young / (2 * (1 + poisson))
     lam = young * poisson / (1 - poisson**2)
 
@@ -61,7 +60,7 @@ def sheet(young, poisson):
 
 
 # %%
-# A square pulled along the warp, against the closed form.
+# A square under tension along the warp, compared with the closed form.
 
 mesh = MeshQuad().refined(2).with_defaults()
 ply = Ply(mesh, Fabric(E, 0.1), Full())
@@ -75,13 +74,13 @@ conditions = {
 state = LoadStepper(ply, conditions, steps=1).run().states[-1]
 exact = (E + YOUNG / (1 - POISSON**2)) * PULLED
 found = state.reactions["pulled"][0]
-print(f"pulled with {found:.6f} N, exact {exact:.6f} N; {state.energies}")
+print(f"force {found:.6f} N, exact {exact:.6f} N; {state.energies}")
 assert abs(found / exact - 1) < 1e-3
 assert np.isclose(state.energies["sheet"], 0.5 * YOUNG / 0.91 * PULLED**2, 1e-3)
 
 # %%
-# A bias-extension test of the fabric alone, and with films of two stiffnesses. The
-# forms are integrated fully, on a basis of the ply's own mesh.
+# A bias-extension test of the fabric without a film, and with films of two stiffnesses.
+# The forms are fully integrated, on a basis of the ply's mesh.
 
 scene = bias_extension(size=(6, 12), shear_angle=np.radians(30.0))
 fabric = Ply(scene.mesh, Fabric(1e5, 0.5, scene.warp, scene.weft))

@@ -1,11 +1,11 @@
 """
-Locking, and macro-elements that do not lock
-============================================
+Tension locking and locking-free macro-elements
+===============================================
 
 Bilinear elements with 2×2 points cannot shear without stretching fibres that cross them
-at an angle. On a distorted mesh the fibre strains are then those of the mesh, and the
-load is too large. Macro-elements, the default, give the law the mean strain of their
-parts. The picture shows the fibre strain of the warp and the weft on one scale.
+at an angle. On a distorted mesh the fibre strains are then spurious, and the load is
+too large. Macro-elements, the default, evaluate the law at the average strain of their
+parts. The figure shows the fibre strain of warp and weft on one scale.
 """
 
 import numpy as np
@@ -14,8 +14,8 @@ from skfem_textile import Fabric, Full, LoadStepper, Macro, OnePoint, Ply, plot
 from skfem_textile.scenes import bias_extension
 
 # %%
-# A bias-extension test with fibres at ±45°, E/G = 2·10⁵. Elements are split in four by
-# ``Macro``, so a coarser mesh gives as many unknowns.
+# A bias-extension test with fibres at ±45°, E/G = 2·10⁵. ``Macro`` splits elements in
+# four, so that a coarser mesh has the same number of unknowns.
 
 fine = bias_extension(size=(12, 24), shear_angle=np.radians(20.0))
 coarse = bias_extension(size=(6, 12), shear_angle=np.radians(20.0))
@@ -27,7 +27,7 @@ results = [
 ]
 
 # %%
-# The load is compared with that of fibres that do not stretch.
+# The load is compared with the load for inextensible fibres.
 
 print(f"{'':12} unknowns  load over exact  largest fibre strain")
 shares = []
@@ -44,6 +44,6 @@ assert abs(one_point - 1) < 0.1
 assert abs(macro - 1) < 0.1
 
 # %%
-# All panels share one scale, so that those without locking are nearly white.
+# All panels share one scale; panels without locking are nearly white.
 
 plot.fibre_strain(*results, filename="fibre_strain.png")

@@ -1,11 +1,11 @@
 """
-The forms in a plain scikit-fem script
-======================================
+Forms in a plain scikit-fem script
+==================================
 
-A bias-extension test with nothing but scikit-fem, the forms of this library and a
-Newton loop of one's own. A strip of fabric, twice as long as wide, has its fibres at
-±45° to a distorted mesh. It is clamped at the bottom and pulled at the top. The load
-follows the closed form for fibres that do not stretch.
+A bias-extension test with scikit-fem, the forms of this library and a custom Newton
+loop. The strip of fabric is twice as long as wide, with fibres at ±45° and a distorted
+mesh. It is clamped at the bottom and pulled at the top. The load agrees with the closed
+form for inextensible fibres.
 """
 
 import matplotlib.pyplot as plt
@@ -26,7 +26,7 @@ W, H = 50.0, 100.0  # mm
 E, G = 1e4, 0.5  # N/mm
 
 # %%
-# A regular mesh has its interior nodes moved by up to a quarter of their distance.
+# The interior nodes of a regular mesh are moved by up to a quarter of their distance.
 
 regular = MeshQuad.init_tensor(np.linspace(0, W, 13), np.linspace(0, H, 25))
 p, inside = regular.p.copy(), regular.interior_nodes()
@@ -34,8 +34,8 @@ p[:, inside] += np.random.default_rng(1).uniform(-1, 1, (2, inside.size))
 mesh = MeshQuad(p, regular.t).with_defaults()
 
 # %%
-# Each of the three forms has an energy, a residual and a tangent. Tension and shear are
-# integrated at one point per element, and the hourglass form stabilises the rest.
+# Each form has an energy, a residual and a tangent. Tension and shear are integrated at
+# one point per element; the hourglass form stabilises the remaining modes.
 
 fabric = Fabric(tension=E, shear=G, warp=(1, 1), weft=(-1, 1))
 centre = quad_basis(mesh, CENTRE)
@@ -66,16 +66,16 @@ def pull(u, elongation):
 
 
 # %%
-# The middle of the strip is sheared by 1° in each step.
+# The shear angle at the centre of the strip increases by 1° per step.
 
 
 def elongation_at(gamma):
-    """Elongation in mm that shears the middle of the strip by gamma."""
+    """Elongation in mm for a shear angle gamma at the centre of the strip."""
     return (H - W) * (np.sqrt(2) * np.cos(np.pi / 4 - gamma / 2) - 1)
 
 
 def exact_load(gamma):
-    """Load in N on a strip with inextensible fibres."""
+    """Load in N of a strip with inextensible fibres."""
     power = W * (2 * H - 3 * W) * G * gamma + W**2 * G * gamma / 2
     return power / ((H - W) * (np.cos(gamma / 2) - np.sin(gamma / 2)))
 
@@ -91,7 +91,7 @@ print(f"load {loads[-1]:.3f} N, exact {exact[-1]:.3f} N")
 assert abs(loads[-1] / exact[-1] - 1) < 0.05
 
 # %%
-# The load lies close to the closed form, on a mesh that follows no fibre.
+# The load is close to the closed form, on a mesh not aligned with the fibres.
 
 elongation = elongation_at(angles)
 plt.rcParams["font.size"] = 8

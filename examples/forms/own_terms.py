@@ -1,11 +1,11 @@
 """
-Terms of one's own
+User-defined terms
 ==================
 
-A term is given by scikit-fem forms of its energy: first an elastic foundation under
-fibres that are pulled at one end, then one more shear law, with a kernel. A kernel
-gives the same numbers as the forms for all elements at once. The displacement of the
-fibres follows the closed form.
+A term is defined by scikit-fem forms of its energy: first an elastic foundation under
+fibres pulled at one end, then an additional shear law, with a kernel. A kernel computes
+the same values as the forms, for all elements at once. The displacement of the fibres
+agrees with the closed form.
 """
 
 import matplotlib.pyplot as plt
@@ -29,11 +29,11 @@ E, K = 1e4, 4.0  # fibre stiffness in N/mm, foundation in N/mm³
 LENGTH, MOVED = 100.0, 0.01  # mm
 
 # %%
-# A foundation resists each displacement with ``k``.
+# An elastic foundation of stiffness ``k``.
 
 
 def foundation(k):
-    """The energy k u²/2 per area."""
+    """Energy k u²/2 per area."""
     return Forms(
         Functional(lambda w: 0.5 * k * dot(w["u"], w["u"])),
         LinearForm(lambda v, w: k * dot(w["u"], v)),
@@ -42,12 +42,12 @@ def foundation(k):
 
 
 # %%
-# Fibres that are pulled at one end: E u″ = k u.
+# Fibres pulled at one end: E u″ = k u.
 
 x, y = np.linspace(0.0, LENGTH, 201), np.linspace(0.0, 10.0, 3)
 mesh = MeshQuad.init_tensor(x, y).with_defaults()
 ply = Ply(mesh, Fabric(E, 1.0), Full())
-# The basis of `Full` has 2×2 points; others need `CellBasis(ply.mesh, ply.basis.elem)`.
+# `Full` has a basis with 2×2 points; else use `CellBasis(ply.mesh, ply.basis.elem)`.
 ply = ply.with_terms(FormTerm("foundation", foundation(K), ply.basis))
 conditions = {
     "pulled": Condition("right", MOVED, direction=(1, 0)),
@@ -57,7 +57,7 @@ state = LoadStepper(ply, conditions, steps=1).run().states[-1]
 rate = np.sqrt(K / E)
 exact = E * rate * np.tanh(rate * LENGTH) * MOVED * 10.0
 found = state.reactions["pulled"][0]
-print(f"foundation: pulled with {found:.5f} N, exact {exact:.5f} N")
+print(f"foundation: force {found:.5f} N, exact {exact:.5f} N")
 assert abs(found / exact - 1) < 1e-3
 
 bottom = np.isclose(ply.nodes[1], 0.0)
@@ -74,12 +74,12 @@ axes.legend(frameon=False)
 figure.savefig("displacement.png", dpi=300)
 
 # %%
-# A shear law that becomes stiffer, M_s = c Γ³, is added to a ply once without a kernel
-# and once with one: the answer is the same.
+# A stiffening shear law, M_s = c Γ³, is added to a ply without and with a kernel. The
+# results agree.
 
 
 class Stiffening:
-    """A shear law that becomes stiffer: M_s = c Γ³."""
+    """A stiffening shear law: M_s = c Γ³."""
 
     def energy(self, x):
         return 0.25 * x**4
@@ -92,7 +92,7 @@ class Stiffening:
 
 
 # %%
-# A square is sheared by its rim, by 45° in all.
+# The rim of a square imposes a shear angle of 45°.
 
 mesh = MeshQuad().refined(2).with_defaults()
 ply, further = Ply(mesh, Fabric(E, 1.0), Full()), Fabric(E, Stiffening())

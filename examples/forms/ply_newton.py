@@ -1,11 +1,11 @@
 """
-A ply in a Newton loop of one's own
-===================================
+Ply in a custom Newton loop
+===========================
 
-A ``Ply`` adds up its terms, and gives energy, residual and tangent to any solver. Here
-a strip is pulled off its axes: its fibres lie at −35° and 55° to the pull. No fibre
-runs from clamp to clamp, so the middle of the strip is sheared most. It is the
-triangles at the clamps that hardly shear.
+A ``Ply`` sums its terms and provides energy, residual and tangent for any solver. Here
+a strip is loaded off-axis, with fibres at −35° and 55° to the load. No fibre runs from
+clamp to clamp, so shear is largest in the centre of the strip. The triangles at the
+clamps hardly shear.
 """
 
 import matplotlib.pyplot as plt
@@ -22,8 +22,8 @@ warp, weft = ((np.cos(a), np.sin(a)) for a in np.radians([-35.0, 55.0]))
 ply = Ply(mesh.with_defaults(), Fabric(5e4, 0.5, warp, weft))
 
 # %%
-# ``ply.basis`` is a basis of scikit-fem. The ply has split each element of the mesh in
-# four; the names of the boundaries are the same.
+# ``ply.basis`` is a scikit-fem basis. The ply splits each element of the mesh in four
+# and keeps the boundary names.
 
 left, right = ply.basis.get_dofs("left"), ply.basis.get_dofs("right")
 pulled, fixed = right.nodal["u^1"], np.union1d(left, right)
@@ -43,8 +43,8 @@ def equilibrium(u, elongation, parameters):
 
 
 # %%
-# The default formulation has stiffnesses as parameters. ``updated`` evaluates them at
-# the end of each step.
+# The default formulation has stiffnesses as parameters, held fixed during a step.
+# ``updated`` evaluates them at the end of each step.
 
 u, parameters = ply.basis.zeros(), ply.parameters_at_rest
 for step in range(1, STEPS + 1):
@@ -59,8 +59,8 @@ print(f"largest fibre strain {100 * strain:.2f} %")
 assert strain < 0.01
 
 # %%
-# A ``LoadStepper`` also judges each state, and shortens a step that fails. The pictures
-# of this library are of its results; this one is drawn by scikit-fem.
+# A ``LoadStepper`` also checks each state, and reduces a step that fails. The plots of
+# this library require its results; this figure is drawn by scikit-fem.
 
 deformed = type(ply.mesh)(ply.mesh.p + ply.nodal(u), ply.mesh.t)
 angle = np.degrees(ply.shear_angle(u).mean(axis=1))

@@ -1,6 +1,6 @@
-"""The case of this folder, timed, and beside it the same with half the element size.
+"""The case of this folder, and the same case with half the element size, with timing.
 
-``OMP_NUM_THREADS=1 python examples/hole/half_size.py`` runs both on one core, in some
+``OMP_NUM_THREADS=1 python examples/hole/half_size.py`` runs both on one core, in a few
 minutes.
 """
 
@@ -15,7 +15,7 @@ CASE = Path(__file__).with_name("hole.toml")
 
 
 def force(case: Case) -> float:
-    """The force at the end in N; prints it with the time of the processor."""
+    """Return the final force in N, and print it with the CPU time."""
     start = process_time()
     result = case.run()
     N = case.scene.reaction(result.states[-1])[1]
@@ -30,7 +30,7 @@ def main():
     case = case_from_file(CASE)
     finer = replace(case.scene, mesh=case.scene.mesh.refined())
     found, closer = force(case), force(replace(case, scene=finer))
-    print(f"off by {100 * abs(found / closer - 1):.2f} %")
+    print(f"difference {100 * abs(found / closer - 1):.2f} %")
     assert abs(found / closer - 1) < 0.02
 
 

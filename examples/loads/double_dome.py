@@ -2,9 +2,9 @@
 Draping a double dome at ±45°
 =============================
 
-Two fabrics are laid on a double dome with their fibres at 45° to its long side. The
-first shears easily, and its edges are pulled along the fibres. The second locks at a
-shear angle of 15°, and its edges are free.
+Two fabrics are draped over a double dome with fibres at 45° to its long side. The first
+has a low shear stiffness, and its edges are pulled along the fibres. The second locks
+at a shear angle of 15°, and its edges are free.
 """
 
 import numpy as np
@@ -16,15 +16,15 @@ from skfem_textile.scenes import Case, double_dome
 FIBRES = np.radians(45)
 
 # %%
-# Tool and fibres have two planes of symmetry: a quarter is computed. The tool grows out
-# of the plane of the ply with the load factor. Edges are pulled by 2 N/mm.
+# Tool and fibres have two planes of symmetry; a quarter is computed. The tool grows out
+# of the plane of the ply with the load factor. The edge tension is 2 N/mm.
 
 pulled = double_dome(fibres=FIBRES, tension=2.0, size=(24, 14))
 fabric = Fabric(1e4, 0.1, pulled.warp, pulled.weft)
 soft = Case(scene=pulled, fabric=fabric, steps=4)
 
 # %%
-# Free edges, and a fabric that locks. Its fibres resist bending a little.
+# Free edges, and a locking fabric. Its fibres have a small bending stiffness.
 
 free = double_dome(fibres=FIBRES, tension=0.0, size=(24, 14))
 law = Locking(0.1, np.radians(15))
@@ -39,9 +39,9 @@ for result in results:
     risks.append(risk)
 
 # %%
-# What cannot shear is compressed along its fibres. Where the compression is larger than
-# the shear stiffness they may buckle in the plane of the ply. On the blue side of the
-# scale of the pressure the tool would have to pull: the ply bridges the hollow there.
+# The locking fabric is compressed along its fibres. If the compression exceeds the
+# shear stiffness, fibres can buckle in the plane of the ply. Negative contact pressure
+# (blue) means that the ply bridges the hollow.
 
 assert not risks[0].any()
 assert risks[1].any()
@@ -49,14 +49,14 @@ for result, title in zip(results, ("edges pulled", "locks at 15°"), strict=True
     plot.draped(result, titles=[title], filename=f"{title.split()[0]}.png")
 
 # %%
-# The forming of the first.
+# Forming of the first fabric.
 
 plot.animation(results[0], "forming.gif")
 
 # %%
-# The first, whole, on its tool. Every line is a fibre: along the warp (white) the
-# coordinate across it is constant in the flat ply, and so along the weft (black). The
-# planes of symmetry mirror the quarter, and exchange warp and weft.
+# The complete first ply on its tool. Lines are fibres: along the warp (white) the
+# transverse coordinate in the flat ply is constant, likewise along the weft (black).
+# The planes of symmetry mirror the quarter, and exchange warp and weft.
 
 ply, u = results[0].ply, results[0].u
 vertices = ply.mesh.nvertices

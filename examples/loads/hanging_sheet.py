@@ -1,10 +1,10 @@
 """
-A sheet that hangs in space
-===========================
+Hanging sheet in 3D
+===================
 
-With ``dimension=3`` a ply leaves its plane. A sheet hangs under its weight between two
-edges, of which one comes nearer by a fifth of the span. Its fibres do not stretch, so
-it takes the shape of a chain, the catenary.
+With ``dimension=3`` a ply can move out of plane. A sheet hangs under its weight between
+two edges, one of which approaches the other by a fifth of the span. Its fibres hardly
+stretch, so it takes the shape of a chain, the catenary.
 """
 
 import numpy as np
@@ -17,8 +17,8 @@ LENGTH, WIDTH, NEARER = 100.0, 50.0, 20.0  # mm
 WEIGHT = 1e-3  # N/mm²
 
 # %%
-# Displacements, forces and conditions have three components. The weight is there from
-# the start.
+# Displacements, forces and conditions have three components. The weight acts from the
+# start.
 
 mesh = MeshQuad.init_tensor(np.linspace(0, LENGTH, 17), np.linspace(0, WIDTH, 9))
 weight = BodyForce((0.0, 0.0, -WEIGHT), factor=1.0)
@@ -27,19 +27,19 @@ held = {"left": Condition("left"), "right": Condition("right", (-NEARER, 0.0, 0.
 result = LoadStepper(ply, held, steps=5).run()
 
 # %%
-# The sag of a chain of this length: 2a sinh(s/2a) is its length over the span s.
+# The sag of a chain over the span s, with the length 2a sinh(s/2a).
 
 span = LENGTH - NEARER
 a = brentq(lambda a: 2 * a * np.sinh(span / (2 * a)) - LENGTH, 10.0, 1000.0)
 exact = a * (np.cosh(span / (2 * a)) - 1)
 sag = -ply.nodal(result.u)[2].min()
 pull = result.states[-1].reactions["right"][0]
-print(f"sag {sag:.2f} mm, of a chain {exact:.2f} mm")
-print(f"pull {pull:.4f} N, of a chain {WEIGHT * WIDTH * a:.4f} N")
+print(f"sag {sag:.2f} mm, chain {exact:.2f} mm")
+print(f"pull {pull:.4f} N, chain {WEIGHT * WIDTH * a:.4f} N")
 assert abs(sag / exact - 1) < 0.01
 
 # %%
-# Plies in space are drawn in perspective, here in the colours of their height.
+# Plies in 3D are drawn in perspective, here coloured by height.
 
 height = plot.Field(
     "Height (mm)",

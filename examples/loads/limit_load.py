@@ -1,10 +1,10 @@
 """
-A load that the ply cannot bear
-===============================
+Limit load
+==========
 
-A square of cloth is sheared by a dead force. Its shear law w = G sin²Γ/2 lets a square
-of side L, whose fibres lie along its sides, carry at most F = G L/2 along (1, −1)/√2,
-at 45°. Past it there is no equilibrium nearby: the load stepper says so, and keeps the
+A dead force shears a square of fabric with fibres along its sides L and the shear law
+w = G sin²Γ/2. The limit load along (1, −1)/√2 is F = G L/2, at 45°. Beyond this limit
+point there is no equilibrium nearby: the load stepper raises an error that contains the
 last state.
 """
 
@@ -30,18 +30,18 @@ down = np.array([1.0, -1.0]) / np.sqrt(2)
 
 
 def stopped(applied, steps):
-    """The error of a run up to so many times the limit."""
+    """The error of a run with a load given as a multiple of the limit."""
     load = Force("top", applied * LIMIT * down)
     ply = Ply(mesh, Fabric(E, Sin2(G)), Full(), [load])
     try:
         LoadStepper(ply, {"clamp": Condition("bottom")}, steps=steps).run()
     except StepError as error:
         return error
-    raise AssertionError("the load was carried past its limit")
+    raise AssertionError("the load exceeded its limit")
 
 
 # %%
-# The limit is found to half a percent of it, from steps of any length.
+# The computed limit is accurate to half a percent, for any step length.
 
 for applied in (1.5, 20.0):
     error = stopped(applied, steps=10)
@@ -54,7 +54,7 @@ for applied in (1.5, 20.0):
     assert last.verdict.stable
 
 # %%
-# The force against the shear angle, up to the limit.
+# Force against shear angle, up to the limit.
 
 error = stopped(1.5, steps=30)
 result = error.result

@@ -1,9 +1,9 @@
 """
-Forces, weight, and a load that follows a curve in time
-=======================================================
+Forces, weight and time-dependent loads
+=======================================
 
-What the loads amount to comes back as the reaction of the clamp, to the accuracy of the
-solver. The pictures show where the ply goes, and the tension that carries it there.
+The reaction of the clamp balances the total load, to the accuracy of the solver. The
+figures show the displacement and the weft tension.
 """
 
 from math import pi, sin
@@ -33,21 +33,21 @@ area, length = ply.basis.dx.sum(), np.ptp(mesh.p[1])
 
 
 def off(state, load):
-    """How far the reaction of the clamp is from balancing a load, as a share of it."""
+    """Relative imbalance of the clamp reaction and a load."""
     return np.abs(state.reactions["clamp"] + load).max() / np.abs(load).max()
 
 
 # %%
-# A force of 10 N across and 40 N along the weft, spread over the right side.
+# A force of 10 N across and 40 N along the weft, distributed over the right side.
 
 force = np.array([10.0, 40.0])
 pulled = ply.with_terms(Force("right", force))
 result = LoadStepper(pulled, conditions, steps=4).run()
-print(f"force: all but {off(result.states[-1], force):.0e} of it comes back")
+print(f"force: relative imbalance {off(result.states[-1], force):.0e}")
 assert off(result.states[-1], force) < 1e-9
 
 # %%
-# A weight that is there before the traction on the right side grows.
+# A constant weight, and a growing traction on the right side.
 
 weight = BodyForce((0.0, -WEIGHT), factor=1.0)
 hung = ply.with_terms(weight, Traction("right", (0.0, 0.5)))
@@ -58,7 +58,7 @@ assert off(states[0], down) < 1e-9
 assert off(states[-1], down + np.array([0.0, 0.5 * length])) < 1e-9
 
 # %%
-# A load that follows sin²(πt/2).
+# A load proportional to sin²(πt/2).
 
 wave = Traction("right", (0.0, 0.5), factor=lambda t: sin(pi * t / 2) ** 2)
 states = LoadStepper(ply.with_terms(wave), conditions, steps=4).run().states
@@ -68,7 +68,7 @@ for state in states[1:]:
 print(f"traction: {len(states) - 1} steps along sin², each balanced")
 
 # %%
-# The ply under the force: its free right side moves, and the weft at it carries most.
+# The ply under the force: the free right side moves; the weft tension is largest there.
 
 plot.field(
     result, field="displacement", titles=["Displacement"], filename="displacement.png"

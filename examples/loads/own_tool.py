@@ -2,9 +2,9 @@
 Draping a tool from an STL file
 ===============================
 
-A dome with a fillet stands in an STL file. A ply is laid on it with its warp at 30° to
-the side of the blank. What comes out is the shear, the fibres on the tool, and the flat
-pattern: what to cut. The command line does the same.
+An STL file contains a dome with a fillet. A ply is draped over it, with the warp at 30°
+to the side of the blank. The results are the shear angle, the fibres on the tool, and
+the flat pattern. The same run is available on the command line.
 """
 
 from dataclasses import replace
@@ -18,9 +18,9 @@ import numpy as np
 from skfem_textile import Fabric, drape, io, plot, scenes
 
 # %%
-# The tool. A sphere of the radius 50 mm goes down to a slope of 45°, where a fillet of
-# the radius 20 mm leads on to a plane. Take a file of your own in place of
-# ``tool.stl``: triangles in mm that are about as long as wide.
+# The tool: a sphere of radius 50 mm down to a slope of 45°, and a fillet of radius
+# 20 mm to a plane. To use another tool, replace ``tool.stl``; its triangles must be in
+# mm and well shaped.
 
 DOME, FILLET, STEEPEST = 50.0, 20.0, np.radians(45)
 FOOT = (DOME + FILLET) * np.sin(STEEPEST)
@@ -28,7 +28,7 @@ TOP = (DOME + FILLET) * (1 - np.cos(STEEPEST))
 
 
 def height(r):
-    """Height of the tool above its plane at a distance from its axis, in mm."""
+    """Height in mm of the tool above its plane at a distance from its axis."""
     dome = TOP - DOME + np.sqrt(np.maximum(DOME**2 - r**2, 0))
     fillet = FILLET - np.sqrt(FILLET**2 - np.clip(FOOT - r, 0, FILLET) ** 2)
     return np.where(r < DOME * np.sin(STEEPEST), dome, fillet)
@@ -44,8 +44,8 @@ file = folder / "tool.stl"
 meshio.write_points_cells(file, points, [("triangle", corners)])
 
 # %%
-# The ply. Its middle touches the tool at the highest point. Its edges are pulled along
-# the fibres by 2 N/mm, and fibres resist bending.
+# The ply: its centre touches the tool at the highest point. The tension on its edges,
+# along the fibres, is 2 N/mm, and the fibres have bending stiffness.
 
 scene = scenes.drape(
     io.read_surface(file),
@@ -61,16 +61,16 @@ ply, u = result.ply, result.u
 print(result)
 
 # %%
-# Shear and contact pressure. The pressure is below zero where the tool would have to
-# pull: the ply bridges the fillet.
+# Shear angle and contact pressure. Where the pressure is negative, the ply bridges the
+# fillet.
 
 plot.draped(result, filename="draped.png")
 plot.fibre_directions(result, filename="fibres.png")
 
 # %%
-# The part is trimmed along a circle of the radius 80 mm on the plane. The dome takes up
-# cloth: the pattern is larger than the circle. The trimming curve is in the axes of the
-# file, and so the ply has to be.
+# The part is trimmed along a circle of radius 80 mm on the plane. Because the dome
+# draws in fabric, the pattern is larger than the circle. The trimming curve is in the
+# axes of the file; the ply is transformed to these axes.
 
 t = np.linspace(0, 2 * np.pi, 180, endpoint=False)
 curve = np.array([80 * np.cos(t), 80 * np.sin(t), 0 * t])
@@ -84,8 +84,8 @@ np.savetxt(folder / "trim.csv", curve.T, delimiter=",", header="x,y,z", comments
 print("tool.stl, trim.csv and pattern.svg are in", folder)
 
 # %%
-# The part from above, and its flat pattern. Lines follow the warp (blue) and the weft
-# (green): along the warp the coordinate across it is constant in the flat ply.
+# The part from above, and its flat pattern. Lines are warp (blue) and weft (green)
+# fibres: along the warp the transverse coordinate in the flat ply is constant.
 
 a, b, c, d = ply.mesh.t
 triangles = np.hstack([[a, b, c], [a, c, d]]).T
@@ -116,7 +116,7 @@ figure.colorbar(shear, ax=both, label="Shear angle (°)", shrink=0.7)
 figure.savefig("pattern.png", dpi=300)
 
 # %%
-# The command line does the same with the two files:
+# The equivalent command with the two files:
 #
 # .. code-block:: sh
 #
@@ -124,8 +124,8 @@ figure.savefig("pattern.png", dpi=300)
 #        --width 180 --height 180 --tension 2 --size 32x32 --steps 1 \
 #        --set bending.warp_N_mm=5 bending.weft_N_mm=5 --out DIR
 #
-# ``DIR`` then holds the pictures, ``pattern.svg``, the fibres of each element in
-# ``fibres.csv``, and the fields for ParaView. ``--part-mesh`` takes a mesh of the part,
-# whose elements get the fibres.
+# ``DIR`` then contains the figures, ``pattern.svg``, the fibres of each element in
+# ``fibres.csv``, and fields for ParaView. ``--part-mesh`` maps the fibres to a mesh of
+# the part.
 
 # sphinx_gallery_thumbnail_number = 3

@@ -1,11 +1,11 @@
 """
-Pressure on a ply whose edges are held
-======================================
+Pressure on a ply with fixed edges
+==================================
 
-A square of crimped fabric is held at its edges and pressed from below. It starts flat,
-where nothing resists out of its plane, and bulges until its tensions carry the
-pressure. The supports carry all of it. The force keeps its direction and its size per
-initial area.
+A square of crimped fabric with fixed edges is loaded by pressure from below. The flat
+initial state has no out-of-plane stiffness. The ply bulges until its tensions balance
+the pressure. The reaction equals the total load. The load is dead: its direction and
+its magnitude per initial area are constant.
 """
 
 import matplotlib.pyplot as plt
@@ -18,7 +18,7 @@ from skfem_textile import BodyForce, Condition, CrimpToe, Fabric, LoadStepper, P
 SIDE, PRESSURE = 100.0, 0.02  # mm, N/mm²
 
 # %%
-# Fibres take up load after 2 % of strain.
+# Fibres straighten at 2 % strain.
 
 mesh = MeshQuad.init_tensor(*2 * [np.linspace(0, SIDE, 13)]).with_defaults()
 fabric = Fabric(CrimpToe(1e4, toe=0.02, initial_stiffness=10.0), 0.5)
@@ -27,23 +27,23 @@ ply = Ply(mesh, fabric, terms=[pressure], dimension=3)
 
 
 def rim(X):
-    """Whether points lie on the edge of the square."""
+    """Return True for points on the edge of the square."""
     return np.any((X == 0) | (X == SIDE), axis=0)
 
 
 result = LoadStepper(ply, {"rim": Condition(rim)}, steps=4).run()
 
 # %%
-# The bulge, and what the supports carry.
+# The bulge, and the reaction of the supports.
 
 carried = -result.states[-1].reactions["rim"][2]
 print(f"bulge {ply.nodal(result.u)[2].max():.2f} mm")
-print(f"carried {carried:.3f} N of {PRESSURE * SIDE**2:.3f} N")
+print(f"reaction {carried:.3f} N, total load {PRESSURE * SIDE**2:.3f} N")
 assert abs(carried / (PRESSURE * SIDE**2) - 1) < 1e-6
 
 # %%
-# The warp carries most in the middle of the ply, and nothing along the edges beside it.
-# Heights are drawn five times as large as they are.
+# The warp tension is largest at the centre of the ply, and zero along the edges
+# parallel to the warp. Heights are scaled by five.
 
 points = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(result.u)
 points[2] *= 5

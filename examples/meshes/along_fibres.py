@@ -1,11 +1,11 @@
 """
-A mesh along the fibres
-=======================
+Fibre-aligned mesh
+==================
 
-Where fibres are straight a mesh can follow them: with an edge of each triangle along
-the warp and one along the weft, no formulation locks. A bias-extension test on
-quadratic triangles finds the position of every node to some hundredths of a millimetre,
-and the zones have sharp borders.
+If fibres are straight, a mesh can be aligned with them: with one edge of each triangle
+along the warp and one along the weft, no formulation locks. In a bias-extension test,
+quadratic triangles give the positions of all nodes to a few hundredths of a millimetre,
+and the zone boundaries are sharp.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from skfem_textile.fabric.directions import directions_of
 from skfem_textile.scenes import bias_extension
 
 # %%
-# Lines of both families pass through each corner of the outline.
+# Mesh lines of both fibre families pass through each corner of the outline.
 
 outline = [[0.0, 50.0, 50.0, 0.0], [0.0, 0.0, 100.0, 100.0]]  # mm
 net = mesh_along_fibres(outline, warp=(1, 1), weft=(-1, 1), spacing=50 / 8)
@@ -23,8 +23,8 @@ fabric = Fabric(1e5, 0.5, warp=(1, 1), weft=(-1, 1))
 plot.mesh_and_fibres(net, directions_of(net, fabric), "mesh.png")
 
 # %%
-# The same test on this mesh and on one that follows no fibre, with the macro-elements
-# that it takes. Both are compared with the exact motion of fibres that do not stretch.
+# The same test on this mesh, and with macro-elements on an irregular one. Both are
+# compared with the exact solution for inextensible fibres.
 
 results = []
 for mesh, formulation in (("irregular", None), (net, Quadratic())):

@@ -1,10 +1,10 @@
 """
-From a deck of Abaqus to a figure
-=================================
+From an Abaqus deck to a figure
+===============================
 
-Mesh, fibre directions and fabric come from one deck: a ply of 50 × 100 mm whose fibres
-follow a reference curve, and test data of its fabric. It is read, looked at, pulled,
-and handed over again.
+Mesh, fibre directions and fabric come from one deck: a ply of 50 × 100 mm with fibres
+along a reference curve, and test data of its fabric. The deck is read and plotted, the
+ply is stretched, and the deformed fibres are exported.
 """
 
 from pathlib import Path
@@ -15,7 +15,7 @@ from skfem_textile.fabric.directions import directions_warning
 from skfem_textile.io import read_directions, read_fabric, read_mesh, write_draped
 
 # %%
-# What of the material is not taken over is told.
+# ``read_fabric`` also returns the material data that it ignores.
 
 deck = Path(__file__).with_name("cloth.inp")
 mesh, directions = read_mesh(deck), read_directions(deck)
@@ -23,14 +23,14 @@ fabric, ignored = read_fabric(deck)
 print(*(f"not taken over: {sentence}" for sentence in ignored), sep="\n")
 
 # %%
-# Look at the fibres before a run. Directions that follow the numbering of nodes by
-# accident would be told by ``directions_warning``.
+# Plot the fibres before a run. ``directions_warning`` detects directions that merely
+# follow the node numbering.
 
 assert directions_warning(mesh, directions) == ""
 plot.mesh_and_fibres(mesh, directions, "mesh_and_fibres.png")
 
 # %%
-# The deck names the edges. The top is pulled by 12 mm.
+# The deck defines the edge names. The top moves up by 12 mm.
 
 ply = Ply(mesh, directions.on(fabric))
 pull = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 12.0))}
@@ -40,8 +40,7 @@ print(f"load {result.states[-1].reactions['top'][1]:.2f} N")
 plot.shear_angle(result, titles=["Pulled by 12 mm"], filename="shear_angle.png")
 
 # %%
-# The deformed fibres for another program: ``fibres.vtu``, ``fibres.csv`` and
-# ``fibres.inp``.
+# Export the deformed fibres: ``fibres.vtu``, ``fibres.csv`` and ``fibres.inp``.
 
 folder = Path(mkdtemp())
 write_draped(result, folder)

@@ -1,9 +1,9 @@
 """
-An unstructured mesh of quadrilaterals from Gmsh
-================================================
+Unstructured quadrilateral mesh from Gmsh
+=========================================
 
-Elements of an unstructured mesh follow no fibre. With 2×2 points they lock: fibres are
-strained where the exact motion strains none. One stabilised point does not mind.
+The elements of an unstructured mesh are not aligned with the fibres. With 2×2 points
+they lock: fibre strains are spurious. Elements with one stabilised point do not lock.
 """
 
 from pathlib import Path
@@ -13,15 +13,15 @@ from skfem_textile.io import read_mesh
 from skfem_textile.scenes import strip
 
 # %%
-# ``strip.msh`` was made from ``strip.geo`` beside it. Its edges are named by physical
-# groups.
+# ``strip.msh`` is generated from ``strip.geo`` in the same folder. Physical groups
+# define its edge names.
 
 mesh = read_mesh(Path(__file__).with_name("strip.msh"))
 print(mesh)
 
 # %%
-# The strip is bent into an arc whose fibres do not stretch. The exact answer costs no
-# energy: what there is, is locking.
+# The strip is bent into an arc without fibre stretch. The exact energy is zero; any
+# energy is due to locking.
 
 scene = strip(mesh)
 results = []

@@ -1,10 +1,10 @@
 """
-A ply with a hole, on triangles from Gmsh
-=========================================
+Ply with a hole, on triangles from Gmsh
+=======================================
 
-A strip with a hole in its middle is pulled at 45° to its fibres. Triangles are split
-inside, and nothing locks. The hole becomes an ellipse along the pull. Bands of another
-shear angle run from it along the fibres that it cuts.
+A strip with a central hole is stretched at 45° to its fibres. Triangles are split
+internally, and the mesh does not lock. The hole becomes an ellipse in the load
+direction. Bands with a different shear angle extend from it along the cut fibres.
 """
 
 from pathlib import Path
@@ -14,8 +14,8 @@ from skfem_textile.fabric.directions import directions_of
 from skfem_textile.io import read_mesh
 
 # %%
-# ``hole.msh`` was made from ``hole.geo`` beside it, with the groups ``bottom`` and
-# ``top``.
+# ``hole.msh`` is generated from ``hole.geo`` in the same folder, with the groups
+# ``bottom`` and ``top``.
 
 mesh = read_mesh(Path(__file__).with_name("hole.msh"))
 fabric = Fabric(1e5, 0.5, warp=(1, 1), weft=(-1, 1))
@@ -40,7 +40,7 @@ plot.shear_angle(
 )
 
 # %%
-# Force against displacement, as a machine would measure it.
+# Force against displacement, as measured by a testing machine.
 
 curve = (
     [state.displacements["top"][1] for state in result.states],

@@ -1,11 +1,11 @@
 """
-A parameter sweep
-=================
+Parameter sweep
+===============
 
-The load of a bias-extension test, by stiffness and shear angle, over that of fibres
-that do not stretch. Every result is on file as soon as it comes: a sweep that was
-killed resumes when it is started again. The softer the fibres, the more of the load is
-lost to their stretch.
+Load of a bias-extension test relative to the load for inextensible fibres, for several
+stiffnesses and shear angles. Each result is saved immediately: an interrupted sweep
+resumes when it is restarted. The lower the fibre stiffness, the larger the load lost to
+fibre stretch.
 """
 
 import sys
@@ -28,7 +28,7 @@ RATIOS, ANGLES = (2e4, 2e5, 2e6), (10, 20, 30, 40)  # E/G, degrees
 
 
 def load(case):
-    """The load over that of fibres that do not stretch."""
+    """Ratio of the load to the load for inextensible fibres."""
     ratio, degrees = case
     scene = bias_extension(size=(4, 8), shear_angle=np.radians(degrees))
     fabric = Fabric(ratio * G, G, scene.warp, scene.weft)
@@ -37,9 +37,9 @@ def load(case):
 
 
 # %%
-# Threads are enough for this page. ``python sweep.py --processes`` runs two cases at a
-# time on two processors, and ``--dask`` on the workers of a cluster, here one on this
-# machine. What a process must not do again when it imports the script stands below
+# This page uses threads. ``python sweep.py --processes`` runs two cases at a time on
+# two processors, and ``--dask`` on the workers of a cluster, here a local one. Code
+# that must not run again when a process imports the script is below
 # ``if __name__ == "__main__"``.
 
 
@@ -53,11 +53,11 @@ def study(executor, folder):
 
 
 def run(folder, workers):
-    """The study on threads, processes or dask's workers."""
+    """Run the study on threads, processes or dask workers."""
     if workers == "dask":
         from dask.distributed import Client, LocalCluster
 
-        # A cluster of many machines is Client("tcp://scheduler:8786") instead.
+        # For a cluster of several machines, use Client("tcp://scheduler:8786").
         with (
             LocalCluster(n_workers=2, threads_per_worker=1) as cluster,
             Client(cluster) as client,
@@ -69,7 +69,7 @@ def run(folder, workers):
 
 
 # %%
-# The file of results is in a new folder here. A study of your own names one that stays.
+# The results are written to a temporary folder here. Use a permanent one in practice.
 
 if __name__ == "__main__":
     workers = sys.argv[-1].removeprefix("--")

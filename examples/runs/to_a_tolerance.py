@@ -1,11 +1,11 @@
 """
-A load to a tolerance
-=====================
+Adaptive refinement to a load tolerance
+=======================================
 
-A bias extension on Delaunay's triangles, whose edges do not follow the fibres. Kinks of
-the shear angle run along the fibres from the corners of the clamps, and a coarse mesh
-smears them. Every summary has an estimate of what that costs; the mesh is refined where
-the shear angle jumps, until the estimate is below a tolerance.
+A bias extension on Delaunay triangles, with edges not aligned with the fibres. The
+shear angle jumps along the fibres from the corners of the clamps, and a coarse mesh
+smears these jumps. The summary contains an estimate of the discretisation error. The
+mesh is refined at the jumps until the estimate is below a tolerance.
 """
 
 import numpy as np
@@ -14,14 +14,14 @@ from skfem_textile import AdaptiveStepper, Fabric, LoadStepper, Ply, plot
 from skfem_textile.scenes import bias_extension
 
 # %%
-# A coarse mesh, and the estimated error of its load.
+# A coarse mesh and its estimated load error.
 
 scene = bias_extension("delaunay", (5, 10), shear_angle=np.radians(30.0))
 ply = Ply(scene.mesh, Fabric(1e5, 0.5, scene.warp, scene.weft))
 coarse = LoadStepper(ply, scene.conditions, steps=3).run()
 
 # %%
-# The same run to a tolerance of 2 %: each round has a finer mesh.
+# The same run to a tolerance of 2 %; each round has a finer mesh.
 
 result = AdaptiveStepper(ply, scene.conditions, tolerance=0.02, steps=3).run()
 for one in result.rounds:

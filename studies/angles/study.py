@@ -85,7 +85,7 @@ def agreements(rows: Sequence[Row]) -> str:
 
 
 def summary(rows: Sequence[Row]) -> str:
-    """The largest median error by inclination, and counts of medians within limits."""
+    """Largest median error by inclination, and counts of medians within limits."""
     lines, found = [], _medians(errors(rows))
     for inclination in INCLINATIONS:
         line = [f"{inclination:g}°"]
@@ -150,7 +150,7 @@ def _within(medians: Mapping[Key, float]) -> int:
 def draw_loads(rows: Sequence[Row], file: File = None) -> Any:
     """Draw loads at the largest shear angle, a panel per element shape and mesh.
 
-    Points are medians over the seeds; bars extend from the least to the largest load.
+    Points are medians over the seeds; bars are ranges of the load.
     """
     from matplotlib.patches import Patch
 

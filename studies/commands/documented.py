@@ -1,7 +1,7 @@
-"""Commands that stand on pages, and the results of each that pages say.
+"""Commands on documentation pages, and the results quoted there.
 
-They run in folders that are empty but for what the pages offer.  Beside them stands the
-load that fibre stretch costs: its estimate, and what converged loads give.
+Commands run in folders that contain only the files offered on the page.  Further cases
+compare the estimated load loss by fibre stretch with converged loads.
 """
 
 import json
@@ -26,7 +26,7 @@ from ..common.running import ONE_THREAD
 
 ROOT = Path(__file__).parents[2]
 
-#: Results by their names.
+#: Results by name.
 Results = Mapping[str, float]
 
 #: Results of a finished command, ``(folder, printed lines) -> results``.
@@ -36,31 +36,31 @@ _NUMBER = r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 
 _OFFERED = re.compile(r"{download}`(?:[^`]*<)?([^`<>]+)>?`")
 
-#: The folder that results go to where a page says DIR.
+#: Folder of results that replaces DIR.
 OUT = "results"
 
-# Cells along a side of a rhombus, and load steps, of plies whose fibres stretch.
-# Chosen: with 16 cells the shares differ by a tenth of them at most, at E/G = 2e6.
+# Cells along a rhombus side, and load steps, of plies with fibre stretch.  With 16
+# cells the load loss differs by at most a tenth, at E/G = 2e6.
 _CELLS, _STEPS = 24, 4
 
 
 @dataclass(frozen=True)
 class Documented:
-    """A command or script of a page.
+    """A command or script on a page.
 
     Attributes
     ----------
     page
         The page, relative to the root of the repository.  Files that it offers for
-        download stand beside the command.
+        download are copied to the working folder.
     command
-        The command, or lines of Python, as the page prints it.
+        The command, or lines of Python, as printed on the page.
     read
-        Returns the results that pages say.
+        Returns the results quoted on pages.
     given
-        What stands for words in capitals of the command.
+        Replacements of capitalised words in the command.
     python
-        Whether the command is lines of Python and not of a shell.
+        True for lines of Python instead of a shell command.
     """
 
     page: str
@@ -71,7 +71,7 @@ class Documented:
 
     @property
     def line(self) -> str:
-        """The command as it runs."""
+        """The command with replacements."""
         line = self.command
         for word, value in {"DIR": OUT, **self.given}.items():
             line = re.sub(rf"\b{word}\b", value, line)
@@ -83,7 +83,7 @@ class Documented:
         Raises
         ------
         RuntimeError
-            If the command ends with another exit code than 0.
+            If the exit code of the command is not 0.
         """
         with TemporaryDirectory() as name:
             folder, page = Path(name), ROOT / self.page
@@ -107,7 +107,7 @@ class Documented:
 
 
 def of_summary(*keys: str, out: str = OUT) -> Reader:
-    """Numbers of ``summary.json`` in the folder of results."""
+    """Read numbers from ``summary.json`` in the folder of results."""
 
     def read(folder: Path, printed: str) -> Results:
         text = (folder / out / "summary.json").read_text(encoding="utf-8")
@@ -118,14 +118,14 @@ def of_summary(*keys: str, out: str = OUT) -> Reader:
 
 
 def numbers_after(*words: str) -> Reader:
-    """Numbers printed after each of some words, by the word and their order."""
+    """Read the numbers printed after each word; keys are the word and an index."""
 
     def read(folder: Path, printed: str) -> Results:
         results: dict[str, float] = {}
         for word in words:
             found = re.findall(rf"{re.escape(word)}\s+({_NUMBER})", printed)
             if not found:
-                raise ValueError(f"no number follows {word!r} in:\n{printed}")
+                raise ValueError(f"no number after {word!r} in:\n{printed}")
             results |= {f"{word}, {i}": float(x) for i, x in enumerate(found, start=1)}
         return results
 
@@ -133,7 +133,7 @@ def numbers_after(*words: str) -> Reader:
 
 
 def printed_numbers(*names: str) -> Reader:
-    """All numbers of the last line printed, in order."""
+    """Read all numbers of the last printed line."""
 
     def read(folder: Path, printed: str) -> Results:
         found = map(float, re.findall(_NUMBER, printed.splitlines()[-1]))
@@ -143,7 +143,7 @@ def printed_numbers(*names: str) -> Reader:
 
 
 def table_of_strip(folder: Path, printed: str) -> dict[str, float]:
-    """The table of ``examples/strip.py``, by line and column."""
+    """Read the table of ``examples/strip.py``, by line and column."""
     results: dict[str, float] = {}
     for line in printed.splitlines():
         key, *numbers = line.split()
@@ -160,7 +160,7 @@ STRIPS = "2×2 points", "one point", "macro-elements"
 
 
 def table_of_hole(folder: Path, printed: str) -> dict[str, float]:
-    """The lines of ``examples/hole/half_size.py``."""
+    """Read the output of ``examples/hole/half_size.py``."""
     line = re.compile(rf"(\d+) triangles, +(\d+) unknowns: ({_NUMBER}) N in (\d+) s")
     names = "triangles", "unknowns", "force", "processor time"
     results: dict[str, float] = {}
@@ -170,7 +170,7 @@ def table_of_hole(folder: Path, printed: str) -> dict[str, float]:
     return results
 
 
-#: Formulations and fibre stiffnesses in N/mm of the table of meshes along the fibres.
+#: Formulations and fibre stiffnesses in N/mm of the table of fibre-aligned meshes.
 ALONG = tuple(product(("quadratic", "full", "macro"), ("1e5", "5e9")))
 
 _ALONG = (
@@ -178,7 +178,7 @@ _ALONG = (
     "--formulation NAME --fibre-stiffness E --out DIR"
 )
 
-#: Options of the scenes on tools whose results a page tabulates.
+#: Options of the tabulated scenes on tools.
 ON_TOOLS = (
     "hemisphere",
     "hemisphere --fibres 45",
@@ -209,7 +209,7 @@ test = BiasExtension(width=50, height=100)  # mm
 print(*test.displacement(np.radians([50, 90])))  # mm
 """
 
-#: Imports of lines of Python, which stand at the beginning of their pages.
+#: Imports for lines of Python, as at the beginning of their pages.
 IMPORTS = """\
 import numpy as np
 from skfem_textile import Linear, Sin2
@@ -217,7 +217,7 @@ from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.shear_test import BiasExtension
 """
 
-#: The commands by the names of their cases.
+#: The commands by case name.
 DOCUMENTED: Mapping[str, Documented] = {
     "strip": Documented("README.md", "python examples/strip.py", table_of_strip),
     **{
@@ -292,18 +292,18 @@ class Stretched:
 
     @property
     def name(self) -> str:
-        """What to call it."""
+        """Name of the case."""
         ratios = " and ".join(f"{x:.0e}".replace("e+0", "e") for x in self.distinct)
         angles = f"{self.inclination:g}°, γ = {self.shear_angle:g}°"
         return f"fibre stretch at {angles}, {self.law}, E/G = {ratios}"
 
     @property
     def distinct(self) -> list[float]:
-        """The ratios E/G that differ."""
+        """The distinct ratios E/G."""
         return sorted(set(self.ratios))
 
     def results(self) -> Results:
-        """The estimated share of the load, and the share at the converged load."""
+        """Estimated and measured fraction of the load lost to fibre stretch."""
         theta, gamma = np.radians([self.inclination, self.shear_angle])
         mesh = graded_mesh(theta, _CELLS)
         scene = bias_extension(mesh, warp=theta, weft=np.pi - theta, shear_angle=gamma)

@@ -1,4 +1,4 @@
-"""Commands of pages, run as they are printed, and the results that pages say."""
+"""Commands on pages, run as printed, and the results quoted there."""
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
@@ -21,12 +21,12 @@ from .documented import ALONG, DOCUMENTED, ON_TOOLS, STRETCHED, STRIPS, Results
 # Width in mm and inclination of the fibres of the bias extension of `_loads`.
 _WIDTH, _THETA = 50.0, np.pi / 4
 
-# Numbers from here on are written without a power of ten.
+# Lower limit of numbers in fixed-point notation.
 _PLAIN = 1e-3
 
 
 def by_case(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
-    """The results of each case."""
+    """Results of each case."""
     return {
         case: {row["quantity"]: row["value"] for row in own}
         for case, own in grouped(rows, "case").items()
@@ -34,7 +34,7 @@ def by_case(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
 
 
 def powers(number: float) -> str:
-    """A number to two digits, with a power of ten where it is small or large.
+    """A number to two digits, in scientific notation if small or large.
 
     Examples
     --------
@@ -62,7 +62,7 @@ def _along_fibres(found: Mapping[str, Results]) -> str:
 def _on_tools(found: Mapping[str, Results]) -> str:
     head = [
         *("command", "largest shear angle", "largest error against the exact net"),
-        *("root mean square", "bridging", "solves in 4 steps"),
+        *("rms error", "bridging", "solves in 4 steps"),
     ]
     lines = []
     for options in ON_TOOLS:
@@ -108,7 +108,7 @@ def _fibre_stretch(found: Mapping[str, Results]) -> str:
 
 
 def _share(share: float) -> str:
-    """A share in per cent, with two digits behind the point below 2 %."""
+    """A fraction in per cent, with two decimals below 2 %."""
     return percent(share, ".2f" if share < 0.02 else ".1f")
 
 
@@ -159,7 +159,7 @@ def _strip(case: Results) -> dict[str, str]:
 
 
 def _loads(case: Results) -> dict[str, str]:
-    """Loads, the force of a fibre at a corner, and what four of them bring."""
+    """Loads, the force of a corner fibre, and the contribution of four of them."""
     load, moment = case["linear"], 0.5 * np.radians(20)
     corner = load / (2 * np.sin(_THETA)) - _WIDTH * moment / (2 * np.cos(_THETA))
     return {
@@ -175,7 +175,7 @@ def _half_size(case: Results) -> dict[str, str]:
     return {"hole_change": f"{100 * abs(change):.1f} %"}
 
 
-#: The words of each case, by their names, or a function that gives them.
+#: Results for prose of each case: columns by name, or a function.
 _WORDS: Mapping[str, Mapping[str, Column] | Callable[[Results], dict[str, str]]] = {
     "strip": _strip,
     "on a tool: hemisphere": {
@@ -206,7 +206,7 @@ _WORDS: Mapping[str, Mapping[str, Column] | Callable[[Results], dict[str, str]]]
 
 
 class Commands(Study[str]):
-    """The commands by the names of their cases; a row for each result."""
+    """The commands by case name, with a row for each result."""
 
     parts = (
         Part(

@@ -59,12 +59,7 @@ class Hostile(Study[Trials]):
         add = parser.add_argument
         add("--short", action="store_true", help="short version for CI")
         add("--workers", type=int, default=os.cpu_count(), help="processes")
-        add(
-            "--first",
-            type=int,
-            default=0,
-            help="number of the first trial, used as seed",
-        )
+        add("--first", type=int, default=0, help="number and seed of the first trial")
 
     def cases(self, options: argparse.Namespace) -> Sequence[Trials]:
         """All families, with the numbers of their trials."""

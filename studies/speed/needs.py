@@ -1,9 +1,9 @@
-"""Only what a scene needs: what each feature costs when used and when not, and loads.
+"""Cost of features: import, memory and time, if used and if declared as zero.
 
-Features are added to a ply one by one.  Each ply is built and solved in a new process
-(`one_ply`), and the modules that it loads are imported in another one.  Plies that
-declare a feature as zero are compared with plies that leave it out.  Plies take turns;
-times are processor times.
+Features are added to a ply one by one.  Each ply is created and solved in a new process
+(`one_ply`); the modules that it loads are imported in another process.  Plies that
+declare a feature as zero are compared with plies without the feature.  Plies alternate;
+times are CPU times.
 """
 
 import json
@@ -21,7 +21,7 @@ from ..common.tables import Row
 from .one_ply import FEATURES, SCENES, UNUSED
 from .solving import Settings, spread
 
-# Elements of a ply, a square of an even number.
+# Elements of a ply, the square of an even number.
 _ELEMENTS = 2500
 
 # Rounds of the features and of the comparisons.
@@ -36,21 +36,21 @@ COSTS = {
     "once": "s",
 }
 
-# Thresholds in bytes that glibc would adapt, so that peaks of the memory differed by a
-# tenth from process to process.  Chosen: with these assembly takes as long as without.
+# Fixed glibc thresholds in bytes: adaptive ones vary peak memory by a tenth between
+# processes.  These values do not change the assembly time.
 _MALLOC = {"MALLOC_MMAP_THRESHOLD_": "4000000", "MALLOC_TRIM_THRESHOLD_": "100000000"}
 
-#: The name of the first line, a process that only imports scikit-fem.
+#: Name of the first line, a process that only imports scikit-fem.
 ALONE = SCENES[0]
 
-#: Packages that take long to load.
+#: Packages with long import times.
 HEAVY = (
     *("skfem", "scipy", "meshio", "pyvista", "vtkmodules", "matplotlib", "PIL"),
     *("rich", "msgspec", "cvxopt", "pypardiso"),
 )
 
-# Imports modules by their names in the order given, leaving out those that only others
-# can make, and prints the seconds of processor time.
+# Imports modules by name in the given order, skips those that cannot be imported
+# directly, and prints the CPU time in s.
 _IMPORT = """
 import json, sys
 from contextlib import suppress
@@ -66,7 +66,7 @@ print(process_time() - start)
 
 
 def needs(settings: Settings) -> Row:
-    """Costs of all features, and of features that are zero."""
+    """Costs of all features, and of features declared as zero."""
     elements = min(_ELEMENTS, settings.most)
     costs: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for _ in range(_ROUNDS):
@@ -87,7 +87,7 @@ def needs(settings: Settings) -> Row:
 
 
 def _unused(name: str, elements: int) -> Row:
-    """Differences of a feature that is zero from one that is absent, as shares."""
+    """Relative cost differences between a feature declared as zero and its absence."""
     shares: dict[str, list[float]] = defaultdict(list)
     for _ in range(_COMPARED):
         absent, zero = (run(kind, name, elements) for kind in ("absent", "zero"))
@@ -109,19 +109,19 @@ def _middle(values: Sequence[float]) -> dict[str, float]:
 
 
 def run(kind: str, name: str, elements: int) -> Row:
-    """The results of a process of `one_ply`."""
+    """Results of a process of `one_ply`."""
     words = "-m", "studies.speed.one_ply", kind, name, str(elements)
     results: Row = json.loads(_output(words))
     return results
 
 
 def _import(modules: Sequence[str]) -> float:
-    """Processor time in s to import modules."""
+    """CPU time in s to import modules."""
     return float(_output(("-c", _IMPORT), json.dumps(modules)))
 
 
 def _costs(results: Row) -> dict[str, float]:
-    """The other costs of a process, as far as it has them."""
+    """The other costs of a process, as available."""
     if "assembly" not in results:
         return {"memory": results["peak"]}
     return {
@@ -133,7 +133,7 @@ def _costs(results: Row) -> dict[str, float]:
 
 
 def own_modules(results: Row) -> list[str]:
-    """Modules of this library that a process has loaded."""
+    """Modules of this library loaded by a process."""
     package = skfem_textile.__name__
     return [m for m in results["modules"] if m.partition(".")[0] == package]
 
@@ -152,10 +152,10 @@ def _output(words: Sequence[str], text: str = "") -> str:
 
 
 def added(results: Row) -> dict[str, dict[str, tuple[float, float]]]:
-    """What each feature adds to each cost, and the scatter of it.
+    """Increment of each cost by each feature, and its scatter.
 
-    The scatter is a third of the sum of both ranges: two standard errors of a
-    difference between medians of five values that are normally distributed.
+    The scatter is a third of the sum of both ranges: two standard errors of the
+    difference between medians of five normally distributed values.
     """
     every = results["features"]
     adds: dict[str, dict[str, tuple[float, float]]] = {}
@@ -170,7 +170,7 @@ def added(results: Row) -> dict[str, dict[str, tuple[float, float]]]:
 
 
 def modules(settings: Settings) -> Row:
-    """Modules of this library, and heavy packages, of each scene."""
+    """Modules of this library and heavy packages loaded by each scene."""
     package = Path(skfem_textile.__path__[0])
     return {
         "modules": len(list(package.rglob("*.py"))),
@@ -179,13 +179,13 @@ def modules(settings: Settings) -> Row:
 
 
 def loaded(scene: str) -> Row:
-    """Number of modules of this library that a scene loads, and heavy packages."""
+    """Number of modules of this library loaded by a scene, and heavy packages."""
     results = run("scene", scene, 0)
     return {"own": len(own_modules(results)), "heavy": heavy_of(results["modules"])}
 
 
 def heavy_of(modules: Sequence[str]) -> list[str]:
-    """Packages among `HEAVY`, of SciPy the public packages in it.
+    """Packages in `HEAVY`; for SciPy, its public subpackages.
 
     Examples
     --------

@@ -1,8 +1,8 @@
-"""One ply in a process that has loaded nothing else: what it costs and what it loads.
+"""Costs and loaded modules of one ply in a new process.
 
 ``python -m studies.speed.one_ply KIND NAME ELEMENTS`` prints the results as JSON.  The
 kind is ``feature`` (`FEATURES`), ``absent`` or ``zero`` (`UNUSED`), or ``scene``
-(`SCENES`).  Functions import what they need, so that nothing else is loaded.
+(`SCENES`).  Functions import their dependencies locally, to load nothing else.
 """
 
 import json
@@ -16,8 +16,8 @@ from typing import Any
 
 _BEFORE = frozenset(sys.modules)
 
-#: Features, each added to those before it.  Macro-elements replace elements with one
-#: point, and measured laws replace linear ones.
+#: Features, added one after the other.  Macro-elements replace one-point elements, and
+#: measured laws replace linear ones.
 FEATURES = (
     *("tension at one point", "stabilisation", "shear", "macro-elements"),
     *("measured laws", "ply in space", "bending of fibres"),
@@ -25,7 +25,7 @@ FEATURES = (
 )
 _PICTURE, _FILES, _ESTIMATE = FEATURES[7:]
 
-#: Features that a ply may leave out, and how it declares them as zero.
+#: Optional features of a ply, and their declaration as zero.
 UNUSED = {
     "stabilisation": "C_s = 0",
     "shear": "a law with G = 0",
@@ -36,13 +36,13 @@ UNUSED = {
 #: Whole runs.
 SCENES = ("scikit-fem alone", "strip", "bias extension", "sphere")
 
-# Stiffnesses of fibres and shear in N/mm, of bending in N·mm, and C_s in N/mm.
+# Fibre and shear stiffness in N/mm, bending stiffness in N·mm, and C_s in N/mm.
 _E, _G, _D, _C_S = 1e4, 0.5, 5.0, 4.0
 
-# Stretch and shear of the ply, its sides and the radius of the arc in mm.
+# Stretch and shear of the ply; its sides and the radius of the arc in mm.
 _STRETCH, _SHEAR, _SIDE, _RADIUS = 0.01, 0.05, 100.0, 55.0
 
-# Iterations on the clock, of which the fastest counts.
+# Number of timed iterations, of which the fastest counts.
 _ITERATIONS = 15
 
 
@@ -62,14 +62,14 @@ def main(kind: str, name: str, elements: str) -> None:
 
 
 def peak() -> float:
-    """Peak of the memory of this process in MiB; on Linux."""
+    """Peak memory of this process in MiB, on Linux."""
     lines = Path("/proc/self/status").read_text().splitlines()
     (line,) = (line for line in lines if line.startswith("VmHWM:"))
     return int(line.split()[1]) / 1024
 
 
 def _with_features(used: tuple[str, ...], elements: int) -> tuple[Any, ...]:
-    """Arguments of the ply with these features, and its components in space."""
+    """Arguments of the ply with these features, and its dimension."""
     from skfem_textile import Fabric, Macro, OnePoint
 
     tension, shear = _measured() if "measured laws" in used else (_E, _G)
@@ -79,7 +79,7 @@ def _with_features(used: tuple[str, ...], elements: int) -> tuple[Any, ...]:
     formulation: Any = OnePoint(_C_S if "stabilisation" in used else 0.0)
     mesh = _mesh(elements)
     if "macro-elements" in used:
-        formulation, mesh = Macro(), _mesh(elements // 4)  # it splits them in four
+        formulation, mesh = Macro(), _mesh(elements // 4)  # splits elements in four
     dimension = 3 if "ply in space" in used else 2
     return (mesh, Fabric(tension, shear, bending=bending), formulation), dimension
 
@@ -97,13 +97,13 @@ def _measured() -> Any:
 
 
 def _without(name: str, zero: bool, elements: int) -> tuple[Any, ...]:
-    """The same for a ply without a feature: declared as zero, or absent."""
+    """Arguments of a ply with a feature declared as zero, or absent."""
     import numpy as np
 
     from skfem_textile import Fabric, Linear, OnePoint
 
     class Bare(OnePoint):
-        """One point, without stabilising terms to choose from."""
+        """One-point elements without stabilising terms."""
 
         def stabilising_terms(self, basis: Any, fabric: Any) -> list[Any]:
             return []
@@ -137,7 +137,7 @@ def _conditions(dimension: int) -> dict[str, Any]:
 
 
 def _stretched(X: Any, t: float, dimension: int) -> Any:
-    """Displacement of a ply that is stretched along its fibres, and sheared."""
+    """Displacement of a ply stretched along its fibres and sheared."""
     import numpy as np
 
     u = t * np.array([[_STRETCH, _SHEAR], [_SHEAR, _STRETCH]]) @ X
@@ -145,7 +145,7 @@ def _stretched(X: Any, t: float, dimension: int) -> Any:
 
 
 def _costs(arguments: tuple[Any, ...], dimension: int) -> dict[str, Any]:
-    """Processor time in s of the set-up, and of the parts of one Newton iteration."""
+    """CPU time in s of the set-up, and of the parts of one Newton iteration."""
     from skfem_textile import Ply
     from skfem_textile.solve.conditions import Constraints
     from skfem_textile.solve.linear import ChosenSolver
@@ -159,7 +159,7 @@ def _costs(arguments: tuple[Any, ...], dimension: int) -> dict[str, Any]:
     u = _stretched(ply.nodes, 1.0, dimension).T.ravel()
     times = []
     for _ in range(_ITERATIONS):
-        u = (1 + 1e-9) * u  # else the ply would keep its strains
+        u = (1 + 1e-9) * u  # avoids cached strains
         start = process_time()
         f, blocks = ply.residual(u), ply.stiffness(u)
         assembled = process_time()
@@ -177,7 +177,7 @@ def _costs(arguments: tuple[Any, ...], dimension: int) -> dict[str, Any]:
 
 
 def _later(used: tuple[str, ...], arguments: tuple[Any, ...], dimension: int) -> float:
-    """Processor time in s of what follows a run, without imports."""
+    """CPU time in s of post-processing, without imports."""
     from skfem_textile import LoadStepper, Ply
 
     ply = Ply(*arguments, dimension=dimension)
@@ -201,7 +201,7 @@ def _later(used: tuple[str, ...], arguments: tuple[Any, ...], dimension: int) ->
 
 
 def _second(function: Callable[..., Any], *arguments: Any, **more: Any) -> float:
-    """Processor time in s of the second call, which imports nothing."""
+    """CPU time in s of the second call, without imports."""
     function(*arguments, **more)
     start = process_time()
     function(*arguments, **more)
@@ -213,7 +213,7 @@ def _scikit_fem() -> None:
 
 
 def _strip() -> None:
-    """In its plane, with tension alone: its right edge is led onto an arc."""
+    """In plane, with tension only: the right edge moves onto an arc."""
     import numpy as np
     from skfem import MeshQuad
 
@@ -229,7 +229,7 @@ def _strip() -> None:
 
 
 def _bias_extension() -> None:
-    """With a measured shear law, and a picture of the shear angle."""
+    """With a measured shear law, and a figure of the shear angle."""
     from skfem_textile import Fabric, LoadStepper, Ply, plot
     from skfem_textile.scenes import bias_extension
 
@@ -241,7 +241,7 @@ def _bias_extension() -> None:
 
 
 def _sphere() -> None:
-    """In space on a surface, with fibres that resist bending."""
+    """In 3D on a surface, with bending stiffness of the fibres."""
     from skfem_textile import Fabric
     from skfem_textile.scenes import Case, hemisphere
 

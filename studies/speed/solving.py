@@ -1,6 +1,6 @@
-"""Benchmarks of solutions: iterations, whole runs, larger and larger meshes.
+"""Benchmarks of the solution: iterations, whole runs, scaling with mesh size.
 
-Each benchmark is a function of the settings whose results are ready for JSON.
+Each benchmark is a function of the settings with JSON-serialisable results.
 """
 
 import json
@@ -31,16 +31,16 @@ from ..common.rivals.rival import QUAD4, QUAD4_CENTRE, Rival, Task
 from ..common.running import in_new_process
 from ..common.tables import Row
 
-# Stiffnesses of fibres and of shear in N/mm, and the load factor of iterations.
+# Fibre and shear stiffness in N/mm, and load factor of iterations.
 _E, _G, _LOAD_FACTOR = 1e4, 0.5, 0.02
 
 # Elements of iterations and of the whole strip.
 _SIZE = 60_000
 
-# Rounds of iterations in which codes take turns; and of iterations by the size.
+# Rounds in which codes alternate, and rounds per mesh size.
 _ROUNDS, _ROUNDS_OF_SIZE = 4, 3
 
-#: Elements, as the rivals call them, and as formulations with the same energy.
+#: Elements of the other codes, and formulations with the same energy.
 ELEMENTS: dict[str, Formulation] = {
     "Q4, one point": OnePoint(8 * _G),
     "Q4, 2×2": Full(),
@@ -54,7 +54,7 @@ RIVALS: tuple[Rival, ...] = (
     *(FElupe(QUAD4), FElupe(QUAD4, "pypardiso"), Dolfinx(QUAD4), Native(QUAD4)),
 )
 
-# Meshes of `scaling`, of `iterative` and, as elements along both sides, `overhead`.
+# Mesh sizes of `scaling`, `iterative` and, as elements along both sides, `overhead`.
 _SIZES = 1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000
 _OF_ITERATIVE = 10_000, 30_000, 100_000, 300_000
 _OF_OVERHEAD = (20, 30), (60, 100), (200, 300)
@@ -67,7 +67,7 @@ _MOST_ITERATIONS = 500
 # Load steps of plain Newton in `whole_strip`, and repeats of this library.
 _STEPS, _REPEATS = 20, 5
 
-# Turns of two checkouts, and what each of them runs.
+# Rounds of two checkouts, and the script that each of them runs.
 _TURNS = 5
 _MEASURE = """
 import json, time
@@ -94,12 +94,12 @@ print(json.dumps(seconds))
 
 
 class Settings(NamedTuple):
-    """Settings that a user may choose.
+    """Settings of the user.
 
     Parameters
     ----------
     most
-        No mesh has more elements.
+        Maximum number of elements.
     solver
         The linear solver of `scaling` and `whole_strip`.
     before, after
@@ -113,20 +113,20 @@ class Settings(NamedTuple):
 
 
 def seconds(function: Callable[..., Any], *arguments: Any) -> tuple[Any, float]:
-    """The result of a function, and the seconds that it took."""
+    """The result of a function, and its run time in s."""
     start = perf_counter()
     result = function(*arguments)
     return result, perf_counter() - start
 
 
 def strip_of(elements: int, **more: Any) -> Scene:
-    """The strip on about this number of elements."""
+    """The strip with about this number of elements."""
     across = (elements / 1.5) ** 0.5
     return strip(size=(round(across), round(1.5 * across)), **more)
 
 
 def spread(times: Sequence[float]) -> dict[str, float]:
-    """Median, least and most."""
+    """Median, smallest and largest value."""
     return {"median": median(times), "least": min(times), "most": max(times)}
 
 
@@ -143,9 +143,9 @@ class _Iteration:
         self.u = scene.displacement(ply.nodes, _LOAD_FACTOR).T.ravel()
 
     def round(self) -> list[float]:
-        """Seconds of assembly, factorisation and solution."""
+        """Times of assembly, factorisation and solution in s."""
         ply, system = self.ply, self.system
-        u = self.u = (1 + 1e-9) * self.u  # else the ply would keep its strains
+        u = self.u = (1 + 1e-9) * self.u  # avoids cached strains
         times = [perf_counter()]
         f = ply.residual(u)
         K = reduced(system, ply.stiffness(u))
@@ -170,20 +170,20 @@ def _other_code(rival: Rival, scene: Scene) -> Callable[[], list[float]]:
     u = scene.displacement(scene.mesh.p, _LOAD_FACTOR).T.ravel()
 
     def one_round() -> list[float]:
-        """Seconds of assembly, and of factorisation and solution together."""
-        moved = next(share) * u  # else factors might be kept
+        """Times of assembly, and of factorisation with solution, in s."""
+        moved = next(share) * u  # avoids cached factors
         if system:
             return [*one_iteration(system, moved)]
-        return [*rival.iterations(task, moved, 1)[0]]  # has one before
+        return [*rival.iterations(task, moved, 1)[0]]  # after one for warm-up
 
     return one_round
 
 
 def iteration(settings: Settings) -> Row:
-    """One Newton iteration on 60 000 quadrilaterals, beside other codes.
+    """One Newton iteration on 60 000 quadrilaterals, compared with other codes.
 
-    Residual, tangent, factorisation and solution at one displacement.  Each code has a
-    warm process.  The processes take turns in each round.
+    Residual, tangent, factorisation and solution at one displacement.  Each code runs
+    in a separate process with warm-up.  The codes alternate in each round.
     """
     elements = min(_SIZE, settings.most)
     codes, missing = _codes()
@@ -210,7 +210,7 @@ def iteration(settings: Settings) -> Row:
 
 
 def _codes() -> tuple[dict[str, tuple[Any, ...]], dict[str, str]]:
-    """What makes each installed code, by name; and why others are missing."""
+    """Constructors of the installed codes by name, and reasons for missing ones."""
     codes: dict[str, tuple[Any, ...]] = {}
     missing = {}
     for element in ELEMENTS:
@@ -232,7 +232,7 @@ def _codes() -> tuple[dict[str, tuple[Any, ...]], dict[str, str]]:
 
 
 def _timed(name: str, elements: int) -> list[list[float]]:
-    """Two iterations of one code, after a first one to warm up."""
+    """Times of two iterations of one code, after one for warm-up."""
     make, *given = _codes()[0][name]
     one_round = make(*given, strip_of(elements))
     rounds = [one_round() for _ in range(3)][1:]
@@ -240,7 +240,7 @@ def _timed(name: str, elements: int) -> list[list[float]]:
 
 
 def _ratios(codes: dict[str, Row]) -> dict[str, float]:
-    """Ratios of the times, if all the codes are there."""
+    """Time ratios of the installed codes."""
     own, ratios = "Q4, 2×2: skfem_textile, cholmod", {}
     for rival in ("DOLFINx", "FElupe with Pardiso"):
         pair = [codes[name] for name in (f"Q4, 2×2: {rival}", own) if name in codes]
@@ -255,11 +255,11 @@ def _ratios(codes: dict[str, Row]) -> dict[str, float]:
 
 
 def scaling(settings: Settings) -> Row:
-    """Cost of a Newton iteration against the number of elements, and peak memory.
+    """Time and peak memory of a Newton iteration against the number of elements.
 
-    It measures 10³ to 10⁶ jittered quadrilaterals, each size in a new process.  It
-    times the work that is done once (bases, pattern, order of elimination, symbolic
-    analysis) and one iteration, and fits power laws through the sizes from 10⁴ on.
+    The meshes have 10³ to 10⁶ jittered quadrilaterals, each size in a new process.  The
+    times are for the set-up (bases, pattern, ordering, symbolic factorisation) and for
+    one iteration, with power-law fits for sizes from 10⁴ on.
     """
     sizes = [size for size in _SIZES if size <= settings.most]
     rows = [in_new_process(_of_size, size, settings.solver) for size in sizes]
@@ -269,7 +269,7 @@ def scaling(settings: Settings) -> Row:
 
 
 def _of_size(size: int, solver: str) -> Row:
-    """Seconds of each part at one size, and the peak of the memory in GiB."""
+    """Times of each part in s at one size, and peak memory in GiB."""
     scene = strip_of(size)
     ply, built = seconds(Ply, scene.mesh, Fabric(_E, _G), OnePoint(4.0))
     iterations = _Iteration(ply, scene, solver)
@@ -288,7 +288,7 @@ def _of_size(size: int, solver: str) -> Row:
 
 
 def _whole_step(size: int, solver: str) -> Row:
-    """The whole load in one step: seconds, linear solves and the peak of the memory."""
+    """Full load in one step: time in s, linear solves and peak memory."""
     scene = strip_of(size, jitter=0.3)
     ply = Ply(scene.mesh, Fabric(1e4), Full())
     result = LoadStepper(ply, scene.conditions, steps=1, solver=solver).run()
@@ -305,7 +305,7 @@ def _peak() -> float:
 
 
 def exponents(rows: list[Row]) -> dict[str, float]:
-    """Exponents of power laws through the sizes from 10⁴ elements on, for each part."""
+    """Exponents of power-law fits for sizes from 10⁴ elements on, for each part."""
     large = [row for row in rows if row["elements"] > 9_000] or rows
     n = np.log([row["elements"] for row in large])
     return {
@@ -315,11 +315,12 @@ def exponents(rows: list[Row]) -> dict[str, float]:
 
 
 def iterative(settings: Settings) -> Row:
-    """Conjugate gradients beside direct solvers, on larger and larger plies.
+    """Conjugate gradients compared with direct solvers, on successively larger plies.
 
-    Both solve one system with a definite tangent.  The direct solver is timed for order
-    and analysis, factorisation and solution.  Conjugate gradients are timed for set-up
-    and solution to 10⁻⁸; their smoothed aggregation (pyamg) knows the rigid motions.
+    Both solve one system with a definite tangent.  The times of the direct solver are
+    for ordering with analysis, factorisation and solution; the times of conjugate
+    gradients for set-up and solution to 10⁻⁸.  The preconditioner is smoothed
+    aggregation (pyamg), given the rigid-body modes.
     """
     if find_spec("pyamg") is None:
         return {"missing": "skipped, needs pyamg: pip install pyamg", "sizes": []}
@@ -330,7 +331,7 @@ def iterative(settings: Settings) -> Row:
 
 
 def _both_ways(size: int, E_over_G: float) -> Row:
-    """Seconds and iterations on one mesh."""
+    """Times and iterations on one mesh."""
     import pyamg
 
     scene = strip_of(size)
@@ -338,7 +339,7 @@ def _both_ways(size: int, E_over_G: float) -> Row:
     iterations = _Iteration(ply, scene, "auto")
     system, u = iterations.system, iterations.u
     b, K = -ply.residual(u)[system.free], reduced(system, ply.stiffness(u))
-    system.solver.factorise(K.upper.data)  # a large one chooses the solver by it
+    system.solver.factorise(K.upper.data)  # selects the solver for large matrices
     factors, factorised = seconds(system.solver.factorise, K.upper.data)
     assert factors.definite
     x, solved = seconds(factors.solve, b)
@@ -374,9 +375,9 @@ def _both_ways(size: int, E_over_G: float) -> Row:
 
 
 def overhead(settings: Settings) -> Row:
-    """The cost of the load stepper beside assembly and factorisation, and of corners.
+    """Overhead of the load stepper and of the corner checks.
 
-    Seconds of a linear solve, and the share of each part, on each mesh.
+    Time per linear solve in s, and fraction of each part, on each mesh.
     """
     sizes = [size for size in _OF_OVERHEAD if size[0] * size[1] <= settings.most]
     return {"sizes": [_shares(size) for size in sizes]}
@@ -388,7 +389,7 @@ def _shares(size: tuple[int, int]) -> Row:
     result = LoadStepper(ply, scene.conditions, steps=4).run()
     whole = result.wall_time_s
     rest = whole - result.assembly_time_s - result.solve_time_s
-    moved = [(1 + 1e-9 * i) * result.u for i in range(9)]  # every displacement is new
+    moved = [(1 + 1e-9 * i) * result.u for i in range(9)]  # avoids cached values
     corners = median(seconds(ply.corners.area_ratio, u)[1] for u in moved)
     return {
         "elements": ply.mesh.nelements,
@@ -402,10 +403,11 @@ def _shares(size: tuple[int, int]) -> Row:
 
 
 def whole_strip(settings: Settings) -> Row:
-    """The whole strip on 60 000 quadrilaterals, beside plain Newton in scikit-fem.
+    """The strip on 60 000 quadrilaterals, compared with plain Newton in scikit-fem.
 
-    Both load the same ply to 62.5°, with 2×2 points, which have one equilibrium.  Plain
-    Newton takes the equal steps that it needs.  This library begins with one.
+    Both load the same ply to 62.5°, with 2×2 points, for which the equilibrium is
+    unique.  Plain Newton takes the required number of equal steps.  This library starts
+    with one.
     """
     scene = strip_of(min(_SIZE, settings.most), jitter=0.3)
 
@@ -413,7 +415,7 @@ def whole_strip(settings: Settings) -> Row:
         ply = Ply(scene.mesh, Fabric(_E), Full())
         return LoadStepper(ply, scene.conditions, 1, solver=settings.solver).run()
 
-    own()  # to warm up
+    own()  # warm-up
     runs = [seconds(own) for _ in range(_REPEATS)]
     result, times = runs[0][0], [took for _, took in runs]
     task = Task(scene, QUAD4.element, QUAD4.rule, _E, 0.0)
@@ -430,10 +432,10 @@ def whole_strip(settings: Settings) -> Row:
 
 
 def by_turns(settings: Settings) -> Row:
-    """One Newton iteration in two checkouts of this project, by turns.
+    """One Newton iteration in two alternating checkouts of this project.
 
-    For each checkout it measures the processor time of a linear solve with its
-    assembly, the least over the turns, and gives the ratio of both.
+    Measures the minimum CPU time of a linear solve with assembly for each checkout, and
+    their ratio.
     """
     turns = [
         (_seconds(settings.before), _seconds(settings.after)) for _ in range(_TURNS)

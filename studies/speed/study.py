@@ -1,7 +1,7 @@
-"""Benchmarks, each in a process of its own, on one thread.
+"""Benchmarks, each in a separate process, on one thread.
 
-A benchmark is a function of the settings, whose results go to a file of JSON.  Each row
-of the study is a benchmark with its results.
+A benchmark is a function of the settings, with results in a JSON file.  Each row of the
+study is a benchmark with its results.
 """
 
 import argparse
@@ -33,20 +33,19 @@ BENCHMARKS: dict[str, Callable[[Settings], Row]] = {
 
 _PICTURES = "needs.png", "needs.svg"
 
-# Digits after the point of costs.
+# Decimals of costs.
 _DIGITS = {"import": 2, "memory": 0, "assembly": 1, "solution": 0, "once": 2}
 
 # Colour of changes within their scatter.
 _NONE = "#bbbbbb"
 
-# Gap between a bar and its number, and room that a number takes, as shares of the
-# scale.  Chosen by eye.
+# Gap between a bar and its number, and width of a number, relative to the scale.
 _GAP, _ROOM = 0.03, 0.36
 
 
 def needs_table(results: Row) -> str:
-    """Costs in all with each feature."""
-    units = {"assembly": "assembly of an iteration", "solution": "its solution"}
+    """Total costs with each feature."""
+    units = {"assembly": "assembly per iteration", "solution": "solution"}
     lines = [
         [
             name if name == ALONE else f"+ {name}",
@@ -62,7 +61,7 @@ def needs_table(results: Row) -> str:
 
 
 def unused_table(results: Row) -> str:
-    """Shares of features that are zero."""
+    """Relative costs of features declared as zero."""
     lines = [
         [
             f"{name}: {UNUSED[name]}",
@@ -90,7 +89,7 @@ def iteration_table(results: Row) -> str:
     for name, code in results["codes"].items():
         parts = [f"{1e3 * part:.0f}" for part in code["parts"]]
         if len(parts) == 2:
-            parts.append("in that")
+            parts.append("included")
         whole = f"{1e3 * code['seconds']['median']:.0f}"
         lines.append([name, *parts, whole, f"{code['stock_over_this']:.2f}"])
     head = ["code", "assembly", "factorisation", "solution", "all, ms", "stock / this"]
@@ -115,7 +114,7 @@ def step_table(results: Row) -> str:
         [results["step"]],
         {
             "elements": "{elements}",
-            "seconds of a step to 62.5°": "{seconds:.0f}",
+            "time of a step to 62.5°, s": "{seconds:.0f}",
             "linear solves": "{linear_solves}",
             "peak, GiB": "{peak_GiB:.2f}",
         },
@@ -138,9 +137,9 @@ def iterative_table(results: Row) -> str:
 
 
 def whole_strip_table(results: Row) -> str:
-    """Both, and their ratio."""
+    """Times of this library and of plain Newton, and their ratio."""
     own, stock = results["own"], results["stock"]
-    steps = f"scikit-fem, {stock['steps']} steps of plain Newton"
+    steps = f"scikit-fem, plain Newton, {stock['steps']} steps"
     lines = [
         ["skfem_textile, one step", f"{own['median']:.2f}", own["linear_solves"]],
         [steps, f"{stock['seconds']:.0f}", stock["linear_solves"]],
@@ -157,7 +156,7 @@ def overhead_table(results: Row) -> str:
         {
             "elements": "{elements}",
             "linear solves": "{linear_solves}",
-            "s each": "{seconds_of_a_solve:.3f}",
+            "s per solve": "{seconds_of_a_solve:.3f}",
             **{name.replace("_", " "): f"{{{name}:.2%}}" for name in shares},
         },
     )
@@ -180,19 +179,19 @@ def by_turns_table(results: Row) -> str:
 
 
 def _share(share: Mapping[str, float]) -> str:
-    """A share in per cent with its range: median, and quartiles."""
+    """Median and quartiles of a fraction in per cent."""
     middle, low, high = (_signed(100 * share[x]) for x in ("median", "low", "high"))
     return f"{middle} % ({low} to {high} %)"
 
 
 def _signed(share: float) -> str:
-    """One digit after the point, and the sign unless it is zero."""
+    """A number with one decimal, and its sign unless zero."""
     rounded = round(share, 1)
     return minus(f"{rounded:+.1f}") if rounded else "0.0"
 
 
 def two_digits(change: float, scatter: float = 0.0) -> str:
-    """Text of a change with its sign; none within its scatter.
+    """A signed change; ``≈ 0`` within its scatter.
 
     Examples
     --------
@@ -205,7 +204,7 @@ def two_digits(change: float, scatter: float = 0.0) -> str:
 
 
 def _count(number: int) -> str:
-    """A whole number with thin gaps, as in the pages.
+    """An integer with spaces between thousands.
 
     Examples
     --------
@@ -216,7 +215,7 @@ def _count(number: int) -> str:
 
 
 def _needs_in_words(results: Row) -> dict[str, str]:
-    """What features add, and what they cost as zero."""
+    """Increments by features, and costs of features declared as zero."""
     features, unused = results["features"], results["unused"]
     words = {
         "needs_elements": str(results["elements"]),
@@ -238,7 +237,7 @@ def _needs_in_words(results: Row) -> dict[str, str]:
 
 
 def _modules_in_words(results: Row) -> dict[str, str]:
-    """Modules of this library that each scene loads."""
+    """Numbers of modules of this library loaded by each scene."""
     return {
         f"{name.replace(' ', '_')}_modules": f"{row['own']} of {results['modules']}"
         for name, row in results["scenes"].items()
@@ -247,7 +246,7 @@ def _modules_in_words(results: Row) -> dict[str, str]:
 
 
 def _iteration_in_words(results: Row) -> dict[str, str]:
-    """Assembly over factorisation, and times of other codes over this library's."""
+    """Time ratios: assembly to factorisation, and other codes to this library."""
     name = "assembly over factorisation"
     shares = [x for key, x in results["ratios"].items() if key.startswith(name)]
     words = {"iteration_elements": _count(results["elements"])}
@@ -261,7 +260,7 @@ def _iteration_in_words(results: Row) -> dict[str, str]:
 
 
 def _whole_strip_in_words(results: Row) -> dict[str, str]:
-    """Linear solves and the ratio of the times."""
+    """Linear solves and time ratio."""
     return {
         "strip_elements": _count(results["elements"]),
         "strip_ratio": f"{results['stock_over_own']:.0f}",
@@ -272,7 +271,7 @@ def _whole_strip_in_words(results: Row) -> dict[str, str]:
 
 
 def _scaling_in_words(results: Row) -> dict[str, str]:
-    """The largest mesh: its time in an iteration, its memory, and a load step on it."""
+    """The largest mesh: time of an iteration, memory, and time of a load step."""
     last = results["sizes"][-1]
     return {
         "largest_unknowns": _count(last["unknowns"]),
@@ -284,7 +283,7 @@ def _scaling_in_words(results: Row) -> dict[str, str]:
 
 
 def _iterative_in_words(results: Row) -> dict[str, str]:
-    """Conjugate gradients over the direct solver with stiff fibres, and iterations."""
+    """Time ratios of conjugate gradients to the direct solver, and iterations."""
     every = results["sizes"]
     stiff = max((row["E_over_G"] for row in every), default=0.0)
     ratios = [row["iterative_over_direct"] for row in having(every, E_over_G=stiff)]
@@ -305,7 +304,7 @@ _WORDS: dict[str, Callable[[Row], dict[str, str]]] = {
 
 
 def draw_needs(rows: Sequence[Row], file: File = None) -> Any:
-    """Draw what each feature adds to each cost."""
+    """Draw the increment of each cost by each feature."""
     adds = added(rows[0])
     costs = {
         f"{cost.capitalize()}, {unit}": [x.get(cost, (0.0, 0.0)) for x in adds.values()]
@@ -319,17 +318,16 @@ def draw_waterfall(
     names: Sequence[str],
     file: File = None,
 ) -> Any:
-    """A panel for each cost; each bar leads from the cost without a feature to with it.
+    """Draw a panel for each cost; bars extend from the cost without to with a feature.
 
     Parameters
     ----------
     costs
-        By the title of the panel, what each feature adds and the scatter of it.  A
-        change within its scatter is grey.
+        Increments and scatter by panel title.  A change within its scatter is grey.
     names
-        The features, from the top.
+        Feature names, from the top.
     file
-        Where to write a picture.
+        File of the figure.
     """
     with panels_of((6.3, 2.9), file, 8, [*costs], sharey=True) as (figure, grid):
         for axes, (title, changes) in zip(grid[0], costs.items(), strict=True):
@@ -356,7 +354,7 @@ def _draw_panel(axes: Any, changes: Sequence[tuple[float, float]]) -> None:
             axes.plot([after] * 2, [row - 0.4, row + 1.4], color="grey", linewidth=0.5)
         low, high = sorted((before / scale, after / scale))
         place, ha, more = (low + high) / 2, "center", {"color": "white"}
-        if 1 - high >= _ROOM:  # behind the bar, before it, or in it, where room is
+        if 1 - high >= _ROOM:  # right of the bar, left of it, or inside
             place, ha, more = high + _GAP, "left", {}
         elif low >= _ROOM:
             place, ha, more = low - _GAP, "right", {}
@@ -378,17 +376,17 @@ class Benchmark:
         return self.name
 
     def rows(self) -> list[Row]:
-        """The results of the benchmark and its machine, as a row."""
+        """Results of the benchmark and its machine, as one row."""
         results = in_new_process(BENCHMARKS[self.name], self.settings)
         return [{"case": self.name, "machine": provenance.machine(), **results}]
 
 
 def _of_row(function: Callable[[Row], str]) -> Table:
-    """A table of the only row of a benchmark."""
+    """A table of the single row of a benchmark."""
     return lambda rows: function(rows[0])
 
 
-#: Functions of the tables of each benchmark by the names of the files.
+#: Table functions of each benchmark by file name.
 TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
     "needs": {"needs.md": needs_table, "unused.md": unused_table},
     "modules": {"modules.md": modules_table},
@@ -402,7 +400,7 @@ TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
 
 
 class Speed(Study[Benchmark]):
-    """Every benchmark."""
+    """All benchmarks."""
 
     parts = tuple(
         Part(
@@ -419,11 +417,11 @@ class Speed(Study[Benchmark]):
         defaults = Settings()
         add = parser.add_argument
         add(
-            "--most", type=int, default=defaults.most, help="no more elements than that"
+            "--most", type=int, default=defaults.most, help="maximum number of elements"
         )
-        add("--solver", default=defaults.solver, help="of one step, and of scaling")
-        add("--before", default="", metavar="DIR", help="a checkout of this project")
-        add("--after", default="", metavar="DIR", help="another: compared by turns")
+        add("--solver", default=defaults.solver, help="for whole_strip and scaling")
+        add("--before", default="", metavar="DIR", help="first checkout for by_turns")
+        add("--after", default="", metavar="DIR", help="second checkout for by_turns")
 
     def cases(self, options: argparse.Namespace) -> list[Benchmark]:
         settings = Settings(*(getattr(options, name) for name in Settings._fields))

@@ -1,4 +1,4 @@
-"""Stiff and extreme problems of the stability study, their laws and their scenes."""
+"""Problems of the stability study, with their laws and scenes."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -36,14 +36,14 @@ from skfem_textile.scenes.strip import HEIGHT, WIDTH
 from skfem_textile.scenes.trellis import sheared
 from skfem_textile.solve.conditions import Condition
 
-# Strain within which crimped fibres straighten, and pretension as a share of E.
+# Decrimping strain, and pretension relative to E.
 _TOE, _PRETENSION = 0.004, 1e-3
 
-# Points of a table of tension: strains, and tensions over the stiffness at its end.
+# Points of the tension table: strains, and tensions over the final stiffness.
 _STRAINS = -0.1, -0.05, 0.0, 0.002, 0.005, 0.01, 0.03
 _TENSIONS = -1e-4, -5e-5, 0.0, 1e-4, 1e-3, 5e-3, 2.5e-2
 
-# Points of a table of shear: degrees, and moments in N/mm, a hundredfold from 30 to 55.
+# Points of the shear table: degrees, and moments in N/mm, a hundredfold from 30 to 55.
 _DEGREES = 0, 10, 20, 30, 40, 50, 55, 65
 _MOMENTS = 0.0, 0.02, 0.04, 0.1, 0.6, 4.0, 10.0, 30.0
 
@@ -52,7 +52,7 @@ def _crimp_toe(initial_stiffness: float) -> Callable[[float], Law]:
     return lambda E: CrimpToe(E, _TOE, initial_stiffness)
 
 
-#: Laws of tension by their names, each a function of the stiffness E in N/mm.
+#: Tension laws by name, as functions of the stiffness E in N/mm.
 TENSIONS: Mapping[str, Callable[[float], Law | BiaxialLaw]] = {
     "crimp toe, k = 1": _crimp_toe(1.0),
     "crimp toe, k = 10": _crimp_toe(10.0),
@@ -65,7 +65,7 @@ TENSIONS: Mapping[str, Callable[[float], Law | BiaxialLaw]] = {
     "polynomial": lambda E: Polynomial((0.01 * E, 0.0, 3e3 * E)),
 }
 
-#: Laws of shear by their names.
+#: Shear laws by name.
 SHEARS: Mapping[str, Law] = {
     "locking": Locking(0.5, np.radians(65)),
     "shear table": Tabulated(np.radians(_DEGREES), _MOMENTS, odd=True),
@@ -73,12 +73,12 @@ SHEARS: Mapping[str, Law] = {
     "shear polynomial": Polynomial((0.2, -0.4, 0.9), odd=True),
 }
 
-#: Elements along the sides of a square, unless something else is said.
+#: Default number of elements along the sides of a square.
 SIZE = (8, 8)
 
 
 def on_split_mesh(make: Callable[..., Scene], **options: Any) -> Scene:
-    """A scene on the mesh of the same scene, split."""
+    """A scene on its own mesh after splitting."""
     return make(**options | {"mesh": split(make(**options).mesh)})
 
 
@@ -90,14 +90,14 @@ def net_of(
     size: tuple[int, int] = SIZE,
     mesh: str | Mesh = "irregular",
 ) -> Scene:
-    """A trellis, of angles in degrees."""
+    """A trellis, with angles in degrees."""
     warp, weft = np.radians([warp, warp + crossing])
     turns = sheared(*np.radians([shear, bend]))
     return trellis(mesh, size, warp=warp, weft=weft, turns=turns)
 
 
 def placed_strip(scale: float, shift: float, **options: Any) -> Scene:
-    """The strip, larger and moved along x and y."""
+    """The strip, scaled and translated along x and y."""
     scene = on_split_mesh(strip, **options) if options else strip()
 
     def unplaced(X: ndarray) -> ndarray:
@@ -134,10 +134,10 @@ def frame_with_flat_angles() -> Scene:
 
 
 def _with_flat_angles(width: float, height: float, size: tuple[int, int]) -> MeshQuad:
-    """Move every other node until it opens an element to an angle of 179°.
+    """Move every other node so that one angle of an element becomes 179°.
 
-    In an element with sides a, b the corner at (a, b) comes to c·(a, b), where the
-    edges to (a, 0) and (0, b) make that angle.
+    In an element with sides a, b the corner (a, b) moves to c·(a, b), where the edges
+    to (a, 0) and (0, b) form this angle.
     """
     mesh = rectangle(width, height, size, "aligned")
     a, b = width / size[0], height / size[1]
@@ -149,7 +149,7 @@ def _with_flat_angles(width: float, height: float, size: tuple[int, int]) -> Mes
 
 
 def _opened(a: float, b: float) -> float:
-    """Share c of the diagonal at which the angle is 179°, by bisection."""
+    """Fraction c of the diagonal that gives an angle of 179°, by bisection."""
     low, high = 0.5, 1.0
     for _ in range(60):
         c = 0.5 * (low + high)
@@ -159,7 +159,7 @@ def _opened(a: float, b: float) -> float:
     return c
 
 
-# What lines of reports call the formulations.
+# Names of the formulations in reports.
 _ELEMENTS = {
     "full": "2×2",
     "one-point": "one point",
@@ -167,7 +167,7 @@ _ELEMENTS = {
     "quadratic": "quadratic",
 }
 
-# Formulations of the fabrics with laws, and their fibre stiffnesses in N/mm.
+# Formulations and fibre stiffnesses in N/mm of the family of laws.
 _OF_LAWS: tuple[Formulation, ...] = Macro(), OnePoint(), Quadratic(80.0)
 _STIFFNESSES = 1e3, 1e5, 1e8
 
@@ -179,19 +179,19 @@ class Extreme:
     Attributes
     ----------
     family, label
-        The quantity that the family varies, and its value in this problem.
+        The varied quantity, and its value in this problem.
     scene
-        Makes the scene.
+        Function that creates the scene.
     formulation
         Formulation.
     E, G
-        Stiffness of fibres and of shear in N/mm.  Round-off is in proportion to E.
+        Fibre and shear stiffness in N/mm.  Round-off is proportional to E.
     exact
-        Whether the mesh can represent the scene's exact motion.
+        True if the mesh can represent the exact solution.
     seed
-        Seed of the mesh, if problems differ only in it.
+        Seed of the mesh, if problems differ only in the seed.
     tension, shear
-        Laws in place of E and G.  The slope of that of tension is about E at 1 %.
+        Laws that replace E and G.  The slope of the tension law at 1 % is about E.
     """
 
     family: str
@@ -227,7 +227,7 @@ class Extreme:
 
 
 def extremes() -> list[Extreme]:
-    """Every problem."""
+    """All problems."""
     families = (
         *(_stiffness_ratios, _stabilisations, _jitters, _slender, _flat_angles),
         *(_crossings, _inclinations, _large_shear, _coordinates, _macro_elements),
@@ -264,7 +264,7 @@ def _jitters() -> Iterator[Extreme]:
 
 
 def _slender() -> Iterator[Extreme]:
-    """Elements a hundred times as long as wide, along either family."""
+    """Elements of aspect ratio 100, along either fibre family."""
     for size, mesh, element in (
         *product([(2, 300)], ["irregular", "vertical"], _both(10.0)),
         *product([(200, 3)], ["irregular", "horizontal"], _both(10.0)),
@@ -311,7 +311,7 @@ def _large_shear() -> Iterator[Extreme]:
 
 
 def _coordinates() -> Iterator[Extreme]:
-    """The same strip in other units and elsewhere; E and C_s are forces per length."""
+    """The strip in other units or translated; E and C_s are forces per length."""
     for element, stiffer in zip(_both(10.0), _both(1e4), strict=True):
         metres = partial(placed_strip, scale=1e-3, shift=0.0)
         far = partial(placed_strip, scale=1.0, shift=1e6)
@@ -365,7 +365,7 @@ def _macro_elements() -> Iterator[Extreme]:
 
 
 def _folding() -> Iterator[Extreme]:
-    """Plies whose elements tend to fold, on many meshes."""
+    """Plies whose elements tend to invert, on many meshes."""
 
     def on_meshes(
         label: str,
@@ -398,10 +398,10 @@ def _folding() -> Iterator[Extreme]:
 
 
 def _laws() -> Iterator[Extreme]:
-    """Laws of real fabrics: on bias extension with every formulation.
+    """Laws of real fabrics: on the bias extension with all formulations.
 
-    On the other scenes formulations take turns.  A law has each formulation with
-    another fibre stiffness, and the next law has them the other way about.
+    On the other scenes, formulations alternate between laws.  Each formulation of a law
+    has another fibre stiffness; the assignment rotates from law to law.
     """
     angle = np.radians(60)
     scenes = {

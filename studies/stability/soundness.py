@@ -1,4 +1,4 @@
-"""Whether a state is an answer, judged independently of the load stepper."""
+"""Verification of final states, independent of the load stepper."""
 
 import numpy as np
 from numpy import ndarray
@@ -8,20 +8,20 @@ from skfem_textile.ply.parameters import PlyParameters
 from skfem_textile.scenes import Scene
 from skfem_textile.solve.conditions import Constraints
 
-# A corner is flat where its parallelogram is less than this share of the largest.
+# A corner is flat if its parallelogram is smaller than this fraction of the largest.
 _FLAT = 1e-9
 
-# Shares of sizes by which nodes may be off prescribed values, and off equilibrium.
+# Relative tolerances of prescribed values, and of the distance to equilibrium.
 _OFF, _LEFT = 1e-9, 1e-6
 
 
 def is_sound(
     ply: Ply, scene: Scene, u: ndarray, parameters: PlyParameters | None = None
 ) -> bool:
-    """Whether a state is a stable, unfolded equilibrium under the whole load.
+    """True if a state is a stable equilibrium at full load without inverted elements.
 
-    It is judged by the area ratio at the corners and the fine points of the elements,
-    by Cholesky's factors of the dense tangent, scaled to a unit diagonal, and by one
+    The checks are the area ratio at the corners and the fine points of the elements,
+    a Cholesky factorisation of the dense tangent, scaled to a unit diagonal, and one
     more Newton step.
 
     Parameters
@@ -29,20 +29,20 @@ def is_sound(
     ply
         The ply.
     scene
-        Its scene, for the conditions.
+        The scene with the conditions.
     u
         Displacement, DOF vector of the ply's basis.
     parameters
-        Parameters of the state; those at rest if not given.
+        Parameters of the state; by default the initial ones.
 
     Raises
     ------
     ValueError
-        If a condition has a direction that is not along an axis.
+        If the direction of a condition is not along an axis.
     """
     constraints = Constraints(ply.basis, scene.conditions)
     if constraints.turn is not None:
-        raise ValueError("the dense check knows conditions along the axes only")
+        raise ValueError("the dense check supports only conditions along the axes")
     off = np.abs(u[constraints.fixed] - constraints.fixed_values(1.0)).max()
     if not is_unfolded(ply, u) or off > _OFF * np.abs(u).max():
         return False
@@ -61,9 +61,9 @@ def is_sound(
 
 
 def is_unfolded(ply: Ply, u: ndarray) -> bool:
-    """Whether det F is positive at the corners and the fine points of all elements.
+    """True if det F > 0 at the corners and the fine points of all elements.
 
-    A corner that is flat or reflex in the reference configuration does not count.
+    Corners that are flat or reflex in the reference configuration are ignored.
     """
     inside = ply.area_ratio(u, ply.fine_points)
     reference = _at_corners(ply, ply.nodes)
@@ -74,7 +74,7 @@ def is_unfolded(ply: Ply, u: ndarray) -> bool:
 
 
 def _at_corners(ply: Ply, x: ndarray) -> ndarray:
-    """Determinant of the map of each element at its nodes, shape (n, n_elements).
+    """Jacobian determinant of each element at its nodes, shape (n, n_elements).
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def _at_corners(ply: Ply, x: ndarray) -> ndarray:
 
 
 def _of_quadratic_triangles(ply: Ply, x: ndarray) -> ndarray:
-    """The same for triangles with nodes at the middles of their edges.
+    """Jacobian determinants for triangles with midside nodes.
 
     In area coordinates L the map is Σ L_a (2 L_a − 1) x_a + 4 Σ L_a L_b x_ab.
     """

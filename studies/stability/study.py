@@ -1,19 +1,19 @@
-"""Stiff and extreme cases: which end right, which are refused, and which wrong.
+"""Stiff and extreme cases: counts of right, refused and wrong results.
 
-Every problem of `problems` is loaded in 1, 2, 5, 20 and 100 steps, and for comparison
-in 400.  A run ends as
+Each problem of `problems` is loaded in 1, 2, 5, 20 and 100 steps, and for comparison in
+400.  The outcome of a run is
 
-- *right*: on a stable, unfolded equilibrium, with the energy and the reactions that 400
-  steps reach, to 1 %; if the mesh can represent the exact motion, on that motion;
-- *on another equilibrium, and reported*: on a stable, unfolded equilibrium with other
-  energies or reactions, if the run itself says that its path was not resolved;
-- *refused*: with an error;
-- *refused though solvable*: with an error, if another run of the same formulation,
-  in other steps or by another method, finds a stable, unfolded equilibrium;
-- *wrong*: on anything else.
+- *right*: a stable equilibrium without inverted elements, whose energy and reactions
+  agree with the run in 400 steps to 1 %, and with the exact solution if the mesh can
+  represent it;
+- *on another equilibrium, and reported*: a stable equilibrium without inverted
+  elements, with other energies or reactions, if the run reports an unresolved path;
+- *refused*: an error;
+- *refused though solvable*: an error, if another run of the same formulation, in other
+  steps or by another method, finds a stable equilibrium without inverted elements;
+- *wrong*: anything else.
 
-`soundness` judges by dense algebra, independently of the load stepper, whether a state
-is a stable, unfolded equilibrium.
+`soundness` verifies states by dense linear algebra, independently of the load stepper.
 """
 
 import argparse
@@ -39,7 +39,7 @@ RIGHT, OTHER = "right", "on another equilibrium, and reported"
 REFUSED, MISSED = "refused", "refused though solvable"
 WRONG = "wrong"
 
-#: The outcomes, in the order of reports, with their names among the results in words.
+#: The outcomes in report order, with their names in the results for prose.
 OUTCOMES = {
     RIGHT: "right",
     OTHER: "other",
@@ -51,13 +51,13 @@ OUTCOMES = {
 STEPS = (1, 2, 5, 20, 100)
 _REFERENCE = 400
 
-# Another method, for a problem that is refused in any number of steps.
+# Alternative method for problems refused in any number of steps.
 _OTHER = "plain"
 
-# Fibre strains of which energies are nothing, and such that round-off makes.
+# Fibre strains with negligible energy, and due to round-off.
 _NO_STRAIN, _ROUND_OFF = 1e-10, 1e-13
 
-# Share of the size of the ply by which nodes may be off an exact motion.
+# Tolerance of positions against the exact solution, relative to the size of the ply.
 _EXACT = 1e-8
 
 # The reported entries of a run's summary.
@@ -67,34 +67,34 @@ _FIGURES = (
     *("linear_solves", "factorisations"),
 )
 
-# Energies and reactions that differ by a smaller share belong to one state.
+# Relative tolerance of energies and reactions for equal states.
 _SAME = 0.01
 
 
-# Colours of the outcomes: dark to light where a run is sound, warm where it fails.
+# Colours of the outcomes: dark to light for sound runs, warm for failures.
 _COLOURS = "#0072B2", "#9CCBE8", "#F0C04A", "#CC79A7", "#D55E00"
 
-# Points a letter; width and height of a bar in inches.  A page prints 6.3 inches.
+# Font size in points; figure width and bar height in inches.
 _FONT, _WIDTH, _BAR = 9, 6.3, 0.24
 
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """How a run ended.
+    """Final state of a run.
 
     Attributes
     ----------
     converged
-        Whether the run applied the whole load.
+        True if the run reached full load.
     sound
-        Whether it ended on a stable, unfolded equilibrium under the whole load, and on
-        the exact motion where the mesh can represent it.
+        True if the final state is a stable equilibrium at full load without inverted
+        elements, and agrees with the exact solution if the mesh can represent it.
     path_resolved
-        Whether the run says that more steps lead to the same equilibrium.
+        False if the run reports that more steps may lead to another equilibrium.
     energy, reactions
         Energy in N·mm, and all components of all reactions in N.
     no_energy, no_force
-        Energy and force that are round-off.
+        Round-off of energy and forces.
     """
 
     converged: bool
@@ -106,15 +106,15 @@ class End:
     no_force: float
 
     def energy_off(self, other: "End") -> float:
-        """Difference of the energies, as a share of the larger."""
+        """Difference of the energies relative to the larger one."""
         return _off([self.energy], [other.energy], other.no_energy)
 
     def reactions_off(self, other: "End") -> float:
-        """Largest difference of a reaction's component, as a share of the largest."""
+        """Largest difference of reaction components relative to the largest one."""
         return _off(self.reactions, other.reactions, other.no_force)
 
     def agrees(self, reference: "End") -> bool:
-        """Whether both runs ended on the same sound state."""
+        """Return True if both runs have the same sound final state."""
         return (
             self.sound
             and reference.sound
@@ -124,16 +124,16 @@ class End:
 
 
 def outcome(end: End, reference: End, solvable: bool) -> str:
-    """How a case ended, one of `OUTCOMES`.
+    """Outcome of a case, one of `OUTCOMES`.
 
     Parameters
     ----------
     end
         End of the run.
     reference
-        End of the run with the most steps.
+        End of the run with most steps.
     solvable
-        Whether any run of the same problem ended soundly.
+        True if any run of the same problem has a sound final state.
     """
     if not end.converged:
         return MISSED if solvable else REFUSED
@@ -145,7 +145,7 @@ def outcome(end: End, reference: End, solvable: bool) -> str:
 
 
 def _off(ours: Any, theirs: Any, nothing: float) -> float:
-    """Largest difference as a share of the largest magnitude; 0 within ``nothing``."""
+    """Largest difference relative to the largest magnitude; 0 within ``nothing``."""
     ours, theirs = np.asarray(ours), np.asarray(theirs)
     difference = float(np.abs(ours - theirs).max())
     if difference <= nothing:
@@ -183,7 +183,7 @@ def examined(problem: Extreme) -> list[Row]:
 
 
 def _solved_by(problem: Extreme, runs: Mapping[int, tuple[End, Row]]) -> str:
-    """The first run that ends soundly; if none does, the first by another method."""
+    """The first sound run; if there is none, the first by the alternative method."""
     for steps, (end, _) in runs.items():
         if end.sound:
             return f"newton in {steps}"
@@ -195,7 +195,7 @@ def _solved_by(problem: Extreme, runs: Mapping[int, tuple[End, Row]]) -> str:
 
 
 def _run(problem: Extreme, steps: int, method: str = "newton") -> tuple[End, Row]:
-    """One run: how it ended, and its figures."""
+    """Final state and results of a run."""
     scene = problem.scene()
     ply = problem.ply(scene)
     stepper = LoadStepper(ply, scene.conditions, steps, method=method)
@@ -228,7 +228,7 @@ def counts(rows: list[Row]) -> str:
     """A line for each family."""
     groups: dict[str, list[Row]] = {}
     for row in rows:
-        # Problems that differ only in the seed have a line of their own.
+        # Problems that differ only in the seed share a separate line.
         kind = "" if row["seed"] is None else f": {row['kind']}"
         groups.setdefault(row["family"] + kind, []).append(row)
     lines = []
@@ -245,7 +245,7 @@ def counts(rows: list[Row]) -> str:
 
 
 def failures(rows: list[Row]) -> str:
-    """A line for each problem that was refused or wrong."""
+    """A line for each problem with refused or wrong runs."""
     failed = [row for row in rows if row["outcome"] in (REFUSED, MISSED, WRONG)]
     lines = []
     for key, group in grouped(failed, "family", "kind", "outcome").items():
@@ -263,7 +263,7 @@ def failures(rows: list[Row]) -> str:
                 message or "-",
             ]
         )
-    head = ["problem", "outcome", "in steps", "up to load factor", "because"]
+    head = ["problem", "outcome", "steps", "last load factor", "reason"]
     return markdown_table(head, lines)
 
 
@@ -277,7 +277,7 @@ def _median_solves(rows: Iterable[Row], steps: int) -> str:
 
 
 def in_words(rows: list[Row]) -> dict[str, str]:
-    """Counts of the outcomes, and how far off the right and the other ones are."""
+    """Counts of the outcomes, and differences of right and other runs."""
     by = {name: having(rows, outcome=kind) for kind, name in OUTCOMES.items()}
     resolved = [row for row in by["right"] if row["path_resolved"]]
     own = [row for row in by["right"] if row["corners_energy"]]
@@ -311,12 +311,12 @@ def _difference(row: Row) -> float:
 
 
 def _largest(shares: Iterable[float]) -> str:
-    """The largest share, in per cent with two digits."""
+    """The largest fraction in per cent, with two digits."""
     return percent(float(f"{max(shares, default=0.0):.2g}"), "g")
 
 
 def draw_outcomes(rows: Sequence[Row], file: File = None) -> Any:
-    """A bar for each family of problems, as long as its runs are many."""
+    """Draw a bar for each family of problems, with its numbers of runs."""
     families = {
         family: Counter(row["outcome"] for row in own)
         for family, own in grouped(rows, "family").items()
@@ -341,7 +341,7 @@ def draw_outcomes(rows: Sequence[Row], file: File = None) -> Any:
 
 
 class Stability(Study[Extreme]):
-    """Every problem in few and in many steps, each run with its outcome."""
+    """All problems in few and in many steps, with the outcome of each run."""
 
     parts = (
         Part(

@@ -76,13 +76,13 @@ def row(task, error, estimate, **more):
 def test_tables_count_what_passes():
     rows = [row("judges", 0.01, x) for x in (0.004, 0.006, 0.02, 0.04, None)]
     rows += [row("judges", 0.001, x) for x in (0.019, 0.021)]
-    assert "| judges | 2 of 5 | 1 of 2 |" in estimates(rows)
+    assert "| validation | 2 of 5 | 1 of 2 |" in estimates(rows)
     rows = [row("tolerance", *x) for x in ((0.009, 0.008), (-0.02, 0.005))]
     rows.append(row("tolerance", 0.02, 0.03, met=False))
     assert tolerances(rows).splitlines()[-1].endswith("| 2.00% | 3.00% | no |")
     angles = {"angle_error": 2.0, "angle_estimate": 2.6}
     told = factor([row("calibrates", 0.01, 0.02, carried=0.04, **angles)])
-    assert "| load over the share of the energy | 0.25 |" in told
+    assert "| load error over energy share | 0.25 |" in told
     found = {"uniform": [(100, 0.4), (400, 0.2)]}
     found |= {mesh: [(200, 0.1)] for mesh in MESHES}
     own = [

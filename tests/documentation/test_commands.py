@@ -111,7 +111,7 @@ def test_lines_that_no_longer_have_the_numbers_are_an_error():
         "force:, 1": 10.1,
         "force:, 2": -0.07,
     }
-    with pytest.raises(ValueError, match="no number follows 'force:'"):
+    with pytest.raises(ValueError, match="no number after 'force:'"):
         read(ROOT, "force: None")
 
 

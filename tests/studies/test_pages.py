@@ -100,7 +100,7 @@ def test_pages_that_say_what_the_data_say_pass(docs, capsys):
         ("page.md", "noise", "noise, 62 cases", "unmarked result '62 cases'"),
         ("page.md", "noise", "noise; 1415 are right", "unmarked result '1415'"),
         ("page.md", "noise", "noise, error = 7.9 %", "unmarked result '7.9 %'"),
-        ("page.md", "noise", "noise in 8 linear solves", "makes '8 linear solves'"),
+        ("page.md", "noise", "noise in 8 linear solves", "result '8 linear solves'"),
         ("page.md", ":width: 100%", ":alt: 3.1 mm", "unmarked result '3.1 mm'"),
         ("page.md", "5 %", "7 %", "lacks 'with 5 % of noise'"),
         ("page.md", ".largest", ".least", "unknown result squares.least"),

@@ -1,14 +1,13 @@
-"""Bias extension by E/G and distortion of the mesh, in this library and other codes.
+"""Bias extension against E/G and mesh distortion, in this library and other codes.
 
-A ply of 50 × 100 mm with its fibres at 45° is pulled until its middle has sheared by
-40°, with linear laws.  The nodes of its mesh are moved at random; seeds that invert an
-element of a code's mesh are passed over.  Each load is
-compared with the converged load at the same E/G, from quadratic triangles on graded
-meshes along the fibres.
+A ply of 50 × 100 mm with fibres at 45° and linear laws is stretched until the shear
+angle at its centre is 40°.  The nodes of its mesh are moved at random; seeds that
+invert an element are skipped.  Each load is compared with the converged load at the
+same E/G, from quadratic triangles on graded, fibre-aligned meshes.
 
-This library begins with one load step.  The other codes take plain Newton iterations
-in the smallest number of equal steps, out of 1 to 80, that ends on a stable, unfolded
-equilibrium; `soundness` judges every end.
+This library starts with one load step.  The other codes take plain Newton iterations in
+the smallest number of equal steps, out of 1 to 80, that gives a stable equilibrium
+without inverted elements.  `soundness` verifies all final states.
 """
 
 import argparse
@@ -42,51 +41,51 @@ from ...common.tables import markdown_table, percent, scientific
 from ...study import Part, Row, Study
 from ..soundness import is_sound
 
-#: Names in the column ``code``: this library, and converged loads.
+#: Entries ``code`` of this library and of converged loads.
 OURS, REFERENCE = "this library, macro-elements", "converged"
 
-#: Share of the converged load by which a load may differ and be right.
+#: Largest accepted relative load error.
 LIMIT = 0.05
 
-#: Outcomes of a cell: within `LIMIT` of the converged load, not within it, and without
-#: a stable, unfolded equilibrium on most of its meshes.
+#: Outcomes of a cell: error within `LIMIT`; larger error; no stable equilibrium without
+#: inverted elements on most meshes.
 RIGHT, OFF, NONE = "right", "off", "none"
 
-#: Ratios E/G, and the largest moves of nodes as shares of the spacing.
+#: Ratios E/G, and largest displacements of nodes relative to the spacing.
 RATIOS = (1e2, 1e4, 1e5, 1e6, 1e8, 1e10)
 DISTORTIONS = (0.0, 0.09, 0.18, 0.27, 0.36, 0.45)
 
-#: Number of meshes of a cell, unless its meshes are all the same.
+#: Number of meshes of a cell with distortion.
 MESHES = 3
 
-#: Shear stiffness in N/mm, and shear angle of the middle in degrees.
+#: Shear stiffness in N/mm, and shear angle at the centre in degrees.
 G, ANGLE = 0.5, 40.0
 
-#: Element edges across the ply, after macro-elements and quadratic triangles are split.
+#: Element edges across the ply, with split macro-elements and quadratic triangles.
 ACROSS = 16
 
-#: Other codes, each with the formulation of this library that has the same energy.
+#: Other codes, with the formulations of this library of the same energy.
 RIVALS: tuple[tuple[Rival, Formulation], ...] = (
     (FElupe(QUAD4), Full()),
     (Dolfinx(TRIANGLE6), Quadratic()),
 )
 
-# Ratios E/G up to which errors of this library are given in words.
+# Upper limits of E/G for the errors of this library in prose.
 _UP_TO = 1e4, 1e6, 1e8
 
-# Names of codes in the names of results.
+# Codes in the names of results.
 _SHORT = {OURS: "ours", "FElupe": "felupe", "DOLFINx": "dolfinx"}
 
-# Width and height of the figure in inches: as printed, 160 mm wide.
+# Width and height of the figure in inches, 160 mm in print.
 _SIZE = 6.3, 2.9
 
-# Loads over the converged load between which cells have one colour.
+# Bounds of the colours: load over converged load.
 _BOUNDS = (0.1, 1 - LIMIT, 1 + LIMIT, 2.0, 10.0, 100.0, 1e4, 1e8)
 _COLOURS = (
     *("#CC79A7", "#0072B2", "#fee391", "#fec44f", "#fe9929", "#cc4c02", "#662506"),
 )
 
-# Colour of cells without a result, and of numbers on dark and on light cells.
+# Colours of cells without a result, and of numbers on dark and light cells.
 _NO_RESULT, _ON_DARK, _ON_LIGHT = "#d9d9d9", "white", "black"
 
 # Luminance below which a cell is dark.
@@ -95,7 +94,7 @@ _DARK = 0.5
 
 @dataclass(frozen=True)
 class Reference:
-    """The converged load at E/G: that of the study of angles with linear laws."""
+    """The converged load at E/G, from the study of angles with linear laws."""
 
     ratio: float
     code: ClassVar[str] = REFERENCE
@@ -104,7 +103,7 @@ class Reference:
         return f"{REFERENCE}, E/G = {self.ratio:.0e}"
 
     def rows(self) -> list[Row]:
-        """The load over that of fibres that do not stretch."""
+        """Ratio of the load to the inextensible load."""
         *_, row = Specimen(45.0, "linear", self.ratio).converged()
         shares = {name: row[name] for name in ("load", "halving", "apart")}
         return [{"code": self.code, "ratio": self.ratio, **shares}]
@@ -123,7 +122,7 @@ class Ours:
         return _name(self)
 
     def rows(self) -> list[Row]:
-        """Load, linear solves with those of abandoned steps, and soundness."""
+        """Load, linear solves including abandoned steps, and soundness."""
         scene = _scene("irregular", ACROSS // 2, self.distortion, self.seed)
         ply = _ply(scene, self.ratio, Macro())
         result, note = run(LoadStepper(ply, scene.conditions, 1))
@@ -158,7 +157,7 @@ class Theirs:
         return _name(self)
 
     def rows(self) -> list[Row]:
-        """Load, linear solves and soundness of the run with the fewest steps."""
+        """Load, linear solves and soundness of the run with fewest steps."""
         return [_head(self) | self._run()]
 
     def _run(self) -> Row:
@@ -201,14 +200,14 @@ def _head(case: Ours | Theirs) -> Row:
 
 
 def mesh_of(rival: Rival) -> tuple[str, int]:
-    """Kind of the mesh, and number of spacings across the ply."""
+    """Kind of mesh, and number of spacings across the ply."""
     kind = {"quads": "irregular", "triangles": "delaunay"}[rival.shape.mesh]
     return kind, ACROSS // rival.shape.parts
 
 
 @cache
 def seeds(kind: str, across: int, distortion: float) -> tuple[int, ...]:
-    """The first seeds that invert no element; one if all meshes are the same."""
+    """The first seeds without inverted elements; one seed if meshes are regular."""
     return tuple(islice(_valid(kind, across, distortion), MESHES if distortion else 1))
 
 
@@ -231,20 +230,20 @@ def _ply(scene: Scene, ratio: float, formulation: Formulation) -> Ply:
 
 
 def _load(scene: Scene, reaction: np.ndarray) -> float:
-    """The load over that of fibres that do not stretch."""
+    """Ratio of the load to the inextensible load."""
     assert scene.load is not None
     return float(reaction[1] / scene.load(Linear(G), 1.0))
 
 
 class Cell(NamedTuple):
-    """Medians over the meshes that differ in their seeds.
+    """Medians over meshes with different seeds.
 
     Attributes
     ----------
     load
-        Load over the converged load; None where most meshes have no result.
+        Load over converged load; None if most meshes have no result.
     worst
-        The load that is farthest from the converged load.
+        The load with the largest error.
     solves
         Linear solves.
     """
@@ -266,7 +265,7 @@ Cells: TypeAlias = dict[str, dict[tuple[float, float], Cell]]
 
 
 def cells(rows: Sequence[Row]) -> Cells:
-    """The cells of every code; those without a converged load are left out."""
+    """The cells of all codes, except cells without a converged load."""
     converged = {r["ratio"]: r["load"] for r in rows if r["code"] == REFERENCE}
     groups: dict[str, dict[tuple[float, float], list[Row]]] = {}
     for row in rows:
@@ -289,7 +288,7 @@ def _cell(rows: list[Row], converged: float) -> Cell:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """A line for each code and E/G: loads over the converged load, and solves."""
+    """A line for each code and E/G: loads over converged load, and solves."""
     lines, every = [], cells(rows)
     distortions = sorted({at[1] for of_code in every.values() for at in of_code})
     for code, of_code in every.items():
@@ -308,7 +307,7 @@ def _in_table(cell: Cell) -> str:
 
 
 def times(ratio: float) -> str:
-    """A ratio with two or three digits, as a power of ten from 10⁴ on.
+    """A ratio with two or three digits; in scientific notation from 10⁴ on.
 
     Examples
     --------
@@ -323,8 +322,8 @@ def times(ratio: float) -> str:
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
     """Counts of outcomes and the largest load of each code, and errors of this library.
 
-    ``ours_median_to_1e6`` is the largest error of a median up to E/G = 10⁶, and
-    ``ours_worst_to_1e6`` that of a single mesh.
+    ``ours_median_to_1e6`` is the largest error of a median up to E/G = 10⁶,
+    ``ours_worst_to_1e6`` the largest error of a single mesh.
     """
     words, every = {}, cells(rows)
     for code, of_code in every.items():
@@ -350,13 +349,13 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def _largest_error(loads: Iterable[float | None]) -> str:
-    """The largest error of loads over the converged load, in per cent."""
+    """The largest load error in per cent."""
     errors = (abs(load - 1) for load in loads if load is not None)
     return percent(max(errors, default=0.0), ".1f")
 
 
 def draw_grid(cells: Cells, file: File = None) -> Any:
-    """A panel for each code; the colour is the load, the number the linear solves."""
+    """Draw a panel for each code: colours are loads, numbers are linear solves."""
     import matplotlib as mpl
     from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
 
@@ -397,7 +396,7 @@ def draw_grid(cells: Cells, file: File = None) -> Any:
 
 
 class Grid(Study[Case]):
-    """Every code at every E/G and distortion."""
+    """All codes at all E/G and distortions."""
 
     parts = (
         Part(
@@ -413,7 +412,7 @@ class Grid(Study[Case]):
     sample = f"{OURS}, E/G = 1e+05, 0.45, seed 1"
 
     def cases(self, options: argparse.Namespace) -> list[Case]:
-        """The references first."""
+        """References, then this library, then other codes."""
         cells = list(product(RATIOS, DISTORTIONS))
         ours = [
             Ours(ratio, distortion, seed)
@@ -431,7 +430,7 @@ class Grid(Study[Case]):
 
     @errors_only()
     def examine(self, case: Case) -> list[Row]:
-        """Run one case; loads are shares of the load of fibres that do not stretch."""
+        """Run one case; loads are relative to the inextensible load."""
         return case.rows()
 
     def line(self, rows: list[Row]) -> str:
