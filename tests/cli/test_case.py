@@ -117,7 +117,7 @@ def test_a_run_takes_half_of_a_bias_extension_and_its_fibres(tmp_path):
     ("scene", "options", "message"),
     [
         ("trellis", ("--free", "lid"), "argument --free: invalid choice: 'lid'"),
-        ("trellis", ("--roller", "left"), "'left' is not like top=0,40"),
+        ("trellis", ("--roller", "left"), "'left' is not of the form top=0,40"),
         (
             "trellis",
             ("--roller", "left=up"),
@@ -126,7 +126,7 @@ def test_a_run_takes_half_of_a_bias_extension_and_its_fibres(tmp_path):
         (
             "trellis",
             ("--roller", "lid=3"),
-            "scene.roller_deg is 'lid', which is none of top, right",
+            "scene.roller_deg is 'lid'; expected one of top, right",
         ),
         (
             "trellis",
@@ -395,7 +395,7 @@ def test_what_quadratic_triangles_cannot_be_made_of_is_refused(tmp_path, capsys)
     out = str(tmp_path / "out")
     command = ("run", "strip", "--out", out, "--formulation", "quadratic")
     said = refused(capsys, *command, "--mesh", mesh)
-    assert "with both triangles and quadrilaterals is: give one of either" in said
+    assert "with both triangles and quadrilaterals: use a mesh of" in said
     assert not (tmp_path / "out").exists()
 
 
@@ -405,7 +405,7 @@ def test_options_of_a_mesh_to_make_are_refused_beside_a_file(tmp_path, capsys, o
     said = refused(
         capsys, "run", "strip", *out, "--mesh", str(MESH), "--set", f"mesh.{option}"
     )
-    assert f"mesh.{option.partition('=')[0]} is of a mesh to make" in said
+    assert f"mesh.{option.partition('=')[0]} applies to a generated mesh" in said
     assert list(tmp_path.iterdir()) == []
 
 

@@ -51,7 +51,7 @@ def test_a_run_with_the_scenes_own_directions_and_laws_from_files_is_the_same(
     assert found["reaction_y"] == pytest.approx(plain["reaction_y"], rel=1e-9)
     assert "load_over_exact" in plain
     assert "load_over_exact" not in found
-    assert "fibre directions are those of" in found["exact_answer"]
+    assert "fibre directions are read from" in found["exact_answer"]
 
 
 def test_directions_turn_with_the_problem(tmp_path, mesh):
@@ -121,7 +121,7 @@ def test_a_run_tells_that_directions_of_a_fabric_are_not_taken(
     line = ["--mesh", mesh, "--fabric", cloth]
     line += ["--set", "fabric.thickness_mm=0.3"] if suffix == ".inp" else []
     run(tmp_path / "scenes", *line)
-    said = f"{cloth}: its fibre directions are not taken, the scene's are: "
+    said = f"{cloth}: its fibre directions are ignored; they are from the scene: "
     assert said in caplog.text
     caplog.clear()
     run(tmp_path / "own", *line, "--directions", mesh)
@@ -144,7 +144,7 @@ def test_a_fabric_without_directions_or_with_those_of_the_scene_tells_nothing(
         "fabric.thickness_mm=0.3",
     )
     run(tmp_path / "same", *line, tmp_path / "same.json")
-    assert "directions are not taken" not in caplog.text
+    assert "directions are ignored" not in caplog.text
 
 
 @pytest.mark.parametrize(

@@ -94,7 +94,7 @@ def test_a_fabric_tells_what_no_test_told(tmp_path, capsys):
     data = list(curves(tmp_path, BiasExtension(100.0, 200.0), n=1))
     shear = "bias-extension", *data, *SIZES, "--no-render", "--out", tmp_path / "o"
     assert fit(*shear) == 0
-    said = "fibres of fabric.json have 100000 N/mm, which no test told"
+    said = "fibres of fabric.json have 100000 N/mm by default"
     assert said in capsys.readouterr().out
     assert fit(*shear, "--fibre-stiffness", 2e4) == 0
     assert said not in capsys.readouterr().out

@@ -160,13 +160,13 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
     [
         (
             ("--shear-law", "sin"),
-            "shear.law is 'sin', which is none of linear, sin2, FILE.csv",
+            "shear.law is 'sin'; expected one of linear, sin2, FILE.csv",
         ),
         (("--shear-law", "no.csv"), "shear.law no.csv: no such file"),
         (("--shear-law", "FILE.csv"), "shear.law FILE.csv: no such file"),
         (
             ("--tension-law", "sin2"),
-            "'sin2', which is none of linear, FILE.csv, crimp-toe, crimp-interchange",
+            "'sin2'; expected one of linear, FILE.csv, crimp-toe, crimp-interchange",
         ),
         (CRIMPED, "tension.warp_crimp is missing"),
         (
@@ -191,7 +191,7 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
         ),
         (
             ("--shear-law", "crimp-interchange"),
-            "'crimp-interchange', which is none of linear, sin2",
+            "'crimp-interchange'; expected one of linear, sin2",
         ),
         (("--shear-law", "locking"), "shear.locking_angle_deg is missing"),
         (
@@ -229,7 +229,7 @@ def test_a_file_that_is_no_table_of_the_law_is_refused(tmp_path, capsys):
     out = ("--out", str(tmp_path / "out"))
     file = written(tmp_path, "law.csv", TENSION + "0,0\n0.2,1\n0.1,2\n")
     said = refused(capsys, "run", "strip", *QUICK, *out, "--tension-law", file)
-    assert "law.csv, row 4: 0.1 comes after 0.2" in said
+    assert "row 4: 0.1 follows 0.2" in said
     said = refused(capsys, "run", "strip", *QUICK, *out, "--shear-law", file)
     assert "law.csv, row 1: the header must be like 'shear angle (deg)" in said
     more = ("--tension-law", file, "--fibre-stiffness", "3")

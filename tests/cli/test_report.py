@@ -135,17 +135,17 @@ def test_a_run_that_stopped_early_says_so(results, tmp_path):
     assert "The run stopped at load factor 0.25." in page.text
     assert "not applied: the run stopped early" in page.text
     assert "script" not in page.tags
-    assert "The folder holds no case.toml." in page.text
-    assert "The folder holds no curve.csv." in page.text
+    assert "The folder contains no case.toml." in page.text
+    assert "The folder contains no curve.csv." in page.text
 
 
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("summary.json", "{", "summary.json is damaged: it is no summary of a run"),
+        ("summary.json", "{", "is damaged: it is not a summary of a run"),
         ("summary.json", "[1]", "summary.json is damaged"),
-        ("summary.json", None, "holds no results, no summary.json"),
-        ("case.toml", "x", "case.toml is damaged: it is no case"),
+        ("summary.json", None, "contains no results, no summary.json"),
+        ("case.toml", "x", "is damaged: it is not a case"),
         ("case.toml", NO_CURVE, "no.csv"),
         ("curve.csv", "x", "curve.csv, row 1: the first row must name columns"),
     ],
@@ -163,7 +163,7 @@ def test_damaged_results_are_refused(results, tmp_path, capsys, name, content, m
 
 
 def test_a_folder_without_results_is_not_made(tmp_path, capsys):
-    assert "holds no results" in refused(capsys, "report", str(tmp_path / "no"))
+    assert "contains no results" in refused(capsys, "report", str(tmp_path / "no"))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -223,7 +223,7 @@ def test_the_curve_of_a_run_is_such_a_curve(tmp_path):
         ("angle (deg),force (N)\n0,0\n1,one\n", "row 3: '1,one' lacks a finite"),
         ("angle (deg),force (N)\n0,0\n1,inf\n", "row 3: '1,inf' lacks a finite"),
         ("angle (deg),force (N)\n0,0\n1\n", "row 3: '1' lacks a finite number"),
-        ("\0\xff", "no CSV file in UTF-8"),
+        ("\0\xff", "not a CSV file in UTF-8"),
     ],
 )
 def test_a_file_that_is_no_curve_is_refused_before_a_run(

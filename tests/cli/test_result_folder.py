@@ -54,7 +54,7 @@ def test_what_stands_in_the_way_is_refused_at_once(tmp_path):
     for path, message in [
         (tmp_path, "summary.json is a folder"),
         (tmp_path / "file", "cannot write results to .*file"),
-        (tmp_path / "ours", "fields is no folder"),
+        (tmp_path / "ours", "is not a folder"),
     ]:
         with pytest.raises(OSError, match=message):
             ResultFolder(path, NAMES)

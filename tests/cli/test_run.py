@@ -96,7 +96,7 @@ def test_an_interrupted_run_leaves_its_last_state_and_is_resumed(
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert "interrupted; the state at load factor 0.333333 is written" in said
-    assert "--resume goes on" in said
+    assert "--resume continues from" in said
     summary = json.loads((out / "summary.json").read_text())
     assert summary["load_factor"] == pytest.approx(1 / 3)
     assert (out / "history.csv").read_text() == "".join(
@@ -302,11 +302,11 @@ def run_to_tolerance(tmp_path, *options):
             ("--tolerance", "0.1", "--set", "stepping.most_unknowns=10"),
             "more than the 10",
         ),
-        (("--tolerance", "0.1", "--checkpoint"), "cannot have a checkpoint"),
+        (("--tolerance", "0.1", "--checkpoint"), "does not support checkpoints"),
         (("--tolerance", "much"), "--tolerance"),
         (
             ("--set", "stepping.most_unknowns=5000"),
-            "stepping.most_unknowns goes with stepping.tolerance",
+            "stepping.most_unknowns requires stepping.tolerance",
         ),
     ],
 )

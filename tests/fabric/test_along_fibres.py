@@ -229,7 +229,7 @@ def test_outlines_and_fibres_that_do_not_fit_are_refused():
     for outline, message in (
         (dart, "the outline is not convex: mesh its convex parts"),
         (SQUARE[:, [0, 2, 1, 3]], "the outline"),
-        (SQUARE[:, [0, 0, 1, 2]], "two corners at one place"),
+        (SQUARE[:, [0, 0, 1, 2]], "two coincident corners"),
         (SQUARE * [[1.0], [0.0]], "no area"),
         (SQUARE[:, :2], r"shape \(2, n\), n >= 3, not \(2, 2\)"),
         (SQUARE * np.nan, "not finite"),

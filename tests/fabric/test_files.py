@@ -60,7 +60,7 @@ SHEAR_HEADER = "shear angle (deg),moment (N mm/mm2)\n"
     ("text", "message"),
     [
         ("", "law.csv: the file is empty"),
-        (b"\xff\xfe", "law.csv: no CSV file in UTF-8"),
+        (b"\xff\xfe", "not a CSV file in UTF-8"),
         ("0,0\n1,1\n", "row 1: the header must be like 'shear angle .*, got '0,0'"),
         ("shear angle,moment\n0,0\n1,1", "row 1: the header must be like"),
         ("shear angle (grad),moment (N/mm)\n0,0\n1,1", "row 1: the header must be"),
@@ -74,11 +74,11 @@ SHEAR_HEADER = "shear angle (deg),moment (N mm/mm2)\n"
         (SHEAR_HEADER + "0,0\n\n1,inf\n", "row 4: 1, inf are not finite numbers"),
         (
             SHEAR_HEADER + "0,0\n\n2,1\n1,2",
-            "row 5: 1 comes after 2; the first column must",
+            "row 5: 1 follows 2; the first column must",
         ),
         (
             SHEAR_HEADER + "1,0\n2,1\n",
-            "law.csv: the table goes from 0.0174533 to .* leaves",
+            "law.csv: the table goes from 0.0174533 to .* excludes 0",
         ),
     ],
 )
@@ -168,7 +168,7 @@ def is_law(one):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("{", "no JSON"),
+        ("{", "not JSON"),
         ("[]", "an object with the 'kind' of a law"),
         ("3", "an object with the 'kind' of a law"),
         ('{"kind": "AlongCurve", "points": [[0, 1], [0, 1]]}', "with the 'kind' of a"),
@@ -177,7 +177,7 @@ def is_law(one):
             '{"kind": "Sin2", "stiffness": 1, "angle": 2}',
             "Sin2 has no parameter 'angle'",
         ),
-        ('{"kind": "Sin2"}', "Sin2 needs the parameter 'stiffness'"),
+        ('{"kind": "Sin2"}', "Sin2 requires the parameter 'stiffness'"),
         ('{"kind": "Sin2", "stiffness": -1}', "stiffness must be"),
     ],
 )

@@ -159,11 +159,11 @@ WRONG = {
     ),
     "a number": (
         linear(tangent=lambda x: E),
-        "warp law, tangent: must give an array of the shape of its argument, not float",
+        "warp law, tangent: must return an array of the shape of its argument",
     ),
     "a scalar of numpy": (
         linear(value=lambda x: np.float64(E)),
-        "warp law, value: must give an array of the shape of its argument, not float64",
+        "warp law, value: must return an array .* argument, not float64",
     ),
     "nothing": (linear(energy=lambda x: None), "energy: .* not NoneType"),
     "a list": (linear(value=lambda x: list(E * x)), "value: .* not list"),
@@ -177,11 +177,11 @@ WRONG = {
     ),
     "complex": (
         linear(value=lambda x: E * x + 0j),
-        "warp law, value: must give real numbers, not complex128",
+        "warp law, value: must return real numbers, not complex128",
     ),
     "text": (
         linear(value=lambda x: np.full(x.shape, "a")),
-        "warp law, value: must give real numbers, not <U1",
+        "warp law, value: must return real numbers, not <U1",
     ),
     "for numbers alone": (
         linear(value=lambda x: math.sinh(x)),
@@ -193,7 +193,7 @@ WRONG = {
     ),
     "changes its argument": (
         linear(value=lambda x: np.multiply(x, E, out=x)),
-        "warp law, value: must not change its argument",
+        "warp law, value: must not modify its argument",
     ),
     "a part that is no function": (
         linear(energy=3.0),

@@ -351,16 +351,16 @@ REFUSED = {
     ),
     "falling": (
         lambda: Tabulated([0.0, 0.2, 0.1], [0.0, 1.0, 2.0]),
-        "point 3: 0.1 comes after 0.2; the first column must increase",
+        "point 3: 0.1 follows 0.2; the first column must increase",
     ),
-    "twice": (lambda: Tabulated([0, 0.1, 0.1], [0, 1, 2]), "point 3: 0.1 comes after"),
+    "twice": (lambda: Tabulated([0, 0.1, 0.1], [0, 1, 2]), "point 3: 0.1 follows"),
     "not finite": (
         lambda: Tabulated([0.0, 0.1], [0.0, np.nan]),
         "point 2: 0.1, nan are not finite numbers",
     ),
     "of two lengths": (
         lambda: Tabulated([0.0, 0.1], [0.0]),
-        r"two rows of as many numbers, got shapes \(2,\) and \(1,\)",
+        r"the same number of values, got shapes \(2,\) and \(1,\)",
     ),
     "text": (lambda: Tabulated("ab", [0.0]), "arguments must be real numbers"),
     "another extrapolation": (
@@ -369,19 +369,19 @@ REFUSED = {
     ),
     "odd of both signs": (
         lambda: Tabulated([-1, 1], [0, 1], odd=True),
-        "an odd law is given for arguments >= 0 and .* but point 1 is -1, 0",
+        "an odd law is defined for arguments >= 0 and.* but point 1 is -1, 0",
     ),
     "odd with a jump": (
         lambda: Tabulated([0, 1], [0.5, 1], odd=True),
-        "vanishes at 0, but point 1 is 0, 0.5",
+        "and is zero at 0, but point 1 is 0, 0.5",
     ),
     "without rest": (
         lambda: Tabulated([0.1, 1], [0.5, 1]),
-        "the table goes from 0.1 to 1 and leaves out 0, where the ply is at rest",
+        "the table goes from 0.1 to 1 and excludes 0, the state at rest:",
     ),
     "too steep": (
         lambda: Tabulated([0, 1e-300], [0, 1e300]),
-        "the table rises faster than numbers go",
+        "the table overflows",
     ),
     "no coefficient": (lambda: Polynomial(()), "coefficients must be finite numbers"),
     "one that is none": (lambda: Polynomial((1, "a")), "coefficients must be finite"),
@@ -404,15 +404,15 @@ REFUSED = {
     ),
     "force at rest": (
         lambda: TensionOnly(Pretensioned(Linear(1e3), 3.0)),
-        "law must vanish at rest, but is 3 N/mm there",
+        "law must be zero at rest, but is 3 N/mm there",
     ),
     "wider than the law": (
         lambda: TensionOnly(Tabulated([0, 0.01], [0, 1]), 0.02),
-        "law must hold from 0 to the switch at 0.02, but its domain is 0 to 0.01",
+        "law must be defined from 0 to the switch at 0.02, but its domain is 0 to 0.01",
     ),
     "compression without a law": (
         lambda: Asymmetric(Linear(1.0), Tabulated([0, 0.01], [0, 1])),
-        "compression must hold from 0 to the switch at -0.0001",
+        "compression must be defined from 0 to the switch at -0.0001,",
     ),
     "no law": (
         lambda: TensionOnly(3.0),
@@ -420,7 +420,7 @@ REFUSED = {
     ),
     "by element": (
         lambda: TensionOnly(Linear(np.ones(3))),
-        "law must be the same law in every element; give each subdomain a fabric",
+        "law must be uniform over the elements; define a fabric",
     ),
     "a tension out of reach": (
         lambda: Pretensioned(Tabulated([0, 0.01], [0, 2]), 3.0),

@@ -148,7 +148,7 @@ def test_a_scene_has_no_exact_load_for_several_laws():
 @pytest.mark.parametrize(
     ("fabric", "complaint"),
     [
-        ({"left": LEFT}, "are in no subdomain that has a fabric"),
+        ({"left": LEFT}, "are not in any subdomain with a fabric"),
         ({"left": LEFT, "rigth": RIGHT}, "no subdomain 'rigth'"),
         ({"left": LEFT, "right": 1e4}, "'right' needs a Fabric"),
         (Fabric(np.ones(7)), "7 values for 30 elements; give one value per element"),

@@ -151,7 +151,7 @@ def test_each_section_has_its_own_orientation_and_yarns_need_not_be_square(tmp_p
         (
             "*ORIENTATION, NAME=A\n1,0,0,0,1,0\n3,0\n"
             "*SHELL SECTION, ELSET=LAST, ORIENTATION=A\n1\n",
-            "element 11 is in no section",
+            "element 11 is not in a section",
         ),
         (
             "*ORIENTATION, NAME=A\n1,0,0,0,1,0\n3,D\n*DISTRIBUTION TABLE, NAME=T\n"

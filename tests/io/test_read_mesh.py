@@ -134,7 +134,7 @@ def test_triangles_are_read_as_they_are(tmp_path):
 @pytest.mark.parametrize(
     ("cells", "message"),
     [
-        ([("triangle", TRIANGLES + 1)], r"2 triangle.* name a node that is not there"),
+        ([("triangle", TRIANGLES + 1)], r"2 triangle.* refer to an undefined node"),
         ([("triangle", TRIANGLES[:2])], r"2 node.*belong to no triangle.*: 2, 5"),
     ],
 )
@@ -154,7 +154,7 @@ def test_node_sets_of_triangles_become_boundaries(tmp_path):
     ("cells", "points", "message"),
     [
         ({"triangle": [[0, 1, 4]]}, POINTS, "node.*belong to no triangle.*: 2, 3"),
-        ({"triangle": [[0, 1, 9]]}, POINTS, "nodes 0 to 5 only"),
+        ({"triangle": [[0, 1, 9]]}, POINTS, "node numbers range from 0 to 5"),
         ({"triangle": [[0, 1, 2]]}, POINTS[:3], "inverted or degenerate"),
         (
             [("quad", QUADS[:1]), ("tetra", [[1, 2, 5, 3]])],
@@ -169,7 +169,7 @@ def test_node_sets_of_triangles_become_boundaries(tmp_path):
             "plane z = const",
         ),
         ({"line": [[0, 1]]}, POINTS, "found none"),
-        ({"quad": QUADS + 1}, POINTS, r"1 quad.* name a node that is not there .*: 1"),
+        ({"quad": QUADS + 1}, POINTS, r"1 quad.* refer to an undefined node .*: 1"),
     ],
     ids=[
         *("unused corner", "triangle index", "flat triangle", "solids"),
