@@ -38,7 +38,7 @@ def test_exchanged_crimp_contradicts_laws_of_one_strain_and_is_found():
     law = CrimpInterchange((2e3, 1.5e3), (0.01, 0.015), 5.0, 2e-3, 0.15)
     curves = pulls(law, noise=0.01)
     alone = tension_report(fit_tension(curves))
-    assert "take crimp-interchange" in " ".join(alone["warp"]["notes"])
+    assert "use crimp-interchange" in " ".join(alone["warp"]["notes"])
     both = fit_tension(curves, "crimp-interchange")
     for curve in curves:
         low, high = both.band(curve)
@@ -73,7 +73,7 @@ def test_what_is_no_biaxial_test_is_refused(tmp_path):
     with pytest.raises(ValueError, match="no column 'weft strain'"):
         read_biaxial(file, (1.0, 1.0))
     curves = pulls(CrimpInterchange(2e3, 0.01, 5.0, 2e-3, 0.15))
-    with pytest.raises(ValueError, match="is none of crimp-toe"):
+    with pytest.raises(ValueError, match="must be one of crimp-toe"):
         fit_tension(curves, "sin2")
     still = [BiaxialCurve("one", np.zeros((2, 9)), np.zeros((2, 9)), (1.0, 1.0))]
     with pytest.raises(ValueError, match="no test stretches the warp"):

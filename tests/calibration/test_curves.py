@@ -159,24 +159,24 @@ def test_strains_in_another_unit_are_told():
     strain = np.log1p(np.tile(np.linspace(0.05, 2.0, 40), (2, 1)))
     pull = BiaxialCurve("pull", strain, 1e3 * strain, (100.0, 100.0))
     said = tension_report(fit_tension([pull], "linear"))["warp"]["notes"]
-    assert "pull, warp: strains go up to 200 %: look at their unit" in said
+    assert "pull, warp: strains reach 200 %: check their unit" in said
 
 
 def test_forces_in_equal_steps_are_told():
     moved, _, force = curve(BIAS, SOFTENING)
     scale = moved[-1] / force[-1]
-    assert "look whether the columns are swapped" in notes(force * scale, moved / scale)
+    assert "check whether the columns are swapped" in notes(force * scale, moved / scale)
 
 
 def test_units_of_the_other_column_are_refused(tmp_path):
     file = tmp_path / "swapped.csv"
     file.write_text("displacement (N),force (mm)\n1,2\n")
-    with pytest.raises(ValueError, match="look whether columns are swapped"):
+    with pytest.raises(ValueError, match="whether columns are swapped"):
         read_curve(file)
 
 
 def test_unloading_alone_is_told():
     moved, _, force = curve(BIAS, SOFTENING)
     said = notes(moved[::-1], force[::-1])
-    assert "the test only goes back" in said
+    assert "the displacement only decreases" in said
     assert "back and forth" not in said

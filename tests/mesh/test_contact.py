@@ -58,10 +58,10 @@ def moved(mesh, x, y, scale=1.0):
 COARSE = rectangle(4, 4, (3, 3), "aligned")
 TRIANGLES = cut(SHEET)
 ON_TOP = "lie on top of others, edge on edge; keep one layer: 0"
-CROSS = "overlap others that are no neighbours; the boundary crosses itself"
-INSIDE = "overlap others that are no neighbours; one piece of the mesh lies in another"
-HANG = r"lie on an edge of which they are no end.*: "
-DOUBLED = r"lie at the place of others; merge them.*: "
+CROSS = "overlap others that are not neighbours; the boundary crosses itself"
+INSIDE = "overlap others that are not neighbours; one part of the mesh lies in another"
+HANG = "lie in the interior of an edge.*: "
+DOUBLED = "coincide with others; merge them.*: "
 
 REFUSED = {
     "two layers": (together(SHEET, SHEET), ON_TOP),
@@ -163,8 +163,8 @@ def test_large_meshes_are_checked_in_a_fraction_of_a_second():
         (MeshQuad([[0.0, 1, np.nan, 0], [0, 0, 1, 1]]), r"1 node.* not finite: 2"),
         (MeshQuad([[0.0, np.inf, 1, 0], [0, 0, 1, 1]]), r"1 node.* not finite: 1"),
         (MeshQuad([[0.0, 1e200, 1, 0], [0, 0, 1, 1]]), r"further than 1e\+100.*: 1"),
-        (MeshQuad(SHEET.p, SHEET.t - 1), r"1 quad.* name a node that is not there: 0"),
-        (MeshQuad(SHEET.p, SHEET.t + 1), r"1 quad.* name a node that is not .*: 15"),
+        (MeshQuad(SHEET.p, SHEET.t - 1), r"1 quad.* refer to an undefined node: 0"),
+        (MeshQuad(SHEET.p, SHEET.t + 1), r"1 quad.* refer to an undefined.*: 15"),
         (SHEET.with_boundaries({"a\n": np.array([99])}), r"'a\\n': its numbers must"),
         (SHEET.with_boundaries({"b": np.array([-1])}), "boundary 'b': .* from 0 to 39"),
     ],
