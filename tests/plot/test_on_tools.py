@@ -95,7 +95,7 @@ def test_quadratic_triangles_on_a_tool_are_drawn_with_their_pressure(
 
 
 def test_what_is_on_no_tool_is_not_drawn_as_draped():
-    with pytest.raises(ValueError, match="a ply is on no tool"):
+    with pytest.raises(ValueError, match="a ply is not on a tool"):
         plot.draped(result_of(strip(size=(2, 3))))
 
 
@@ -150,7 +150,7 @@ def test_a_shallow_tool_is_seen_from_lower_down():
 def test_a_state_is_told_how_to_become_a_result(draped):
     with pytest.raises(ValueError, match=r"of a state .* give Result\.of_state\(ply"):
         plot.draped(draped.states[-1])
-    with pytest.raises(ValueError, match="a picture is of a Result, not of a None"):
+    with pytest.raises(ValueError, match="pictures require a Result, not a NoneType"):
         plot.shear_angle(None)
 
 

@@ -165,7 +165,7 @@ def test_a_picture_is_a_png_under_the_name_it_is_given(results, tmp_path, name):
     plot.shear_angle(results[0], filename=tmp_path / name)
     assert (tmp_path / name).read_bytes()[1:4] == b"PNG"
     assert [p.name for p in tmp_path.iterdir()] == [name]
-    with pytest.raises(FileNotFoundError, match="there is no folder"):
+    with pytest.raises(FileNotFoundError, match="no such folder"):
         plot.shear_angle(results[0], filename=tmp_path / "nowhere" / "x.png")
 
 
@@ -287,7 +287,7 @@ def test_a_picture_of_one_result_names_what_it_shows_with_its_unit(
 
 
 def test_titles_must_match(results):
-    with pytest.raises(ValueError, match="2 results need as many titles: 1"):
+    with pytest.raises(ValueError, match="2 results require as many titles: 1"):
         plot.fibre_strain(*results, titles=["one"])
     with pytest.raises(ValueError, match="at least one result"):
         plot.shear_angle()

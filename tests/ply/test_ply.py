@@ -137,7 +137,7 @@ CENTRE_NODE = int(np.argmin(np.abs(SQUARES.p - 0.5).sum(axis=0)))
                 np.array([[0, 1, 1, 0, 0.3, 0.3], [0, 0, 1, 1, 1, 0.0]]),
                 np.array([[0, 1, 2, 3], [3, 0, 5, 4]]).T,
             ),
-            r"2 quadrilateral\(s\) lie on top of a neighbour: 0, 1",
+            r"2 quadrilateral\(s\) overlap a neighbour: 0, 1",
         ),
         (
             MeshQuad(SQUARES.p, np.hstack([SQUARES.t, SQUARES.t[:, :1]])),

@@ -105,7 +105,7 @@ def test_conditions_take_the_middles_of_edges():
     ("where", "message"),
     [
         (SQUARES.p[1] == 0, "true or false for each of the 81 of ply.nodes"),
-        ([0, 81], "there are nodes 0 to 80 only"),
+        ([0, 81], "node numbers range from 0 to 80 only"),
     ],
 )
 def test_conditions_on_other_nodes_are_refused(where, message):
@@ -166,14 +166,14 @@ TWO = np.array([[0, 1, 0, 0.2], [0, 0, 1, 0.2]])
 @pytest.mark.parametrize(
     ("mesh", "message"),
     [
-        (split(MeshQuad()), "quadratic triangles take no mesh that was split"),
+        (split(MeshQuad()), "quadratic triangles do not accept a split mesh"),
         (MeshTri2(), "a skfem.MeshTri with straight edges, not MeshTri2$"),
         (moved(5, np.nan), r"1 node\(s\) not finite: 5"),
-        (moved(12, 0.6), r"triangle\(s\) lie on top of a neighbour"),
+        (moved(12, 0.6), r"triangle\(s\) overlap a neighbour"),
         (MeshTri(TWO[:, [0, 1, 1]], [[0], [1], [2]]), "inverted or degenerate: 0"),
         (MeshTri([[0, 1, 3], [0, 1, 3.0]], [[0], [1], [2]]), "degenerate: 0"),
         (MeshTri(TWO, [[0], [1], [2]]), r"1 node.* belong to no triangle.*: 3"),
-        (MeshTri(TWO, [[0, 0], [1, 1], [2, 3]]), r"2 triangle.* on top.*: 0, 1"),
+        (MeshTri(TWO, [[0, 0], [1, 1], [2, 3]]), r"2 triangle.* overlap .*: 0, 1"),
         (MeshTri(TWO, [[0] * 3, [1] * 3, [2, 3, 2]]), "share an edge with more than"),
         (MeshTri(TWO, [[0], [1], [4]]), "name a node that is not there: 0"),
     ],

@@ -197,7 +197,7 @@ def test_what_cannot_be_refined_is_refused():
     assert refine(Ply(cut(quads), fabric), [0]).ply.users_mesh.nelements > 12
     ply = Ply(sheet(), fabric)
     springs = MatrixTerm("springs", ply.tangent(ply.basis.zeros()))
-    with pytest.raises(ValueError, match="term 'springs' is of the mesh"):
+    with pytest.raises(ValueError, match="term 'springs' is tied to the mesh"):
         refine(ply.with_terms(springs), [0])
 
 

@@ -264,7 +264,7 @@ def test_a_ply_has_two_dimensions_or_three(dimension):
 
 @pytest.mark.parametrize("kind", ["rate", "continuity"])
 def test_stabilisations_of_the_plane_are_refused_in_space(kind):
-    with pytest.raises(ValueError, match=f"kind {kind} is of a ply in the plane"):
+    with pytest.raises(ValueError, match=f"kind {kind} is for a ply in the plane"):
         Ply(MeshQuad().refined(1), Fabric(), OnePoint(1.0, kind), dimension=3)
 
 
@@ -432,7 +432,7 @@ def test_a_creased_state_is_refused_unless_it_may_warn():
         return np.array([right * (np.cos(angle) - 1), 0 * right, right * np.sin(angle)])
 
     conditions = {"all": Condition(lambda X: X[0] > -1, rolled)}
-    with pytest.raises(RuntimeError, match="a crease that no mesh resolves"):
+    with pytest.raises(RuntimeError, match="a crease that the mesh cannot resolve"):
         LoadStepper(ply, conditions, 3, max_halvings=0).run()
     result = LoadStepper(ply, conditions, 3, warn_only=["crease"]).run()
     assert result.converged

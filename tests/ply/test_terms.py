@@ -338,7 +338,7 @@ def test_terms_of_another_ply_or_name_are_refused():
     ply, N = plain(), plain().basis.N
     other, odd = CellBasis(MeshQuad(), ELEMENT), object()
     for term, complaint in (
-        (FormTerm("a", SPRINGS, other), "its basis is not one of the displacement"),
+        (FormTerm("a", SPRINGS, other), "its basis is not a basis of the displacement"),
         (MatrixTerm("a", np.eye(3)), "its matrix must be"),
         (VectorTerm("a", np.full(N, np.nan)), "its vector must be"),
         (VectorTerm("a", np.ones(N), role="force"), "role must be one of"),
@@ -346,7 +346,7 @@ def test_terms_of_another_ply_or_name_are_refused():
         (3.0, "is no term: it has no name"),
         (VectorTerm, "is no term: it is a class"),
         (VectorTerm("", np.ones(N)), "name must be some text"),
-        (FormTerm("a", SPRINGS, None), "its basis is not one of the displacement"),
+        (FormTerm("a", SPRINGS, None), "its basis is not a basis of the displacement"),
         (FormTerm("a", SPRINGS, ply.basis, parameters=odd), "its parameters have no"),
     ):
         with pytest.raises(ValueError, match=complaint):
@@ -359,7 +359,7 @@ def test_a_basis_of_other_places_or_cells_is_refused():
     turned = MeshQuad(ply.mesh.p[:, ::-1], ply.mesh.nvertices - 1 - ply.mesh.t)
     for mesh in (ply.mesh.scaled(10.0), turned):
         term = FormTerm("springs", SPRINGS, CellBasis(mesh, ELEMENT))
-        with pytest.raises(ValueError, match="its basis is not one of"):
+        with pytest.raises(ValueError, match="its basis is not a basis of"):
             ply.with_terms(term)
     copied = MeshQuad(ply.mesh.p.copy(), ply.mesh.t.copy())
     ply.with_terms(FormTerm("springs", SPRINGS, CellBasis(copied, ELEMENT)))

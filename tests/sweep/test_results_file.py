@@ -12,7 +12,7 @@ from skfem_textile.solve.sweep import sweep
 from tests.helpers import full_disk
 from tests.helpers.sweep_cases import lines, square
 
-FOREIGN = "not what a sweep wrote"
+FOREIGN = "not written by a sweep"
 
 
 def sevenths(n):
@@ -179,7 +179,7 @@ def test_of_two_sweeps_on_one_file_the_second_is_told(out, thread):
 
 
 def test_a_full_disk_is_told_and_the_next_sweep_goes_on(out, thread, monkeypatch):
-    told = r"cannot write results to .*/out.jsonl: No space left on device; .* remains"
+    told = "cannot write results to .*/out.jsonl: No space left on device; .*resumes"
     results = sweep(square, range(3), thread, out=out)
     next(results)
     with monkeypatch.context() as patch:
