@@ -6,6 +6,7 @@ from skfem_textile import Fabric, JumpBasis, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import assert_derivatives, distorted, wobble
+from tests.helpers.unestimated import unestimated
 
 MESH = distorted(1)
 
@@ -88,7 +89,9 @@ def test_it_reads_the_load_of_a_bias_extension():
         scene = bias_extension(size=(n, 2 * n))
         fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
         ply = Ply(scene.mesh, fabric, OnePoint(2.0, "continuity"))
-        summary = scene.summary(LoadStepper(ply, scene.conditions, 4).run())
+        summary = scene.summary(
+            unestimated(LoadStepper(ply, scene.conditions, 4).run())
+        )
         assert summary["stable"]
         off.append(abs(summary["load_over_exact"] - 1))
         shape.append(summary["displacement_error_rms"])

@@ -22,6 +22,7 @@ from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.elastica import hanging
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import Locking, Pretensioned
+from tests.helpers.unestimated import unestimated
 
 
 def pulled(formulation, prepare, pull, law, steps, size=(4, 8), **options):
@@ -156,7 +157,7 @@ def test_a_negative_energy_is_not_taken_for_artificial(caplog):
         "top": Condition("top", -0.005, direction=(0, 1)),
     }
     result = LoadStepper(ply, slide, 1).run()
-    assert result.summary()["energy"] < 0
+    assert unestimated(result).summary()["energy"] < 0
     assert result.path_resolved
     assert not caplog.records
 

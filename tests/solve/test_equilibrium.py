@@ -23,6 +23,7 @@ from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.linear import SOLVERS, superlu
 from tests.helpers import distorted
 from tests.helpers.pulled import pulled
+from tests.helpers.unestimated import unestimated
 
 
 def test_linear_solves_include_abandoned_attempts():
@@ -62,7 +63,7 @@ def test_a_ply_with_every_node_held_has_nothing_to_solve():
     for formulation in (Full(), OnePoint(1.0)):
         result = LoadStepper(Ply(mesh, Fabric(10.0, 1.0), formulation), held, 2).run()
         np.testing.assert_allclose(result.ply.nodal(result.u), 0.1 * mesh.p)
-        assert result.summary()["stable"]
+        assert unestimated(result).summary()["stable"]
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -85,7 +86,7 @@ def test_the_tolerance_can_be_met_at_any_stiffness(E):
     scene = strip("aligned", size=(4, 6))
     ply = Ply(scene.mesh, Fabric(E), Full())
     result = LoadStepper(ply, scene.conditions, steps=5).run()
-    assert result.summary()["max_fibre_strain"] < 1e-9
+    assert unestimated(result).summary()["max_fibre_strain"] < 1e-9
     assert result.linear_solves < 40
 
 

@@ -27,6 +27,7 @@ from skfem_textile.solve.continuation import Continuation
 from skfem_textile.solve.states import State, Verdict
 from skfem_textile.solve.verdict import CHECKS
 from tests.helpers import Locking
+from tests.helpers.unestimated import unestimated
 
 
 def loaded(scene, formulation, steps, shear=0.0, **options):
@@ -40,7 +41,9 @@ def test_the_strip_ends_alike_however_many_steps_it_takes():
     results = [loaded(strip(), OnePoint(1.0), steps) for steps in (1, 2, 5, 20)]
     for result in results:
         assert result.path_resolved
-        assert result.summary()["energy"] == pytest.approx(1.2650745, rel=1e-6)
+        assert unestimated(result).summary()["energy"] == pytest.approx(
+            1.2650745, rel=1e-6
+        )
         reaction = result.states[-1].reactions["right"][0]
         assert reaction == pytest.approx(3.06595, rel=1e-4)
 
@@ -85,7 +88,7 @@ def load_of(result):
 
 
 def energy_of(result):
-    return result.summary()["energy"]
+    return unestimated(result).summary()["energy"]
 
 
 @pytest.mark.parametrize("law", [0.5, Sin2(0.5)])
