@@ -141,7 +141,7 @@ def fine_load(name):
     ("name", "formulation"),
     [("one", lambda k: OnePoint(4.0 * k)), ("mean", lambda k: Quadratic(100.0 * k))],
 )
-@pytest.mark.parametrize("times", [1, 3, 10, 30])
+@pytest.mark.parametrize("times", [1, 3, 30])
 def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation, times):
     """Stiffer and stiffer: the load rises by no less than the share."""
     wrong = case(bias_extension, name, 8, formulation=formulation(times))
@@ -155,7 +155,7 @@ def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation,
 @pytest.mark.parametrize("name", FORMULATIONS)
 def test_without_shear_stiffness_the_discretisation_carries_nearly_all(caplog, name):
     """Nothing of the fabric resists: 58° where 40° were asked for."""
-    this = case(bias_extension, name, G=0.0, steps=10)
+    this = case(bias_extension, name, 8, G=0.0, steps=6)
     summary = this.summary(unestimated(this.run()))
     role = "deviation" if name == "mean" else "stabilisation"
     assert summary["converged"]

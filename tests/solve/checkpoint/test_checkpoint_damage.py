@@ -160,7 +160,7 @@ def remove(rng, file):
 DAMAGES = [flip, cut, lengthen, exchange, duplicate, rename, remove, edit]
 
 
-@pytest.mark.parametrize("cases", [10, pytest.param(50, marks=pytest.mark.long)])
+@pytest.mark.parametrize("cases", [6, pytest.param(50, marks=pytest.mark.long)])
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_damage_at_random_is_refused_or_changes_nothing(
     folders, tmp_path, damage, whole, cases
@@ -225,10 +225,10 @@ def test_a_file_in_the_middle_that_is_sealed_anew_is_refused(run):
 @pytest.mark.parametrize(
     ("place", "values"),
     [
-        (("load_factor",), [0.0, 0.3, 0.9, 1.1, float("nan"), "1", None]),
+        (("load_factor",), [0.0, 0.9, 1.1, float("nan"), "1"]),
         (
             ("progress", "continuation", "next"),
-            [0.0, -0.1, float("nan"), float("inf"), "1", None],
+            [0.0, -0.1, float("nan"), float("inf"), None],
         ),
         (("progress", "continuation", "cut"), [-1, None]),
         (("progress", "elapsed"), [float("nan"), None]),
@@ -378,7 +378,7 @@ HOLDS = """
 import sys, time
 from pathlib import Path
 from skfem_textile.solve.sealed import Lock
-lock = Lock(Path(sys.argv[1]))
+locks = [Lock(Path(name)) for name in sys.argv[1:]]
 print("held", flush=True)
 time.sleep(60)
 """
@@ -398,26 +398,25 @@ os.kill(child, 9)
 """
 
 
-def started(script, path):
+def started(script, *paths):
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-c", script, str(path)]
+    command = [sys.executable, "-c", script, *map(str, paths)]
     return subprocess.Popen(
         command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
 
 
-@pytest.mark.parametrize("kind", ["file", "folder"])
-def test_a_killed_process_leaves_no_lock(tmp_path, kind):
-    path = tmp_path
-    if kind == "file":
-        path = tmp_path / "file"
-        path.touch()
-    with started(HOLDS, path) as process:
+def test_a_killed_process_leaves_no_lock(tmp_path):
+    file = tmp_path / "file"
+    file.touch()
+    with started(HOLDS, tmp_path, file) as process:
         assert process.stdout.readline() == b"held\n"
-        with pytest.raises(BlockingIOError, match="another run is writing to"):
-            Lock(path)
+        for path in (tmp_path, file):
+            with pytest.raises(BlockingIOError, match="another run is writing to"):
+                Lock(path)
         process.send_signal(signal.SIGKILL)
-    Lock(path).release()
+    for path in (tmp_path, file):
+        Lock(path).release()
 
 
 def test_a_forked_process_does_not_keep_the_lock_of_its_parent(tmp_path):
