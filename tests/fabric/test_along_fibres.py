@@ -113,7 +113,7 @@ def test_lines_meet_at_the_sides_however_many_there_are_along_each(height):
     np.testing.assert_array_equal(edges_along(mesh, 45, 135), 1)
 
 
-@settings(max_examples=30, phases=[Phase.explicit, Phase.generate])
+@settings(max_examples=15, phases=[Phase.explicit, Phase.generate])
 @given(
     warp=st.integers(0, 180),
     crossing=st.integers(5, 175),
@@ -147,8 +147,10 @@ def test_any_motion_that_bends_at_the_lines_stretches_no_fibre(
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
-@pytest.mark.parametrize("degrees", ANGLES)
-@pytest.mark.parametrize("part", ["whole", "half"])
+@pytest.mark.parametrize(
+    ("degrees", "part"),
+    [(30.0, "whole"), (45.0, "half"), (52.5, "whole"), (60.0, "half")],
+)
 def test_the_exact_bias_extension_is_free_of_strain(degrees, formulation, part):
     scene = extension(degrees, 4, part=part)
     fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
@@ -157,8 +159,10 @@ def test_the_exact_bias_extension_is_free_of_strain(degrees, formulation, part):
     assert strained(ply, exact) < 1e-12
 
 
-@pytest.mark.parametrize("degrees", ANGLES)
-@pytest.mark.parametrize("formulation", [Full(), Quadratic()], ids=repr)
+@pytest.mark.parametrize(
+    ("degrees", "formulation"),
+    [(30.0, Full()), (45.0, Quadratic()), (52.5, Full()), (60.0, Quadratic())],
+)
 def test_the_error_of_a_bias_extension_falls_as_the_fibres_get_stiff(
     degrees, formulation
 ):

@@ -41,7 +41,6 @@ LAWS = {
 FORMULATIONS = (Full(), OnePoint(2.0), OnePoint(), Macro(), Quadratic(), Quadratic(20))
 
 every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
-every_formulation = pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
 
 
 def strains(seed, n=3000):
@@ -224,8 +223,13 @@ def test_laws_whose_parts_agree_pass(law):
 # Plies
 
 
-@every_law
-@every_formulation
+@pytest.mark.parametrize(
+    ("formulation", "law"),
+    [
+        *((formulation, LAWS["unbalanced"]) for formulation in FORMULATIONS),
+        *((OnePoint(2.0), law) for name, law in LAWS.items() if name != "unbalanced"),
+    ],
+)
 def test_forces_and_tangent_of_a_ply_are_derivatives(law, formulation):
     ply = Ply(distorted_for(formulation, 1), Fabric(law, 0.5), formulation)
     # Stretched by 3 %, all yarns are taut but where the mesh is moved most.
@@ -274,7 +278,7 @@ def test_no_state_beyond_the_domain_is_in_it():
 # Regions
 
 REGIONS = {
-    "left": Fabric(LAWS["unbalanced"], 1.0, warp=(1, 0.3), weft=(-0.2, 1)),
+    "left": Fabric(Coupled(1e3, 300.0), 1.0, warp=(1, 0.3), weft=(-0.2, 1)),
     "right": Fabric((Locking(2e3, 0.5), Linear(100.0)), 3.0, (1, 0.6), (-0.5, 1)),
 }
 

@@ -8,7 +8,6 @@ from skfem import MeshQuad
 from skfem_textile import (
     BodyForce,
     Condition,
-    CrimpInterchange,
     Fabric,
     Full,
     LoadStepper,
@@ -26,6 +25,7 @@ from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.newton import definite
 from skfem_textile.solve.problem import Problem, Tangent
 from tests.helpers import (
+    Coupled,
     assert_derivatives,
     derivative,
     distorted,
@@ -54,9 +54,7 @@ FABRICS = {
         weft=(-1.0, 3.0),
         bending=(3.0, 1.0),
     ),
-    "coupled": Fabric(
-        CrimpInterchange((100.0, 30.0), (0.02, 0.005), 1.0, 0.01, 10.0), 0.5
-    ),
+    "coupled": Fabric(Coupled(100.0, 30.0), 0.5),
 }
 FORMULATIONS = {
     "full": Full(),
