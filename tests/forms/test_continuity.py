@@ -90,7 +90,7 @@ def test_it_reads_the_load_of_a_bias_extension():
         fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
         ply = Ply(scene.mesh, fabric, OnePoint(2.0, "continuity"))
         summary = scene.summary(
-            unestimated(LoadStepper(ply, scene.conditions, 4).run())
+            unestimated(LoadStepper(ply, scene.conditions, 2).run())
         )
         assert summary["stable"]
         off.append(abs(summary["load_over_exact"] - 1))
