@@ -285,7 +285,7 @@ def test_the_displacement_error_is_taken_over_all_nodes():
 
 def test_the_shear_angle_error_is_that_at_the_centroid():
     """Where the exact angle is linear the mean of the vertices has it."""
-    scene = strip(cut(rectangle(40, 60, (10, 15))))
+    scene = strip(cut(rectangle(40, 60, (5, 7))))
     result = run(scene)
     angle = result.ply.shear_angle(result.u, np.full((2, 1), 1 / 3))[:, 0]
     x, y = scene.mesh.p[:, scene.mesh.t]
