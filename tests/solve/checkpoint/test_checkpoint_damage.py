@@ -97,6 +97,16 @@ def test_a_file_in_the_middle_that_is_sealed_anew_is_refused(run):
     assert "state_000002.npz is damaged: it, or a file before it, has changed" in line
 
 
+def test_a_last_digit_that_changed_under_the_old_seal_is_told(run):
+    file = sorted(run.glob("state_*"))[-1]
+    text, arrays, (of_run, name, digest) = opened(file)
+    text["energies"]["shear"] *= 1 + 1e-15
+    sealed.write(file, of_run, name, before(file), text, arrays)
+    body = file.read_bytes().rpartition(b"\n")[0]
+    file.write_bytes(body + f"\n{of_run} {name} {digest}".encode())
+    assert "damaged" in refusal(run)
+
+
 @pytest.mark.parametrize(
     ("place", "values"),
     [
