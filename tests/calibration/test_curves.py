@@ -97,8 +97,10 @@ def notes(moved, force, test=BIAS):
 
 
 @pytest.mark.parametrize("n", [20, 60, 300])
-@pytest.mark.parametrize("law", [Linear(0.1), SOFTENING, Polynomial((0, 0, 0.5))])
-@pytest.mark.parametrize("test", [BIAS, FRAME])
+@pytest.mark.parametrize(
+    ("test", "law"),
+    [(BIAS, Linear(0.1)), (FRAME, SOFTENING), (BIAS, Polynomial((0, 0, 0.5)))],
+)
 def test_noise_is_no_force_at_rest_and_swaps_no_columns(test, law, n):
     for noise in (0.0, 0.02, 0.05):
         for seed in range(200):

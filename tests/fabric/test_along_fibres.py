@@ -25,6 +25,7 @@ from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.scenes import bias_extension, strip, trellis
 from skfem_textile.scenes.bias_extension import WIDTH
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers.unestimated import unestimated
 
 SQUARE = np.array([[0.0, 30.0, 30.0, 0.0], [0.0, 0.0, 30.0, 30.0]])
 HEXAGON = 30 * np.array(
@@ -78,7 +79,7 @@ def extension(degrees, n, **options):
 
 def solve(scene, formulation, E, G=0.5, steps=2):
     ply = Ply(scene.mesh, Fabric(E, G, scene.warp, scene.weft), formulation)
-    return scene.summary(LoadStepper(ply, scene.conditions, steps).run())
+    return scene.summary(unestimated(LoadStepper(ply, scene.conditions, steps).run()))
 
 
 def strained(ply, x):
@@ -112,7 +113,7 @@ def test_lines_meet_at_the_sides_however_many_there_are_along_each(height):
     np.testing.assert_array_equal(edges_along(mesh, 45, 135), 1)
 
 
-@settings(max_examples=30, phases=[Phase.explicit, Phase.generate])
+@settings(max_examples=15, phases=[Phase.explicit, Phase.generate])
 @given(
     warp=st.integers(0, 180),
     crossing=st.integers(5, 175),
@@ -146,8 +147,10 @@ def test_any_motion_that_bends_at_the_lines_stretches_no_fibre(
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
-@pytest.mark.parametrize("degrees", ANGLES)
-@pytest.mark.parametrize("part", ["whole", "half"])
+@pytest.mark.parametrize(
+    ("degrees", "part"),
+    [(30.0, "whole"), (45.0, "half"), (52.5, "whole"), (60.0, "half")],
+)
 def test_the_exact_bias_extension_is_free_of_strain(degrees, formulation, part):
     scene = extension(degrees, 4, part=part)
     fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
@@ -156,8 +159,10 @@ def test_the_exact_bias_extension_is_free_of_strain(degrees, formulation, part):
     assert strained(ply, exact) < 1e-12
 
 
-@pytest.mark.parametrize("degrees", ANGLES)
-@pytest.mark.parametrize("formulation", [Full(), Quadratic()], ids=repr)
+@pytest.mark.parametrize(
+    ("degrees", "formulation"),
+    [(30.0, Full()), (45.0, Quadratic()), (52.5, Full()), (60.0, Quadratic())],
+)
 def test_the_error_of_a_bias_extension_falls_as_the_fibres_get_stiff(
     degrees, formulation
 ):

@@ -1,23 +1,18 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from skfem_textile.fabric import kinematics as kin
 from tests.helpers import derivative
 
 seeds = st.integers(0, 2**32 - 1)
-angles = st.floats(-np.pi, np.pi)
 
 WARP, WEFT = np.array([1.0, 0.0]), np.array([0.5, 0.75**0.5])
 
 
 def some_F(seed):
     return np.eye(2) + 0.3 * np.random.default_rng(seed).standard_normal((2, 2))
-
-
-def rotation(angle):
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
 def some_F_in_space(seed):
@@ -61,6 +56,7 @@ MEASURES = [
 @pytest.mark.parametrize(
     "measure", MEASURES, ids=["fibre strain", "shear angle", "shear angle, clockwise"]
 )
+@settings(max_examples=40)
 @given(seed=seeds)
 def test_derivatives_are_exact(measure, state, seed):
     value, first, second = measure
@@ -72,17 +68,6 @@ def test_derivatives_are_exact(measure, state, seed):
     twice = np.einsum("iJkL,kL->iJ", second(F), dF)
     np.testing.assert_allclose(
         derivative(first, F, dF, 1e-6), twice, atol=1e-5 * np.abs(second(F)).max()
-    )
-
-
-@given(seed=seeds, angle=angles)
-def test_a_rotation_changes_neither_strain_nor_shear(seed, angle):
-    F = some_F(seed)
-    assume(np.linalg.det(F) > 0.1)
-    QF = rotation(angle) @ F
-    assert kin.fibre_strain(QF, WEFT) == pytest.approx(kin.fibre_strain(F, WEFT))
-    assert kin.shear_angle(QF, WARP, WEFT) == pytest.approx(
-        kin.shear_angle(F, WARP, WEFT)
     )
 
 

@@ -6,37 +6,35 @@ import pytest
 from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import strip
 from tests.helpers import distorted, wobble
+from tests.helpers.unestimated import unestimated
 
 
 @pytest.fixture(scope="module")
 def in_more_and_more_steps():
-    """Summaries of the strip in 5, 10 and 20 steps, by kind of stabilisation."""
+    """Summaries of the strip in 5, 10 and 20 steps, by kind of stabilisation.
+
+    With an energy they do not depend on the number of steps.
+    """
     scene = strip("irregular", (10, 15), 0.3, 1)
     summaries = {}
-    for kind in ("energy", "rate"):
+    for kind, numbers in (("energy", [5]), ("rate", [5, 10, 20])):
         ply = Ply(scene.mesh, Fabric(1e4), OnePoint(10.0, kind))
         summaries[kind] = [
-            scene.summary(LoadStepper(ply, scene.conditions, steps).run())
-            for steps in (5, 10, 20)
+            scene.summary(unestimated(LoadStepper(ply, scene.conditions, steps).run()))
+            for steps in numbers
         ]
     return summaries
 
 
-@pytest.mark.parametrize(
-    "key",
-    [
-        "reaction_x",
-        "max_fibre_strain",
-        "mesh_fibre_strain",
-        "displacement_error_rms",
-        "displacement_error_max",
-        "shear_angle_error_rms_deg",
-    ],
-)
-def test_rates_and_energy_agree_on_the_strip(in_more_and_more_steps, key):
+def test_rates_and_energy_agree_on_the_strip(in_more_and_more_steps):
     energy, rate = (runs[-1] for runs in in_more_and_more_steps.values())
-    assert rate[key] == pytest.approx(energy[key], rel=0.05)
-    assert rate[key] != energy[key]
+    for key in (
+        *("reaction_x", "max_fibre_strain", "mesh_fibre_strain"),
+        *("displacement_error_rms", "displacement_error_max"),
+        "shear_angle_error_rms_deg",
+    ):
+        assert rate[key] == pytest.approx(energy[key], rel=0.05), key
+        assert rate[key] != energy[key], key
 
 
 def test_the_work_of_the_rates_converges_with_the_steps(in_more_and_more_steps):
@@ -45,7 +43,6 @@ def test_the_work_of_the_rates_converges_with_the_steps(in_more_and_more_steps):
         [summary["stabilisation_energy"] for summary in runs]
         for runs in in_more_and_more_steps.values()
     )
-    assert energy == pytest.approx([energy[-1]] * 3, rel=1e-9)
     few, many = np.diff(work)
     assert few / many == pytest.approx(2.0, rel=0.1)
     assert extrapolated(work) == pytest.approx(1.205 * energy[-1], rel=0.005)
@@ -145,7 +142,7 @@ def test_a_homogeneous_increment_leaves_the_moments_alone():
 
 def test_the_forces_do_the_work():
     ply = Ply(distorted(5), Fabric(1e4), OnePoint(2.0, "rate"))
-    steps, work, parameters = 200, 0.0, ply.parameters_at_rest
+    steps, work, parameters = 100, 0.0, ply.parameters_at_rest
     target, u = wobble(ply, 5, 0.3), ply.basis.zeros()
     for t in np.arange(1, steps + 1) / steps:
         f = ply.residuals(t * target, t, parameters)["stabilisation"]

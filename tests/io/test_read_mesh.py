@@ -144,12 +144,6 @@ def test_bad_triangles_are_refused_by_name(tmp_path, cells, message):
         read_mesh(path)
 
 
-def test_node_sets_of_triangles_become_boundaries(tmp_path):
-    (tmp_path / "m.inp").write_text(TRIANGLES_INP)
-    boundaries = split(read_mesh(tmp_path / "m.inp")).boundaries
-    assert {k: len(v) for k, v in boundaries.items()} == {"bottom": 4, "right": 2}
-
-
 @pytest.mark.parametrize(
     ("cells", "points", "message"),
     [

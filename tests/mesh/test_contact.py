@@ -10,41 +10,22 @@ from skfem_textile import MeshError
 from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers.hostile import sheets
 
 SHEET = rectangle(4, 4, (4, 4), "aligned")
 
 
 def together(a, b):
     """Two meshes as one, no node shared."""
-    t = np.hstack([a.t, b.t + a.p.shape[1]])
-    return type(a)(np.hstack([a.p, b.p]), t)
+    return type(a)(*sheets.together(a, b))
 
 
 def opened(mesh, ends, by=0.0):
-    """The mesh cut along x = 2 at the nodes with ends[0] ≤ y ≤ ends[1].
-
-    The nodes right of the cut are moved by this much to the right.
-    """
-    doubled = np.flatnonzero(
-        (mesh.p[0] == 2) & (mesh.p[1] >= ends[0]) & (mesh.p[1] <= ends[1])
-    )
-    right = mesh.p[0, mesh.t].mean(axis=0) > 2
-    twin = np.arange(mesh.p.shape[1])
-    twin[doubled] = mesh.p.shape[1] + np.arange(len(doubled))
-    p = np.column_stack([mesh.p, mesh.p[:, doubled] + [[by], [0.0]]])
-    return MeshQuad(p, np.where(right, twin[mesh.t], mesh.t))
+    return MeshQuad(*sheets.opened(mesh, *ends, by))
 
 
 def fans(*sectors):
-    """Quadrilaterals that share the origin, each from an angle to another (degrees)."""
-    p, t = [np.zeros((2, 1))], []
-    for i, (begin, end, size) in enumerate(sectors):
-        angle = np.radians([begin, (begin + end) / 2, end])
-        p.append(
-            size * np.array([1, 1.4, 1]) * np.stack([np.cos(angle), np.sin(angle)])
-        )
-        t.append([0, *(3 * i + np.arange(1, 4))])
-    return MeshQuad(np.hstack(p), np.array(t).T)
+    return MeshQuad(*sheets.fans(*sectors))
 
 
 def turned_over(mesh):

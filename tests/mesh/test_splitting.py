@@ -34,6 +34,7 @@ from skfem_textile.mesh.splitting import (
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import TRIANGLE_AND_QUAD, distorted, wobble
+from tests.helpers.unestimated import unestimated
 
 
 def areas(mesh):
@@ -234,14 +235,13 @@ def delaunay(quads):
     return MeshTri(quads.p, t[:, area > 1e-9]).with_defaults()
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("E", [1e4, 1e6])
+@pytest.mark.parametrize(("seed", "E"), [(1, 1e4), (2, 1e6), (3, 1e6)])
 def test_a_strip_of_triangles_does_not_lock(seed, E):
     """Triangles do not follow the fibres, and yet the strip needs hardly any force."""
     mesh = split(delaunay(rectangle(40, 60, (12, 18), "irregular", seed=seed)))
     scene = strip(mesh)
     ply = Ply(mesh, Fabric(E), OnePoint(1e-4 * E))
-    summary = scene.summary(LoadStepper(ply, scene.conditions, 4).run())
+    summary = scene.summary(unestimated(LoadStepper(ply, scene.conditions, 4).run()))
     assert summary["stable"]
     assert abs(summary["reaction_x"]) < 1e-5 * E
     assert summary["max_fibre_strain"] < 1e-4

@@ -8,6 +8,7 @@ from skfem_textile import Fabric, Linear, LoadStepper, Macro, OnePoint, Ply, Sin
 from skfem_textile.scenes import bias_extension, strip
 from tests.helpers import distorted, wobble
 from tests.helpers.random_plies import Crimped
+from tests.helpers.unestimated import unestimated
 
 
 def run(scene, formulation, steps=4, E=1e4, shear=0.5, **options):
@@ -123,7 +124,7 @@ def test_a_warning_is_shown_once_and_logged_for_every_state(caplog):
 
 @pytest.mark.parametrize("G", [0.5, 0.0])
 def test_a_strip_is_loaded_with_nothing_tuned(G):
-    summary = run(strip(), OnePoint("auto"), shear=Linear(G)).summary()
+    summary = unestimated(run(strip(), OnePoint("auto"), shear=Linear(G))).summary()
     assert summary["stable"]
     assert summary["converged"]
 

@@ -270,24 +270,18 @@ def on_sides(x, y):
     return (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > SIDE - 1e-9)
 
 
-@pytest.mark.parametrize("jitter", [0.0, 0.2])
 @pytest.mark.parametrize("degrees", [0, 45])
-def test_a_simply_supported_plate_is_of_second_order(degrees, jitter):
+@pytest.mark.parametrize(
+    ("formulation", "jitter", "off"),
+    [(OnePoint(), 0.0, 0.02), (OnePoint(), 0.2, 0.02), (Quadratic(), 0.2, 0.012)],
+    ids=["aligned", "irregular", "triangles"],
+)
+def test_a_simply_supported_plate_is_of_second_order(formulation, jitter, off, degrees):
     coarse, fine = (
-        np.abs(plate(square(n, jitter), degrees, OnePoint(), on_sides)).max()
+        np.abs(plate(square(n, jitter), degrees, formulation, on_sides)).max()
         for n in (8, 16)
     )
-    assert fine < 0.02
-    assert coarse / fine > 3
-
-
-@pytest.mark.parametrize("degrees", [0, 45])
-def test_quadratic_triangles_are_of_second_order_too(degrees):
-    coarse, fine = (
-        np.abs(plate(square(n, 0.2), degrees, Quadratic(), on_sides)).max()
-        for n in (8, 16)
-    )
-    assert fine < 0.012
+    assert fine < off
     assert coarse / fine > 3
 
 
@@ -416,8 +410,7 @@ def arc(n, formulation, jitter, slope):
     )
 
 
-@pytest.mark.parametrize("jitter", [0.0, 0.2])
-@pytest.mark.parametrize("slope", [0.1, 0.5 * np.pi, 2.5])
+@pytest.mark.parametrize(("slope", "jitter"), [(0.1, 0.0), (2.5, 0.2)])
 @pytest.mark.parametrize(
     ("formulation", "off"),
     [(OnePoint(), 3e-3), (Macro(), 3e-3), (Quadratic(), 6e-3)],
@@ -505,7 +498,7 @@ def test_bending_holds_a_net_that_buckles_in_its_plane(stiffness):
     assert found == pytest.approx(exact, rel=5e-3)
 
 
-@pytest.mark.parametrize("stiffness", [0.1, 10.0, 1000.0])
+@pytest.mark.parametrize("stiffness", [0.1, 1000.0])
 def test_a_ply_that_is_held_all_round_buckles_out_of_its_plane(stiffness):
     """T = −2 D (π/L)²."""
     sides = ("left", "right", "bottom", "top")

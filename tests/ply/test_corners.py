@@ -87,13 +87,13 @@ def test_either_sense_of_rotation_is_judged_alike(clockwise):
 
 def ends_unfolded(ply, conditions, steps):
     result = LoadStepper(ply, conditions, steps).run()
-    summary = result.summary()
-    assert summary["converged"]
-    assert summary["stable"]
+    verdict = result.states[-1].verdict
+    assert result.converged
+    assert verdict.stable
     nodes = ply.basis.elem.elem.doflocs.T
     smallest = ply.area_ratio(result.u, nodes).min()
     assert smallest > 0
-    assert summary["min_det_F"] == pytest.approx(smallest)
+    assert verdict.min_det_F == pytest.approx(smallest)
 
 
 @pytest.mark.parametrize(
@@ -106,8 +106,7 @@ def test_strips_with_little_stabilisation_end_unfolded(seed):
     ends_unfolded(ply, scene.conditions, 3)
 
 
-@pytest.mark.parametrize("scale", [0.1, 10.0])
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize(("scale", "seed"), [(0.1, 0), (10.0, 3)])
 def test_how_stiff_corners_are_decides_little(scale, seed, monkeypatch):
     monkeypatch.setattr(
         own_terms, "_SHARE_OF_FIBRES", scale * own_terms._SHARE_OF_FIBRES
@@ -117,7 +116,7 @@ def test_how_stiff_corners_are_decides_little(scale, seed, monkeypatch):
     ends_unfolded(ply, scene.conditions, 3)
 
 
-@pytest.mark.parametrize("seed", [0, 12, 16])
+@pytest.mark.parametrize("seed", [0, 16])
 def test_macro_elements_sheared_by_60_degrees_end_unfolded(seed):
     angle = np.radians(60)
     mesh = split(bias_extension("delaunay", (6, 12), seed=seed, shear_angle=angle).mesh)

@@ -49,17 +49,18 @@ EVERY = [Full(), OnePoint(), Macro(), Quadratic()]
 every_formulation = pytest.mark.parametrize("formulation", EVERY, ids=repr)
 
 
-@every_formulation
+LOADS = [
+    Force("top", (0.3, 2.0)),
+    Traction("top", (0.1, 0.4)),
+    Traction("right", lambda x: np.stack([0 * x[0], 0.1 * x[1]])),
+    BodyForce((0.0, 0.05)),
+    Force(lambda x: x[1] > 1.99, (0.2, 1.0)),
+]
+
+
 @pytest.mark.parametrize(
-    "load",
-    [
-        Force("top", (0.3, 2.0)),
-        Traction("top", (0.1, 0.4)),
-        Traction("right", lambda x: np.stack([0 * x[0], 0.1 * x[1]])),
-        BodyForce((0.0, 0.05)),
-        Force(lambda x: x[1] > 1.99, (0.2, 1.0)),
-    ],
-    ids=["force", "traction", "linear", "body", "nodes"],
+    ("formulation", "load"),
+    [*((f, LOADS[0]) for f in EVERY), *((EVERY[3], load) for load in LOADS[1:])],
 )
 def test_a_load_comes_back_as_the_reaction(formulation, load):
     """To ten digits, in every formulation; supports alone are counted."""
@@ -215,7 +216,7 @@ def test_a_limit_is_told_whatever_the_load_does_later(factor):
     assert factor(high) == pytest.approx(factor(low), rel=0.01)
 
 
-@pytest.mark.parametrize("halvings", [1, 2, 6])
+@pytest.mark.parametrize("halvings", [1, 6])
 def test_a_limit_close_to_the_end_of_a_step_is_told(halvings):
     ply = sheared_by(1.01 * 3.75 * ramped_limit(), lambda t: t)
     with pytest.raises(RuntimeError, match="the load exceeds a limit"):
@@ -330,7 +331,7 @@ def test_inside_the_force_is_pressure_times_area_along_the_normal(formulation):
 def test_a_sheet_between_two_edges_becomes_a_cylinder(formulation):
     """T/λ = p R, the arc λ L over the chord L."""
     L, E, p = 100.0, 1e3, 1.0
-    mesh = MeshQuad.init_tensor(np.linspace(0, L, 17), np.linspace(0, 20, 4))
+    mesh = MeshQuad.init_tensor(np.linspace(0, L, 17), np.linspace(0, 20, 3))
     mesh = mesh.with_defaults()
     fabric = Fabric(E, 0.1, bending=(1.0, 1.0))
     ply = Ply(mesh, fabric, formulation, [Pressure(p)], dimension=3)

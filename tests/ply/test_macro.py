@@ -28,6 +28,7 @@ from tests.helpers import (
     distorted,
     wobble,
 )
+from tests.helpers.unestimated import unestimated
 
 MESHES = {
     "triangles": split(cut(distorted(1))),
@@ -45,7 +46,7 @@ def tension(fabric, mesh):
 
 def run(scene, formulation, E=1e4, shear=0.0, steps=2):
     ply = Ply(scene.mesh, Fabric(E, shear, scene.warp, scene.weft), formulation)
-    return scene.summary(LoadStepper(ply, scene.conditions, steps).run())
+    return scene.summary(unestimated(LoadStepper(ply, scene.conditions, steps).run()))
 
 
 @every_mesh
@@ -271,24 +272,22 @@ def tensions_of_macro_elements_and_one_point(*fabric):
     )
 
 
-def test_soft_fibres_are_those_of_one_point():
-    """Where E_d is the fibre stiffness a macro-element is the sum of its parts."""
-    mesh = split(distorted(3))
-    ours = tensions_of_macro_elements_and_one_point(mesh, Fabric(1e-6, 0.5))
-    assert_same_to_first_order(*ours, wobble(Ply(mesh, Fabric()), 1))
+@pytest.mark.parametrize("curved", [False, True])
+def test_soft_fibres_are_those_of_one_point(curved):
+    """Where E_d is the fibre stiffness a macro-element is the sum of its parts.
 
-
-def test_directions_may_differ_from_part_to_part():
+    Directions may differ from part to part.
+    """
     mesh = split(distorted(4))
-    angle = np.linspace(0.1, 0.4, mesh.nelements)
-    warp, weft = np.array([np.cos(angle), np.sin(angle)]), (-1, 2)
-    fabric = Fabric(1e-6, 0.5, warp, weft)
+    angle = np.linspace(0.1, 0.4, mesh.nelements) if curved else np.zeros(24)
+    fabric = Fabric(1e-6, 0.5, np.array([np.cos(angle), np.sin(angle)]), (-1, 2))
     ours = tensions_of_macro_elements_and_one_point(mesh, fabric)
     assert_same_to_first_order(*ours, wobble(Ply(mesh, Fabric()), 1))
 
 
-@pytest.mark.parametrize("law", [Linear(0.5), Sin2(0.5)])
-@pytest.mark.parametrize("E", [1e4, 1e5, 1e6])
+@pytest.mark.parametrize(
+    ("E", "law"), [(1e4, Sin2(0.5)), (1e5, Linear(0.5)), (1e6, Sin2(0.5))]
+)
 def test_it_reads_the_load_of_a_bias_extension_however_stiff_the_fibres(E, law):
     mesh = split(rectangle(50, 100, (8, 16), jitter=0.25))
     summary = run(bias_extension(mesh), Macro(), E, law)

@@ -51,16 +51,6 @@ def test_bad_stabilisation_is_refused(C_s):
         OnePoint(C_s)
 
 
-def test_energy_is_the_sum_of_its_terms():
-    ply = Ply(distorted(1), Fabric(10.0, 0.5), OnePoint(2.0))
-    u = wobble(ply, 1)
-    energies = ply.energies(u)
-    assert energies.pop("corners") == 0
-    assert set(energies) == {"tension", "shear", "stabilisation"}
-    assert min(energies.values()) > 0
-    assert ply.energy(u) == sum(energies.values())
-
-
 def test_predicted_tension_is_the_first_order_of_tension():
     ply = Ply(distorted(2), Fabric((10.0, 20.0)), Full())
     u, du = wobble(ply, 2), wobble(ply, 3, 1.0)
@@ -68,14 +58,6 @@ def test_predicted_tension_is_the_first_order_of_tension():
     np.testing.assert_allclose(
         ply.predicted_tension(u, du), ply.fibre_tension(u) + rate, atol=1e-6
     )
-
-
-def test_tangent_takes_given_tensions():
-    ply = Ply(distorted(2), Fabric(10.0), OnePoint(1.0))
-    u = wobble(ply, 2)
-    own = ply.tangent(u, tension=ply.fibre_tension(u))
-    assert abs(own - ply.tangent(u)).max() < 1e-12
-    assert abs(ply.tangent(u, tension=0 * ply.fibre_tension(u)) - own).max() > 1e-3
 
 
 def test_a_direction_per_element_equals_the_constant_one():

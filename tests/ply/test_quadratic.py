@@ -29,6 +29,7 @@ from skfem_textile.solve.problem import Problem
 from studies.stability.soundness import is_sound
 from tests.helpers import distorted, distorted_for, wobble
 from tests.helpers.plies import ONE, SQUARES, dofs, ply_on, run
+from tests.helpers.unestimated import unestimated
 
 # Quadratic triangles: nodes, gradients, modes, and conditions on all nodes
 
@@ -219,7 +220,7 @@ def test_cut_meshes_keep_the_extent_of_their_names():
 def test_few_triangles_follow_the_smooth_shape_of_the_strip(size, n_dofs):
     scene = strip(cut(rectangle(40, 60, size)))
     result = run(scene)
-    summary = scene.summary(result)
+    summary = scene.summary(unestimated(result))
     assert summary["n_dofs"] == n_dofs
     assert is_sound(result.ply, scene, result.u, result.states[-1].parameters)
     assert summary["displacement_error_rms"] < 0.008
@@ -237,7 +238,7 @@ def test_the_strip_locks_less_than_with_quadrilaterals_and_more_unknowns():
     ):
         ply = Ply(scene.mesh, Fabric(1e4), formulation)
         result = LoadStepper(ply, scene.conditions, 4).run()
-        loads[formulation] = abs(scene.summary(result)["reaction_x"])
+        loads[formulation] = abs(scene.summary(unestimated(result))["reaction_x"])
     assert loads[Quadratic()] < loads[Full()] / 20
 
 
@@ -245,7 +246,8 @@ def test_at_the_kinks_of_bias_extension_triangles_lock():
     scene = bias_extension(cut(rectangle(50, 100, (8, 16), "irregular", 0.25)))
     G = 0.5
     ratios = [
-        scene.summary(run(scene, E=E, G=G))["load_over_exact"] for E in (1e4, 1e5)
+        scene.summary(unestimated(run(scene, E=E, G=G)))["load_over_exact"]
+        for E in (1e4, 1e5)
     ]
     assert 1.2 < ratios[0] < 5
     assert ratios[1] > 3 * ratios[0]
@@ -253,7 +255,7 @@ def test_at_the_kinks_of_bias_extension_triangles_lock():
 
 def test_a_uniform_shear_is_exact():
     scene = picture_frame(cut(rectangle(100, 100, (4, 4), "irregular")))
-    summary = scene.summary(run(scene, G=0.5))
+    summary = scene.summary(unestimated(run(scene, G=0.5)))
     assert summary["displacement_error_max"] < 1e-9
     assert summary["max_shear_angle_deg"] == pytest.approx(45)
 
@@ -283,7 +285,7 @@ def test_the_displacement_error_is_taken_over_all_nodes():
 
 def test_the_shear_angle_error_is_that_at_the_centroid():
     """Where the exact angle is linear the mean of the vertices has it."""
-    scene = strip(cut(rectangle(40, 60, (10, 15))))
+    scene = strip(cut(rectangle(40, 60, (5, 7))))
     result = run(scene)
     angle = result.ply.shear_angle(result.u, np.full((2, 1), 1 / 3))[:, 0]
     x, y = scene.mesh.p[:, scene.mesh.t]
@@ -296,7 +298,7 @@ def test_the_shear_angle_error_is_that_at_the_centroid():
 def test_a_rotated_problem_has_the_same_answer():
     scene = strip(cut(rectangle(40, 60, (3, 4))))
     turned = scene.rotated(0.7)
-    a, b = (s.summary(run(s, G=0.1)) for s in (scene, turned))
+    a, b = (s.summary(unestimated(run(s, G=0.1))) for s in (scene, turned))
     for key in ("energy", "reaction_x", "reaction_y", "displacement_error_rms"):
         assert b[key] == pytest.approx(a[key], rel=1e-6), key
 
@@ -305,7 +307,7 @@ def test_a_rotated_problem_has_the_same_answer():
 def test_every_method_finds_the_same_state(method):
     scene = strip(cut(rectangle(40, 60, (3, 4))))
     energies = [
-        run(scene, 10, 100.0, 1.0, **options).summary()["energy"]
+        run(scene, 10, 100.0, 1.0, **options).history()[-1]["energy"]
         for options in ({}, {"method": method})
     ]
     assert energies[1] == pytest.approx(energies[0], rel=1e-6)

@@ -40,10 +40,9 @@ FORMULATIONS = {
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS)
-@pytest.mark.parametrize("pull", [6.0, 9.0])
-def test_a_locking_angle_is_never_passed(formulation, pull):
+def test_a_locking_angle_is_never_passed(formulation):
     """9 mm are more than the cloth can shear: its fibres must stretch."""
-    stepper = pulled(*FORMULATIONS[formulation], pull, Locking(0.5, 0.3), 3)
+    stepper = pulled(*FORMULATIONS[formulation], 9.0, Locking(0.5, 0.3), 3)
     result = stepper.run()
     for state in result.states:
         assert np.isfinite(list(state.energies.values())).all()
@@ -63,7 +62,7 @@ def test_a_locking_angle_is_never_passed(formulation, pull):
 )
 def test_a_message_tells_which_law_ends_and_where(odd, said):
     shear = Tabulated(np.radians([0, 20, 40, 50]), [0, 0.02, 0.12, 0.9], odd=odd)
-    stepper = pulled(*FORMULATIONS["macro"], 20.0, shear, 4, max_halvings=2)
+    stepper = pulled(*FORMULATIONS["macro"], 20.0, shear, 4, max_halvings=1)
     with pytest.raises(StepError, match=said) as caught:
         stepper.run()
     error = caught.value
@@ -77,9 +76,9 @@ def test_a_locking_law_is_loaded_in_any_number_of_steps():
     law, macro = Locking(0.5, 0.3), FORMULATIONS["macro"]
     *few, many = (
         pulled(*macro, 5.0, law, steps).run().states[-1].reactions["pull"][1]
-        for steps in (1, 3, 10, 20)
+        for steps in (1, 3, 10)
     )
-    assert few == pytest.approx([many] * 3, rel=0.03)  # C_s follows in steps
+    assert few == pytest.approx([many] * 2, rel=0.03)  # C_s follows in steps
 
 
 @pytest.mark.parametrize("method", ["newton", "plain"])
@@ -88,6 +87,7 @@ def test_no_method_takes_an_energy_that_is_not_finite(method):
     stepper = pulled(
         *(*FORMULATIONS["macro"], 8.0, Locking(0.5, 0.1), 1, (2, 4)),
         method=method,
+        max_halvings=1,
     )
     try:
         result = stepper.run()
@@ -156,7 +156,7 @@ def test_a_negative_energy_is_not_taken_for_artificial(caplog):
         "top": Condition("top", -0.005, direction=(0, 1)),
     }
     result = LoadStepper(ply, slide, 1).run()
-    assert result.summary()["energy"] < 0
+    assert result.history()[-1]["energy"] < 0
     assert result.path_resolved
     assert not caplog.records
 
@@ -169,7 +169,7 @@ def test_no_law_is_asked_beyond_the_domain_that_it_states():
     ply = Ply(mesh, Fabric(Measured(1e3, 0.0), 1.0), Full())
     held = {"clamp": Condition("bottom"), "pull": Condition("top", (0, 0.05))}
     with pytest.raises(StepError, match=r"end of a law.* strain is 0\.01,") as caught:
-        LoadStepper(ply, held, 5).run()
+        LoadStepper(ply, held, 5, max_halvings=2).run()
     assert caught.value.quantity in ("warp_strain", "weft_strain")
     gentle = held | {"pull": Condition("top", (0, 0.009))}
     assert LoadStepper(ply, gentle, 2).run().converged
@@ -197,7 +197,7 @@ def strip(fabric, formulation, weight, factor, **ends):
 @pytest.mark.parametrize(
     "formulation", [OnePoint(), Macro()], ids=["one point", "macro"]
 )
-@pytest.mark.parametrize("weight", [8.0, 30.0, 100.0])
+@pytest.mark.parametrize("weight", [8.0, 100.0])
 def test_a_heavy_cantilever_hangs_down_under_a_weight_that_is_there_at_rest(
     formulation, weight
 ):

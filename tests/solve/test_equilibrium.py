@@ -62,11 +62,12 @@ def test_a_ply_with_every_node_held_has_nothing_to_solve():
     for formulation in (Full(), OnePoint(1.0)):
         result = LoadStepper(Ply(mesh, Fabric(10.0, 1.0), formulation), held, 2).run()
         np.testing.assert_allclose(result.ply.nodal(result.u), 0.1 * mesh.p)
-        assert result.summary()["stable"]
+        assert result.states[-1].verdict.stable
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("direction", [None, (0.0, 1.0), (0.5, 1.0)])
+@pytest.mark.parametrize(
+    ("seed", "direction"), [(1, None), (2, (0.0, 1.0)), (3, (0.5, 1.0))]
+)
 def test_a_mechanism_on_an_irregular_mesh_is_no_stable_state(seed, direction):
     """Round-off gives free motions a little stiffness, of either sign."""
     mesh = distorted(seed).with_defaults()
@@ -85,7 +86,7 @@ def test_the_tolerance_can_be_met_at_any_stiffness(E):
     scene = strip("aligned", size=(4, 6))
     ply = Ply(scene.mesh, Fabric(E), Full())
     result = LoadStepper(ply, scene.conditions, steps=5).run()
-    assert result.summary()["max_fibre_strain"] < 1e-9
+    assert result.states[-1].verdict.max_fibre_strain < 1e-9
     assert result.linear_solves < 40
 
 
@@ -95,7 +96,7 @@ def test_every_method_finds_the_same_equilibrium():
         LoadStepper(
             Ply(scene.mesh, Fabric(1e4), OnePoint(10.0)),
             scene.conditions,
-            steps=10,
+            steps=5,
             method=method,
         )
         .run()
@@ -135,8 +136,8 @@ def test_every_solve_and_factorisation_is_counted(monkeypatch):
         return Counted(factorised(*arguments, **options))
 
     monkeypatch.setattr(superlu, "_decomposed", counted)
-    ply, conditions = pulled(-0.3)
-    result = LoadStepper(ply, conditions, 2, max_halvings=2).run()
+    ply, conditions = pulled(-0.15)
+    result = LoadStepper(ply, conditions, 1, max_halvings=1).run()
     assert result.linear_solves == counts["solves"]
     assert result.factorisations == counts["factorisations"]
     assert counts["solves"] > sum(len(state.residuals) for state in result.states)
@@ -145,7 +146,7 @@ def test_every_solve_and_factorisation_is_counted(monkeypatch):
 @cache
 def pushed_by(solver):
     """A ply that is indefinite on the way."""
-    result = LoadStepper(*pulled(-0.3), 2, max_halvings=2, solver=solver).run()
+    result = LoadStepper(*pulled(-0.15), 1, max_halvings=1, solver=solver).run()
     assert result.states[-1].verdict.negative_pivots == 0
     return result.u
 
@@ -156,9 +157,9 @@ def test_every_solver_leads_to_the_same_end(solver):
     np.testing.assert_allclose(pushed_by(solver), pushed_by("superlu"), atol=1e-9)
 
 
-@pytest.mark.parametrize("size", [1.0, 50.0])
-@pytest.mark.parametrize("E", [1e4, 1e7])
-@pytest.mark.parametrize("n", [8, 16])
+@pytest.mark.parametrize(
+    ("n", "E", "size"), [(8, 1e4, 1.0), (8, 1e7, 50.0), (16, 1e4, 50.0), (16, 1e7, 1.0)]
+)
 def test_what_round_off_leaves_is_within_the_tolerance(n, E, size):
     """Under a load that is hardly more than round-off."""
     ply = Ply(rectangle(size, size, (n, n), "irregular", 0.2), Fabric(E, 0.5))

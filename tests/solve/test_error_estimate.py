@@ -54,7 +54,7 @@ def test_a_mesh_that_holds_the_answer_has_no_error():
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
 @pytest.mark.parametrize("kind", ["irregular", "delaunay"])
 def test_every_formulation_has_one(formulation, kind):
-    summary = pulled(kind, formulation, across=8).summary()
+    summary = pulled(kind, formulation, across=6).summary()
     assert 0 < summary["estimated_load_error"] < 2
     assert 0 < summary["estimated_shear_angle_error_deg"] < 20
     assert summary["error_estimate"] == "by a finer mesh"
@@ -77,7 +77,7 @@ def test_a_turned_problem_has_the_same_estimate():
     for angle in (0.0, 0.5):
         scene = bias_extension("irregular", (4, 8)).rotated(angle)
         ply = Ply(scene.mesh, Fabric(1e4, 0.5, scene.warp, scene.weft))
-        result = LoadStepper(ply, scene.conditions, 4).run()
+        result = LoadStepper(ply, scene.conditions, 2).run()
         estimates.append(result.estimated_error.load)
     assert estimates[0] == pytest.approx(estimates[1], rel=1e-3)
 
@@ -98,7 +98,7 @@ def test_a_fabric_of_each_element_or_subdomain_goes_to_the_finer_mesh(formulatio
     each = Fabric(1e3, 1.0, np.tile([[1.0], [1.0]], mesh.nelements), weft)
     held = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 0.05))}
     plain, *others = (
-        LoadStepper(Ply(mesh, fabric, formulation), held, 2).run().estimated_error
+        LoadStepper(Ply(mesh, fabric, formulation), held, 1).run().estimated_error
         for fabric in (one, each, {"a": one, "b": one})
     )
     for other in others:
@@ -184,13 +184,12 @@ def test_it_is_told_where_a_finer_mesh_leaves_the_law():
     assert "this state is past the end of a law there" in summary["error_estimate"]
 
 
-@pytest.mark.parametrize(("formulation", "pull"), [(MACRO, 15.5), (OnePoint(), 15.0)])
-def test_where_increments_reach_the_end_of_a_law_they_are_shortened(formulation, pull):
+def test_where_increments_reach_the_end_of_a_law_they_are_shortened():
     """The estimate is near what half the element size changes."""
     angles, moments = np.radians([0, 20, 40, 50]), [0, 0.02, 0.12, 0.9]
     fabric = Fabric(7e3, Tabulated(angles, moments, odd=True), (1, 1), (-1, 1))
-    ply = Ply(rectangle(50, 100, (6, 12), "delaunay"), fabric, formulation)
-    held = {"clamp": Condition("bottom"), "pull": Condition("top", (0.0, pull))}
+    ply = Ply(rectangle(50, 100, (6, 12), "delaunay"), fabric, MACRO)
+    held = {"clamp": Condition("bottom"), "pull": Condition("top", (0.0, 15.5))}
     coarse, fine = (LoadStepper(p, held, 6).run() for p in (ply, ply.finer().ply))
     force, finer = (r.states[-1].reactions["pull"][1] for r in (coarse, fine))
     assert 0.5 < coarse.estimated_error.load / abs(force / finer - 1) < 3

@@ -45,7 +45,7 @@ def some_matrix(seed, shift):
     return csr_matrix(lower + lower.T + shift * diags([np.ones(40)], [0]))
 
 
-@pytest.mark.parametrize("shift", [-20.0, 0.0, 1.0, 20.0])
+@pytest.mark.parametrize("shift", [-20.0, 0.0, 20.0])
 def test_negative_pivots_count_negative_eigenvalues(factorised, shift):
     A = some_matrix(3, shift)
     negative = np.sum(np.linalg.eigvalsh(A.toarray()) < 0)

@@ -21,7 +21,6 @@ from skfem_textile import (
     Quadratic,
     Sin2,
 )
-from skfem_textile.cli import main as cli
 from skfem_textile.scenes import bias_extension, strip, trellis
 from skfem_textile.solve.continuation import Continuation
 from skfem_textile.solve.states import State, Verdict
@@ -37,16 +36,17 @@ def loaded(scene, formulation, steps, shear=0.0, **options):
 
 def test_the_strip_ends_alike_however_many_steps_it_takes():
     """Without a path, 2 steps ended at 1.790 N·mm and 20 at 1.265."""
-    results = [loaded(strip(), OnePoint(1.0), steps) for steps in (1, 2, 5, 20)]
+    results = [loaded(strip(), OnePoint(1.0), steps) for steps in (1, 2, 8)]
     for result in results:
         assert result.path_resolved
-        assert result.summary()["energy"] == pytest.approx(1.2650745, rel=1e-6)
+        assert result.states[-1].verdict.stable
+        assert energy_of(result) == pytest.approx(1.2650745, rel=1e-6)
         reaction = result.states[-1].reactions["right"][0]
         assert reaction == pytest.approx(3.06595, rel=1e-4)
 
 
-@pytest.mark.parametrize("steps", [1, 5, 20])
-@pytest.mark.parametrize("scene", [strip, partial(bias_extension, size=(6, 12))])
+@pytest.mark.parametrize("steps", [1, 6])
+@pytest.mark.parametrize("scene", [strip, partial(bias_extension, size=(4, 8))])
 def test_an_easy_path_costs_nothing_more(scene, steps, monkeypatch):
     result = loaded(scene(), Full(), steps, 0.5)
     assert result.path_resolved
@@ -70,7 +70,7 @@ def test_load_and_energy_do_not_depend_on_the_number_of_steps(
 ):
     """C_s and E_d are those of the state, or a run says that its path is in doubt."""
     scene = bias_extension(size=(6, 12), shear_angle=np.radians(degrees))
-    few, more, many = (loaded(scene, formulation, n, law) for n in (1, 4, 20))
+    few, more, many = (loaded(scene, formulation, n, law) for n in (1, 4, 12))
     load, energy = (f(many) for f in (load_of, energy_of))
     assert many.path_resolved
     assert more.path_resolved
@@ -85,7 +85,7 @@ def load_of(result):
 
 
 def energy_of(result):
-    return result.summary()["energy"]
+    return result.history()[-1]["energy"]
 
 
 @pytest.mark.parametrize("law", [0.5, Sin2(0.5)])
@@ -118,7 +118,7 @@ def test_a_reaction_along_stiff_fibres_does_not_either():
 def test_a_small_reaction_does_not_depend_on_the_number_of_steps():
     edges = {"right": "free", "top": "free"}
     scene = trellis(size=(6, 6), seed=0, edges=edges)
-    one, many = (loaded(scene, OnePoint(), n, Sin2(0.5)) for n in (1, 20))
+    one, many = (loaded(scene, OnePoint(), n, Sin2(0.5)) for n in (1, 10))
     reactions = [np.array([*r.states[-1].reactions.values()]) for r in (one, many)]
     assert one.path_resolved
     assert np.abs(reactions[0] - reactions[1]).max() < 0.005 * np.abs(reactions).max()
@@ -134,7 +134,7 @@ def test_energy_is_that_of_the_state_whatever_the_load_went_through(formulation)
         conditions = scene.conditions | {"top": top}
         return loaded(replace(scene, conditions=conditions), formulation, steps, 0.5)
 
-    back = pulled(lambda t: min(2 * t, 1.9 - 1.8 * t), 20)
+    back = pulled(lambda t: min(2 * t, 1.9 - 1.8 * t), 10)
     straight = pulled(lambda t: 0.1 * t, 2)
     assert back.path_resolved
     assert energy_of(back) == pytest.approx(energy_of(straight), rel=0.005)
@@ -201,21 +201,8 @@ def test_a_path_is_saved_and_taken_up_again():
     assert Continuation.of(json.loads(json.dumps(asdict(path)))) == path
 
 
-def test_the_summary_and_one_line_tell_of_a_path_that_forks(tmp_path, caplog):
-    one_point = "--formulation one-point --set formulation.cs_N_per_mm=0.1"
-    options = f"run strip --size 6x9 {one_point} mesh.seed=0 --steps 1 --no-render"
-    with caplog.at_level(logging.WARNING, logger="skfem_textile"):
-        assert cli.main([*options.split(), "--out", str(tmp_path)]) == 0
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    assert summary["path_resolved"] is False
-    told = [r.getMessage() for r in caplog.records if "path" in r.getMessage()]
-    assert len(told) == 1
-    assert "another number of steps" in told[0]
-
-
 def test_a_method_that_does_not_tell_leaves_the_path_unresolved():
-    """With the default method this ply ends at 5.107 N·mm, here at 2.770."""
-    scene = strip(size=(6, 9), seed=0)
+    scene = strip(size=(3, 4), seed=0)
     options = {"method": "plain", "warn_only": list(CHECKS)}
     assert not loaded(scene, OnePoint(1.0), 2, **options).path_resolved
     assert loaded(scene, OnePoint(1.0), 2).path_resolved

@@ -28,6 +28,7 @@ from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension, strip, trellis
 from skfem_textile.scenes.trellis import picture_frame
 from tests.helpers import derivative, wobble
+from tests.helpers.unestimated import unestimated
 
 # Elements across, before quadrilaterals of macro-elements are split in four, and how
 # they are made of the quadrilaterals of a scene.
@@ -121,7 +122,7 @@ def test_ordinary_bias_extension_passes(caplog, name, E):
 
 
 @pytest.mark.parametrize("name", FORMULATIONS)
-@pytest.mark.parametrize("scene", [strip, trellis, picture_frame])
+@pytest.mark.parametrize("scene", [strip, trellis])
 def test_ordinary_runs_of_other_scenes_pass(caplog, scene, name):
     result = case(scene, name).run()
     assert not told(caplog)
@@ -133,18 +134,18 @@ def test_ordinary_runs_of_other_scenes_pass(caplog, scene, name):
 def fine_load(name):
     """Of a bias extension with 16 elements across, over the exact load."""
     fine = case(bias_extension, name, 16)
-    return fine.summary(fine.run())["load_over_exact"]
+    return fine.summary(unestimated(fine.run()))["load_over_exact"]
 
 
 @pytest.mark.parametrize(
     ("name", "formulation"),
     [("one", lambda k: OnePoint(4.0 * k)), ("mean", lambda k: Quadratic(100.0 * k))],
 )
-@pytest.mark.parametrize("times", [1, 3, 10, 30])
+@pytest.mark.parametrize("times", [1, 3, 30])
 def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation, times):
     """Stiffer and stiffer: the load rises by no less than the share."""
     wrong = case(bias_extension, name, 8, formulation=formulation(times))
-    load = wrong.summary(wrong.run())["load_over_exact"]
+    load = wrong.summary(unestimated(wrong.run()))["load_over_exact"]
     too_much = load / fine_load(name) - 1
     warned = bool(told(caplog))
     assert warned == (times > 1)
@@ -154,8 +155,8 @@ def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation,
 @pytest.mark.parametrize("name", FORMULATIONS)
 def test_without_shear_stiffness_the_discretisation_carries_nearly_all(caplog, name):
     """Nothing of the fabric resists: 58° where 40° were asked for."""
-    this = case(bias_extension, name, G=0.0, steps=10)
-    summary = this.summary(this.run())
+    this = case(bias_extension, name, 8, G=0.0, steps=6)
+    summary = this.summary(unestimated(this.run()))
     role = "deviation" if name == "mean" else "stabilisation"
     assert summary["converged"]
     assert summary["max_shear_angle_deg"] > 50

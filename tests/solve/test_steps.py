@@ -52,12 +52,12 @@ def test_steps_grow_again_and_land_on_the_requested_load_factors():
 
 def test_it_says_plainly_when_it_cannot_and_keeps_what_it_has():
     """A ply squeezed to nothing buckles, then folds: nothing is accepted past that."""
-    ply, conditions = pulled(-1.5)
+    ply, conditions = pulled(-2.0)
     with pytest.raises(
         StepError,
         match=r"stopped at load factor 0\.\d+ \(.* mm\): no acceptable state at 0\.",
     ) as e:
-        LoadStepper(ply, conditions, steps=4, max_halvings=1).run()
+        LoadStepper(ply, conditions, steps=4, max_halvings=0).run()
     result = e.value.result
     assert not result.converged
     assert result.states[-1].load_factor >= 0.25
@@ -75,7 +75,7 @@ def test_a_value_that_goes_wrong_on_the_way_keeps_what_was_computed():
     assert error.value.result.states[-1].load_factor == 0.5
 
 
-@pytest.mark.parametrize("halvings", [0, 2])
+@pytest.mark.parametrize("halvings", [0, 1])
 def test_a_run_that_fails_counts_the_steps_that_it_cut(halvings):
     ply, conditions = pulled(lambda X, t: -1.5 * (t > 0) + 0 * X[0])
     with pytest.raises(StepError) as error:
@@ -110,7 +110,7 @@ def interrupt_at(number):
     sys.setprofile(interrupt)
 
 
-@pytest.mark.parametrize("number", range(0, 78, 7))
+@pytest.mark.parametrize("number", range(0, 78, 11))
 def test_a_run_may_be_interrupted_wherever_it_begins(number):
     ply, conditions = pulled(0.5)
     stepper = LoadStepper(ply, conditions, 1)

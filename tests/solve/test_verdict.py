@@ -1,5 +1,4 @@
 import logging
-from functools import cache
 
 import numpy as np
 import pytest
@@ -9,6 +8,7 @@ from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply, S
 from skfem_textile.scenes import strip
 from studies.stability.soundness import is_sound
 from tests.helpers import place_of
+from tests.helpers.unestimated import unestimated
 
 
 def run(formulation, steps, mesh="irregular", E=1e4, G=0.0, **options):
@@ -49,7 +49,7 @@ def test_a_check_may_be_switched_to_a_warning(caplog):
             steps=1, method="plain", warn_only=["stability", "work"]
         ).run()
     assert "load factor 1: an equilibrium, but not stable" in caplog.text
-    summary = result.summary()
+    summary = unestimated(result).summary()
     assert summary["converged"]
     assert not summary["stable"]
     assert summary["negative_pivots"] > 0
@@ -59,53 +59,52 @@ def test_a_check_may_be_switched_to_a_warning(caplog):
 @pytest.mark.parametrize(
     ("C_s", "steps"),
     [
-        *((1.0, 1), (1.0, 5), (1.0, 20), (0.01, 20)),
+        *((1.0, 1), (0.01, 8)),
         *(pytest.param(1.0, n, marks=pytest.mark.long) for n in (10, 50, 100)),
     ],
 )
 def test_the_strip_ends_on_a_stable_state_from_any_number_of_steps(C_s, steps):
     """C_s = 1 has at least four equilibria, and not all are stable."""
     result = run(OnePoint(C_s), steps)
-    summary = result.summary()
-    assert summary["stable"]
-    assert summary["negative_pivots"] == 0
+    assert result.states[-1].verdict.stable
     assert stiffness_of(result, strip()) > 0
 
 
-@cache
-def energy_in_40_steps(formulation):
-    return run(formulation, 40).summary()["energy"]
-
-
 @pytest.mark.parametrize(
-    ("formulation", "steps", "most"),
+    ("formulation", "most"),
     [
-        (Full(), 1, 8),
-        (Full(), 20, 65),
-        (OnePoint(10.0), 1, 30),  # indefinite on the way, and halved
-        (OnePoint(10.0), 20, 75),
+        (Full(), (8, 65)),
+        (OnePoint(10.0), (30, 75)),  # indefinite in one step, and halved
     ],
 )
-def test_the_strip_takes_few_linear_solves(formulation, steps, most):
-    result = run(formulation, steps)
-    energy = energy_in_40_steps(formulation)
-    assert result.summary()["energy"] == pytest.approx(energy, rel=1e-6)
-    assert result.linear_solves <= most
+def test_the_strip_takes_few_linear_solves(formulation, most):
+    one, many = (run(formulation, steps) for steps in (1, 20))
+    energies = [result.history()[-1]["energy"] for result in (one, many)]
+    assert energies[0] == pytest.approx(energies[1], rel=1e-6)
+    assert one.linear_solves <= most[0]
+    assert many.linear_solves <= most[1]
 
 
 def test_stiff_fibres_leave_the_shape_as_it_is():
-    ends = [run(Full(), 1, E=E) for E in (1e6, 1e8, 1e10)]
-    for end in ends[1:]:
-        off = np.abs(end.u - ends[0].u).max()
-        assert off < 1e-3 * np.abs(ends[0].u).max()
+    ends = [run(Full(), 1, E=E) for E in (1e6, 1e10)]
+    off = np.abs(ends[1].u - ends[0].u).max()
+    assert off < 1e-3 * np.abs(ends[0].u).max()
 
 
-@pytest.mark.parametrize("E", [1e6, pytest.param(1e8, marks=pytest.mark.long), 1e10])
-@pytest.mark.parametrize("steps", [1, pytest.param(5, marks=pytest.mark.long), 20])
+STIFF_RUNS = [(1, 1e8), (1, 1e10), (5, 1e6), (5, 1e8), (5, 1e10), (20, 1e6), (20, 1e8)]
+
+
+@pytest.mark.parametrize(
+    ("steps", "E"),
+    [
+        *((1, 1e6), (20, 1e10)),
+        *(pytest.param(n, E, marks=pytest.mark.long) for n, E in STIFF_RUNS),
+    ],
+)
 def test_stiff_fibres_with_shear_are_loaded_to_the_end(E, steps):
     result = run(OnePoint(5.0), steps, E=E, G=0.5)
     assert result.converged
-    assert result.summary()["stable"]
+    assert result.states[-1].verdict.stable
     assert is_sound(result.ply, strip(), result.u, result.states[-1].parameters)
 
 
@@ -134,7 +133,7 @@ def test_an_element_that_folds_at_its_corner_is_named():
     result = error.value.result
     nodes = result.ply.mesh.p[:, result.ply.mesh.t[:, element]]
     assert [1.0, 1.0] in nodes.T.tolist()
-    assert 0 < result.summary()["min_det_F"] < 0.08
+    assert 0 < result.states[-1].verdict.min_det_F < 0.08
     assert result.ply.area_ratio(result.u, result.ply.fine_points).min() > 0.1
 
 
@@ -148,7 +147,7 @@ def test_torn_fibres_are_refused():
     with pytest.raises(StepError, match="fibre strain up to 1"):
         LoadStepper(ply, conditions, 4, max_halvings=1).run()
     torn = LoadStepper(ply, conditions, 4, warn_only=["strain", "stability"]).run()
-    assert torn.summary()["mesh_fibre_strain"] == pytest.approx(np.log(3))
+    assert torn.states[-1].verdict.mesh_fibre_strain == pytest.approx(np.log(3))
 
 
 def test_fibres_that_grow_ever_stiffer_may_be_stretched_as_far_as_one_likes():
@@ -165,17 +164,17 @@ def test_fibres_that_grow_ever_stiffer_may_be_stretched_as_far_as_one_likes():
     mesh = MeshQuad().refined(1).with_defaults()
     held = {"clamp": Condition("bottom"), "pull": Condition("top", (0.0, 2.0))}
     ply = Ply(mesh, Fabric(Stiffening(), 1.0), Full())
-    assert LoadStepper(ply, held, 4).run().summary()["stable"]
+    assert LoadStepper(ply, held, 4).run().states[-1].verdict.stable
 
 
-@pytest.mark.parametrize("steps", [1, pytest.param(4, marks=pytest.mark.long), 20])
+@pytest.mark.parametrize("steps", [1, 6])
 def test_a_pushed_rod_buckles(steps):
     """No symmetry of the mesh holds it on the saddle point."""
     result = squeezed(steps=steps).run()
-    assert result.summary()["stable"]
+    assert result.states[-1].verdict.stable
     sideways = np.abs(result.ply.nodal(result.u)[1]).max()
     assert sideways > 0.1
-    assert result.summary()["max_fibre_strain"] < 0.05
+    assert result.states[-1].verdict.max_fibre_strain < 0.05
 
 
 def test_a_smooth_path_is_resolved_and_one_that_forks_is_not(caplog):
@@ -183,10 +182,11 @@ def test_a_smooth_path_is_resolved_and_one_that_forks_is_not(caplog):
     pushed = {"clamp": Condition("bottom"), "push": Condition("top", -0.3, (0, 1))}
     block = LoadStepper(Ply(mesh, Fabric(10.0, 1.0), Full()), pushed, 4)
     with caplog.at_level(logging.WARNING, logger="skfem_textile"):
-        assert run(Full(), 20).path_resolved
+        assert run(Full(), 8).path_resolved
         # No force and no energy but round-off:
-        assert run(Full(), 20, "aligned").path_resolved
+        assert run(Full(), 8, "aligned").path_resolved
         assert not caplog.records
-        assert not block.run().summary()["path_resolved"]
+        assert not unestimated(block.run()).summary()["path_resolved"]
     assert len(caplog.records) == 1
     assert "the path was not resolved at load factor 0.5:" in caplog.text
+    assert "another number of steps" in caplog.text

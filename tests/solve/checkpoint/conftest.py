@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.helpers.sheared_runs import interrupted
-from tests.helpers.strip_runs import interrupted_at
+from tests.helpers.strip_runs import interrupted_at, stepper
 
 
 @pytest.fixture(scope="session")
@@ -15,6 +15,20 @@ def half_done(tmp_path_factory):
     folder = tmp_path_factory.mktemp("half done") / "c"
     interrupted_at(folder, 0.5)
     return folder
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory):
+    """The checkpoint of a run that was finished; not to be written to."""
+    folder = tmp_path_factory.mktemp("finished") / "c"
+    stepper(folder).run()
+    return folder
+
+
+@pytest.fixture
+def done(finished, tmp_path):
+    """A copy of the checkpoint of a run that was finished."""
+    return Path(shutil.copytree(finished, tmp_path / "c"))
 
 
 @pytest.fixture

@@ -410,4 +410,4 @@ FAMILY = Family("checkpoints", {"": checkpoints()}, attempt, 2000, short=40)
 
 
 def test_a_damaged_checkpoint_is_refused_or_resumed_to_the_same_end():
-    FAMILY.holds(12)
+    FAMILY.holds(30)
