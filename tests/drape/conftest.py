@@ -2,9 +2,8 @@
 
 import pytest
 
-from skfem_textile import Result
 from skfem_textile.scenes import laid, on_tool
-from skfem_textile.solve.states import ErrorEstimate
+from tests.helpers.quick import no_estimate  # noqa: F401
 from tests.helpers.tools import plate, write
 
 
@@ -18,10 +17,3 @@ def coarse_net(monkeypatch):
     """For plies that no net pulls: it is laid in an eighth of the time, to be told."""
     for module in (laid, on_tool):
         monkeypatch.setattr(module, "CELLS", 16)
-
-
-@pytest.fixture
-def no_estimate(monkeypatch):
-    """For what is told of other things: an estimate takes as long as a run."""
-    found = ErrorEstimate(reason="not asked for")
-    monkeypatch.setattr(Result, "estimated_error", found)
