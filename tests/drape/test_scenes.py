@@ -158,7 +158,15 @@ def test_without_tension_and_bending_the_summary_says_that_it_is_no_net():
 
 
 def test_the_wrinkling_angle_of_a_case_is_in_the_summary(tmp_path, capsys):
-    line = ["run", "hemisphere", "--size", "4x4", "--tension", "0", *"--steps 2 --no-render".split()]
+    line = [
+        "run",
+        "hemisphere",
+        "--size",
+        "4x4",
+        "--tension",
+        "0",
+        *"--steps 2 --no-render".split(),
+    ]
     angle, shares = "shear.wrinkling_angle_deg", {}
     for degrees in ("90", "15"):
         out = tmp_path / degrees
