@@ -165,7 +165,9 @@ def test_the_wrinkling_angle_of_a_case_is_in_the_summary(tmp_path, capsys):
         "4x4",
         "--tension",
         "0",
-        *"--steps 2 --no-render".split(),
+        "--steps",
+        "2",
+        "--no-render",
     ]
     angle, shares = "shear.wrinkling_angle_deg", {}
     for degrees in ("90", "15"):
