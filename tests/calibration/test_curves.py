@@ -167,7 +167,9 @@ def test_strains_in_another_unit_are_told():
 def test_forces_in_equal_steps_are_told():
     moved, _, force = curve(BIAS, SOFTENING)
     scale = moved[-1] / force[-1]
-    assert "check whether the columns are swapped" in notes(force * scale, moved / scale)
+    assert "check whether the columns are swapped" in notes(
+        force * scale, moved / scale
+    )
 
 
 def test_units_of_the_other_column_are_refused(tmp_path):

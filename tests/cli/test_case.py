@@ -12,6 +12,8 @@ from skfem_textile.cli import results
 from skfem_textile.scenes import bias_extension, strip
 from tests.helpers.command_line import MESH, QUICK, refused, run
 
+pytestmark = pytest.mark.usefixtures("no_estimate")
+
 # What options of scene, fabric, formulation and solver describe
 
 
@@ -282,7 +284,7 @@ def test_a_run_has_macro_elements_unless_another_formulation_is_named(
     tmp_path, scene, more, formulation, parts
 ):
     out = tmp_path / "out"
-    common = ("--size", "2x4", "--steps", "2", "--no-render")
+    common = ("--size", "2x4", "--steps", "1", "--no-render")
     more += ("--shear-stiffness", "0.5")
     assert cli.main(["run", scene, "--out", str(out), *common, *more]) == 0
     summary = json.loads((out / "summary.json").read_text())
@@ -302,7 +304,7 @@ def test_a_run_has_macro_elements_unless_another_formulation_is_named(
 )
 def test_every_scene_takes_delaunays_triangles(tmp_path, scene, formulation, elements):
     out = tmp_path / "out"
-    options = ("--mesh", "delaunay", "--size", "3x6", "--steps", "2", "--no-render")
+    options = ("--mesh", "delaunay", "--size", "3x6", "--steps", "1", "--no-render")
     command = ["run", scene, "--out", str(out), *options, *formulation]
     assert cli.main([*command, "--shear-stiffness", "0.5"]) == 0
     summary = json.loads((out / "summary.json").read_text())
@@ -330,7 +332,7 @@ def test_a_run_takes_quadratic_triangles_and_writes_everything(tmp_path):
 @pytest.mark.parametrize("scene", ["picture_frame", "trellis", "bias_extension"])
 def test_every_scene_takes_quadratic_triangles(tmp_path, scene):
     out = tmp_path / "out"
-    common = ("--size", "2x4", "--steps", "2", "--no-render", "--rotate", "30")
+    common = ("--size", "2x4", "--steps", "1", "--no-render", "--rotate", "30")
     more = ("--shear-stiffness", "0.5", "--formulation", "quadratic")
     assert cli.main(["run", scene, "--out", str(out), *common, *more]) == 0
     summary = json.loads((out / "summary.json").read_text())
@@ -366,7 +368,7 @@ FILE_TRIANGLES = np.vstack([FILE_QUADS[:, [0, 1, 2]], FILE_QUADS[:, [0, 2, 3]]])
 )
 def test_quadratic_triangles_are_read_or_cut_from_a_file(tmp_path, cells):
     mesh = saved_strip(tmp_path / "m.msh", cells)
-    arguments = ("--formulation", "quadratic", "--steps", "2", "--no-render")
+    arguments = ("--formulation", "quadratic", "--steps", "1", "--no-render")
     assert run(tmp_path, "--mesh", mesh, *arguments) == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["n_elements"] == 8
@@ -384,7 +386,7 @@ def test_quadratic_triangles_are_read_or_cut_from_a_file(tmp_path, cells):
 )
 def test_a_file_of_any_cells_is_split_inside(tmp_path, cells, parts):
     mesh = saved_strip(tmp_path / "m.msh", cells)
-    assert run(tmp_path, "--mesh", mesh, "--steps", "2", "--no-render") == 0
+    assert run(tmp_path, "--mesh", mesh, "--steps", "1", "--no-render") == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (summary["formulation"], summary["n_elements"]) == ("macro", parts)
 

@@ -43,6 +43,8 @@ from tests.helpers.specimen import (
     written,
 )
 
+pytestmark = pytest.mark.usefixtures("no_estimate")
+
 # What a case file says: the scene, its laws and regions, and what is left out
 
 

@@ -126,10 +126,13 @@ def test_pictures_are_written_and_nothing_is_said_on_stderr(tmp_path):
 
 def test_a_run_that_stops_early_shows_where(tmp_path, monkeypatch):
     pytest.importorskip("pyvista")
+    plot = pytest.importorskip("skfem_textile.plot")
 
     def area_ratio(ply, u):
         return 10 - abs(u).max() * np.ones(ply.mesh.nelements)
 
     monkeypatch.setattr(Ply, "least_area_ratio", area_ratio)
+    for name in ("fibre_strain", "shear_angle", "fibre_directions", "animation"):
+        monkeypatch.setattr(plot, name, lambda *_, **__: None)
     assert run(tmp_path, *DRAWN) == 1
     assert (tmp_path / "out" / results.REFUSED).stat().st_size > 1000

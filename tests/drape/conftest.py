@@ -2,9 +2,18 @@
 
 import pytest
 
+from skfem_textile.scenes import laid, on_tool
+from tests.helpers.quick import no_estimate  # noqa: F401
 from tests.helpers.tools import plate, write
 
 
 @pytest.fixture(scope="session")
 def tool(tmp_path_factory):
     return write(tmp_path_factory.mktemp("tool") / "bump.stl", *plate())
+
+
+@pytest.fixture
+def coarse_net(monkeypatch):
+    """For plies that no net pulls: it is laid in an eighth of the time, to be told."""
+    for module in (laid, on_tool):
+        monkeypatch.setattr(module, "CELLS", 16)

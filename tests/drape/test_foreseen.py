@@ -97,7 +97,7 @@ def test_a_first_thread_that_leaves_the_tool_is_no_fold(caplog, monkeypatch):
 def test_a_drape_that_is_refused_names_elements_and_what_to_do(caplog):
     scene, _ = told(caplog, box(89.0))
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
-    method = Newton(most=12)
+    method = Newton(most=6)
     stepper = Case(scene=scene, fabric=fabric, steps=1, method=method).stepper()
     stepper.max_halvings = 0
     with pytest.raises(StepError) as error:

@@ -9,6 +9,9 @@ from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
 from tests.helpers.tools import ball, bump, plate, write
 
+pytestmark = pytest.mark.usefixtures("no_estimate")
+unpulled = pytest.mark.usefixtures("coarse_net")
+
 
 def run(scene):
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
@@ -37,6 +40,7 @@ def test_triangles_of_a_sphere_shear_a_ply_as_the_sphere_does(
     assert "beyond_tool" not in found
 
 
+@unpulled
 def test_a_shell_with_both_its_sides_and_a_tool_turned_inside_out_are_told():
     """Sides of a shell that are 3 mm apart, where triangles have edges of 7 mm."""
     x, t = plate(height=lambda x, y: -(x**2 + y**2) / 400)
@@ -67,6 +71,7 @@ def test_a_ply_on_a_flat_tool_bridges_nothing():
     assert found["bridging_share_of_area"] == 0
 
 
+@unpulled
 def test_a_tool_that_is_moved_as_a_whole_shears_the_ply_alike(tmp_path):
     """About y, in whose plane the normal is: x of the ply goes with the tool."""
     mesh = read_tool_mesh(write(tmp_path / "bump.stl", *plate()))
@@ -91,6 +96,7 @@ def test_a_tool_that_is_moved_as_a_whole_shears_the_ply_alike(tmp_path):
     np.testing.assert_allclose(then, Q @ at + shift, atol=0.1)
 
 
+@unpulled
 @pytest.mark.parametrize(
     ("height", "top"),
     [
@@ -107,6 +113,7 @@ def test_a_ply_touches_the_highest_point_nearest_to_the_middle(height, top):
     np.testing.assert_allclose(scene.axes.turn, np.eye(3), atol=0.01)
 
 
+@unpulled
 def test_a_hole_of_the_tool_is_beyond_it():
     x, t = plate(height=lambda x, y: 0 * x)
     kept = np.hypot(*x[:2, t].mean(axis=1) - [[50], [0]]) > 20
@@ -116,6 +123,7 @@ def test_a_hole_of_the_tool_is_beyond_it():
     assert found["beyond_tool_share_of_area"] == pytest.approx(share, rel=0.3)
 
 
+@unpulled
 def test_triangles_that_are_there_twice_change_nothing():
     x, t = plate()
     given = {"size": (4, 4), "width": 120.0, "tension": 0.0}
@@ -133,6 +141,7 @@ def test_triangles_whose_corners_coincide_change_nothing(tmp_path):
     np.testing.assert_allclose(found.level(x), plain.level(x), atol=1e-10)
 
 
+@unpulled
 @pytest.mark.parametrize("point", [None, (12.0, 30.0, bump(12.0, 30.0))])
 def test_a_regular_coarse_tool_is_the_same_surface_in_the_axes_of_the_ply(point):
     """Vertices at one distance are many there, of which a fit has some alone."""
@@ -152,6 +161,7 @@ def test_a_regular_coarse_tool_is_the_same_surface_in_the_axes_of_the_ply(point)
     scene.conditions["tool"].at("tool", 0.5)  # it touches the plane of the ply
 
 
+@unpulled
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize("tilt", [-0.005, 0.0, 0.005])
 @pytest.mark.parametrize("axis", ["x", "y"])

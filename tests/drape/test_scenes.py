@@ -31,6 +31,7 @@ from tests.helpers.tools import square
 
 
 meshio = pytest.importorskip("meshio")
+pytestmark = pytest.mark.usefixtures("no_estimate")
 
 
 def run(scene, steps=1, fabric=None, **more):
@@ -157,7 +158,17 @@ def test_without_tension_and_bending_the_summary_says_that_it_is_no_net():
 
 
 def test_the_wrinkling_angle_of_a_case_is_in_the_summary(tmp_path, capsys):
-    line = ["run", "hemisphere", "--size", "4x4", "--tension", "0", "--no-render"]
+    line = [
+        "run",
+        "hemisphere",
+        "--size",
+        "4x4",
+        "--tension",
+        "0",
+        "--steps",
+        "2",
+        "--no-render",
+    ]
     angle, shares = "shear.wrinkling_angle_deg", {}
     for degrees in ("90", "15"):
         out = tmp_path / degrees
@@ -199,7 +210,7 @@ SMALL = "--size", "4x4", "--steps", "2", "--no-render"
 
 
 @pytest.mark.parametrize("name", ["hemisphere", "cylinder", "double_dome", "saddle"])
-@pytest.mark.parametrize("fibres", ["0", "-45", "10"])
+@pytest.mark.parametrize("fibres", ["-45", "10"])
 def test_a_tool_is_draped_from_the_command_line(name, fibres, tmp_path):
     out = tmp_path / "out"
     line = "run", name, f"--fibres={fibres}", *SMALL, "--steps", "1", "--out", str(out)
@@ -313,9 +324,9 @@ def a_table_from_zero_on(scene):
 def test_a_table_from_zero_on_is_enough_where_the_net_shears_one_way():
     """In every state, for the tensions are those of its own net."""
     scene = hemisphere(size=(4, 4))
-    result = Case(scene=scene, fabric=a_table_from_zero_on(scene)).run()
+    result = Case(scene=scene, fabric=a_table_from_zero_on(scene), steps=6).run()
     assert result.converged
-    assert len(result.states) == 21
+    assert len(result.states) == 7
     assert all(result.ply.shear_angle(s.u).min() > 0 for s in result.states[1:])
 
 
@@ -372,14 +383,14 @@ def tractions(surface, t, fibres, held, angle=90.0, tension=TENSION):
 
 @pytest.mark.parametrize("tool", TOOLS)
 @pytest.mark.parametrize(
-    ("fibres", "angle", "held"),
+    ("fibres", "angle", "held", "t"),
     [
-        *((fibres, 90.0, ("left", "bottom")) for fibres in (0.0, 90.0, 45.0, -45.0)),
-        (17.0, 90.0, ()),
-        (33.0, 70.0, ()),
+        (0.0, 90.0, ("left", "bottom"), 0.1),
+        *((fibres, 90.0, ("left", "bottom"), 0.6) for fibres in (90.0, 45.0, -45.0)),
+        *((17.0, 90.0, (), t) for t in (0.1, 0.6)),
+        *((33.0, 70.0, (), t) for t in (0.1, 0.6)),
     ],
 )
-@pytest.mark.parametrize("t", [0.1, 0.6])
 def test_tractions_are_those_of_the_net_at_their_load_factor(
     tool, fibres, angle, held, t
 ):

@@ -74,7 +74,7 @@ def in_net(X):
 # Tools of triangles, their files, and runs of the command line on them
 
 
-SMALL = "--size", "6x6", "--steps", "2", "--no-render"
+SMALL = "--size", "4x4", "--steps", "1", "--no-render"
 
 #: Fibres that resist bending, without tension: no net takes time.
 BENT = "--tension", "0", "--set", "bending.warp_N_mm=5", "bending.weft_N_mm=5"

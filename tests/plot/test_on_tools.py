@@ -45,7 +45,7 @@ def test_a_tool_is_drawn_under_the_ply(draped, tmp_path, suffix):
     """It hides nothing of a ply that faces the eye."""
     figure = plot.shear_angle(draped, filename=tmp_path / f"ply.{suffix}")
     if suffix == "pdf":
-        figure.savefig(tmp_path / "ply.png", dpi=300)
+        figure.savefig(tmp_path / "ply.png", dpi=100)
     coloured, grey = coloured_and_grey(tmp_path / "ply.png")
     (shape,) = shapes_of([draped], [draped.states[-1]])
     points = np.vstack([shape.points, shape.tool.points])[:, :2]
@@ -77,9 +77,7 @@ def words_of(monkeypatch, *results, **options):
 
 def test_shear_and_pressure_stand_side_by_side_with_risks_marked(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    scene = hemisphere(size=(8, 8), tension=0.0)
-    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
-    result = Case(scene=scene, fabric=fabric, steps=2).run()
+    result = result_of(hemisphere(size=(4, 4), tension=0.0), bending=(5.0, 5.0))
     words = words_of(monkeypatch, result, titles=["free"])
     for said in ("Shear angle, free", "Contact pressure, free", "Fibres may wrinkle"):
         assert said in words

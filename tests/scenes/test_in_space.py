@@ -10,6 +10,8 @@ from skfem_textile import Fabric, MeshError
 from skfem_textile.cli import main as cli
 from skfem_textile.scenes import Case, buckling, cantilever
 
+pytestmark = pytest.mark.usefixtures("no_estimate")
+
 
 def fabric(scene, **stiffnesses):
     return Fabric(1e5, 0.1, scene.warp, scene.weft, **stiffnesses)

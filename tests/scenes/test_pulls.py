@@ -25,6 +25,8 @@ from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import FORMULATIONS_ON_MESHES, fitting
 from tests.helpers import independent as plain
 
+pytestmark = pytest.mark.usefixtures("no_estimate")
+
 # A pull along one family, edges free to slide: exact for every mesh and law
 
 

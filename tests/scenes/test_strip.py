@@ -8,6 +8,8 @@ from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import forces_of
 
+pytestmark = pytest.mark.usefixtures("no_estimate")
+
 # Reached with 100 equal steps by another implementation; E = 1e4 N/mm, 10×15
 # elements, jitter 0.3, seed 1.
 REFERENCE = {
@@ -145,7 +147,7 @@ def test_strain_and_load_fall_in_the_order_of_the_papers_figures():
 def test_a_rotated_problem_has_the_same_answer(formulation, angle):
     scene = strip(size=(5, 8))
     turned = scene.rotated(angle)
-    plain, rotated = (run(s, formulation, 0.1, 10) for s in (scene, turned))
+    plain, rotated = (run(s, formulation, 0.1) for s in (scene, turned))
     a, b = scene.summary(plain), turned.summary(rotated)
     assert b["energy"] == pytest.approx(a["energy"], rel=1e-10)
     for key in ("reaction_x", "reaction_y", "displacement_error_rms"):

@@ -8,6 +8,8 @@ from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.trellis import SIDE, sheared
 from tests.helpers import forces_of
 
+pytestmark = pytest.mark.usefixtures("no_estimate")
+
 
 def solve(scene, formulation, E=1e4, G=0.5, steps=1):
     fabric = Fabric(E, G, scene.warp, scene.weft)

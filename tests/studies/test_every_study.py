@@ -1,6 +1,7 @@
 """What holds of every study: names, stored results, and the files of a run."""
 
 from argparse import ArgumentParser
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,13 @@ def cases_of(study, *words):
     return [study.name(case) for case in study.cases(parser.parse_args(words))]
 
 
+@cache
+def stored(name):
+    """To be read, not to be changed."""
+    study = STUDIES[name]
+    return study.stored(DOCS / (study.folder or name))
+
+
 @each_study
 def test_no_two_cases_have_one_name_and_the_sample_is_a_case(name):
     study = STUDIES[name]
@@ -42,7 +50,7 @@ def test_no_two_cases_have_one_name_and_the_sample_is_a_case(name):
 def test_stored_rows_give_the_tables_on_file_and_the_words(name):
     study = STUDIES[name]
     folder = DOCS / (study.folder or name)
-    rows = study.stored(folder)
+    rows = stored(name)
     for file, text in study.tables(rows).items():
         assert (folder / file).read_bytes().decode() == text, file
     assert study.figures(rows)
@@ -52,7 +60,7 @@ def test_stored_rows_give_the_tables_on_file_and_the_words(name):
 def test_stored_rows_give_the_pictures(name, tmp_path):
     pytest.importorskip("matplotlib")
     study = STUDIES[name]
-    study.draw(study.stored(DOCS / (study.folder or name)), tmp_path)
+    study.draw(stored(name), tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == {*study.pictures}
 
 

@@ -1,0 +1,3 @@
+"""Fixtures of several tests of scenes."""
+
+from tests.helpers.quick import no_estimate  # noqa: F401
