@@ -74,9 +74,7 @@ class BendingFit:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Confidence interval of the mean, by Student's t; infinite for a single
-        reading.
-        """
+        """Confidence interval of the mean (Student's t); infinite for one reading."""
         n = self.by_elastica.size
         if n == 1:
             return -np.inf, np.inf

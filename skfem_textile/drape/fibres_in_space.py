@@ -101,8 +101,7 @@ class FibresInSpace:
         return np.isfinite(self.shear_angle)
 
     def reference(self) -> ndarray:
-        """Axis projected into the planes of the elements, unit vectors, (3,
-        n_elements).
+        """Axis projected into the planes of the elements, unit vectors.
 
         If the axis is within 0.1° of the normal, the projection of z is used, or of x
         if the axis is z.

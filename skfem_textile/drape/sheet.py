@@ -158,8 +158,7 @@ def closest_on_triangles(
 
 
 def _closest(corners: ndarray, points: ndarray) -> tuple[ndarray, ndarray]:
-    """Barycentric coordinates of the closest points of triangles, and squared
-    distances.
+    """Barycentric coordinates of closest points, and squared distances.
 
     Corners have the shape (3, 3, n), with the corner number on the second axis.
     """

@@ -109,9 +109,7 @@ class ToolMesh:
         return sorted(curves, key=curve_length, reverse=True)
 
     def _area_vectors(self) -> ndarray:
-        """Normals with twice the area as length: cross products of diagonals or
-        edges.
-        """
+        """Normals with twice the area as length, by cross products."""
         corners = [self.points[:, cell] for cell in self.cells]
         pairs = [(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1]) for x in corners]
         return np.hstack([np.cross(one, other, axis=0) for one, other in pairs])

@@ -292,9 +292,7 @@ class TriangleMesh:
         return np.where(off, distance, 0.0)
 
     def _away(self, x: ndarray) -> tuple[ndarray, ndarray]:
-        """Vectors to points from the closest ones of the triangles, and
-        `beyond_edges`.
-        """
+        """Vectors to points from the closest points, and `beyond_edges`."""
         tool = self.facets
         (triangles,) = tool.cells
         triangle, shares = closest_on_triangles(tool.points, triangles, x)

@@ -157,9 +157,7 @@ def _fabric(content: Mapping[str, Any]) -> Fabric:
 
 
 def _described(what: str, make: Any) -> Any:
-    """Object built from the content of a file; every exception becomes an input
-    error.
-    """
+    """Object built from the content of a file; exceptions become input errors."""
     try:
         return make()
     except (ValueError, TypeError, OverflowError, AttributeError, KeyError) as error:

@@ -181,8 +181,7 @@ class BiaxialLaw(ABC):
 
     @property
     def domain(self) -> tuple[Any, Any]:
-        """Smallest and largest strain for which the law is valid, by default all
-        strains.
+        """Smallest and largest valid strain, by default all strains.
 
         Each is a number, or a pair for warp and weft.
         """
@@ -436,9 +435,7 @@ def pair(name: str, value: Any, above: float | None = None) -> tuple[float, floa
 
 
 def inner_law(name: str, law: Any) -> Law:
-    """Law that is a component of another law: of one strain, uniform over the
-    elements.
-    """
+    """Law of one strain, uniform over the elements, as part of another law."""
     parts = ("energy", "value", "tangent")
     if isinstance(law, type) or not all(hasattr(law, part) for part in parts):
         raise ValueError(f"{name} must be a law, such as Linear(5e3), got {law!r}")

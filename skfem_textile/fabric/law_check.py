@@ -145,9 +145,7 @@ def _sampled(name: str, law: Law, x: ndarray, shape: tuple[int, ...]) -> _Sample
 
 
 def _answer(name: str, law: Law, part: str, x: ndarray) -> ndarray:
-    """Result of one method of a law at points, validated as an array of real
-    numbers.
-    """
+    """Result of a method of a law, validated as an array of real numbers."""
     prefix, argument = f"{name} law, {part}: ", x.copy()
     function: Callable[[ndarray], Any] = getattr(law, part)
     try:

@@ -318,9 +318,7 @@ def _subdivided(lines: ndarray, counts: ndarray) -> ndarray:
 
 
 def _on_sides(p: ndarray, corners: ndarray, near: float) -> ndarray:
-    """Positions, projected onto the sides of the bounding box that they are close
-    to.
-    """
+    """Positions, projected onto close sides of the bounding box."""
     for at in (corners.min(axis=1)[:, None], corners.max(axis=1)[:, None]):
         p = np.where(np.abs(p - at) <= near, at, p)
     return p

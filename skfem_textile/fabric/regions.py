@@ -260,9 +260,7 @@ def _numbers(
 def _tensions(
     laws: Sequence[BiaxialLaw], region: ndarray
 ) -> tuple[RegionalLaw, RegionalLaw] | RegionalTensions:
-    """A law per family if neither tension depends on both strains, else one for
-    both.
-    """
+    """One law per family, or one for both if a tension depends on both."""
     alone = [law for law in laws if isinstance(law, TwoLaws)]
     if len(alone) < len(laws):
         return RegionalTensions(laws, region)

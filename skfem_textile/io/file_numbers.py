@@ -37,9 +37,7 @@ def word_of(x: float | None) -> str:
 
 
 def from_words(words: list[bytes], dtype: Any) -> ndarray:
-    """Numbers of a type, shape (n,); other words, and numbers too large, are
-    refused.
-    """
+    """Numbers of a type, shape (n,); invalid or too large words are refused."""
     dtype = np.dtype(dtype)
     parse: Any = float if dtype.kind == "f" else int
     try:

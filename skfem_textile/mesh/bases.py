@@ -191,16 +191,13 @@ class MeanBasis(CellBasis):
     parts: ndarray | None = None
 
     def default_parameters(self) -> dict[str, Any]:
-        """Position and share, and for macro-elements the quadrilateral of each
-        point.
-        """
+        """Position and share, and for macro-elements the quadrilaterals."""
         share = self.dx / self.dx.sum(axis=1, keepdims=True)
         given = {"x": self.global_coordinates(), "share": share}
         return given if self.parts is None else given | {"element": self.parts}
 
     def from_ply_points(self, x: ndarray) -> ndarray:
-        """Convert values at the integration points of the ply to values at these
-        points.
+        """Convert values at the points of the ply to values at these points.
 
         The integration points of the ply are the same or, for macro-elements, the
         centres of the quadrilaterals, shape (..., n_quadrilaterals, 1).
@@ -208,9 +205,7 @@ class MeanBasis(CellBasis):
         return x if self.parts is None else x[..., self.parts, 0]
 
     def to_ply_points(self, x: ndarray) -> ndarray:
-        """Convert values at these points to values at the integration points of the
-        ply.
-        """
+        """Convert values at these points to values at the points of the ply."""
         if self.parts is None:
             return x
         exists = self.parts >= 0

@@ -175,8 +175,7 @@ def _close_pairs(boundary: Boundary) -> ndarray | None:
 def _distance_and_share(
     boundary: Boundary, edge: ndarray, x: ndarray
 ) -> tuple[ndarray, ndarray]:
-    """Distance of points from edges, positive on the left, and relative position along
-    them.
+    """Signed distance of points from edges, and relative position along them.
 
     The position is 0 at the start and 1 at the end.
     """

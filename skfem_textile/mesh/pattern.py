@@ -92,8 +92,7 @@ class Pattern:
         return sum(sums, np.zeros(size)).reshape(-1, d, d)
 
     def add(self, blocks: ndarray, matrix: Any, name: str) -> None:
-        """Add the symmetric sparse matrix of a term, by its name, to the blocks of a
-        sum.
+        """Add the symmetric matrix of a term, by name, to the blocks of a sum.
 
         Raises an error if it is not symmetric, or couples nodes outside the pattern.
         """

@@ -38,9 +38,7 @@ def set_element_dofs(basis: AbstractBasis, element_dofs: ndarray) -> None:
 
 
 def set_positions(basis: AbstractBasis, x: ndarray) -> None:
-    """Set the positions of the points of a basis to x, shape (2, n_elements,
-    n_points).
-    """
+    """Set the positions of the points of a basis, (2, n_elements, n_points)."""
     basis._global_coordinates = DiscreteField(x)
 
 

@@ -337,9 +337,7 @@ def corner_areas(mesh: MeshQuad) -> ndarray:
 
 
 def _with_diagonal(mesh: MeshQuad) -> ndarray:
-    """Nodes of the quadrilaterals, rotated so that the diagonal joins second and
-    last.
-    """
+    """Nodes of quadrilaterals, with the diagonal from second to last."""
     corner = corner_areas(mesh)
     ends_13, ends_02 = corner[::2].min(axis=0), corner[1::2].min(axis=0)
     switch = ends_02 > ends_13 + _EQUAL_AREAS * np.abs(ends_13)

@@ -183,8 +183,7 @@ def hourglass_basis(basis: CellBasis) -> HourglassBasis:
 def _automatic(
     basis: CellBasis, fabric: Fabric, across: bool = False
 ) -> HeldStabilisation:
-    """C_s of each element, in the plane or out of the plane (without the effect of
-    grip).
+    """C_s of each element, in or out of the plane, without grip.
 
     Tension is not included: the tension at a single point does not represent the
     fabric.
@@ -220,9 +219,7 @@ def stabilising_term(
 
 @dataclass(frozen=True)
 class Full(Quadrilaterals):
-    """2×2 points without stabilisation: locks unless the mesh is aligned with the
-    fibres.
-    """
+    """2×2 points without stabilisation: locks unless aligned with the fibres."""
 
     name: ClassVar[str] = "full"
     title: ClassVar[str] = "2×2 points"
@@ -234,8 +231,7 @@ Kind: TypeAlias = Literal["energy", "rate", "continuity", "isotropic"]
 
 @dataclass(frozen=True)
 class OnePoint(Quadrilaterals):
-    """One central integration point, with stabilisation of the non-constant shear
-    angle.
+    """One point, with stabilisation of the non-constant shear angle.
 
     Parameters
     ----------
@@ -307,8 +303,7 @@ class OnePoint(Quadrilaterals):
 
 @dataclass(frozen=True)
 class Macro(Quadrilaterals):
-    """Macro-elements: quadrilaterals and triangles split into parts with one point
-    each.
+    """Macro-elements: elements split into parts with one point each.
 
     The full stiffness of the fibres of a macro-element (`split`) acts on the mean
     stretch only (`mean_tension`); each of the parts is stabilised as in `OnePoint`.  No

@@ -153,8 +153,7 @@ class TermParameters(Protocol):
 def stabilisation_stiffness(
     G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray
 ) -> ndarray:
-    """C_s in N/mm: increases with G and tension, and with the closing of the fibre
-    angle.
+    """C_s in N/mm, which increases with G, tension and closing fibre angle.
 
     ``C_s = (4 G + 3.2 τ)/(1 − |cos ω|)^1.5`` with τ of `effective_tension` and the
     angle ω between the families, and 10⁻⁴ E without shear stiffness.  For nearly

@@ -270,9 +270,7 @@ def finer_ply(ply: "Ply") -> FinerPly:
 
 
 def refuse_what_has_no_finer(ply: "Ply") -> None:
-    """Refuse a ply that cannot be rebuilt on a finer mesh, or whose state cannot be
-    transferred.
-    """
+    """Refuse a ply that cannot be rebuilt, or a state that cannot be transferred."""
     _refuse_terms_of_the_mesh(ply, "compare a run with half the element size")
     for term in ply.terms:
         if term.parameters is not None and term.parameters.depends_on_steps:

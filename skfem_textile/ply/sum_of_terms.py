@@ -107,8 +107,7 @@ class SumOfTerms:
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """Terms of the fibres, of shear, of corners, of the formulation, and further
-        ones.
+        """Terms of fibres, shear, corners and formulation, and further ones.
 
         With `OnePoint` of kind ``rate`` energy, residual and tangent describe a step
         from the state of the parameters, and the residual is not a derivative of the
@@ -245,9 +244,7 @@ class SumOfTerms:
         parameters: PlyParameters | None = None,
         terms: Sequence[Term] | None = None,
     ) -> float:
-        """Energy in N·mm, including potentials of loads; see `residual` for the
-        parameters.
-        """
+        """Energy in N·mm, including potentials of loads; see `residual`."""
         energy = 0.0
         for term in self.terms if terms is None else terms:
             if term in self._kinds.by_kernel:
@@ -295,9 +292,7 @@ class SumOfTerms:
     def parts(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
     ) -> list[Contribution]:
-        """Terms without loads, with deviations from mean stretches as a separate
-        part.
-        """
+        """Terms without loads, with deviations from means as a separate part."""
         parts, deviations = [], []
         for term in self.terms:
             if term.role == "load":
@@ -411,9 +406,7 @@ class SumOfTerms:
         return T
 
     def arranged(self, tension: ndarray) -> ndarray:
-        """Fibre tensions at the integration points of the ply, as arguments of
-        `stiffness`.
-        """
+        """Fibre tensions at the points of the ply, as for `stiffness`."""
         term = self._tension
         if term is None or term.of_means is None:
             return tension

@@ -90,8 +90,7 @@ def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
 
 
 def check_term(term: Term, basis: CellBasis, size: float) -> None:
-    """Refuse a term with wrong shapes, values at rest that are not finite, or
-    inconsistencies.
+    """Refuse terms with wrong shapes, non-finite values or inconsistencies.
 
     Terms that advance parameters with the steps may have rates and no energy: their
     energy, residual and tangent are not compared.  The message names the term, the

@@ -177,9 +177,7 @@ class FormTerm(ElementTerm):
         return self._asm(self._forms.tangent, u, t, p)
 
     def misfit(self, basis: CellBasis) -> str:
-        """Reason why it is not a term on a basis of the displacement; empty if it
-        is one.
-        """
+        """Reason why it is not a term on a basis; empty if it is one."""
         if _same_unknowns(self.basis, basis):
             return ""
         return "its basis is not a basis of the displacement: build it on ply.mesh"
@@ -266,9 +264,7 @@ class MatrixTerm(Term):
         return csr_matrix(self.matrix)
 
     def misfit(self, basis: CellBasis) -> str:
-        """Reason why it is not a term on a basis of the displacement; empty if it
-        is one.
-        """
+        """Reason why it is not a term on a basis; empty if it is one."""
         N = basis.N
         fits = np.shape(self.matrix) == (N, N)
         return "" if fits else f"its matrix must be {N} × {N}"
@@ -316,9 +312,7 @@ class VectorTerm(Term):
         """None."""
 
     def misfit(self, basis: CellBasis) -> str:
-        """Reason why it is not a term on a basis of the displacement; empty if it
-        is one.
-        """
+        """Reason why it is not a term on a basis; empty if it is one."""
         N = basis.N
         fits = np.shape(self.vector) == (N,) and bool(np.isfinite(self.vector).all())
         return "" if fits else f"its vector must be {N} finite numbers"

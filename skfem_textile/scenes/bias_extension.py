@@ -198,9 +198,7 @@ def _inclination(warp: float, weft: float) -> float:
 
 
 def _motion(theta: float, gamma: float, width: float, height: float) -> Motion:
-    """Exact displacement; fibres that end at no clamp rotate towards the loading
-    direction.
-    """
+    """Exact displacement; unclamped fibres rotate towards the load."""
     across, along = width / np.cos(theta) / 2, height / np.sin(theta) / 2
     warp, weft = (across, along), (0.0, along - across)
 

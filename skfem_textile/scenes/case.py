@@ -94,9 +94,7 @@ class Case:
         )
 
     def run(self) -> Result:
-        """Apply the whole load; raises the errors of `stepper` and
-        `LoadStepper.run`.
-        """
+        """Apply the whole load; see `stepper` and `LoadStepper.run` for errors."""
         return self.stepper().run()
 
     def summary(self, result: Result) -> dict[str, str | int | float | bool]:

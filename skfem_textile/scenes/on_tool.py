@@ -110,9 +110,7 @@ def measured_on_tool(
 
 
 class _Measured(NamedTuple):
-    """Pressures at nodes, and for each element the rotation of the normal and the
-    masks.
-    """
+    """Pressures at nodes; rotation of the normal and masks by element."""
 
     pressure: ndarray
     turn_deg: ndarray

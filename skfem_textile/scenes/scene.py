@@ -162,8 +162,7 @@ class Scene:
         return self.turn.T @ vector if len(vector) == 2 else vector
 
     def errors(self, result: Result) -> dict[str, float]:
-        """Errors of the last converged state relative to the exact answer; see
-        `distance`.
+        """Errors of the last state relative to the exact answer; see `distance`.
 
         Empty if the exact answer is not valid on the mesh.
         """

@@ -313,9 +313,7 @@ class AdaptiveStepper:
             self._apply(ply)
 
     def _apply(self, ply: Ply) -> tuple[Ply, State]:
-        """Apply the whole load to a ply in a new round; after a failure the last one
-        remains.
-        """
+        """Apply the whole load in a new round; failures keep the last round."""
         stepper = self._stepper_of(ply)
         if not self._rounds:  # what a failure or an interruption leaves
             self._stepper, self._estimate = stepper, None
@@ -332,9 +330,7 @@ class AdaptiveStepper:
         return ply, state
 
     def _refined(self, ply: Ply, state: State) -> tuple[Ply, State] | None:
-        """Transfer the state to a refined mesh in a new round; None if that is too
-        large.
-        """
+        """Transfer the state to a refined mesh; None if that is too large."""
         if len(self._rounds) >= _MOST_ROUNDS:
             return None
         refinement = refine(ply, marked(shear_angle_jumps(ply, state.u), _SHARE))

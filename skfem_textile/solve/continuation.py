@@ -141,8 +141,7 @@ class Continuation:
         return goal if end > goal - 0.5 * min(shortest, self.next) else end
 
     def most_projected(self, step: float, t: float, loads_drive: bool) -> float:
-        """Maximum number of projected tangents in a step to ``t``; with more it is
-        halved.
+        """Number of projected tangents above which a step to ``t`` is halved.
 
         Beyond a limit load that drives the ply there is no path.
         """
@@ -150,8 +149,7 @@ class Continuation:
         return MOST_PROJECTED if followed or loads_drive else np.inf
 
     def keeps(self, step: float, state: State, projected: int, settled: bool) -> bool:
-        """True if the state of a step is accepted, False if the step is repeated in two
-        halves.
+        """True if a step is accepted, False if it is repeated in two halves.
 
         Parameters
         ----------

@@ -138,9 +138,7 @@ def _work(
 
 
 def _rate(problem: Problem) -> ndarray:
-    """Derivative of the fixed unknowns by the load factor, times the load factor, in
-    mm.
-    """
+    """Load factor times the derivative of the fixed unknowns by it, in mm."""
     constraints, t = problem.constraints, problem.load_factor
     now, before = (constraints.fixed_values(x) for x in (t, (1 - _STEP_BACK) * t))
     return (now - before) / _STEP_BACK
@@ -192,8 +190,7 @@ def _estimate(
 
 
 class _Trial:
-    """Newton increments of a problem from a displacement, within the domains of its
-    laws.
+    """Newton increments from a displacement, within the domains of laws.
 
     Holds displacement, parameters, forces and tangent after ``number`` increments, and
     whether the last one was ``whole`` and any was ``shortened``.

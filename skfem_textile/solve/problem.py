@@ -221,9 +221,7 @@ class Problem:
         return {name: forces[:, n].sum(axis=1) for name, n in nodes.items()}
 
     def is_fixed(self, u: ndarray, fixed_values: ndarray) -> bool:
-        """True if the fixed unknowns have their values, to round-off, and nodes are on
-        surfaces.
-        """
+        """True if fixed unknowns have their values, and nodes are on surfaces."""
         constraints, surfaces = self.constraints, self.surfaces
         off = turned(u, constraints.turn)[constraints.prescribed] - fixed_values
         size = np.abs(u).max(initial=0.0) + np.abs(self.nodes).max()
@@ -237,8 +235,7 @@ class Problem:
         return self.ply.in_domain(u) and bool(np.isfinite(self.energy(u, parameters)))
 
     def area_ratio(self, u: ndarray) -> ndarray:
-        """Smallest det F of each element; negative if it faces its surface the wrong
-        way.
+        """Smallest det F of each element; negative if it is inverted.
 
         The right way is the way in which most elements on the surface face.
         """

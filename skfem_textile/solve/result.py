@@ -68,8 +68,7 @@ class Result:
 
     @classmethod
     def of_state(cls, ply: Ply, conditions: Conditions, state: State) -> "Result":
-        """Result of a single state that was not computed by a run, for pictures and
-        files.
+        """Result of a single state, for pictures and files.
 
         Times and factorisations are 0, and the error is not estimated.
 

@@ -141,8 +141,7 @@ class State:
     Attributes
     ----------
     load_factor
-        Load factor t in [0, 1]; the first state of a run, t = 0, is the
-        undeformed ply.
+        Load factor t in [0, 1]; the first state of a run, t = 0, is the undeformed ply.
     u
         Displacement, DOF vector of the ply's basis.
     reactions

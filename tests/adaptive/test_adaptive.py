@@ -289,14 +289,14 @@ def there_and_back(X, t):
 def test_a_load_that_vanishes_at_the_end_stops_on_the_first_mesh(value):
     _, ply = pull("irregular", (2, 4))
     held = {"bottom": Condition("bottom"), "top": Condition("top", value)}
-    with pytest.raises(StepError, match="nothing that moves carries a load") as told:
+    with pytest.raises(StepError, match="no moving condition carries a load") as told:
         AdaptiveStepper(ply, held, 0.1, 4).run()
     result = told.value.result
     assert result.ply is ply
     assert result.converged
     assert not result.tolerance_met
     assert result.rounds == ()
-    assert result.summary()["error_estimate"].startswith("none: nothing that moves")
+    assert result.summary()["error_estimate"].startswith("none: no moving condition")
 
 
 def turned(X, t):
@@ -331,7 +331,7 @@ def test_nodes_by_number_that_would_be_elsewhere_are_refused():
     n = ply.users_mesh.nvertices
     pinned = {**scene.conditions, "pin": Condition([n], 0.0, (1, 0))}
     with pytest.raises(
-        ValueError, match="'pin' is on nodes by number that are no vert"
+        ValueError, match="'pin' lists nodes by number that are not vertices"
     ):
         AdaptiveStepper(ply, pinned, 0.1)
     AdaptiveStepper(ply, pinned | {"pin": Condition([n - 1], 0.0, (1, 0))}, 0.1)

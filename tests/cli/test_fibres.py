@@ -152,10 +152,10 @@ def test_a_fabric_without_directions_or_with_those_of_the_scene_tells_nothing(
     [
         (
             ("--set", "fabric.thickness_mm=0.3"),
-            "thickness_mm, units and material go with fabric.file",
+            "thickness_mm, units and material require fabric.file",
         ),
         (("--fabric", "none.json"), "none.json"),
-        (("--fabric", "cloth.json", "--fibre-stiffness", "1"), "[tension] has a law"),
+        (("--fabric", "cloth.json", "--fibre-stiffness", "1"), "[tension] sets a law"),
         (("--directions", "ply.vtu"), "32 directions for 18 elements"),
         (("--directions", "cloth.json"), "are read from"),
     ],
@@ -205,10 +205,10 @@ def test_show_takes_angles_for_a_mesh_without_directions(tmp_path):
     ("words", "named"),
     [
         (("none.vtu",), "no such file"),
-        (("ply.vtu", "--warp", "0"), "go together"),
+        (("ply.vtu", "--warp", "0"), "must be given together"),
         (("ply.vtu", "--warp", "0", "--weft", "180"), "parallel"),
         (("ply.vtu", "--warp", "east", "--weft", "90"), "'east' is not an angle"),
-        (("ply.vtu", "--warp", "0", "--weft", "90", "--directions", "x"), "leave one"),
+        (("ply.vtu", "--warp", "0", "--weft", "90", "--directions", "x"), "omit one"),
         (("ply.vtu", "--directions", "other.csv"), "other.csv: 1 directions for 32"),
     ],
 )

@@ -104,7 +104,7 @@ def test_a_fabric_tells_what_no_test_told(tmp_path, capsys):
     widths = "--warp-width", 100, "--weft-width", 100, "--law", "linear"
     out = "--out", tmp_path / "o", "--no-render"
     assert fit("biaxial", pull, *widths, *out) == 0
-    assert "fabric.json has no shear stiffness" in capsys.readouterr().out
+    assert "fabric.json contains no shear stiffness" in capsys.readouterr().out
 
 
 def test_a_table_goes_on_beyond_its_data_as_asked(tmp_path):
@@ -143,9 +143,9 @@ def test_simulated_tests_are_fitted(tmp_path):
         (["missing.csv", *SIZES], "missing.csv"),
         (["0.csv", "--width", "100"], "--height is missing"),
         (["0.csv", "--width", "1", "2", "--height", "9"], "--width has 2 sizes for 1"),
-        (["0.csv", *SIZES, "--law", "spline"], "'spline' is none of polynomial"),
-        (["0.csv", *SIZES, "--bound", "c1=2,1"], "'c1=2,1' is not like c1=0,1"),
-        (["0.csv", *SIZES, "--unit", "force"], "'force' is not like force=kN"),
+        (["0.csv", *SIZES, "--law", "spline"], "'spline' must be one of polynomial"),
+        (["0.csv", *SIZES, "--bound", "c1=2,1"], "'c1=2,1' is not of the form c1=0,1"),
+        (["0.csv", *SIZES, "--unit", "force"], "'force' is not of the form force=kN"),
         (["0.csv", *SIZES, "--unit", "time=s"], "--unit time: no column"),
         (["0.csv", *SIZES, "--fabric", "0.csv"], "0.csv: fabrics are read from"),
         (["0.csv", *SIZES, "--extrapolation", "linear"], "only a tabulated law has"),

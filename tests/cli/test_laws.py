@@ -142,7 +142,7 @@ def test_a_run_beyond_its_table_goes_on_with_one_warning_if_asked(tmp_path, caps
     law = ("--shear-law", file, "--set", "shear.continuation=odd")
     assert run(tmp_path, *QUICK, *law, "--set", "shear.extrapolation=linear") == 0
     said = capsys.readouterr().err
-    assert said.count("extrapolated in a straight line") == 1
+    assert said.count("extrapolated linearly") == 1
 
 
 def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
@@ -248,5 +248,5 @@ def test_an_exact_angle_beyond_a_pole_is_no_exact_answer(tmp_path):
     law = ["--shear-law", "locking", "--set", "shear.locking_angle_deg=35"]
     assert cli.main([*line, *law, "--out", str(tmp_path)]) == 0
     found = json.loads((tmp_path / "summary.json").read_text())
-    assert found["exact_answer"].startswith("none: without fibre stretch")
+    assert found["exact_answer"].startswith("none: for inextensible fibres")
     assert "load_over_exact" not in found

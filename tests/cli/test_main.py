@@ -95,7 +95,7 @@ def test_of_a_long_line_the_middle_is_left_out(tmp_path, capsys):
     assert len(said) < 500
     assert "argument --size: '999" in said
     assert " ... " in said
-    assert said.endswith("' is not like 10x15\n")
+    assert said.endswith("' is not of the form 10x15\n")
 
 
 @pytest.mark.parametrize("word", ["--size=--", "--out=--"])
@@ -114,7 +114,7 @@ def test_what_looks_like_an_option_is_no_folder(tmp_path, capsys):
 def test_a_folder_without_a_name_is_refused(tmp_path, capsys, monkeypatch, option):
     monkeypatch.chdir(tmp_path)
     said = refused(capsys, "run", "strip", *QUICK, "--out", "o", option, "")
-    assert f"argument {option}: a folder must have a name" in said
+    assert f"argument {option}: the name of a folder is empty" in said
     assert list(tmp_path.iterdir()) == []
 
 
@@ -131,7 +131,7 @@ def plain_run(capsys, scene, out):
     warnings = capsys.readouterr().err.splitlines()
     assert bool(warnings) == (scene == "strip")
     for warning in warnings:
-        assert warning.endswith("the fabric has no shear stiffness, give it one")
+        assert warning.endswith("the fabric has no shear stiffness, specify one")
     summary = json.loads((out / "summary.json").read_text())
     assert summary["formulation"] == "macro"
     assert summary["stable"]

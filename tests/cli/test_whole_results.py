@@ -46,8 +46,8 @@ def test_a_summary_never_speaks_of_files_that_are_not_there(
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        ((), "nothing is kept, as --checkpoint was not given"),
-        (("--checkpoint",), "/checkpoint remains, and --resume goes on from there"),
+        ((), "no checkpoint exists, because --checkpoint was not given"),
+        (("--checkpoint",), "/checkpoint remains; --resume continues from it"),
     ],
 )
 def test_a_full_disk_is_named_and_what_is_left(

@@ -2,7 +2,7 @@
 
 import pytest
 
-from skfem_textile.scenes import laid, on_tool
+from skfem_textile.scenes import draped_ply, on_tool
 from tests.helpers.quick import no_estimate  # noqa: F401
 from tests.helpers.tools import plate, write
 
@@ -14,6 +14,6 @@ def tool(tmp_path_factory):
 
 @pytest.fixture
 def coarse_net(monkeypatch):
-    """For plies that no net pulls: it is laid in an eighth of the time, to be told."""
-    for module in (laid, on_tool):
+    """Coarser nets for plies whose edges no net pulls."""
+    for module in (draped_ply, on_tool):
         monkeypatch.setattr(module, "CELLS", 16)

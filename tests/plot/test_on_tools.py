@@ -79,7 +79,7 @@ def test_shear_and_pressure_stand_side_by_side_with_risks_marked(tmp_path, monke
     monkeypatch.chdir(tmp_path)
     result = result_of(hemisphere(size=(4, 4), tension=0.0), bending=(5.0, 5.0))
     words = words_of(monkeypatch, result, titles=["free"])
-    for said in ("Shear angle, free", "Contact pressure, free", "Fibres may wrinkle"):
+    for said in ("Shear angle, free", "Contact pressure, free", "Risk of wrinkling"):
         assert said in words
 
 

@@ -42,7 +42,7 @@ def test_panels_go_to_the_subplots_from_the_active_one_on(result, tmp_path):
     plot.fibre_strain(result, plotter=plotter, filename=tmp_path / "x.png")
     assert [bool(r.actors) for r in plotter.renderers] == [False, True, True, False]
     plotter.subplot(1, 1)
-    with pytest.raises(ValueError, match="2 panels require as many subplots.*: 1$"):
+    with pytest.raises(ValueError, match=r"2 panels require as many subplots.*: 1$"):
         plot.fibre_strain(result, plotter=plotter)
     with pytest.raises(ValueError, match="a plotter draws pixels"):
         plot.fibre_strain(result, plotter=plotter, filename=tmp_path / "x.svg")
@@ -89,7 +89,7 @@ def test_a_field_of_ones_own_is_drawn_with_its_unit(result, sheets, tmp_path):
 def test_every_named_field_has_a_unit_and_can_be_drawn(result, sheets, tmp_path):
     for name, field in plot.FIELDS.items():
         plot.field(result, field=name, filename=tmp_path / "x.svg")
-        unitless = field.label == "Area over initial area"
+        unitless = field.label == "Area relative to initial area"
         assert unitless or re.search(r"\((°|%|N/mm|mm)\)$", field.label)
     drawn = {sheet.legends[0].scale.label for sheet, _ in sheets}
     assert drawn == {field.label for field in plot.FIELDS.values()}
@@ -157,7 +157,9 @@ def test_a_refusal_shows_why_and_where(result, sheets):
     (panel,) = drawn.panels
     assert panel.title == str(error)
     assert panel.marked.tolist() == [3, 7]
-    assert drawn.legends[0].keys == [("Elements where the step was refused", "#E6007E")]
+    assert drawn.legends[0].keys == [
+        ("Elements where the step was rejected", "#E6007E")
+    ]
     least = result.ply.least_area_ratio(result.u)
     np.testing.assert_allclose(panel.values, least)
     pixels = plotter.screenshot(return_img=True).astype(int)

@@ -176,7 +176,7 @@ TWO = np.array([[0, 1, 0, 0.2], [0, 0, 1, 0.2]])
         (MeshTri(TWO, [[0], [1], [2]]), r"1 node.* belong to no triangle.*: 3"),
         (MeshTri(TWO, [[0, 0], [1, 1], [2, 3]]), r"2 triangle.* overlap .*: 0, 1"),
         (MeshTri(TWO, [[0] * 3, [1] * 3, [2, 3, 2]]), "share an edge with more than"),
-        (MeshTri(TWO, [[0], [1], [4]]), "name a node that is not there: 0"),
+        (MeshTri(TWO, [[0], [1], [4]]), "refer to an undefined node: 0"),
     ],
     ids=[
         *("split", "curved", "nan", "overturned", "collapsed", "flat", "unused"),

@@ -175,7 +175,7 @@ def test_meshes_and_angles_that_do_not_fit_are_refused():
         (np.nan, 135),
         (45, np.inf),
     ):
-        with pytest.raises(ValueError, match="mirror images in the direction of"):
+        with pytest.raises(ValueError, match="symmetric about the loading direction"):
             bias_extension(warp=np.radians(warp), weft=np.radians(weft))
     with pytest.raises(ValueError, match="unknown part 'third': choose whole or half"):
         bias_extension(part="third")

@@ -34,7 +34,9 @@ EXACT = {
     "shear_angle_error_rms_deg",
 }
 LOAD = {"load_over_exact", "load_lost_to_fibre_stretch"}
-ON_NO_SIDE = "boundary edge(s) of the mesh lie on no side of its bounding rectangle"
+ON_NO_SIDE = (
+    "boundary edge(s) of the mesh do not lie on a side of its bounding rectangle"
+)
 
 
 def solve(scene, formulation=None, E=1e6, law=0.5, steps=2):
@@ -231,7 +233,7 @@ def test_half_a_ply_loses_the_same_share_and_a_turned_one_too():
 def test_the_summary_says_what_the_ratio_converges_to():
     said = solve(bias_extension(size=(4, 8)), E=1e4)["exact_answer"]
     assert said == (
-        "of fibres that do not stretch; stretch costs about 4 % of the load: "
+        "for inextensible fibres; stretch reduces the load by about 4 %: "
         "load_over_exact converges to about 0.96, not to 1"
     )
 

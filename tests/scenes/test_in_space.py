@@ -80,7 +80,7 @@ def test_what_does_not_fit_a_scene_in_space_is_refused(tmp_path, capsys):
         (lambda: cantilever(weight=np.inf), "weight must be positive"),
         (lambda: buckling(shortening=1.0), "between 0 and 1"),
         (lambda: buckling(push=np.nan), "push must be a finite number"),
-        (lambda: cantilever().rotated(0.3), "is not turned"),
+        (lambda: cantilever().rotated(0.3), "cannot be rotated"),
     ):
         with pytest.raises(ValueError, match=reason):
             make()

@@ -158,7 +158,7 @@ def test_the_frame_reduces_as_cao_et_al():
 
 def test_specimens_that_cannot_be_are_refused():
     for make, said in (
-        (lambda: PictureFrame(100.0, 120.0), "longer than that of the frame"),
+        (lambda: PictureFrame(100.0, 120.0), "longer than the side of the frame"),
         (lambda: PictureFrame(0.0, 1.0), "side of the frame must be"),
         (lambda: BiasExtension(50.0, 90.0), "must be at least 100 mm high"),
         (

@@ -33,7 +33,7 @@ def test_a_specimen_is_what_its_conditions_say():
 def test_a_specimen_has_no_exact_answer():
     scene = specimen(size=(2, 4))
     summary = scene.summary(loaded(scene))
-    assert summary["exact_answer"] == "none: no specimen has one"
+    assert summary["exact_answer"] == "none: a specimen has none"
     assert "displacement_error_rms" not in summary
     turned = specimen(size=(2, 4)).rotated(0.3)
     other = turned.summary(loaded(turned))
@@ -61,13 +61,16 @@ def test_the_driven_boundary_is_named_or_moves_furthest():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"moves": []}, "nothing is held or moved"),
-        ({"moves": [("top", ("free", "free"))]}, "nothing is held or moved"),
+        ({"moves": []}, "no boundary is fixed or displaced"),
+        ({"moves": [("top", ("free", "free"))]}, "no boundary is fixed or displaced"),
         ({"moves": [("lid", (0, 0))]}, "no boundary 'lid' .it has: "),
         ({"moves": [("top", (0, 0)), ("top", (0, 1))]}, "'top' is moved twice"),
         ({"moves": [("top", (0, np.inf))]}, "moves by inf, not finite"),
         ({"moves": [("top", (0, "up"))]}, "'up', which is neither a number nor 'free'"),
-        ({"driven": "left"}, "'left' is not held or moved: name one of bottom, top"),
+        (
+            {"driven": "left"},
+            "'left' is not fixed or displaced: name one of bottom, top",
+        ),
         ({"width": 0.0}, "width must be a finite number > 0, got 0 mm"),
         ({"height": np.nan}, "height must be a finite number > 0, got nan mm"),
     ],
@@ -103,7 +106,9 @@ def test_a_case_says_what_the_command_line_says(tmp_path):
 def test_no_exact_answer_holds_beside_loads():
     loaded = case(loads=(Force("top", np.array([0.1, 0.2])),))
     found = loaded.summary(loaded.run())
-    assert found["exact_answer"] == "none: forces act beside the scene's conditions"
+    assert (
+        found["exact_answer"] == "none: forces act besides the conditions of the scene"
+    )
     assert "displacement_error_rms" not in found
 
 

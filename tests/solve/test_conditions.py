@@ -136,7 +136,7 @@ def test_conditions_that_disagree_on_the_way_are_refused_before_the_run():
     [
         (Condition("inside"), "no boundary 'inside' .*'left'"),
         (Condition(lambda X: X[0] > 9), "acts on no node"),
-        (Condition([0, 99]), "nodes 0 to 24"),
+        (Condition([0, 99]), "from 0 to 24"),
         (Condition([0.5]), "where must be"),
         (Condition(lambda X: X[0]), "where must be"),
         (Condition(np.array([True, False])), "where must be"),
@@ -163,7 +163,7 @@ def test_bad_conditions_are_refused(condition, message):
 
 
 def test_a_ply_must_be_held():
-    with pytest.raises(ValueError, match="must be held"):
+    with pytest.raises(ValueError, match="the ply needs displacement conditions"):
         Constraints(BASIS, {})
 
 

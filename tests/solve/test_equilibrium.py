@@ -50,7 +50,7 @@ def test_the_verdict_costs_one_factorisation_a_run():
 def test_a_mechanism_is_refused():
     mesh = MeshQuad().refined(2).with_defaults()
     ply = Ply(mesh, Fabric(10.0), Full())  # no shear stiffness, only one side held
-    with pytest.raises(StepError, match="some motion meets no stiffness"):
+    with pytest.raises(StepError, match="a mechanism is present"):
         LoadStepper(
             ply, {"pull": Condition("top", 0.1, direction=(0, 1))}, steps=1
         ).run()
@@ -76,7 +76,7 @@ def test_a_mechanism_on_an_irregular_mesh_is_no_stable_state(seed, direction):
         held = {"slide": Condition("bottom", 0.0, direction)}
     for formulation in (Full(), OnePoint(1.0)):
         ply = Ply(mesh, Fabric(1e4, 1.0, (1.0, 0.3), (0.0, 1.0)), formulation)
-        with pytest.raises(StepError, match="some motion meets no stiffness"):
+        with pytest.raises(StepError, match="a mechanism is present"):
             LoadStepper(ply, held, steps=1).run()
 
 

@@ -114,11 +114,11 @@ def test_under_loads_it_is_of_their_work():
 @pytest.mark.parametrize(
     ("what", "reason"),
     [
-        ("numbers", "condition 'top' is on nodes by number"),
-        ("names", "condition 'top' is on nodes by number"),
-        ("term", "term 'springs' is of the mesh"),
+        ("numbers", "condition 'top' acts on nodes by number"),
+        ("names", "condition 'top' acts on nodes by number"),
+        ("term", "term 'springs' is tied to the mesh"),
         ("rate", "the stabilisation depends on the steps"),
-        ("still", "nothing that moves carries a load"),
+        ("still", "no moving condition carries a load"),
         ("large", "more than 10 unknowns"),
     ],
 )
@@ -181,7 +181,7 @@ def test_it_is_told_where_a_finer_mesh_leaves_the_law():
     end = 1.001 * np.abs(plain.ply.shear_angle(plain.states[-1].u)).max()
     law = Tabulated([0.0, end], [0.0, 0.5 * end], odd=True)
     summary = pulled(across=4, shear=law).summary()
-    assert "this state is past the end of a law there" in summary["error_estimate"]
+    assert "this state is beyond the end of a law there" in summary["error_estimate"]
 
 
 def test_where_increments_reach_the_end_of_a_law_they_are_shortened():
@@ -203,7 +203,7 @@ def test_a_load_that_is_round_off_has_no_error():
     ply = square(Fabric(1e3, 1.0, (1, 1), (-1, 1)))
     estimate = LoadStepper(ply, held, 4).run().estimated_error
     assert estimate.load is None
-    assert estimate.reason == "nothing that moves carries a load"
+    assert estimate.reason == "no moving condition carries a load"
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ def case(scene, name, across=16, E=1e4, G=0.5, formulation=None, steps=2):
 
 
 def told(caplog):
-    return [r.getMessage() for r in caplog.records if " carr" in r.getMessage()]
+    return [r.getMessage() for r in caplog.records if " contribut" in r.getMessage()]
 
 
 def largest(result, of):

@@ -178,7 +178,7 @@ def test_before_a_run_there_is_no_result():
         ({"on_step": 3}, "on_step must be a function, not 3"),
         ({"on_iteration": "print"}, "on_iteration must be a function"),
         ({"checkpoint": 3}, "checkpoint must be a folder, not 3"),
-        ({"checkpoint": "a\0b"}, "checkpoint 'a.x00b' is no path"),
+        ({"checkpoint": "a\0b"}, r"checkpoint 'a\\x00b' is not a path"),
         ({"ply": None}, "ply must be a Ply, not NoneType"),
     ],
 )

@@ -149,9 +149,7 @@ class CrimpInterchange(BiaxialLaw):
         return np.array([[own[0], cross], [cross, own[1]]])
 
     def _amplitude(self, strain: ndarray) -> ndarray:
-        """Amplitude w of minimum energy: Newton's method with bisection as
-        safeguard.
-        """
+        """Amplitude w of minimum energy: Newton's method with bisection."""
         given = strain.reshape(2, -1)
         eta_1, eta_2 = self._slopes_at_rest
         tolerance = _STEP * (eta_1 + eta_2)
@@ -437,9 +435,7 @@ class CrimpedYarns(BiaxialLaw):
         return np.where(moves, np.nan, y)
 
     def _inverse(self, stiffness: ndarray, touching: ndarray) -> ndarray:
-        """Inverse of ∂²W/∂y², restricted to y₁ + y₂ = 0 in contact; shape (2, 2,
-        ...).
-        """
+        """Inverse of ∂²W/∂y², with y₁ + y₂ = 0 in contact, (2, 2, ...)."""
         h_1, h_2 = stiffness + self._stiff
         C = self._stiff
         tied = 1 / (stiffness[0] + stiffness[1])

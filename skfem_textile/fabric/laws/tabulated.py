@@ -386,9 +386,7 @@ class Tabulated(ScalarLaw):
         return self._curve.tangent(within) + 0.0 * past
 
     def _split(self, x: ndarray) -> tuple[ndarray, ndarray]:
-        """Nearest argument within the table, and the distance from it: NaN if
-        refused.
-        """
+        """Nearest argument within the table, and distance; NaN if refused."""
         low, high, *_ = self._curve
         within = np.clip(x, low, high)
         past = x - within

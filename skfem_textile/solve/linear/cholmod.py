@@ -24,8 +24,7 @@ _LOCK = Lock()
 
 
 class Cholmod(OneAtATime):
-    """Cholesky factors, whose existence proves stability; otherwise LDLᵀ for the
-    inertia.
+    """Cholesky factors, which prove stability, or LDLᵀ for the inertia.
 
     Parameters
     ----------

@@ -188,9 +188,7 @@ SolverOfPattern: TypeAlias = Callable[[csc_matrix], Solver]
 
 @dataclass(eq=False)
 class Clock:
-    """Numbers of linear solves and factorisations, and times of these and of
-    assembly.
-    """
+    """Numbers and times of linear solves, factorisations and assembly."""
 
     solves: int = 0
     factorisations: int = 0

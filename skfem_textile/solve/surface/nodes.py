@@ -118,9 +118,7 @@ class SurfaceNodes:
         self._laid: dict[float, ndarray] = {}
 
     def check(self, t: float) -> None:
-        """Refuse surfaces that cannot grow out of the plane of the ply at a load
-        factor.
-        """
+        """Refuse surfaces that cannot grow out of the plane of the ply."""
         for name, condition, _ in self._parts:
             condition.at(name, t)
 

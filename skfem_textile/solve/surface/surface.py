@@ -36,8 +36,7 @@ _TINY = 1e-100
 
 
 class Surface(Protocol):
-    """Surface as a level set: the points x with φ(x) = 0, where the gradient is
-    nonzero.
+    """Level set: points x with φ(x) = 0 and a nonzero gradient.
 
     φ may be any smooth function that is positive on one side and negative on the other,
     not necessarily the distance.  Positions ``x`` have the shape (3, n), in mm.

@@ -114,7 +114,7 @@ def test_a_finished_run_is_read_and_not_run_again(done):
 
 def test_without_a_state_a_run_starts_from_the_beginning_and_says_so(tmp_path, caplog):
     assert_same(stepper(tmp_path / "c").run(resume=True), whole())
-    assert "nothing to resume" in caplog.text
+    assert "no state to resume" in caplog.text
 
 
 def test_an_unfinished_run_is_not_overwritten_and_a_finished_one_is(half):
@@ -198,7 +198,7 @@ class Hidden(Coupled):
 
 def test_a_coupling_that_the_repr_hides_is_told_apart(tmp_path):
     interrupted_at(tmp_path / "c", 0.3, E=Hidden(1e4, 100.0))
-    told = "its values of the tensions beside a stretched family differ"
+    told = "its values of the tensions with the other family stretched differ"
     with pytest.raises(CheckpointError, match=told):
         stepper(tmp_path / "c", E=Hidden(1e4, 101.0)).run(resume=True)
 
