@@ -43,7 +43,7 @@ def prose(source: str) -> list[str]:
 
 
 def _without_examples(text: ast.Constant) -> Iterator[tuple[int, str]]:
-    """The lines of a docstring that are no code, without their indent."""
+    """The lines of a docstring except for code, without indentation."""
     of_code = False
     for number, line in enumerate(text.value.splitlines(), text.lineno):
         of_code = bool(line.strip()) and (of_code or line.lstrip().startswith(">>>"))

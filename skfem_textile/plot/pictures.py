@@ -97,7 +97,7 @@ class _Picture:
             )
         fewest = min(len(result.states) for result in results)
         if not -fewest <= state < fewest:
-            raise ValueError(f"no state {state}: a result has {fewest} states")
+            raise ValueError(f"no state {state}: there are {fewest} states in a result")
         self.results, self.states = results, [r.states[state] for r in results]
         self.shapes = shapes_of(results, self.states)
         self._show_edges, self._how = show_edges, (filename, plotter, size)

@@ -21,7 +21,7 @@ def test_a_ply_beyond_the_edges_of_its_tool_is_told(tmp_path):
     assert command(out, "--width", "150", "--height", "100", tool=flat) == 0
     found = summary(out)
     assert found["beyond_tool_share_of_area"] == pytest.approx(1 - 120 / 150, abs=0.06)
-    assert "take a smaller ply or a larger tool" in found["beyond_tool"]
+    assert "use a smaller ply or a larger tool" in found["beyond_tool"]
     fields = meshio.read(out / "fields" / "step_0001.vtu")
     beyond = fields.cell_data["beyond_tool"][0]
     middle = fields.points[fields.cells[0].data].mean(axis=1)
@@ -189,7 +189,7 @@ def refused_tools(folder):
     empty.write_text(EMPTY)
     yield empty, "empty.stl: it has no triangles"
     yield write(folder / "few.stl", x[:, :], t[:, :3]), "vertices are too few"
-    yield write(folder / "facing.stl", x, facing), "orient them alike"
+    yield write(folder / "facing.stl", x, facing), "orient them consistently"
     bad = x.copy()
     bad[2, 5] = np.nan
     yield write(folder / "nan.stl", bad, t), "must be finite"
@@ -200,7 +200,7 @@ def refused_tools(folder):
     yield write(folder / "metres.stl", 1e-3 * x, t), "a smaller ply, or a file in mm"
     for scale in (1e3, 1e30):
         large = write(folder / f"{scale:g}.stl", scale * x, t)
-        yield large, "take a larger ply, or a file in mm"
+        yield large, "use a larger ply, or a file in mm"
 
 
 def test_what_is_no_tool_is_refused_in_one_line(tmp_path, capsys):
@@ -213,8 +213,8 @@ def test_what_is_no_tool_is_refused_in_one_line(tmp_path, capsys):
     ("options", "reason"),
     [
         (("--point", "0", "0", "nan"), "scene.point_mm must be a finite number"),
-        (("--point", "0", "0", "90"), "from the tool: give a point on it"),
-        (("--point", "0", "0", "1e306"), "from the tool: give a point on it"),
+        (("--point", "0", "0", "90"), "from the tool: specify a point on it"),
+        (("--point", "0", "0", "1e306"), "from the tool: specify a point on it"),
         (("--point", "130", "0", "0"), "the tool has no triangle at 129.8"),
         (("--point", "0", "0"), "expected 3 arguments"),
         (("--part-mesh", "none.stl"), "output.part_mesh none.stl: no such file"),
@@ -231,9 +231,9 @@ def test_bad_options_are_refused_in_one_line(tool, options, reason, tmp_path, ca
     ("text", "reason"),
     [
         ("x,y\n0,0\n", "row 1: the header must name the columns x, y and z"),
-        ("x,y,z\n0,0,0\n1,0,0\n1,nan,0\n", "row 4: '1,nan,0' is no point"),
-        ("x,y,z\n0,0,0\n1,0\n", "row 3: '1,0' is no point"),
-        ("x,y,z\n0,0,0\n1,0,0\n0,0,0\n", "needs three points at least"),
+        ("x,y,z\n0,0,0\n1,0,0\n1,nan,0\n", "row 4: '1,nan,0' is not a point"),
+        ("x,y,z\n0,0,0\n1,0\n", "row 3: '1,0' is not a point"),
+        ("x,y,z\n0,0,0\n1,0,0\n0,0,0\n", "needs at least three points"),
         ("", "the file is empty"),
     ],
 )

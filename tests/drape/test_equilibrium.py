@@ -203,7 +203,9 @@ def test_a_surface_that_is_not_finite_is_no_answer():
     nowhere = Broken(lambda x: np.where(x[0] > 30, np.nan, x[2]))
     conditions = {"on": OnSurface(nowhere), "clamp": Condition("left")}
     ply = square()
-    with pytest.raises(NoEquilibriumError, match="no way to the surface"):
+    with pytest.raises(
+        NoEquilibriumError, match="cannot be projected onto the surface"
+    ):
         equilibrium_near(ply, conditions, ply.basis.zeros())
 
 
@@ -215,7 +217,7 @@ def test_a_ply_in_its_plane_lies_on_no_surface():
 
 def test_a_ply_that_slides_around_its_sphere_is_refused():
     ply, sphere = square(), drape.Sphere(100.0, (0, 0, -100))
-    with pytest.raises(StepError, match=r"stiffness|stable"):
+    with pytest.raises(StepError, match="mechanism|unstable"):
         LoadStepper(ply, {"on": OnSurface(sphere)}, 1, max_halvings=1).run()
 
 
@@ -228,7 +230,7 @@ def test_conditions_across_a_surface_are_refused():
     ply = square()
     start = laid(ply, sphere)
     conditions.pop("x"), conditions.pop("y")
-    with pytest.raises(NoEquilibriumError, match="across its surface already"):
+    with pytest.raises(NoEquilibriumError, match="normal to its surface already"):
         equilibrium_near(ply, conditions, start)
 
 

@@ -55,7 +55,7 @@ def test_the_estimate_is_of_a_finer_ply_on_the_surface():
     fine = problem_at(finer.ply, conditions, "superlu", 1.0)
     carried = finer.carry(state.u, state.parameters)
     assert not fine.surfaces.are_on(carried[0], 1.0)
-    way = error_estimate._Way(fine, *carried)
+    way = error_estimate._Trial(fine, *carried)
     u, _ = error_estimate._moved(way, np.zeros(2), loaded=True)
     assert fine.surfaces.are_on(u, 1.0)
 
@@ -83,7 +83,7 @@ def test_without_a_load_one_increment_tells_why_there_is_no_estimate(
 
     monkeypatch.setattr(error_estimate, "definite", altered)
     monkeypatch.setattr(error_estimate, "within_laws", within)
-    way = error_estimate._Way(fine, *finer.carry(state.u, state.parameters))
+    way = error_estimate._Trial(fine, *finer.carry(state.u, state.parameters))
     with pytest.raises(NoEquilibriumError, match=reason):
         error_estimate._moved(way, np.zeros(2), loaded=False)
     assert len(made) == 1
@@ -109,7 +109,7 @@ def test_a_ply_that_the_tool_alone_shapes_has_an_error_of_the_shear_angle(fibres
     found = Case(scene=scene, fabric=fabric, steps=1).run().summary()
     assert found["estimated_load_error"] is None
     assert 0.1 < found["estimated_shear_angle_error_deg"] < 20
-    said = "by a finer mesh; of the load none: nothing that moves carries a load"
+    said = "by a finer mesh; of the load none: no moving condition carries a load"
     assert found["error_estimate"] == said
 
 

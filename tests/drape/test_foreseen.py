@@ -44,7 +44,7 @@ def test_a_net_that_folds_behind_the_corner_of_a_box_is_told(caplog):
     _, said = told(caplog, box(89.0))
     (line,) = said
     assert "their net folds at" in line
-    assert "let the ply end before that corner" in line
+    assert "use a ply that ends before that corner" in line
     place = np.array(line.partition("(")[2].partition(")")[0].split(","), dtype=float)
     assert np.abs(np.abs(place[:2]) - TOP).max() < 15
 

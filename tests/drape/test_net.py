@@ -76,7 +76,7 @@ def test_points_between_crossings_are_interpolated():
     flat = np.einsum("ij,jab->iab", net.directions, np.array(np.meshgrid(*net.along)))
     x = net.at(flat.reshape(2, -1)).reshape(3, *flat.shape[1:])
     np.testing.assert_allclose(x, net.positions.swapaxes(1, 2), atol=1e-9)
-    with pytest.raises(ValueError, match="the net reaches from"):
+    with pytest.raises(ValueError, match="the net extends from"):
         net.at(np.array([[100.0], [0.0]]))
 
 
@@ -203,7 +203,7 @@ def test_a_geodesic_through_the_tip_of_a_cone_is_refused_where_it_ends():
     X = np.array([[-2 * length, 10.0], [0.0, 5.0]])
     x = drape.exponential_map(cone, X[:, 1:], point=start)
     assert np.isfinite(x).all()
-    with pytest.raises(ValueError, match=r"geodesic leaves|no way to the surface"):
+    with pytest.raises(ValueError, match="cannot be projected onto the surface"):
         drape.exponential_map(cone, X, point=start)
 
 

@@ -49,17 +49,17 @@ def test_a_shell_with_both_its_sides_and_a_tool_turned_inside_out_are_told():
     assert "off_triangles" not in plain
     assert "faces_away" not in plain
     _, away = run(on_tool(drape.TriangleMesh(x, t[::-1]), **given))
-    assert "faces down where the ply touches it" in away["faces_away"]
+    assert "faces down at the contact point" in away["faces_away"]
     bumped = plate(height=lambda x, y: bump(x, y) - bump(x - 60, y))
     _, both_ways = run(on_tool(drape.TriangleMesh(bumped[0], bumped[1][::-1]), **given))
     assert both_ways["min_contact_pressure_N_per_mm2"] < 0
     assert both_ways["max_contact_pressure_N_per_mm2"] > 0
-    assert "faces down where the ply touches it" in both_ways["faces_away"]
+    assert "faces down at the contact point" in both_ways["faces_away"]
     assert away["max_shear_angle_deg"] == pytest.approx(plain["max_shear_angle_deg"])
     both = np.hstack([x, x - np.array([[0], [0], [3]])])
     shell = drape.TriangleMesh(both, np.hstack([t, t[::-1] + x.shape[1]]))
     _, off = run(on_tool(shell, **given))
-    assert "give one side of a shell" in off["off_triangles"]
+    assert "use one side of a shell" in off["off_triangles"]
 
 
 def test_a_ply_on_a_flat_tool_bridges_nothing():
@@ -185,7 +185,7 @@ def test_edge_tensions_that_do_not_balance_are_told():
     tool = drape.TriangleMesh(*round_top)
     given = {"width": 100.0, "height": 100.0, "size": (6, 6)}
     _, off_top = run(on_tool(tool, point=(30.0, 0.0, 22.6), **given))
-    assert "tensions of the edges do not balance" in off_top["held_askew"]
+    assert "tensions of the edges are not in equilibrium" in off_top["held_askew"]
     assert off_top["max_holding_force_N"] > 10
     _, on_top = run(on_tool(tool, **given))
     assert "held_askew" not in on_top

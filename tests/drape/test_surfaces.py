@@ -89,7 +89,7 @@ def test_points_move_along_what_is_free_alone():
     end = onto(SURFACES["sphere"], x, free)
     np.testing.assert_array_equal(end[:2], x[:2])
     assert end[2, 0] == pytest.approx(4.0)
-    with pytest.raises(OffSurfaceError, match="no way to the surface"):
+    with pytest.raises(OffSurfaceError, match="cannot be projected onto the surface"):
         onto(SURFACES["sphere"], np.array([[9.0], [2.0], [1.0]]), free)
 
 
@@ -151,10 +151,10 @@ def test_bad_surfaces_are_refused(tmp_path):
         (lambda: drape.Torus(1.0, 2.0), "must be smaller"),
         (lambda: drape.double_dome(waist=1.0), "waist from 0 to less than 1"),
         (lambda: drape.TriangleMesh(p[:, :9], t[:, :0]), "triangles must be"),
-        (lambda: drape.TriangleMesh(p, t + 1), "not there"),
+        (lambda: drape.TriangleMesh(p, t + 1), "undefined vertex"),
         (lambda: drape.TriangleMesh(p * np.nan, t), "finite"),
         (lambda: drape.TriangleMesh(p, t[:, :2]), "too few"),
-        (lambda: drape.TriangleMesh(p, np.c_[t, t[::-1]]), "orient them alike"),
+        (lambda: drape.TriangleMesh(p, np.c_[t, t[::-1]]), "orient them consistently"),
     ):
         with pytest.raises(ValueError, match=message):
             build()
