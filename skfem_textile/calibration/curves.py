@@ -1,7 +1,8 @@
-"""Test curves from CSV files with units, and checks of their beginning.
+"""Test curves from CSV files with units, and checks of their initial force.
 
-An undeformed fabric carries no force.  A curve that begins with a force contains the
-weight of clamps, friction of a frame or a pretension, which no law represents.
+An undeformed fabric carries no force.  A curve that begins with a nonzero force
+includes the weight of clamps, the friction of a frame or a pretension, which no law
+represents.
 """
 
 import os

@@ -71,8 +71,8 @@ class Model:
         for name, (least, most) in bounds.items():
             if name not in self.parameters:
                 raise ValueError(
-                    f"the law {self.name} has no parameter {name!r}: there are "
-                    f"{', '.join(self.parameters)}"
+                    f"the law {self.name} has no parameter {name!r}; its parameters "
+                    f"are {', '.join(self.parameters)}"
                 )
             i = self.parameters.index(name)
             low[i], high[i] = max(low[i], least), min(high[i], most)

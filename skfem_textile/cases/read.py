@@ -336,7 +336,7 @@ def _unknown(path: str, key: str, table: type[Struct], beside: list[Any]) -> str
     tag = _tag_field(table)
     others = [tag_of(one) for one in beside if tag and key in one.__struct_fields__]
     if others:
-        return f"{path}.{key} goes with {path}.{tag} {' or '.join(others)}"
+        return f"{path}.{key} requires {path}.{tag} {' or '.join(others)}"
     around = [one for one in beside if _tag_field(one) is None]
     tables = dict.fromkeys([table, *around])
     known = [

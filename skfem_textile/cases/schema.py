@@ -360,8 +360,9 @@ class OnePoint(FormulationTable, tag="one-point"):
     stabilisation: Annotated[
         Literal["energy", "rate", "continuity", "isotropic"],
         about(
-            "total: independent of the load path; rate: in rates as published; jump: "
-            "jumps between elements; isotropic. The last three need a number C_s"
+            "energy: independent of the load path; rate: in rates as published; "
+            "continuity: jumps between elements; isotropic. All except energy need a "
+            "number C_s"
         ),
     ] = "energy"
     cs_N_per_mm: Stabilisation = "auto"

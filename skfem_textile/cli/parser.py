@@ -101,7 +101,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def is_case_file(word: str) -> bool:
-    """True if a word in place of a scene is the name of a case file."""
+    """True if the argument given as scene is the name of a case file."""
     return word.lower().endswith(_SUFFIX)
 
 

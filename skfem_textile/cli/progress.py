@@ -43,7 +43,7 @@ def load(
         _log(verbose)
         task = bar.add_task("load factor 0", total=1.0)
 
-        def told(at: Iteration) -> None:
+        def log_state(at: Iteration) -> None:
             bar.update(
                 task,
                 description=f"load factor {at.load_factor:.4g}, step {at.step:.2g}, "
@@ -53,7 +53,7 @@ def load(
         def reached(state: State) -> None:
             bar.update(task, completed=state.load_factor)
 
-        stepper.on_iteration, stepper.on_step = told, reached
+        stepper.on_iteration, stepper.on_step = log_state, reached
         try:
             stepper.run(resume=resume)
         except StepError as error:

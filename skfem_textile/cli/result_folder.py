@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from weakref import finalize
 
-from ..solve.sealed import Lock
+from ..solve.checksummed import Lock
 from .interruption import held
 from .output import OutputError
 

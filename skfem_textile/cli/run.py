@@ -108,7 +108,10 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         if not complete:
             raise
-        code, message = INTERRUPTED, "interrupted; the results are written"
+        code, message = (
+            INTERRUPTED,
+            "interrupted; the results computed so far are written",
+        )
     if (
         case.pictures
         and code != INTERRUPTED

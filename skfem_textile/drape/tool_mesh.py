@@ -50,7 +50,7 @@ class ToolMesh:
             raise MeshError("a tool: it has no triangles or quadrilaterals")
         flat = np.flatnonzero(~(np.linalg.norm(self._area_vectors(), axis=0) > 0))
         if flat.size:
-            raise MeshError(f"a tool: element {flat[0] + 1} has no area")
+            raise MeshError(f"tool mesh: element {flat[0] + 1} has zero area")
 
     @property
     def n_elements(self) -> int:

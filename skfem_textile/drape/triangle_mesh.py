@@ -120,9 +120,10 @@ class Quadrics:
     def _mean(
         self, x: ndarray, near: ndarray, distance: ndarray, reach: ndarray
     ) -> Derivatives:
-        """Mean of the same number of quadrics at each position.
+        """Weighted mean of k quadrics at each of n positions.
 
-        Arguments are their numbers and distances, shape (n, k), and the reach, (n, 1).
+        Arguments are the indices and distances of the quadrics, (n, k), and the reach,
+        (n, 1).
         """
         d = x[:, :, None] - self._points[:, near]
         s = np.minimum(distance / reach, 1.0)

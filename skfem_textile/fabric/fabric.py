@@ -19,6 +19,7 @@ from .law import (
     closest_end,
     domain_of,
     law_at,
+    refuse_other_units,
 )
 
 
@@ -278,6 +279,7 @@ def _stiffness(name: str, given: Any) -> ByElement:
 def _angle(given: Any) -> ByElement:
     """Wrinkling angle, validated."""
     angle = real_numbers("wrinkling angle", given)
+    refuse_other_units("wrinkling angle", angle, "shear")
     if angle.ndim > 1 or not ((angle > 0) & (angle <= 0.5 * np.pi)).all():
         raise ValueError(
             "wrinkling angle must be above 0 and at most a right angle, in radians, "

@@ -1,4 +1,4 @@
-"""Laws and fabrics as JSON, lossless; laws by the names of their classes."""
+"""Lossless JSON serialisation of laws and fabrics, with laws by class name."""
 
 import json
 import os
@@ -161,9 +161,7 @@ def _described(what: str, make: Any) -> Any:
     try:
         return make()
     except (ValueError, TypeError, OverflowError, AttributeError, KeyError) as error:
-        raise ValueError(
-            excerpt(str(error)) or (f"it does not describe a {what}")
-        ) from None
+        raise ValueError(printable(error) or f"it does not describe a {what}") from None
 
 
 def _text(content: Any) -> str:

@@ -238,7 +238,7 @@ class LawAlong:
     law
         The law.
     direction
-        Derivative of both strains by the argument.
+        Derivative of both strains with respect to the argument.
     start
         Strains of warp and weft at the argument 0: numbers, or arrays that broadcast
         with the arguments.
@@ -406,14 +406,14 @@ def refuse_other_units(
     beyond = x[np.abs(x) > most * (1 + _ROUNDING)]
     if not beyond.size:
         return
-    angles = f"shear angles end at a right angle, {RIGHT_ANGLE:.4g} rad"
-    quantity, end, unit = {
-        "shear": (f"{np.degrees(beyond[0]):.4g}°", angles, "degrees"),
-        "tension": (f"{beyond[0]:.4g}", f"strains end at {most:g}", "per cent"),
-        None: (f"{beyond[0]:.4g}", angles, "degrees, or in per cent"),
+    angle = f"a right angle, {RIGHT_ANGLE:.4g} rad"
+    symbol, end, unit = {
+        "shear": (" rad", angle, "degrees"),
+        "tension": ("", f"the largest strain, {most:g}", "per cent"),
+        None: ("", angle, "degrees, or in per cent"),
     }[of]
     question = f": in {unit}?" if ask else ""
-    raise ValueError(f"{name} has {quantity}, but {end}{question}")
+    raise ValueError(f"{name}: {beyond[0]:.4g}{symbol} exceeds {end}{question}")
 
 
 def pair(name: str, value: Any, above: float | None = None) -> tuple[float, float]:
@@ -466,7 +466,10 @@ def refuse_force_at_rest(name: str, law: Law, strain: float) -> None:
 _QUANTITIES = "warp_strain", "weft_strain", "shear_angle"
 
 # Hint for a shear law that ends at rest.
-_GO_ON = " (a table that starts at 0 needs odd=True, shear.continuation = 'odd')"
+_GO_ON = (
+    " (a table that starts at 0 needs odd=True; in a case file, shear.continuation = "
+    "'odd')"
+)
 
 # Relative difference, of the end of a law, within which elements are equally close to
 # it.  Chosen: half a degree at 50°, indistinguishable by colour.

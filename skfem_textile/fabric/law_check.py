@@ -34,7 +34,7 @@ _LINES = (
     ("warp against weft", (1.0, -1.0), (0.0, 0.0)),
     ("warp", (1.0, 0.0), (0.0, 0.0)),
     ("weft", (0.0, 1.0), (0.0, 0.0)),
-    ("warp beside a stretched weft", (1.0, 0.0), (0.0, 0.3 * _STRAIN)),
+    ("warp with stretched weft", (1.0, 0.0), (0.0, 0.3 * _STRAIN)),
     ("weft beside a stretched warp", (0.0, 1.0), (0.3 * _STRAIN, 0.0)),
     ("warp beside a shortened weft", (1.0, 0.0), (0.0, -0.3 * _STRAIN)),
     ("weft beside a shortened warp", (0.0, 1.0), (-0.3 * _STRAIN, 0.0)),
@@ -104,9 +104,9 @@ def _check_law(
     else:
         return
     raise ValueError(
-        f"{name} law, {part}: at {symbol} = {x:.4g} the {derivative} is {own:.4g}, "
-        f"but its {whole} changes by {change:.4g} per unit of {symbol}; value must be "
-        "the derivative of energy, and tangent the derivative of value"
+        f"{name} law, {part}: at {symbol} = {x:.4g} the {derivative} is {own:.4g}, but "
+        f"the derivative of the {whole} is {change:.4g}; value must be the derivative "
+        "of energy, and tangent the derivative of value"
     )
 
 

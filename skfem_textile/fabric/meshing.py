@@ -325,7 +325,7 @@ def _on_sides(p: ndarray, corners: ndarray, near: float) -> ndarray:
 
 
 def _convex(corners: ndarray) -> ndarray:
-    """Corners, anticlockwise; an error if the outline is not convex."""
+    """Corners in anticlockwise order; raises an error if the outline is not convex."""
     if corners.ndim != 2 or corners.shape[0] != 2 or corners.shape[1] < 3:
         raise MeshError(
             f"the outline must have the shape (2, n), n >= 3, not {corners.shape}"

@@ -371,7 +371,7 @@ def _held(
     area: ndarray,
     turned: csr_matrix,
 ) -> Any:
-    """Penalty on the slope along boundary edges, relative to a clamp."""
+    """Penalty matrix of the slope relative to the clamp along boundary edges."""
     if not edges.facets.size:
         n = mesh.nvertices + mesh.nfacets + turned.shape[1]
         return csr_matrix((n, n))

@@ -70,7 +70,9 @@ def read_directions(path: str | os.PathLike[str]) -> FibreDirections:
     readers = {".vtu": _of_vtu, ".csv": _of_csv, ".inp": _of_deck}
     with errors_about(path):
         if path.suffix.lower() not in readers:
-            raise MeshError(f"directions are read from {', '.join(readers)}")
+            raise MeshError(
+                f"directions can only be read from {', '.join(readers)} files"
+            )
         return readers[path.suffix.lower()](path.read_bytes())
 
 
@@ -196,7 +198,9 @@ def write_directions(
         deck = deck_of(cells, nodes, warp, weft, normal, sets)
         path.write_text(deck, encoding="utf-8")
     else:
-        raise ValueError(f"{path}: directions are written to .vtu, .csv and .inp")
+        raise ValueError(
+            f"{path}: directions can only be written to .vtu, .csv and .inp"
+        )
 
 
 def _in_space(x: ndarray) -> ndarray:

@@ -86,7 +86,9 @@ def write_fibres(path: str | os.PathLike[str], fibres: FibresInSpace) -> None:
         deck = deck_of(mesh.cells, mesh.points, *directions)
         path.write_text(deck, encoding="utf-8")
     else:
-        raise ValueError(f"{printable(path)}: fibres are written to .vtu, .csv, .inp")
+        raise ValueError(
+            f"{printable(path)}: fibres can only be written to .vtu, .csv, .inp"
+        )
 
 
 def write_draped(

@@ -126,7 +126,7 @@ class BinaryNumbers:
         """Refuse further bytes, except the end of a line."""
         rest = self._content[self._position :]
         if rest not in (b"", b"\n", b"\r\n"):
-            raise MeshError(f"{len(rest)} bytes more than its counts declare")
+            raise MeshError(f"it has {len(rest)} bytes more than its counts declare")
 
 
 def tag_positions(tags: ndarray, wanted: ndarray, what: str) -> ndarray:

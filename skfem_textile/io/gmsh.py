@@ -133,7 +133,9 @@ def entities(numbers: Numbers) -> dict[tuple[int, int], list[int]]:
             (tag,) = numbers.take(1, "i4").tolist()
             numbers.take(3 if dimension == 0 else 6, "f8")  # its position
             if (dimension, tag) in groups:
-                raise MeshError(f"two entities {tag} of dimension {dimension}")
+                raise MeshError(
+                    f"entity {tag} of dimension {dimension} is defined twice"
+                )
             tags = numbers.take(numbers.take(1, "u8").item(), "i4")
             groups[dimension, tag] = np.unique(np.abs(tags)).tolist()
             if dimension > 0:

@@ -246,7 +246,7 @@ def _name_node_sets(content: _Content, raw: meshio.Mesh) -> None:
 def _name_as_skfem(content: _Content, raw: meshio.Mesh, plane: list[int]) -> None:
     """Read the names that scikit-fem writes as cell data.
 
-    For a boundary, bit i of the number of a cell marks its edge i.
+    For a boundary, bit i of the value of a cell is set for its edge i.
     """
     data = {k: v for k, v in raw.cell_data.items() if k.startswith(vtk.SKFEM)}
     if not data:

@@ -340,10 +340,10 @@ class Corners:
     """Area ratio det F at the nodes of the elements of a basis.
 
     det F = det(∂x/∂ξ) / det(∂X/∂ξ): at a corner the columns of ∂x/∂ξ are edges of the
-    element, which takes half the time of F.  In space the determinant is replaced by
-    the cross product of the columns: its length, negative at a node where it opposes
-    its mean over the element (`sided`).  The last result is cached, because an
-    iteration uses it several times.
+    element; computing them takes half the time of F.  In space the determinant is
+    replaced by the cross product of the columns: its length, negative at a node where
+    it opposes its mean over the element (`sided`).  The last result is cached, because
+    an iteration uses it several times.
 
     Parameters
     ----------

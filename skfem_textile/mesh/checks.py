@@ -94,7 +94,7 @@ def refuse_metres(p: ndarray) -> None:
     if max(width, height) < _SMALLEST_PLY * (1 - _NEGLIGIBLE):
         raise MeshError(
             f"the mesh is {width:.4g} mm wide and {height:.4g} mm high: in metres? "
-            "take a larger ply, or coordinates in mm"
+            "use a larger ply, or coordinates in mm"
         )
 
 
@@ -159,7 +159,7 @@ def _refuse_contact(mesh: Mesh, cell: str) -> None:
     boundary = boundary_of(mesh)
     contact = contact_of(boundary)
     if contact is None:
-        raise MeshError("more boundary edges lie on top of others than can be checked")
+        raise MeshError("too many boundary edges lie on top of others to be checked")
     refuse(
         f"{cell}(s) lie on top of others, edge on edge; keep one layer", contact.layered
     )

@@ -207,7 +207,7 @@ def _coincident_off_cuts(joined: ndarray, seam: ndarray, n_nodes: int) -> ndarra
 
 
 def _groups(pairs: ndarray, n: int) -> ndarray:
-    """Number of the connected component of each of n items, given joined pairs."""
+    """Connected-component label of each of n items, from pairs of joined items."""
     joined = coo_matrix((np.ones(pairs.shape[1]), tuple(pairs)), shape=(n, n))
     return connected_components(joined, directed=False)[1]
 

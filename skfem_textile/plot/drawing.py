@@ -1,4 +1,4 @@
-"""Drawing of sheets: vectors with matplotlib, pixels with pyvista.
+"""Drawing of sheets: vector graphics with matplotlib, raster images with pyvista.
 
 Vector graphics of a ply in space include lines that faces hide, but not lines that a
 tool hides.

@@ -92,7 +92,7 @@ def values_of(field: Field, ply: Ply, u: ndarray) -> ndarray:
     values = np.asarray(field.values(ply, u), dtype=float)
     if values.shape != (ply.mesh.nelements,):
         raise ValueError(
-            f"{field.label}: values of shape {values.shape} "
+            f"{field.label}: values must be one per element, got shape {values.shape} "
             f"for {ply.mesh.nelements} elements"
         )
     if not np.isfinite(values).all():

@@ -30,7 +30,7 @@ class Writing(NamedTuple):
 
 
 def font_file() -> str:
-    """File of the font of all pictures."""
+    """Path of the font file used in all pictures."""
     return str(findfont("DejaVu Sans"))
 
 

@@ -194,7 +194,7 @@ class Sheet(NamedTuple):
     """Rows of panels with legends below.
 
     ``extent`` contains the minimum and maximum coordinates of all panels, in mm.
-    ``show_edges`` selects element edges; None: if elements are large enough.
+    ``show_edges``: draw element edges; if None, only if elements are large enough.
     """
 
     rows: Sequence[Sequence[Panel]]

@@ -75,7 +75,7 @@ class Frozen(dict[str, T]):
 
 
 class Values(Frozen[ndarray]):
-    """Read-only arrays by name, on which the energy of a term depends besides u and t.
+    """Named read-only arrays on which the energy of a term depends, besides u and t.
 
     Parameters
     ----------

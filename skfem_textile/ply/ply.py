@@ -15,9 +15,9 @@ from ..forms.bending import FibreEnd
 from ..forms.form import directions
 from ..mesh.bases import Corners, components, node_positions
 from ..mesh.splitting import hat_functions, original_elements
+from .builtin_terms import CornerTerm, bending_term, checked_ends, corner_stiffness
 from .formulations import DEFAULT
 from .kernels.kernel import ShearKernel
-from .own_terms import CornerTerm, bending_term, checked_ends, corner_stiffness
 from .refinement import FinerPly, finer_ply
 from .sum_of_terms import SumOfTerms
 from .term_check import check_term

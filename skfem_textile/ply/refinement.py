@@ -254,7 +254,7 @@ def finer_ply(ply: "Ply") -> FinerPly:
 
     See `Ply.finer`.
     """
-    refuse_what_has_no_finer(ply)
+    refuse_unrefinable(ply)
     mesh, fabric = ply.mesh, ply.fabric
     finer: Any
     if isinstance(mesh, MeshTri):
@@ -269,7 +269,7 @@ def finer_ply(ply: "Ply") -> FinerPly:
     return FinerPly(type(ply)(*arguments, **ply.placement), parent, ply)
 
 
-def refuse_what_has_no_finer(ply: "Ply") -> None:
+def refuse_unrefinable(ply: "Ply") -> None:
     """Refuse a ply that cannot be rebuilt, or a state that cannot be transferred."""
     _refuse_terms_of_the_mesh(ply, "compare a run with half the element size")
     for term in ply.terms:

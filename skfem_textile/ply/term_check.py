@@ -115,15 +115,15 @@ def check_term(term: Term, basis: CellBasis, size: float) -> None:
 
 
 def _compare(
-    term: Term, part: str, change: float, prefix: tuple[float, ...], noise: float
+    term: Term, part: str, change: float, predicted: tuple[float, ...], noise: float
 ) -> None:
     """Refuse a difference that is not predicted by the derivatives."""
-    slack = _TOLERANCE * max(map(abs, prefix)) + noise
-    if not min(prefix) - slack <= change <= max(prefix) + slack:
+    slack = _TOLERANCE * max(map(abs, predicted)) + noise
+    if not min(predicted) - slack <= change <= max(predicted) + slack:
         derivative = {"energy": "residual", "residual": "tangent"}[part]
         raise ValueError(
             f"term {term.name!r}: its {part} changes by {change:.4g} where its "
-            f"{derivative} says {np.mean(prefix):.4g}; {_ADVICE}"
+            f"{derivative} predicts {np.mean(predicted):.4g}; {_ADVICE}"
         )
 
 
@@ -138,7 +138,7 @@ def _refuse_infinite(
 
 def _forces(term: Term, u: ndarray, t: float) -> tuple[float, ndarray]:
     """Energy and residual, which must be a number and a vector."""
-    energy, residual = _asked(term, "energy", u, t), _asked(term, "residual", u, t)
+    energy, residual = _checked(term, "energy", u, t), _checked(term, "residual", u, t)
     _refuse_shape(term, "energy", energy, (), "one real number")
     _refuse_shape(term, "residual", residual, u.shape, f"{u.size} real numbers")
     return float(energy), np.asarray(residual)
@@ -146,7 +146,7 @@ def _forces(term: Term, u: ndarray, t: float) -> tuple[float, ndarray]:
 
 def _tangent(term: Term, u: ndarray, t: float) -> Any:
     """Tangent, which must be a matrix of the unknowns; zero if there is none."""
-    K = _asked(term, "tangent", u, t)
+    K = _checked(term, "tangent", u, t)
     if K is None:
         return csr_matrix((u.size, u.size))
     size = u.size
@@ -154,7 +154,7 @@ def _tangent(term: Term, u: ndarray, t: float) -> Any:
     return K
 
 
-def _asked(term: Term, part: str, u: ndarray, t: float) -> Any:
+def _checked(term: Term, part: str, u: ndarray, t: float) -> Any:
     """Result of one method of a term; exceptions get the name of the term."""
     function: Callable[[ndarray, float, Values], Any] = getattr(term, part)
     try:
@@ -171,7 +171,7 @@ def _refuse_shape(
     array = value if issparse(value) else np.asarray(value)
     if array.shape != shape or array.dtype.kind not in "iuf":
         raise ValueError(
-            f"term {term.name!r}: its {part} must be {wanted}, not of shape "
+            f"term {term.name!r}: its {part} must be {wanted}, but has shape "
             f"{array.shape} and type {array.dtype}"
         )
 

@@ -177,7 +177,7 @@ class FormTerm(ElementTerm):
         return self._asm(self._forms.tangent, u, t, p)
 
     def misfit(self, basis: CellBasis) -> str:
-        """Reason why it is not a term on a basis; empty if it is one."""
+        """Reason why the term does not fit a basis; empty if it does."""
         if _same_unknowns(self.basis, basis):
             return ""
         return "its basis is not a basis of the displacement: build it on ply.mesh"
@@ -264,7 +264,7 @@ class MatrixTerm(Term):
         return csr_matrix(self.matrix)
 
     def misfit(self, basis: CellBasis) -> str:
-        """Reason why it is not a term on a basis; empty if it is one."""
+        """Reason why the term does not fit a basis; empty if it does."""
         N = basis.N
         fits = np.shape(self.matrix) == (N, N)
         return "" if fits else f"its matrix must be {N} × {N}"
@@ -309,10 +309,10 @@ class VectorTerm(Term):
         return -self._factor_at(t) * self.vector
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> None:
-        """None."""
+        """None: the force does not depend on the displacement."""
 
     def misfit(self, basis: CellBasis) -> str:
-        """Reason why it is not a term on a basis; empty if it is one."""
+        """Reason why the term does not fit a basis; empty if it does."""
         N = basis.N
         fits = np.shape(self.vector) == (N,) and bool(np.isfinite(self.vector).all())
         return "" if fits else f"its vector must be {N} finite numbers"

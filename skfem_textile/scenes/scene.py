@@ -17,7 +17,7 @@ from ..solve.surface import OnSurface
 from .shear_test import BiasTest, FrameTest
 
 if TYPE_CHECKING:
-    from ..ply.own_terms import FibreEnd
+    from ..ply.builtin_terms import FibreEnd
     from ..ply.terms import Load
 
 ExactField = Callable[[ndarray, float], ndarray]

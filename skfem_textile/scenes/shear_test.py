@@ -35,7 +35,7 @@ def force_of_moments(
 
 
 def free_length(width: float, height: float, inclination: float) -> float:
-    """Length L in mm of the fibres that end at no clamp."""
+    """Length L in mm of the fibres with both ends free."""
     return float((height / np.sin(inclination) - width / np.cos(inclination)) / 2)
 
 

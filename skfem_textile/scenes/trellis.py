@@ -54,7 +54,7 @@ def trellis(
     """Ply whose boundary follows a motion without fibre strain.
 
     Without shear stiffness the motion requires no force, whichever sides are free. With
-    shear stiffness it is the answer only if every side is held and the fibres stay
+    shear stiffness it is the solution only if every side is held and the fibres stay
     straight, because the shear moment moves free sides and rollers.
 
     Parameters

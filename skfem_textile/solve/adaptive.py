@@ -12,7 +12,7 @@ from ..ply import Ply
 from ..ply.refinement import (
     marked,
     refine,
-    refuse_what_has_no_finer,
+    refuse_unrefinable,
     shear_angle_jumps,
 )
 from .conditions import Conditions, Constraints
@@ -265,7 +265,8 @@ class AdaptiveStepper:
             error_text = f"cannot be estimated ({result.estimated_error.reason})"
         raise self._unmet(
             f"with at most {self.most_unknowns} unknowns the tolerance is not met: the "
-            f"error of the load {error_text}, {100 * self.tolerance:g}% was requested"
+            f"error of the load {error_text}, but {100 * self.tolerance:g}% was "
+            "requested"
         )
 
     @property
@@ -376,7 +377,7 @@ def _refuse_what_cannot_be_refined(ply: Ply, conditions: Conditions) -> None:
     """
     refine(ply, [])
     try:
-        refuse_what_has_no_finer(ply)
+        refuse_unrefinable(ply)
     except ValueError as error:
         raise ValueError(f"the error cannot be estimated: {error}") from None
     refuse_single_nodes(ply, conditions)

@@ -16,7 +16,7 @@ from numpy import ndarray
 from ..fabric import Law, TwoLaws
 from ..ply import Ply
 from ..ply.parameters import Frozen
-from . import sealed
+from . import checksummed
 from .continuation import Continuation
 from .linear.solver import Clock
 from .problem import Problem
@@ -94,7 +94,7 @@ class Checkpoint:
         given = {"format": _FORMAT, **settings, **_described(problem)}
         self._settings = json.loads(json.dumps(given))
         self._run, self._last = "", ""
-        self._lock: sealed.Lock | None = None
+        self._lock: checksummed.Lock | None = None
 
     def release(self) -> None:
         """Unlock the folder."""
@@ -123,7 +123,9 @@ class Checkpoint:
         self._run, beside = uuid4().hex, self.folder / f".{_RUN}"
         settings, arrays = self._settings, self._fingerprint()
         with self._writing():
-            self._last = sealed.write(beside, self._run, "run", "", settings, arrays)
+            self._last = checksummed.write(
+                beside, self._run, "run", "", settings, arrays
+            )
 
     def save(self, number: int, state: State, progress: Progress) -> None:
         """Write a state and the progress of the run.
@@ -146,7 +148,9 @@ class Checkpoint:
         name = f"state_{number:06d}"
         with self._writing():
             beside = self.folder / f".{name}.npz"
-            self._last = sealed.write(beside, self._run, name, self._last, text, arrays)
+            self._last = checksummed.write(
+                beside, self._run, name, self._last, text, arrays
+            )
             if number == 0:
                 for file in reversed(self._files()):
                     file.unlink()
@@ -187,7 +191,7 @@ class Checkpoint:
         files = [f for f in self.folder.glob(_STATES) if f.stem[6:].isdecimal()]
         return sorted(files, key=lambda file: int(file.stem[6:]))
 
-    def _states(self, run: sealed.Content) -> Iterator[sealed.Content]:
+    def _states(self, run: checksummed.Content) -> Iterator[checksummed.Content]:
         """Contents of the files of states, each of this run and with its number."""
         last = run
         for number, file in enumerate(self._files()):
@@ -198,10 +202,10 @@ class Checkpoint:
             last = self._read(file.name, run.run, last.digest)
             yield last
 
-    def _read(self, name: str, run: str, before: str) -> sealed.Content:
+    def _read(self, name: str, run: str, before: str) -> checksummed.Content:
         path = self.folder / name
         try:
-            return sealed.read(path, run, before)
+            return checksummed.read(path, run, before)
         except FileNotFoundError:
             why = "is missing"
         except OSError as error:
@@ -210,7 +214,7 @@ class Checkpoint:
             why = str(error)
         raise CheckpointError(f"checkpoint file {path} {why}")
 
-    def _check_identity(self, run: sealed.Content) -> None:
+    def _check_identity(self, run: checksummed.Content) -> None:
         """Refuse a run with other settings or another fingerprint."""
         another = f"checkpoint {self.folder} is of another run: "
         for name, value in self._settings.items():
@@ -276,7 +280,7 @@ class Checkpoint:
         if self._lock is not None:
             return
         with self._writing():
-            self._lock = sealed.Lock(self.folder)
+            self._lock = checksummed.Lock(self.folder)
         if self._lock.is_held:
             for beside in (f".{_RUN}", f".{_STATES}"):
                 for file in self.folder.glob(beside):
@@ -398,7 +402,7 @@ def _compare(
             raise ValueError(f"its {name} do not match its displacement")
 
 
-def _state(content: sealed.Content, before: Sequence[State], ply: Ply) -> State:
+def _state(content: checksummed.Content, before: Sequence[State], ply: Ply) -> State:
     """State in a file; refused if it does not follow the previous ones.
 
     Its displacement and parameters must have the names, shapes and types of the ply.

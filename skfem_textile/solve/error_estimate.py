@@ -114,8 +114,9 @@ def work_of(problem: Problem, state: State) -> ndarray:
     Raises an error if no moving condition carries a load.
     """
     u, p = state.u, state.parameters
-    work = _work(problem, problem.residual(u, p), u, p)
-    if not _is_of_load(work, problem, state):
+    rate = _rate(problem)
+    work = _work(problem, problem.residual(u, p), u, p, rate)
+    if not _is_of_load(work, problem, state, rate):
         raise ValueError(_NO_LOAD)
     return work
 
@@ -126,15 +127,16 @@ def change_of(before: ndarray, after: ndarray) -> float:
 
 
 def _work(
-    problem: Problem, f: ndarray, u: ndarray, parameters: PlyParameters
+    problem: Problem, f: ndarray, u: ndarray, parameters: PlyParameters, rate: ndarray
 ) -> ndarray:
     """Work of the reactions in the motion of their conditions, and of the loads.
 
-    Each node of a condition contributes with its own motion, as an edge may rotate.
+    Each node of a condition contributes with its own motion, as an edge may rotate;
+    ``rate`` is the result of `_rate`.
     """
     constraints = problem.constraints
     moving = turned(f, constraints.turn)[constraints.prescribed]
-    return np.array([moving @ _rate(problem), problem.load(u, parameters) @ u])
+    return np.array([moving @ rate, problem.load(u, parameters) @ u])
 
 
 def _rate(problem: Problem) -> ndarray:
@@ -144,12 +146,12 @@ def _rate(problem: Problem) -> ndarray:
     return (now - before) / _STEP_BACK
 
 
-def _is_of_load(work: ndarray, problem: Problem, state: State) -> bool:
+def _is_of_load(work: ndarray, problem: Problem, state: State, rate: ndarray) -> bool:
     """True if the work exceeds the work of the unbalanced forces of a state.
 
     On a surface, whose growth deforms the ply, it must exceed the work of the supports.
     """
-    length = np.abs(state.u).sum() + np.abs(_rate(problem)).sum()
+    length = np.abs(state.u).sum() + np.abs(rate).sum()
     least = state.tolerance * length
     if problem.surfaces is not None:
         least = max(least, _OF_A_LOAD * abs(sum(state.energies.values())))
@@ -166,8 +168,9 @@ def _estimate(
     coarse, u = problem_at(ply, conditions, solver, state.load_factor), state.u
     p = ply.updated(state.parameters, u, state.load_factor)
     motion, forces = Tangent(coarse, u, p).settled(coarse.residual(u, p))
-    before = _work(coarse, forces, u := u + motion, p)
-    loaded = _is_of_load(before, coarse, state)
+    rate = _rate(coarse)
+    before = _work(coarse, forces, u := u + motion, p, rate)
+    loaded = _is_of_load(before, coarse, state, rate)
     if not loaded and coarse.surfaces is None:
         raise ValueError(_NO_LOAD)
     finer: Any = ply.finer()
@@ -200,6 +203,7 @@ class _Trial:
         self, problem: Problem, u: ndarray, parameters: PlyParameters, tension: ndarray
     ) -> None:
         self.problem, self.number, self.whole, self.shortened = problem, 0, True, False
+        self._rate = _rate(problem)
         u, self.parameters = problem.moved(u, np.zeros_like(u)), parameters
         if not problem.in_domain(u, parameters):
             raise NoEquilibriumError("this state is beyond the end of a law there")
@@ -230,7 +234,8 @@ class _Trial:
     def ahead(self) -> tuple[ndarray, ndarray]:
         """The next increment, and the work after it to first order."""
         du, forces = self.tangent.settled(self.f)
-        return du, _work(self.problem, forces, self.u + du, self.parameters)
+        u = self.u + du
+        return du, _work(self.problem, forces, u, self.parameters, self._rate)
 
 
 def _moved(trial: _Trial, before: ndarray, loaded: bool) -> tuple[ndarray, ndarray]:

@@ -409,11 +409,11 @@ def within_laws(
             return share * du
     end = problem.ply.closest_end(u + share * du)
     raise NoEquilibriumError(
-        "even the shortest increment passes the end of a law"
+        "even the shortest increment leaves the domain of a law"
         + (f": {end}" if end else ""),
         end.elements if end else (),
-        "a law that holds further (of a table: more points, or extrapolation=linear), "
-        "or a smaller load",
+        "a law with a larger domain (for a table: more points, or "
+        "extrapolation=linear), or a smaller load",
         end.quantity if end else "",
     )
 

@@ -91,9 +91,9 @@ class Result:
             wall_time_s=0.0,
             assembly_time_s=0.0,
             solve_time_s=0.0,
-            solver=Choice("none", "a state that no run has found"),
+            solver=Choice("none", "a state without a run"),
             surfaces=on,
-            estimate=lambda _: ErrorEstimate(reason="no run has found the state"),
+            estimate=lambda _: ErrorEstimate(reason="the state is not from a run"),
         )
 
     @property

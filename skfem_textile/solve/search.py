@@ -58,7 +58,7 @@ class Goal(NamedTuple):
     held: ndarray | float = 0.0
 
 
-class Found(NamedTuple):
+class AcceptedEquilibrium(NamedTuple):
     """State that passes all acceptance checks.
 
     Attributes
@@ -98,7 +98,7 @@ class EquilibriumSearch:
     report: Callable[[Iteration], None]
     moved: bool = True
 
-    def __call__(self, goal: Goal) -> Found:
+    def __call__(self, goal: Goal) -> AcceptedEquilibrium:
         """State that passes all checks, with converged parameters where possible.
 
         Parameters that would change the state are updated, and equilibrium is restored.
@@ -129,7 +129,7 @@ class EquilibriumSearch:
             trial = again._replace(projected=max(trial.projected, again.projected))
         return trial
 
-    def at_rest(self, start: Start, fixed_values: ndarray) -> Found:
+    def at_rest(self, start: Start, fixed_values: ndarray) -> AcceptedEquilibrium:
         """State at the load factor 0 of a ply that is not in equilibrium undeformed.
 
         Unbalanced forces at rest, such as a constant weight, are first compensated and
@@ -165,7 +165,7 @@ class EquilibriumSearch:
             u, p, tangent = last.u, last.parameters, last.tangent
             done, step = share, 2 * step
 
-    def _first(self, goal: Goal) -> Found:
+    def _first(self, goal: Goal) -> AcceptedEquilibrium:
         """Equilibrium, with the initial parameters, that passes all checks.
 
         Loads that drive a path may jump to another equilibrium; the work check is then
@@ -196,7 +196,7 @@ class EquilibriumSearch:
                 _AT_REST if at_rest else failure.advice,
                 failure.quantity,
             ) from None
-        return Found(trial, equilibrium.projected, settled=False)
+        return AcceptedEquilibrium(trial, equilibrium.projected, settled=False)
 
 
 def _updated(trial: Trial, parameters: PlyParameters) -> tuple[Start, float]:

@@ -299,7 +299,10 @@ class Run:
         u, p = ply.basis.zeros(), ply.parameters_at_rest
         f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
         if not np.isfinite([*f, *energies.values(), *potentials.values()]).all():
-            raise ValueError("a law has no finite energy or force at rest: correct it")
+            raise ValueError(
+                "a law has no finite energy or force at rest: it must be defined at 0 "
+                "and around it (for a table from 0: odd=True, continuation = 'odd')"
+            )
         if checkpoint:
             checkpoint.begin()
         if nothing_to_resume:
@@ -406,8 +409,7 @@ def _check_arguments(
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
     if not _is_whole(steps, 1, _MOST_STEPS):
         raise ValueError(
-            "steps must be at least 1, and whole, and no more than "
-            f"{_MOST_STEPS}; got {steps!r}"
+            f"steps must be a whole number from 1 to {_MOST_STEPS}; got {steps!r}"
         )
     if not _is_whole(max_halvings, 0, _MOST_HALVINGS):
         raise ValueError(

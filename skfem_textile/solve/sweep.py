@@ -28,7 +28,7 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import Any, Generic, TypeVar
 
-from .sealed import Lock
+from .checksummed import Lock
 
 Case = TypeVar("Case")
 Result = TypeVar("Result")
@@ -191,9 +191,13 @@ class ResultsFile:
     def check_name(self, name: str) -> str:
         """Name of a case; refused if another case has it or it differs between runs."""
         if name in self._names:
-            raise ValueError(f"two cases are named {name}: give a key that tells them")
+            raise ValueError(
+                f"two cases are named {name}: pass a key that distinguishes them"
+            )
         if " at 0x" in name:
-            raise ValueError(f"a case is named {name}: give a key that lasts")
+            raise ValueError(
+                f"a case is named {name}: pass a key with the same name in every run"
+            )
         self._names.add(name)
         return name
 

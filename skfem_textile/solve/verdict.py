@@ -94,7 +94,7 @@ class Trial:
     def of(
         cls, problem: Problem, equilibrium: Equilibrium, start: Start | None
     ) -> "Trial":
-        """Trial of an equilibrium, with the parameters of the last accepted state."""
+        """Trial of an equilibrium; a start with other parameters is re-evaluated."""
         u, p = equilibrium.u, equilibrium.parameters
         energies, potentials = problem.energies(u, p)
         if start and not all(p[k].same_as(own) for k, own in start.parameters.items()):
@@ -318,8 +318,8 @@ def _discretisation_checks(trial: Trial) -> _Failures:
     whole = abs(sum(trial.energies.values()))
     if held > _CORNER_SHARE * whole:
         error = NoEquilibriumError(
-            f"the corner resistance holds {held / whole:.0%} of the energy: the mesh "
-            "is too coarse there, or the stabilisation too small"
+            f"the corner resistance contributes {held / whole:.0%} of the energy: the "
+            "mesh is too coarse there, or the stabilisation too small"
         )
         yield "corners", error
 

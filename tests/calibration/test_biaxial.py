@@ -79,7 +79,7 @@ def test_what_is_no_biaxial_test_is_refused(tmp_path):
     with pytest.raises(ValueError, match="no test stretches the warp"):
         fit_tension(still)
     pushed = [BiaxialCurve("one", c.strain, -c.force, c.widths) for c in curves]
-    with pytest.raises(ValueError, match="no test pulls the warp"):
+    with pytest.raises(ValueError, match="no test loads the warp"):
         fit_tension(pushed)
 
 

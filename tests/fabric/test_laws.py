@@ -254,7 +254,7 @@ def test_a_run_stops_where_a_table_ends():
     scene = picture_frame(size=(1, 1), shear_angle=np.radians(45))
     law = Tabulated(np.radians([0, 20, 40]), [0, 0.1, 0.5], odd=True)
     ply = Ply(scene.mesh, Fabric(1e4, law, scene.warp, scene.weft), Full())
-    with pytest.raises(StepError, match=r"beyond its domain|end of a law") as stop:
+    with pytest.raises(StepError, match="leaves the domain of a law") as stop:
         LoadStepper(ply, scene.conditions, steps=2, max_halvings=3).run()
     reached = [np.abs(ply.shear_angle(s.u)).max() for s in stop.value.result.states]
     assert max(reached) <= np.radians(40)

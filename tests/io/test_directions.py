@@ -188,7 +188,10 @@ def test_a_csv_that_cannot_be_read_is_refused_in_one_line(tmp_path, text, named)
 
 
 def test_files_without_directions_are_refused(tmp_path):
-    for name, named in (("a.msh", "are read from"), ("none.vtu", "No such file")):
+    for name, named in (
+        ("a.msh", "can only be read from"),
+        ("none.vtu", "No such file"),
+    ):
         with pytest.raises(MeshError, match=named):
             read_directions(tmp_path / name)
     with pytest.raises(ValueError, match="12 directions for 2"):

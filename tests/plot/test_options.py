@@ -77,7 +77,10 @@ def test_a_field_of_ones_own_is_drawn_with_its_unit(result, sheets, tmp_path):
     assert sheets[0][0].legends[0].scale.label == "Number (-)"
     assert sheets[0][0].panels[0].values.tolist() == list(range(12))
     wrong = plot.Field("Ones", lambda ply, u: np.ones(3))
-    with pytest.raises(ValueError, match=r"Ones: values of shape \(3,\) for 12"):
+    with pytest.raises(
+        ValueError,
+        match=r"one per element, got shape \(3,\)",
+    ):
         plot.field(result, field=wrong)
     endless = plot.Field("Gap", lambda ply, u: np.r_[np.zeros(5), np.nan, np.zeros(6)])
     with pytest.raises(ValueError, match="Gap: not finite in element 5"):

@@ -7,7 +7,7 @@ from skfem import MeshQuad
 from skfem_textile import Fabric, Full, LoadStepper, Macro, OnePoint, Ply, Quadratic
 from skfem_textile.forms.corners import RESISTING, resistance
 from skfem_textile.mesh.splitting import split
-from skfem_textile.ply import own_terms
+from skfem_textile.ply import builtin_terms
 from skfem_textile.scenes import bias_extension, strip
 from tests.helpers import derivative, distorted, distorted_for, one_quad, wobble
 
@@ -109,7 +109,7 @@ def test_strips_with_little_stabilisation_end_unfolded(seed):
 @pytest.mark.parametrize(("scale", "seed"), [(0.1, 0), (10.0, 3)])
 def test_how_stiff_corners_are_decides_little(scale, seed, monkeypatch):
     monkeypatch.setattr(
-        own_terms, "_SHARE_OF_FIBRES", scale * own_terms._SHARE_OF_FIBRES
+        builtin_terms, "_SHARE_OF_FIBRES", scale * builtin_terms._SHARE_OF_FIBRES
     )
     scene = strip(size=(6, 9), seed=seed)
     ply = Ply(scene.mesh, Fabric(1e4), OnePoint(1.0))

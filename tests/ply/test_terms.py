@@ -344,7 +344,7 @@ def test_terms_of_another_ply_or_name_are_refused():
         (VectorTerm("a", np.ones(N), role="force"), "role must be one of"),
         (VectorTerm("shear", np.ones(N)), "two terms are named 'shear'"),
         (3.0, "is not a term: it has no name"),
-        (VectorTerm, "is no term: it is a class"),
+        (VectorTerm, "is not a term: it is a class"),
         (VectorTerm("", np.ones(N)), "name must be some text"),
         (FormTerm("a", SPRINGS, None), "its basis is not a basis of the displacement"),
         (FormTerm("a", SPRINGS, ply.basis, parameters=odd), "its parameters have no"),

@@ -21,7 +21,7 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension
 from skfem_textile.solve import newton, search
-from skfem_textile.solve.search import EquilibriumSearch, Found, Goal
+from skfem_textile.solve.search import AcceptedEquilibrium, EquilibriumSearch, Goal
 from skfem_textile.solve.states import NoEquilibriumError
 
 
@@ -53,12 +53,14 @@ def test_a_state_that_was_updated_counts_as_hard_as_at_first(monkeypatch):
     ply = SimpleNamespace(updated=lambda p, u, t: "after")
     problem = SimpleNamespace(ply=ply)
     trial = SimpleNamespace(problem=problem, equilibrium=("u", "f", "p"))
-    found = iter([Found(trial, 9, False), Found(trial, 0, False)])
+    found = iter(
+        [AcceptedEquilibrium(trial, 9, False), AcceptedEquilibrium(trial, 0, False)]
+    )
     changes = iter([1.0, 0.0])
     monkeypatch.setattr(EquilibriumSearch, "_first", lambda *_: next(found))
     monkeypatch.setattr(search, "_updated", lambda *_: ("start", next(changes)))
     again = EquilibriumSearch(None, None, (), None)(Goal(1.0, 1.0, None, None, None))
-    assert again == Found(trial, 9, True)
+    assert again == AcceptedEquilibrium(trial, 9, True)
 
 
 class Towards(Term):

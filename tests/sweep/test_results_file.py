@@ -199,7 +199,7 @@ def test_what_is_no_file_is_refused(tmp_path, thread):
 def test_cases_on_file_have_names_of_their_own_that_last(out, thread):
     with pytest.raises(ValueError, match="two cases are named 1"):
         list(sweep(square, [1, 2, 1], thread, out=out))
-    with pytest.raises(ValueError, match="give a key that lasts"):
+    with pytest.raises(ValueError, match="pass a key with the same name"):
         list(sweep(lambda _: 0, [square], thread, out=out))
     named = sweep(lambda f: 0, [len], thread, out=out, key=lambda f: f.__name__)
     assert list(named) == [(len, 0)]

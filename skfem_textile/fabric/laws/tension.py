@@ -77,7 +77,7 @@ class CrimpToe(ScalarLaw):
 
     @property
     def shown(self) -> tuple[float, float]:
-        """From some compression to beyond the toe."""
+        """Range of practical interest: from moderate compression to beyond the toe."""
         return -self.toe, 4 * self.toe
 
     def energy(self, x: ndarray) -> ndarray:
@@ -258,7 +258,7 @@ class Asymmetric(ScalarLaw):
 
 
 class _Ramp(NamedTuple):
-    """A strain that is 0 in compression, and its first two derivatives."""
+    """Smoothed positive part of the strain, and its first two derivatives."""
 
     strain: ndarray
     slope: ndarray

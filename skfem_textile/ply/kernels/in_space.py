@@ -1,4 +1,4 @@
-"""Deformation of fibres in space, where it takes more than complex numbers.
+"""Fibre kinematics in three dimensions.
 
 At a point, with e = a/λ, v = e/λ, c = e₁·e₂, s = ``|e₁×e₂|``, n = e₁×e₂/s and, where
 the weft lies anticlockwise of the warp at rest, g = ∂Γ/∂a = (e_β − c e_α)/(s λ_α),

@@ -310,7 +310,7 @@ def can_compute(kernel: Kernel | None, basis: Any) -> bool:
 def _angle_gradients(
     angles: Sequence[tuple[IntegrationPoints, FibreDeformation]], block: slice
 ) -> ndarray:
-    """∂Γ/∂u_a at points, or its difference from the second set of points."""
+    """∂Γ/∂u_a at a set of points; given two sets, the first minus the second."""
     own, *others = (p.gradients(*f.angle_derivatives(block), block) for p, f in angles)
     return own - others[0] if others else own
 
@@ -375,7 +375,7 @@ class SharedGroup(NamedTuple):
 
 
 def shared_groups(terms: Sequence[Any]) -> list[SharedGroup]:
-    """Groups of the elements of terms whose kernels support their bases."""
+    """Element groups of terms; terms with the same nodes and modes share a group."""
     groups: list[SharedGroup] = []
     for term in terms:
         for group in element_groups(term.basis, term.kernel.fabric):

@@ -15,7 +15,7 @@ from scipy.sparse import bsr_matrix, csr_matrix, identity
 from skfem import CellBasis
 
 from ..states import NoEquilibriumError
-from .on_surface import OnSurface, SurfaceError, UserSurface
+from .on_surface import CheckedSurface, OnSurface, SurfaceError
 from .surface import Gaps, OffSurfaceError, exponential_map, gaps, is_on, onto
 
 # Sine of the angle between a normal and the directions fixed by conditions below which
@@ -208,7 +208,7 @@ class SurfaceNodes:
                 s: self._laid[s]
                 if s in self._laid
                 else exponential_map(
-                    UserSurface(name, condition.at(name, s)), X, touch, steps=_STEPS
+                    CheckedSurface(name, condition.at(name, s)), X, touch, steps=_STEPS
                 )
                 for s in (before, t)
             }
@@ -231,10 +231,10 @@ class SurfaceNodes:
         probe = self._X + 0.1 * np.sin(np.arange(self._X.size)).reshape(self._X.shape)
         surfaces = [(s, probe[:, own]) for s, own in self._surfaces(t)]
         try:
-            values_found = [[*s.level(x), *s.gradient(x).flat] for s, x in surfaces]
+            values = [[*s.level(x), *s.gradient(x).flat] for s, x in surfaces]
         except SurfaceError as error:
             raise ValueError(str(error)) from error.__cause__
-        return np.concatenate(values_found)
+        return np.concatenate(values)
 
     def facing(self, u: ndarray, t: float, elements: ndarray, n: ndarray) -> ndarray:
         """1 for elements that face their surface as most do, −1 for the others.
@@ -249,9 +249,11 @@ class SurfaceNodes:
         most = np.nansum(height)
         return np.where(height * np.copysign(1.0, most) < 0, -1.0, 1.0)
 
-    def _surfaces(self, t: float) -> list[tuple[UserSurface, ndarray]]:
+    def _surfaces(self, t: float) -> list[tuple[CheckedSurface, ndarray]]:
         """Surfaces at a load factor, and the nodes on each."""
-        return [(UserSurface(name, c.at(name, t)), own) for name, c, own in self._parts]
+        return [
+            (CheckedSurface(name, c.at(name, t)), own) for name, c, own in self._parts
+        ]
 
     def _positions(self, u: ndarray) -> ndarray:
         return self._X + u.reshape(-1, 3).T

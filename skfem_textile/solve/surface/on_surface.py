@@ -114,7 +114,7 @@ class OnSurface:
                 f"condition {name!r}: a surface must be like drape.Sphere(100.0), with "
                 f"{', '.join(methods)}, not {self.surface!r}"
             )
-        surface = UserSurface(name, self.surface)
+        surface = CheckedSurface(name, self.surface)
         for method in methods:
             getattr(surface, method)(x)
         _check_derivatives(surface, x)
@@ -130,7 +130,7 @@ class OnSurface:
         if t == 1:
             return self.surface
         point = np.array([*self.touch, 0.0])
-        surface = UserSurface(name, self.surface)
+        surface = CheckedSurface(name, self.surface)
         level = float(surface.level(point[:, None])[0])
         normal = surface.gradient(point[:, None])[:, 0]
         length = float(np.linalg.norm(normal))
@@ -155,7 +155,7 @@ class SurfaceError(NoEquilibriumError, ValueError):
 
 
 @dataclass(frozen=True, eq=False)
-class UserSurface:
+class CheckedSurface:
     """Surface of a condition, with the name of the condition in its errors.
 
     Its methods raise a `SurfaceError` if an array has another shape, or if the user's
@@ -192,7 +192,7 @@ class UserSurface:
         return np.asarray(value)
 
 
-def _check_derivatives(surface: UserSurface, x: ndarray) -> None:
+def _check_derivatives(surface: CheckedSurface, x: ndarray) -> None:
     """Refuse a surface with inconsistent derivatives near a ply.
 
     Derivatives are compared with slopes at points of the surface near ``x``.  The

@@ -310,7 +310,8 @@ def tangents(surface: Surface, point: ndarray, first: ndarray | tuple) -> ndarra
     x = x - n * (n @ x)
     if not np.linalg.norm(x) > 1e-6 * length:
         raise ValueError(
-            f"the direction {first} is normal to the surface: specify another as first"
+            f"the direction {first} is normal to the surface: specify another "
+            "direction as `first`"
         )
     x = x / np.linalg.norm(x)
     return np.array([x, np.cross(n, x)]).T

@@ -30,7 +30,7 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
-from skfem_textile.ply.own_terms import FibreEnd
+from skfem_textile.ply.builtin_terms import FibreEnd
 from skfem_textile.solve.conditions import Conditions
 from skfem_textile.solve.error_estimate import estimated_error
 from skfem_textile.solve.result import StepError

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from skfem_textile import CheckpointError
-from skfem_textile.solve import sealed
-from skfem_textile.solve.sealed import Lock
+from skfem_textile.solve import checksummed
+from skfem_textile.solve.checksummed import Lock
 from tests.helpers.sheared_runs import interrupted, opened, stepper
 
 # Damaged checkpoints: refused in one line
@@ -92,7 +92,7 @@ def test_a_file_in_the_middle_that_is_sealed_anew_is_refused(run):
     file = run / "state_000001.npz"
     text, arrays, (of_run, name, _) = opened(file)
     text["energies"]["shear"] *= 1.01
-    sealed.write(file, of_run, name, before(file), text, arrays)
+    checksummed.write(file, of_run, name, before(file), text, arrays)
     line = refusal(run)
     assert "state_000002.npz is damaged: it or a previous file was modified" in line
 
@@ -101,7 +101,7 @@ def test_a_last_digit_that_changed_under_the_old_seal_is_told(run):
     file = sorted(run.glob("state_*"))[-1]
     text, arrays, (of_run, name, digest) = opened(file)
     text["energies"]["shear"] *= 1 + 1e-15
-    sealed.write(file, of_run, name, before(file), text, arrays)
+    checksummed.write(file, of_run, name, before(file), text, arrays)
     body = file.read_bytes().rpartition(b"\n")[0]
     file.write_bytes(body + f"\n{of_run} {name} {digest}".encode())
     assert "damaged" in refusal(run)
@@ -144,7 +144,7 @@ def test_a_last_state_that_contradicts_itself_is_refused(
         file = sorted(folder.glob("state_*"))[-1]
         text, arrays, (of_run, name, _) = opened(file)
         changed(text, place, value)
-        sealed.write(file, of_run, name, before(file), text, arrays)
+        checksummed.write(file, of_run, name, before(file), text, arrays)
         line = refusal(folder)
         assert line, value
 
@@ -160,7 +160,7 @@ def test_arrays_of_a_last_state_that_are_not_of_the_ply_are_refused(
         file = sorted(folder.glob("state_*"))[-1]
         text, arrays, (of_run, name, _) = opened(file)
         arrays[array] = change(arrays[array])
-        sealed.write(file, of_run, name, before(file), text, arrays)
+        checksummed.write(file, of_run, name, before(file), text, arrays)
         line = refusal(folder)
         assert line, i
 
@@ -176,7 +176,7 @@ def forge(folder, number, edit):
         text, arrays, (of_run, name, _) = opened(file)
         if i == number:
             edit(text, arrays)
-        digest = sealed.write(file, of_run, name, digest, text, arrays)
+        digest = checksummed.write(file, of_run, name, digest, text, arrays)
 
 
 def test_sealing_anew_alone_changes_nothing(run):
@@ -253,7 +253,7 @@ ROOT = Path(__file__).parents[2]
 HOLDS = """
 import sys, time
 from pathlib import Path
-from skfem_textile.solve.sealed import Lock
+from skfem_textile.solve.checksummed import Lock
 locks = [Lock(Path(name)) for name in sys.argv[1:]]
 print("held", flush=True)
 time.sleep(60)
@@ -261,7 +261,7 @@ time.sleep(60)
 FORKS = """
 import os, sys, time
 from pathlib import Path
-from skfem_textile.solve.sealed import Lock
+from skfem_textile.solve.checksummed import Lock
 lock, (came, goes) = Lock(Path(sys.argv[1])), os.pipe()
 child = os.fork()
 if not child:

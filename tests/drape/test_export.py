@@ -184,7 +184,7 @@ def test_the_facets_of_a_smooth_surface_are_its_triangles():
         (np.zeros((2, 3)), (np.zeros((3, 1), int),), "shape"),
         (np.zeros((3, 3)), (), "no triangles or quadrilaterals"),
         (np.eye(3), (np.array([[0], [1], [7]]),), "an undefined node"),
-        (np.eye(3), (np.array([[0], [1], [1]]),), "element 1 has no area"),
+        (np.eye(3), (np.array([[0], [1], [1]]),), "element 1 has zero area"),
         (np.full((3, 3), np.nan), (np.array([[0], [1], [2]]),), "must be finite"),
     ],
 )
