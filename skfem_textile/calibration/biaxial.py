@@ -94,7 +94,7 @@ class TensionFit:
         return curve.forces(TwoLaws(*law) if isinstance(law, tuple) else law)
 
     def band(self, curve: BiaxialCurve) -> ndarray:
-        """Confidence band of these forces, lower and upper limit; shape (2, 2, n)."""
+        """Confidence band of the predicted forces, lower and upper; shape (2, 2, n)."""
         if "both" in self.fits:
             both = self.fits["both"].band(partial(_both, curve))
             return both.reshape(2, *curve.force.shape)

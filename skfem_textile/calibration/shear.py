@@ -467,7 +467,11 @@ def fit_by_simulation(
             float(np.abs(now - then).max() / np.abs(now).max())
             for now, then in zip(loads, before, strict=True)
         )
-        log.info("simulation %d: loads change by %.3g of the largest", n + 1, change)
+        log.info(
+            "simulation %d: loads change by at most %.3g times the largest load",
+            n + 1,
+            change,
+        )
         if change < _SETTLED:
             shares = (curve.stabilisation for curve in curves.values())
             return replace(result, stabilisation=max(shares))

@@ -429,5 +429,7 @@ def _folder(text: str) -> Path:
     if not text:
         raise ArgumentTypeError("the name of a folder is empty")
     if text.startswith("--"):  # argparse does not recognise it as an option
-        raise ArgumentTypeError(f"{text!r} is not an option; a folder is ./{text}")
+        raise ArgumentTypeError(
+            f"{text!r} is not an option; write ./{text} for a folder of this name"
+        )
     return Path(text)

@@ -397,9 +397,9 @@ def refuse_other_units(
 ) -> None:
     """Refuse shear angles beyond a right angle, and strains beyond `LARGEST_STRAIN`.
 
-    The values are shear angles in radians for a law ``of`` shear, strains for one of
-    tension, and either for None.  By default the message asks whether they are in
-    degrees or per cent.
+    The values are shear angles in radians if ``of`` is "shear", strains if it is
+    "tension", and either if it is None.  By default the message asks whether they are
+    in degrees or per cent.
     """
     x = np.ravel(values)
     most = LARGEST_STRAIN if of == "tension" else RIGHT_ANGLE

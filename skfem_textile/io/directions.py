@@ -412,7 +412,8 @@ def _values(deck: _Deck, block: Block, width: int) -> ndarray:
     parameters, numbers = block.parameters, deck.numbers
     if other := set(parameters) - {"NAME", "LOCATION", "TABLE"}:
         raise MeshError(
-            f"{excerpt(min(other))!r} is not supported; use numbers without it"
+            f"{excerpt(min(other))!r} is not supported in a distribution; remove this "
+            "parameter"
         )
     if parameters.get("LOCATION", "").upper() != "ELEMENT":
         raise MeshError("only LOCATION=ELEMENT is supported")

@@ -95,7 +95,9 @@ class TextNumbers:
     def refuse_rest(self) -> None:
         """Refuse further numbers."""
         if self.left:
-            raise MeshError(f"{self.left} words more than its counts declare")
+            raise MeshError(
+                f"it contains {self.left} more words than its counts declare"
+            )
 
 
 class BinaryNumbers:
@@ -109,7 +111,7 @@ class BinaryNumbers:
         size = count * np.dtype(dtype).itemsize
         left = len(self._content) - self._position
         if not 0 <= size <= left:
-            raise MeshError(f"{size} bytes are due where {left} are left")
+            raise MeshError(f"{size} bytes expected, but {left} bytes remain")
         taken = np.frombuffer(self._content, dtype, count, self._position)
         self._position += size
         return taken

@@ -175,7 +175,9 @@ def cells_41(
         (count,) = numbers.take(1, "u8").tolist()
         width = 1 + _n_corners(kind)
         if dimension != CELL_TYPES[kind][1]:
-            raise MeshError(f"a {CELL_TYPES[kind][0]} in an entity of {dimension}D")
+            raise MeshError(
+                f"a {CELL_TYPES[kind][0]} in an entity of dimension {dimension}"
+            )
         if groups is not None and (dimension, tag) not in groups:
             raise MeshError(f"entity {tag} of dimension {dimension} is undefined")
         rows = numbers.take(count * width, "u8").reshape(count, width)
@@ -270,7 +272,9 @@ def _format(body: bytes) -> tuple[str, bool]:
             "it as 2.2 or 4.1"
         )
     if kind not in ("0", "1") or size != "8" or any(more):
-        raise MeshError("$MeshFormat must have a version, 0 or 1, and the size 8")
+        raise MeshError(
+            "$MeshFormat must have a version, a file type (0 or 1) and the data size 8"
+        )
     if kind == "1" and marker[:4] != np.array(1, "i4").tobytes():
         raise MeshError("its byte order differs from the byte order of this machine")
     if marker[4 if kind == "1" else 0 :].strip():

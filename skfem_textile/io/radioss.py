@@ -135,7 +135,9 @@ def _fields(
     while cards and not cards[-1].strip():
         cards = cards[:-1]
     if len(cards) - 1 < least:
-        raise MeshError(f"{max(len(cards) - 1, 0)} lines after its title, not {least}")
+        raise MeshError(
+            f"{max(len(cards) - 1, 0)} lines after its title, not at least {least}"
+        )
     if len(cards) - 1 > len(layout):
         raise MeshError(f"more than {len(layout)} lines after its title")
     fields = {}

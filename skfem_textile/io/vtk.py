@@ -90,8 +90,8 @@ def write_grid(
 ) -> None:
     """Write fields of triangles and quadrilaterals, and of their corners.
 
-    The corners are the first columns of ``points``, shape (3, n), and rows of the
-    fields.
+    The corners are the first columns of ``points``, shape (3, n), and the first rows of
+    the fields ``of_points``.
     """
     n = 1 + max(cell.max() for cell in cells)
     blocks = [({3: "triangle", 4: "quad"}[len(cell)], cell.T) for cell in cells]
@@ -140,7 +140,7 @@ class _LegacyFile:
             re.IGNORECASE,
         )
         if head is None:
-            raise MeshError("it does not begin as a VTK file")
+            raise MeshError("it does not begin with the header of a VTK file")
         version = head[1].decode()
         if version not in _VERSIONS:
             raise MeshError(

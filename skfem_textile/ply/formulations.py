@@ -105,8 +105,8 @@ class OutOfPlane(FormTerm):
     Parameters
     ----------
     C_s
-        Stiffness in N/mm, one for each element, shape (n_elements, 1); with parameters
-        an upper limit of their ``C_s``.
+        Stiffness in N/mm, one for each element, shape (n_elements, 1); if the term has
+        parameters, an upper limit of their ``C_s``.
     """
 
     C_s: ndarray

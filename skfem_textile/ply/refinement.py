@@ -236,7 +236,7 @@ class FinerPly:
         return carried, Frozen(by_term), ply.arranged(tension)
 
     def _carried(self, values: ndarray, like: ndarray) -> ndarray:
-        """Values per element, or per user's element, transferred to the finer elements.
+        """Values per element, or per user's element, on the finer elements.
 
         ``like`` are the values at rest of the finer elements.
         """

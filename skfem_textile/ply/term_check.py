@@ -145,7 +145,7 @@ def _forces(term: Term, u: ndarray, t: float) -> tuple[float, ndarray]:
 
 
 def _tangent(term: Term, u: ndarray, t: float) -> Any:
-    """Tangent, which must be a matrix of the unknowns; zero if there is none."""
+    """Tangent, a square matrix with one row per unknown; zero if there is none."""
     K = _checked(term, "tangent", u, t)
     if K is None:
         return csr_matrix((u.size, u.size))

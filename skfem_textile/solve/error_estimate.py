@@ -1,10 +1,11 @@
 """A posteriori estimate of the discretisation error by a finer mesh.
 
-The shear angle has kinks between nodes, which a mesh smears.  The state is transferred
-to the ply with each element split in four, and two linear systems predict its change.
-The contribution of stabilisation and deviations at a kink decreases so slowly with the
-element size that a finer mesh hardly reveals it; a share of it is therefore added.  The
-load is measured by the work of reactions and loads.
+The shear angle jumps across lines that element edges do not follow, and the mesh smears
+these jumps.  The state is transferred to the ply with each element split in four, and
+two linear systems predict its change. The contribution of stabilisation and deviations
+at a kink decreases so slowly with the element size that a finer mesh hardly reveals it;
+a share of it is therefore added.  The load is measured by the work of reactions and
+loads.
 """
 
 from typing import Any

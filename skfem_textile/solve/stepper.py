@@ -177,7 +177,9 @@ class LoadStepper:
             state.
         """
         if resume and not self.checkpoint:
-            raise ValueError("no checkpoint to resume from: name its folder")
+            raise ValueError(
+                "no checkpoint to resume from: pass its folder as checkpoint"
+            )
         self._run = Run(self)
         return self._run(resume)
 

@@ -241,7 +241,7 @@ def _digest(start: bytes) -> bytes:
 
 
 def _as_json(array: Any) -> Any:
-    """NumPy arrays and numbers as lists and numbers."""
+    """Convert NumPy arrays and numbers to Python lists and numbers."""
     try:
         return array.tolist()
     except AttributeError:

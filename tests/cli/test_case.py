@@ -197,7 +197,10 @@ def test_a_stabilisation_that_would_be_ignored_is_refused(capsys, tmp_path):
             "--set",
             "formulation.cs_N_per_mm=4",
         )
-        assert "cs_N_per_mm goes with formulation.name one-point or macro" in said
+        assert (
+            "formulation.cs_N_per_mm requires formulation.name one-point or macro"
+            in said
+        )
     more = ("--formulation", "one-point", "--set", "formulation.deviation=20")
     said = refused(capsys, *command, *more)
     assert "formulation.deviation goes with formulation.name quadratic" in said

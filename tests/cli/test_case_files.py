@@ -211,7 +211,7 @@ def test_a_region_has_the_defaults_of_its_scene(tmp_path):
         ("[stepping]", "[steping]", "there is no table 'steping'; did you mean 'st"),
         ("steps = 2", "steps = 2.5", "stepping.steps must be an integer, got a number"),
         ("steps = 2", "steps = '2'", "stepping.steps must be an integer, got text"),
-        ("steps = 2", "steps = 0", "steps must be at least 1"),
+        ("steps = 2", "steps = 0", "steps must be a whole number"),
         ("steps = 2", "steps", "not valid TOML: "),
         ("stiffness_N_per_mm", "stiffness", "did you mean 'stiffness_N_per_mm'"),
         (
@@ -233,10 +233,10 @@ def test_a_region_has_the_defaults_of_its_scene(tmp_path):
         (
             "rotate_deg = 20",
             "bend_deg = 20",
-            "scene.bend_deg goes with scene.name trellis",
+            "scene.bend_deg requires scene.name trellis",
         ),
         ('"specimen"', '"speciment"', "scene.name is 'speciment': must be one of"),
-        ("[shear]", "[tension.weft]\ntoe = 1\n[shear]", "tension.weft.toe goes with"),
+        ("[shear]", "[tension.weft]\ntoe = 1\n[shear]", "tension.weft.toe requires"),
         ("[shear]", "[tension.wefd]\n[shear]", "'wefd'; did you mean 'weft'"),
         ("[shear]", "[tension.in_compression]\n[shear]", "in_compression is a law"),
         ("[shear]", "[tension.weft.weft]\n[shear]", "tension.weft has no key 'weft'"),
@@ -247,7 +247,7 @@ def test_a_region_has_the_defaults_of_its_scene(tmp_path):
         ),
         ("toe = 0.004\n", "", "tension.toe is missing"),
         ("toe = 0.004", "toe = -1", "toe must be a finite number > 0, got -1.0"),
-        ('"crimp-toe"', '"linear"', "tension.toe goes with tension.law crimp-"),
+        ('"crimp-toe"', '"linear"', "tension.toe requires tension.law crimp-toe"),
         (
             '"crimp-toe"',
             '"crimp"',
@@ -259,7 +259,7 @@ def test_a_region_has_the_defaults_of_its_scene(tmp_path):
             '"old"',
             "'old'; expected one of none, odd; did you mean 'odd'",
         ),
-        ('"one-point"', '"full"', "formulation.cs_N_per_mm goes with formulation.name"),
+        ('"one-point"', '"full"', "formulation.cs_N_per_mm requires formulation.name"),
         (
             "cs_N_per_mm = 2",
             "cs_N_per_mm = 'aut'",

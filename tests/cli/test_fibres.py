@@ -157,7 +157,7 @@ def test_a_fabric_without_directions_or_with_those_of_the_scene_tells_nothing(
         (("--fabric", "none.json"), "none.json"),
         (("--fabric", "cloth.json", "--fibre-stiffness", "1"), "[tension] sets a law"),
         (("--directions", "ply.vtu"), "32 directions for 18 elements"),
-        (("--directions", "cloth.json"), "are read from"),
+        (("--directions", "cloth.json"), "can only be read from"),
     ],
 )
 def test_options_that_contradict_a_file_are_refused_before_any_work(

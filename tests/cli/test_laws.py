@@ -215,11 +215,11 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
         ),
         (
             ("--shear-law", "sin2", "--set", "shear.locking_angle_deg=60"),
-            "shear.locking_angle_deg goes with shear.law locking",
+            "shear.locking_angle_deg requires shear.law locking",
         ),
         (
             ("--set", "tension.extrapolation=linear"),
-            "tension.extrapolation goes with tension.law FILE.csv",
+            "tension.extrapolation requires tension.law FILE.csv",
         ),
     ],
 )
@@ -237,9 +237,7 @@ def test_a_file_that_is_no_table_of_the_law_is_refused(tmp_path, capsys):
     assert "law.csv, row 1: the header must be like 'shear angle (deg)" in said
     more = ("--tension-law", file, "--fibre-stiffness", "3")
     said = refused(capsys, "run", "strip", *QUICK, *out, *more)
-    assert (
-        "tension.stiffness_N_per_mm goes with tension.law linear or crimp-toe" in said
-    )
+    assert "tension.stiffness_N_per_mm requires tension.law linear or crimp-toe" in said
 
 
 def test_an_exact_angle_beyond_a_pole_is_no_exact_answer(tmp_path):

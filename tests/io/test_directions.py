@@ -196,7 +196,7 @@ def test_files_without_directions_are_refused(tmp_path):
             read_directions(tmp_path / name)
     with pytest.raises(ValueError, match="12 directions for 2"):
         write_directions(tmp_path / "a.vtu", MeshTri(), GIVEN)
-    with pytest.raises(ValueError, match="are written to"):
+    with pytest.raises(ValueError, match="can only be written to"):
         write_directions(tmp_path / "a.txt", MESH, GIVEN)
     assert list(tmp_path.iterdir()) == []
 

@@ -150,7 +150,7 @@ def test_a_fabric_that_no_file_holds_is_refused_and_nothing_is_written(tmp_path)
         ({"bending": 1.0}, "bending must be a pair"),
         ({"bending": [1.0, -1.0]}, "bending of weft"),
         ({"twist": -1.0}, "twist must be"),
-        ({"wrinkling_angle": 2.0}, "wrinkling angle must be"),
+        ({"wrinkling_angle": 2.0}, "wrinkling angle: 2"),
         ({"shear": {"kind": "Fabric"}}, "no law 'Fabric'"),
         ({"shear": {"kind": "Linear", "stiffness": -1.0}}, "stiffness"),
         ({"shear": {"kind": "Linear", "stiff": 1.0}}, "no parameter 'stiff'"),

@@ -56,7 +56,12 @@ def refused(path, message):
             b"2 9 3 4\n",
             "entity 9 of dimension 2 is undefined",
         ),
-        ("quads41.msh", b"2 1 3 4\n", b"1 1 3 4\n", "a quad in an entity of 1D"),
+        (
+            "quads41.msh",
+            b"2 1 3 4\n",
+            b"1 1 3 4\n",
+            "a quad in an entity of dimension 1",
+        ),
         ("quads41b.msh", b"$EndNodes", b"\0$EndNodes", "more than its counts"),
         ("quads41b.msh", b"$EndMesh", b"$MeshFormat\n$EndMesh", "more than a format"),
         ("quads.inp", b"4, 2, 2, 0", b"4, 2, 2", "a number and two or three coord"),

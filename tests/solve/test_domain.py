@@ -168,7 +168,7 @@ def test_no_law_is_asked_beyond_the_domain_that_it_states():
     mesh = MeshQuad().refined(1).with_defaults()
     ply = Ply(mesh, Fabric(Measured(1e3, 0.0), 1.0), Full())
     held = {"clamp": Condition("bottom"), "pull": Condition("top", (0, 0.05))}
-    with pytest.raises(StepError, match=r"end of a law.* strain is 0\.01,") as caught:
+    with pytest.raises(StepError, match=r"of a law.* strain is 0\.01,") as caught:
         LoadStepper(ply, held, 5, max_halvings=2).run()
     assert caught.value.quantity in ("warp_strain", "weft_strain")
     gentle = held | {"pull": Condition("top", (0, 0.009))}

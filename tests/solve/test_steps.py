@@ -144,7 +144,7 @@ def test_a_function_that_fails_on_the_way_stops_the_run():
 )
 def test_steps_that_nobody_can_mean_are_refused(steps):
     ply, conditions = pulled(0.5)
-    with pytest.raises(ValueError, match="steps must be at least 1"):
+    with pytest.raises(ValueError, match="steps must be a whole number"):
         LoadStepper(ply, conditions, steps=steps)
 
 

@@ -408,7 +408,7 @@ class ElementGroup:
     def deformations(
         self, u: ndarray, points: Sequence[IntegrationPoints]
     ) -> Deformations:
-        """Deformations under a DOF vector ``u`` at some of the points."""
+        """Deformations at the given integration points for a DOF vector ``u``."""
         if not points:
             return []
         d, n = points[0].A.shape[2], self.nodes.shape[1]

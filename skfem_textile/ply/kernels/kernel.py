@@ -330,7 +330,7 @@ def _mean(group: ElementGroup, values: list[ndarray]) -> ndarray:
 
 
 def _resisting(fabric: Fabric) -> ndarray:
-    """1 for a family with a tension law, 0 without; (2, 1, 1)."""
+    """1 for a family with a tension law, 0 for one without; shape (2, 1, 1)."""
     resists = [not is_zero(family.tension) for family in fabric.families]
     return np.array(resists, dtype=float)[:, None, None]
 

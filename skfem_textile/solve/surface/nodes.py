@@ -139,7 +139,7 @@ class SurfaceNodes:
         if lost.any():
             node = self.nodes[lost.argmax()]
             raise NoEquilibriumError(
-                f"conditions fix node {node} normal to its surface already",
+                f"other conditions already fix node {node} normal to its surface",
                 advice="fewer conditions there",
             )
         self._u, self._t, self._turn = u.copy(), t, None
@@ -171,7 +171,7 @@ class SurfaceNodes:
         return self._turn
 
     def motion(self, u: ndarray, t: float, du: ndarray) -> ndarray:
-        """Increment of conditions, and of nodes onto surfaces to first order."""
+        """Increment corrected so that nodes move onto surfaces to first order."""
         contact, moved = self.contact(u, t), du.reshape(-1, 3).T.copy()
         own = contact.nodes
         missing = contact.level + (contact.gradient * moved[:, own]).sum(axis=0)

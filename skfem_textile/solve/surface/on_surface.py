@@ -143,10 +143,10 @@ class OnSurface:
         else:
             return Grown(self.surface, point, t)
         raise ValueError(
-            f"condition {name!r}: the surface cannot grow out of the ply, because it "
-            f"does not touch the plane z = 0 at {self.touch}, where it {off}: move "
-            "it, specify another point as touch, or start from positions on it with "
-            "equilibrium_near"
+            f"condition {name!r}: the surface cannot be scaled with the load factor, "
+            f"because it does not touch the plane z = 0 at {self.touch}, where it "
+            f"{off}: move it, specify another point as touch, or start from positions "
+            "on it with equilibrium_near"
         )
 
 
