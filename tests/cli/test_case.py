@@ -203,14 +203,14 @@ def test_a_stabilisation_that_would_be_ignored_is_refused(capsys, tmp_path):
         )
     more = ("--formulation", "one-point", "--set", "formulation.deviation=20")
     said = refused(capsys, *command, *more)
-    assert "formulation.deviation goes with formulation.name quadratic" in said
+    assert "formulation.deviation requires formulation.name quadratic" in said
     more = (
         "--set",
         "formulation.cs_N_per_mm=4",
         "--set",
         "formulation.stabilisation=rate",
     )
-    assert "stabilisation goes with formulation.name one-point" in refused(
+    assert "stabilisation requires formulation.name one-point" in refused(
         capsys, *command, *more
     )
 
