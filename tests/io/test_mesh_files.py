@@ -35,9 +35,19 @@ def refused(path, message):
 @pytest.mark.parametrize(
     ("name", "old", "new", "message"),
     [
-        ("quads22.msh", b"$Nodes\n15", b"$Nodes\n14", r"\$Nodes: it contains 4 more words"),
+        (
+            "quads22.msh",
+            b"$Nodes\n15",
+            b"$Nodes\n14",
+            r"\$Nodes: it contains 4 more words",
+        ),
         ("quads22.msh", b"$Nodes\n15", b"$Nodes\n16", r"\$Nodes: 64 numbers are due"),
-        ("quads22.msh", b"Elements\n23", b"Elements\n22", r"\$Elements: it contains 9 more words"),
+        (
+            "quads22.msh",
+            b"Elements\n23",
+            b"Elements\n22",
+            r"\$Elements: it contains 9 more words",
+        ),
         ("quads22.msh", b"Names\n6", b"Names\n5", "must count its 6 names"),
         ("quads22.msh", b"$EndElements", b"", r"the end of \$Elements is missing"),
         ("quads22.msh", b"\n4 2 2 0", b"\n3 2 2 0", "two of node 3"),
@@ -143,7 +153,11 @@ def test_meshes_too_small_to_be_computed_on_are_refused(tmp_path, exponent):
 
 VTU = [
     (b'NumberOfCells="2"', b'NumberOfCells="3"', "'types': 3 numbers are due"),
-    (b'NumberOfPoints="6"', b'NumberOfPoints="5"', "'Points': it contains 3 more words"),
+    (
+        b'NumberOfPoints="6"',
+        b'NumberOfPoints="5"',
+        "'Points': it contains 3 more words",
+    ),
     (b"<Piece ", b"<Piece/><Piece ", "must have one Piece, and has 2"),
     (b'"Int64"', b'"Int8"', None),
     (b'"Int64"', b'"Float64"', "type 'Float64' is not read"),
