@@ -65,7 +65,7 @@ show(result, "first")
 
 # Part 4: can I trust it?
 def judge(result):
-    """Print what tells whether a result can be trusted."""
+    """Print the values that indicate whether a result can be trusted."""
     summary = result.summary()
     for key in (
         "stable",
