@@ -99,7 +99,9 @@ def _text_rows(numbers: TextNumbers, count: int) -> Iterator[tuple[int, Any]]:
             [number, words[first - n_tags] if n_tags else 0, *words[first:position]],
         )
     if position < len(words):
-        raise MeshError(f"{len(words) - position} words more than its counts declare")
+        raise MeshError(
+            f"it contains {len(words) - position} more words than its counts declare"
+        )
 
 
 def _binary_rows(numbers: BinaryNumbers, left: int) -> Iterator[tuple[int, Any]]:
