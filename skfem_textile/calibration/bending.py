@@ -95,7 +95,7 @@ def read_cantilever(
     path
         The file, see `read_curve`.
     angle
-        Angle of every chord in radians, for a file without that column, as of an
+        Angle of every chord in radians, for a file without that column, as for an
         instrument with a fixed inclined plane.
     units
         See `read_curve`.
@@ -159,7 +159,7 @@ def fit_bending(tests: Sequence[CantileverTest], weight: float) -> BendingFit:
 
 
 def weight_number(angle: float) -> float:
-    """Number w L³/D of an elastica, by its chord angle in radians."""
+    """Load parameter w L³/D of an elastica with a given chord angle in radians."""
     from scipy.optimize import brentq
 
     def off(logarithm: float) -> float:

@@ -194,8 +194,8 @@ def force_at_rest(x: ndarray, force: ndarray) -> float:
 
     It is the intercept of a straight line through the beginning.  The noise is the
     larger of the values from second differences and from the line.  If a parabola, or
-    the mean of the first two points, gives less than half of the force, it rises
-    steeply from rest, as with friction in a frame, which is not a force at rest.
+    the mean of the first two points, gives less than half of this force, the curve
+    rises steeply from rest, as with friction in a frame, and has no force at rest.
     """
     order = np.argsort(x, kind="stable")
     x, force = x[order], force[order]
@@ -223,7 +223,8 @@ def force_at_rest(x: ndarray, force: ndarray) -> float:
 def seems_swapped(driven: ndarray, force: ndarray) -> bool:
     """True if forces increase in equal steps, and the driving quantity does not.
 
-    Testing machines move in equal steps.  A force-controlled test appears the same way.
+    Testing machines move in equal steps: columns may be swapped, or the test is
+    force-controlled.
     """
     if len(force) <= _FEWEST_STEPS or np.diff(force).min() <= 0:
         return False

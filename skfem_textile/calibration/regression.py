@@ -206,7 +206,7 @@ def crimp_interchange(largest: float) -> Model:
     return Model("crimp-interchange", names, units, build, low, high, start)
 
 
-# Its functions have the names of private modules, which confuses type checkers.
+# Type checkers confuse its functions with private modules of the same names.
 _scipy: Any = optimize
 
 # Relative singular value below which parameters are not identifiable.
@@ -246,8 +246,8 @@ def solve_nonlinear(
 ) -> tuple[ndarray, ndarray]:
     """Nonlinear least squares from given parameters, or from the best linear law.
 
-    The linear law determines the scale of each parameter, as a parameter at a bound has
-    none.
+    The linear law determines the scale of each parameter, because a parameter at a
+    bound may be 0.
     """
     assert model.start is not None
     unit = predict(Linear(1.0))
@@ -278,7 +278,7 @@ def solve_nonlinear(
 def jacobian_of(
     model: Model, values: ndarray, value: Callable[[Any], ndarray]
 ) -> ndarray:
-    """Derivatives by the parameters, shape (n, p): exact if they are linear."""
+    """Derivatives with respect to parameters, (n, p): exact if they are linear."""
     if model.start is None:
         units = np.eye(values.size)
         return np.transpose([value(model.build(unit)) for unit in units])
@@ -350,7 +350,8 @@ class Fit:
     values
         The parameters, shape (p,).
     jacobian
-        Derivatives of all predicted values by the parameters, shape (n, p).
+        Derivatives of all predicted values with respect to the parameters, shape (n,
+        p).
     residuals
         Measured less predicted values of each curve.
     noise

@@ -168,7 +168,7 @@ def _moments(result: "ShearFit") -> list[dict[str, Any]]:
 
 
 def _tension_notes(result: "TensionFit", families: Sequence[int]) -> list[str]:
-    """Notes on the curves of families, by their numbers."""
+    """Notes on the curves of the families with given numbers."""
     notes = []
     for i in families:
         for curve in result.curves:

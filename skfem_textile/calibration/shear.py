@@ -85,7 +85,7 @@ class Specimen:
 
     @cached_property
     def theoretical_angle(self) -> ndarray | None:
-        """Shear angle for inextensible fibres without slip; nan beyond its end."""
+        """Shear angle for inextensible fibres without slip; nan beyond the end."""
         if self.displacement is None:
             return None
         return self.test.shear_angle(self.displacement)
@@ -103,7 +103,7 @@ class Specimen:
         """Shear angle in radians up to which the kinematics of the test are valid.
 
         Up to the angle at which the measured one differs from the theoretical one, or
-        `BELIEVED` without one of the two.
+        `BELIEVED` if one of the two is missing.
         """
         if self.measured_angle is None or self.theoretical_angle is None:
             return min(BELIEVED, self.test.largest_angle)
@@ -117,8 +117,8 @@ class Specimen:
     def last_angle(self, up_to: float | None) -> float:
         """Shear angle in radians up to which points are fitted.
 
-        The requested one, or `BELIEVED`, or any if the angle is measured; at most the
-        end of the motion of the test.
+        The requested angle; by default `BELIEVED`, or unlimited if the angle is
+        measured; at most the end of the motion of the test.
         """
         if up_to is None:
             up_to = np.inf if self.measured_angle is not None else BELIEVED

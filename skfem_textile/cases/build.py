@@ -211,10 +211,10 @@ def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh
 
 
 def _is_copy(named: str | None, file: str) -> bool:
-    """True if a file is another one or a copy of it, as in written cases."""
+    """True if two files are identical, as in written cases."""
     try:
         return named is not None and filecmp.cmp(named, file, shallow=False)
-    except (OSError, ValueError):  # its reader reports it
+    except (OSError, ValueError):  # reported when the file is read
         return False
 
 

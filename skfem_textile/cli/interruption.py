@@ -2,7 +2,7 @@
 
 The package imports this module first. While modules are imported, a signal ends the
 process of the command line at once, because nothing can be lost. Within `raised` a
-signal raises `KeyboardInterrupt`. After `raised` signals are ignored.
+signal raises `KeyboardInterrupt`. After `raised`, signals are ignored.
 """
 
 import os
@@ -53,7 +53,7 @@ def held() -> Iterator[None]:
 def _answered(answer: Callable[[int, Any], None]) -> Iterator[dict[int, Any]]:
     """Handle signals that are not ignored; yields the previous handlers."""
     before: dict[int, Any] = {}
-    if threading.current_thread() is threading.main_thread():  # others may not
+    if threading.current_thread() is threading.main_thread():  # other threads may not
         before = {number: signal.getsignal(number) for number in _SIGNALS}
     answered = [n for n, old in before.items() if old not in (signal.SIG_IGN, None)]
     for number in answered:
@@ -61,7 +61,7 @@ def _answered(answer: Callable[[int, Any], None]) -> Iterator[dict[int, Any]]:
     try:
         yield before
     finally:
-        for number in answered:  # a command that is done has only to end
+        for number in answered:  # a completed command only has to exit
             over = before[number] is _end
             signal.signal(number, signal.SIG_IGN if over else before[number])
 

@@ -4,7 +4,7 @@ import os
 import sys
 from typing import TextIO
 
-# Most characters of a line on stderr; arguments can be of any length.
+# Maximum number of characters of a line on stderr; arguments can be of any length.
 _LONGEST = 400
 
 

@@ -17,7 +17,7 @@ _SCRATCH = ".unfinished-"
 
 
 class ResultFolder:
-    """Folder whose content is replaced by the result of one run at once.
+    """Folder whose content is atomically replaced by the result of one run.
 
     The folder is locked until it contains the result or this object is deleted. If it
     was created for the result and is still empty, it is then removed. Incomplete files

@@ -112,7 +112,7 @@ class DrapeExport:
     """Export of a draped ply: elements of the part, and curves that trim the pattern.
 
     ``curves`` are closed, each (3, n); ``no_curves`` is the reason why there are none,
-    and ``trimmed`` is true for a curve of the user. `write` may write ``files``.
+    and ``trimmed`` is true for a user-supplied curve. `write` may write ``files``.
     """
 
     part: ToolMesh | None = None

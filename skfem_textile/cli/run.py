@@ -218,7 +218,7 @@ def _checkpoint(
 
 
 def _kept(stepper: "Stepper") -> str:
-    """Message on the remains of a run whose results cannot be written."""
+    """Message on the checkpoint of a run whose results cannot be written."""
     if stepper.checkpoint is None:
         return "no checkpoint exists, because --checkpoint was not given"
     kept = stepper.checkpoint.folder

@@ -15,8 +15,8 @@ from .sheet import REACH, Sheet, unit
 from .surfaces import positive_length
 from .tool_mesh import ToolMesh
 
-# Inclination of a plane to the plane normal to x below which x has no direction in it,
-# 1°.
+# Inclination of a plane to the plane normal to x below which the projection of x onto
+# it is not used, 1°.
 _ACROSS = 0.0175
 
 
@@ -136,7 +136,7 @@ def fibres_on_tool(
 ) -> FibresInSpace:
     """Fibres of a draped ply in each element of a tool.
 
-    They are the fibres at the point of the ply on the centre of the element.  An
+    They are the fibres at the point of the ply at the centre of the element.  An
     element inclined by more than 60° to the ply has none.
 
     Parameters
@@ -183,8 +183,8 @@ def fibres_on_ply(
 ) -> FibresInSpace:
     """Fibres in each of the user's elements of a displaced ply in space.
 
-    Directions and shear angles are element means.  Normals point to the side that is up
-    in the flat ply.
+    Directions and shear angles are element means.  Normals point to the upper side of
+    the flat ply.
 
     Parameters
     ----------

@@ -12,13 +12,13 @@ from .sheet import Places, Sheet
 from .surfaces import positive_length
 from .tool_mesh import curve_length
 
-# Distance of added points of a curve, relative to the longest edge of the ply.  Chosen:
+# Spacing of points added to a curve, relative to the longest edge of the ply.  Chosen:
 # the pattern has kinks only at nodes of the ply.
 _SPACING = 0.5
 
-# Distance of neighbours in the outline, relative to the largest one on the tool, above
-# which the ply overlaps itself.  Chosen: the diagonal of a cell sheared by 80° is 8
-# times as long in the flat ply.
+# Distance between neighbours in the outline, relative to the largest one on the tool,
+# above which the ply overlaps itself.  Chosen: the short diagonal of a cell sheared by
+# 80° is 8 times as long in the flat ply.
 _JUMP = 10.0
 
 # Maximum number of points of an outline.  Chosen: locating them takes a minute.
@@ -77,9 +77,9 @@ def flat_pattern(
         Points of a closed curve on the tool in mm, shape (3, n), such as a curve of
         `ToolMesh.boundary`.
     spacing
-        Largest distance of points in mm.  Points are added on straight lines between
-        points of the curve further apart; these lines must stay near the ply.  By
-        default half of the longest edge of the ply.
+        Largest distance between points in mm.  Points are added on straight lines
+        between points of the curve further apart; these lines must stay near the ply.
+        By default half of the longest edge of the ply.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def flat_pattern(
     if spacing is None:
         spacing = _SPACING * sheet.longest_edge
     spacing = positive_length("flat pattern: spacing", spacing)
-    _places(sheet, points)  # before a distant curve adds too many points
+    _places(sheet, points)  # refuses a distant curve before points are added
     points = _spaced(points, spacing)
     places = _places(sheet, points)
     warp, weft = (A[:, places.element] for A in (sheet.warp, sheet.weft))
@@ -143,7 +143,7 @@ def _places(sheet: Sheet, points: ndarray) -> Places:
 
 
 def _refuse_crossing(outline: ndarray, points: ndarray) -> None:
-    """Refuse an outline, (2, n), with crossing or touching edges; points in space.
+    """Refuse an outline with crossing or touching edges; ``points`` in space.
 
     Its area would have parts of different signs.
     """

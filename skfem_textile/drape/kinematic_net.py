@@ -165,7 +165,8 @@ def net(
     cell
         Length of the rods in mm.
     warp, weft
-        Numbers of cells against and along each family, from the start of the net.
+        Numbers of cells against and along the direction of each family, from the start
+        of the net.
     angles
         Inclination of warp and weft in the flat ply in radians.
     touch
@@ -282,7 +283,7 @@ def _pinned(surface: Surface, x: ndarray, step: ndarray, cell: float) -> ndarray
 
 
 def _up_to(ends: ndarray, shape: tuple[int, int]) -> ndarray:
-    """Crossings of a quadrant before a point, or around its cell."""
+    """Mask of crossings of a quadrant up to the cell of any given point."""
     last = np.floor(ends + _EXACT).astype(int) + 1
     last = last[:, (last > 0).all(axis=0)]
     wanted = np.zeros(shape, dtype=bool)
@@ -330,7 +331,7 @@ def _crossings(
         if np.abs(off).max() <= _EXACT * cell:
             break
         rows = np.array([gradient / slope, p / cell, q / cell]).transpose(2, 0, 1)
-        with np.errstate(all="ignore"):  # what is not finite is caught
+        with np.errstate(all="ignore"):  # non-finite values are detected
             crossed = np.abs(np.linalg.det(rows)) > _FOLDED**2
             if not crossed.all():
                 break

@@ -43,7 +43,7 @@ def contact_pressure(
     -------
     ndarray
         Shape (n_nodes,).  It is linear between the corners of the user's elements, and
-        work-equivalent to the forces for all such motions.
+        work-equivalent to the forces for all motions of this form.
     """
     corners, n = ply.mesh.t, ply.mesh.p.shape[1]
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
@@ -52,7 +52,7 @@ def contact_pressure(
     if parameters is None:
         parameters = ply.parameters_at_rest
     force = (ply.nodal(ply.residual(u, t, parameters)) * normal).sum(axis=0)
-    # Together, the corners of an element on the surface have its area.
+    # The area of an element on the surface is divided equally among its corners.
     sides = x[:, corners[2]] - x[:, corners[0]], x[:, corners[-1]] - x[:, corners[1]]
     area = 0.5 * np.linalg.norm(np.cross(*sides, axis=0), axis=0)
     share = np.tile(area / len(corners), len(corners))
@@ -64,7 +64,7 @@ def contact_pressure(
 def bridging(ply: Ply, u: ndarray, pressure: ndarray) -> ndarray:
     """Elements with a tensile mean contact pressure.
 
-    The pressure must exceed the pressure of the largest fibre tension on a virtually
+    Its magnitude must exceed the pressure from the largest fibre tension on a virtually
     flat surface.
 
     Parameters

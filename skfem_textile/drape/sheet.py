@@ -73,7 +73,7 @@ class Elements:
         return sum(N * values[..., node] for N, node in zip(shares, nodes, strict=True))
 
     def slopes(self, values: ndarray, element: ndarray, local: ndarray) -> ndarray:
-        """Derivatives of nodal vectors by local coordinates, shape (d, 2, n)."""
+        """Derivatives of nodal vectors in local coordinates, shape (d, 2, n)."""
         _, slopes = self._shapes(local)
         nodes = self.nodes[:, element]
         return sum(
@@ -206,8 +206,8 @@ REACH = 0.25
 class Places(NamedTuple):
     """Points of a sheet: element, −1 if there is none, and local coordinates.
 
-    ``distance`` in mm is that between the sheet and the given point, infinite without
-    an element.  Shapes (n,), (2, n) and (n,).
+    ``distance`` in mm is the distance between the sheet and the given point, infinite
+    without an element.  Shapes (n,), (2, n) and (n,).
     """
 
     element: ndarray
@@ -349,10 +349,10 @@ class Sheet:
     def _gradients(self) -> ndarray:
         """Deformation gradient at each node, shape (3, 2, n_nodes).
 
-        The mean over its elements.  Along the edges of the ply this lags by half an
-        element.  There, and finally in its corners, nodal values are changed until the
-        mean of the nodes of an element equals the gradient at its centre, which is
-        second-order accurate.
+        The mean over the elements at the node. Along the edges of the ply this mean is
+        offset by half an element. There, and finally at the corners of the ply, nodal
+        values are changed until the mean of the nodes of an element equals the gradient
+        at its centre, which is second-order accurate.
         """
         corners = self._elements.corners
         at_corners = np.array([self._gradient_at(corner) for corner in corners])

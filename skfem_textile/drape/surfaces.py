@@ -20,7 +20,7 @@ Vector: TypeAlias = ArrayLike
 
 _ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
-# Lower bound in mm of the distance from an axis or a centre in divisions.
+# Lower bound in mm of a distance from an axis or a centre used as a divisor.
 _TINY = 1e-300
 
 
@@ -192,7 +192,7 @@ class Cylinder(_OfRevolution):
 
 @dataclass(frozen=True, eq=False)
 class Cone(_OfRevolution):
-    """Cone that opens along its axis, with φ as the distance from it on its own side.
+    """Cone that opens along its axis; φ is the distance on the opening side.
 
     Parameters
     ----------

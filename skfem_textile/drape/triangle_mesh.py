@@ -68,7 +68,7 @@ class Quadrics:
             + 2 * c_vv * v[:, :, None] * v[:, None]
         )
         b = normals - c[:, 1, None] * u - c[:, 2, None] * v
-        # The last of each represents missing neighbours.
+        # The last entry of each array represents missing neighbours.
         self._points, self._a, self._b, self._H = (
             np.concatenate([x.T, np.zeros((*x.T.shape[:-1], 1))], axis=-1)
             for x in (points, -c[:, 0], b, H)
@@ -101,7 +101,8 @@ class Quadrics:
             distance, near = self._tree.query(
                 x[:, some].T, count, distance_upper_bound=bound
             )
-            # Far away only the nearest point contributes: the reach is slightly longer.
+            # Far away only the nearest points contribute: the reach slightly exceeds
+            # their distance.
             reach = np.maximum(self._reach, _FAR * distance[:, :1])
             whole = (distance[:, -1:] >= reach) | (count == self._tree.n)
             whole = (whole & (reach <= bound))[:, 0]
@@ -130,10 +131,9 @@ class Quadrics:
         # If the reach depends on the nearest point: the gradient ρ of its logarithm.
         follows = reach > self._reach
         rho = follows * d[:, :, :1] * (_FAR / reach) ** 2
-        # Wendland's C⁴ function w = (1 − s)⁶ (35 s² + 18 s + 3), its derivative over s,
-        # and the derivative of the latter over s. With m = s ∇s: ∇w = slope m, ∇²w =
-        # bend m m + slope ∇m, ∇m = I (1 − s²R²/r₁²)/R² − 2 (m ρ + ρ m), r₁ to the
-        # nearest point.
+        # Wendland's C⁴ function w = (1 − s)⁶ (35 s² + 18 s + 3), slope = w′/s and bend
+        # = slope′/s. With m = s ∇s: ∇w = slope m, ∇²w = bend m m + slope ∇m, ∇m = I (1
+        # − s²R²/r₁²)/R² − 2 (m ρ + ρ m), r₁ to the nearest point.
         inside = 1 - s
         square = inside * inside
         fourth = square * square
@@ -268,7 +268,8 @@ class TriangleMesh:
     def beyond_edges(self, x: ndarray) -> ndarray:
         """Distances of points beyond the edges of the triangles in mm, shape (n,).
 
-        0 for a point over the triangles, or within a tenth of the mean edge of them.
+        0 for a point over the triangles, or within a tenth of the mean edge length from
+        them.
 
         Parameters
         ----------

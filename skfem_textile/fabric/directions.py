@@ -78,7 +78,7 @@ class FibreDirections:
         return warp, weft
 
     def refuse_other(self, cells: Sequence[ndarray]) -> None:
-        """Refuse elements, arrays (k, n_k), whose number differs.
+        """Refuse elements, arrays (k, n_k), unless there is one per direction.
 
         Raises
         ------
@@ -90,7 +90,7 @@ class FibreDirections:
             raise ValueError(f"{n} directions for {n_elements} elements")
 
     def on(self, fabric: Fabric) -> Fabric:
-        """Laws of a fabric, with these directions."""
+        """Fabric with the laws of the given fabric and these directions."""
         return replace(fabric, warp=self.warp, weft=self.weft)
 
 
@@ -202,7 +202,7 @@ def directions_of(mesh: Mesh, fabric: Fabric) -> FibreDirections:
     Raises
     ------
     ValueError
-        If it has directions for another number of elements.
+        If the fabric has directions for a different number of elements.
 
     Examples
     --------

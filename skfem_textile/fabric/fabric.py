@@ -51,7 +51,7 @@ Stiffness: TypeAlias = float | ndarray | Law
 class Family(NamedTuple):
     """Fibre family: name, reference direction and tension law.
 
-    If the tensions depend on both strains, the law is that for an unstrained other
+    If the tensions depend on both strains, the law is taken at zero strain of the other
     family.
     """
 
@@ -203,7 +203,7 @@ class Fabric:
         )
 
     def closest_end(self, strain: ndarray, angle: ndarray) -> LawEnd | None:
-        """The closest end of a law, or None; parameters as above, (2, n_elements, n).
+        """The closest end of a law; parameters as `in_domain`, (2, n_elements, n).
 
         None if the domains of all laws are unbounded.
         """

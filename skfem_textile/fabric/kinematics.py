@@ -6,8 +6,8 @@ points last, as in scikit-fem: a deformation gradient
 ``(2, ...)``; first derivatives with respect to ``F`` have shape ``(d, 2, ...)``
 and second derivatives ``(d, 2, d, 2, ...)``.  The points may broadcast.
 
-A ply in its plane has d = 2, a ply in space d = 3.  What depends on ``F`` alone is read
-from its shape.
+A ply in its plane has d = 2, a ply in space d = 3.  The functions determine d from the
+shape of ``F``.
 """
 
 import numpy as np
@@ -48,7 +48,7 @@ def area_ratio_d(F: ndarray, H: ndarray) -> ndarray:
 
 
 def area_ratio_dd(F: ndarray, H: ndarray, K: ndarray) -> ndarray:
-    """Second derivative of the area ratio along H and K; in the plane F is not in it.
+    """Second derivative of the area ratio along H and K; independent of F in 2D.
 
     In space, with n = c/J and J = ``|c|`` of `area_vector`:
     n·d²c + (dc·d′c − (n·dc)(n·d′c))/J.
@@ -116,7 +116,7 @@ def stretch_d(F: ndarray, A: ndarray) -> ndarray:
 
 
 def stretch_dd(F: ndarray, A: ndarray) -> ndarray:
-    """Second derivative ∂²λ/∂F² = (δ_ik − e_i e_k)/λ A_J A_L; none along the fibre."""
+    """Second derivative ∂²λ/∂F² = (δ_ik − e_i e_k)/λ A_J A_L; 0 along the fibre."""
     a, length = fibre(F, A), stretch(F, A)
     e = a / length
     m = (_delta(a) - np.einsum("i...,k...->ik...", e, e)) / length
@@ -227,7 +227,7 @@ def _side(A1: ndarray, A2: ndarray) -> ndarray:
 
 
 def _delta(a: ndarray) -> ndarray:
-    """δ_ik of the components of vectors, with axes of one for their points."""
+    """δ_ik of vector components, with axes of length 1 for the points."""
     return np.eye(len(a)).reshape(len(a), len(a), *(1,) * (a.ndim - 1))
 
 

@@ -1,6 +1,6 @@
 """Interfaces of constitutive laws of one strain or shear angle, and of both strains.
 
-Also the linear law, which a number stands for.
+Also the linear law, which a plain number can represent.
 """
 
 import math
@@ -53,7 +53,7 @@ class Law(Protocol):
     states beyond it are refused.  Without a domain the law ends where its energy is not
     finite, such as beyond a pole; the domain ``(-inf, inf)`` avoids this check.
 
-    A law may have ``of`` and ``shown``; `ScalarLaw` defines both.
+    A law may have the attributes ``of`` and ``shown``, see `ScalarLaw`.
     """
 
     def energy(self, x: ndarray) -> ndarray:
@@ -141,7 +141,7 @@ _AnyLaw = TypeVar("_AnyLaw")
 
 
 def is_zero(law: Law) -> bool:
-    """True if a law needs no term."""
+    """True if a law has zero stiffness and needs no term."""
     return isinstance(law, OneStiffness) and not np.any(law.stiffness)
 
 
@@ -156,9 +156,9 @@ def domain_of(law: Law) -> tuple[Any, Any]:
 
 
 class Slopes(NamedTuple):
-    """Derivatives of the tensions by the strains, in N/mm.
+    """Derivatives of the tensions with respect to the strains, in N/mm.
 
-    ``own`` are ∂T_α/∂ε_α of warp and weft, ``cross`` is ∂T₁/∂ε₂ = ∂T₂/∂ε₁, and None if
+    ``own`` are ∂T_α/∂ε_α of warp and weft, ``cross`` is ∂T₁/∂ε₂ = ∂T₂/∂ε₁, or None if
     neither tension depends on the strain of the other family.
     """
 
@@ -166,7 +166,7 @@ class Slopes(NamedTuple):
     cross: ndarray | None
 
     def times(self, change: ndarray) -> ndarray:
-        """Tension increments of strain increments, shape (2, ...)."""
+        """Tension increments for strain increments of shape (2, ...)."""
         alone = np.asarray(self.own) * change
         return alone if self.cross is None else alone + self.cross * change[::-1]
 
@@ -210,7 +210,7 @@ class BiaxialLaw(ABC):
         return half, half
 
     def slopes(self, strain: ndarray) -> Slopes:
-        """Tangent."""
+        """Components of the tangent."""
         D = self.tangent(strain)
         return Slopes((D[0, 0], D[1, 1]), D[0, 1])
 
@@ -357,9 +357,9 @@ def mean_slope(law: Law, strain: ndarray) -> ndarray:
 
     A tangent at one strain does not represent a law that is soft at rest and stiff
     beyond, or stiff in tension and soft in compression, where a state may cover both.
-    In compression it is the mean slope at rest, as slack fibres are not elastic without
-    limit.  Beyond the domain of the law it is that at its end: with the tension of the
-    mean stretch, the law is not evaluated at the strain of a point.
+    In compression it is the mean slope at rest, as slack fibres are elastic only within
+    limits. Beyond the domain of the law it is the slope at the end: if the tension
+    follows from the mean stretch, the strain at a point may lie outside the domain.
     """
     lowest, highest = domain_of(law)
     strain = np.clip(np.maximum(strain, 0.0), lowest, highest)
@@ -471,8 +471,8 @@ _GO_ON = (
     "'odd')"
 )
 
-# Relative difference, of the end of a law, within which elements are equally close to
-# it.  Chosen: half a degree at 50°, indistinguishable by colour.
+# Difference, relative to the end of a law, within which elements count as equally close
+# to it.  Chosen: half a degree at 50°, indistinguishable by colour.
 _AS_CLOSE = 0.01
 
 

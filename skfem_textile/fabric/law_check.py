@@ -1,10 +1,9 @@
 """Consistency of energy, value and tangent of a law.
 
 Between two arguments a and b the energy difference must equal (b − a) times a number
-between the values at a and b, and the difference of the values likewise with the
-tangent.  This also holds for kinks and jumps.  It may fail where a function has an
-extremum between a and b, but not on three consecutive intervals: that is a
-contradiction.
+between the values at a and b, and likewise for the value and the tangent.  This also
+holds for kinks and jumps.  It may fail where a function has an extremum between a and
+b; only a failure on three consecutive intervals is a contradiction.
 """
 
 from collections.abc import Callable
@@ -174,7 +173,7 @@ def _answer(name: str, law: Law, part: str, x: ndarray) -> ndarray:
 
 
 def _within(x: ndarray, parts: list[ndarray]) -> list[ndarray]:
-    """Results, with NaN beyond the end of the law, where one is not finite."""
+    """Results, NaN outwards from the first argument where one is not finite."""
     finite = np.all([np.isfinite(part) for part in parts], axis=0)
     rest = np.searchsorted(x, 0.0)
     below = np.logical_and.accumulate(finite[:rest][::-1])[::-1]
@@ -186,7 +185,7 @@ def _within(x: ndarray, parts: list[ndarray]) -> list[ndarray]:
 def _contradiction(
     x: ndarray, whole: ndarray, derivative: ndarray
 ) -> tuple[float, float, float] | None:
-    """Position, slope of ``whole`` and derivative of a contradiction; or None."""
+    """Position, slope of ``whole`` and derivative at a contradiction, or None."""
     h = np.diff(x).reshape(-1, *(1,) * (whole.ndim - 1))
     with np.errstate(all="ignore"):  # NaN beyond the end of the law
         change = np.diff(whole, axis=0) / h

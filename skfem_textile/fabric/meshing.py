@@ -89,7 +89,7 @@ def _cut_off(corners: ndarray, distances: ndarray, near: float) -> ndarray:
             if one[side] >= 0:
                 kept.append(one)
             if one[side] * other[side] < 0:
-                # In the same direction for both cells that share an edge.
+                # Interpolate in the same direction for both cells that share an edge.
                 p, q = sorted((one, other), key=lambda corner: (*corner[:2],))
                 point = p + p[side] / (p[side] - q[side]) * (q - p)
                 point[2:][np.abs(point[2:]) <= near] = 0.0
@@ -100,7 +100,7 @@ def _cut_off(corners: ndarray, distances: ndarray, near: float) -> ndarray:
 
 
 def _fan(corners: ndarray) -> ndarray:
-    """Triangles of a convex cell from the corner that maximises the smallest one.
+    """Fan of triangles of a convex cell with the largest minimum area.
 
     Returned as local corner numbers, shape (3, n - 2).
     """
@@ -224,7 +224,7 @@ class _Net:
         self.near = _NEAR * np.ptp(corners, axis=1).max()
 
     def lines(self) -> tuple[ndarray, ndarray]:
-        """The lines, (a, b): of the corners, of the closed net, and between them."""
+        """Lines (a, b) through the corners, of the closed net, and between them."""
         of_corners = self._distinct(self.corners[0]), self._distinct(self.corners[1])
         closed = self._closed(of_corners)
         if closed is None:
@@ -276,7 +276,7 @@ class _Net:
         return np.stack([low.min(axis=0), high.max(axis=0)])
 
     def _spacings(self, axis: int, lines: ndarray) -> ndarray:
-        """Number of spacings along the sides between each two lines, not rounded."""
+        """Number of spacings along the sides between adjacent lines, not rounded."""
         other = np.diff(self._ends(axis, lines))
         step = np.stack([np.broadcast_to(np.diff(lines), other.shape), other])
         along = np.einsum("ij,jkn->ikn", self._in_spacings, step[:: 1 - 2 * axis])
@@ -285,7 +285,7 @@ class _Net:
     def _matched(
         self, lines: tuple[ndarray, ndarray], counts: list[ndarray]
     ) -> list[ndarray]:
-        """Counts such that lines halfway in a closed net also meet at the sides.
+        """Subdivisions for which added lines in a closed net meet at the sides.
 
         Each side joins a gap between lines of one family to one of the other.
         """
@@ -294,7 +294,7 @@ class _Net:
         gaps = np.arange(len(a) - 1)
         pairs = [(gaps, np.searchsorted(b, end) - 1) for end in (low, high)]
         i, j = np.hstack(pairs)
-        # All of these lines meet a side along the weft in one point, at a line.
+        # Lines that end on a side along the warp all end on one line s₂ = b.
         on_line = np.abs(b[:, None] - np.append(low, high)).min(axis=0) <= self.near
         i, j = i[~on_line], j[~on_line] + len(gaps)
         n = len(a) + len(b) - 2
@@ -318,7 +318,7 @@ def _subdivided(lines: ndarray, counts: ndarray) -> ndarray:
 
 
 def _on_sides(p: ndarray, corners: ndarray, near: float) -> ndarray:
-    """Positions, projected onto close sides of the bounding box."""
+    """Positions, projected onto nearby sides of the bounding box."""
     for at in (corners.min(axis=1)[:, None], corners.max(axis=1)[:, None]):
         p = np.where(np.abs(p - at) <= near, at, p)
     return p

@@ -58,7 +58,7 @@ class RegionalLaw(_OneOfLaws):
     laws
         The laws.
     region
-        Index of the choice for each element: integers, shape (n_elements,).
+        Index of the law for each element: integers, shape (n_elements,).
     """
 
     @property
@@ -101,9 +101,8 @@ class RegionalDirection:
     Parameters
     ----------
     directions
-        The fields, as for `Fabric`.
-    region
-        Index of the choice for each element: integers, shape (n_elements,).
+        The fields, as for `Fabric`. region Index of the field for each element:
+        integers, shape (n_elements,).
     """
 
     directions: Sequence[Direction]

@@ -1,8 +1,8 @@
 """Bending of fibres: the constant matrix of ½ D ∫ |κ|², one fibre family at a time.
 
 κ = ∇∇x : A⊗A is the second derivative of the position along the fibre in mm⁻¹.  It is
-linear in the displacement, turns with a rotation in space, and vanishes at rest, also
-where fibres are curved in the plane at rest.
+linear in the displacement, rotates with the ply in space, and vanishes at rest, even
+where fibres are curved in the plane.
 
 Bending of fibres on bilinear quadrilaterals, by curvatures at the nodes.
 
@@ -10,12 +10,12 @@ The weak curvature at node i is m_i = (M⁻¹ L u)_i with M lumped and
 
     L_ij = Σ_e [∫ (A·∇φ_i)(A·∇φ_j) − ∮ φ_i (A·N)(A·{∇φ_j})],
 
-where ∮ is over interior edges and {} is the mean of both sides; its parts cancel where
-A is continuous.  The energy is ½ Σ D W_i |m_i|² with the areas W_i of the nodes.  At
-free fibre ends the moment is zero: these nodes are excluded, and their area is assigned
-to nodes of the same elements.  At a clamp A·∇u = 0, which is the natural condition of
-L.  On a plane of symmetry with the normal N the component of m along N, which is odd,
-is excluded, and ∂u/∂N = 0 for the even components.
+where ∮ is over interior edges and {} is the mean of both sides; the contributions of
+both sides cancel where A is continuous.  The energy is ½ Σ D W_i |m_i|² with the areas
+W_i of the nodes.  At free fibre ends the moment is zero: these nodes are excluded, and
+their area is assigned to nodes of the same elements.  At a clamp A·∇u = 0, which is the
+natural condition of L.  On a plane of symmetry with the normal N the component of m
+along N, which is odd, is excluded, and ∂u/∂N = 0 for the even components.
 
 Bending of fibres on quadratic triangles, by mean curvatures of the triangles.
 
@@ -23,11 +23,11 @@ The mean curvature of a triangle K follows from the slopes around it,
 
     m_K = 1/|K| ∮ (A·n)(A·{∇u}),
 
-with {} the mean of both sides: slopes across edges jump.  The energy is ½ Σ D |K|
-|m_K|², and jumps are penalised by ½ Σ_f ∫ σ D (A·n)⁴ |[∂u/∂n]|² (a C0 discontinuous
-Galerkin method, Huang, Huang & Han 2010).  A·∇u = 0 at a clamp, and on a plane of
-symmetry ∂u/∂n = 0 for the even components.  Free ends have the slopes of their
-triangles.
+where {} is the mean of both sides, because slopes jump across edges.  The energy is ½ Σ
+D |K| |m_K|², and jumps are penalised by ½ Σ_f ∫ σ D (A·n)⁴ |[∂u/∂n]|² (a C0
+discontinuous Galerkin method, Huang, Huang & Han 2010).  A·∇u = 0 at a clamp, and on a
+plane of symmetry ∂u/∂n = 0 for the even components.  At free ends the slope is taken
+from the adjacent triangle.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -54,9 +54,9 @@ from skfem.helpers import dot, grad
 
 from ..mesh.bases import components
 
-# Angle in radians between fibres and a boundary below which the fibres do not end
-# there.  A larger value would ignore the slope of crossing fibres; a smaller one would
-# take round-off for an angle.
+# Angle in radians between fibres and a boundary below which they are taken as parallel.
+# A larger value would ignore the slope of crossing fibres; a smaller one would mistake
+# round-off for an angle.
 _ALONG = 1e-6
 
 
@@ -125,13 +125,13 @@ def boundary_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
 
 
 def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
-    """Boundary edges that fibres do not follow; parameters as in `boundary_edges`."""
+    """Boundary edges not parallel to fibres; parameters as in `boundary_edges`."""
     edges = boundary_edges(mesh, A, facets)
     meets = np.abs(edges.across) > _ALONG
     return EndEdges(facets[meets], edges.A[:, meets], edges.N[:, meets])
 
 
-# Eigenvalue of a sum of N⊗N below which it counts as zero.
+# Threshold below which an eigenvalue of a sum of N⊗N is treated as zero.
 _NONE = 1e-9
 
 
@@ -204,7 +204,7 @@ def _of_jumps_between_quadrilaterals(mesh: Any, A: ndarray, B: ndarray) -> Any:
 
 
 def _prescribed_slopes(mesh: Any, clamped: Clamps) -> csr_matrix:
-    """∮ φ_i (A·N) A·∇u over clamps, by the unknowns of the rotation."""
+    """∮ φ_i (A·N) A·∇u over clamps, in terms of the rotation unknowns."""
     ends = mesh.facets[:, clamped.edges.facets]
     half = 0.5 * np.hypot(*(mesh.p[:, ends[1]] - mesh.p[:, ends[0]]))
     columns = np.tile(np.arange(len(half)), 2)
@@ -231,8 +231,8 @@ def _left_out(mesh: Any, free: EndEdges, mirrors: EndEdges, d: int) -> ndarray:
 def _weights(overlap: csr_matrix, area: ndarray, left_out: ndarray) -> ndarray:
     """Areas of the components of m at the nodes, shape (n_nodes, d, d).
 
-    The area of an excluded component is distributed equally among the components at
-    nodes of the same elements that are kept.
+    The area of an excluded component is distributed equally among the retained
+    components at nodes of the same elements.
     """
     n, d, _ = left_out.shape
     kept = np.eye(d) - left_out
@@ -324,7 +324,7 @@ def _inside(mesh: Any, along: tuple[ndarray, ndarray]) -> Any:
 
 
 def _prescribed(mesh: Any, clamped: Clamps) -> csr_matrix:
-    """∮ (A·n) A·∇u over clamps, for each triangle, by the unknowns of the rotation."""
+    """∮ (A·n) A·∇u over clamps of each triangle, per rotation unknown."""
     facets = clamped.edges.facets
     ends = mesh.p[:, mesh.facets[:, facets]]
     length = np.hypot(*(ends[:, 1] - ends[:, 0]))

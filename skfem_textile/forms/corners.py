@@ -1,14 +1,15 @@
 """Resistance of corners to folding: an energy of det F where it is near zero.
 
 A bilinear quadrilateral is not folded if and only if det F is positive at its corners.
-Fibre and stabilisation terms are evaluated elsewhere, so that corners have a
-resistance:
+Fibre and stabilisation terms are not evaluated at corners, so that corners need a
+separate resistance:
 
     κ Σ_corners A/n b(det F),   b(J) = ln³(J₀/J) where J < J₀, and 0 elsewhere,
 
-an energy that is C² and exactly zero while every corner is open.  Below J₁ = J₀/4 it is
-the osculating parabola, so that iterates may be folded; the acceptance checks refuse
-folded states.  In space det F is replaced by the area ratio, which has no sign.
+an energy that is C² and exactly zero while every corner is open.  Below J₁ = J₀/4, b is
+replaced by its osculating parabola, so that iterates may be folded; the acceptance
+checks reject folded states.  In space det F is replaced by the area ratio, which has no
+sign.
 """
 
 import numpy as np
@@ -24,8 +25,8 @@ from .form import Forms, deformation, once
 #: locking angles of fabrics.
 RESISTING = 0.08
 
-# J₁, the area ratio below which b is a parabola.  Chosen: b″ is 3·10⁴ there,
-# against 1 of a shear law (docs/theory.md).
+# J₁, the area ratio below which b is a parabola.  Chosen: b″ is 3·10⁴ there, compared
+# with 1 for a shear law (docs/theory.md).
 _PARABOLA = RESISTING / 4
 
 

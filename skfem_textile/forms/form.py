@@ -4,9 +4,9 @@ The internal energy of a ply is
 
     Ψ(u) = ∫ Σ_α ψ(ε_α) dΩ + ∫ w(Γ) dΩ + stabilisation.
 
-Each other module of this folder defines energy, residual (first derivative) and tangent
-(second derivative) of one term, as scikit-fem forms with the displacement as their
-parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
+Every other module in this folder defines the energy, residual (first derivative) and
+tangent (second derivative) of one term, as scikit-fem forms with the displacement as
+their parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
 """
 
 from collections.abc import Callable
@@ -31,7 +31,7 @@ class Forms(NamedTuple):
 
 
 def of_density(energy: Callable, stress: Callable, stiffness: Callable) -> Forms:
-    """Forms of an energy density, given its derivatives by F."""
+    """Forms of an energy density, given its derivatives with respect to F."""
 
     @Functional
     def energy_form(w):
@@ -88,6 +88,6 @@ def families_with_law(fabric: Fabric) -> list[int]:
 def mean(w: Any, x: ndarray) -> ndarray:
     """Element mean of values at points, shape (..., n_elements, 1).
 
-    ``w`` are parameters of `MeanBasis`.
+    ``w`` are the form parameters on a `MeanBasis`.
     """
     return (w["share"] * x).sum(axis=-1, keepdims=True)

@@ -1,6 +1,6 @@
 """Stabilisation forms: non-constant shear, out-of-plane, and isotropic.
 
-Hourglass stabilisation of the shear angle: with an energy, or by the paper's rates.
+Hourglass stabilisation of the shear angle, with an energy or by rates.
 
 Both give nodal forces Σ_k A/4 M̃_k δΓ̃_k from a moment M̃ at the four 2×2 points,
 conjugate to the non-constant part Γ̃ of the shear angle (Hamila & Boisse 2013, §3.2).
@@ -43,7 +43,7 @@ def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
 
     M̃_k = C_s (Γ(ξ_k) − Γ(0)) on the reference area A is path-independent.  Both angles
     use the fibre directions at ξ_k, and Γ(0) the deformation gradient at the centre, so
-    that a homogeneous deformation has no energy also with curved fibres.
+    that a homogeneous deformation has zero energy even with curved fibres.
 
     Parameters
     ----------
@@ -81,9 +81,9 @@ def hourglass_rate(fabric: Fabric, C_s: float) -> Forms:
     M̃_k = M̃_k(last) + C_s f_k·(B_HGL,k Δu), with f_k, B_HGL,k and the element area in
     the configuration ``u`` and Δu from the last converged one (Hamila & Boisse 2013,
     §3.2, where the rate must read B_HGL, not its transpose).  There is no energy: the
-    first form is the work of the step.  The tangent is symmetric and approximate: f_k,
-    B_HGL,k and the area are treated as constant, except for the curvature of the shear
-    angle at the point and at the centre.
+    energy form gives the work of the step.  The tangent is symmetric and approximate:
+    f_k, B_HGL,k and the area are treated as constant, except for the curvature of the
+    shear angle at the point and at the centre.
 
     The forms have two more parameters: ``last``, the last converged displacement, and
     ``moment``, the moments M̃ there, shape (n_elements, 4), see `AccumulatedMoment`.

@@ -1,4 +1,4 @@
-"""Forms of the shear resistance, and of its continuity between elements.
+"""Forms of the shear resistance and of shear angle jumps between elements.
 
 Stabilisation by the jump of the shear angle across interior edges.  It vanishes for a
 continuous shear angle, including a linear one, and couples neighbouring elements.

@@ -1,17 +1,17 @@
-"""Forms of the fibre tension: local, and of the mean stretch of an element.
+"""Forms of the fibre tension, local or at the mean stretch of an element.
 
-The fibre tension of the mean stretch of an element avoids tension locking.
+Fibre tension at the mean stretch of an element avoids tension locking.
 
 Each integration point with nearly inextensible fibres adds a constraint.  With one
 point per quadrilateral there are as many constraints as unknowns, with three points per
-quadratic triangle more: both lock for realistic fibre stiffnesses where the shear angle
-jumps along fibres.  Here the fibre law is evaluated at the mean λ̄ of the stretches at
-the points of an element, and deviations from it have a stiffness E_d that is
-independent of the fibre stiffness,
+quadratic triangle there are more: both lock for realistic fibre stiffnesses where the
+shear angle jumps along fibres.  Here the fibre law is evaluated at the mean λ̄ of the
+stretches at the points of an element, and deviations from it have a stiffness E_d that
+is independent of the fibre stiffness,
 
     ψ(ln λ̄) + ½ E_d (λ − λ̄)²,
 
-where ψ is a function of each family, or of the means of both.
+where ψ depends on each family separately, or on the means of both.
 
 The mean is taken of the stretch and not of its logarithm: the stretch has no second
 derivative along the fibre, so that the stiffness of a deviation is E_d at any tension,
@@ -114,7 +114,7 @@ def mean_tension(fabric: Fabric) -> Forms:
     families = families_with_law(fabric)
 
     def law(w):
-        """Tensions T(ε₁, ε₂) of the means, by the laws at the first points."""
+        """Tensions T(ε₁, ε₂) of the means, from the laws at the first points."""
         element = elements(w)
         return fabric.at(None if element is None else element[:, :1]).tensions
 
@@ -141,7 +141,7 @@ def mean_tension(fabric: Fabric) -> Forms:
         return sum(N[i] * d_lam[i] for i in families)
 
     def local_stiffness(w):
-        """Stiffness of the motion at one point."""
+        """Local part of the tangent at one point."""
         F, A = deformation(w), directions(fabric, w)
         lam, d_lam, E_d = once(w, stretches), once(w, variation), w["E_d"]
         if "tension" in w:

@@ -284,8 +284,8 @@ def _mesh(deck: _Deck) -> meshio.Mesh:
     return meshio.Mesh(deck.points, cells, point_sets=nodes, cell_sets=elements)
 
 
-#: Names of two orientations, one for each family, along their first directions: an
-#: Abaqus orientation cannot describe families whose angle varies by element.
+#: Names of two orientations, each with its first direction along one family: an Abaqus
+#: orientation cannot describe families whose angle varies by element.
 WARP, WEFT = "WARP", "WEFT"
 
 #: Set of elements without directions, and set of the others.

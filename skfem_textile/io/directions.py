@@ -38,7 +38,7 @@ _KEYWORDS = ("ORIENTATION", "DISTRIBUTION", "DISTRIBUTION TABLE", *_SECTIONS)
 _VECTORS = ("warp_direction", "weft_direction")
 _ANGLES = ("warp_angle_deg", "weft_angle_deg")
 
-#: Names in `read_mesh` of data that `read_directions` reads.
+#: Names for ``others`` of `read_mesh`: data that `read_directions` reads.
 OF_DIRECTIONS = (*_VECTORS, *_ANGLES, *(f"*{keyword}" for keyword in _KEYWORDS))
 
 _COMPONENTS = {**dict.fromkeys(_VECTORS, 3), **dict.fromkeys(_ANGLES, 1)}
@@ -148,7 +148,7 @@ def write_directions(
 ) -> None:
     """Write fibre directions in a format for `read_directions`.
 
-    A .vtu has vectors and angles, bit by bit; a .csv angles with full precision; an
+    A .vtu has vectors and angles, bit for bit; a .csv angles with full precision; an
     Abaqus .inp a distribution and an orientation for each family.
 
     Parameters
@@ -340,7 +340,7 @@ def _local_directions(
 
 
 def _yarns(rows: list[list[bytes]]) -> list[tuple[float, float]]:
-    """Both directions in local components, of the lines after the axis and angle."""
+    """Both directions in local components, from the lines after axis and angle."""
     if len(rows) != 2:
         raise MeshError("LOCAL DIRECTIONS=2 needs two lines of components")
     yarns = []

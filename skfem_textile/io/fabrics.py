@@ -18,7 +18,7 @@ from .file_numbers import errors_about
 
 log = logging.getLogger(__name__)
 
-#: Names, as in `read_mesh`, of the data of a deck that `read_fabric` reads or reports.
+#: Names for ``others`` of `read_mesh`: data that `read_fabric` reads or reports.
 OF_FABRICS = tuple(f"*{keyword}" for keyword in abaqus_fabric.KEYWORDS)
 
 # Suffixes of fabric files.
@@ -46,7 +46,7 @@ def read_fabric(
     units: str = "N mm",
     material: str | None = None,
 ) -> FabricOfFile:
-    """Read a fabric: of the package (.json), of Abaqus (.inp) or OpenRadioss (.rad).
+    """Read a fabric from a .json, an Abaqus .inp or an OpenRadioss .rad file.
 
     A warning in the log ``skfem_textile`` reports each ignored feature.
 

@@ -132,7 +132,7 @@ class BinaryNumbers:
 
 
 def tag_positions(tags: ndarray, wanted: ndarray, what: str) -> ndarray:
-    """Positions of wanted tags among tags, with the shape of the wanted ones."""
+    """Position in ``tags`` of each wanted tag, with the shape of ``wanted``."""
     if not len(tags):
         raise MeshError(f"it has no {what}")
     order = np.argsort(tags, kind="stable")

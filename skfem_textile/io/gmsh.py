@@ -169,7 +169,7 @@ def _refuse_count(stated: int, actual: int) -> None:
 def cells_41(
     numbers: Numbers, groups: dict[tuple[int, int], list[int]] | None
 ) -> list[CellBlock]:
-    """Cells by entity, members of its groups."""
+    """Cells by entity, each a member of the groups of its entity."""
     n_blocks, n_cells, _, _ = numbers.take(4, "u8").tolist()
     blocks = []
     for _ in range(n_blocks):

@@ -40,7 +40,7 @@ log = logging.getLogger(__name__)
 
 _MESH_CLASSES: dict[str, type[Mesh]] = {"quad": MeshQuad, "triangle": MeshTri}
 _N_CORNERS = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4}
-# Formats with own readers, because meshio accepts many errors in them.
+# Formats with dedicated readers, because meshio accepts many errors in them.
 _READERS = {
     ".msh": gmsh.read,
     ".inp": abaqus.read,
@@ -75,8 +75,8 @@ def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mes
     MeshError
         If the file cannot be read, has cells other than triangles and four-node
         quadrilaterals, is not in a plane z = const, names edges outside the mesh, is
-        not a valid mesh (`check_mesh`), or is less than 1 mm wide and high, as a mesh
-        in metres.
+        not a valid mesh (`check_mesh`), or is less than 1 mm wide and high, which
+        indicates a mesh in metres.
     """
     path = Path(path)
     with errors_about(path):

@@ -53,7 +53,7 @@ _CARDS_158 = (
 _CARDS = {
     58: (_CARDS_58, 5),
     158: (_CARDS_158, 6),
-}  # the second: minimum number
+}  # second entry: minimum number of cards
 
 # Defaults of hm_read_mat58.F and hm_read_mat158.F.
 _CRIMP, _FLEX = 0.1, 1e-3
@@ -225,7 +225,7 @@ def _law58(
             slope = scale * f[f"E{i}"]
             yarn = Softening(slope, scale * f[f"B{i}"])
         yarns.append(yarn)
-        # Sine of the crimp: its height over the length of its yarn.
+        # Sine of the crimp angle: height of the crimp over the length of the yarn.
         springs.append(own * slope * float(np.sqrt((1 + s) ** 2 - 1) / (1 + s)))
     if f["fct_ID1"] or f["fct_ID2"]:
         ignored += [

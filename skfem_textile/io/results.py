@@ -41,7 +41,7 @@ def cell_fields(
 ) -> dict[str, ndarray]:
     """Fibre strains, tensions and directions, and the shear angle, per element.
 
-    Strains enter the tension law (`Ply.law_strain`); tensions are from
+    Strains are the arguments of the tension law (`Ply.law_strain`); tensions are from
     `Ply.fibre_tension`. The value of largest magnitude in each element is used, so that
     the extremes of a field equal the extremes of the ply.  Directions are evaluated at
     the centre, in the current configuration.
@@ -66,7 +66,7 @@ def cell_fields(
 def fields_on_tool(
     ply: Ply, surface: Surface, state: State
 ) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
-    """Fields of a ply on the surface of a state, at its vertices and elements.
+    """Fields of a ply on a tool in a state, at its vertices and elements.
 
     At vertices ``contact_pressure`` (N/mm²); for elements ``wrinkle_risk`` and
     ``bridging``, 0 or 1, and on a triangulated tool ``beyond_tool``, 1 beyond its

@@ -218,7 +218,7 @@ class MacroBasis(MeanBasis):
     """Basis of the displacement on the original elements of a split mesh.
 
     The points of an element are the centres of its quadrilaterals, weighted with their
-    areas; it has the functions of all their nodes.
+    areas; the basis functions belong to all their nodes.
 
     Parameters
     ----------
@@ -295,7 +295,7 @@ def _parts(parent: ndarray) -> ndarray:
 def _distinct(nodes: ndarray) -> tuple[ndarray, ndarray]:
     """Distinct nodes of each column, and the index of each entry among them.
 
-    They are in the order of appearance, so that elements of one kind have one
+    They are in the order of appearance, so that elements of one kind share one
     numbering.  A column with fewer distinct nodes than others repeats its first.
     """
     rows = np.arange(len(nodes))[:, None]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import coo_matrix, csr_matrix
 
-# Tolerance of the symmetry of a matrix, relative to its largest entry.
+# Tolerance for the symmetry of a matrix, relative to its largest entry.
 _SYMMETRIC = 1e-8
 
 
@@ -169,7 +169,7 @@ class _Added(NamedTuple):
 def matrix_of_slots(
     slots: ndarray, row: ndarray, col: ndarray, shape: tuple[int, int]
 ) -> csr_matrix:
-    """Sorted matrix whose data are the indices (slots) of its entries elsewhere."""
+    """Sorted matrix whose data are indices (slots) of its entries in an array."""
     matrix = coo_matrix((slots, (row, col)), shape).tocsr()
     matrix.sort_indices()
     return matrix

@@ -51,7 +51,7 @@ class OwnAssembly:
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: dict[str, Any]
     ) -> Entries | None:
-        """Entries computed otherwise; None to evaluate the form with the parameters."""
+        """Entries computed directly, or None to evaluate the form as usual."""
         raise NotImplementedError
 
     def _assemble(self, ubasis: Any, vbasis: Any = None, **parameters: Any) -> Any:

@@ -126,7 +126,7 @@ def selected_nodes(what: str, where: Where, basis: CellBasis) -> ndarray:
 
 
 def _as_array(what: str, where: Any, X: ndarray) -> ndarray:
-    """Selection as an array; without bools or whole numbers if it is invalid."""
+    """Selection as an array; an empty float array if list lengths differ."""
     if callable(where):
         where = call_user_function(f"{what}: where", where, X)
     try:

@@ -144,7 +144,7 @@ def _faces(panel: Panel) -> tuple[list[ndarray], ndarray, ndarray]:
         greys = np.ones((len(tool.shades), 4))
         greys[:, :3] = tool.shades[:, None]
         colours = np.vstack([colours, greys])
-        behind = tool.centres[:, 2] - shape.sides.max()  # of what lies on it
+        behind = tool.centres[:, 2] - shape.sides.max()  # behind the ply on it
         depths = np.concatenate([depths, behind])
     return faces, colours, depths
 

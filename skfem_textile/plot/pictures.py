@@ -473,7 +473,7 @@ def animation(
     layouts = [lay_out(sheet, size) for sheet in sheets]
     renderer, frames = pyvista_drawing(), []
     for sheet, layout in zip(sheets, layouts, strict=True):
-        plotter = renderer.new_plotter(layout, _DOTS)  # an old one loses its text
+        plotter = renderer.new_plotter(layout, _DOTS)  # a reused plotter loses its text
         renderer.draw_new(plotter, sheet, layout)
         frames.append(Image.fromarray(plotter.screenshot(return_img=True)))
         plotter.close()

@@ -16,8 +16,8 @@ from ..mesh.splitting import boundary_edges, edges_of
 # Minimum extent of a scale in its unit. Chosen: above the round-off of zero.
 _LEAST_EXTENT = 1e-8
 
-# Largest number of intervals between the numbers on a scale, and for rounding its ends;
-# sizes of intervals, times powers of ten.
+# Maximum number of intervals between the numbers on a scale, and maximum number for
+# rounding its ends; sizes of intervals, up to powers of ten.
 _MOST_INTERVALS, _FINE_INTERVALS, _ROUND = 6, 20, [1, 2, 2.5, 4, 5, 10]
 
 
@@ -26,7 +26,7 @@ _MOST_INTERVALS, _FINE_INTERVALS, _ROUND = 6, 20, [1, 2, 2.5, 4, 5, 10]
 # view. Chosen by eye.
 _VIEW, _VIEW_OF_TOOL, _DISTANCE = (-60.0, 25.0), (60.0, 38.0), 4.0
 
-# Height of a tool relative to its longer side from which on this elevation is used;
+# Height of a tool relative to its longer side above which this elevation is used;
 # elevation for a flat tool in degrees, with linear interpolation in between. Chosen by
 # eye.
 _HIGH, _LOWEST = 0.2, 18.0
@@ -266,8 +266,8 @@ def extent(shapes: Sequence[Shape]) -> tuple[ndarray, ndarray]:
 
 
 # Chosen by eye, in mm on the picture, as all sizes and colours below. Minimum side of
-# an element with fibres in each element; smaller elements have fibres on a square grid
-# of this spacing. Length relative to spacing or side, maximum length, and width.
+# elements that each have fibres; spacing of the square grid of fibres for smaller
+# elements; length relative to spacing or side; maximum length; and width.
 _OWN, _SPACING, _LENGTH, _LONGEST, _WIDTH = 1.6, 2.4, 0.8, 7.0, 0.3
 
 # Grid points closer than this fraction of the spacing to fibres of an element are
@@ -284,11 +284,11 @@ _CANDIDATES = 8
 # outline of the ply.
 _LEAST_SIDE, _EDGE, _OUTLINE = 1.3, 0.1, 0.2
 
-# Depth behind a tool, relative to its depth, from which on the tool hides a line.
+# Depth behind a tool, relative to its depth, above which the tool hides a line.
 _HIDDEN = 0.05
 
-# Marks of elements: line width, radius of the rings around smaller elements, and
-# maximum number of rings.
+# Marks of elements: line width, radius of the rings around smaller elements, number of
+# their corners, and maximum number of rings.
 _MARK, _RING, _CORNERS, _FEW = 0.45, 1.6, 24, 12
 
 #: Colours of a ply without a field, of edges on it and elsewhere, and of outlines.

@@ -19,14 +19,13 @@ from .kernels.kernel import node_pair_blocks
 from .parameters import NO_VALUES, Values
 from .terms import ElementTerm, MatrixTerm
 
-# κ relative to the fibre stiffness, if larger than the shear stiffness.  A larger value
-# adds energy where corners close; a smaller one lets them come closer to folding.  A
-# tenth and ten times the value also keep corners open: pytest tests/ply/test_corners.py
-# -k how_stiff
+# Lower bound of κ relative to the fibre stiffness.  A larger value adds energy where
+# corners close; a smaller one lets them come closer to folding.  One tenth and ten
+# times this value also keep corners open: pytest tests/ply/test_corners.py -k how_stiff
 _SHARE_OF_FIBRES = 1e-5
 
 
-@np.errstate(over="ignore")  # a run refuses what is not finite
+@np.errstate(over="ignore")  # a run rejects non-finite values
 def corner_stiffness(fabric: Fabric, basis: CellBasis) -> float:
     """κ in N/mm: the shear stiffness at rest, at least 10⁻⁵ of the fibre stiffness."""
     unstrained = np.zeros(basis.dx.shape)
@@ -35,7 +34,7 @@ def corner_stiffness(fabric: Fabric, basis: CellBasis) -> float:
 
 
 class CornerTerm(ElementTerm):
-    """Term of the corners, active only where corners close.
+    """Corner term, active only where corners close.
 
     The stiffness is κ in N/mm.
     """
@@ -87,7 +86,7 @@ class CornerTerm(ElementTerm):
 class BendingTerm(MatrixTerm):
     """Energy ½ v·K·v with optionally rotating clamps; v as in `bending_matrix`.
 
-    ``matrix`` is the part of the displacement, K is ``whole``, and ``turning`` are the
+    ``matrix`` is the displacement block of K, ``whole`` is K, and ``turning`` are the
     rotating clamps by boundary name.
     """
 
@@ -100,7 +99,7 @@ class BendingTerm(MatrixTerm):
         return 0.5 * float(v @ (self.whole @ v))
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
-        """K·v at the displacement."""
+        """Rows of K·v that belong to the displacement."""
         return (self.whole @ self._with_turns(u, t))[: len(u)]
 
     def _with_turns(self, u: ndarray, t: float) -> ndarray:

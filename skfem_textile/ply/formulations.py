@@ -44,7 +44,7 @@ _TWIST_OVER_BENDING = 0.002
 
 
 class Pointwise:
-    """Tension of the local fibre strain at every point, without stabilisation."""
+    """Tension from the local strain at every point, without stabilisation."""
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
         """Tension T(ε) at every point."""
@@ -79,7 +79,7 @@ class Quadrilaterals(Pointwise):
 def mean_tension_term(
     fabric: Fabric, deviation: float | ndarray, basis: MeanBasis
 ) -> TensionTerm:
-    """Term of fibres whose full stiffness acts on mean stretches only."""
+    """Fibre tension term whose full stiffness acts on mean stretches only."""
     return TensionTerm(
         "tension",
         forms.mean_tension(fabric),
@@ -162,11 +162,11 @@ def hourglass_terms(
 
 
 def _most_against_twist(C_s: float, fabric: Fabric, basis: HourglassBasis) -> ndarray:
-    """Largest C_s out of the plane, shape (n_elements, 1).
+    """Upper limit of the out-of-plane C_s, shape (n_elements, 1).
 
-    If fibres resist bending, the stiffness of elements against twist is limited to a
-    share of the bending stiffness.  A bending stiffness D has the energy ½ D κ² per
-    area; C_s has ½ C_s A/6 κ² for the twist κ of a square of area A.
+    If fibres resist bending, the twist stiffness of elements is limited to a fraction
+    of the bending stiffness.  A bending stiffness D has the energy ½ D κ² per area; C_s
+    has ½ C_s A/6 κ² for the twist κ of a square of area A.
     """
     least = np.minimum(*fabric.bending)
     D = np.broadcast_to(least, basis.dx[:, 0].shape)[:, None]
@@ -183,10 +183,10 @@ def hourglass_basis(basis: CellBasis) -> HourglassBasis:
 def _automatic(
     basis: CellBasis, fabric: Fabric, across: bool = False
 ) -> HeldStabilisation:
-    """C_s of each element, in or out of the plane, without grip.
+    """C_s of each element; the grip is omitted out of the plane.
 
-    Tension is not included: the tension at a single point does not represent the
-    fabric.
+    Tension is included only on a `MeanBasis`: at a single point it does not represent
+    the fabric.
     """
     if isinstance(basis, MeanBasis):
         return HeldStabilisation(fabric, basis, by_tension=True, by_grip=not across)
@@ -219,7 +219,7 @@ def stabilising_term(
 
 @dataclass(frozen=True)
 class Full(Quadrilaterals):
-    """2×2 points without stabilisation: locks unless aligned with the fibres."""
+    """2×2 points, no stabilisation: locks unless the mesh follows the fibres."""
 
     name: ClassVar[str] = "full"
     title: ClassVar[str] = "2×2 points"
@@ -231,7 +231,7 @@ Kind: TypeAlias = Literal["energy", "rate", "continuity", "isotropic"]
 
 @dataclass(frozen=True)
 class OnePoint(Quadrilaterals):
-    """One point, with stabilisation of the non-constant shear angle.
+    """One integration point, with the non-constant shear angle stabilised.
 
     Parameters
     ----------
@@ -314,10 +314,10 @@ class Macro(Quadrilaterals):
     stabilisation
         See `OnePoint`; the automatic value also increases with the tension.
     deviation
-        Stiffness against deviations from the mean stretch, as a multiple of shear
+        Stiffness that resists deviations from the mean stretch, as a multiple of shear
         stiffness and tension (`deviation_stiffness`), for triangles and for
-        quadrilaterals.  Calibrated with bias extensions at 30°, 45° and 60°: `python -m
-        studies angles --part choosing`.
+        quadrilaterals.  Calibrated with bias-extension tests at 30°, 45° and 60°:
+        `python -m studies angles --part choosing`.
 
     Raises
     ------
@@ -352,7 +352,7 @@ class Macro(Quadrilaterals):
         )
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
-        """The mesh after splitting, unless it was split already."""
+        """The split mesh; the mesh itself if it was already split."""
         if was_split(mesh):
             return mesh
         if isinstance(mesh, SplitMesh):
@@ -364,7 +364,7 @@ class Macro(Quadrilaterals):
         return split(mesh)
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
-        """Tension of the mean stretch of each macro-element."""
+        """Tension evaluated at the mean stretch of each macro-element."""
         mesh: Any = basis.mesh
         d = components(basis)
         macro = MacroBasis(mesh, d, mapping=basis.mapping, dofs=basis.dofs)
@@ -396,7 +396,7 @@ class Quadratic(Pointwise):
     Raises
     ------
     ValueError
-        If it is negative or not finite.
+        If the deviation is negative or not finite.
     """
 
     deviation: float | None = None
@@ -434,7 +434,7 @@ class Quadratic(Pointwise):
         return triangle_basis(mesh, dimension)
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
-        """Tension at each point, or of the mean stretch."""
+        """Tension at each point, or evaluated at the mean stretch."""
         if self.deviation is None:
             return super().tension_term(basis, fabric)
         means = MeanBasis(

@@ -160,7 +160,7 @@ def _boundary(what: str, name: str, basis: CellBasis) -> FacetBasis:
 
 
 def _spread(name: str, value: Vector, basis: Any) -> ndarray:
-    """Nodal forces of a force per length or area, given at the points of a basis."""
+    """Nodal forces from a force per length or area at the points of a basis."""
     x = np.asarray(basis.global_coordinates())
     shape = (components(basis), *x.shape[1:])
     subject = f"load {name!r}"
@@ -188,7 +188,7 @@ def _finite(what: str, value: Any, shape: tuple[int, ...]) -> ndarray:
     return array
 
 
-# Round-off tolerance of fixed directions.
+# Round-off tolerance for fixed directions.
 _FREE = 1e-9
 
 
@@ -198,9 +198,9 @@ class Pressure:
 
     It acts towards the side of positive z at rest.  Its energy is −p V with the volume
     V between the surface and the plane z = 0, so that its tangent is symmetric if no
-    work is done on the walls below the edges.  Each edge must therefore be fixed at z =
-    0, or must not move along its initial normal, as on a plane of symmetry; the
-    reaction along that normal includes the pressure on the wall.
+    work is done on the vertical walls between the edges and that plane.  Each edge must
+    therefore be fixed at z = 0, or must not move along its initial normal, as on a
+    plane of symmetry; the reaction along that normal includes the pressure on the wall.
 
     Parameters
     ----------
@@ -238,7 +238,8 @@ class Pressure:
             )
         quads = isinstance(basis.elem.elem, ElementQuad1)  # type: ignore[attr-defined]
         # The pressure is integrated at the points of the tension: with 2×2 points it
-        # would load a mode that has no tension at one point, and the ply would buckle.
+        # would load a mode that the tension at one point does not resist, and the ply
+        # would buckle.
         rule = {"quadrature": basis.quadrature} if quads else {"intorder": 4}
         points = CellBasis(
             *(basis.mesh, basis.elem, basis.mapping), dofs=basis.dofs, **rule

@@ -32,27 +32,29 @@ from ..mesh.bases import MeanBasis, displacement_gradient, element_numbers
 
 T = TypeVar("T")
 
-# Coefficients: C_s over shear stiffness and over tension, and the power of the grip;
-# for E_d the ratio of the tension to the shear contribution; decay of the tension
+# Coefficients: C_s per shear stiffness and per tension, and exponent of the grip 1 −
+# |cos ω|; for E_d, ratio of the tension to the shear contribution; decay of the tension
 # weight for soft fibres: `python -m studies angles --part choosing`.
 _C_S_OF_SHEAR, _C_S_OF_TENSION, _POWER_OF_GRIP = 4.0, 3.2, 1.5
 _TENSION_OVER_SHEAR, _SOFTNESS = 0.7, 80.0
 
-# C_s and E_d relative to the fibre stiffness without shear stiffness: strip and
-# trellis, `python -m studies formulations`.
+# C_s and E_d relative to the fibre stiffness at zero shear stiffness, from strip and
+# trellis: `python -m studies formulations`.
 _C_S_OF_FIBRES, _E_D_OF_FIBRES = 1e-4, 0.5
 
-# Minimum grip.  Chosen: fibres crossing at 8 degrees, less than fabrics permit.
+# Minimum grip.  Chosen: its value for fibres crossing at 8 degrees, which fabrics do
+# not reach.
 _LEAST_GRIP = 0.01
 
-# Ratio of shear to fibre stiffness at which these have decreased to 1/e.  Chosen: far
-# below the 1e-8 of the stiffest cases of the studies, so that it affects none.
+# Ratio of shear to fibre stiffness at which their weight has decreased to 1/e.  Chosen:
+# far below the 1e-8 of the stiffest cases of the studies, so that none of them is
+# affected.
 _NO_SHEAR = 1e-11
 
-# Lower bound of the shear stiffness of a softening law, relative to that at rest.
+# Lower bound of the shear stiffness of a softening law, relative to its value at rest.
 _LEAST_OF_REST = 0.1
 
-# Shear angle in radians below which the secant is the tangent at rest.
+# Shear angle in radians below which the tangent at rest replaces the secant.
 _SMALL_ANGLE = 1e-6
 
 
@@ -118,8 +120,8 @@ class TermParameters(Protocol):
     Attributes
     ----------
     depends_on_steps
-        True if the values depend on the step length, however short, so that no number
-        of steps resolves a load path.
+        True if the values depend on the step length, however short, so that results do
+        not become independent of the number of steps.
     """
 
     depends_on_steps: bool = False
@@ -153,12 +155,13 @@ class TermParameters(Protocol):
 def stabilisation_stiffness(
     G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray
 ) -> ndarray:
-    """C_s in N/mm, which increases with G, tension and closing fibre angle.
+    """C_s in N/mm; it increases with G and tension, and as fibre angles close.
 
     ``C_s = (4 G + 3.2 τ)/(1 − |cos ω|)^1.5`` with τ of `effective_tension` and the
     angle ω between the families, and 10⁻⁴ E without shear stiffness.  For nearly
     parallel families the shear angle is insensitive to motions across both: ``1 − |cos
-    ω|`` is the smallest share of the squares of motions across either.
+    ω|`` is the smallest sum of squared components of a unit displacement normal to the
+    families.
 
     Parameters
     ----------
@@ -182,7 +185,8 @@ def deviation_stiffness(
     It is ½ E without shear stiffness.  A jump of the shear angle lies along fibres that
     carry a concentrated force.  Their tension T increases as the elements become
     smaller, and with a constant E_d an increasing part of the force would be lost to
-    deviating stretches.  Elsewhere E_d is of the order of G, and elements do not lock.
+    deviations of the stretch.  Elsewhere E_d is of the order of G, and elements do not
+    lock.
 
     Parameters
     ----------
@@ -202,8 +206,9 @@ def effective_tension(G: ndarray, E: ndarray, T: ndarray) -> ndarray:
     """``τ = |T|/(1 + 80 √(G/E))`` in N/mm.
 
     The force of a fibre at a jump spreads over a layer whose width is proportional to
-    √(G/E).  Elements resolve more of a wide layer.  Fibres in compression count as
-    those in tension, because elements at a free edge would fold along them.
+    √(G/E).  Elements resolve more of a wide layer.  Fibres in compression are treated
+    like fibres in tension, because elements at a free edge would otherwise fold along
+    them.
 
     Parameters
     ----------
@@ -229,7 +234,7 @@ def further_shear_stiffness(law: Law, angle: ndarray) -> ndarray:
 
 
 def _without_shear(G: ndarray, E: ndarray) -> ndarray:
-    """1 without shear stiffness, 0 with it; continuous in between."""
+    """Weight: 1 at zero shear stiffness, else 0, with a smooth transition."""
     return np.exp(-G / np.where(E > 0, _NO_SHEAR * E, 1.0))
 
 
@@ -280,14 +285,14 @@ class HeldStiffness(TermParameters):
         """Stiffness of the undeformed ply."""
         return self.updated(NO_VALUES, self._basis.zeros(), 0.0)
 
-    @np.errstate(over="ignore", invalid="ignore")  # runs refuse what is not finite
+    @np.errstate(over="ignore", invalid="ignore")  # runs reject non-finite values
     def updated(
         self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
     ) -> Values:
         """Stiffness at ``u``, optionally with other tensions.
 
-        The tensions are averaged as forces on the stretch, T/λ: their mean equals the
-        law, because deviations from it cancel.
+        The tensions are averaged as T/λ, the force conjugate to the stretch: its mean
+        equals the value of the law, because deviations cancel.
         """
         w, element = self._basis.default_parameters(), element_numbers(self._basis)
         A = self._fabric.directions(np.asarray(w["x"]), element)
@@ -315,7 +320,7 @@ class HeldStiffness(TermParameters):
 class HeldStabilisation(HeldStiffness):
     """C_s of `hourglass` and `out_of_plane`, from warp and weft together.
 
-    It is `stabilisation_stiffness`.
+    It is computed by `stabilisation_stiffness`.
 
     Parameters
     ----------
@@ -353,8 +358,8 @@ class HeldDeviation(HeldStiffness):
     fabric
         Fibre directions, tension and shear laws.
     multiple
-        Multiple of `deviation_stiffness`: one, or one per element, shape (n_elements,
-        1).
+        Multiple in `deviation_stiffness`: a number, or one value per element, shape
+        (n_elements, 1).
     basis
         The `MeanBasis` of the forms.
     """

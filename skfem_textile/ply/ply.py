@@ -137,7 +137,7 @@ class Ply(SumOfTerms):
         if (kappa := corner_stiffness(fabric, self.basis)) > 0:
             corners = CornerTerm(kappa, self.basis, self.corners)
         needed = self._needed_terms(tension, corners)
-        for term in needed:  # refuses invalid directions
+        for term in needed:  # rejects invalid directions
             if isinstance(term, FormTerm):
                 parameters = term.basis.default_parameters()
                 directions(fabric, FormExtraParams(parameters))
@@ -201,7 +201,7 @@ class Ply(SumOfTerms):
         Raises
         ------
         ValueError
-            If a term cannot be rebuilt, or depends on the steps.
+            If a term cannot be rebuilt, or depends on the step length.
         """
         return finer_ply(self)
 
@@ -219,7 +219,7 @@ class Ply(SumOfTerms):
 
 
 def _refuse_other_kinds(dimension: Any, formulation: Any, fabric: Any) -> None:
-    """Refuse arguments of the wrong type."""
+    """Reject arguments of the wrong type."""
     if dimension not in (2, 3):
         raise ValueError(
             "dimension must be 2, for a ply in its plane, or 3, for one in space; "

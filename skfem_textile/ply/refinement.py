@@ -1,4 +1,4 @@
-"""Refinement of a ply: adaptively, or of every element in four."""
+"""Refinement of a ply: adaptive, or uniform with four parts per element."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 
 def shear_angle_jumps(ply: "Ply", u: ndarray) -> ndarray:
-    """Jumps of the shear angle between each of the user's elements and its neighbours.
+    """Jumps of the shear angle between each user element and its neighbours.
 
     η² = Σ h² [Γ]², summed over the interior edges of the element, with the edge length
     h and the difference [Γ] of the mean shear angles on both sides.  Where the angle is
-    smooth, η decreases with the square of the element size, and at a kink with the
-    element size.
+    smooth, η decreases with the square of the element size; at a kink, linearly with
+    the element size.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def shear_angle_jumps(ply: "Ply", u: ndarray) -> ndarray:
 
 
 def marked(indicator: ndarray, share: float = 0.3) -> ndarray:
-    """Smallest set of elements that contains a share of the squares of an indicator.
+    """Smallest set of elements with a given share of the squared indicator.
 
     Parameters
     ----------
@@ -87,8 +87,8 @@ class Refinement:
     ply
         The refined ply, at rest.
     parent
-        For each of its elements, as of the user's mesh, the coarse element that
-        contains it.
+        For each user element of the refined ply, the coarse user element that contains
+        it.
     ends
         The two coarse nodes between which each new node of the triangle mesh lies
         halfway, shape (2, n_new).
@@ -118,10 +118,10 @@ class Refinement:
 def refine(ply: "Ply", elements: ArrayLike) -> Refinement:
     """Refine some of the user's elements of a ply.
 
-    All quadrilaterals are first cut into two triangles (`cut`).  Every edge of the
-    elements is bisected, and further edges for conformity.  Names of boundaries,
-    subdomains and nodes, values of the fabric per element, the formulation and the
-    loads are transferred.  New nodes do not belong to named nodes.
+    All quadrilaterals are first cut into two triangles (`cut`).  Every edge of these
+    elements is bisected, and further edges as needed for conformity.  Names of
+    boundaries, subdomains and nodes, values of the fabric per element, the formulation
+    and the loads are transferred.  New nodes are not added to named node sets.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def refine(ply: "Ply", elements: ArrayLike) -> Refinement:
 
 
 def _triangles(mesh: Mesh, elements: ArrayLike) -> tuple[MeshTri, ndarray, ndarray]:
-    """Triangles of a mesh, the parent element of each, and the marked ones."""
+    """Triangles of a mesh, the parent element of each, and those to refine."""
     if isinstance(mesh, SplitMesh):
         raise MeshError("refine a ply on the mesh before it is split, not on its parts")
     if isinstance(mesh, MeshTri):
@@ -199,7 +199,7 @@ class FinerPly:
     ply
         The fine ply.
     parent
-        Coarse element that contains each of its elements, shape (n_elements,).
+        Coarse element that contains each fine element, shape (n_elements,).
     before
         The coarse ply.
     """
@@ -216,9 +216,9 @@ class FinerPly:
         Returns
         -------
         tuple
-            The displacement, unchanged at existing nodes: an initial guess, not an
-            equilibrium.  The parameters.  Fibre tensions of the coarse elements, as an
-            argument of `Ply.stiffness`.
+            The displacement, unchanged at existing nodes (an initial guess, not an
+            equilibrium); the parameters; and the fibre tensions of the coarse elements,
+            as an argument of `Ply.stiffness`.
         """
         before, ply = self.before, self.ply
         carried = ply.basis.zeros()
@@ -236,7 +236,7 @@ class FinerPly:
         return carried, Frozen(by_term), ply.arranged(tension)
 
     def _carried(self, values: ndarray, like: ndarray) -> ndarray:
-        """Values per element, or per user's element, on the finer elements.
+        """Values per element, or per user element, transferred to the finer elements.
 
         ``like`` are the values at rest of the finer elements.
         """
@@ -250,7 +250,7 @@ class FinerPly:
 
 
 def finer_ply(ply: "Ply") -> FinerPly:
-    """Split every element of ``ply.mesh`` in four, whatever its origin.
+    """Split every element of ``ply.mesh`` into four, also on split meshes.
 
     See `Ply.finer`.
     """
@@ -261,7 +261,7 @@ def finer_ply(ply: "Ply") -> FinerPly:
         refined = refine_triangles(mesh, np.arange(mesh.nelements))
         finer, parent = refined.mesh, refined.parent
         fabric = fabric_on(parent, fabric)
-    else:  # split meshes carry the origin of their elements
+    else:  # split meshes store the origin of their elements
         plain = MeshQuad(mesh.p, mesh.t, mesh.boundaries, mesh.subdomains)
         finer = split(with_named_nodes(plain, named_nodes(mesh)))
         parent = finer.origin[finer.parent]
@@ -270,7 +270,7 @@ def finer_ply(ply: "Ply") -> FinerPly:
 
 
 def refuse_unrefinable(ply: "Ply") -> None:
-    """Refuse a ply that cannot be rebuilt, or a state that cannot be transferred."""
+    """Reject a ply that cannot be rebuilt or a state that cannot be transferred."""
     _refuse_terms_of_the_mesh(ply, "compare a run with half the element size")
     for term in ply.terms:
         if term.parameters is not None and term.parameters.depends_on_steps:
@@ -278,7 +278,7 @@ def refuse_unrefinable(ply: "Ply") -> None:
 
 
 def _refuse_terms_of_the_mesh(ply: "Ply", otherwise: str) -> None:
-    """Refuse a ply with terms that cannot be rebuilt on another mesh."""
+    """Reject a ply with terms that cannot be rebuilt on another mesh."""
     for term in ply.user_terms:
         if not hasattr(term, "on"):
             name = getattr(term, "name", term)

@@ -107,7 +107,7 @@ class SumOfTerms:
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """Terms of fibres, shear, corners and formulation, and further ones.
+        """Terms of fibres, shear, corners and formulation, and further terms.
 
         With `OnePoint` of kind ``rate`` energy, residual and tangent describe a step
         from the state of the parameters, and the residual is not a derivative of the
@@ -129,8 +129,8 @@ class SumOfTerms:
     ) -> PlyParameters:
         """Parameters updated within an iteration, such as stiffnesses at ``u``.
 
-        A Newton loop calls this near the equilibrium of a step: with `Macro`,
-        `Quadratic` of mean stretch, and `OnePoint` with the stabilisation ``auto``.
+        A Newton loop calls this near the equilibrium of a step, for `Macro`,
+        `Quadratic` with a deviation, and `OnePoint` with the stabilisation ``auto``.
 
         Parameters
         ----------
@@ -154,7 +154,7 @@ class SumOfTerms:
     ) -> PlyParameters:
         """Parameters advanced at the end of a step, such as accumulated moments.
 
-        A Newton loop calls this after each step, with `OnePoint` of kind ``rate``.
+        A Newton loop calls this after each step, for `OnePoint` of kind ``rate``.
 
         Parameters
         ----------
@@ -202,7 +202,7 @@ class SumOfTerms:
         parameters: PlyParameters | None,
         tension: ndarray | None = None,
     ) -> Iterator[list[KernelState]]:
-        """Kernels of terms, by groups of elements, without those that are left out.
+        """Kernel states of the given terms, for each group of elements.
 
         The deformations at the last displacement are cached, because forces and tangent
         of one state share them.  Threads may use different displacements.
@@ -292,7 +292,7 @@ class SumOfTerms:
     def parts(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
     ) -> list[Contribution]:
-        """Terms without loads, with deviations from means as a separate part."""
+        """All terms except loads, with deviations from means listed separately."""
         parts, deviations = [], []
         for term in self.terms:
             if term.role == "load":
@@ -380,8 +380,9 @@ class SumOfTerms:
 
         At the integration points of the ply, shape (2, n_elements, n_points): T(ε) + T′
         ∂ε·∇du, to first order.  With mean stretches the force T/λ is linearised instead
-        and multiplied by the stretch at u + du; it includes the part of the deviations,
-        whose stiffness is one of the ``parameters``, by default those at rest.
+        and multiplied by the stretch at u + du; it includes the contribution of the
+        deviations, whose stiffness is one of the ``parameters``, by default those at
+        rest.
         """
         T, term = self.geometric_tension(u, du, parameters), self._tension
         if term is None or term.of_means is None:
@@ -406,7 +407,7 @@ class SumOfTerms:
         return T
 
     def arranged(self, tension: ndarray) -> ndarray:
-        """Fibre tensions at the points of the ply, as for `stiffness`."""
+        """Fibre tensions at the points of the ply, rearranged for `stiffness`."""
         term = self._tension
         if term is None or term.of_means is None:
             return tension
@@ -484,9 +485,9 @@ class SumOfTerms:
             Displacement.
         parameters
             Parameters of the terms, such as ``State.parameters``: with mean stretches
-            the tension then includes the part of deviations from them, whose stiffness
-            is one of the parameters.  Without parameters it is the value of the law at
-            `law_strain`.
+            the tension then includes the contribution of deviations from them, whose
+            stiffness is one of the parameters.  Without parameters it is the value of
+            the law at `law_strain`.
 
         Returns
         -------
@@ -588,7 +589,7 @@ class SumOfTerms:
         return np.unique([one[sharp], other[sharp]])
 
     def beyond_peak(self, u: ndarray) -> ndarray:
-        """Elements where T/λ decreases with λ, as ∂T/∂ε is below T, or ε is not finite.
+        """Elements where T/λ decreases with λ (∂T/∂ε is below T) or ε is not finite.
 
         Beyond the peak of T/λ, the force per reference width, a fibre tears.
         """
@@ -608,7 +609,7 @@ class SumOfTerms:
         return fabric.in_domain(self.law_strain(u), self.shear_angle(u))
 
     def closest_end(self, u: ndarray) -> LawEnd | None:
-        """The closest end of a law; None if the domains of all laws are unbounded."""
+        """The closest domain end of a law; None if all domains are unbounded."""
         return self.fabric.at().closest_end(self.law_strain(u), self.shear_angle(u))
 
 

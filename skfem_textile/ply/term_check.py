@@ -1,4 +1,4 @@
-"""Validation of the terms of a ply; loads are put on its basis.
+"""Validation of the terms of a ply; loads become terms on its basis.
 
 Every user-defined term is evaluated once when a ply is built: at rest, and at two small
 displacements a and b.  The energy difference between them must lie between the values
@@ -30,7 +30,7 @@ _TERM_MEMBERS = (
 # Chosen: between them terms are nearly linear, and differences exceed round-off.
 _FROM_REST, _BETWEEN = 1e-3, 1e-5
 
-# Relative tolerances of a difference and, for round-off, of the differing values.
+# Tolerances relative to the predicted difference and, for round-off, to the values.
 _TOLERANCE, _ROUND_OFF = 1e-3, 1e-13
 
 _ADVICE = (
@@ -39,7 +39,7 @@ _ADVICE = (
 
 
 def terms_on_basis(terms: Iterable[Term | Load], basis: CellBasis) -> tuple[Term, ...]:
-    """Terms of a ply, with loads put on the basis of its displacement.
+    """Terms of a ply, with loads as terms on its displacement basis.
 
     Raises an error if an object is not a term of this ply, or its name is not unique.
     """
@@ -57,7 +57,7 @@ def terms_on_basis(terms: Iterable[Term | Load], basis: CellBasis) -> tuple[Term
 
 
 def _check_members(term: Any) -> None:
-    """Refuse an object that lacks a member of a term, or has one of the wrong type."""
+    """Reject an object that lacks a term member or has one of the wrong type."""
     missing = [name for name in _TERM_MEMBERS if not hasattr(term, name)]
     if isinstance(term, type):
         raise ValueError(f"{term!r} is not a term: it is a class")
@@ -90,11 +90,11 @@ def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
 
 
 def check_term(term: Term, basis: CellBasis, size: float) -> None:
-    """Refuse terms with wrong shapes, non-finite values or inconsistencies.
+    """Reject terms with wrong shapes, non-finite values or inconsistencies.
 
-    Terms that advance parameters with the steps may have rates and no energy: their
-    energy, residual and tangent are not compared.  The message names the term, the
-    method and the defect; ``size`` is the element size in mm.
+    Terms whose parameters advance with the steps may be given by rates, without an
+    energy: their energy, residual and tangent are not compared.  The message names the
+    term, the method and the defect; ``size`` is the element size in mm.
     """
     _refuse_infinite(term, "at rest", *_forces(term, basis.zeros(), 0.0))
     rng = np.random.default_rng(0)
@@ -117,7 +117,7 @@ def check_term(term: Term, basis: CellBasis, size: float) -> None:
 def _compare(
     term: Term, part: str, change: float, predicted: tuple[float, ...], noise: float
 ) -> None:
-    """Refuse a difference that is not predicted by the derivatives."""
+    """Reject a difference that is not predicted by the derivatives."""
     slack = _TOLERANCE * max(map(abs, predicted)) + noise
     if not min(predicted) - slack <= change <= max(predicted) + slack:
         derivative = {"energy": "residual", "residual": "tangent"}[part]
@@ -155,7 +155,7 @@ def _tangent(term: Term, u: ndarray, t: float) -> Any:
 
 
 def _checked(term: Term, part: str, u: ndarray, t: float) -> Any:
-    """Result of one method of a term; exceptions get the name of the term."""
+    """Result of one term method; the term name is added to exceptions."""
     function: Callable[[ndarray, float, Values], Any] = getattr(term, part)
     try:
         with np.errstate(all="ignore"):

@@ -108,7 +108,7 @@ class ElementTerm(Term):
 
 
 class Load(Protocol):
-    """Object that becomes a term on the basis of a ply's displacement."""
+    """Object from which a term is built on a displacement basis of a ply."""
 
     def on(self, basis: CellBasis) -> Term:
         """Term on the basis."""
@@ -220,7 +220,7 @@ class TensionTerm(FormTerm):
     Raises
     ------
     ValueError
-        If it has no kernel that supports the basis.
+        If the term has no kernel that supports the basis.
     """
 
     of_means: Values | None = None
@@ -349,7 +349,7 @@ class Formulation(Protocol):
         ...
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
-        """Computational mesh: the user's, or the user's mesh split or cut.
+        """Computational mesh: the user's mesh, unchanged, split or cut.
 
         Raises
         ------
@@ -361,7 +361,7 @@ class Formulation(Protocol):
     def basis(self, mesh: Mesh, dimension: int = 2) -> CellBasis:
         """Basis of the displacement, with the integration points of tension and shear.
 
-        ``mesh`` is a `working_mesh`, ``dimension`` the number of components.
+        ``mesh`` is a result of `working_mesh`, ``dimension`` the number of components.
 
         Raises
         ------
@@ -377,7 +377,7 @@ class Formulation(Protocol):
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """Terms besides tension and shear.
 
-        ``basis`` is the basis of the tension term, if there is one, else of the
+        ``basis`` is the basis of the tension term or, without one, a basis of the
         displacement.
         """
         ...

@@ -3,11 +3,11 @@
 A ply [0, W] × [0, H] with warp (cos θ, sin θ) and weft (−cos θ, sin θ), H ≥ 2W tan θ,
 is fixed at its bottom and displaced at its top, with free sides.  For inextensible
 fibres there are three kinds of zones: no shear at the clamps, the shear angle γ in the
-middle, and γ/2 between them.  The fibres that end at no clamp have the length L =
-(H/sin θ − W/cos θ)/2.  They rotate by γ/2, and the ply becomes longer by δ = 2L(sin(θ +
-γ/2) − sin θ).  For a convex shear energy w and H = 2W tan θ this field minimises the
-energy, and `force` is the force at the top.  A longer ply has another minimum with a
-slightly smaller force.
+middle, and γ/2 between them.  The fibres with both ends free have the length L = (H/sin
+θ − W/cos θ)/2.  They rotate by γ/2, and the ply becomes longer by δ = 2L(sin(θ + γ/2) −
+sin θ).  For a convex shear energy w and H = 2W tan θ this field minimises the energy,
+and `force` is the force at the top.  A longer ply has another minimum with a slightly
+smaller force.
 """
 
 from functools import partial
@@ -120,7 +120,7 @@ def force(
     """Force at the top in N for inextensible fibres.
 
     F = [W(H − 3/2 W tan θ) C(γ) + 1/2 W² tan θ C(γ/2)] / (L cos(θ + γ/2)), with C = w′,
-    is the derivative of the energy of the zones by the elongation.
+    is the derivative of the energy of the zones with respect to the elongation.
 
     Parameters
     ----------
@@ -148,16 +148,16 @@ def lost_to_stretch(
     """Estimated relative reduction of `force` due to fibre stretch.
 
     For inextensible fibres, the four fibres from the corners of the clamps to the sides
-    carry most of the load.  Stretch spreads each of them over a layer.  A layer lowers
-    the energy by Φ = ln 4/(2π) N²/(sin 2θ √(E K)), where N is the force of the fibre at
-    the corner and K the resistance of the crossing fibres to rotation.  The four layers
-    lower the load by x F, the sum of their dΦ/dδ.  The relative reduction is x/(1 + x),
-    which is x to first order and below one.
+    carry most of the load.  Fibre stretch spreads each load over a layer.  A layer
+    lowers the energy by Φ = ln 4/(2π) N²/(sin 2θ √(E K)), where N is the force of the
+    fibre at the corner and K the resistance of the crossing fibres to rotation.  The
+    four layers lower the load by x F, the sum of their dΦ/dδ.  The relative reduction
+    is x/(1 + x), which is x to first order and below one.
 
     Parameters
     ----------
     fabric
-        Fibre stiffnesses E, means within one percent of strain (`mean_slope`), and
+        Fibre stiffnesses E, averaged over strains up to one percent (`mean_slope`), and
         shear law.
     gamma, width, height, inclination
         See `force`.

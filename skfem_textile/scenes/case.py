@@ -60,7 +60,7 @@ class Case:
         Raises
         ------
         ValueError
-            As from `Ply`.
+            See `Ply`.
         """
         scene = self.scene
         loads = *scene.loads, *scene.loads_of(self.fabric), *self.loads
@@ -81,7 +81,7 @@ class Case:
         Raises
         ------
         ValueError
-            As from `Ply` and `LoadStepper`.
+            See `Ply` and `LoadStepper`.
         """
         return LoadStepper(
             self.ply(),

@@ -27,14 +27,14 @@ _AS_HIGH = 1e-6
 # 60° covers half of its area.
 _MOST_AREA = 2.0
 
-# Ratio of the areas below which one of them is in other units.  Chosen: it is 1e-4 for
-# a patch of 100 mm on a tool of 10 m, and at most a millionth for a tool in
-# micrometres.
+# Ratio of the areas below which one of them is assumed to be in other units.  Chosen:
+# it is 1e-4 for a patch of 100 mm on a tool of 10 m, and at most a millionth for a tool
+# in micrometres.
 _LEAST_AREA = 1e-5
 
 # Maximum number of iterations to a horizontal point of the tool, the final step
-# relative to the longest edge, and the ratio of that edge to the radius of a curve that
-# counts as straight.  Chosen: above the rounding of a mesh.
+# relative to the longest edge, and the ratio of this edge to the radius of curvature
+# below which the tool is regarded as straight.  Chosen: above the rounding of a mesh.
 _MOST, _SETTLED, _STRAIGHT = 50, 1e-9, 1e-3
 
 # Slope up to which a plane is horizontal.
@@ -99,7 +99,7 @@ def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:
 
 
 def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
-    """Point of a tool that is nearest to a given one."""
+    """Point on a tool that is nearest to a given point."""
     if point.shape != (3,) or not np.isfinite(point).all():
         raise ValueError(
             f"drape: the point must be three numbers, got {point.tolist()}"
@@ -121,7 +121,8 @@ def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
 def _highest(tool: TriangleMesh) -> ndarray:
     """Highest point of a tool, where it is horizontal, by Newton's method.
 
-    There e_z = μ∇φ and φ = 0.  The start is kept along a ridge and on a flat top.
+    There e_z = μ∇φ and φ = 0.  The iteration does not move along a ridge or on a flat
+    top.
     """
     facets = tool.facets
     x, near = facets.points, facets.longest_edges().max()

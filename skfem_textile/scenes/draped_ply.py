@@ -36,12 +36,12 @@ from .scene import Scene, unknown
 
 log = logging.getLogger(__name__)
 
-# Shear angle of a net in degrees, and its change over the length of an element, above
-# which both together are reported.  Measured with 6 to 32 elements along the ply:
+# Shear angle of a net in degrees, and its change over the length of an element, which
+# are reported if both are exceeded.  Measured with 6 to 32 elements along the ply:
 # beyond the corners of boxes with walls of 45°, 67° and 78° nets shear by 21°, 52° and
-# 72°, with changes of 11° to 24°, 33° to 54° and 51° to 77°.  Under tension, 16×16
-# elements pass the second in short load steps and 8×8 do not.  On a sphere nets shear
-# by up to 72°; above 45° changes are at most 28°.
+# 72°, with changes of 11° to 24°, 33° to 54° and 51° to 77°.  Under tension, plies of
+# 16×16 elements pass the second corner in small load steps, and plies of 8×8 do not.
+# On a sphere nets shear by up to 72°; above 45° changes are at most 28°.
 _MOST_SHEAR, _MOST_CHANGE = 45.0, 30.0
 
 # Tension or stiffness does not help.  Rounding a corner distributes its curvature and
@@ -159,7 +159,7 @@ def draped_ply(
         A mesh of the ply centred at the origin, or of its quarter with the lower left
         corner there; or the kind of `rectangle` to generate.
     size, jitter, seed
-        See `rectangle`; for the computed part.
+        See `rectangle`; they apply to the computed part.
     fibres
         Inclination of the warp in radians; the weft is normal to it.
     width, height
@@ -171,7 +171,8 @@ def draped_ply(
     exact
         Exact shear angle ``(X, t) -> (n,)`` in radians, or `unknown`.
     off_exact
-        Function of the nodes, (2, n): reason why it is not valid; empty if it is.
+        Function of the nodes, (2, n): reason why the exact shear angle is not valid;
+        empty if it is.
     axes
         Axes of the scene in the axes of the user's tool.
 

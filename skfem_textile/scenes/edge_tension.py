@@ -28,11 +28,11 @@ from .on_tool import CELLS, net_over
 # Number of cells of the net beyond the ply.
 _BEYOND = 2
 
-# Load factors of the nets around the points of the edges, at most 1.5
+# Load factors for which the net covers the points of the edges, in steps of at most 1.5
 # cells apart, and at which the shear law is checked before draping.
 _LOAD_FACTORS = np.linspace(0.0, 1.0, CELLS + 1)
 
-# Shear angle of a net in radians that is round-off.
+# Shear angle of a net in radians below which it is round-off.
 _ROUNDING = 1e-9
 
 

@@ -90,9 +90,9 @@ def measured_on_tool(
 ) -> dict[str, float | str]:
     """Largest shear, contact pressures, area fractions of defects, and advice.
 
-    Positions are in the axes of the tool; ``axes`` are the axes of the ply in these;
-    ``holding`` are conditions on single nodes that prevent sliding.  Empty for a ply
-    that is not on a tool.
+    Positions are in the axes of the tool; ``axes`` are the axes of the ply relative to
+    the tool; ``holding`` are conditions on single nodes that prevent sliding.  Empty
+    for a ply that is not on a tool.
     """
     ply, state = result.ply, result.states[-1]
     u, t = state.u, state.load_factor

@@ -36,7 +36,7 @@ def rectangle(
     width, height
         Sides in mm.
     size
-        Number of spacings along x and y.
+        Number of intervals along x and y.
     kind
         ``aligned`` with the fibres (`mesh_along_fibres`); ``irregular``, with all nodes
         moved; ``horizontal``, with nodes moved along x only, so that horizontal element
@@ -44,9 +44,9 @@ def rectangle(
         their edges.  ``delaunay``, the Delaunay triangulation of the nodes of
         ``irregular``.
     jitter
-        Largest move, relative to the spacing.
+        Largest displacement of a node, relative to the spacing.
     seed
-        Seed of the moves.
+        Seed of the random displacements.
     warp, weft
         Inclination of the fibres in radians, for ``aligned``.
 
@@ -106,8 +106,8 @@ def misfit(mesh: Mesh, sides: Iterable[str]) -> str:
     mesh
         A mesh with named boundaries, its sides along the axes.
     sides
-        Names among ``left``, ``bottom``, ``right`` and ``top``.  The boundary of each
-        name must be the whole side.
+        Names among ``left``, ``bottom``, ``right`` and ``top``.  Each boundary so named
+        must be the whole side.
     """
     low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
     boundary = mesh.boundary_facets()

@@ -39,7 +39,7 @@ def free_length(width: float, height: float, inclination: float) -> float:
     return float((height / np.sin(inclination) - width / np.cos(inclination)) / 2)
 
 
-# Angle in radians up to which a ply is at rest: round-off.
+# Angle in radians up to which a ply is regarded as undeformed: round-off.
 _AT_REST = 1e-9
 
 
@@ -214,7 +214,7 @@ class BiasExtension(ShearTest):
         return 2 * self._length * (np.sin(theta + gamma / 2) - np.sin(theta))
 
     def arms(self, gamma: ndarray) -> tuple[tuple[float, ndarray], ...]:
-        """Those of the middle, and of the zones sheared by γ/2."""
+        """Pairs for the middle, and for the zones sheared by γ/2."""
         sides = self.width, self.height, self.inclination
         middle, between = force_of_moments(gamma, *sides)
         return (1.0, middle), (0.5, between)

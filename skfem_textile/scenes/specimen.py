@@ -60,8 +60,8 @@ def specimen(
         Names of boundaries or nodes, and their final displacements along x and y in mm;
         ``"free"`` for a free component.
     driven
-        Name of the one with the reported reaction; by default the one with the largest
-        displacement.
+        Name of the boundary or node with the reported reaction; by default with the
+        largest displacement.
 
     Raises
     ------

@@ -171,7 +171,7 @@ def buckling(
         Final approach of the ends relative to the length.
     push
         Constant transverse load in N/mm², which determines the side to which the strip
-        buckles. It must be small against D (π/L)⁴ times a height.
+        buckles. It must be small compared with D (π/L)⁴ times the height of the buckle.
 
     Raises
     ------

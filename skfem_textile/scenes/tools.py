@@ -71,7 +71,7 @@ def hemisphere(
     Raises
     ------
     ValueError
-        As from `draped_ply`, or if the radius is not positive.
+        See `draped_ply`; also if the radius is not positive.
     """
     fibres = ply.get("fibres", 0.0)
     return draped_ply(
@@ -124,7 +124,7 @@ def cylinder(
     Raises
     ------
     ValueError
-        As from `draped_ply`, or if the radius is not positive.
+        See `draped_ply`; also if the radius is not positive.
     """
     return draped_ply(
         "cylinder",
@@ -147,7 +147,7 @@ def double_dome(mesh: str | Mesh = "irregular", **ply: Unpack[PlyOptions]) -> Sc
     Raises
     ------
     ValueError
-        As from `draped_ply`.
+        See `draped_ply`.
     """
     given: PlyOptions = {"size": (32, 18), "width": 470.0, "height": 270.0, **ply}
     return draped_ply("double_dome", tool(), mesh, **given)
@@ -170,7 +170,7 @@ def saddle(
     Raises
     ------
     ValueError
-        As from `draped_ply`, or if the radius is not positive.
+        See `draped_ply`; also if the radius is not positive.
     """
     if not 0 < radius < np.inf:
         raise ValueError(f"saddle: the radius must be positive, got {radius:g}")

@@ -32,7 +32,7 @@ from .stepper import DEFAULT_WARN_ONLY, LoadStepper
 log = logging.getLogger(__name__)
 
 #: Default limit of the number of unknowns.  A run that reaches it takes about 80 s on
-#: one core, with all of its meshes (`skfem-textile run bias_extension --mesh delaunay
+#: one core, including all its meshes (`skfem-textile run bias_extension --mesh delaunay
 #: --size 10x20 --tolerance 1e-6 --no-render --out DIR`).
 MOST_UNKNOWNS = 50_000
 
@@ -64,7 +64,7 @@ class Round:
     load_change
         Relative change of the load since the previous round; None in the first.
     estimated_load_error
-        As of `Result.summary`.
+        See `Result.summary`.
     error
         Error that is compared with the tolerance: the largest of 1.5 times the
         estimate, the change of the load, and half of this error on the last coarser
@@ -112,7 +112,7 @@ class AdaptiveResult(Result):
         return self.converged and met
 
     def summary(self) -> dict[str, Any]:
-        """As of `Result`, with ``tolerance``, ``tolerance_met`` and ``rounds``."""
+        """As in `Result`, with ``tolerance``, ``tolerance_met`` and ``rounds``."""
         rows = [asdict(one).items() for one in self.rounds]
         return super().summary() | {
             "tolerance": self.tolerance,
@@ -250,8 +250,8 @@ class AdaptiveStepper:
         except Exception as error:  # a user's function may raise anything
             if not self.states:
                 raise
-            # Input that is valid on the first mesh may be invalid on a finer one: a
-            # ValueError.
+            # Input that is valid on the first mesh may raise a ValueError on a finer
+            # one.
             named = isinstance(error, ValueError | UserError)
             why = error if named else UserError(error)
             where = "on a finer mesh " if first else ""
@@ -273,7 +273,7 @@ class AdaptiveStepper:
     def states(self) -> tuple[State, ...]:
         """States on the last mesh on which the whole load was applied.
 
-        Before there is one, the states so far.
+        Before there is such a mesh, the states so far.
         """
         return self._stepper.states
 
@@ -314,7 +314,7 @@ class AdaptiveStepper:
             self._apply(ply)
 
     def _apply(self, ply: Ply) -> tuple[Ply, State]:
-        """Apply the whole load in a new round; failures keep the last round."""
+        """Apply the whole load in a new round; on failure the last round is kept."""
         stepper = self._stepper_of(ply)
         if not self._rounds:  # what a failure or an interruption leaves
             self._stepper, self._estimate = stepper, None

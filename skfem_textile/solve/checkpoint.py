@@ -33,7 +33,7 @@ _VECTORS = ("reactions", "displacements")
 # Length to which a setting is shortened in a message.
 _SHOWN = 100
 
-# Relative difference of the forces of one ply between machines, and round-off of
+# Relative difference between machines of the forces of the same ply, and round-off of
 # strains and area ratios.
 _SAME, _ROUND_OFF = 1e-9, 1e-13
 
@@ -177,7 +177,7 @@ class Checkpoint:
             with self._using(file):
                 states.append(_state(content, states, self._ply))
         for i, file in enumerate(files):
-            trial, values = replay.trial(states[i])  # which calls functions of users
+            trial, values = replay.trial(states[i])  # which calls user functions
             with self._using(file):
                 states[i] = replay.compared(states[i], trial, values)
         with self._using(files[-1]):
@@ -284,7 +284,7 @@ class Checkpoint:
         if self._lock.is_held:
             for beside in (f".{_RUN}", f".{_STATES}"):
                 for file in self.folder.glob(beside):
-                    with suppress(OSError):  # in a folder that can only be read
+                    with suppress(OSError):  # in a read-only folder
                         file.unlink()
 
     @contextmanager
@@ -301,7 +301,7 @@ class Checkpoint:
 
     @contextmanager
     def _using(self, file: Path) -> Iterator[None]:
-        """Refuse content that is whole and makes no sense."""
+        """Refuse content that is intact but invalid."""
         makes_no_sense = ArithmeticError, AttributeError, LookupError, TypeError
         try:
             yield
@@ -377,7 +377,7 @@ def _described(problem: Problem) -> dict[str, Any]:
         "weft law": weft,
         "shear law": ply.fabric.shear_law,
     }
-    # On one line, without the place in memory.
+    # On one line, without the memory address.
     shown = {k: re.sub(r" at 0x[0-9a-fA-F]+", "", repr(x)) for k, x in given.items()}
     texts = {name: " ".join(text.split()) for name, text in shown.items()}
     return texts | {"conditions": list(problem.constraints.nodes)}
@@ -393,7 +393,7 @@ def _values(law: Law, most: float) -> ndarray:
 def _compare(
     name: str, saved: Mapping[str, Any], expected: Mapping[str, Any], error: float
 ) -> None:
-    """Refuse values that differ from the expected ones by more than an error."""
+    """Refuse values that differ from the expected ones by more than ``error``."""
     if list(saved) != list(expected):
         raise ValueError(f"its {name} belong to another problem")
     for key, value in expected.items():

@@ -23,8 +23,8 @@ Value: TypeAlias = (
 )
 
 # Angle in radians below which two directions at a node count as one.  A larger angle
-# would merge directions that differ on purpose; with a smaller one round-off of normals
-# would fix a node in a second direction.
+# would merge intentionally different directions; with a smaller one, round-off of
+# normals would fix a node in a second direction.
 _PARALLEL_ANGLE = 1e-6
 
 # Conditions agree at a node if their displacements differ by at most this share of the
@@ -39,17 +39,17 @@ class Condition:
     Parameters
     ----------
     where
-        The name of a boundary or of nodes of the mesh, a function of position
-        ``(2, n) -> (n,) bool``, one bool per node of the ply (``ply.nodes``), or node
-        numbers.  The nodes of a ply are vertices, then middles of edges if the element
-        has nodes there.
+        The name of a boundary or of nodes of the mesh, a function of position ``(2, n)
+        -> (n,) bool``, one bool per node of the ply (``ply.nodes``), or node numbers.
+        The nodes of a ply are vertices, then edge midpoints if the element has nodes
+        there.
     value
         Displacement in mm: with a direction, a scalar per node; without, a vector per
         node, shape (d, n), with d = 2 components in the plane and 3 in space.  Either a
         function ``value(X, t)`` of reference position and load factor, or a constant
         that is reached in proportion to the load factor.  Values per node are in the
-        order in which the node numbers are given, and of ascending numbers where none
-        are.  Components of a constant that are None are free.
+        order of the given node numbers, or of ascending node numbers if none are given.
+        Components of a constant that are None are free.
     direction
         The direction in which the displacement is fixed: a vector of d components or a
         function of position.  If not given, all components are fixed.
@@ -232,7 +232,7 @@ class Constraints:
         self.free = np.setdiff1d(np.arange(basis.N), self.fixed)
 
     def _resolve(self, basis: CellBasis, direction: ndarray) -> None:
-        """Choose the fixed unknowns and the map from the values of the rows to theirs.
+        """Choose the fixed unknowns and the map from row values to their values.
 
         ``_rows @ q[prescribed]`` are the displacements along the directions.
         """

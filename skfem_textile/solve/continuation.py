@@ -26,8 +26,8 @@ log = logging.getLogger(__name__)
 # round-off and by C_s of the previous state would count as another equilibrium.
 _SAME_STATE = 0.01
 
-#: Projected tangents at most in an easy step.  Checked by `python -m studies
-#: stability`: with more, a run takes another equilibrium unnoticed; with fewer, steps
+#: Maximum number of projected tangents in an easy step.  Checked by `python -m studies
+#: stability`: with more, a run reaches another equilibrium unnoticed; with fewer, steps
 #: that stay on the path are halved.
 MOST_PROJECTED = 2
 
@@ -37,15 +37,15 @@ _PATH_HALVINGS = 6
 # Maximum number of load factors listed in a warning.
 _SHOWN = 5
 
-# Relative accuracy of a limit load.  Half of it takes about one more halving.
+# Relative accuracy of a limit load.  Half the value takes about one more halving.
 _KNOWN_SHARE = 0.005
 
-# Shortest step towards a limit, in load factors.  A longer one may end before the limit
-# is located; a shorter one takes more steps whose changes are round-off.
+# Shortest step towards a limit, in load factors.  With a longer one, the search may end
+# before the limit is located; a shorter one adds steps whose changes are round-off.
 _SHORTEST_STEP = 1e-9
 
-# Share of the energy of a ply above which growing loads drive it: half, because the
-# work of a load that drives a ply alone is at least the energy.
+# Work of growing loads, relative to the energy of a ply, above which they drive it:
+# half, because the work of a load that alone drives a ply is at least the energy.
 _DRIVES = 0.5
 
 
@@ -93,7 +93,7 @@ class Continuation:
     longest
         Length of a requested step, in load factors.
     halvings
-        Most successive halvings.
+        Maximum number of successive halvings.
     follows_path
         True if the load path is followed, see `Method`.
     next
@@ -179,12 +179,12 @@ class Continuation:
     def failed(
         self, failure: NoEquilibriumError, t: float, end: float, goal: float, by: float
     ) -> None:
-        """Shorten the step from t to ``end`` that failed, or continue without the path.
+        """Shorten the failed step from t to ``end``, or stop following the path.
 
         ``goal`` is the requested load factor, and ``by`` the growth of the loads in the
         step, see `load_growth`; zero if loads do not drive the ply.  Raises a
-        `NoEquilibriumError` if the load exceeds a limit, or if steps fail at any
-        length.
+        `NoEquilibriumError` if the load exceeds a limit, or if even the shortest steps
+        fail.
         """
         step, shortest = end - t, self.longest / 2.0**self.halvings
         known = step <= _SHORTEST_STEP or by <= _KNOWN_SHARE
@@ -248,7 +248,7 @@ def loads_drive(
     ply, t = problem.ply, problem.load_factor
     if not problem.loaded:
         return False
-    if not t:  # no displacement yet to compare work
+    if not t:  # no displacement yet, so no work to compare
         return not moved
     growth = ply.load(u, t, parameters) - ply.load(u, 0.0, parameters)
     if not moved:
@@ -293,7 +293,7 @@ def on_grown_surface(problem: Problem, start: Start) -> Start:
     u = problem.surfaces.carried(start.u, start.load_factor, problem.load_factor)
     if u is None:
         return start
-    with np.errstate(all="ignore"):  # what is not finite is caught
+    with np.errstate(all="ignore"):  # non-finite values are detected
         p = start.parameters
         usable = problem.area_ratio(u).min() > 0 and problem.in_domain(u, p)
         return problem.start(u, p) if usable else start

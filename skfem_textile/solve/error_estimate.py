@@ -35,15 +35,15 @@ MOST_UNKNOWNS = 250_000
 # increment is within it in all cases of the study.
 _MOST_INCREMENTS, _SETTLED = 4, 0.2
 
-# The same if an increment was shortened at the end of a law.  Chosen: the ply with a
-# hole takes 5, others up to 8.
+# The same if an increment was shortened at the end of a law's domain.  Chosen: the ply
+# with a hole takes 5, others up to 8.
 _MOST_SHORTENED = 12
 
 # Relative step of the load factor for the finite difference of the fixed values.
 _STEP_BACK = 1e-3
 
-# Ratio of work to energy, for a ply on a surface, above which the work counts as a
-# load's.  Supported nodes that follow a triangulated tool do work of up to 0.2 % of the
+# Ratio of work to energy, for a ply on a surface, above which the work is attributed to
+# a load.  Supported nodes that follow a triangulated tool do work of up to 0.2 % of the
 # energy; an edge tension does several times the energy.
 _OF_A_LOAD = 0.01
 
@@ -64,7 +64,7 @@ def estimated_error(
         return ErrorEstimate(reason=f"more than {MOST_UNKNOWNS} unknowns")
     try:
         refuse_single_nodes(ply, conditions)
-        with np.errstate(all="ignore"):  # what is not finite is caught
+        with np.errstate(all="ignore"):  # non-finite values are detected
             return _estimate(ply, conditions, solver, state)
     except NoEquilibriumError as error:
         reason = (
@@ -75,7 +75,7 @@ def estimated_error(
         reason = "there is not enough memory for a finer mesh"
     except ValueError as error:
         reason = str(error)
-    except Exception as error:  # of a user's term; what was computed is not lost
+    except Exception as error:  # from a user's term; computed states are kept
         reason = f"{type(error).__name__} {error}".strip().partition("\n")[0]
     return ErrorEstimate(reason=reason)
 
@@ -141,7 +141,7 @@ def _work(
 
 
 def _rate(problem: Problem) -> ndarray:
-    """Load factor times the derivative of the fixed unknowns by it, in mm."""
+    """Load factor times the rate of the fixed unknowns with respect to it, in mm."""
     constraints, t = problem.constraints, problem.load_factor
     now, before = (constraints.fixed_values(x) for x in (t, (1 - _STEP_BACK) * t))
     return (now - before) / _STEP_BACK
@@ -218,7 +218,7 @@ class _Trial:
         self.f = self.problem.residual(u, p)
 
     def go(self, du: ndarray) -> None:
-        """Apply an increment, as long as the laws permit."""
+        """Apply an increment, halved until every law has a value."""
         problem, p = self.problem, self.parameters
         step = within_laws(problem, self.u, du, p)
         self.whole = np.array_equal(step, du)
@@ -265,9 +265,9 @@ def _moved(trial: _Trial, before: ndarray, loaded: bool) -> tuple[ndarray, ndarr
 def _settled(trial: _Trial, before: ndarray) -> tuple[ndarray, ndarray]:
     """State at which the work has converged, see `_moved`.
 
-    Increments are shortened at the end of a law.  Further increments follow, halved as
-    soon as the work oscillates, until it converges at a whole increment with an
-    unprojected tangent.
+    Increments are shortened at the end of a law's domain.  Further increments follow,
+    halved as soon as the work oscillates, until it converges at a whole increment with
+    an unprojected tangent.
     """
     last, moved, length, size = before, np.inf, 1.0, np.abs(before).sum()
     while trial.number < (_MOST_SHORTENED if trial.shortened else _MOST_INCREMENTS):

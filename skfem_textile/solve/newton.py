@@ -12,26 +12,27 @@ from .problem import EPSILON, Problem, Start, Tangent, between, tangent_at
 from .states import Equilibrium, NoEquilibriumError
 
 # Fibre tension in N/mm in the first geometric stiffness of a ply whose tangent is
-# singular, and in space, off surfaces, the least one of a projected tangent.  Along
+# singular, and the minimum one in a projected tangent in space, off surfaces.  Along
 # the fibres it must not outweigh the stiffness of a crimped fabric at rest.
 _FIRST_TENSION = 0.1
 
-# Where nodes are on surfaces, the least fibre tension in that stiffness over the shear
-# stiffness: an initial guess there is far from inextensible.
+# Where nodes are on surfaces, the minimum fibre tension in that stiffness relative to
+# the shear stiffness: an initial guess there is far from inextensible.
 _OVER_SHEAR_STIFFNESS = 10.0
 
-# Share of the largest force that is unbalanced near an equilibrium.  From there on mean
-# stretches are known well enough for a stiffness.
+# Unbalanced share of the largest force below which an equilibrium is near, and mean
+# stretches are accurate enough for a stiffness.
 _NEAR = 0.1
 
-#: Most repetitions of the iteration at a state with updated parameters.
+#: Maximum number of repetitions of the iteration at a state with updated parameters.
 MOST_UPDATES = 8
 
 #: Share of the energy and of the largest reaction by which an update of the parameters
 #: may change them at a state.
 SETTLED = 0.0025
 
-# Ratio of residual to tolerance above which an iteration limited by round-off failed.
+# Ratio of residual to tolerance up to which a failed iteration counts as limited by
+# round-off.
 _STALLED = 100.0
 
 #: Advice where round-off prevents balance.
@@ -47,15 +48,17 @@ _ON_SURFACE = (
 )
 
 # Trial lengths of an increment, each half the previous one, until every law has a value
-# or the energy decreases.  Chosen: the last, 2⁻¹¹, is shorter than a converging
-# iteration takes.
+# or the energy decreases.  Chosen: the last, 2⁻¹¹, is shorter than any in a converging
+# iteration.
 _HALVINGS = 12
 
-# Iterations at most with the line search, as a multiple of the ones before it.
+# Maximum number of iterations with the line search, as a multiple of the maximum before
+# it.
 _DESCENT = 3
 
-# Share of the predicted fall of the energy that an increment must reach (Armijo's rule,
-# with the constant of Nocedal & Wright, Numerical Optimization, 2006, section 3.1).
+# Share of the predicted decrease of the energy that an increment must reach (Armijo's
+# rule, with the constant of Nocedal & Wright, Numerical Optimization, 2006, section
+# 3.1).
 _ARMIJO = 1e-4
 
 #: Called with the number of an iteration, its residual and its tolerance, both in N.
@@ -65,7 +68,7 @@ Report = Callable[[int, float, float], None]
 class Method(Protocol):
     """A nonlinear solver.
 
-    Its ``repr`` identifies it where a checkpoint is resumed.
+    Its ``repr`` identifies it when a checkpoint is resumed.
 
     Attributes
     ----------
@@ -81,7 +84,7 @@ class Method(Protocol):
 
     @property
     def most(self) -> int:
-        """Iterations at most, before the line search."""
+        """Maximum number of iterations before the line search."""
         ...
 
     def solve(
@@ -99,7 +102,7 @@ class Method(Protocol):
         problem, start, fixed_values
             Problem, initial guess, and values of the fixed unknowns.
         most_projected
-            Projected tangents at most.
+            Maximum number of projected tangents.
         report
             Called after each iteration.
 
@@ -115,29 +118,29 @@ class Method(Protocol):
 class Newton:
     """Mixed-integration-point Newton with a positive definite tangent.
 
-    The geometric stiffness has the fibre tensions that the previous iteration
+    The geometric stiffness contains the fibre tensions that the previous iteration
     predicted, T(ε) + T′ ∂ε·∇du, instead of those at its displacement, which are far
-    larger wherever nearly inextensible fibres turn (Magisano, Leonetti & Garcea 2017).
-    The residual is unchanged.  Where the tangent is not positive definite it is
+    larger wherever nearly inextensible fibres rotate (Magisano, Leonetti & Garcea
+    2017). The residual is unchanged.  Where the tangent is not positive definite it is
     projected, so that increments do not lead to saddle points (`definite`).  No
     increment changes the displacement gradient by more than ``longest``, except for the
     first of a ply in its plane, which brings the fixed unknowns to their values.
 
     An iteration that has not converged after ``most`` increments but has a positive
-    definite tangent goes on with a line search: increments are halved until the energy
-    falls.  Where a term has a ``line_search``, this holds for every increment after
-    the first.
+    definite tangent continues with a line search: increments are halved until the
+    energy decreases.  Where a term has a ``line_search``, this holds for every
+    increment after the first.
 
     Near the equilibrium the parameters of the terms are updated with the predicted
     tensions, until an update changes the energy by less than `SETTLED`.
 
-    The iteration leaves an unstable equilibrium along its softest motion, and goes on
-    with the line search.  Where it follows the load path, the path leads around it.
+    The iteration leaves an unstable equilibrium along its softest mode, and continues
+    with the line search, except where the load path is followed, which avoids it.
 
     Parameters
     ----------
     most
-        Iterations at most; with the line search three times as many again.
+        Maximum number of iterations; with the line search, three times as many more.
     longest
         Largest change of the displacement gradient in an increment.
     imperfection
@@ -224,7 +227,7 @@ class PlainNewton:
     Parameters
     ----------
     most
-        Iterations at most.
+        Maximum number of iterations.
     """
 
     most: int = 20
@@ -263,7 +266,7 @@ METHODS: dict[str, Method] = {x.name: x for x in (Newton(), PlainNewton())}
 class _Iterate(NamedTuple):
     """Displacement, forces, parameters, and the tangent of the next increment.
 
-    At balance that is the consistent tangent; None where it is singular.
+    At equilibrium this is the consistent tangent; None where it is singular.
     """
 
     u: ndarray
@@ -282,7 +285,7 @@ class _Iterate(NamedTuple):
 
 @dataclass
 class _Progress:
-    """Residuals of an iteration, and when it ends; the arguments of `Method.solve`."""
+    """Residuals and convergence of an iteration; arguments of `Method.solve`."""
 
     problem: Problem
     fixed_values: ndarray
@@ -296,7 +299,7 @@ class _Progress:
     def balanced(self, tangent: Tangent, u: ndarray, f: ndarray) -> bool:
         """True if the forces balance after an increment by a tangent.
 
-        An error if more tangents were projected than allowed, or forces are not finite.
+        Raises an error if too many tangents were projected, or forces are not finite.
         """
         problem = self.problem
         self.residuals.append(problem.unbalanced(f, u))
@@ -336,9 +339,9 @@ class _Progress:
 def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, PlyParameters]:
     """The first tangent and parameters.
 
-    Where the tangent at the start is singular, fibres have a tension in it.  On
-    surfaces the parameters are then updated with the tension that loads cause: the ones
-    at rest are too small where it is large.
+    Where the tangent at the start is singular, a fibre tension is added to it. On
+    surfaces the parameters are then updated with the tension due to the loads, because
+    those at rest are too small if it is large.
     """
     u, p = start.u, start.parameters
     regular = start.tangent and start.tangent.negative_pivots is not None
@@ -349,8 +352,8 @@ def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, PlyParamete
         return definite(problem, u, p, tension), p
     size = _FIRST_TENSION
     if problem.surfaces:
-        # As in a square with all of the loads along surfaces on two of its sides.  With
-        # ten times more or less a sphere takes twice the solves.
+        # As in a square, two sides of which carry all loads along surfaces. With a ten
+        # times larger or smaller value, a sphere takes twice as many solves.
         along = problem.nodal(problem.unfixed(problem.load(u, p), u))
         sides = 2 * np.sqrt(problem.ply.basis.dx.sum())
         of_loads = np.full_like(tension, np.linalg.norm(along, axis=0).sum() / sides)
@@ -370,10 +373,10 @@ def definite(
 ) -> Tangent:
     """The tangent; where it is not positive definite, a projected one.
 
-    The projected tangent has no compression, element matrices projected onto positive
-    semi-definite ones, and on surfaces no contact forces.  In space, off surfaces, it
-    has a least fibre tension.  Where it is not definite even so, it has the tensions at
-    ``u``. Arguments and exceptions are as for `Tangent`.
+    The projected tangent has no compressive fibre tensions, positive semi-definite
+    projections of the element matrices, and on surfaces no contact forces.  In space,
+    off surfaces, it has a minimum fibre tension. If it is still not definite, the
+    tensions at ``u`` are used. Arguments and exceptions are as for `Tangent`.
     """
     try:
         tangent = Tangent(problem, u, parameters, tension, contact=contact)
@@ -423,7 +426,7 @@ def descending(
 ) -> ndarray:
     """The increment, halved until the energy falls as its slope f·du predicts.
 
-    The whole increment where none does, or where the slope does not predict a fall.
+    The whole increment if none does, or if the slope is not negative.
     """
     slope, energy = float(f @ du), problem.energy(u, parameters)
     round_off = 8 * EPSILON * abs(energy)

@@ -97,12 +97,12 @@ class Problem:
     surfaces
         Nodes on surfaces; None if there are none.
     loaded, line_search
-        True if there are loads; true if a term has a ``line_search``.
+        True if there are loads, or a term with a ``line_search``, respectively.
 
     Raises
     ------
     ValueError
-        If a term says why it is ``unsupported`` by the conditions.
+        If a term is ``unsupported`` under the conditions.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Problem:
 
     @cached_property
     def system(self) -> System:
-        """Positions of the entries of the tangent among the free unknowns; timed."""
+        """`System` of the free unknowns; its construction is timed."""
         clock, ply, constraints = self.clock, self.ply, self.constraints
         pattern = clock.time("assembly", lambda: ply.pattern)
         arguments = pattern, self.nodes, constraints, self._solver
@@ -171,7 +171,7 @@ class Problem:
 
         ``held`` are additional nodal forces.
         """
-        _ = self.system  # that both share it
+        _ = self.system  # so that both share it
         other = copy(self)
         other.load_factor, other.held = load_factor, held
         return other
@@ -237,7 +237,7 @@ class Problem:
     def area_ratio(self, u: ndarray) -> ndarray:
         """Smallest det F of each element; negative if it is inverted.
 
-        The right way is the way in which most elements on the surface face.
+        On a surface, an element is inverted if it faces opposite to most elements.
         """
         ply, ratio = self.ply, self.ply.least_area_ratio(u)
         if self.surfaces is None:

@@ -98,7 +98,7 @@ class Result:
 
     @property
     def path_resolved(self) -> bool:
-        """True if no step indicated that more steps may lead to another end."""
+        """True if no step indicated that more steps may lead to another final state."""
         return not self.unresolved
 
     def tool(self, t: float) -> Surface | None:
@@ -161,8 +161,8 @@ class Result:
         ``estimated_load_error``, relative to the load, and
         ``estimated_shear_angle_error_deg`` are the estimated discretisation errors
         (`estimated_error`). ``error_estimate`` names the method; if both are None it
-        begins with "none: " and states the reason.  A ply that is deformed by a tool
-        alone has an error of the shear angle and none of a load.
+        begins with "none: " and states the reason.  For a ply that is deformed by a
+        tool alone, only the error of the shear angle is estimated.
         """
         ply, u, state = self.ply, self.u, self.states[-1]
         verdict, shares, error = state.verdict, state.shares, self.estimated_error
@@ -212,7 +212,7 @@ class Result:
         )
 
     def __str__(self) -> str:
-        """A compact table of the states, evenly chosen where they are many."""
+        """A compact table of the states; if they are many, of an even selection."""
         lines = ["load factor      solves     energy fibre strain  min det F  stable"]
         chosen = np.linspace(0, len(self.states) - 1, _LINES).round().astype(int)
         for i in (chosen := np.unique(chosen)):
@@ -239,8 +239,8 @@ class StepError(RuntimeError):
         Numbers of the elements where the last attempt failed; empty if the failure is
         not local.
     quantity
-        Quantity at or beyond the end of its law there: warp_strain, weft_strain or
-        shear_angle; empty if there is none.
+        Quantity at or beyond the end of its law's domain there: warp_strain,
+        weft_strain or shear_angle; empty if there is none.
     """
 
     def __init__(

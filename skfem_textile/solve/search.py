@@ -130,7 +130,7 @@ class EquilibriumSearch:
         return trial
 
     def at_rest(self, start: Start, fixed_values: ndarray) -> AcceptedEquilibrium:
-        """State at the load factor 0 of a ply that is not in equilibrium undeformed.
+        """State at load factor 0 of a ply that is not in equilibrium when undeformed.
 
         Unbalanced forces at rest, such as a constant weight, are first compensated and
         then released in steps, which shrink where convergence is difficult.  Prescribed
@@ -168,8 +168,8 @@ class EquilibriumSearch:
     def _first(self, goal: Goal) -> AcceptedEquilibrium:
         """Equilibrium, with the initial parameters, that passes all checks.
 
-        Loads that drive a path may jump to another equilibrium; the work check is then
-        strict.
+        If loads drive the path, the ply may jump to another equilibrium; the work check
+        is then strict.
         """
         problem = self.problem.at(goal.load_factor, goal.held)
         method, place = self.method, (goal.load_factor, goal.step)
@@ -202,8 +202,8 @@ class EquilibriumSearch:
 def _updated(trial: Trial, parameters: PlyParameters) -> tuple[Start, float]:
     """The equilibrium with updated parameters, and how much the update changes it.
 
-    The change is the larger one of energy and reactions, as a share of these, to first
-    order; zero within what the equilibrium leaves unbalanced.
+    The change is the larger relative change of energy and reactions, to first order;
+    zero if within the tolerance of the equilibrium.
     """
     problem, (u, f, *_) = trial.problem, trial.equilibrium
     tolerance, tangent = trial.equilibrium.tolerance, trial.equilibrium.tangent

@@ -28,7 +28,7 @@ class NoEquilibriumError(Exception):
     advice
         Suggested remedy.
     quantity
-        Quantity at or beyond the end of its law: warp_strain, weft_strain or
+        Quantity at or beyond the end of its law's domain: warp_strain, weft_strain or
         shear_angle; empty if there is none.
     """
 
@@ -66,7 +66,7 @@ class Equilibrium(NamedTuple):
     """Converged iteration, with its convergence history.
 
     ``parameters`` are the parameters of the terms with which the forces balance,
-    ``projected`` is the number of projected tangents, ``tangent`` is the consistent
+    ``projected`` is the number of projected tangents, and ``tangent`` is the consistent
     tangent, None if it is singular.
     """
 

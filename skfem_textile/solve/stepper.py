@@ -37,7 +37,7 @@ log = logging.getLogger(__name__)
 #: Checks that only warn by default.
 DEFAULT_WARN_ONLY = "work", "stabilisation", "deviation", "corners", "surface"
 
-# Largest accepted number of equal steps; more are taken for a slip.
+# Largest accepted number of equal steps; more are considered a mistake.
 _MOST_STEPS = 1_000_000
 
 # A load factor near 1 has 53 binary digits, of which 20 are for the steps.
@@ -227,7 +227,7 @@ class Run:
         checkpoint = self._stepper.checkpoint
         try:
             if not (resume and self._resume()):
-                with np.errstate(all="ignore"):  # what is not finite is caught
+                with np.errstate(all="ignore"):  # non-finite values are detected
                     self._begin(nothing_to_resume=resume)
             for goal in self._stepper.load_factors:
                 while self.states[-1].load_factor < goal:
@@ -323,7 +323,7 @@ class Run:
             if not self._search.moved and balanced_at_rest(problem, factors, tolerance):
                 log.warning(_NOTHING_DRIVES)
             return
-        self.states = [state]  # until the ply is in balance
+        self.states = [state]  # until the ply is in equilibrium
         equilibrium = self._search.at_rest(problem.start(u, p, tangent), values)
         state = equilibrium.trial.state(problem.clock.solves)
         easy = (

@@ -35,8 +35,8 @@ Result = TypeVar("Result")
 
 log = logging.getLogger(__name__)
 
-# Maximum number of cases submitted at a time.  Chosen: more than a cluster is likely to
-# have workers, and few enough to hold in memory.
+# Maximum number of cases submitted at a time.  Chosen: more than the likely number of
+# workers of a cluster, and few enough to hold in memory.
 _MAX_PENDING = 4096
 
 _THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
@@ -325,8 +325,8 @@ def _one_line(error: Exception) -> str:
 def _call(function: Callable[[Case], Result], case: Case, attempt: int) -> Result:
     """Call the function with a case.
 
-    The number of the attempt makes each call unique: dask would answer an equal call
-    with the error of the first.  A worker keeps the limit of one thread, because no
+    The number of the attempt makes each call unique: for an equal call dask would
+    return the error of the first.  A worker keeps the limit of one thread, because no
     call can determine when the last one ends.  An exception that cannot be pickled,
     such as `StepError`, would break some executors and is replaced.
     """

@@ -61,8 +61,8 @@ _CORNER_SHARE = 0.01
 
 # Gap between an element and its surface, relative to its longest edge, above which the
 # mesh does not resolve the surface: the gap of an arc of one radian, or of a square on
-# a sphere with sides of half the radius.  Measured: at a fillet with the radius of an
-# element it is 0.13 to 0.15, with twice that radius 0.08 to 0.09 (`pytest
+# a sphere with sides of half the radius.  Measured: at a fillet with a radius of one
+# element size it is 0.13 to 0.15, with twice that radius 0.08 to 0.09 (`pytest
 # tests/drape/test_between_nodes.py`).
 _GAP = 0.125
 
@@ -114,9 +114,9 @@ class Trial:
 
     @cached_property
     def works(self) -> tuple[float, float]:
-        """Work in N·mm of the internal forces at either end of the step in its motion.
+        """Work in N·mm of the forces at start and end of the step over its motion.
 
-        The internal forces balance reactions and loads.
+        These are the internal forces, which balance reactions and loads.
         """
         start, end = self.start, self.equilibrium
         if start is None:
@@ -129,8 +129,8 @@ class Trial:
     def shares(self) -> dict[str, dict[str, float]]:
         """Shares of stabilisation and deviations, from 0 to 1, see `State.shares`.
 
-        A total is the sum of the magnitudes of its parts, for a reaction at each of its
-        nodes; it is at least the error due to the tolerance of the equilibrium.
+        A total is the sum of the magnitudes of its parts (for a reaction, at each of
+        its nodes), and at least the error due to the tolerance of the equilibrium.
         """
         problem, (u, _, parameters, *_) = self.problem, self.equilibrium
         place = u, problem.load_factor, parameters
@@ -139,7 +139,8 @@ class Trial:
         energies, forces = map(np.array, columns)
         work = (forces * self.move).sum(axis=1)
         force = self.equilibrium.tolerance
-        # Parts of each whole, shape (n_parts, n_components, n_nodes), and its least.
+        # Parts of each total, shape (n_parts, n_components, n_nodes), and its lower
+        # bound.
         wholes = {
             "energy": (energies[:, None, None], force * np.abs(u).sum()),
             "work": (work[:, None, None], force * np.abs(self.move).sum()),
@@ -263,8 +264,8 @@ def _element_checks(trial: Trial) -> _Failures:
 def _energy_checks(trial: Trial) -> _Failures:
     """Stability, and agreement of the energy with the work done in the step.
 
-    The work includes the motion alone, at a fixed load factor, because the energy may
-    also change with the load factor.
+    Both are computed for the motion alone, at a fixed load factor, because the energy
+    may also change with the load factor.
     """
     problem, tangent, start = trial.problem, trial.equilibrium.tangent, trial.start
     if tangent is None or tangent.negative_pivots is None:
@@ -331,7 +332,7 @@ def _surface_check(trial: Trial) -> _Failures:
         return
     try:
         gaps = problem.surfaces.gaps(trial.equilibrium.u, problem.load_factor, basis)
-    except NoEquilibriumError as failure:  # of a user's surface
+    except NoEquilibriumError as failure:  # raised by a user's surface
         yield "surface", failure
         return
     off = np.flatnonzero(gaps.share > _GAP)
@@ -350,10 +351,10 @@ def _surface_check(trial: Trial) -> _Failures:
 
 
 def _point_supports(problem: Problem, u: ndarray) -> list[str]:
-    """Conditions of one node that is fixed at its initial position, or on a surface.
+    """Conditions on a single node, fixed at its initial position or on a surface.
 
-    A growing surface moves the node.  Shares of their reactions depend only on the
-    elements around the node.
+    The node may move with a growing surface.  Shares of their reactions depend only on
+    the elements around the node.
     """
     constraints = problem.constraints
     held = np.abs(turned(u, constraints.turn)[constraints.prescribed])

@@ -16,16 +16,16 @@ from numpy import ndarray
 from ..law import BiaxialLaw, Law, ScalarLaw, inner_law, number, pair
 from .tension import CrimpToe
 
-# Newton steps, relative to the range of the amplitude, at which the iteration ends; as
-# it converges quadratically, the remaining error is round-off.
+# Newton step, relative to the range of the amplitude, below which the iteration ends;
+# as it converges quadratically, the remaining error is round-off.
 _STEP = 1e-12
 
-# Maximum number of iterations: more than two per bisection of the range to that share.
+# Maximum number of iterations: more than two for each bisection needed for this step.
 _MOST_ITERATIONS = 100
 
 
-# Largest crimp: a slope of 1, beyond which the second order in slopes is not an
-# approximation.  It also detects a crimp in percent.
+# Largest crimp: a slope of 1, beyond which the second-order approximation in the slopes
+# is invalid.  It also detects a crimp in percent.
 _MOST_CRIMP = 0.5
 
 
@@ -118,7 +118,7 @@ class CrimpInterchange(BiaxialLaw):
 
     @property
     def shown(self) -> tuple[float, float]:
-        """From some compression to straight yarns at a free weft."""
+        """From moderate compression to straight yarns with a free weft."""
         straight = sum(self._crimps) + 4 * self.toe
         return -0.5 * straight, 2 * straight
 
@@ -139,7 +139,7 @@ class CrimpInterchange(BiaxialLaw):
         """∂T_α/∂ε_β with the dependence of w.
 
         S₁ (R + S₂ r₂²)/H + k and −S₁ S₂ r₁ r₂/H, where R = K + T₁ + T₂, and H = R + S₁
-        r₁² + S₂ r₂² is the second derivative of the energy by w.
+        r₁² + S₂ r₂² is the second derivative of the energy with respect to w.
         """
         yarns = self._yarns(strain, self._amplitude(strain))
         S, r = yarns.stiffness, yarns.slope
@@ -208,7 +208,7 @@ class CrimpInterchange(BiaxialLaw):
         return np.sqrt(2 * np.array(self._crimps))
 
 
-# Newton steps, relative to the heights of the crimp, at which the iteration ends.
+# Newton step, relative to the heights of the crimp, below which the iteration ends.
 _CELL_STEP = 1e-13
 
 # Relative rounding of an energy.
@@ -303,10 +303,10 @@ class _Cell(NamedTuple):
 class CrimpedYarns(BiaxialLaw):
     """Tensions of two yarns in a unit cell, each the hypotenuse of its crimp triangle.
 
-    A yarn over the side L = exp ε has the length D = √(L² + (H + y)²), where H = √((1 +
-    s)² − 1) is the height of its crimp at rest, and carries the force F(D − D₀).  A
-    spring resists y.  Without a ``coupling`` the yarns are in contact, y₁ + y₂ >= 0.
-    With one, ½ C (y₁ + y₂)²/(H₁ + H₂) is added to the energy and springs are
+    A yarn that spans a side L = exp ε of the cell has the length D = √(L² + (H + y)²),
+    where H = √((1 + s)² − 1) is the height of its crimp at rest, and carries the force
+    F(D − D₀).  A spring resists y.  Without a ``coupling`` the yarns are in contact, y₁
+    + y₂ >= 0. With one, ½ C (y₁ + y₂)²/(H₁ + H₂) is added to the energy and springs are
     logarithmic.  The elongations y minimise the energy, and the tensions are T = L
     ∂W/∂L.
 
@@ -411,7 +411,7 @@ class CrimpedYarns(BiaxialLaw):
     def _least(self, L: ndarray, touching: ndarray) -> ndarray:
         """Elongations of minimum energy by Newton's method with descending steps.
 
-        NaN if they are not found, which no state of a run may contain.
+        NaN where the iteration does not converge; states with NaN are refused.
         """
         H = _columns(self._heights, L)
         lowest = -(1 - _SHORTEST) * H

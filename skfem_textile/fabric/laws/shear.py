@@ -108,13 +108,13 @@ class Locking(ScalarLaw):
         return np.where(np.abs(share) <= 1, share, np.nan)
 
 
-# There the tangent is infinite and the fibres of both families coincide.
+# Angle at which the tangent is infinite and the fibres of both families coincide.
 _CLOSED = 0.5 * np.pi
 
 
 @dataclass(frozen=True)
 class TangentShear(ScalarLaw):
-    """Shear law M_s = G₀ tan Γ, with another slope beyond a locking angle.
+    """Shear law M_s = G₀ tan Γ, with a different slope beyond a locking angle.
 
     For Γ beyond a it is G_L tan Γ + (G₀ − G_L) tan a, and odd, as in OpenRadioss's
     ``/MAT/LAW58``.  The tangent jumps at a.

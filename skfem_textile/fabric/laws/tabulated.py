@@ -23,7 +23,7 @@ _DEGREE = np.pi / 180
 #: Factors of angle units to radians.
 ANGLE = {"deg": _DEGREE, "°": _DEGREE, "degrees": _DEGREE, "rad": 1.0, "radians": 1.0}
 _MOMENT = dict.fromkeys(("N mm/mm2", "N mm/mm²", "N·mm/mm²", "N/mm"), 1.0)
-# Shear force over the side of the frame; the moment is this times cos γ.
+# Shear force per side length of the frame; the moment is this times cos γ.
 _NORMALISED = "normalised shear force"
 _COLUMNS: dict[Resistance, tuple[dict[str, dict[str, float]], ...]] = {
     "shear": (
@@ -62,7 +62,7 @@ def refuse_bad_points(
     rows
         Number of each point, for the message.
     row
-        Name of a point there.
+        Name of a point in the message.
 
     Raises
     ------
@@ -202,7 +202,7 @@ _EXTRAPOLATIONS = ("refuse", "linear")
 
 
 class _Curve(NamedTuple):
-    """Piecewise cubic: its ends, its integral, itself, its slope."""
+    """Piecewise cubic: ends, integral, value and slope."""
 
     low: float
     high: float
@@ -263,7 +263,7 @@ class Tabulated(ScalarLaw):
                 f"{x.shape} and {y.shape}"
             )
         refuse_bad_points(x, y, range(1, len(x) + 1), "point")
-        if self.extrapolation == "refuse":  # decks extrapolate from anywhere
+        if self.extrapolation == "refuse":  # decks extrapolate from any range
             refuse_other_units("the table", x, None)
         if self.extrapolation not in _EXTRAPOLATIONS:
             raise ValueError(

@@ -23,7 +23,7 @@ from ..law import (
 # z^15/15!  is 10⁻²⁷ there, and differences of numbers near z lose no digits.
 _SERIES_BELOW, _POWERS = 0.1, 15
 
-# e^(-z) - 1 + z from z² on, and z²/2 less this from z³ on.
+# Coefficients of e^(-z) - 1 + z from z², and of z²/2 minus this series from z³.
 _SIGNS = (-1.0) ** np.arange(_POWERS)
 _SERIES = _SIGNS / np.cumprod([1.0, *range(1, _POWERS)])
 _VALUE_SERIES = np.where(np.arange(_POWERS) < 2, 0.0, _SERIES)
@@ -109,9 +109,9 @@ class CrimpToe(ScalarLaw):
         return np.maximum(x, 0.0) / self.toe
 
 
-# Strain over which a law changes into another.  With a wider switch more of the small
-# strains are softer than the law.  A narrower one changes the tangent faster, so that
-# an iteration is more likely to step across it.
+# Strain over which one law changes into another. A wider transition softens the law
+# over more of the small strains.  A narrower one changes the tangent faster, so that an
+# iteration is more likely to step across it.
 _WIDTH = 1e-4
 
 
@@ -166,7 +166,7 @@ class TensionOnly(ScalarLaw):
         return None if shown is None else (-0.1 * shown[1], shown[1])
 
     def energy(self, x: ndarray) -> ndarray:
-        """Energy of r, less that at rest."""
+        """Energy at r, minus the energy at rest."""
         ramp, rest = _ramp(x, self.width), _ramp(np.zeros(1), self.width)
         return self.law.energy(ramp.strain) - self.law.energy(rest.strain)[0]
 
@@ -220,7 +220,7 @@ class Asymmetric(ScalarLaw):
 
     @property
     def domain(self) -> tuple[float, float]:
-        """From the end of the law in compression to that in tension."""
+        """From the end of the law in compression to the end in tension."""
         return domain_of(self.compression)[0], domain_of(self.tension)[1]
 
     @property
@@ -279,7 +279,7 @@ def _tangent(law: Law, ramp: _Ramp, sign: float) -> ndarray:
     return law.tangent(x) * ramp.slope**2 + sign * law.value(x) * ramp.bend
 
 
-# Upper bound of the strain search for the tension, and its first value.
+# Upper bound and initial value of the strain in the search for the pretension.
 _LARGEST, _FIRST = 10.0, 1e-6
 
 
@@ -362,7 +362,7 @@ class Pretensioned(ScalarLaw):
         return shown[0] - self.strain_before, shown[1] - self.strain_before
 
     def energy(self, x: ndarray) -> ndarray:
-        """Energy of the law, less that at rest."""
+        """Energy of the law, minus its energy at rest."""
         at_rest = self.law.energy(np.array([self.strain_before]))[0]
         return self.law.energy(x + self.strain_before) - at_rest
 

@@ -4,8 +4,8 @@ A fibre a = F·A is linear in the modes u_a of an element,
 
     a = A + Σ_a b_a u_a,
 
-so that a kernel needs only one number of the mesh per mode, fibre and point.  The modes
-are displacements of nodes, with b_a = A·∇N_a, or combinations of these.  Element
+so that a kernel needs only one mesh-dependent number per mode, fibre and point.  The
+modes are displacements of nodes, with b_a = A·∇N_a, or combinations of these.  Element
 matrices are symmetric and hold the d×d blocks of the pairs of modes (a, c) with a ≤ c,
 in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n).
 
@@ -38,7 +38,7 @@ from .in_space import InSpace, angle_in_space
 if TYPE_CHECKING:
     from ...fabric import Fabric
 
-# Number of elements per block, so that their values stay in the processor cache.
+# Number of elements per block, chosen so that their values stay in the processor cache.
 # Measured: forces and matrices of 59 700 quadrilaterals with `OnePoint`, one thread of
 # an Intel Xeon, take 165, 134, 131, 153 and 194 ms with 512, 2048, 8192, 32 768 and 65
 # 536.
@@ -92,7 +92,7 @@ class FibreDeformation:
         return 0.5 * np.log(self.squared_stretch)
 
     def change(self, after: "FibreDeformation") -> ndarray:
-        """Change of the strain to another deformation, to first order, shape (2, P, n).
+        """First-order change of strain to another deformation, shape (2, P, n).
 
         ∂ε·Δz = v·Δz, and v·z = 1.
         """
@@ -112,8 +112,8 @@ class FibreDeformation:
     def stiffness(self, stress: Stress, block: slice) -> tuple[ndarray, Values]:
         """E v vᵀ + T ∂²ε + M ∂²Γ with the stress of a block of elements.
 
-        For each fibre with itself, per b_a b_c, shape (2, P, d (d + 1)/2, n); and for
-        warp with weft, (P, d (d + 1)/2, n), None if they do not couple.
+        Diagonal blocks of both fibres, per b_a b_c, shape (2, P, d (d + 1)/2, n), and
+        the block of warp and weft, (P, d (d + 1)/2, n), None if they do not couple.
         """
         T, M, E = stress
         x, y = self.v[:, :, 0, block], self.v[:, :, 1, block]
@@ -134,7 +134,7 @@ class FibreDeformation:
         return own, None
 
     def angle_derivatives(self, block: slice) -> tuple[ndarray, ndarray]:
-        """∂Γ by warp and weft, shape (P, d, n) each."""
+        """∂Γ with respect to warp and weft, shape (P, d, n) each."""
         v = self.v[..., block]
         warp, weft = np.stack([-v[:, :, 1], v[:, :, 0]], axis=2)
         return warp, -weft
@@ -201,14 +201,14 @@ class GeneralPoints:
     A
         Reference directions of warp and weft, shape (2, 2, n, P).
     dN
-        Gradients of the functions of k nodes, shape (k, 2, n, P).
+        Gradients of the shape functions of k nodes, shape (k, 2, n, P).
     dx
         Areas, shape (P, n).
     d
         Components of the displacement.
     nodes, n_nodes
-        Nodes of the element that move the fibres, shape (k,), and number of nodes; by
-        default all nodes.
+        Element nodes on which the fibres depend, shape (k,), and total number of nodes;
+        by default all nodes.
 
     Attributes
     ----------
@@ -235,7 +235,7 @@ class GeneralPoints:
         self._nodes = nodes = np.arange(len(dN)) if nodes is None else nodes
         self._n_nodes = n_nodes = n_nodes or len(nodes)
 
-        # pairs of the k nodes, after their numbers among all pairs of the element
+        # pairs of the k nodes, preceded by their index among all pairs of the element
         number = np.zeros((n_nodes, n_nodes), dtype=int)
         first, second = np.triu_indices(n_nodes)
         number[first, second] = number[second, first] = np.arange(len(first))
@@ -285,7 +285,7 @@ class QuadPoints:
     """Integration points of bilinear quadrilaterals with constant fibre directions.
 
     There are three modes: the changes of warp and weft at the centre, and the hourglass
-    mode, which changes fibres at a point by b = η.
+    mode, whose coefficient at a point is b = η.
 
     Attributes
     ----------
@@ -315,7 +315,7 @@ class QuadPoints:
         """See `IntegrationPoints`."""
         eta = self.b[..., block]
         mixed = eta[:, :, None] * own
-        # pairs of modes: 0, 3, 5 of one with itself, 2, 4 with the hourglass mode
+        # pairs of modes: 0, 3, 5 are diagonal, 2, 4 couple to the hourglass mode
         for diagonal, coupled, fibre, product in zip(
             (0, 3), (2, 4), own, mixed, strict=True
         ):
@@ -367,8 +367,8 @@ class ElementGroup:
     nodes
         Node numbers, shape (n_nodes, n).
     modes
-        Modes per displacement of the nodes, shape (n_modes, n_nodes, n); None if the
-        modes are the displacements.
+        Coefficients of the modes per nodal displacement, shape (n_modes, n_nodes, n);
+        None if the modes are the displacements.
     points
         Integration points, in sets that a kernel evaluates together.
     fabrics, fabric

@@ -6,8 +6,9 @@ the weft lies anticlockwise of the warp at rest, g = ∂Γ/∂a = (e_β − c e_
     ∂²Γ/∂a_α²   = −(g ⊗ v + v ⊗ g) − (c/s) n ⊗ n/λ_α²,
     ∂²Γ/∂a₁∂a₂  = n ⊗ n/(s λ₁λ₂).
 
-Both are sums of squares: −(g ⊗ v + v ⊗ g) is ½ of (v − g)² − (v + g)², and with
-m_α = n/λ_α the rest is (1 − c)/2s of (m₁ + m₂)² less (1 + c)/2s of (m₁ − m₂)².
+Both are signed sums of squares: −(g ⊗ v + v ⊗ g) is ½ times (v − g)² − (v + g)², and
+with m_α = n/λ_α the rest is (1 − c)/2s times (m₁ + m₂)² minus (1 + c)/2s times (m₁ −
+m₂)².
 """
 
 from functools import cached_property
@@ -104,7 +105,7 @@ class InSpace:
 
 
 def angle_in_space(a: ndarray) -> ndarray:
-    """Angle at which fibres cross, (P, n), from both of them, (2, P, 3, n)."""
+    """Angle between the fibres, (P, n), from both fibre vectors, (2, P, 3, n)."""
     n = _cross(*a)
     return np.arctan2(np.sqrt((n**2).sum(axis=1)), (a[0] * a[1]).sum(axis=1))
 

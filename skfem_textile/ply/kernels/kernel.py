@@ -1,7 +1,7 @@
 """Kernels: energies, stresses and stiffnesses of the forms, for all elements at once.
 
 A kernel computes, at the points of an `ElementGroup`, the tension T and the shear
-moment M times area, and their derivatives by the fibre strains.  Then
+moment M times area, and their derivatives with respect to the fibre strains. Then
 
     f_a  = Σ b_a (T v + M ∂Γ),
     K_ac = Σ b_a b_c (E v vᵀ + T ∂²ε + M ∂²Γ) + Σ s g_a g_cᵀ,
@@ -9,8 +9,8 @@ moment M times area, and their derivatives by the fibre strains.  Then
 where in the plane ∂²(ε + iθ) = −(δz/z)², and in space ∂²Γ also has a part normal to
 warp and weft.  The rank-one stiffnesses s g gᵀ belong to strains of more than one fibre
 or point: shear angles, their differences, and means.  If a tension depends on both
-strains, D₁₂ (g₁ g₂ᵀ + g₂ g₁ᵀ) is the rank-one stiffness D₁₂ of ε₁ + ε₂, less D₁₂ in the
-slope of each tension.
+strains, D₁₂ (g₁ g₂ᵀ + g₂ g₁ᵀ) is the rank-one stiffness D₁₂ of ε₁ + ε₂, with D₁₂
+subtracted from the slope of each tension.
 
 Element matrices are symmetric and hold the d×d blocks of the pairs of nodes (a, c) with
 a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n_elements).
@@ -52,7 +52,7 @@ class RankOneStiffness(NamedTuple):
 
 
 class Kernel(Protocol):
-    """Energy of a term and its derivatives by the fibre strains.
+    """Energy of a term and its derivatives with respect to fibre strains.
 
     It supports bases of the class ``basis_type`` (`can_compute`).
     """
@@ -108,7 +108,7 @@ class TensionKernel:
         )
 
     def stresses(self, x: KernelState) -> list[Stress]:
-        """Tension and its slope; the slope of ε₁ + ε₂ is in `stiffnesses`."""
+        """Tension and its slope; `stiffnesses` has the slope for ε₁ + ε₂."""
         given, stresses = _given_tension(self.fabric, x), []
         sets = zip(x.group.points, x.group.fabrics, x.fibres, strict=True)
         for i, (p, fabric, f) in enumerate(sets):
@@ -220,7 +220,7 @@ class MeanTensionKernel:
         )
 
     def stresses(self, x: KernelState) -> list[Stress]:
-        """Tension λ ∂ψ/∂λ, and its slope λ² E_d + T for deviating strains."""
+        """Tension λ ∂ψ/∂λ, and its slope λ² E_d + T for strain deviations."""
         stretches, means, E_d = self._state(x)
         T = _given_tension(self.fabric, x)
         if not T:
@@ -394,7 +394,7 @@ def shared_groups(terms: Sequence[Any]) -> list[SharedGroup]:
 
 
 def _same(one: Any, other: Any, *names: str) -> bool:
-    """True if arrays, or None, of these names are equal in two objects of one class."""
+    """True if attributes, arrays or None, are equal in two objects of a class."""
     return type(one) is type(other) and all(
         np.array_equal(getattr(one, name), getattr(other, name)) for name in names
     )
@@ -482,8 +482,8 @@ def full_matrices(K: ndarray) -> ndarray:
 def positive_part(K: ndarray | None) -> ndarray | None:
     """The nearest positive semi-definite element matrices (Higham 1988).
 
-    Negative eigenvalues are set to zero.  Both are blocks of the pairs of nodes, shape
-    (n_pairs, d, d, n).
+    Negative eigenvalues are set to zero.  Input and output are blocks of the pairs of
+    nodes, shape (n_pairs, d, d, n).
     """
     if K is None or not np.isfinite(K).all():
         return K

@@ -112,7 +112,7 @@ def _states(
 def _with_kernel_of(
     definition: Callable[_P, Forms], kernel: Callable[_P, Kernel]
 ) -> Callable[_P, Forms]:
-    """Give the forms of a term a kernel, which takes the same arguments."""
+    """Attach to the forms of a term a kernel that takes the same arguments."""
 
     @wraps(definition)
     def wrapped(*args: _P.args, **kwargs: _P.kwargs) -> Forms:

@@ -114,7 +114,7 @@ class Factors(Protocol):
     def negative_pivots(self) -> int | None:
         """Number of negative eigenvalues, by Sylvester's law of inertia.
 
-        None if a pivot was taken off the diagonal.
+        None if an off-diagonal pivot was used.
 
         Raises
         ------

@@ -2,8 +2,8 @@
 
 The order is a geometric nested dissection, which keeps factors sparse (George 1973):
 the nodes of a part are bisected along its longer side, and the separator is eliminated
-after both halves.  The separator is the smallest vertex cover of the pairs across,
-obtained by König's theorem from a maximum matching (Hopcroft & Karp 1973).
+after both halves.  The separator is the smallest vertex cover of the node pairs across
+the cut, obtained by König's theorem from a maximum matching (Hopcroft & Karp 1973).
 """
 
 import numpy as np
@@ -72,7 +72,7 @@ class System:
         )
         self._pattern = pattern
         self._turn: csr_matrix | None = (
-            None  # the remaining ones, whose positions are known
+            None  # last rotation, whose rotated rows are cached
         )
         # The upper triangle in CSR is the lower one in CSC.
         upper = self.upper.data, self.upper.indices, self.upper.indptr
@@ -146,7 +146,7 @@ def _upper_halves(positions: ndarray, part: ndarray, size: ndarray) -> ndarray:
 
 
 def _cover(first: ndarray, second: ndarray) -> ndarray:
-    """Minimum vertex cover of pairs of nodes, one on either side."""
+    """Minimum vertex cover of pairs of nodes, one on each side."""
     lower, i = np.unique(first, return_inverse=True)
     upper, j = np.unique(second, return_inverse=True)
     pairs = csr_matrix((np.ones(len(i)), (i, j)), shape=(len(lower), len(upper)))

@@ -237,7 +237,7 @@ class SurfaceNodes:
         return np.concatenate(values)
 
     def facing(self, u: ndarray, t: float, elements: ndarray, n: ndarray) -> ndarray:
-        """1 for elements that face their surface as most do, −1 for the others.
+        """1 for elements oriented to their surface like most, −1 for the others.
 
         Elements that are not completely on surfaces count as 1.  ``elements`` are the
         nodes of each element, and ``n`` the normals (a₁×a₂), shape (3, n_elements).

@@ -2,8 +2,8 @@
 
 Gradient and Hessian must be the derivatives of level and gradient.  The slope between
 two points of a line must lie between the derivatives at its ends, also where the
-derivative jumps.  It may not where the derivative has an extremum, but not on three
-consecutive intervals: that is a contradiction.
+derivative jumps.  This may fail where the derivative has an extremum, but a failure on
+three consecutive intervals is a contradiction.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ _NODES, _INTERVAL = 12, 1e-3
 _ENDS = np.arange(-2, 3)
 
 # Tolerances of slopes: relative to the derivative and, for round-off, to the function
-# and the coordinates.  Chosen: a derivative with a smaller error takes no more
+# and the coordinates.  Chosen: a smaller error of a derivative causes no additional
 # iterations.
 _OFF, _NOISE, _ROUNDING = 1e-2, 1e-9, 64 * 2.0**-53
 
@@ -151,7 +151,7 @@ class OnSurface:
 
 
 class SurfaceError(NoEquilibriumError, ValueError):
-    """Failed surface: invalid before a run, a failed attempt during a run."""
+    """Surface failure: ValueError before a run, failed attempt during a run."""
 
 
 @dataclass(frozen=True, eq=False)

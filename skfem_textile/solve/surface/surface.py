@@ -139,7 +139,7 @@ def onto(surface: Surface, x: ndarray, free: ndarray | None = None) -> ndarray:
         off = ~(np.abs(level) <= allowed * np.linalg.norm(g, axis=0))
         if not off.any():
             return x
-        with np.errstate(all="ignore"):  # what is not finite is caught
+        with np.errstate(all="ignore"):  # non-finite values are detected
             x = x - np.where(off, level / (along * g).sum(axis=0), 0.0) * along
         if not np.isfinite(x).all():
             break
@@ -332,7 +332,7 @@ def _bending(surface: Surface, x: ndarray) -> Callable[[ndarray], ndarray]:
     """
     H = surface.hessian(x)
     g = surface.gradient(x)
-    with np.errstate(all="ignore"):  # what is not finite is refused
+    with np.errstate(all="ignore"):  # non-finite values are refused
         along = g / (g * g).sum(axis=0)
     off = ~np.isfinite(H.sum(axis=(0, 1)) + along.sum(axis=0))
     if off.any():
