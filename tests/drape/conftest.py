@@ -3,7 +3,7 @@
 import pytest
 
 from skfem_textile.scenes import draped_ply, on_tool
-from tests.helpers.quick import no_estimate  # noqa: F401
+from tests.helpers.estimates import no_estimate  # noqa: F401
 from tests.helpers.tools import plate, write
 
 

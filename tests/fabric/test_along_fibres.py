@@ -25,7 +25,7 @@ from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.scenes import bias_extension, strip, trellis
 from skfem_textile.scenes.bias_extension import WIDTH
 from skfem_textile.scenes.rectangle import rectangle
-from tests.helpers.unestimated import unestimated
+from tests.helpers.estimates import unestimated
 
 SQUARE = np.array([[0.0, 30.0, 30.0, 0.0], [0.0, 0.0, 30.0, 30.0]])
 HEXAGON = 30 * np.array(

@@ -23,7 +23,7 @@ from skfem_textile.fabric.regions import RegionalLaw
 from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes import bias_extension
 from tests.helpers import Coupled, assert_derivatives, given_to_forms, wobble
-from tests.helpers.unestimated import unestimated
+from tests.helpers.estimates import unestimated
 
 LEFT = Fabric((1e3, 500.0), Sin2(1.0), warp=(1, 0.3), weft=(-0.2, 1))
 RIGHT = Fabric((2e3, 100.0), Linear(3.0), warp=(1, 0.6), weft=(-0.5, 1))

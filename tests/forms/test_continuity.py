@@ -6,7 +6,7 @@ from skfem_textile import Fabric, JumpBasis, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import distorted, wobble
-from tests.helpers.unestimated import unestimated
+from tests.helpers.estimates import unestimated
 
 MESH = distorted(1)
 

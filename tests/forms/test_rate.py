@@ -6,7 +6,7 @@ import pytest
 from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import strip
 from tests.helpers import distorted, wobble
-from tests.helpers.unestimated import unestimated
+from tests.helpers.estimates import unestimated
 
 
 @pytest.fixture(scope="module")

@@ -34,7 +34,7 @@ from skfem_textile.mesh.splitting import (
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import TRIANGLE_AND_QUAD, distorted, wobble
-from tests.helpers.unestimated import unestimated
+from tests.helpers.estimates import unestimated
 
 
 def areas(mesh):

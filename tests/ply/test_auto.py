@@ -7,8 +7,8 @@ from skfem import MeshQuad
 from skfem_textile import Fabric, Linear, LoadStepper, Macro, OnePoint, Ply, Sin2
 from skfem_textile.scenes import bias_extension, strip
 from tests.helpers import distorted, wobble
+from tests.helpers.estimates import unestimated
 from tests.helpers.random_plies import Crimped
-from tests.helpers.unestimated import unestimated
 
 
 def run(scene, formulation, steps=4, E=1e4, shear=0.5, **options):

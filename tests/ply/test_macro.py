@@ -28,7 +28,7 @@ from tests.helpers import (
     distorted,
     wobble,
 )
-from tests.helpers.unestimated import unestimated
+from tests.helpers.estimates import unestimated
 
 MESHES = {
     "triangles": split(cut(distorted(1))),

@@ -28,8 +28,8 @@ from skfem_textile.solve.linear.superlu import SuperLU
 from skfem_textile.solve.problem import Problem
 from studies.stability.soundness import is_sound
 from tests.helpers import distorted, distorted_for, wobble
+from tests.helpers.estimates import unestimated
 from tests.helpers.plies import ONE, SQUARES, dofs, ply_on, run
-from tests.helpers.unestimated import unestimated
 
 # Quadratic triangles: nodes, gradients, modes, and conditions on all nodes
 

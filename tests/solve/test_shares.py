@@ -28,7 +28,7 @@ from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension, strip, trellis
 from skfem_textile.scenes.trellis import picture_frame
 from tests.helpers import derivative, wobble
-from tests.helpers.unestimated import unestimated
+from tests.helpers.estimates import unestimated
 
 # Elements across, before quadrilaterals of macro-elements are split in four, and how
 # they are made of the quadrilaterals of a scene.

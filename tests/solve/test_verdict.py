@@ -8,7 +8,7 @@ from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply, S
 from skfem_textile.scenes import strip
 from studies.stability.soundness import is_sound
 from tests.helpers import place_of
-from tests.helpers.unestimated import unestimated
+from tests.helpers.estimates import unestimated
 
 
 def run(formulation, steps, mesh="irregular", E=1e4, G=0.0, **options):
