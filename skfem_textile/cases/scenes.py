@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Scene(Table, tag_field="name"):
-    """The problem: geometry, displacement conditions and exact answer.
+    """The problem: geometry, displacement conditions and exact solution.
 
     Attributes
     ----------

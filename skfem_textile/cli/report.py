@@ -132,7 +132,7 @@ def _verdict(summary: Mapping[str, Any]) -> Iterator[_Row]:
         reason = f"{100 * error:.2g} % {printable(reason)}".strip()
     yield "Estimated error of the load", "", reason or "none"
     if "exact_answer" in summary:
-        yield "Exact answer", "", summary["exact_answer"]
+        yield "Exact solution", "", summary["exact_answer"]
 
 
 def _rows(values: Any) -> list[_Row]:

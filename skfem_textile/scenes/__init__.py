@@ -1,4 +1,4 @@
-"""Scenes: problems with geometry, conditions and, where known, an exact answer."""
+"""Scenes: problems with geometry, conditions and, where known, an exact solution."""
 
 from .bias_extension import bias_extension
 from .case import Case

@@ -51,8 +51,8 @@ def bias_extension(
     mesh
         A mesh of the ply or of its left half, with the lower left corner at the origin;
         or the kind of `rectangle` to generate, with W = `WIDTH` and H = 2W tan θ, or
-        the left half of it.  The exact answer is valid if the mesh fills a rectangle of
-        which the boundaries ``bottom`` and ``top`` are whole sides, and for the half
+        the left half of it.  The exact solution is valid if the mesh fills a rectangle
+        of which the boundaries ``bottom`` and ``top`` are whole sides, and for the half
         also ``right``.
     size, jitter, seed
         See `rectangle`.

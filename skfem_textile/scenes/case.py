@@ -21,10 +21,10 @@ class Case:
     Attributes
     ----------
     scene
-        Mesh, displacement conditions and exact answer.
+        Mesh, displacement conditions and exact solution.
     fabric
-        Fibre directions and laws.  The exact answer is valid for the directions of the
-        scene.
+        Fibre directions and laws.  The exact solution is valid for the directions of
+        the scene.
     formulation
         See `Ply`.
     loads
@@ -98,7 +98,7 @@ class Case:
         return self.stepper().run()
 
     def summary(self, result: Result) -> dict[str, str | int | float | bool]:
-        """Summary as `Scene.summary`; with further loads there is no exact answer."""
+        """Summary as `Scene.summary`; with further loads there is no exact solution."""
         scene = self.scene
         if self.loads:
             scene = replace(

@@ -143,7 +143,7 @@ def draped_ply(
     tension: float = 2.0,
     part: Part | None = None,
     exact: Callable[[ndarray, float], ndarray] = unknown,
-    off_exact: Callable[[ndarray], str] = lambda X: "no exact answer is known",
+    off_exact: Callable[[ndarray], str] = lambda X: "no exact solution is known",
     axes: Axes = SAME_AXES,
 ) -> Scene:
     """Scene of a ply on a tool.

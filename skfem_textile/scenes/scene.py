@@ -1,4 +1,4 @@
-"""Scene: geometry, conditions and exact answer of one problem."""
+"""Scene: geometry, conditions and exact solution of one problem."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -27,7 +27,7 @@ _WORTH_SAYING = 0.01
 
 
 def unknown(X: ndarray, t: float) -> ndarray:
-    """Field without an exact answer; raises a ValueError."""
+    """Field without an exact solution; raises a ValueError."""
     raise ValueError(
         "the scene has no exact field: its figures contain the exact values"
     )
@@ -35,7 +35,7 @@ def unknown(X: ndarray, t: float) -> ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Problem: mesh, fibre directions, conditions and exact answer.
+    """Problem: mesh, fibre directions, conditions and exact solution.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Scene:
         Estimated relative reduction of this force by fibre stretch, ``(fabric, t) ->
         float``; None if there is no estimate.
     misfit
-        Reason why the exact answer is not valid on this mesh; empty if it is.
+        Reason why the exact solution is not valid on this mesh; empty if it is.
     shear_test
         The shear test that the scene represents, or None.
     dimension
@@ -79,7 +79,7 @@ class Scene:
     figures
         Further figures of a result, besides exact ones.
     measured
-        Further figures of a result that need no exact answer.
+        Further figures of a result that need no exact solution.
     axes
         Axes of the scene in the axes of the tool on which the ply lies.
     """
@@ -162,9 +162,9 @@ class Scene:
         return self.turn.T @ vector if len(vector) == 2 else vector
 
     def errors(self, result: Result) -> dict[str, float]:
-        """Errors of the last state relative to the exact answer; see `distance`.
+        """Errors of the last state relative to the exact solution; see `distance`.
 
-        Empty if the exact answer is not valid on the mesh.
+        Empty if the exact solution is not valid on the mesh.
         """
         if self.misfit or self.displacement is unknown:
             return {}
@@ -212,7 +212,7 @@ class Scene:
     def summary(self, result: Result) -> dict[str, str | int | float | bool]:
         """Summary of the result with the reaction and errors of this scene.
 
-        If the exact answer is valid on the mesh, the summary contains
+        If the exact solution is valid on the mesh, the summary contains
         ``load_over_exact``, ``displacement_error_...`` and ``shear_angle_error_...``.
         ``exact_answer`` states any limitation.
         """

@@ -43,7 +43,7 @@ def specimen(
     moves: Sequence[tuple[str, tuple[Component, Component]]] = _MOVES,
     driven: str | None = None,
 ) -> Scene:
-    """Ply with fixed or displaced boundaries, without an exact answer.
+    """Ply with fixed or displaced boundaries, without an exact solution.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ def strip(
     mesh
         A mesh with its bottom on y = 0 and less than 86 mm high, or the kind of
         `rectangle` to generate.  The boundaries ``bottom`` and ``right`` are used if
-        they exist, otherwise the lowest and the rightmost edges.  The exact answer is
+        they exist, otherwise the lowest and the rightmost edges.  The exact solution is
         valid if the mesh fills a rectangle of which these are whole sides.
     size, jitter, seed
         As for `rectangle`.

@@ -71,8 +71,8 @@ def cantilever(
     ----------
     mesh
         A mesh of the strip with its left edge on x = 0, or the kind of `rectangle` to
-        generate. The exact answer is valid if the mesh fills a rectangle with ``left``
-        and ``right`` as whole sides.
+        generate. The exact solution is valid if the mesh fills a rectangle with
+        ``left`` and ``right`` as whole sides.
     size, jitter, seed
         As for `rectangle`.
     length
@@ -163,8 +163,8 @@ def buckling(
     Parameters
     ----------
     mesh
-        A mesh of the strip, or the kind of `rectangle` to generate. The exact answer is
-        valid if the mesh fills a rectangle with ``left`` and ``right`` as whole sides.
+        A mesh of the strip, or the kind of `rectangle` to generate. The exact solution
+        is valid if the mesh fills a rectangle, with ``left`` and ``right`` whole sides.
     size, jitter, seed
         As for `rectangle`.
     shortening

@@ -58,7 +58,7 @@ def hemisphere(
     """Ply on a sphere with its pole at the origin.
 
     If the ply is symmetric about the fibres through the pole (fibres along the sides,
-    or at 45° to the sides of a square), these are great circles, and the exact answer
+    or at 45° to the sides of a square), these are great circles, and the exact solution
     is the Chebyshev net.
 
     Parameters
@@ -91,7 +91,7 @@ def _threads(X: ndarray, fibres: float, radius: float) -> ndarray:
 
 
 def _off_exact(X: ndarray, fibres: float, radius: float) -> str:
-    """Reason why the Chebyshev net is not the answer; empty if it is."""
+    """Reason why the Chebyshev net is not the exact solution; empty if it is."""
     eighths = fibres / (np.pi / 4)
     if abs(eighths - round(eighths)) > _OFF:
         return "the net is known of fibres along the sides or at 45 degrees to them"
@@ -112,7 +112,7 @@ def cylinder(
 ) -> Scene:
     """Ply on a cylinder with its axis along y below the origin.
 
-    The exact answer for fibres at any angle is zero shear.
+    The exact solution for fibres at any angle is zero shear.
 
     Parameters
     ----------

@@ -108,7 +108,7 @@ def test_a_saddle_is_bridged_where_warp_and_weft_change_places():
     )
     assert pressure.max() == pytest.approx(-pressure.min(), rel=1e-3)
     assert 0.3 < found["bridging_share_of_area"] < 0.6
-    assert found["exact_answer"] == "none: no exact answer is known"
+    assert found["exact_answer"] == "none: no exact solution is known"
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 2), (2, 1), (2, 8), (3, 3), (5, 4)])
