@@ -23,9 +23,9 @@ mesh = rectangle(50, 120, (5, 12), "irregular")
 fabric = Fabric(tension=7e3, shear=0.1, warp=(1, 1), weft=(-1, 1))
 
 
-# Part 2: pull it
-def pull(mesh, fabric, distance):
-    """Hold the bottom, move the top upwards by a distance in mm."""
+# Part 2: a tensile test
+def stretch(mesh, fabric, distance):
+    """Fix the bottom, move the top upwards by a distance in mm."""
     ply = Ply(mesh, fabric)
     conditions = {
         "clamp": Condition("bottom"),
@@ -34,7 +34,7 @@ def pull(mesh, fabric, distance):
     return LoadStepper(ply, conditions, steps=8).run()
 
 
-result = pull(mesh, fabric, 20.0)
+result = stretch(mesh, fabric, 20.0)
 print(result)
 force = result.states[-1].reactions["pull"][1]
 print(f"force: {force:.2f} N")
@@ -87,13 +87,14 @@ judge(result)
 shear = Tabulated.from_csv("shear.csv", odd=True)
 fibres = TensionOnly(CrimpToe(7e3, toe=0.003, initial_stiffness=10.0))
 measured = Fabric(fibres, shear, warp=(1, 1), weft=(-1, 1))
-own_fabric = pull(mesh, measured, 20.0)
+own_fabric = stretch(mesh, measured, 20.0)
 show(own_fabric, "own_fabric")
+print(f"measured fabric: {own_fabric.states[-1].reactions['pull'][1]:.2f} N")
 
 # Part 6: your own mesh
 with_hole = read_mesh("coupon.msh")
-print(with_hole)
-own_mesh = pull(with_hole, measured, 20.0)
+print(list(with_hole.boundaries))
+own_mesh = stretch(with_hole, measured, 20.0)
 show(own_mesh, "own_mesh")
 judge(own_mesh)
 print(f"force: {own_mesh.states[-1].reactions['pull'][1]:.2f} N")
