@@ -165,14 +165,20 @@ def fibres_on_tool(
         most = np.full(tool.n_elements, reach)
     places = sheet.at(tool.centres(), most)
     if not places.found.any():
-        raise ValueError("fibres on a tool: the ply does not cover any of its elements")
+        raise ValueError(
+            "fibres on a tool: no element of the tool is within reach of the ply: "
+            "check the position and units of the tool, or increase reach"
+        )
     fibres = sheet.fibres_at(places)
     normal = tool.normals()
     lean = np.abs((unit(np.cross(*fibres[:2], axis=0)) * normal).sum(axis=0))
     # A wall that cuts through the ply has no fibres; NaN also where there is no ply.
     across = ~(lean > np.cos(np.radians(_STEEPEST_DEG)))
     if across.all():
-        raise ValueError("fibres on a tool: its elements are perpendicular to the ply")
+        raise ValueError(
+            "fibres on a tool: every element of the tool within reach is "
+            "perpendicular to the ply: check the position of the tool"
+        )
     warp, weft, angle = (np.where(across, np.nan, field) for field in fibres)
     warp, weft = (_in_plane(v, normal) for v in (warp, weft))
     return FibresInSpace(tool, normal, warp, weft, angle, along)
@@ -214,7 +220,10 @@ def _axis(axis: ArrayLike) -> ndarray:
     """A direction given by the user."""
     given = real_numbers("fibres in space: axis", axis)
     if given.shape != (3,) or not np.isfinite(given).all() or not given.any():
-        raise ValueError(f"fibres in space: axis must be a direction, got {axis!r}")
+        raise ValueError(
+            "fibres in space: axis must be a nonzero finite vector of three "
+            f"components, got {axis!r}"
+        )
     return given
 
 

@@ -114,16 +114,17 @@ def flat_pattern(
     if steps.max() > _JUMP * spacing:
         place = np.round(points[:, steps.argmax()], 3).tolist()
         raise ValueError(
-            f"flat pattern: the outline jumps by {steps.max():.3g} mm at {place}: the "
-            "ply overlaps itself there, or the curve encloses the tool"
+            f"flat pattern: the outline jumps by {steps.max():.3g} mm at {place}, "
+            "because the ply overlaps itself there or the curve runs around the tool: "
+            "specify another curve"
         )
     if steps.any():
         _refuse_crossing(outline[:, steps > 0], points[:, steps > 0])
     pattern = FlatPattern(outline, points, warp, weft)
     if not pattern.area > _NOTHING * pattern.length**2:
         raise ValueError(
-            "flat pattern: the outline encloses no area: specify a curve around the "
-            "part that does not return along itself"
+            "flat pattern: the outline encloses no area: specify a curve that runs "
+            "around the part and does not return along itself"
         )
     return pattern
 
@@ -153,14 +154,15 @@ def _refuse_crossing(outline: ndarray, points: ndarray) -> None:
     if contact is None:
         raise ValueError(
             "flat pattern: too many points of the outline are close to each other to "
-            "determine whether it crosses itself: use fewer, or a larger spacing"
+            "determine whether it crosses itself: use fewer points, or a larger "
+            "spacing"
         )
     at = np.concatenate([contact.crossing, contact.doubled])
     if at.size:
         place = np.round(points[:, at[0]], 3).tolist()
         raise ValueError(
             f"flat pattern: the outline crosses itself at {place}: specify a curve "
-            "that encloses one part once"
+            "that runs once around the part"
         )
 
 
@@ -168,10 +170,10 @@ def _closed(curve: ArrayLike) -> ndarray:
     """Points of a closed curve without consecutive duplicates."""
     points = real_numbers("flat pattern: curve", curve)
     if points.ndim != 2 or len(points) != 3 or not np.isfinite(points).all():
-        raise ValueError("flat pattern: curve must be finite points, shape (3, n)")
+        raise ValueError("flat pattern: curve must be finite numbers of shape (3, n)")
     points = points[:, (points != np.roll(points, -1, axis=1)).any(axis=0)]
     if points.shape[1] < 3:
-        raise ValueError("flat pattern: curve must have at least three points")
+        raise ValueError("flat pattern: curve must have at least three distinct points")
     return points
 
 
@@ -183,8 +185,8 @@ def _spaced(points: ndarray, spacing: float) -> ndarray:
     counts = np.maximum(np.ceil(parts), 1.0)
     if not counts.sum() <= _MOST:
         raise ValueError(
-            f"flat pattern: the outline would have {counts.sum():.3g} points, {_MOST} "
-            "at most: use fewer, or a larger spacing"
+            f"flat pattern: the outline would have {counts.sum():.3g} points, but at "
+            f"most {_MOST} are allowed: use fewer points, or a larger spacing"
         )
     counts = counts.astype(int)
     start = np.repeat(np.arange(len(counts)), counts)

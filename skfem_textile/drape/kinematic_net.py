@@ -103,8 +103,8 @@ class Net:
             place = (s - at[0]) / spacing
             if not ((place > -1e-6) & (place < len(at) - 1 + 1e-6)).all():
                 raise ValueError(
-                    f"the net extends from {at[0]:g} to {at[-1]:g} mm, a point lies "
-                    f"at {s[np.abs(s).argmax()]:g} mm"
+                    f"net: the coordinate {s[np.abs(s).argmax()]:g} mm is outside the "
+                    f"net, which extends from {at[0]:g} to {at[-1]:g} mm"
                 )
             cell.append(np.clip(np.floor(place).astype(int), 0, len(at) - 2))
             share.append(place - cell[-1])
@@ -237,7 +237,8 @@ def _counts(name: str, n: Any) -> tuple[int, int]:
     whole = counts.shape == (2,) and (counts == np.round(counts)).all()
     if not whole or counts.min() < 0 or counts.sum() < 1:
         raise ValueError(
-            f"net: {name} must be two numbers of cells, against and along it, got {n!r}"
+            f"net: {name} must be two whole numbers of cells, against and along its "
+            f"direction, not both zero; got {n!r}"
         )
     return int(counts[0]), int(counts[1])
 
@@ -279,7 +280,7 @@ def _pinned(surface: Surface, x: ndarray, step: ndarray, cell: float) -> ndarray
         if not np.isfinite(rows).all() or abs(np.linalg.det(rows)) < _FOLDED:
             break
         s = s - np.linalg.solve(rows, off)
-    raise NetError("its first thread leaves the surface", x)
+    raise NetError("the first thread leaves the surface", x)
 
 
 def _up_to(ends: ndarray, shape: tuple[int, int]) -> ndarray:

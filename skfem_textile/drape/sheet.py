@@ -261,7 +261,9 @@ class Sheet:
         """
         moved = ply.nodal(u)
         if len(moved) != 3:
-            raise ValueError("a sheet: the ply must be in space, Ply(..., dimension=3)")
+            raise ValueError(
+                "sheet: the ply must be in space: use Ply(..., dimension=3)"
+            )
         mesh = ply.mesh
         flat, moved = mesh.p, moved[:, : mesh.nvertices]
         positions = np.pad(flat, ((0, 1), (0, 0))) + moved

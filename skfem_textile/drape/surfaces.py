@@ -211,7 +211,9 @@ class Cone(_OfRevolution):
     def __post_init__(self) -> None:
         angle = float(real_numbers("cone: angle", self.angle))
         if not 0 < angle < np.pi / 2:
-            raise ValueError(f"cone: angle must be between 0 and π/2, got {angle:g}")
+            raise ValueError(
+                f"cone: angle must be between 0 and π/2 radians, got {angle:g}"
+            )
         object.__setattr__(self, "angle", angle)
         self._prepare("cone")
 
@@ -250,7 +252,7 @@ class Torus(_OfRevolution):
             object.__setattr__(self, name, value)
         if self.tube >= self.radius:
             raise ValueError(
-                f"torus: the tube, {self.tube:g} mm, must be smaller than the radius, "
+                f"torus: tube must be smaller than radius, got {self.tube:g} mm and "
                 f"{self.radius:g} mm"
             )
         self._prepare("torus")
@@ -379,8 +381,8 @@ def double_dome(
     lengths = height, length, width, valley
     if not (all(np.isfinite(x) and x > 0 for x in lengths) and 0 <= waist < 1):
         raise ValueError(
-            "double dome: height, length, width and valley must be positive, and the "
-            f"waist from 0 to less than 1, got {(*lengths, waist)}"
+            "double dome: height, length, width and valley must be positive, and "
+            f"waist at least 0 and less than 1, got {(*lengths, waist)}"
         )
 
     def at(x: ndarray, y: ndarray) -> Height:

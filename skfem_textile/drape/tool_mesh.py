@@ -34,20 +34,23 @@ class ToolMesh:
     cells: tuple[ndarray, ...]
 
     def __post_init__(self) -> None:
-        points = real_numbers("a tool: points", self.points)
+        points = real_numbers("tool mesh: points", self.points)
         if points.ndim != 2 or len(points) != 3 or not np.isfinite(points).all():
-            raise MeshError("a tool: points must be finite, shape (3, n)")
+            raise MeshError("tool mesh: points must be finite numbers of shape (3, n)")
         for cell in self.cells:
             if np.ndim(cell) != 2 or len(cell) not in (3, 4):
-                raise MeshError("a tool: cells must be numbers of 3 or 4 nodes each")
+                raise MeshError(
+                    "tool mesh: cells must be node numbers of shape (3, n) or (4, n), "
+                    f"not {np.shape(cell)}"
+                )
             if (
                 np.size(cell)
                 and not 0 <= np.min(cell) <= np.max(cell) < points.shape[1]
             ):
-                raise MeshError("a tool: an element has an undefined node")
+                raise MeshError("tool mesh: an element refers to an undefined node")
         object.__setattr__(self, "points", points)
         if not self.n_elements:
-            raise MeshError("a tool: it has no triangles or quadrilaterals")
+            raise MeshError("tool mesh: there are no triangles or quadrilaterals")
         flat = np.flatnonzero(~(np.linalg.norm(self._area_vectors(), axis=0) > 0))
         if flat.size:
             raise MeshError(f"tool mesh: element {flat[0] + 1} has zero area")
@@ -90,11 +93,14 @@ class ToolMesh:
         """
         start, end = boundary_edges(self.cells)
         if not start.size:
-            raise MeshError("a tool: it is closed, and has no boundary to trim along")
+            raise MeshError(
+                "tool mesh: the surface is closed and has no boundary to trim along"
+            )
         after = dict(zip(start.tolist(), end.tolist(), strict=True))
         if len(after) < len(start) or len(set(after.values())) < len(end):
             raise MeshError(
-                "a tool: its boundary crosses itself, or orientations differ"
+                "tool mesh: the boundary crosses itself, or the elements are oriented "
+                "inconsistently"
             )
         curves = []
         while after:
@@ -104,7 +110,7 @@ class ToolMesh:
                 nodes.append(at)
                 at = after.pop(at)
             if at != begin:
-                raise MeshError("a tool: its boundary is not closed")
+                raise MeshError("tool mesh: the boundary is not a closed curve")
             curves.append(self.points[:, nodes])
         return sorted(curves, key=curve_length, reverse=True)
 

@@ -342,16 +342,21 @@ def _merged(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     vertices = np.asarray(vertices, dtype=float)
     triangles = np.asarray(triangles, dtype=int)
     if vertices.ndim != 2 or len(vertices) != 3 or not np.isfinite(vertices).all():
-        raise MeshError("a surface: vertices must be finite, shape (3, n)")
+        raise MeshError(
+            "triangle mesh: vertices must be finite numbers of shape (3, n)"
+        )
     if triangles.ndim != 2 or len(triangles) != 3 or not triangles.size:
-        raise MeshError("a surface: triangles must be numbers of vertices, (3, n)")
+        raise MeshError(
+            "triangle mesh: triangles must be vertex numbers of shape (3, n), n >= 1"
+        )
     if triangles.min() < 0 or triangles.max() >= vertices.shape[1]:
-        raise MeshError("a surface: a triangle has an undefined vertex")
+        raise MeshError("triangle mesh: a triangle refers to an undefined vertex")
     with np.errstate(over="ignore"):
         extent = np.ptp(vertices, axis=1).max()
     if not _LEAST < extent < _LARGEST:
         raise MeshError(
-            f"a surface: its vertices extend over {extent:.3g} mm: give a file in mm"
+            f"triangle mesh: the vertices extend over {extent:.3g} mm: specify "
+            "coordinates in mm"
         )
     rounded = np.round(vertices / (_ONE * extent)).T
     _, first, number = np.unique(
@@ -363,7 +368,8 @@ def _merged(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     used, numbers = np.unique(triangles, return_inverse=True)
     if len(used) < FITTED:
         raise MeshError(
-            f"a surface: {len(used)} vertices are too few, {FITTED} at least"
+            f"triangle mesh: there are {len(used)} vertices, but at least {FITTED} "
+            "are required"
         )
     return vertices[:, first[used]], numbers.reshape(triangles.shape)
 
@@ -379,6 +385,7 @@ def _vertex_normals(x: ndarray, triangles: ndarray) -> ndarray:
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     if not (length > _FACING * around).all():
         raise MeshError(
-            "a surface: triangles at a vertex face each other, orient them consistently"
+            "triangle mesh: the normals of the triangles at a vertex cancel: orient "
+            "the triangles consistently"
         )
     return normals / length

@@ -58,8 +58,8 @@ class FibreDirections:
             object.__setattr__(self, name, given)
         if self.warp.shape != self.weft.shape:
             raise ValueError(
-                f"{self.warp.shape[1]} directions of warp and {self.weft.shape[1]} of "
-                "weft; specify both for each element"
+                f"there are {self.warp.shape[1]} warp directions but "
+                f"{self.weft.shape[1]} weft directions; specify both for each element"
             )
         Fabric(warp=self.warp, weft=self.weft)  # refuses invalid vectors
 
@@ -87,7 +87,10 @@ class FibreDirections:
         """
         n_elements, n = sum(cell.shape[1] for cell in cells), self.warp.shape[1]
         if n != n_elements:
-            raise ValueError(f"{n} directions for {n_elements} elements")
+            raise ValueError(
+                f"there are {n} fibre directions for {n_elements} elements; specify "
+                "one per element"
+            )
 
     def on(self, fabric: Fabric) -> Fabric:
         """Fabric with the laws of the given fabric and these directions."""
@@ -100,7 +103,7 @@ def _at_angles(degrees: ArrayLike) -> ndarray:
     if given.ndim != 1 or not np.isfinite(given).all():
         raise ValueError("angles must be finite numbers, one for each element")
     if np.abs(given).max(initial=0.0) > MOST_DEGREES:
-        raise ValueError(f"angles must be at most {MOST_DEGREES:g}°, a hundred turns")
+        raise ValueError(f"angles must be within ±{MOST_DEGREES:g}°, a hundred turns")
     turns = np.rint(given / 90.0)
     rest = np.radians(given - 90.0 * turns)
     c, s = np.cos(rest), np.sin(rest)
@@ -150,15 +153,16 @@ class AlongCurve:
         points = np.array(self.points, dtype=float)
         if points.ndim != 2 or len(points) != 2 or points.shape[1] < 2:
             raise ValueError(
-                f"a reference curve needs the shape (2, n), n >= 2, not {points.shape}"
+                "the points of a reference curve must have the shape (2, n), n >= 2, "
+                f"not {points.shape}"
             )
         if not (np.isfinite(points).all() and np.isfinite(self.angle)):
             raise ValueError("a reference curve and its angle must be finite")
         if not (side := np.diff(points)).any(axis=0).all():
-            raise ValueError("two consecutive points of a reference curve coincide")
+            raise ValueError("consecutive points of a reference curve must be distinct")
         unit = side / np.hypot(*side)
         if not (unit[:, 1:] + unit[:, :-1]).any(axis=0).all():
-            raise ValueError("a reference curve turns back on itself")
+            raise ValueError("a reference curve must not turn back on itself")
         object.__setattr__(self, "points", points)
 
     def __call__(self, x: ndarray) -> ndarray:
@@ -257,10 +261,10 @@ def directions_warning(mesh: Mesh, directions: FibreDirections) -> str:
                 near = _apart_deg(direction, turned) < _ALONG_DEG
                 if near.mean() >= _SHARE and _spread_deg(edges) > _ONE_WAY_DEG:
                     return (
-                        f"the {name} runs {how} edge {number} of {near.sum()} of "
-                        f"{near.size} elements, though the directions of these edges "
-                        "vary: the fibre directions seem to depend on the node "
-                        "numbering; specify angles, vectors or a reference curve"
+                        f"the {name} runs {how} edge {number} in {near.sum()} of "
+                        f"{near.size} elements, although the directions of these "
+                        "edges vary; the fibre directions seem to depend on the node "
+                        "numbering: specify angles, vectors or a reference curve"
                     )
     return ""
 

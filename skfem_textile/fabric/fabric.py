@@ -237,8 +237,8 @@ class Fabric:
 def _law(name: str, law: Stiffness) -> Law:
     if isinstance(law, BiaxialLaw):
         raise ValueError(
-            f"{name}: {type(law).__name__} is a law of both fibre strains; pass it "
-            "alone, as tension=law"
+            f"{name}: {type(law).__name__} is a law of both fibre strains: pass it as "
+            "tension=law, not in a pair"
         )
     by_element = isinstance(law, ndarray) and law.ndim == 1
     if not by_element and not isinstance(law, int | float | np.number):
@@ -248,8 +248,8 @@ def _law(name: str, law: Stiffness) -> Law:
                 f"{name} must be a number or a law with energy, value and tangent"
             )
         return law  # type: ignore[return-value]
+    stiffness = real_numbers(name, law)
     try:
-        stiffness = real_numbers(name, law)
         return Linear(stiffness if by_element else float(stiffness))
     except ValueError as error:
         raise ValueError(f"{name} {error}") from None
@@ -270,7 +270,7 @@ def _stiffness(name: str, given: Any) -> ByElement:
     D = real_numbers(name, given)
     if D.ndim > 1 or not (np.isfinite(D) & (D >= 0)).all():
         raise ValueError(
-            f"{name} must be a finite number >= 0, or one per element, in N·mm; got "
+            f"{name} must be a finite number >= 0 in N·mm, or one per element, got "
             f"{given}"
         )
     return D if D.ndim else float(D)
@@ -282,8 +282,8 @@ def _angle(given: Any) -> ByElement:
     refuse_other_units("wrinkling angle", angle, "shear")
     if angle.ndim > 1 or not ((angle > 0) & (angle <= 0.5 * np.pi)).all():
         raise ValueError(
-            "wrinkling angle must be above 0 and at most a right angle, in radians, "
-            f"or one per element; got {given}"
+            "wrinkling angle must be above 0 and at most π/2 radians, as one number "
+            f"or one per element, got {given}"
         )
     return angle if angle.ndim else float(angle)
 
@@ -318,7 +318,8 @@ def unit_vectors(
     if not fits:
         raise ValueError(
             f"{name} must be a vector, a function of position or one vector per "
-            f"element, shape ({d}, n_elements); {a.shape} does not fit points {x.shape}"
+            f"element, shape ({d}, n_elements); the shape {a.shape} does not fit "
+            f"points of shape {x.shape}"
         )
     largest = np.abs(a).max(axis=0)
     if not np.all(np.isfinite(largest) & (largest > 0)):

@@ -54,7 +54,9 @@ def law_to_json(law: Law | BiaxialLaw) -> dict[str, Any]:
     """
     encoded = _encoded("law", law)
     if not isinstance(encoded, dict):
-        raise ValueError(f"{type(law).__name__} is not a law of the package")
+        raise ValueError(
+            f"{type(law).__name__} is not a law of skfem_textile and cannot be written"
+        )
     return encoded
 
 
@@ -68,7 +70,9 @@ def law_of_json(content: Any) -> Any:
     """
     law = _described("law", lambda: _decoded(content))
     if not isinstance(law, _LAWS):
-        raise ValueError("a law is an object with the 'kind' of a law")
+        raise ValueError(
+            "a law must be an object whose key 'kind' is the name of a law"
+        )
     return law
 
 
@@ -134,11 +138,11 @@ def fabric_of_text(content: bytes) -> Fabric:
     """
     parts = _content(content)
     if not isinstance(parts, Mapping) or parts.get("format") != _FORMAT:
-        raise ValueError(f"it does not state the format {_FORMAT!r}")
+        raise ValueError(f"the key 'format' must be {_FORMAT!r}")
     if set(parts) - {"format", *_OTHERS} != set(_PARTS):
         raise ValueError(
-            f"it must have {', '.join(_PARTS)}, it may have {', '.join(_OTHERS)}, and "
-            "nothing else"
+            f"the keys must be {', '.join(_PARTS)} and, optionally, "
+            f"{', '.join(_OTHERS)}"
         )
     return _described("fabric", lambda: _fabric(parts))
 
@@ -148,7 +152,10 @@ def _fabric(content: Mapping[str, Any]) -> Fabric:
     tension = content["tension"]
     if isinstance(tension, Mapping) and "kind" not in tension:
         if set(tension) != {"warp", "weft"}:
-            raise ValueError("tension must be a law, or one for warp and one for weft")
+            raise ValueError(
+                "tension must be a law, or an object with one law for warp and one "
+                "for weft"
+            )
         decoded["tension"] = tuple(decoded["tension"][k] for k in ("warp", "weft"))
     for name in ("warp", "weft"):
         if isinstance(decoded[name], tuple):
@@ -161,7 +168,9 @@ def _described(what: str, make: Any) -> Any:
     try:
         return make()
     except (ValueError, TypeError, OverflowError, AttributeError, KeyError) as error:
-        raise ValueError(printable(error) or f"it does not describe a {what}") from None
+        raise ValueError(
+            printable(error) or f"the content does not describe a {what}"
+        ) from None
 
 
 def _text(content: Any) -> str:
@@ -172,7 +181,7 @@ def _content(content: bytes) -> Any:
     try:
         return json.loads(content.decode("utf-8"), parse_constant=_refuse_constant)
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
-        raise ValueError("it is not JSON in UTF-8") from None
+        raise ValueError("the content is not JSON in UTF-8") from None
 
 
 def _refuse_constant(word: str) -> Any:
@@ -198,7 +207,7 @@ def _encoded(name: str, value: Any) -> Any:
             "element with directions_of, or use AlongCurve"
         )
     raise ValueError(
-        f"{name}: {kind} is not a law of the package and cannot be written"
+        f"{name}: {kind} is not a law of skfem_textile and cannot be written"
     )
 
 
@@ -211,7 +220,7 @@ def _decoded(value: Any) -> Any:
         return {key: _decoded(one) for key, one in value.items()}
     kind = _KINDS.get(value["kind"]) if isinstance(value["kind"], str) else None
     if kind is None:
-        raise ValueError(f"there is no law {excerpt(str(value['kind']))!r}")
+        raise ValueError(f"unknown law {excerpt(str(value['kind']))!r}")
     own = {key: _decoded(one) for key, one in value.items() if key != "kind"}
     if other := set(own) - {f.name for f in fields(kind)}:
         raise ValueError(f"{kind.__name__} has no parameter {excerpt(min(other))!r}")

@@ -412,7 +412,7 @@ def refuse_other_units(
         "tension": ("", f"the largest strain, {most:g}", "per cent"),
         None: ("", angle, "degrees, or in per cent"),
     }[of]
-    question = f": in {unit}?" if ask else ""
+    question = f": is the value in {unit}?" if ask else ""
     raise ValueError(f"{name}: {beyond[0]:.4g}{symbol} exceeds {end}{question}")
 
 
@@ -467,8 +467,8 @@ _QUANTITIES = "warp_strain", "weft_strain", "shear_angle"
 
 # Hint for a shear law that ends at rest.
 _GO_ON = (
-    " (a table that starts at 0 needs odd=True; in a case file, shear.continuation = "
-    "'odd')"
+    " (a table that starts at 0 requires odd=True; in a case file, shear.continuation "
+    "= 'odd')"
 )
 
 # Difference, relative to the end of a law, within which elements count as equally close
@@ -499,7 +499,7 @@ class LawEnd(NamedTuple):
         shown = f"{value:.3g}", f"{end:.3g}"
         if self.quantity == "shear_angle":
             shown = f"{np.degrees(value):.4g}°", f"{np.degrees(end):.4g}°"
-        text = f"the {name} is {shown[0]}, and its law ends at {shown[1]}"
+        text = f"the {name} is {shown[0]}, and the domain of its law ends at {shown[1]}"
         return text + (_GO_ON if self.quantity == "shear_angle" and end == 0 else "")
 
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.user_input import error_text
 from .fabric import Fabric
 from .law import BiaxialLaw, Law, LawAlong, TwoLaws, is_zero
 
@@ -30,13 +31,13 @@ _PARTS = ("energy", "value", "tangent")
 # Lines of strains on which a biaxial law is evaluated: name, direction and start.
 _LINES = (
     ("warp and weft", (1.0, 1.0), (0.0, 0.0)),
-    ("warp against weft", (1.0, -1.0), (0.0, 0.0)),
+    ("warp and shortened weft", (1.0, -1.0), (0.0, 0.0)),
     ("warp", (1.0, 0.0), (0.0, 0.0)),
     ("weft", (0.0, 1.0), (0.0, 0.0)),
     ("warp with stretched weft", (1.0, 0.0), (0.0, 0.3 * _STRAIN)),
-    ("weft beside a stretched warp", (0.0, 1.0), (0.3 * _STRAIN, 0.0)),
-    ("warp beside a shortened weft", (1.0, 0.0), (0.0, -0.3 * _STRAIN)),
-    ("weft beside a shortened warp", (0.0, 1.0), (-0.3 * _STRAIN, 0.0)),
+    ("weft with stretched warp", (0.0, 1.0), (0.3 * _STRAIN, 0.0)),
+    ("warp with shortened weft", (1.0, 0.0), (0.0, -0.3 * _STRAIN)),
+    ("weft with shortened warp", (0.0, 1.0), (-0.3 * _STRAIN, 0.0)),
 )
 
 
@@ -79,9 +80,9 @@ def _check_tensions(law: BiaxialLaw, shape: tuple[int, ...]) -> None:
     off = np.abs(D_12 - D_21)
     if not (off <= _OFF * np.abs(D).max(axis=(0, 1)))[np.isfinite(off)].all():
         raise ValueError(
-            f"tension law, tangent: at ε = {0.5 * _STRAIN:g}, {0.2 * _STRAIN:g} "
-            "∂T₁/∂ε₂ is not ∂T₂/∂ε₁; value must be the derivative of energy, and "
-            "tangent the derivative of value"
+            "tension law, tangent: ∂T₁/∂ε₂ differs from ∂T₂/∂ε₁ at ε₁ = "
+            f"{0.5 * _STRAIN:g}, ε₂ = {0.2 * _STRAIN:g}; value must be the derivative "
+            "of energy, and tangent the derivative of value"
         )
 
 
@@ -151,9 +152,8 @@ def _answer(name: str, law: Law, part: str, x: ndarray) -> ndarray:
         with np.errstate(all="ignore"):
             values = function(argument)
     except Exception as error:  # a user's function may raise anything
-        reason = f"{type(error).__name__} {error}".strip().partition("\n")[0]
         raise ValueError(
-            f"{prefix}fails for an array of shape {x.shape}: {reason}"
+            f"{prefix}an argument of shape {x.shape} raised {error_text(error)}"
         ) from None
     if not isinstance(values, ndarray):
         raise ValueError(
@@ -162,8 +162,8 @@ def _answer(name: str, law: Law, part: str, x: ndarray) -> ndarray:
         )
     if values.shape != x.shape:
         raise ValueError(
-            f"{prefix}must give an array of the shape of its argument, {x.shape}, not "
-            f"{values.shape}"
+            f"{prefix}must return an array of the shape of its argument, {x.shape}, "
+            f"not {values.shape}"
         )
     if values.dtype.kind not in "iuf":
         raise ValueError(f"{prefix}must return real numbers, not {values.dtype}")

@@ -205,7 +205,7 @@ def mesh_along_fibres(
     A[np.abs(A) < _ROUNDING] = 0.0
     h = np.broadcast_to(np.asarray(spacing, dtype=float), 2)
     if not (np.isfinite(h) & (h > 0)).all():
-        raise ValueError(f"the spacing must be positive, got {h}")
+        raise ValueError(f"the spacing must be positive and finite, got {h} mm")
     net = _Net(np.linalg.solve(A, corners), A / h[:, None])
     s, cells = cells_of_net(net.corners, *net.lines(), net.near)
     kind = MeshQuad if len(cells) == 4 else MeshTri
@@ -229,13 +229,17 @@ class _Net:
         closed = self._closed(of_corners)
         if closed is None:
             log.info(
-                "mesh along the fibres: lines of warp and weft do not all meet at the "
-                "sides; elements there may be thin, and lock where a side is fixed"
+                "mesh along the fibres: some lines of warp and weft do not meet at "
+                "the sides; elements there may be thin, and may lock where a side is "
+                "fixed"
             )
         a, b = lines = closed or of_corners
         spacings = [self._spacings(axis, lines[axis]) for axis in range(2)]
         if max(n.sum() for n in spacings) > _MOST:
-            raise MeshError(f"the spacing is too small: more than {_MOST:g} lines")
+            raise MeshError(
+                f"the spacing is too small: the mesh would have more than {_MOST:g} "
+                "lines"
+            )
         counts = [np.ceil(n - 1e-6).clip(min=1).astype(int) for n in spacings]
         if closed:
             counts = self._matched(lines, counts)

@@ -148,8 +148,8 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
         if n != n_originals:
             each = "value" if hasattr(thing, "energy") else "vector"
             raise ValueError(
-                f"{name}: {n} {each}s for {n_originals} elements; give one {each} per "
-                "element"
+                f"{name}: {n} {each}s for {n_originals} elements; specify one {each} "
+                "per element"
             )
         if hasattr(thing, "region"):
             return replace(thing, region=thing.region[parent])
@@ -218,15 +218,16 @@ def fabric_of_regions(
             known = ", ".join(map(repr, subdomains)) or "none"
             raise ValueError(f"the mesh has no subdomain {name!r} (it has: {known})")
         if not isinstance(fabric, Fabric):
-            raise ValueError(f"subdomain {name!r} needs a Fabric, not {fabric!r}")
+            raise ValueError(f"subdomain {name!r} requires a Fabric, not {fabric!r}")
         if (region[subdomains[name]] >= 0).any():
             raise ValueError(f"subdomain {name!r} overlaps another that has a fabric")
         region[subdomains[name]] = number
     if (region < 0).any():
-        left = ", ".join(map(str, np.flatnonzero(region < 0)[:5]))
+        left = np.flatnonzero(region < 0)
+        first, more = ", ".join(map(str, left[:5])), ", ..." if left.size > 5 else ""
         raise ValueError(
-            f"{(region < 0).sum()} element(s) are not in any subdomain with a fabric "
-            f"({left}, ...): define one for them"
+            f"{left.size} element(s) are not in any subdomain with a fabric: "
+            f"{first}{more}; define a fabric for them"
         )
     all_families = [fabric.families for fabric in fabrics.values()]
     warp, weft = zip(*all_families, strict=True)

@@ -68,10 +68,10 @@ def check_mesh(mesh: Mesh) -> None:
     gauss, _ = GAUSS
     used = np.zeros(mesh.p.shape[1], dtype=bool)
     used[mesh.t] = True
-    refuse(f"node(s) belong to no {cell}; remove them", ~used)
+    refuse(f"node(s) belong to no {cell}", ~used, "remove them")
     shared = np.bincount(mesh.t2f.ravel())
     crowded = (shared > 2)[mesh.t2f].any(axis=0)
-    refuse(f"{cell}(s) share an edge with more than one other", crowded)
+    refuse(f"{cell}(s) share an edge with more than one other {cell}", crowded)
     jacobian = det(mesh.mapping().DF(gauss))  # constant for a triangle
     turn = np.sign(jacobian.sum(axis=1))
     x = mesh.p[:, mesh.t]
@@ -79,7 +79,7 @@ def check_mesh(mesh: Mesh) -> None:
     longest = length.max(axis=0)
     inverted = (jacobian * turn[:, None]).min(axis=1) <= _NEGLIGIBLE * longest**2
     collapsed = length.min(axis=0) <= np.maximum(_NEGLIGIBLE * longest, _SHORT)
-    refuse(f"{cell}(s) inverted or degenerate", inverted | collapsed)
+    refuse(f"{cell}(s) are inverted or degenerate", inverted | collapsed)
     refuse(f"{cell}(s) overlap a neighbour", _overlapping(mesh, turn))
     _refuse_contact(mesh, cell)
     for name, edges in (mesh.boundaries or {}).items():
@@ -93,8 +93,8 @@ def refuse_metres(p: ndarray) -> None:
     width, height = np.ptp(p, axis=1)[:2]
     if max(width, height) < _SMALLEST_PLY * (1 - _NEGLIGIBLE):
         raise MeshError(
-            f"the mesh is {width:.4g} mm wide and {height:.4g} mm high: in metres? "
-            "use a larger ply, or coordinates in mm"
+            f"the mesh is {width:.4g} mm wide and {height:.4g} mm high: are the "
+            "coordinates in metres? Use coordinates in mm, or a larger ply"
         )
 
 
@@ -102,8 +102,8 @@ def refuse_positions(p: ndarray) -> None:
     """Refuse positions, shape (2, n), that are not finite or cannot be squared."""
     if p.size == 0:
         raise MeshError("the mesh has no nodes")
-    refuse("node(s) not finite", ~np.isfinite(p).all(axis=0))
-    far = f"node(s) further than {_FAR:g} from the origin"
+    refuse("node(s) have coordinates that are not finite", ~np.isfinite(p).all(axis=0))
+    far = f"node(s) have coordinates beyond ±{_FAR:g} mm"
     refuse(far, (np.abs(p) > _FAR).any(axis=0))
 
 
@@ -136,13 +136,14 @@ def with_edges(mesh: _Mesh) -> _Mesh:
     return with_names(mesh, edges, mesh.subdomains)
 
 
-def refuse(what: str, bad: ndarray) -> None:
+def refuse(what: str, bad: ndarray, advice: str = "") -> None:
     """Raise an error for invalid items, given as one bool per item or as numbers."""
     numbers = np.flatnonzero(bad) if bad.dtype == bool else bad
     if numbers.size:
         first = ", ".join(map(str, numbers[:_LISTED]))
         more = ", ..." if numbers.size > _LISTED else ""
-        raise MeshError(f"{numbers.size} {what}: {first}{more}")
+        remedy = f"; {advice}" if advice else ""
+        raise MeshError(f"{numbers.size} {what}: {first}{more}{remedy}")
 
 
 def _refuse_names(what: str, numbers: ndarray, n: int) -> None:
@@ -150,7 +151,8 @@ def _refuse_names(what: str, numbers: ndarray, n: int) -> None:
     numbers = np.asarray(numbers)
     if numbers.size and (numbers.min() < 0 or numbers.max() >= n):
         raise MeshError(
-            f"{what}: its numbers must be from 0 to {n - 1}; define it again"
+            f"{what}: its numbers must be from 0 to {n - 1}, but range from "
+            f"{numbers.min()} to {numbers.max()}; define it on this mesh"
         )
 
 
@@ -159,22 +161,32 @@ def _refuse_contact(mesh: Mesh, cell: str) -> None:
     boundary = boundary_of(mesh)
     contact = contact_of(boundary)
     if contact is None:
-        raise MeshError("too many boundary edges lie on top of others to be checked")
+        raise MeshError(
+            "the mesh cannot be checked for overlaps, because too many boundary edges "
+            "lie on top of others: keep one layer of cells"
+        )
     refuse(
-        f"{cell}(s) lie on top of others, edge on edge; keep one layer", contact.layered
+        f"{cell}(s) lie on top of others, edge on edge",
+        contact.layered,
+        "keep one layer",
     )
     overlap = f"{cell}(s) overlap others that are not neighbours"
-    refuse(f"{overlap}; the boundary crosses itself there", contact.crossing)
+    refuse(f"{overlap}, where the boundary crosses itself", contact.crossing)
     refuse(
-        "node(s) lie in the interior of an edge; split the cell there or move the node",
+        "node(s) lie in the interior of an edge",
         contact.hanging,
+        "split the cell there or move the node",
     )
     refuse(
-        "node(s) coincide with others; merge them (the sides of a cut may touch only "
-        "if both of its ends are single nodes; otherwise move them apart)",
+        "node(s) coincide with others",
         contact.doubled,
+        "merge them (the sides of a cut may touch only if both of its ends are single "
+        "nodes; otherwise move them apart)",
     )
-    refuse(f"{overlap}; one part of the mesh lies in another", cells_within(boundary))
+    refuse(
+        f"{overlap}, because one part of the mesh lies inside another",
+        cells_within(boundary),
+    )
 
 
 def _overlapping(mesh: Mesh, turn: ndarray) -> ndarray:

@@ -112,7 +112,7 @@ class Pattern:
             if K.data[last.outside].any():
                 raise ValueError(
                     f"term {name!r}: its tangent couples nodes that `couples` does "
-                    "not declare"
+                    "not declare: declare them, or correct the tangent"
                 )
         np.add.at(blocks.reshape(-1), last.slots, K.data[last.inside])
 
@@ -183,6 +183,6 @@ def refuse_unsymmetric(name: str, difference: Any, matrix: Any) -> None:
     if abs(difference).max() > _SYMMETRIC * abs(matrix).max():
         raise ValueError(
             f"term {name!r}: its tangent is not symmetric, so it is not the second "
-            "derivative of an energy; correct its forms, or omit parts without an "
+            "derivative of an energy: correct its forms, or omit parts without an "
             "energy"
         )

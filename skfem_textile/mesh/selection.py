@@ -115,13 +115,17 @@ def selected_nodes(what: str, where: Where, basis: CellBasis) -> ndarray:
             nodes = chosen.ravel()
         else:
             raise ValueError(
-                f"{what}: where must be a boundary's name, node numbers, a function of "
-                f"position, or true or false for each of the {n_nodes} of ply.nodes"
+                f"{what}: where must be the name of a boundary, node numbers, a "
+                f"function of position, or one bool for each of the {n_nodes} nodes "
+                "of ply.nodes"
             )
     if nodes.size == 0:
-        raise ValueError(f"{what} acts on no node")
+        raise ValueError(f"{what}: where selects no nodes")
     if nodes.min() < 0 or nodes.max() >= n_nodes:
-        raise ValueError(f"{what}: node numbers range from 0 to {n_nodes - 1} only")
+        raise ValueError(
+            f"{what}: node numbers must be from 0 to {n_nodes - 1}, but range from "
+            f"{nodes.min()} to {nodes.max()}"
+        )
     return nodes
 
 

@@ -25,8 +25,13 @@ def call_user_function(what: str, function: Callable, *arguments: Any) -> Any:
     try:
         return function(*arguments)
     except Exception as error:  # a user's function may raise anything
-        reason = f"{type(error).__name__} {error}".strip().partition("\n")[0]
-        raise ValueError(f"{what} fails: {reason}") from error
+        raise ValueError(f"{what} raised {error_text(error)}") from error
+
+
+def error_text(error: Exception) -> str:
+    """Type and first line of the message of an exception."""
+    line = str(error).strip().partition("\n")[0]
+    return f"{type(error).__name__}: {line}" if line else type(error).__name__
 
 
 def real_numbers(what: str, value: Any) -> ndarray:
@@ -43,7 +48,7 @@ def real_numbers(what: str, value: Any) -> ndarray:
             return array.astype(float)
     except (TypeError, ValueError):  # as of lists of different lengths
         pass
-    raise ValueError(f"{what} must be real numbers, got {_shortened(value)}")
+    raise ValueError(f"{what} must be real-valued, got {_shortened(value)}")
 
 
 def number_of_text(text: str) -> float:

@@ -117,11 +117,13 @@ def turn_of(name: str, end: Turning, t: float, d: int) -> ndarray:
 
     The rotation must be a finite vector in space, and a finite angle in the plane.
     """
-    subject = f"fibre_ends: the turn of {name!r}"
+    subject = f"fibre_ends: the rotation of {name!r}"
     angle = real_numbers(subject, call_user_function(subject, end, t))
     if angle.shape != ((3,) if d == 3 else ()) or not np.isfinite(angle).all():
         kind = "a vector of 3 angles" if d == 3 else "an angle"
-        raise ValueError(f"{subject} must be {kind} in radians, got {angle} at {t:g}")
+        raise ValueError(
+            f"{subject} must be {kind} in radians, got {angle} at load factor {t:g}"
+        )
     axis = angle if d == 3 else np.array([0.0, 0.0, angle])
     return expm(np.cross(np.eye(3), axis))[:d, :d]
 
@@ -167,7 +169,7 @@ def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd
     """
     if not isinstance(ends, Mapping):
         raise ValueError(
-            "fibre_ends must be a mapping of names of boundaries to "
+            "fibre_ends must be a mapping from names of boundaries to "
             f"{' or '.join(FIBRE_ENDS)}, not {ends!r}"
         )
     boundaries, taken = mesh.boundaries or {}, np.empty(0, dtype=int)
@@ -179,13 +181,19 @@ def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd
             )
         if end not in FIBRE_ENDS and not callable(end):
             raise ValueError(
-                f"fibre_ends: {name!r} must be {', '.join(FIBRE_ENDS)} or a function "
-                f"of the load factor that rotates a clamp, not {end!r}"
+                f"fibre_ends: the value for {name!r} must be {', '.join(FIBRE_ENDS)} "
+                "or a function of the load factor that returns the rotation of a "
+                f"clamp, not {end!r}"
             )
         edges = np.unique(boundaries[name])
         if not np.isin(edges, mesh.boundary_facets()).all():
-            raise ValueError(f"fibre_ends: {name!r} has edges inside the ply")
+            raise ValueError(
+                f"fibre_ends: the boundary {name!r} has edges inside the ply"
+            )
         if np.isin(edges, taken).any():
-            raise ValueError(f"fibre_ends: {name!r} overlaps another of them")
+            raise ValueError(
+                f"fibre_ends: the boundary {name!r} shares edges with another "
+                "boundary in fibre_ends"
+            )
         taken = np.append(taken, edges)
     return dict(ends)

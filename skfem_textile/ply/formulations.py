@@ -266,8 +266,8 @@ class OnePoint(Quadrilaterals):
         refuse_stiffness("stabilisation", self.stabilisation, " or 'auto'")
         if self.stabilisation == "auto" and self.kind != "energy":
             raise ValueError(
-                f"stabilisation auto requires kind energy, not {self.kind}: give a "
-                "number"
+                f"stabilisation='auto' requires kind='energy', not {self.kind!r}: "
+                "specify a number"
             )
 
     @property
@@ -283,7 +283,7 @@ class OnePoint(Quadrilaterals):
             return hourglass_terms(self.stabilisation, basis, fabric)
         if components(basis) == 3 and self.kind != "isotropic":
             raise ValueError(
-                f"stabilisation of kind {self.kind} is for a ply in the plane: use "
+                f"stabilisation of kind {self.kind} requires a ply in the plane: use "
                 "energy or isotropic in space"
             )
         if (C_s := float(self.stabilisation)) == 0:

@@ -182,8 +182,8 @@ def _finite(what: str, value: Any, shape: tuple[int, ...]) -> ndarray:
     array = real_numbers(what, value)
     if array.shape != shape or not np.isfinite(array).all():
         raise ValueError(
-            f"{what}: its value must be finite numbers, shape {shape[:1]}, or a "
-            f"function of position that returns these; got shape {array.shape}"
+            f"{what}: its value must be a finite vector of shape {shape[:1]}, or a "
+            f"function of position that returns such vectors; got shape {array.shape}"
         )
     return array
 
@@ -233,8 +233,8 @@ class Pressure:
             )
         if components(basis) != 3:
             raise ValueError(
-                f"load {self.name!r}: a pressure requires a ply in space: Ply(..., "
-                "dimension=3)"
+                f"load {self.name!r}: a pressure requires a ply in space: use "
+                "Ply(..., dimension=3)"
             )
         quads = isinstance(basis.elem.elem, ElementQuad1)  # type: ignore[attr-defined]
         # The pressure is integrated at the points of the tension: with 2×2 points it
@@ -276,15 +276,15 @@ class PressureTerm(FormTerm):
         )
         if not (flat | upright).all():
             return (
-                "a pressure needs edges that are fixed normal to the ply, or do not "
-                f"move along their own normal: {(~flat & ~upright).sum()} edge(s) of "
-                "the boundary are free, where its work depends on the path"
+                "a pressure requires edges that are fixed normal to the ply, or do "
+                "not move along their own normal: its work depends on the path at "
+                f"{(~flat & ~upright).sum()} free edge(s) of the boundary"
             )
         on_edges = np.unique(dofs[2][np.concatenate([at[~upright] for at in nodes])])
         if on_edges.size and np.abs(_prescribed(supports)[on_edges]).max() > 0:
             return (
-                "a pressure needs edges that stay in the plane z = 0, or do not move "
-                "along their normal"
+                "a pressure requires edges that stay in the plane z = 0, or do not "
+                "move along their normal"
             )
         return ""
 

@@ -222,12 +222,13 @@ def _refuse_other_kinds(dimension: Any, formulation: Any, fabric: Any) -> None:
     """Reject arguments of the wrong type."""
     if dimension not in (2, 3):
         raise ValueError(
-            "dimension must be 2, for a ply in its plane, or 3, for one in space; "
-            f"got {dimension!r}"
+            "dimension must be 2 for a ply in its plane or 3 for one in space, got "
+            f"{dimension!r}"
         )
     if isinstance(formulation, type) or not hasattr(formulation, "tension_term"):
         raise ValueError(
-            f"formulation must be like Macro() or OnePoint(), not {formulation!r}"
+            "formulation must be a formulation such as Macro() or OnePoint(), not "
+            f"{formulation!r}"
         )
     if not isinstance(fabric, Fabric | Mapping):
-        raise ValueError(f"fabric must be a Fabric, like Fabric(1e4), not {fabric!r}")
+        raise ValueError(f"fabric must be a Fabric such as Fabric(1e4), not {fabric!r}")

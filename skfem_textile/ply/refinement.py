@@ -148,7 +148,7 @@ def refine(ply: "Ply", elements: ArrayLike) -> Refinement:
     (40, 282)
     """
     mesh, of, numbers = _triangles(ply.users_mesh, elements)
-    _refuse_terms_of_the_mesh(ply, "refine it without the term")
+    _refuse_terms_of_the_mesh(ply, "refine the ply without the term")
     refined = refine_triangles(mesh, numbers)
     fabric, parent = ply.users_fabric, of[refined.parent]
     if isinstance(fabric, Fabric):
@@ -163,7 +163,10 @@ def refine(ply: "Ply", elements: ArrayLike) -> Refinement:
 def _triangles(mesh: Mesh, elements: ArrayLike) -> tuple[MeshTri, ndarray, ndarray]:
     """Triangles of a mesh, the parent element of each, and those to refine."""
     if isinstance(mesh, SplitMesh):
-        raise MeshError("refine a ply on the mesh before it is split, not on its parts")
+        raise MeshError(
+            "a split mesh cannot be refined: refine a ply on the mesh before it is "
+            "split"
+        )
     if isinstance(mesh, MeshTri):
         numbers = _numbers(elements, mesh.nelements)
         return mesh, np.arange(mesh.nelements), numbers
@@ -182,11 +185,14 @@ def _numbers(elements: ArrayLike, n: int) -> ndarray:
         return np.empty(0, dtype=int)
     if given.ndim != 1 or given.dtype.kind not in "iu":
         raise ValueError(
-            f"elements must be numbers or one bool for each of {n} elements, not "
-            f"{given.dtype} of shape {given.shape}"
+            f"elements must be element numbers or one bool for each of {n} elements, "
+            f"not {given.dtype} of shape {given.shape}"
         )
     if given.min() < 0 or given.max() >= n:
-        raise ValueError(f"elements must be from 0 to {n - 1}")
+        raise ValueError(
+            f"element numbers must be from 0 to {n - 1}, but range from {given.min()} "
+            f"to {given.max()}"
+        )
     return np.unique(given)
 
 
@@ -274,7 +280,7 @@ def refuse_unrefinable(ply: "Ply") -> None:
     _refuse_terms_of_the_mesh(ply, "compare a run with half the element size")
     for term in ply.terms:
         if term.parameters is not None and term.parameters.depends_on_steps:
-            raise ValueError(f"the {term.name} depends on the steps")
+            raise ValueError(f"term {term.name!r} depends on the number of load steps")
 
 
 def _refuse_terms_of_the_mesh(ply: "Ply", otherwise: str) -> None:

@@ -553,7 +553,7 @@ class SumOfTerms:
         if values.shape[-1:] != (n,):
             raise ValueError(
                 f"a field must have a value for each of the {n} elements of ply.mesh "
-                f"along its last axis, not the shape {values.shape}"
+                f"along its last axis, got shape {values.shape}"
             )
         area = self.basis.dx.sum(axis=1)
         share = area / np.bincount(self.parent, area)[self.parent]

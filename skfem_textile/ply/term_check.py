@@ -16,6 +16,7 @@ from skfem import CellBasis
 
 from ..mesh.bases import components
 from ..mesh.pattern import refuse_unsymmetric
+from ..mesh.user_input import error_text
 from .parameters import NO_VALUES, Values
 from .terms import Load, Role, Term
 
@@ -48,7 +49,7 @@ def terms_on_basis(terms: Iterable[Term | Load], basis: CellBasis) -> tuple[Term
     for term in on_basis:
         _check_members(term)
         if term.name in names:
-            raise ValueError(f"two terms are named {term.name!r}; use unique names")
+            raise ValueError(f"two terms have the name {term.name!r}: use unique names")
         names.append(term.name)
         misfit = getattr(term, "misfit", lambda basis: "")(basis)
         if misfit:
@@ -60,16 +61,18 @@ def _check_members(term: Any) -> None:
     """Reject an object that lacks a term member or has one of the wrong type."""
     missing = [name for name in _TERM_MEMBERS if not hasattr(term, name)]
     if isinstance(term, type):
-        raise ValueError(f"{term!r} is not a term: it is a class")
+        raise ValueError(f"{term!r} is a class, not a term: pass an instance")
     if missing:
-        raise ValueError(f"{term!r} is not a term: it has no {', '.join(missing)}")
+        raise ValueError(f"{term!r} is not a term: it lacks {', '.join(missing)}")
     if not (isinstance(term.name, str) and term.name):
-        raise ValueError(f"a term's name must be some text, got {term.name!r}")
+        raise ValueError(
+            f"the name of a term must be a non-empty string, got {term.name!r}"
+        )
     declared = term.parameters
     lacking = [name for name in _PARAMETERS_MEMBERS if not hasattr(declared, name)]
     if declared is not None and lacking:
         raise ValueError(
-            f"term {term.name!r}: its parameters have no {', '.join(lacking)}"
+            f"term {term.name!r}: its parameters lack {', '.join(lacking)}"
         )
     if term.role not in get_args(Role):
         raise ValueError(
@@ -122,7 +125,7 @@ def _compare(
     if not min(predicted) - slack <= change <= max(predicted) + slack:
         derivative = {"energy": "residual", "residual": "tangent"}[part]
         raise ValueError(
-            f"term {term.name!r}: its {part} changes by {change:.4g} where its "
+            f"term {term.name!r}: its {part} changes by {change:.4g}, but its "
             f"{derivative} predicts {np.mean(predicted):.4g}; {_ADVICE}"
         )
 
@@ -161,8 +164,9 @@ def _checked(term: Term, part: str, u: ndarray, t: float) -> Any:
         with np.errstate(all="ignore"):
             return function(u.copy(), t, _at_rest(term))
     except Exception as error:  # a user's function may raise anything
-        reason = f"{type(error).__name__} {error}".strip().partition("\n")[0]
-        raise ValueError(f"term {term.name!r}: its {part} fails: {reason}") from error
+        raise ValueError(
+            f"term {term.name!r}: its {part} raised {error_text(error)}"
+        ) from error
 
 
 def _refuse_shape(

@@ -328,7 +328,9 @@ def factor_at(owner: str, factor: Factor, t: float) -> float:
         answer = call_user_function(subject, factor, t)
     value = real_numbers(subject, answer)
     if value.shape or not np.isfinite(value):
-        raise ValueError(f"{subject} must be a finite number, got {answer} at {t:g}")
+        raise ValueError(
+            f"{subject} must be a finite number, got {answer} at load factor {t:g}"
+        )
     return float(value)
 
 

@@ -83,9 +83,9 @@ class Round:
         change, error = ("none" if x is None else f"{x:.2%}" for x in shares)
         return (
             f"{self.unknowns} unknowns, {self.linear_solves} linear solves"
-            f"{', whole path' if self.whole_path else ''}, load changed by {change}, "
-            f"estimated error {error}"
-            + (f", counted as {self.error:.2%}" if self.error < np.inf else "")
+            f"{' for the whole load path' if self.whole_path else ''}, change of the "
+            f"load: {change}, estimated error: {error}"
+            + (f", error used: {self.error:.2%}" if self.error < np.inf else "")
         )
 
 
@@ -202,11 +202,13 @@ class AdaptiveStepper:
                 f"the tolerance must be between 0 and 1, got {tolerance!r}"
             )
         if not _is_number(most_unknowns):
-            raise ValueError(f"most_unknowns must be a number, got {most_unknowns!r}")
+            raise ValueError(
+                f"most_unknowns must be a real number, got {most_unknowns!r}"
+            )
         if not most_unknowns >= ply.basis.N:
             raise ValueError(
-                f"the ply has {ply.basis.N} unknowns, more than the {most_unknowns} "
-                "that are allowed"
+                f"the ply has {ply.basis.N} unknowns, more than most_unknowns, "
+                f"{most_unknowns}"
             )
         self._ply, self._conditions, self._steps = ply, conditions, steps
         self.tolerance, self.most_unknowns = tolerance, most_unknowns
@@ -235,7 +237,9 @@ class AdaptiveStepper:
             one.
         """
         if resume:
-            raise ValueError("a run to a tolerance has no checkpoint to resume from")
+            raise ValueError(
+                "an adaptive run writes no checkpoint and cannot be resumed"
+            )
         self._rounds = []
         first: tuple[Ply, State] | None = None
         try:
@@ -254,19 +258,21 @@ class AdaptiveStepper:
             # one.
             named = isinstance(error, ValueError | UserError)
             why = error if named else UserError(error)
-            where = "on a finer mesh " if first else ""
+            where = "on a finer mesh: " if first else ""
             raise self._unmet(f"{where}{why}") from error
         result = self.result
         if result.tolerance_met:
             return result
         last = self._rounds[-1].error
         error_text = f"is about {last:.2%}"
+        advice = "; increase most_unknowns or the tolerance"
         if last == np.inf:
             error_text = f"cannot be estimated ({result.estimated_error.reason})"
+            advice = ""
         raise self._unmet(
-            f"with at most {self.most_unknowns} unknowns the tolerance is not met: the "
-            f"error of the load {error_text}, but {100 * self.tolerance:g}% was "
-            "requested"
+            f"the tolerance is not met with at most {self.most_unknowns} unknowns: "
+            f"the error of the load {error_text}, but {100 * self.tolerance:g}% was "
+            f"requested{advice}"
         )
 
     @property
@@ -322,8 +328,8 @@ class AdaptiveStepper:
             state = stepper.run().states[-1]
         except StepError as error:
             if self._rounds:
-                where = f"on a finer mesh, of {ply.basis.N} unknowns, "
-                raise self._unmet(f"{where}the run {error}") from None
+                where = f"on a finer mesh with {ply.basis.N} unknowns: "
+                raise self._unmet(f"{where}{error}") from None
             blamed = error.elements, error.quantity
             raise StepError(str(error), self.result, *blamed) from None
         self._stepper, self._estimate = stepper, None
@@ -343,7 +349,7 @@ class AdaptiveStepper:
                 refinement.ply, self._conditions, u, **self._search
             )
         except NoEquilibriumError as error:
-            log.info("the whole load is applied anew: %s", error)
+            log.info("the load is applied again from zero on the finer mesh: %s", error)
             return self._apply(refinement.ply)
         self._finish(refinement.ply, after, whole_path=False)
         return refinement.ply, after
@@ -354,7 +360,7 @@ class AdaptiveStepper:
         try:
             work = work_of(problem_at(*place, state.load_factor), state)
         except ValueError as none:
-            why = f"the tolerance is a share of a load, but there is none: {none}"
+            why = f"the tolerance is relative to the load, but there is no load: {none}"
             raise self._unmet(why) from None
         change = change_of(self._work, work) if self._rounds else None
         self._work, found = work, estimated_error(*place, state)
@@ -387,15 +393,15 @@ def _refuse_what_cannot_be_refined(ply: Ply, conditions: Conditions) -> None:
         by_number = not (where is None or callable(where) or isinstance(where, str))
         if by_number and condition.nodes(name, ply.basis).max() >= n_vertices:
             raise ValueError(
-                f"condition {name!r} lists nodes by number that are not vertices of "
-                "the mesh and whose positions change on refinement: give a function "
-                "of position"
+                f"condition {name!r} selects nodes by number, some of which are not "
+                "vertices of the mesh and change their positions on refinement: "
+                "specify a function of position"
             )
     finer = refine(ply, np.arange(ply.users_mesh.nelements)).ply
     try:
         Constraints(finer.basis, conditions).fixed_values(1.0)
     except ValueError as error:
-        raise ValueError(f"on a refined mesh {error}") from None
+        raise ValueError(f"on a refined mesh: {error}") from None
 
 
 def _is_number(given: Any) -> bool:

@@ -25,6 +25,10 @@ from .verdict import Trial
 
 # File format version; other versions are refused.
 _FORMAT = 7
+
+# Advice for a checkpoint of another run.
+_OTHER_FOLDER = "; use the arguments of that run, or another folder"
+
 _RUN, _STATES = "run.npz", "state_*.npz"
 
 # Fields of a state with a vector for each condition.
@@ -86,10 +90,10 @@ class Checkpoint:
             self.folder = Path(folder)
         except TypeError:
             raise CheckpointError(
-                f"checkpoint must be a folder, not {folder!r}"
+                f"checkpoint must be the path of a folder, not {folder!r}"
             ) from None
         if "\0" in str(folder):
-            raise CheckpointError(f"checkpoint {str(folder)!r} is not a path")
+            raise CheckpointError(f"checkpoint {str(folder)!r} is not a valid path")
         self._ply, self._constraints = problem.ply, problem.constraints
         given = {"format": _FORMAT, **settings, **_described(problem)}
         self._settings = json.loads(json.dumps(given))
@@ -117,8 +121,8 @@ class Checkpoint:
                 finished = last.text["load_factor"] == 1.0
             if not finished:
                 raise CheckpointError(
-                    f"checkpoint {self.folder} holds an unfinished run: resume it, or "
-                    "remove the folder"
+                    f"checkpoint {self.folder} contains an unfinished run: resume it, "
+                    "or remove the folder"
                 )
         self._run, beside = uuid4().hex, self.folder / f".{_RUN}"
         settings, arrays = self._settings, self._fingerprint()
@@ -216,11 +220,12 @@ class Checkpoint:
 
     def _check_identity(self, run: checksummed.Content) -> None:
         """Refuse a run with other settings or another fingerprint."""
-        another = f"checkpoint {self.folder} is of another run: "
+        another = f"checkpoint {self.folder} belongs to another run: "
         for name, value in self._settings.items():
             if (was := run.text.get(name)) != value:
                 raise CheckpointError(
-                    f"{another}{name} was {_shown(was)}, is {_shown(value)}"
+                    f"{another}{name} was {_shown(was)} and is now "
+                    f"{_shown(value)}{_OTHER_FOLDER}"
                 )
         self._run = run.run
         ours, theirs, missing = self._fingerprint(), run.arrays, np.empty(0)
@@ -230,7 +235,7 @@ class Checkpoint:
             same = old.shape == new.shape and np.array_equal(np.isfinite(old), finite)
             allowed = _SAME * np.abs(new[finite]).max(initial=0.0)
             if not same or np.any(np.abs(old[finite] - new[finite]) > allowed):
-                raise CheckpointError(f"{another}its {name} differ")
+                raise CheckpointError(f"{another}its {name} differ{_OTHER_FOLDER}")
 
     def _fingerprint(self) -> dict[str, ndarray]:
         """Mesh, fibre directions, laws, conditions, and the forces of each term.
@@ -294,9 +299,9 @@ class Checkpoint:
         except OSError as error:
             why = error.strerror or error
             if error.strerror and self._files():  # not where another run writes to it
-                why = f"{why}; what it holds remains"
+                why = f"{why}; the states written before are kept"
             raise CheckpointError(
-                f"cannot write checkpoint {self.folder}: {why}"
+                f"cannot write to checkpoint {self.folder}: {why}"
             ) from None
 
     @contextmanager
@@ -417,15 +422,18 @@ def _state(content: checksummed.Content, before: Sequence[State], ply: Ply) -> S
         saved = {name: content.arrays[f"{term} {name}"] for name in values}
         for name, like in values.items():
             if saved[name].shape != like.shape or saved[name].dtype != like.dtype:
-                raise ValueError(f"its {name} is not of this ply")
+                raise ValueError(f"its {name} does not belong to this ply")
         parameters[term] = type(values)(saved)
     u = content.arrays["u"]
     if u.shape != (ply.basis.N,) or u.dtype != float or not np.isfinite(u).all():
-        raise ValueError("its displacement is not one of this ply")
+        raise ValueError("its displacement does not belong to this ply")
     state = State(u=u, parameters=Frozen(parameters), **text)
     last = before[-1].load_factor if before else -1.0
     if not last < state.load_factor <= 1:
-        raise ValueError(f"its load factor is {state.load_factor}, after {last}")
+        raise ValueError(
+            f"its load factor must be above {last} and at most 1, but is "
+            f"{state.load_factor}"
+        )
     return state
 
 
@@ -437,7 +445,9 @@ def _progress(
     progress = Progress(**{**text, "continuation": path, "clock": clock})
     longest = 1.0 / settings["steps"]
     if not 0 < path.next <= longest * (1 + _SAME):
-        raise ValueError(f"the length of its step is {path.next}")
+        raise ValueError(
+            f"its step length must be above 0 and at most {longest}, but is {path.next}"
+        )
     numbers = list(path.unresolved)
     numbers += [x for end in path.to_compare for x in (end.energy, *end.reactions)]
     if not np.isfinite([progress.elapsed, *clock.seconds.values(), *numbers]).all():

@@ -75,12 +75,12 @@ def read(path: Path, run: str, before: str) -> Content:
         raise ValueError("is not a file")
     body, _, seal = path.read_bytes().rpartition(b"\n")
     if not (match := _SEAL.fullmatch(seal.decode(errors="replace"))):
-        raise ValueError("is damaged: its last line is not a seal")
+        raise ValueError("is damaged: its last line is not a checksum")
     its_run, name, its_digest = match.groups()
     if run and its_run != run:
-        raise ValueError("is of another run")
+        raise ValueError("belongs to another run")
     if name != path.stem:
-        raise ValueError(f"is {name}{path.suffix} under another name")
+        raise ValueError(f"was renamed from {name}{path.suffix}")
     if (digest := _digest(before, its_run, name, body)) != its_digest:
         raise ValueError("is damaged: it or a previous file was modified")
     try:
@@ -116,7 +116,8 @@ class Lock:
         except BlockingIOError:
             self.release()
             raise BlockingIOError(
-                f"another run is writing to {path}: wait for it, or name another place"
+                f"another run is writing to {path}: wait for it to end, or specify "
+                "another path"
             ) from None
         except OSError:  # no such lock on this drive
             self.release()

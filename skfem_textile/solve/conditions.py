@@ -118,8 +118,9 @@ class Condition:
         axes = [i for i, x in enumerate(value) if x is not None]
         if self.direction is not None or len(value) != d or not axes:
             raise ValueError(
-                f"condition {name!r}: the value {value} must have {d} components, some "
-                "of them numbers and None where it is free, and no direction beside it"
+                f"condition {name!r}: a value with None must have {d} components, at "
+                "least one of them a number, and cannot be combined with a direction; "
+                f"got {value}"
             )
         return axes
 
@@ -197,11 +198,11 @@ class Constraints:
         for name, condition in conditions.items():
             if not isinstance(condition, Condition | OnSurface):
                 raise ValueError(
-                    f"condition {name!r} must be a Condition, like "
+                    f"condition {name!r} must be a Condition such as "
                     f"Condition('bottom'), not {type(condition).__name__}"
                 )
         if not conditions:
-            raise ValueError("no conditions: the ply needs displacement conditions")
+            raise ValueError("there are no conditions: specify displacement conditions")
         self._X, self._d = node_positions(basis), components(basis)
         acting = {name: c.nodes(name, basis) for name, c in conditions.items()}
         self.nodes = {name: np.unique(nodes) for name, nodes in acting.items()}
@@ -223,8 +224,8 @@ class Constraints:
         if on:
             if self._d != 3:
                 raise ValueError(
-                    f"condition {next(iter(on))!r}: only a ply in space lies on a "
-                    "surface: Ply(..., dimension=3)"
+                    f"condition {next(iter(on))!r}: a surface requires a ply in "
+                    "space: use Ply(..., dimension=3)"
                 )
             place = self._X, self.turn, self.prescribed
             self.surfaces = SurfaceNodes(on, acting, *place)
@@ -279,8 +280,9 @@ class Constraints:
             node = self._node[remainder.argmax()]
             names = [name for name, nodes in self.nodes.items() if node in nodes]
             raise ValueError(
-                f"conditions {' and '.join(map(repr, names))} disagree at node {node} "
-                f"{tuple(self._X[:, node].round(6).tolist())}, load factor {t:g}"
+                f"conditions {' and '.join(map(repr, names))} prescribe different "
+                f"displacements at node {node}, position "
+                f"{tuple(self._X[:, node].round(6).tolist())}, at load factor {t:g}"
             )
         return q
 

@@ -189,20 +189,26 @@ class Continuation:
         step, shortest = end - t, self.longest / 2.0**self.halvings
         known = step <= _SHORTEST_STEP or by <= _KNOWN_SHARE
         if step > 1.5 * shortest or not known:
-            log.info("step to %g failed, halved: %s", end, failure)
+            log.info(
+                "the step to load factor %g failed and is halved: %s", end, failure
+            )
             self.next, self.cut = 0.5 * step, self.cut + 1
         elif by:
             raise NoEquilibriumError(
-                f"between the load factors {t:.6g} and {end:.6g} the load exceeds a "
-                "limit load: there is no acceptable state near the last one at a "
+                f"the load exceeds a limit load between the load factors {t:.6g} and "
+                f"{end:.6g}: there is no acceptable state near the last one at a "
                 f"higher load ({failure})",
                 failure.elements,
-                "displacements in place of the load, or a smaller load",
+                "prescribed displacements instead of the load, or a smaller load",
             )
         elif self.not_followed_until >= goal or self._short == self.longest:
             raise failure
         else:
-            log.info("step to %g failed, however short: %s", end, failure)
+            log.info(
+                "the step to load factor %g failed even at the minimum length: %s",
+                end,
+                failure,
+            )
             self.not_followed_until = goal
             self.to_compare.clear()
             self.next = self.longest
@@ -220,7 +226,8 @@ class Continuation:
         more = ", ..." if len(self.unresolved) > _SHOWN else ""
         return (
             f"the path was not resolved at load factor {shown}{more}: another number "
-            "of steps may lead to another equilibrium; compare with more steps"
+            "of steps may lead to another equilibrium; compare with a run with more "
+            "steps"
         )
 
 

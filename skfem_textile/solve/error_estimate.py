@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.user_input import error_text
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
 from .conditions import Conditions, Constraints, turned
@@ -61,22 +62,22 @@ def estimated_error(
     if state.load_factor == 0:
         return ErrorEstimate(reason="the load is zero")
     if ply.basis.N > MOST_UNKNOWNS:
-        return ErrorEstimate(reason=f"more than {MOST_UNKNOWNS} unknowns")
+        return ErrorEstimate(reason=f"the ply has more than {MOST_UNKNOWNS} unknowns")
     try:
         refuse_single_nodes(ply, conditions)
         with np.errstate(all="ignore"):  # non-finite values are detected
             return _estimate(ply, conditions, solver, state)
     except NoEquilibriumError as error:
         reason = (
-            f"a finer mesh has no state near: {error}; compare a run with half the "
-            "element size"
+            f"no state was found near this one on a finer mesh: {error}; compare with "
+            "a run with half the element size"
         )
     except MemoryError:
         reason = "there is not enough memory for a finer mesh"
     except ValueError as error:
         reason = str(error)
     except Exception as error:  # from a user's term; computed states are kept
-        reason = f"{type(error).__name__} {error}".strip().partition("\n")[0]
+        reason = error_text(error)
     return ErrorEstimate(reason=reason)
 
 
@@ -94,8 +95,8 @@ def refuse_single_nodes(ply: Ply, conditions: Conditions) -> None:
         nodes = condition.nodes(name, ply.basis)
         if np.isin(ply.mesh.facets, nodes).all(axis=0).any():
             raise ValueError(
-                f"condition {name!r} acts on nodes by number, and a finer mesh has "
-                "further nodes between them: name a boundary"
+                f"condition {name!r} selects nodes by number, but a finer mesh has "
+                "further nodes between them: specify a boundary by name"
             )
 
 
@@ -185,7 +186,7 @@ def _estimate(
     rms = np.sqrt(np.average(off**2, weights=fine.ply.basis.dx.sum(axis=1)))
     change = change_of(before, after) if loaded else 0.0
     if not np.isfinite([change, rms]).all():
-        raise NoEquilibriumError("it is not finite")
+        raise NoEquilibriumError("the estimate is not finite")
     shear_angle = float(SHEAR_ANGLE_OVER_CHANGE * rms)
     if not loaded:
         return ErrorEstimate(None, shear_angle, _NO_LOAD)
@@ -207,7 +208,7 @@ class _Trial:
         self._rate = _rate(problem)
         u, self.parameters = problem.moved(u, np.zeros_like(u)), parameters
         if not problem.in_domain(u, parameters):
-            raise NoEquilibriumError("this state is beyond the end of a law there")
+            raise NoEquilibriumError("this state is outside the domain of a law there")
         self._at(u, tension, 0.0)
 
     def _at(
@@ -251,11 +252,11 @@ def _moved(trial: _Trial, before: ndarray, loaded: bool) -> tuple[ndarray, ndarr
     trial.go(trial.tangent.increment(trial.f, trial.u, values))
     if not loaded and trial.shortened:
         raise NoEquilibriumError(
-            "its first increment reaches the end of a law, and without a load there "
-            "is no criterion for further ones"
+            "the first increment leaves the domain of a law, and without a load there "
+            "is no criterion for further increments"
         )
     if not loaded and trial.tangent.projected:
-        raise NoEquilibriumError("its tangent is not stable")
+        raise NoEquilibriumError("the tangent is not positive definite")
     if trial.shortened or trial.tangent.projected:
         return _settled(trial, before)
     du, now = trial.ahead()
@@ -275,7 +276,7 @@ def _settled(trial: _Trial, before: ndarray) -> tuple[ndarray, ndarray]:
         moved_before = moved
         moved, change = (np.abs((now - x).sum()) for x in (last, before))
         if not np.isfinite(now).all():
-            raise NoEquilibriumError("its load is not finite")
+            raise NoEquilibriumError("the load is not finite")
         near = trial.whole and not trial.tangent.projected and change < size
         if moved <= _SETTLED * change and (near or not trial.shortened):
             return trial.problem.moved(trial.u, du), now

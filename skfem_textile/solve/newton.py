@@ -37,14 +37,14 @@ _STALLED = 100.0
 
 #: Advice where round-off prevents balance.
 LESS_ROUNDING = (
-    "coordinates of mesh and surfaces that are nearer to the origin, for what is left "
-    "is rounding"
+    "coordinates of mesh and surfaces that are closer to the origin, because the "
+    "remaining residual is due to round-off"
 )
 
 # Advice where a ply on a surface finds no balance.
 _ON_SURFACE = (
-    "a ply that ends before sharp corners of the surface; where it has none, tension "
-    "on the edges or fibres that resist bending"
+    "a ply that ends before sharp corners of the surface or, if it has none, tension "
+    "on the edges or fibres with bending stiffness"
 )
 
 # Trial lengths of an increment, each half the previous one, until every law has a value
@@ -327,8 +327,8 @@ class _Progress:
             elif problem.surfaces:
                 advice = _ON_SURFACE
             raise NoEquilibriumError(
-                f"{residual:.2g} N unbalanced after {len(self.residuals)} iterations, "
-                f"tolerance {tolerance:.2g} N",
+                f"the residual is {residual:.2g} N after {len(self.residuals)} "
+                f"iterations, and the tolerance is {tolerance:.2g} N",
                 problem.around(problem.unfixed(f, u)),
                 advice=advice,
             )
@@ -416,7 +416,7 @@ def within_laws(
         + (f": {end}" if end else ""),
         end.elements if end else (),
         "a law with a larger domain (for a table: more points, or "
-        "extrapolation=linear), or a smaller load",
+        "extrapolation='linear'), or a smaller load",
         end.quantity if end else "",
     )
 

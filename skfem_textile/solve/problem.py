@@ -36,9 +36,7 @@ _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 # round_off`).
 _ROUNDINGS = 4
 
-_MORE_STIFFNESS = (
-    "holding the ply in more places, or more stabilisation or shear stiffness"
-)
+_MORE_STIFFNESS = "more supports, or a larger stabilisation or shear stiffness"
 
 
 @dataclass(frozen=True, eq=False)

@@ -91,9 +91,11 @@ class Result:
             wall_time_s=0.0,
             assembly_time_s=0.0,
             solve_time_s=0.0,
-            solver=Choice("none", "a state without a run"),
+            solver=Choice("none", "the state was not computed by a run"),
             surfaces=on,
-            estimate=lambda _: ErrorEstimate(reason="the state is not from a run"),
+            estimate=lambda _: ErrorEstimate(
+                reason="the state was not computed by a run"
+            ),
         )
 
     @property
@@ -169,7 +171,7 @@ class Result:
         angle = error.shear_angle
         how = "none" if angle is None else "by a finer mesh"
         if error.reason:
-            none = "" if angle is None else "; of the load none"
+            none = "" if angle is None else "; none for the load"
             how = f"{how}{none}: {error.reason}"
         tension = ply.fibre_tension(u, state.parameters)
         return {

@@ -191,7 +191,7 @@ class EquilibriumSearch:
         except NoEquilibriumError as failure:
             at_rest = not goal.load_factor and failure.advice != LESS_ROUNDING
             raise NoEquilibriumError(
-                f"no acceptable state at {goal.load_factor:.6g}: {failure}",
+                f"no acceptable state at load factor {goal.load_factor:.6g}: {failure}",
                 failure.elements,
                 _AT_REST if at_rest else failure.advice,
                 failure.quantity,
@@ -209,7 +209,7 @@ def _updated(trial: Trial, parameters: PlyParameters) -> tuple[Start, float]:
     tolerance, tangent = trial.equilibrium.tolerance, trial.equilibrium.tangent
     start = problem.start(u, parameters, tangent)
     if not np.isfinite(start.f).all():
-        raise NoEquilibriumError("the parameters are not finite")
+        raise NoEquilibriumError("the parameters of a term are not finite")
     if problem.unbalanced(start.f, u) <= tolerance:
         return start, 0.0
     before, end = (sum(x.energies.values()) for x in (trial, start))
@@ -235,13 +235,17 @@ def method_of(method: str | Method) -> Method:
     if isinstance(method, str):
         if method not in METHODS:
             raise ValueError(
-                f"unknown method {method!r}: choose of {', '.join(METHODS)}"
+                f"unknown method {method!r}: choose from {', '.join(METHODS)}"
             )
         return METHODS[method]
     if isinstance(method, type) or not hasattr(method, "solve"):
-        raise ValueError(f"{method!r} is neither a nonlinear solver nor its name")
+        raise ValueError(
+            f"method must be a nonlinear solver or its name, not {method!r}"
+        )
     if method.most < 1:
-        raise ValueError(f"{method} must be allowed at least one iteration")
+        raise ValueError(
+            f"the maximum number of iterations must be at least 1, got {method}"
+        )
     return method
 
 

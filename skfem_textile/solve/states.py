@@ -129,8 +129,9 @@ class Iteration(NamedTuple):
 
     def __str__(self) -> str:
         return (
-            f"load factor {self.load_factor:g}, {self.method} {self.number}: "
-            f"{self.residual:.3g} N unbalanced, tolerance {self.tolerance:.3g} N"
+            f"load factor {self.load_factor:g}, {self.method} iteration "
+            f"{self.number}: residual {self.residual:.3g} N, tolerance "
+            f"{self.tolerance:.3g} N"
         )
 
 

@@ -44,8 +44,8 @@ _MOST_STEPS = 1_000_000
 _MOST_HALVINGS = 30
 
 _NOTHING_DRIVES = (
-    "no motion: no condition prescribes a nonzero displacement, and there is no load; "
-    "check the displacements of the conditions"
+    "nothing changes with the load factor: no condition prescribes a nonzero "
+    "displacement, and there is no load; check the displacements of the conditions"
 )
 
 
@@ -178,7 +178,8 @@ class LoadStepper:
         """
         if resume and not self.checkpoint:
             raise ValueError(
-                "no checkpoint to resume from: pass its folder as checkpoint"
+                "there is no checkpoint to resume from: specify its folder as "
+                "checkpoint"
             )
         self._run = Run(self)
         return self._run(resume)
@@ -255,7 +256,7 @@ class Run:
     def result(self) -> Result:
         """Result so far; see `LoadStepper.result`."""
         if not self.states:
-            raise RuntimeError("the load stepper has not been run")
+            raise RuntimeError("the load stepper has not been run: call run()")
         stepper, clock = self._stepper, self.problem.clock
         chosen: Any = self.problem.system.solver
         return Result(
@@ -302,14 +303,16 @@ class Run:
         f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
         if not np.isfinite([*f, *energies.values(), *potentials.values()]).all():
             raise ValueError(
-                "a law has no finite energy or force at rest: it must be defined at 0 "
-                "and around it (for a table from 0: odd=True, continuation = 'odd')"
+                "the energy or force of a law is not finite at rest: the law must be "
+                "defined at 0 and around it (for a table from 0: odd=True; in a case "
+                "file, continuation = 'odd')"
             )
         if checkpoint:
             checkpoint.begin()
         if nothing_to_resume:
             log.warning(
-                "no state to resume from: the run starts from the undeformed ply"
+                "there is no state to resume from: the run starts from the undeformed "
+                "ply"
             )
         tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
@@ -364,7 +367,10 @@ class Run:
         if self.continuation.keeps(step, state, trial.projected, settled):
             self._keep(state, trial.trial)
         else:
-            log.info("step to %g was hard, taken again as two", t)
+            log.info(
+                "the step to load factor %g was difficult and is repeated as two steps",
+                t,
+            )
 
     def _depends_on_steps(self, state: State) -> bool:
         """True if energies depend on the number of steps, however short these are."""
@@ -411,7 +417,7 @@ def _check_arguments(
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
     if not _is_whole(steps, 1, _MOST_STEPS):
         raise ValueError(
-            f"steps must be a whole number from 1 to {_MOST_STEPS}; got {steps!r}"
+            f"steps must be a whole number from 1 to {_MOST_STEPS}, got {steps!r}"
         )
     if not _is_whole(max_halvings, 0, _MOST_HALVINGS):
         raise ValueError(
@@ -422,12 +428,11 @@ def _check_arguments(
     # A bare string is also a collection, of its letters.
     if isinstance(warn_only, str) or not isinstance(warn_only, Collection):
         raise ValueError(
-            f"checks in warn_only must be given as a list, of {known}; got "
-            f"{warn_only!r}"
+            f"warn_only must be a list of checks ({known}), got {warn_only!r}"
         )
     for name in warn_only:
         if name not in [*CHECKS]:  # names may have any type, even an unhashable one
-            raise ValueError(f"unknown check {name!r}: choose of {known}")
+            raise ValueError(f"unknown check {name!r}: choose from {known}")
     for name, function in callbacks.items():
         if function is not None and not callable(function):
             raise ValueError(f"{name} must be a function, not {function!r}")

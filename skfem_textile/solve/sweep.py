@@ -28,6 +28,7 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import Any, Generic, TypeVar
 
+from ..mesh.user_input import error_text
 from .checksummed import Lock
 
 Case = TypeVar("Case")
@@ -48,7 +49,7 @@ _ENTRIES = ["case", "found", "digest"]
 # Maximum number of lines, or of cases, listed in a message.
 _LISTED = 5
 
-_FOREIGN = "{} was not written by a sweep: remove it or name another file"
+_FOREIGN = "{} was not written by a sweep: remove it, or specify another file"
 
 # A fork would share threads and locks of libraries loaded by the caller.
 _SPAWN = get_context("spawn")
@@ -181,8 +182,8 @@ class ResultsFile:
         unused = [str(i) for i in range(1, len(entries) + 1) if i not in used]
         if unused:
             log.warning(
-                "%s: damaged, or at odds with each other, and their cases run again: "
-                "line(s) %s",
+                "%s: line(s) %s are damaged or contradict each other: their cases are "
+                "run again",
                 self._path,
                 _shortened(unused, ", "),
             )
@@ -192,11 +193,12 @@ class ResultsFile:
         """Name of a case; refused if another case has it or it differs between runs."""
         if name in self._names:
             raise ValueError(
-                f"two cases are named {name}: pass a key that distinguishes them"
+                f"two cases have the name {name}: pass a key that distinguishes them"
             )
         if " at 0x" in name:
             raise ValueError(
-                f"a case is named {name}: pass a key with the same name in every run"
+                f"the name of a case, {name}, contains a memory address: pass a key "
+                "that returns the same name in every run"
             )
         self._names.add(name)
         return name
@@ -293,7 +295,8 @@ class _Calls(Generic[Case, Result]):
                 if attempt == self.retries or self.is_broken:
                     self.failed.append((case, error))
                 else:
-                    log.warning("%s: %s; run again", self.key(case), _one_line(error))
+                    text = error_text(error)
+                    log.warning("%s: %s; the case is run again", self.key(case), text)
                     self.submit(case, attempt + 1)
             else:
                 if self.file:
@@ -302,13 +305,13 @@ class _Calls(Generic[Case, Result]):
 
     def error(self) -> SweepError:
         """Error that lists the failed cases on one line."""
-        listed = [f"{self.key(case)}: {_one_line(e)}" for case, e in self.failed]
+        listed = [f"{self.key(case)}: {error_text(e)}" for case, e in self.failed]
         message = f"{len(listed)} case(s) failed: {_shortened(listed, '; ')}"
         if self.is_broken:
             message += (
-                f"; {type(self.executor).__name__} broke as a worker died: "
-                "skfem_textile.solve.sweep.WorkerProcesses replaces it, and a sweep "
-                "into the same file resumes"
+                f"; {type(self.executor).__name__} is broken because a worker process "
+                "died: use skfem_textile.solve.sweep.WorkerProcesses, which replaces "
+                "dead workers, and repeat the sweep with the same file to resume it"
             )
         return SweepError(message, self.failed)
 
@@ -316,10 +319,6 @@ class _Calls(Generic[Case, Result]):
         """Cancel the calls that have not started."""
         for future in self.pending:
             future.cancel()
-
-
-def _one_line(error: Exception) -> str:
-    return f"{type(error).__name__} {error}".strip().partition("\n")[0]
 
 
 def _call(function: Callable[[Case], Result], case: Case, attempt: int) -> Result:
@@ -341,7 +340,7 @@ def _call(function: Callable[[Case], Result], case: Case, attempt: int) -> Resul
         try:
             pickle.loads(pickle.dumps(error))
         except Exception:
-            raise RuntimeError(_one_line(error)) from error
+            raise RuntimeError(error_text(error)) from error
         raise
 
 

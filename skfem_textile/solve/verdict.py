@@ -173,7 +173,7 @@ class Trial:
         if not self.problem.in_domain(self.equilibrium.u, self.equilibrium.parameters):
             end = self.problem.ply.closest_end(self.equilibrium.u)
             raise NoEquilibriumError(
-                "a law is evaluated beyond its domain" + (f": {end}" if end else ""),
+                "a law is evaluated outside its domain" + (f": {end}" if end else ""),
                 end.elements if end else (),
                 "a smaller load, or a law that is defined there",
                 end.quantity if end else "",
@@ -233,7 +233,7 @@ def _element_checks(trial: Trial) -> _Failures:
     folded = np.flatnonzero(~(ratio > 0))
     if folded.size:
         error = NoEquilibriumError(
-            f"{folded.size} element(s) folded, det F down to {ratio.min():.2g}",
+            f"{folded.size} element(s) folded; the smallest det F is {ratio.min():.2g}",
             folded,
             advice="a larger stabilisation, a less distorted mesh or a smaller load",
         )
@@ -252,8 +252,8 @@ def _element_checks(trial: Trial) -> _Failures:
         strain = np.abs(ply.fibre_strain(u, ply.fine_points)[:, torn])
         warp, weft = strain.max(axis=(1, 2))
         error = NoEquilibriumError(
-            f"fibre strain up to {strain.max():.2g} in {torn.size} element(s), beyond "
-            "the maximum of the fibre force",
+            f"the fibre strain reaches {strain.max():.2g} in {torn.size} element(s), "
+            "beyond the maximum of the fibre force",
             torn,
             "a smaller load",
             "weft_strain" if weft > warp else "warp_strain",
@@ -298,8 +298,8 @@ def _energy_checks(trial: Trial) -> _Failures:
     if not low - margin <= rise <= high + margin:
         error = NoEquilibriumError(
             f"the energy changed by {rise:.3g} N·mm, but the work of the forces at "
-            f"the ends of the step is {low:.3g} to {high:.3g}: the step is long, or "
-            "the ply went over to another equilibrium"
+            f"the ends of the step is {low:.3g} to {high:.3g} N·mm: the step is too "
+            "long, or the ply jumped to another equilibrium"
         )
         yield "work", error
 
@@ -309,7 +309,7 @@ def _discretisation_checks(trial: Trial) -> _Failures:
     cure = (
         "refine the mesh; if the stabilisation is given as a number, reduce it"
         if "shear" in trial.energies
-        else "the fabric has no shear stiffness, specify one"
+        else "the fabric has no shear stiffness, so specify one"
     )
     supports = _point_supports(trial.problem, trial.equilibrium.u)
     for role, beginning in _ROLES.items():
@@ -319,8 +319,8 @@ def _discretisation_checks(trial: Trial) -> _Failures:
     whole = abs(sum(trial.energies.values()))
     if held > _CORNER_SHARE * whole:
         error = NoEquilibriumError(
-            f"the corner resistance contributes {held / whole:.0%} of the energy: the "
-            "mesh is too coarse there, or the stabilisation too small"
+            f"the corner resistance contributes {held / whole:.0%} of the energy; "
+            "refine the mesh there, or increase the stabilisation"
         )
         yield "corners", error
 
@@ -342,9 +342,10 @@ def _surface_check(trial: Trial) -> _Failures:
         worst = off[gaps.share[off].argmax()]
         place = ", ".join(f"{x:.3g}" for x in gaps.place[:, worst])
         error = NoEquilibriumError(
-            f"{off.size} element(s), {share:.2g} % of the area, deviate from their "
-            f"surface between nodes, by {gaps.gap[worst]:.2g} mm at ({place}): they "
-            "are large compared with its radius there; refine the mesh there",
+            f"{off.size} element(s), {share:.2g} % of the area, deviate from the "
+            f"surface between nodes, by up to {gaps.gap[worst]:.2g} mm at ({place}): "
+            "the elements are large compared with the radius of the surface; refine "
+            "the mesh there",
             off,
         )
         yield "surface", error

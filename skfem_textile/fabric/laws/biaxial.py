@@ -112,8 +112,8 @@ class CrimpInterchange(BiaxialLaw):
             object.__setattr__(self, name, value)
         if max(self._crimps) > _MOST_CRIMP:
             raise ValueError(
-                f"crimp must be a ratio of at most {_MOST_CRIMP}, like 0.01 for 1 %, "
-                f"got {self.crimp}"
+                f"crimp must be a ratio of at most {_MOST_CRIMP}, such as 0.01 for 1 "
+                f"%, got {self.crimp}"
             )
 
     @property
@@ -348,8 +348,8 @@ class CrimpedYarns(BiaxialLaw):
         object.__setattr__(self, "crimp", pair("crimp", self.crimp, above=0))
         if max(self.crimp) > _CELL_CRIMP:
             raise ValueError(
-                f"crimp must be a ratio of at most {_CELL_CRIMP:g}, like 0.1 for 10 %, "
-                f"got {self.crimp}"
+                f"crimp must be a ratio of at most {_CELL_CRIMP:g}, such as 0.1 for "
+                f"10 %, got {self.crimp}"
             )
         object.__setattr__(self, "springs", pair("springs", self.springs, above=0))
         if self.coupling is not None:

@@ -149,7 +149,7 @@ class TangentShear(ScalarLaw):
             object.__setattr__(self, name, number(name, getattr(self, name)))
         a = number("locking angle", self.angle, above=0)
         if a >= _CLOSED:
-            question = ": in degrees?" if a > 2 * _CLOSED else ""
+            question = ": is the value in degrees?" if a > 2 * _CLOSED else ""
             raise ValueError(
                 f"locking angle must be below 90°, got {np.degrees(a):g}°{question}"
             )

@@ -74,13 +74,15 @@ def refuse_bad_points(
         raise ValueError(f"a table needs at least two points, got {len(rows)}")
     for number, x, y in zip(rows, arguments, values, strict=True):
         if not (np.isfinite(x) and np.isfinite(y)):
-            raise ValueError(f"{row} {number}: {x:g}, {y:g} are not finite numbers")
+            raise ValueError(
+                f"{row} {number}: both numbers must be finite, got {x:g}, {y:g}"
+            )
     falls = np.flatnonzero(np.diff(np.asarray(arguments)) <= 0)
     if falls.size:
         i = int(falls[0])
         raise ValueError(
-            f"{row} {rows[i + 1]}: {arguments[i + 1]:g} follows {arguments[i]:g}; the "
-            "first column must increase"
+            f"{row} {rows[i + 1]}: the argument {arguments[i + 1]:g} must be larger "
+            f"than the previous one, {arguments[i]:g}"
         )
 
 
@@ -181,7 +183,7 @@ def _units(
             return (units[0], units[1]), normalised, kind
     expected = " or ".join(repr(_LIKE[kind]) for kind in ([of] if of else _LIKE))
     raise ValueError(
-        f"{file}, row 1: the header must be like {expected}, got "
+        f"{file}, row 1: the header must be of the form {expected}, got "
         f"'{excerpt(','.join(header))}'"
     )
 
@@ -191,7 +193,8 @@ def _numbers(file: str, line: int, row: list[str]) -> tuple[float, float]:
         x, y = map(number_of_text, row)
     except ValueError:
         raise ValueError(
-            f"{file}, row {line}: '{excerpt(','.join(row))}' is not two numbers"
+            f"{file}, row {line}: two numbers are required, got "
+            f"'{excerpt(','.join(row))}'"
         ) from None
     return x, y
 
@@ -272,7 +275,7 @@ class Tabulated(ScalarLaw):
             )
         if self.odd and (x[0] < 0 or (x[0] == 0 and y[0] != 0)):
             raise ValueError(
-                "an odd law is defined for arguments >= 0 and is zero at 0, but point "
+                "an odd law must have arguments >= 0 and the value 0 at 0, but point "
                 f"1 is {x[0]:g}, {y[0]:g}"
             )
         object.__setattr__(self, "arguments", tuple(x.tolist()))
@@ -281,7 +284,7 @@ class Tabulated(ScalarLaw):
         low, high = self.domain
         if not low <= 0 <= high:
             raise ValueError(
-                f"the table goes from {low:g} to {high:g} and excludes 0, the state "
+                f"the table covers {low:g} to {high:g}, which excludes 0, the state "
                 "at rest: add a point, or extrapolate"
             )
         _ = self._curve
@@ -350,7 +353,9 @@ class Tabulated(ScalarLaw):
         with np.errstate(over="ignore", invalid="ignore"):  # for undefined slopes
             value = PchipInterpolator(x, y)
         if not np.isfinite(value(x)).all():
-            raise ValueError("the values of the table are too large for a cubic")
+            raise ValueError(
+                "the values of the table are too large for cubic interpolation"
+            )
         energy = value.antiderivative()
         return _Curve(*self.shown, energy, value, value.derivative())
 
@@ -400,8 +405,7 @@ class Tabulated(ScalarLaw):
             return
         vars(self)["_told"] = True
         log.warning(
-            "a tabulated law of %g to %g is extrapolated linearly for an argument of "
-            "%g",
+            "a law tabulated from %g to %g is extrapolated linearly to the argument %g",
             low,
             high,
             np.min(x) if np.min(x) < low else np.max(x),

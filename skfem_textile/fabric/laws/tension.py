@@ -326,8 +326,8 @@ class Pretensioned(ScalarLaw):
         low, high = 0.0, _FIRST
         if (at_rest := self._at(low)) > self.tension:
             raise ValueError(
-                f"the law has {at_rest:.4g} N/mm at rest, more than the pretension "
-                f"{self.tension:g}"
+                f"the law has a tension of {at_rest:.4g} N/mm at zero strain, more "
+                f"than the pretension of {self.tension:g} N/mm"
             )
         if at_rest == self.tension:
             return low
@@ -335,8 +335,8 @@ class Pretensioned(ScalarLaw):
         while self._at(min(high, end)) < self.tension:
             if high >= end:
                 raise ValueError(
-                    f"the law has only {self._at(end):.4g} N/mm at a strain of "
-                    f"{end:.4g}, less than the pretension {self.tension:g}"
+                    f"the law reaches only {self._at(end):.4g} N/mm at a strain of "
+                    f"{end:.4g}, less than the pretension of {self.tension:g} N/mm"
                 )
             low, high = high, 2 * high
         high = min(high, end)

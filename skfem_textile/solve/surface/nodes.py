@@ -101,7 +101,8 @@ class SurfaceNodes:
             if taken[own].any():
                 node = own[taken[own]].min()
                 raise ValueError(
-                    f"condition {name!r}: node {node} is also on another surface"
+                    f"condition {name!r}: node {node} is also on another surface; a "
+                    "node can be on one surface only"
                 )
             taken[own] = True
             self._parts.append((name, condition, own))

@@ -111,8 +111,9 @@ class OnSurface:
             hasattr(self.surface, method) for method in methods
         ):
             raise ValueError(
-                f"condition {name!r}: a surface must be like drape.Sphere(100.0), with "
-                f"{', '.join(methods)}, not {self.surface!r}"
+                f"condition {name!r}: surface must have the methods "
+                f"{', '.join(methods)}, as drape.Sphere(100.0) has, not "
+                f"{self.surface!r}"
             )
         surface = CheckedSurface(name, self.surface)
         for method in methods:
