@@ -88,9 +88,9 @@ def main(folder="strip-results"):
         folder.mkdir(exist_ok=True)
         draw_locking(results, scene.displacement, folder / "locking.png")
         plot.shear_angle(*results, filename=folder / "shear_angle.png")
-        print(f"wrote pictures into {folder}")
+        print(f"pictures written to {folder}")
     except (ImportError, RuntimeError) as error:
-        print(f"no pictures: {error}")
+        print(f"the pictures were not drawn: {error}")
 
 
 if __name__ == "__main__":

@@ -81,7 +81,7 @@ def _answer(words: list[str]) -> int:
 def _add_options(parser: argparse.ArgumentParser, study: Study[Any]) -> None:
     add = parser.add_argument
     add("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
-    add("--resume", action="store_true", help="continue an interrupted run in DIR")
+    add("--resume", action="store_true", help="continue an interrupted study in DIR")
     add("--no-render", action="store_true", help="do not draw figures")
     add(
         "--case",

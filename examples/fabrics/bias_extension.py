@@ -25,9 +25,9 @@ result = LoadStepper(ply, scene.conditions, steps=4).run()
 # The exact load is the load with inextensible fibres.
 
 summary = scene.summary(result)
-print(f"load {summary['reaction_y']:.2f} N")
-print(f"load over exact {summary['load_over_exact']:.3f}")
-print(f"largest fibre strain {100 * summary['max_fibre_strain']:.3f} %")
+print(f"load: {summary['reaction_y']:.2f} N")
+print(f"load / exact load: {summary['load_over_exact']:.3f}")
+print(f"largest fibre strain: {100 * summary['max_fibre_strain']:.3f} %")
 assert abs(summary["load_over_exact"] - 1) < 0.05
 
 # %%

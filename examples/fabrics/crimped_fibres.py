@@ -54,7 +54,7 @@ for name, law in fibres.items():
     strain = [state.load_factor for state in states]
     along[name] = strain, [state.reactions["pulled"][0] for state in states]
 exact = 10.0 * crimped.value(np.log([1.01]))[0] / 1.01  # W T/λ
-print(f"force at 1 %: {along['Crimped'][1][-1]:.1f} N, exactly {exact:.1f} N")
+print(f"force at 1 %: {along['Crimped'][1][-1]:.1f} N, exact value: {exact:.1f} N")
 assert abs(along["Crimped"][1][-1] / exact - 1) < 1e-6
 
 plot.curves({"": along}, "Strain (%)", "Force along the warp (N)", "along.png")

@@ -55,7 +55,7 @@ plot.curves(
     "Load (N)",
     filename="load.png",
 )
-print(f"load {found[-1]:.1f} N, inextensible fibres {exact[-1]:.1f} N")
+print(f"load: {found[-1]:.1f} N, with inextensible fibres: {exact[-1]:.1f} N")
 
 # %%
 

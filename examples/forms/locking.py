@@ -29,7 +29,7 @@ results = [
 # %%
 # The load is compared with the load for inextensible fibres.
 
-print(f"{'':12} unknowns  load over exact  largest fibre strain")
+print(f"{'':12} unknowns  load/exact load  largest fibre strain")
 shares = []
 for (scene, formulation), result in zip(cases, results, strict=True):
     summary = scene.summary(result)

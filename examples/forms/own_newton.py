@@ -62,7 +62,7 @@ def pull(u, elongation):
         if not du.any() and np.abs(f[free]).max() < 1e-8 * np.abs(f).max():
             return u
         u = u + solve(*condense(total("tangent", u), -f, x=du, D=fixed))
-    raise RuntimeError("no convergence")
+    raise RuntimeError("Newton's method did not converge")
 
 
 # %%

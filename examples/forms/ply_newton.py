@@ -39,7 +39,7 @@ def equilibrium(u, elongation, parameters):
             return u, f
         K = ply.tangent(u, 1.0, parameters)
         u = u + solve(*condense(K, -f, x=du, D=fixed))
-    raise RuntimeError("no convergence")
+    raise RuntimeError("Newton's method did not converge")
 
 
 # %%

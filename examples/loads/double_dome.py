@@ -35,7 +35,7 @@ results, risks = [case.run() for case in (soft, hard)], []
 for result in results:
     angle = np.degrees(np.abs(result.ply.shear_angle(result.u)).max())
     risk = drape.wrinkle_risk(result.ply, result.u, result.states[-1].parameters)
-    print(f"shear up to {angle:.1f}°, {risk.sum()} elements at risk of wrinkles")
+    print(f"shear angle up to {angle:.1f}°, {risk.sum()} elements at risk of wrinkles")
     risks.append(risk)
 
 # %%

@@ -34,8 +34,8 @@ a = brentq(lambda a: 2 * a * np.sinh(span / (2 * a)) - LENGTH, 10.0, 1000.0)
 exact = a * (np.cosh(span / (2 * a)) - 1)
 sag = -ply.nodal(result.u)[2].min()
 pull = result.states[-1].reactions["right"][0]
-print(f"sag {sag:.2f} mm, chain {exact:.2f} mm")
-print(f"pull {pull:.4f} N, chain {WEIGHT * WIDTH * a:.4f} N")
+print(f"sag: {sag:.2f} mm, catenary: {exact:.2f} mm")
+print(f"pull: {pull:.4f} N, catenary: {WEIGHT * WIDTH * a:.4f} N")
 assert abs(sag / exact - 1) < 0.01
 
 # %%

@@ -77,11 +77,11 @@ curve = np.array([80 * np.cos(t), 80 * np.sin(t), 0 * t])
 sheet = drape.Sheet.of_ply(ply, u)
 sheet = replace(sheet, positions=scene.axes.of_tool(sheet.positions))
 pattern = drape.flat_pattern(sheet, curve)
-print(f"cut {pattern.area:.0f} mm² along {pattern.length:.0f} mm")
+print(f"cut area: {pattern.area:.0f} mm², cut length: {pattern.length:.0f} mm")
 assert pattern.area > np.pi * 80**2
 io.write_pattern(folder / "pattern.svg", pattern)
 np.savetxt(folder / "trim.csv", curve.T, delimiter=",", header="x,y,z", comments="")
-print("tool.stl, trim.csv and pattern.svg are in", folder)
+print("tool.stl, trim.csv and pattern.svg written to", folder)
 
 # %%
 # The part from above, and its flat pattern. Lines are warp (blue) and weft (green)

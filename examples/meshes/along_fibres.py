@@ -34,8 +34,8 @@ for mesh, formulation in (("irregular", None), (net, Quadratic())):
     summary = scene.summary(results[-1])
     print(
         f"{ply.formulation.title:20} {summary['n_dofs']:5} unknowns, position error "
-        f"{summary['displacement_error_max']:.3f} mm, "
-        f"load over exact {summary['load_over_exact']:.4f}"
+        f"{summary['displacement_error_max']:.3f} mm, load / exact load "
+        f"{summary['load_over_exact']:.4f}"
     )
 assert summary["displacement_error_max"] < 0.05
 

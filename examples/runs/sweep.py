@@ -80,4 +80,4 @@ if __name__ == "__main__":
         f"E/G = {ratio:,.0f}": (ANGLES, [shares[ratio, angle] for angle in ANGLES])
         for ratio in RATIOS
     }
-    plot.curves({"": curves}, "Shear angle (°)", "Load over exact", "load.png")
+    plot.curves({"": curves}, "Shear angle (°)", "Load / exact load", "load.png")

@@ -71,7 +71,11 @@ def check_mesh(mesh: Mesh) -> None:
     refuse(f"node(s) belong to no {cell}", ~used, "remove them")
     shared = np.bincount(mesh.t2f.ravel())
     crowded = (shared > 2)[mesh.t2f].any(axis=0)
-    refuse(f"{cell}(s) share an edge with more than one other {cell}", crowded)
+    refuse(
+        f"{cell}(s) share an edge with more than one other {cell}",
+        crowded,
+        "keep one layer",
+    )
     jacobian = det(mesh.mapping().DF(gauss))  # constant for a triangle
     turn = np.sign(jacobian.sum(axis=1))
     x = mesh.p[:, mesh.t]
@@ -79,8 +83,9 @@ def check_mesh(mesh: Mesh) -> None:
     longest = length.max(axis=0)
     inverted = (jacobian * turn[:, None]).min(axis=1) <= _NEGLIGIBLE * longest**2
     collapsed = length.min(axis=0) <= np.maximum(_NEGLIGIBLE * longest, _SHORT)
-    refuse(f"{cell}(s) are inverted or degenerate", inverted | collapsed)
-    refuse(f"{cell}(s) overlap a neighbour", _overlapping(mesh, turn))
+    correct = "correct the positions or the order of their nodes"
+    refuse(f"{cell}(s) are inverted or degenerate", inverted | collapsed, correct)
+    refuse(f"{cell}(s) overlap a neighbour", _overlapping(mesh, turn), correct)
     _refuse_contact(mesh, cell)
     for name, edges in (mesh.boundaries or {}).items():
         _refuse_names(f"boundary {name!r}", edges, mesh.nfacets)

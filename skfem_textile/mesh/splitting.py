@@ -52,11 +52,11 @@ def named_edges(name: str, points: ndarray, edges: ndarray, ends: ndarray) -> nd
     if missing.size:
         a, b = missing[:, 0].tolist()
         more = missing.shape[1] - 1
-        others = f", and neither are {more} more pair(s) of nodes" if more else ""
+        others = f", or {more} further pair(s) of its nodes" if more else ""
         raise MeshError(
-            f"boundary {name!r}: nodes {a} and {b}, at {_position(points, a)} and "
-            f"{_position(points, b)}, are not joined by an edge of the mesh{others}; "
-            "specify edges of cells"
+            f"boundary {name!r}: no edge of the mesh joins nodes {a} and {b}, at "
+            f"{_position(points, a)} and {_position(points, b)}{others}; specify "
+            "edges of cells"
         )
     return numbers
 

@@ -277,7 +277,7 @@ def finer_ply(ply: "Ply") -> FinerPly:
 
 def refuse_unrefinable(ply: "Ply") -> None:
     """Reject a ply that cannot be rebuilt or a state that cannot be transferred."""
-    _refuse_terms_of_the_mesh(ply, "compare a run with half the element size")
+    _refuse_terms_of_the_mesh(ply, "compare with a run at half the element size")
     for term in ply.terms:
         if term.parameters is not None and term.parameters.depends_on_steps:
             raise ValueError(f"term {term.name!r} depends on the number of load steps")

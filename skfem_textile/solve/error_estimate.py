@@ -70,7 +70,7 @@ def estimated_error(
     except NoEquilibriumError as error:
         reason = (
             f"no state was found near this one on a finer mesh: {error}; compare with "
-            "a run with half the element size"
+            "a run at half the element size"
         )
     except MemoryError:
         reason = "there is not enough memory for a finer mesh"

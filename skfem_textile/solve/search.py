@@ -235,7 +235,7 @@ def method_of(method: str | Method) -> Method:
     if isinstance(method, str):
         if method not in METHODS:
             raise ValueError(
-                f"unknown method {method!r}: choose from {', '.join(METHODS)}"
+                f"unknown method {method!r}: choose one of {', '.join(METHODS)}"
             )
         return METHODS[method]
     if isinstance(method, type) or not hasattr(method, "solve"):

@@ -432,7 +432,7 @@ def _check_arguments(
         )
     for name in warn_only:
         if name not in [*CHECKS]:  # names may have any type, even an unhashable one
-            raise ValueError(f"unknown check {name!r}: choose from {known}")
+            raise ValueError(f"unknown check {name!r}: choose one of {known}")
     for name, function in callbacks.items():
         if function is not None and not callable(function):
             raise ValueError(f"{name} must be a function, not {function!r}")

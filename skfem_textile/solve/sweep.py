@@ -218,7 +218,7 @@ class ResultsFile:
         except OSError as error:
             raise OSError(
                 f"cannot write results to {self._path}: {error.strerror or error}; "
-                "its content is kept, and a sweep resumes from it"
+                "its content is kept; repeat the sweep with this file to resume it"
             ) from None
         return json.loads(result_text)
 

@@ -68,12 +68,15 @@ def main(check: bool) -> int:
         if right != text:
             texts[page] = right
     if check:
-        defects += [f"{_name(file)} differs from its data" for file in texts]
+        defects += [
+            f"{_name(file)} differs from its data: run python -m studies figures"
+            for file in texts
+        ]
         defects += unmarked()
         for name, study in published.items():
             folder = _folder_of(name, study)
             if name not in provenance.read(folder):
-                defects.append(f"{_name(folder)}: no provenance of {name}")
+                defects.append(f"{_name(folder)}: the provenance of {name} is missing")
             defects += [f"{name}, {text}" for text in _differences(study, folder)]
     else:
         for file, text in texts.items():

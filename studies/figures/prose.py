@@ -73,10 +73,12 @@ def unmarked() -> list[str]:
         prose = of_page(page.read_text(encoding="utf-8"))
         for phrase in reviewed.get(name, []):
             if phrase not in prose:
-                defects.append(f"{SETTINGS.name}: {name} lacks {phrase!r}")
+                defects.append(
+                    f"{SETTINGS.name}: the phrase {phrase!r} is not in {name}"
+                )
             prose = prose.replace(phrase, " ")
         defects += [
-            f"{name}: unmarked result {found!r} in {near!r}"
+            f"{name}: the result {found!r} has no marker in {near!r}"
             for found, near in results_in(prose)
         ]
     return defects

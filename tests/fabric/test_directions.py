@@ -32,7 +32,7 @@ def test_angles_come_back_and_right_angles_are_exact():
     [
         ([0.0], [0.0], "parallel"),
         ([0.0], [np.inf], "finite"),
-        ([0.0, 1.0], [90.0], "2 directions of warp and 1 of weft"),
+        ([0.0, 1.0], [90.0], "there are 2 warp directions but 1 weft directions"),
         ([], [], "shape"),
     ],
 )
@@ -86,7 +86,7 @@ def test_a_curve_that_is_none_is_refused(points):
 
 
 def test_directions_along_first_edges_are_told_and_those_of_a_field_are_not():
-    assert "edge 1 of 30 of 30" in directions_warning(
+    assert "edge 1 in 30 of 30" in directions_warning(
         MESH, FibreDirections(EDGES, ACROSS)
     )
     constant = directions_of(MESH, Fabric(warp=(1, 1), weft=(-1, 1)))

@@ -84,9 +84,9 @@ def test_one_direction_per_element_must_count_the_elements():
 @pytest.mark.parametrize(
     ("warp", "message"),
     [
-        ("right", "warp must be real numbers, got 'right'"),
-        ((1j, 0), "warp must be real numbers"),
-        ([[1], [1, 2]], "warp must be real numbers"),
+        ("right", "warp must be real-valued, got 'right'"),
+        ((1j, 0), "warp must be real-valued"),
+        ([[1], [1, 2]], "warp must be real-valued"),
     ],
 )
 def test_directions_that_are_no_numbers_are_named(warp, message):

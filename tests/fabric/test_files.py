@@ -61,24 +61,30 @@ SHEAR_HEADER = "shear angle (deg),moment (N mm/mm2)\n"
     [
         ("", "law.csv: the file is empty"),
         (b"\xff\xfe", "not a CSV file in UTF-8"),
-        ("0,0\n1,1\n", "row 1: the header must be like 'shear angle .*, got '0,0'"),
-        ("shear angle,moment\n0,0\n1,1", "row 1: the header must be like"),
+        (
+            "0,0\n1,1\n",
+            "row 1: the header must be of the form 'shear angle .*, got '0,0'",
+        ),
+        ("shear angle,moment\n0,0\n1,1", "row 1: the header must be of the form"),
         ("shear angle (grad),moment (N/mm)\n0,0\n1,1", "row 1: the header must be"),
         ("shear angle (deg),tension (N/mm)\n0,0\n1,1", "row 1: the header must be"),
         ("shear angle (deg);moment (N/mm)\n0;0\n1;1", "separated by semicolons"),
         (SHEAR_HEADER, "law.csv, a table needs at least two points, got 0"),
         (SHEAR_HEADER + "0,0\n", "a table needs at least two points, got 1"),
-        (SHEAR_HEADER + "0,0\n1;1\n", "row 3: '1;1' is not two numbers"),
-        (SHEAR_HEADER + "0,0\n1,1,1\n", "row 3: '1,1,1' is not two numbers"),
-        (SHEAR_HEADER + "0,0\n1,x\n", "row 3: '1,x' is not two numbers"),
-        (SHEAR_HEADER + "0,0\n\n1,inf\n", "row 4: 1, inf are not finite numbers"),
+        (SHEAR_HEADER + "0,0\n1;1\n", "row 3: two numbers are required, got '1;1'"),
+        (SHEAR_HEADER + "0,0\n1,1,1\n", "row 3: two numbers are required, got '1,1,1'"),
+        (SHEAR_HEADER + "0,0\n1,x\n", "row 3: two numbers are required, got '1,x'"),
+        (
+            SHEAR_HEADER + "0,0\n\n1,inf\n",
+            "row 4: both numbers must be finite, got 1, inf",
+        ),
         (
             SHEAR_HEADER + "0,0\n\n2,1\n1,2",
-            "row 5: 1 follows 2; the first column must",
+            "row 5: the argument 1 must be larger than the previous one, 2",
         ),
         (
             SHEAR_HEADER + "1,0\n2,1\n",
-            "law.csv: the table goes from 0.0174533 to .* excludes 0",
+            "law.csv: the table covers 0.0174533 to .* excludes 0",
         ),
     ],
 )
@@ -91,7 +97,9 @@ def test_what_is_no_table_is_refused_by_file_and_row(tmp_path, text, message):
 def test_a_table_of_the_other_kind_is_refused(tmp_path):
     file = written(tmp_path, SHEAR_HEADER + "0,0\n1,1\n")
     assert Tabulated.from_csv(file, of="shear").values == (0.0, 1.0)
-    with pytest.raises(ValueError, match=r"must be like 'fibre strain \(-\),tension"):
+    with pytest.raises(
+        ValueError, match=r"must be of the form 'fibre strain \(-\),tension"
+    ):
         Tabulated.from_csv(file, of="tension")
 
 
@@ -105,7 +113,7 @@ def test_a_table_of_the_other_kind_is_refused(tmp_path):
         ),
         (
             "fibre strain (-),tension (N/mm)\n0,0\n3,9\n",
-            "largest strain, 1: in per",
+            "largest strain, 1: is the value in per",
         ),
     ],
 )
@@ -169,10 +177,13 @@ def is_law(one):
     ("content", "said"),
     [
         ("{", "not JSON"),
-        ("[]", "an object with the 'kind' of a law"),
-        ("3", "an object with the 'kind' of a law"),
-        ('{"kind": "AlongCurve", "points": [[0, 1], [0, 1]]}', "with the 'kind' of a"),
-        ('{"kind": "Cubic"}', "no law 'Cubic'"),
+        ("[]", "an object whose key 'kind' is the name of a law"),
+        ("3", "an object whose key 'kind' is the name of a law"),
+        (
+            '{"kind": "AlongCurve", "points": [[0, 1], [0, 1]]}',
+            "'kind' is the name of a law",
+        ),
+        ('{"kind": "Cubic"}', "unknown law 'Cubic'"),
         (
             '{"kind": "Sin2", "stiffness": 1, "angle": 2}',
             "Sin2 has no parameter 'angle'",

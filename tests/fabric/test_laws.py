@@ -246,7 +246,7 @@ def test_a_table_ends_its_domain_or_goes_on_straight_with_one_warning(caplog):
     assert caplog.records == []
     further.energy(outside), further.energy(2 * outside)
     assert [record.levelno for record in caplog.records] == [logging.WARNING]
-    assert "a tabulated law of -0.3 to 0.3 is extrapolated" in caplog.text
+    assert "law tabulated from -0.3 to 0.3 is extrapolated" in caplog.text
 
 
 def test_a_run_stops_where_a_table_ends():
@@ -346,33 +346,36 @@ REFUSED = {
     ),
     "falling": (
         lambda: Tabulated([0.0, 0.2, 0.1], [0.0, 1.0, 2.0]),
-        "point 3: 0.1 follows 0.2; the first column must increase",
+        "point 3: the argument 0.1 must be larger than the previous one, 0.2",
     ),
-    "twice": (lambda: Tabulated([0, 0.1, 0.1], [0, 1, 2]), "point 3: 0.1 follows"),
+    "twice": (
+        lambda: Tabulated([0, 0.1, 0.1], [0, 1, 2]),
+        "point 3: the argument 0.1 must",
+    ),
     "not finite": (
         lambda: Tabulated([0.0, 0.1], [0.0, np.nan]),
-        "point 2: 0.1, nan are not finite numbers",
+        "point 2: both numbers must be finite, got 0.1, nan",
     ),
     "of two lengths": (
         lambda: Tabulated([0.0, 0.1], [0.0]),
         r"the same number of values, got shapes \(2,\) and \(1,\)",
     ),
-    "text": (lambda: Tabulated("ab", [0.0]), "arguments must be real numbers"),
+    "text": (lambda: Tabulated("ab", [0.0]), "arguments must be real-valued"),
     "another extrapolation": (
         lambda: Tabulated([0, 1], [0, 1], "cubic"),
         "extrapolation must be refuse or linear, got 'cubic'",
     ),
     "odd of both signs": (
         lambda: Tabulated([-1, 1], [0, 1], odd=True),
-        "an odd law is defined for arguments >= 0 and.* but point 1 is -1, 0",
+        "an odd law must have arguments >= 0 and.* but point 1 is -1, 0",
     ),
     "odd with a jump": (
         lambda: Tabulated([0, 1], [0.5, 1], odd=True),
-        "and is zero at 0, but point 1 is 0, 0.5",
+        "and the value 0 at 0, but point 1 is 0, 0.5",
     ),
     "without rest": (
         lambda: Tabulated([0.1, 1], [0.5, 1]),
-        "the table goes from 0.1 to 1 and excludes 0, the state at rest:",
+        "the table covers 0.1 to 1, which excludes 0, the state at rest",
     ),
     "too steep": (
         lambda: Tabulated([0, 1e-300], [0, 1e300]),
@@ -419,11 +422,11 @@ REFUSED = {
     ),
     "a tension out of reach": (
         lambda: Pretensioned(Tabulated([0, 0.01], [0, 2]), 3.0),
-        "the law has only 2 N/mm at a strain of 0.01, less than the pretension 3",
+        "the law reaches only 2 N/mm at a strain of 0.01, less than the pretension of 3",
     ),
     "in tension already": (
         lambda: Pretensioned(Tabulated([0, 0.01], [1, 2]), 0.5),
-        "the law has 1 N/mm at rest, more than the pretension 0.5",
+        "the law has a tension of 1 N/mm at zero strain, more than the pretension of 0.5",
     ),
 }
 

@@ -142,7 +142,7 @@ def test_a_run_with_two_fabrics_is_resumed_and_told_from_others(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         stepper(regions, stop).run()
-    with pytest.raises(ValueError, match="of another run"):
+    with pytest.raises(ValueError, match="belongs to another run"):
         stepper({"left": RIGHT, "right": LEFT}).run(resume=True)
     assert stepper(regions).run(resume=True).converged
 
@@ -160,8 +160,8 @@ def test_a_scene_has_no_exact_load_for_several_laws():
     [
         ({"left": LEFT}, "are not in any subdomain with a fabric"),
         ({"left": LEFT, "rigth": RIGHT}, "no subdomain 'rigth'"),
-        ({"left": LEFT, "right": 1e4}, "'right' needs a Fabric"),
-        (Fabric(np.ones(7)), "7 values for 30 elements; give one value per element"),
+        ({"left": LEFT, "right": 1e4}, "'right' requires a Fabric"),
+        (Fabric(np.ones(7)), "7 values for 30 elements; specify one value per element"),
     ],
 )
 def test_fabrics_that_do_not_fit_are_refused(fabric, complaint):

@@ -156,8 +156,8 @@ def test_a_split_mesh_that_was_renumbered_is_not_taken_for_macro_elements():
 def test_an_edge_that_the_mesh_has_not_is_told_by_name_and_nodes():
     points, cells = TRIANGLE_AND_QUAD
     message = (
-        r"boundary 'clamp\\n': no edge of the mesh joins nodes 0 and 2 at "
-        r"\(0, 0\) and \(1, 1\), nor 1 more of its pair"
+        r"boundary 'clamp\\n': no edge of the mesh joins nodes 0 and 2, at "
+        r"\(0, 0\) and \(1, 1\), or 1 further pair"
     )
     ends = {"clamp\n": np.array([[0, 0, 3], [1, 2, 4]])}
     with pytest.raises(MeshError, match=message):

@@ -132,7 +132,7 @@ def test_a_strip_is_loaded_with_nothing_tuned(G):
 
 
 def test_what_makes_no_sense_is_refused():
-    with pytest.raises(ValueError, match="auto requires kind energy"):
+    with pytest.raises(ValueError, match="stabilisation='auto' requires kind='energy'"):
         OnePoint("auto", kind="rate")
     with pytest.raises(ValueError, match="number >= 0 or 'auto', got much"):
         OnePoint("much")

@@ -134,8 +134,8 @@ def test_bending_stiffnesses_that_are_none_are_refused(wrong):
     [
         ({"nowhere": "clamped"}, "no boundary 'nowhere'"),
         ({"left": "glued"}, "must be clamped, mirror or a function.* not 'glued'"),
-        ({"left": lambda t: (0.0, t, 0.0)}, "turn of 'left' must be an angle"),
-        ({"left": "clamped", "same": "mirror"}, "overlaps"),
+        ({"left": lambda t: (0.0, t, 0.0)}, "rotation of 'left' must be an angle"),
+        ({"left": "clamped", "same": "mirror"}, "shares edges with another"),
         ({"middle": "clamped"}, "inside the ply"),
         ("clamped", "must be a mapping"),
     ],

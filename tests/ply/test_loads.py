@@ -131,12 +131,12 @@ def test_the_work_of_a_load_is_the_energy_that_it_stores():
     [
         (Force("tpo", (1, 0)), "no boundary 'tpo'"),
         (Traction("tpo", (1, 0)), "no boundary 'tpo'"),
-        (Force("top", (1, 0, 0)), "finite numbers"),
-        (Force("top", (1, np.nan)), "finite numbers"),
-        (Traction("top", "much"), "must be real numbers"),
-        (Traction("top", lambda x: 1 / 0), "fails: ZeroDivisionError"),
-        (BodyForce(lambda x: x[0]), "finite numbers"),
-        (Force([999], (1, 0)), "node numbers range from 0 to"),
+        (Force("top", (1, 0, 0)), "finite vector"),
+        (Force("top", (1, np.nan)), "finite vector"),
+        (Traction("top", "much"), "must be real-valued"),
+        (Traction("top", lambda x: 1 / 0), "raised ZeroDivisionError"),
+        (BodyForce(lambda x: x[0]), "finite vector"),
+        (Force([999], (1, 0)), "node numbers must be from 0 to"),
     ],
 )
 def test_loads_that_nobody_can_mean_are_refused(load, complaint):
@@ -376,7 +376,7 @@ def test_edges_on_planes_of_symmetry_may_rise():
 @pytest.mark.parametrize(
     ("conditions", "reason"),
     [
-        ({"left": Condition("left")}, "boundary are free"),
+        ({"left": Condition("left")}, "free edge.s. of the boundary"),
         (
             {
                 name: Condition(name, (0.0, 0.0, 1.0))

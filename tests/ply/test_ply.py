@@ -100,11 +100,17 @@ CENTRE_NODE = int(np.argmin(np.abs(SQUARES.p - 0.5).sum(axis=0)))
     ("mesh", "message"),
     [
         (MeshHex(), "must be a skfem.MeshQuad or a skfem.MeshTri .*, not MeshHex1"),
-        (moved(CENTRE_NODE, np.nan), r"1 node\(s\) not finite: 8"),
-        (moved(CENTRE_NODE, 0.8), r"1 quadrilateral\(s\) inverted or degenerate: 2"),
+        (
+            moved(CENTRE_NODE, np.nan),
+            r"1 node\(s\) have coordinates that are not finite: 8",
+        ),
+        (
+            moved(CENTRE_NODE, 0.8),
+            r"1 quadrilateral\(s\) are inverted or degenerate: 2",
+        ),
         (
             MeshQuad(np.array([[0, 1, 1, 0], [0, 0, 1, 0.0]]), np.arange(4)[:, None]),
-            r"1 quadrilateral\(s\) inverted or degenerate.*: 0",
+            r"1 quadrilateral\(s\) are inverted or degenerate.*: 0",
         ),
         (
             MeshQuad(np.array([[0, 1, 0, 1], [0, 0, 1, 1.0]]), np.arange(4)[:, None]),
@@ -112,7 +118,7 @@ CENTRE_NODE = int(np.argmin(np.abs(SQUARES.p - 0.5).sum(axis=0)))
         ),
         (
             MeshQuad(np.hstack([SQUARES.p, [[3.0], [3.0]]]), SQUARES.t),
-            r"1 node\(s\) belong to no quadrilateral; remove them: 9",
+            r"1 node\(s\) belong to no quadrilateral: 9; remove them",
         ),
         (
             MeshQuad(
@@ -151,11 +157,11 @@ def test_nearly_flat_corners_and_thin_elements_are_fine():
 @pytest.mark.parametrize(
     ("fabric", "formulation", "message"),
     [
-        (1e4, Full(), "fabric must be a Fabric, like .*, not 10000.0"),
+        (1e4, Full(), "fabric must be a Fabric such as .*, not 10000.0"),
         (Fabric, Full(), "fabric must be a Fabric"),
-        (Fabric(), "full", "formulation must be like .*, not 'full'"),
-        (Fabric(), OnePoint, "formulation must be like"),
-        (Fabric(), None, "formulation must be like"),
+        (Fabric(), "full", "formulation must be a formulation such as .*, not 'full'"),
+        (Fabric(), OnePoint, "formulation must be a formulation such as"),
+        (Fabric(), None, "formulation must be a formulation such as"),
     ],
 )
 def test_what_is_no_fabric_and_no_formulation_is_refused(fabric, formulation, message):

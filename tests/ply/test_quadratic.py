@@ -105,8 +105,8 @@ def test_conditions_take_the_middles_of_edges():
 @pytest.mark.parametrize(
     ("where", "message"),
     [
-        (SQUARES.p[1] == 0, "true or false for each of the 81 of ply.nodes"),
-        ([0, 81], "node numbers range from 0 to 80 only"),
+        (SQUARES.p[1] == 0, "one bool for each of the 81 nodes of ply.nodes"),
+        ([0, 81], "node numbers must be from 0 to 80"),
     ],
 )
 def test_conditions_on_other_nodes_are_refused(where, message):
@@ -169,7 +169,7 @@ TWO = np.array([[0, 1, 0, 0.2], [0, 0, 1, 0.2]])
     [
         (split(MeshQuad()), "quadratic triangles do not accept a split mesh"),
         (MeshTri2(), "a skfem.MeshTri with straight edges, not MeshTri2$"),
-        (moved(5, np.nan), r"1 node\(s\) not finite: 5"),
+        (moved(5, np.nan), r"1 node\(s\) have coordinates that are not finite: 5"),
         (moved(12, 0.6), r"triangle\(s\) overlap a neighbour"),
         (MeshTri(TWO[:, [0, 1, 1]], [[0], [1], [2]]), "inverted or degenerate: 0"),
         (MeshTri([[0, 1, 3], [0, 1, 3.0]], [[0], [1], [2]]), "degenerate: 0"),

@@ -259,13 +259,13 @@ def test_the_last_resort_makes_a_tangent_definite_in_space():
 
 @pytest.mark.parametrize("dimension", [1, 4, "3", None])
 def test_a_ply_has_two_dimensions_or_three(dimension):
-    with pytest.raises(ValueError, match=r"dimension must be 2, .*, or 3"):
+    with pytest.raises(ValueError, match="dimension must be 2 .* or 3"):
         Ply(MeshQuad(), Fabric(), dimension=dimension)
 
 
 @pytest.mark.parametrize("kind", ["rate", "continuity"])
 def test_stabilisations_of_the_plane_are_refused_in_space(kind):
-    with pytest.raises(ValueError, match=f"kind {kind} is for a ply in the plane"):
+    with pytest.raises(ValueError, match=f"kind {kind} requires a ply in the plane"):
         Ply(MeshQuad().refined(1), Fabric(), OnePoint(1.0, kind), dimension=3)
 
 

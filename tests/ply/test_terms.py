@@ -137,7 +137,7 @@ def test_a_run_knows_all_terms_and_their_roles(tmp_path):
     resumed = LoadStepper(loaded, CONDITIONS, 4, checkpoint=tmp_path).run(resume=True)
     np.testing.assert_array_equal(resumed.u, whole.u)
     assert resumed.states[-1].potentials == state.potentials
-    with pytest.raises(ValueError, match="is of another run"):
+    with pytest.raises(ValueError, match="belongs to another run"):
         LoadStepper(ply, CONDITIONS, 4, checkpoint=tmp_path).run(resume=True)
 
 
@@ -342,7 +342,7 @@ def test_terms_of_another_ply_or_name_are_refused():
         (MatrixTerm("a", np.eye(3)), "its matrix must be"),
         (VectorTerm("a", np.full(N, np.nan)), "its vector must be"),
         (VectorTerm("a", np.ones(N), role="force"), "role must be one of"),
-        (VectorTerm("shear", np.ones(N)), "two terms are named 'shear'"),
+        (VectorTerm("shear", np.ones(N)), "two terms have the name 'shear'"),
         (3.0, "is not a term: it has no name"),
         (VectorTerm, "is not a term: it is a class"),
         (VectorTerm("", np.ones(N)), "name must be some text"),
@@ -372,7 +372,7 @@ WRONG_PARTS = {
     "complex": ("residual", lambda own, u: own + 0j, "its residual must be"),
     "small": ("tangent", lambda own, u: own[:-2, :-2], "its tangent must be"),
     "not finite": ("residual", lambda own, u: own * np.nan, "its residual is not fin"),
-    "broken": ("energy", lambda own, u: u.nothing, "its energy fails: AttributeError"),
+    "broken": ("energy", lambda own, u: u.nothing, "its energy raised AttributeError"),
     "ten times": ("energy", lambda own, u: 10 * own, "its energy changes by"),
     "negative": ("tangent", lambda own, u: -own, "its residual changes by"),
 }

@@ -94,15 +94,30 @@ def test_pages_that_say_what_the_data_say_pass(docs, capsys):
         ("page.md", "9 mm", "8 mm", "docs/page.md differs from its data"),
         ("squares/squares.csv", "3,9.0", "3,9.5", "docs/page.md differs from its data"),
         ("squares/squares.md", "9.0", "9.1", "docs/squares/squares.md differs"),
-        ("page.md", "noise", "noise in 3.2 s", "unmarked result '3.2 s'"),
-        ("page.md", "A caption", "Within 7 mm", "unmarked result '7 mm'"),
-        ("page.md", "noise", "noise, 1/3.2 of it", "unmarked result '1/3.2'"),
-        ("page.md", "noise", "noise, 62 cases", "unmarked result '62 cases'"),
-        ("page.md", "noise", "noise; 1415 are right", "unmarked result '1415'"),
-        ("page.md", "noise", "noise, error = 7.9 %", "unmarked result '7.9 %'"),
+        ("page.md", "noise", "noise in 3.2 s", "the result '3.2 s' has no marker"),
+        ("page.md", "A caption", "Within 7 mm", "the result '7 mm' has no marker"),
+        ("page.md", "noise", "noise, 1/3.2 of it", "the result '1/3.2' has no marker"),
+        ("page.md", "noise", "noise, 62 cases", "the result '62 cases' has no marker"),
+        (
+            "page.md",
+            "noise",
+            "noise; 1415 are right",
+            "the result '1415' has no marker",
+        ),
+        (
+            "page.md",
+            "noise",
+            "noise, error = 7.9 %",
+            "the result '7.9 %' has no marker",
+        ),
         ("page.md", "noise", "noise in 8 linear solves", "result '8 linear solves'"),
-        ("page.md", ":width: 100%", ":alt: 3.1 mm", "unmarked result '3.1 mm'"),
-        ("page.md", "5 %", "7 %", "lacks 'with 5 % of noise'"),
+        (
+            "page.md",
+            ":width: 100%",
+            ":alt: 3.1 mm",
+            "the result '3.1 mm' has no marker",
+        ),
+        ("page.md", "5 %", "7 %", "'with 5 % of noise' is not in"),
         ("page.md", ".largest", ".least", "unknown result squares.least"),
     ],
 )
@@ -122,7 +137,9 @@ def test_data_that_the_code_no_longer_gives_are_found(docs, monkeypatch, capsys)
 def test_results_without_their_origin_are_named(docs, capsys):
     (docs / "squares" / "provenance.json").unlink()
     assert pages.main(check=True) == 1
-    assert "docs/squares: no provenance of squares" in capsys.readouterr().err
+    assert (
+        "docs/squares: the provenance of squares is missing" in capsys.readouterr().err
+    )
 
 
 def test_results_are_written_into_pages_and_tables(docs):

@@ -71,7 +71,7 @@ def refuse_bad_points(
         the previous one.
     """
     if len(rows) < 2:
-        raise ValueError(f"a table needs at least two points, got {len(rows)}")
+        raise ValueError(f"a table requires at least two points, got {len(rows)}")
     for number, x, y in zip(rows, arguments, values, strict=True):
         if not (np.isfinite(x) and np.isfinite(y)):
             raise ValueError(
@@ -151,7 +151,7 @@ def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[
             reader = csv.reader(opened)
             rows = [(reader.line_num, row) for row in reader]
     except (UnicodeDecodeError, csv.Error):
-        raise ValueError(f"{file}: not a CSV file in UTF-8") from None
+        raise ValueError(f"{file}: the file is not a CSV file in UTF-8") from None
     lines = [(line, row) for line, row in rows if any(map(str.strip, row))]
     if not lines:
         raise ValueError(f"{file}: the file is empty")

@@ -288,7 +288,7 @@ def interpreter() -> tuple[str, str] | None:
 def _child(task: Task, **more: Any) -> dict[str, ndarray]:
     """Results of the DOLFINx process for a task."""
     if (there := interpreter()) is None:
-        raise DolfinxError("DOLFINx: no interpreter can import it")
+        raise DolfinxError("DOLFINx: no Python interpreter can import it")
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder, "task.npz"), Path(folder, "results.npz")
         np.savez(

@@ -99,7 +99,7 @@ def loaded(system: RivalSystem, values: ndarray) -> tuple[ndarray, ndarray, int]
             if left <= _LEFT * largest + rounding:
                 break
         else:
-            raise NotConvergedError(f"not converged in {_MOST} iterations")
+            raise NotConvergedError(f"no convergence within {_MOST} iterations")
     return u, f, solves
 
 

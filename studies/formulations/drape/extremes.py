@@ -390,13 +390,13 @@ def _complaints(row: Row) -> list[str]:
     if _is_unsound(row):
         found.append("no stable equilibrium on the surface")
     if row.get("off_net", 0.0) > ANGLE + ANGLE_OVER_STRAIN * row["strain"]:
-        found.append(f"{row['off_net']:.1f}° off the net")
+        found.append(f"differs from the net by {row['off_net']:.1f}°")
     if row.get("off_finer", 0.0) > ANGLE:
-        found.append(f"{row['off_finer']:.1f}° off the finer mesh")
+        found.append(f"differs from the finer mesh by {row['off_finer']:.1f}°")
     if row.get("off_mirror", 0.0) > OFF_MIRROR:
-        found.append(f"{row['off_mirror']:.1e}° off the mirror image")
+        found.append(f"differs from the mirror image by {row['off_mirror']:.1e}°")
     if row.get("moved", 0.0) > POSITION * row["element_size"]:
-        found.append(f"{row['moved']:.1f} mm off the finer mesh")
+        found.append(f"differs from the finer mesh by {row['moved']:.1f} mm")
     return found
 
 

@@ -423,6 +423,6 @@ def all_cases(benchmark: Path | None) -> list[Case]:
         curves = [Benchmark(*sides, benchmark) for sides in BENCHMARK]
         for curve in curves:
             if not curve.file.is_file():
-                raise FileNotFoundError(f"missing file {curve.file}")
+                raise FileNotFoundError(f"the file {curve.file} is missing")
         found += curves
     return found

@@ -66,7 +66,7 @@ def test_a_drape_off_the_net_is_wrong_unless_it_tells_so(monkeypatch):
     monkeypatch.setattr(judging, "_told", lambda *_: "")
     row = judging.judged(ON_SPHERE)
     assert row["outcome"] == judging.WRONG
-    assert "30.0° off the net" in row["reason"]
+    assert "differs from the net by 30.0°" in row["reason"]
     monkeypatch.setattr(judging, "_told", lambda *_: "wrinkles")
     assert judging.judged(ON_SPHERE)["outcome"] == judging.TOLD
 
