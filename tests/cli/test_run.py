@@ -160,7 +160,7 @@ def test_steps_and_iterations_are_told_on_request(tmp_path, capsys):
     assert solver.startswith("linear solver ")
     assert len(states) == summary["load_steps"] + 1
     assert len(lines[2]) == len(lines[1]) + summary["linear_solves"]
-    assert "N unbalanced, tolerance" in lines[2][2]
+    assert "N, tolerance" in lines[2][2]
 
 
 def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypatch):

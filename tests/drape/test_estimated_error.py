@@ -109,7 +109,7 @@ def test_a_ply_that_the_tool_alone_shapes_has_an_error_of_the_shear_angle(fibres
     found = Case(scene=scene, fabric=fabric, steps=1).run().summary()
     assert found["estimated_load_error"] is None
     assert 0.1 < found["estimated_shear_angle_error_deg"] < 20
-    said = "by a finer mesh; of the load none: no moving condition carries a load"
+    said = "by a finer mesh; none for the load: no moving condition carries a load"
     assert found["error_estimate"] == said
 
 

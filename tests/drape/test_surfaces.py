@@ -467,7 +467,7 @@ def test_a_surface_that_is_not_defined_beyond_the_nodes_is_not_refused(error):
 
 
 def test_another_error_beyond_the_nodes_is_told_with_its_cause():
-    said = "'tool': level of the surface fails: TypeError beyond the table"
+    said = "'tool': level of the surface raised TypeError: beyond the table"
     with pytest.raises(ValueError, match=said) as found:
         bind(limited(TypeError))
     assert isinstance(found.value.__cause__, TypeError)
@@ -487,7 +487,7 @@ def test_a_run_whose_surface_ends_stops_at_the_last_good_state(error, lowest):
     tool = OnSurface(limited(error, lowest, np.inf))
     held = {"tool": tool, "x": Condition([0], (0.0, 0.0, None))}
     held["turn"] = Condition([1], (0.0, None, None))
-    said = f"of the surface fails: {error.__name__} .?beyond the table.?; try a surface"
+    said = f"of the surface raised {error.__name__}: .?beyond the table.?; try a surface"
     with pytest.raises(StepError, match=said) as stop:
         LoadStepper(bent(ply()), held, 2).run()
     assert "\n" not in str(stop.value)
@@ -502,7 +502,7 @@ def test_a_surface_that_fails_where_the_ply_touches_it_is_refused():
     surface = Changed(SPHERE)
     for part in ("level", "gradient", "hessian"):
         setattr(surface, part, partial(single, part))
-    said = "'tool': level of the surface fails: KeyError 'one point'"
+    said = "'tool': level of the surface raised KeyError: 'one point'"
     with pytest.raises(ValueError, match=said) as found:
         LoadStepper(ply(), {"tool": OnSurface(surface)}, 1).run()
     assert isinstance(found.value.__cause__, KeyError)
@@ -511,7 +511,7 @@ def test_a_surface_that_fails_where_the_ply_touches_it_is_refused():
 def test_a_surface_that_fails_beside_the_nodes_has_no_checkpoint(tmp_path):
     body = ply()
     held = {"tool": OnSurface(limited(KeyError)), "x": Condition([0], (0.0, 0.0, None))}
-    said = "'tool': level of the surface fails: KeyError 'beyond the table'"
+    said = "'tool': level of the surface raised KeyError: 'beyond the table'"
     with pytest.raises(ValueError, match=said):
         LoadStepper(bent(body), held, 1, checkpoint=tmp_path / "run").run()
 

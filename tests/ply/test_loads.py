@@ -210,7 +210,7 @@ def test_a_limit_is_told_whatever_the_load_does_later(factor):
     with pytest.raises(RuntimeError, match="the load exceeds a limit") as stopped:
         LoadStepper(ply, CLAMP, 10).run()
     low, high = map(
-        float, re.findall(r"factors (\S+) and (\S+) the", str(stopped.value))[0]
+        float, re.findall(r"factors (\S+) and (\S+): ", str(stopped.value))[0]
     )
     assert factor(low) == pytest.approx(ramped_limit(), rel=0.01)
     assert factor(high) == pytest.approx(factor(low), rel=0.01)

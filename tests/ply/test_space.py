@@ -259,7 +259,7 @@ def test_the_last_resort_makes_a_tangent_definite_in_space():
 
 @pytest.mark.parametrize("dimension", [1, 4, "3", None])
 def test_a_ply_has_two_dimensions_or_three(dimension):
-    with pytest.raises(ValueError, match="dimension must be 2 .* or 3"):
+    with pytest.raises(ValueError, match=r"dimension must be 2 .* or 3"):
         Ply(MeshQuad(), Fabric(), dimension=dimension)
 
 

@@ -343,11 +343,11 @@ def test_terms_of_another_ply_or_name_are_refused():
         (VectorTerm("a", np.full(N, np.nan)), "its vector must be"),
         (VectorTerm("a", np.ones(N), role="force"), "role must be one of"),
         (VectorTerm("shear", np.ones(N)), "two terms have the name 'shear'"),
-        (3.0, "is not a term: it has no name"),
-        (VectorTerm, "is not a term: it is a class"),
-        (VectorTerm("", np.ones(N)), "name must be some text"),
+        (3.0, "is not a term: it lacks name"),
+        (VectorTerm, "is a class, not a term"),
+        (VectorTerm("", np.ones(N)), "the name of a term must be a non-empty string"),
         (FormTerm("a", SPRINGS, None), "its basis is not a basis of the displacement"),
-        (FormTerm("a", SPRINGS, ply.basis, parameters=odd), "its parameters have no"),
+        (FormTerm("a", SPRINGS, ply.basis, parameters=odd), "its parameters lack"),
     ):
         with pytest.raises(ValueError, match=complaint):
             ply.with_terms(term)

@@ -85,7 +85,7 @@ def test_a_file_of_the_same_run_made_again_or_of_another_is_refused(
 def test_a_file_under_another_name_is_told(run):
     shutil.copy(run / "state_000001.npz", run / "state_000002.npz")
     line = refusal(run)
-    assert "state_000002.npz is state_000001.npz under another name" in line
+    assert "state_000002.npz was renamed from state_000001.npz" in line
 
 
 def test_a_file_in_the_middle_that_is_sealed_anew_is_refused(run):

@@ -118,7 +118,7 @@ def test_without_a_state_a_run_starts_from_the_beginning_and_says_so(tmp_path, c
 
 
 def test_an_unfinished_run_is_not_overwritten_and_a_finished_one_is(half):
-    with pytest.raises(CheckpointError, match="holds an unfinished run: resume it"):
+    with pytest.raises(CheckpointError, match="contains an unfinished run: resume it"):
         stepper(half).run()
     stepper(half).run(resume=True)
     stepper(half, C_s=10.0).run()

@@ -218,7 +218,7 @@ def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
     assert "| plain | 2 | 2 | 0 | 0 | 0 | 0 | 0 |" in table
     assert "| folding: turned over, 2×2 | 4 | 2 | 0 | 2 | 0 | 0 | 0 |" in table
     assert "| folding, turned over, 2×2, seeds 0 | refused | 1, 5 | 0.66" in table
-    assert "2 element(s) folded, det F" in table
+    assert "2 element(s) folded; the smallest det F" in table
     assert "plain, one, one point: 1:right" in capsys.readouterr().out
 
 
