@@ -280,8 +280,8 @@ class Constraints:
             node = self._node[remainder.argmax()]
             names = [name for name, nodes in self.nodes.items() if node in nodes]
             raise ValueError(
-                f"conditions {' and '.join(map(repr, names))} prescribe different "
-                f"displacements at node {node}, position "
+                f"the displacements prescribed by {' and '.join(map(repr, names))} "
+                f"disagree at node {node}, position "
                 f"{tuple(self._X[:, node].round(6).tolist())}, at load factor {t:g}"
             )
         return q

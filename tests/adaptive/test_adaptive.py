@@ -73,7 +73,7 @@ def test_where_the_unknowns_do_not_suffice_it_says_so_and_keeps_the_result():
     scene, ply = pull()
     stepper = AdaptiveStepper(ply, scene.conditions, 1e-4, 2, most_unknowns=1000)
     with pytest.raises(
-        StepError, match="1000 unknowns the tolerance is not met"
+        StepError, match="the tolerance is not met with at most 1000 unknowns"
     ) as told:
         stepper.run()
     result = told.value.result
@@ -115,7 +115,7 @@ def test_what_cannot_be_refined_is_refused_before_any_work():
     with pytest.raises(ValueError, match=f"has {ply.basis.N} unknowns, more than"):
         AdaptiveStepper(ply, scene.conditions, 0.1, most_unknowns=10)
     nodes = np.flatnonzero(ply.nodes[1] > 99.9)
-    with pytest.raises(ValueError, match="name a boundary"):
+    with pytest.raises(ValueError, match="specify a boundary by name"):
         AdaptiveStepper(ply, {**scene.conditions, "top": Condition(nodes)}, 0.1)
     parts = Ply(split(scene.mesh), ply.fabric, Full())
     with pytest.raises(MeshError, match="before it is split"):
@@ -167,7 +167,9 @@ def test_values_for_the_nodes_of_one_mesh_are_refused_before_any_work():
     scene, ply = pull(size=(2, 4))
     n = len(ply.mesh.p[0, np.unique(ply.mesh.facets[:, ply.mesh.boundaries["top"]])])
     held = {**scene.conditions, "top": Condition("top", np.ones((2, n)))}
-    with pytest.raises(ValueError, match="on a refined mesh condition 'top': the valu"):
+    with pytest.raises(
+        ValueError, match="on a refined mesh: condition 'top': the value"
+    ):
         AdaptiveStepper(ply, held, 0.1)
     with pytest.raises(ValueError, match="most_unknowns must be a number, got None"):
         AdaptiveStepper(ply, scene.conditions, 0.1, most_unknowns=None)
@@ -204,7 +206,7 @@ def test_a_run_that_fails_on_a_finer_mesh_leaves_that_on_the_one_before(monkeypa
 
     monkeypatch.setattr(Run, "_step", stuck)
     stepper = AdaptiveStepper(ply, scene.conditions, 0.04, 4)
-    said = r"on a finer mesh, of \d+ unknowns, the run stopped at .* 0\.5 .*: stuck"
+    said = r"on a finer mesh with \d+ unknowns: stopped at .* 0\.5 .*: stuck"
     with pytest.raises(StepError, match=said) as told:
         stepper.run()
     result = told.value.result
@@ -230,7 +232,7 @@ def test_without_an_estimate_the_tolerance_is_never_met(ever, monkeypatch):
 
     monkeypatch.setattr(stepper_module, "estimated_error", estimated)
     stepper = AdaptiveStepper(ply, scene.conditions, 0.06, 2, most_unknowns=1000)
-    said = "tolerance is not met: the error of the load cannot be estimated .not known"
+    said = r"unknowns: the error of the load cannot be estimated \(not known\)"
     with pytest.raises(StepError, match=said) as told:
         stepper.run()
     result = told.value.result

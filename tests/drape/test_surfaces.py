@@ -487,7 +487,9 @@ def test_a_run_whose_surface_ends_stops_at_the_last_good_state(error, lowest):
     tool = OnSurface(limited(error, lowest, np.inf))
     held = {"tool": tool, "x": Condition([0], (0.0, 0.0, None))}
     held["turn"] = Condition([1], (0.0, None, None))
-    said = f"of the surface raised {error.__name__}: .?beyond the table.?; try a surface"
+    said = (
+        f"of the surface raised {error.__name__}: .?beyond the table.?; try a surface"
+    )
     with pytest.raises(StepError, match=said) as stop:
         LoadStepper(bent(ply()), held, 2).run()
     assert "\n" not in str(stop.value)

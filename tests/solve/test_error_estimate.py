@@ -114,12 +114,12 @@ def test_under_loads_it_is_of_their_work():
 @pytest.mark.parametrize(
     ("what", "reason"),
     [
-        ("numbers", "condition 'top' acts on nodes by number"),
-        ("names", "condition 'top' acts on nodes by number"),
+        ("numbers", "condition 'top' selects nodes by number"),
+        ("names", "condition 'top' selects nodes by number"),
         ("term", "term 'springs' is tied to the mesh"),
-        ("rate", "the stabilisation depends on the steps"),
+        ("rate", "term 'stabilisation' depends on the number of load steps"),
         ("still", "no moving condition carries a load"),
-        ("large", "more than 10 unknowns"),
+        ("large", "the ply has more than 10 unknowns"),
     ],
 )
 def test_where_there_is_none_the_summary_says_why(what, reason, monkeypatch):
@@ -170,8 +170,8 @@ def test_where_no_state_is_near_there_is_none_of_an_earlier_state_either(monkeyp
     assert summary["estimated_load_error"] is None
     assert summary["estimated_shear_angle_error_deg"] is None
     assert summary["error_estimate"] == (
-        "none: a finer mesh has no state near: no; compare a run with half the element "
-        "size"
+        "none: no state was found near this one on a finer mesh: no; compare with a "
+        "run at half the element size"
     )
 
 
@@ -181,7 +181,9 @@ def test_it_is_told_where_a_finer_mesh_leaves_the_law():
     end = 1.001 * np.abs(plain.ply.shear_angle(plain.states[-1].u)).max()
     law = Tabulated([0.0, end], [0.0, 0.5 * end], odd=True)
     summary = pulled(across=4, shear=law).summary()
-    assert "this state is beyond the end of a law there" in summary["error_estimate"]
+    assert (
+        "this state is outside the domain of a law there" in summary["error_estimate"]
+    )
 
 
 def test_where_increments_reach_the_end_of_a_law_they_are_shortened():
@@ -210,7 +212,7 @@ def test_a_load_that_is_round_off_has_no_error():
     ("error", "reason"),
     [
         (MemoryError(), "there is not enough memory for a finer mesh"),
-        (IndexError("out of\nbounds"), "IndexError out of"),
+        (IndexError("out of\nbounds"), "IndexError: out of"),
     ],
 )
 def test_no_failure_of_the_estimate_loses_a_run(error, reason, monkeypatch):

@@ -121,7 +121,9 @@ def test_a_run_in_which_nothing_moves_says_so_once(sheet, caplog, top):
     assert not np.any(result.u)
     (record,) = caplog.records
     assert record.levelname == "WARNING"
-    assert record.message.startswith("nothing changes with the load factor: no condition")
+    assert record.message.startswith(
+        "nothing changes with the load factor: no condition"
+    )
 
 
 def test_what_drives_a_run_is_not_taken_for_nothing(sheet, caplog):

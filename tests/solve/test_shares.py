@@ -163,7 +163,7 @@ def test_without_shear_stiffness_the_discretisation_carries_nearly_all(caplog, n
     assert summary[f"energy_share_of_{role}"] > 0.8
     assert summary[f"work_share_of_{role}"] > 0.7
     assert "% of energy" in told(caplog)[0]
-    assert told(caplog)[0].endswith("the fabric has no shear stiffness, specify one")
+    assert told(caplog)[0].endswith("the fabric has no shear stiffness, so specify one")
 
 
 @pytest.mark.parametrize("G", [0.0, 0.5])

@@ -55,7 +55,7 @@ def test_it_says_plainly_when_it_cannot_and_keeps_what_it_has():
     ply, conditions = pulled(-2.0)
     with pytest.raises(
         StepError,
-        match=r"stopped at load factor 0\.\d+ \(.* mm\): no acceptable state at load factor 0\.",
+        match=r"stopped at load factor 0\.\d+ \(.* mm\): no acceptable state at load",
     ) as e:
         LoadStepper(ply, conditions, steps=4, max_halvings=0).run()
     result = e.value.result
@@ -132,7 +132,7 @@ def test_a_function_that_fails_on_the_way_stops_the_run():
         {"clamp": Condition("bottom"), "c": Condition("top", value, (0, -1))},
         steps=1,
     )
-    with pytest.raises(StepError, match=r"'c': the value raised KeyError: 'x.ny'$"):
+    with pytest.raises(StepError, match=r"'c': the value raised KeyError: .x.+y.$"):
         stepper.run()
 
 
@@ -161,14 +161,17 @@ def test_before_a_run_there_is_no_result():
     [
         ({"method": "newtn"}, "unknown method 'newtn': choose one of newton, plain"),
         ({"method": Newton}, "method must be a nonlinear solver or its name"),
-        ({"method": Newton(most=0)}, "at least one iteration"),
+        (
+            {"method": Newton(most=0)},
+            "the maximum number of iterations must be at least 1",
+        ),
         ({"warn_only": ["stable"]}, "unknown check 'stable': choose one of folding"),
         ({"max_halvings": -1}, "max_halvings must be a whole number from 0"),
         ({"solver": "umfpack"}, "unknown solver 'umfpack': choose of auto"),
         ({"method": ["newton"]}, "method must be a nonlinear solver or its name"),
         ({"method": None}, "method must be a nonlinear solver or its name, not None"),
-        ({"warn_only": "work"}, "checks in warn_only must be given as a list"),
-        ({"warn_only": None}, "checks in warn_only must be given as a list"),
+        ({"warn_only": "work"}, "warn_only must be a list"),
+        ({"warn_only": None}, "warn_only must be a list"),
         ({"warn_only": [[]]}, r"unknown check \[\]"),
         ({"solver": ["auto"]}, "unknown solver"),
         ({"max_halvings": 1.5}, "max_halvings must be a whole number from 0 to 30"),
@@ -177,7 +180,7 @@ def test_before_a_run_there_is_no_result():
         ({"max_halvings": None}, "max_halvings must be a whole number"),
         ({"on_step": 3}, "on_step must be a function, not 3"),
         ({"on_iteration": "print"}, "on_iteration must be a function"),
-        ({"checkpoint": 3}, "checkpoint must be a folder, not 3"),
+        ({"checkpoint": 3}, "checkpoint must be the path of a folder, not 3"),
         ({"checkpoint": "a\0b"}, r"checkpoint 'a\\x00b' is not a valid path"),
         ({"ply": None}, "ply must be a Ply, not NoneType"),
     ],

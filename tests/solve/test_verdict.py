@@ -125,7 +125,9 @@ def pushed_in(by):
     return LoadStepper(ply, {"edge": Condition("edge", value)}, 4)
 
 
-FOLDED = r"1 element\(s\) folded; the smallest det F is .*\(element \d\); try a larger stab"
+FOLDED = (
+    r"1 element\(s\) folded; the smallest det F is .*\(element \d\); try a larger stab"
+)
 
 
 def test_an_element_that_folds_at_its_corner_is_named():

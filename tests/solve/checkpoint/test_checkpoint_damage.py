@@ -79,7 +79,7 @@ def test_a_file_of_the_same_run_made_again_or_of_another_is_refused(
         folder = shutil.copytree(folders[0], tmp_path / f"{i}")
         shutil.copy(folders[other] / file.name, folder / file.name)
         line = refusal(folder)
-        assert "is of another run" in line
+        assert "belongs to another run" in line
 
 
 def test_a_file_under_another_name_is_told(run):
@@ -221,7 +221,10 @@ def test_files_of_another_format_are_refused_in_one_line(run):
 
     forge(run, 1, edit)
     forge(run, 0, lambda text, arrays: text.update(format=6))
-    assert refusal(run) == (f"checkpoint {run} is of another run: format was 6, is 7")
+    assert refusal(run) == (
+        f"checkpoint {run} belongs to another run: format was 6 and is now 7; use the "
+        "arguments of that run, or another folder"
+    )
 
 
 @pytest.mark.parametrize("said", ["two\nlines \x1b[31m", "long " * 2000, 10**400])

@@ -183,7 +183,7 @@ def test_a_run_killed_at_any_moment_is_resumed(tmp_path, capsys, steps, kills):
 def test_a_law_of_both_strains_is_resumed_and_told_from_another(tmp_path):
     laws = [CrimpInterchange(1e4, c, 1.0, 1e-2, 100.0) for c in (0.01, 0.02)]
     interrupted_at(tmp_path / "c", 0.3, E=laws[0], steps=2)
-    with pytest.raises(CheckpointError, match=r"warp law was Crimp.*, is Crimp.*0.02"):
+    with pytest.raises(CheckpointError, match=r"warp law was Crimp.* now Crimp.*0.02"):
         stepper(tmp_path / "c", E=laws[1], steps=2).run(resume=True)
     whole = stepper(None, E=laws[0], steps=2).run()
     assert_same(stepper(tmp_path / "c", E=laws[0], steps=2).run(resume=True), whole)
@@ -218,7 +218,9 @@ def test_a_coupling_that_the_repr_hides_is_told_apart(tmp_path):
     ],
 )
 def test_a_checkpoint_of_another_run_is_refused(half, other, what):
-    with pytest.raises(CheckpointError, match=f"of another run: .*{what}") as error:
+    with pytest.raises(
+        CheckpointError, match=f"belongs to another run: .*{what}"
+    ) as error:
         stepper(half, **other).run(resume=True)
     assert "\n" not in str(error.value)
 
@@ -242,7 +244,7 @@ def test_what_stiff_fibres_hide_is_told_apart_too(tmp_path, other):
         return LoadStepper(ply, held, 2, checkpoint=tmp_path / "c")
 
     square().run()
-    with pytest.raises(CheckpointError, match="of another run"):
+    with pytest.raises(CheckpointError, match="belongs to another run"):
         square(**other).run(resume=True)
 
 
@@ -251,7 +253,7 @@ def test_a_state_of_another_run_is_refused(tmp_path):
         interrupted_at(tmp_path / name, 0.5, E=E)
     state = "state_000001.npz"
     (tmp_path / "b" / state).rename(tmp_path / "a" / state)
-    with pytest.raises(CheckpointError, match=r"000001\.npz is of another run"):
+    with pytest.raises(CheckpointError, match=r"000001\.npz belongs to another run"):
         stepper(tmp_path / "a").run(resume=True)
 
 
@@ -310,7 +312,7 @@ def test_what_the_first_forces_do_not_tell_is_told_apart_too(tmp_path, other, wh
         return LoadStepper(ply, conditions, 2, checkpoint=tmp_path / "c")
 
     square().run()
-    with pytest.raises(CheckpointError, match=f"of another run: .*{what}"):
+    with pytest.raises(CheckpointError, match=f"belongs to another run: .*{what}"):
         square(**other).run(resume=True)
 
 
@@ -319,13 +321,15 @@ def test_what_the_first_forces_do_not_tell_is_told_apart_too(tmp_path, other, wh
 
 def test_a_folder_that_cannot_be_written_is_refused_before_any_work(tmp_path):
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(CheckpointError, match="cannot write checkpoint"):
+    with pytest.raises(CheckpointError, match="cannot write to checkpoint"):
         stepper(tmp_path / "file" / "c", on_iteration=pytest.fail).run()
 
 
 def test_a_full_disk_stops_the_run_and_keeps_its_states(tmp_path, monkeypatch):
     monkeypatch.setattr(np, "savez", full_after(3, np.savez))
-    with pytest.raises(StepError, match=r"cannot write checkpoint .*: No space") as e:
+    with pytest.raises(
+        StepError, match=r"cannot write to checkpoint .*: No space"
+    ) as e:
         stepper(tmp_path / "c").run()
     assert e.value.result.states[-1].load_factor > 0
     monkeypatch.undo()
@@ -337,7 +341,7 @@ def test_a_state_that_is_not_written_leaves_no_trace(tmp_path, monkeypatch):
     fabric = Fabric(1e4, Sin2(0.5), scene.warp, scene.weft)
     ply = Ply(scene.mesh, fabric, OnePoint())
     monkeypatch.setattr(np, "savez", full_after(3, np.savez))
-    with pytest.raises(StepError, match="cannot write checkpoint") as e:
+    with pytest.raises(StepError, match="cannot write to checkpoint") as e:
         LoadStepper(ply, scene.conditions, 4, checkpoint=tmp_path / "c").run()
     last = e.value.result.states[-1]
     assert ply.energies(*place_of(last)) == last.energies
@@ -387,7 +391,9 @@ def test_a_new_run_that_is_killed_as_it_takes_the_place_of_the_old(
     monkeypatch.undo()
     if sorted(done.glob("state*")):
         C_s = 1.0 if at < 7 else 2.0
-        with pytest.raises(CheckpointError, match="is of another run: formulation was"):
+        with pytest.raises(
+            CheckpointError, match="belongs to another run: formulation was"
+        ):
             stepper(done, C_s=3.0 - C_s).run(resume=True)
         assert_same(stepper(done, C_s=C_s).run(resume=True), whole(C_s=C_s))
     else:
@@ -411,9 +417,7 @@ def test_a_full_disk_is_left_no_half_of_a_file(tmp_path, monkeypatch):
     def fill(state):
         monkeypatch.setattr("os.fsync", full_disk)
 
-    told = (
-        "cannot write checkpoint .*/c: No space left on device; what it holds remains"
-    )
+    told = r"cannot write to checkpoint .*/c: No space left on device; the states"
     with pytest.raises(StepError, match=told):
         stepper(tmp_path / "c", on_step=fill).run()
     assert not list((tmp_path / "c").glob(".*"))
