@@ -120,7 +120,7 @@ def test_what_cannot_be_refined_is_refused_before_any_work():
     parts = Ply(split(scene.mesh), ply.fabric, Full())
     with pytest.raises(MeshError, match="before it is split"):
         AdaptiveStepper(parts, scene.conditions, 0.1)
-    with pytest.raises(ValueError, match="no checkpoint"):
+    with pytest.raises(ValueError, match="writes no checkpoint"):
         AdaptiveStepper(ply, scene.conditions, 0.1).run(resume=True)
 
 
@@ -171,7 +171,9 @@ def test_values_for_the_nodes_of_one_mesh_are_refused_before_any_work():
         ValueError, match="on a refined mesh: condition 'top': the value"
     ):
         AdaptiveStepper(ply, held, 0.1)
-    with pytest.raises(ValueError, match="most_unknowns must be a number, got None"):
+    with pytest.raises(
+        ValueError, match="most_unknowns must be a real number, got None"
+    ):
         AdaptiveStepper(ply, scene.conditions, 0.1, most_unknowns=None)
 
 

@@ -31,7 +31,12 @@ from tests.helpers.hostile.run_results import Results, differences
 
 # Starts of log messages of a run that is not verbose.
 LOG = (
-    *("load factor ", "the path was not resolved", "no state to resume", "solver "),
+    *(
+        "load factor ",
+        "the path was not resolved",
+        "there is no state to resume",
+        "solver ",
+    ),
     "nothing will move",
 )
 

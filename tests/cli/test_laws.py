@@ -155,7 +155,7 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
     capsys.readouterr()
     command = ("run", "strip", "--out", str(tmp_path / "new"), *QUICK, *law)
     said = refused(capsys, *command, "--resume", folder)
-    assert "is of another run: shear law was Tabulated(" in said
+    assert "belongs to another run: shear law was Tabulated(" in said
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
                 "--set",
                 "tension.weft_crimp=0",
             ),
-            "tension crimp must be a ratio of at most 0.5, like 0.01 for 1 %",
+            "tension crimp must be a ratio of at most 0.5, such as 0.01 for 1 %",
         ),
         (
             ("--shear-law", "crimp-interchange"),
@@ -234,7 +234,7 @@ def test_a_file_that_is_no_table_of_the_law_is_refused(tmp_path, capsys):
     said = refused(capsys, "run", "strip", *QUICK, *out, "--tension-law", file)
     assert "row 4: 0.1 follows 0.2" in said
     said = refused(capsys, "run", "strip", *QUICK, *out, "--shear-law", file)
-    assert "law.csv, row 1: the header must be like 'shear angle (deg)" in said
+    assert "law.csv, row 1: the header must be of the form 'shear angle (deg)" in said
     more = ("--tension-law", file, "--fibre-stiffness", "3")
     said = refused(capsys, "run", "strip", *QUICK, *out, *more)
     assert "tension.stiffness_N_per_mm requires tension.law linear or crimp-toe" in said

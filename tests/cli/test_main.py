@@ -137,7 +137,7 @@ def plain_run(capsys, scene, out):
     warnings = capsys.readouterr().err.splitlines()
     assert bool(warnings) == (scene == "strip")
     for warning in warnings:
-        assert warning.endswith("the fabric has no shear stiffness, specify one")
+        assert warning.endswith("the fabric has no shear stiffness, so specify one")
     summary = json.loads((out / "summary.json").read_text())
     assert summary["formulation"] == "macro"
     assert summary["stable"]

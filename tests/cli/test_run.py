@@ -116,7 +116,7 @@ def test_a_checkpoint_may_lie_anywhere_and_is_refused_by_another_run(tmp_path, c
     again = ("--resume", folder, "--fibre-stiffness", "2e4")
     command = ("run", "strip", "--out", str(tmp_path / "new"), *QUICK, *again)
     capsys.readouterr()
-    assert "is of another run: warp law was Linear" in refused(capsys, *command)
+    assert "belongs to another run: warp law was Linear" in refused(capsys, *command)
     assert not (tmp_path / "new").exists()
 
 
@@ -207,7 +207,7 @@ def test_what_is_refused_at_rest_leaves_no_checkpoint(tmp_path, capsys):
     for stiffness in ("--fibre-stiffness", "--shear-stiffness"):
         command = ("run", "strip", "--out", str(tmp_path / "o"), *quick)
         said = refused(capsys, *command, stiffness, "1e308")
-        assert "no finite energy or force at rest" in said
+        assert "force of a law is not finite at rest" in said
         assert list(tmp_path.iterdir()) == []
 
 
@@ -215,7 +215,7 @@ def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(tmp_path, ca
     (tmp_path / "file").touch()
     out, folder = str(tmp_path / "o"), str(tmp_path / "file" / "c")
     said = refused(capsys, "run", "strip", "--out", out, *QUICK, "--resume", folder)
-    assert "cannot write checkpoint" in said
+    assert "cannot write to checkpoint" in said
 
 
 def test_a_folder_of_any_name_is_told_in_one_line(tmp_path):

@@ -76,7 +76,7 @@ def test_a_mesh_that_follows_the_fillets_is_not_told_off(cells, ratio):
 def test_elements_as_large_as_a_fillet_are_told_with_place_and_share(cells, ratio):
     surface = dome(SIDE / cells / ratio)
     ply, conditions, start = draped(surface, cells)
-    with pytest.raises(NoEquilibriumError, match="deviate from their surface") as told:
+    with pytest.raises(NoEquilibriumError, match="deviate from the surface") as told:
         equilibrium_near(ply, conditions, start, warn_only=OTHERS)
     state = equilibrium_near(ply, conditions, start, warn_only=(*OTHERS, "surface"))
     found = gaps_at(ply, surface, state.u)
@@ -101,7 +101,7 @@ def test_a_run_warns_and_goes_on(caplog):
     with caplog.at_level(logging.WARNING):
         result = LoadStepper(ply, conditions, 2).run()
     assert result.states[-1].load_factor == 1.0
-    assert "deviate from their surface between nodes" in caplog.text
+    assert "deviate from the surface between nodes" in caplog.text
 
 
 @pytest.mark.parametrize("turn", [0.2, 0.5, 1.0])

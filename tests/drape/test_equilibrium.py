@@ -188,10 +188,10 @@ class Broken(drape.Plane):
 @pytest.mark.parametrize(
     ("surface", "message"),
     [
-        (5, "a surface must be like"),
-        (drape.Sphere, "a surface must be like"),
+        (5, "surface must have the methods level, gradient, hessian"),
+        (drape.Sphere, "surface must have the methods level, gradient, hessian"),
         (Broken(lambda x: x), "must have the shape"),
-        (Broken(lambda x: x[7]), "level of the surface fails"),
+        (Broken(lambda x: x[7]), "level of the surface raised"),
     ],
 )
 def test_what_is_no_surface_is_refused(surface, message):
@@ -211,7 +211,7 @@ def test_a_surface_that_is_not_finite_is_no_answer():
 
 def test_a_ply_in_its_plane_lies_on_no_surface():
     ply = Ply(MeshQuad().refined(1), Fabric(1e4, 1.0))
-    with pytest.raises(ValueError, match="only a ply in space"):
+    with pytest.raises(ValueError, match="a surface requires a ply in space"):
         LoadStepper(ply, {"on": OnSurface(drape.Plane())})
 
 

@@ -61,7 +61,8 @@ def test_the_estimate_is_of_a_finer_ply_on_the_surface():
 
 
 @pytest.mark.parametrize(
-    ("shortened", "reason"), [(False, "not stable"), (True, "reaches the end of a law")]
+    ("shortened", "reason"),
+    [(False, "not positive definite"), (True, "leaves the domain of a law")],
 )
 def test_without_a_load_one_increment_tells_why_there_is_no_estimate(
     shortened, reason, monkeypatch

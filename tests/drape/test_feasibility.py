@@ -87,7 +87,7 @@ def test_shear_of_smooth_curvature_is_not_told(caplog, size, fibres):
 
 def test_a_first_thread_that_leaves_the_tool_is_no_fold(caplog, monkeypatch):
     def leaves(*_):
-        raise NetError("its first thread leaves the surface", np.zeros(3))
+        raise NetError("the first thread leaves the surface", np.zeros(3))
 
     monkeypatch.setattr(draped_ply, "net_over", leaves)
     _, said = told(caplog, box(89.0))

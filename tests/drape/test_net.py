@@ -76,7 +76,7 @@ def test_points_between_crossings_are_interpolated():
     flat = np.einsum("ij,jab->iab", net.directions, np.array(np.meshgrid(*net.along)))
     x = net.at(flat.reshape(2, -1)).reshape(3, *flat.shape[1:])
     np.testing.assert_allclose(x, net.positions.swapaxes(1, 2), atol=1e-9)
-    with pytest.raises(ValueError, match="the net extends from"):
+    with pytest.raises(ValueError, match="is outside the net, which extends from"):
         net.at(np.array([[100.0], [0.0]]))
 
 

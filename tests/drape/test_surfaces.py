@@ -249,7 +249,9 @@ def test_a_closed_surface_has_no_edges_to_go_beyond():
 @pytest.mark.parametrize("scale", [1e-300, 1e160, 1e306])
 def test_a_surface_whose_areas_are_not_finite_is_refused(scale):
     facets = bowl().facets
-    with pytest.raises(MeshError, match=r"extend over .* mm: give a file in mm"):
+    with pytest.raises(
+        MeshError, match=r"extend over .* mm: specify coordinates in mm"
+    ):
         drape.TriangleMesh(scale * facets.points, facets.triangles())
 
 

@@ -148,7 +148,7 @@ def written(folder, name, **how):
 def test_meshes_too_small_to_be_computed_on_are_refused(tmp_path, exponent):
     points = POINTS * 10.0**exponent
     meshio.Mesh(points, {"quad": QUADS}).write(tmp_path / "m.vtu")
-    refused(tmp_path / "m.vtu", r"2 quadrilateral\(s\) inverted or degenerate")
+    refused(tmp_path / "m.vtu", r"2 quadrilateral\(s\) are inverted or degenerate")
 
 
 VTU = [

@@ -115,7 +115,7 @@ def test_the_line_that_is_damaged_is_told_and_its_case_run_again(out, swept, cap
     assert edited != whole[2]
     out.write_bytes(b"".join([*whole[:2], edited, *whole[3:]]))
     assert swept() == RESULTS
-    assert "run again: line(s) 3" in caplog.text
+    assert "line(s) 3 are damaged" in caplog.text
     assert out.read_bytes().splitlines(keepends=True)[-1] == whole[2]
 
 
@@ -133,7 +133,7 @@ def test_two_results_of_one_case_are_told_and_neither_is_taken(
     first = out.read_bytes().splitlines(keepends=True)[0]
     out.write_bytes(out.read_bytes() + other.read_bytes() + first)
     assert swept() == RESULTS
-    assert "run again: line(s) 3, 7" in caplog.text
+    assert "line(s) 3, 7 are damaged" in caplog.text
 
 
 def test_what_was_added_to_a_file_is_not_cut_off(out, swept, caplog):
@@ -163,7 +163,7 @@ def test_a_line_that_makes_no_sense_is_told_whatever_its_digest(
     forged = start + hashlib.sha256(start).hexdigest()[:16].encode() + b'"}\n'
     out.write_bytes(out.read_bytes() + forged)
     assert swept() == RESULTS
-    assert "run again: line(s) 7" in caplog.text
+    assert "line(s) 7 are damaged" in caplog.text
     out.write_bytes(forged)
     with pytest.raises(ValueError, match=FOREIGN):
         swept()
@@ -197,7 +197,7 @@ def test_what_is_no_file_is_refused(tmp_path, thread):
 
 
 def test_cases_on_file_have_names_of_their_own_that_last(out, thread):
-    with pytest.raises(ValueError, match="two cases are named 1"):
+    with pytest.raises(ValueError, match="two cases have the name 1"):
         list(sweep(square, [1, 2, 1], thread, out=out))
     with pytest.raises(ValueError, match="pass a key with the same name"):
         list(sweep(lambda _: 0, [square], thread, out=out))
