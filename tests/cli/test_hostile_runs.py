@@ -37,7 +37,7 @@ LOG = (
         "there is no state to resume",
         "solver ",
     ),
-    "nothing will move",
+    "nothing changes with the load factor",
 )
 
 # With what every message of the command line begins.

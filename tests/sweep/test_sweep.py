@@ -104,7 +104,7 @@ class Breaks(Executor):
 
 def test_what_came_as_the_executor_broke_is_kept_and_no_more_cases_are_taken(tmp_path):
     out, counter = tmp_path / "out.jsonl", iter(range(9))
-    with pytest.raises(SweepError, match="Breaks broke"):
+    with pytest.raises(SweepError, match="Breaks is broken"):
         list(sweep(sweep_cases.square, counter, Breaks(), out=out))
     assert sweep_cases.lines(out) == [{"case": "0", "found": "first"}]
     assert next(counter) == 2
