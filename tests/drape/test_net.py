@@ -85,8 +85,8 @@ def test_points_between_crossings_are_interpolated():
     [
         ((2.0, (0, 80), (0, 80)), "fold onto one another"),
         ((0.0, (0, 8), (0, 8)), "cell must be a positive length"),
-        ((2.0, (0, 0.5), (0, 8)), "warp must be two numbers of cells"),
-        ((2.0, (0, 8), (0, 0)), "weft must be two numbers of cells"),
+        ((2.0, (0, 0.5), (0, 8)), "warp must be two whole numbers of cells"),
+        ((2.0, (0, 8), (0, 0)), "weft must be two whole numbers of cells"),
     ],
 )
 def test_nets_that_do_not_exist_are_refused(arguments, message):

@@ -154,7 +154,7 @@ def test_a_fabric_that_no_file_holds_is_refused_and_nothing_is_written(tmp_path)
         ({"shear": {"kind": "Fabric"}}, "unknown law 'Fabric'"),
         ({"shear": {"kind": "Linear", "stiffness": -1.0}}, "stiffness"),
         ({"shear": {"kind": "Linear", "stiff": 1.0}}, "no parameter 'stiff'"),
-        ({"shear": {"kind": ["Linear"]}}, "no law"),
+        ({"shear": {"kind": ["Linear"]}}, "unknown law"),
         ({"shear": "soft"}, "shear"),
         ({"tension": {"warp": 1.0}}, "tension"),
         ({"warp": [0.0, 0.0]}, "warp"),

@@ -179,7 +179,7 @@ def test_of_two_sweeps_on_one_file_the_second_is_told(out, thread):
 
 
 def test_a_full_disk_is_told_and_the_next_sweep_goes_on(out, thread, monkeypatch):
-    told = "cannot write results to .*/out.jsonl: No space left on device; .*resumes"
+    told = "cannot write results to .*/out.jsonl: No space left on device; .*resume it"
     results = sweep(square, range(3), thread, out=out)
     next(results)
     with monkeypatch.context() as patch:

@@ -74,7 +74,7 @@ def test_a_pool_that_breaks_keeps_its_results_and_the_next_sweep_resumes(tmp_pat
     out = tmp_path / "out.jsonl"
     cases = [(str(tmp_path), n) for n in (3, 1, 2)]
     (tmp_path / "runs of 0").touch()  # for which the case that dies would wait
-    told = "ProcessPoolExecutor broke .*WorkerProcesses replaces it, .* resumes"
+    told = "ProcessPoolExecutor is broken .*WorkerProcesses, .* to resume it"
     with sweep_cases.process_pool(1) as pool:
         results = sweep(sweep_cases.dies_once, cases, pool, out=out)
         with pytest.raises(SweepError, match=told) as raised:
