@@ -264,7 +264,7 @@ def test_what_abaqus_has_and_the_fabric_has_not_is_said(tmp_path, caplog):
         ("*FABRIC", "*FABRIC, USER", "subroutine"),
         ("COMPONENT=1", "COMPONENT=3", "COMPONENT=3"),
         ("COMPONENT=1", "COMPONENT=2", "twice"),
-        ("400., 0.02", "400., -0.02", "must increase"),
+        ("400., 0.02", "400., -0.02", "must be larger than the previous one"),
         ("400., 0.02", "400., 0.02, 20.", "the same number of words"),
         ("0., 0.\n400., 0.02", "0., 0., 20.\n400., 0.02, 30.", "temperature"),
         ("400., 0.02", "inf, 0.02", "finite"),
