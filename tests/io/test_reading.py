@@ -88,7 +88,7 @@ def with_lines(path, kind, lines):
 def test_a_group_of_which_an_edge_is_none_is_refused(tmp_path, kind, last):
     path = with_lines(tmp_path / "m.msh", kind, [[0, 1], [1, 2], last])
     a, b = sorted(last)
-    message = f"m.msh: boundary 'clamp': no edge of the mesh joins nodes {a} and {b}, at"
+    message = f"m.msh: boundary 'clamp': no edge of the mesh joins nodes {a} and {b}"
     with pytest.raises(MeshError, match=message):
         read_mesh(path)
 
