@@ -110,17 +110,21 @@ def read_cantilever(
     name, columns = read_test(path, units, OVERHANG)
     if (ANGLE in columns) == (angle is not None):
         raise ValueError(
-            f"{name}: give angles in the column {ANGLE!r}, or one angle for all, and "
-            "not both"
+            f"{name}: chord angles must be given either in the column {ANGLE!r} or as "
+            "one angle for all readings"
         )
     overhang = columns[OVERHANG]
     angles = columns[ANGLE] if angle is None else np.full(overhang.shape, angle)
     if not (overhang > 0).all():
-        raise ValueError(f"{name}: every overhang must be positive")
+        raise ValueError(
+            f"{name}: every overhang must be positive, got {overhang.min():g} mm"
+        )
     if not ((angles >= _SHALLOW) & (angles <= _STEEP)).all():
         low, high = np.degrees([_SHALLOW, _STEEP])
         raise ValueError(
-            f"{name}: every chord angle must be from {low:g} to {high:g} degrees"
+            f"{name}: every chord angle must be between {low:g} and {high:g} degrees, "
+            f"got angles from {np.degrees(angles.min()):g} to "
+            f"{np.degrees(angles.max()):g} degrees"
         )
     return CantileverTest(name, overhang, angles)
 
@@ -150,7 +154,7 @@ def fit_bending(tests: Sequence[CantileverTest], weight: float) -> BendingFit:
     if not tests:
         raise ValueError("no cantilever test is given")
     if not 0 < weight < np.inf:
-        raise ValueError(f"the weight must be a positive number, got {weight:g}")
+        raise ValueError(f"the weight must be a positive number, got {weight:g} N/mm2")
     overhang = np.concatenate([test.overhang for test in tests])
     angle = np.concatenate([test.angle for test in tests])
     load = np.array([weight_number(float(one)) for one in angle])

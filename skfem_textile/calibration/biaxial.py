@@ -130,7 +130,9 @@ def read_biaxial(
     name, columns = read_test(path, units, *strains, *forces)
     elongation, force = (np.array([columns[x] for x in of]) for of in (strains, forces))
     if not np.all(elongation > -1):
-        raise ValueError(f"{name}: a strain is not above -1")
+        raise ValueError(
+            f"{name}: every strain must be above -1, got {elongation.min():g}"
+        )
     return BiaxialCurve(name, np.log1p(elongation), force, widths)
 
 
@@ -165,7 +167,9 @@ def fit_tension(
         is stretched or loaded; or see `regression.fit`.
     """
     if law not in TENSION_LAWS:
-        raise ValueError(f"the law {law!r} must be one of {', '.join(TENSION_LAWS)}")
+        raise ValueError(
+            f"unknown law {law!r}: choose one of {', '.join(TENSION_LAWS)}"
+        )
     if law == "crimp-interchange":
         model = _model(law, curves, (0, 1), points, bounds, extrapolation)
         both = [Sample(c.name, c.force.ravel(), partial(_both, c)) for c in curves]
@@ -197,11 +201,15 @@ def _model(
 ) -> Model:
     largest = max(float(c.strain[i].max()) for c in curves for i in families)
     if not largest > 0:
-        raise ValueError(f"no test stretches the {FAMILIES[families[0]]}")
+        raise ValueError(
+            "no test contains a positive strain of the "
+            f"{' or '.join(FAMILIES[i] for i in families)}"
+        )
     for i in families:
         if not sum(float(c.force[i].sum()) for c in curves) > 0:
             raise ValueError(
-                f"no test loads the {FAMILIES[i]}: forces must be positive"
+                f"the forces along the {FAMILIES[i]} must be positive in tension: "
+                "reverse the sign of the column"
             )
     model = TENSION_LAWS[law](largest, points).bounded(bounds or {})
     return model.extrapolated(extrapolation)

@@ -87,15 +87,17 @@ def read_curve(
         if (name := column_named(word)) not in COLUMNS:
             continue
         if name in positions:
-            raise ValueError(f"{file}, row 1: there are two columns {name!r}")
+            raise ValueError(
+                f"{file}, row 1: two columns have the name {name!r}: keep one of them"
+            )
         positions[name] = i, _factor(file, name, (units or {}).get(name, unit))
     if not positions:
         raise ValueError(
-            f"{file}, row 1: the first row must name columns, and none is one of "
-            f"{', '.join(COLUMNS)}: got '{excerpt(','.join(header))}'"
+            f"{file}, row 1: the header must name at least one of "
+            f"{', '.join(COLUMNS)}, got '{excerpt(','.join(header))}'"
         )
     if len(lines) < 2:
-        raise ValueError(f"{file}: there are no points")
+        raise ValueError(f"{file}: the file contains no rows of numbers")
     rows = [_numbers(file, *line, positions.values(), gaps) for line in lines[1:]]
     columns = dict(zip(positions, np.transpose(rows), strict=True))
     for name, column in columns.items():
@@ -114,7 +116,7 @@ def read_test(
     columns, name = read_curve(path, units), Path(path).name
     for column in needed:
         if column not in columns:
-            raise ValueError(f"{name}: there is no column {column!r}")
+            raise ValueError(f"{name}: the column {column!r} is missing")
     return name, columns
 
 
@@ -130,13 +132,14 @@ def _factor(file: str, name: str, unit: str) -> float:
         return allowed[unit]
     if unit in {u for other, units in COLUMNS.items() if other != name for u in units}:
         raise ValueError(
-            f"{file}: the column {name!r} has the unit '{unit}'; expected one of "
-            f"{', '.join(allowed)}: check whether columns are swapped"
+            f"{file}: the unit of the column {name!r} must be one of "
+            f"{', '.join(allowed)}, got '{unit}': check whether columns are swapped"
         )
-    has = f"the unit '{excerpt(unit)}', which is none" if unit else "no unit, needs one"
+    found = f"got '{excerpt(unit)}'" if unit else "and it has none"
     raise ValueError(
-        f"{file}: the column {name!r} has {has} of {', '.join(allowed)}: specify it "
-        f"in the first row, like '{name} ({next(iter(allowed))})', or by an option"
+        f"{file}: the unit of the column {name!r} must be one of {', '.join(allowed)}, "
+        f"{found}: specify it in the header, such as '{name} ({next(iter(allowed))})', "
+        "or with --unit"
     )
 
 
@@ -154,8 +157,8 @@ def _numbers(
         ]
     except (ValueError, IndexError):
         raise ValueError(
-            f"{file}, row {line}: '{excerpt(','.join(row))}' lacks a finite number "
-            f"below {_LARGEST:g}"
+            f"{file}, row {line}: expected finite numbers below {_LARGEST:g}, got "
+            f"'{excerpt(','.join(row))}'"
         ) from None
 
 
@@ -237,16 +240,16 @@ def rest_notes(name: str, x: ndarray, force: ndarray) -> list[str]:
     if x.min() > _LATE * x.max() and first < _NOTHING * np.abs(force).max():
         return [
             f"{name}: the curve begins far from rest with virtually no force: measure "
-            "displacements from the point at which the fabric takes up load"
+            "displacements from the point at which the fabric begins to carry load"
         ]
     offset = force_at_rest(x, force)
     if not offset:
         return []
     share = 100 * abs(offset) / np.abs(force).max()
     return [
-        f"{name}: the force is about {offset:.3g} N at rest, {share:.0f} % of the "
-        "largest, and is not subtracted: no law has a force at rest; subtract the "
-        "weight of clamps, friction and pretension first"
+        f"{name}: the force at rest is about {offset:.3g} N, {share:.0f} % of the "
+        "largest force, and no law represents it: subtract the weight of clamps, "
+        "friction and pretension before the fit"
     ]
 
 

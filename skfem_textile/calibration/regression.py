@@ -71,15 +71,15 @@ class Model:
         for name, (least, most) in bounds.items():
             if name not in self.parameters:
                 raise ValueError(
-                    f"the law {self.name} has no parameter {name!r}; its parameters "
-                    f"are {', '.join(self.parameters)}"
+                    f"the law {self.name} has no parameter {name!r}: choose one of "
+                    f"{', '.join(self.parameters)}"
                 )
             i = self.parameters.index(name)
             low[i], high[i] = max(low[i], least), min(high[i], most)
             if not low[i] < high[i]:
                 raise ValueError(
-                    f"there is no number within the bounds of {name}: {low[i]:g} to "
-                    f"{high[i]:g}"
+                    f"the bounds of {name} and the limits of the law leave no number "
+                    f"between {low[i]:g} and {high[i]:g}: change the bounds"
                 )
         return replace(self, low=low, high=high)
 
@@ -97,8 +97,8 @@ class Model:
             return self
         if self.name != "tabulated":
             raise ValueError(
-                f"the law {self.name} is defined beyond the data by its formula: only "
-                "a tabulated law has an extrapolation"
+                f"the law {self.name} is defined beyond the data by its formula: omit "
+                "the extrapolation, or use the law tabulated"
             )
 
         return replace(
@@ -267,7 +267,7 @@ def solve_nonlinear(
             residual, inside, bounds=(model.low, model.high), x_scale=scale
         ).x
     except ValueError as error:
-        raise ValueError(f"no {model.name} law fits the data: {error}") from None
+        raise ValueError(f"the fit of the law {model.name} failed: {error}") from None
     near = np.maximum(np.abs(values), scale) * 1e-6
     low_end = np.isfinite(model.low) & (values - model.low < near)
     high_end = np.isfinite(model.high) & (model.high - values < near)
@@ -297,10 +297,15 @@ def covariance_of(J: ndarray, weights: ndarray) -> ndarray:
     root = J * np.sqrt(weights)[:, None]
     size = np.linalg.norm(root, axis=0)
     if not np.all(size > 0):
-        raise ValueError("the data do not determine all parameters")
+        raise ValueError(
+            "the data do not determine all parameters: use a law with fewer parameters"
+        )
     triangle = linalg.qr(root / size, mode="economic")[1]
     if not np.all(np.abs(np.diag(triangle)) > _SINGULAR):
-        raise ValueError("the parameters are not identifiable from these data")
+        raise ValueError(
+            "the parameters are not identifiable from these data: use a law with fewer "
+            "parameters"
+        )
     inverse = np.linalg.inv(triangle) / size[:, None]
     return inverse @ inverse.T
 
@@ -308,7 +313,7 @@ def covariance_of(J: ndarray, weights: ndarray) -> ndarray:
 def _not_identifiable(model: Model) -> str:
     return (
         f"the {len(model.parameters)} parameters of the law {model.name} are not "
-        "identifiable from these data: use a law with fewer"
+        "identifiable from these data: use a law with fewer parameters"
     )
 
 
@@ -520,7 +525,10 @@ def _fit(
     measured = np.concatenate([sample.measured for sample in samples])
     n, p = measured.size, len(model.parameters)
     if n <= p:
-        raise ValueError(f"{n} points are too few for {p} parameters of {model.name}")
+        raise ValueError(
+            f"{n} points are too few for the {p} parameters of the law {model.name}: "
+            "use a law with fewer parameters"
+        )
     given = noise is not None
     least = _LEAST_NOISE * np.abs(measured).max()
     weights = _spread_out(samples, noise**-2.0) if noise is not None else np.ones(n)

@@ -63,8 +63,9 @@ def tension_report(result: "TensionFit") -> dict[str, Any]:
         }
         if one.beyond_noise:
             reports[name]["notes"].append(
-                "tests at several ratios of the strains contradict a tension of one "
-                "strain: use crimp-interchange, whose tensions depend on both"
+                "tests at several strain ratios contradict a tension that depends on "
+                "one strain only: use crimp-interchange, in which tensions depend on "
+                "both strains"
             )
     return reports
 
@@ -202,14 +203,16 @@ def _notes(fit: Fit) -> list[str]:
         )
     if fit.at_bound.any():
         bound = np.array(fit.model.parameters)[fit.at_bound]
-        notes.append(f"at a bound, without a band: {', '.join(bound)}")
+        notes.append(
+            f"parameters at a bound, which have no confidence band: {', '.join(bound)}"
+        )
     return notes
 
 
 def _range_notes(result: "ShearFit") -> list[str]:
     end = np.degrees(result.largest_angle)
     notes = [
-        f"{specimen.name}: the test contains loading and unloading, and all of it is "
+        f"{specimen.name}: the test contains loading and unloading, and both are "
         "fitted as one curve: keep the rows of one loading"
         for specimen in result.specimens
         if all(specimen.ways(result.up_to))
@@ -220,8 +223,8 @@ def _range_notes(result: "ShearFit") -> list[str]:
         shares = {"energy": {"stabilisation": result.stabilisation}}
         if carried := excess(shares, "stabilisation"):
             notes.append(
-                f"the stabilisation of the simulations contributes up to {carried}: "
-                "the law compensates for the error of a coarse mesh: double "
+                f"the stabilisation of the simulations contributes up to {carried}, "
+                "and the law compensates for the error of this coarse mesh: double "
                 "--simulate until the law converges"
             )
         return notes
@@ -231,7 +234,7 @@ def _range_notes(result: "ShearFit") -> list[str]:
             if end > holds + 1e-9:
                 notes.append(
                     f"{specimen.name}: points up to {end:.1f} degrees are fitted, but "
-                    f"the theoretical angle is reliable up to {holds:g} degrees only: "
+                    f"the theoretical angle is reliable only up to {holds:g} degrees: "
                     "measure the angle, or fit by simulation"
                 )
         elif specimen.theoretical_angle is not None and holds < end - 1e-9:
@@ -272,8 +275,8 @@ def _falling_notes(result: "ShearFit") -> list[str]:
     if not falls.size:
         return []
     return [
-        f"the moment decreases from {np.degrees(falls[0]):.1f} degrees on: such a "
-        "fabric may be unstable in a simulation"
+        f"the shear moment decreases beyond {np.degrees(falls[0]):.1f} degrees: a "
+        "simulation of this fabric may be unstable"
     ]
 
 

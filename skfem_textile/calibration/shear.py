@@ -214,7 +214,9 @@ def read_specimen(
     """
     name, columns = read_test(path, units, "force")
     if "displacement" not in columns and "shear angle" not in columns:
-        raise ValueError(f"{name}: there is no column 'displacement' or 'shear angle'")
+        raise ValueError(
+            f"{name}: a column 'displacement' or 'shear angle' is required"
+        )
     moved, angle = columns.get("displacement"), columns.get("shear angle")
     return Specimen(name, test, columns["force"], moved, angle)
 
@@ -269,13 +271,14 @@ def fit_shear(
     0.3
     """
     if law not in SHEAR_LAWS:
-        raise ValueError(f"the law {law!r} must be one of {', '.join(SHEAR_LAWS)}")
+        raise ValueError(f"unknown law {law!r}: choose one of {', '.join(SHEAR_LAWS)}")
     if up_to is not None and not up_to > 0:
         raise ValueError(
-            f"the largest shear angle must be > 0, got {np.degrees(up_to):g} degrees"
+            f"the largest shear angle must be positive, got {np.degrees(up_to):g} "
+            "degrees"
         )
     if points < 1:
-        raise ValueError(f"a table needs at least one point besides 0, got {points}")
+        raise ValueError(f"a table requires at least one point besides 0, got {points}")
     samples = [
         _sample(specimen, up_to, None if ratios is None else ratios[i])
         for i, specimen in enumerate(specimens)
@@ -308,19 +311,19 @@ def _refuse_angles(specimen: Specimen, used: ndarray, up_to: float | None) -> No
     angles = np.degrees(specimen.angle[np.isfinite(specimen.angle)])
     if specimen.measured_angle is not None and np.any(angles > end * (1 + _ROUNDING)):
         raise ValueError(
-            f"{name}: shear angles reach {angles.max():.4g} degrees, but the test "
-            f"ends at {end:.4g}: check their unit"
+            f"{name}: shear angles reach {angles.max():.4g} degrees, but the test ends "
+            f"at {end:.4g} degrees: check their unit"
         )
     if np.any(used & (specimen.angle > 0)):
         return
     last = np.degrees(specimen.last_angle(up_to))
     message = (
-        f"they go from {angles.min():.3g} to {angles.max():.3g}"
+        f"the angles range from {angles.min():.3g} to {angles.max():.3g} degrees"
         if angles.size
         else "all displacements are beyond the end of the test: check their unit"
     )
     raise ValueError(
-        f"{name}: no shear angle is between 0 and {last:.3g} degrees; {message}"
+        f"{name}: no shear angle is between 0 and {last:.3g} degrees: {message}"
     )
 
 
@@ -328,13 +331,13 @@ def _refuse_forces(specimen: Specimen, used: ndarray) -> None:
     force = specimen.force[used]
     if force.size > 1 and np.ptp(force) == 0:
         raise ValueError(
-            f"{specimen.name}: the force is {force[0]:g} N at every point: it must "
+            f"{specimen.name}: the force is {force[0]:g} N at every point, but it must "
             "change with the shear angle"
         )
     if not force.sum() > 0:
         raise ValueError(
-            f"{specimen.name}: forces are negative: tension is positive, so reverse "
-            "the sign of the column"
+            f"{specimen.name}: the forces must be positive in tension: reverse the "
+            "sign of the column"
         )
 
 
@@ -381,7 +384,8 @@ class Simulation:
     def __post_init__(self) -> None:
         if self.across < 2 or self.across % 2:
             raise ValueError(
-                f"the number of elements across must be even and >= 2: {self.across}"
+                "the number of elements across must be even and at least 2, got "
+                f"{self.across}"
             )
 
     def curve(self, law: Law, test: BiasExtension, largest: float) -> Simulated:
@@ -404,7 +408,7 @@ class Simulation:
         try:
             states = stepper.run().states
         except StepError as error:
-            raise ValueError(f"a simulation of the test fails: {error}") from None
+            raise ValueError(f"the simulation of the test failed: {error}") from None
         angles = np.array([state.load_factor for state in states]) * largest
         forces = np.array([scene.reaction(state)[1] for state in states])
         shares = [state.shares["energy"]["stabilisation"] for state in states[1:]]
@@ -447,8 +451,8 @@ def fit_by_simulation(
         bias = isinstance(specimen.test, BiasExtension)
         if not bias or specimen.displacement is None:
             raise ValueError(
-                f"{specimen.name}: only bias extensions with displacements are fitted "
-                "by simulation"
+                f"{specimen.name}: only bias-extension tests with displacements can be "
+                "fitted by simulation"
             )
     driven = [replace(specimen, measured_angle=None) for specimen in specimens]
     end = np.inf if up_to is None else up_to

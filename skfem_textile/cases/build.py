@@ -159,7 +159,8 @@ def _refuse_contradictions(file: CaseFile) -> None:
     of_deck = file.fabric.thickness_mm, file.fabric.units, file.fabric.material
     if file.fabric.file is None and of_deck != (None, "N mm", None):
         raise ValueError(
-            "fabric.thickness_mm, units and material require fabric.file: name it"
+            "fabric.thickness_mm, fabric.units and fabric.material require "
+            "fabric.file: name the file"
         )
     for key, named in (
         ("fabric.file", file.fabric.file),
@@ -172,10 +173,12 @@ def _refuse_contradictions(file: CaseFile) -> None:
             )
     for key in ("part_mesh", "trim"):
         if getattr(file.output, key) and not isinstance(file.scene, OnTool):
-            raise ValueError(f"output.{key} requires a scene of a ply on a tool")
+            raise ValueError(f"output.{key} requires a scene with a ply on a tool")
     most = file.stepping.most_unknowns
     if file.stepping.tolerance is None and most != Stepping().most_unknowns:
-        raise ValueError("stepping.most_unknowns requires stepping.tolerance")
+        raise ValueError(
+            "stepping.most_unknowns requires stepping.tolerance: set it too"
+        )
 
 
 def _scene(scene: AnyScene, own: Mesh, fabric: str | None) -> "Scene":
@@ -186,8 +189,8 @@ def _scene(scene: AnyScene, own: Mesh, fabric: str | None) -> "Scene":
     if own.source not in MESH_KINDS:
         if not Path(own.source).is_file():
             raise ValueError(
-                f"mesh.source {printable(own.source)}: neither a file nor one of "
-                f"{', '.join(MESH_KINDS)}"
+                f"mesh.source {printable(own.source)} is neither an existing file nor "
+                f"one of {', '.join(MESH_KINDS)}"
             )
         if generated:
             raise ValueError(
@@ -256,7 +259,7 @@ def _with_directions(
 
     if any(isinstance(one, OnSurface) for one in scene.conditions.values()):
         raise ValueError(
-            f"mesh.directions: the fibres of the scene {scene.name} are given by "
+            f"mesh.directions is not supported for the scene {scene.name}: set "
             "scene.fibres_deg"
         )
     given = read_directions(file)
@@ -288,12 +291,14 @@ def _warn_of_other_directions(file: CaseFile) -> None:
     fabric, other = str(file.fabric.file), file.mesh.directions
     source = "the scene" if other is None else printable(other)
     how = (
-        "write_directions writes a file of them for mesh.directions"
+        "to use them, write them with write_directions and name this file in "
+        "mesh.directions"
         if Path(fabric).suffix.lower() == ".json"
-        else "to use them, pass the file as mesh.directions too"
+        else "to use them, name this file in mesh.directions too"
     )
     log.warning(
-        "%s: its fibre directions are ignored; they are from %s: %s",
+        "%s: the fibre directions in this file are ignored; the directions from %s "
+        "are used: %s",
         printable(fabric),
         source,
         how,

@@ -70,11 +70,11 @@ def _toml(data: bytes) -> dict[str, Any]:
     try:
         return tomllib.loads(data.decode("utf-8-sig"))
     except UnicodeDecodeError:
-        raise ValueError("not a text file in UTF-8") from None
+        raise ValueError("the file is not a text file in UTF-8") from None
     except RecursionError:
         raise ValueError("arrays or tables are nested too deeply") from None
     except ValueError as error:
-        raise ValueError(f"not valid TOML: {printable(error)}") from None
+        raise ValueError(f"the file is not valid TOML: {printable(error)}") from None
 
 
 def declared(
@@ -97,7 +97,7 @@ def declared(
     """
     try:
         if not isinstance(tables, Mapping):
-            raise ValueError(f"a case is a table of tables, not {_shown(tables)}")
+            raise ValueError(f"a case must be a table of tables, not {_shown(tables)}")
         _refuse_values("", tables)
         scene = _scene_of(tables)
         regions = tables.get("regions", {})
@@ -159,7 +159,7 @@ def _refuse_values(where: str, value: Any) -> None:
     if not isinstance(value, _HELD):
         kind = "function" if callable(value) else type(value).__name__
         raise ValueError(
-            f"{where} is a {kind}, which a case file cannot contain: use Case"
+            f"{where} is a {kind}, which a case file cannot contain: pass it to Case"
         )
     if isinstance(value, float) and not math.isfinite(value):
         raise ValueError(f"{where} must be a finite number, got {value}")
@@ -178,7 +178,7 @@ def _scene_of(tables: Mapping[str, Any]) -> type[Scene]:
     name = given.get("name")
     if not isinstance(name, str) or name not in SCENES:
         reason = "is missing" if name is None else f"is {_shown(name)}"
-        raise ValueError(f"scene.name {reason}: must be one of {', '.join(SCENES)}")
+        raise ValueError(f"scene.name {reason}: expected one of {', '.join(SCENES)}")
     return SCENES[name]
 
 
@@ -236,7 +236,7 @@ def _law_nested(table: Any, kind: type[Struct], stiffness: float) -> Any:
         return table
     if "file" in table:
         raise ValueError(
-            "a law in a file is named by the file: law = 'FILE.csv', without file"
+            "a table of a law has no key 'file': name the file by law = 'FILE.csv'"
         )
     beside = {key: v for key, v in table.items() if key in _beside(kind)}
     for part, own in (("in_compression", InCompression), ("weft", Weft)):
@@ -285,8 +285,8 @@ def _worded(where: str, message: str, given: Any, kind: type[Any]) -> str:
         known = [*dict.fromkeys(_choices(table))]
         word = re.findall(r"Invalid (?:enum )?value (.*)", text, re.DOTALL)[0]
         return (
-            f"{path} is {excerpt(word)}; expected one of {', '.join(known)}"
-            f"{_nearest(word.strip(chr(39)), known)}"
+            f"{path} is {excerpt(word)}: expected one of "
+            f"{', '.join(known)}{_nearest(word.strip(chr(39)), known)}"
         )
     text = text.replace(" | null", "").replace("Expected", "must be")
     text = re.sub(r"`(\w+)", lambda kind: _KINDS.get(kind[1], kind[1]), text)
@@ -336,7 +336,7 @@ def _unknown(path: str, key: str, table: type[Struct], beside: list[Any]) -> str
     tag = _tag_field(table)
     others = [tag_of(one) for one in beside if tag and key in one.__struct_fields__]
     if others:
-        return f"{path}.{key} requires {path}.{tag} {' or '.join(others)}"
+        return f"{path}.{key} requires that {path}.{tag} is {' or '.join(others)}"
     around = [one for one in beside if _tag_field(one) is None]
     tables = dict.fromkeys([table, *around])
     known = [
@@ -344,7 +344,7 @@ def _unknown(path: str, key: str, table: type[Struct], beside: list[Any]) -> str
         *(f for one in tables for f in one.__struct_fields__ if f != "file" or not tag),
     ]
     known = [*dict.fromkeys(known)]
-    near = _nearest(key, known) or f" (it has: {', '.join(known)})"
+    near = _nearest(key, known) or f": allowed are {', '.join(known)}"
     place = f"{path} has no key" if path else "there is no table"
     return f"{place} '{excerpt(key)}'{near}"
 
@@ -367,7 +367,7 @@ def _nearest(word: str, known: Iterable[str]) -> str:
     known = list(known)
     longer = [name for name in known if word and name.startswith(f"{word}_")]
     near = longer or get_close_matches(word[:100], known, n=1)
-    return f"; did you mean {near[0]!r}" if near else ""
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def _shown(value: Any) -> str:

@@ -108,7 +108,10 @@ class Trellis(PlaneScene, tag="trellis"):
         from ..scenes.trellis import Edge, sheared, trellis
 
         if both := set(self.free) & set(self.roller_deg):
-            raise ValueError(f"scene.roller_deg: the side {min(both)} is already free")
+            raise ValueError(
+                f"the side {min(both)} is both in scene.free and in scene.roller_deg: "
+                "omit one of them"
+            )
         edges: dict[str, Edge] = dict.fromkeys(self.free, "free")
         for side, inclination in self.roller_deg.items():
             edges[side] = float(np.radians(inclination))
@@ -134,7 +137,10 @@ class BiasExtension(PlaneScene, tag="bias_extension"):
     shear_angle_deg: Annotated[Degrees, about("final shear angle in the middle")] = 40.0
     part: Annotated[
         Literal["whole", "half"],
-        about("half: the half up to the axis of symmetry, on rollers"),
+        about(
+            "whole, or half: the half up to the axis of symmetry, with rollers on "
+            "this axis"
+        ),
     ] = "whole"
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
@@ -168,8 +174,8 @@ class Specimen(PlaneScene, tag="specimen"):
     move_mm: Annotated[
         dict[str, tuple[Component, Component]],
         about(
-            "final displacements of boundaries along x and y: 0,0 for a clamped one, "
-            "free for a component that is not prescribed"
+            "final displacements of boundaries along x and y: 0,0 for a clamped "
+            "boundary, free for a component that is not prescribed"
         ),
     ] = field(default_factory=lambda: {"bottom": (0.0, 0.0), "top": (0.0, 10.0)})
     driven: Annotated[
@@ -213,9 +219,9 @@ class Cantilever(StripInSpace, tag="cantilever"):
     steps = 4
 
     length_mm: Annotated[float, about("length of the strip")] = 200.0
-    weight_N_per_mm2: Annotated[float, about("weight per area; 6e-6 for 0.6 kg/m2")] = (
-        6e-6
-    )
+    weight_N_per_mm2: Annotated[
+        float, about("weight per area, such as 6e-6 for 0.6 kg/m2")
+    ] = 6e-6
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
         """See `Scene.build`."""
@@ -232,7 +238,10 @@ class Buckling(StripInSpace, tag="buckling"):
     fibre_stiffness = 1e5
 
     shortening: Annotated[
-        float, about("final approach of the ends relative to the length")
+        float,
+        about(
+            "final shortening of the distance between the ends, relative to the length"
+        ),
     ] = 0.2
     push_N_per_mm2: Annotated[
         float,
@@ -364,7 +373,7 @@ class Drape(OnTool, tag="drape"):
         tuple[float, float, float] | None,
         about(
             "point of the tool that the middle of the ply touches (default: the "
-            "highest point, closest to the middle)"
+            "highest point; of several, the one closest to the middle)"
         ),
     ] = None
 

@@ -34,18 +34,27 @@ class Mesh(Table):
 
     source: Annotated[
         str,
-        about(f"{', '.join(MESH_KINDS)}, or a file of quadrilaterals or triangles"),
+        about(
+            f"kind of generated mesh ({', '.join(MESH_KINDS)}), or a file of "
+            "quadrilaterals or triangles"
+        ),
         FILE,
     ] = "irregular"
     size: Annotated[
         tuple[Count, Count] | None,
-        about("elements along x and y of a generated mesh, before they are split"),
+        about(
+            "number of elements along x and y of a generated mesh, before they are "
+            "split"
+        ),
     ] = None
     jitter: Annotated[
         float | None,
-        about("random displacement of its nodes relative to their spacing"),
+        about(
+            "random displacement of the nodes of a generated mesh relative to their "
+            "spacing"
+        ),
     ] = None
-    seed: Annotated[int | None, about("seed of these displacements")] = None
+    seed: Annotated[int | None, about("seed of the random displacements")] = None
     directions: Annotated[
         str | None,
         about(
@@ -62,20 +71,21 @@ class FabricOfFile(Table):
     file: Annotated[
         str | None,
         about(
-            "all laws: a .json of this package, the keyword FABRIC of an .inp, or "
-            "LAW58 or LAW158 of a .rad"
+            "file that contains all laws: a .json of this package, the keyword FABRIC "
+            "of an .inp, or LAW58 or LAW158 of a .rad"
         ),
         FILE,
     ] = None
     thickness_mm: Annotated[
         float | None,
         about(
-            "thickness of the ply, for the stresses of a deck (default: as in the deck)"
+            "thickness of the ply, which converts the stresses of a deck to forces per "
+            "width (default: as in the deck)"
         ),
     ] = None
     units: Annotated[str, about("units of force and length of a deck")] = "N mm"
     material: Annotated[
-        str | None, about("name of the fabric in a deck with several")
+        str | None, about("name of the material, for a deck with several fabrics")
     ] = None
 
 
@@ -94,7 +104,10 @@ Stiffness: TypeAlias = Annotated[float, about("stiffness E or G")]
 
 Continuation: TypeAlias = Annotated[
     Literal["none", "odd"],
-    about("odd: given for arguments >= 0 and continued as an odd function"),
+    about(
+        "none; odd: the law is given for arguments >= 0 and continued as an odd "
+        "function"
+    ),
 ]
 
 
@@ -141,7 +154,10 @@ class LawOfFile(Law, tag="FILE.json"):
         law = read_law(self.file)
         biaxial = isinstance(law, BiaxialLaw)
         if getattr(law, "of", None) not in (None, of) or (of == "shear" and biaxial):
-            raise ValueError(f"{type(law).__name__} is not a law of {of}")
+            raise ValueError(
+                f"{self.file} contains a {type(law).__name__}, which is not a law of "
+                f"{of}"
+            )
         return law
 
 
@@ -250,7 +266,9 @@ class Weft(Table):
     law: TensionLaw
     compression: Annotated[
         Literal["law", "none"],
-        about("in compression: the value of the law, or zero force"),
+        about(
+            "law: the law also applies in compression; none: no force in compression"
+        ),
     ] = "law"
     pretension_N_per_mm: Annotated[float, about("initial tension of the fibres")] = 0.0
     in_compression: InCompression | None = None
@@ -336,8 +354,8 @@ class FormulationTable(Table, tag_field="name"):
 Stabilisation: TypeAlias = Annotated[
     float | Literal["auto"],
     about(
-        "stabilisation stiffness C_s, or auto: from shear stiffness, tension and "
-        "fibre angle of each element; 1e-4 E without shear stiffness"
+        "stabilisation stiffness C_s, or auto: computed from shear stiffness, tension "
+        "and fibre angle of each element; 1e-4 E without shear stiffness"
     ),
 ]
 
@@ -360,9 +378,10 @@ class OnePoint(FormulationTable, tag="one-point"):
     stabilisation: Annotated[
         Literal["energy", "rate", "continuity", "isotropic"],
         about(
-            "energy: independent of the load path; rate: in rates as published; "
-            "continuity: jumps between elements; isotropic. All except energy need a "
-            "number C_s"
+            "energy: independent of the load path; rate: in rate form, as published; "
+            "continuity: penalty on jumps between elements; isotropic: penalty on "
+            "hourglass modes in all directions. All except energy require a number for "
+            "C_s"
         ),
     ] = "energy"
     cs_N_per_mm: Stabilisation = "auto"
@@ -436,7 +455,7 @@ Check: TypeAlias = Literal[
 class Stepping(Table):
     """Load steps and solvers."""
 
-    steps: Annotated[int, about("load steps")] = 20
+    steps: Annotated[int, about("number of load steps")] = 20
     tolerance: Annotated[
         float | None,
         about(
@@ -445,11 +464,14 @@ class Stepping(Table):
         ),
     ] = None
     most_unknowns: Annotated[
-        int, about("most unknowns of a mesh in a run to a tolerance")
+        int, about("largest number of unknowns of a mesh in a run with a tolerance")
     ] = 50_000
     method: Annotated[
         Literal["newton", "plain"],
-        about("plain: Newton's method with the consistent tangent, for small steps"),
+        about(
+            "newton: for large steps; plain: Newton's method with the consistent "
+            "tangent, for small steps"
+        ),
     ] = "newton"
     warn_only: Annotated[
         tuple[Check, ...], about("checks that warn instead of rejecting a state")
@@ -458,7 +480,8 @@ class Stepping(Table):
         Literal["auto", "cholmod", "pardiso", "superlu"],
         about(
             "linear solver: cholmod requires cvxopt, pardiso requires pypardiso; auto "
-            "selects the fastest installed solver, measured for large systems"
+            "selects the installed solver that is fastest for large systems; superlu "
+            "is always installed"
         ),
     ] = "auto"
 
@@ -474,7 +497,10 @@ class Output(Table):
     ] = None
     part_mesh: Annotated[
         str | None,
-        about("of a ply on a tool: mesh of the part, whose elements receive fibres"),
+        about(
+            "mesh of the part, to whose elements the fibre directions of a ply on a "
+            "tool are mapped"
+        ),
         FILE,
     ] = None
     trim: Annotated[

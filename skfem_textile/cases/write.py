@@ -146,8 +146,8 @@ def refuse_foreign_case(folder: Path) -> None:
         start = opened.read(len(WRITTEN.encode()))
     if start != WRITTEN.encode():
         raise ValueError(
-            f"{file} was not written by a run, which would replace it: choose another "
-            "folder for --out"
+            f"{file} was not written by a run, and this run would replace it: choose "
+            "another folder for --out"
         )
 
 
@@ -287,7 +287,9 @@ def key_help(scene: str) -> str:
         if own.table != table:
             table = own.table
             lines += ["", f"[{table}]"]
-        only = f" (of {own.choice})" if own.choice and own.table != "scene" else ""
+        only = (
+            f" (only for {own.choice})" if own.choice and own.table != "scene" else ""
+        )
         default = f", default {own.default}" if own.default else ""
         for text, indent in (
             (f"{own.key}: {own.kind}{default}{only}", 2),

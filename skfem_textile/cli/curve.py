@@ -61,11 +61,12 @@ def read_test_curve(path: str | os.PathLike[str]) -> dict[str, ndarray]:
     if not ({DISPLACEMENT, ANGLE} & set(curve) and {FORCE, NORMALISED} & set(curve)):
         raise ValueError(
             f"{printable(path)}, row 1: the header must name a displacement or an "
-            f"angle, and a force, like {', '.join(map(repr, (DISPLACEMENT, FORCE)))}"
+            "angle, and a force, such as "
+            f"{' and '.join(map(repr, (DISPLACEMENT, FORCE)))}"
         )
     if len(next(iter(curve.values()))) < 2:
         raise ValueError(
-            f"{printable(path)}: a curve needs at least two rows of numbers"
+            f"{printable(path)}: a curve requires at least two rows of numbers"
         )
     return curve
 

@@ -49,13 +49,16 @@ def _repeated(text: str, of: Any, metavar: str) -> dict[str, Any]:
 def _size(what: str) -> dict[str, Any]:
     """Size of specimens: one for all files, or one for each."""
     return _option(
-        f"{what}, in mm: one for all files or one for each", float, "MM", nargs="+"
+        f"{what} in mm: one value for all files, or one for each",
+        float,
+        "MM",
+        nargs="+",
     )
 
 
 _UNIT: _Options = {
     "--unit": _repeated(
-        "unit of a column without a unit in the first row; may be repeated",
+        "unit of a column that has no unit in the first row; may be repeated",
         words.unit,
         "COLUMN=UNIT",
     )
@@ -63,7 +66,7 @@ _UNIT: _Options = {
 
 _FABRIC: _Options = {
     "--fabric": _option(
-        "fabric.json of another fit, whose other laws are kept", metavar="FILE"
+        "fabric.json of an earlier fit, whose other laws are kept", metavar="FILE"
     )
 }
 
@@ -75,9 +78,11 @@ _COMMON: _Options = {
         words.bound,
         "NAME=LOW,HIGH",
     ),
-    "--points": _option("points of a table, excluding 0", int, "N", default=8),
+    "--points": _option(
+        "number of points of a tabulated law, excluding 0", int, "N", default=8
+    ),
     "--extrapolation": _option(
-        "of a table beyond the data: refuse every state (default), or extrapolate "
+        "tabulated law beyond the data: refuse every state (default), or extrapolate "
         "linearly",
         choices=("refuse", "linear"),
     ),
@@ -85,19 +90,21 @@ _COMMON: _Options = {
 
 _SHEAR: _Options = {
     "--law": _option(
-        "polynomial of odd powers, linear, sin2, locking or tabulated",
+        "shear law: polynomial (odd powers), linear, sin2, locking or tabulated",
         metavar="LAW",
         default="polynomial",
     ),
-    "--degree": _option("highest power of the polynomial, odd", int, "N", default=5),
+    "--degree": _option(
+        "highest power of the polynomial, an odd number", int, "N", default=5
+    ),
     "--up-to": _option(
-        "largest shear angle of the points used (default: 40 for theoretical angles; "
-        "all points for measured angles or simulated tests)",
+        "largest shear angle of the fitted points (default: 40 for theoretical "
+        "angles; no limit for measured angles or simulated tests)",
         words.degrees,
         "DEG",
     ),
     "--fibre-stiffness": _option(
-        "fibre stiffness of fabric.json and of simulated tests in N/mm (default: "
+        "fibre stiffness in N/mm for fabric.json and for simulated tests (default: "
         "from --fabric, else 1e5)",
         float,
         "E",
@@ -125,8 +132,8 @@ TESTS: dict[str, tuple[str, _Options]] = {
             ),
             **_SHEAR,
             "--simulate": _option(
-                "fit simulated tests, with this number of element edges across the "
-                "width",
+                "fit by simulation of the tests, with this number of element edges "
+                "across the width",
                 int,
                 "N",
             ),
@@ -136,7 +143,7 @@ TESTS: dict[str, tuple[str, _Options]] = {
         "a bending stiffness from cantilever tests, by the elastica (Peirce)",
         {
             "--weight": _option(
-                "weight per area in N/mm2; 6e-6 for 0.6 kg/m2", float, "W"
+                "weight per area in N/mm2, such as 6e-6 for 0.6 kg/m2", float, "W"
             ),
             "--family": _option(
                 "fibre family along the strips",
@@ -144,7 +151,8 @@ TESTS: dict[str, tuple[str, _Options]] = {
                 choices=("warp", "weft"),
             ),
             "--chord-angle": _option(
-                "chord angle for files without that column, such as 41.5",
+                "chord angle of all readings, for files without that column, such as "
+                "41.5",
                 words.degrees,
                 "DEG",
             ),
@@ -156,12 +164,13 @@ TESTS: dict[str, tuple[str, _Options]] = {
         "tension laws from biaxial tests, one file per strain ratio",
         {
             "--law": _option(
-                "crimp-toe, linear or tabulated for each family, or crimp-interchange",
+                "tension law: crimp-toe, linear or tabulated for each family, or "
+                "crimp-interchange",
                 metavar="LAW",
                 default="crimp-toe",
             ),
-            "--warp-width": _size("width transverse to the warp force"),
-            "--weft-width": _size("width transverse to the weft force"),
+            "--warp-width": _size("width of the specimen transverse to the warp force"),
+            "--weft-width": _size("width of the specimen transverse to the weft force"),
             **_COMMON,
         },
     ),
@@ -173,17 +182,18 @@ _FIBRES = 1e5
 
 # Notes on properties that no test has determined.
 _NO_TENSION = (
-    f"fibres of fabric.json have {_FIBRES:g} N/mm by default: pass --fibre-stiffness, "
-    "or fit biaxial tests with --fabric and this file"
+    f"the fibre stiffness in fabric.json is the default, {_FIBRES:g} N/mm: pass "
+    "--fibre-stiffness, or fit biaxial tests with --fabric and this fabric.json"
 )
 _NO_SHEAR = (
-    "fabric.json contains no shear stiffness: fit a shear test, then this test with "
-    "--fabric and the resulting fabric.json"
+    "fabric.json contains no shear stiffness: fit a shear test, then repeat this fit "
+    "with --fabric and the resulting fabric.json"
 )
 
 _NO_LAWS = (
-    "fabric.json contains a default fibre stiffness and no shear stiffness: fit shear "
-    "and tension tests, then this test with --fabric and the resulting fabric.json"
+    "fabric.json contains the default fibre stiffness and no shear stiffness: fit "
+    "shear and tension tests, then repeat this fit with --fabric and the resulting "
+    "fabric.json"
 )
 
 # Output files of a fit.
@@ -232,9 +242,12 @@ def run_fit(options: argparse.Namespace) -> int:
 
                 draw(outcome.fit, folder / _PICTURE)
         except ImportError as error:
-            say(f"no picture: {printable(error)}; pip install 'skfem-textile[plot]'")
+            say(
+                f"the picture was not drawn: {printable(error)}: pip install "
+                "'skfem-textile[plot]'"
+            )
     say(text, end="")
-    say(f"results in {printable(options.out)}")
+    say(f"results written to {printable(options.out)}")
     return 0
 
 
@@ -298,7 +311,7 @@ def _tension(options: argparse.Namespace) -> _FitOutcome:
 
 def _bending(options: argparse.Namespace) -> _FitOutcome:
     if options.weight is None:
-        raise ValueError("--weight is missing: the weight per area is required")
+        raise ValueError("--weight is missing: specify the weight per area in N/mm2")
     units, angle = _units(options), options.chord_angle
     fixed = None if angle is None else float(np.radians(angle))
     tests = [bending.read_cantilever(path, fixed, units) for path in options.data]
@@ -330,7 +343,9 @@ def _units(options: argparse.Namespace) -> dict[str, str]:
     units = {column_named(name): unit for name, unit in options.unit}
     for name in units:
         if name not in COLUMNS:
-            raise ValueError(f"--unit {name}: no column is one of {', '.join(COLUMNS)}")
+            raise ValueError(
+                f"--unit {name}: unknown column: choose one of {', '.join(COLUMNS)}"
+            )
     return units
 
 
@@ -341,12 +356,12 @@ def _sizes(options: argparse.Namespace, *keys: str) -> list[tuple[float, float]]
         given, name = getattr(options, key), f"--{key.replace('_', '-')}"
         if given is None:
             raise ValueError(
-                f"{name} is missing: the sizes of the specimens are required"
+                f"{name} is missing: specify the size of the specimens in mm"
             )
         if len(given) not in (1, n):
             raise ValueError(
-                f"{name} has {len(given)} sizes for {n} files: give one for all or one "
-                "for each"
+                f"{name} has {len(given)} values for {n} files: specify one for all "
+                "files, or one for each"
             )
         columns.append(given * n if len(given) == 1 else given)
     first, second = columns

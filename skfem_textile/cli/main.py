@@ -97,11 +97,14 @@ def _init(scene: str, file: Path) -> int:
     """Write the case file of a scene with all defaults and comments."""
     from ..cases.write import case_text
 
-    head = f"# A case: skfem-textile run {printable(file.name)} --out results"
+    head = (
+        f"# A case file. Run it with: skfem-textile run {printable(file.name)} --out "
+        "results"
+    )
     text = case_text(declared({"scene": {"name": scene}}), head)
     with open(file, "x", encoding="utf-8") as opened:
         opened.write(text)
-    say(f"{printable(file)}: a case of the scene {scene}")
+    say(f"case file of the scene {scene} written to {printable(file)}")
     return 0
 
 

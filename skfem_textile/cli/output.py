@@ -30,7 +30,9 @@ def say(text: str, end: str = "\n") -> None:
         raise
     except OSError as error:
         silence(sys.stdout)
-        raise OutputError(f"cannot print: {error.strerror or error}") from None
+        raise OutputError(
+            f"cannot write to the standard output: {error.strerror or error}"
+        ) from None
 
 
 def complain(text: str) -> None:

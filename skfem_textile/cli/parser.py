@@ -41,32 +41,39 @@ _CASE_FILE = f"CASE{_SUFFIX}"
 # Options for common keys, in addition to the keys of the scene.
 _OPTIONS = {
     "mesh": ("mesh.source", "mesh file, or kind of generated mesh"),
-    "size": ("mesh.size", "elements along x and y of a generated mesh, such as 8x16"),
-    "directions": ("mesh.directions", "file of fibre directions of elements"),
-    "fabric": ("fabric.file", "file of all laws"),
+    "size": (
+        "mesh.size",
+        "number of elements along x and y of a generated mesh, such as 8x16",
+    ),
+    "directions": ("mesh.directions", "file with the fibre directions of the elements"),
+    "fabric": ("fabric.file", "file that contains all laws"),
     "tension-law": ("tension.law", "name of a law, or a .csv or .json file"),
     "fibre-stiffness": ("tension.stiffness_N_per_mm", "tension stiffness in N/mm"),
     "shear-law": ("shear.law", "name of a law, or a .csv or .json file"),
     "shear-stiffness": ("shear.stiffness_N_per_mm", "shear stiffness in N/mm"),
     "formulation": ("formulation.name", "element formulation"),
     "force": ("loads.force_N", "force in N on a boundary; may be repeated"),
-    "steps": ("stepping.steps", "load steps"),
+    "steps": ("stepping.steps", "number of load steps"),
     "tolerance": (
         "stepping.tolerance",
-        "refine until the relative error of the load is below this",
+        "refine the mesh until the estimated relative error of the load is below this "
+        "value",
     ),
     "solver": ("stepping.solver", "linear solver"),
     "test-curve": (
         "output.test_curve",
-        "CSV file with a test curve to draw with the run",
+        "CSV file with a test curve, drawn with the curve of the run",
     ),
 }
 _OPTIONS_ON_TOOL = {
     "part-mesh": (
         "output.part_mesh",
-        "mesh of the part, whose elements receive fibres",
+        "mesh of the part, to whose elements fibre directions are mapped",
     ),
-    "trim": ("output.trim", "CSV file of the curve that trims the flat pattern"),
+    "trim": (
+        "output.trim",
+        "CSV file of the curve along which the flat pattern is trimmed",
+    ),
 }
 
 # Upper bound on the depth of a key path.
@@ -79,9 +86,10 @@ _NAME_OR_FILE = ("mesh.source", "tension.law", "shear.law")
 _RENAMED = {"warp_deg": "fibres"}
 
 _EXIT_CODES = (
-    "exit code: 0, every step converged; 1, stopped early with the last converged "
-    "state written, or results cannot be written; 2, invalid input, nothing written; "
-    "130, interrupted by Ctrl-C or SIGTERM, last converged state written"
+    "exit code: 0 if every step converged; 1 if the run stopped early (the last "
+    "converged state is written) or the results cannot be written; 2 for invalid input "
+    "(nothing is written); 130 if interrupted by Ctrl-C or SIGTERM (the last converged "
+    "state is written)"
 )
 
 
@@ -96,7 +104,7 @@ class _Parser(argparse.ArgumentParser):
         """Parse options; refuses ``--name=--``, which argparse treats as no value."""
         for word in sys.argv[1:] if arguments is None else arguments:
             if word.startswith("--") and word.endswith("=--"):
-                self.error(f"argument {word[:-3]}: '--' is not a value")
+                self.error(f"argument {word[:-3]}: expected a value, got '--'")
         return super().parse_args(arguments, namespace)
 
 
@@ -118,7 +126,7 @@ def command_parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
     """
     whole = _Parser(
         prog="skfem-textile",
-        description="Mechanics of woven reinforcements on scikit-fem.",
+        description="Mechanics of woven reinforcements, based on scikit-fem.",
     )
     whole.add_argument("--version", action="version", version=__version__)
     commands = whole.add_subparsers(dest="command", required=True)
@@ -134,7 +142,7 @@ def command_parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
         )  # building options of all scenes takes time
         _add_scene(scenes, name, summary_of(scene), scene if named else None)
     files = [word for word in arguments[1:2] if is_case_file(word)]
-    _add_scene(scenes, _CASE_FILE, "a case in a file", None, aliases=files)
+    _add_scene(scenes, _CASE_FILE, "a case file", None, aliases=files)
     _add_fits(commands)
     _add_init(commands)
     _add_report(commands)
@@ -156,7 +164,11 @@ def _add_init(commands: Any) -> None:
 
 def _add_report(commands: Any) -> None:
     report = commands.add_parser(
-        "report", help="write report.html, one page with all results folder of a run"
+        "report",
+        help=(
+            "write report.html, one page with all results, into the results folder of "
+            "a run"
+        ),
     )
     report.add_argument(
         "folder", type=_folder, metavar="DIR", help="results folder of a run"
@@ -165,13 +177,15 @@ def _add_report(commands: Any) -> None:
         "--test-curve",
         type=Path,
         metavar="FILE.csv",
-        help="test curve, in place of the one named in the case",
+        help="CSV file with a test curve, drawn instead of the one named in the case",
     )
 
 
 def _case_file(text: str) -> Path:
     if not is_case_file(text):
-        raise ArgumentTypeError(f"{text!r} must end with {_SUFFIX}")
+        raise ArgumentTypeError(
+            f"the name of a case file must end with {_SUFFIX}, got {text!r}"
+        )
     return Path(text)
 
 
@@ -205,7 +219,7 @@ def _add_scene(
         nargs="?",
         choices=("all",),
         action=_Help,
-        help="show this help; `--help all`: also every key for --set",
+        help="show this help; `--help all` also lists every key for --set",
     )
     _add_outputs(parser)
     if scene is not None:
@@ -229,7 +243,7 @@ def _add_scene(
         default=[],
         type=_setting,
         metavar="KEY=VALUE",
-        help="any key of a case file, such as stepping.method=plain",
+        help="set any key of a case file, such as stepping.method=plain",
     )
     _add_course(parser)
 
@@ -299,9 +313,13 @@ def tables_of_options(
     further = getattr(options, "set", ())
     for path, times in Counter(path for path, _ in further).items():
         if times > 1:
-            raise ValueError(f"--set {printable(path)} is given twice")
+            raise ValueError(
+                f"--set {printable(path)} is given twice: omit one of them"
+            )
         if path == "scene.name":
-            raise ValueError("--set scene.name: name the scene after `run`")
+            raise ValueError(
+                "--set scene.name is not supported: name the scene after `run`"
+            )
     for path, value in [*settings, *further]:
         *around, key = path.split(".")
         table: Any = case
@@ -320,7 +338,7 @@ def _joined(value: Any) -> Any:
     names = [name for name, _ in value]
     for name in names:
         if names.count(name) > 1:
-            raise ValueError(f"{printable(name)} is given twice")
+            raise ValueError(f"{printable(name)} is given twice: omit one of them")
     return dict(value)
 
 
@@ -336,7 +354,9 @@ def _setting(word: str) -> tuple[str, Any]:
     path, equals, value = word.partition("=")
     keys = path.split(".")
     if not equals or not 1 < len(keys) < _MOST_KEYS or not all(keys):
-        raise ArgumentTypeError(f"{word!r} is not of the form stepping.steps=5")
+        raise ArgumentTypeError(
+            f"expected KEY=VALUE, such as stepping.steps=5, got {word!r}"
+        )
     return path, _value(value)
 
 
@@ -344,7 +364,7 @@ def _pair(word: str) -> tuple[str, Any]:
     """Name and value of ``NAME=VALUE``; several values are separated by commas."""
     name, _, value = word.partition("=")
     if not (name and value):
-        raise ArgumentTypeError(f"{word!r} is not of the form top=0,40")
+        raise ArgumentTypeError(f"expected NAME=VALUE, such as top=0,40, got {word!r}")
     parts = [_value(part) for part in value.split(",")]
     return name, parts if len(parts) > 1 else parts[0]
 
@@ -368,7 +388,9 @@ def _size(word: str) -> list[int]:
     try:
         nx, ny = (int(n) for n in word.split("x"))
     except ValueError:
-        raise ArgumentTypeError(f"{word!r} is not of the form 10x15") from None
+        raise ArgumentTypeError(
+            f"expected NXxNY, such as 10x15, got {word!r}"
+        ) from None
     return [nx, ny]
 
 
@@ -406,7 +428,10 @@ def _add_course(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const=True,
         metavar="FOLDER",
-        help="write every converged step (default folder: `checkpoint` in DIR)",
+        help=(
+            "write every converged step to a checkpoint (default folder: `checkpoint` "
+            "in DIR)"
+        ),
     )
     parser.add_argument(
         "--resume",
@@ -414,22 +439,22 @@ def _add_course(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const=True,
         metavar="FOLDER",
-        help="resume from the checkpoint of an interrupted run and keep writing it",
+        help="resume an interrupted run from its checkpoint, and continue to write it",
     )
     parser.add_argument(
         "-v",
         "--verbose",
         action="count",
         default=0,
-        help="log every step; twice: every iteration",
+        help="log every step; if given twice, every iteration",
     )
 
 
 def _folder(text: str) -> Path:
     if not text:
-        raise ArgumentTypeError("the name of a folder is empty")
+        raise ArgumentTypeError("the name of a folder must not be empty")
     if text.startswith("--"):  # argparse does not recognise it as an option
         raise ArgumentTypeError(
-            f"{text!r} is not an option; write ./{text} for a folder of this name"
+            f"{text!r} is not an option: write ./{text} for a folder of this name"
         )
     return Path(text)

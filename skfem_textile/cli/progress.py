@@ -46,8 +46,10 @@ def load(
         def log_state(at: Iteration) -> None:
             bar.update(
                 task,
-                description=f"load factor {at.load_factor:.4g}, step {at.step:.2g}, "
-                f"{at.method} {at.number}",
+                description=(
+                    f"load factor {at.load_factor:.4g}, step length {at.step:.2g}, "
+                    f"{at.method} iteration {at.number}"
+                ),
             )
 
         def reached(state: State) -> None:
@@ -86,13 +88,19 @@ def _bar() -> "Progress":
 def _interrupted(stepper: "Stepper") -> str:
     at = stepper.states[-1].load_factor
     if hasattr(stepper, "tolerance"):
-        return f"interrupted; the state at load factor {at:.6g} of a mesh is written"
+        return (
+            "interrupted during the refinement of the mesh: the last converged state, "
+            f"at load factor {at:.6g}, is written"
+        )
     kept, lost = (
-        "--resume continues from there",
-        "use --checkpoint to make runs resumable",
+        "--resume continues the run from there",
+        "only a run with --checkpoint can be resumed",
     )
     advice = kept if stepper.checkpoint else lost
-    return f"interrupted; the state at load factor {at:.6g} is written, {advice}"
+    return (
+        f"interrupted: the last converged state, at load factor {at:.6g}, is written; "
+        f"{advice}"
+    )
 
 
 def _log(verbose: int) -> None:

@@ -31,14 +31,14 @@ _FIGURES = {
     "reaction_y": "Force on the driven edge along y (N)",
     "load_over_exact": "Load relative to the exact load",
     "max_shear_angle_deg": "Largest shear angle (°)",
-    "max_fibre_strain": "Largest fibre strain in the law",
+    "max_fibre_strain": "Largest fibre strain in the tension law",
     "max_fibre_tension": "Largest fibre tension (N/mm)",
     "energy": "Energy (N·mm)",
     "n_elements": "Elements",
     "n_dofs": "Unknowns",
     "load_steps": "Load steps",
     "linear_solves": "Linear solves",
-    "wall_time_s": "Time of the run (s)",
+    "wall_time_s": "Run time (s)",
 }
 
 # Acceptance checks of the last state: name, text if passed, text if failed.
@@ -54,7 +54,7 @@ _CHECKS = {
 
 # Pictures of the last state, and their captions.
 _PICTURES = {
-    "refused.png": "Last converged state; elements of the rejected step",
+    "refused.png": "Last converged state; the elements of the rejected step are marked",
     "shear_angle.png": "Shear angle at the last load factor",
     "draped.png": "Shear angle and contact pressure on the tool",
     "fibre_strain.png": "Fibre strain at the last load factor",
@@ -105,7 +105,7 @@ def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf)
     )
     with ResultFolder(folder, (REPORT,)) as scratch:
         (scratch / REPORT).write_text(page, encoding="utf-8")
-    say(f"report in {printable(folder / REPORT)}")
+    say(f"report written to {printable(folder / REPORT)}")
     return 0
 
 
@@ -164,7 +164,9 @@ def _summary(folder: Path) -> dict[str, Any]:
     """Read ``summary.json``."""
     file = folder / "summary.json"
     if not file.is_file():
-        raise ValueError(f"{printable(folder)} contains no results, no {file.name}")
+        raise ValueError(
+            f"{printable(folder)} is not a results folder: it contains no {file.name}"
+        )
     try:
         summary = json.loads(file.read_text(encoding="utf-8"))
     except (ValueError, RecursionError):
@@ -181,7 +183,9 @@ def _text_of_file(file: Path) -> str | None:
     try:
         return file.read_text(encoding="utf-8")
     except UnicodeDecodeError:
-        raise ValueError(f"{printable(file)} is damaged: not text in UTF-8") from None
+        raise ValueError(
+            f"{printable(file)} is damaged: it is not a text file in UTF-8"
+        ) from None
 
 
 def _named_test(folder: Path, text: str | None) -> Path | None:
@@ -190,7 +194,7 @@ def _named_test(folder: Path, text: str | None) -> Path | None:
         output = tomllib.loads(text or "").get("output", {})
         named = output.get("test_curve")
     except (ValueError, AttributeError, RecursionError):
-        damaged = f"{printable(folder / CASE)} is damaged: it is not a case"
+        damaged = f"{printable(folder / CASE)} is damaged: it is not a case file"
         raise ValueError(damaged) from None
     return folder / named if isinstance(named, str) else None
 
@@ -212,4 +216,6 @@ def _drawn_curves(
         except ImportError:
             return {}, "Curves require matplotlib: pip install 'skfem-textile[plot]'."
         titles = {name: title for name, (title, *_) in CURVES.items()}
-        return _sources(Path(scratch), titles), "The run is not driven by a force."
+        return _sources(
+            Path(scratch), titles
+        ), "No curve is drawn, because the reported force is zero."

@@ -153,7 +153,7 @@ class DrapeExport:
                     raise ValueError("the run stopped early")
                 figures |= write(sheet, folder)
             except ValueError as error:
-                figures[what] = f"none: {error}"
+                figures[what] = f"not written: {error}"
         return figures
 
     def missing(self, figures: Mapping[str, Any]) -> list[str]:

@@ -110,7 +110,7 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
             raise
         code, message = (
             INTERRUPTED,
-            "interrupted; the results computed so far are written",
+            "interrupted: the results computed so far are written",
         )
     if (
         case.pictures
@@ -123,7 +123,7 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
     del summary["inputs"], summary["versions"]
     for key, value in summary.items():
         _say(key, value)
-    say(f"results in {printable(options.out)}")
+    say(f"results written to {printable(options.out)}")
     if message:
         complain(message)
     return code
@@ -152,7 +152,8 @@ def _adaptive(
     """
     if checkpoint or stepping.tolerance is None:
         raise ValueError(
-            "stepping.tolerance does not support checkpoints: omit one of them"
+            "a run with stepping.tolerance cannot write checkpoints: omit "
+            "stepping.tolerance, or omit --checkpoint and --resume"
         )
     return AdaptiveStepper(
         *(case.ply(), case.scene.conditions, stepping.tolerance, case.steps),
@@ -171,7 +172,7 @@ def _write_again(summary: Mapping[str, Any], out: Path) -> None:
         with held(), ResultFolder(out, ("summary.json",)) as folder:
             io.write_summary(summary, folder / "summary.json")
     except OSError as error:
-        say(f"summary.json lacks the estimated error: {printable(error)}")
+        say(f"the estimated error was not written to summary.json: {printable(error)}")
 
 
 def _without_estimate(result: Result) -> Result:
@@ -198,9 +199,9 @@ def _draw(case: Case, run: Result | StepError, test: "Curve | None", out: Path) 
         with ResultFolder(out, _PICTURES) as folder, shown("drawing pictures"):
             results.draw(case.scene, run, test, folder)
     except Exception as error:
-        say(f"no pictures: {printable(error)}")
+        say(f"the pictures were not drawn: {printable(error)}")
     except KeyboardInterrupt:
-        complain("interrupted; the numbers are written, pictures are not")
+        complain("interrupted: the numerical results are written, the pictures are not")
         return False
     return True
 
@@ -211,7 +212,9 @@ def _checkpoint(
     """Folder of --checkpoint or --resume, by default within the output folder."""
     named = {folder for folder in (checkpoint, resume) if isinstance(folder, Path)}
     if len(named) > 1:
-        raise ValueError("--checkpoint and --resume name different folders")
+        raise ValueError(
+            "--checkpoint and --resume name different folders: use one folder"
+        )
     if checkpoint is None and resume is None:
         return None
     return named.pop() if named else out / "checkpoint"
@@ -220,6 +223,6 @@ def _checkpoint(
 def _kept(stepper: "Stepper") -> str:
     """Message on the checkpoint of a run whose results cannot be written."""
     if stepper.checkpoint is None:
-        return "no checkpoint exists, because --checkpoint was not given"
+        return "the run cannot be resumed, because --checkpoint was not given"
     kept = stepper.checkpoint.folder
-    return f"the checkpoint {kept} remains; --resume continues from it"
+    return f"the checkpoint {kept} remains: resume the run with --resume"

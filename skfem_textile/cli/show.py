@@ -14,7 +14,9 @@ from .interruption import held
 from .output import complain, say
 from .result_folder import ResultFolder
 
-_DIRECTIONS = "fibre directions of each element, as for `run` (default: from MESH)"
+_DIRECTIONS = (
+    "file with the fibre directions of each element, as for `run` (default: MESH)"
+)
 
 
 def add_show(commands: Any) -> None:
@@ -23,8 +25,8 @@ def add_show(commands: Any) -> None:
         "show", help="draw a mesh and its fibres, and write the directions to files"
     )
     add = show.add_argument
-    add("mesh", metavar="MESH", help="a file of quadrilaterals or triangles")
-    add("--out", type=Path, required=True, metavar="DIR", help="folder for files")
+    add("mesh", metavar="MESH", help="mesh file of quadrilaterals or triangles")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder for results")
     add("--no-render", action="store_true", help="do not draw a picture")
     add("--directions", metavar="FILE", help=_DIRECTIONS)
     for name in ("warp", "weft"):
@@ -61,7 +63,7 @@ def show(options: argparse.Namespace) -> int:
     if not options.no_render:
         _draw(mesh, directions, options.out)
     _print_figures(mesh, directions)
-    say(f"directions in {printable(options.out)}")
+    say(f"directions written to {printable(options.out)}")
     return 0
 
 
@@ -72,13 +74,18 @@ def _directions(options: argparse.Namespace, n_elements: int) -> FibreDirections
     if (angles[0] is None) != (angles[1] is None):
         raise ValueError("--warp and --weft must be given together")
     if angles[0] is not None and options.directions is not None:
-        raise ValueError("--warp and --directions: omit one of them")
+        raise ValueError(
+            "--directions cannot be combined with --warp and --weft: omit one of them"
+        )
     if angles[0] is not None:
         return FibreDirections.of_angles(*(np.full(n_elements, a) for a in angles))
     file = options.directions or options.mesh
     directions = read_directions(file)
     if (n := directions.warp.shape[1]) != n_elements:
-        raise ValueError(f"{printable(file)}: {n} directions for {n_elements} elements")
+        raise ValueError(
+            f"{printable(file)} has fibre directions for {n} elements, but the mesh "
+            f"has {n_elements} elements"
+        )
     return directions
 
 
@@ -90,7 +97,7 @@ def _draw(mesh: Any, directions: FibreDirections, out: Path) -> None:
 
             mesh_and_fibres(mesh, directions, filename=folder / _PICTURE)
     except Exception as error:
-        complain(f"no picture: {printable(error)}")
+        complain(f"the picture was not drawn: {printable(error)}")
 
 
 def _print_figures(mesh: Any, directions: FibreDirections) -> None:

@@ -12,7 +12,9 @@ def degrees(word: str) -> float:
     except ValueError:
         angle = float("nan")
     if not abs(angle) <= MOST_DEGREES:
-        raise ArgumentTypeError(f"{word!r} is not an angle of at most a hundred turns")
+        raise ArgumentTypeError(
+            f"expected an angle of at most {MOST_DEGREES:g} degrees, got {word!r}"
+        )
     return angle
 
 
@@ -20,7 +22,7 @@ def unit(word: str) -> tuple[str, str]:
     """Column and unit of ``COLUMN=UNIT``."""
     name, _, unit = word.partition("=")
     if not (name and unit):
-        raise ArgumentTypeError(f"{word!r} is not of the form force=kN")
+        raise ArgumentTypeError(f"expected COLUMN=UNIT, such as force=kN, got {word!r}")
     return name, unit
 
 
@@ -32,5 +34,7 @@ def bound(word: str) -> tuple[str, tuple[float, float]]:
     except ValueError:
         low = high = float("nan")
     if not (name and low < high):
-        raise ArgumentTypeError(f"{word!r} is not of the form c1=0,1")
+        raise ArgumentTypeError(
+            f"expected NAME=LOW,HIGH with LOW below HIGH, such as c1=0,1, got {word!r}"
+        )
     return name, (low, high)

@@ -44,7 +44,7 @@ def blocks(content: bytes) -> Iterator[Block]:
     lines = [line for line in stripped if line and not line.startswith(b"**")]
     starts = [i for i, line in enumerate(lines) if line.startswith(b"*")]
     if starts[:1] != [0]:
-        raise MeshError("it does not begin with an Abaqus keyword")
+        raise MeshError("the file does not begin with an Abaqus keyword")
     for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
         first, head = start + 1, lines[start][1:]
         while head.endswith(b",") and first < end:
@@ -57,7 +57,7 @@ def blocks(content: bytes) -> Iterator[Block]:
         ]
         block = Block(" ".join(keyword.upper().split()), parameters, data)
         if len(parameters) < len(pairs):
-            raise MeshError(f"{block} has a parameter twice")
+            raise MeshError(f"{block}: a parameter is given twice")
         yield block
 
 
@@ -102,7 +102,7 @@ class _Deck:
         """Name of a set in its first spelling, as case is ignored."""
         name = parameters.get(keyword, "")
         if not name or "\ufffd" in name:
-            raise MeshError(f"{keyword} must have a name, in UTF-8")
+            raise MeshError(f"the parameter {keyword} must be a name in UTF-8")
         return self._spelled.setdefault((keyword, name.upper()), name)
 
 
@@ -135,7 +135,9 @@ def read_elements(content: bytes) -> tuple[ndarray, dict[str, ndarray]]:
             sets[name.upper()] = members
     plane = [numbers for kind, numbers, _, _ in deck.blocks if kind != "line"]
     if not plane:
-        raise MeshError("it has no *ELEMENT")
+        raise MeshError(
+            "the file contains no *ELEMENT with triangles or quadrilaterals"
+        )
     numbers = np.concatenate(plane)
     refuse_duplicates(numbers, "element")
     return numbers, sets
@@ -146,8 +148,8 @@ def _deck(content: bytes) -> _Deck:
     for block in blocks(content):
         if block.keyword in ("NODE", "PART", "INSTANCE") and block.keyword in keywords:
             raise MeshError(
-                f"there is more than one *{block.keyword} block; put the whole mesh in "
-                "one"
+                f"the file contains more than one *{block.keyword} block: merge them "
+                "into one"
             )
         keywords.add(block.keyword)
         with errors_about(block):
@@ -158,12 +160,15 @@ def _deck(content: bytes) -> _Deck:
 def _read_block(deck: _Deck, block: Block) -> None:
     keyword, parameters, data = block
     if keyword == "INCLUDE":
-        raise MeshError("is not supported; put the mesh in one file")
+        raise MeshError("this keyword is not supported: put the mesh in one file")
     if keyword in _GENERATING:
-        raise MeshError("is not supported; list nodes and elements one by one")
+        raise MeshError(
+            "this keyword is not supported: list nodes and elements one by one"
+        )
     if other := set(parameters) - _PARAMETERS.get(keyword, set(parameters)):
         raise MeshError(
-            f"{printable(min(other))!r} is not supported; use plain numbers without it"
+            f"the parameter {printable(min(other))!r} is not supported: list plain "
+            "numbers without it"
         )
     if keyword == "NODE":
         deck.tags, deck.points = _nodes(data)
@@ -177,7 +182,7 @@ def _read_block(deck: _Deck, block: Block) -> None:
     elif keyword in ("NSET", "ELSET"):
         name = deck.spelled(keyword, parameters)
         if (keyword, name) in deck.sets:
-            raise MeshError("is defined twice; use unique names")
+            raise MeshError("this set is defined twice: use unique names")
         deck.sets[keyword, name] = _members(
             data, "GENERATE" in parameters, deck.n_lines
         )
@@ -194,7 +199,10 @@ def _nodes(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
     for words in data:
         if len(words) - 1 != width or width not in (2, 3):
             shown = excerpt(b", ".join(words))
-            raise MeshError(f"{shown!r} must be a number and two or three coordinates")
+            raise MeshError(
+                f"the line {shown!r} must contain a node number and two or three "
+                "coordinates, as many as the first line"
+            )
     x = from_words([word for words in data for word in words[1:]], "f8")
     return tags, x.reshape(-1, width)
 
@@ -205,8 +213,8 @@ def _cell(element: str) -> tuple[str, int]:
         return _CELLS[element.upper()]
     except KeyError:
         raise MeshError(
-            "only triangles and four-node quadrilaterals are supported, found "
-            f"{excerpt(element) or 'no TYPE'}; CPS3 and CPS4 are such"
+            "only triangles and four-node quadrilaterals, such as CPS3 and CPS4, are "
+            f"supported, found {excerpt(element) or 'no TYPE'}"
         ) from None
 
 
@@ -224,9 +232,12 @@ def _elements(data: list[list[bytes]], width: int) -> ndarray:
         open_row = continues and len(rows[-1]) < width
         if len(rows[-1]) != width and not open_row:
             shown = excerpt(b", ".join(rows[-1]))
-            raise MeshError(f"{shown!r} must be {width} numbers")
+            raise MeshError(
+                f"the element {shown!r} must have {width} numbers: its number and its "
+                "nodes"
+            )
     if open_row:
-        raise MeshError("its last element is incomplete")
+        raise MeshError("the last element is incomplete")
     return from_words([word for row in rows for word in row], "i8").reshape(-1, width)
 
 
@@ -234,23 +245,28 @@ def _members(data: list[list[bytes]], generate: bool, n_lines: int) -> ndarray:
     """Numbers of the members of a set."""
     words = [word for line in data for word in without_trailing_comma(line)]
     if not all(word.isdigit() for word in words):
-        raise MeshError("is defined by other sets; define it by numbers")
+        raise MeshError("this set refers to other sets: list its members by number")
     numbers = from_words(words, "i8")
     if not generate:
         return np.unique(numbers)
     if len(numbers) != 3 or numbers[2] < 1 or (numbers[1] - numbers[0]) % numbers[2]:
         raise MeshError(
-            "GENERATE requires one line: first, last, step, where the steps end at last"
+            "GENERATE requires one line with first, last and step, whose steps end "
+            "exactly at last"
         )
     first, last, step = numbers.tolist()
     if not 0 <= (last - first) // step < n_lines:
-        raise MeshError("has no members, or more than the number of lines of the file")
+        raise MeshError(
+            "this set has no members, or more members than the file has lines"
+        )
     return np.arange(first, last + 1, step)
 
 
 def _mesh(deck: _Deck) -> meshio.Mesh:
     if deck.tags is None or not deck.blocks:
-        raise MeshError(f"it has no *{'NODE' if deck.tags is None else 'ELEMENT'}")
+        raise MeshError(
+            f"the file contains no *{'NODE' if deck.tags is None else 'ELEMENT'}"
+        )
     refuse_duplicates(deck.tags, "node")
     numbers = np.concatenate([numbers for _, numbers, _, _ in deck.blocks])
     refuse_duplicates(numbers, "element")
@@ -263,7 +279,7 @@ def _mesh(deck: _Deck) -> meshio.Mesh:
     for name in dict.fromkeys(name for *_, name in deck.blocks if name is not None):
         if ("ELSET", name) in deck.sets:
             raise MeshError(
-                f"*ELSET {name!r} is also a set of *ELEMENT; use unique names"
+                f"the name {name!r} is used by *ELSET and by *ELEMENT: use unique names"
             )
         elements[name] = [
             np.arange(len(block) if own == name else 0)

@@ -91,7 +91,7 @@ def read(
         with errors_about(component):
             data = chosen.data.get(component)
             if not data:
-                raise MeshError("it has no *LOADING DATA")
+                raise MeshError("the component has no *LOADING DATA")
             laws.append(_law(component, data, ignored, thickness * stress))
     warp, weft, shear = laws
     ignored.append(
@@ -118,7 +118,10 @@ def _materials(every: list[Block]) -> list[_Material]:
                 _store(block, current, component)
             elif block.keyword == "FABRIC":
                 if "USER" in block.parameters:
-                    raise MeshError("USER is a subroutine; provide test data")
+                    raise MeshError(
+                        "the parameter USER, a user subroutine, is not supported: "
+                        "provide *LOADING DATA"
+                    )
                 current.fabric = True
             elif reason := _OTHERS.get(block.keyword):
                 current.ignored.append(f"*{block.keyword}: {reason}")
@@ -134,43 +137,50 @@ def _component(block: Block, material: _Material) -> str:
             f"COMPONENT={excerpt(word)} must be one of {', '.join(_COMPONENTS)}"
         )
     if _COMPONENTS[word] in material.data:
-        raise MeshError(f"COMPONENT={word} is defined twice")
+        raise MeshError(f"COMPONENT={word} is defined twice: keep one of them")
     material.data[_COMPONENTS[word]] = []
     return _COMPONENTS[word]
 
 
 def _store(block: Block, material: _Material, component: str) -> None:
     if not component:
-        raise MeshError("comes before *UNIAXIAL")
+        raise MeshError("this keyword must follow *UNIAXIAL")
     parameters = block.parameters
     direction = parameters.get("DIRECTION", "").upper()
     beyond = parameters.get("EXTRAPOLATION", "CONSTANT").upper()
     if direction not in ("", "TENSION", "COMPRESSION"):
-        raise MeshError(f"DIRECTION={excerpt(direction)} is not supported")
+        raise MeshError(
+            f"DIRECTION={excerpt(direction)} is not supported: use TENSION or "
+            "COMPRESSION"
+        )
     if beyond not in ("CONSTANT", "LINEAR"):
-        raise MeshError(f"EXTRAPOLATION={excerpt(beyond)} is not supported")
+        raise MeshError(
+            f"EXTRAPOLATION={excerpt(beyond)} is not supported: use CONSTANT or LINEAR"
+        )
     kind = parameters.get("TYPE", "ELASTIC").upper()
     if kind != "ELASTIC":
         material.ignored.append(
-            f"{component}, TYPE={excerpt(kind)}: the law is elastic, unloading follows "
-            "the loading data"
+            f"{component}, TYPE={excerpt(kind)}: the law is elastic, and unloading "
+            "follows the loading data"
         )
     rows = [without_trailing_comma(words) for words in block.data]
     if any(len(row) < 2 for row in rows) or len({len(row) for row in rows}) > 1:
         raise MeshError(
-            "each line must have a stress and a strain, and the same number of words"
+            "each line must begin with a stress and a strain, and all lines must have "
+            "the same number of values"
         )
     numbers = from_words([word for row in rows for word in row], "f8")
     table = numbers.reshape(len(rows), -1) if rows else np.empty((0, 2))
     if not np.isfinite(table).all():
-        raise MeshError("its numbers must be finite")
+        raise MeshError("all numbers must be finite")
     if table.shape[1] > 2 and len(table):
         if np.ptp(table[:, 2:], axis=0).any():
             raise MeshError(
-                "it depends on temperature, rate or fields; keep the lines of one value"
+                "the data depend on temperature, rate or fields: keep the lines of one "
+                "value"
             )
         material.ignored.append(
-            f"{component}: temperature, rate or fields of the loading data"
+            f"{component}: temperature, rate and fields of the loading data are ignored"
         )
     strain, stress = table[:, 1], table[:, 0]
     if direction == "COMPRESSION" and len(strain) and (strain >= 0).all():
@@ -179,7 +189,7 @@ def _store(block: Block, material: _Material, component: str) -> None:
         strain, stress = strain[::-1], stress[::-1]
     own = material.data[component]
     if any(data.direction in (direction, "") or not direction for data in own):
-        raise MeshError("its direction is defined twice")
+        raise MeshError("the data of one direction are defined twice: keep one of them")
     own.append(_Data(direction, strain, stress, beyond == "LINEAR"))
 
 
@@ -189,12 +199,16 @@ def _chosen(materials: list[_Material], name: str | None) -> _Material:
     if name is not None:
         fabrics = [m for m in fabrics if m.name.upper() == name.upper()]
         if not fabrics:
-            raise MeshError(f"it has no *FABRIC in a material {excerpt(name)!r}")
+            raise MeshError(
+                f"the file contains no material {excerpt(name)!r} with *FABRIC"
+            )
     if not fabrics:
-        raise MeshError("it has no *FABRIC")
+        raise MeshError("the file contains no *FABRIC")
     if len(fabrics) > 1:
         names = ", ".join(excerpt(m.name) for m in fabrics)
-        raise MeshError(f"it has several fabrics ({names}); name one material")
+        raise MeshError(
+            f"the file contains several fabrics ({names}): specify the material"
+        )
     return fabrics[0]
 
 
@@ -212,10 +226,10 @@ def _thickness(every: list[Block], material: str) -> float:
         t = float(from_words([word], "f8")[0])
         if np.isfinite(t) and t > 0:
             return t
-        raise MeshError(f"a section has the thickness {t:g}")
+        raise MeshError(f"the thickness of the section must be positive, got {t:g}")
     raise MeshError(
         f"{'sections of several thicknesses have' if given else 'no section has'} the "
-        f"material {excerpt(material)!r}; state the thickness in mm"
+        f"material {excerpt(material)!r}: specify the thickness in mm"
     )
 
 
@@ -234,30 +248,30 @@ def _law(component: str, data: list[_Data], ignored: list[str], scale: float) ->
     if one_sided and strain[-1] <= 0:
         strain, stress = -strain[::-1], -stress[::-1]
         if both[0].direction == "COMPRESSION":
-            raise MeshError("it has compression data only")
+            raise MeshError("the component has only compression data: add tension data")
     if component == "shear":
         x, y = strain, scale * stress
         if not one_sided:  # from fill to warp, but here from warp to weft
             x, y = -x[::-1], -y[::-1]
     elif (strain <= -1).any():
-        raise MeshError("a nominal strain must be above -1")
+        raise MeshError(f"every nominal strain must be above -1, got {strain.min():g}")
     else:
         with np.errstate(over="ignore"):  # infinite values are refused below
             x, y = np.log1p(strain), scale * (1 + strain) * stress
     linear = all(part.linear for part in both)
     if not linear:
         ignored.append(
-            f"{component}: EXTRAPOLATION=CONSTANT; the law ends at the strain "
+            f"{component}: EXTRAPOLATION=CONSTANT: the law ends at the strain "
             f"{strain[-1]:g}, and states beyond it are refused"
         )
     tension_alone = one_sided and both[0].direction == "TENSION"
     odd = bool(one_sided) and (component == "shear" or not tension_alone)
     if odd and tension_alone:
-        ignored.append("shear: DIRECTION=TENSION; the law is used for both signs")
+        ignored.append("shear: DIRECTION=TENSION: the law is used for both signs")
     law = Tabulated(x, y, "linear" if linear else "refuse", odd)
     if tension_alone and not odd:
         ignored.append(
-            f"{component}: there are no compression data, so fibres do not resist "
+            f"{component}: there are no compression data, so that fibres do not resist "
             "compression"
         )
         return TensionOnly(law)
@@ -279,16 +293,21 @@ def material_of(fabric: Fabric, thickness: float, name: str) -> str:
     """Abaqus material with the laws of a fabric; an error if it cannot be expressed."""
     if not isinstance(fabric.tensions, TwoLaws):
         raise ValueError(
-            "*FABRIC does not support a law of both fibre strains; write a .json"
+            "*FABRIC does not support a law of both fibre strains: write a .json file"
         )
     if fabric.bends:
         raise ValueError(
-            "*FABRIC does not support bending or twist stiffness; write a .json"
+            "*FABRIC does not support bending or twist stiffness: write a .json file"
         )
     if np.any(np.not_equal(fabric.wrinkling_angle, Fabric.wrinkling_angle)):
-        raise ValueError("*FABRIC does not support a wrinkling angle; write a .json")
+        raise ValueError(
+            "*FABRIC does not support a wrinkling angle: write a .json file"
+        )
     if fabric.at() is not fabric:
-        raise ValueError("*FABRIC is uniform over the elements; write a .json")
+        raise ValueError(
+            "*FABRIC does not support laws that differ between elements: write a .json "
+            "file"
+        )
     lines = [f"*MATERIAL, NAME={name}", "*FABRIC"]
     for word, number in _WRITTEN_COMPONENTS:
         lines.append(f"*UNIAXIAL, COMPONENT={word}")

@@ -71,7 +71,7 @@ def read_directions(path: str | os.PathLike[str]) -> FibreDirections:
     with errors_about(path):
         if path.suffix.lower() not in readers:
             raise MeshError(
-                f"directions can only be read from {', '.join(readers)} files"
+                f"fibre directions can be read only from {', '.join(readers)} files"
             )
         return readers[path.suffix.lower()](path.read_bytes())
 
@@ -82,7 +82,7 @@ def _of_vtu(content: bytes) -> FibreDirections:
         i for i, block in enumerate(mesh.cells) if block.type in ("triangle", "quad")
     ]
     if not plane:
-        raise MeshError("it has no triangles or quadrilaterals")
+        raise MeshError("the file contains no triangles or quadrilaterals")
 
     def of_elements(name: str) -> ndarray:
         return np.concatenate([mesh.cell_data[name][i] for i in plane])
@@ -96,7 +96,8 @@ def _of_vtu(content: bytes) -> FibreDirections:
     if set(_ANGLES) <= set(mesh.cell_data):
         return FibreDirections.of_angles(*(of_elements(n).ravel() for n in _ANGLES))
     raise MeshError(
-        f"it has no cell data {' and '.join(_VECTORS)}, nor {' and '.join(_ANGLES)}"
+        f"the file must contain the cell data {' and '.join(_VECTORS)}, or "
+        f"{' and '.join(_ANGLES)}"
     )
 
 
@@ -104,12 +105,12 @@ def _of_csv(content: bytes) -> FibreDirections:
     try:
         rows = list(csv.reader(content.decode("utf-8-sig").splitlines(), strict=True))
     except (UnicodeDecodeError, csv.Error):
-        raise MeshError("not a CSV file in UTF-8") from None
+        raise MeshError("the file is not a CSV file in UTF-8") from None
     lines = [(i, row) for i, row in enumerate(rows, 1) if any(map(str.strip, row))]
     header = [name.strip() for name in lines[0][1]] if lines else []
     needed = ("element", *_ANGLES)
     if any(header.count(name) != 1 for name in needed):
-        raise MeshError(f"its first row must name the columns {', '.join(needed)}")
+        raise MeshError(f"row 1: the header must name the columns {', '.join(needed)}")
     columns = [header.index(name) for name in needed]
     angles: dict[int, tuple[float, float]] = {}
     for i, row in lines[1:]:
@@ -120,15 +121,20 @@ def _of_csv(content: bytes) -> FibreDirections:
         except (ValueError, IndexError):
             shown = excerpt(",".join(row))
             raise MeshError(
-                f"row {i}: '{shown}' is not an element and two angles"
+                f"row {i}: expected an element and two angles, got '{shown}'"
             ) from None
         if number in angles:
-            raise MeshError(f"row {i}: there are two rows of element {number}")
+            raise MeshError(
+                f"row {i}: element {number} already has a row: keep one of them"
+            )
         angles[number] = warp, weft
     if not angles:
-        raise MeshError("it has no elements")
+        raise MeshError("the file contains no elements")
     if set(angles) != set(range(1, len(angles) + 1)):
-        raise MeshError(f"its {len(angles)} rows must number the elements from 1 on")
+        raise MeshError(
+            f"the elements of the {len(angles)} rows must be numbered from 1 to "
+            f"{len(angles)}"
+        )
     warp_deg, weft_deg = np.transpose([angles[i + 1] for i in range(len(angles))])
     return FibreDirections.of_angles(warp_deg, weft_deg)
 
@@ -136,7 +142,7 @@ def _of_csv(content: bytes) -> FibreDirections:
 def _of_deck(content: bytes) -> FibreDirections:
     directions = directions_of_deck(content)
     if directions is None:
-        raise MeshError("it has no *ORIENTATION and *ELEMENT")
+        raise MeshError("the file must contain *ORIENTATION and *ELEMENT")
     return FibreDirections(*directions)
 
 
@@ -199,7 +205,7 @@ def write_directions(
         path.write_text(deck, encoding="utf-8")
     else:
         raise ValueError(
-            f"{path}: directions can only be written to .vtu, .csv and .inp"
+            f"{path}: fibre directions can be written only to .vtu, .csv, .inp files"
         )
 
 
@@ -235,7 +241,7 @@ class _Deck:
 
 def _named(what: str, name: str, among: dict[str, Any]) -> Any:
     if name not in among:
-        raise MeshError(f"there is no {what} of the name {excerpt(name)!r}")
+        raise MeshError(f"{what} {excerpt(name)!r} is not defined")
     return among[name]
 
 
@@ -270,8 +276,8 @@ def directions_of_deck(content: bytes) -> tuple[ndarray, ndarray] | None:
         fill, warp = _local(deck, block)
     else:
         raise MeshError(
-            "no section refers to one of its orientations; refer to it in *SHELL "
-            f"SECTION, or name two of them {WARP} and {WEFT}"
+            "no section refers to an orientation of this file: refer to one in *SHELL "
+            f"SECTION, or name two orientations {WARP} and {WEFT}"
         )
     if (without := np.isnan(fill).any(axis=0)).any():
         raise MeshError(
@@ -294,7 +300,7 @@ def _store(deck: _Deck, block: Block) -> None:
         deck.tables[name] = _TABLES.get(tuple(filter(None, words)), 0)
     elif keyword in kept:
         if name in kept[keyword]:
-            raise MeshError(f"{block}: it is defined twice")
+            raise MeshError(f"{block} is defined twice: use unique names")
         kept[keyword][name] = block
 
 
@@ -314,27 +320,31 @@ def _local_directions(
     ):
         given = " ".join(parameters.get(key, known[0]).upper().split())
         if given not in known:
-            raise MeshError(f"{key}={excerpt(given)} is not read, only {known[0]}")
+            raise MeshError(f"{key}={excerpt(given)} is not supported: use {known[0]}")
     if other := set(parameters) - {"NAME", "SYSTEM", "DEFINITION", "LOCAL DIRECTIONS"}:
-        raise MeshError(f"{excerpt(min(other))!r} is not read")
+        raise MeshError(
+            f"the parameter {excerpt(min(other))!r} is not supported: remove it"
+        )
     axes = _axes(deck, data)
     second = data[1] if len(data) > 1 else [b"3", b"0"]
     axis = 1 if second[0] == b"" else int(from_words(second[:1], "i8")[0])
     if axis not in (1, 2, 3):
         raise MeshError(
-            f"its additional rotation is about {axis}, which is not an axis"
+            f"the additional rotation must be about the axis 1, 2 or 3, got {axis}"
         )
     one, two, normal = (axes[(axis + i) % 3] for i in range(3))
     if np.abs(normal[:2]).max() > _IN_PLANE:
         raise MeshError(
-            f"its local direction {axis} is not normal to the plane of the mesh"
+            f"the local direction {axis} must be normal to the plane of the mesh"
         )
     alpha = np.radians(_angles(deck, second[1:]))
     c, s = np.cos(alpha), np.sin(alpha)
     one, two = c * one + s * two, c * two - s * one
     if "LOCAL DIRECTIONS" not in parameters:
         if len(data) > 2:
-            raise MeshError("it has lines besides an axis and an angle")
+            raise MeshError(
+                "unexpected lines follow the axis and angle of the additional rotation"
+            )
         return np.stack([one[:2], two[:2]])
     return np.stack([u * one[:2] + v * two[:2] for u, v in _yarns(data[2:])])
 
@@ -342,12 +352,15 @@ def _local_directions(
 def _yarns(rows: list[list[bytes]]) -> list[tuple[float, float]]:
     """Both directions in local components, from the lines after axis and angle."""
     if len(rows) != 2:
-        raise MeshError("LOCAL DIRECTIONS=2 needs two lines of components")
+        raise MeshError("LOCAL DIRECTIONS=2 requires two lines of components")
     yarns = []
     for row in rows:
         x = from_words(row, "f8")
         if len(x) not in (2, 3) or not np.isfinite(x).all() or x[2:].any():
-            raise MeshError("a local direction needs components in the plane")
+            raise MeshError(
+                "a local direction must have two finite components in the plane of the "
+                "mesh"
+            )
         yarns.append((float(x[0]), float(x[1])))
     return yarns
 
@@ -355,22 +368,22 @@ def _yarns(rows: list[list[bytes]]) -> list[tuple[float, float]]:
 def _axes(deck: _Deck, data: list[list[bytes]]) -> ndarray:
     """Unit vectors of the three axes, shape (3, 3, n): axis, component, element."""
     if not data or not data[0]:
-        raise MeshError("it has no points a and b")
+        raise MeshError("the points a and b are missing")
     words = without_trailing_comma(data[0])
     if len(words) == 1:
         points = _distributed(deck, words[0], 6)
     else:
         x = from_words(words, "f8")
         if len(x) not in (6, 9):
-            raise MeshError("its points a, b and c need three coordinates each")
+            raise MeshError("the points a, b and c must have three coordinates each")
         origin = np.tile(x[6:], 2) if len(x) == 9 else 0.0
         points = np.tile((x[:6] - origin)[:, None], len(deck.numbers))
     if not np.isfinite(points).all():
-        raise MeshError("its points are not finite")
+        raise MeshError("the coordinates of the points must be finite")
     a, b = points[:3], points[3:]
     normal = np.cross(_unit(a), _unit(b), axis=0)
     if (np.linalg.norm(normal, axis=0) < _IN_PLANE).any():
-        raise MeshError("its points a, b and the origin lie on a line")
+        raise MeshError("the points a, b and the origin must not lie on a line")
     z = _unit(normal)
     x = _unit(a)
     return np.stack([x, np.cross(z, x, axis=0), z])
@@ -390,13 +403,13 @@ def _angles(deck: _Deck, words: list[bytes]) -> ndarray:
     if not words:
         return np.zeros(len(deck.numbers))
     if len(words) > 1:
-        raise MeshError("its second line needs an axis and an angle")
+        raise MeshError("the second line must be an axis and an angle")
     try:
         angle = from_words(words, "f8")
     except MeshError:
         angle = _distributed(deck, words[0], 1)[0]
     if not np.isfinite(angle).all():
-        raise MeshError("its additional rotation is not finite")
+        raise MeshError("the additional rotation must be finite")
     return np.broadcast_to(angle, len(deck.numbers))
 
 
@@ -412,29 +425,35 @@ def _values(deck: _Deck, block: Block, width: int) -> ndarray:
     parameters, numbers = block.parameters, deck.numbers
     if other := set(parameters) - {"NAME", "LOCATION", "TABLE"}:
         raise MeshError(
-            f"{excerpt(min(other))!r} is not supported in a distribution; remove this "
-            "parameter"
+            f"the parameter {excerpt(min(other))!r} is not supported in a "
+            "distribution: remove it"
         )
     if parameters.get("LOCATION", "").upper() != "ELEMENT":
         raise MeshError("only LOCATION=ELEMENT is supported")
     table = parameters.get("TABLE", "").upper()
     if deck.tables.get(table, 0) != width:
         kinds = {6: "COORD3D, COORD3D", 1: "ANGLE"}
-        raise MeshError(f"it requires a *DISTRIBUTION TABLE with {kinds[width]}")
+        raise MeshError(
+            f"the distribution requires a *DISTRIBUTION TABLE with {kinds[width]}"
+        )
     by_element: list[tuple[bytes, list[bytes]]] = []
     values, with_default = np.full((width, len(numbers)), np.nan), False
     for words in block.data:
         row = words[:-1] if len(words) > width + 1 and words[-1] == b"" else words
         if len(row) != width + 1:
             shown = excerpt(b", ".join(words))
-            raise MeshError(f"{shown!r} must be an element and {width} number(s)")
+            raise MeshError(
+                f"the line {shown!r} must contain an element and {width} number(s)"
+            )
         if row[0].isdigit():
             by_element.append((row[0], row[1:]))
             continue
         own = from_words(row[1:], "f8")[:, None]
         if row[0] == b"":
             if with_default:
-                raise MeshError("it has two lines without an element")
+                raise MeshError(
+                    "two lines without an element are given: keep one of them"
+                )
             with_default = True
             values[:] = np.where(np.isnan(values), own, values)
         else:
@@ -444,8 +463,8 @@ def _values(deck: _Deck, block: Block, width: int) -> ndarray:
         tags = from_words([tag for tag, _ in by_element], "i8")
         given = from_words([word for _, own in by_element for word in own], "f8")
         if len(np.unique(tags)) < len(tags):
-            raise MeshError("it has two lines for one element")
+            raise MeshError("two lines are given for one element: keep one of them")
         values[:, tag_positions(numbers, tags, "element")] = given.reshape(-1, width).T
     if (left := np.isnan(values).any(axis=0)).any():
-        raise MeshError(f"it has no value for element {numbers[left][0]}")
+        raise MeshError(f"element {numbers[left][0]} has no value")
     return values

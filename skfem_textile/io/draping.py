@@ -87,7 +87,7 @@ def write_fibres(path: str | os.PathLike[str], fibres: FibresInSpace) -> None:
         path.write_text(deck, encoding="utf-8")
     else:
         raise ValueError(
-            f"{printable(path)}: fibres can only be written to .vtu, .csv, .inp"
+            f"{printable(path)}: fibres can be written only to .vtu, .csv, .inp files"
         )
 
 
@@ -176,7 +176,8 @@ def write_pattern(
     writers = {".csv": _write_outline_csv, ".svg": _write_svg, ".dxf": _write_dxf}
     if path.suffix.lower() not in writers:
         raise ValueError(
-            f"{printable(path)}: patterns are written to {', '.join(writers)}"
+            f"{printable(path)}: patterns can be written only to {', '.join(writers)} "
+            "files"
         )
     if not curves:
         raise ValueError(f"{printable(path)}: there is no pattern to write")
@@ -257,7 +258,8 @@ def _write_dxf(path: Path, curves: list[FlatPattern]) -> None:
         import ezdxf
     except ImportError:
         raise ImportError(
-            "a .dxf needs ezdxf: pip install 'skfem-textile[dxf]', or write a .svg"
+            "writing a .dxf file requires ezdxf: pip install 'skfem-textile[dxf]', or "
+            "write a .svg file"
         ) from None
     low, high, middle, arrows = _Drawing.of(curves)
     file = ezdxf.new("R2000", units=_MILLIMETRES)
@@ -306,9 +308,9 @@ def _points_and_cells(
         if block.type in ("triangle", "quad")
     )
     if not any(map(np.size, cells)):
-        raise MeshError("it has no triangles or quadrilaterals")
+        raise MeshError("the file contains no triangles or quadrilaterals")
     if np.shape(raw.points)[1:] != (3,):
-        raise MeshError("its points must have three coordinates")
+        raise MeshError("the points must have three coordinates")
     return np.asarray(raw.points).T, cells
 
 
@@ -366,8 +368,11 @@ def read_trimming_curve(path: str | os.PathLike[str]) -> ndarray:
         except (ValueError, IndexError):
             shown = excerpt(",".join(row))
             raise ValueError(
-                f"{file}, row {number}: '{shown}' is not a point"
+                f"{file}, row {number}: expected three finite coordinates, got "
+                f"'{shown}'"
             ) from None
     if len(np.unique(points, axis=0)) < 3:
-        raise ValueError(f"{file}: a closed curve needs at least three points")
+        raise ValueError(
+            f"{file}: a closed curve requires at least three different points"
+        )
     return np.transpose(points)

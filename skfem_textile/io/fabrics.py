@@ -84,7 +84,7 @@ def read_fabric(
     with errors_about(path):
         result = _read(path, thickness, units, material)
     for sentence in result.ignored:
-        log.warning("%s: not taken over: %s", printable(path), sentence)
+        log.warning("%s: not represented exactly: %s", printable(path), sentence)
     return result
 
 
@@ -93,17 +93,15 @@ def _read(
 ) -> FabricOfFile:
     suffix = path.suffix.lower()
     if suffix not in _SUFFIXES:
-        raise MeshError(f"fabrics are read from {', '.join(_SUFFIXES)}")
+        raise MeshError(f"fabrics can be read only from {', '.join(_SUFFIXES)} files")
     force, length = _units(units)
     if thickness is not None and not (np.isfinite(thickness) and thickness > 0):
-        raise MeshError(
-            f"the thickness must be a positive number of mm, got {thickness}"
-        )
+        raise MeshError(f"the thickness must be positive, got {thickness} mm")
     content = path.read_bytes()
     if suffix == ".json":
         if thickness is not None or material is not None:
             raise MeshError(
-                "a fabric file of the package has no thickness and no material"
+                "a .json file does not need a thickness or a material: omit them"
             )
         return FabricOfFile(fabric_of_text(content), ())
     stress = force / length**2
@@ -124,8 +122,8 @@ def _units(words: str) -> tuple[float, float]:
     length = length.strip()
     if force not in _FORCES or length not in _LENGTHS:
         raise MeshError(
-            f"units {words!r} are not a force of {', '.join(_FORCES)} and a length "
-            f"of {', '.join(_LENGTHS)}, such as 'N mm'"
+            f"units must be a force ({', '.join(_FORCES)}) and a length "
+            f"({', '.join(_LENGTHS)}), such as 'N mm', got {words!r}"
         )
     return _FORCES[force], _LENGTHS[length]
 
@@ -166,9 +164,11 @@ def write_fabric(
     if suffix == ".json":
         text = fabric_text(fabric)
     elif suffix != ".inp":
-        raise ValueError(f"{path}: fabrics are written to .json and .inp")
+        raise ValueError(f"{path}: fabrics can be written only to .json, .inp files")
     elif thickness is None or not (np.isfinite(thickness) and thickness > 0):
-        raise ValueError(f"{path}: *FABRIC requires the thickness of the ply in mm")
+        raise ValueError(
+            f"{path}: *FABRIC requires the thickness of the ply in mm, got {thickness}"
+        )
     else:
         text = abaqus_fabric.material_of(fabric, thickness, name)
     path.write_text(text, encoding="utf-8")

@@ -64,9 +64,9 @@ def _refuse_words(words: list[bytes], parse: Any) -> NoReturn:
                 parse(word)
                 continue
         break
-    kind = "number" if parse is float else "whole number"
+    kind = "a number" if parse is float else "an integer"
     shown = excerpt(word)
-    raise MeshError(f"{shown!r} is not a {kind}")
+    raise MeshError(f"{shown!r} is not {kind}")
 
 
 class TextNumbers:
@@ -83,7 +83,7 @@ class TextNumbers:
     def words(self, count: int) -> list[bytes]:
         """Next words."""
         if not 0 <= count <= self.left:
-            raise MeshError(f"{count} numbers are due where {self.left} are left")
+            raise MeshError(f"{count} numbers expected, but {self.left} remain")
         words = self._words[self._position : self._position + count]
         self._position += count
         return words
@@ -128,19 +128,21 @@ class BinaryNumbers:
         """Refuse further bytes, except the end of a line."""
         rest = self._content[self._position :]
         if rest not in (b"", b"\n", b"\r\n"):
-            raise MeshError(f"it has {len(rest)} bytes more than its counts declare")
+            raise MeshError(
+                f"it contains {len(rest)} bytes more than its counts declare"
+            )
 
 
 def tag_positions(tags: ndarray, wanted: ndarray, what: str) -> ndarray:
     """Position in ``tags`` of each wanted tag, with the shape of ``wanted``."""
     if not len(tags):
-        raise MeshError(f"it has no {what}")
+        raise MeshError(f"no {what} is defined")
     order = np.argsort(tags, kind="stable")
     rank = np.searchsorted(tags[order], wanted).clip(max=len(tags) - 1)
     position = order[rank]
     missing = wanted[tags[position] != wanted]
     if missing.size:
-        raise MeshError(f"it names {what} {missing[0]}, which is undefined")
+        raise MeshError(f"{what} {missing[0]} is used, but not defined")
     return position
 
 
@@ -148,4 +150,6 @@ def refuse_duplicates(tags: ndarray, what: str) -> None:
     """Refuse duplicate tags."""
     tags = np.sort(tags)
     if (duplicates := tags[1:][tags[1:] == tags[:-1]]).size:
-        raise MeshError(f"there are two of {what} {duplicates[0]}; use unique numbers")
+        raise MeshError(
+            f"{what} number {duplicates[0]} is used twice: use unique numbers"
+        )

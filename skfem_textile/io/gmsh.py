@@ -93,7 +93,10 @@ def _text_rows(numbers: TextNumbers, count: int) -> Iterator[tuple[int, Any]]:
         first = position + 3 + n_tags
         position = first + _n_corners(kind)
         if n_tags < 0 or position > len(words):
-            raise MeshError(f"{count} elements are expected, and it is truncated")
+            raise MeshError(
+                f"{count} elements are declared, but the section ends before the last "
+                "one"
+            )
         yield (
             kind,
             [number, words[first - n_tags] if n_tags else 0, *words[first:position]],
@@ -110,7 +113,10 @@ def _binary_rows(numbers: BinaryNumbers, left: int) -> Iterator[tuple[int, Any]]
         kind, count, n_tags = numbers.take(3, "i4").tolist()
         width = 1 + n_tags + _n_corners(kind)
         if not 0 < count <= left or n_tags < 0:
-            raise MeshError(f"{count} elements with {n_tags} tags, {left} are due")
+            raise MeshError(
+                f"a block declares {count} elements with {n_tags} tags, but {left} "
+                "elements remain"
+            )
         rows = numbers.take(count * width, "i4").reshape(count, width)
         group = rows[:, 1:2] if n_tags else np.zeros((count, 1), dtype="i4")
         yield kind, np.hstack([rows[:, :1], group, rows[:, 1 + n_tags :]])
@@ -152,7 +158,10 @@ def nodes_41(numbers: Numbers) -> tuple[ndarray, ndarray]:
     for _ in range(n_blocks):
         dimension, _, parametric = numbers.take(3, "i4").tolist()
         if not 0 <= dimension <= 3 or parametric not in (0, 1):
-            raise MeshError("a block of nodes must have a dimension, and 0 or 1")
+            raise MeshError(
+                "a block of nodes must begin with a dimension from 0 to 3, a tag, and "
+                "0 or 1"
+            )
         (count,) = numbers.take(1, "u8").tolist()
         width = 3 + dimension * parametric
         tags.append(numbers.take(count, "u8"))
@@ -163,7 +172,7 @@ def nodes_41(numbers: Numbers) -> tuple[ndarray, ndarray]:
 
 def _refuse_count(stated: int, actual: int) -> None:
     if stated != actual:
-        raise MeshError(f"it states {stated}, and has {actual}")
+        raise MeshError(f"the declared number is {stated}, but {actual} are listed")
 
 
 def cells_41(
@@ -178,7 +187,8 @@ def cells_41(
         width = 1 + _n_corners(kind)
         if dimension != CELL_TYPES[kind][1]:
             raise MeshError(
-                f"a {CELL_TYPES[kind][0]} in an entity of dimension {dimension}"
+                f"a {CELL_TYPES[kind][0]} must be in an entity of dimension "
+                f"{CELL_TYPES[kind][1]}, not {dimension}"
             )
         if groups is not None and (dimension, tag) not in groups:
             raise MeshError(f"entity {tag} of dimension {dimension} is undefined")
@@ -217,11 +227,11 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
     sections: dict[str, bytes] = {}
     for name, body in _sections(content):
         if name in sections and name in _READ:
-            raise MeshError(f"there is more than one ${name}")
+            raise MeshError(f"the file contains more than one ${name}")
         sections[name] = body
     for name in ("MeshFormat", "Nodes", "Elements"):
         if name not in sections:
-            raise MeshError(f"it has no ${name}")
+            raise MeshError(f"the file contains no ${name}")
     version, binary = _format(sections["MeshFormat"])
     names = _group_names(sections.get("PhysicalNames", b"0"))
 
@@ -253,14 +263,14 @@ def _sections(content: bytes) -> Iterator[tuple[str, bytes]]:
         if not line:
             continue
         if not line.startswith(b"$") or line.startswith(b"$End"):
-            raise MeshError(f"{shown!r} found where a Gmsh section should begin")
+            raise MeshError(f"expected the beginning of a Gmsh section, got {shown!r}")
         last = b"$End" + line[1:]
         close = content.find(last, end)
         if close < 0:
             raise MeshError(f"the end of {shown} is missing")
         position = content.find(b"\n", close) + 1 or len(content)
         if content[close:position].strip(_BLANK) != last:
-            raise MeshError(f"{shown} does not end with its line")
+            raise MeshError(f"the end of {shown} must be on a line of its own")
         yield line[1:].decode(errors="replace"), content[end:close]
 
 
@@ -270,17 +280,21 @@ def _format(body: bytes) -> tuple[str, bool]:
     version, kind, size, *more = [*head.decode(errors="replace").split(), "", "", ""]
     if version not in ("2", "2.2", "4.1"):
         raise MeshError(
-            f"version {excerpt(version)!r} of the Gmsh format is not supported; save "
-            "it as 2.2 or 4.1"
+            f"version {excerpt(version)!r} of the Gmsh format is not supported: save "
+            "the mesh in version 2.2 or 4.1"
         )
     if kind not in ("0", "1") or size != "8" or any(more):
         raise MeshError(
-            "$MeshFormat must have a version, a file type (0 or 1) and the data size 8"
+            "$MeshFormat must contain a version, a file type (0 or 1) and the data "
+            "size 8"
         )
     if kind == "1" and marker[:4] != np.array(1, "i4").tobytes():
-        raise MeshError("its byte order differs from the byte order of this machine")
+        raise MeshError(
+            "the byte order of the file differs from the byte order of this machine: "
+            "save the mesh as text"
+        )
     if marker[4 if kind == "1" else 0 :].strip():
-        raise MeshError("$MeshFormat contains more than a format")
+        raise MeshError("$MeshFormat contains unexpected data")
     return version, kind == "1"
 
 
@@ -292,18 +306,24 @@ def _group_names(body: bytes) -> _Names:
         raise MeshError("a name in $PhysicalNames is not in UTF-8") from None
     names: _Names = {}
     if not lines or lines[0].strip() != str(len(lines) - 1):
-        raise MeshError(f"$PhysicalNames must count its {len(lines[1:])} names")
+        raise MeshError(
+            f"$PhysicalNames must begin with the number of its names, {len(lines[1:])}"
+        )
     for line in lines[1:]:
         match = _GROUP.fullmatch(line)
         if match is None or int(match[1]) > 3:
             shown = excerpt(line.strip())
             raise MeshError(
-                f"$PhysicalNames: {shown} is not a dimension, number and name"
+                "$PhysicalNames: expected a dimension, a number and a name, got "
+                f"{shown}"
             )
         if match[3] in names.values():
-            raise MeshError(f"two groups are named {match[3]!r}; use unique names")
+            raise MeshError(f"two groups have the name {match[3]!r}: use unique names")
         if (key := (int(match[1]), int(match[2]))) in names:
-            raise MeshError(f"group {match[3]!r} has the number of another")
+            raise MeshError(
+                f"group {match[3]!r} has the number of another group: use unique "
+                "numbers"
+            )
         names[key] = match[3]
     return names
 

@@ -85,7 +85,7 @@ def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mes
         refuse_metres(mesh.p)
     if left := [name for name in dict.fromkeys(ignored) if name not in others]:
         names = ", ".join(map(printable, left))
-        log.warning("%s: not read: %s", printable(path), names)
+        log.warning("%s: ignored: %s", printable(path), names)
     return mesh
 
 
@@ -114,11 +114,14 @@ def _read_with_meshio(path: Path) -> tuple[meshio.Mesh, list[str]]:
         raise
     except KeyError as error:
         what = " ".join(map(printable, error.args))
-        raise MeshError(f"it names {what}, which is not there") from None
+        raise MeshError(
+            f"the file refers to {what}, which it does not define"
+        ) from None
     except (Exception, SystemExit) as error:
         reason = (printed.getvalue() or str(error)).strip().partition("\n")[0]
         reason = printable(reason[:_LONGEST_REASON])
-        raise MeshError(f"meshio cannot read it. {reason}".strip()) from None
+        message = f"the file is not a mesh that meshio can read: {reason}"
+        raise MeshError(message.removesuffix(": ")) from None
     fields = [n for n in raw.point_data if not n.startswith("gmsh:")]
     fields += [n for n in raw.cell_data if not n.startswith(("gmsh:", "skfem:"))]
     if not any(name.startswith("gmsh:") for name in raw.cell_data):
@@ -253,7 +256,8 @@ def _name_as_skfem(content: _Content, raw: meshio.Mesh, plane: list[int]) -> Non
         return
     if len(raw.cells) > 1:
         raise MeshError(
-            "names written by scikit-fem are supported for one block of cells"
+            "names written by scikit-fem can be read only from a file with one block "
+            "of cells"
         )
     (cells,) = content.cells
     for key, (values,) in data.items():
@@ -261,7 +265,10 @@ def _name_as_skfem(content: _Content, raw: meshio.Mesh, plane: list[int]) -> Non
         largest = {"s": 1, "b": 2 ** len(cells) - 1}.get(kind, -1)
         marks = np.ravel(values)
         if len(marks) != cells.shape[1] or not np.isin(marks, range(largest + 1)).all():
-            raise MeshError(f"name {name!r} written by scikit-fem cannot be read")
+            raise MeshError(
+                f"the cell data of the name {name!r} written by scikit-fem are not "
+                "valid"
+            )
         if kind == "s":
             _merge(content.subdomains, name, np.flatnonzero(marks))
             continue

@@ -99,14 +99,16 @@ def read(
     if material is not None:
         laws = [o for o in laws if o.name[2:3] == [material]]
     if not laws:
-        wanted = "" if material is None else f" of the number {excerpt(material)}"
-        raise MeshError(f"it has no /MAT/LAW58 or /MAT/LAW158{wanted}")
+        wanted = "" if material is None else f" with the number {excerpt(material)}"
+        raise MeshError(f"the file contains no /MAT/LAW58 or /MAT/LAW158{wanted}")
     if len(laws) > 1:
-        raise MeshError("it has several fabrics; specify the number of one material")
+        raise MeshError(
+            "the file contains several fabrics: specify the number of one material"
+        )
     (option,) = laws
     name = "/" + "/".join(option.name[:3])
     if thickness is None:
-        raise MeshError(f"{excerpt(name)}: state the thickness in mm")
+        raise MeshError(f"{excerpt(name)}: specify the thickness in mm")
     law, scale = _LAWS[option.name[1].upper()], thickness * stress
     with errors_about(excerpt(name)):
         tables = _Functions(options, scale)
@@ -124,7 +126,7 @@ def _options(content: bytes) -> list[_Option]:
         elif options and not line.startswith(("#", "$")):
             options[-1].cards.append(line)
     if not options:
-        raise MeshError("it has no OpenRadioss keyword")
+        raise MeshError("the file contains no OpenRadioss keyword")
     return options
 
 
@@ -136,10 +138,11 @@ def _fields(
         cards = cards[:-1]
     if len(cards) - 1 < least:
         raise MeshError(
-            f"{max(len(cards) - 1, 0)} lines after its title, not at least {least}"
+            f"{max(len(cards) - 1, 0)} lines follow the title, but at least {least} "
+            "are required"
         )
     if len(cards) - 1 > len(layout):
-        raise MeshError(f"more than {len(layout)} lines after its title")
+        raise MeshError(f"more than {len(layout)} lines follow the title")
     fields = {}
     for number, fields_of_card in enumerate(layout):
         card = cards[number + 1] if number + 1 < len(cards) else ""
@@ -149,7 +152,10 @@ def _fields(
             with errors_about(name):
                 fields[name] = from_words([word.encode() or b"0"], kind).item()
         if not all(np.isfinite(fields[name]) for name in fields_of_card):
-            raise MeshError(f"line {number + 1} after its title is not finite")
+            raise MeshError(
+                f"line {number + 1} after the title contains a number that is not "
+                "finite"
+            )
     return fields
 
 
@@ -158,7 +164,7 @@ def _ignored(option: _Option, fields: dict[str, float]) -> list[str]:
     if option.name[3:4] not in ([], [""], ["0"]):
         reasons.append(
             f"/UNIT/{excerpt(option.name[3])}: the units specified with the deck are "
-            "used"
+            "used instead"
         )
     return reasons
 
@@ -178,7 +184,7 @@ class _Functions:
         """Arguments and values of a function, times its factor and the thickness."""
         cards = self._cards.get(str(int(number)))
         if cards is None:
-            raise MeshError(f"there is no /FUNCT/{int(number)}")
+            raise MeshError(f"the file contains no /FUNCT/{int(number)}")
         rows = [card for card in cards[1:] if card.strip()]
         words = [(r[:20].strip().encode(), r[20:40].strip().encode()) for r in rows]
         numbers = from_words([w or b"0" for row in words for w in row], "f8")
@@ -193,7 +199,7 @@ class _Functions:
         ahead = x[x > 0]
         if at_rest or not len(ahead):
             raise MeshError(
-                f"/FUNCT/{int(number)} must be zero at 0 and extend beyond it"
+                f"/FUNCT/{int(number)} must be zero at 0 and have points beyond 0"
             )
         slope = float(law.value(ahead[:1])[0]) / float(ahead[0])
         return law, slope
@@ -211,7 +217,8 @@ def _law58(
     for name in ("N1", "N2"):
         if f[name] not in (0, 1):
             raise MeshError(
-                f"{name} = {f[name]:g} is not supported; specify yarns for 1"
+                f"{name} = {f[name]:g} is not supported: convert the yarn data "
+                f"to {name} = 1"
             )
     crimp = [f["S1"] or _CRIMP, f["S2"] or _CRIMP]
     flex = f["Flex"] or _FLEX
@@ -243,7 +250,8 @@ def _law58(
     cosine = 0.5 * sum(np.sqrt((1 + s) ** 2 - 1) for s in crimp)
     if not f["AlphaT"] and cosine >= 1:
         raise MeshError(
-            "AlphaT is not specified, and is undefined for this amount of crimp"
+            "AlphaT must be specified, because its default is undefined for this "
+            "amount of crimp"
         )
     lock = np.radians(f["AlphaT"]) if f["AlphaT"] else float(np.arccos(cosine))
     G = GT / (1 + np.tan(lock) ** 2)
@@ -260,7 +268,8 @@ def _law158(
     for i, name in ((4, "warp"), (5, "weft")):
         if f[f"fct_ID{i}"]:
             ignored.append(
-                f"fct_ID{i}: the crimp's spring of the {name} stays logarithmic"
+                f"fct_ID{i}: this function is ignored, and the crimp spring of the "
+                f"{name} remains logarithmic"
             )
     if any(f[f"Fscale{i}"] not in (0, 1) for i in (1, 2, 3)):
         ignored.append(

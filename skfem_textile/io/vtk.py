@@ -56,7 +56,7 @@ def cells_of(
         )
     corners = np.array([_N_CORNERS[t] for t in types.tolist()], dtype=int)
     if offsets[0] != 0 or offsets[-1] != len(connectivity):
-        raise MeshError("its offsets do not cover all listed nodes")
+        raise MeshError("the offsets do not cover all listed nodes")
     if not np.array_equal(np.diff(offsets), corners):
         raise MeshError("the number of nodes of a cell does not match its type")
     breaks = np.flatnonzero(np.diff(types)) + 1
@@ -114,14 +114,16 @@ def read_legacy(content: bytes) -> tuple[meshio.Mesh, list[str]]:
         file.read(words)
     for part in ("POINTS", "CELLS", "CELL_TYPES"):
         if part not in file.sections:
-            raise MeshError(f"it has no {part}")
+            raise MeshError(f"the file contains no {part}")
     (connectivity, offsets), types = file.sections["CELLS"], file.sections["CELL_TYPES"]
     if len(types) != len(offsets) - 1:
-        raise MeshError(f"{len(offsets) - 1} cells, and {len(types)} CELL_TYPES")
+        raise MeshError(
+            f"the file contains {len(offsets) - 1} cells, but {len(types)} CELL_TYPES"
+        )
     cells = cells_of(types, connectivity, offsets)
     for part, n in (("POINT", len(file.sections["POINTS"])), ("CELL", len(types))):
         if file.sections.get(f"{part}_DATA", n) != n:
-            raise MeshError(f"{part}_DATA must be for {n}")
+            raise MeshError(f"{part}_DATA must be given for {n} items")
     return mesh_of(file.sections["POINTS"], cells, file.data), file.ignored
 
 
@@ -140,11 +142,12 @@ class _LegacyFile:
             re.IGNORECASE,
         )
         if head is None:
-            raise MeshError("it does not begin with the header of a VTK file")
+            raise MeshError("the file does not begin with the header of a VTK file")
         version = head[1].decode()
         if version not in _VERSIONS:
             raise MeshError(
-                f"version {excerpt(version)} of the VTK format is not supported"
+                f"version {excerpt(version)} of the VTK format is not supported: save "
+                "the mesh in version 4.2 or 5.1"
             )
         self._content, self._position = content, head.end()
         self._binary = head[2].upper() == b"BINARY"
@@ -173,7 +176,7 @@ class _LegacyFile:
             return taken.astype(dtype)
         words: list[bytes] = self._content[self._position :].split(None, count)
         if len(words) < count:
-            raise MeshError(f"{count} numbers are due where {len(words)} are left")
+            raise MeshError(f"{count} numbers expected, but {len(words)} remain")
         if count:
             self._position = len(self._content) - sum(map(len, words[count:]))
         return from_words(words[:count], dtype)
@@ -183,7 +186,7 @@ class _LegacyFile:
         keyword, arguments = words[0].upper(), words[1:]
         shown = excerpt(" ".join(words))
         if keyword in self.sections:
-            raise MeshError(f"there is more than one {keyword}")
+            raise MeshError(f"the file contains more than one {keyword}")
         try:
             self._read(keyword, arguments)
         except MeshError as error:
@@ -226,7 +229,7 @@ class _LegacyFile:
             starts.append(position)
             position += 1 + max(int(numbers[position]), 0)
         if len(starts) != n or position != size:
-            raise MeshError("the number of its values does not match its cells")
+            raise MeshError("the number of values does not match the cells")
         offsets = np.cumsum([0, *numbers[starts]])
         return np.delete(numbers, starts), offsets
 
@@ -240,7 +243,7 @@ class _LegacyFile:
             arrays.append(self.numbers(count, _type(kind)).astype("i8"))
         offsets, connectivity = arrays
         if not n:
-            raise MeshError("it has no cells")
+            raise MeshError("the file contains no cells")
         return connectivity, offsets
 
     def _skip_metadata(self) -> None:
@@ -273,7 +276,7 @@ class _LegacyFile:
         elif keyword == "SCALARS":
             table, _ = self.line() or ("", "")
             if table.upper() != "LOOKUP_TABLE":
-                raise MeshError("LOOKUP_TABLE must follow")
+                raise MeshError("the next line must begin with LOOKUP_TABLE")
             components = _natural(arguments[2]) if arguments[2:] else 1
             self._read_array(name, count, components, _type(arguments[1]))
         else:
@@ -285,7 +288,7 @@ class _LegacyFile:
         if self._of_cells and name.startswith(SKFEM):
             if (count, components) != (self._count, 1) or name in self.data:
                 raise MeshError(
-                    "it does not have one number per cell, or its name is not unique"
+                    "the array must have one number per cell, and a unique name"
                 )
             self.data[name] = values
         else:
@@ -317,7 +320,7 @@ class RawData:
     def peek(self, count: int) -> bytes:
         """Next bytes, without consuming them."""
         if not 0 <= count <= len(self._content) - self._position:
-            raise MeshError("it is truncated")
+            raise MeshError("the data are truncated")
         return self._content[self._position : self._position + count]
 
     def take(self, count: int) -> bytes:
@@ -344,7 +347,7 @@ class Base64Data(RawData):
             chars = super().peek(self._length(count))
             return base64.b64decode(chars, validate=True)[:count]
         except binascii.Error:
-            raise MeshError("it is not in base64") from None
+            raise MeshError("the data are not valid base64") from None
 
     def take(self, count: int) -> bytes:
         """Next run, with a given number of bytes."""
@@ -352,7 +355,7 @@ class Base64Data(RawData):
         self._position += self._length(count)
         padding = self._content[: self._position][-2:].count(b"=")
         if len(taken) != count or padding != -count % 3:
-            raise MeshError("it is not in base64")
+            raise MeshError("the data are not valid base64")
         return taken
 
     def ends_after(self, count: int) -> bool:
@@ -363,7 +366,7 @@ class Base64Data(RawData):
     def refuse_rest(self) -> None:
         """Refuse further data."""
         if self._position < len(self._content):
-            raise MeshError("it is longer than declared")
+            raise MeshError("the data are longer than declared")
 
 
 def read_uncompressed(data: RawData, header: np.dtype) -> bytes:
@@ -388,7 +391,9 @@ def read_compressed(
     full, last, *compressed = sizes
     lengths = [full] * (n - 1) + [last or full] if n else []
     if sum(lengths) != n_bytes:
-        raise MeshError(f"it holds {sum(lengths)} bytes, and {n_bytes} are due")
+        raise MeshError(
+            f"{n_bytes} bytes expected, but the header declares {sum(lengths)}"
+        )
     rest, start, blocks = data.take(sum(compressed)), 0, []
     for size, length in zip(compressed, lengths, strict=True):
         block = decompressor()
@@ -396,7 +401,7 @@ def read_compressed(
             part = rest[start : start + size]
             blocks.append(block.decompress(part, max_length=length + 1))
         except (zlib.error, lzma.LZMAError):
-            raise MeshError("it cannot be decompressed") from None
+            raise MeshError("the data cannot be decompressed") from None
         if len(blocks[-1]) != length or not block.eof or block.unused_data:
             raise MeshError("the length of a block differs from the declared one")
         start += size
@@ -431,11 +436,11 @@ def read_xml(
     n_points, n_cells = (_whole(piece, f"NumberOf{x}") for x in ("Points", "Cells"))
     positions = _only(_only(piece, "Points"), "DataArray")
     if _whole(positions, "NumberOfComponents") != 3:
-        raise MeshError("its points must have three coordinates")
+        raise MeshError("the points must have three coordinates")
     points = file.array(positions, 3 * n_points).reshape(-1, 3)
     arrays = _by_name(_only(piece, "Cells"))
     if missing := {"connectivity", "offsets", "types"} - set(arrays):
-        raise MeshError(f"its cells have no {min(missing)!r}")
+        raise MeshError(f"Cells must contain an array {min(missing)!r}")
     types, ends = (
         file.array(arrays[x], n_cells, whole=True) for x in ("types", "offsets")
     )
@@ -464,7 +469,7 @@ def _only(parent: Element, tag: str) -> Element:
     children = parent.findall(tag)
     if len(children) != 1:
         raise MeshError(
-            f"{excerpt(parent.tag)} must have one {tag}, and has {len(children)}"
+            f"{excerpt(parent.tag)} must have one {tag}, found {len(children)}"
         )
     return children[0]
 
@@ -474,7 +479,9 @@ def _by_name(parent: Element) -> dict[str, Element]:
     children = parent.findall("DataArray")
     arrays = {child.get("Name", ""): child for child in children}
     if len(arrays) < len(children):
-        raise MeshError(f"two arrays of {parent.tag} have the same name")
+        raise MeshError(
+            f"two arrays of {parent.tag} have the same name: use unique names"
+        )
     return arrays
 
 
@@ -487,7 +494,7 @@ def _whole(element: Element, key: str) -> int:
 def _choice(element: Element, key: str, default: Any, choices: Any) -> Any:
     """Value of an attribute, which must be one of the choices."""
     if (chosen := element.get(key, default)) not in choices:
-        raise MeshError(f"{key} {excerpt(str(chosen))!r} is not read")
+        raise MeshError(f"{key} {excerpt(str(chosen))!r} is not supported")
     return chosen
 
 
@@ -504,10 +511,12 @@ class _XMLFile:
                 head + tag + attributes + last + foot if appended else content
             )
         except (ElementTree.ParseError, ValueError, LookupError) as error:
-            raise MeshError(f"it is not XML: {excerpt(str(error))}") from None
+            raise MeshError(
+                f"the file is not valid XML: {excerpt(str(error))}"
+            ) from None
         root = self.root
         if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
-            raise MeshError("it is not a VTKFile of an UnstructuredGrid")
+            raise MeshError("the file is not a VTKFile of an UnstructuredGrid")
         _choice(root, "version", "0.1", ("0.1", "1.0"))
         self._order = _ORDERS[_choice(root, "byte_order", "LittleEndian", _ORDERS)]
         header = _choice(root, "header_type", "UInt32", ("UInt32", "UInt64"))
@@ -524,7 +533,7 @@ class _XMLFile:
 
     def array(self, element: Element, count: int, whole: bool = False) -> ndarray:
         """Numbers of an array, shape (count,)."""
-        with errors_about(f"array {excerpt(element.get('Name', 'of the points'))!r}"):
+        with errors_about(f"array {excerpt(element.get('Name', 'Points'))!r}"):
             return self._array(element, count, whole)
 
     def _array(self, element: Element, count: int, whole: bool) -> ndarray:
@@ -553,5 +562,5 @@ class _XMLFile:
         if kind == "binary" and isinstance(data, Base64Data):
             data.refuse_rest()
         if len(content) != n_bytes:
-            raise MeshError(f"it holds {len(content)} bytes, and {n_bytes} are due")
+            raise MeshError(f"{n_bytes} bytes expected, got {len(content)}")
         return np.frombuffer(content, dtype.newbyteorder(self._order)).astype(dtype)

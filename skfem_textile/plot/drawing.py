@@ -55,10 +55,13 @@ def draw(
         pyvista_drawing().draw_new(plotter, sheet, layout)
     elif is_vector(path):
         raise ValueError(
-            f"{path}: a plotter draws pixels: use the suffix .png or no file name"
+            f"{path}: a plotter cannot draw vector graphics: use the suffix .png or "
+            "omit the file name"
         )
     elif isinstance(size, tuple):
-        raise ValueError("with a plotter, size is the width of its window in mm")
+        raise ValueError(
+            f"with a plotter, size must be the width of its window in mm, got {size}"
+        )
     else:
         columns = (plotter.shape if len(plotter.shape) == 2 else (1, 1))[1]
         width = default_width(columns) if size is None else size

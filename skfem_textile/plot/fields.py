@@ -83,7 +83,7 @@ def field_of(field: str | Field) -> Field:
     if isinstance(field, Field):
         return field
     if field not in FIELDS:
-        raise ValueError(f"unknown field {field!r}: take {', '.join(FIELDS)}")
+        raise ValueError(f"unknown field {field!r}: choose one of {', '.join(FIELDS)}")
     return FIELDS[field]
 
 
@@ -92,12 +92,12 @@ def values_of(field: Field, ply: Ply, u: ndarray) -> ndarray:
     values = np.asarray(field.values(ply, u), dtype=float)
     if values.shape != (ply.mesh.nelements,):
         raise ValueError(
-            f"{field.label}: values must be one per element, got shape {values.shape} "
-            f"for {ply.mesh.nelements} elements"
+            f"{field.label}: expected one value for each of the {ply.mesh.nelements} "
+            f"elements, got an array of shape {values.shape}"
         )
     if not np.isfinite(values).all():
         element = int(np.flatnonzero(~np.isfinite(values))[0])
-        raise ValueError(f"{field.label}: not finite in element {element}")
+        raise ValueError(f"{field.label}: the value in element {element} is not finite")
     return values
 
 

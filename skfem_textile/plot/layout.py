@@ -306,7 +306,9 @@ def _size(
         return default_width(columns), None
     given = np.atleast_1d(np.asarray(size, dtype=float))
     if given.shape not in ((1,), (2,)) or not (0 < given.min() <= given.max() < np.inf):
-        raise ValueError(f"size {size!r}: pass the width in mm, or width and height")
+        raise ValueError(
+            f"size must be the width, or the width and height, in mm, got {size!r}"
+        )
     width, *height = given.tolist()
     return width, height[0] if height else None
 

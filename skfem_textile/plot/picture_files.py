@@ -45,11 +45,11 @@ def picture_path(
     path = Path(filename)
     if path.suffix.lower() not in ("", *suffixes):
         raise ValueError(
-            f"{path}: cannot write {path.suffix} files, only {', '.join(suffixes)}: "
+            f"{path}: pictures can be written only to {', '.join(suffixes)} files: "
             f"name it {path.stem}{suffixes[0]}"
         )
     if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path}: no such folder: {path.parent}")
+        raise FileNotFoundError(f"{path}: the folder {path.parent} does not exist")
     return path
 
 

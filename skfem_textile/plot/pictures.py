@@ -85,19 +85,20 @@ class _Picture:
         for result in results:
             if not hasattr(result, "states"):
                 raise ValueError(
-                    f"pictures require a Result, not a {type(result).__name__}: of a "
-                    "state of equilibrium_near give Result.of_state(ply, conditions, "
+                    f"pictures require a Result, not a {type(result).__name__}: for a "
+                    "state from equilibrium_near pass Result.of_state(ply, conditions, "
                     "state)"
                 )
         several = [result.ply.formulation.title for result in results]
         self.titles = titles or (several if len(results) > 1 else [""])
         if len(self.titles) != len(results):
             raise ValueError(
-                f"{len(results)} results require as many titles: {len(titles)}"
+                f"{len(results)} results require {len(results)} titles, got "
+                f"{len(titles)}"
             )
         fewest = min(len(result.states) for result in results)
         if not -fewest <= state < fewest:
-            raise ValueError(f"no state {state}: there are {fewest} states in a result")
+            raise ValueError(f"there is no state {state}: a result has {fewest} states")
         self.results, self.states = results, [r.states[state] for r in results]
         self.shapes = shapes_of(results, self.states)
         self._show_edges, self._how = show_edges, (filename, plotter, size)
@@ -420,7 +421,7 @@ def _on_tool(result: Result, state: State) -> tuple[ndarray, ndarray]:
     """Contact pressure of elements, and elements with a risk of wrinkling."""
     ply, surface = result.ply, result.tool(state.load_factor)
     if surface is None:
-        raise ValueError("a ply is not on a tool: it requires a condition OnSurface")
+        raise ValueError("a ply does not lie on a tool: add a condition OnSurface")
     points, cells = fields_on_tool(ply, surface, state)
     pressure = points["contact_pressure"][ply.mesh.t].mean(axis=0)
     return pressure, np.flatnonzero(cells["wrinkle_risk"])

@@ -96,8 +96,8 @@ def draw_into(plotter: pv.Plotter, sheet: Sheet, width: float) -> None:
     first = renderers.active_index
     if first + len(panels) > len(renderers):
         raise ValueError(
-            f"{len(panels)} panels require as many subplots of the plotter, starting "
-            f"with the active one: {len(renderers) - first}"
+            f"{len(panels)} panels require as many subplots of the plotter from the "
+            f"active one on, which has {len(renderers) - first}"
         )
     dots = plotter.window_size[0] / width
     keys = [key for legend in sheet.legends for key in legend.keys]
@@ -257,8 +257,8 @@ def require_offscreen() -> None:
             return
     if not _can_draw({}):
         raise RuntimeError(
-            "VTK cannot draw off screen here; "
-            "install the Debian packages libegl1 and libgl1-mesa-dri"
+            "VTK cannot draw off screen on this system: install the Debian packages "
+            "libegl1 and libgl1-mesa-dri"
         )
 
 

@@ -130,7 +130,7 @@ class Scale(NamedTuple):
             colours = mpl.colormaps.get_cmap(cmap)
         except (TypeError, ValueError):
             raise ValueError(
-                f"matplotlib has no colour map {cmap!r}: see matplotlib.colormaps"
+                f"unknown colour map {cmap!r}: choose a name in matplotlib.colormaps"
             ) from None
         if clim is None:
             low, high = reach[0], max(reach[1], reach[0] + _LEAST_EXTENT)
@@ -139,7 +139,7 @@ class Scale(NamedTuple):
         limits = np.asarray(clim, dtype=float)
         if limits.shape != (2,) or not limits[0] < limits[1] < np.inf > -limits[0]:
             raise ValueError(
-                f"clim {clim!r}: pass two finite limits in ascending order"
+                f"clim must be two finite limits in ascending order, got {clim!r}"
             )
         low, high = limits.tolist()
         return cls(label, low, high, colours, reach[0] < low, reach[1] > high)

@@ -71,12 +71,12 @@ def bias_extension(
         loading direction, γ is not between 0 and π − 2θ, or the part is unknown.
     """
     if part not in PARTS:
-        raise ValueError(f"unknown part {part!r}: choose {' or '.join(PARTS)}")
+        raise ValueError(f"unknown part {part!r}: choose one of {', '.join(PARTS)}")
     theta = _inclination(warp, weft)
     if not 0 < shear_angle < np.pi - 2 * theta:
         raise ValueError(
             f"the shear angle must be between 0 and {180 - 2 * np.degrees(theta):g} "
-            f"degrees, got {np.degrees(shear_angle):g}"
+            f"degrees, got {np.degrees(shear_angle):g} degrees"
         )
     share = 0.5 if part == "half" else 1.0
     if isinstance(mesh, str):
@@ -191,7 +191,7 @@ def _inclination(warp: float, weft: float) -> float:
     if not (mirrored and 1e-6 < theta < np.pi / 2 - 1e-6):
         raise ValueError(
             "bias_extension: warp and weft must be symmetric about the loading "
-            "direction, at D and 180 - D degrees with D between 0 and 90, not at "
+            "direction, at D and 180 - D degrees with D between 0 and 90, got "
             f"{np.degrees(warp):g} and {np.degrees(weft):g}"
         )
     return theta
@@ -224,11 +224,16 @@ def _sides(mesh: Mesh, theta: float, share: float) -> tuple[float, float]:
     """Width and height of the whole ply; an error if the mesh does not fit."""
     for name in _held(share):
         if name not in mesh.boundaries:
-            raise MeshError(f"bias_extension: the mesh has no straight {name} edge")
+            raise MeshError(
+                f"bias_extension: the mesh has no straight {name} edge: name a "
+                f"boundary {name!r}"
+            )
     width, H = np.ptp(mesh.p, axis=1).tolist()
     W = width / share
     if np.abs(mesh.p.min(axis=1)).max() > 1e-6 * H:
-        raise MeshError("bias_extension: the lower left corner must be at the origin")
+        raise MeshError(
+            "bias_extension: the lower left corner of the mesh must be at the origin"
+        )
     low = 2 * W * float(np.tan(theta))
     if H / low < 1 - 1e-6:  # files round coordinates
         raise MeshError(

@@ -102,6 +102,6 @@ class Case:
         scene = self.scene
         if self.loads:
             scene = replace(
-                scene, misfit=("forces act besides the conditions of the scene")
+                scene, misfit=("forces act in addition to the conditions of the scene")
             )
         return scene.summary(result)

@@ -72,8 +72,8 @@ def drape(
         place = _on_tool(tool, np.asarray(point, dtype=float))
     if tool.beyond_edges(place[:, None])[0] > 0:
         raise ValueError(
-            f"drape: the tool has no triangle at {_xyz(place)}, the contact point of "
-            "the ply: specify another point"
+            f"drape: the contact point of the ply, ({_xyz(place)}) mm, is outside all "
+            "triangles of the tool: specify another point"
         )
     axes = Axes.at(tool, place)
     surface = tool.moved(*axes)
@@ -91,18 +91,22 @@ def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:
     of_tool = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
     x, y = ply.p[:, ply.t]
     of_ply = np.abs(signed_areas(x, y)).sum()
-    areas = f"drape: the ply has {of_ply:.4g} mm2, the tool {of_tool:.4g} mm2 in all"
+    areas = (
+        f"drape: the area of the ply is {of_ply:.4g} mm2, the area of the whole tool "
+        f"{of_tool:.4g} mm2"
+    )
     if of_ply > _MOST_AREA * of_tool:
-        raise ValueError(f"{areas}: use a smaller ply, or a file in mm")
+        raise ValueError(f"{areas}: use a smaller ply, or a tool file in mm")
     if of_ply < _LEAST_AREA * of_tool:
-        raise ValueError(f"{areas}: use a larger ply, or a file in mm")
+        raise ValueError(f"{areas}: use a larger ply, or a tool file in mm")
 
 
 def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
     """Point on a tool that is nearest to a given point."""
     if point.shape != (3,) or not np.isfinite(point).all():
         raise ValueError(
-            f"drape: the point must be three numbers, got {point.tolist()}"
+            "drape: the contact point must be three finite numbers, got "
+            f"{point.tolist()}"
         )
     near = tool.facets.longest_edges().max()
     try:
@@ -112,8 +116,9 @@ def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
         place = np.full(3, np.inf)
     if not np.linalg.norm(place - point) <= near:
         raise ValueError(
-            f"drape: the point {_xyz(point)} is further than {near:.3g} mm, an edge "
-            "of a triangle, from the tool: specify a point on it"
+            f"drape: the contact point ({_xyz(point)}) mm is further from the tool "
+            f"than {near:.3g} mm, the longest edge of its triangles: specify a point "
+            "on the tool"
         )
     return place
 
@@ -147,10 +152,10 @@ def _highest(tool: TriangleMesh) -> ndarray:
     if inside and away <= 2 * near and np.hypot(*g[:2]) <= _LEVEL * abs(g[2]):
         return place
     raise ValueError(
-        f"drape: the highest point of the tool, {_xyz(start)}, is at its edge or on "
-        "a slope: specify the contact point of the ply"
+        f"drape: the highest point of the tool, ({_xyz(start)}) mm, is at its edge or "
+        "on a slope: specify the contact point of the ply"
     )
 
 
 def _xyz(point: ndarray) -> str:
-    return " ".join(f"{x:.6g}" for x in point)
+    return ", ".join(f"{x:.6g}" for x in point)

@@ -72,8 +72,8 @@ def warn_of_net(
         net = net_over(X, on_tool, 1.0, angles)
     except FoldedNetError as error:
         log.warning(
-            "drape: inextensible fibres cannot lie on this tool: their net folds at "
-            "(%s). %s",
+            "drape: inextensible fibres cannot lie on this tool, because their net "
+            "folds at (%s) mm. %s",
             _xyz(axes, error.place),
             _ADVICE,
         )
@@ -93,7 +93,7 @@ def warn_of_net(
         i, j = np.unravel_index(shear.argmax(), shear.shape)
         place = net.positions[:, i : i + 2, j : j + 2].mean(axis=(1, 2))
         log.warning(
-            "drape: inextensible fibres shear by %.0f degrees at (%s), because the "
+            "drape: inextensible fibres shear by %.0f degrees at (%s) mm, because the "
             "curvature of this tool is concentrated at a corner. %s",
             shear.max(),
             _xyz(axes, place),
@@ -249,13 +249,15 @@ def _refuse_numbers(
 ) -> None:
     for what, side in (("width", width), ("height", height)):
         if not 0 < side < np.inf:
-            raise ValueError(f"{name}: the {what} must be positive, got {side:g}")
+            raise ValueError(f"{name}: the {what} must be positive, got {side:g} mm")
     if not 0 <= tension < np.inf:
         raise ValueError(
-            f"{name}: the edge tension must be 0 or positive, got {tension:g}"
+            f"{name}: the edge tension must be 0 or positive, got {tension:g} N/mm"
         )
     if not np.isfinite(fibres):
-        raise ValueError(f"{name}: the fibres must have a finite angle, got {fibres:g}")
+        raise ValueError(
+            f"{name}: the angle of the fibres must be finite, got {fibres:g}"
+        )
 
 
 def _in_planes(name: str, mesh: Mesh) -> dict[str, Condition]:
@@ -263,12 +265,13 @@ def _in_planes(name: str, mesh: Mesh) -> dict[str, Condition]:
     for side in _SYMMETRY:
         if side not in mesh.boundaries:
             raise MeshError(
-                f"{name}: the mesh of a quarter has no straight {side} edge"
+                f"{name}: the mesh of a quarter has no straight {side} edge: name a "
+                f"boundary {side!r}"
             )
     if np.abs(mesh.p.min(axis=1)).max() > _OFF * np.ptp(mesh.p):
         raise MeshError(
-            f"{name}: the lower left corner of a quarter must be at the origin; for a "
-            "whole ply set part to 'whole'"
+            f"{name}: the lower left corner of the mesh of a quarter must be at the "
+            "origin: for a whole ply set part to 'whole'"
         )
     return {side: Condition(side, value) for side, value in _SYMMETRY.items()}
 
@@ -281,14 +284,16 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
     """
     low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
     if (low >= 0).any() or (high <= 0).any():
-        raise MeshError(f"{name}: the origin must be inside the mesh of a whole ply")
+        raise MeshError(
+            f"{name}: the origin must be inside the mesh of a whole ply: move the mesh"
+        )
 
     def nearest(place: ndarray, among: ndarray) -> ndarray:
         if not among.size:
             raise MeshError(
-                f"{name}: a whole ply is fixed at its centre and at one node on "
-                "either side of it along x, and this mesh has no three such nodes: "
-                "refine it"
+                f"{name}: a whole ply is fixed at its centre and at one node on either "
+                "side of it along x, but the mesh has no three such nodes: refine the "
+                "mesh"
             )
         away = mesh.p[:, among] - place[:, None]
         return among[[np.hypot(*away).argmin()]]

@@ -123,7 +123,7 @@ class EdgeTension:
         moment = np.asarray(self.shear_law.value(gamma))
         if not np.isfinite(moment).all():
             raise ValueError(
-                "edge tension: its net shears by "
+                "edge tension: the kinematic net shears by "
                 f"{np.degrees(np.abs(gamma).max()):.3g} degrees, beyond the domain of "
                 "the shear law: omit the tension and give the fibres a bending "
                 "stiffness"

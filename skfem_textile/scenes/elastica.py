@@ -54,7 +54,10 @@ def hanging(weight: float, end_force: float = 0.0) -> Elastica:
     guess = np.array([turn * s, turn * (1 - s), s, -turn * s**2])
     solution = solve_bvp(slopes, ends, s, guess, tol=1e-9, max_nodes=100_000)
     if not solution.success:
-        raise ValueError(f"no elastica is found for w = {weight:g}, f = {end_force:g}")
+        raise ValueError(
+            f"the computation of the elastica does not converge for w = {weight:g}, f "
+            f"= {end_force:g}"
+        )
     _, _, x, z = solution.sol(s)
     return Elastica(s, x, z)
 

@@ -67,8 +67,8 @@ def net_over(
 
 
 _NO_NET = (
-    "the edges have no tension, and the fibres no bending stiffness: compressed "
-    "fibres buckle in the plane of the ply, and the state differs from the net"
+    "the edges have no tension and the fibres no bending stiffness: compressed fibres "
+    "buckle in the plane of the ply, and the state differs from the kinematic net"
 )
 
 # Rotation of the tool normal over an element in degrees above which a mesh is coarse.
@@ -153,29 +153,29 @@ def _advice(result: Result, surface: Surface, measured: _Measured) -> dict[str, 
     if beyond is not None and beyond.any():
         advice["beyond_tool"] = (
             f"{100 * _share(ply, beyond):.3g} % of the ply is beyond the edges of the "
-            "tool, or over its holes, where its surface is extrapolated: trim there, "
-            "or use a smaller ply or a larger tool"
+            "tool or over its holes, where the surface of the tool is extrapolated: "
+            "trim the ply there, or use a smaller ply or a larger tool"
         )
     off = off_triangles(ply, surface, u)
     if off is not None and off.any():
         advice["off_triangles"] = (
             f"under {100 * _share(ply, off):.3g} % of the ply the smoothed tool "
             "deviates from its triangles by more than a tenth of their mean edge: use "
-            "one side of a shell, and triangles that are nearly equilateral"
+            "only one side of a shell, and triangles that are nearly equilateral"
         )
     if (coarse := turn > _COARSE).any():
         advice["coarse_elements"] = (
             f"the normal of the tool rotates by up to {turn.max():.0f} degrees over "
-            f"one element, by more than {_COARSE:.0f} under "
-            f"{100 * _share(ply, coarse):.3g} % of the ply: errors of shear angles "
-            "may reach 3 degrees near its edges and fillets, use elements of "
-            f"{_COARSE / turn.max():.0%} of the size there"
+            f"one element, and by more than {_COARSE:.0f} degrees under "
+            f"{100 * _share(ply, coarse):.3g} % of the ply. The error of the shear "
+            "angle may reach 3 degrees near edges and fillets of the tool: use "
+            f"elements of {_COARSE / turn.max():.0%} of the size there"
         )
     if surface.gradient(np.zeros((3, 1)))[2, 0] < 0:
         advice["faces_away"] = (
-            "the tool faces down at the contact point of the ply: reverse its "
-            "triangles if the ply lies above it, because pressures now have the "
-            "opposite sign"
+            "the tool faces down at the contact point of the ply, so that pressures "
+            "have the opposite sign if the ply lies above it: in this case reverse the "
+            "triangles of the tool"
         )
     elif (pressure < 0).all():
         advice["faces_away"] = (
@@ -195,11 +195,11 @@ def _holding_forces(result: Result, holding: Sequence[str]) -> dict[str, float |
     load = ply.nodal(_load(result))
     if 0 < _HOLDS * np.linalg.norm(load, axis=0).sum() < force:
         held["held_askew"] = (
-            f"a node that keeps the ply from sliding carries {force:.3g} N, because "
-            "the tensions of the edges are not in equilibrium on this tool: shear "
-            "near it is caused by this force, and increases under mesh refinement; "
-            "let the ply touch at a point of symmetry of the tool, or use fibres with "
-            "bending stiffness and no tension"
+            f"the reaction of a node that prevents the ply from sliding is {force:.3g} "
+            "N, because the edge tensions are not in equilibrium on this tool. The "
+            "shear near this node is caused by its reaction, and increases under mesh "
+            "refinement: let the ply touch the tool at a point of symmetry, or use "
+            "fibres with bending stiffness and no edge tension"
         )
     return held
 

@@ -65,11 +65,11 @@ def rectangle(
     if kind not in KINDS:
         raise ValueError(f"unknown mesh {kind!r}: choose one of {', '.join(KINDS)}")
     if not (0 < width < np.inf and 0 < height < np.inf):
-        raise ValueError(f"the sides must be positive, got {width} and {height}")
+        raise ValueError(f"the sides must be positive, got {width} mm and {height} mm")
     if nx < 1 or ny < 1:
-        raise ValueError(f"the mesh needs at least 1x1 elements, got {nx}x{ny}")
+        raise ValueError(f"the mesh requires at least 1x1 elements, got {nx}x{ny}")
     if not 0 <= jitter < 1:
-        raise ValueError(f"jitter must be in [0, 1), got {jitter}")
+        raise ValueError(f"jitter must be at least 0 and below 1, got {jitter}")
     if seed < 0:
         raise ValueError(f"seed must be at least 0, got {seed}")
 
@@ -128,7 +128,10 @@ def misfit(mesh: Mesh, sides: Iterable[str]) -> str:
     for side in sides:
         whole = np.setxor1d(mesh.boundaries[side], boundary[on[side]]).size == 0
         if not whole or side in named_nodes(mesh):
-            return f"the boundary {side!r} of the mesh is not the whole {side} side"
+            return (
+                f"the boundary {side!r} of the mesh does not consist of the whole "
+                f"{side} side"
+            )
     return ""
 
 

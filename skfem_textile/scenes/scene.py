@@ -29,7 +29,7 @@ _WORTH_SAYING = 0.01
 def unknown(X: ndarray, t: float) -> ndarray:
     """Field without an exact solution; raises a ValueError."""
     raise ValueError(
-        "the scene has no exact field: its figures contain the exact values"
+        "the scene has no exact field: use its figures, which contain the exact values"
     )
 
 
@@ -120,11 +120,14 @@ class Scene:
             If the angle is not finite, or the scene is in space.
         """
         if not np.isfinite(angle):
-            raise ValueError(f"rotation must be a finite angle, got {angle}")
+            raise ValueError(f"the rotation must be a finite angle, got {angle}")
         if angle == 0:
             return self
         if self.dimension == 3:
-            raise ValueError(f"the scene {self.name} is in space and cannot be rotated")
+            raise ValueError(
+                f"the scene {self.name} is in space and cannot be rotated: omit the "
+                "rotation"
+            )
         Q = _rotation(angle)
         displacement, shear_angle = self.displacement, self.shear_angle
         return replace(
@@ -255,8 +258,8 @@ class Scene:
         figures["load_lost_to_fibre_stretch"] = lost = self.load_lost(fabric, t)
         if lost > _WORTH_SAYING:
             figures["exact_answer"] = (
-                "for inextensible fibres; stretch reduces the load by about "
-                f"{100 * lost:.0f} %: load_over_exact converges to about "
+                "valid for inextensible fibres: fibre stretch reduces the load by "
+                f"about {100 * lost:.0f} %, so that load_over_exact converges to about "
                 f"{1 - lost:.2f}, not to 1"
             )
         return figures

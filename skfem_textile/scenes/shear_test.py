@@ -182,14 +182,14 @@ class BiasExtension(ShearTest):
         if not 0 < theta < np.pi / 2:
             raise ValueError(
                 "the angle between fibres and clamps must be between 0 and 90 degrees, "
-                f"got {np.degrees(theta):g}"
+                f"got {np.degrees(theta):g} degrees"
             )
         low = 2 * self.width * np.tan(theta)
         if self.height < low * (1 - 1e-6):
             raise ValueError(
                 f"a strip {self.width:g} mm wide with fibres at {np.degrees(theta):g} "
-                f"degrees must be at least {low:g} mm high, not {self.height:g} mm: no "
-                "zone between the clamps is in full shear"
+                f"degrees must be at least {low:g} mm high, not {self.height:g} mm, "
+                "because otherwise no zone between the clamps is in full shear"
             )
 
     @property

@@ -79,7 +79,7 @@ def specimen(
     if isinstance(mesh, str):
         for name, side in (("width", width), ("height", height)):
             if not (np.isfinite(side) and side > 0):
-                raise ValueError(f"{name} must be a finite number > 0, got {side:g} mm")
+                raise ValueError(f"the {name} must be positive, got {side:g} mm")
         mesh = rectangle(width, height, size, mesh, jitter, seed, warp, weft)
     else:
         check_mesh(mesh)
@@ -87,7 +87,10 @@ def specimen(
     conditions = {}
     for name, components in moves:
         if name in conditions:
-            raise ValueError(f"specimen: boundary {name!r} is moved twice")
+            raise ValueError(
+                f"specimen: the displacement of {name!r} is given twice: omit one of "
+                "them"
+            )
         if condition := _condition(mesh, name, components):
             conditions[name] = condition
     return Scene(
@@ -99,7 +102,7 @@ def specimen(
         driven=_driven(moves, conditions, driven),
         displacement=_unknown_displacement,
         shear_angle=_unknown_shear_angle,
-        misfit="a specimen has none",
+        misfit="the displacements are user-defined",
         shear_test=_bias_test(mesh, warp, weft, dict(moves)),
     )
 
@@ -111,12 +114,15 @@ def _condition(
     known = [*(mesh.boundaries or {}), *named_nodes(mesh)]
     if name not in known:
         raise MeshError(
-            f"specimen: the mesh has no boundary {name!r} (it has: "
-            f"{', '.join(map(repr, known)) or 'none'})"
+            f"specimen: the mesh has no boundary {name!r}: its boundaries are "
+            f"{', '.join(map(repr, known)) or 'not named'}"
         )
     for component in components:
         if component != FREE and not np.isfinite(_number(name, component)):
-            raise ValueError(f"specimen: {name!r} moves by {component}, not finite")
+            raise ValueError(
+                f"specimen: the displacement of {name!r} must be finite, got "
+                f"{component} mm"
+            )
     given = tuple(None if c == FREE else _number(name, c) for c in components)
     return None if given == (None, None) else Condition(name, given)
 
@@ -124,8 +130,8 @@ def _condition(
 def _number(name: str, component: Component) -> float:
     if isinstance(component, str):
         raise ValueError(
-            f"specimen: {name!r} moves by {component!r}, which is neither a number nor "
-            f"{FREE!r}"
+            f"specimen: the displacement of {name!r} must be a number or {FREE!r}, got "
+            f"{component!r}"
         )
     return float(component)
 
@@ -137,12 +143,15 @@ def _driven(
 ) -> str:
     """Name of the condition with the reported reaction."""
     if not conditions:
-        raise ValueError("specimen: no boundary is fixed or displaced: name one")
+        raise ValueError(
+            "specimen: no boundary has a prescribed displacement: prescribe at least "
+            "one"
+        )
     if named is not None:
         if named not in conditions:
             raise ValueError(
-                f"specimen: {printable(named)!r} is not fixed or displaced: name one "
-                f"of {', '.join(conditions)}"
+                f"specimen: the driven boundary {printable(named)!r} has no prescribed "
+                f"displacement: choose one of {', '.join(conditions)}"
             )
         return named
 

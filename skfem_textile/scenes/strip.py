@@ -77,13 +77,15 @@ def _laid_out(mesh: Mesh) -> Mesh:
     mesh = with_edges(mesh)
     for name in ("bottom", "right"):
         if name not in mesh.boundaries:
-            raise MeshError(f"strip: the mesh has no straight {name} edge; name it")
+            raise MeshError(
+                f"strip: the mesh has no straight {name} edge: name a boundary {name!r}"
+            )
     bottom = mesh.p[1, mesh.facets[:, mesh.boundaries["bottom"]]]
     if np.abs(bottom).max() > 1e-6 * np.ptp(mesh.p[1]):
         raise MeshError("strip: the bottom edge of the mesh must lie on y = 0")
     if mesh.p[1].max() >= RADIUS * np.pi / 2:
         raise MeshError(
-            f"strip: the mesh is {mesh.p[1].max():g} mm high; above "
-            f"{RADIUS * np.pi / 2:.1f} mm the shear angle would exceed 90 degrees"
+            f"strip: the mesh must be less than {RADIUS * np.pi / 2:.1f} mm high, not "
+            f"{mesh.p[1].max():g} mm, because the shear angle would exceed 90 degrees"
         )
     return mesh

@@ -49,7 +49,10 @@ def strip_with_ends(
     mesh = with_edges(mesh)
     for name in ENDS:
         if name not in mesh.boundaries:
-            raise MeshError(f"{scene}: the mesh has no straight {name} edge")
+            raise MeshError(
+                f"{scene}: the mesh has no straight {name} edge: name a boundary "
+                f"{name!r}"
+            )
     return mesh
 
 
@@ -182,7 +185,7 @@ def buckling(
     if not 0 < shortening < 1:
         raise ValueError(f"the shortening must be between 0 and 1, got {shortening:g}")
     if not np.isfinite(push):
-        raise ValueError(f"the push must be a finite number, got {push:g}")
+        raise ValueError(f"the push must be a finite number, got {push:g} N/mm2")
     mesh = strip_with_ends("buckling", mesh, (100.0, WIDTH), size, jitter, seed)
     length, width = np.ptp(mesh.p, axis=1).tolist()
     return Scene(

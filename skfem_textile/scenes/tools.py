@@ -94,14 +94,20 @@ def _off_exact(X: ndarray, fibres: float, radius: float) -> str:
     """Reason why the Chebyshev net is not the exact solution; empty if it is."""
     eighths = fibres / (np.pi / 4)
     if abs(eighths - round(eighths)) > _OFF:
-        return "the net is known of fibres along the sides or at 45 degrees to them"
+        return (
+            "the exact net is known only for fibres along the sides or at 45 degrees "
+            "to them"
+        )
     low, high, (width, height) = X.min(axis=1), X.max(axis=1), np.ptp(X, axis=1)
     if low.min() < -_OFF * width and np.abs(low + high).max() > _OFF * width:
-        return "the net is known of a ply that touches the pole in its middle"
+        return "the exact net is known only for a ply whose middle touches the pole"
     if round(eighths) % 2 and abs(width - height) > _OFF * width:
-        return "with fibres at 45 degrees to the sides the net is known of a square"
+        return (
+            "for fibres at 45 degrees to the sides the exact net is known only for a "
+            "square ply"
+        )
     if np.abs(_threads(X, fibres, radius)).max() > FOLD:
-        return "the net folds within the ply"
+        return "the exact net folds within the ply"
     return ""
 
 
@@ -173,7 +179,7 @@ def saddle(
         See `draped_ply`; also if the radius is not positive.
     """
     if not 0 < radius < np.inf:
-        raise ValueError(f"saddle: the radius must be positive, got {radius:g}")
+        raise ValueError(f"saddle: the radius must be positive, got {radius:g} mm")
 
     def height(x: ndarray, y: ndarray) -> Height:
         curved, zero = np.full_like(x, 1 / radius), np.zeros_like(x)

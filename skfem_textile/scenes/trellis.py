@@ -93,7 +93,9 @@ def trellis(
         check_mesh(mesh)
         mesh = with_edges(mesh)
         if "top" not in mesh.boundaries:
-            raise MeshError("trellis: the mesh has no straight top edge; name it")
+            raise MeshError(
+                "trellis: the mesh has no straight top edge: name a boundary 'top'"
+            )
     turns = sheared(np.pi / 4, np.pi / 6) if turns is None else turns
     motion = Motion((warp, weft), turns)
     motion.check(mesh.p)
@@ -137,15 +139,18 @@ def _with_held(mesh: Mesh, edges: Mapping[str, Edge]) -> Mesh:
     for side, edge in edges.items():
         if side not in SIDES:
             raise ValueError(
-                f"trellis: no side {side!r}: choose among {', '.join(SIDES)}"
+                f"trellis: unknown side {side!r}: choose one of {', '.join(SIDES)}"
             )
         if edge not in ("held", "free") and not _is_angle(edge):
             raise ValueError(
-                f"trellis: the {side} side must be held, free or on a roller of finite "
-                f"inclination, got {edge!r}"
+                f"trellis: the {side} side must be 'held', 'free' or the finite "
+                f"inclination of a roller in radians, got {edge!r}"
             )
         if side not in mesh.boundaries:
-            raise MeshError(f"trellis: the mesh has no straight {side} edge; name it")
+            raise MeshError(
+                f"trellis: the mesh has no straight {side} edge: name a boundary "
+                f"{side!r}"
+            )
         if edge != "held":
             held = np.setdiff1d(held, mesh.boundaries[side])
     if held.size == 0:
@@ -207,7 +212,9 @@ class Motion:
         angle = inclinations[1] - inclinations[0]
         self._crossing = np.arctan2(np.sin(angle), np.cos(angle))
         if not abs(np.sin(self._crossing)) > 1e-6:
-            raise ValueError("warp and weft are parallel: they must cross at an angle")
+            raise ValueError(
+                "warp and weft are parallel: give them different directions"
+            )
         directions = np.array([np.cos(inclinations), np.sin(inclinations)])
         self._coordinates = np.linalg.inv(directions)
 
@@ -232,7 +239,7 @@ class Motion:
                 raise ValueError(
                     "warp and weft would fold onto each other: they cross at "
                     f"{np.degrees(self._crossing):.6g} degrees and shear by "
-                    f"{worst:.6g} at load factor {t:.1f}"
+                    f"{worst:.6g} degrees at load factor {t:.1f}"
                 )
 
 

@@ -81,11 +81,19 @@ def test_a_fixed_angle_stands_for_a_column(tmp_path):
 @pytest.mark.parametrize(
     ("text", "line", "reason"),
     [
-        ("overhang (mm)\n200\n", (), "give angles in the column"),
-        ("chord angle (deg)\n41\n", (), "no column 'overhang'"),
-        ("overhang (mm),chord angle (deg)\n200,89\n", (), "from 0.5 to 85"),
+        ("overhang (mm)\n200\n", (), "either in the column 'chord angle' or"),
+        ("chord angle (deg)\n41\n", (), "the column 'overhang' is missing"),
+        (
+            "overhang (mm),chord angle (deg)\n200,89\n",
+            (),
+            "between 0.5 and 85 degrees, got angles from 89",
+        ),
         ("overhang (mm),chord angle (deg)\n-1,40\n", (), "must be positive"),
-        ("overhang,chord angle (deg)\n1,40\n", (), "no unit"),
+        (
+            "overhang,chord angle (deg)\n1,40\n",
+            (),
+            "must be one of mm, .* and it has none",
+        ),
         ("overhang (mm)\n1\n", ("--chord-angle", "41", "--weight", "0"), "positive"),
     ],
 )

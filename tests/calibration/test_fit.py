@@ -119,7 +119,7 @@ def test_a_bound_holds_and_leaves_no_band():
     assert found.fit.values[1] == 0.0
     assert found.fit.at_bound.tolist() == [False, True, False]
     assert found.fit.intervals[1].tolist() == [0.0, 0.0]
-    assert "at a bound, without a band: c3" in notes(found)
+    assert "at a bound, which have no confidence band: c3" in notes(found)
     inside = fit_shear(data, bounds={"c3": (-1.0, 1.0)}).fit
     np.testing.assert_allclose(inside.values, fit_shear(data).fit.values)
 
@@ -149,17 +149,17 @@ def test_what_cannot_be_fitted_is_refused():
     data = specimen(BIAS, QUINTIC)
     few = specimen(BIAS, QUINTIC, n=3, end=39.0)
     for arguments, options, said in (
-        (([data], "cubic"), {}, "'cubic' must be one of polynomial"),
+        (([data], "cubic"), {}, "unknown law 'cubic': choose one of polynomial"),
         (([data],), {"degree": 4}, "must be an odd number"),
-        (([data],), {"up_to": -1.0}, "must be > 0, got -57.2958 degrees"),
+        (([data],), {"up_to": -1.0}, "must be positive, got -57.2958 degrees"),
         (([data],), {"up_to": 1e-4}, "no shear angle is between 0 and 0.00573 degrees"),
         (([data],), {"bounds": {"c2": (0, 1)}}, "no parameter 'c2'"),
         (
             ([data], "linear"),
             {"bounds": {"stiffness": (-2, -1)}},
-            "there is no number within",
+            "leave no number between",
         ),
-        (([few],), {}, "3 points are too few for 3 parameters"),
+        (([few],), {}, "3 points are too few for the 3 parameters"),
         (([data], "tabulated"), {"points": 0}, "at least one point"),
     ):
         with pytest.raises(ValueError, match=said):
@@ -180,9 +180,12 @@ def one(force=lambda f: f, moved=lambda d: d, angle=None):
 @pytest.mark.parametrize(
     ("data", "said"),
     [
-        (one(force=lambda f: -f), "one: forces are negative"),
+        (one(force=lambda f: -f), "one: the forces must be positive"),
         (one(force=lambda f: 0 * f + 3), "one: the force is 3 N at every point"),
-        (one(moved=lambda d: -d), "0 and 40 degrees; they go from -2[0-9.]* to -0.6"),
+        (
+            one(moved=lambda d: -d),
+            "0 and 40 degrees: the angles range from -2[0-9.]* to -0.6",
+        ),
         (one(moved=lambda d: 1000 * d), "all displacements are beyond the end"),
         (
             one(angle=np.arange(1.0, 61.0)),

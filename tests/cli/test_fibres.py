@@ -89,15 +89,15 @@ def test_what_a_run_takes_of_its_mesh_file_is_not_told_as_not_read(tmp_path, cap
     deck.write_text(deck.read_text() + (tmp_path / "cloth.inp").read_text() + "*STEP\n")
     line = ("--mesh", deck, "--directions", deck, "--fabric", deck)
     run(tmp_path / "all", *line, "--set", "fabric.thickness_mm=0.3")
-    assert [m for m in caplog.messages if "not read" in m] == [
-        f"{deck}: not read: *STEP"
+    assert [m for m in caplog.messages if "ignored: " in m] == [
+        f"{deck}: ignored: *STEP"
     ]
     caplog.clear()
     written = tmp_path / "all" / "case.toml"
     assert cli.main(["run", str(written), "--out", str(tmp_path / "again")]) == 0
     copy = tmp_path / "all" / "case_files" / "mesh.inp"
-    assert [m for m in caplog.messages if "not read" in m] == [
-        f"{copy}: not read: *STEP"
+    assert [m for m in caplog.messages if "ignored: " in m] == [
+        f"{copy}: ignored: *STEP"
     ]
     caplog.clear()
     run(tmp_path / "mesh", *line[:2])

@@ -130,7 +130,7 @@ def test_a_fabric_that_no_file_holds_is_refused_and_nothing_is_written(tmp_path)
         with pytest.raises(ValueError, match=named):
             write_fabric(tmp_path / "fabric.json", fabric)
     for name, more, named in (
-        ("fabric.txt", {}, "are written to"),
+        ("fabric.txt", {}, "be written only to"),
         ("fabric.inp", {}, "thickness"),
     ):
         with pytest.raises(ValueError, match=named):
@@ -253,7 +253,7 @@ def test_what_abaqus_has_and_the_fabric_has_not_is_said(tmp_path, caplog):
     ):
         assert sum(part in sentence for sentence in said) == 1
     assert [
-        r.getMessage().partition("not taken over: ")[2] for r in caplog.records
+        r.getMessage().partition("not represented exactly: ")[2] for r in caplog.records
     ] == [*said]
 
 
@@ -265,7 +265,7 @@ def test_what_abaqus_has_and_the_fabric_has_not_is_said(tmp_path, caplog):
         ("COMPONENT=1", "COMPONENT=3", "COMPONENT=3"),
         ("COMPONENT=1", "COMPONENT=2", "twice"),
         ("400., 0.02", "400., -0.02", "must be larger than the previous one"),
-        ("400., 0.02", "400., 0.02, 20.", "the same number of words"),
+        ("400., 0.02", "400., 0.02, 20.", "the same number of values"),
         ("0., 0.\n400., 0.02", "0., 0., 20.\n400., 0.02, 30.", "temperature"),
         ("400., 0.02", "inf, 0.02", "finite"),
         ("400., 0.02", "4e2x, 0.02", "'4e2x' is not a number"),
@@ -285,7 +285,7 @@ def test_a_deck_that_has_no_fabric_is_refused_in_one_line(tmp_path, old, new, na
 @pytest.mark.parametrize(
     ("more", "named"),
     [
-        ({}, "state the thickness"),
+        ({}, "specify the thickness"),
         ({"thickness": 0.0}, "positive"),
         ({"thickness": 0.3, "units": "lb in"}, "units"),
         ({"thickness": 0.3, "material": "SILK"}, "SILK"),

@@ -113,7 +113,7 @@ def attempt(file):
             if heard:
                 raise UnclearError(heard) from None
             return refused_if_damaged(error, file.damage)
-        expected = all(line.startswith(f"{path}: not read: ") for line in heard)
+        expected = all(line.startswith(f"{path}: ignored: ") for line in heard)
         if len(heard) > 1 or not expected or not all(map(is_clear, heard)):
             raise UnclearError(heard)
         demand(path.suffix in READERS, "there is no such format")

@@ -79,8 +79,8 @@ def test_law158_couples_logarithmic_springs(tmp_path):
     ("lines", "more", "named"),
     [
         ([], {}, "no /MAT/LAW58"),
-        (LAW58, {}, "state the thickness"),
-        (LAW58[:4], {"thickness": 1.0}, "2 lines after its title, not at least 5"),
+        (LAW58, {}, "specify the thickness"),
+        (LAW58[:4], {"thickness": 1.0}, "2 lines follow the title, but at least 5"),
         ([*LAW58[:3], "1O00", *LAW58[4:]], {"thickness": 1.0}, "E1: '1O00'"),
         ([*LAW58[:3], card(c0_2="-5"), *LAW58[4:]], {"thickness": 1.0}, "stiffness"),
         ([*LAW58, card(c0_1=9)], {"thickness": 1.0}, "no /FUNCT/9"),
