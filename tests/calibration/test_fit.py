@@ -164,7 +164,7 @@ def test_what_cannot_be_fitted_is_refused():
     ):
         with pytest.raises(ValueError, match=said):
             fit_shear(*arguments, **options)
-    with pytest.raises(ValueError, match="only bias extensions"):
+    with pytest.raises(ValueError, match="only bias-extension tests"):
         fit_by_simulation([specimen(FRAME, QUINTIC)])
     with pytest.raises(ValueError, match="even and >= 2"):
         Simulation(across=5)

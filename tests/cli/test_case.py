@@ -119,7 +119,7 @@ def test_a_run_takes_half_of_a_bias_extension_and_its_fibres(tmp_path):
     ("scene", "options", "message"),
     [
         ("trellis", ("--free", "lid"), "argument --free: invalid choice: 'lid'"),
-        ("trellis", ("--roller", "left"), "'left' is not of the form top=0,40"),
+        ("trellis", ("--roller", "left"), "such as top=0,40, got 'left'"),
         (
             "trellis",
             ("--roller", "left=up"),
@@ -128,7 +128,7 @@ def test_a_run_takes_half_of_a_bias_extension_and_its_fibres(tmp_path):
         (
             "trellis",
             ("--roller", "lid=3"),
-            "scene.roller_deg is 'lid'; expected one of top, right",
+            "scene.roller_deg is 'lid': expected one of top, right",
         ),
         (
             "trellis",

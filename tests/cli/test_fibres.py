@@ -79,7 +79,7 @@ def test_a_run_tells_what_a_deck_has_and_it_cannot_take_over(tmp_path, caplog):
         "--set",
         "fabric.thickness_mm=0.3",
     )
-    assert "not taken over: *DENSITY" in caplog.text
+    assert "not represented exactly: *DENSITY" in caplog.text
 
 
 def test_what_a_run_takes_of_its_mesh_file_is_not_told_as_not_read(tmp_path, caplog):
@@ -121,7 +121,8 @@ def test_a_run_tells_that_directions_of_a_fabric_are_not_taken(
     line = ["--mesh", mesh, "--fabric", cloth]
     line += ["--set", "fabric.thickness_mm=0.3"] if suffix == ".inp" else []
     run(tmp_path / "scenes", *line)
-    said = f"{cloth}: its fibre directions are ignored; they are from the scene: "
+    said = f"{cloth}: the fibre directions in this file are ignored; "
+    said += "the directions from the scene are used: "
     assert said in caplog.text
     caplog.clear()
     run(tmp_path / "own", *line, "--directions", mesh)
@@ -156,7 +157,10 @@ def test_a_fabric_without_directions_or_with_those_of_the_scene_tells_nothing(
         ),
         (("--fabric", "none.json"), "none.json"),
         (("--fabric", "cloth.json", "--fibre-stiffness", "1"), "[tension] sets a law"),
-        (("--directions", "ply.vtu"), "32 directions for 18 elements"),
+        (
+            ("--directions", "ply.vtu"),
+            "fibre directions for 32 elements, but the mesh has 18",
+        ),
         (("--directions", "cloth.json"), "can only be read from"),
     ],
 )
@@ -207,9 +211,12 @@ def test_show_takes_angles_for_a_mesh_without_directions(tmp_path):
         (("none.vtu",), "no such file"),
         (("ply.vtu", "--warp", "0"), "must be given together"),
         (("ply.vtu", "--warp", "0", "--weft", "180"), "parallel"),
-        (("ply.vtu", "--warp", "east", "--weft", "90"), "'east' is not an angle"),
+        (("ply.vtu", "--warp", "east", "--weft", "90"), "degrees, got 'east'"),
         (("ply.vtu", "--warp", "0", "--weft", "90", "--directions", "x"), "omit one"),
-        (("ply.vtu", "--directions", "other.csv"), "other.csv: 1 directions for 32"),
+        (
+            ("ply.vtu", "--directions", "other.csv"),
+            "other.csv has fibre directions for 1 elements, but the mesh has 32",
+        ),
     ],
 )
 def test_show_refuses_bad_input_in_one_line_and_writes_nothing(

@@ -94,7 +94,7 @@ def test_a_fabric_tells_what_no_test_told(tmp_path, capsys):
     data = list(curves(tmp_path, BiasExtension(100.0, 200.0), n=1))
     shear = "bias-extension", *data, *SIZES, "--no-render", "--out", tmp_path / "o"
     assert fit(*shear) == 0
-    said = "fibres of fabric.json have 100000 N/mm by default"
+    said = "the fibre stiffness in fabric.json is the default, 100000 N/mm"
     assert said in capsys.readouterr().out
     assert fit(*shear, "--fibre-stiffness", 2e4) == 0
     assert said not in capsys.readouterr().out
@@ -142,13 +142,19 @@ def test_simulated_tests_are_fitted(tmp_path):
     [
         (["missing.csv", *SIZES], "missing.csv"),
         (["0.csv", "--width", "100"], "--height is missing"),
-        (["0.csv", "--width", "1", "2", "--height", "9"], "--width has 2 sizes for 1"),
-        (["0.csv", *SIZES, "--law", "spline"], "'spline' must be one of polynomial"),
-        (["0.csv", *SIZES, "--bound", "c1=2,1"], "'c1=2,1' is not of the form c1=0,1"),
-        (["0.csv", *SIZES, "--unit", "force"], "'force' is not of the form force=kN"),
-        (["0.csv", *SIZES, "--unit", "time=s"], "--unit time: no column"),
-        (["0.csv", *SIZES, "--fabric", "0.csv"], "0.csv: fabrics are read from"),
-        (["0.csv", *SIZES, "--extrapolation", "linear"], "only a tabulated law has"),
+        (["0.csv", "--width", "1", "2", "--height", "9"], "--width has 2 values for 1"),
+        (
+            ["0.csv", *SIZES, "--law", "spline"],
+            "unknown law 'spline': choose one of polynomial",
+        ),
+        (["0.csv", *SIZES, "--bound", "c1=2,1"], "such as c1=0,1, got 'c1=2,1'"),
+        (["0.csv", *SIZES, "--unit", "force"], "such as force=kN, got 'force'"),
+        (["0.csv", *SIZES, "--unit", "time=s"], "--unit time: unknown column"),
+        (
+            ["0.csv", *SIZES, "--fabric", "0.csv"],
+            "0.csv: fabrics can be read only from",
+        ),
+        (["0.csv", *SIZES, "--extrapolation", "linear"], "omit the extrapolation"),
         (["0.csv", *SIZES, "--extrapolation", "cubic"], "invalid choice"),
         (["0.csv", *SIZES, "--warp", "60"], "must be at least 346.41 mm high"),
     ],

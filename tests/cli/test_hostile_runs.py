@@ -98,7 +98,9 @@ def demand_clear(ended, is_verbose):
     printed = ended.out.splitlines()
     is_clear = len(own) == ended.code and all(map(str.isprintable, lines + printed))
     is_known = is_verbose or all(text.startswith(LOG) for text in log)
-    if not (is_clear and is_known and printed[-1:][0].startswith("results in ")):
+    if not (
+        is_clear and is_known and printed[-1:][0].startswith("results written to ")
+    ):
         raise UnclearError(ended)
 
 
@@ -117,7 +119,7 @@ def attempt_line(line):
             )
             return refused_in_one_line(ended, before)
         demand(line.verdict != options.REFUSED, f"taken: {ended}")
-        if "results in " not in ended.out:
+        if "results written to " not in ended.out:
             if ended.code or not ended.out.strip() or folder_content(Path()) != before:
                 raise UnclearError(ended)
             return RIGHT

@@ -216,8 +216,8 @@ def test_a_signal_while_a_picture_is_drawn_lets_that_one_end(
     out = tmp_path / "out"
     assert cli.main(["run", "strip", *DRAWN, "--out", str(out)]) == INTERRUPTED
     assert drawn == [True]
-    said = "skfem-textile: interrupted; the numbers are written, pictures are not\n"
-    assert capsys.readouterr().err == said
+    said = "interrupted: the numerical results are written, the pictures are not"
+    assert capsys.readouterr().err == f"skfem-textile: {said}\n"
     assert is_whole(out)
 
 

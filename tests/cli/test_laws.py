@@ -163,13 +163,13 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
     [
         (
             ("--shear-law", "sin"),
-            "shear.law is 'sin'; expected one of linear, sin2, FILE.csv",
+            "shear.law is 'sin': expected one of linear, sin2, FILE.csv",
         ),
         (("--shear-law", "no.csv"), "shear.law no.csv: no such file"),
         (("--shear-law", "FILE.csv"), "shear.law FILE.csv: no such file"),
         (
             ("--tension-law", "sin2"),
-            "'sin2'; expected one of linear, FILE.csv, crimp-toe, crimp-interchange",
+            "'sin2': expected one of linear, FILE.csv, crimp-toe, crimp-interchange",
         ),
         (CRIMPED, "tension.warp_crimp is missing"),
         (
@@ -194,7 +194,7 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
         ),
         (
             ("--shear-law", "crimp-interchange"),
-            "'crimp-interchange'; expected one of linear, sin2",
+            "'crimp-interchange': expected one of linear, sin2",
         ),
         (("--shear-law", "locking"), "shear.locking_angle_deg is missing"),
         (

@@ -20,11 +20,15 @@ from tests.helpers.command_line import DRAWN, run
 @pytest.mark.parametrize(
     ("error", "code", "told"),
     [
-        (ValueError("no ink"), 0, ("no pictures: no ink", "")),
+        (ValueError("no ink"), 0, ("the pictures were not drawn: no ink", "")),
         (
             KeyboardInterrupt,
             130,
-            ("", "interrupted; the numbers are written, pictures are not\n"),
+            (
+                "",
+                "interrupted: the numerical results are written, "
+                "the pictures are not\n",
+            ),
         ),
     ],
 )

@@ -144,10 +144,10 @@ def test_a_run_that_stopped_early_says_so(results, tmp_path):
     [
         ("summary.json", "{", "is damaged: it is not a summary of a run"),
         ("summary.json", "[1]", "summary.json is damaged"),
-        ("summary.json", None, "contains no results, no summary.json"),
-        ("case.toml", "x", "is damaged: it is not a case"),
+        ("summary.json", None, "is not a results folder: it contains no summary.json"),
+        ("case.toml", "x", "is damaged: it is not a case file"),
         ("case.toml", NO_CURVE, "no.csv"),
-        ("curve.csv", "x", "curve.csv, row 1: the first row must name columns"),
+        ("curve.csv", "x", "curve.csv, row 1: the header must name at least"),
     ],
 )
 def test_damaged_results_are_refused(results, tmp_path, capsys, name, content, message):
@@ -163,7 +163,7 @@ def test_damaged_results_are_refused(results, tmp_path, capsys, name, content, m
 
 
 def test_a_folder_without_results_is_not_made(tmp_path, capsys):
-    assert "contains no results" in refused(capsys, "report", str(tmp_path / "no"))
+    assert "is not a results folder" in refused(capsys, "report", str(tmp_path / "no"))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -212,17 +212,26 @@ def test_the_curve_of_a_run_is_such_a_curve(tmp_path):
     ("text", "message"),
     [
         ("", "the file is empty"),
-        ("time (s)\n1\n2\n", "row 1: the first row must name columns"),
+        ("time (s)\n1\n2\n", "row 1: the header must name at least"),
         ("force (N)\n1\n2\n", "row 1: the header must name"),
         (
             "displacement (mm),force (t)\n0,0\n1,1\n",
-            "'force' has the unit 't', which is none of N",
+            "'force' must be one of N, kN, cN, lbf, got 't'",
         ),
-        ("angle (deg),force (N),force (N)\n0,0,0\n1,1,1\n", "row 1: there are two"),
+        ("angle (deg),force (N),force (N)\n0,0,0\n1,1,1\n", "row 1: two columns have"),
         ("angle (deg),force (N)\n0,0\n", "at least two rows"),
-        ("angle (deg),force (N)\n0,0\n1,one\n", "row 3: '1,one' lacks a finite"),
-        ("angle (deg),force (N)\n0,0\n1,inf\n", "row 3: '1,inf' lacks a finite"),
-        ("angle (deg),force (N)\n0,0\n1\n", "row 3: '1' lacks a finite number"),
+        (
+            "angle (deg),force (N)\n0,0\n1,one\n",
+            "row 3: expected finite numbers below 1e+50, got '1,one'",
+        ),
+        (
+            "angle (deg),force (N)\n0,0\n1,inf\n",
+            "row 3: expected finite numbers below 1e+50, got '1,inf'",
+        ),
+        (
+            "angle (deg),force (N)\n0,0\n1\n",
+            "row 3: expected finite numbers below 1e+50, got '1'",
+        ),
         ("\0\xff", "not a CSV file in UTF-8"),
     ],
 )

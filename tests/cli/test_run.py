@@ -95,7 +95,10 @@ def test_an_interrupted_run_leaves_its_last_state_and_is_resumed(
         assert run(tmp_path, *QUICK, "--checkpoint") == 130
     said = capsys.readouterr().err
     assert said.count("\n") == 1
-    assert "interrupted; the state at load factor 0.333333 is written" in said
+    assert (
+        "interrupted: the last converged state, at load factor 0.333333, is written"
+        in said
+    )
     assert "--resume continues from" in said
     summary = json.loads((out / "summary.json").read_text())
     assert summary["load_factor"] == pytest.approx(1 / 3)
@@ -229,7 +232,7 @@ def test_a_folder_of_any_name_is_told_in_one_line(tmp_path):
     )
     assert (tmp_path / name / "summary.json").exists()
     assert child.stderr == b""
-    assert child.stdout.splitlines()[-1].startswith(b"results in ")
+    assert child.stdout.splitlines()[-1].startswith(b"results written to ")
 
 
 def test_every_long_part_of_a_run_is_told_on_a_terminal(tmp_path):
@@ -301,7 +304,7 @@ def run_to_tolerance(tmp_path, *options):
             ("--tolerance", "0.1", "--set", "stepping.most_unknowns=10"),
             "more than the 10",
         ),
-        (("--tolerance", "0.1", "--checkpoint"), "does not support checkpoints"),
+        (("--tolerance", "0.1", "--checkpoint"), "cannot write checkpoints"),
         (("--tolerance", "much"), "--tolerance"),
         (
             ("--set", "stepping.most_unknowns=5000"),

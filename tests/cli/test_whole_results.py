@@ -46,8 +46,8 @@ def test_a_summary_never_speaks_of_files_that_are_not_there(
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        ((), "no checkpoint exists, because --checkpoint was not given"),
-        (("--checkpoint",), "/checkpoint remains; --resume continues from it"),
+        ((), "the run cannot be resumed, because --checkpoint was not given"),
+        (("--checkpoint",), "/checkpoint remains: resume the run with --resume"),
     ],
 )
 def test_a_full_disk_is_named_and_what_is_left(
@@ -145,5 +145,5 @@ def test_a_message_is_one_line_without_control_characters(tmp_path, capsys):
     command = ["run", "strip", "--mesh", "a\nb\x1b[31m", "--out", str(tmp_path / "o")]
     assert cli.main(command) == 2
     said = capsys.readouterr().err
-    assert r"mesh.source a\nb\x1b[31m: neither a file nor" in said
+    assert r"mesh.source a\nb\x1b[31m is neither an existing file nor" in said
     assert said.count("\n") == 1

@@ -144,10 +144,10 @@ def test_what_cannot_be_handed_over_is_told_beside_all_other_results(
     far = write(tmp_path / "far.stl", x + np.array([[500], [0], [0]]), t)
     out = tmp_path / "out"
     assert command(out, "--part-mesh", str(far), tool=tool) == 1
-    assert "part: none: fibres on a tool" in capsys.readouterr().err
+    assert "part: not written: fibres on a tool" in capsys.readouterr().err
     found = summary(out)
     assert found["converged"]
-    assert found["part"].startswith("none: ")
+    assert found["part"].startswith("not written: ")
     assert (out / "fibres.vtu").exists()
     assert not (out / "part.vtu").exists()
     # The boundary leaves the ply, the elements do not all: fibres alone.
@@ -160,7 +160,8 @@ def test_what_cannot_be_handed_over_is_told_beside_all_other_results(
     curve.write_text("x,y,z\n-95,0,0\n95,0,0\n0,95,0\n")
     assert command(out, "--trim", str(curve), tool=tool) == 1
     assert (
-        "pattern: none: flat pattern: the ply does not lie" in capsys.readouterr().err
+        "pattern: not written: flat pattern: the ply does not lie"
+        in capsys.readouterr().err
     )
     assert not (out / "pattern.csv").exists()
 
@@ -187,7 +188,7 @@ def refused_tools(folder):
     yield folder / "no.stl", "no.stl: no such file"
     empty = folder / "empty.stl"
     empty.write_text(EMPTY)
-    yield empty, "empty.stl: it has no triangles"
+    yield empty, "empty.stl: the file contains no triangles"
     yield write(folder / "few.stl", x[:, :], t[:, :3]), "vertices, but at least"
     yield write(folder / "facing.stl", x, facing), "orient them consistently"
     bad = x.copy()
@@ -197,10 +198,13 @@ def refused_tools(folder):
     yield write(folder / "steep.stl", *steep), "is at its edge or on a slope"
     hollow = plate(height=lambda x, y: -bump(x, y))
     yield write(folder / "hollow.stl", *hollow), "is at its edge or on a slope"
-    yield write(folder / "metres.stl", 1e-3 * x, t), "a smaller ply, or a file in mm"
+    yield (
+        write(folder / "metres.stl", 1e-3 * x, t),
+        "a smaller ply, or a tool file in mm",
+    )
     for scale in (1e3, 1e30):
         large = write(folder / f"{scale:g}.stl", scale * x, t)
-        yield large, "use a larger ply, or a file in mm"
+        yield large, "use a larger ply, or a tool file in mm"
 
 
 def test_what_is_no_tool_is_refused_in_one_line(tmp_path, capsys):
@@ -213,9 +217,9 @@ def test_what_is_no_tool_is_refused_in_one_line(tmp_path, capsys):
     ("options", "reason"),
     [
         (("--point", "0", "0", "nan"), "scene.point_mm must be a finite number"),
-        (("--point", "0", "0", "90"), "from the tool: specify a point on it"),
-        (("--point", "0", "0", "1e306"), "from the tool: specify a point on it"),
-        (("--point", "130", "0", "0"), "the tool has no triangle at 129.8"),
+        (("--point", "0", "0", "90"), "specify a point on the tool"),
+        (("--point", "0", "0", "1e306"), "specify a point on the tool"),
+        (("--point", "130", "0", "0"), "the contact point of the ply, (129.8"),
         (("--point", "0", "0"), "expected 3 arguments"),
         (("--part-mesh", "none.stl"), "output.part_mesh none.stl: no such file"),
         (("--trim", "none.csv"), "output.trim none.csv: no such file"),
@@ -231,9 +235,12 @@ def test_bad_options_are_refused_in_one_line(tool, options, reason, tmp_path, ca
     ("text", "reason"),
     [
         ("x,y\n0,0\n", "row 1: the header must name the columns x, y and z"),
-        ("x,y,z\n0,0,0\n1,0,0\n1,nan,0\n", "row 4: '1,nan,0' is not a point"),
-        ("x,y,z\n0,0,0\n1,0\n", "row 3: '1,0' is not a point"),
-        ("x,y,z\n0,0,0\n1,0,0\n0,0,0\n", "needs at least three points"),
+        (
+            "x,y,z\n0,0,0\n1,0,0\n1,nan,0\n",
+            "row 4: expected three finite coordinates, got '1,nan,0'",
+        ),
+        ("x,y,z\n0,0,0\n1,0\n", "row 3: expected three finite coordinates, got '1,0'"),
+        ("x,y,z\n0,0,0\n1,0,0\n0,0,0\n", "requires at least three different points"),
         ("", "the file is empty"),
     ],
 )

@@ -225,7 +225,7 @@ def test_files_hold_the_same_fibres_and_tell_where_there_are_none(tmp_path):
     left = [row for row in rows if row["covered"] == "0"]
     assert {row[name] for row in left for name in names} == {""}
     assert [row["covered"] for row in rows] == [str(int(c)) for c in fibres.covered]
-    with pytest.raises(ValueError, match="fibres can only be written to"):
+    with pytest.raises(ValueError, match="fibres can be written only to"):
         write_fibres(tmp_path / "fibres.txt", fibres)
 
 

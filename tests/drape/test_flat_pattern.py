@@ -240,7 +240,7 @@ def test_a_dxf_without_its_package_is_refused_in_one_line(
     monkeypatch.setitem(sys.modules, "ezdxf", None)
     with pytest.raises(ImportError, match=r"a \.dxf needs ezdxf"):
         write_pattern(tmp_path / "pattern.dxf", patterns)
-    with pytest.raises(ValueError, match="patterns are written to"):
+    with pytest.raises(ValueError, match="patterns can be written only to"):
         write_pattern(tmp_path / "pattern.txt", patterns)
     with pytest.raises(ValueError, match="no pattern to write"):
         write_pattern(tmp_path / "pattern.svg", [])

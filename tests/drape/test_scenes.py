@@ -149,7 +149,7 @@ def test_where_the_shear_is_largest_is_told_on_the_tool():
 
 def test_without_tension_and_bending_the_summary_says_that_it_is_no_net():
     _, free = run(hemisphere(size=(4, 4), tension=0.0))
-    assert "the state differs from the net" in free["not_the_net"]
+    assert "the state differs from the kinematic net" in free["not_the_net"]
     _, pulled = run(hemisphere(size=(4, 4)))
     assert "not_the_net" not in pulled
     scene = hemisphere(size=(4, 4), tension=0.0)
@@ -262,7 +262,7 @@ def test_a_fabric_of_a_file_is_draped(tmp_path):
         (lambda: cylinder(fibres=0.3, part="quarter"), "use the whole ply"),
         (
             lambda: hemisphere(rectangle(40, 40, (2, 2)).translated((1, 0))),
-            "lower left corner of a quarter must be at the origin",
+            "lower left corner of the mesh of a quarter must be at the origin",
         ),
         (
             lambda: hemisphere(rectangle(40, 40, (2, 2)), part="whole"),
@@ -337,7 +337,7 @@ def test_a_table_from_zero_on_is_told_what_it_lacks():
 
 
 def test_a_ply_off_its_middle_has_no_exact_answer():
-    for off, told in ((0.0, None), (-10.0, "touches the pole in its middle")):
+    for off, told in ((0.0, None), (-10.0, "a ply whose middle touches the pole")):
         lines = np.linspace(-40, 40, 7)
         mesh = MeshQuad.init_tensor(lines + off, lines)
         misfit = hemisphere(mesh, part="whole").misfit

@@ -42,9 +42,11 @@ def test_panels_go_to_the_subplots_from_the_active_one_on(result, tmp_path):
     plot.fibre_strain(result, plotter=plotter, filename=tmp_path / "x.png")
     assert [bool(r.actors) for r in plotter.renderers] == [False, True, True, False]
     plotter.subplot(1, 1)
-    with pytest.raises(ValueError, match=r"2 panels require as many subplots.*: 1$"):
+    with pytest.raises(
+        ValueError, match=r"2 panels require as many subplots .* has 1$"
+    ):
         plot.fibre_strain(result, plotter=plotter)
-    with pytest.raises(ValueError, match="a plotter draws pixels"):
+    with pytest.raises(ValueError, match="a plotter cannot draw vector graphics"):
         plot.fibre_strain(result, plotter=plotter, filename=tmp_path / "x.svg")
 
 
@@ -67,7 +69,7 @@ def test_a_state_is_drawn_as_it_is(result, sheets):
     )
     mean = u[:, result.ply.mesh.t].mean(axis=1)
     np.testing.assert_allclose(drawn.panels[0].values, np.hypot(*mean), atol=1e-12)
-    with pytest.raises(ValueError, match="no state 5: there are 5 states in a result"):
+    with pytest.raises(ValueError, match="no state 5: a result has 5 states"):
         plot.shear_angle(result, state=5)
 
 
@@ -79,13 +81,15 @@ def test_a_field_of_ones_own_is_drawn_with_its_unit(result, sheets, tmp_path):
     wrong = plot.Field("Ones", lambda ply, u: np.ones(3))
     with pytest.raises(
         ValueError,
-        match=r"one per element, got shape \(3,\)",
+        match=r"expected one value for each .* array of shape \(3,\)",
     ):
         plot.field(result, field=wrong)
     endless = plot.Field("Gap", lambda ply, u: np.r_[np.zeros(5), np.nan, np.zeros(6)])
-    with pytest.raises(ValueError, match="Gap: not finite in element 5"):
+    with pytest.raises(ValueError, match="Gap: the value in element 5 is not finite"):
         plot.field(result, field=endless)
-    with pytest.raises(ValueError, match="unknown field 'shear': take shear_angle"):
+    with pytest.raises(
+        ValueError, match="unknown field 'shear': choose one of shear_angle"
+    ):
         plot.field(result, field="shear")
 
 
@@ -100,12 +104,12 @@ def test_every_named_field_has_a_unit_and_can_be_drawn(result, sheets, tmp_path)
 
 @pytest.mark.parametrize("clim", [(1, 0), (0, 0), (0, np.inf), (np.nan, 1), (1, 2, 3)])
 def test_limits_that_do_not_rise_are_refused(result, clim):
-    with pytest.raises(ValueError, match="pass two finite limits"):
+    with pytest.raises(ValueError, match="two finite limits in ascending order, got"):
         plot.shear_angle(result, clim=clim)
 
 
 def test_a_colour_map_that_is_none_is_refused(result):
-    with pytest.raises(ValueError, match="matplotlib has no colour map 'no'"):
+    with pytest.raises(ValueError, match="unknown colour map 'no'"):
         plot.shear_angle(result, cmap="no")
 
 

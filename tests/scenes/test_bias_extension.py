@@ -177,9 +177,11 @@ def test_meshes_and_angles_that_do_not_fit_are_refused():
     ):
         with pytest.raises(ValueError, match="symmetric about the loading direction"):
             bias_extension(warp=np.radians(warp), weft=np.radians(weft))
-    with pytest.raises(ValueError, match="unknown part 'third': choose whole or half"):
+    with pytest.raises(
+        ValueError, match="unknown part 'third': choose one of whole, half"
+    ):
         bias_extension(part="third")
-    with pytest.raises(ValueError, match="corner must be at the origin"):
+    with pytest.raises(ValueError, match="corner of the mesh must be at the origin"):
         bias_extension(rectangle(50, 100, (4, 8)).translated((1.0, 0.0)))
 
 

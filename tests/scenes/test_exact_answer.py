@@ -92,7 +92,10 @@ MISFITS = [
     (with_missing_corner, ON_NO_SIDE),
     (with_waist, ON_NO_SIDE),
     (with_crack, ON_NO_SIDE),
-    (with_half_a_clamp, "boundary 'bottom' of the mesh is not the whole bottom side"),
+    (
+        with_half_a_clamp,
+        "boundary 'bottom' of the mesh does not consist of the whole bottom side",
+    ),
 ]
 
 
@@ -233,8 +236,8 @@ def test_half_a_ply_loses_the_same_share_and_a_turned_one_too():
 def test_the_summary_says_what_the_ratio_converges_to():
     said = solve(bias_extension(size=(4, 8)), E=1e4)["exact_answer"]
     assert said == (
-        "for inextensible fibres; stretch reduces the load by about 4 %: "
-        "load_over_exact converges to about 0.96, not to 1"
+        "valid for inextensible fibres: fibre stretch reduces the load by about 4 %, "
+        "so that load_over_exact converges to about 0.96, not to 1"
     )
 
 

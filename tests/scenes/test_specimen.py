@@ -61,18 +61,24 @@ def test_the_driven_boundary_is_named_or_moves_furthest():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"moves": []}, "no boundary is fixed or displaced"),
-        ({"moves": [("top", ("free", "free"))]}, "no boundary is fixed or displaced"),
-        ({"moves": [("lid", (0, 0))]}, "no boundary 'lid' .it has: "),
-        ({"moves": [("top", (0, 0)), ("top", (0, 1))]}, "'top' is moved twice"),
+        ({"moves": []}, "no boundary has a prescribed displacement"),
+        (
+            {"moves": [("top", ("free", "free"))]},
+            "no boundary has a prescribed displacement",
+        ),
+        ({"moves": [("lid", (0, 0))]}, "no boundary 'lid': its boundaries are 'left'"),
+        (
+            {"moves": [("top", (0, 0)), ("top", (0, 1))]},
+            "the displacement of 'top' is given twice",
+        ),
         ({"moves": [("top", (0, np.inf))]}, "moves by inf, not finite"),
-        ({"moves": [("top", (0, "up"))]}, "'up', which is neither a number nor 'free'"),
+        ({"moves": [("top", (0, "up"))]}, "must be a number or 'free', got 'up'"),
         (
             {"driven": "left"},
-            "'left' is not fixed or displaced: name one of bottom, top",
+            "'left' has no prescribed displacement: choose one of bottom, top",
         ),
-        ({"width": 0.0}, "width must be a finite number > 0, got 0 mm"),
-        ({"height": np.nan}, "height must be a finite number > 0, got nan mm"),
+        ({"width": 0.0}, "the width must be positive, got 0 mm"),
+        ({"height": np.nan}, "the height must be positive, got nan mm"),
     ],
 )
 def test_what_makes_no_specimen_is_refused(given, message):
@@ -107,7 +113,8 @@ def test_no_exact_answer_holds_beside_loads():
     loaded = case(loads=(Force("top", np.array([0.1, 0.2])),))
     found = loaded.summary(loaded.run())
     assert (
-        found["exact_answer"] == "none: forces act besides the conditions of the scene"
+        found["exact_answer"]
+        == "none: forces act in addition to the conditions of the scene"
     )
     assert "displacement_error_rms" not in found
 
