@@ -146,7 +146,7 @@ def test_a_shallow_tool_is_seen_from_lower_down():
 
 
 def test_a_state_is_told_how_to_become_a_result(draped):
-    with pytest.raises(ValueError, match=r"of a state .* give Result\.of_state\(ply"):
+    with pytest.raises(ValueError, match=r"for a state .* pass Result\.of_state\(ply"):
         plot.draped(draped.states[-1])
     with pytest.raises(ValueError, match="pictures require a Result, not a NoneType"):
         plot.shear_angle(None)
