@@ -166,7 +166,7 @@ def test_what_cannot_be_fitted_is_refused():
             fit_shear(*arguments, **options)
     with pytest.raises(ValueError, match="only bias-extension tests"):
         fit_by_simulation([specimen(FRAME, QUINTIC)])
-    with pytest.raises(ValueError, match="even and >= 2"):
+    with pytest.raises(ValueError, match="even and at least 2"):
         Simulation(across=5)
 
 

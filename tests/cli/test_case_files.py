@@ -303,7 +303,7 @@ def test_a_region_has_the_defaults_of_its_scene(tmp_path):
         (
             "[shear]",
             "[fabric]\nunits = 'N m'\n[shear]",
-            "units and material require fabric.file",
+            "fabric.material require fabric.file",
         ),
         (
             "[shear]",

@@ -160,7 +160,7 @@ def test_a_signal_while_results_are_written_lets_them_be_written(
     assert cli.main(["run", "strip", *QUICK, "--out", str(out)]) == INTERRUPTED
     said = capsys.readouterr().err
     assert (
-        said == "skfem-textile: interrupted; the results computed so far are written\n"
+        said == "skfem-textile: interrupted: the results computed so far are written\n"
     )
     assert (out / "summary.json").exists()
     assert is_whole(out)

@@ -99,7 +99,7 @@ def test_an_interrupted_run_leaves_its_last_state_and_is_resumed(
         "interrupted: the last converged state, at load factor 0.333333, is written"
         in said
     )
-    assert "--resume continues from" in said
+    assert "--resume continues the run from" in said
     summary = json.loads((out / "summary.json").read_text())
     assert summary["load_factor"] == pytest.approx(1 / 3)
     assert (out / "history.csv").read_text() == "".join(

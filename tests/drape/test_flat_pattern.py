@@ -238,7 +238,7 @@ def test_a_dxf_without_its_package_is_refused_in_one_line(
     tmp_path, patterns, monkeypatch
 ):
     monkeypatch.setitem(sys.modules, "ezdxf", None)
-    with pytest.raises(ImportError, match=r"a \.dxf needs ezdxf"):
+    with pytest.raises(ImportError, match=r"a \.dxf file requires ezdxf"):
         write_pattern(tmp_path / "pattern.dxf", patterns)
     with pytest.raises(ValueError, match="patterns can be written only to"):
         write_pattern(tmp_path / "pattern.txt", patterns)

@@ -258,7 +258,7 @@ def test_a_fabric_of_a_file_is_draped(tmp_path):
         (lambda: saddle(radius=-1.0), "saddle: the radius must be positive"),
         (lambda: cylinder(radius=0.0), "radius must be a positive length"),
         (lambda: double_dome(tension=-1.0), "edge tension must be 0 or positive"),
-        (lambda: cylinder(fibres=np.inf), "fibres must have a finite angle"),
+        (lambda: cylinder(fibres=np.inf), "angle of the fibres must be finite"),
         (lambda: cylinder(fibres=0.3, part="quarter"), "use the whole ply"),
         (
             lambda: hemisphere(rectangle(40, 40, (2, 2)).translated((1, 0))),

@@ -165,7 +165,7 @@ def test_a_picture_is_a_png_under_the_name_it_is_given(results, tmp_path, name):
     plot.shear_angle(results[0], filename=tmp_path / name)
     assert (tmp_path / name).read_bytes()[1:4] == b"PNG"
     assert [p.name for p in tmp_path.iterdir()] == [name]
-    with pytest.raises(FileNotFoundError, match="the folder .* does not exist"):
+    with pytest.raises(FileNotFoundError, match=r"the folder .* does not exist"):
         plot.shear_angle(results[0], filename=tmp_path / "nowhere" / "x.png")
 
 

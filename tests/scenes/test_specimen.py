@@ -71,7 +71,10 @@ def test_the_driven_boundary_is_named_or_moves_furthest():
             {"moves": [("top", (0, 0)), ("top", (0, 1))]},
             "the displacement of 'top' is given twice",
         ),
-        ({"moves": [("top", (0, np.inf))]}, "moves by inf, not finite"),
+        (
+            {"moves": [("top", (0, np.inf))]},
+            "displacement of 'top' must be finite, got inf mm",
+        ),
         ({"moves": [("top", (0, "up"))]}, "must be a number or 'free', got 'up'"),
         (
             {"driven": "left"},

@@ -170,7 +170,9 @@ def test_sides_that_do_not_fit_are_refused():
         trellis(edges={"left": 0.3, "right": 0.2, "top": "free", "bottom": "free"})
     turned = trellis().rotated(0.3).mesh
     turned = MeshQuad(turned.p, turned.t).with_boundaries({"top": np.array([0])})
-    with pytest.raises(ValueError, match="no straight left edge; name it"):
+    with pytest.raises(
+        ValueError, match="no straight left edge: name a boundary 'left'"
+    ):
         trellis(turned, edges={"left": "free"})
 
 
