@@ -88,7 +88,7 @@ def read_curve(
             continue
         if name in positions:
             raise ValueError(
-                f"{file}, row 1: two columns have the name {name!r}: keep one of them"
+                f"{file}, row 1: two columns are named {name!r}: keep one of them"
             )
         positions[name] = i, _factor(file, name, (units or {}).get(name, unit))
     if not positions:

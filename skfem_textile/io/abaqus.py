@@ -257,7 +257,7 @@ def _members(data: list[list[bytes]], generate: bool, n_lines: int) -> ndarray:
     first, last, step = numbers.tolist()
     if not 0 <= (last - first) // step < n_lines:
         raise MeshError(
-            "this set has no members, or more members than the file has lines"
+            "this set has no members, or more members than lines in the file"
         )
     return np.arange(first, last + 1, step)
 

@@ -270,7 +270,7 @@ def _sections(content: bytes) -> Iterator[tuple[str, bytes]]:
             raise MeshError(f"the end of {shown} is missing")
         position = content.find(b"\n", close) + 1 or len(content)
         if content[close:position].strip(_BLANK) != last:
-            raise MeshError(f"the end of {shown} must be on a line of its own")
+            raise MeshError(f"the end of {shown} must be on a separate line")
         yield line[1:].decode(errors="replace"), content[end:close]
 
 

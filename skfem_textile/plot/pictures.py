@@ -98,7 +98,9 @@ class _Picture:
             )
         fewest = min(len(result.states) for result in results)
         if not -fewest <= state < fewest:
-            raise ValueError(f"there is no state {state}: a result has {fewest} states")
+            raise ValueError(
+                f"there is no state {state}: a result contains {fewest} states"
+            )
         self.results, self.states = results, [r.states[state] for r in results]
         self.shapes = shapes_of(results, self.states)
         self._show_edges, self._how = show_edges, (filename, plotter, size)

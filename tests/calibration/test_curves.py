@@ -56,7 +56,7 @@ def test_units_that_are_given_count_more_than_those_of_the_file(tmp_path):
             "time (s)\n1\n",
             "row 1: the header must name at least one of displacement",
         ),
-        ("force (N),load (N)\n1,2\n", "two columns have the name 'force'"),
+        ("force (N),load (N)\n1,2\n", "two columns are named 'force'"),
         ("force (N);extension (mm)\n1;2\n", "are separated by semicolons"),
         ("force [N]\textension [mm]\n1\t2\n", "are separated by tabs"),
         ("force (N),displacement (mm)\n", "the file contains no rows"),

@@ -198,19 +198,19 @@ def test_a_stabilisation_that_would_be_ignored_is_refused(capsys, tmp_path):
             "formulation.cs_N_per_mm=4",
         )
         assert (
-            "formulation.cs_N_per_mm requires formulation.name one-point or macro"
+            "formulation.cs_N_per_mm requires that formulation.name is one-point or macro"
             in said
         )
     more = ("--formulation", "one-point", "--set", "formulation.deviation=20")
     said = refused(capsys, *command, *more)
-    assert "formulation.deviation requires formulation.name quadratic" in said
+    assert "formulation.deviation requires that formulation.name is quadratic" in said
     more = (
         "--set",
         "formulation.cs_N_per_mm=4",
         "--set",
         "formulation.stabilisation=rate",
     )
-    assert "stabilisation requires formulation.name one-point" in refused(
+    assert "stabilisation requires that formulation.name is one-point" in refused(
         capsys, *command, *more
     )
 

@@ -233,7 +233,7 @@ def test_a_region_has_the_defaults_of_its_scene(tmp_path):
         (
             "rotate_deg = 20",
             "bend_deg = 20",
-            "scene.bend_deg requires scene.name trellis",
+            "scene.bend_deg requires that scene.name is trellis",
         ),
         ('"specimen"', '"speciment"', "scene.name is 'speciment': expected one of"),
         ("[shear]", "[tension.weft]\ntoe = 1\n[shear]", "tension.weft.toe requires"),
@@ -247,7 +247,11 @@ def test_a_region_has_the_defaults_of_its_scene(tmp_path):
         ),
         ("toe = 0.004\n", "", "tension.toe is missing"),
         ("toe = 0.004", "toe = -1", "toe must be a finite number > 0, got -1.0"),
-        ('"crimp-toe"', '"linear"', "tension.toe requires tension.law crimp-toe"),
+        (
+            '"crimp-toe"',
+            '"linear"',
+            "tension.toe requires that tension.law is crimp-toe",
+        ),
         (
             '"crimp-toe"',
             '"crimp"',
@@ -259,7 +263,11 @@ def test_a_region_has_the_defaults_of_its_scene(tmp_path):
             '"old"',
             "'old': expected one of none, odd; did you mean 'odd'",
         ),
-        ('"one-point"', '"full"', "formulation.cs_N_per_mm requires formulation.name"),
+        (
+            '"one-point"',
+            '"full"',
+            "formulation.cs_N_per_mm requires that formulation.name",
+        ),
         (
             "cs_N_per_mm = 2",
             "cs_N_per_mm = 'aut'",

@@ -215,11 +215,11 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
         ),
         (
             ("--shear-law", "sin2", "--set", "shear.locking_angle_deg=60"),
-            "shear.locking_angle_deg requires shear.law locking",
+            "shear.locking_angle_deg requires that shear.law is locking",
         ),
         (
             ("--set", "tension.extrapolation=linear"),
-            "tension.extrapolation requires tension.law FILE.csv",
+            "tension.extrapolation requires that tension.law is FILE.csv",
         ),
     ],
 )
@@ -237,7 +237,10 @@ def test_a_file_that_is_no_table_of_the_law_is_refused(tmp_path, capsys):
     assert "law.csv, row 1: the header must be of the form 'shear angle (deg)" in said
     more = ("--tension-law", file, "--fibre-stiffness", "3")
     said = refused(capsys, "run", "strip", *QUICK, *out, *more)
-    assert "tension.stiffness_N_per_mm requires tension.law linear or crimp-toe" in said
+    assert (
+        "tension.stiffness_N_per_mm requires that tension.law is linear or crimp-toe"
+        in said
+    )
 
 
 def test_an_exact_angle_beyond_a_pole_is_no_exact_answer(tmp_path):

@@ -59,7 +59,7 @@ def test_an_unknown_scene_is_refused(tmp_path, capsys):
         (("--formulation", "fuller"), "--formulation"),
         (
             ("--set", "formulation.stabilisation=magic"),
-            "requires formulation.name one-point",
+            "requires that formulation.name is one-point",
         ),
         (("--set", "stepping.method=magic"), "'magic': expected one of"),
         (("--set", "stepping.warn_only=['magic']"), "stepping.warn_only is 'magic'"),
@@ -241,4 +241,4 @@ def test_defaults_of_a_scene_do_not_stand_in_the_way_of_other_laws(tmp_path, cap
     assert cli.main(command) == 0
     capsys.readouterr()
     said = refused(capsys, *command, "--shear-stiffness", "0.4")
-    assert "shear.stiffness_N_per_mm requires shear.law linear" in said
+    assert "shear.stiffness_N_per_mm requires that shear.law is linear" in said

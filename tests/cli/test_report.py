@@ -218,7 +218,10 @@ def test_the_curve_of_a_run_is_such_a_curve(tmp_path):
             "displacement (mm),force (t)\n0,0\n1,1\n",
             "'force' must be one of N, kN, cN, lbf, got 't'",
         ),
-        ("angle (deg),force (N),force (N)\n0,0,0\n1,1,1\n", "row 1: two columns have"),
+        (
+            "angle (deg),force (N),force (N)\n0,0,0\n1,1,1\n",
+            "row 1: two columns are named",
+        ),
         ("angle (deg),force (N)\n0,0\n", "at least two rows"),
         (
             "angle (deg),force (N)\n0,0\n1,one\n",

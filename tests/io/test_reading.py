@@ -250,7 +250,7 @@ def test_a_file_of_which_all_is_read_is_read_in_silence(tmp_path, caplog):
         (
             "4, 6, 1",
             "1, 999999999999, 1",
-            "'row': this set has no members, or more members than the file has lines",
+            "'row': this set has no members, or more members than lines in the file",
         ),
         ("4, 6, 1", "4, 6", "GENERATE requires one line"),
         ("1, 4\n", "1, 44\n", "'mixed': element 44 is used, but not defined"),

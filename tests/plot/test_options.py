@@ -69,7 +69,7 @@ def test_a_state_is_drawn_as_it_is(result, sheets):
     )
     mean = u[:, result.ply.mesh.t].mean(axis=1)
     np.testing.assert_allclose(drawn.panels[0].values, np.hypot(*mean), atol=1e-12)
-    with pytest.raises(ValueError, match="no state 5: a result has 5 states"):
+    with pytest.raises(ValueError, match="no state 5: a result contains 5 states"):
         plot.shear_angle(result, state=5)
 
 
