@@ -198,8 +198,7 @@ def test_a_stabilisation_that_would_be_ignored_is_refused(capsys, tmp_path):
             "formulation.cs_N_per_mm=4",
         )
         assert (
-            "formulation.cs_N_per_mm requires that formulation.name is one-point or macro"
-            in said
+            "cs_N_per_mm requires that formulation.name is one-point or macro" in said
         )
     more = ("--formulation", "one-point", "--set", "formulation.deviation=20")
     said = refused(capsys, *command, *more)
