@@ -138,11 +138,11 @@ def test_a_run_takes_half_of_a_bias_extension_and_its_fibres(tmp_path):
         (
             "trellis",
             ("--free", "left", "--roller", "left=3"),
-            "the side left is already",
+            "the side left is both in scene.free",
         ),
         ("trellis", ("--roller", "top=1", "--roller", "top=2"), "top is given twice"),
         ("trellis", ("--free", "left", "right", "top", "bottom"), "no side is held"),
-        ("bias_extension", ("--fibres", "30", "--weft", "135"), "not at 30 and 135"),
+        ("bias_extension", ("--fibres", "30", "--weft", "135"), "got 30 and 135"),
         ("bias_extension", ("--part", "third"), "argument --part: invalid choice"),
     ],
 )
