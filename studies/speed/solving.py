@@ -130,7 +130,7 @@ def spread(times: Sequence[float]) -> dict[str, float]:
     return {"median": median(times), "least": min(times), "most": max(times)}
 
 
-class _Iteration:
+class Iteration:
     """Newton iterations of a ply near a displacement, in timed parts."""
 
     def __init__(self, ply: Ply, scene: Scene, solver: str) -> None:
@@ -160,7 +160,7 @@ class _Iteration:
 
 def _this_library(element: str, solver: str, scene: Scene) -> Callable[[], list[float]]:
     ply = Ply(scene.mesh, Fabric(_E, _G), ELEMENTS[element])
-    return _Iteration(ply, scene, SOLVERS[solver]).round
+    return Iteration(ply, scene, SOLVERS[solver]).round
 
 
 def _other_code(rival: Rival, scene: Scene) -> Callable[[], list[float]]:
@@ -272,7 +272,7 @@ def _of_size(size: int, solver: str) -> Row:
     """Times of each part in s at one size, and peak memory in GiB."""
     scene = strip_of(size)
     ply, built = seconds(Ply, scene.mesh, Fabric(_E, _G), OnePoint(4.0))
-    iterations = _Iteration(ply, scene, solver)
+    iterations = Iteration(ply, scene, solver)
     rounds = [iterations.round() for _ in range(1 + _ROUNDS_OF_SIZE)]
     assembly, factorisation, solution = map(median, zip(*rounds[1:], strict=True))
     return {
@@ -336,7 +336,7 @@ def _both_ways(size: int, E_over_G: float) -> Row:
 
     scene = strip_of(size)
     ply = Ply(scene.mesh, Fabric(E_over_G * _G, _G), OnePoint(8 * _G))
-    iterations = _Iteration(ply, scene, "auto")
+    iterations = Iteration(ply, scene, "auto")
     system, u = iterations.system, iterations.u
     b, K = -ply.residual(u)[system.free], reduced(system, ply.stiffness(u))
     system.solver.factorise(K.upper.data)  # selects the solver for large matrices

@@ -9,12 +9,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ..common import provenance
 from ..common.figures import File, colour_of, panels_of
 from ..common.running import in_new_process
-from ..common.tables import having, markdown_table, minus, span, table
+from ..common.tables import having, markdown_table, minus, scientific, span, table
 from ..study import Part, Row, Study, Table
-from . import needs, solving
+from . import needs, processes, solving
 from .needs import ALONE, COSTS, added
 from .one_ply import FEATURES, UNUSED
 from .solving import PARTS, Settings
@@ -26,6 +28,7 @@ BENCHMARKS: dict[str, Callable[[Settings], Row]] = {
     "iteration": solving.iteration,
     "scaling": solving.scaling,
     "iterative": solving.iterative,
+    "petsc": processes.processes,
     "whole_strip": solving.whole_strip,
     "overhead": solving.overhead,
     "by_turns": solving.by_turns,
@@ -38,6 +41,9 @@ _DIGITS = {"import": 2, "memory": 0, "assembly": 1, "solution": 0, "once": 2}
 
 # Colour of changes within their scatter.
 _NONE = "#bbbbbb"
+
+# Number of unknowns to which memory and time are extrapolated.
+_TARGET = 10**8
 
 # Gap between a bar and its number, and width of a number, relative to the scale.
 _GAP, _ROOM = 0.03, 0.36
@@ -132,6 +138,33 @@ def iterative_table(results: Row) -> str:
             "elements": "{elements}",
             "iterations": "{iterations}",
             "iterative / direct": "{iterative_over_direct:.1f}",
+        },
+    )
+
+
+def petsc_table(results: Row) -> str:
+    """A line for each mesh and number of processes."""
+    if "missing" in results:
+        return f"{results['missing']}\n"
+    parts = {
+        "set-up": "set_up",
+        "factorisation": "factorisation",
+        "solution": "solution",
+    }
+    return table(
+        results["runs"],
+        {
+            "elements": "{elements}",
+            "solver": lambda row: {"superlu": "SuperLU"}.get(row["solver"], "PETSc"),
+            "processes": "{processes}",
+            "difference": lambda row: (
+                scientific(row["difference"], 1) if row["solver"] == "petsc" else ""
+            ),
+            **{f"{name}, s": f"{{seconds[{k}]:.2f}}" for name, k in parts.items()},
+            **{
+                f"peak after {name}, MiB": f"{{peak_MiB[{k}]:.0f}}"
+                for name, k in parts.items()
+            },
         },
     )
 
@@ -293,6 +326,49 @@ def _iterative_in_words(results: Row) -> dict[str, str]:
     return {"iterative_ratios": span(ratios, ".0f"), "soft_iterations": span(soft, "")}
 
 
+def _petsc_in_words(results: Row) -> dict[str, str]:
+    """Differences from SuperLU, and extrapolation of time and memory.
+
+    Memory of the set-up grows with n and that of factors with n log n; the exponents of
+    time are those of nested dissection in 2D.
+    """
+    own = having(results["runs"], solver="petsc")
+    alone = having(own, processes=1)
+    if len(alone) < 2:
+        return {}
+    small, large = alone[0], alone[-1]
+    n, growth = large["unknowns"], _TARGET / large["unknowns"]
+    set_up = [row["peak_MiB"]["set_up"] for row in (small, large)]
+    factors = [row["peak_MiB"]["solution"] - row["peak_MiB"]["set_up"] for row in alone]
+    of_unknown = (set_up[1] - set_up[0]) / (n - small["unknowns"])
+    more = growth * np.log(_TARGET) / np.log(n)
+    took = [row["seconds"]["factorisation"] for row in alone]
+
+    def exponent(values: Sequence[float]) -> str:
+        """Exponent of the growth from the smallest to the largest mesh."""
+        ratio = np.log(values[-1] / values[0]) / np.log(n / small["unknowns"])
+        return f"{ratio:.2f}"
+
+    return {
+        "petsc": f"PETSc {results['petsc']}",
+        "petsc_machine": provenance.sentence(results["machine"]),
+        "petsc_difference": scientific(max(row["difference"] for row in own), 1),
+        "petsc_set_up_unknown": f"{of_unknown * 2**10:.1f} KiB",
+        "petsc_factors_unknown": f"{factors[-1] * 2**10 / n:.1f} KiB",
+        "petsc_factors_exponent": exponent(factors),
+        "petsc_time_exponent": exponent(took),
+        "petsc_set_up": _rounded(of_unknown * _TARGET / 2**10, "GiB"),
+        "petsc_factors": _rounded(factors[-1] * more / 2**10, "GiB"),
+        "petsc_time": _rounded(took[-1] * growth**1.5 / 3600, "h"),
+        "petsc_solution": _rounded(large["seconds"]["solution"] * more / 60, "min"),
+    }
+
+
+def _rounded(value: float, unit: str) -> str:
+    """A value with two digits."""
+    return f"{_count(round(float(f'{value:.2g}')))} {unit}"
+
+
 _WORDS: dict[str, Callable[[Row], dict[str, str]]] = {
     "needs": _needs_in_words,
     "modules": _modules_in_words,
@@ -300,6 +376,7 @@ _WORDS: dict[str, Callable[[Row], dict[str, str]]] = {
     "whole_strip": _whole_strip_in_words,
     "scaling": _scaling_in_words,
     "iterative": _iterative_in_words,
+    "petsc": _petsc_in_words,
 }
 
 
@@ -393,6 +470,7 @@ TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
     "iteration": {"iteration.md": iteration_table},
     "scaling": {"scaling.md": scaling_table, "step.md": step_table},
     "iterative": {"iterative.md": iterative_table},
+    "petsc": {"petsc.md": petsc_table},
     "whole_strip": {"whole_strip.md": whole_strip_table},
     "overhead": {"overhead.md": overhead_table},
     "by_turns": {"by_turns.md": by_turns_table},
@@ -437,7 +515,11 @@ class Speed(Study[Benchmark]):
         )
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        machines = (provenance.sentence(row["machine"]) for row in rows)
+        machines = (
+            provenance.sentence(row["machine"])
+            for row in rows
+            if row["case"] != "petsc"
+        )
         words = {"machines": " ".join(dict.fromkeys(machines))}
         for row in rows:
             if row["case"] in _WORDS:

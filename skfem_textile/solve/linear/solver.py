@@ -49,12 +49,15 @@ class Offer:
         Number of unknowns from which the import time is repaid.
     rival
         True if it may be the fastest for large systems.
+    install
+        Command that installs the package; empty for pip.
     """
 
     path: str
     needs: str
     unknowns: int
     rival: bool
+    install: str = ""
 
     @property
     def package(self) -> str:
@@ -70,11 +73,15 @@ class Offer:
 
 #: Solvers by name, the fastest known first.  SuperLU takes at least four times as long
 #: as the others and three times the memory, so it is not measured.  The numbers of
-#: unknowns that repay an import are from ``docs/speed.md``.
+#: unknowns that repay an import are from ``docs/speed.md``.  PETSc follows SuperLU, so
+#: that ``auto`` never selects it.
 SOLVERS = {
     "cholmod": Offer("cholmod:Cholmod", "cvxopt.cholmod", 500, True),
     "pardiso": Offer("pardiso:Pardiso", "pypardiso", 20_000, True),
     "superlu": Offer("superlu:SuperLU", "scipy", 0, False),
+    "petsc": Offer(
+        "petsc:PETSc", "petsc4py.PETSc", 0, False, "apt-get install python3-petsc4py"
+    ),
 }
 
 
@@ -264,6 +271,11 @@ class ChosenSolver:
         if not self._rivals:
             log.info("linear solver %s: %s", *self.choice)
 
+    @property
+    def set_motions(self) -> Callable[[ndarray], None] | None:
+        """See `System`; None if the solver does not use rigid-body motions."""
+        return getattr(self._solver, "set_motions", None)
+
     def factorise(self, data: ndarray) -> Factors:
         """See `Solver`; measures the solvers first, if required."""
         if self._rivals and (choice := _measured(self._rivals, self._lower, data)):
@@ -288,9 +300,10 @@ def check_solver(name: str) -> None:
         raise ValueError(
             f"unknown solver {name!r}: choose of auto, {', '.join(SOLVERS)}"
         )
-    package = SOLVERS[name].package
+    package, install = SOLVERS[name].package, SOLVERS[name].install
     if find_spec(package) is None:
-        raise ValueError(f"solver {name!r} needs {package}: pip install {package}")
+        install = install or f"pip install {package}"
+        raise ValueError(f"solver {name!r} needs {package}: {install}")
 
 
 def _known(unknowns: int) -> str:

@@ -6,6 +6,8 @@ after both halves.  The separator is the smallest vertex cover of the node pairs
 the cut, obtained by König's theorem from a maximum matching (Hopcroft & Karp 1973).
 """
 
+from itertools import combinations
+
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
@@ -77,6 +79,8 @@ class System:
         # The upper triangle in CSR is the lower one in CSC.
         upper = self.upper.data, self.upper.indices, self.upper.indptr
         self.solver = solver(csc_matrix(upper, (n, n)))
+        if set_motions := getattr(self.solver, "set_motions", None):
+            set_motions(rigid_motions(positions, d)[:, self.free])
 
     def turned(self, blocks: ndarray, turn: csr_matrix) -> ndarray:
         """Blocks of a tangent in rotated unknowns, Rᵀ K R with R of `Problem.turn`."""
@@ -92,6 +96,25 @@ class System:
         blocks[self._rows] = self._left @ blocks[self._rows]
         blocks[self._cols] = blocks[self._cols] @ self._right
         return blocks
+
+
+def rigid_motions(positions: ndarray, dimension: int) -> ndarray:
+    """Rigid-body motions of nodes in a plane, shape (n_motions, n_unknowns).
+
+    Examples
+    --------
+    >>> rigid_motions(np.array([[0.0, 2.0], [0.0, 1.0]]), 2)
+    array([[ 1.,  0.,  1.,  0.],
+           [ 0.,  1.,  0.,  1.],
+           [-0.,  0., -1.,  2.]])
+    """
+    x = np.pad(positions, ((0, dimension - 2), (0, 0)))
+    planes = list(combinations(range(dimension), 2))
+    motions = np.zeros((dimension + len(planes), x.shape[1], dimension))
+    motions[range(dimension), :, range(dimension)] = 1
+    for motion, (i, j) in zip(motions[dimension:], planes, strict=True):
+        motion[:, [i, j]] = np.stack([-x[j], x[i]], axis=1)
+    return motions.reshape(len(motions), -1)
 
 
 def nested_dissection(positions: ndarray, pairs: ndarray) -> ndarray:

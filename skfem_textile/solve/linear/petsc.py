@@ -1,0 +1,221 @@
+"""PETSc through petsc4py: MUMPS or an iterative method, on one or more MPI processes.
+
+Every process assembles the whole system, passes its own rows to PETSc and receives the
+whole solution.
+"""
+
+from functools import cached_property
+from typing import Any
+from weakref import finalize
+
+import numpy as np
+from numpy import ndarray
+from scipy.sparse import csc_matrix
+
+from ...mesh.pattern import matrix_of_slots
+from .solver import OneAtATime, SingularMatrixError, refuse_round_off
+
+#: Prefix of the options in PETSc's database.
+PREFIX = "skfem_textile_"
+
+# Parameters of MUMPS as numbered in its manual: the root is factorised without
+# ScaLAPACK, which does not count negative pivots; twice the estimated workspace;
+# detection of null pivots, relative to the scaled matrix.
+_INTEGERS, _REALS = {13: 1, 14: 100, 24: 1}, {3: 1e-12}
+
+# The entry of its results with the error number, and the numbers for singular matrices.
+_ERROR, _SINGULAR = 1, (-6, -10)
+
+# Relative tolerance and largest number of iterations of iterative methods.
+_TOLERANCE, _MOST_ITERATIONS = 1e-12, 2000
+
+
+class PETSc(OneAtATime):
+    """LDLᵀ factors of MUMPS with the inertia, or an iterative method.
+
+    The options of PETSc apply with the prefix `PREFIX`; an iterative method is selected
+    by ``-skfem_textile_pc_type gamg``, for example, with conjugate gradients unless
+    ``ksp_type`` is given.  MUMPS solves the systems that are then found indefinite or
+    for which the iteration does not converge.  All calls are collective.
+
+    Parameters
+    ----------
+    lower
+        See `Solver`.
+
+    Attributes
+    ----------
+    iterative
+        True if the options select a preconditioner of an iterative method.
+    """
+
+    def __init__(self, lower: csc_matrix) -> None:
+        from petsc4py import PETSc  # at the first solve
+
+        self.lower, self._petsc, n = lower, PETSc, lower.shape[0]
+        self._x = PETSc.Vec().createMPI(n)
+        first, end = self._x.getOwnershipRange()
+        self._own = slice(first, end)
+        slots, row = np.arange(lower.nnz), lower.indices
+        col = np.repeat(np.arange(n), np.diff(lower.indptr))
+        here = (row >= first) & (row < end)
+        mirrored = (col >= first) & (col < end) & (row > col)
+        rows = matrix_of_slots(
+            np.append(slots[here], slots[mirrored]),
+            np.append(row[here], col[mirrored]) - first,
+            np.append(col[here], row[mirrored]),
+            (end - first, n),
+        )
+        self._slots = rows.data
+        self._csr = [x.astype(PETSc.IntType) for x in (rows.indptr, rows.indices)]
+        self._b = self._x.duplicate()
+        self._A = PETSc.Mat().createAIJ((self._x.sizes, self._x.sizes), csr=self._csr)
+        self._A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self._gather, self._whole = PETSc.Scatter.toAll(self._x)
+        self._objects = [self._x, self._b, self._A, self._gather, self._whole]
+        # Destruction is collective and must not depend on garbage collection.
+        finalize(self, _destroy, self._objects)
+        self.ksp = self._mumps()
+        self.ksp.setTolerances(rtol=_TOLERANCE, max_it=_MOST_ITERATIONS)
+        self.ksp.setFromOptions()
+        self.iterative = self.ksp.getPC().getType() != "cholesky"
+        if self.iterative and self.ksp.getType() == "preonly":
+            self.ksp.setType("cg")
+
+    def factorise(self, data: ndarray) -> "PETScFactors":
+        """Factors of the matrix with the entries ``data``."""
+        return PETScFactors(self, data)
+
+    @cached_property
+    def _direct(self) -> Any:
+        return self._mumps() if self.iterative else self.ksp
+
+    def set_motions(self, motions: ndarray) -> None:
+        """Set the near null space of multigrid methods.
+
+        Parameters
+        ----------
+        motions
+            Rigid-body motions of the unknowns, shape (n_motions, n).
+        """
+        if not self.iterative:
+            return
+        vectors = []
+        for motion in np.linalg.qr(motions.T)[0].T:
+            vectors.append(self._x.duplicate())
+            vectors[-1].setArray(motion[self._own])
+        space = self._petsc.NullSpace().create(vectors=vectors)
+        self._A.setNearNullSpace(space)
+        _destroy([*vectors, space])
+
+    def _mumps(self) -> Any:
+        ksp = self._petsc.KSP().create()
+        self._objects.append(ksp)
+        ksp.setOptionsPrefix(PREFIX)
+        ksp.setOperators(self._A)
+        ksp.setType("preonly")
+        pc = ksp.getPC()
+        pc.setType("cholesky")
+        pc.setFactorSolverType("mumps")
+        pc.setFactorSetUpSolverType()
+        factors = pc.getFactorMatrix()
+        for i, integer in _INTEGERS.items():
+            factors.setMumpsIcntl(i, integer)
+        for i, real in _REALS.items():
+            factors.setMumpsCntl(i, real)
+        return ksp
+
+    def set_up(self, data: ndarray) -> tuple[Any, int | None]:
+        """PETSc's solver of the matrix with entries ``data``, and the inertia.
+
+        The inertia is None if the matrix is singular.
+        """
+        if not len(data):
+            return self.ksp, 0
+        try:
+            self._refuse_null_rows(data)
+        except SingularMatrixError:
+            return self.ksp, None
+        self._A.setValuesCSR(*self._csr, data[self._slots])
+        self._A.assemble()
+        if self.iterative:
+            b = np.random.default_rng(0).standard_normal(self.lower.shape[0])
+            x = self.solve(self.ksp, b)
+            if x is not None and b @ x > 0:
+                return self.ksp, 0
+        return self._direct, self._inertia()
+
+    def _refuse_null_rows(self, data: ndarray) -> None:
+        """Refuse rows that are round-off; MUMPS scales them."""
+        size = np.abs(data)
+        rows = np.maximum.reduceat(size, self.lower.indptr[:-1])
+        np.maximum.at(rows, self.lower.indices, size)
+        refuse_round_off(rows, rows)
+
+    def _inertia(self) -> int | None:
+        """Number of negative pivots; None if the matrix is singular."""
+        self._direct.setUp()
+        factors = self._direct.getPC().getFactorMatrix()
+        if (error := factors.getMumpsInfog(_ERROR)) < 0:
+            if error in _SINGULAR:
+                return None
+            raise RuntimeError(f"MUMPS failed: INFOG(1) = {error}")
+        negative, null, _ = factors.getInertia()
+        return None if null else negative
+
+    def solve(self, ksp: Any, b: ndarray) -> ndarray | None:
+        """The whole solution; None if the iteration did not converge."""
+        if not len(b):
+            return b
+        self._b.setArray(b[self._own])
+        ksp.solve(self._b, self._x)
+        if ksp.getConvergedReason() < 0:
+            return None
+        self._gather.scatter(self._x, self._whole)
+        return self._whole.getArray().copy()
+
+
+class PETScFactors:
+    """See `Factors`.
+
+    Attributes
+    ----------
+    definite
+        True if MUMPS finds positive pivots only.  With an iterative method: if it
+        converges for a random right-hand side b, with b·x > 0, which is no proof.
+    """
+
+    def __init__(self, solver: PETSc, data: ndarray) -> None:
+        self._solver, self._data = solver, data
+        self.factorisations = 0
+        solver.hold(self)
+
+    def refactorise(self) -> None:
+        """Factors and inertia, or a preconditioner."""
+        self._ksp, self._negative = self._solver.set_up(self._data)
+        self.definite = self._negative == 0
+
+    def discard(self) -> None:
+        """Nothing to free: the next factorisation reuses the memory."""
+
+    @property
+    def negative_pivots(self) -> int:
+        """Inertia computed by the factorisation."""
+        if self._negative is None:
+            raise SingularMatrixError
+        return self._negative
+
+    def solve(self, b: ndarray) -> ndarray:
+        """Solve A x = b."""
+        if self._negative is None:
+            raise SingularMatrixError
+        self._solver.hold(self)
+        x = self._solver.solve(self._ksp, b)
+        if x is None:
+            raise RuntimeError("PETSc: the iterative method did not converge")
+        return x
+
+
+def _destroy(objects: list[Any]) -> None:
+    for one in reversed(objects):
+        one.destroy()
