@@ -1,6 +1,7 @@
-"""What every test leaves as it was, and which doctests are skipped.
+"""Restores the package log after every test and skips doctests that need missing
+packages.
 
-Those of modules that draw are, where what they draw with is missing.
+Modules that draw need pyvista and Matplotlib.
 """
 
 import logging
@@ -41,8 +42,8 @@ def pytest_collect_file(file_path, parent):
 
 
 @pytest.fixture(autouse=True)
-def _log_as_before():
-    """A run of the command line sets up the log of its whole process."""
+def _restore_log():
+    """The command line configures the log of the whole process."""
     log = logging.getLogger("skfem_textile")
     handlers, level = log.handlers[:], log.level
     yield

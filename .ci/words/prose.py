@@ -4,6 +4,7 @@
 
 Each file becomes FOLDER/PATH.md with the same number of lines, so that findings have
 the line numbers of the source. A message is on its first line, with … for each value.
+Strings of tests are data, such as invalid input, and are left out.
 """
 
 import ast
@@ -19,7 +20,7 @@ _DEFINITIONS = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 _WORDS = re.compile(r"[a-zA-Z]{2,},? [a-zA-Z]{2,}")
 
 
-def prose(source: str) -> list[str]:
+def prose(source: str, with_messages: bool = True) -> list[str]:
     """The prose of a module, each line at the line of the source."""
     lines = [""] * (source.count("\n") + 1)
     tree, taken = ast.parse(source), set()
@@ -29,7 +30,7 @@ def prose(source: str) -> list[str]:
             taken.add(id(text))
             for number, line in _without_examples(text):
                 lines[number - 1] = line
-    for number, message in _messages(tree, taken):
+    for number, message in _messages(tree, taken) if with_messages else ():
         lines[number - 1] = f"{lines[number - 1]} {message}".strip()
     with_comments = tokenize.generate_tokens(iter(source.splitlines(True)).__next__)
     for token in with_comments:
@@ -74,7 +75,8 @@ def main(folder: str, *given: str) -> None:
         for path in sorted(name.rglob("*.py")) if name.is_dir() else [name]:
             target = Path(folder) / f"{path}.md"
             target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_text("\n".join(prose(path.read_text())))
+            of_tests = path.parts[0] == "tests"
+            target.write_text("\n".join(prose(path.read_text(), not of_tests)))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Runs to a tolerance: what they reach, say and refuse."""
+"""Adaptive runs to a tolerance: accuracy, messages and rejected arguments."""
 
 from dataclasses import replace
 
@@ -40,28 +40,28 @@ def pull(kind="delaunay", size=(4, 8)):
 def test_the_load_is_within_the_tolerance_of_the_reference(kind):
     """The load on a graded mesh along the fibres: `docs/angles/references.json`."""
     scene, ply = pull(kind)
-    told, stepped = [], []
+    messages, stepped = [], []
     stepper = AdaptiveStepper(
-        ply, scene.conditions, 0.02, 2, on_round=told.append, on_step=stepped.append
+        ply, scene.conditions, 0.02, 2, on_round=messages.append, on_step=stepped.append
     )
     result = stepper.run()
     assert abs(result.states[-1].reactions["top"][1] / 43.214 - 1) < 0.02
     assert result.tolerance_met
     assert result.converged
-    assert tuple(told) == result.rounds
-    unknowns = [one.unknowns for one in told]
+    assert tuple(messages) == result.rounds
+    unknowns = [one.unknowns for one in messages]
     assert unknowns == sorted(unknowns)
     assert unknowns[-1] > unknowns[0] == ply.basis.N
-    assert told[-1].whole_path
-    assert not all(one.whole_path for one in told)
+    assert messages[-1].whole_path
+    assert not all(one.whole_path for one in messages)
     assert {state.u.size for state in result.states} == {unknowns[-1]}
     assert stepped[-1] is result.states[-1]
     summary = scene.summary(result)
     assert summary["tolerance_met"] is True
-    assert len(summary["rounds"]) == len(told)
+    assert len(summary["rounds"]) == len(messages)
 
 
-def test_a_mesh_that_is_fine_enough_stays_as_it_is():
+def test_a_sufficiently_fine_mesh_is_not_refined():
     scene, ply = pull("aligned")
     result = AdaptiveStepper(ply, scene.conditions, 0.5, 4).run()
     assert [one.unknowns for one in result.rounds] == [ply.basis.N]
@@ -69,14 +69,14 @@ def test_a_mesh_that_is_fine_enough_stays_as_it_is():
     np.testing.assert_array_equal(result.u, plain.u)
 
 
-def test_where_the_unknowns_do_not_suffice_it_says_so_and_keeps_the_result():
+def test_a_limit_of_unknowns_is_reported_and_the_result_is_kept():
     scene, ply = pull()
     stepper = AdaptiveStepper(ply, scene.conditions, 1e-4, 2, most_unknowns=1000)
     with pytest.raises(
         StepError, match="the tolerance is not met with at most 1000 unknowns"
-    ) as told:
+    ) as error:
         stepper.run()
-    result = told.value.result
+    result = error.value.result
     assert result.converged
     assert not result.tolerance_met
     assert ply.basis.N < result.ply.basis.N <= 1000
@@ -84,7 +84,7 @@ def test_where_the_unknowns_do_not_suffice_it_says_so_and_keeps_the_result():
     assert result.summary()["tolerance_met"] is False
 
 
-def test_a_load_that_cannot_be_applied_ends_the_run_with_its_states(monkeypatch):
+def test_a_load_that_cannot_be_applied_ends_the_run_and_keeps_its_states(monkeypatch):
     scene, ply = pull()
     advance = Run._step
 
@@ -96,21 +96,21 @@ def test_a_load_that_cannot_be_applied_ends_the_run_with_its_states(monkeypatch)
     monkeypatch.setattr(Run, "_step", stuck)
     with pytest.raises(
         StepError, match=r"stopped at load factor 0\.5 .*mm\): stuck"
-    ) as told:
+    ) as error:
         AdaptiveStepper(ply, scene.conditions, 0.05, 4).run()
-    assert not told.value.result.converged
-    assert not told.value.result.tolerance_met
-    assert told.value.result.summary()["rounds"] == []
+    assert not error.value.result.converged
+    assert not error.value.result.tolerance_met
+    assert error.value.result.summary()["rounds"] == []
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.0, -0.1, np.nan, "0.1", None])
-def test_bad_input_is_refused_before_any_work(tolerance):
+def test_invalid_arguments_are_rejected_before_any_work(tolerance):
     scene, ply = pull()
     with pytest.raises(ValueError, match="tolerance must be between 0 and 1"):
         AdaptiveStepper(ply, scene.conditions, tolerance)
 
 
-def test_what_cannot_be_refined_is_refused_before_any_work():
+def test_plies_that_cannot_be_refined_are_rejected_before_any_work():
     scene, ply = pull()
     with pytest.raises(ValueError, match=f"has {ply.basis.N} unknowns, more than"):
         AdaptiveStepper(ply, scene.conditions, 0.1, most_unknowns=10)
@@ -124,7 +124,7 @@ def test_what_cannot_be_refined_is_refused_before_any_work():
         AdaptiveStepper(ply, scene.conditions, 0.1).run(resume=True)
 
 
-def test_the_state_near_one_that_was_carried_over_is_that_of_the_whole_path():
+def test_a_state_from_a_transferred_displacement_equals_the_state_of_the_whole_path():
     scene, ply = pull()
     u = LoadStepper(ply, scene.conditions, 4).run().u
     finer = refine(ply, marked(shear_angle_jumps(ply, u), 0.3))
@@ -136,7 +136,7 @@ def test_the_state_near_one_that_was_carried_over_is_that_of_the_whole_path():
     assert load == pytest.approx(exact, rel=0.01)
 
 
-def test_a_displacement_near_no_state_is_refused():
+def test_a_displacement_far_from_any_equilibrium_is_rejected():
     scene, ply = pull(size=(2, 4))
     folded = ply.basis.zeros()
     folded[::2] = -3 * ply.nodes[0]
@@ -144,7 +144,7 @@ def test_a_displacement_near_no_state_is_refused():
         equilibrium_near(ply, scene.conditions, folded)
 
 
-def test_what_counts_falls_by_half_at_most_and_never_without_an_estimate():
+def test_the_error_target_falls_by_half_at_most_and_never_without_an_estimate():
     scene, ply = pull("irregular", (4, 8))
     rounds = []
     stepper = AdaptiveStepper(ply, scene.conditions, 0.9, 2, on_round=rounds.append)
@@ -163,7 +163,7 @@ def test_what_counts_falls_by_half_at_most_and_never_without_an_estimate():
     assert counted([first, unknown], more + 1, 0.0, 0.0) == first.error / 2
 
 
-def test_values_for_the_nodes_of_one_mesh_are_refused_before_any_work():
+def test_values_per_node_of_one_mesh_are_rejected_before_any_work():
     scene, ply = pull(size=(2, 4))
     n = len(ply.mesh.p[0, np.unique(ply.mesh.facets[:, ply.mesh.boundaries["top"]])])
     held = {**scene.conditions, "top": Condition("top", np.ones((2, n)))}
@@ -177,8 +177,8 @@ def test_values_for_the_nodes_of_one_mesh_are_refused_before_any_work():
         AdaptiveStepper(ply, scene.conditions, 0.1, most_unknowns=None)
 
 
-def test_an_interruption_on_a_finer_mesh_leaves_the_run_on_the_one_before(monkeypatch):
-    """The rounds on the way are those of other meshes: the tolerance is not met."""
+def test_an_interruption_on_a_finer_mesh_keeps_the_previous_run(monkeypatch):
+    """Intermediate rounds are on other meshes: the tolerance is not met."""
     scene, ply = pull()
     stepper = AdaptiveStepper(ply, scene.conditions, 0.04, 2)
     advance = Run._step
@@ -197,7 +197,7 @@ def test_an_interruption_on_a_finer_mesh_leaves_the_run_on_the_one_before(monkey
     assert not stepper.result.tolerance_met
 
 
-def test_a_run_that_fails_on_a_finer_mesh_leaves_that_on_the_one_before(monkeypatch):
+def test_a_run_that_fails_on_a_finer_mesh_keeps_the_previous_run(monkeypatch):
     scene, ply = pull()
     advance = Run._step
 
@@ -208,17 +208,17 @@ def test_a_run_that_fails_on_a_finer_mesh_leaves_that_on_the_one_before(monkeypa
 
     monkeypatch.setattr(Run, "_step", stuck)
     stepper = AdaptiveStepper(ply, scene.conditions, 0.04, 4)
-    said = r"on a finer mesh with \d+ unknowns: stopped at .* 0\.5 .*: stuck"
-    with pytest.raises(StepError, match=said) as told:
+    message = r"on a finer mesh with \d+ unknowns: stopped at .* 0\.5 .*: stuck"
+    with pytest.raises(StepError, match=message) as error:
         stepper.run()
-    result = told.value.result
+    result = error.value.result
     assert result.ply is ply
     assert result.converged
     assert not result.tolerance_met
     assert len(result.states) == 5
     assert result.estimated_error.load == result.rounds[0].estimated_load_error
     assert result.rounds[-1].unknowns > ply.basis.N
-    assert told.value.elements.size == 0  # of another mesh
+    assert error.value.elements.size == 0  # belongs to another mesh
     assert stepper.states == tuple(result.states)
 
 
@@ -234,10 +234,10 @@ def test_without_an_estimate_the_tolerance_is_never_met(ever, monkeypatch):
 
     monkeypatch.setattr(stepper_module, "estimated_error", estimated)
     stepper = AdaptiveStepper(ply, scene.conditions, 0.06, 2, most_unknowns=1000)
-    said = r"unknowns: the error of the load cannot be estimated \(not known\)"
-    with pytest.raises(StepError, match=said) as told:
+    text = r"unknowns: the error of the load cannot be estimated \(not known\)"
+    with pytest.raises(StepError, match=text) as error:
         stepper.run()
-    result = told.value.result
+    result = error.value.result
     assert not result.tolerance_met
     assert result.ply is not ply
     assert result.summary()["error_estimate"] == "none: not known"
@@ -246,7 +246,7 @@ def test_without_an_estimate_the_tolerance_is_never_met(ever, monkeypatch):
     assert "converged at load factor" in str(result)
 
 
-def test_a_ply_whose_error_cannot_be_estimated_is_refused_before_any_work():
+def test_a_ply_without_error_estimate_is_rejected_before_any_work():
     scene = bias_extension("irregular", (2, 4))
     fabric = Fabric(1e5, 0.5, scene.warp, scene.weft)
     ply = Ply(scene.mesh, fabric, OnePoint(5.0, kind="rate"))
@@ -255,15 +255,13 @@ def test_a_ply_whose_error_cannot_be_estimated_is_refused_before_any_work():
 
 
 @pytest.mark.parametrize(
-    ("error", "said"),
+    ("error", "message"),
     [
         (MemoryError(), "there is not enough memory for a finer mesh"),
         (ValueError("the value fails"), "on a finer mesh the value fails"),
     ],
 )
-def test_a_failure_on_a_finer_mesh_keeps_the_run_on_the_one_before(
-    error, said, monkeypatch
-):
+def test_an_error_on_a_finer_mesh_keeps_the_previous_run(error, message, monkeypatch):
     scene, ply = pull()
     stepper = AdaptiveStepper(ply, scene.conditions, 0.04, 2)
 
@@ -271,10 +269,10 @@ def test_a_failure_on_a_finer_mesh_keeps_the_run_on_the_one_before(
         raise error
 
     monkeypatch.setattr(stepper_module, "equilibrium_near", fails)
-    with pytest.raises(StepError, match=said) as told:
+    with pytest.raises(StepError, match=message) as raised:
         stepper.run()
-    assert told.value.result.ply is ply
-    assert told.value.result.converged
+    assert raised.value.result.ply is ply
+    assert raised.value.result.converged
 
 
 def test_the_error_of_the_last_mesh_is_estimated_once(monkeypatch):
@@ -293,9 +291,9 @@ def there_and_back(X, t):
 def test_a_load_that_vanishes_at_the_end_stops_on_the_first_mesh(value):
     _, ply = pull("irregular", (2, 4))
     held = {"bottom": Condition("bottom"), "top": Condition("top", value)}
-    with pytest.raises(StepError, match="no moving condition carries a load") as told:
+    with pytest.raises(StepError, match="no moving condition carries a load") as error:
         AdaptiveStepper(ply, held, 0.1, 4).run()
-    result = told.value.result
+    result = error.value.result
     assert result.ply is ply
     assert result.converged
     assert not result.tolerance_met
@@ -303,15 +301,15 @@ def test_a_load_that_vanishes_at_the_end_stops_on_the_first_mesh(value):
     assert result.summary()["error_estimate"].startswith("none: no moving condition")
 
 
-def turned(X, t):
-    """By half a radian about the middle, where the mean over the edge is zero."""
+def rotated(X, t):
+    """Rotates the edge by half a radian about its middle, so that its mean vanishes."""
     x = X[0] - X[0].mean()
     return np.array([x * (np.cos(0.5 * t) - 1), x * np.sin(0.5 * t)])
 
 
-def test_the_load_of_an_edge_that_turns_is_what_its_energy_grows_by():
+def test_the_load_of_a_rotated_edge_is_the_rate_of_the_energy():
     ply = Ply(pull(size=(2, 4))[0].mesh, Fabric(1e3, 0.5, (1, 1), (-1, 1)), Full())
-    held = {"bottom": Condition("bottom"), "top": Condition("top", turned)}
+    held = {"bottom": Condition("bottom"), "top": Condition("top", rotated)}
     result = LoadStepper(ply, held, n := 40).run()
     problem = problem_at(ply, held, result.solver.name, 1.0)
     of_reactions, of_loads = work_of(problem, result.states[-1])
@@ -320,17 +318,17 @@ def test_the_load_of_an_edge_that_turns_is_what_its_energy_grows_by():
     assert of_loads == 0
 
 
-def test_the_load_of_an_edge_that_turns_changes_from_round_to_round():
-    """Its mean displacement is zero, so that it cannot tell."""
+def test_the_load_of_a_rotated_edge_is_refined():
+    """Its mean displacement is zero and gives no load."""
     _, ply = pull(size=(2, 4))
-    held = {"bottom": Condition("bottom"), "top": Condition("top", turned)}
-    with pytest.raises(StepError, match="tolerance is not met") as told:
+    held = {"bottom": Condition("bottom"), "top": Condition("top", rotated)}
+    with pytest.raises(StepError, match="tolerance is not met") as error:
         AdaptiveStepper(ply, held, 1e-6, 2, most_unknowns=500).run()
-    assert 0.02 < told.value.result.rounds[1].load_change < 0.5
+    assert 0.02 < error.value.result.rounds[1].load_change < 0.5
 
 
-def test_nodes_by_number_that_would_be_elsewhere_are_refused():
-    """Of macro-elements the nodes after the vertices are renumbered by refinement."""
+def test_node_numbers_that_refinement_changes_are_rejected():
+    """Refinement renumbers the nodes of macro-elements after the vertices."""
     scene, ply = pull("irregular", (2, 4))
     n = ply.users_mesh.nvertices
     pinned = {**scene.conditions, "pin": Condition([n], 0.0, (1, 0))}
@@ -341,7 +339,7 @@ def test_nodes_by_number_that_would_be_elsewhere_are_refused():
     AdaptiveStepper(ply, pinned | {"pin": Condition([n - 1], 0.0, (1, 0))}, 0.1)
 
 
-def test_a_callback_that_raises_ends_the_run_with_the_result_so_far():
+def test_an_error_in_a_callback_ends_the_run_and_keeps_its_result():
     scene, ply = pull()
 
     def stop(_):

@@ -55,9 +55,9 @@ def test_position_errors_over_nodes_and_area_are_those_of_a_shift():
     u = ply.basis.zeros()
     shift = np.array([[0.3], [0.4]])
     u[node_dofs(ply.basis)] = scene.displacement(ply.nodes, 1.0) + shift
-    found = position(scene, ply, u)
-    assert found["position_error"] == pytest.approx(0.5)
-    assert found["over_area"] == pytest.approx(0.5)
+    errors = position(scene, ply, u)
+    assert errors["position_error"] == pytest.approx(0.5)
+    assert errors["over_area"] == pytest.approx(0.5)
 
 
 def test_a_case_has_an_error_and_an_estimate():
@@ -69,11 +69,11 @@ def test_a_case_has_an_error_and_an_estimate():
 
 
 def row(task, error, estimate, **more):
-    given = {"task": task, "error": error, "estimate": estimate, "case": task}
-    return given | {"cost": 0.2, "met": True, "unknowns": 10} | more
+    arguments = {"task": task, "error": error, "estimate": estimate, "case": task}
+    return arguments | {"cost": 0.2, "met": True, "unknowns": 10} | more
 
 
-def test_tables_count_what_passes():
+def test_tables_count_the_cases_that_pass():
     rows = [row("judges", 0.01, x) for x in (0.004, 0.006, 0.02, 0.04, None)]
     rows += [row("judges", 0.001, x) for x in (0.019, 0.021)]
     assert "| validation | 2 of 5 | 1 of 2 |" in estimates(rows)
@@ -81,18 +81,18 @@ def test_tables_count_what_passes():
     rows.append(row("tolerance", 0.02, 0.03, met=False))
     assert tolerances(rows).splitlines()[-1].endswith("| 2.00% | 3.00% | no |")
     angles = {"angle_error": 2.0, "angle_estimate": 2.6}
-    told = factor([row("calibrates", 0.01, 0.02, carried=0.04, **angles)])
-    assert "| load error over energy share | 0.25 |" in told
-    found = {"uniform": [(100, 0.4), (400, 0.2)]}
-    found |= {mesh: [(200, 0.1)] for mesh in MESHES}
-    own = [
+    message = factor([row("calibrates", 0.01, 0.02, carried=0.04, **angles)])
+    assert "| load error over energy share | 0.25 |" in message
+    errors = {"uniform": [(100, 0.4), (400, 0.2)]}
+    errors |= {mesh: [(200, 0.1)] for mesh in MESHES}
+    case_rows = [
         {"task": "kinks", "degrees": 45.0, "mesh": kind, "unknowns": n}
         | {"position_error": error, "over_area": error**2}
-        for kind, pairs in found.items()
+        for kind, pairs in errors.items()
         for n, error in pairs
     ]
-    assert "| 0.1000 | 0.2828 | 0.35 | 0.0100 | 0.0800 | 0.12 |" in kinks(own)
-    words = in_words([row("judges", 0.01, 0.02), *rows, *own])
+    assert "| 0.1000 | 0.2828 | 0.35 | 0.0100 | 0.0800 | 0.12 |" in kinks(case_rows)
+    words = in_words([row("judges", 0.01, 0.02), *rows, *case_rows])
     counts = [words[name] for name in ("estimates", "within", "met", "right")]
     assert counts == ["1 of 1", "1 of 3", "2 of 3", "1 of 2"]
     assert (words["met_worst"], words["along"]) == ("2.00 %", "0.12 to 0.35")

@@ -11,54 +11,54 @@ from skfem_textile.io import read_fabric
 from skfem_textile.scenes.elastica import buckled, hanging, peirce
 
 
-def test_the_elastica_bends_as_it_is_known_to():
+def test_the_elastica_has_its_known_deflections():
     """Values computed by another program, and the limits of small deflections."""
     for weight, force, tip in (
         (0.0, 1.0, (0.943567, -0.301721)),
         (0.0, 10.0, (0.445004, -0.810609)),
         (8.0, 0.0, (0.724425, -0.640631)),
     ):
-        found = hanging(weight, force)
-        np.testing.assert_allclose((found.x[-1], found.z[-1]), tip, atol=2e-6)
+        shape = hanging(weight, force)
+        np.testing.assert_allclose((shape.x[-1], shape.z[-1]), tip, atol=2e-6)
     assert hanging(1e-3).z[-1] == pytest.approx(-1e-3 / 8, rel=1e-4)
     assert hanging(0.0, 1e-3).z[-1] == pytest.approx(-1e-3 / 3, rel=1e-4)
 
 
-def test_a_strip_buckles_at_pi_squared_and_further():
+def test_a_strip_buckles_at_pi_squared_with_the_first_order_postbuckling_load():
     """P = π² (1 + δ/2) and height 2 √δ/π to first order in the shortening δ."""
-    found = buckled(1e-4)
-    assert found.force == pytest.approx(np.pi**2 * (1 + 0.5e-4), rel=1e-7)
-    assert found.height == pytest.approx(2 / np.pi * 1e-2, rel=1e-3)
+    shape = buckled(1e-4)
+    assert shape.force == pytest.approx(np.pi**2 * (1 + 0.5e-4), rel=1e-7)
+    assert shape.height == pytest.approx(2 / np.pi * 1e-2, rel=1e-3)
 
 
 def test_a_reading_of_an_elastica_gives_its_stiffness():
     weight, stiffness = 6e-6, 5.0
     lengths = np.array([60.0, 120.0, 200.0, 300.0])
     angles = [hanging(weight * L**3 / stiffness).chord_angle for L in lengths]
-    found = fit_bending([CantileverTest("a", lengths, np.array(angles))], weight)
-    np.testing.assert_allclose(found.by_elastica, stiffness, rtol=1e-6)
-    low, high = found.interval
+    fit = fit_bending([CantileverTest("a", lengths, np.array(angles))], weight)
+    np.testing.assert_allclose(fit.by_elastica, stiffness, rtol=1e-6)
+    low, high = fit.interval
     assert low == pytest.approx(5.0, rel=1e-5)
     assert high == pytest.approx(5.0, rel=1e-5)
 
 
-def test_peirce_is_right_where_a_strip_bends_little():
+def test_peirces_formula_is_accurate_for_small_deflections():
     """Its error over the angle of the chord: below 1 % to 17°, 5.7 % at 41.5°."""
     for degrees, error in ((1.0, 1e-4), (17.0, 0.0099), (41.5, 0.058), (80.0, 0.7)):
         angle = np.radians(degrees)
-        found = fit_bending([CantileverTest("a", np.ones(1), angle * np.ones(1))], 1.0)
-        off = found.by_peirce[0] / found.stiffness - 1
-        assert 0 < off < error
-        assert found.by_peirce[0] == peirce(1.0, 1.0, angle)
+        fit = fit_bending([CantileverTest("a", np.ones(1), angle * np.ones(1))], 1.0)
+        excess = fit.by_peirce[0] / fit.stiffness - 1
+        assert 0 < excess < error
+        assert fit.by_peirce[0] == peirce(1.0, 1.0, angle)
 
 
-def written(path, text):
+def write_table(path, text):
     path.write_text(text)
     return path
 
 
 def test_the_command_writes_a_fabric_that_bends(tmp_path, capsys):
-    data = written(
+    data = write_table(
         tmp_path / "a.csv", "overhang (cm),chord angle (deg)\n20,41.487\n15,21.53\n"
     )
     line = "--weight", "6e-6", "--family", "weft", "--no-render"
@@ -72,10 +72,10 @@ def test_the_command_writes_a_fabric_that_bends(tmp_path, capsys):
     assert "D by Peirce" in capsys.readouterr().out
 
 
-def test_a_fixed_angle_stands_for_a_column(tmp_path):
-    data = written(tmp_path / "a.csv", "overhang (mm)\n200\n201\n")
-    found = fit_bending([read_cantilever(data, np.radians(41.5))], 6e-6)
-    assert found.stiffness == pytest.approx(6.0, rel=0.02)
+def test_a_fixed_angle_replaces_a_column(tmp_path):
+    data = write_table(tmp_path / "a.csv", "overhang (mm)\n200\n201\n")
+    fit = fit_bending([read_cantilever(data, np.radians(41.5))], 6e-6)
+    assert fit.stiffness == pytest.approx(6.0, rel=0.02)
 
 
 @pytest.mark.parametrize(
@@ -97,12 +97,10 @@ def test_a_fixed_angle_stands_for_a_column(tmp_path):
         ("overhang (mm)\n1\n", ("--chord-angle", "41", "--weight", "0"), "positive"),
     ],
 )
-def test_readings_that_are_none_are_refused_in_one_line(
-    tmp_path, capsys, text, line, reason
-):
-    data = written(tmp_path / "a.csv", text)
-    given = line if "--weight" in line else ("--weight", "1e-6", *line)
-    arguments = ["fit", "cantilever", str(data), *given]
+def test_invalid_data_are_rejected_in_one_line(tmp_path, capsys, text, line, reason):
+    data = write_table(tmp_path / "a.csv", text)
+    options = line if "--weight" in line else ("--weight", "1e-6", *line)
+    arguments = ["fit", "cantilever", str(data), *options]
     out = "--out", str(tmp_path / "out")
     assert cli.main([*arguments, *out]) == 2
     assert reason in capsys.readouterr().err

@@ -12,7 +12,7 @@ RATIOS = (0.5, 1.0, 2.0)
 
 
 def pulls(law, noise=0.0):
-    """Tests of a law at several ratios of the strains."""
+    """Biaxial tests of a law at several strain ratios."""
     curves, rng = [], np.random.default_rng(3)
     for ratio in RATIOS:
         e = np.linspace(0.0, 0.02, 41)[1:]
@@ -24,17 +24,17 @@ def pulls(law, noise=0.0):
     return curves
 
 
-def test_two_crimped_families_are_found_and_do_not_contradict_one_strain():
+def test_two_crimped_families_are_identified_and_agree_with_uncoupled_laws():
     warp, weft = CrimpToe(5e3, 0.004, 10.0), CrimpToe(3e3, 0.006, 5.0)
-    found = fit_tension(pulls(TwoLaws(warp, weft), noise=0.01))
+    fit = fit_tension(pulls(TwoLaws(warp, weft), noise=0.01))
     x = np.linspace(0.002, 0.02, 10)
-    for law, truth in zip(found.tension, (warp, weft), strict=True):
+    for law, truth in zip(fit.tension, (warp, weft), strict=True):
         np.testing.assert_allclose(law.value(x), truth.value(x), rtol=0.05, atol=0.3)
-    for report in tension_report(found).values():
+    for report in tension_report(fit).values():
         assert not report["specimens_differ_beyond_noise"]
 
 
-def test_exchanged_crimp_contradicts_laws_of_one_strain_and_is_found():
+def test_crimp_interchange_contradicts_uncoupled_laws_and_is_identified():
     law = CrimpInterchange((2e3, 1.5e3), (0.01, 0.015), 5.0, 2e-3, 0.15)
     curves = pulls(law, noise=0.01)
     alone = tension_report(fit_tension(curves))
@@ -52,8 +52,8 @@ def test_exchanged_crimp_contradicts_laws_of_one_strain_and_is_found():
     assert np.sum((low <= truth) & (truth <= high)) >= 5  # of six at 95 %
 
 
-def test_forces_are_those_of_a_homogeneous_pull(tmp_path):
-    """W T(ln λ)/λ, from elongations per length."""
+def test_forces_are_those_of_a_homogeneous_stretch(tmp_path):
+    """The force is W T(ln λ)/λ, from elongations per length."""
     header = "warp strain (%),weft strain (-),warp force (kN),weft force (N)\n"
     (tmp_path / "pull.csv").write_text(f"{header}2,0.01,0.5,20\n")
     curve = read_biaxial(tmp_path / "pull.csv", (100.0, 80.0))
@@ -67,7 +67,7 @@ def test_forces_are_those_of_a_homogeneous_pull(tmp_path):
     np.testing.assert_allclose(both[1], 80.0 * law.value(np.log([1.01])) / 1.01)
 
 
-def test_what_is_no_biaxial_test_is_refused(tmp_path):
+def test_invalid_biaxial_tests_are_rejected(tmp_path):
     file = tmp_path / "pull.csv"
     file.write_text("warp strain (%),warp force (N)\n2,3\n")
     with pytest.raises(ValueError, match="the column 'weft strain' is missing"):
@@ -85,17 +85,17 @@ def test_what_is_no_biaxial_test_is_refused(tmp_path):
         fit_tension(pushed)
 
 
-def test_the_band_of_a_linear_law_is_that_of_its_stiffness():
+def test_the_band_of_a_linear_law_follows_from_the_band_of_its_stiffness():
     curves = pulls(TwoLaws(Linear(5e3), Linear(3e3)), noise=0.02)
-    found = fit_tension(curves, "linear")
-    for i, fit in enumerate(found.fits.values()):
+    fitted = fit_tension(curves, "linear")
+    for i, fit in enumerate(fitted.fits.values()):
         strain = curves[1].strain[i]
         forces = curves[1].widths[i] * strain / np.exp(strain)
         expected = fit.intervals[0][:, None] * forces
-        np.testing.assert_allclose(found.band(curves[1])[:, i], expected, rtol=1e-9)
+        np.testing.assert_allclose(fitted.band(curves[1])[:, i], expected, rtol=1e-9)
 
 
-def test_a_family_that_one_of_the_tests_leaves_alone_is_found_by_the_others():
+def test_a_family_unloaded_in_one_test_is_identified_from_the_others():
     law = CrimpToe(5e3, 0.004, 10.0)
     pull = pulls(TwoLaws(law, law), noise=0.001)
     alone = np.array([[1.0], [0.0]])
@@ -104,14 +104,14 @@ def test_a_family_that_one_of_the_tests_leaves_alone_is_found_by_the_others():
     ]
     reports = tension_report(fit_tension([*pull[:1], *free[:1]]))
     assert reports["weft"]["largest_strain"] == pytest.approx(0.01)
-    said = report_text(reports)
-    assert "(no force)" in said
-    assert "Fitted up to a strain ln λ of 0.02." in said
+    text = report_text(reports)
+    assert "(no force)" in text
+    assert "Fitted up to a strain ln λ of 0.02." in text
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_parameter_at_its_bound_is_told(seed):
-    """Noise that asks for a negative stiffness at rest."""
+def test_a_parameter_at_its_bound_is_reported(seed):
+    """The noise would give a negative stiffness at rest."""
     e, rng = np.linspace(0.0, 0.02, 41)[1:], np.random.default_rng(seed)
     law = CrimpToe(5e3, 0.004, 0.0)
     force = 100 * law.value(e) / np.exp(e)

@@ -49,15 +49,15 @@ def test_noise_is_2_percent_of_the_largest_force_and_independent():
         t.force(model.build(truth), t.shear_angle(x))
         for t, x in zip(tests, moved, strict=True)
     ]
-    found = specimens(tests, moved, forces, 1, 0.02)
-    noise = [s.force - f for s, f in zip(found, forces, strict=True)]
-    for own, force in zip(noise, forces, strict=True):
-        assert own.std() == pytest.approx(0.02 * force.max(), rel=0.05)
+    noisy = specimens(tests, moved, forces, 1, 0.02)
+    noise = [s.force - f for s, f in zip(noisy, forces, strict=True)]
+    for one, force in zip(noise, forces, strict=True):
+        assert one.std() == pytest.approx(0.02 * force.max(), rel=0.05)
     assert np.abs(np.corrcoef(noise) - np.eye(3)).max() < 0.06
 
 
-def test_the_cramer_rao_width_is_that_of_a_fit_that_knows_the_noise():
-    """Of one coefficient by hand: σ/|x|, x the force of the unit law."""
+def test_the_cramer_rao_width_is_that_of_a_fit_with_known_noise():
+    """With one coefficient the width is σ/|x|, x the force of the unit law."""
     case = Coverage("frame", "linear", seeds=3)
     tests, (model, _) = TESTS["frame"], known("linear")
     moved = [steps(test) for test in tests]
@@ -70,8 +70,8 @@ def test_the_cramer_rao_width_is_that_of_a_fit_that_knows_the_noise():
         (x / (0.02 * f.max())) @ (x / (0.02 * f.max()))
         for x, f in zip(unit, forces, strict=True)
     )
-    found = case.cramer_rao(forces)
-    assert found[0] == pytest.approx(information**-0.5, rel=1e-6)
+    width = case.cramer_rao(forces)
+    assert width[0] == pytest.approx(information**-0.5, rel=1e-6)
 
 
 def test_the_benchmark_is_read_and_reduced(folder):
@@ -82,7 +82,7 @@ def test_the_benchmark_is_read_and_reduced(folder):
                 assert row["moment"] == pytest.approx(expected, rel=1e-3)
 
 
-def test_targets_that_are_missed_are_told():
+def test_missed_targets_are_reported():
     good = {"task": "coverage", "test": "frame", "law": "sin2", "parameter": "G"}
     good |= {"inside": 0.95, "width_over_cramer_rao": 1.0}
     assert study.missed([good]) == []
@@ -116,7 +116,7 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, folder, capsys):
     assert STUDY.tables(rows)["benchmark.md"] == (out / "benchmark.md").read_text()
 
 
-def test_files_of_the_benchmark_stay_where_its_curves_are_not_at_hand(folder):
+def test_files_of_the_benchmark_are_unchanged_without_its_curves(folder):
     benchmark = {"benchmark.csv", "benchmark.md"}
     assert benchmark <= {*STUDY.written(all_cases(folder))}
     assert not benchmark & {*STUDY.written(all_cases(None))}

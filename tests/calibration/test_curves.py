@@ -1,4 +1,4 @@
-"""Curves of tests: their files, and what their beginning tells."""
+"""Curves of tests: their files and the checks of their first points."""
 
 import re
 
@@ -21,7 +21,7 @@ from skfem_textile.calibration.report import shear_report, tension_report
 # Curves of tests from CSV files
 
 
-def written(tmp_path, text):
+def write_curve(tmp_path, text):
     file = tmp_path / "test.csv"
     file.write_text(text)
     return file
@@ -29,22 +29,22 @@ def written(tmp_path, text):
 
 def test_columns_come_in_any_order_with_their_units(tmp_path):
     header = "Load (kN),time (s), Angle [deg],extension [ cm ]\n"
-    found = read_curve(written(tmp_path, f"{header}1,2,90,4\n"))
-    assert set(found) == {"force", "shear angle", "displacement"}
-    assert found["force"].tolist() == [1000.0]
-    assert found["displacement"].tolist() == [40.0]
-    assert found["shear angle"] == pytest.approx([np.pi / 2])
+    curve = read_curve(write_curve(tmp_path, f"{header}1,2,90,4\n"))
+    assert set(curve) == {"force", "shear angle", "displacement"}
+    assert curve["force"].tolist() == [1000.0]
+    assert curve["displacement"].tolist() == [40.0]
+    assert curve["shear angle"] == pytest.approx([np.pi / 2])
 
 
-def test_units_that_are_given_count_more_than_those_of_the_file(tmp_path):
-    file = written(tmp_path, "displacement,force (N)\n1,2\n")
-    found = read_curve(file, {"displacement": "m", "force": "kN"})
-    assert found["displacement"].tolist() == [1000.0]
-    assert found["force"].tolist() == [2000.0]
+def test_given_units_override_the_units_of_the_file(tmp_path):
+    file = write_curve(tmp_path, "displacement,force (N)\n1,2\n")
+    curve = read_curve(file, {"displacement": "m", "force": "kN"})
+    assert curve["displacement"].tolist() == [1000.0]
+    assert curve["force"].tolist() == [2000.0]
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("", "the file is empty"),
         (
@@ -70,14 +70,14 @@ def test_units_that_are_given_count_more_than_those_of_the_file(tmp_path):
         ("force (N)\n1\n", "a column 'displacement' or 'shear angle'"),
     ],
 )
-def test_what_is_no_test_is_refused_in_one_line(tmp_path, text, said):
-    with pytest.raises(ValueError, match=said) as told:
-        read_specimen(written(tmp_path, text), BiasExtension(50.0, 100.0))
-    assert "\n" not in str(told.value)
-    assert "test.csv" in str(told.value)
+def test_invalid_curves_are_rejected_in_one_line(tmp_path, text, message):
+    with pytest.raises(ValueError, match=message) as error:
+        read_specimen(write_curve(tmp_path, text), BiasExtension(50.0, 100.0))
+    assert "\n" not in str(error.value)
+    assert "test.csv" in str(error.value)
 
 
-# A force at rest, swapped columns and unloading are told; noise tells nothing
+# A force at rest, swapped columns and unloading are reported; noise is not
 
 
 SOFTENING = Polynomial((0.3, 0.0, -0.3, 0.0, 0.6))
@@ -107,7 +107,7 @@ def notes(moved, force, test=BIAS):
     ("test", "law"),
     [(BIAS, Linear(0.1)), (FRAME, SOFTENING), (BIAS, Polynomial((0, 0, 0.5)))],
 )
-def test_noise_is_no_force_at_rest_and_swaps_no_columns(test, law, n):
+def test_noise_is_not_taken_for_a_force_at_rest_or_swapped_columns(test, law, n):
     for noise in (0.0, 0.02, 0.05):
         for seed in range(200):
             moved, angle, force = curve(test, law, n, seed, noise)
@@ -115,7 +115,7 @@ def test_noise_is_no_force_at_rest_and_swaps_no_columns(test, law, n):
             assert not seems_swapped(moved, force)
 
 
-def test_noise_of_a_crimped_fabric_is_no_force_at_rest():
+def test_noise_of_a_crimped_fabric_is_not_taken_for_a_force_at_rest():
     strain = np.linspace(0.0, 0.02, 40)
     force = 100.0 * CrimpToe(1e4, 0.004, 10.0).value(strain)
     for seed in range(200):
@@ -123,32 +123,32 @@ def test_noise_of_a_crimped_fabric_is_no_force_at_rest():
         assert force_at_rest(strain, force + noise) == 0
 
 
-def test_a_force_at_rest_is_told_with_its_size():
+def test_a_force_at_rest_is_reported_with_its_size():
     moved, angle, force = curve(BIAS, SOFTENING)
     offset = 0.1 * force.max()
-    found = []
+    offsets = []
     for seed in range(200):
         noisy = curve(BIAS, SOFTENING, seed=2 * seed, noise=0.02)[2]
-        found.append(force_at_rest(curve(BIAS, SOFTENING)[1], noisy + offset))
-    assert np.mean(np.array(found) > 0) > 0.99
-    assert np.median(found) == pytest.approx(offset, rel=0.1)
+        offsets.append(force_at_rest(curve(BIAS, SOFTENING)[1], noisy + offset))
+    assert np.mean(np.array(offsets) > 0) > 0.99
+    assert np.median(offsets) == pytest.approx(offset, rel=0.1)
     assert force_at_rest(angle, force - offset) == pytest.approx(-offset, rel=0.1)
-    said = re.search(
+    match = re.search(
         r"one: the force at rest is about (.*) N, 9 % of the largest force, and no law",
         notes(moved, force + offset),
     )
-    assert float(said[1]) == pytest.approx(offset, rel=0.1)
+    assert float(match[1]) == pytest.approx(offset, rel=0.1)
     assert "at rest" not in notes(moved, force)
 
 
 @pytest.mark.parametrize(("n", "over"), [(120, 6), (120, 12), (300, 4), (300, 30)])
-def test_a_force_that_rises_steeply_from_rest_is_none_at_rest(n, over):
+def test_a_force_that_rises_steeply_from_rest_is_not_reported(n, over):
     moved, angle, force = curve(BIAS, SOFTENING, n)
     steep = force + 0.3 * force.max() * np.tanh(moved / moved[over])
     assert force_at_rest(angle, steep) == 0
 
 
-def test_a_curve_that_begins_late_or_has_few_points_tells_no_force_at_rest():
+def test_no_force_at_rest_is_reported_for_a_late_or_short_curve():
     _, angle, force = curve(BIAS, SOFTENING)
     late = slice(10, None)
     assert force_at_rest(angle[late], force[late] + 10) == 0
@@ -156,21 +156,21 @@ def test_a_curve_that_begins_late_or_has_few_points_tells_no_force_at_rest():
     assert force_at_rest(angle[few], force[few] + 10) == 0
 
 
-def test_displacements_that_are_not_counted_from_rest_are_told():
+def test_displacements_that_do_not_start_at_zero_are_reported():
     moved, angle, force = curve(BIAS, SOFTENING, seed=0)
     assert "begins far from rest" in notes(moved + 15.0, force)
     late = angle > np.radians(12)  # and with a force
     assert "begins far from rest" not in notes(moved[late], force[late])
 
 
-def test_strains_in_another_unit_are_told():
+def test_strains_in_another_unit_are_reported():
     strain = np.log1p(np.tile(np.linspace(0.05, 2.0, 40), (2, 1)))
     pull = BiaxialCurve("pull", strain, 1e3 * strain, (100.0, 100.0))
-    said = tension_report(fit_tension([pull], "linear"))["warp"]["notes"]
-    assert "pull, warp: strains reach 200 %: check their unit" in said
+    warnings = tension_report(fit_tension([pull], "linear"))["warp"]["notes"]
+    assert "pull, warp: strains reach 200 %: check their unit" in warnings
 
 
-def test_forces_in_equal_steps_are_told():
+def test_forces_in_equal_steps_are_reported():
     moved, _, force = curve(BIAS, SOFTENING)
     scale = moved[-1] / force[-1]
     assert "check whether the columns are swapped" in notes(
@@ -178,15 +178,15 @@ def test_forces_in_equal_steps_are_told():
     )
 
 
-def test_units_of_the_other_column_are_refused(tmp_path):
+def test_units_of_the_other_column_are_rejected(tmp_path):
     file = tmp_path / "swapped.csv"
     file.write_text("displacement (N),force (mm)\n1,2\n")
     with pytest.raises(ValueError, match="whether columns are swapped"):
         read_curve(file)
 
 
-def test_unloading_alone_is_told():
+def test_a_curve_of_unloading_alone_is_reported():
     moved, _, force = curve(BIAS, SOFTENING)
-    said = notes(moved[::-1], force[::-1])
-    assert "the displacement only decreases" in said
-    assert "back and forth" not in said
+    warnings = notes(moved[::-1], force[::-1])
+    assert "the displacement only decreases" in warnings
+    assert "back and forth" not in warnings

@@ -22,15 +22,15 @@ FRAME = PictureFrame(200.0, 160.0)
 
 
 def specimen(test, law, noise=0.0, seed=0, n=60, end=40.0, name="one", scale=1.0):
-    """A specimen of a law, of which the noise is a share of the largest force."""
+    """A specimen of a law; the noise is a fraction of the largest force."""
     gamma = np.linspace(0.0, np.radians(end), n + 1)[1:]
     force = scale * test.force(law, gamma)
     force += noise * force.max() * np.random.default_rng(seed).standard_normal(n)
     return Specimen(name, test, force, test.displacement(gamma))
 
 
-def notes(found):
-    return " ".join(shear_report(found)["notes"])
+def notes(fit):
+    return " ".join(shear_report(fit)["notes"])
 
 
 @pytest.mark.parametrize("test", [BIAS, FRAME], ids=["bias", "frame"])
@@ -44,16 +44,16 @@ def notes(found):
         ("tabulated", TABLE),
     ],
 )
-def test_without_noise_a_law_is_found_again(test, name, law):
+def test_a_law_is_recovered_from_data_without_noise(test, name, law):
     gamma = np.radians(np.linspace(1.0, 39.9, 50))
-    found = fit_shear([specimen(test, law)], name).fit.law
-    assert type(found) is type(law)
-    np.testing.assert_allclose(found.value(gamma), law.value(gamma), rtol=1e-5)
+    recovered = fit_shear([specimen(test, law)], name).fit.law
+    assert type(recovered) is type(law)
+    np.testing.assert_allclose(recovered.value(gamma), law.value(gamma), rtol=1e-5)
 
 
 @pytest.mark.parametrize("test", [BIAS, FRAME], ids=["bias", "frame"])
-def test_coefficients_are_within_their_bands_as_often_as_these_say(test):
-    """95 %: of 200 seeds between 90 and 99 %, about three standard deviations."""
+def test_coefficients_are_within_their_bands_at_the_stated_rate(test):
+    """The rate is 95 %: 90 to 99 % of 200 seeds, about three standard deviations."""
     inside = []
     for seed in range(200):
         three = [specimen(test, QUINTIC, 0.02, (seed, i)) for i in range(3)]
@@ -63,8 +63,8 @@ def test_coefficients_are_within_their_bands_as_often_as_these_say(test):
     assert np.all(np.abs(np.mean(inside, axis=0) - 0.945) < 0.045)
 
 
-def test_the_band_is_that_of_known_noise_and_a_little_for_weights_that_are_found():
-    """(JᵀWJ)⁻¹ (1 + 4 Σ s (1 − s)/ν), s = 1/3 and ν = 59 of three specimens."""
+def test_the_band_accounts_for_estimated_weights():
+    """The covariance is (JᵀWJ)⁻¹ (1 + 4 Σ s (1 − s)/ν), s = 1/3, ν = 59."""
     three = [specimen(FRAME, Linear(0.1), 0.02, i) for i in range(3)]
     fit = fit_shear(three, "linear").fit
     J = fit.jacobian[:60, 0]
@@ -75,14 +75,14 @@ def test_the_band_is_that_of_known_noise_and_a_little_for_weights_that_are_found
     assert fit.covariance[0, 0] == pytest.approx(expected, rel=1e-9)
 
 
-def test_the_noise_of_each_specimen_is_told():
+def test_the_noise_of_each_specimen_is_reported():
     noises = (0.01, 0.02, 0.05)
     several = [specimen(BIAS, QUINTIC, x, i, n=400) for i, x in enumerate(noises)]
-    found = fit_shear(several).fit.noise / BIAS.force(QUINTIC, np.radians(40.0))
-    np.testing.assert_allclose(found, noises, rtol=0.15)
+    computed = fit_shear(several).fit.noise / BIAS.force(QUINTIC, np.radians(40.0))
+    np.testing.assert_allclose(computed, noises, rtol=0.15)
 
 
-def test_noisy_specimens_count_less():
+def test_noisy_specimens_have_less_weight():
     quiet = [specimen(BIAS, Linear(0.1), 0.001, i) for i in range(2)]
     wild = specimen(BIAS, Linear(0.1), 0.3, 7)
     alone = fit_shear(quiet, "linear").fit
@@ -98,57 +98,57 @@ def test_specimens_that_differ_beyond_noise_widen_the_band():
         for i, scale in enumerate((0.9, 1.0, 1.1))
     ]
     assert not fit_shear(same).fit.beyond_noise
-    found = fit_shear(unlike)
-    assert found.fit.beyond_noise
+    fit = fit_shear(unlike)
+    assert fit.fit.beyond_noise
     low, high = fit_shear(unlike, "linear").fit.intervals[0]
     assert high - low > 0.4 * low  # t(2) times 10 %/√3 to either side
-    last = shear_report(found)["moments"][-1]
+    last = shear_report(fit)["moments"][-1]
     assert last["between_specimens"] / last["moment"] == pytest.approx(0.1, rel=0.1)
-    assert "curves differ significantly" in notes(found)
+    assert "curves differ significantly" in notes(fit)
 
 
-def test_a_law_that_does_not_follow_the_curve_is_told():
+def test_lack_of_fit_is_reported():
     data = [specimen(BIAS, QUINTIC, 0.005)]
     assert "does not represent the curve" in notes(fit_shear(data, "linear"))
     assert notes(fit_shear(data)) == ""
 
 
-def test_a_bound_holds_and_leaves_no_band():
+def test_a_parameter_at_its_bound_has_no_band():
     data = [specimen(BIAS, QUINTIC, 0.01)]
-    found = fit_shear(data, bounds={"c3": (0.0, 1.0)})
-    assert found.fit.values[1] == 0.0
-    assert found.fit.at_bound.tolist() == [False, True, False]
-    assert found.fit.intervals[1].tolist() == [0.0, 0.0]
-    assert "at a bound, which have no confidence band: c3" in notes(found)
+    fit = fit_shear(data, bounds={"c3": (0.0, 1.0)})
+    assert fit.fit.values[1] == 0.0
+    assert fit.fit.at_bound.tolist() == [False, True, False]
+    assert fit.fit.intervals[1].tolist() == [0.0, 0.0]
+    assert "at a bound, which have no confidence band: c3" in notes(fit)
     inside = fit_shear(data, bounds={"c3": (-1.0, 1.0)}).fit
     np.testing.assert_allclose(inside.values, fit_shear(data).fit.values)
 
 
-def test_points_beyond_the_kinematics_are_left_out():
+def test_points_beyond_the_kinematics_are_excluded():
     data = specimen(BIAS, QUINTIC, end=60.0, n=60)
-    found = fit_shear([data])
-    assert np.degrees(found.largest_angle) == pytest.approx(40.0)
-    assert shear_report(found)["specimens"][0]["left_out"] == 20
+    fit = fit_shear([data])
+    assert np.degrees(fit.largest_angle) == pytest.approx(40.0)
+    assert shear_report(fit)["specimens"][0]["left_out"] == 20
     further = fit_shear([data], up_to=np.radians(50.0))
     assert np.degrees(further.largest_angle) == pytest.approx(50.0)
     assert "fit by simulation" in notes(further)
 
 
-def test_a_measured_angle_counts_more_and_tells_where_the_theoretical_one_fails():
+def test_a_measured_angle_overrides_the_theoretical_one_and_shows_its_limit():
     gamma = np.radians(np.arange(1.0, 51.0))
     slip = np.where(gamma > np.radians(35.0), 0.45 * (gamma - np.radians(35.0)), 0.0)
     moved = BIAS.displacement(gamma + slip)
     data = Specimen("one", BIAS, BIAS.force(QUINTIC, gamma), moved, gamma)
-    found = fit_shear([data])
-    np.testing.assert_allclose(found.fit.values, QUINTIC.coefficients[::2], rtol=1e-8)
+    fit = fit_shear([data])
+    np.testing.assert_allclose(fit.fit.values, QUINTIC.coefficients[::2], rtol=1e-8)
     assert np.degrees(data.kinematics_hold_to) == pytest.approx(39.0)  # 2 degrees
-    assert "beyond 39.0 degrees" in notes(found)
+    assert "beyond 39.0 degrees" in notes(fit)
 
 
-def test_what_cannot_be_fitted_is_refused():
+def test_specimens_that_cannot_be_fitted_are_rejected():
     data = specimen(BIAS, QUINTIC)
     few = specimen(BIAS, QUINTIC, n=3, end=39.0)
-    for arguments, options, said in (
+    for arguments, options, message in (
         (([data], "cubic"), {}, "unknown law 'cubic': choose one of polynomial"),
         (([data],), {"degree": 4}, "must be an odd number"),
         (([data],), {"up_to": -1.0}, "must be positive, got -57.2958 degrees"),
@@ -162,7 +162,7 @@ def test_what_cannot_be_fitted_is_refused():
         (([few],), {}, "3 points are too few for the 3 parameters"),
         (([data], "tabulated"), {"points": 0}, "at least one point"),
     ):
-        with pytest.raises(ValueError, match=said):
+        with pytest.raises(ValueError, match=message):
             fit_shear(*arguments, **options)
     with pytest.raises(ValueError, match="only bias-extension tests"):
         fit_by_simulation([specimen(FRAME, QUINTIC)])
@@ -171,14 +171,14 @@ def test_what_cannot_be_fitted_is_refused():
 
 
 def one(force=lambda f: f, moved=lambda d: d, angle=None):
-    """A specimen some of whose columns are not as they should be."""
+    """A specimen with some columns replaced by invalid ones."""
     data = specimen(BIAS, QUINTIC)
     forces = force(data.force)
     return Specimen("one", BIAS, forces, moved(data.displacement), angle)
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "message"),
     [
         (one(force=lambda f: -f), "one: the forces must be positive"),
         (one(force=lambda f: 0 * f + 3), "one: the force is 3 N at every point"),
@@ -193,30 +193,30 @@ def one(force=lambda f: f, moved=lambda d: d, angle=None):
         ),
     ],
 )
-def test_columns_of_a_wrong_sign_or_unit_are_told(data, said):
-    with pytest.raises(ValueError, match=said):
+def test_columns_of_a_wrong_sign_or_unit_are_reported(data, message):
+    with pytest.raises(ValueError, match=message):
         fit_shear([data])
 
 
-def test_loading_and_unloading_in_one_curve_are_told():
+def test_loading_and_unloading_in_one_curve_are_reported():
     data = specimen(BIAS, QUINTIC, 0.01)
-    there, back = data.displacement, data.displacement[::-1]
+    loading, back = data.displacement, data.displacement[::-1]
     forces = np.concatenate([data.force, 0.7 * data.force[::-1]])
-    cycle = Specimen("cycle", BIAS, forces, np.concatenate([there, back]))
+    cycle = Specimen("cycle", BIAS, forces, np.concatenate([loading, back]))
     assert "cycle: the test contains loading and unloading" in notes(fit_shear([cycle]))
-    shaken = there + 0.01 * there[-1] * np.random.default_rng(1).standard_normal(60)
+    shaken = loading + 0.01 * loading[-1] * np.random.default_rng(1).standard_normal(60)
     noisy = Specimen("one", BIAS, data.force, shaken)
     assert "back and forth" not in notes(fit_shear([noisy]))
 
 
-def test_the_kinematics_hold_no_further_than_the_test_goes():
+def test_the_limit_of_the_kinematics_is_within_the_test():
     theta = np.radians(75.0)
     strip = BiasExtension(100.0, 200 * np.tan(theta), theta)
     data = specimen(strip, QUINTIC, end=20.0)
     assert np.degrees(data.kinematics_hold_to) == pytest.approx(30.0)
 
 
-def test_bounds_that_leave_nothing_free_leave_no_band():
+def test_parameters_that_are_all_at_bounds_have_no_band():
     bounds = {"c1": (0.5, 1.0), "c3": (0.1, 1.0), "c5": (0.9, 1.0)}
     fit = fit_shear([specimen(BIAS, QUINTIC)], bounds=bounds).fit
     assert fit.at_bound.all()
@@ -231,17 +231,17 @@ def test_parameters_that_differ_by_rounding_alone_have_no_covariance():
 
 def test_the_report_is_readable():
     three = [specimen(BIAS, QUINTIC, 0.02, i, name=f"no. {i}") for i in range(3)]
-    said = report_text({"Shear": shear_report(fit_shear(three))})
+    text = report_text({"Shear": shear_report(fit_shear(three))})
     for part in ("Law: Polynomial", "| c1 | 0.", "| no. 2 | 60 |", "| 40 |", "N/mm"):
-        assert part in said
+        assert part in text
     beyond = report_text(
         {"Shear": shear_report(fit_shear([specimen(BIAS, QUINTIC, end=80)]))}
     )
     assert "| one | 30 of 60 |" in beyond
 
 
-def test_simulated_fibres_that_stretch_are_seen_by_the_inverse_fit():
-    """Soft fibres cost load, which the closed form takes for a softer law."""
+def test_the_inverse_fit_accounts_for_fibre_stretch():
+    """Soft fibres reduce the load, which the closed form attributes to a softer law."""
     soft = Simulation(tension=500.0, across=4, steps=4)
     strip = BiasExtension(50.0, 100.0)
     angles, forces, _ = soft.curve(Linear(0.5), strip, np.radians(48.0))
@@ -249,13 +249,13 @@ def test_simulated_fibres_that_stretch_are_seen_by_the_inverse_fit():
     assert lost[-1] < 0.9
     moved = strip.displacement(angles[1:])
     data = [Specimen("one", strip, forces[1:], moved)]
-    found = fit_by_simulation(data, "linear", soft)
-    assert found.simulated
-    assert found.fit.law.stiffness == pytest.approx(0.5, rel=2e-3)
+    fit = fit_by_simulation(data, "linear", soft)
+    assert fit.simulated
+    assert fit.fit.law.stiffness == pytest.approx(0.5, rel=2e-3)
     assert fit_shear(data, "linear").fit.law.stiffness < 0.48
 
 
-def test_a_mesh_on_which_the_stabilisation_carries_much_is_told():
+def test_a_large_stabilisation_energy_is_reported():
     strip = BiasExtension(50.0, 100.0)
     data = [specimen(strip, Linear(0.5), n=20, end=45.0)]
     coarse, fine = (

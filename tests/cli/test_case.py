@@ -10,30 +10,28 @@ from skfem_textile import Fabric, LoadStepper, Macro, OnePoint, Ply
 from skfem_textile.cli import main as cli
 from skfem_textile.cli import results
 from skfem_textile.scenes import bias_extension, strip
-from tests.helpers.command_line import MESH, QUICK, refused, run
+from tests.helpers.command_line import MESH, QUICK, rejected, run
 
 pytestmark = pytest.mark.usefixtures("no_estimate")
 
-# What options of scene, fabric, formulation and solver describe
+# Options of scene, fabric, formulation and solver
 
 
 WARN_ONLY = 'stepping.warn_only=["stability", "work"]'
 
 
-def test_a_solver_is_taken_by_name_or_refused_in_one_line(
-    tmp_path, capsys, monkeypatch
-):
+def test_a_solver_is_set_by_name_or_rejected_in_one_line(tmp_path, capsys, monkeypatch):
     assert run(tmp_path, *QUICK, "--solver", "superlu") == 0
     capsys.readouterr()
     monkeypatch.setattr(
         "skfem_textile.solve.linear.solver.find_spec", lambda name: None
     )
     again = ("run", "strip", "--out", str(tmp_path / "b"), *QUICK)
-    said = refused(capsys, *again, "--solver", "cholmod")
-    assert "solver 'cholmod' needs cvxopt: pip install cvxopt" in said
+    message = rejected(capsys, *again, "--solver", "cholmod")
+    assert "solver 'cholmod' needs cvxopt: pip install cvxopt" in message
 
 
-def test_a_run_takes_a_method_and_checks_by_name(tmp_path):
+def test_a_run_accepts_a_method_and_checks_by_name(tmp_path):
     arguments = ("--set", "stepping.method=plain", WARN_ONLY)
     assert run(tmp_path, *QUICK, *arguments) == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -48,7 +46,7 @@ def test_a_run_takes_a_method_and_checks_by_name(tmp_path):
         ("trellis", ("--fibres", "10", "--weft", "80", "--bend", "0"), 45),
     ],
 )
-def test_the_frames_are_run_by_name(tmp_path, scene, options, shear):
+def test_the_frames_run_by_name(tmp_path, scene, options, shear):
     out = tmp_path / "out"
     common = ("--size", "4x4", "--steps", "2", "--rotate", "20", "--no-render")
     assert cli.main(["run", scene, "--out", str(out), *common, *options]) == 0
@@ -89,7 +87,7 @@ def test_several_sides_may_be_free(tmp_path):
     assert summary["inputs"]["scene"]["free"] == ["top", "left"]
 
 
-def test_a_run_takes_half_of_a_bias_extension_and_its_fibres(tmp_path):
+def test_half_a_bias_extension_runs_with_given_fibres(tmp_path):
     loads = []
     for part, size in (("whole", "8x16"), ("half", "4x16")):
         out = tmp_path / part
@@ -146,11 +144,11 @@ def test_a_run_takes_half_of_a_bias_extension_and_its_fibres(tmp_path):
         ("bias_extension", ("--part", "third"), "argument --part: invalid choice"),
     ],
 )
-def test_sides_fibres_and_parts_that_do_not_fit_are_refused(
+def test_inconsistent_sides_fibres_and_parts_are_rejected(
     tmp_path, capsys, scene, options, message
 ):
     out = str(tmp_path / "out")
-    assert message in refused(capsys, "run", scene, "--out", out, *options)
+    assert message in rejected(capsys, "run", scene, "--out", out, *options)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -163,7 +161,7 @@ def test_a_rotated_run_reports_the_unrotated_axes(tmp_path):
     assert reactions[0] == pytest.approx(reactions[1], rel=1e-6)
 
 
-def test_a_run_takes_the_papers_stabilisation(tmp_path):
+def test_a_run_accepts_the_papers_stabilisation(tmp_path):
     energies, scene = [], strip(size=(3, 4))
     one_point = (*QUICK, "--formulation", "one-point")
     for kind in ("energy", "rate"):
@@ -179,17 +177,17 @@ def test_a_run_takes_the_papers_stabilisation(tmp_path):
     assert energies[0] != energies[1]
 
 
-def test_a_run_takes_the_automatic_stabilisation(tmp_path):
+def test_a_run_accepts_the_automatic_stabilisation(tmp_path):
     quick = ("--size", "3x4", "--steps", "3", "--no-render", "--shear-stiffness", "0.5")
     assert run(tmp_path, *quick, "--set", "formulation.cs_N_per_mm=auto") == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["inputs"]["formulation"]["cs_N_per_mm"] == "auto"
 
 
-def test_a_stabilisation_that_would_be_ignored_is_refused(capsys, tmp_path):
+def test_a_stabilisation_without_effect_is_rejected(capsys, tmp_path):
     command = ("run", "strip", "--out", str(tmp_path / "o"))
     for formulation in ("full", "quadratic"):
-        said = refused(
+        message = rejected(
             capsys,
             *command,
             "--formulation",
@@ -198,23 +196,26 @@ def test_a_stabilisation_that_would_be_ignored_is_refused(capsys, tmp_path):
             "formulation.cs_N_per_mm=4",
         )
         assert (
-            "cs_N_per_mm requires that formulation.name is one-point or macro" in said
+            "cs_N_per_mm requires that formulation.name is one-point or macro"
+            in message
         )
     more = ("--formulation", "one-point", "--set", "formulation.deviation=20")
-    said = refused(capsys, *command, *more)
-    assert "formulation.deviation requires that formulation.name is quadratic" in said
+    message = rejected(capsys, *command, *more)
+    assert (
+        "formulation.deviation requires that formulation.name is quadratic" in message
+    )
     more = (
         "--set",
         "formulation.cs_N_per_mm=4",
         "--set",
         "formulation.stabilisation=rate",
     )
-    assert "stabilisation requires that formulation.name is one-point" in refused(
+    assert "stabilisation requires that formulation.name is one-point" in rejected(
         capsys, *command, *more
     )
 
 
-def test_jumps_between_the_elements_of_one_are_none(tmp_path, capfd):
+def test_a_mesh_of_one_element_has_no_jumps(tmp_path, capfd):
     jumps = (
         "--formulation",
         "one-point",
@@ -228,7 +229,7 @@ def test_jumps_between_the_elements_of_one_are_none(tmp_path, capfd):
 
 
 def test_a_force_acts_beside_the_conditions_of_a_scene(tmp_path, capsys):
-    """Turned with the scene; the summary says that there is no exact answer then."""
+    """The force rotates with the scene, which has no exact solution then."""
     energies = []
     for more in (["--rotate", "0"], ["--rotate", "30"]):
         sheared = ["--shear-stiffness", "1", "--force", "top=2,1", *more]
@@ -244,17 +245,17 @@ def test_a_force_acts_beside_the_conditions_of_a_scene(tmp_path, capsys):
 @pytest.mark.parametrize(
     "force", ["top", "top=1", "top=1,2,3", "=1,2", "top=nan,0", "lid=1,2"]
 )
-def test_a_force_that_nobody_can_mean_is_refused(tmp_path, capsys, force):
+def test_an_invalid_force_is_rejected(tmp_path, capsys, force):
     out = ["--out", str(tmp_path / "out")]
-    said = refused(capsys, "run", "strip", *QUICK, *out, "--force", force)
-    assert "force" in said
+    message = rejected(capsys, "run", "strip", *QUICK, *out, "--force", force)
+    assert "force" in message
     assert not (tmp_path / "out").exists()
 
 
-# Meshes that options describe: made and read; and what formulations make of them
+# Meshes from options: generated and read; splitting by formulations
 
 
-def test_a_run_takes_a_mesh_file_and_full_integration(tmp_path):
+def test_a_run_accepts_a_mesh_file_and_full_integration(tmp_path):
     arguments = "--mesh", str(MESH), "--formulation", "full", "--steps", "4"
     assert run(tmp_path, *arguments, "--no-render") == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -263,11 +264,11 @@ def test_a_run_takes_a_mesh_file_and_full_integration(tmp_path):
     assert summary["energy"] == pytest.approx(162.631, rel=1e-5)
 
 
-def test_a_bad_mesh_file_is_refused(tmp_path, capsys):
+def test_an_invalid_mesh_file_is_rejected(tmp_path, capsys):
     file = tmp_path / "bad.msh"
     file.write_text("no mesh")
     out = str(tmp_path / "out")
-    assert "bad.msh" in refused(
+    assert "bad.msh" in rejected(
         capsys, "run", "strip", "--out", out, "--mesh", str(file)
     )
     assert not (tmp_path / "out").exists()
@@ -282,9 +283,7 @@ def test_a_bad_mesh_file_is_refused(tmp_path, capsys):
         (("--formulation", "one-point"), "one-point", 1),
     ],
 )
-def test_a_run_has_macro_elements_unless_another_formulation_is_named(
-    tmp_path, scene, more, formulation, parts
-):
+def test_macro_elements_are_the_default(tmp_path, scene, more, formulation, parts):
     out = tmp_path / "out"
     common = ("--size", "2x4", "--steps", "1", "--no-render")
     more += ("--shear-stiffness", "0.5")
@@ -304,7 +303,7 @@ def test_a_run_has_macro_elements_unless_another_formulation_is_named(
     ("formulation", "elements"),
     [((), 3), (("--formulation", "one-point"), 3), (("--formulation", "quadratic"), 1)],
 )
-def test_every_scene_takes_delaunays_triangles(tmp_path, scene, formulation, elements):
+def test_every_scene_accepts_delaunay_triangles(tmp_path, scene, formulation, elements):
     out = tmp_path / "out"
     options = ("--mesh", "delaunay", "--size", "3x6", "--steps", "1", "--no-render")
     command = ["run", scene, "--out", str(out), *options, *formulation]
@@ -313,7 +312,7 @@ def test_every_scene_takes_delaunays_triangles(tmp_path, scene, formulation, ele
     assert summary["n_elements"] == elements * 2 * 18
 
 
-def test_a_run_takes_quadratic_triangles_and_writes_everything(tmp_path):
+def test_a_run_with_quadratic_triangles_writes_all_results(tmp_path):
     pytest.importorskip("pyvista")
     small = "--size", "3x4", "--steps", "1"
     assert run(tmp_path, *small, "--formulation", "quadratic") == 0
@@ -332,7 +331,7 @@ def test_a_run_takes_quadratic_triangles_and_writes_everything(tmp_path):
 
 
 @pytest.mark.parametrize("scene", ["picture_frame", "trellis", "bias_extension"])
-def test_every_scene_takes_quadratic_triangles(tmp_path, scene):
+def test_every_scene_accepts_quadratic_triangles(tmp_path, scene):
     out = tmp_path / "out"
     common = ("--size", "2x4", "--steps", "1", "--no-render", "--rotate", "30")
     more = ("--shear-stiffness", "0.5", "--formulation", "quadratic")
@@ -342,8 +341,8 @@ def test_every_scene_takes_quadratic_triangles(tmp_path, scene):
     assert summary["scene"] == scene
 
 
-def saved_strip(path, cells):
-    """A strip of one of two sorts of cells in a file, its right edge named."""
+def save_strip(path, cells):
+    """A strip of one of two kinds of cells in a file, its right edge named."""
     x, y = np.meshgrid([0.0, 20.0, 40.0], [0.0, 30.0, 60.0])
     points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
     right = ("line", [[2, 5], [5, 8]])
@@ -369,7 +368,7 @@ FILE_TRIANGLES = np.vstack([FILE_QUADS[:, [0, 1, 2]], FILE_QUADS[:, [0, 2, 3]]])
     ids=["triangles", "quadrilaterals"],
 )
 def test_quadratic_triangles_are_read_or_cut_from_a_file(tmp_path, cells):
-    mesh = saved_strip(tmp_path / "m.msh", cells)
+    mesh = save_strip(tmp_path / "m.msh", cells)
     arguments = ("--formulation", "quadratic", "--steps", "1", "--no-render")
     assert run(tmp_path, "--mesh", mesh, *arguments) == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -386,38 +385,38 @@ def test_quadratic_triangles_are_read_or_cut_from_a_file(tmp_path, cells):
     ],
     ids=["triangles", "quadrilaterals", "both"],
 )
-def test_a_file_of_any_cells_is_split_inside(tmp_path, cells, parts):
-    mesh = saved_strip(tmp_path / "m.msh", cells)
+def test_a_file_of_any_cells_is_split(tmp_path, cells, parts):
+    mesh = save_strip(tmp_path / "m.msh", cells)
     assert run(tmp_path, "--mesh", mesh, "--steps", "1", "--no-render") == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (summary["formulation"], summary["n_elements"]) == ("macro", parts)
 
 
-def test_what_quadratic_triangles_cannot_be_made_of_is_refused(tmp_path, capsys):
+def test_meshes_unsuitable_for_quadratic_triangles_are_rejected(tmp_path, capsys):
     both = [("triangle", FILE_TRIANGLES[[0, 4]]), ("quad", FILE_QUADS[1:])]
-    mesh = saved_strip(tmp_path / "m.msh", both)
+    mesh = save_strip(tmp_path / "m.msh", both)
     out = str(tmp_path / "out")
     command = ("run", "strip", "--out", out, "--formulation", "quadratic")
-    said = refused(capsys, *command, "--mesh", mesh)
-    assert "with both triangles and quadrilaterals: use a mesh of" in said
+    message = rejected(capsys, *command, "--mesh", mesh)
+    assert "with both triangles and quadrilaterals: use a mesh of" in message
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("option", ["size=[3, 4]", "jitter=0.1", "seed=2"])
-def test_options_of_a_mesh_to_make_are_refused_beside_a_file(tmp_path, capsys, option):
+def test_options_of_generated_meshes_are_rejected_with_a_file(tmp_path, capsys, option):
     out = ("--out", str(tmp_path / "o"))
-    said = refused(
+    message = rejected(
         capsys, "run", "strip", *out, "--mesh", str(MESH), "--set", f"mesh.{option}"
     )
-    assert f"mesh.{option.partition('=')[0]} applies to a generated mesh" in said
+    assert f"mesh.{option.partition('=')[0]} applies to a generated mesh" in message
     assert list(tmp_path.iterdir()) == []
 
 
-def test_inputs_are_those_of_the_mesh_that_is_used(tmp_path):
+def test_inputs_in_the_summary_describe_the_mesh_in_use(tmp_path):
     quick = ("--formulation", "full", "--steps", "1", "--no-render")
     for mesh, made in (("aligned", ([2, 2], 0.3, 1)), (str(MESH), (None, None, None))):
         size = ("--size", "2x2") if made[0] else ()
         assert run(tmp_path, *quick, "--mesh", mesh, *size) == 0
         inputs = json.loads((tmp_path / "out" / "summary.json").read_text())["inputs"]
-        found = tuple(inputs["mesh"].get(key) for key in ("size", "jitter", "seed"))
-        assert found == made
+        settings = tuple(inputs["mesh"].get(key) for key in ("size", "jitter", "seed"))
+        assert settings == made

@@ -1,4 +1,4 @@
-"""Case files: what they say, what is refused, and those that a run leaves."""
+"""Case files: their keys, rejected content, and the case files written by runs."""
 
 import json
 import shutil
@@ -33,23 +33,23 @@ from skfem_textile.fabric.files import write_law
 from skfem_textile.io import write_directions, write_fabric
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
-from tests.helpers.command_line import MESH, QUICK, refused
+from tests.helpers.command_line import MESH, QUICK, rejected
 from tests.helpers.specimen import (
     SHEAR,
     SPECIMEN,
     assert_runs_alike,
     run,
     summary_of,
-    written,
+    write_case,
 )
 
 pytestmark = pytest.mark.usefixtures("no_estimate")
 
-# What a case file says: the scene, its laws and regions, and what is left out
+# Content of case files: the scene, its laws and regions, and defaults
 
 
-def test_a_file_says_all_that_a_case_has(tmp_path):
-    case = case_from_file(written(tmp_path))
+def test_a_file_describes_a_whole_case(tmp_path):
+    case = case_from_file(write_case(tmp_path))
     assert case.scene.name == "specimen"
     assert case.scene.mesh.nelements == 21
     assert list(case.scene.conditions) == ["bottom", "top"]
@@ -108,12 +108,12 @@ def test_init_writes_the_defaults_of_a_scene(tmp_path, capsys, scene):
     assert cli.main(["init", str(file), "--scene", scene]) == 0
     text = file.read_text()
     assert max(map(len, text.splitlines())) <= 88
-    plain, said = case_from_tables({"scene": {"name": scene}}), case_from_file(file)
-    assert said.scene.name == scene
-    assert np.array_equal(said.scene.mesh.p, plain.scene.mesh.p)
-    assert said.fabric.families[0].tension == plain.fabric.families[0].tension
+    plain, read = case_from_tables({"scene": {"name": scene}}), case_from_file(file)
+    assert read.scene.name == scene
+    assert np.array_equal(read.scene.mesh.p, plain.scene.mesh.p)
+    assert read.fabric.families[0].tension == plain.fabric.families[0].tension
     capsys.readouterr()
-    assert "exists" in refused(capsys, "init", str(file))
+    assert "exists" in rejected(capsys, "init", str(file))
     assert file.read_text() == text
 
 
@@ -136,7 +136,7 @@ pictures = false
 """
 
 
-def test_a_region_has_laws_and_fibres_of_its_own(tmp_path):
+def test_a_region_has_separate_laws_and_fibres(tmp_path):
     mesh = rectangle(50, 100, (4, 8), "aligned")
     file = tmp_path / "regions.toml"
     file.write_text(REGIONS)
@@ -165,11 +165,11 @@ pretension_N_per_mm = 0.2
 """
 
 
-def test_warp_and_weft_have_laws_of_their_own_and_pretension(tmp_path):
-    """On triangles, rotated, and again from the case that the run leaves."""
+def test_warp_and_weft_have_separate_laws_and_pretension(tmp_path):
+    """On triangles, rotated, and again from the case that the run writes."""
     text = SPECIMEN.replace('compression = "none"', FIBRES)
     text = text.replace("size = [3, 7]", 'source = "delaunay"\nsize = [3, 7]')
-    file = written(tmp_path, text)
+    file = write_case(tmp_path, text)
     (tmp_path / "tables" / "tension.csv").write_text(
         "fibre strain (-),tension (N/mm)\n0,0\n0.01,10\n0.05,100\n"
     )
@@ -186,7 +186,7 @@ def test_warp_and_weft_have_laws_of_their_own_and_pretension(tmp_path):
 
 
 def test_a_region_has_the_defaults_of_its_scene(tmp_path):
-    """A table of shear in a region, where the scene has a stiffness of its own."""
+    """A region has a table of shear, and the scene a stiffness."""
     mesh = rectangle(50, 100, (4, 8), "aligned")
     named = mesh.with_subdomains({"patch": lambda x: x[1] > 60})
     named.save(tmp_path / "two.vtk", encode_cell_data=True, encode_point_data=False)
@@ -201,7 +201,7 @@ def test_a_region_has_the_defaults_of_its_scene(tmp_path):
     assert law.value(np.radians([[30.0]])) == pytest.approx(0.1)
 
 
-# What is wrong with a case file is told in one line of its words
+# Invalid case files are rejected in one line that quotes them
 
 
 @pytest.mark.parametrize(
@@ -322,15 +322,15 @@ def test_a_region_has_the_defaults_of_its_scene(tmp_path):
         ("[shear]", "[regions.a.tensio]\n[shear]", "regions.a has no key 'tensio'"),
     ],
 )
-def test_what_is_wrong_with_a_file_is_told_in_one_line_of_its_words(
+def test_an_invalid_file_is_rejected_in_one_line_that_quotes_it(
     tmp_path, capsys, old, new, message
 ):
     assert old in SPECIMEN
-    file = written(tmp_path, SPECIMEN.replace(old, new))
-    said = refused(capsys, "run", str(file), "--out", str(tmp_path / "out"))
-    assert message in said
-    assert "one.toml: " in said
-    assert "--" not in said
+    file = write_case(tmp_path, SPECIMEN.replace(old, new))
+    reason = rejected(capsys, "run", str(file), "--out", str(tmp_path / "out"))
+    assert message in reason
+    assert "one.toml: " in reason
+    assert "--" not in reason
     assert not (tmp_path / "out").exists()
 
 
@@ -348,36 +348,36 @@ def test_what_is_wrong_with_a_file_is_told_in_one_line_of_its_words(
         ),
     ],
 )
-def test_a_file_that_is_no_case_is_refused(tmp_path, capsys, content, message):
+def test_a_file_without_a_case_is_rejected(tmp_path, capsys, content, message):
     file = tmp_path / "bad.TOML"
     file.write_bytes(content)
-    assert message in refused(capsys, "run", str(file), "--out", str(tmp_path / "o"))
+    assert message in rejected(capsys, "run", str(file), "--out", str(tmp_path / "o"))
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path, capsys):
+def test_a_missing_file_is_rejected(tmp_path, capsys):
     out = ("--out", str(tmp_path / "out"))
-    assert "no.toml" in refused(capsys, "run", str(tmp_path / "no.toml"), *out)
+    assert "no.toml" in rejected(capsys, "run", str(tmp_path / "no.toml"), *out)
     (tmp_path / "folder.toml").mkdir()
-    assert "folder.toml" in refused(capsys, "run", str(tmp_path / "folder.toml"), *out)
-    assert "must end with .toml" in refused(capsys, "init", str(tmp_path / "x.txt"))
+    assert "folder.toml" in rejected(capsys, "run", str(tmp_path / "folder.toml"), *out)
+    assert "must end with .toml" in rejected(capsys, "init", str(tmp_path / "x.txt"))
 
 
 def test_a_case_of_the_user_is_not_replaced(tmp_path, capsys):
-    file = written(tmp_path).rename(tmp_path / "case.toml")
-    said = refused(capsys, "run", str(file), "--out", str(tmp_path))
-    assert "was not written by a run" in said
+    file = write_case(tmp_path).rename(tmp_path / "case.toml")
+    message = rejected(capsys, "run", str(file), "--out", str(tmp_path))
+    assert "was not written by a run" in message
     assert file.read_text() == SPECIMEN
     assert run(file, tmp_path / "out") == 0
     assert run(tmp_path / "out" / "case.toml", tmp_path / "out") == 0  # in its place
 
 
-def test_functions_are_refused(tmp_path):
+def test_functions_are_rejected(tmp_path):
     tables = {"scene": {"name": "strip"}, "shear": {"law": lambda x: x}}
     with pytest.raises(CaseFileError, match=r"shear\.law is a function, which a case"):
         case_from_tables(tables)
 
 
-# The case that a run leaves: a run of it gives the same results
+# The case written by a run: a run of it gives the same results
 
 
 OF_FILES = """
@@ -397,10 +397,10 @@ pictures = false
 """
 
 
-def test_a_run_of_the_written_case_is_the_same_bit_for_bit(tmp_path):
+def test_a_run_of_the_written_case_is_bitwise_identical(tmp_path):
     outs = [tmp_path / name for name in ("a", "b", "c")]
-    assert run(written(tmp_path), outs[0]) == 0
-    shutil.rmtree(tmp_path / "tables")  # the results have a copy
+    assert run(write_case(tmp_path), outs[0]) == 0
+    shutil.rmtree(tmp_path / "tables")  # the results contain a copy
     for before, after in pairwise(outs):
         assert_runs_alike(before, after, "curve.csv")
     first, last = (summary_of(out) for out in (outs[0], outs[-1]))
@@ -408,9 +408,9 @@ def test_a_run_of_the_written_case_is_the_same_bit_for_bit(tmp_path):
     assert first == last
 
 
-def test_a_run_of_the_written_case_is_the_same_with_the_solver_of_the_machine(tmp_path):
+def test_a_run_of_the_written_case_agrees_with_the_default_solver(tmp_path):
     auto = SPECIMEN.replace('solver = "superlu"', 'solver = "auto"')
-    assert run(written(tmp_path, auto), tmp_path / "a") == 0
+    assert run(write_case(tmp_path, auto), tmp_path / "a") == 0
     assert run(tmp_path / "a" / "case.toml", tmp_path / "b") == 0
     first, last = (
         np.loadtxt(tmp_path / out / "curve.csv", delimiter=",", skiprows=1)
@@ -419,7 +419,7 @@ def test_a_run_of_the_written_case_is_the_same_with_the_solver_of_the_machine(tm
     assert np.abs(first - last).max() <= 1e-10 * np.abs(first).max()
 
 
-def test_a_line_and_the_case_that_it_leaves_are_the_same(tmp_path):
+def test_a_command_line_and_its_written_case_agree(tmp_path):
     """On a mesh of triangles from a file."""
     line = ["run", "strip", "--mesh", str(MESH), "--steps", "2", "--no-render"]
     laws = ["--shear-law", "sin2", "--shear-stiffness", "1", "--solver", "superlu"]
@@ -433,7 +433,7 @@ def test_a_line_and_the_case_that_it_leaves_are_the_same(tmp_path):
     assert_runs_alike(tmp_path / "a", tmp_path / "b")
 
 
-def test_a_law_of_a_file_is_beside_the_written_case(tmp_path):
+def test_the_file_of_a_law_is_copied_beside_the_written_case(tmp_path):
     write_law(Sin2(0.3), tmp_path / "law.json")
     line = ["run", "strip", "--size", "3x4", "--steps", "2", "--no-render"]
     line += ["--shear-law", str(tmp_path / "law.json")]
@@ -444,12 +444,12 @@ def test_a_law_of_a_file_is_beside_the_written_case(tmp_path):
     assert not (tmp_path / "a" / "case_files" / "shear.json").exists()
 
 
-def test_directions_and_fabric_are_of_files_beside_the_case(tmp_path):
-    """And of the results, whose case has copies of them."""
+def test_directions_and_fabric_are_read_from_files_beside_the_case(tmp_path):
+    """The results contain copies of them beside their case."""
     scene = bias_extension(size=(3, 6))
-    own = Fabric(warp=scene.warp, weft=scene.weft)
-    given = directions_of(scene.mesh, own)
-    turned = FibreDirections.of_angles(*(angle + 5 for angle in given.angles_deg()))
+    fabric = Fabric(warp=scene.warp, weft=scene.weft)
+    field = directions_of(scene.mesh, fabric)
+    turned = FibreDirections.of_angles(*(angle + 5 for angle in field.angles_deg()))
     inputs = tmp_path / "inputs"
     inputs.mkdir()
     write_directions(inputs / "fibres.csv", scene.mesh, turned)
@@ -480,26 +480,26 @@ def test_directions_and_fabric_are_of_files_beside_the_case(tmp_path):
         ({"scene": {"name": "strip"}, "mesh": {"size": {2, 3}}}, "size is a set"),
     ],
 )
-def test_what_no_file_can_hold_is_refused(tables, message):
+def test_values_without_a_file_format_are_rejected(tables, message):
     with pytest.raises(CaseFileError, match=message):
         case_from_tables(tables)
 
 
-def test_tables_within_themselves_are_refused():
+def test_tables_that_contain_themselves_are_rejected():
     tables = {"scene": {"name": "strip"}}
     tables["scene"]["again"] = tables
     with pytest.raises(CaseFileError, match="nested too deeply"):
         case_from_tables(tables)
 
 
-def test_a_table_of_bending_in_a_region_has_the_stiffnesses_of_the_scene():
+def test_a_bending_table_of_a_region_takes_missing_values_from_the_scene():
     region = {"A": {"bending": {"twist_N_mm": 0.5}}}
     file = declared({"scene": {"name": "cantilever"}, "regions": region})
     expected = Bending(warp_N_mm=6.0, weft_N_mm=6.0, twist_N_mm=0.5)
     assert file.regions["A"].bending == expected
 
 
-#: What runs gave whose case files are in the folder of these results.
+#: Results of the case files in the folder of these results.
 EARLIER = Path(__file__).parent / "earlier_cases"
 RESULTS = json.loads((EARLIER / "results.json").read_text())
 
@@ -508,10 +508,10 @@ RESULTS = json.loads((EARLIER / "results.json").read_text())
 def test_a_file_of_an_earlier_run_gives_the_same_results(name):
     """Bit for bit on the machine that wrote them."""
     case = case_from_file(EARLIER / f"{name}.toml")
-    found, expected = case.summary(case.run()), RESULTS[name]
+    summary, expected = case.summary(case.run()), RESULTS[name]
     for key, value in expected.items():
-        assert found[key] == pytest.approx(value, rel=1e-9, abs=1e-9), key
+        assert summary[key] == pytest.approx(value, rel=1e-9, abs=1e-9), key
 
 
-def test_every_file_is_run():
+def test_every_file_runs():
     assert {file.stem for file in EARLIER.glob("*.toml")} == set(RESULTS)

@@ -1,4 +1,4 @@
-"""Runs that are killed, and disks that are full or read-only: nothing kept is lost."""
+"""Runs that are killed, and disks that are full or read-only, lose no results."""
 
 import gc
 import json
@@ -44,10 +44,10 @@ from tests.helpers.command_line import QUICK
 from tests.helpers.hostile import (
     RIGHT,
     Family,
-    demand,
-    demand_equal,
-    demand_near,
     end_with_parent,
+    expect,
+    expect_close,
+    expect_equal,
     folder_content,
     is_clear,
 )
@@ -61,7 +61,7 @@ from tests.helpers.hostile.small_disk import (
 # Steps of the run, and of a complete run that may precede it.
 STEPS, EARLIER_STEPS = 4, 3
 
-# By how much results of resumed runs may differ, as a share.
+# Relative tolerance of results of resumed runs.
 TOLERANCE = 1e-9
 
 # Exit code of a child that has raised an error.
@@ -85,7 +85,7 @@ class Ended(NamedTuple):
 
     @property
     def is_of_earlier_run(self):
-        """Whether it was refused because the checkpoint is of the earlier run."""
+        """True if the run was rejected because its checkpoint is of the earlier run."""
         reason = f"steps was {EARLIER_STEPS}, is {STEPS}"
         return self.code == 2 and reason in "".join(self.lines)
 
@@ -97,11 +97,11 @@ def command_of(out, steps=STEPS, *more):
 
 
 def run(command, after=0.0, disturb=None):
-    """Run a command line; disturb it, by its process number, after some seconds."""
+    """Runs a command line, and disturbs it, by process number, after some seconds."""
     with tempfile.TemporaryFile("w+") as stderr:
         parent = os.getpid()
         if not (child := os.fork()):
-            become(command, stderr.fileno(), parent)
+            exec_command(command, stderr.fileno(), parent)
         if disturb:
             sleep(after)
             disturb(child)
@@ -112,10 +112,10 @@ def run(command, after=0.0, disturb=None):
         return Ended(os.waitstatus_to_exitcode(status), lines)
 
 
-def become(command, stderr, parent):
+def exec_command(command, stderr, parent):
     """Run the command line in this process, and exit."""
     code = RAISED
-    gc.callbacks.clear()  # Hypothesis has one, which may swallow an interruption
+    gc.callbacks.clear()  # Hypothesis has one, which may suppress an interruption
     try:
         end_with_parent(parent)
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
@@ -130,68 +130,68 @@ def become(command, stderr, parent):
         os._exit(code)
 
 
-def run_well(command):
-    """Run a command line that must end well."""
+def run_successfully(command):
+    """Run a command line that must succeed."""
     ended = run(command)
-    demand(not ended.code, ended)
+    expect(not ended.code, ended)
 
 
 @cache
 def undisturbed():
-    """Duration of a run in seconds, and summaries by the number of steps."""
+    """Duration of a run in seconds, and summaries by number of steps."""
     summaries, seconds = {}, 0.0
     with tempfile.TemporaryDirectory(prefix="hostile-") as folder:
         for steps in (EARLIER_STEPS, STEPS):
             out, began = Path(folder, str(steps)), perf_counter()
-            run_well(command_of(out, steps))
+            run_successfully(command_of(out, steps))
             seconds = perf_counter() - began
             summaries[steps] = read_result(out)
     return seconds, summaries
 
 
-# What must be there
+# Required files
 
 
 def read_result(out):
-    """Read the summary in a folder, and demand that it agrees with the other files."""
+    """Read the summary in a folder, and check that it agrees with the other files."""
     summary = json.loads((out / "summary.json").read_text())
     states = summary["load_steps"] + 1
     rows = (out / "history.csv").read_text().count("\n") - 1
     files = sorted((out / "fields").glob("step_*.vtu"))
     series = ElementTree.parse(out / "fields" / "steps.pvd").iter("DataSet")
     listed = sorted(out / "fields" / entry.attrib["file"] for entry in series)
-    demand_equal("rows, files", (rows, len(files), listed), (states, states, files))
+    expect_equal("rows, files", (rows, len(files), listed), (states, states, files))
     for file in files:
         ElementTree.parse(file)
     return summary
 
 
 def check_kept(out, had_result):
-    """Demand that an earlier result, or the new one in its place, is complete."""
+    """Check that an earlier result, or the new one in its place, is complete."""
     if (out / "summary.json").exists():
         read_result(out)
     else:
         unfinished = list(out.glob(".unfinished-*/summary.json"))
-        demand(unfinished or not had_result, "the earlier result is lost")
+        expect(unfinished or not had_result, "the earlier result is lost")
 
 
 def check_energy(energy, steps):
     expected = undisturbed()[1][steps]["energy"]
-    demand_near("energy", energy, expected, TOLERANCE * abs(expected))
+    expect_close("energy", energy, expected, TOLERANCE * abs(expected))
 
 
 def check_no_remains(folder):
-    """Demand that no hidden file of an unfinished run is left."""
-    demand_equal("remains", list(folder.rglob(".*")), [])
+    """Check that no hidden file of an unfinished run is left."""
+    expect_equal("remains", list(folder.rglob(".*")), [])
 
 
 def check_end(out, steps=STEPS):
     """Compare the result in a folder with the result of an undisturbed run."""
     summary, expected = read_result(out), undisturbed()[1][steps]
     for key in ("load_steps", "load_factor"):
-        demand_equal(key, summary[key], expected[key])
+        expect_equal(key, summary[key], expected[key])
     for key in ("energy", "reaction_x", "reaction_y"):
-        demand_near(key, summary[key], expected[key], TOLERANCE * abs(expected[key]))
+        expect_close(key, summary[key], expected[key], TOLERANCE * abs(expected[key]))
     check_no_remains(out)
 
 
@@ -201,21 +201,21 @@ def check_recovery(out):
     if ended.is_of_earlier_run:
         steps = EARLIER_STEPS
         ended = run(command_of(out, steps, "--resume"))
-    demand(not ended.code, f"it cannot be resumed: {ended}")
+    expect(not ended.code, f"it cannot be resumed: {ended}")
     check_end(out, steps)
-    run_well(command_of(out))
+    run_successfully(command_of(out))
     check_end(out)
 
 
-def check_line(line, path, kept=None):
-    """Demand one clear line that names a path, and what remains there if any does."""
-    demand(is_clear(line) and str(path) in line, f"{path} is not named: {line}")
-    holds = kept and (kept.is_file() or list(kept.glob("state_*.npz")))
-    demand(not holds or "remains" in line, f"{kept} remains: {line}")
+def check_line(line, path, remains=None):
+    """Check for one clear line that names a path, and the remains there, if any."""
+    expect(is_clear(line) and str(path) in line, f"{path} is not named: {line}")
+    holds = remains and (remains.is_file() or list(remains.glob("state_*.npz")))
+    expect(not holds or "remains" in line, f"{remains} remains: {line}")
 
 
 def visible_files(folder):
-    """Bytes of files by name, without hidden ones: those are not complete yet."""
+    """Bytes of files by name, without hidden ones, which are not yet complete."""
     return {
         name: content
         for name, content in folder_content(folder).items()
@@ -223,15 +223,15 @@ def visible_files(folder):
     }
 
 
-# Signals at random moments
+# Signals at random times
 
 
 def attempt_kills(hostile):
-    """Kill a run, and those that resume it; then let it end."""
+    """Kill a run, and the runs that resume it; then let it finish."""
     number, is_second, moments = hostile
     out = Path("out").absolute()
     if is_second:
-        run_well(command_of(out, EARLIER_STEPS))
+        run_successfully(command_of(out, EARLIER_STEPS))
     command = command_of(out)
     for moment in moments:
         had_result = (out / "summary.json").exists()
@@ -241,23 +241,23 @@ def attempt_kills(hostile):
             # Before the library is ready, or after its end, there is no message.
             outside = INTERRUPTED if number == signal.SIGINT else -number
             clear = [x.startswith("skfem-textile: interrupted") for x in ended.lines]
-            demand(clear in ([], [True]), ended)
-            demand(ended.code in ({INTERRUPTED} if clear else {0, outside}), ended)
+            expect(clear in ([], [True]), ended)
+            expect(ended.code in ({INTERRUPTED} if clear else {0, outside}), ended)
         check_kept(out, had_result)
         command = command_of(out, STEPS, "--resume")
     check_recovery(out)
     return RIGHT
 
 
-# Disks, and what writes to them
+# Disks, and writers to them
 
 
 class Disk(NamedTuple):
     """A disk that becomes full or read-only.
 
-    ``spoilt`` is a context in which it is: from the start, or from when the function
-    that the context gives is called, due after a share of a run.  An earlier result may
-    be on the disk.
+    ``spoilt`` is a context manager that makes it so: from the start, or when the
+    function that the context yields is called, due after a fraction of a run.  The disk
+    may contain an earlier result.
     """
 
     path: Path
@@ -270,25 +270,25 @@ def by_command(disk):
     """Run the command line with a checkpoint."""
     out = disk.path / "out"
     if disk.is_second:
-        run_well(command_of(out, EARLIER_STEPS))
+        run_successfully(command_of(out, EARLIER_STEPS))
     before = visible_files(out)
     with disk.spoilt() as spoil:
         after = disk.after * undisturbed()[0]
         ended = run(command_of(out), after, lambda child: spoil())
         check_kept(out, disk.is_second)
         if ended.code == 0:
-            demand_equal("lines", ended.lines, [])
+            expect_equal("lines", ended.lines, [])
             read_result(out)
         else:
-            demand(ended.code in (1, 2) and len(ended.lines) == 1, ended)
+            expect(ended.code in (1, 2) and len(ended.lines) == 1, ended)
             is_begun = ended.code == 1
             check_line(ended.lines[0], out, out / "checkpoint" if is_begun else None)
-            demand(is_begun or visible_files(out) == before, f"changed: {ended}")
+            expect(is_begun or visible_files(out) == before, f"changed: {ended}")
     check_recovery(out)
 
 
 def by_stepper(disk):
-    """Run a load stepper with a checkpoint; the caller keeps its result."""
+    """Run a load stepper with a checkpoint; the caller receives its result."""
     folder = disk.path / "checkpoint"
     if disk.is_second:
         stepper(folder, EARLIER_STEPS).run()
@@ -307,7 +307,7 @@ def by_stepper(disk):
             check_line(str(error), folder, folder)
             if isinstance(error, StepError):
                 n = len(error.result.states)
-                demand(1 <= n == len(load_stepper.result.states), "another result")
+                expect(1 <= n == len(load_stepper.result.states), "another result")
     steps = STEPS
     try:
         result = stepper(folder, steps).run(resume=True)
@@ -340,7 +340,7 @@ def by_results(disk):
             write(spoil)
         except OSError as error:
             check_line(str(error), out)
-            demand(not disk.is_second or visible_files(out) == before, "it has changed")
+            expect(not disk.is_second or visible_files(out) == before, "it has changed")
         else:
             read_result(out)
         try:
@@ -365,7 +365,7 @@ def by_sweep(disk):
         due = round(disk.after * cases)
         with ThreadPoolExecutor(1) as executor:
             for case, result in sweep(function, range(cases), executor, out=out):
-                demand_equal(f"case {case}", result, [case] * NUMBERS)
+                expect_equal(f"case {case}", result, [case] * NUMBERS)
                 returned.add(case)
                 if len(returned) > due:
                     spoil()
@@ -379,8 +379,8 @@ def by_sweep(disk):
             check_line(str(error), out, out if isinstance(error, OutputError) else None)
     before, called[:] = set(returned), []
     go(CASES)
-    demand_equal("cases", returned, set(range(CASES)))
-    demand_equal("cases that ran again", before & set(called), set())
+    expect_equal("cases", returned, set(range(CASES)))
+    expect_equal("cases that ran again", before & set(called), set())
 
 
 def stepper(folder, steps):
@@ -391,7 +391,7 @@ def stepper(folder, steps):
 
 @contextmanager
 def full(disk, blocks):
-    """A number of blocks is free; a run takes a few more."""
+    """A number of blocks is free; a run needs a few more."""
     ballast = fill(disk, BLOCK * blocks)
     yield lambda: None
     ballast.unlink()
@@ -464,5 +464,5 @@ FAMILIES = (
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="it forks, and mounts disks")
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
-def test_nothing_that_was_kept_is_lost(family):
-    family.holds(3)
+def test_no_saved_result_is_lost(family):
+    family.check(3)

@@ -1,4 +1,4 @@
-"""Directions and fabrics of files on the command line, and the command `show`."""
+"""Directions and fabrics of files on the command line, and the command ``show``."""
 
 import json
 
@@ -10,7 +10,7 @@ from skfem_textile.cli import main as cli
 from skfem_textile.fabric.directions import FibreDirections, directions_of
 from skfem_textile.io import read_directions, write_directions, write_fabric
 from skfem_textile.scenes import bias_extension
-from tests.helpers.command_line import refused
+from tests.helpers.command_line import rejected
 
 PULL = bias_extension(size=(4, 8))
 EDGES = PULL.mesh.p[:, PULL.mesh.t[1]] - PULL.mesh.p[:, PULL.mesh.t[0]]
@@ -32,14 +32,12 @@ def mesh(tmp_path):
     return path
 
 
-def test_a_run_with_the_scenes_own_directions_and_laws_from_files_is_the_same(
-    tmp_path, mesh
-):
+def test_directions_and_laws_of_a_scene_in_files_give_the_same_run(tmp_path, mesh):
     fabric = tmp_path / "fabric.json"
     write_fabric(fabric, Fabric(1e5, Sin2(0.3)))
     files = ("--mesh", mesh, "--directions", mesh, "--fabric", fabric)
-    found = run(tmp_path / "files", *files)
-    own = (
+    computed = run(tmp_path / "files", *files)
+    options = (
         "--fibre-stiffness",
         "1e5",
         "--shear-law",
@@ -47,14 +45,14 @@ def test_a_run_with_the_scenes_own_directions_and_laws_from_files_is_the_same(
         "--shear-stiffness",
         "0.3",
     )
-    plain = run(tmp_path / "plain", "--mesh", mesh, *own)
-    assert found["reaction_y"] == pytest.approx(plain["reaction_y"], rel=1e-9)
+    plain = run(tmp_path / "plain", "--mesh", mesh, *options)
+    assert computed["reaction_y"] == pytest.approx(plain["reaction_y"], rel=1e-9)
     assert "load_over_exact" in plain
-    assert "load_over_exact" not in found
-    assert "fibre directions are read from" in found["exact_answer"]
+    assert "load_over_exact" not in computed
+    assert "fibre directions are read from" in computed["exact_answer"]
 
 
-def test_directions_turn_with_the_problem(tmp_path, mesh):
+def test_directions_rotate_with_the_problem(tmp_path, mesh):
     files = ("--mesh", mesh, "--directions", mesh)
     plain = run(tmp_path / "plain", *files)
     turned = run(tmp_path / "turned", *files, "--rotate", "30")
@@ -66,7 +64,7 @@ def test_directions_turn_with_the_problem(tmp_path, mesh):
     assert np.allclose(after, before + 30, atol=1e-4)
 
 
-def test_a_run_tells_what_a_deck_has_and_it_cannot_take_over(tmp_path, caplog):
+def test_a_run_reports_the_parts_of_a_deck_that_it_ignores(tmp_path, caplog):
     deck = tmp_path / "cloth.inp"
     write_fabric(deck, Fabric(1e5, 0.5), 0.3)
     deck.write_text(deck.read_text().replace("*FABRIC", "*DENSITY\n1e-9,\n*FABRIC"))
@@ -82,7 +80,7 @@ def test_a_run_tells_what_a_deck_has_and_it_cannot_take_over(tmp_path, caplog):
     assert "not represented exactly: *DENSITY" in caplog.text
 
 
-def test_what_a_run_takes_of_its_mesh_file_is_not_told_as_not_read(tmp_path, caplog):
+def test_data_that_a_run_uses_are_not_reported_as_ignored(tmp_path, caplog):
     deck = tmp_path / "ply.inp"
     write_directions(deck, PULL.mesh, OF_SCENE)
     write_fabric(tmp_path / "cloth.inp", Fabric(1e5, 0.5), 0.3)
@@ -105,32 +103,30 @@ def test_what_a_run_takes_of_its_mesh_file_is_not_told_as_not_read(tmp_path, cap
 
 
 @pytest.mark.parametrize("suffix", [".json", ".inp"])
-def test_a_run_tells_that_directions_of_a_fabric_are_not_taken(
-    tmp_path, caplog, suffix
-):
-    own = FibreDirections.of_angles(*(angle + 5 for angle in OF_SCENE.angles_deg()))
+def test_a_run_reports_that_it_ignores_directions_of_a_fabric(tmp_path, caplog, suffix):
+    others = FibreDirections.of_angles(*(angle + 5 for angle in OF_SCENE.angles_deg()))
     mesh, cloth = tmp_path / "ply.vtu", tmp_path / f"cloth{suffix}"
-    write_directions(mesh, PULL.mesh, own)
+    write_directions(mesh, PULL.mesh, others)
     if suffix == ".json":
-        write_fabric(cloth, own.on(Fabric(1e5, 0.5)))
+        write_fabric(cloth, others.on(Fabric(1e5, 0.5)))
     else:
         write_fabric(cloth, Fabric(1e5, 0.5), 0.3)
         law = cloth.read_text()
-        write_directions(cloth, PULL.mesh, own)
+        write_directions(cloth, PULL.mesh, others)
         cloth.write_text(cloth.read_text() + law)
     line = ["--mesh", mesh, "--fabric", cloth]
     line += ["--set", "fabric.thickness_mm=0.3"] if suffix == ".inp" else []
     run(tmp_path / "scenes", *line)
-    said = f"{cloth}: the fibre directions in this file are ignored; "
-    said += "the directions from the scene are used: "
-    assert said in caplog.text
+    message = f"{cloth}: the fibre directions in this file are ignored; "
+    message += "the directions from the scene are used: "
+    assert message in caplog.text
     caplog.clear()
     run(tmp_path / "own", *line, "--directions", mesh)
     run(tmp_path / "turned", *line, "--directions", mesh, "--rotate", "20")
     assert "not taken," not in caplog.text
 
 
-def test_a_fabric_without_directions_or_with_those_of_the_scene_tells_nothing(
+def test_no_ignored_directions_are_reported_for_fabrics_that_have_none_or_the_same(
     tmp_path, caplog
 ):
     write_fabric(tmp_path / "laws.inp", Fabric(1e5, 0.5), 0.3)
@@ -164,17 +160,17 @@ def test_a_fabric_without_directions_or_with_those_of_the_scene_tells_nothing(
         (("--directions", "cloth.json"), "can be read only from"),
     ],
 )
-def test_options_that_contradict_a_file_are_refused_before_any_work(
+def test_options_that_contradict_a_file_are_rejected_before_any_work(
     tmp_path, mesh, capsys, monkeypatch, words, named
 ):
     monkeypatch.chdir(tmp_path)
     write_fabric("cloth.json", Fabric())
     line = ("run", "bias_extension", "--size", "3x6", "--out", "out", *words)
-    assert named in refused(capsys, *line)
+    assert named in rejected(capsys, *line)
     assert not (tmp_path / "out").exists()
 
 
-def test_show_draws_the_mesh_and_writes_directions_that_come_back(
+def test_show_draws_the_mesh_and_writes_directions_that_are_read_back(
     tmp_path, mesh, capsys, caplog
 ):
     pytest.importorskip("pyvista")
@@ -196,7 +192,7 @@ def test_show_warns_of_directions_that_follow_the_numbering_of_nodes(tmp_path, c
     assert "warp runs along edge 1 of 32 of 32 elements" in caplog.text
 
 
-def test_show_takes_angles_for_a_mesh_without_directions(tmp_path):
+def test_show_accepts_angles_for_a_mesh_without_directions(tmp_path):
     out = tmp_path / "out"
     write_directions(tmp_path / "ply.inp", PULL.mesh, OF_SCENE)
     line = ["show", str(tmp_path / "ply.inp"), "--warp", "30", "--weft", "120"]
@@ -219,12 +215,12 @@ def test_show_takes_angles_for_a_mesh_without_directions(tmp_path):
         ),
     ],
 )
-def test_show_refuses_bad_input_in_one_line_and_writes_nothing(
+def test_show_rejects_invalid_input_in_one_line_and_writes_nothing(
     tmp_path, mesh, capsys, monkeypatch, words, named
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "other.csv").write_text(
         "element,warp_angle_deg,weft_angle_deg\n1,0,90\n"
     )
-    assert named in refused(capsys, "show", *words, "--out", "out")
+    assert named in rejected(capsys, "show", *words, "--out", "out")
     assert not (tmp_path / "out").exists()

@@ -1,4 +1,4 @@
-"""The command ``fit``: from curves of tests to a fabric that loads back."""
+"""The command ``fit``: from curves of tests to a fabric that runs can read."""
 
 import json
 
@@ -11,7 +11,7 @@ from skfem_textile.cli import main as cli
 from skfem_textile.cli.fit import TESTS
 from skfem_textile.fabric.files import read_law
 from skfem_textile.io import read_fabric
-from tests.helpers.command_line import refused, run
+from tests.helpers.command_line import rejected, run
 
 LAW = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
 SIZES = "--width", "100", "--height", "200"
@@ -28,9 +28,9 @@ def curves(folder, test, n=3, noise=0.02):
     gamma = np.radians(np.linspace(1.0, 40.0, 40))
     force = test.force(LAW, gamma)
     for i in range(n):
-        own = noise * force.max() * np.random.default_rng(i).standard_normal(40)
+        dF = noise * force.max() * np.random.default_rng(i).standard_normal(40)
         header = "displacement (mm),force (N)"
-        yield table(folder / f"{i}.csv", header, test.displacement(gamma), force + own)
+        yield table(folder / f"{i}.csv", header, test.displacement(gamma), force + dF)
 
 
 def fit(*arguments):
@@ -48,7 +48,7 @@ def fit(*arguments):
         ),
     ],
 )
-def test_a_fit_writes_a_law_that_a_run_takes(kind, test, sizes, tmp_path, capsys):
+def test_a_fit_writes_a_law_that_a_run_reads(kind, test, sizes, tmp_path, capsys):
     data, out = curves(tmp_path, test), tmp_path / "fit"
     assert fit(kind, *data, *sizes, "--out", out, "--no-render") == 0
     names = {file.name for file in out.iterdir()}
@@ -71,7 +71,7 @@ def test_a_fit_draws_its_curves(tmp_path):
     assert (tmp_path / "fit" / "fit.png").stat().st_size > 10_000
 
 
-def test_tension_and_shear_come_together_in_one_fabric(tmp_path, capsys):
+def test_tension_and_shear_are_fitted_into_one_fabric(tmp_path, capsys):
     toe, e = CrimpToe(5e3, 0.004, 10.0), np.linspace(0.0, 0.02, 30)[1:]
     force = 100 * toe.value(np.log1p(e)) / (1 + e)
     header = "warp strain (-),warp force (N),weft strain (-),weft force (N)"
@@ -90,14 +90,14 @@ def test_tension_and_shear_come_together_in_one_fabric(tmp_path, capsys):
     assert read_law(two / "warp_law.json") == fabric.families[0].tension
 
 
-def test_a_fabric_tells_what_no_test_told(tmp_path, capsys):
+def test_a_fabric_lists_the_properties_that_were_not_fitted(tmp_path, capsys):
     data = list(curves(tmp_path, BiasExtension(100.0, 200.0), n=1))
     shear = "bias-extension", *data, *SIZES, "--no-render", "--out", tmp_path / "o"
     assert fit(*shear) == 0
-    said = "the fibre stiffness in fabric.json is the default, 100000 N/mm"
-    assert said in capsys.readouterr().out
+    message = "the fibre stiffness in fabric.json is the default, 100000 N/mm"
+    assert message in capsys.readouterr().out
     assert fit(*shear, "--fibre-stiffness", 2e4) == 0
-    assert said not in capsys.readouterr().out
+    assert message not in capsys.readouterr().out
     header = "warp strain (-),warp force (N),weft strain (-),weft force (N)"
     e = np.linspace(0.001, 0.02, 20)
     pull = table(tmp_path / "pull.csv", header, e, 4e4 * e, e, 4e4 * e)
@@ -107,7 +107,7 @@ def test_a_fabric_tells_what_no_test_told(tmp_path, capsys):
     assert "fabric.json contains no shear stiffness" in capsys.readouterr().out
 
 
-def test_a_table_goes_on_beyond_its_data_as_asked(tmp_path):
+def test_a_table_is_extrapolated_on_request(tmp_path):
     (data,) = curves(tmp_path, BiasExtension(100.0, 200.0), n=1)
     header = "warp strain (-),warp force (N),weft strain (-),weft force (N)"
     e = np.linspace(0.001, 0.02, 20)
@@ -138,7 +138,7 @@ def test_simulated_tests_are_fitted(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "text"),
     [
         (["missing.csv", *SIZES], "missing.csv"),
         (["0.csv", "--width", "100"], "--height is missing"),
@@ -159,25 +159,25 @@ def test_simulated_tests_are_fitted(tmp_path):
         (["0.csv", *SIZES, "--warp", "60"], "must be at least 346.41 mm high"),
     ],
 )
-def test_bad_input_is_one_line_and_writes_nothing(
-    arguments, said, tmp_path, monkeypatch, capsys
+def test_invalid_input_is_rejected_in_one_line_and_writes_nothing(
+    arguments, text, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
     list(curves(tmp_path, BiasExtension(100.0, 200.0), n=1))
-    assert said in refused(capsys, "fit", "bias-extension", *arguments, "--out", "o")
+    assert text in rejected(capsys, "fit", "bias-extension", *arguments, "--out", "o")
     assert not (tmp_path / "o").exists()
 
 
-def test_a_law_of_tension_is_no_law_of_shear(tmp_path, capsys):
+def test_a_tension_law_is_rejected_as_a_shear_law(tmp_path, capsys):
     (tmp_path / "law.json").write_text(
         '{"kind": "CrimpToe", "stiffness": 1, "toe": 1, "initial_stiffness": 1}'
     )
     file = str(tmp_path / "law.json")
     command = "run", "strip", "--out", str(tmp_path / "o"), "--shear-law", file
-    assert "CrimpToe is not a law of shear" in refused(capsys, *command)
+    assert "CrimpToe is not a law of shear" in rejected(capsys, *command)
 
 
-def test_the_help_names_every_law():
+def test_the_help_lists_every_law():
     from skfem_textile.calibration.biaxial import TENSION_LAWS
     from skfem_textile.calibration.shear import SHEAR_LAWS
 

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: one line, and nothing is lost."""
+"""Ctrl-C and SIGTERM end a run with one line and lose no results."""
 
 import contextlib
 import json
@@ -28,15 +28,15 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's"
 
 
 @pytest.fixture(autouse=True)
-def _hears_ctrl_c():
-    """A suite in the background of a shell ignores it, and so would its children."""
+def _receives_ctrl_c():
+    """A background process of a shell ignores it, and so would its children."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
 
 
-def interrupted(out, number, seconds, *options):
-    """Exit code and stderr of a run that gets a signal, counted from first imports."""
+def interrupt_run(out, number, seconds, *options):
+    """Exit code and stderr of a run with a signal, timed from the first imports."""
     child = subprocess.Popen(
         [*COMMAND, *QUICK, *options, "--out", str(out)],
         stdout=subprocess.DEVNULL,
@@ -49,9 +49,9 @@ def interrupted(out, number, seconds, *options):
         next(line for line in lines if "skfem_textile.cli.interruption" in line)
         late = threading.Timer(seconds, child.send_signal, [number])
         late.start()
-        said = [line for line in lines if not line.startswith("import time:")]
+        messages = [line for line in lines if not line.startswith("import time:")]
     late.cancel()
-    return child.returncode, "".join(said)
+    return child.returncode, "".join(messages)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -60,23 +60,23 @@ def interrupted(out, number, seconds, *options):
     [0.0, 0.3, 1.0, *(pytest.param(s, marks=pytest.mark.long) for s in (0.1, 0.6))],
 )
 def test_a_signal_at_any_moment_gives_one_line_and_130(tmp_path, number, seconds):
-    """From the first import on; a run that was over when it came has ended well."""
+    """From the first import on; a run that had already finished ends normally."""
     seconds *= random.Random(f"{number} {seconds}").uniform(0.8, 1.2)
-    code, said = interrupted(tmp_path / "out", number, seconds)
+    code, lines = interrupt_run(tmp_path / "out", number, seconds)
     assert is_whole(tmp_path / "out")
     if code == 0:
-        assert said == ""
+        assert lines == ""
         assert (tmp_path / "out" / "summary.json").exists()
     else:
         assert code == INTERRUPTED
-        assert said.startswith("skfem-textile: interrupted")
-        assert said.count("\n") == 1
+        assert lines.startswith("skfem-textile: interrupted")
+        assert lines.count("\n") == 1
     assert not list(tmp_path.glob("out/.unfinished-*"))
     if not seconds and number == signal.SIGTERM:  # while modules are imported
-        assert (code, said) == (INTERRUPTED, "skfem-textile: interrupted\n")
+        assert (code, lines) == (INTERRUPTED, "skfem-textile: interrupted\n")
 
 
-def test_who_imports_the_package_keeps_the_answers_to_signals():
+def test_importing_the_package_changes_no_signal_handler():
     script = (
         "import signal; answers = lambda: "
         "[signal.getsignal(n) for n in (signal.SIGTERM, signal.SIGINT)];"
@@ -86,14 +86,14 @@ def test_who_imports_the_package_keeps_the_answers_to_signals():
     subprocess.run([sys.executable, "-c", script], check=True, capture_output=True)
 
 
-def test_sigterm_is_ctrl_c_while_signals_are_raised():
+def test_sigterm_acts_as_ctrl_c_while_signals_are_raised():
     with pytest.raises(KeyboardInterrupt), raised():
         os.kill(os.getpid(), signal.SIGTERM)
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
-def test_a_signal_while_an_object_is_removed_is_not_lost():
-    """Python prints and forgets what is raised there."""
+def test_a_signal_during_finalisation_is_not_lost():
+    """Python prints and ignores exceptions in finalisers."""
 
     class Removed:
         def __del__(self):
@@ -110,8 +110,8 @@ def test_a_signal_while_an_object_is_removed_is_not_lost():
     assert done == [True]
 
 
-def hold(signals, steps):
-    """Take a step after each signal, and one after what is held together."""
+def run_held(signals, steps):
+    """Take a step after each signal, and one after the protected block."""
     with held():
         for number in signals:
             os.kill(os.getpid(), number)
@@ -120,21 +120,21 @@ def hold(signals, steps):
 
 
 @pytest.mark.parametrize(
-    ("signals", "taken"),
+    ("signals", "order"),
     [
         ([], ["after"]),
         ([signal.SIGINT], ["held"]),
         ([signal.SIGINT, signal.SIGINT, signal.SIGINT], ["held"]),
     ],
 )
-def test_what_is_held_together_ends_before_the_first_signal_is_answered(signals, taken):
+def test_a_protected_block_ends_before_the_first_signal_is_handled(signals, order):
     steps = []
     with contextlib.suppress(KeyboardInterrupt):
-        hold(signals, steps)
-    assert steps == taken
+        run_held(signals, steps)
+    assert steps == order
 
 
-def test_in_another_thread_signals_are_left_alone():
+def test_another_thread_changes_no_signal_handler():
     def run():
         with raised(), held():
             done.append(True)
@@ -146,9 +146,7 @@ def test_in_another_thread_signals_are_left_alone():
     assert done == [True]
 
 
-def test_a_signal_while_results_are_written_lets_them_be_written(
-    tmp_path, capsys, monkeypatch
-):
+def test_results_are_written_whole_despite_a_signal(tmp_path, capsys, monkeypatch):
     move = ResultFolder._move
 
     def interrupted_move(folder):
@@ -158,18 +156,17 @@ def test_a_signal_while_results_are_written_lets_them_be_written(
     monkeypatch.setattr(ResultFolder, "_move", interrupted_move)
     out = tmp_path / "out"
     assert cli.main(["run", "strip", *QUICK, "--out", str(out)]) == INTERRUPTED
-    said = capsys.readouterr().err
+    stderr = capsys.readouterr().err
     assert (
-        said == "skfem-textile: interrupted: the results computed so far are written\n"
+        stderr
+        == "skfem-textile: interrupted: the results computed so far are written\n"
     )
     assert (out / "summary.json").exists()
     assert is_whole(out)
 
 
 @pytest.mark.parametrize("options", [(), ("--tolerance", "0.5")])
-def test_a_signal_while_the_error_is_estimated_loses_no_result(
-    tmp_path, capsys, monkeypatch, options
-):
+def test_a_signal_in_estimates_loses_no_result(tmp_path, capsys, monkeypatch, options):
     def interrupted_estimate(ply):
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(10)
@@ -185,7 +182,7 @@ def test_a_signal_while_the_error_is_estimated_loses_no_result(
     assert is_whole(out)
 
 
-def test_an_interrupted_run_takes_no_time_for_an_estimate(tmp_path, monkeypatch):
+def test_an_interrupted_run_skips_the_error_estimate(tmp_path, monkeypatch):
     def interrupted_step(run, t):
         if t > 0.5:
             raise KeyboardInterrupt
@@ -200,10 +197,8 @@ def test_an_interrupted_run_takes_no_time_for_an_estimate(tmp_path, monkeypatch)
     assert summary["error_estimate"] == "none: interrupted"
 
 
-def test_a_signal_while_a_picture_is_drawn_lets_that_one_end(
-    tmp_path, capsys, monkeypatch
-):
-    """VTK may crash where it is interrupted."""
+def test_a_picture_is_finished_despite_a_signal(tmp_path, capsys, monkeypatch):
+    """VTK may crash if it is interrupted."""
     plot = pytest.importorskip("skfem_textile.plot")
     drawn = []
 
@@ -216,13 +211,13 @@ def test_a_signal_while_a_picture_is_drawn_lets_that_one_end(
     out = tmp_path / "out"
     assert cli.main(["run", "strip", *DRAWN, "--out", str(out)]) == INTERRUPTED
     assert drawn == [True]
-    said = "interrupted: the numerical results are written, the pictures are not"
-    assert capsys.readouterr().err == f"skfem-textile: {said}\n"
+    message = "interrupted: the numerical results are written, the pictures are not"
+    assert capsys.readouterr().err == f"skfem-textile: {message}\n"
     assert is_whole(out)
 
 
-def test_worker_processes_never_hear_ctrl_c():
-    """A worker that did would print a traceback of its imports."""
+def test_worker_processes_ignore_ctrl_c():
+    """A worker that did not would print a traceback of its imports."""
     with WorkerProcesses(1) as executor:
         blocked = executor.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()
     assert signal.SIGINT in blocked

@@ -5,11 +5,11 @@ import json
 import pytest
 
 from skfem_textile.cli import main as cli
-from tests.helpers.command_line import refused, run
+from tests.helpers.command_line import rejected, run
 
 pytestmark = pytest.mark.usefixtures("no_estimate")
 
-# Without a shear stiffness, which does not go with every law of shear.
+# Without a shear stiffness, which contradicts some shear laws.
 QUICK = [
     "--size",
     "3x4",
@@ -31,30 +31,30 @@ def summary(tmp_path, *arguments):
 
 @pytest.fixture(scope="module")
 def linear(tmp_path_factory):
-    """Of the linear law of shear."""
+    """Summary with the linear shear law."""
     return summary(tmp_path_factory.mktemp("linear"), "--shear-stiffness", "0.5")
 
 
-def written(tmp_path, name, text):
+def write_table(tmp_path, name, text):
     (tmp_path / name).write_text(text)
     return str(tmp_path / name)
 
 
 def test_tables_of_linear_laws_give_the_answer_of_the_linear_laws(tmp_path):
-    """The strip reaches 62.5 degrees; reactions to 1e-9."""
+    """The strip reaches 62.5 degrees; reactions agree to 1e-9."""
     linear = summary(tmp_path, "--shear-stiffness", "0.5", "--fibre-stiffness", "2e3")
     radian = 57.29577951308232
     angles = "".join(f"{n * radian / 4!r},{n / 8}\n" for n in range(7))
     strains = "".join(f"{n / 10},{200 * n}\n" for n in range(-5, 6))
     laws = (
-        *("--shear-law", written(tmp_path, "shear.csv", SHEAR + angles)),
+        *("--shear-law", write_table(tmp_path, "shear.csv", SHEAR + angles)),
         *("--set", "shear.continuation=odd"),
-        *("--tension-law", written(tmp_path, "tension.CSV", TENSION + strains)),
+        *("--tension-law", write_table(tmp_path, "tension.CSV", TENSION + strains)),
     )
-    found = summary(tmp_path, *laws)
-    assert found["inputs"]["shear"]["law"] == laws[1]
+    computed = summary(tmp_path, *laws)
+    assert computed["inputs"]["shear"]["law"] == laws[1]
     for key in ("energy", "reaction_x", "reaction_y", "max_fibre_tension"):
-        assert found[key] == pytest.approx(linear[key], rel=1e-9)
+        assert computed[key] == pytest.approx(linear[key], rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -72,20 +72,20 @@ def test_tables_of_linear_laws_give_the_answer_of_the_linear_laws(tmp_path):
         ),
     ],
 )
-def test_a_law_by_name_takes_its_parameters(tmp_path, linear, law):
-    """Each comes close to the linear law."""
-    found = summary(tmp_path, *law)
-    assert found["energy"] == pytest.approx(linear["energy"], rel=1e-3)
+def test_a_law_by_name_accepts_its_parameters(tmp_path, linear, law):
+    """Each result is close to the linear law."""
+    computed = summary(tmp_path, *law)
+    assert computed["energy"] == pytest.approx(linear["energy"], rel=1e-3)
 
 
 def test_a_locking_angle_is_in_degrees(tmp_path, linear):
     """The strip shears by 62.5 degrees, where this law has 1.9 times the moment."""
     law = "--shear-law", "locking", "--shear-stiffness", "0.5"
-    found = summary(tmp_path, *law, "--set", "shear.locking_angle_deg=90")
-    assert 1.1 < found["shear_energy"] / linear["shear_energy"] < 1.9
+    computed = summary(tmp_path, *law, "--set", "shear.locking_angle_deg=90")
+    assert 1.1 < computed["shear_energy"] / linear["shear_energy"] < 1.9
 
 
-def test_a_sine_is_another_variable_and_a_toe_another_tension(tmp_path, linear):
+def test_sine_and_toe_laws_change_shear_and_tension(tmp_path, linear):
     sine = ("--shear-law", "polynomial", "--set", "shear.coefficients_N_per_mm=[0.5]")
     energies = [
         summary(tmp_path, *sine, *more)["shear_energy"]
@@ -99,8 +99,8 @@ def test_a_sine_is_another_variable_and_a_toe_another_tension(tmp_path, linear):
         "tension.initial_stiffness_N_per_mm=100",
     )
     crimped = ("--tension-law", "crimp-toe", *toe)
-    found = summary(tmp_path, "--shear-stiffness", "0.5", *crimped)
-    assert found["max_fibre_strain"] > 1.5 * linear["max_fibre_strain"]
+    computed = summary(tmp_path, "--shear-stiffness", "0.5", *crimped)
+    assert computed["max_fibre_strain"] > 1.5 * linear["max_fibre_strain"]
 
 
 CRIMPED = (
@@ -114,7 +114,7 @@ CRIMPED = (
 )
 
 
-def test_without_crimp_an_interchange_is_a_toe_and_with_crimp_another_tension(tmp_path):
+def test_an_interchange_without_crimp_equals_a_toe(tmp_path):
     toe = (
         "--set",
         "tension.toe=0.004",
@@ -122,7 +122,7 @@ def test_without_crimp_an_interchange_is_a_toe_and_with_crimp_another_tension(tm
         "tension.initial_stiffness_N_per_mm=100",
     )
     alone = summary(tmp_path, "--tension-law", "crimp-toe", *toe)
-    found = [
+    summaries = [
         summary(
             tmp_path,
             *CRIMPED,
@@ -133,29 +133,29 @@ def test_without_crimp_an_interchange_is_a_toe_and_with_crimp_another_tension(tm
         )
         for c in ("0", "0.01")
     ]
-    assert found[0]["energy"] == pytest.approx(alone["energy"], rel=1e-9)
-    assert found[1]["energy"] < 0.99 * alone["energy"]
+    assert summaries[0]["energy"] == pytest.approx(alone["energy"], rel=1e-9)
+    assert summaries[1]["energy"] < 0.99 * alone["energy"]
 
 
-def test_a_run_beyond_its_table_goes_on_with_one_warning_if_asked(tmp_path, capsys):
-    file = written(tmp_path, "law.csv", SHEAR + "0,0\n20,0.2\n40,0.5\n")
+def test_a_table_is_extrapolated_with_one_warning_on_request(tmp_path, capsys):
+    file = write_table(tmp_path, "law.csv", SHEAR + "0,0\n20,0.2\n40,0.5\n")
     law = ("--shear-law", file, "--set", "shear.continuation=odd")
     assert run(tmp_path, *QUICK, *law, "--set", "shear.extrapolation=linear") == 0
-    said = capsys.readouterr().err
-    assert said.count("extrapolated linearly") == 1
+    stderr = capsys.readouterr().err
+    assert stderr.count("extrapolated linearly") == 1
 
 
-def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
+def test_a_checkpoint_distinguishes_tables_by_their_points(tmp_path, capsys):
     folder = str(tmp_path / "c")
-    file = written(tmp_path, "law.csv", SHEAR + "0,0\n90,1\n")
+    file = write_table(tmp_path, "law.csv", SHEAR + "0,0\n90,1\n")
     law = ("--shear-law", file, "--set", "shear.continuation=odd")
     assert run(tmp_path, *QUICK, *law, "--checkpoint", folder) == 0
     assert run(tmp_path, *QUICK, *law, "--resume", folder) == 0
-    written(tmp_path, "law.csv", SHEAR + "0,0\n90,1.01\n")
+    write_table(tmp_path, "law.csv", SHEAR + "0,0\n90,1.01\n")
     capsys.readouterr()
     command = ("run", "strip", "--out", str(tmp_path / "new"), *QUICK, *law)
-    said = refused(capsys, *command, "--resume", folder)
-    assert "belongs to another run: shear law was Tabulated(" in said
+    message = rejected(capsys, *command, "--resume", folder)
+    assert "belongs to another run: shear law was Tabulated(" in message
 
 
 @pytest.mark.parametrize(
@@ -223,31 +223,31 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
         ),
     ],
 )
-def test_laws_that_nobody_can_mean_are_refused(tmp_path, capsys, options, message):
+def test_invalid_laws_are_rejected(tmp_path, capsys, options, message):
     out = ("--out", str(tmp_path / "out"))
-    assert message in refused(capsys, "run", "strip", *QUICK, *out, *options)
+    assert message in rejected(capsys, "run", "strip", *QUICK, *out, *options)
 
 
-def test_a_file_that_is_no_table_of_the_law_is_refused(tmp_path, capsys):
+def test_a_file_without_a_table_of_the_law_is_rejected(tmp_path, capsys):
     out = ("--out", str(tmp_path / "out"))
-    file = written(tmp_path, "law.csv", TENSION + "0,0\n0.2,1\n0.1,2\n")
-    said = refused(capsys, "run", "strip", *QUICK, *out, "--tension-law", file)
-    assert "row 4: 0.1 follows 0.2" in said
-    said = refused(capsys, "run", "strip", *QUICK, *out, "--shear-law", file)
-    assert "law.csv, row 1: the header must be of the form 'shear angle (deg)" in said
+    file = write_table(tmp_path, "law.csv", TENSION + "0,0\n0.2,1\n0.1,2\n")
+    line = rejected(capsys, "run", "strip", *QUICK, *out, "--tension-law", file)
+    assert "row 4: 0.1 follows 0.2" in line
+    line = rejected(capsys, "run", "strip", *QUICK, *out, "--shear-law", file)
+    assert "law.csv, row 1: the header must be of the form 'shear angle (deg)" in line
     more = ("--tension-law", file, "--fibre-stiffness", "3")
-    said = refused(capsys, "run", "strip", *QUICK, *out, *more)
+    line = rejected(capsys, "run", "strip", *QUICK, *out, *more)
     assert (
         "tension.stiffness_N_per_mm requires that tension.law is linear or crimp-toe"
-        in said
+        in line
     )
 
 
-def test_an_exact_angle_beyond_a_pole_is_no_exact_answer(tmp_path):
+def test_no_exact_solution_is_given_for_an_angle_beyond_a_pole(tmp_path):
     """Fibres stretch before they reach the pole; 40 degrees are not reached."""
     line = ["run", "bias_extension", "--size", "4x8", "--steps", "4", "--no-render"]
     law = ["--shear-law", "locking", "--set", "shear.locking_angle_deg=35"]
     assert cli.main([*line, *law, "--out", str(tmp_path)]) == 0
-    found = json.loads((tmp_path / "summary.json").read_text())
-    assert found["exact_answer"].startswith("none: for inextensible fibres")
-    assert "load_over_exact" not in found
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["exact_answer"].startswith("none: for inextensible fibres")
+    assert "load_over_exact" not in summary

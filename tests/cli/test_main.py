@@ -1,4 +1,4 @@
-"""The commands, the defaults of scenes, and how bad input is answered."""
+"""Commands, defaults of scenes, and messages for invalid input."""
 
 import json
 
@@ -8,9 +8,9 @@ import pytest
 
 from skfem_textile.cases import SCENES, case_from_tables
 from skfem_textile.cli import main as cli
-from tests.helpers.command_line import QUICK, refused
+from tests.helpers.command_line import QUICK, rejected
 
-# The commands, and how bad input, signals and odd words are answered
+# Commands, and responses to invalid input, signals and unusual words
 
 
 def test_list_names_the_scenes(capsys):
@@ -24,8 +24,8 @@ def test_list_names_the_scenes(capsys):
     assert [line.split()[0] for line in lines] == names
 
 
-def test_an_unknown_scene_is_refused(tmp_path, capsys):
-    error = refused(capsys, "run", "stripe", "--out", str(tmp_path))
+def test_an_unknown_scene_is_rejected(tmp_path, capsys):
+    error = rejected(capsys, "run", "stripe", "--out", str(tmp_path))
     assert "'stripe'" in error
     assert "strip" in error
 
@@ -78,66 +78,64 @@ def test_an_unknown_scene_is_refused(tmp_path, capsys):
         (("--set", "tension.file=a.csv"), "a table of a law has no key"),
     ],
 )
-def test_bad_input_is_refused_before_anything_is_written(
-    tmp_path, capsys, arguments, message
-):
+def test_invalid_input_is_rejected_before_output(tmp_path, capsys, arguments, message):
     out = str(tmp_path / "out")
-    error = refused(capsys, "run", "strip", "--out", out, "--no-render", *arguments)
+    error = rejected(capsys, "run", "strip", "--out", out, "--no-render", *arguments)
     assert message in error
     assert list(tmp_path.iterdir()) == []
 
 
-def test_numbers_are_written_as_in_any_program(tmp_path):
-    said = ("--force", "top=.5,1.", "--set", "scene.rotate_deg=.5", "mesh.seed=02")
-    assert cli.main(["run", "strip", *QUICK, *said, "--out", str(tmp_path)]) == 0
+def test_usual_notations_of_numbers_are_accepted(tmp_path):
+    options = ("--force", "top=.5,1.", "--set", "scene.rotate_deg=.5", "mesh.seed=02")
+    assert cli.main(["run", "strip", *QUICK, *options, "--out", str(tmp_path)]) == 0
     inputs = json.loads((tmp_path / "summary.json").read_text())["inputs"]
     assert inputs["loads"]["force_N"] == {"top": [0.5, 1.0]}
     assert (inputs["scene"]["rotate_deg"], inputs["mesh"]["seed"]) == (0.5, 2)
 
 
-def test_numbers_that_make_no_sense_are_refused(capsys, tmp_path):
+def test_invalid_numbers_are_rejected(capsys, tmp_path):
     out = ("--out", str(tmp_path / "o"))
-    said = refused(capsys, "run", "trellis", "--fibres", "nan", *out)
-    assert "scene.warp_deg must be a finite number" in said
+    message = rejected(capsys, "run", "trellis", "--fibres", "nan", *out)
+    assert "scene.warp_deg must be a finite number" in message
 
 
-def test_of_a_long_line_the_middle_is_left_out(tmp_path, capsys):
+def test_the_middle_of_a_long_line_is_elided(tmp_path, capsys):
     out = ("--out", str(tmp_path / "o"))
-    said = refused(capsys, "run", "strip", *out, "--size", "9" * 5000)
-    assert len(said) < 500
-    assert "argument --size: '999" in said
-    assert " ... " in said
-    assert "expected NXxNY, such as 10x15, got '" in said
+    message = rejected(capsys, "run", "strip", *out, "--size", "9" * 5000)
+    assert len(message) < 500
+    assert "argument --size: '999" in message
+    assert " ... " in message
+    assert "expected NXxNY, such as 10x15, got '" in message
 
 
 @pytest.mark.parametrize("word", ["--size=--", "--out=--"])
-def test_two_dashes_are_no_value(tmp_path, capsys, word):
-    said = refused(capsys, "run", "strip", "--out", str(tmp_path), word, *QUICK)
-    assert "expected a value, got" in said
+def test_two_dashes_are_rejected_as_a_value(tmp_path, capsys, word):
+    message = rejected(capsys, "run", "strip", "--out", str(tmp_path), word, *QUICK)
+    assert "expected a value, got" in message
 
 
-def test_what_looks_like_an_option_is_no_folder(tmp_path, capsys):
+def test_a_folder_name_that_looks_like_an_option_is_rejected(tmp_path, capsys):
     out = ["--out", str(tmp_path / "out")]
-    said = refused(capsys, "run", "strip", *QUICK, *out, "--resume", "--paper x")
-    assert "'--paper x' is not an option" in said
+    message = rejected(capsys, "run", "strip", *QUICK, *out, "--resume", "--paper x")
+    assert "'--paper x' is not an option" in message
 
 
 @pytest.mark.parametrize("option", ["--out", "--checkpoint", "--resume"])
-def test_a_folder_without_a_name_is_refused(tmp_path, capsys, monkeypatch, option):
+def test_a_folder_without_a_name_is_rejected(tmp_path, capsys, monkeypatch, option):
     monkeypatch.chdir(tmp_path)
-    said = refused(capsys, "run", "strip", *QUICK, "--out", "o", option, "")
-    assert f"argument {option}: the name of a folder must not be empty" in said
+    message = rejected(capsys, "run", "strip", *QUICK, "--out", "o", option, "")
+    assert f"argument {option}: the name of a folder must not be empty" in message
     assert list(tmp_path.iterdir()) == []
 
 
-# What a run shows of which nothing but the scene is said
+# Results of a run with only the scene specified
 
 
 def plain_run(capsys, scene, out):
-    """Summary and inputs of a plain run; it says nothing on stderr.
+    """Summary and inputs of a plain run, which prints nothing to stderr.
 
-    But for the strip, as in the paper without shear stiffness: its energy should be
-    zero, and what there is, is of the discretisation.
+    The strip, as in the paper without shear stiffness, is an exception: its exact
+    energy is zero, and the computed energy is the discretisation error.
     """
     assert cli.main(["run", scene, "--no-render", "--out", str(out)]) == 0
     warnings = capsys.readouterr().err.splitlines()
@@ -152,12 +150,12 @@ def plain_run(capsys, scene, out):
 
 
 @pytest.mark.parametrize("scene", ["strip", "picture_frame", "trellis"])
-def test_a_plain_run_comes_near_its_exact_answer(tmp_path, capsys, scene):
+def test_a_plain_run_is_close_to_its_exact_solution(tmp_path, capsys, scene):
     summary, inputs = plain_run(capsys, scene, tmp_path)
     assert summary["displacement_error_rms"] < 0.02  # mm, of 60 to 100 mm
     assert summary["shear_angle_error_rms_deg"] < 0.4
     assert summary["n_elements"] == 4 * np.prod(inputs["mesh"]["size"])
-    if scene == "picture_frame":  # it has the load of its shear stiffness
+    if scene == "picture_frame":  # it follows from its shear stiffness
         gamma = np.pi / 4
         expected = 100 * inputs["shear"]["stiffness_N_per_mm"] * gamma * np.cos(gamma)
         assert summary["reaction_x"] == pytest.approx(expected, rel=1e-2)
@@ -165,7 +163,7 @@ def test_a_plain_run_comes_near_its_exact_answer(tmp_path, capsys, scene):
 
 @pytest.mark.usefixtures("no_estimate")
 @pytest.mark.parametrize("scene", ["cantilever", "buckling"])
-def test_a_plain_run_in_space_comes_near_its_exact_answer(tmp_path, capsys, scene):
+def test_a_plain_run_in_space_is_close_to_its_exact_solution(tmp_path, capsys, scene):
     summary, _ = plain_run(capsys, scene, tmp_path)
     if scene == "cantilever":
         assert summary["tip_error_over_length"] < 1e-3
@@ -176,7 +174,7 @@ def test_a_plain_run_in_space_comes_near_its_exact_answer(tmp_path, capsys, scen
 
 @pytest.mark.usefixtures("no_estimate")
 @pytest.mark.parametrize("scene", ["hemisphere", "cylinder", "double_dome", "saddle"])
-def test_a_plain_run_on_a_tool_finds_the_net(tmp_path, capsys, scene):
+def test_a_plain_run_on_a_tool_gives_the_net(tmp_path, capsys, scene):
     summary, _ = plain_run(capsys, scene, tmp_path)
     assert summary["wrinkle_risk_share_of_area"] == 0
     if scene in ("hemisphere", "cylinder"):
@@ -208,28 +206,28 @@ def test_a_plain_bias_extension_shows_its_three_zones(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("scene", "said"),
+    ("scene", "message"),
     [
         ("bias_extension", ["(default: 8x16)", "(default: 100000.0)"]),
         ("strip", ["(default: 10x15)", "(default: 10000.0)", "(default: 0.0)"]),
         ("trellis", ["(default: 10000.0)", "(default: 0.5)", "(default: macro)"]),
     ],
 )
-def test_the_help_of_a_scene_tells_its_own_defaults(capsys, scene, said):
+def test_the_help_of_a_scene_lists_its_defaults(capsys, scene, message):
     with pytest.raises(SystemExit):
         cli.main(["run", scene, "--help"])
     text = " ".join(capsys.readouterr().out.split())
-    for words in said:
+    for words in message:
         assert words in text
 
 
 @pytest.mark.parametrize("scene", [name for name in SCENES if name != "drape"])
-def test_scenes_in_the_plane_alone_offer_to_be_turned(scene):
+def test_only_scenes_in_the_plane_have_a_rotation_option(scene):
     dimension = case_from_tables({"scene": {"name": scene}}).scene.dimension
     assert ("rotate_deg" in SCENES[scene].__struct_fields__) == (dimension == 2)
 
 
-def test_defaults_of_a_scene_do_not_stand_in_the_way_of_other_laws(tmp_path, capsys):
+def test_other_laws_replace_the_defaults_of_a_scene(tmp_path, capsys):
     out = ("--no-render", "--size", "2x4", "--steps", "1", "--out", str(tmp_path / "o"))
     polynomial = (
         "--shear-law",
@@ -240,5 +238,5 @@ def test_defaults_of_a_scene_do_not_stand_in_the_way_of_other_laws(tmp_path, cap
     command = ("run", "bias_extension", *polynomial, *out)
     assert cli.main(command) == 0
     capsys.readouterr()
-    said = refused(capsys, *command, "--shear-stiffness", "0.4")
-    assert "shear.stiffness_N_per_mm requires that shear.law is linear" in said
+    message = rejected(capsys, *command, "--shear-stiffness", "0.4")
+    assert "shear.stiffness_N_per_mm requires that shear.law is linear" in message

@@ -1,4 +1,4 @@
-"""Pictures of a run, and what happens where they fail."""
+"""Pictures of a run, and errors in drawing."""
 
 import json
 import os
@@ -18,7 +18,7 @@ from tests.helpers.command_line import DRAWN, run
 
 
 @pytest.mark.parametrize(
-    ("error", "code", "told"),
+    ("error", "code", "text"),
     [
         (ValueError("no ink"), 0, ("the pictures were not drawn: no ink", "")),
         (
@@ -32,9 +32,7 @@ from tests.helpers.command_line import DRAWN, run
         ),
     ],
 )
-def test_pictures_that_fail_lose_no_numbers(
-    tmp_path, capsys, monkeypatch, error, code, told
-):
+def test_failed_drawing_loses_nothing(tmp_path, capsys, monkeypatch, error, code, text):
     def draw(*_):
         raise error
 
@@ -42,20 +40,18 @@ def test_pictures_that_fail_lose_no_numbers(
     assert run(tmp_path, *DRAWN) == code
     assert (tmp_path / "out" / "summary.json").exists()
     out, err = capsys.readouterr()
-    assert told[0] in out
-    assert err == (f"skfem-textile: {told[1]}" if told[1] else "")
+    assert text[0] in out
+    assert err == (f"skfem-textile: {text[1]}" if text[1] else "")
 
 
-def test_the_load_is_drawn_over_the_displacement_of_the_driven_edge(
-    tmp_path, monkeypatch
-):
+def test_the_load_is_plotted_against_the_driven_displacement(tmp_path, monkeypatch):
     pytest.importorskip("pyvista")
     plot = pytest.importorskip("skfem_textile.plot")
     curves = pytest.importorskip("skfem_textile.plot.curves")
     for name in ("fibre_strain", "shear_angle", "fibre_directions", "animation"):
         monkeypatch.setattr(plot, name, lambda *_, **__: None)
     drawn = []
-    monkeypatch.setattr(curves, "curves", lambda *given: drawn.append(given))
+    monkeypatch.setattr(curves, "curves", lambda *curve: drawn.append(curve))
     for scene, axis, number in (("strip", "x", 1), ("bias_extension", "y", 3)):
         out = tmp_path / scene
         options = ("--size", "2x4", "--steps", "2", "--rotate", "30")
@@ -70,7 +66,7 @@ def test_the_load_is_drawn_over_the_displacement_of_the_driven_edge(
         assert force[-1] == pytest.approx(summary[f"reaction_{axis}"])
         assert moved[0] == 0
         assert moved[-1] > 5
-        labels = [given[1:3] for given in drawn]
+        labels = [curve[1:3] for curve in drawn]
         drawn.clear()
     assert labels[1:] == [
         ("Angle (°)", "Force (N)"),
@@ -81,8 +77,8 @@ def test_the_load_is_drawn_over_the_displacement_of_the_driven_edge(
     assert moved == pytest.approx(WIDTH * np.tan(theta) * (turned / np.sin(theta) - 1))
 
 
-def test_a_load_that_is_round_off_alone_is_not_drawn(tmp_path):
-    """The forces of a tool without friction cancel where nothing else pulls the ply."""
+def test_a_load_of_round_off_is_not_drawn(tmp_path):
+    """The forces of a frictionless tool cancel where nothing else loads the ply."""
     pytest.importorskip("matplotlib")
     scene = hemisphere(size=(4, 4), tension=0.0)
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
@@ -98,7 +94,7 @@ def test_a_load_that_is_round_off_alone_is_not_drawn(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["load.png"]
 
 
-def test_without_gl_everything_else_is_written(tmp_path, capsys, monkeypatch):
+def test_all_other_results_are_written_without_gl(tmp_path, capsys, monkeypatch):
     pytest.importorskip("pyvista")
     offscreen = pytest.importorskip("skfem_textile.plot.pyvista_drawing")
     monkeypatch.setattr(offscreen, "_can_draw", lambda environment: False)
@@ -109,11 +105,11 @@ def test_without_gl_everything_else_is_written(tmp_path, capsys, monkeypatch):
         offscreen.require_offscreen.cache_clear()
     assert (tmp_path / "out" / "summary.json").exists()
     assert not list((tmp_path / "out").glob("*.png"))
-    said = [x for x in capsys.readouterr().out.splitlines() if "libegl1" in x]
-    assert len(said) == 1
+    output = [x for x in capsys.readouterr().out.splitlines() if "libegl1" in x]
+    assert len(output) == 1
 
 
-def test_pictures_are_written_and_nothing_is_said_on_stderr(tmp_path):
+def test_pictures_are_written_and_nothing_is_printed_to_stderr(tmp_path):
     pytest.importorskip("pyvista")
     command = [sys.executable, "-m", "skfem_textile", "run", "strip", *DRAWN]
     child = subprocess.run(
@@ -128,7 +124,7 @@ def test_pictures_are_written_and_nothing_is_said_on_stderr(tmp_path):
     assert set(results.PICTURES) <= names
 
 
-def test_a_run_that_stops_early_shows_where(tmp_path, monkeypatch):
+def test_a_run_that_stops_early_marks_the_failing_elements(tmp_path, monkeypatch):
     pytest.importorskip("pyvista")
     plot = pytest.importorskip("skfem_textile.plot")
 

@@ -11,9 +11,9 @@ import pytest
 import skfem_textile
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.curve import read_test_curve
-from tests.helpers.command_line import refused
+from tests.helpers.command_line import rejected
 
-# The report of a run: one page that holds all it shows
+# The report of a run: one self-contained page
 
 
 VOID = {"meta", "link", "img", "br", "wbr"}
@@ -45,7 +45,7 @@ class Page(HTMLParser):
         self.text += data
 
 
-def reported(out, *more):
+def write_report(out, *more):
     assert cli.main(["report", str(out), *more]) == 0
     return Page((out / "report.html").read_text(encoding="utf-8"))
 
@@ -61,8 +61,8 @@ def results(tmp_path_factory):
     return out
 
 
-def test_a_report_refers_to_nothing_outside(results):
-    page = reported(results)
+def test_a_report_has_no_external_references(results):
+    page = write_report(results)
     assert page.sources
     assert all(source.startswith("data:") for source in page.sources)
     text = (results / "report.html").read_text(encoding="utf-8")
@@ -73,10 +73,10 @@ def test_a_report_refers_to_nothing_outside(results):
     assert "://" not in re.sub(r'"data:[^"]*"', "", text)
 
 
-def test_a_report_tells_what_the_run_has_found(results):
-    page = reported(results)
+def test_a_report_states_the_results_of_the_run(results):
+    page = write_report(results)
     summary = json.loads((results / "summary.json").read_text())
-    for said in (
+    for sentence in (
         f"{summary['reaction_y']:.6g}",
         "Every step converged",
         "stable",
@@ -86,7 +86,7 @@ def test_a_report_tells_what_the_run_has_found(results):
         "The run has drawn no pictures",
         'law = "sin2"',
     ):
-        assert said in page.text
+        assert sentence in page.text
     whole = (results / "case.toml").read_text()
     assert whole in page.text
 
@@ -100,7 +100,7 @@ def test_curves_of_run_and_test_are_drawn(results, monkeypatch, tmp_path):
         draw(panels, *labels_and_file)
 
     monkeypatch.setattr(curves, "curves", kept)
-    assert len(reported(results).sources) == 4  # with the icon
+    assert len(write_report(results).sources) == 4  # with the icon
     assert list(drawn) == [
         *("Force against displacement", "Force against shear angle"),
         "Normalised shear force",
@@ -110,11 +110,11 @@ def test_curves_of_run_and_test_are_drawn(results, monkeypatch, tmp_path):
     assert drawn["Force against displacement"]["test"][1].tolist() == [0, 1, 3]
     other = tmp_path / "other.csv"
     other.write_text(CURVE.replace("8,3", "9,7"))
-    reported(results, "--test-curve", str(other))
+    write_report(results, "--test-curve", str(other))
     assert drawn["Force against displacement"]["test"][1].tolist() == [0, 1, 7]
 
 
-def test_pictures_are_held_by_the_page(results, tmp_path):
+def test_pictures_are_embedded_in_the_page(results, tmp_path):
     out = tmp_path / "copy"
     out.mkdir()
     for name in ("summary.json", "case.toml"):
@@ -122,16 +122,16 @@ def test_pictures_are_held_by_the_page(results, tmp_path):
     (out / "case.toml").write_text((out / "case.toml").read_text().split("[output]")[0])
     (out / "shear_angle.png").write_bytes(b"\x89PNG" + bytes(100))
     (out / "animation.gif").write_bytes(b"GIF89a" + bytes(100))
-    kinds = [source[:16] for source in reported(out).sources]
+    kinds = [source[:16] for source in write_report(out).sources]
     assert kinds == ["data:,", "data:image/png;b", "data:image/gif;b"]
 
 
-def test_a_run_that_stopped_early_says_so(results, tmp_path):
+def test_an_early_stop_is_reported(results, tmp_path):
     summary = json.loads((results / "summary.json").read_text())
     summary |= {"converged": False, "load_factor": 0.25, "stable": None}
     summary["scene"] = "<script>alert(1)</script>"
     (tmp_path / "summary.json").write_text(json.dumps(summary))
-    page = reported(tmp_path)
+    page = write_report(tmp_path)
     assert "The run stopped at load factor 0.25." in page.text
     assert "not applied: the run stopped early" in page.text
     assert "script" not in page.tags
@@ -150,31 +150,31 @@ def test_a_run_that_stopped_early_says_so(results, tmp_path):
         ("curve.csv", "x", "curve.csv, row 1: the header must name at least"),
     ],
 )
-def test_damaged_results_are_refused(results, tmp_path, capsys, name, content, message):
-    for kept in ("summary.json", "case.toml", "curve.csv"):
-        (tmp_path / kept).write_bytes((results / kept).read_bytes())
+def test_damaged_files_are_rejected(results, tmp_path, capsys, name, content, message):
+    for file in ("summary.json", "case.toml", "curve.csv"):
+        (tmp_path / file).write_bytes((results / file).read_bytes())
     (tmp_path / "case_files").mkdir()
     (tmp_path / "case_files" / "test_curve.csv").write_text(CURVE)
     (tmp_path / name).unlink()
     if content is not None:
         (tmp_path / name).write_text(content)
-    assert message in refused(capsys, "report", str(tmp_path))
+    assert message in rejected(capsys, "report", str(tmp_path))
     assert not (tmp_path / "report.html").exists()
 
 
-def test_a_folder_without_results_is_not_made(tmp_path, capsys):
-    assert "is not a results folder" in refused(capsys, "report", str(tmp_path / "no"))
+def test_no_folder_is_created_without_results(tmp_path, capsys):
+    assert "is not a results folder" in rejected(capsys, "report", str(tmp_path / "no"))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_citation_is_that_of_the_repository(results):
+def test_the_citation_equals_the_citation_file(results):
     cited = (Path(__file__).parents[2] / "CITATION.cff").read_text()
-    words = " ".join(reported(results).text.split())
+    words = " ".join(write_report(results).text.split())
     for name in ("title", "journal", "volume", "year"):
         value = re.findall(rf"^ *{name}: *(?:>-)?\s*((?:.+\n?)+?)^ *\w+:", cited, re.M)
-        found = re.search(rf"^  +{name}: (?!>-)(.*)", cited, re.M)
-        said = found[1] if found else " ".join(value[-1].split())
-        assert said in words
+        match = re.search(rf"^  +{name}: (?!>-)(.*)", cited, re.M)
+        cited_value = match[1] if match else " ".join(value[-1].split())
+        assert cited_value in words
 
 
 # Curves of tests in CSV files
@@ -193,7 +193,7 @@ def test_columns_are_read_by_their_headings(tmp_path):
     assert np.array_equal(curve["angle (deg)"], [0, np.nan, 20], equal_nan=True)
 
 
-def test_the_curve_of_a_run_is_such_a_curve(tmp_path):
+def test_the_curve_of_a_run_is_read_as_a_curve_of_a_test(tmp_path):
     out = tmp_path / "out"
     assert cli.main(["run", "bias_extension", "--out", str(out), *OUT]) == 0
     curve = read_test_curve(out / "curve.csv")
@@ -238,18 +238,16 @@ def test_the_curve_of_a_run_is_such_a_curve(tmp_path):
         ("\0\xff", "not a CSV file in UTF-8"),
     ],
 )
-def test_a_file_that_is_no_curve_is_refused_before_a_run(
-    tmp_path, capsys, text, message
-):
+def test_a_file_without_a_curve_stops_the_run(tmp_path, capsys, text, message):
     file = tmp_path / "test.csv"
     file.write_text(text, encoding="latin-1")
     out = ("--out", str(tmp_path / "out"), *OUT)
-    said = refused(capsys, "run", "strip", "--test-curve", str(file), *out)
-    assert message in said
+    reason = rejected(capsys, "run", "strip", "--test-curve", str(file), *out)
+    assert message in reason
     assert not (tmp_path / "out").exists()
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path, capsys):
+def test_a_missing_file_is_rejected(tmp_path, capsys):
     out = ("--out", str(tmp_path / "out"), *OUT)
-    said = refused(capsys, "run", "strip", "--test-curve", "no.csv", *out)
-    assert "output.test_curve no.csv: no such file" in said
+    message = rejected(capsys, "run", "strip", "--test-curve", "no.csv", *out)
+    assert "output.test_curve no.csv: no such file" in message

@@ -1,4 +1,4 @@
-"""The folder of a result: written at once, or left as it was."""
+"""The folder of a result is written at once, or left unchanged."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from skfem_textile.cli.result_folder import ResultFolder
 NAMES = ("summary.json", "picture.png", "fields/step_[0-9]*.vtu")
 
 
-def test_a_result_replaces_the_one_before_and_nothing_else(tmp_path):
+def test_a_result_replaces_the_previous_one_and_nothing_else(tmp_path):
     out = tmp_path / "out"
     with ResultFolder(out, NAMES) as folder:
         (folder / "fields").mkdir()
@@ -29,7 +29,7 @@ def test_a_result_replaces_the_one_before_and_nothing_else(tmp_path):
     assert files["summary.json"].read_text() == "new"
 
 
-def test_an_interrupted_run_leaves_the_folder_as_it_was(tmp_path):
+def test_an_interrupted_run_leaves_the_folder_unchanged(tmp_path):
     def interrupted(out):
         with ResultFolder(out, NAMES) as folder:
             (folder / "summary.json").write_text("half")
@@ -46,7 +46,7 @@ def test_an_interrupted_run_leaves_the_folder_as_it_was(tmp_path):
     assert (tmp_path / "old" / "summary.json").read_text() == "whole"
 
 
-def test_what_stands_in_the_way_is_refused_at_once(tmp_path):
+def test_obstacles_are_reported_at_once(tmp_path):
     (tmp_path / "summary.json").mkdir()
     (tmp_path / "file").write_text("")
     (tmp_path / "ours").mkdir()
@@ -60,7 +60,7 @@ def test_what_stands_in_the_way_is_refused_at_once(tmp_path):
             ResultFolder(path, NAMES)
 
 
-def test_of_two_runs_into_one_folder_the_second_is_told(tmp_path):
+def test_a_second_run_into_one_folder_is_rejected(tmp_path):
     out = tmp_path / "new" / "out"
     first = ResultFolder(out, NAMES)
     with pytest.raises(BlockingIOError, match=f"another run is writing to {out}"):
@@ -71,7 +71,7 @@ def test_of_two_runs_into_one_folder_the_second_is_told(tmp_path):
     assert [p.name for p in out.iterdir()] == ["summary.json"]
 
 
-def test_a_folder_into_which_nothing_comes_is_not_left(tmp_path):
+def test_an_empty_folder_is_removed(tmp_path):
     out = tmp_path / "new" / "out"
     results = ResultFolder(out, NAMES)
     assert out.is_dir()
@@ -79,8 +79,8 @@ def test_a_folder_into_which_nothing_comes_is_not_left(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_others_wrote_into_a_new_folder_stays_when_results_cannot(tmp_path):
-    """A checkpoint, say."""
+def test_files_of_others_in_a_new_folder_are_kept_on_failure(tmp_path):
+    """Such a file is a checkpoint."""
     out = tmp_path / "out"
     results = ResultFolder(out, NAMES)
     (out / "checkpoint").mkdir()

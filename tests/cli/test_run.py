@@ -1,4 +1,4 @@
-"""What a run writes and tells, to a tolerance too, and how it is resumed."""
+"""Files and messages of a run, runs to a tolerance, and resumed runs."""
 
 import csv
 import json
@@ -12,9 +12,9 @@ import pytest
 from skfem_textile import Ply, Result
 from skfem_textile.cli.main import main
 from skfem_textile.solve.stepper import Run
-from tests.helpers.command_line import QUICK, refused, run
+from tests.helpers.command_line import QUICK, rejected, run
 
-# What a run writes and tells, and how it is interrupted and resumed
+# Output of a run, interruption and resumption
 
 
 def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
@@ -64,7 +64,7 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
 
 
 def interrupt_at(monkeypatch, number):
-    """Interrupt the command line after so many states, the undeformed one included."""
+    """Interrupt the command line after this many states, the initial one included."""
     keep = Run._keep
 
     def interrupt(run, *arguments):
@@ -75,55 +75,51 @@ def interrupt_at(monkeypatch, number):
     monkeypatch.setattr(Run, "_keep", interrupt)
 
 
-def test_a_run_interrupted_before_its_first_state_says_so(
-    tmp_path, capsys, monkeypatch
-):
+def test_an_interruption_before_any_state_is_reported(tmp_path, capsys, monkeypatch):
     interrupt_at(monkeypatch, 0)
     assert run(tmp_path, *QUICK) == 130
     assert capsys.readouterr().err == "skfem-textile: interrupted\n"
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_interrupted_run_leaves_its_last_state_and_is_resumed(
-    tmp_path, capsys, monkeypatch
-):
+def test_an_interrupted_run_is_saved_and_resumed(tmp_path, capsys, monkeypatch):
     assert run(tmp_path, *QUICK) == 0
     out = tmp_path / "out"
     whole = (out / "history.csv").read_text()
     with monkeypatch.context() as patch:
         interrupt_at(patch, 2)
         assert run(tmp_path, *QUICK, "--checkpoint") == 130
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
+    stderr = capsys.readouterr().err
+    assert stderr.count("\n") == 1
     assert (
         "interrupted: the last converged state, at load factor 0.333333, is written"
-        in said
+        in stderr
     )
-    assert "--resume continues the run from" in said
+    assert "--resume continues the run from" in stderr
     summary = json.loads((out / "summary.json").read_text())
     assert summary["load_factor"] == pytest.approx(1 / 3)
     assert (out / "history.csv").read_text() == "".join(
         whole.splitlines(keepends=True)[:3]
     )
-    assert "resume" in refused(
+    assert "resume" in rejected(
         capsys, "run", "strip", "--out", str(out), *QUICK, "--checkpoint"
     )
     assert run(tmp_path, *QUICK, "--resume") == 0
     assert (out / "history.csv").read_text() == whole
 
 
-def test_a_checkpoint_may_lie_anywhere_and_is_refused_by_another_run(tmp_path, capsys):
+def test_a_checkpoint_in_any_folder_is_rejected_by_another_run(tmp_path, capsys):
     folder = str(tmp_path / "c")
     assert run(tmp_path, *QUICK, "--checkpoint", folder) == 0
     assert not (tmp_path / "out" / "checkpoint").exists()
     again = ("--resume", folder, "--fibre-stiffness", "2e4")
     command = ("run", "strip", "--out", str(tmp_path / "new"), *QUICK, *again)
     capsys.readouterr()
-    assert "belongs to another run: warp law was Linear" in refused(capsys, *command)
+    assert "belongs to another run: warp law was Linear" in rejected(capsys, *command)
     assert not (tmp_path / "new").exists()
 
 
-def test_resume_goes_on_where_checkpoint_says(tmp_path, capsys, monkeypatch):
+def test_resume_continues_from_the_given_checkpoint(tmp_path, capsys, monkeypatch):
     folder = str(tmp_path / "c")
     with monkeypatch.context() as patch:
         interrupt_at(patch, 2)
@@ -132,11 +128,11 @@ def test_resume_goes_on_where_checkpoint_says(tmp_path, capsys, monkeypatch):
     assert run(tmp_path, *QUICK, "--checkpoint", folder, "--resume", "-v") == 0
     assert "resumed at load factor 0.333333" in capsys.readouterr().err
     other = ("run", "strip", "--out", str(tmp_path / "out"), *QUICK)
-    said = refused(capsys, *other, "--checkpoint", folder, "--resume", folder + "d")
-    assert "name different folders" in said
+    message = rejected(capsys, *other, "--checkpoint", folder, "--resume", folder + "d")
+    assert "name different folders" in message
 
 
-def test_numbers_that_json_does_not_have_are_null(tmp_path, monkeypatch):
+def test_numbers_that_json_cannot_represent_are_null(tmp_path, monkeypatch):
     summary = Result.summary
     odd = {"energy": np.inf, "stable": np.nan, "load_steps": 1e308}
     monkeypatch.setattr(Result, "summary", lambda result: summary(result) | odd)
@@ -146,12 +142,12 @@ def test_numbers_that_json_does_not_have_are_null(tmp_path, monkeypatch):
         raise ValueError(constant)
 
     text = (tmp_path / "out" / "summary.json").read_text()
-    found = json.loads(text, parse_constant=refuse)
-    assert (found["energy"], found["stable"]) == (None, None)
-    assert found["load_steps"] == 1e308
+    computed = json.loads(text, parse_constant=refuse)
+    assert (computed["energy"], computed["stable"]) == (None, None)
+    assert computed["load_steps"] == 1e308
 
 
-def test_steps_and_iterations_are_told_on_request(tmp_path, capsys):
+def test_steps_and_iterations_are_logged_on_request(tmp_path, capsys):
     """With a fixed C_s every linear solve is an iteration."""
     lines = []
     for verbose in ((), ("-v",), ("-vv",)):
@@ -180,15 +176,13 @@ def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypat
     assert capsys.readouterr().err.startswith("skfem-textile: stopped at load factor")
 
 
-def test_an_output_folder_that_cannot_be_written_is_refused(tmp_path, capsys):
+def test_an_output_folder_that_cannot_be_written_is_rejected(tmp_path, capsys):
     (tmp_path / "file").write_text("in the way")
     out = str(tmp_path / "file" / "out")
-    assert "file" in refused(capsys, "run", "strip", "--out", out, *QUICK)
+    assert "file" in rejected(capsys, "run", "strip", "--out", out, *QUICK)
 
 
-def test_a_second_run_into_a_folder_is_told_before_any_work(
-    tmp_path, capsys, monkeypatch
-):
+def test_a_second_run_into_a_folder_is_rejected_first(tmp_path, capsys, monkeypatch):
     keep, codes = Run._keep, []
 
     def second(first, *arguments):
@@ -200,28 +194,28 @@ def test_a_second_run_into_a_folder_is_told_before_any_work(
     monkeypatch.setattr(Run, "_keep", second)
     assert run(tmp_path, *QUICK) == 0
     assert codes == [2]
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert f"another run is writing to {tmp_path / 'out'}" in said
+    stderr = capsys.readouterr().err
+    assert stderr.count("\n") == 1
+    assert f"another run is writing to {tmp_path / 'out'}" in stderr
 
 
-def test_what_is_refused_at_rest_leaves_no_checkpoint(tmp_path, capsys):
+def test_a_run_rejected_at_rest_leaves_no_checkpoint(tmp_path, capsys):
     quick = ("--size", "2x2", "--steps", "1", "--no-render", "--checkpoint")
     for stiffness in ("--fibre-stiffness", "--shear-stiffness"):
         command = ("run", "strip", "--out", str(tmp_path / "o"), *quick)
-        said = refused(capsys, *command, stiffness, "1e308")
-        assert "force of a law is not finite at rest" in said
+        message = rejected(capsys, *command, stiffness, "1e308")
+        assert "force of a law is not finite at rest" in message
         assert list(tmp_path.iterdir()) == []
 
 
-def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(tmp_path, capsys):
+def test_a_checkpoint_that_cannot_be_resumed_is_rejected_in_one_line(tmp_path, capsys):
     (tmp_path / "file").touch()
     out, folder = str(tmp_path / "o"), str(tmp_path / "file" / "c")
-    said = refused(capsys, "run", "strip", "--out", out, *QUICK, "--resume", folder)
-    assert "cannot write to checkpoint" in said
+    message = rejected(capsys, "run", "strip", "--out", out, *QUICK, "--resume", folder)
+    assert "cannot write to checkpoint" in message
 
 
-def test_a_folder_of_any_name_is_told_in_one_line(tmp_path):
+def test_a_folder_of_any_name_is_reported_in_one_line(tmp_path):
     name = "a\nb \udcff ü"
     command = [sys.executable, "-m", "skfem_textile", "run", "strip", *QUICK]
     child = subprocess.run(
@@ -235,7 +229,7 @@ def test_a_folder_of_any_name_is_told_in_one_line(tmp_path):
     assert child.stdout.splitlines()[-1].startswith(b"results written to ")
 
 
-def test_every_long_part_of_a_run_is_told_on_a_terminal(tmp_path):
+def test_progress_of_long_parts_is_shown_on_a_terminal(tmp_path):
     pty = pytest.importorskip("pty")
     line = "-m", "skfem_textile", "run", "trellis", "--size", "2x2", "--steps", "1"
     ours, theirs = pty.openpty()
@@ -246,11 +240,11 @@ def test_every_long_part_of_a_run_is_told_on_a_terminal(tmp_path):
         stderr=theirs,
     ) as child:
         os.close(theirs)
-        shown = b"".join(iter(lambda: read(ours), b""))
+        output = b"".join(iter(lambda: read(ours), b""))
     os.close(ours)
     assert child.returncode == 0
     parts = b"preparing the ply", b", newton ", b"estimating", b"drawing pictures"
-    assert all(part in shown for part in parts)
+    assert all(part in output for part in parts)
 
 
 def read(end):
@@ -269,7 +263,7 @@ BIAS = (
 )
 
 
-def test_a_run_to_a_tolerance_says_that_it_is_met(tmp_path, capsys):
+def test_a_run_to_a_tolerance_reports_that_it_is_met(tmp_path, capsys):
     assert run_to_tolerance(tmp_path, "--tolerance", "0.08") == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["tolerance_met"] is True
@@ -280,7 +274,7 @@ def test_a_run_to_a_tolerance_says_that_it_is_met(tmp_path, capsys):
     assert printed.count("\nrounds ") == len(summary["rounds"])
 
 
-def test_a_tolerance_that_is_not_met_ends_with_one_and_the_result(tmp_path, capsys):
+def test_a_tolerance_that_is_not_met_gives_exit_code_1_and_the_result(tmp_path, capsys):
     most = "--set", "stepping.most_unknowns=1500"
     assert run_to_tolerance(tmp_path, "--tolerance", "0.0001", *most) == 1
     (line,) = capsys.readouterr().err.splitlines()
@@ -312,7 +306,7 @@ def run_to_tolerance(tmp_path, *options):
         ),
     ],
 )
-def test_bad_tolerances_are_refused_in_one_line(tmp_path, capsys, options, message):
+def test_bad_tolerances_are_rejected_in_one_line(tmp_path, capsys, options, message):
     out = "--out", str(tmp_path / "out")
-    assert message in refused(capsys, "run", *BIAS, *out, *options)
+    assert message in rejected(capsys, "run", *BIAS, *out, *options)
     assert not (tmp_path / "out").exists()

@@ -1,4 +1,4 @@
-"""Full disks, closed pipes and killed runs: one line, and results that are whole."""
+"""Full disks, closed pipes and killed runs give one line and complete results."""
 
 import os
 import subprocess
@@ -22,36 +22,34 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="locks are POSIX's")
 
 
 @pytest.mark.parametrize("change", ["unlink", "replace", "mkdir"])
-def test_a_summary_never_speaks_of_files_that_are_not_there(
-    tmp_path, monkeypatch, change
-):
-    """Looked at before every change of the folder, a shorter run after a longer one."""
+def test_a_summary_never_lists_missing_files(tmp_path, monkeypatch, change):
+    """Checked before every change of the folder, a shorter run after a longer one."""
     out = tmp_path / "out"
-    plain, seen = getattr(Path, change), []
+    plain, listed = getattr(Path, change), []
 
     def watched(path, *arguments, **options):
         if out in path.parents:
-            seen.append(is_whole(out))
+            listed.append(is_whole(out))
         return plain(path, *arguments, **options)
 
     options = ("run", "strip", *QUICK, "--out", str(out))
     assert cli.main(options) == 0
     monkeypatch.setattr(Path, change, watched)
     assert cli.main([*options, "--steps", "2"]) == 0
-    assert seen
-    assert all(seen)
+    assert listed
+    assert all(listed)
     assert is_whole(out)
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ((), "the run cannot be resumed, because --checkpoint was not given"),
         (("--checkpoint",), "/checkpoint remains: resume the run with --resume"),
     ],
 )
-def test_a_full_disk_is_named_and_what_is_left(
-    tmp_path, capsys, monkeypatch, options, told
+def test_a_full_disk_is_reported_with_the_remaining_files(
+    tmp_path, capsys, monkeypatch, options, message
 ):
     out = tmp_path / "out"
     command = ["run", "strip", *QUICK, "--out", str(out)]
@@ -61,13 +59,13 @@ def test_a_full_disk_is_named_and_what_is_left(
     with monkeypatch.context() as patch:
         patch.setattr("meshio.Mesh.write", full_disk)
         assert cli.main([*command, *options]) == 1
-    printed, said = capsys.readouterr()
+    printed, stderr = capsys.readouterr()
     assert printed == ""
-    assert said.startswith(
+    assert stderr.startswith(
         f"skfem-textile: error: cannot write results to {out}: No space left on device;"
     )
-    assert said.endswith(told + "\n")
-    assert said.count("\n") == 1
+    assert stderr.endswith(message + "\n")
+    assert stderr.count("\n") == 1
     assert (out / "summary.json").read_text() == before
     assert is_whole(out)
     assert not list(out.glob(".unfinished-*"))
@@ -76,9 +74,7 @@ def test_a_full_disk_is_named_and_what_is_left(
 
 
 @pytest.mark.parametrize("write", [write_fields, write_history])
-def test_who_writes_one_thing_to_a_full_disk_is_told_where(
-    tmp_path, monkeypatch, write
-):
+def test_writing_one_file_to_a_full_disk_names_its_path(tmp_path, monkeypatch, write):
     scene = strip(size=(3, 4))
     ply = Ply(scene.mesh, Fabric(), OnePoint(10.0))
     result = LoadStepper(ply, scene.conditions, 1).run()
@@ -88,7 +84,7 @@ def test_who_writes_one_thing_to_a_full_disk_is_told_where(
         write(result, tmp_path / "out")
 
 
-def test_a_disk_that_fills_while_files_are_moved_in_is_named(tmp_path, monkeypatch):
+def test_a_disk_that_fills_while_files_are_moved_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(Path, "replace", full_disk)
     message = r"cannot write results to .*/out: No space left on device"
     with (
@@ -99,9 +95,9 @@ def test_a_disk_that_fills_while_files_are_moved_in_is_named(tmp_path, monkeypat
     assert not (tmp_path / "out").exists()
 
 
-def test_the_next_run_removes_what_a_killed_one_left_unfinished(tmp_path):
-    left, own = tmp_path / ".unfinished-left", tmp_path / "own"
-    for path in (left / "fields", own):
+def test_the_next_run_removes_unfinished_files_of_a_killed_one(tmp_path):
+    left, current = tmp_path / ".unfinished-left", tmp_path / "own"
+    for path in (left / "fields", current):
         path.mkdir(parents=True)
         (path / "file").write_text("half a fi")
     with ResultFolder(tmp_path, ["a"]) as folder:
@@ -109,7 +105,7 @@ def test_the_next_run_removes_what_a_killed_one_left_unfinished(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "own"]
 
 
-def test_what_a_living_run_has_not_finished_is_left_to_it(tmp_path):
+def test_unfinished_files_of_a_running_run_are_kept(tmp_path):
     with ResultFolder(tmp_path, ["a"]) as folder:
         (folder / "a").write_text("a")
         with pytest.raises(BlockingIOError, match="another run is writing to"):
@@ -122,7 +118,7 @@ def test_what_a_living_run_has_not_finished_is_left_to_it(tmp_path):
     "arguments",
     [pytest.param(("list",), marks=pytest.mark.long), ("--help",), ("run", "strip")],
 )
-def test_what_cannot_be_printed_is_told_in_one_line(tmp_path, arguments):
+def test_a_failure_to_print_is_reported_in_one_line(tmp_path, arguments):
     if arguments[0] == "run":
         arguments += (*QUICK, "--out", str(tmp_path / "out"))
     with open("/dev/full", "w") as stdout:
@@ -144,6 +140,6 @@ def test_what_cannot_be_printed_is_told_in_one_line(tmp_path, arguments):
 def test_a_message_is_one_line_without_control_characters(tmp_path, capsys):
     command = ["run", "strip", "--mesh", "a\nb\x1b[31m", "--out", str(tmp_path / "o")]
     assert cli.main(command) == 2
-    said = capsys.readouterr().err
-    assert r"mesh.source a\nb\x1b[31m is neither an existing file nor" in said
-    assert said.count("\n") == 1
+    stderr = capsys.readouterr().err
+    assert r"mesh.source a\nb\x1b[31m is neither an existing file nor" in stderr
+    assert stderr.count("\n") == 1

@@ -1,4 +1,4 @@
-"""What the documentation shows works, and what it names exists."""
+"""The examples and snippets of the documentation run and print what it shows."""
 
 import ast
 import re
@@ -30,12 +30,12 @@ WITH_SNIPPETS = {
     if page.parent != TUTORIAL and SNIPPET.search(page.read_text())
 }
 
-#: Pages whose blocks of text no snippet prints: messages about faulty case files.
+#: Pages whose blocks of text no snippet prints: messages about invalid case files.
 OTHER_TEXT = {"docs/case-files"}
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_examples_run_and_leave_a_picture(example, tmp_path, monkeypatch):
+def test_examples_run_and_save_a_picture(example, tmp_path, monkeypatch):
     """They assert what their text promises; the gallery shows their pictures."""
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pytest.importorskip("pyvista")
@@ -57,7 +57,7 @@ def test_a_script_of_the_gallery_has_a_title_and_a_text():
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda path: path.stem)
-def test_case_files_among_the_examples_are_cases(case):
+def test_case_files_among_the_examples_are_valid(case):
     assert case_from_file(case).ply().basis.N > 0
 
 
@@ -79,7 +79,7 @@ def run_snippets(page):
 
 
 def blocks_of_text(page):
-    """What a page shows as printed, in the parts between its lines of three dots."""
+    """The output blocks of a page, in the parts between its lines of three dots."""
     blocks = re.findall(r"^```text\n(.*?)^```", page.read_text(), re.M | re.S)
     return [part for block in blocks for part in block.split("...\n")]
 
@@ -89,15 +89,13 @@ def in_one_line(text):
 
 
 @pytest.mark.parametrize("page", WITH_SNIPPETS)
-def test_python_on_a_page_works_and_prints_what_the_page_shows(
-    page, tmp_path, monkeypatch, capsys
-):
+def test_snippets_of_a_page_print_its_output(page, tmp_path, monkeypatch, capsys):
     """The snippets of a page build on one another."""
     monkeypatch.chdir(tmp_path)
     run_snippets(WITH_SNIPPETS[page])
     printed = in_one_line(capsys.readouterr().out)
-    shown = [] if page in OTHER_TEXT else blocks_of_text(WITH_SNIPPETS[page])
-    assert [block for block in shown if in_one_line(block) not in printed] == []
+    blocks = [] if page in OTHER_TEXT else blocks_of_text(WITH_SNIPPETS[page])
+    assert [block for block in blocks if in_one_line(block) not in printed] == []
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/index.md"])
@@ -107,17 +105,17 @@ def test_the_first_examples_show_the_error_of_their_load(page):
     )
 
 
-def test_the_tutorial_prints_what_it_says(tmp_path, monkeypatch, capsys):
+def test_the_tutorial_prints_its_listed_output(tmp_path, monkeypatch, capsys):
     pytest.importorskip("pyvista")
     monkeypatch.chdir(tmp_path)
     run_snippets(TUTORIAL / "index.md")
     printed = capsys.readouterr().out
-    shown = blocks_of_text(TUTORIAL / "index.md")
-    assert len(shown) == 5
-    assert [block for block in shown if block not in printed] == []
+    blocks = blocks_of_text(TUTORIAL / "index.md")
+    assert len(blocks) == 5
+    assert [block for block in blocks if block not in printed] == []
 
 
-def test_the_whole_script_of_the_tutorial_is_its_parts():
+def test_the_whole_script_of_the_tutorial_consists_of_its_parts():
     def statements(text):
         text = re.sub(
             r'^""".*?"""\n|^from \S+ import \(.*?\)', "", text, flags=re.M | re.S
@@ -129,12 +127,12 @@ def test_the_whole_script_of_the_tutorial_is_its_parts():
     assert statements((TUTORIAL / "whole.py").read_text()) == statements("".join(parts))
 
 
-def test_the_page_on_the_architecture_names_what_there_is():
-    places = set(re.findall(r"`((?:[a-z_]+/)+(?:[a-z_]+\.py)?)`", ARCHITECTURE))
+def test_the_page_on_the_architecture_names_existing_modules():
+    paths = set(re.findall(r"`((?:[a-z_]+/)+(?:[a-z_]+\.py)?)`", ARCHITECTURE))
     bases = ROOT, ROOT / "skfem_textile"
-    assert [p for p in places if not any((b / p).exists() for b in bases)] == []
+    assert [p for p in paths if not any((b / p).exists() for b in bases)] == []
     names = set(re.findall(r"`(?:[A-Z]\w+\.)?(_?[A-Za-z]\w{3,})`", ARCHITECTURE))
-    assert len(places) > 30
+    assert len(paths) > 30
     assert len(names) > 60
     assert [n for n in names if not re.search(rf"\b{n}\b", CODE)] == []
 

@@ -1,7 +1,6 @@
-"""Energies and forces of every formulation are those that a plain program finds.
+"""Energies and forces of every formulation agree with an independent implementation.
 
-`independent` is that program, written apart from the library; `random_plies` makes the
-problems.
+`independent` is that implementation; `random_plies` generates the problems.
 """
 
 from collections.abc import Callable
@@ -27,16 +26,16 @@ from tests.helpers.random_plies import (
     with_middles,
 )
 
-# Every law is tried with every second formulation.  In the long form every pair of a
-# law of fibres and a law of shear is tried with every formulation.
+# Every law is tested with every second formulation.  In the long form every pair of a
+# tension law and a shear law is tested with every formulation.
 N_LAWS, N_PAIRS = 6, 30
 
 
-# Formulations: what the library is given, and its terms in the plain program
+# Formulations: arguments of the library, and terms of the independent implementation
 
 
 class Problem(NamedTuple):
-    """A ply, the same cloth, its macro-elements, converged states, and one more."""
+    """A ply, the same cloth, its macro-elements, converged states and another state."""
 
     ply: Ply
     cloth: plain.Cloth
@@ -46,10 +45,10 @@ class Problem(NamedTuple):
 
 
 class Case(NamedTuple):
-    """A formulation, its mesh, its terms, and how many converged states are before.
+    """A formulation, its mesh, its terms, and the number of earlier converged states.
 
-    ``rule`` is that of shear.  ``tension`` and ``stabilisation`` are energies of
-    (problem, x); ``rate`` is a stabilisation without one: its work and its forces.
+    ``rule`` integrates the shear.  ``tension`` and ``stabilisation`` are energies of
+    (problem, x); ``rate`` is a stabilisation without energy: its work and its forces.
     """
 
     formulation: Any
@@ -153,7 +152,7 @@ def random_problem(case, seed):
     return Problem(ply, cloth, macros, converged, x)
 
 
-def by_the_library(problem):
+def library_terms(problem):
     """Energies and nodal forces (2, n_nodes) of each term, and all forces."""
     ply = problem.ply
     dofs = ply.nodal(np.arange(ply.basis.N))
@@ -167,24 +166,24 @@ def by_the_library(problem):
     for state in problem.converged:
         parameters = ply.updated(parameters, displacement(state))
         parameters = ply.advanced(parameters, displacement(state))
-    place = displacement(problem.x), 1.0, parameters
-    forces = {name: ply.nodal(f) for name, f in ply.residuals(*place).items()}
-    return ply.energies(*place), forces, ply.nodal(ply.residual(*place))
+    arguments = displacement(problem.x), 1.0, parameters
+    forces = {name: ply.nodal(f) for name, f in ply.residuals(*arguments).items()}
+    return ply.energies(*arguments), forces, ply.nodal(ply.residual(*arguments))
 
 
-def by_definition(case, problem):
-    """The same from the plain program."""
+def independent_terms(case, problem):
+    """The same from the independent implementation."""
 
     def energies(x):
-        """By the names of the terms."""
-        found = {"tension": case.tension(problem, x)}
+        """Energies by name of the term."""
+        computed = {"tension": case.tension(problem, x)}
         if problem.cloth.shear is not None:
-            found["shear"] = plain.shear(problem.cloth, x, case.rule)
+            computed["shear"] = plain.shear(problem.cloth, x, case.rule)
         if case.stabilisation is not None:
-            found["stabilisation"] = case.stabilisation(problem, x)
+            computed["stabilisation"] = case.stabilisation(problem, x)
         if plain.corner_stiffness(problem.cloth) > 0:
-            found["corners"] = plain.corners(problem.cloth, x)
-        return found
+            computed["corners"] = plain.corners(problem.cloth, x)
+        return computed
 
     derivatives = energies(plain.imaginary_moves(problem.x))
     forces = {name: plain.derivative(E) for name, E in derivatives.items()}
@@ -206,10 +205,12 @@ def by_definition(case, problem):
         for seed in range(N_PAIRS)
     ],
 )
-def test_energies_and_forces_are_those_of_the_definitions(case, seed):
+def test_energies_and_forces_agree_with_their_definitions(case, seed):
     problem = random_problem(case, seed)
-    energies, forces, whole = by_the_library(problem)
-    expected_energies, expected_forces, expected_whole = by_definition(case, problem)
+    energies, forces, whole = library_terms(problem)
+    expected_energies, expected_forces, expected_whole = independent_terms(
+        case, problem
+    )
     assert energies == pytest.approx(expected_energies, rel=1e-9, abs=0)
     assert forces.keys() == expected_forces.keys()
     for name, expected in expected_forces.items():
@@ -219,19 +220,19 @@ def test_energies_and_forces_are_those_of_the_definitions(case, seed):
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("name", ["energy", "macro both", "quadratic"])
-def test_corners_that_close_resist_as_defined(name, seed):
+def test_closing_corners_resist_as_defined(name, seed):
     problem = random_problem(CASES[name], seed)
     x = problem.x + closing_moves(problem, seed)
-    found = by_the_library(problem._replace(x=x))
+    computed = library_terms(problem._replace(x=x))
     expected = plain.corners(problem.cloth, x)
     assert expected > 0
-    assert found[0]["corners"] == pytest.approx(expected.item(), rel=1e-9)
+    assert computed[0]["corners"] == pytest.approx(expected.item(), rel=1e-9)
     moved = plain.corners(problem.cloth, plain.imaginary_moves(x))
-    assert_close(found[1]["corners"], plain.derivative(moved))
+    assert_close(computed[1]["corners"], plain.derivative(moved))
 
 
 def closing_moves(problem, seed):
-    """Moves of the nodes by which some corners fold."""
+    """Displacements of nodes that fold some corners."""
     moves = 0.05 * np.random.default_rng(seed).standard_normal(problem.x.shape)
     while plain.smallest_det_F(problem.cloth, (problem.x + moves)[..., 0]) > -0.05:
         moves *= 1.1

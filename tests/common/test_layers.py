@@ -1,8 +1,8 @@
-"""The layers of the package: what may import what.
+"""The layers of the package and the imports allowed between them.
 
-What a package hands on counts as an import from the modules that define the names.  Not
-seen are modules that are imported by a name which is put together in a running program:
-the linear solvers, by `Offer`.
+An import from a package counts as an import from the modules that define the names.
+Imports by a name that is put together at run time are not found: `Offer` imports the
+linear solvers that way.
 """
 
 import ast
@@ -13,7 +13,7 @@ import skfem_textile
 
 PACKAGE = Path(skfem_textile.__file__).parent
 
-#: Each layer, and those that it may import from.
+#: Each layer, and the layers that it may import from.
 LAYERS = {
     "cli.interruption": (),
     "cli.output": (),
@@ -42,12 +42,12 @@ LAYERS = {
 
 def modules():
     """Modules of the package by their dotted names."""
-    found = {}
+    names = {}
     for file in sorted(PACKAGE.rglob("*.py")):
         *parts, name = file.relative_to(PACKAGE).with_suffix("").parts
         dotted = parts if name == "__init__" else [*parts, name]
-        found[".".join(dotted)] = file
-    return found
+        names[".".join(dotted)] = file
+    return names
 
 
 MODULES = modules()
@@ -58,51 +58,51 @@ def tree(module):
     return ast.parse(MODULES[module].read_text())
 
 
-def hands_on(module):
-    """Whether a module is a package that defines nothing and only hands names on."""
+def only_reexports(module):
+    """True for a package that defines nothing and only re-exports names."""
     defined = (ast.FunctionDef, ast.ClassDef)
     return MODULES[module].name == "__init__.py" and not any(
         isinstance(node, defined) for node in tree(module).body
     )
 
 
-def named(module):
-    """Names that a module imports from others of the package, and from where."""
+def imported_names(module):
+    """Names that a module imports from the package, with the modules they come from."""
     parts = module.split(".") if module else []
     base = parts if MODULES[module].name == "__init__.py" else parts[:-1]
     for node in ast.walk(tree(module)):
         if isinstance(node, ast.ImportFrom) and node.level:
-            there = base[: len(base) - node.level + 1]
-            place = [*there, *(node.module.split(".") if node.module else [])]
+            package = base[: len(base) - node.level + 1]
+            origin = [*package, *(node.module.split(".") if node.module else [])]
             for alias in node.names:
-                yield ".".join(place), alias.name
+                yield ".".join(origin), alias.name
 
 
-def origins(place, name):
-    """Modules that define a name, which packages may have handed on.
+def origins(origin, name):
+    """Modules that define a name, also if packages re-export it.
 
-    Of a package, which stands for its names, these are several.
+    A package stands for its names and has several.
     """
-    inside = f"{place}.{name}" if place else name
+    inside = f"{origin}.{name}" if origin else name
     if inside in MODULES:
-        return imports(inside) if hands_on(inside) else {inside}
-    if not hands_on(place):
-        return {place}
-    for other, handed in named(place):
-        if handed == name and (other, handed) != (place, name):
+        return imports(inside) if only_reexports(inside) else {inside}
+    if not only_reexports(origin):
+        return {origin}
+    for other, handed in imported_names(origin):
+        if handed == name and (other, handed) != (origin, name):
             return origins(other, handed)
     return set()
 
 
 @cache
 def imports(module):
-    """Modules from which a module imports something, if only for its types."""
-    pairs = named(module)
+    """Modules from which a module imports, type annotations included."""
+    pairs = imported_names(module)
     return frozenset(set().union(*(origins(*pair) for pair in pairs)) - {module})
 
 
 def test_imports_of_the_package_are_relative():
-    """For only these are followed here."""
+    """Only relative imports are followed here."""
     absolute = [
         module
         for module in MODULES
@@ -119,11 +119,11 @@ def test_imports_of_the_package_are_relative():
     assert absolute == []
 
 
-WORKING = [module for module in MODULES if not hands_on(module)]
+WORKING = [module for module in MODULES if not only_reexports(module)]
 
 
 def layer(module):
-    """The innermost of `LAYERS` that holds a module."""
+    """The innermost layer of `LAYERS` that contains a module."""
     return max(
         (name for name in LAYERS if f"{module}.".startswith(f"{name}.")), key=len
     )
@@ -140,7 +140,7 @@ def test_every_layer_imports_only_those_below():
 
 
 def test_layers_are_listed_from_the_ground_up():
-    seen = set()
+    lower = set()
     for layer, below in LAYERS.items():
-        assert set(below) <= seen
-        seen.add(layer)
+        assert set(below) <= lower
+        lower.add(layer)

@@ -1,4 +1,4 @@
-"""A scene pays only for what it needs: calls and imports."""
+"""A scene computes and imports only what it needs."""
 
 import subprocess
 import sys
@@ -14,7 +14,7 @@ from skfem_textile.ply.kernels import kernel as kernels
 from skfem_textile.scenes import picture_frame, strip
 from skfem_textile.solve.linear import superlu
 
-# A scene pays only for what it needs: by counting calls
+# A scene computes only what it needs: by counting calls
 
 
 KERNELS = {
@@ -26,7 +26,7 @@ KERNELS = {
 
 @pytest.fixture
 def calls(monkeypatch):
-    """How often each kernel was asked for stresses, and other work was done."""
+    """Number of stress evaluations by kernel, and counts of other work."""
     counts = Counter()
 
     def count(cls, method, name):
@@ -45,18 +45,18 @@ def calls(monkeypatch):
     return counts
 
 
-def loaded(fabric, formulation, steps=3):
+def loaded_modules(fabric, formulation, steps=3):
     scene = strip(size=(4, 6))
     ply = Ply(scene.mesh, fabric, formulation)
     return LoadStepper(ply, scene.conditions, steps, solver="superlu").run()
 
 
-def test_a_scene_without_shear_or_stabilisation_computes_neither(calls):
-    loaded(Fabric(1e4), Full())
+def test_a_scene_without_shear_and_stabilisation_evaluates_neither(calls):
+    loaded_modules(Fabric(1e4), Full())
     assert calls["tension"] > 0
     assert calls["shear"] == calls["stabilisation"] == 0
     calls.clear()
-    loaded(Fabric(1e4), OnePoint(10.0))
+    loaded_modules(Fabric(1e4), OnePoint(10.0))
     assert calls["stabilisation"] > 0
     assert calls["shear"] == 0
     calls.clear()
@@ -67,8 +67,8 @@ def test_a_scene_without_shear_or_stabilisation_computes_neither(calls):
     assert calls["tension"] == 0
 
 
-def test_a_run_finds_its_pattern_and_analyses_it_once(calls):
-    result = loaded(Fabric(1e4, 0.5), OnePoint(10.0))
+def test_a_run_builds_and_analyses_its_sparsity_pattern_once(calls):
+    result = loaded_modules(Fabric(1e4, 0.5), OnePoint(10.0))
     assert result.factorisations > 10
     assert calls["patterns"] == calls["analyses"] == 1
 

@@ -1,4 +1,4 @@
-"""Version and requirements are the same wherever they are written."""
+"""Version and requirements agree in all files."""
 
 import tomllib
 from pathlib import Path
@@ -33,5 +33,5 @@ def test_recipe_requires_what_the_project_requires():
 
 
 def test_recipe_installs_the_project_command():
-    name, place = PROJECT["scripts"].popitem()
-    assert RECIPE["build"]["python"]["entry_points"] == [f"{name} = {place}"]
+    name, target = PROJECT["scripts"].popitem()
+    assert RECIPE["build"]["python"]["entry_points"] == [f"{name} = {target}"]

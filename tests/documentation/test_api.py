@@ -1,4 +1,4 @@
-"""Everything public is on the page of the API or that of the internals."""
+"""Every public name is listed on the API page or on the page of the internals."""
 
 import re
 from importlib import import_module
@@ -9,7 +9,7 @@ import pytest
 
 import skfem_textile
 
-pytest.importorskip("matplotlib")  # pages name what draws
+pytest.importorskip("matplotlib")  # pages name functions for drawing
 pytest.importorskip("pyvista")
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -19,7 +19,7 @@ DIRECTIVE = re.compile(r"^\.\. automodule:: (\S+)\n((?:   :.*\n)*)", re.MULTILIN
 PACKAGES = ["", ".calibration", ".drape", ".forms", ".io", ".plot", ".scenes"]
 
 
-def documented():
+def documented_names():
     """The name and object of each entry of both pages."""
     for page in ("api.md", "internals.md"):
         text = (DOCS / page).read_text(encoding="utf-8")
@@ -32,31 +32,31 @@ def documented():
 
 
 def members(module, named):
-    """The members that a directive names; all that its module defines if it is bare."""
+    """The members that a directive names, or all that its module defines."""
     if named.strip():
         return [name.strip() for name in named.split(",")]
-    own = vars(module).items()
-    return [n for n, x in own if getattr(x, "__module__", None) == module.__name__]
+    entries = vars(module).items()
+    return [n for n, x in entries if getattr(x, "__module__", None) == module.__name__]
 
 
 def forms_of(x):
-    """It, and what it is with a kernel where it is that."""
+    """The class itself and its counterpart with a kernel, if any."""
     return x, getattr(x, "__wrapped__", x)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_public_name_is_documented(package):
     package = import_module(f"skfem_textile{package}")
-    entries = list(documented())
+    entries = list(documented_names())
     public = {name: getattr(package, name) for name in package.__all__}
     missing = [
         name
         for name, x in public.items()
         if not isinstance(x, ModuleType)
-        and not any(name == entry and thing in forms_of(x) for entry, thing in entries)
+        and not any(name == entry and value in forms_of(x) for entry, value in entries)
     ]
     assert missing == []
 
 
-def test_a_star_brings_the_packages_of_draping_and_forms_too():
+def test_a_star_import_includes_drape_and_forms():
     assert {"drape", "forms"} <= set(skfem_textile.__all__)

@@ -1,4 +1,4 @@
-"""Commands of pages, as the study runs them."""
+"""Commands of pages give the numbers that the pages state."""
 
 import re
 from pathlib import Path
@@ -17,20 +17,20 @@ def in_one_line(text):
     return " ".join(text.split())
 
 
-def whole(page):
+def with_includes(page):
     """The text of a page with the tables that it includes."""
 
-    def included(found):
-        return (page.parent / found[1]).read_text(encoding="utf-8")
+    def included(match):
+        return (page.parent / match[1]).read_text(encoding="utf-8")
 
     text = page.read_text(encoding="utf-8")
     return re.sub(r"^```\{include\} (\S+)\n```", included, text, flags=re.M)
 
 
 @pytest.mark.parametrize("name", DOCUMENTED)
-def test_a_command_runs_as_it_stands_on_its_page(name):
+def test_a_command_of_a_page_runs_unchanged(name):
     case = DOCUMENTED[name]
-    assert in_one_line(case.command) in in_one_line(whole(ROOT / case.page))
+    assert in_one_line(case.command) in in_one_line(with_includes(ROOT / case.page))
 
 
 @pytest.mark.parametrize("name", [x for x in DOCUMENTED if not DOCUMENTED[x].python])
@@ -41,8 +41,10 @@ def test_words_in_capitals_have_values(name):
     assert not words & set(case.line.split())
 
 
-def test_imports_of_lines_of_python_stand_on_their_pages():
-    pages = [whole(ROOT / case.page) for case in DOCUMENTED.values() if case.python]
+def test_imports_of_python_lines_are_on_their_pages():
+    pages = [
+        with_includes(ROOT / case.page) for case in DOCUMENTED.values() if case.python
+    ]
     assert [
         x for x in IMPORTS.splitlines() if not any(x in page for page in pages)
     ] == []
@@ -58,7 +60,7 @@ def test_every_case_is_stored(stored):
 
 
 @pytest.mark.parametrize("name", ["load of a bias extension", "strip"])
-def test_a_command_gives_what_is_stored(stored, name):
+def test_a_command_gives_its_stored_result(stored, name):
     rows = [row for row in stored if row["case"] == name]
     for row, was in zip(STUDY.examine(name), rows, strict=True):
         assert row["quantity"] == was["quantity"]
@@ -66,30 +68,30 @@ def test_a_command_gives_what_is_stored(stored, name):
 
 
 def test_a_mesh_along_the_fibres_needs_quadratic_triangles(stored):
-    """As my-mesh.md says: macro-elements are off by half a millimetre there."""
-    found = {(row["case"], row["quantity"]): row["value"] for row in stored}
-    off = {
-        name: found[f"mesh along the fibres, {name}, E = 1e5", "displacement_error_max"]
+    """The error of macro-elements is half a millimetre there, as my-mesh.md states."""
+    data = {(row["case"], row["quantity"]): row["value"] for row in stored}
+    error = {
+        name: data[f"mesh along the fibres, {name}, E = 1e5", "displacement_error_max"]
         for name in ("quadratic", "full", "macro")
     }
-    assert max(off["quadratic"], off["full"]) < 0.02 < 0.5 < off["macro"] < 0.6
+    assert max(error["quadratic"], error["full"]) < 0.02 < 0.5 < error["macro"] < 0.6
 
 
-def test_one_point_is_further_off_than_what_locks(stored):
-    """The picture of the strip says so beside its strains."""
+def test_one_point_elements_have_a_larger_error_than_locking_ones(stored):
+    """The picture of the strip states it beside the strains."""
     words = STUDY.figures(stored)
     assert float(words["strip_position_point_over_full"]) > 3
     assert words["strip_force_full"] == "−148 N"
 
 
-def test_estimates_are_within_a_third_of_what_fibre_stretch_costs(stored):
-    found = {(row["case"], row["quantity"]): row["value"] for row in stored}
+def test_estimates_of_the_load_lost_to_fibre_stretch_are_within_a_third(stored):
+    values = {(row["case"], row["quantity"]): row["value"] for row in stored}
     for name in STRETCHED:
-        measured = found[name, "measured"]
-        assert found[name, "estimate"] == pytest.approx(measured, rel=1 / 3), name
+        measured = values[name, "measured"]
+        assert values[name, "estimate"] == pytest.approx(measured, rel=1 / 3), name
 
 
-def test_tables_and_words_of_some_cases_are_those_of_whole_tables(stored):
+def test_tables_of_some_cases_agree_with_whole_tables(stored):
     some = [row for row in stored if "hole" in row["case"]]
     assert set(STUDY.tables(some)) == {"commands.csv", "hole.md"}
     assert set(STUDY.figures(some)) == {"hole_estimate", "hole_change"}
@@ -98,14 +100,14 @@ def test_tables_and_words_of_some_cases_are_those_of_whole_tables(stored):
     assert STUDY.tables(some)["hole.md"] == whole_tables["hole.md"]
 
 
-def test_a_command_that_fails_is_an_error_with_its_message(monkeypatch):
+def test_a_failing_command_raises_its_message(monkeypatch):
     case = Documented("README.md", "python examples/none.py", documented.table_of_strip)
     monkeypatch.setitem(DOCUMENTED, "none", case)
     with pytest.raises(RuntimeError, match=r"examples/none\.py"):
         STUDY.examine("none")
 
 
-def test_lines_that_no_longer_have_the_numbers_are_an_error():
+def test_output_without_the_expected_numbers_raises():
     read = documented.numbers_after("force:")
     assert read(ROOT, "force: 10.10 N\nforce: -7e-2 N") == {
         "force:, 1": 10.1,
@@ -115,12 +117,12 @@ def test_lines_that_no_longer_have_the_numbers_are_an_error():
         read(ROOT, "force: None")
 
 
-def test_commands_find_the_files_that_their_page_offers():
-    seen = []
+def test_commands_find_the_files_offered_by_their_page():
+    folders = []
 
     def read(folder, printed):
-        seen.extend(printed.split())
+        folders.extend(printed.split())
         return {}
 
     Documented("docs/tutorial/index.md", "ls", read).results()
-    assert {"coupon.msh", "shear.csv", "whole.py", "examples"} <= set(seen)
+    assert {"coupon.msh", "shear.csv", "whole.py", "examples"} <= set(folders)

@@ -1,4 +1,4 @@
-"""What CONTRIBUTING.md shows works as it is printed there."""
+"""The code in CONTRIBUTING.md works as printed."""
 
 import json
 import math
@@ -35,15 +35,15 @@ def checkout(tmp_path_factory):
         (folder / name).write_text(text)
     for file, struct, union, text in STRUCTS:
         declared = (folder / file).read_text()
-        found = re.search(rf"^{union}: TypeAlias = .*?\n\n", declared, re.M | re.S)
-        old, name = found[0].rstrip(), f"{union}: TypeAlias = "
+        match = re.search(rf"^{union}: TypeAlias = .*?\n\n", declared, re.M | re.S)
+        old, name = match[0].rstrip(), f"{union}: TypeAlias = "
         members = old.removeprefix(name).strip("()\n ")
         new = f"{text}\n\n{name}(\n    {members} | {struct}\n)"
         (folder / file).write_text(declared.replace(old, new))
     return folder
 
 
-#: Runs commands one after another; prints what each returns, prints and says.
+#: Runs commands one after another; prints exit code, stdout and stderr of each.
 SEVERAL = """
 import contextlib, io, json, sys
 from skfem_textile.cli.main import main
@@ -61,7 +61,7 @@ print(json.dumps([told(command) for command in json.loads(sys.argv[1])]))
 """
 
 
-def skfem(checkout, *commands):
+def run_commands(checkout, *commands):
     """Exit code, stdout and stderr of commands in the checkout, in one process."""
     child = subprocess.run(
         [sys.executable, "-c", SEVERAL, json.dumps(commands)],
@@ -85,9 +85,9 @@ def test_the_page_shows_a_scene_of_at_most_60_lines_and_a_law():
 
 
 def test_a_scene_is_added_by_a_file_and_a_struct(checkout):
-    listed, told = skfem(checkout, ["list"], ["run", "lean", "--help"])
+    listed, help_text = run_commands(checkout, ["list"], ["run", "lean", "--help"])
     assert "lean " in listed[1]
-    assert "shear angle at the end (default: 40.0)" in told[1]
+    assert "shear angle at the end (default: 40.0)" in help_text[1]
 
 
 def test_a_law_and_a_scene_of_the_page_are_run_together(checkout, tmp_path):
@@ -98,11 +98,11 @@ def test_a_law_and_a_scene_of_the_page_are_run_together(checkout, tmp_path):
         "one point": ("--formulation", "one-point"),
         "quadratic": ("--formulation", "quadratic"),
     }
-    runs = skfem(
+    runs = run_commands(
         checkout,
         *(
-            ("run", "lean", *small, *law, *way, "--out", str(tmp_path / name))
-            for name, way in ways.items()
+            ("run", "lean", *small, *law, *command, "--out", str(tmp_path / name))
+            for name, command in ways.items()
         ),
     )
     assert [(code, err) for code, _, err in runs] == [(0, "")] * 3

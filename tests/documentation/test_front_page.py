@@ -1,4 +1,4 @@
-"""README, paper and benchmarks condense results without changing what they say."""
+"""README, paper and benchmarks summarise results without changing them."""
 
 import re
 from pathlib import Path
@@ -16,21 +16,21 @@ OUTCOMES = ["right", "other", "refused", "missed", "wrong"]
 
 
 def rows(text):
-    """Lines of the tables of a page, without heads."""
+    """Lines of the tables of a page, without headers."""
     return [line for line in text.splitlines() if re.match(r"\| (?!question|--)", line)]
 
 
 @pytest.mark.parametrize("text", CONDENSED.values(), ids=CONDENSED)
-def test_each_of_the_five_outcomes_is_stated_by_itself(text):
-    said = [name for study, name, _ in markers(text) if study == "stability"]
-    assert [name for name in said if name in OUTCOMES] == OUTCOMES
-    assert "cases" in said
+def test_each_of_the_five_outcomes_is_stated_separately(text):
+    names = [name for study, name, _ in markers(text) if study == "stability"]
+    assert [name for name in names if name in OUTCOMES] == OUTCOMES
+    assert "cases" in names
     assert re.search(r"another (stable )?equilibrium", text)
 
 
 @pytest.mark.parametrize("text", CONDENSED.values(), ids=CONDENSED)
 def test_ratios_of_times_are_stated_at_several_errors_of_one_quantity_each(text):
-    """A shape within 0.1° and a load under 1 N are two criteria, not one bar."""
+    """A shape within 0.1° and a load within 1 N are separate criteria."""
     ratios = [n for study, n, _ in markers(text) if study == "error_time"]
     ratios = [name for name in ratios if name.endswith("_ratio")]
     criteria = {name.partition("_")[0] for name in ratios}
@@ -43,7 +43,7 @@ def test_ratios_of_times_are_stated_at_several_errors_of_one_quantity_each(text)
 
 
 @pytest.mark.parametrize("text", CONDENSED.values(), ids=CONDENSED)
-def test_both_sets_of_solvers_are_named_beside_the_times(text):
+def test_both_sets_of_solvers_are_named_with_the_times(text):
     assert "SuperLU" in text
     assert "CHOLMOD" in text
     assert "MUMPS" in text

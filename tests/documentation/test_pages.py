@@ -1,4 +1,4 @@
-"""The documentation: its links lead somewhere, and its lists are complete."""
+"""Links of the documentation resolve, and its lists are complete."""
 
 import re
 import shlex
@@ -23,10 +23,10 @@ PAGES = [
 ]
 RESULTS = (DOCS / "reference" / "results.md").read_text()
 
-#: A block between fences, and what stands after the first.
+#: A block between fences, and the text after the first.
 FENCED = re.compile(r"^```(.*)\n(?:.*\n)*?```$", re.M)
 
-#: Every address outside that a page links to.
+#: Every external address that a page links to.
 EXTERNAL = {
     "https://gmsh.info",
     "https://github.com/guzmalalo/bias_test",
@@ -37,12 +37,12 @@ EXTERNAL = {
 
 
 def prose(page):
-    """The text of a page without its code; directives, as images, stay."""
+    """The text of a page without its code; directives, such as images, remain."""
     return FENCED.sub(lambda m: m[0] if m[1].startswith("{") else "", page.read_text())
 
 
 def links(page):
-    """Targets of links and images, and of what is included or offered."""
+    """Targets of links, images, includes and downloads."""
     text = re.sub(r"(?<!\})`[^`\n]*`", "", prose(page))
     targets = re.findall(r"\]\(([^)\s]+)\)", text)
     targets += re.findall(
@@ -58,7 +58,7 @@ def anchors(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_links_lead_to_what_there_is(page):
+def test_links_have_existing_targets(page):
     lost = []
     for target in links(page):
         if target.startswith("http"):
@@ -70,9 +70,9 @@ def test_links_lead_to_what_there_is(page):
     assert lost == []
 
 
-def test_addresses_outside_are_listed():
-    found = {link for page in PAGES for link in links(page) if link.startswith("http")}
-    assert found == EXTERNAL
+def test_external_addresses_are_listed():
+    urls = {link for page in PAGES for link in links(page) if link.startswith("http")}
+    assert urls == EXTERNAL
 
 
 def test_every_page_is_in_the_menu():
@@ -88,15 +88,15 @@ def test_every_page_is_in_the_menu():
     assert pages - included - named == {"index"}
 
 
-def test_what_a_page_includes_is_no_page_of_its_own():
-    """It is in the folder of a study, which Sphinx leaves out."""
+def test_included_files_are_not_separate_pages():
+    """They are in the folder of a study, which Sphinx excludes."""
     for page in DOCS.rglob("*.md"):
         for name in re.findall(r"^```\{include\} (\S+)", page.read_text(), re.M):
             file = (page.parent / name).resolve().relative_to(DOCS)
             assert (DOCS / file.parts[0] / "provenance.json").is_file()
 
 
-def test_the_version_to_cite_is_that_of_the_package():
+def test_the_version_to_cite_is_the_version_of_the_package():
     assert f"{{{skfem_textile.__version__}}}" in (DOCS / "cite.md").read_text()
 
 
@@ -110,16 +110,16 @@ def commands():
                     yield " ".join(words), words[1:]
 
 
-def test_the_command_line_knows_every_option_on_the_pages(tmp_path, monkeypatch):
+def test_the_command_line_accepts_every_option_on_the_pages(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     shutil.copy(DOCS / "tutorial" / "shear.csv", ".")
     Path("tension.csv").write_text("fibre strain (-),tension (N/mm)\n0,0\n0.01,70\n")
     Path("shear").mkdir()
     for name in ("shear/law.json", "sine.json", "ln.json"):
         write_law(Polynomial((1.0,), odd=True), name)
-    shown = dict(commands())
-    assert len(shown) > 30
-    for words in shown.values():
+    lines = dict(commands())
+    assert len(lines) > 30
+    for words in lines.values():
         assert command_parser(words).parse_args(words).command == words[0]
 
 
@@ -133,7 +133,7 @@ def run():
 
 
 def described(name):
-    """Whether the page on results has a name as code."""
+    """True if the page on results contains a name as code."""
     return f"`{name}`" in RESULTS
 
 

@@ -1,4 +1,4 @@
-"""A tool that several tests lay plies on."""
+"""Tool and mesh sizes shared by the draping tests."""
 
 import pytest
 
@@ -14,6 +14,6 @@ def tool(tmp_path_factory):
 
 @pytest.fixture
 def coarse_net(monkeypatch):
-    """Coarser nets for plies whose edges no net pulls."""
+    """Coarser nets for plies whose edges are not pulled by a net."""
     for module in (draped_ply, on_tool):
         monkeypatch.setattr(module, "CELLS", 16)

@@ -1,4 +1,4 @@
-"""Meshes that are too coarse for the curvature of their tool are told so."""
+"""Meshes too coarse for the curvature of their tool are reported."""
 
 import logging
 
@@ -18,7 +18,7 @@ from skfem_textile import (
 )
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.surface import gaps
-from tests.helpers.tools import SYMMETRY, laid, positions
+from tests.helpers.tools import SYMMETRY, geodesic_u, positions
 
 SIDE, TOP, SLOPE = 90.0, 40.0, np.tan(np.radians(50))
 OTHERS = "work", "stabilisation", "deviation", "corners"
@@ -54,7 +54,7 @@ def draped(surface, cells, formulation=None, mesh_of=MeshQuad):
     conditions = {
         "tool": OnSurface(surface),
     } | SYMMETRY
-    return ply, conditions, laid(ply, surface)
+    return ply, conditions, geodesic_u(ply, surface)
 
 
 def gaps_at(ply, surface, u):
@@ -64,7 +64,7 @@ def gaps_at(ply, surface, u):
 
 @pytest.mark.parametrize("ratio", [0.56, 0.28])
 @pytest.mark.parametrize("cells", [8, 16])
-def test_a_mesh_that_follows_the_fillets_is_not_told_off(cells, ratio):
+def test_a_mesh_that_resolves_the_fillets_is_not_reported(cells, ratio):
     surface = dome(SIDE / cells / ratio)
     ply, conditions, start = draped(surface, cells)
     state = equilibrium_near(ply, conditions, start, warn_only=OTHERS)
@@ -73,29 +73,29 @@ def test_a_mesh_that_follows_the_fillets_is_not_told_off(cells, ratio):
 
 @pytest.mark.parametrize("ratio", [1.12, 2.2, 4.5])
 @pytest.mark.parametrize("cells", [8, 16])
-def test_elements_as_large_as_a_fillet_are_told_with_place_and_share(cells, ratio):
+def test_elements_as_large_as_a_fillet_have_a_position_and_share(cells, ratio):
     surface = dome(SIDE / cells / ratio)
     ply, conditions, start = draped(surface, cells)
-    with pytest.raises(NoEquilibriumError, match="deviate from the surface") as told:
+    with pytest.raises(NoEquilibriumError, match="deviate from the surface") as error:
         equilibrium_near(ply, conditions, start, warn_only=OTHERS)
     state = equilibrium_near(ply, conditions, start, warn_only=(*OTHERS, "surface"))
-    found = gaps_at(ply, surface, state.u)
-    off = found.share > 0.125
-    worst = found.share.argmax()
-    np.testing.assert_array_equal(told.value.elements, np.flatnonzero(off))
-    share = ply.basis.dx.sum(axis=1)[off].sum() / SIDE**2
-    message = str(told.value)
-    assert f"{off.sum()} element(s), {100 * share:.2g} % of the area" in message
+    gap = gaps_at(ply, surface, state.u)
+    is_coarse = gap.share > 0.125
+    worst = gap.share.argmax()
+    np.testing.assert_array_equal(error.value.elements, np.flatnonzero(is_coarse))
+    share = ply.basis.dx.sum(axis=1)[is_coarse].sum() / SIDE**2
+    message = str(error.value)
+    assert f"{is_coarse.sum()} element(s), {100 * share:.2g} % of the area" in message
     assert message.endswith("refine the mesh there")
-    x, y, z = found.place[:, worst]
-    by = f"by {found.gap[worst]:.2g} mm at"
+    x, y, z = gap.place[:, worst]
+    by = f"by {gap.gap[worst]:.2g} mm at"
     at = {f"{by} ({a:.3g}, {b:.3g}, {z:.3g})" for a, b in ((x, y), (y, x))}
     assert any(words in message for words in at)  # the dome is symmetric
-    radius = np.hypot(*found.place[:2, worst])
+    radius = np.hypot(*gap.place[:2, worst])
     assert abs(radius - TOP) < SIDE / cells + SIDE / cells / ratio
 
 
-def test_a_run_warns_and_goes_on(caplog):
+def test_a_run_warns_and_continues(caplog):
     surface = dome(5.0)
     ply, conditions, _ = draped(surface, 8)
     with caplog.at_level(logging.WARNING):
@@ -106,7 +106,7 @@ def test_a_run_warns_and_goes_on(caplog):
 
 @pytest.mark.parametrize("turn", [0.2, 0.5, 1.0])
 def test_the_gap_of_an_arc_is_its_sagitta(turn):
-    """tan(turn/4)/2 of its chord; quadratic elements are far closer."""
+    """The gap is tan(turn/4)/2 of the chord; quadratic elements are far closer."""
     radius = 10.0
     cylinder = drape.Cylinder(radius, (0, 0, -radius))
     for of, formulation, bound in (
@@ -117,14 +117,14 @@ def test_the_gap_of_an_arc_is_its_sagitta(turn):
             np.linspace(0, 4 * turn * radius, 5), np.array([0.0, 1.0])
         )
         ply = Ply(mesh, Fabric(1e4, 0.1), formulation, dimension=3)
-        u = laid(ply, cylinder)
-        found = gaps_at(ply, cylinder, u)
+        u = geodesic_u(ply, cylinder)
+        gap = gaps_at(ply, cylinder, u)
         low, high = bound
         exact = radius * (1 - np.cos(turn / 2))
-        assert low * exact <= found.gap.max() <= high * exact
+        assert low * exact <= gap.gap.max() <= high * exact
         edge = max(2 * radius * np.sin(turn / 2), 1.0)
         if low:
-            np.testing.assert_allclose(found.share, exact / edge, rtol=0.01)
+            np.testing.assert_allclose(gap.share, exact / edge, rtol=0.01)
 
 
 def test_elements_with_nodes_off_the_surface_have_no_gap():
@@ -135,7 +135,7 @@ def test_elements_with_nodes_off_the_surface_have_no_gap():
     x = np.pad(ply.nodes, ((0, 1), (0, 0)))
     on = np.flatnonzero(ply.nodes[0] < 11)
     x[:, on] = drape.exponential_map(sphere, ply.nodes[:, on])
-    found = gaps([(sphere, on)], x, ply.basis)
+    gap = gaps([(sphere, on)], x, ply.basis)
     near = mesh.p[0, mesh.t].max(axis=0) < 11
-    assert (found.gap[near] > 0).all()
-    assert not found.gap[~near].any()
+    assert (gap.gap[near] > 0).all()
+    assert not gap.gap[~near].any()

@@ -1,4 +1,4 @@
-"""Elements that are large against the fillets of a tool are told, and what they cost.
+"""Elements large against the fillets of a tool are reported with their error.
 
 The tool is a box with rounded edges and walls of 50°.
 """
@@ -37,7 +37,7 @@ def box(fillet):
     return drape.HeightField(at)
 
 
-def draped(fillet, cells):
+def drape_quarter(fillet, cells):
     """Shear angles of a quarter in degrees by row and column, and its summary."""
     size = cells, cells
     scene = draped_ply(
@@ -57,20 +57,20 @@ def draped(fillet, cells):
 @pytest.mark.parametrize(
     ("fillet", "turn", "least", "most"), [(20.0, 25, 0.3, 1.0), (8.0, 40, 1.0, 4.0)]
 )
-def test_from_30_degrees_of_turn_shear_is_off_by_more_than_a_degree(
+def test_elements_that_turn_by_30_degrees_have_shear_errors_above_one_degree(
     fillet, turn, least, most
 ):
-    """Against elements of a third of the size."""
-    coarse, found = draped(fillet, 6)
-    fine, _ = draped(fillet, 18)
+    """The reference has elements of a third of the size."""
+    coarse, medium = drape_quarter(fillet, 6)
+    fine, _ = drape_quarter(fillet, 18)
     means = fine.reshape(12, 3, 12, 3).mean(axis=(1, 3))
     error = np.abs(coarse - means).max()
-    assert found["max_turn_of_normal_deg"] == pytest.approx(turn, abs=5)
+    assert medium["max_turn_of_normal_deg"] == pytest.approx(turn, abs=5)
     assert least < error < most
-    assert ("coarse_elements" in found) == (turn > 30)
+    assert ("coarse_elements" in medium) == (turn > 30)
 
 
-def test_the_turn_of_the_normal_is_the_arc_of_an_element():
+def test_the_turn_of_the_normal_is_the_arc_angle_of_an_element():
     sphere = drape.Sphere(100.0, (0, 0, -100))
     scene = draped_ply(
         "ball", sphere, "irregular", size=(4, 4), width=80.0, height=80.0

@@ -1,4 +1,4 @@
-"""Plies on tools of files, from the command line."""
+"""Plies on tools from files, from the command line."""
 
 import meshio
 import numpy as np
@@ -6,22 +6,30 @@ import pytest
 
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_tool_mesh
-from tests.helpers.command_line import refused
-from tests.helpers.tools import ball, bump, command, line, plate, summary, write
+from tests.helpers.command_line import rejected
+from tests.helpers.tools import (
+    bump_height,
+    command,
+    plate,
+    run_words,
+    summary,
+    write,
+    write_sphere,
+)
 
 pytestmark = pytest.mark.usefixtures("coarse_net", "no_estimate")
 
 # A ply on a tool of a file, from the command line: its files and its case
 
 
-def test_a_ply_beyond_the_edges_of_its_tool_is_told(tmp_path):
-    """The share of area, a sentence, and a field; flat, so that it is known."""
+def test_a_ply_beyond_the_edges_of_its_tool_is_reported(tmp_path):
+    """The flat tool has a known share of area, a sentence and a field."""
     flat = write(tmp_path / "flat.stl", *plate(60.0, 13, lambda x, y: 0 * x))
     out = tmp_path / "out"
     assert command(out, "--width", "150", "--height", "100", tool=flat) == 0
-    found = summary(out)
-    assert found["beyond_tool_share_of_area"] == pytest.approx(1 - 120 / 150, abs=0.06)
-    assert "use a smaller ply or a larger tool" in found["beyond_tool"]
+    result = summary(out)
+    assert result["beyond_tool_share_of_area"] == pytest.approx(1 - 120 / 150, abs=0.06)
+    assert "use a smaller ply or a larger tool" in result["beyond_tool"]
     fields = meshio.read(out / "fields" / "step_0001.vtu")
     beyond = fields.cell_data["beyond_tool"][0]
     middle = fields.points[fields.cells[0].data].mean(axis=1)
@@ -42,21 +50,21 @@ def test_files_are_in_the_axes_of_the_tool(tool, tmp_path):
         last.points + last.point_data["displacement"],
         meshio.read(out / "fibres.vtu").points,
     ):
-        z = bump(x[:, 0] - 300, x[:, 1]) + 9
+        z = bump_height(x[:, 0] - 300, x[:, 1]) + 9
         assert np.abs(x[:, 2] - z).max() < 0.1
     warp = last.cell_data["warp_direction"][0]
     assert np.abs(warp[:, 2]).max() > 0.2
     np.testing.assert_allclose(np.linalg.norm(warp, axis=1), 1)
 
 
-def test_the_case_beside_the_results_says_the_same(tool, tmp_path):
+def test_the_written_case_describes_the_same_tool(tool, tmp_path):
     x, t = plate(40.0, 9)
     part = write(tmp_path / "part.stl", x, t)
     options = "--fibres", "35", "--point", "-4", "3", "29", "--part-mesh", str(part)
     out, again = tmp_path / "out", tmp_path / "again"
     assert command(out, *options, tool=tool) == 0
-    line = "run", str(out / "case.toml"), "--no-render", "--out", str(again)
-    assert cli.main(line) == 0
+    run_words = "run", str(out / "case.toml"), "--no-render", "--out", str(again)
+    assert cli.main(run_words) == 0
     one, other = summary(out), summary(again)
     for key in ("energy", "touches_at_x_mm", "pattern_area_mm2"):
         assert one[key] == other[key]
@@ -67,16 +75,18 @@ def test_the_case_beside_the_results_says_the_same(tool, tmp_path):
         ).read_bytes()
 
 
-def test_a_run_on_a_tool_goes_on_from_its_checkpoint(tool, tmp_path, capsys):
+def test_a_run_on_a_tool_is_resumed_from_its_checkpoint(tool, tmp_path, capsys):
     out = tmp_path / "out"
     assert command(out, "--checkpoint", tool=tool) == 0
     assert command(out, "--resume", tool=tool) == 0
-    other = write(tmp_path / "other.stl", *plate(height=lambda x, y: 0.9 * bump(x, y)))
+    other = write(
+        tmp_path / "other.stl", *plate(height=lambda x, y: 0.9 * bump_height(x, y))
+    )
     assert command(out, "--resume", tool=other) == 2
     assert "checkpoint" in capsys.readouterr().err
 
 
-def test_init_writes_a_case_that_asks_for_its_tool(tool, tmp_path, capsys):
+def test_init_writes_a_case_that_requires_a_tool(tool, tmp_path, capsys):
     file = tmp_path / "new.toml"
     assert cli.main(["init", str(file), "--scene", "drape"]) == 0
     text = file.read_text()
@@ -85,20 +95,20 @@ def test_init_writes_a_case_that_asks_for_its_tool(tool, tmp_path, capsys):
     assert "scene.tool is missing: name an STL file" in capsys.readouterr().err
 
 
-# What a run on a tool hands over: fibres on a part, and its flat pattern
+# Export of a run on a tool: fibres on a part, and its flat pattern
 
 
-def test_fibres_and_pattern_are_handed_over(tool, tmp_path):
-    """On a tool that is flat the pattern is the part, and fibres keep their angle."""
+def test_fibres_and_pattern_are_exported(tool, tmp_path):
+    """On a flat tool the pattern equals the part, and fibres keep their angle."""
     flat = write(tmp_path / "flat.stl", *plate(height=lambda x, y: 0 * x))
     x, t = plate(40.0, 9, lambda x, y: 0 * x)
     part, out = write(tmp_path / "part.stl", x, t), tmp_path / "out"
     options = "--fibres", "20", "--part-mesh", str(part)
     assert command(out, *options, tool=flat) == 0
-    found = summary(out)
-    assert found["part_covered_share_of_elements"] == 1
-    assert found["pattern_area_mm2"] == pytest.approx(80 * 80, rel=1e-3)
-    assert found["pattern_length_mm"] == pytest.approx(4 * 80, rel=1e-3)
+    result = summary(out)
+    assert result["part_covered_share_of_elements"] == 1
+    assert result["pattern_area_mm2"] == pytest.approx(80 * 80, rel=1e-3)
+    assert result["pattern_length_mm"] == pytest.approx(4 * 80, rel=1e-3)
     fibres = meshio.read(out / "part.vtu")
     np.testing.assert_allclose(fibres.cell_data["warp_angle_deg"][0], 20, atol=1e-6)
     for name in ("part.csv", "part.inp", "pattern.csv", "pattern.svg"):
@@ -109,7 +119,7 @@ def test_fibres_and_pattern_are_handed_over(tool, tmp_path):
     }
 
 
-def test_the_area_to_cut_is_that_of_all_pieces_less_their_holes(tmp_path):
+def test_the_cut_area_is_the_area_of_all_pieces_without_their_holes(tmp_path):
     flat = write(tmp_path / "flat.stl", *plate(height=lambda x, y: 0 * x))
     x, t = plate(40.0, 9, lambda x, y: 0 * x)
     middle = x[:, t].mean(axis=1)
@@ -126,35 +136,33 @@ def test_a_curve_trims_the_pattern(tool, tmp_path):
     a = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     x, y = 5 + 40 * np.cos(a), 40 * np.sin(a)
     curve, out = tmp_path / "curve.csv", tmp_path / "out"
-    rows = np.column_stack([a, x, y, bump(x, y)])
+    rows = np.column_stack([a, x, y, bump_height(x, y)])
     np.savetxt(curve, rows, delimiter=",", header="angle,X,y (mm), z", comments="")
     assert command(out, "--trim", str(curve), tool=tool) == 0
-    found = summary(out)
-    assert np.pi * 40**2 < found["pattern_area_mm2"] < 1.3 * np.pi * 40**2
+    result = summary(out)
+    assert np.pi * 40**2 < result["pattern_area_mm2"] < 1.3 * np.pi * 40**2
     assert not (out / "part.vtu").exists()
-    # A run without it leaves none of an earlier run.
+    # A run without it removes the one of an earlier run.
     assert command(out, tool=tool) == 0
     assert not (out / "pattern.csv").exists()
 
 
-def test_what_cannot_be_handed_over_is_told_beside_all_other_results(
-    tool, tmp_path, capsys
-):
+def test_a_failed_export_is_reported_beside_other_results(tool, tmp_path, capsys):
     x, t = plate(40.0, 9)
     far = write(tmp_path / "far.stl", x + np.array([[500], [0], [0]]), t)
     out = tmp_path / "out"
     assert command(out, "--part-mesh", str(far), tool=tool) == 1
     assert "part: not written: fibres on a tool" in capsys.readouterr().err
-    found = summary(out)
-    assert found["converged"]
-    assert found["part"].startswith("not written: ")
+    result = summary(out)
+    assert result["converged"]
+    assert result["part"].startswith("not written: ")
     assert (out / "fibres.vtu").exists()
     assert not (out / "part.vtu").exists()
-    # The boundary leaves the ply, the elements do not all: fibres alone.
+    # The boundary leaves the ply, but not all elements do: only fibres are exported.
     assert command(out, "--width", "60", "--part-mesh", str(tool), tool=tool) == 0
-    found = summary(out)
-    assert 0 < found["part_covered_share_of_elements"] < 1
-    assert "does not lie on" in found["pattern"]
+    result = summary(out)
+    assert 0 < result["part_covered_share_of_elements"] < 1
+    assert "does not lie on" in result["pattern"]
     # The curve leaves the ply.
     curve = tmp_path / "curve.csv"
     curve.write_text("x,y,z\n-95,0,0\n95,0,0\n0,95,0\n")
@@ -167,22 +175,22 @@ def test_what_cannot_be_handed_over_is_told_beside_all_other_results(
 
 
 def test_a_closed_part_has_fibres_and_no_pattern(tmp_path):
-    file, out = ball(tmp_path / "ball.stl", 900), tmp_path / "out"
+    file, out = write_sphere(tmp_path / "ball.stl", 900), tmp_path / "out"
     options = "--part-mesh", str(file), "--width", "100", "--height", "100"
     assert command(out, *options, tool=file) == 0
-    found = summary(out)
-    assert "is closed" in found["pattern"]
-    assert 0 < found["part_covered_share_of_elements"] < 0.2
+    result = summary(out)
+    assert "is closed" in result["pattern"]
+    assert 0 < result["part_covered_share_of_elements"] < 0.2
 
 
-# What is no tool, no curve and no option of a run on a tool
+# Invalid tools, curves and options of a run on a tool
 
 
 EMPTY = "solid nothing\nendsolid nothing\n"
 
 
-def refused_tools(folder):
-    """Files that are no tool, and what is said of them."""
+def invalid_tools(folder):
+    """Invalid files of tools, and the expected messages."""
     x, t = plate()
     facing = np.hstack([t, t[::-1]])
     yield folder / "no.stl", "no.stl: no such file"
@@ -196,7 +204,7 @@ def refused_tools(folder):
     yield write(folder / "nan.stl", bad, t), "must be finite"
     steep = plate(height=lambda x, y: 0.3 * x)
     yield write(folder / "steep.stl", *steep), "is at its edge or on a slope"
-    hollow = plate(height=lambda x, y: -bump(x, y))
+    hollow = plate(height=lambda x, y: -bump_height(x, y))
     yield write(folder / "hollow.stl", *hollow), "is at its edge or on a slope"
     yield (
         write(folder / "metres.stl", 1e-3 * x, t),
@@ -207,9 +215,9 @@ def refused_tools(folder):
         yield large, "use a larger ply, or a tool file in mm"
 
 
-def test_what_is_no_tool_is_refused_in_one_line(tmp_path, capsys):
-    for file, reason in refused_tools(tmp_path):
-        assert reason in refused(capsys, *line(tmp_path / "out", tool=file))
+def test_invalid_tools_are_rejected_in_one_line(tmp_path, capsys):
+    for file, reason in invalid_tools(tmp_path):
+        assert reason in rejected(capsys, *run_words(tmp_path / "out", tool=file))
     assert not (tmp_path / "out").exists()
 
 
@@ -226,8 +234,8 @@ def test_what_is_no_tool_is_refused_in_one_line(tmp_path, capsys):
         (("--width", "-5"), "the width must be positive"),
     ],
 )
-def test_bad_options_are_refused_in_one_line(tool, options, reason, tmp_path, capsys):
-    assert reason in refused(capsys, *line(tmp_path / "out", *options, tool=tool))
+def test_bad_options_are_rejected_in_one_line(tool, options, reason, tmp_path, capsys):
+    assert reason in rejected(capsys, *run_words(tmp_path / "out", *options, tool=tool))
     assert not (tmp_path / "out").exists()
 
 
@@ -244,18 +252,16 @@ def test_bad_options_are_refused_in_one_line(tool, options, reason, tmp_path, ca
         ("", "the file is empty"),
     ],
 )
-def test_what_is_no_curve_is_refused_in_one_line(tool, text, reason, tmp_path, capsys):
+def test_invalid_curves_are_rejected_in_one_line(tool, text, reason, tmp_path, capsys):
     curve = tmp_path / "curve.csv"
     curve.write_text(text)
-    words = line(tmp_path / "out", "--trim", str(curve), tool=tool)
-    assert reason in refused(capsys, *words)
+    words = run_words(tmp_path / "out", "--trim", str(curve), tool=tool)
+    assert reason in rejected(capsys, *words)
 
 
-def test_where_no_net_can_be_laid_a_bending_stiffness_is_asked_for(
-    tmp_path, capsys, monkeypatch
-):
-    monkeypatch.undo()  # coarse, the net would not meet the fold
-    file = ball(tmp_path / "ball.stl", 900)
+def test_a_bending_stiffness_is_required_without_a_net(tmp_path, capsys, monkeypatch):
+    monkeypatch.undo()  # a coarse net would miss the fold
+    file = write_sphere(tmp_path / "ball.stl", 900)
     large = "--width", "330", "--height", "330", "--tension", "2"
-    said = refused(capsys, *line(tmp_path / "out", *large, tool=file))
-    assert "give the fibres a bending stiffness" in said
+    message = rejected(capsys, *run_words(tmp_path / "out", *large, tool=file))
+    assert "give the fibres a bending stiffness" in message

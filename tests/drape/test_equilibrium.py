@@ -1,4 +1,4 @@
-"""Plies in equilibrium on surfaces, and what is refused."""
+"""Equilibrium of plies on surfaces, and rejected arguments."""
 
 import numpy as np
 import pytest
@@ -24,22 +24,29 @@ from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.solve.continuation import loads_drive, moves
 from skfem_textile.solve.problem import Tangent
 from skfem_textile.solve.states import NoEquilibriumError
-from tests.helpers import place_of, wobble
-from tests.helpers.tools import RADIUS, SYMMETRY, laid, positions, problem_of, square
+from tests.helpers import arguments_of, random_u
+from tests.helpers.tools import (
+    RADIUS,
+    SYMMETRY,
+    geodesic_u,
+    positions,
+    problem_of,
+    square,
+)
 
 # Plies in equilibrium on surfaces: tangent, forces, folds, checkpoints
 
 
 @pytest.mark.parametrize("held", [{}, SYMMETRY, {"slope": None}])
-def test_the_reduced_tangent_is_that_of_the_energy_on_the_surface(held):
+def test_the_reduced_tangent_is_the_hessian_of_the_energy_on_the_surface(held):
     """Against second differences of the energy along retracted motions."""
     fabric = Fabric(50.0, 0.5, warp=(2, 1), weft=(-1, 3))
     ply = square(6.0, 2, fabric)
-    if "slope" in held:  # an inclined direction, beside which the normal is turned
+    if "slope" in held:  # an inclined direction, with the normal rotated beside it
         held = {"slope": Condition("left", 0.0, direction=(1.0, 2.0, 0.3))}
     sphere = drape.Sphere(8.0, (0, 0, -8))
     problem = problem_of(ply, {"on": OnSurface(sphere)} | held).at(1.0)
-    u = problem.moved(laid(ply, sphere), wobble(ply, 1, 0.1))
+    u = problem.moved(geodesic_u(ply, sphere), random_u(ply, 1, 0.1))
     p, h = ply.parameters_at_rest, 1e-3
     tangent = Tangent(problem, u, p)
     free, turn = problem.system.free, problem.turn(u)
@@ -50,29 +57,29 @@ def test_the_reduced_tangent_is_that_of_the_energy_on_the_surface(held):
         q = np.zeros(ply.basis.N)
         q[free] = rng.standard_normal(len(free))
         d = turn @ q
-        there, back = (problem.moved(u, s * h * d) for s in (1, -1))
-        ends = problem.energy(there, p), problem.energy(back, p)
+        forward, back = (problem.moved(u, s * h * d) for s in (1, -1))
+        ends = problem.energy(forward, p), problem.energy(back, p)
         energy = sum(ends) - 2 * problem.energy(u, p)
-        # Retraction along the normal is second-order: what the slope sees of its bend
-        # along the surface is taken off.
-        bend = problem.unfixed(f, u) @ (there + back - 2 * u)
+        # Retraction along the normal is second-order: the effect of its curvature
+        # on the slope along the surface is subtracted.
+        bend = problem.unfixed(f, u) @ (forward + back - 2 * u)
         expected = q[free] @ K @ q[free]
         assert (energy - bend) / h**2 == pytest.approx(expected, rel=2e-5)
         slope = (ends[0] - ends[1]) / (2 * h)
         assert slope == pytest.approx(problem.unfixed(f, u) @ d, rel=1e-5)
 
 
-def test_nodes_lie_on_the_surface_and_no_force_is_left_along_it():
+def test_nodes_lie_on_the_surface_without_residual_along_it():
     ply = square(
         loads=[Traction("right", (0.5, 0, -0.3)), Traction("top", (0, 0.5, 0))]
     )
     sphere = drape.Sphere(100.0, (0, 0, -100))
     conditions = {"on": OnSurface(sphere)} | SYMMETRY
-    start = laid(ply, sphere)
+    start = geodesic_u(ply, sphere)
     state = equilibrium_near(ply, conditions, start)
     x = positions(ply, state.u)
     np.testing.assert_allclose(sphere.level(x), 0.0, atol=1e-9)
-    forces, n = ply.nodal(ply.residual(*place_of(state))), sphere.gradient(x)
+    forces, n = ply.nodal(ply.residual(*arguments_of(state))), sphere.gradient(x)
     along = forces - (forces * n).sum(axis=0) * n
     inner = (ply.nodes > 0).all(axis=0)
     assert np.abs(along[:, inner]).max() < 1e-7
@@ -80,7 +87,7 @@ def test_nodes_lie_on_the_surface_and_no_force_is_left_along_it():
     np.testing.assert_allclose(state.reactions["on"], forces.sum(axis=1))
 
 
-def test_an_element_that_is_turned_over_is_folded():
+def test_an_inverted_element_is_folded():
     ply = square(cells=4)
     sphere = drape.Sphere(100.0, (0, 0, -100))
     problem = problem_of(ply, {"on": OnSurface(sphere)}).at(1.0)
@@ -88,7 +95,7 @@ def test_an_element_that_is_turned_over_is_folded():
     assert (problem.area_ratio(drape.displacement(ply.nodes, x)) > 0).all()
     mirrored = x * [[-1], [1], [1]]
     ratio = problem.area_ratio(drape.displacement(ply.nodes, mirrored))
-    assert (ratio > 0).all()  # the other face of the ply, but no fold
+    assert (ratio > 0).all()  # the other face of the ply, but without a fold
     x[0, ply.nodes[0] > 50] -= 2 * 15.0  # the last column laid back over the others
     x = x * 100.0 / np.linalg.norm(x - sphere.centre[:, None], axis=0)
     ratio = problem.area_ratio(drape.displacement(ply.nodes, x))
@@ -115,7 +122,7 @@ def test_nodes_by_name_lie_on_surfaces_and_others_are_free():
     assert state.verdict.stable
 
 
-def test_a_run_goes_on_from_its_checkpoint_on_the_same_surface_only(tmp_path):
+def test_a_run_is_resumed_on_the_same_surface_only(tmp_path):
     c = np.sqrt(0.5)
     ply = square(100.0, 4, Fabric(1e5, 0.1, warp=(c, c), weft=(-c, c)))
 
@@ -138,14 +145,14 @@ def test_a_state_without_a_run_has_a_result():
     result = Result.of_state(ply, scene.conditions, state)
     assert result.converged
     np.testing.assert_allclose(result.u, run.u, atol=1e-3)
-    found = scene.summary(result)
-    assert found["max_contact_pressure_N_per_mm2"] == pytest.approx(
+    summary = scene.summary(result)
+    assert summary["max_contact_pressure_N_per_mm2"] == pytest.approx(
         scene.summary(run)["max_contact_pressure_N_per_mm2"], rel=1e-3
     )
-    assert found["error_estimate"].startswith("none: ")
+    assert summary["error_estimate"].startswith("none: ")
 
 
-# Surfaces and conditions on them that are refused
+# Rejected surfaces and conditions on them
 
 
 @pytest.mark.parametrize(
@@ -171,14 +178,14 @@ def test_a_state_without_a_run_has_a_result():
         ),
     ],
 )
-def test_conditions_that_cannot_be_are_refused(build, message):
+def test_inconsistent_conditions_are_rejected(build, message):
     conditions = build(drape.Sphere(100.0, (0, 0, -100)))
     with pytest.raises(ValueError, match=message):
         LoadStepper(square(), conditions, 1)
 
 
 class Broken(drape.Plane):
-    """A surface that is not one."""
+    """A surface with invalid values."""
 
     def __init__(self, level):
         super().__init__()
@@ -194,12 +201,12 @@ class Broken(drape.Plane):
         (Broken(lambda x: x[7]), "level of the surface raised"),
     ],
 )
-def test_what_is_no_surface_is_refused(surface, message):
+def test_invalid_surfaces_are_rejected(surface, message):
     with pytest.raises(ValueError, match=f"condition 'on'.*{message}"):
         LoadStepper(square(), {"on": OnSurface(surface)})
 
 
-def test_a_surface_that_is_not_finite_is_no_answer():
+def test_a_surface_that_is_not_finite_gives_no_equilibrium():
     nowhere = Broken(lambda x: np.where(x[0] > 30, np.nan, x[2]))
     conditions = {"on": OnSurface(nowhere), "clamp": Condition("left")}
     ply = square()
@@ -209,32 +216,32 @@ def test_a_surface_that_is_not_finite_is_no_answer():
         equilibrium_near(ply, conditions, ply.basis.zeros())
 
 
-def test_a_ply_in_its_plane_lies_on_no_surface():
+def test_a_plane_ply_on_a_surface_is_rejected():
     ply = Ply(MeshQuad().refined(1), Fabric(1e4, 1.0))
     with pytest.raises(ValueError, match="a surface requires a ply in space"):
         LoadStepper(ply, {"on": OnSurface(drape.Plane())})
 
 
-def test_a_ply_that_slides_around_its_sphere_is_refused():
+def test_a_ply_that_slides_around_its_sphere_is_rejected():
     ply, sphere = square(), drape.Sphere(100.0, (0, 0, -100))
     with pytest.raises(StepError, match=r"mechanism|unstable"):
         LoadStepper(ply, {"on": OnSurface(sphere)}, 1, max_halvings=1).run()
 
 
-def test_conditions_across_a_surface_are_refused():
+def test_conditions_across_a_surface_are_rejected():
     sphere = drape.Sphere(100.0, (0, 0, -100))
     conditions = {
         "on": OnSurface(sphere),
         "held": Condition([0], (None, None, 0.0)),
     } | SYMMETRY
     ply = square()
-    start = laid(ply, sphere)
+    start = geodesic_u(ply, sphere)
     conditions.pop("x"), conditions.pop("y")
     with pytest.raises(NoEquilibriumError, match="already fix node"):
         equilibrium_near(ply, conditions, start)
 
 
-# What drives a ply on a surface: its loads, or the surface
+# Control of a ply on a surface: by its loads, or by the surface
 
 
 def weight(w):
@@ -242,19 +249,19 @@ def weight(w):
 
 
 @pytest.mark.parametrize(("w", "drives"), [(1e-12, False), (1e-5, False), (1e-2, True)])
-def test_a_load_drives_a_ply_on_a_tool_if_it_does_most_of_the_work(w, drives):
+def test_a_load_that_does_most_of_the_work_drives_a_ply_on_a_tool(w, drives):
     tool = Sphere(RADIUS, (0.0, 0.0, -RADIUS))
     ply = square(30.0, 4, Fabric(1e3, 0.1, bending=(1.0, 1.0)), loads=[weight(w)])
     conditions = {"on": OnSurface(tool)} | SYMMETRY
-    state = equilibrium_near(ply, conditions, laid(ply, tool))
+    state = equilibrium_near(ply, conditions, geodesic_u(ply, tool))
     problem = problem_of(ply, conditions).at(1.0)
-    place = state.u, state.parameters, state.energies
-    assert loads_drive(problem, *place, moves(problem, [1.0])) == drives
+    state_data = state.u, state.parameters, state.energies
+    assert loads_drive(problem, *state_data, moves(problem, [1.0])) == drives
 
 
 @pytest.mark.long
-def test_a_light_ply_takes_the_way_of_one_without_weight():
-    """A step that is hard for the ply is not one whose load passes a limit."""
+def test_a_light_ply_follows_the_path_of_one_without_weight():
+    """A difficult step of the ply is not a limit point of the load."""
     scene = hemisphere(
         size=(6, 6), radius=60.0, width=120.0, height=120.0, tension=0.0, part="quarter"
     )

@@ -1,4 +1,4 @@
-"""The error of plies on surfaces is estimated, and refined away."""
+"""Error estimates of plies on surfaces, and adaptive refinement."""
 
 import numpy as np
 import pytest
@@ -29,12 +29,12 @@ def skew_bump():
     return drape.TriangleMesh(*graph(np.linspace(-100, 100, 29), height))
 
 
-def of_constant_angles(ply, u):
-    """Root-mean-square error in radians of the angle that is constant in an element."""
+def constant_angle_error(ply, u):
+    """Root-mean-square error in radians of the element-wise constant angle."""
     xi = (np.indices((8, 8)).reshape(2, -1) + 0.5) / 8
     exact = chebyshev.shear_angle(ply.basis.mapping.F(xi))
-    off = ply.shear_angle(u).mean(axis=1)[:, None] - exact
-    return float(np.sqrt(np.mean(off**2)))
+    error = ply.shear_angle(u).mean(axis=1)[:, None] - exact
+    return float(np.sqrt(np.mean(error**2)))
 
 
 @pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
@@ -42,21 +42,21 @@ def test_the_error_is_estimated_on_a_surface(formulation):
     cells = 8
     ply, conditions, start = chebyshev.problem(formulation, cells)
     state = equilibrium_near(ply, conditions, start)
-    found = estimated_error(ply, conditions, "superlu", state)
-    error = of_constant_angles(ply, state.u)
-    assert 0.8 * error < found.shear_angle < 1.6 * error
-    assert found.load < 0.1
+    estimate = estimated_error(ply, conditions, "superlu", state)
+    error = constant_angle_error(ply, state.u)
+    assert 0.8 * error < estimate.shear_angle < 1.6 * error
+    assert estimate.load < 0.1
 
 
-def test_the_estimate_is_of_a_finer_ply_on_the_surface():
+def test_the_estimate_uses_a_finer_ply_on_the_surface():
     ply, conditions, start = chebyshev.problem(OnePoint(), 4)
     state = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
     finer = ply.finer()
     fine = problem_at(finer.ply, conditions, "superlu", 1.0)
     carried = finer.carry(state.u, state.parameters)
     assert not fine.surfaces.are_on(carried[0], 1.0)
-    way = error_estimate._Trial(fine, *carried)
-    u, _ = error_estimate._moved(way, np.zeros(2), loaded=True)
+    trial = error_estimate._Trial(fine, *carried)
+    u, _ = error_estimate._moved(trial, np.zeros(2), loaded=True)
     assert fine.surfaces.are_on(u, 1.0)
 
 
@@ -64,7 +64,7 @@ def test_the_estimate_is_of_a_finer_ply_on_the_surface():
     ("shortened", "reason"),
     [(False, "not positive definite"), (True, "leaves the domain of a law")],
 )
-def test_without_a_load_one_increment_tells_why_there_is_no_estimate(
+def test_a_run_without_load_explains_its_lack_of_estimate(
     shortened, reason, monkeypatch
 ):
     ply, conditions, start = chebyshev.problem(OnePoint(), 4)
@@ -84,9 +84,9 @@ def test_without_a_load_one_increment_tells_why_there_is_no_estimate(
 
     monkeypatch.setattr(error_estimate, "definite", altered)
     monkeypatch.setattr(error_estimate, "within_laws", within)
-    way = error_estimate._Trial(fine, *finer.carry(state.u, state.parameters))
+    trial = error_estimate._Trial(fine, *finer.carry(state.u, state.parameters))
     with pytest.raises(NoEquilibriumError, match=reason):
-        error_estimate._moved(way, np.zeros(2), loaded=False)
+        error_estimate._moved(trial, np.zeros(2), loaded=False)
     assert len(made) == 1
 
 
@@ -103,19 +103,19 @@ def test_a_run_to_a_tolerance_refines_on_a_surface():
 
 
 @pytest.mark.parametrize("fibres", [0, 30, 45])
-def test_a_ply_that_the_tool_alone_shapes_has_an_error_of_the_shear_angle(fibres):
-    """At every angle of the fibres, held by planes of symmetry or at its middle."""
+def test_a_ply_without_loads_has_an_error_of_the_shear_angle(fibres):
+    """At every fibre angle, with symmetry planes or a constraint at the middle."""
     scene = hemisphere(fibres=np.radians(fibres), tension=0.0, size=(4, 4))
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
-    found = Case(scene=scene, fabric=fabric, steps=1).run().summary()
-    assert found["estimated_load_error"] is None
-    assert 0.1 < found["estimated_shear_angle_error_deg"] < 20
-    said = "by a finer mesh; none for the load: no moving condition carries a load"
-    assert found["error_estimate"] == said
+    summary = Case(scene=scene, fabric=fabric, steps=1).run().summary()
+    assert summary["estimated_load_error"] is None
+    assert 0.1 < summary["estimated_shear_angle_error_deg"] < 20
+    message = "by a finer mesh; none for the load: no moving condition carries a load"
+    assert summary["error_estimate"] == message
 
 
-def test_forces_of_nodes_that_hold_a_ply_are_not_told_off(caplog):
-    """They follow the tool; a point force tells of the elements around it alone."""
+def test_forces_at_constrained_nodes_are_not_reported(caplog):
+    """They depend on the tool; a point force affects the elements around it only."""
     size = {"size": (6, 6), "width": 150.0, "height": 150.0}
     scene = on_tool(skew_bump(), fibres=0.5, **size)
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
@@ -125,8 +125,8 @@ def test_forces_of_nodes_that_hold_a_ply_are_not_told_off(caplog):
     assert "turn_right" not in caplog.text
 
 
-def test_nodes_that_hold_a_ply_on_its_tool_are_no_load():
-    """They follow the tool, and on a tool without symmetry they are pulled."""
+def test_forces_at_constrained_nodes_are_not_a_load():
+    """They depend on the tool, and do not vanish on a tool without symmetry."""
     scene = on_tool(skew_bump(), tension=0.0, size=(4, 4), width=150.0, height=150.0)
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
     result = Case(scene=scene, fabric=fabric, steps=1).run()

@@ -1,4 +1,4 @@
-"""Plies on surfaces against exact answers."""
+"""Plies on surfaces against exact solutions."""
 
 import numpy as np
 import pytest
@@ -20,10 +20,10 @@ from skfem_textile.solve.states import NoEquilibriumError
 from studies.formulations.drape import chebyshev
 from studies.formulations.drape import rolled as rolled_plies
 from studies.formulations.drape.rolled import FAN
-from tests.helpers import place_of
-from tests.helpers.tools import SYMMETRY, laid, square
+from tests.helpers import arguments_of
+from tests.helpers.tools import SYMMETRY, geodesic_u, square
 
-# Plies on surfaces against exact answers: shear angles and contact pressure
+# Plies on surfaces against exact solutions: shear angles and contact pressure
 
 
 SADDLE = drape.HeightField(
@@ -49,8 +49,8 @@ def test_the_chebyshev_net_is_found_in_a_few_solves(formulation, bounds, cells):
     assert state.verdict.stable
 
 
-def test_its_largest_error_falls_with_second_order_until_the_mesh_is_fine():
-    """What is stabilised out of the plane does not resist the warp of a sphere."""
+def test_the_largest_error_converges_with_second_order():
+    """The out-of-plane stabilisation does not resist the warp of a sphere."""
     errors = []
     for parts in (8, 16, 32):
         ply, conditions, start = chebyshev.problem(Macro(), parts)
@@ -64,20 +64,20 @@ def test_its_largest_error_falls_with_second_order_until_the_mesh_is_fine():
 @pytest.mark.parametrize(("shear", "tension"), [(0.1, 0.1), (0.1, 50.0), (1e-4, 20.0)])
 def test_no_stiffness_tension_or_unit_of_force_takes_more_solves(shear, tension, unit):
     for formulation, cells in ((Macro(), 8), (OnePoint(), 16)):
-        given = (unit * x for x in (1e5, shear, tension))
-        ply, conditions, start = chebyshev.problem(formulation, cells, *given)
+        stiffnesses = (unit * x for x in (1e5, shear, tension))
+        ply, conditions, start = chebyshev.problem(formulation, cells, *stiffnesses)
         state = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
         assert state.linear_solves <= 8
 
 
 def test_a_coarse_mesh_takes_no_more_solves():
-    """Its stiffnesses are those of predicted tensions, so that none is found again."""
+    """Its stiffnesses use predicted tensions and are not updated."""
     ply, conditions, start = chebyshev.problem(Macro(), 4)
     state = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
     assert state.linear_solves <= 8
 
 
-def test_a_net_is_as_good_a_start():
+def test_a_net_is_an_equally_good_initial_guess():
     ply, conditions, _ = chebyshev.problem(OnePoint(), 16)
     net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / 16, (0, 16), (0, 16))
     start = drape.displacement(ply.nodes, net.at(ply.nodes))
@@ -99,26 +99,24 @@ def rolled(angle, formulation, q=1.0, side=chebyshev.SIDE, mesh=MeshQuad, warn_o
     ply = square(side, 12, fabric, formulation, loads, mesh=mesh)
     cylinder = drape.Cylinder(radius, (0, 0, -radius))
     conditions = {"on": OnSurface(cylinder)} | SYMMETRY
-    start = laid(ply, cylinder)
+    start = geodesic_u(ply, cylinder)
     state = equilibrium_near(ply, conditions, start, warn_only=warn_only)
     return ply, cylinder, state
 
 
 @pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
-def test_a_cylinder_shears_no_ply_and_presses_by_tension_over_radius(formulation):
+def test_a_cylinder_causes_no_shear_and_a_pressure_of_tension_over_radius(formulation):
     ply, cylinder, state = rolled(0.0, formulation)
     assert np.abs(ply.shear_angle(state.u)).max() < 1e-8
-    pressure = drape.contact_pressure(ply, cylinder, *place_of(state))
+    pressure = drape.contact_pressure(ply, cylinder, *arguments_of(state))
     inner = ply.nodes[0] < chebyshev.SIDE - 1e-9
     np.testing.assert_allclose(pressure[inner], 1.0 / 60.0, rtol=0.02)
     assert not drape.wrinkle_risk(ply, state.u).any()
 
 
 @pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
-def test_a_cylinder_shears_no_bias_ply_but_by_the_pull_on_its_last_elements(
-    formulation,
-):
-    """Which lie askew to it by h/(2R): q h²/(8R² (q + 2G)) with fibres at ±45°."""
+def test_a_cylinder_shears_a_bias_ply_at_its_pulled_edges_only(formulation):
+    """Askew edge elements shear by h/(2R): q h²/(8R² (q + 2G)) with fibres at ±45°."""
     q, shear, radius = 1.0, 0.1, 60.0
     ply, _, state = rolled(np.pi / 4, formulation, q=0.0)
     assert np.abs(ply.shear_angle(state.u)).max() < 1e-8
@@ -133,7 +131,7 @@ def test_a_cylinder_shears_no_bias_ply_but_by_the_pull_on_its_last_elements(
 @pytest.mark.parametrize(
     "how", [rolled_plies.CYLINDER, rolled_plies.BIAS, rolled_plies.FAN]
 )
-def test_no_ply_shears_whose_elements_lie_between_generators(how, formulation, tension):
+def test_elements_between_generators_cause_no_shear(how, formulation, tension):
     """Pulled in the planes of its strips, or not."""
     cells = 6 if isinstance(formulation, Macro) else 12
     ply, conditions, surface, start = rolled_plies.problem(
@@ -141,7 +139,7 @@ def test_no_ply_shears_whose_elements_lie_between_generators(how, formulation, t
     )
     state = equilibrium_near(ply, conditions, start)
     assert np.abs(ply.shear_angle(state.u)).max() < 1e-10
-    pressure = drape.contact_pressure(ply, surface, *place_of(state))
+    pressure = drape.contact_pressure(ply, surface, *arguments_of(state))
     mesh = ply.users_mesh
     on_edge = np.isin(mesh.t, mesh.boundary_nodes()).any(axis=0)[ply.parent]
     inner = np.setdiff1d(ply.mesh.t, ply.mesh.t[:, on_edge])
@@ -150,7 +148,7 @@ def test_no_ply_shears_whose_elements_lie_between_generators(how, formulation, t
 
 
 @pytest.mark.parametrize("degrees", [0.0, 25.0, 45.0])
-def test_no_ply_shears_on_a_cone_at_any_angle_of_its_fibres(degrees):
+def test_a_cone_causes_no_shear_at_any_fibre_angle(degrees):
     plain, conditions, _, start = rolled_plies.problem(FAN, Macro(), 6, 12)
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     fabric = Fabric(1e5, 0.1, warp=(c, s), weft=(-s, c))
@@ -159,10 +157,10 @@ def test_no_ply_shears_on_a_cone_at_any_angle_of_its_fibres(degrees):
     assert np.abs(ply.shear_angle(state.u)).max() < 1e-10
 
 
-def test_the_sphere_presses_by_the_sum_of_tensions_over_its_radius():
+def test_the_pressure_on_a_sphere_is_the_sum_of_tensions_over_the_radius():
     ply, conditions, start = chebyshev.problem(OnePoint(), 24)
     state = equilibrium_near(ply, conditions, start)
-    pressure = drape.contact_pressure(ply, chebyshev.SPHERE, *place_of(state))
+    pressure = drape.contact_pressure(ply, chebyshev.SPHERE, *arguments_of(state))
     tension = ply.fibre_tension(state.u)[..., 0].sum(axis=0)
     angle = ply.shear_angle(state.u)[:, 0]
     exact = tension / chebyshev.RADIUS / np.cos(angle)
@@ -173,8 +171,8 @@ def test_the_sphere_presses_by_the_sum_of_tensions_over_its_radius():
 
 
 @pytest.mark.parametrize("tension", [(3.0, 1.0), (1.0, 3.0)])
-def test_a_saddle_presses_or_would_have_to_pull(tension):
-    """Fibres along x lift off the saddle, those along y press on it."""
+def test_a_saddle_has_positive_and_negative_pressures(tension):
+    """Fibres along x lift off the saddle, fibres along y press on it."""
     loads = [
         Traction(name, sign * tension[i] * np.eye(3)[i])
         for name, i, sign in zip(
@@ -191,24 +189,24 @@ def test_a_saddle_presses_or_would_have_to_pull(tension):
         "x": Condition(lambda X: np.abs(X[0]) < 1e-9, (0.0, None, None)),
         "y": Condition(lambda X: np.abs(X[1]) < 1e-9, (None, 0.0, None)),
     }
-    start = laid(ply, SADDLE)
+    start = geodesic_u(ply, SADDLE)
     state = equilibrium_near(ply, conditions, start)
-    pressure = drape.contact_pressure(ply, SADDLE, *place_of(state))
+    pressure = drape.contact_pressure(ply, SADDLE, *arguments_of(state))
     warp, weft = tension
     assert pressure[middle] == pytest.approx(0.004 * (weft - warp), rel=0.02)
 
 
 @pytest.mark.parametrize("formulation", [Macro(), Quadratic(80.0), OnePoint()])
-def test_triangles_press_as_quadrilaterals_do(formulation):
-    """A cylinder presses by q/R whatever the elements; all forces add up to it."""
+def test_triangles_and_quadrilaterals_have_the_same_pressure(formulation):
+    """The pressure on a cylinder is q/R for any elements; all forces add up to it."""
     warned = "stabilisation", "deviation"
     ply, cylinder, state = rolled(0.0, formulation, 1.0, 60.0, MeshTri, warned)
-    pressure = drape.contact_pressure(ply, cylinder, *place_of(state))
+    pressure = drape.contact_pressure(ply, cylinder, *arguments_of(state))
     inner = (ply.nodes[0] > 4.0) & (ply.nodes[0] < 56.0)
     np.testing.assert_allclose(pressure[inner], 1.0 / 60.0, rtol=0.02)
 
 
-# Where fibres on a surface may wrinkle
+# Wrinkling of fibres on a surface
 
 
 def test_wrinkle_risk_starts_at_the_shear_stiffness():
@@ -228,13 +226,13 @@ def test_formulations_agree_on_where_fibres_wrinkle():
     for formulation in (Macro(), OnePoint(), Quadratic(), Quadratic(10.0)):
         ply = square(60.0, 12, fabric, formulation)
         held = {"on": OnSurface(tool)} | SYMMETRY
-        state = equilibrium_near(ply, held, laid(ply, tool))
+        state = equilibrium_near(ply, held, geodesic_u(ply, tool))
         shares.append(drape.wrinkle_risk(ply, state.u).mean())
     assert 0 < min(shares) <= max(shares) < 0.1
 
 
-def test_past_the_wrinkling_angle_any_compression_is_a_risk():
-    """In the region that has one, and not where the fibres are pulled."""
+def test_any_compression_beyond_the_wrinkling_angle_is_a_risk():
+    """In the region that has such an angle, and not where the fibres are pulled."""
     parts = {"left": lambda x: x[0] < 0.5, "right": lambda x: x[0] > 0.5}
     mesh = MeshQuad().refined(1).with_subdomains(parts)
     plain, locks = Fabric(100.0, 1.0), Fabric(100.0, 1.0, wrinkling_angle=0.4)
@@ -253,7 +251,7 @@ def test_past_the_wrinkling_angle_any_compression_is_a_risk():
 
 
 @pytest.mark.parametrize(("tension", "risk"), [(-0.99, False), (-1.01, True)])
-def test_a_net_buckles_in_its_plane_where_wrinkles_become_a_risk(tension, risk):
+def test_a_net_buckles_in_its_plane_at_the_wrinkling_limit(tension, risk):
     """Fibres along x, ends held, edges along them free: T = −G (Rosen 1965)."""
     s, t = np.linspace(0, 60, 13), np.linspace(0, 15, 5)
     mesh = MeshQuad.init_tensor(s, t).with_defaults()

@@ -1,4 +1,4 @@
-"""Fibres of a draped ply in the elements of a tool, against exact answers."""
+"""Fibres of a draped ply in the elements of a tool, against exact solutions."""
 
 import csv
 
@@ -10,45 +10,45 @@ from skfem import MeshQuad, MeshTri
 from skfem_textile import Fabric, MeshError, Ply, Quadratic, drape
 from skfem_textile.io import read_tool_mesh, write_fibres
 from studies.formulations.drape import chebyshev
-from tests.helpers.tools import in_net, rolled
+from tests.helpers.tools import on_net, rolled
 
 
 def on_cylinder(n=24, turn=0.0, mesh=MeshQuad):
-    """A ply of 100 mm × 100 mm rolled onto the cylinder, warp turned against x."""
+    """A ply of 100 mm × 100 mm rolled onto the cylinder, warp rotated from x."""
     mesh = mesh.init_tensor(*2 * [np.linspace(0, 100, n + 1)])
     c, s = np.cos(turn), np.sin(turn)
     fabric = Fabric(1e4, 0.1, warp=(c, s), weft=(-s, c))
     formulation = Quadratic() if isinstance(mesh, MeshTri) else None
-    given = () if formulation is None else (formulation,)
-    ply = Ply(mesh, fabric, *given, dimension=3)
+    arguments = () if formulation is None else (formulation,)
+    ply = Ply(mesh, fabric, *arguments, dimension=3)
     return ply, drape.displacement(ply.nodes, rolled(ply.nodes))
 
 
-def tool(place, low, high, n, quads=True):
-    """A tool whose points are ``place`` of a regular grid of the flat ply."""
+def tool(mapping, low, high, n, quads=True):
+    """A tool with points at ``mapping`` of a regular grid of the flat ply."""
     s = np.linspace(low, high, n + 1)
     mesh = MeshQuad.init_tensor(s, s)
     t = mesh.t[::-1]  # init_tensor goes clockwise
-    x = place(mesh.p)
+    x = mapping(mesh.p)
     return drape.ToolMesh(x, (t,) if quads else (t[:3], t[[0, 2, 3]]))
 
 
 @pytest.mark.parametrize("quads", [True, False])
 @pytest.mark.parametrize("mesh", [MeshQuad, MeshTri])
 def test_fibres_on_a_cylinder_keep_their_angle_to_its_axis(mesh, quads):
-    """But for chords in place of arcs, an error of second order."""
-    part, off = tool(rolled, 10, 90, 17, quads), []
+    """Up to the second-order error of chords in place of arcs."""
+    part, errors = tool(rolled, 10, 90, 17, quads), []
     for n in (12, 24):
         ply, u = on_cylinder(n, 0.4, mesh)
         fibres = drape.fibres_on_tool(drape.Sheet.of_ply(ply, u), part, (0, 1, 0))
         assert fibres.covered.all()
         angles = np.array(fibres.angles_deg()) - np.degrees([[0.4 - np.pi / 2], [0.4]])
-        off.append(np.abs([*angles, np.degrees(fibres.shear_angle)]).max())
+        errors.append(np.abs([*angles, np.degrees(fibres.shear_angle)]).max())
         for v in (fibres.warp, fibres.weft):
             np.testing.assert_allclose((v * fibres.normal).sum(axis=0), 0, atol=1e-12)
             np.testing.assert_allclose(np.linalg.norm(v, axis=0), 1)
-    assert off[1] < 0.1
-    assert np.log2(off[0] / off[1]) == pytest.approx(2, abs=0.3)
+    assert errors[1] < 0.1
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.3)
 
 
 def test_fibres_along_and_around_a_cylinder_are_exact():
@@ -67,14 +67,14 @@ def in_plane(v, normal):
     return v / np.linalg.norm(v, axis=0)
 
 
-def test_fibres_on_a_sphere_tend_to_those_of_the_exact_net():
-    """In the planes of the tool's elements, up to the edges, and the shear angle."""
-    part = tool(in_net, 0, 100, 30)
+def test_fibres_on_a_sphere_converge_to_the_exact_net():
+    """Fibres and shear angle in the planes of the tool's elements, up to the edges."""
+    part = tool(on_net, 0, 100, 30)
     s = np.linspace(0, 100, 31)
     X = np.array(np.meshgrid(*2 * [0.5 * (s[1:] + s[:-1])], indexing="ij"))
     X = X.reshape(2, -1)
     exact = [in_plane(f(X.T).T, part.normals()) for f in chebyshev._directions()]
-    off = []
+    errors = []
     for n in (8, 16):
         net = drape.net(chebyshev.SPHERE, 100 / n, (0, n), (0, n))
         fibres = drape.fibres_on_tool(drape.Sheet.of_net(net), part)
@@ -83,12 +83,12 @@ def test_fibres_on_a_sphere_tend_to_those_of_the_exact_net():
             for a, b in zip((fibres.warp, fibres.weft), exact, strict=True)
         ]
         sheared = np.degrees(fibres.shear_angle - chebyshev.shear_angle(X))
-        off.append([np.max(turned), np.abs(sheared).max()])
-    assert max(off[1]) < 0.05
-    assert (np.log2(np.divide(*off)) > 1.7).all()
+        errors.append([np.max(turned), np.abs(sheared).max()])
+    assert max(errors[1]) < 0.05
+    assert (np.log2(np.divide(*errors)) > 1.7).all()
 
 
-def test_elements_that_the_ply_does_not_reach_are_not_covered():
+def test_elements_outside_the_ply_are_not_covered():
     ply, u = on_cylinder()
     part = tool(rolled, 40, 140, 20)
     fibres = drape.fibres_on_tool(drape.Sheet.of_ply(ply, u), part)
@@ -99,21 +99,21 @@ def test_elements_that_the_ply_does_not_reach_are_not_covered():
     assert np.isnan(fibres.angles_deg()).any(axis=0).sum() == (~inside).sum()
 
 
-def test_the_edge_of_the_ply_is_where_it_is_flat():
-    """Also for points above it, as those of a tool are above its chords."""
+def test_the_edge_of_the_ply_equals_the_edge_of_the_flat_ply():
+    """Also for points above it, such as points of a tool above its chords."""
     ply, u = on_cylinder(24)
     sheet = drape.Sheet.of_ply(ply, u)
     s = np.linspace(10, 90, 33)
-    for beyond, found in ((-0.02, True), (0.02, False)):
+    for beyond, is_found in ((-0.02, True), (0.02, False)):
         for X in ([s, 0 * s - beyond], [s, 0 * s + 100 + beyond]):
-            places = sheet.at(rolled(np.array(X)))
-            np.testing.assert_array_equal(places.found, found)
+            points = sheet.at(rolled(np.array(X)))
+            np.testing.assert_array_equal(points.found, is_found)
     on_edge = sheet.at(rolled(np.array([s, 0 * s])))
     assert on_edge.found.all()
     assert on_edge.distance.max() > 0.005
 
 
-def test_the_other_side_of_a_thin_tool_takes_its_reach_to_leave_out():
+def test_a_small_reach_excludes_the_other_side_of_a_thin_tool():
     ply, u = on_cylinder()
     below = tool(lambda X: rolled(X) - [[0], [0], [0.8]], 10, 40, 6)
     sheet = drape.Sheet.of_ply(ply, u)
@@ -122,7 +122,7 @@ def test_the_other_side_of_a_thin_tool_takes_its_reach_to_leave_out():
         drape.fibres_on_tool(sheet, below, reach=0.4)
 
 
-def test_where_the_axis_is_the_normal_another_takes_its_place():
+def test_another_axis_replaces_one_along_the_normal():
     flat = tool(lambda X: np.pad(X, ((0, 1), (0, 0))), 0, 10, 4)
     net = drape.net(drape.Plane(), 5.0, (1, 4), (1, 4))
     sheet = drape.Sheet.of_net(net)
@@ -133,7 +133,7 @@ def test_where_the_axis_is_the_normal_another_takes_its_place():
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3])
-def test_any_point_of_a_sheet_is_found_again(share):
+def test_any_point_of_a_sheet_is_located(share):
     """On quadrilaterals that are long, distorted and bent, and between their edges."""
     random = np.random.default_rng(3)
     s, t = np.linspace(0, 100, 31), np.linspace(0, 100, 7)
@@ -149,12 +149,12 @@ def test_any_point_of_a_sheet_is_found_again(share):
     element = random.integers(0, n, 500)
     local = random.uniform(0, 1, (2, 500))
     local[:, :100] = np.round(local[:, :100])
-    places = drape.Places(element, local, np.zeros(500))
+    exact = drape.Places(element, local, np.zeros(500))
     at = sheet._elements.between(x, element, local)
-    found = sheet.at(at)
-    assert found.found.all()
-    np.testing.assert_allclose(found.distance, 0, atol=1e-9)
-    np.testing.assert_allclose(sheet.flat_at(found), sheet.flat_at(places), atol=1e-6)
+    spots = sheet.at(at)
+    assert spots.found.all()
+    np.testing.assert_allclose(spots.distance, 0, atol=1e-9)
+    np.testing.assert_allclose(sheet.flat_at(spots), sheet.flat_at(exact), atol=1e-6)
 
 
 def test_a_tool_is_read_in_the_order_of_its_file(tmp_path):
@@ -188,13 +188,13 @@ def test_the_facets_of_a_smooth_surface_are_its_triangles():
         (np.full((3, 3), np.nan), (np.array([[0], [1], [2]]),), "must be finite"),
     ],
 )
-def test_bad_tools_are_refused_in_one_line(points, cells, message):
+def test_invalid_tools_are_rejected_in_one_line(points, cells, message):
     with pytest.raises(MeshError, match=message) as error:
         drape.ToolMesh(points, cells)
     assert "\n" not in str(error.value)
 
 
-def test_bad_arguments_are_refused():
+def test_invalid_arguments_are_rejected():
     ply, u = on_cylinder(4)
     sheet, part = drape.Sheet.of_ply(ply, u), tool(rolled, 10, 90, 3)
     with pytest.raises(ValueError, match="axis must be a nonzero finite vector"):
@@ -206,7 +206,7 @@ def test_bad_arguments_are_refused():
         drape.fibres_on_ply(flat, flat.basis.zeros())
 
 
-def test_files_hold_the_same_fibres_and_tell_where_there_are_none(tmp_path):
+def test_files_contain_the_same_fibres_and_mark_uncovered_elements(tmp_path):
     ply, u = on_cylinder(12, 0.3)
     part = tool(rolled, 60, 120, 8)
     fibres = drape.fibres_on_tool(drape.Sheet.of_ply(ply, u), part, (0, 1, 0))
@@ -234,13 +234,13 @@ def orientation(lines, name):
     start = lines.index(
         f"*DISTRIBUTION, NAME={name}_AXES, LOCATION=ELEMENT, TABLE=AXES"
     )
-    found = {}
+    axes = {}
     for line in lines[start + 2 :]:
         if line.startswith("*") or not line:
             break
         number, *values = line.split(",")
-        found[int(number)] = np.array(values, dtype=float).reshape(2, 3)
-    return found
+        axes[int(number)] = np.array(values, dtype=float).reshape(2, 3)
+    return axes
 
 
 def test_a_deck_has_both_axes_of_each_element_in_space(tmp_path):
@@ -264,8 +264,8 @@ def test_a_deck_has_both_axes_of_each_element_in_space(tmp_path):
     np.testing.assert_array_equal(read.cells[0], part.cells[0])
 
 
-def test_on_the_ply_itself_fibres_are_in_the_users_elements(tmp_path):
-    """Angles are seen from the side that is up in the flat ply."""
+def test_fibres_on_the_ply_itself_are_in_the_users_elements(tmp_path):
+    """Angles are seen from the upper side of the flat ply."""
     ply, u = on_cylinder(12, 0.3)
     fibres = drape.fibres_on_ply(ply, u, (0, 1, 0))
     assert fibres.mesh.n_elements == 144

@@ -1,4 +1,4 @@
-"""What a tool asks of a ply is told before the ply is draped."""
+"""Feasibility of a tool is checked before the ply is draped."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def box(slope_deg, edge=6.0):
     i, j = (a.ravel() for a in np.meshgrid(k, k))
     depth = np.r_[0.0, down][np.maximum(np.maximum(abs(i), abs(j)) - n, 0)]
     at = inner[np.clip(i, -n, n) + n], inner[np.clip(j, -n, n) + n]
-    # Lines of the grid beyond the top go down the wall: those beyond a corner end
+    # Lines of the grid beyond the top run down the wall: lines beyond a corner end
     # in its edge, so that their triangles have no area.
     x, y = (a * (1 + depth * lean / TOP) for a in at)
     size = len(k)
@@ -34,29 +34,29 @@ def box(slope_deg, edge=6.0):
     return drape.TriangleMesh(np.array([x, y, -depth]), t)
 
 
-def told(caplog, tool, **given):
-    given = {"width": 160.0, "height": 160.0, "tension": 0.0, "size": (6, 6)} | given
-    scene = on_tool(tool, **given)
+def reported(caplog, tool, **kwargs):
+    kwargs = {"width": 160.0, "height": 160.0, "tension": 0.0, "size": (6, 6)} | kwargs
+    scene = on_tool(tool, **kwargs)
     return scene, [record.getMessage() for record in caplog.records]
 
 
-def test_a_net_that_folds_behind_the_corner_of_a_box_is_told(caplog):
-    _, said = told(caplog, box(89.0))
-    (line,) = said
+def test_a_net_that_folds_behind_the_corner_of_a_box_is_reported(caplog):
+    _, messages = reported(caplog, box(89.0))
+    (line,) = messages
     assert "their net folds at" in line
     assert "use a ply that ends before that corner" in line
-    place = np.array(line.partition("(")[2].partition(")")[0].split(","), dtype=float)
-    assert np.abs(np.abs(place[:2]) - TOP).max() < 15
+    corner = np.array(line.partition("(")[2].partition(")")[0].split(","), dtype=float)
+    assert np.abs(np.abs(corner[:2]) - TOP).max() < 15
 
 
 @pytest.mark.parametrize("fibres", [0.0, 0.5])
 def test_shear_behind_a_corner_is_its_curvature(caplog, fibres):
-    """Of the angles around the corner 2π lacks what the net shears by."""
+    """The sum of angles around the corner falls short of 2π by the shear of the net."""
     slope = np.radians(67)
     hip = np.array([1, 1, -np.tan(slope)]) / np.sqrt(2 + np.tan(slope) ** 2)
     lacks = 2 * np.pi - 0.5 * np.pi - 2 * np.arccos(-hip[0])
-    _, said = told(caplog, box(67.0), fibres=fibres)
-    (line,) = said
+    _, messages = reported(caplog, box(67.0), fibres=fibres)
+    (line,) = messages
     shear = float(line.partition("shear by ")[2].split()[0])
     assert shear == pytest.approx(np.degrees(lacks), abs=6)
 
@@ -64,38 +64,38 @@ def test_shear_behind_a_corner_is_its_curvature(caplog, fibres):
 @pytest.mark.parametrize(
     ("slope", "side"), [(45.0, 160.0), (89.0, 90.0)], ids=["flat walls", "small ply"]
 )
-def test_nothing_is_told_where_a_net_lies(caplog, slope, side):
-    _, said = told(caplog, box(slope), width=side, height=side)
-    assert not said
+def test_a_feasible_tool_is_not_reported(caplog, slope, side):
+    _, messages = reported(caplog, box(slope), width=side, height=side)
+    assert not messages
 
 
 @pytest.mark.parametrize(("size", "fibres"), [((8, 8), 0.3), ((16, 16), 0.0)])
-def test_shear_of_smooth_curvature_is_not_told(caplog, size, fibres):
-    """Around a sphere a net shears as far as behind a corner, but by and by."""
+def test_shear_of_smooth_curvature_is_not_reported(caplog, size, fibres):
+    """A net on a sphere shears as far as behind a corner, but gradually."""
     s = np.linspace(-150, 150, 51)
     X = np.array(np.meshgrid(s, s)).reshape(2, -1)
     x = drape.exponential_map(SPHERE, X * np.abs(X).max(axis=0) / np.hypot(*X + 1e-9))
     c = np.add.outer(51 * np.arange(50), np.arange(50)).ravel()
     t = np.hstack([[c, c + 1, c + 52], [c, c + 52, c + 51]])
     tool = drape.TriangleMesh(x, t)
-    given = {"width": 200.0, "height": 200.0, "size": size, "fibres": fibres}
-    scene, said = told(caplog, tool, **given)
+    kwargs = {"width": 200.0, "height": 200.0, "size": size, "fibres": fibres}
+    scene, messages = reported(caplog, tool, **kwargs)
     net = net_over(scene.mesh.p, OnSurface(SPHERE), 1.0, (fibres, fibres + H))
     assert np.degrees(np.nanmax(np.abs(net.shear_angle()))) > 45
-    assert not said
+    assert not messages
 
 
-def test_a_first_thread_that_leaves_the_tool_is_no_fold(caplog, monkeypatch):
+def test_a_first_thread_that_leaves_the_tool_is_not_a_fold(caplog, monkeypatch):
     def leaves(*_):
         raise NetError("the first thread leaves the surface", np.zeros(3))
 
     monkeypatch.setattr(draped_ply, "net_over", leaves)
-    _, said = told(caplog, box(89.0))
-    assert not said
+    _, messages = reported(caplog, box(89.0))
+    assert not messages
 
 
-def test_a_drape_that_is_refused_names_elements_and_what_to_do(caplog):
-    scene, _ = told(caplog, box(89.0))
+def test_a_failed_drape_names_elements_and_a_remedy(caplog):
+    scene, _ = reported(caplog, box(89.0))
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
     method = Newton(most=6)
     stepper = Case(scene=scene, fabric=fabric, steps=1, method=method).stepper()

@@ -1,4 +1,4 @@
-"""Flat patterns of trimmed parts, against exact answers."""
+"""Flat patterns of trimmed parts, against exact solutions."""
 
 import csv
 import sys
@@ -13,7 +13,7 @@ from skfem_textile.io import write_pattern
 from skfem_textile.mesh import contact
 from studies.formulations.drape import chebyshev
 from studies.formulations.drape.cases import FORMULATIONS
-from tests.helpers.tools import in_net, rolled
+from tests.helpers.tools import on_net, rolled
 
 
 def on_cylinder(n):
@@ -36,18 +36,18 @@ def there_and_back():
 
 
 def test_the_pattern_on_a_cylinder_is_the_unrolled_curve():
-    """Exactly at nodes, and with third order between them, where chords are."""
+    """Exact at nodes, and of third order between them, where chords are."""
     square = np.array([[25.0, 75.0, 75.0, 25.0], [25.0, 25.0, 75.0, 75.0]])
     pattern = drape.flat_pattern(on_cylinder(12), rolled(square), spacing=1e3)
     np.testing.assert_allclose(pattern.outline, square, atol=1e-9)
     assert pattern.length == pytest.approx(200)
     assert pattern.area == pytest.approx(2500)
-    off = []
+    errors = []
     for n in (6, 12):
         pattern = drape.flat_pattern(on_cylinder(n), rolled(circle(720)), spacing=9.0)
-        off.append(np.abs(pattern.outline - circle(720)).max())
-    assert off[1] < 3e-3
-    assert np.log2(off[0] / off[1]) == pytest.approx(3, abs=0.3)
+        errors.append(np.abs(pattern.outline - circle(720)).max())
+    assert errors[1] < 3e-3
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(3, abs=0.3)
 
 
 def test_length_and_area_of_the_pattern_of_a_circle():
@@ -56,25 +56,25 @@ def test_length_and_area_of_the_pattern_of_a_circle():
     assert pattern.area == pytest.approx(np.pi * 900, rel=2e-5)
 
 
-def test_the_pattern_on_a_sphere_is_that_of_the_exact_net():
-    """Of a ply that was draped, and of a net."""
+def test_the_pattern_on_a_sphere_agrees_with_the_exact_net():
+    """For a draped ply and for a net."""
     drawn = circle(360)
-    curve = in_net(drawn)
+    curve = on_net(drawn)
     ply, conditions, start = chebyshev.problem(FORMULATIONS["macro"], 16)
     u = equilibrium_near(ply, conditions, start).u
-    off = []
+    errors = []
     for n in (16, 32):
         net = drape.net(chebyshev.SPHERE, 100 / n, (0, n), (0, n))
         pattern = drape.flat_pattern(drape.Sheet.of_net(net), curve)
-        off.append(np.abs(pattern.outline - drawn).max())
-    assert off[1] < 0.02
-    assert np.log2(off[0] / off[1]) == pytest.approx(2, abs=0.3)
+        errors.append(np.abs(pattern.outline - drawn).max())
+    assert errors[1] < 0.02
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.3)
     pattern = drape.flat_pattern(drape.Sheet.of_ply(ply, u), curve)
     assert np.abs(pattern.outline - drawn).max() < 0.02
 
 
-def test_a_curve_with_few_points_gets_others_between_them():
-    """On the ply below the straight line, in a plane through the cylinder's normals."""
+def test_a_curve_with_few_points_is_refined():
+    """The added points lie on the ply, in a plane through the cylinder's normals."""
     few, sheet = rolled(circle(16)), on_cylinder(24)
     pattern = drape.flat_pattern(sheet, few, spacing=1.0)
     steps = np.linalg.norm(np.diff(pattern.on_tool, axis=1), axis=0)
@@ -89,7 +89,7 @@ def test_a_curve_with_few_points_gets_others_between_them():
 
 
 def holed_tool():
-    """Elements of the rolled square from 20 to 80 mm without those in its middle."""
+    """Elements of the rolled square from 20 to 80 mm except for its middle."""
     s = np.linspace(20, 80, 13)
     mesh = MeshQuad.init_tensor(s, s)
     t = mesh.t[::-1]
@@ -132,7 +132,7 @@ def test_a_closed_tool_has_no_boundary():
         (rolled(circle(60)), np.nan, "spacing must be a positive length"),
     ],
 )
-def test_bad_curves_are_refused_in_one_line(curve, spacing, message):
+def test_invalid_curves_are_rejected_in_one_line(curve, spacing, message):
     with pytest.raises(ValueError, match=message) as error:
         drape.flat_pattern(on_cylinder(12), curve, spacing)
     assert "\n" not in str(error.value)
@@ -158,15 +158,15 @@ def polygon(x, y):
         np.hstack([circle(40), circle(40, radius=20.0)]),
     ],
 )
-def test_a_curve_that_crosses_itself_is_refused_with_the_place(curve):
-    with pytest.raises(ValueError, match=r"crosses itself at \[.*a curve that") as told:
+def test_a_curve_that_crosses_itself_is_rejected_with_the_position(curve):
+    with pytest.raises(ValueError, match=r"crosses itself at \[.*a curve that") as exc:
         drape.flat_pattern(on_cylinder(24), rolled(curve))
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(exc.value)
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_curves_that_come_near_themselves_are_not_refused(side):
-    """A narrow bay, in both senses, and points one upon the other."""
+def test_curves_that_come_near_themselves_are_accepted(side):
+    """A narrow bay, in both senses, and coincident points."""
     x = [20.0, 80.0, 80.0, 50.1, 50.0, 49.9, 20.0, 20.0]
     y = [20.0, 20.0, 80.0, 80.0, 25.0, 80.0, 80.0, 80.0]
     curve = polygon(x, y)[:, ::side]
@@ -185,16 +185,16 @@ def test_a_csv_has_outline_lengths_fibres_and_points_on_the_tool(tmp_path, patte
     with open(tmp_path / "pattern.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     for number, pattern in enumerate(patterns, 1):
-        own = [row for row in rows if row["curve"] == str(number)]
+        outline = [row for row in rows if row["curve"] == str(number)]
         for names, values in (
             (("x", "y"), pattern.outline),
             (("tool_x", "tool_y", "tool_z"), pattern.on_tool),
         ):
-            table = [[float(row[name]) for row in own] for name in names]
+            table = [[float(row[name]) for row in outline] for name in names]
             np.testing.assert_array_equal(table, values)
         last = np.linalg.norm(pattern.outline[:, -1] - pattern.outline[:, 0])
-        assert float(own[-1]["along"]) + last == pytest.approx(pattern.length)
-        angle = [float(row["weft_angle_deg"]) for row in own]
+        assert float(outline[-1]["along"]) + last == pytest.approx(pattern.length)
+        angle = [float(row["weft_angle_deg"]) for row in outline]
         np.testing.assert_allclose(angle, 90 + np.degrees(0.4))
     write_pattern(tmp_path / "one.csv", patterns[0])
     assert (tmp_path / "one.csv").read_text().count("\n") == 1 + len(
@@ -202,7 +202,7 @@ def test_a_csv_has_outline_lengths_fibres_and_points_on_the_tool(tmp_path, patte
     )
 
 
-def test_a_svg_is_of_full_size(tmp_path, patterns):
+def test_an_svg_has_full_size(tmp_path, patterns):
     write_pattern(tmp_path / "pattern.svg", patterns)
     root = ElementTree.parse(tmp_path / "pattern.svg").getroot()
     box = [float(x) for x in root.get("viewBox").split()]
@@ -219,7 +219,7 @@ def test_a_svg_is_of_full_size(tmp_path, patterns):
     assert turn == pytest.approx(0.4, abs=1e-3)
 
 
-def test_a_dxf_has_outlines_and_fibres_on_layers_of_their_own(tmp_path, patterns):
+def test_a_dxf_has_outlines_and_fibres_on_separate_layers(tmp_path, patterns):
     ezdxf = pytest.importorskip("ezdxf")
     write_pattern(tmp_path / "pattern.dxf", patterns)
     drawing = ezdxf.readfile(tmp_path / "pattern.dxf")
@@ -234,9 +234,7 @@ def test_a_dxf_has_outlines_and_fibres_on_layers_of_their_own(tmp_path, patterns
     assert np.arctan2(along.y, along.x) == pytest.approx(0.4)
 
 
-def test_a_dxf_without_its_package_is_refused_in_one_line(
-    tmp_path, patterns, monkeypatch
-):
+def test_a_dxf_without_its_package_is_rejected(tmp_path, patterns, monkeypatch):
     monkeypatch.setitem(sys.modules, "ezdxf", None)
     with pytest.raises(ImportError, match=r"a \.dxf file requires ezdxf"):
         write_pattern(tmp_path / "pattern.dxf", patterns)
@@ -247,7 +245,7 @@ def test_a_dxf_without_its_package_is_refused_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_curve_where_the_ply_lies_on_itself_is_refused():
+def test_a_curve_where_the_ply_overlaps_itself_is_rejected():
     """A net that goes around a tube by more than a turn."""
     tube = drape.Cylinder(10.0, (0, 0, -10))
     sheet = drape.Sheet.of_net(drape.net(tube, 1.0, (45, 45), (10, 10)))
@@ -257,7 +255,7 @@ def test_a_curve_where_the_ply_lies_on_itself_is_refused():
         drape.flat_pattern(sheet, ring)
 
 
-def test_an_outline_that_cannot_be_judged_is_refused(monkeypatch):
+def test_an_outline_that_cannot_be_checked_is_rejected(monkeypatch):
     sheet = on_cylinder(12)
     monkeypatch.setattr(contact, "_MOST_PAIRS", 100)
     with pytest.raises(ValueError, match="to determine whether it crosses itself"):

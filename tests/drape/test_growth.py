@@ -1,4 +1,4 @@
-"""Surfaces that grow out of the plane of a ply."""
+"""Surfaces that develop out of the plane of a ply."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ from skfem_textile.solve.continuation import on_grown_surface
 from skfem_textile.solve.problem import Tangent
 from skfem_textile.solve.states import NoEquilibriumError
 from studies.formulations.drape import chebyshev
-from tests.helpers.tools import SYMMETRY, laid, positions, problem_of, square
+from tests.helpers.tools import SYMMETRY, geodesic_u, positions, problem_of, square
 
 
 def test_a_ply_grows_with_the_surface():
@@ -41,9 +41,9 @@ def test_a_ply_grows_with_the_surface():
 
 @pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
 @pytest.mark.parametrize("parts", [8, 16, 32])
-def test_the_chebyshev_net_grows_in_one_step_of_a_few_solves(formulation, parts):
-    own = 2 if isinstance(formulation, Macro) else 1
-    ply, conditions, start = chebyshev.problem(formulation, parts // own)
+def test_the_chebyshev_net_needs_one_step_of_a_few_solves(formulation, parts):
+    solves = 2 if isinstance(formulation, Macro) else 1
+    ply, conditions, start = chebyshev.problem(formulation, parts // solves)
     result = LoadStepper(ply, conditions, 1).run()
     assert len(result.states) == 2
     assert result.linear_solves <= 8
@@ -53,13 +53,13 @@ def test_the_chebyshev_net_grows_in_one_step_of_a_few_solves(formulation, parts)
 
 @pytest.mark.parametrize("fibres", [0, 45])
 @pytest.mark.parametrize("stretch", [1e4, 1e5])
-def test_a_double_dome_grows_in_one_step_of_a_few_solves(fibres, stretch):
+def test_a_double_dome_needs_one_step_of_a_few_solves(fibres, stretch):
     scene = double_dome(size=(16, 9), fibres=float(np.radians(fibres)))
     fabric = Fabric(stretch, 0.1, scene.warp, scene.weft)
     result = Case(scene=scene, fabric=fabric, steps=1).run()
     assert result.converged
     assert len(result.states) == 2
-    assert result.linear_solves <= 12  # 44 where each step starts from the one before
+    assert result.linear_solves <= 12  # 44 if each step starts from the previous one
 
 
 def problem_and_start(ply, surface, **which):
@@ -69,18 +69,18 @@ def problem_and_start(ply, surface, **which):
     return problem.at(1.0), problem.start(ply.basis.zeros(), ply.parameters_at_rest)
 
 
-def test_a_start_on_a_grown_cylinder_is_the_rolled_ply():
-    """From any state before, for a cylinder rolls off without strain."""
+def test_the_initial_guess_on_a_grown_cylinder_is_the_rolled_ply():
+    """From any earlier state, because a cylinder unrolls without strain."""
     ply = square(60.0, 4, Fabric(1e4, 0.1))
     cylinder = drape.Cylinder(40.0, (0, 0, -40))
     problem, rest = problem_and_start(ply, cylinder)
     u = on_grown_surface(problem.at(0.5), rest).u
     half = problem.at(0.5).start(u, rest.parameters)
-    exact = laid(ply, cylinder)
+    exact = geodesic_u(ply, cylinder)
     assert np.abs(half.u - exact).max() > 1.0
     for start in (rest, half):
-        off = np.abs(on_grown_surface(problem, start).u - exact).max()
-        assert off < 1e-3 * 40  # as a share of the radius
+        error = np.abs(on_grown_surface(problem, start).u - exact).max()
+        assert error < 1e-3 * 40  # as a share of the radius
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def test_a_start_on_a_grown_cylinder_is_the_rolled_ply():
     ],
     ids=["folded", "past a law", "some nodes"],
 )
-def test_where_geodesics_are_no_start_the_state_before_is(surface, fabric, which):
+def test_the_previous_state_is_the_guess_without_geodesics(surface, fabric, which):
     ply = square(60.0, 4, fabric)
     problem, rest = problem_and_start(ply, surface, **which)
     assert on_grown_surface(problem, rest) is rest
@@ -116,7 +116,7 @@ def far_ply():
     return ply, {"on": OnSurface(sphere, touch=(FAR, -FAR))} | SYMMETRY
 
 
-def test_a_ply_far_from_the_origin_balances_as_well_as_positions_are_rounded():
+def test_the_residual_far_from_the_origin_is_limited_by_rounding_of_positions():
     near = square(60.0, 4, Fabric(1e5, 0.1), Macro())
     sphere = drape.Sphere(100.0, (0, 0, -100.0))
     result = LoadStepper(near, {"on": OnSurface(sphere)} | SYMMETRY, 1).run()
@@ -125,30 +125,30 @@ def test_a_ply_far_from_the_origin_balances_as_well_as_positions_are_rounded():
     np.testing.assert_allclose(far.u, result.u, atol=1e-6)
 
 
-def test_a_ply_without_surfaces_balances_to_its_displacements_alone():
-    """However far from the origin, for rounding of positions does not reach it."""
-    found = []
+def test_the_residual_without_surfaces_is_limited_by_rounding_of_displacements():
+    """The distance from the origin has no effect."""
+    residuals = []
     for corner in (0.0, FAR):
         ply = square(60.0, 4, Fabric(1e5, 0.1), corner=(corner, corner))
         problem = problem_of(ply, {"flat": Condition("left")})
         u = ply.basis.zeros()
         p, pulled = ply.parameters_at_rest, np.ones_like(ply.fibre_tension(u))
         tangent = Tangent(problem, u, p, pulled)
-        found.append(tangent.tolerance(u, problem.residual(u, p)))
-    assert found[1] == pytest.approx(found[0], rel=1e-6)
+        residuals.append(tangent.tolerance(u, problem.residual(u, p)))
+    assert residuals[1] == pytest.approx(residuals[0], rel=1e-6)
 
 
-def test_where_rounding_is_left_the_refusal_says_so(monkeypatch):
+def test_a_failure_due_to_rounding_is_reported_as_such(monkeypatch):
     monkeypatch.setattr(tangent_module, "_ROUNDINGS", 0.01)
     ply, conditions = far_ply()
-    start = laid(ply, conditions["on"].surface, touch=(FAR, -FAR))
+    start = geodesic_u(ply, conditions["on"].surface, touch=(FAR, -FAR))
     with pytest.raises(NoEquilibriumError, match="the residual is") as error:
         equilibrium_near(ply, conditions, start)
     assert "nearer to the origin" in error.value.advice
 
 
-def test_a_refusal_at_rest_blames_rounding_and_no_load(monkeypatch):
-    """The plane of the ply at rest is not quite that of a surface from a file."""
+def test_a_failure_at_rest_is_attributed_to_rounding(monkeypatch):
+    """The initial plane of the ply deviates slightly from a surface from a file."""
     monkeypatch.setattr(tangent_module, "_ROUNDINGS", 0.01)
     ply, conditions = far_ply()
     plane = drape.Plane((FAR, -FAR, 0.0), (5e-5, 0.0, 1.0))
@@ -160,10 +160,10 @@ def test_a_refusal_at_rest_blames_rounding_and_no_load(monkeypatch):
 
 
 @pytest.mark.parametrize("tension", [0.0, 2.0])
-def test_half_a_turn_leaves_a_ply_on_a_double_dome_as_it_is(tension):
-    """Forces that keep it from turning are alike on both sides of its middle."""
-    given = {"width": 160.0, "height": 110.0, "size": (6, 6), "part": "whole"}
-    scene = double_dome(fibres=np.radians(30), tension=tension, **given)
+def test_a_rotation_by_half_a_turn_leaves_a_draped_ply_unchanged(tension):
+    """The double dome has equal constraint forces on both sides of its middle."""
+    kwargs = {"width": 160.0, "height": 110.0, "size": (6, 6), "part": "whole"}
+    scene = double_dome(fibres=np.radians(30), tension=tension, **kwargs)
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
     result = Case(scene=scene, fabric=fabric, steps=2).run()
     ply, angle = result.ply, result.ply.shear_angle(result.u).mean(axis=1)

@@ -1,4 +1,4 @@
-"""Kinematic nets and exponential maps, against exact answers and a published method."""
+"""Kinematic nets and exponential maps, against exact solutions and a published code."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from studies.formulations.drape.published import (
     published_net,
 )
 
-# Kinematic nets and exponential maps, against exact answers
+# Kinematic nets and exponential maps, against exact solutions
 
 
 ANGLES = (0.3, 0.3 + np.pi / 2)
@@ -27,18 +27,18 @@ def test_the_exact_net_has_the_shear_angles_of_the_literature():
     np.testing.assert_allclose(np.degrees(shear_angle(X)), expected, atol=1e-4)
 
 
-def test_a_net_on_the_sphere_tends_to_the_chebyshev_net():
+def test_a_net_on_the_sphere_converges_to_the_chebyshev_net():
     errors = []
     for n in (16, 32):
         net = drape.net(SPHERE, SIDE / n, (0, n), (0, n))
         errors.append(np.abs(net.shear_angle() - shear_angle(net.centres())).max())
-    assert np.degrees(errors[1]) < 0.003  # asked at 64 cells: 0.1
+    assert np.degrees(errors[1]) < 0.003  # required at 64 cells: 0.1
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.2)
     corner = net.positions[:, -1, -1] / SIDE
     np.testing.assert_allclose(corner, [0.70662, 0.70662, -1.03700], atol=2e-4)
 
 
-def test_a_net_and_its_mirror_image_are_alike():
+def test_a_net_and_its_mirror_image_agree():
     whole = drape.net(SPHERE, 5.0, (8, 8), (8, 8)).positions
     np.testing.assert_allclose(whole[0], -whole[0][::-1], atol=1e-9)
     np.testing.assert_allclose(whole[[1, 0, 2]], whole.swapaxes(1, 2), atol=1e-9)
@@ -61,7 +61,7 @@ def test_a_net_on_a_cylinder_is_not_sheared(angles):
         (CYLINDER, {"angles": (1.4, 0.2)}),
     ],
 )
-def test_nets_on_developable_surfaces_tend_to_no_shear(surface, settings):
+def test_the_shear_of_nets_on_developable_surfaces_converges_to_zero(surface, settings):
     shear = [
         np.abs(drape.net(surface, 60 / n, (n, n), (n, n), **settings).shear_angle())
         for n in (10, 20)
@@ -89,14 +89,14 @@ def test_points_between_crossings_are_interpolated():
         ((2.0, (0, 8), (0, 0)), "weft must be two whole numbers of cells"),
     ],
 )
-def test_nets_that_do_not_exist_are_refused(arguments, message):
+def test_nets_that_do_not_exist_are_rejected(arguments, message):
     with pytest.raises(ValueError, match=f"net: .*{message}"):
         drape.net(SPHERE, *arguments)
     with pytest.raises(ValueError, match="must not be parallel"):
         drape.net(SPHERE, 1.0, (0, 1), (0, 1), angles=(0.3, 0.3))
 
 
-def test_the_exponential_map_keeps_lengths_and_directions():
+def test_the_exponential_map_preserves_lengths_and_directions():
     X = np.random.default_rng(1).uniform(-90, 90, (2, 50))
     r, angle = np.hypot(*X), np.arctan2(X[1], X[0])
     across = SIDE * np.sin(r / SIDE)
@@ -117,8 +117,8 @@ def test_the_exponential_map_unrolls_a_cylinder():
         drape.exponential_map(SPHERE, X, first=(0, 0, 1))
 
 
-def test_a_net_is_laid_up_to_the_points_that_are_given_alone():
-    """Whole, this one folds: beyond the ply threads cross at no angle."""
+def test_a_net_covers_the_given_points_only():
+    """The whole net folds: threads beyond the ply do not cross."""
     sphere, half = drape.Sphere(100.0, (0, 0, -100)), np.pi / 4
     side = np.linspace(-75, 75, 31)
     ply = np.array(np.meshgrid(side, side)).reshape(2, -1)
@@ -136,8 +136,8 @@ def test_a_net_is_laid_up_to_the_points_that_are_given_alone():
         drape.net(sphere, 2.5, *counts, **angles)
 
 
-def test_tangents_of_a_net_are_those_of_its_threads():
-    """On a cylinder a thread is a helix; they are off by the square of a cell."""
+def test_tangents_of_a_net_agree_with_its_threads():
+    """A thread on a cylinder is a helix; the error is quadratic in the cell size."""
     angle, errors = 0.4, []
     X = np.array([[31.0, 7.3, -22.0], [12.0, -9.1, 15.5]])
     for cell in (4.0, 2.0):
@@ -157,7 +157,7 @@ def test_tangents_of_a_net_are_those_of_its_threads():
 
 
 def test_geodesics_take_shorter_steps_where_a_surface_is_uneven():
-    """Ripples that are shorter than the steps on smooth surfaces."""
+    """The ripples are shorter than the steps on smooth surfaces."""
     h, k = 0.3, 2 * np.pi / 6.0
 
     def ripples(x, y):
@@ -167,7 +167,7 @@ def test_geodesics_take_shorter_steps_where_a_surface_is_uneven():
     X = np.array([[99.0, 60.0, 80.0], [0.0, 30.0, -55.0]])
     surface = drape.HeightField(ripples)
     x = drape.exponential_map(surface, X)
-    # On a surface that can be unrolled along x: arc length takes the place of x.
+    # On a surface that can be unrolled along x, arc length replaces x.
     s = np.linspace(0, 100, 100_001)
     slope = np.hypot(1, h * k * np.sin(k * s))
     arc = np.concatenate([[0], np.cumsum((slope[1:] + slope[:-1]) / 2 * s[1])])
@@ -176,7 +176,7 @@ def test_geodesics_take_shorter_steps_where_a_surface_is_uneven():
 
 
 class Counted:
-    """A surface that counts the points at which it is asked for its curvature."""
+    """A surface that counts the points of its curvature evaluations."""
 
     def __init__(self, surface):
         self.level, self.gradient, self._of = surface.level, surface.gradient, surface
@@ -187,8 +187,8 @@ class Counted:
         return self._of.hessian(x)
 
 
-def test_geodesics_end_where_they_are_long_enough():
-    """Short ones take fewer steps than the longest, of which there are 32."""
+def test_geodesics_end_at_their_length():
+    """Short ones take fewer steps than the longest, which takes 32."""
     side = np.linspace(0, 100, 9)
     X = np.array(np.meshgrid(side, side)).reshape(2, -1)
     surface = Counted(SPHERE)
@@ -196,7 +196,7 @@ def test_geodesics_end_where_they_are_long_enough():
     assert surface.points < 0.6 * 3 * 32 * X.shape[1]
 
 
-def test_a_geodesic_through_the_tip_of_a_cone_is_refused_where_it_ends():
+def test_a_geodesic_through_the_tip_of_a_cone_is_rejected_with_its_end():
     cone = drape.Cone(0.4, (0, 0, 0), (1, 0, 0))
     start = np.array([64.0, 0.0, 64 * np.tan(0.4)])
     length = np.linalg.norm(start)
@@ -207,7 +207,7 @@ def test_a_geodesic_through_the_tip_of_a_cone_is_refused_where_it_ends():
         drape.exponential_map(cone, X, point=start)
 
 
-# Nets against those by the method of KinDrape, which is written out in the studies
+# Nets against nets by the method of KinDrape, implemented in the studies
 
 
 POLE = DRAPINGS["hemisphere, from the pole"]
@@ -222,7 +222,7 @@ def test_cells_of_the_published_net_have_sides_of_one_length_on_the_mould():
 
 
 def test_generator_cells_of_the_published_net_are_square_on_a_sphere():
-    """And the net is symmetric about the diagonals of its first cell."""
+    """The net is symmetric about the diagonals of its first cell."""
     x = published_net(POLE, np.array([-4.0, -4.0, np.sqrt(1e4 - 32)]))
     for strip in (x[:, 11:13], x[:, :, 11:13].swapaxes(1, 2)):
         corners = np.stack(
@@ -233,19 +233,19 @@ def test_generator_cells_of_the_published_net_are_square_on_a_sphere():
 
 
 @pytest.mark.parametrize("name", DRAPINGS)
-def test_shear_angles_of_nets_agree_within_a_degree_and_better_with_finer_cells(name):
-    """First threads and generator cells tend to the same net, with second order."""
+def test_shear_angles_of_both_nets_converge_to_each_other(name):
+    """First threads and generator cells agree to second order in the cell size."""
     means = []
     for finer in (1, 2):
-        shear, off = differences(name, finer)
+        shear, error = differences(name, finer)
         assert shear.max() > 20
-        assert np.abs(off).max() < 1.0
-        means.append(np.abs(off).mean())
+        assert np.abs(error).max() < 1.0
+        means.append(np.abs(error).mean())
     assert means[0] < 0.05
     assert np.log2(means[0] / means[1]) > 1.7
 
 
-def test_the_cubic_mould_has_the_derivatives_that_it_states():
+def test_derivatives_of_the_cubic_mould_are_consistent():
     surface = DRAPINGS["double-curved mould"].surface
     x = np.random.default_rng(1).uniform(50, 450, (3, 20))
     for i, h in enumerate(1e-3 * np.eye(3)):

@@ -1,4 +1,4 @@
-"""Plies on tools of triangles: the answers of the same surface, however it is given."""
+"""Plies on tools of triangles have the same results as on the exact surface."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from skfem_textile import Fabric, drape
 from skfem_textile.io import read_surface, read_tool_mesh
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
-from tests.helpers.tools import ball, bump, plate, write
+from tests.helpers.tools import bump_height, plate, write, write_sphere
 
 pytestmark = pytest.mark.usefixtures("no_estimate")
 unpulled = pytest.mark.usefixtures("coarse_net")
@@ -21,77 +21,77 @@ def run(scene):
 
 
 @pytest.mark.parametrize(("fibres", "tension"), [(17.0, 2.0), (63.0, 0.0)])
-def test_triangles_of_a_sphere_shear_a_ply_as_the_sphere_does(
-    tmp_path, fibres, tension
-):
-    """5000 triangles, and none of the angles at which a quarter is enough."""
-    file, angle = ball(tmp_path / "ball.stl"), np.radians(fibres)
+def test_triangles_of_a_sphere_cause_its_shear(tmp_path, fibres, tension):
+    """5000 triangles at fibre angles without the symmetry of a quarter."""
+    file, angle = write_sphere(tmp_path / "ball.stl"), np.radians(fibres)
     mesh = read_surface(file)
     assert mesh.facets.n_elements == 5000
-    given = {"size": (8, 8), "fibres": angle, "tension": tension}
-    own, found = run(on_tool(mesh, **given))
-    exact, _ = run(hemisphere(part="whole", **given))
-    off = own.ply.shear_angle(own.u) - exact.ply.shear_angle(exact.u)
-    assert np.degrees(np.abs(off).max()) < 0.001
+    kwargs = {"size": (8, 8), "fibres": angle, "tension": tension}
+    result, summary = run(on_tool(mesh, **kwargs))
+    exact, _ = run(hemisphere(part="whole", **kwargs))
+    error = result.ply.shear_angle(result.u) - exact.ply.shear_angle(exact.u)
+    assert np.degrees(np.abs(error).max()) < 0.001
     assert np.degrees(np.abs(exact.ply.shear_angle(exact.u)).max()) > 20
-    top = [found[f"touches_at_{axis}_mm"] for axis in "xyz"]
+    top = [summary[f"touches_at_{axis}_mm"] for axis in "xyz"]
     assert top == pytest.approx([13, -7, 140], abs=0.02)
-    assert found["beyond_tool_share_of_area"] == 0
-    assert "beyond_tool" not in found
+    assert summary["beyond_tool_share_of_area"] == 0
+    assert "beyond_tool" not in summary
 
 
 @unpulled
-def test_a_shell_with_both_its_sides_and_a_tool_turned_inside_out_are_told():
-    """Sides of a shell that are 3 mm apart, where triangles have edges of 7 mm."""
+def test_a_shell_with_two_sides_and_an_inverted_tool_are_reported():
+    """The sides of the shell are 3 mm apart, and its triangles have edges of 7 mm."""
     x, t = plate(height=lambda x, y: -(x**2 + y**2) / 400)
-    given = {"size": (4, 4), "width": 100.0, "height": 100.0, "tension": 0.0}
-    _, plain = run(on_tool(drape.TriangleMesh(x, t), **given))
+    kwargs = {"size": (4, 4), "width": 100.0, "height": 100.0, "tension": 0.0}
+    _, plain = run(on_tool(drape.TriangleMesh(x, t), **kwargs))
     assert "off_triangles" not in plain
     assert "faces_away" not in plain
-    _, away = run(on_tool(drape.TriangleMesh(x, t[::-1]), **given))
+    _, away = run(on_tool(drape.TriangleMesh(x, t[::-1]), **kwargs))
     assert "faces down at the contact point" in away["faces_away"]
-    bumped = plate(height=lambda x, y: bump(x, y) - bump(x - 60, y))
-    _, both_ways = run(on_tool(drape.TriangleMesh(bumped[0], bumped[1][::-1]), **given))
+    bumped = plate(height=lambda x, y: bump_height(x, y) - bump_height(x - 60, y))
+    _, both_ways = run(
+        on_tool(drape.TriangleMesh(bumped[0], bumped[1][::-1]), **kwargs)
+    )
     assert both_ways["min_contact_pressure_N_per_mm2"] < 0
     assert both_ways["max_contact_pressure_N_per_mm2"] > 0
     assert "faces down at the contact point" in both_ways["faces_away"]
     assert away["max_shear_angle_deg"] == pytest.approx(plain["max_shear_angle_deg"])
     both = np.hstack([x, x - np.array([[0], [0], [3]])])
     shell = drape.TriangleMesh(both, np.hstack([t, t[::-1] + x.shape[1]]))
-    _, off = run(on_tool(shell, **given))
-    assert "use one side of a shell" in off["off_triangles"]
+    _, summary = run(on_tool(shell, **kwargs))
+    assert "use one side of a shell" in summary["off_triangles"]
 
 
-def test_a_ply_on_a_flat_tool_bridges_nothing():
-    """However it is inclined; round-off presses and pulls by 1e-8 N/mm²."""
+def test_a_ply_on_a_flat_tool_has_no_bridging():
+    """At any inclination; the pressure of round-off is 1e-8 N/mm²."""
     x, t = plate(height=lambda x, y: 0.3 * x - 0.2 * y)
     tool, middle = drape.TriangleMesh(x, t), np.zeros(3)
-    _, found = run(on_tool(tool, point=middle, size=(6, 6), width=120.0, height=120.0))
-    assert 0 < abs(found["min_contact_pressure_N_per_mm2"]) < 1e-7
-    assert found["bridging_share_of_area"] == 0
+    _, data = run(on_tool(tool, point=middle, size=(6, 6), width=120.0, height=120.0))
+    assert 0 < abs(data["min_contact_pressure_N_per_mm2"]) < 1e-7
+    assert data["bridging_share_of_area"] == 0
 
 
 @unpulled
-def test_a_tool_that_is_moved_as_a_whole_shears_the_ply_alike(tmp_path):
-    """About y, in whose plane the normal is: x of the ply goes with the tool."""
+def test_a_rigidly_moved_tool_causes_the_same_shear(tmp_path):
+    """Rotated about y, with the normal in the xz plane: x of the ply follows."""
     mesh = read_tool_mesh(write(tmp_path / "bump.stl", *plate()))
     c, s = np.cos(0.6), np.sin(0.6)
     Q, shift = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]), np.array([40.0, 9.0, -7.0])
     moved = Q @ mesh.points + shift[:, None]
     surface = drape.TriangleMesh(mesh.points, mesh.triangles())
     other = drape.TriangleMesh(moved, mesh.triangles())
-    given = {"size": (6, 6), "width": 150.0, "fibres": 0.4, "tension": 0.0}
-    place = np.array([-10.0, 0.0, bump(-10.0, 0.0)])
-    (one, found), (two, after) = (
-        run(on_tool(surface, point=place, **given)),
-        run(on_tool(other, point=Q @ place + shift, **given)),
+    kwargs = {"size": (6, 6), "width": 150.0, "fibres": 0.4, "tension": 0.0}
+    spot = np.array([-10.0, 0.0, bump_height(-10.0, 0.0)])
+    (one, summary), (two, after) = (
+        run(on_tool(surface, point=spot, **kwargs)),
+        run(on_tool(other, point=Q @ spot + shift, **kwargs)),
     )
-    off = one.ply.shear_angle(one.u) - two.ply.shear_angle(two.u)
-    assert np.degrees(np.abs(off).max()) < 0.01
-    assert found["max_shear_angle_deg"] > 10
+    error = one.ply.shear_angle(one.u) - two.ply.shear_angle(two.u)
+    assert np.degrees(np.abs(error).max()) < 0.01
+    assert summary["max_shear_angle_deg"] > 10
     at, then = (
         np.array([it[f"max_shear_angle_at_{axis}_mm"] for axis in "xyz"])
-        for it in (found, after)
+        for it in (summary, after)
     )
     np.testing.assert_allclose(then, Q @ at + shift, atol=0.1)
 
@@ -100,63 +100,63 @@ def test_a_tool_that_is_moved_as_a_whole_shears_the_ply_alike(tmp_path):
 @pytest.mark.parametrize(
     ("height", "top"),
     [
-        (bump, (5, 0, 30)),
+        (bump_height, (5, 0, 30)),
         (lambda x, y: 0 * x + 4, (0, 0, 4)),  # flat
         (lambda x, y: np.sqrt(200**2 - x**2), (0, 0, 200)),  # a ridge along y
-        (lambda x, y: bump(np.abs(x) - 35, y), (40, 0, 30)),  # two
+        (lambda x, y: bump_height(np.abs(x) - 35, y), (40, 0, 30)),  # two
     ],
 )
-def test_a_ply_touches_the_highest_point_nearest_to_the_middle(height, top):
+def test_a_ply_first_touches_the_highest_point_nearest_to_the_middle(height, top):
     scene = on_tool(drape.TriangleMesh(*plate(height=height)))
-    found = scene.axes.origin * (np.sign(scene.axes.origin[0]), 1, 1)
-    assert found == pytest.approx(top, abs=0.1)
+    point = scene.axes.origin * (np.sign(scene.axes.origin[0]), 1, 1)
+    assert point == pytest.approx(top, abs=0.1)
     np.testing.assert_allclose(scene.axes.turn, np.eye(3), atol=0.01)
 
 
 @unpulled
-def test_a_hole_of_the_tool_is_beyond_it():
+def test_a_hole_of_the_tool_is_beyond_its_edges():
     x, t = plate(height=lambda x, y: 0 * x)
-    kept = np.hypot(*x[:2, t].mean(axis=1) - [[50], [0]]) > 20
-    scene = on_tool(drape.TriangleMesh(x, t[:, kept]), size=(12, 12), tension=0.0)
-    _, found = run(scene)
+    solid = np.hypot(*x[:2, t].mean(axis=1) - [[50], [0]]) > 20
+    scene = on_tool(drape.TriangleMesh(x, t[:, solid]), size=(12, 12), tension=0.0)
+    _, summary = run(scene)
     share = np.pi * 20**2 / 180**2
-    assert found["beyond_tool_share_of_area"] == pytest.approx(share, rel=0.3)
+    assert summary["beyond_tool_share_of_area"] == pytest.approx(share, rel=0.3)
 
 
 @unpulled
-def test_triangles_that_are_there_twice_change_nothing():
+def test_duplicate_triangles_change_nothing():
     x, t = plate()
-    given = {"size": (4, 4), "width": 120.0, "tension": 0.0}
-    once, _ = run(on_tool(drape.TriangleMesh(x, t), **given))
-    twice, _ = run(on_tool(drape.TriangleMesh(x, np.hstack([t, t])), **given))
+    kwargs = {"size": (4, 4), "width": 120.0, "tension": 0.0}
+    once, _ = run(on_tool(drape.TriangleMesh(x, t), **kwargs))
+    twice, _ = run(on_tool(drape.TriangleMesh(x, np.hstack([t, t])), **kwargs))
     np.testing.assert_allclose(once.u, twice.u, atol=1e-9)
 
 
-def test_triangles_whose_corners_coincide_change_nothing(tmp_path):
+def test_degenerate_triangles_change_nothing(tmp_path):
     """An STL file of a surface of revolution has them at its pole."""
     x, t = plate(n=11)
     plain = read_surface(write(tmp_path / "plain.vtk", x, t))
     doubled = np.hstack([t, [[5], [5], [6]]])
-    found = read_surface(write(tmp_path / "doubled.vtk", x, doubled))
-    np.testing.assert_allclose(found.level(x), plain.level(x), atol=1e-10)
+    surface = read_surface(write(tmp_path / "doubled.vtk", x, doubled))
+    np.testing.assert_allclose(surface.level(x), plain.level(x), atol=1e-10)
 
 
 @unpulled
-@pytest.mark.parametrize("point", [None, (12.0, 30.0, bump(12.0, 30.0))])
-def test_a_regular_coarse_tool_is_the_same_surface_in_the_axes_of_the_ply(point):
-    """Vertices at one distance are many there, of which a fit has some alone."""
+@pytest.mark.parametrize("point", [None, (12.0, 30.0, bump_height(12.0, 30.0))])
+def test_a_regular_coarse_tool_is_rotated_without_change_of_its_surface(point):
+    """Many vertices are equidistant there, and a fit uses only some."""
     x, t = plate(n=11)
     tool = drape.TriangleMesh(x, t)
     scene = on_tool(tool, point=point, size=(4, 4), width=80.0, height=80.0)
     surface, turn = scene.conditions["tool"].surface, scene.axes.turn
-    there = scene.axes.of_ply(x)
-    np.testing.assert_allclose(surface.level(there), tool.level(x), atol=1e-10)
-    slope, bend = surface.gradient(there), surface.hessian(there)
+    rotated = scene.axes.of_ply(x)
+    np.testing.assert_allclose(surface.level(rotated), tool.level(x), atol=1e-10)
+    slope, bend = surface.gradient(rotated), surface.hessian(rotated)
     np.testing.assert_allclose(turn @ slope, tool.gradient(x), atol=1e-10)
     turned = np.einsum("ik,kln,jl->ijn", turn, bend, turn)
     np.testing.assert_allclose(turned, tool.hessian(x), atol=1e-10)
     np.testing.assert_array_equal(
-        surface.beyond_edges(there) > 0, tool.beyond_edges(x) > 0
+        surface.beyond_edges(rotated) > 0, tool.beyond_edges(x) > 0
     )
     scene.conditions["tool"].at("tool", 0.5)  # it touches the plane of the ply
 
@@ -165,29 +165,29 @@ def test_a_regular_coarse_tool_is_the_same_surface_in_the_axes_of_the_ply(point)
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize("tilt", [-0.005, 0.0, 0.005])
 @pytest.mark.parametrize("axis", ["x", "y"])
-def test_a_wall_is_seen_from_where_it_faces(axis, tilt, side):
-    """Upright to half a degree; z of the tool stands in for x across the wall."""
+def test_a_wall_is_viewed_along_its_normal(axis, tilt, side):
+    """Upright to half a degree; z of the tool replaces x across the wall."""
     x, t = plate()
     order = {"x": [2, 0, 1], "y": [1, 2, 0]}[axis]
     x = np.array([[1], [1], [side]]) * x + np.array([[0], [0], [tilt]]) * x[:1]
     wall = drape.TriangleMesh(x[order], t[::side])
-    place = np.array([5.0, 0.0, 30.0 * side])[order]
-    turn = on_tool(wall, point=place, tension=0.0).axes.turn
+    position = np.array([5.0, 0.0, 30.0 * side])[order]
+    turn = on_tool(wall, point=position, tension=0.0).axes.turn
     outwards = side * np.eye(3)["xyz".index(axis)]
     first = np.eye(3)[{"x": 2, "y": 0}[axis]]
     expected = np.column_stack([first, np.cross(outwards, first), outwards])
     np.testing.assert_allclose(turn, expected, atol=0.03)
 
 
-def test_edge_tensions_that_do_not_balance_are_told():
-    """The rest of them is at the nodes that keep the ply from sliding."""
+def test_unbalanced_edge_tensions_are_reported():
+    """The difference acts at the nodes that prevent sliding."""
     round_top = plate(height=lambda x, y: 30 * np.exp(-(x**2 + y**2) / 3200))
     tool = drape.TriangleMesh(*round_top)
-    given = {"width": 100.0, "height": 100.0, "size": (6, 6)}
-    _, off_top = run(on_tool(tool, point=(30.0, 0.0, 22.6), **given))
+    kwargs = {"width": 100.0, "height": 100.0, "size": (6, 6)}
+    _, off_top = run(on_tool(tool, point=(30.0, 0.0, 22.6), **kwargs))
     assert "edge tensions are not in equilibrium" in off_top["held_askew"]
     assert off_top["max_holding_force_N"] > 10
-    _, on_top = run(on_tool(tool, **given))
+    _, on_top = run(on_tool(tool, **kwargs))
     assert "held_askew" not in on_top
-    _, without = run(on_tool(tool, point=(30.0, 0.0, 22.6), tension=0.0, **given))
+    _, without = run(on_tool(tool, point=(30.0, 0.0, 22.6), tension=0.0, **kwargs))
     assert "held_askew" not in without

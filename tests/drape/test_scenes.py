@@ -24,7 +24,7 @@ from skfem_textile.scenes import Case, cylinder, double_dome, hemisphere, saddle
 from skfem_textile.scenes.edge_tension import EdgeTension
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.surface import Grown
-from tests.helpers import place_of
+from tests.helpers import arguments_of
 from tests.helpers.tools import square
 
 # The scenes of plies on tools, from Python and the command line
@@ -46,22 +46,22 @@ def degrees(angle):
 
 
 @pytest.mark.parametrize("fibres", [0, 45])
-def test_a_hemisphere_has_its_chebyshev_net(fibres):
+def test_a_hemisphere_agrees_with_its_chebyshev_net(fibres):
     errors = []
     for n in (4, 8):
-        _, found = run(hemisphere(size=(n, n), fibres=degrees(fibres)))
-        assert found["converged"]
-        assert found["wrinkle_risk_share_of_area"] == 0
-        assert found["bridging_share_of_area"] < 0.02  # but in the free corner
-        assert "exact_answer" not in found
-        errors.append(found["shear_angle_error_rms_deg"])
+        _, summary = run(hemisphere(size=(n, n), fibres=degrees(fibres)))
+        assert summary["converged"]
+        assert summary["wrinkle_risk_share_of_area"] == 0
+        assert summary["bridging_share_of_area"] < 0.02  # except in the free corner
+        assert "exact_answer" not in summary
+        errors.append(summary["shear_angle_error_rms_deg"])
     assert errors[1] < 0.05
     assert errors[0] / errors[1] > 2.5
 
 
 @pytest.mark.parametrize("build", [hemisphere, saddle])
 @pytest.mark.parametrize("fibres", [0, 45])
-def test_a_quarter_is_a_quarter_of_the_whole(build, fibres):
+def test_a_quarter_agrees_with_the_whole(build, fibres):
     (quarter, one), (whole, other) = (
         run(build(size=(n, n), fibres=degrees(fibres), part=part))
         for part, n in (("quarter", 4), ("whole", 8))
@@ -77,38 +77,38 @@ def test_a_quarter_is_a_quarter_of_the_whole(build, fibres):
 
 
 def test_fibres_at_any_angle_are_in_equilibrium_on_a_sphere():
-    """Without planes of symmetry: pressures are those of the tensions."""
-    result, found = run(hemisphere(size=(12, 12), fibres=degrees(30)), steps=3)
-    assert "45 degrees" in found["exact_answer"]
+    """The model has no symmetry planes; pressures follow from the tensions."""
+    result, summary = run(hemisphere(size=(12, 12), fibres=degrees(30)), steps=3)
+    assert "45 degrees" in summary["exact_answer"]
     ply, u = result.ply, result.u
     assert np.ptp(ply.nodes, axis=1) == pytest.approx([180, 180])
     inner = (np.abs(ply.mesh.p[:, ply.mesh.t]) < 80).all(axis=(0, 1))
     tension = ply.fibre_tension(u).mean(axis=2).sum(axis=0)
     exact = tension / 100 / np.cos(ply.shear_angle(u, ply.centre)[:, 0])
     pressure = drape.contact_pressure(
-        ply, result.tool(1.0), *place_of(result.states[-1])
+        ply, result.tool(1.0), *arguments_of(result.states[-1])
     )
     of_elements = pressure[ply.mesh.t].mean(axis=0)
     assert of_elements[inner].sum() == pytest.approx(exact[inner].sum(), rel=0.02)
 
 
 @pytest.mark.parametrize(("fibres", "most"), [(0, 1e-8), (20, 0.1), (45, 0.1)])
-def test_a_cylinder_shears_no_ply(fibres, most):
-    _, found = run(cylinder(size=(8, 8), fibres=degrees(fibres)))
-    assert found["exact_max_shear_angle_deg"] == 0
-    assert found["shear_angle_error_max_deg"] < most
-    assert found["max_contact_pressure_N_per_mm2"] == pytest.approx(0.02, rel=0.05)
+def test_a_cylinder_causes_no_shear(fibres, most):
+    _, summary = run(cylinder(size=(8, 8), fibres=degrees(fibres)))
+    assert summary["exact_max_shear_angle_deg"] == 0
+    assert summary["shear_angle_error_max_deg"] < most
+    assert summary["max_contact_pressure_N_per_mm2"] == pytest.approx(0.02, rel=0.05)
 
 
-def test_a_saddle_is_bridged_where_warp_and_weft_change_places():
-    """Exchanged, x and y turn the saddle upside down."""
-    result, found = run(saddle(size=(6, 6)))
+def test_exchanging_warp_and_weft_changes_the_bridging_of_a_saddle():
+    """Exchanging x and y inverts the saddle."""
+    result, summary = run(saddle(size=(6, 6)))
     pressure = drape.contact_pressure(
-        result.ply, result.tool(1.0), *place_of(result.states[-1])
+        result.ply, result.tool(1.0), *arguments_of(result.states[-1])
     )
     assert pressure.max() == pytest.approx(-pressure.min(), rel=1e-3)
-    assert 0.3 < found["bridging_share_of_area"] < 0.6
-    assert found["exact_answer"] == "none: no exact solution is known"
+    assert 0.3 < summary["bridging_share_of_area"] < 0.6
+    assert summary["exact_answer"] == "none: no exact solution is known"
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 2), (2, 1), (2, 8), (3, 3), (5, 4)])
@@ -119,19 +119,19 @@ def test_a_whole_ply_is_held_by_three_nodes_however_coarse_its_mesh(size):
     assert len(set(nodes)) == 3
     middle, left, right = scene.mesh.p[:, nodes].T
     assert left[0] < 0 < right[0]
-    if size != (1, 2):  # where the node across is the one of the middle
+    if size != (1, 2):  # where the opposite node is the middle one
         np.testing.assert_allclose(left, -right)
     assert np.hypot(*middle) == np.hypot(*scene.mesh.p).min()
 
 
-def test_a_ply_of_two_elements_along_x_is_laid(tmp_path):
+def test_a_ply_of_two_elements_along_x_is_draped(tmp_path):
     line = ["run", "hemisphere", "--fibres", "30", "--size", "2x8", "--tension", "0"]
     bending = ["--set", "bending.warp_N_mm=5", "--set", "bending.weft_N_mm=5"]
     out = ["--no-render", "--out", str(tmp_path / "out")]
     assert cli.main([*line, *bending, *out]) == 0
 
 
-def test_a_mesh_with_no_three_nodes_to_hold_is_refused():
+def test_a_mesh_without_three_nodes_to_constrain_is_rejected():
     one = MeshTri(
         np.array([[-90.0, 90, 90], [-50, -90, 90]]), np.array([[0], [1], [2]])
     )
@@ -139,15 +139,15 @@ def test_a_mesh_with_no_three_nodes_to_hold_is_refused():
         hemisphere(mesh=one, part="whole")
 
 
-def test_where_the_shear_is_largest_is_told_on_the_tool():
-    _, found = run(hemisphere(size=(6, 6)))
-    x = np.array([found[f"max_shear_angle_at_{axis}_mm"] for axis in "xyz"])
+def test_the_position_of_the_largest_shear_is_reported_on_the_tool():
+    _, summary = run(hemisphere(size=(6, 6)))
+    x = np.array([summary[f"max_shear_angle_at_{axis}_mm"] for axis in "xyz"])
     assert np.linalg.norm(x - (0, 0, -100)) == pytest.approx(100, rel=1e-2)
     assert x[0] == pytest.approx(x[1], abs=1e-3)
     assert x[0] > 50
 
 
-def test_without_tension_and_bending_the_summary_says_that_it_is_no_net():
+def test_the_summary_without_tension_and_bending_denies_a_net():
     _, free = run(hemisphere(size=(4, 4), tension=0.0))
     assert "the state differs from the kinematic net" in free["not_the_net"]
     _, pulled = run(hemisphere(size=(4, 4)))
@@ -181,7 +181,7 @@ def test_the_wrinkling_angle_of_a_case_is_in_the_summary(tmp_path, capsys):
     assert f"{angle} must be a number <= 90" in capsys.readouterr().err
 
 
-def test_tension_on_the_edges_is_that_of_the_fibres():
+def test_tension_on_the_edges_equals_the_tension_of_the_fibres():
     result, _ = run(hemisphere(size=(12, 12), tension=3.0))
     warp, weft = result.ply.fibre_tension(result.u).mean(axis=2)
     right, top = result.ply.mesh.p[:, result.ply.mesh.t].max(axis=1) > 90 - 1e-9
@@ -189,21 +189,21 @@ def test_tension_on_the_edges_is_that_of_the_fibres():
     assert weft[top & ~right] == pytest.approx(3.0, rel=0.06)
 
 
-def test_laws_that_lock_are_pulled_by_their_own_moments():
+def test_the_edge_tension_of_locking_laws_follows_from_their_moments():
     scene = hemisphere(size=(8, 8))
     law = Locking(0.1, degrees(50))
-    _, found = run(scene, fabric=Fabric(1e4, law))
-    assert found["shear_angle_error_rms_deg"] < 0.1
+    _, summary = run(scene, fabric=Fabric(1e4, law))
+    assert summary["shear_angle_error_rms_deg"] < 0.1
     with pytest.raises(ValueError, match="beyond the domain of the shear law"):
         run(scene, fabric=Fabric(1e4, Locking(0.1, degrees(40))))
 
 
 def test_quadratic_triangles_are_draped():
-    """The pressure of the pole is that of two tensions of 2 N/mm on R = 100 mm."""
-    _, found = run(hemisphere("delaunay", size=(6, 6)), formulation=Quadratic())
-    assert found["shear_angle_error_rms_deg"] < 0.5
-    assert found["min_contact_pressure_N_per_mm2"] == pytest.approx(0.04, rel=0.1)
-    assert found["bridging_share_of_area"] == 0
+    """The pressure at the pole is due to two tensions of 2 N/mm on R = 100 mm."""
+    _, summary = run(hemisphere("delaunay", size=(6, 6)), formulation=Quadratic())
+    assert summary["shear_angle_error_rms_deg"] < 0.5
+    assert summary["min_contact_pressure_N_per_mm2"] == pytest.approx(0.04, rel=0.1)
+    assert summary["bridging_share_of_area"] == 0
 
 
 SMALL = "--size", "4x4", "--steps", "2", "--no-render"
@@ -215,28 +215,28 @@ def test_a_tool_is_draped_from_the_command_line(name, fibres, tmp_path):
     out = tmp_path / "out"
     line = "run", name, f"--fibres={fibres}", *SMALL, "--steps", "1", "--out", str(out)
     assert cli.main(line) == 0
-    found = json.loads((out / "summary.json").read_text())
-    assert found["converged"]
-    assert found["inputs"]["scene"]["fibres_deg"] == float(fibres)
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["converged"]
+    assert summary["inputs"]["scene"]["fibres_deg"] == float(fibres)
     again = tmp_path / "again"
     line = "run", str(out / "case.toml"), "--out", str(again), "--no-render"
     assert cli.main(line) == 0
     after = json.loads((again / "summary.json").read_text())
-    assert after["energy"] == found["energy"]
+    assert after["energy"] == summary["energy"]
 
 
 def test_fields_of_a_tool_are_written_for_every_state(tmp_path):
     line = "run", "saddle", *SMALL, "--mesh", "delaunay", "--out", str(tmp_path)
     assert cli.main(line) == 0
-    found = json.loads((tmp_path / "summary.json").read_text())
+    summary = json.loads((tmp_path / "summary.json").read_text())
     for i in range(3):
         fields = meshio.read(tmp_path / "fields" / f"step_{i:04}.vtu")
         assert {"wrinkle_risk", "bridging", "warp_direction"} < set(fields.cell_data)
         pressure = fields.point_data["contact_pressure"]
         assert np.isfinite(pressure).all()
-    assert pressure.max() == pytest.approx(found["max_contact_pressure_N_per_mm2"])
-    own = meshio.read(tmp_path / "fields" / "own_step_0002.vtu")
-    assert len(own.cell_data["bridging"][0]) == 32
+    assert pressure.max() == pytest.approx(summary["max_contact_pressure_N_per_mm2"])
+    on_elements = meshio.read(tmp_path / "fields" / "own_step_0002.vtu")
+    assert len(on_elements.cell_data["bridging"][0]) == 32
     flat = "run", "strip", *SMALL, "--out", str(tmp_path)
     assert cli.main(flat) == 0
     fields = meshio.read(tmp_path / "fields" / "step_0002.vtu")
@@ -276,7 +276,7 @@ def test_a_fabric_of_a_file_is_draped(tmp_path):
         ),
     ],
 )
-def test_what_does_not_fit_a_tool_is_refused(make, reason):
+def test_settings_that_do_not_fit_a_tool_are_rejected(make, reason):
     with pytest.raises((ValueError, MeshError), match=reason):
         make()
 
@@ -293,16 +293,16 @@ def test_what_does_not_fit_a_tool_is_refused(make, reason):
         (("cylinder", "--tension", "-1"), "edge tension must be 0 or positive"),
     ],
 )
-def test_bad_options_are_refused_in_one_line(options, reason, tmp_path, capsys):
+def test_invalid_options_are_rejected_in_one_line(options, reason, tmp_path, capsys):
     line = "run", *options, "--size", "4x4", "--no-render"
     try:
         code = cli.main([*line, "--out", str(tmp_path / "out")])
     except SystemExit as stop:
         code = stop.code
-    said = capsys.readouterr().err
+    stderr = capsys.readouterr().err
     assert code == 2
-    assert reason in said
-    assert said.count("\n") == 1
+    assert reason in stderr
+    assert stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
 
@@ -312,8 +312,8 @@ def test_directions_of_a_file_do_not_replace_those_of_a_tool(tmp_path, capsys):
     write_directions(file, mesh, directions_of(mesh, turned))
     line = "run", "hemisphere", "--size", "4x4", "--directions", str(file)
     assert cli.main([*line, "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr().err
-    assert "given by scene.fibres_deg" in said
+    stderr = capsys.readouterr().err
+    assert "given by scene.fibres_deg" in stderr
 
 
 def a_table_from_zero_on(scene):
@@ -321,8 +321,8 @@ def a_table_from_zero_on(scene):
     return Fabric(1e4, law, scene.warp, scene.weft)
 
 
-def test_a_table_from_zero_on_is_enough_where_the_net_shears_one_way():
-    """In every state, for the tensions are those of its own net."""
+def test_a_table_from_zero_on_suffices_for_shear_of_one_sign():
+    """The tensions of every state use the net of that state."""
     scene = hemisphere(size=(4, 4))
     result = Case(scene=scene, fabric=a_table_from_zero_on(scene), steps=6).run()
     assert result.converged
@@ -330,18 +330,18 @@ def test_a_table_from_zero_on_is_enough_where_the_net_shears_one_way():
     assert all(result.ply.shear_angle(s.u).min() > 0 for s in result.states[1:])
 
 
-def test_a_table_from_zero_on_is_told_what_it_lacks():
+def test_the_missing_range_of_a_table_from_zero_on_is_reported():
     scene = hemisphere(size=(4, 4), part="whole", tension=0.0)
     with pytest.raises(StepError, match="a table that starts at 0 needs odd=True"):
         Case(scene=scene, fabric=a_table_from_zero_on(scene)).run()
 
 
-def test_a_ply_off_its_middle_has_no_exact_answer():
-    for off, told in ((0.0, None), (-10.0, "a ply whose middle touches the pole")):
+def test_an_eccentric_ply_has_no_exact_solution():
+    for offset, reason in ((0.0, None), (-10.0, "a ply whose middle touches the pole")):
         lines = np.linspace(-40, 40, 7)
-        mesh = MeshQuad.init_tensor(lines + off, lines)
+        mesh = MeshQuad.init_tensor(lines + offset, lines)
         misfit = hemisphere(mesh, part="whole").misfit
-        assert (told in misfit) if told else not misfit
+        assert (reason in misfit) if reason else not misfit
 
 
 # Tension on the edges of plies on tools: tractions of a net at each load factor
@@ -391,25 +391,23 @@ def tractions(surface, t, fibres, held, angle=90.0, tension=TENSION):
         *((33.0, 70.0, (), t) for t in (0.1, 0.6)),
     ],
 )
-def test_tractions_are_those_of_the_net_at_their_load_factor(
-    tool, fibres, angle, held, t
-):
-    """That net is laid on the surface as it has grown, as if it were the tool."""
-    surface, given = TOOLS[tool], {"fibres": fibres, "angle": angle, "held": held}
+def test_tractions_follow_the_net_at_their_load_factor(tool, fibres, angle, held, t):
+    """The net is laid on the surface grown so far."""
+    surface, arguments = TOOLS[tool], {"fibres": fibres, "angle": angle, "held": held}
     grown = Grown(surface, np.array([*TOUCH, 0.0]), t)
-    expected = tractions(grown, 1.0, tension=t * TENSION, **given)
-    found = tractions(surface, t, **given)
-    off = np.abs(found - expected).max()
-    assert off < 5e-4 * np.abs(expected).max()
+    expected = tractions(grown, 1.0, tension=t * TENSION, **arguments)
+    forces = tractions(surface, t, **arguments)
+    error = np.abs(forces - expected).max()
+    assert error < 5e-4 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("tool", TOOLS)
 @pytest.mark.parametrize("fibres", [0.0, 45.0, 17.0])
-def test_tractions_begin_along_the_fibres_of_the_flat_ply(tool, fibres):
-    t, given = 1e-3, {"fibres": fibres, "held": ()}
+def test_tractions_start_along_the_fibres_of_the_flat_ply(tool, fibres):
+    t, arguments = 1e-3, {"fibres": fibres, "held": ()}
     plane = drape.Plane()
-    flat = tractions(plane, 1.0, **given)
-    begun = tractions(TOOLS[tool], t, **given) / t
+    flat = tractions(plane, 1.0, **arguments)
+    begun = tractions(TOOLS[tool], t, **arguments) / t
     assert np.abs(begun - flat).max() < 2e-3 * np.abs(flat).max()
-    at_rest = tractions(TOOLS[tool], 0.0, **given)
+    at_rest = tractions(TOOLS[tool], 0.0, **arguments)
     assert np.abs(at_rest).max() < 1e-6 * np.abs(flat).max()

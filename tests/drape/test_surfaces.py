@@ -1,4 +1,4 @@
-"""Surfaces: derivatives, curvatures, growth, triangles, and their check."""
+"""Surfaces: derivatives, curvatures, growth, triangles and consistency checks."""
 
 from functools import partial
 
@@ -20,7 +20,7 @@ from skfem_textile import (
 )
 from skfem_textile.io import read_surface
 from skfem_textile.solve.surface import Grown, OffSurfaceError, is_on, onto
-from tests.helpers import facing_out, graph, sphere
+from tests.helpers import facing_outwards, graph, sphere
 
 # Surfaces: derivatives, curvatures that are known, growth, smoothed triangles
 
@@ -49,7 +49,7 @@ def points(surface):
 
 
 @every_surface
-def test_derivatives_are_those_of_the_level(surface):
+def test_derivatives_agree_with_differences_of_the_level(surface):
     x, d, h = points(surface), RNG.standard_normal((3, 40)), 1e-5
     level = (surface.level(x + h * d) - surface.level(x - h * d)) / (2 * h)
     gradient = (surface.gradient(x + h * d) - surface.gradient(x - h * d)) / (2 * h)
@@ -62,8 +62,8 @@ def test_derivatives_are_those_of_the_level(surface):
     np.testing.assert_allclose(hessian, hessian.swapaxes(0, 1), atol=1e-12)
 
 
-def test_derivatives_of_triangles_are_those_of_the_level_far_away_too():
-    """Where the weights reach further, as the nearest vertex is further away."""
+def test_derivatives_of_triangles_agree_with_differences_far_away_too():
+    """The weights are wider there, because the nearest vertex is farther away."""
     surface, h = SURFACES["triangles"], 1e-5
     away = RNG.standard_normal((3, 40))
     x = away / np.linalg.norm(away, axis=0) * RNG.uniform(6.5, 12.0, 40)
@@ -77,13 +77,13 @@ def test_derivatives_of_triangles_are_those_of_the_level_far_away_too():
 
 
 @every_surface
-def test_points_are_brought_onto_the_surface(surface):
+def test_points_are_projected_onto_the_surface(surface):
     x = points(surface)
     assert not is_on(surface, x)
     assert is_on(surface, onto(surface, x))
 
 
-def test_points_move_along_what_is_free_alone():
+def test_points_move_along_free_directions_only():
     x = np.array([[1.0], [2.0], [4.5]])
     free = np.diag([0.0, 0.0, 1.0])[None]
     end = onto(SURFACES["sphere"], x, free)
@@ -115,7 +115,7 @@ def test_a_surface_grows_out_of_its_tangent_plane():
 
 
 @pytest.mark.parametrize("form", ["binary", "ascii"])
-def test_normals_of_an_stl_file_are_those_of_the_sphere(tmp_path, form):
+def test_normals_of_an_stl_file_agree_with_the_sphere(tmp_path, form):
     p, t = sphere(2502)
     assert t.shape[1] == 5000
     file = tmp_path / "sphere.stl"
@@ -126,14 +126,14 @@ def test_normals_of_an_stl_file_are_those_of_the_sphere(tmp_path, form):
     x = onto(surface, 100 * n)
     g = surface.gradient(x)
     cosine = (g * x).sum(axis=0) / np.linalg.norm(g, axis=0) / np.linalg.norm(x, axis=0)
-    assert np.degrees(np.arccos(np.minimum(cosine, 1))).max() < 0.1  # asked: 1
+    assert np.degrees(np.arccos(np.minimum(cosine, 1))).max() < 0.1  # required: 1
     assert np.abs(np.linalg.norm(x, axis=0) - 100).max() < 2e-3
 
 
 def test_normals_and_curvatures_of_triangles_are_continuous():
     surface = SURFACES["triangles"]
-    way = np.linspace(0, 1, 4001)
-    path = np.array([np.cos(way), np.sin(way), 0.3 + 0 * way])
+    parameter = np.linspace(0, 1, 4001)
+    path = np.array([np.cos(parameter), np.sin(parameter), 0.3 + 0 * parameter])
     path = 5 * path / np.linalg.norm(path, axis=0)
     for values in (surface.gradient(path), surface.hessian(path)):
         steps = np.abs(np.diff(values, axis=-1)).max()
@@ -141,7 +141,7 @@ def test_normals_and_curvatures_of_triangles_are_continuous():
         assert coarse == pytest.approx(2 * steps, rel=0.1)  # no jump
 
 
-def test_bad_surfaces_are_refused(tmp_path):
+def test_invalid_surfaces_are_rejected(tmp_path):
     p, t = sphere(30)
     for build, message in (
         (lambda: drape.Sphere(-1.0), "radius must be a positive length"),
@@ -178,7 +178,7 @@ def test_bad_surfaces_are_refused(tmp_path):
     ],
 )
 def test_triangles_on_a_surface_cover_it(surface):
-    """As closed surfaces without gaps, and on it."""
+    """Closed surfaces have no gaps, and all vertices are on the surface."""
     x, t = drape.triangles_on(surface, np.full(3, -1.0), np.full(3, 1.0), 24)
     np.testing.assert_allclose(surface.level(x), 0.0, atol=1e-6)
     edges = np.sort(np.hstack([t[[0, 1]], t[[1, 2]], t[[2, 0]]]), axis=0)
@@ -195,7 +195,7 @@ def test_a_surface_beside_the_box_has_no_triangles_there():
     assert t.shape == (3, 0)
 
 
-# Meshes of triangles as tools: their edges, and what a ply on them asks of them
+# Meshes of triangles as tools: edges, and evaluation by a ply
 
 
 SIDE, CELLS = 60.0, 30
@@ -222,15 +222,15 @@ def test_points_over_the_triangles_are_not_beyond_their_edges():
     np.testing.assert_array_equal(tool.beyond_edges(tool.facets.points), 0.0)
 
 
-@pytest.mark.parametrize("off", [1.0, 5.0, 40.0])
-def test_points_beyond_edges_and_corners_are_told_with_their_distance(off):
+@pytest.mark.parametrize("distance", [1.0, 5.0, 40.0])
+def test_points_beyond_edges_and_corners_have_their_distance(distance):
     side = SIDE / 2
     x = on_bowl(
-        np.array([side + off, -side - off, 7.3, side + off]),
-        np.array([0.0, 11.1, side + off, side + off]),
+        np.array([side + distance, -side - distance, 7.3, side + distance]),
+        np.array([0.0, 11.1, side + distance, side + distance]),
     )
     beyond = bowl().beyond_edges(x)
-    flat = off * np.array([1, 1, 1, np.sqrt(2)])
+    flat = distance * np.array([1, 1, 1, np.sqrt(2)])
     assert (beyond > 0.9 * flat).all()
     assert (beyond < 1.2 * flat).all()
 
@@ -242,15 +242,15 @@ def test_points_in_a_hole_are_beyond_its_edges():
     assert not whole.beyond_edges(x).any()
 
 
-def test_a_closed_surface_has_no_edges_to_go_beyond():
+def test_a_closed_surface_has_no_points_beyond_edges():
     x, t = drape.triangles_on(drape.Sphere(1.0), *np.full((2, 3), [[-1.1], [1.1]]), 12)
-    t = facing_out(x, t)
+    t = facing_outwards(x, t)
     rng = np.random.default_rng(2)
     assert not drape.TriangleMesh(x, t).beyond_edges(rng.normal(size=(3, 99))).any()
 
 
 @pytest.mark.parametrize("scale", [1e-300, 1e160, 1e306])
-def test_a_surface_whose_areas_are_not_finite_is_refused(scale):
+def test_a_surface_with_infinite_areas_is_rejected(scale):
     facets = bowl().facets
     with pytest.raises(
         MeshError, match=r"extend over .* mm: specify coordinates in mm"
@@ -258,26 +258,26 @@ def test_a_surface_whose_areas_are_not_finite_is_refused(scale):
         drape.TriangleMesh(scale * facets.points, facets.triangles())
 
 
-def test_derivatives_at_the_same_points_are_found_once(monkeypatch):
-    tool, found = bowl(), []
+def test_derivatives_at_the_same_points_are_computed_once(monkeypatch):
+    tool, calls = bowl(), []
     mean = tool._quadrics.mean
-    monkeypatch.setattr(tool._quadrics, "mean", lambda x: found.append(1) or mean(x))
+    monkeypatch.setattr(tool._quadrics, "mean", lambda x: calls.append(1) or mean(x))
     x = on_bowl(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
     level, gradient, hessian = tool.level(x), tool.gradient(x), tool.hessian(x.copy())
-    assert len(found) == 1
+    assert len(calls) == 1
     moved = x.copy()
     moved[0] += 1.0
     assert not np.array_equal(tool.level(moved), level)
-    assert len(found) == 2
-    x[0] += 1.0  # what was asked for last, changed in place
+    assert len(calls) == 2
+    x[0] += 1.0  # the last requested points, changed in place
     np.testing.assert_array_equal(tool.level(x), tool.level(moved))
     for values in (gradient, hessian):
         with pytest.raises(ValueError, match="read-only"):
             values[0] = 0.0
 
 
-def test_points_near_and_far_are_found_alike_together_and_alone():
-    """However many vertices reach them."""
+def test_points_near_and_far_give_the_same_result_together_and_alone():
+    """For any number of vertices within reach."""
     tool, rng = bowl(), np.random.default_rng(3)
     x = rng.normal(size=(3, 60)) * rng.choice([1.0, 30.0, 900.0], 60)
     level, hessian = tool.level(x), tool.hessian(x)
@@ -287,7 +287,7 @@ def test_points_near_and_far_are_found_alike_together_and_alone():
         np.testing.assert_allclose(one[1][..., 0], hessian[..., i], rtol=1e-9)
 
 
-def test_geodesics_on_triangles_are_those_of_the_surface_they_stand_for():
+def test_geodesics_on_triangles_agree_with_the_exact_surface():
     side = np.linspace(-25, 25, 7)
     X = np.array(np.meshgrid(side, side)).reshape(2, -1)
     exact = drape.HeightField(
@@ -296,21 +296,21 @@ def test_geodesics_on_triangles_are_those_of_the_surface_they_stand_for():
             *(0.01 + 0 * x, 0 * x, 0.01 + 0 * x),
         )
     )
-    off = drape.exponential_map(bowl(), X) - drape.exponential_map(exact, X)
-    assert np.abs(off).max() < 1e-3 * np.linalg.norm(X, axis=0).max()
+    error = drape.exponential_map(bowl(), X) - drape.exponential_map(exact, X)
+    assert np.abs(error).max() < 1e-3 * np.linalg.norm(X, axis=0).max()
 
 
-# Surfaces whose gradient or Hessian contradicts them are refused, and no others
+# Surfaces with an inconsistent gradient or Hessian are rejected, and no others
 
 
 class Changed:
-    """A surface of which one part is changed."""
+    """A surface with one part changed."""
 
     def __init__(self, surface, **changes):
         for part in ("level", "gradient", "hessian"):
-            own = getattr(surface, part)
+            old = getattr(surface, part)
             change = changes.get(part, lambda values: values)
-            setattr(self, part, lambda x, own=own, change=change: change(own(x)))
+            setattr(self, part, lambda x, old=old, change=change: change(old(x)))
 
 
 def ply(side=100.0, cells=6, at=(0.0, 0.0)):
@@ -354,9 +354,7 @@ def first_row(values):
         ("hessian", first_row),
     ],
 )
-def test_a_part_that_contradicts_another_is_refused_before_any_work(
-    surface, part, change
-):
+def test_inconsistent_surfaces_are_rejected_before_any_work(surface, part, change):
     whole = {"gradient": "level", "hessian": "gradient"}[part]
     number = r"-?\d[\d.e+-]*"
     message = (
@@ -373,14 +371,14 @@ def test_a_part_that_contradicts_another_is_refused_before_any_work(
         equilibrium_near(body, {"tool": OnSurface(wrong)}, start)
 
 
-def test_the_message_has_both_numbers_at_the_place():
+def test_the_message_contains_both_numbers_at_the_position():
     sphere = drape.Sphere(150.0, (0, 0, -150))
     wrong = Changed(sphere, hessian=lambda H: 0.5 * H)
     with pytest.raises(ValueError, match="differs") as error:
         bind(wrong)
     words = str(error.value).split()
-    slope, own = float(words[words.index("by") + 1]), words[words.index("is") + 1]
-    assert float(own.strip(";")) == pytest.approx(0.5 * slope, rel=0.01)
+    slope, value = float(words[words.index("by") + 1]), words[words.index("is") + 1]
+    assert float(value.strip(";")) == pytest.approx(0.5 * slope, rel=0.01)
 
 
 SOUND = {
@@ -415,7 +413,7 @@ SOUND = {
 
 @pytest.mark.parametrize("surface", SOUND.values(), ids=SOUND)
 @pytest.mark.parametrize("cells", [1, 4, 5, 16])
-def test_sound_surfaces_are_not_refused(surface, cells):
+def test_consistent_surfaces_are_accepted(surface, cells):
     with np.errstate(all="ignore"):
         body = ply(cells=cells)
         OnSurface(surface).check("tool", np.pad(body.nodes, ((0, 1), (0, 0))))
@@ -423,7 +421,7 @@ def test_sound_surfaces_are_not_refused(surface, cells):
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
 @pytest.mark.parametrize("away", [0.0, 1e6])
-def test_scale_and_place_make_no_difference(scale, away):
+def test_scale_and_position_have_no_effect(scale, away):
     body = ply(side=80.0, at=(away, 0.0))
     x = scale * np.pad(body.nodes, ((0, 1), (0, 0)))
     centre = scale * np.array([away, 0.0, -100.0])
@@ -439,7 +437,7 @@ def test_scale_and_place_make_no_difference(scale, away):
 
 
 @pytest.mark.parametrize("side", [20.0, 60.0, 150.0, 400.0])
-def test_triangles_are_sound_up_to_their_edges_and_beyond(side):
+def test_triangles_are_consistent_up_to_their_edges_and_beyond(side):
     s = np.linspace(-40, 40, 25)
     body = ply(side=side, cells=8, at=(-side / 2, -side / 2))
     waves = graph(s, lambda x, y: 20 * np.cos(x / 20) * np.cos(y / 25))
@@ -451,7 +449,7 @@ def test_triangles_are_sound_up_to_their_edges_and_beyond(side):
 
 
 def limited(error, lowest=-np.inf, furthest=100.0):
-    """A sphere that raises an error of points that are low or far away."""
+    """A sphere that raises an error at points that are low or far away."""
 
     def call(part, x):
         if np.min(x[2]) < lowest or np.max(x[0]) > furthest:
@@ -465,20 +463,20 @@ def limited(error, lowest=-np.inf, furthest=100.0):
 
 
 @pytest.mark.parametrize("error", [RuntimeError, ValueError, KeyError, OverflowError])
-def test_a_surface_that_is_not_defined_beyond_the_nodes_is_not_refused(error):
+def test_a_surface_undefined_beyond_the_nodes_is_accepted(error):
     nodes = np.pad(ply().nodes, ((0, 1), (0, 0)))
     assert nodes[0].max() == 100
     OnSurface(limited(error)).check("tool", nodes)
 
 
-def test_another_error_beyond_the_nodes_is_told_with_its_cause():
-    said = "'tool': level of the surface raised TypeError: beyond the table"
-    with pytest.raises(ValueError, match=said) as found:
+def test_another_error_beyond_the_nodes_is_reported_with_its_cause():
+    message = "'tool': level of the surface raised TypeError: beyond the table"
+    with pytest.raises(ValueError, match=message) as error:
         bind(limited(TypeError))
-    assert isinstance(found.value.__cause__, TypeError)
+    assert isinstance(error.value.__cause__, TypeError)
 
 
-def test_arrays_of_another_shape_beside_the_nodes_are_refused():
+def test_arrays_of_another_shape_beside_the_nodes_are_rejected():
     nodes = ply().nodes.shape[1]
     wrong = Changed(SPHERE, hessian=lambda H: H if H.shape[2] == nodes else H[0])
     with pytest.raises(ValueError, match="hessian of the surface must have the shape"):
@@ -487,20 +485,20 @@ def test_arrays_of_another_shape_beside_the_nodes_are_refused():
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyError])
 @pytest.mark.parametrize("lowest", [-2.0, -30.0])
-def test_a_run_whose_surface_ends_stops_at_the_last_good_state(error, lowest):
-    """In an iteration, or where geodesics carry the ply before it."""
+def test_a_run_stops_at_the_last_state_before_its_surface_ends(error, lowest):
+    """In an iteration, or in the prediction along geodesics."""
     tool = OnSurface(limited(error, lowest, np.inf))
     held = {"tool": tool, "x": Condition([0], (0.0, 0.0, None))}
     held["turn"] = Condition([1], (0.0, None, None))
-    said = (
+    text = (
         f"of the surface raised {error.__name__}: .?beyond the table.?; try a surface"
     )
-    with pytest.raises(StepError, match=said) as stop:
+    with pytest.raises(StepError, match=text) as stop:
         LoadStepper(bent(ply()), held, 2).run()
     assert "\n" not in str(stop.value)
 
 
-def test_a_surface_that_fails_where_the_ply_touches_it_is_refused():
+def test_a_surface_that_fails_at_the_touching_point_is_rejected():
     def single(part, x):
         if x.shape[1] == 1:
             raise KeyError("one point")
@@ -509,17 +507,17 @@ def test_a_surface_that_fails_where_the_ply_touches_it_is_refused():
     surface = Changed(SPHERE)
     for part in ("level", "gradient", "hessian"):
         setattr(surface, part, partial(single, part))
-    said = "'tool': level of the surface raised KeyError: 'one point'"
-    with pytest.raises(ValueError, match=said) as found:
+    message = "'tool': level of the surface raised KeyError: 'one point'"
+    with pytest.raises(ValueError, match=message) as error:
         LoadStepper(ply(), {"tool": OnSurface(surface)}, 1).run()
-    assert isinstance(found.value.__cause__, KeyError)
+    assert isinstance(error.value.__cause__, KeyError)
 
 
 def test_a_surface_that_fails_beside_the_nodes_has_no_checkpoint(tmp_path):
     body = ply()
     held = {"tool": OnSurface(limited(KeyError)), "x": Condition([0], (0.0, 0.0, None))}
-    said = "'tool': level of the surface raised KeyError: 'beyond the table'"
-    with pytest.raises(ValueError, match=said):
+    message = "'tool': level of the surface raised KeyError: 'beyond the table'"
+    with pytest.raises(ValueError, match=message):
         LoadStepper(bent(body), held, 1, checkpoint=tmp_path / "run").run()
 
 

@@ -1,4 +1,4 @@
-"""Meshes along the fibres: where their edges lie, and which motions they hold."""
+"""Meshes along the fibres: positions of edges, and motions they can represent."""
 
 import json
 
@@ -25,7 +25,7 @@ from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.scenes import bias_extension, strip, trellis
 from skfem_textile.scenes.bias_extension import WIDTH
 from skfem_textile.scenes.rectangle import rectangle
-from tests.helpers.estimates import unestimated
+from tests.helpers.estimates import without_estimate
 
 SQUARE = np.array([[0.0, 30.0, 30.0, 0.0], [0.0, 0.0, 30.0, 30.0]])
 HEXAGON = 30 * np.array(
@@ -39,27 +39,27 @@ def unit(degrees):
     return np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
 
 
-def along(mesh, warp, weft):
+def fibre_coordinates(mesh, warp, weft):
     """Coordinates of the nodes along the fibres, shape (2, n_nodes)."""
     return np.linalg.solve(np.column_stack([unit(warp), unit(weft)]), mesh.p)
 
 
-def lines(mesh, warp, weft):
-    """Coordinates of the lines of edges along weft, and of those along warp.
+def edge_lines(mesh, warp, weft):
+    """Coordinates of the lines of edges along weft and along warp.
 
-    And the least and the largest coordinates of all nodes.
+    Also the least and the largest coordinates of all nodes.
     """
-    s = along(mesh, warp, weft)
+    s = fibre_coordinates(mesh, warp, weft)
     ends = s[:, mesh.facets]
     on_line = np.abs(ends[:, 1] - ends[:, 0]) < 1e-9
     return [
-        apart(np.sort(np.append(x[0, there], [at.min(), at.max()])))
-        for x, there, at in zip(ends, on_line, s, strict=True)
+        distinct(np.sort(np.append(x[0, is_there], [at.min(), at.max()])))
+        for x, is_there, at in zip(ends, on_line, s, strict=True)
     ]
 
 
-def apart(numbers):
-    """Sorted numbers without those that are another but for round-off."""
+def distinct(numbers):
+    """Sorted numbers without duplicates up to round-off."""
     return numbers[np.diff(numbers, prepend=-np.inf) > 1e-9]
 
 
@@ -79,11 +79,13 @@ def extension(degrees, n, **options):
 
 def solve(scene, formulation, E, G=0.5, steps=2):
     ply = Ply(scene.mesh, Fabric(E, G, scene.warp, scene.weft), formulation)
-    return scene.summary(unestimated(LoadStepper(ply, scene.conditions, steps).run()))
+    return scene.summary(
+        without_estimate(LoadStepper(ply, scene.conditions, steps).run())
+    )
 
 
-def strained(ply, x):
-    """The largest strain at any point that a law sees, or that is judged."""
+def largest_strain(ply, x):
+    """The largest strain at any point of a law or of the error measure."""
     u = ply.basis.zeros()
     u[node_dofs(ply.basis)] = x - ply.nodes
     strains = ply.law_strain(u), ply.fibre_strain(u, ply.fine_points)
@@ -91,8 +93,8 @@ def strained(ply, x):
 
 
 def edges_along(mesh, warp, weft):
-    """How many edges of each triangle lie along warp and weft, shape (2, n)."""
-    s = along(mesh, warp, weft)[:, mesh.t]
+    """Number of edges of each triangle along warp and weft, shape (2, n)."""
+    s = fibre_coordinates(mesh, warp, weft)[:, mesh.t]
     return (np.abs(np.roll(s, -1, axis=1) - s) < 1e-9).sum(axis=1)
 
 
@@ -122,9 +124,7 @@ def test_lines_meet_at_the_sides_however_many_there_are_along_each(height):
     seed=st.integers(0, 1000),
 )
 @example(179, 47, HEXAGON, 3.3236387476298743, 350)  # thin triangles
-def test_any_motion_that_bends_at_the_lines_stretches_no_fibre(
-    warp, crossing, outline, spacing, seed
-):
+def test_motions_bent_at_lines_stretch_no_fibre(warp, crossing, outline, spacing, seed):
     """In any convex outline, and in the elements that are cut off."""
     weft, rng = warp + crossing, np.random.default_rng(seed)
     mesh = mesh_along_fibres(outline, unit(warp), unit(weft), spacing)
@@ -138,12 +138,14 @@ def test_any_motion_that_bends_at_the_lines_stretches_no_fibre(
     ply = Ply(mesh, fabric, formulation)
     s = np.linalg.solve(np.column_stack([unit(warp), unit(weft)]), ply.nodes)
     x = 0.0
-    for at, line, angle in zip(s, lines(mesh, warp, weft), (warp, weft), strict=True):
+    for at, line, angle in zip(
+        s, edge_lines(mesh, warp, weft), (warp, weft), strict=True
+    ):
         bends = np.radians(angle) + rng.uniform(-0.03, 0.03, line.size - 1)
         steps = np.diff(line) * np.array([np.cos(bends), np.sin(bends)])
         path = np.hstack([np.zeros((2, 1)), np.cumsum(steps, axis=1)])
         x = x + np.array([np.interp(at, line, component) for component in path])
-    assert strained(ply, x) < 1e-8
+    assert largest_strain(ply, x) < 1e-8
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
@@ -156,17 +158,15 @@ def test_the_exact_bias_extension_is_free_of_strain(degrees, formulation, part):
     fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
     ply = Ply(scene.mesh, fabric, formulation)
     exact = ply.nodes + scene.displacement(ply.nodes, 1.0)
-    assert strained(ply, exact) < 1e-12
+    assert largest_strain(ply, exact) < 1e-12
 
 
 @pytest.mark.parametrize(
     ("degrees", "formulation"),
     [(30.0, Full()), (45.0, Quadratic()), (52.5, Full()), (60.0, Quadratic())],
 )
-def test_the_error_of_a_bias_extension_falls_as_the_fibres_get_stiff(
-    degrees, formulation
-):
-    """As G/E down to 1e-8 of the width, on a coarse mesh."""
+def test_errors_of_a_bias_extension_decrease_with_stiffness(degrees, formulation):
+    """Down to 1e-8 of the width, in proportion to G/E, on a coarse mesh."""
     size = WIDTH * np.hypot(1, 2 * np.tan(np.radians(degrees)))
     stiff, rigid = (solve(extension(degrees, 3), formulation, E) for E in (5e6, 5e9))
     assert stiff["displacement_error_max"] < 1e-4 * size
@@ -178,14 +178,14 @@ def test_the_error_of_a_bias_extension_falls_as_the_fibres_get_stiff(
 
 @pytest.mark.parametrize("size", [(50.0, 120.0), (50.0, 107.3)])
 def test_kinks_are_lines_of_the_net_where_it_does_not_close(size):
-    """The exact motion of a higher ply kinks at lines through its corners."""
+    """The exact motion of a higher ply has kinks along lines through its corners."""
     mesh = rectangle(*size, (6, 12), "aligned", warp=np.pi / 4, weft=3 * np.pi / 4)
     scene = bias_extension(mesh)
     ply = Ply(scene.mesh, Fabric(1e4, 0.5, scene.warp, scene.weft), Quadratic())
-    assert strained(ply, ply.nodes + scene.displacement(ply.nodes, 1.0)) < 1e-12
+    assert largest_strain(ply, ply.nodes + scene.displacement(ply.nodes, 1.0)) < 1e-12
 
 
-def test_the_log_tells_where_the_lines_do_not_meet_at_the_sides(caplog):
+def test_lines_that_do_not_meet_at_the_sides_are_logged(caplog):
     caplog.set_level("INFO", "skfem_textile")
     mesh_along_fibres(SQUARE * [[1.0], [1.37]], (1, 1), (-1, 1), 5.0)
     assert "lines of warp and weft do not meet at the sides" in caplog.text
@@ -195,14 +195,14 @@ def test_the_log_tells_where_the_lines_do_not_meet_at_the_sides(caplog):
 
 
 @pytest.mark.parametrize("fibres", [(0, 60), (20, 160), (45, 135), (90, 150)])
-def test_points_on_the_sides_are_no_further_apart_than_the_spacing(fibres):
+def test_the_distance_of_points_on_the_sides_is_at_most_the_spacing(fibres):
     mesh = mesh_along_fibres(HEXAGON, *map(unit, fibres), 4.0)
     ends = mesh.p[:, mesh.facets[:, mesh.boundary_facets()]]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=0)
     assert 0.5 < lengths.max() / 4.0 < 1 + 1e-9
 
 
-def test_along_the_sides_of_a_rectangle_the_cells_are_its_quadrilaterals():
+def test_cells_along_the_sides_of_a_rectangle_are_quadrilaterals():
     mesh = strip("aligned", (4, 6)).mesh
     assert isinstance(mesh, MeshQuad)
     x, y = np.meshgrid(np.linspace(0, 40, 5), np.linspace(0, 60, 7))
@@ -229,7 +229,7 @@ def test_a_bent_trellis_converges_along_inclined_fibres():
     assert errors[0] > 6 * errors[1] > 36 * errors[2]
 
 
-def test_outlines_and_fibres_that_do_not_fit_are_refused():
+def test_invalid_outlines_and_fibres_are_rejected():
     dart = np.array([[0.0, 2.0, 0.0, 1.0], [0.0, 1.0, 2.0, 1.0]])
     for outline, message in (
         (dart, "the outline is not convex: mesh its convex parts"),
@@ -264,7 +264,7 @@ def test_outlines_and_fibres_that_do_not_fit_are_refused():
             mesh_along_fibres(SQUARE, warp, weft, spacing)
 
 
-def test_the_command_line_makes_meshes_along_the_fibres(tmp_path):
+def test_the_command_line_generates_meshes_along_the_fibres(tmp_path):
     command = ["run", "bias_extension", "--mesh", "aligned", "--size", "3x6"]
     command += ["--fibres", "52.5", "--fibre-stiffness", "5e9"]
     command += ["--formulation", "quadratic", "--steps", "4", "--no-render"]

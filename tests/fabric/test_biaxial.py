@@ -1,4 +1,4 @@
-"""Laws of both fibre strains, and crimp interchange among them."""
+"""Coupled laws of both fibre strains, including crimp interchange."""
 
 import pickle
 
@@ -25,7 +25,7 @@ from tests.helpers import (
     derivative,
     distorted,
     distorted_for,
-    wobble,
+    random_u,
 )
 
 LAWS = {
@@ -50,21 +50,23 @@ def test_tensions_are_derivatives_of_the_energy(law):
     for i, T in enumerate(law.value(at)):
         step = h * np.eye(2)[i][:, None]
         rate = (law.energy(at + step) - law.energy(at - step)) / (2 * h)
-        # T has a kink in its slope where a yarn goes slack.
+        # T has a kink in its slope where a yarn becomes slack.
         np.testing.assert_allclose(rate, T, atol=1e-6 * np.abs(law.value(at)).max())
 
 
 @every_law
-def test_the_tangent_is_that_of_the_tensions_and_symmetric(law):
+def test_the_tangent_is_symmetric_and_the_derivative_of_the_tensions(law):
     at, h = strains(2), 1e-7
     D = law.tangent(at)
     np.testing.assert_array_equal(D[0, 1], D[1, 0])
     for j in range(2):
         step = h * np.eye(2)[j][:, None]
         rate = (law.value(at + step) - law.value(at - step)) / (2 * h)
-        off = np.abs(rate - D[:, j]) / np.abs(D).max()
-        assert np.quantile(off, 0.99) < 1e-6  # but where a yarn goes slack in between
-        assert off.max() < 1e-3
+        error = np.abs(rate - D[:, j]) / np.abs(D).max()
+        assert (
+            np.quantile(error, 0.99) < 1e-6
+        )  # except where a yarn becomes slack in between
+        assert error.max() < 1e-3
 
 
 @every_law
@@ -74,7 +76,7 @@ def test_the_energy_is_convex(law):
 
 
 @every_law
-def test_no_other_amplitude_has_less_energy(law):
+def test_the_amplitude_minimises_the_energy(law):
     at = strains(4, 300)
     E = [CrimpToe(E, law.toe, 0.0) for E in law.stiffness]
     eta = np.sqrt(2 * np.array(law.crimp))
@@ -87,14 +89,14 @@ def test_no_other_amplitude_has_less_energy(law):
         assert np.all(other >= least * (1 - 1e-12))
 
 
-def test_nothing_is_stored_at_rest_and_a_slack_fabric_has_its_initial_stiffness():
+def test_the_energy_at_rest_is_zero_and_a_slack_fabric_has_its_initial_stiffness():
     law, rest = LAWS["unbalanced"], np.zeros((2, 1))
     assert law.energy(rest) == 0
     assert not law.value(rest).any()
     np.testing.assert_array_equal(law.tangent(rest - 0.03)[..., 0], 10 * np.eye(2))
 
 
-def test_without_crimp_it_is_two_laws():
+def test_a_law_without_crimp_is_uncoupled():
     law, at = LAWS["no crimp"], strains(5)
     for E, e, T in zip(law.stiffness, at, law.value(at), strict=True):
         np.testing.assert_allclose(T, CrimpToe(E, 0.05, 2.0).value(e), rtol=1e-14)
@@ -102,18 +104,18 @@ def test_without_crimp_it_is_two_laws():
 
 
 def test_a_pulled_warp_straightens_by_its_crimp_and_no_further():
-    """With a weft that is free the warp takes no load before ε = c, and then all."""
+    """With a free weft the warp has no tension below ε = c, and E (ε − c) above."""
     c, E = 0.02, 1e5
     law = CrimpInterchange(E, c, 0.01, 1e-5, 0.0)
     slack = np.array([0.9 * c, -0.5])
     pulled = np.array([c + 0.001, -0.5])
     assert law.value(slack)[0] < 1e-3 * E * c
-    # The yarn's toe is 1e-5, so that it bears E (0.001 - 1e-5) when straight.
+    # The yarn's toe is 1e-5, so that its tension is E (0.001 - 1e-5) when straight.
     assert law.value(pulled)[0] == pytest.approx(E * (0.001 - 1e-5), rel=1e-3)
 
 
 @every_law
-def test_repr_rebuilds_it_and_shapes_do_not_matter(law):
+def test_repr_rebuilds_the_law_and_any_shape_is_accepted(law):
     again = eval(repr(law))
     assert again == law == pickle.loads(pickle.dumps(law))
     at = strains(6, 24)
@@ -141,14 +143,14 @@ def test_repr_rebuilds_it_and_shapes_do_not_matter(law):
         ({"stiffness": np.ones(500)}, "stiffness must be .* uniform over the elements"),
     ],
 )
-def test_bad_parameters_are_refused(changed, message):
+def test_invalid_parameters_are_rejected(changed, message):
     good = {"stiffness": 1e4, "crimp": 0.01, "bending": 1.0, "toe": 1e-3}
-    with pytest.raises(ValueError, match=message) as told:
+    with pytest.raises(ValueError, match=message) as error:
         CrimpInterchange(**good | {"initial_stiffness": 1.0} | changed)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(error.value)
 
 
-def test_a_law_of_both_strains_stands_for_no_law_of_one():
+def test_a_coupled_law_is_rejected_as_a_law_of_one_family():
     law = LAWS["balanced"]
     with pytest.raises(ValueError, match="shear: CrimpInterchange is a law of both"):
         Fabric(1e4, law)
@@ -180,7 +182,7 @@ def test_plots_have_a_line_of_each_family_for_each_ratio():
 
 
 class Wrong(Coupled):
-    """One part is that of another coupling; ``skew`` moves it across the diagonal."""
+    """One part belongs to another coupling; ``skew`` moves it across the diagonal."""
 
     def __init__(self, part, by=1.0, skew=0.0):
         super().__init__(100.0, 60.0)
@@ -204,14 +206,14 @@ class Wrong(Coupled):
     ],
     ids=["energy", "value", "tangent", "symmetry"],
 )
-def test_parts_that_contradict_each_other_are_refused(law, message):
-    with pytest.raises(ValueError, match=message) as told:
+def test_inconsistent_parts_are_rejected(law, message):
+    with pytest.raises(ValueError, match=message) as error:
         Ply(distorted(1), Fabric(law, 0.5), Full())
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("law", [*LAWS.values(), Coupled(10.0, -3.0)])
-def test_laws_whose_parts_agree_pass(law):
+def test_consistent_laws_are_accepted(law):
     check_laws(Fabric(law), (6, 4))
 
 
@@ -227,13 +229,13 @@ def test_laws_whose_parts_agree_pass(law):
 )
 def test_forces_and_tangent_of_a_ply_are_derivatives(law, formulation):
     ply = Ply(distorted_for(formulation, 1), Fabric(law, 0.5), formulation)
-    # Stretched by 3 %, all yarns are taut but where the mesh is moved most.
+    # All yarns are taut at 3 % stretch, except where the mesh is moved most.
     u = ply.basis.zeros()
     u[ply.basis.nodal_dofs] = 0.03 * ply.mesh.p
     if isinstance(formulation, Quadratic):
         u[ply.basis.facet_dofs] = 0.03 * ply.mesh.p[:, ply.mesh.facets].mean(axis=1)
-    u += wobble(ply, 3, 0.002)
-    du = wobble(ply, 4, 1.0)
+    u += random_u(ply, 3, 0.002)
+    du = random_u(ply, 4, 1.0)
     K, f = ply.tangent(u), ply.residual(u)
     work = derivative(ply.energy, u, du, 1e-6)
     assert work == pytest.approx(f @ du, rel=1e-6, abs=1e-6 * np.abs(f * du).sum())
@@ -244,25 +246,25 @@ def test_forces_and_tangent_of_a_ply_are_derivatives(law, formulation):
     T = derivative(lambda x: acting_tension(ply, x), u, du, 1e-6)
     predicted = derivative(lambda x: ply.predicted_tension(u, x), 0 * u, du, 1e-6)
     np.testing.assert_allclose(predicted, T, atol=1e-6 * np.abs(T).max())
-    there = ply.geometric_tension(u, 0 * u)
-    np.testing.assert_array_equal(there, ply.arranged(acting))
+    geometric = ply.geometric_tension(u, 0 * u)
+    np.testing.assert_array_equal(geometric, ply.arranged(acting))
 
 
-def test_the_held_stiffness_is_that_of_a_family_while_the_other_keeps_its_strain():
+def test_the_fixed_stiffness_of_a_family_assumes_constant_strain_of_the_other():
     law, at = Coupled(100.0, 60.0), np.array([[0.02], [-0.05]])
     for i in range(2):
-        step, there = 0.01 * np.eye(2)[i][:, None], at.copy()
-        there[i] = np.maximum(at[i], 0.0)  # of a slack family that at rest
-        slope = (law.value(there + step) - law.value(there - step))[i] / 0.02
-        found = mean_slope(law.of_family(i, at), at[i])
-        np.testing.assert_allclose(found, slope, rtol=1e-12)
+        step, strains = 0.01 * np.eye(2)[i][:, None], at.copy()
+        strains[i] = np.maximum(at[i], 0.0)  # a slack family has its stiffness at rest
+        slope = (law.value(strains + step) - law.value(strains - step))[i] / 0.02
+        stiffness = mean_slope(law.of_family(i, at), at[i])
+        np.testing.assert_allclose(stiffness, slope, rtol=1e-12)
 
 
 class Bounded(Coupled):
     domain = (-0.1, 0.2)
 
 
-def test_no_state_beyond_the_domain_is_in_it():
+def test_states_outside_the_domain_are_rejected():
     ply = Ply(distorted(1), Fabric(Bounded(10.0, 5.0), 0.5), Full())
     for stretch, inside in ((0.0, True), (0.15, True), (0.3, False), (-0.15, False)):
         u = ply.basis.zeros()
@@ -270,7 +272,7 @@ def test_no_state_beyond_the_domain_is_in_it():
         assert ply.in_domain(u) is inside
 
 
-def test_the_domain_of_regions_is_that_of_each():
+def test_every_region_has_its_domain():
     mesh = distorted(1).with_subdomains({"left": [0, 1], "right": [2, 3, 4, 5]})
     regions = {
         "left": Fabric(LAWS["balanced"]),

@@ -1,4 +1,4 @@
-"""Yarns in a cell, as of OpenRadioss: least energy, derivatives, and limits."""
+"""Cells of crimped yarns, as in OpenRadioss: least energy, derivatives and limits."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def energy(law, L, y):
 
 
 @pytest.mark.parametrize("law", [TOUCHING, COUPLED], ids=["touching", "coupled"])
-def test_the_energy_is_the_least_that_a_search_finds(law):
+def test_the_energy_is_the_minimum_of_a_search(law):
     apart = [{"type": "ineq", "fun": lambda y: y.sum()}] if law is TOUCHING else []
     for strain in np.random.default_rng(3).uniform(-0.08, 0.12, (12, 2)):
         L = np.exp(strain)
@@ -53,13 +53,13 @@ def test_the_energy_is_the_least_that_a_search_finds(law):
 
 
 @pytest.mark.parametrize("law", [TOUCHING, COUPLED], ids=["touching", "coupled"])
-def test_energy_tension_and_tangent_agree(law):
+def test_energy_tension_and_tangent_are_consistent(law):
     check_laws(Fabric(law, TangentShear(0.3, 2.0, 0.9)), (1, 1))
     tangent = law.tangent(np.random.default_rng(1).uniform(-0.05, 0.1, (2, 40)))
     assert np.allclose(tangent, tangent.swapaxes(0, 1), rtol=1e-9)
 
 
-def test_at_rest_there_is_no_tension_and_a_weft_that_is_held_pulls_the_warp_too():
+def test_tension_vanishes_at_rest_and_a_fixed_weft_loads_the_warp():
     assert np.abs(TOUCHING.value(np.zeros((2, 1)))).max() == 0
     held, free = TOUCHING.value(np.array([[0.04, 0.04], [0.0, -0.04]]))[0]
     assert held > 1.5 * free
@@ -72,7 +72,7 @@ def test_a_long_pull_has_the_stiffness_of_straight_yarns():
     assert law.value(strain)[0, 0] == pytest.approx(straight, rel=1e-2)
 
 
-def test_yarns_of_tables_are_found_at_all_strains():
+def test_yarns_of_tables_are_solved_at_all_strains():
     law = CrimpedYarns((TABLE, TABLE), 0.02, 0.05)
     strain = np.random.default_rng(2).uniform(-0.1, 0.1, (2, 200))
     assert np.isfinite(law.value(strain)).all()
@@ -87,12 +87,12 @@ def test_yarns_of_tables_are_found_at_all_strains():
         ({"coupling": np.nan}, "coupling"),
     ],
 )
-def test_yarns_that_are_none_are_refused(wrong, named):
+def test_invalid_yarns_are_rejected(wrong, named):
     with pytest.raises(ValueError, match=named):
         CrimpedYarns(**({"yarns": YARNS, "crimp": 0.1, "springs": 0.1} | wrong))
 
 
-def test_shear_past_the_locking_angle_is_continuous_and_has_its_own_slope():
+def test_shear_beyond_the_locking_angle_is_continuous_with_its_slope():
     law = TangentShear(0.5, 4.0, np.radians(40))
     below, above = law.value(np.radians([40 - 1e-9, 40 + 1e-9]))
     assert below == pytest.approx(0.5 * np.tan(np.radians(40)))

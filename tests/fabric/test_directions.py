@@ -1,4 +1,4 @@
-"""Fibre directions: angles, reference curves, and those of the numbering of nodes."""
+"""Fibre directions: angles, reference curves, and directions from node numbering."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ EDGES = MESH.p[:, MESH.t[1]] - MESH.p[:, MESH.t[0]]
 ACROSS = np.stack([-EDGES[1], EDGES[0]])
 
 
-def test_angles_come_back_and_right_angles_are_exact():
+def test_angles_are_recovered_and_right_angles_are_exact():
     angles = np.array([-179.0, -90.0, -33.3, 0.0, 45.0, 90.0, 180.0])
     directions = FibreDirections.of_angles(angles, angles + 60)
     assert np.allclose(directions.angles_deg()[0], angles, atol=1e-12)
@@ -36,7 +36,7 @@ def test_angles_come_back_and_right_angles_are_exact():
         ([], [], "shape"),
     ],
 )
-def test_directions_that_are_none_are_refused(warp, weft, named):
+def test_invalid_directions_are_rejected(warp, weft, named):
     with pytest.raises(ValueError, match=named):
         FibreDirections.of_angles(warp, weft)
 
@@ -59,7 +59,7 @@ def test_directions_of_each_element_reach_a_ply():
     assert np.isfinite(ply.energy(ply.basis.zeros()))
 
 
-def test_along_a_fine_arc_the_fibres_run_along_the_circle():
+def test_fibres_along_a_fine_arc_follow_the_circle():
     angle = np.linspace(0.0, np.pi / 2, 400)
     arc = 50 * np.stack([np.cos(angle), np.sin(angle)])
     x = np.array([[40.0, 30.0, 20.0], [10.0, 30.0, 45.0]])
@@ -69,7 +69,7 @@ def test_along_a_fine_arc_the_fibres_run_along_the_circle():
     assert np.abs(turned + x / np.hypot(*x)).max() < 3e-3
 
 
-def test_past_the_ends_and_at_corners_the_nearest_tangent_counts():
+def test_the_nearest_tangent_applies_past_ends_and_at_corners():
     curve = AlongCurve([[0.0, 10.0, 10.0], [0.0, 0.0, 10.0]])
     x = np.array([[-5.0, 12.0, 15.0], [1.0, -2.0, 20.0]])
     assert np.allclose(curve(x).T, [[1, 0], [0.5**0.5, 0.5**0.5], [0, 1]])
@@ -80,12 +80,12 @@ def test_past_the_ends_and_at_corners_the_nearest_tangent_counts():
     "points",
     [[[0.0], [0.0]], [[0, 0], [1, 1]], [[0, np.nan], [0, 1]], [[0, 1, 0], [0, 0, 0]]],
 )
-def test_a_curve_that_is_none_is_refused(points):
+def test_an_invalid_curve_is_rejected(points):
     with pytest.raises(ValueError, match=r"reference curve|is not"):
         AlongCurve(points)
 
 
-def test_directions_along_first_edges_are_told_and_those_of_a_field_are_not():
+def test_directions_along_first_edges_are_reported_and_fields_are_not():
     assert "edge 1 in 30 of 30" in directions_warning(
         MESH, FibreDirections(EDGES, ACROSS)
     )
@@ -93,7 +93,7 @@ def test_directions_along_first_edges_are_told_and_those_of_a_field_are_not():
     assert directions_warning(MESH, constant) == ""
 
 
-def test_directions_of_the_numbering_are_told_however_nodes_are_numbered():
+def test_directions_from_any_numbering_are_reported():
     rng = np.random.default_rng(0)
     turned = np.stack(
         [np.roll(c, s) for c, s in zip(MESH.t.T, rng.integers(0, 4, 30), strict=True)],
@@ -108,6 +108,6 @@ def test_directions_of_the_numbering_are_told_however_nodes_are_numbered():
     assert directions_warning(mesh, FibreDirections(EDGES, ACROSS)) == ""
 
 
-def test_fibres_along_the_edges_of_a_regular_mesh_are_meant():
+def test_fibres_along_the_edges_of_a_regular_mesh_are_accepted():
     mesh = MeshQuad().refined(3)
     assert directions_warning(mesh, directions_of(mesh, Fabric())) == ""

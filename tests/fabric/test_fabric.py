@@ -33,7 +33,7 @@ def test_tension_is_one_law_or_a_pair():
     assert warp.tension == weft.tension == Linear(5.0)
 
 
-def test_a_family_of_a_law_of_both_strains_has_that_of_an_unstrained_other():
+def test_a_family_of_a_coupled_law_has_its_tension_with_the_other_unstrained():
     law = CrimpInterchange((1e4, 2e3), 0.01, 1.0, 1e-3, 5.0)
     fabric, x = Fabric(law), np.array([0.0, 0.01])
     for i, family in enumerate(fabric.families):
@@ -63,13 +63,13 @@ def test_a_family_of_a_law_of_both_strains_has_that_of_an_unstrained_other():
         ({"warp": np.ones((2, 5)), "weft": np.ones((2, 4))}, "weft must be a vector"),
     ],
 )
-def test_bad_fabrics_are_refused(arguments, message):
+def test_invalid_fabrics_are_rejected(arguments, message):
     with pytest.raises(ValueError, match=message):
         Fabric(**arguments)
 
 
-def test_directions_that_turn_parallel_on_the_mesh_are_refused():
-    """Parallel on x = 1/8 alone: at the centres of some elements."""
+def test_parallel_directions_on_the_mesh_are_rejected():
+    """They are parallel on x = 1/8 only: at the centres of some elements."""
     fabric = Fabric(warp=lambda x: np.stack([x[0] - 0.125, 1 + 0 * x[0]]))
     with pytest.raises(ValueError, match="parallel"):
         Ply(MeshQuad().refined(2), fabric, OnePoint(0.0))
@@ -89,6 +89,6 @@ def test_one_direction_per_element_must_count_the_elements():
         ([[1], [1, 2]], "warp must be real-valued"),
     ],
 )
-def test_directions_that_are_no_numbers_are_named(warp, message):
+def test_invalid_directions_are_named(warp, message):
     with pytest.raises(ValueError, match=message):
         Fabric(1.0, warp=warp)

@@ -1,4 +1,4 @@
-"""Laws and fabrics in files."""
+"""Files of laws and fabrics."""
 
 import numpy as np
 import pytest
@@ -19,10 +19,10 @@ from skfem_textile import (
 from skfem_textile.fabric import CrimpedYarns, Softening, TangentShear, TwoLaws
 from skfem_textile.fabric.files import read_law, write_law
 
-# CSV files of measured laws: what is read, and what is refused in one line
+# CSV files of measured laws: valid files, and files rejected in one line
 
 
-def written(tmp_path, text):
+def write_file(tmp_path, text):
     file = tmp_path / "law.csv"
     file.write_bytes(text if isinstance(text, bytes) else text.encode())
     return file
@@ -47,8 +47,8 @@ def written(tmp_path, text):
         ("fibre strain (%),tension (kN/m)\n 0 , 0 \n2,5\n", [0, 0.02], [0, 5]),
     ],
 )
-def test_the_header_tells_the_units(tmp_path, text, arguments, values):
-    law = Tabulated.from_csv(written(tmp_path, text))
+def test_the_header_determines_the_units(tmp_path, text, arguments, values):
+    law = Tabulated.from_csv(write_file(tmp_path, text))
     np.testing.assert_allclose(law.arguments, arguments)
     np.testing.assert_allclose(law.values, values)
 
@@ -88,14 +88,14 @@ SHEAR_HEADER = "shear angle (deg),moment (N mm/mm2)\n"
         ),
     ],
 )
-def test_what_is_no_table_is_refused_by_file_and_row(tmp_path, text, message):
+def test_an_invalid_table_is_rejected_with_file_and_row(tmp_path, text, message):
     with pytest.raises(ValueError, match=message) as refusal:
-        Tabulated.from_csv(written(tmp_path, text))
+        Tabulated.from_csv(write_file(tmp_path, text))
     assert "\n" not in str(refusal.value)
 
 
-def test_a_table_of_the_other_kind_is_refused(tmp_path):
-    file = written(tmp_path, SHEAR_HEADER + "0,0\n1,1\n")
+def test_a_table_of_the_other_kind_is_rejected(tmp_path):
+    file = write_file(tmp_path, SHEAR_HEADER + "0,0\n1,1\n")
     assert Tabulated.from_csv(file, of="shear").values == (0.0, 1.0)
     with pytest.raises(
         ValueError, match=r"must be of the form 'fibre strain \(-\),tension"
@@ -117,12 +117,12 @@ def test_a_table_of_the_other_kind_is_refused(tmp_path):
         ),
     ],
 )
-def test_an_argument_in_other_units_is_refused_with_its_row(tmp_path, text, words):
+def test_an_argument_in_other_units_is_rejected_with_its_row(tmp_path, text, words):
     with pytest.raises(ValueError, match=words):
-        Tabulated.from_csv(written(tmp_path, text))
+        Tabulated.from_csv(write_file(tmp_path, text))
 
 
-def test_laws_refuse_degrees_and_per_cent():
+def test_laws_reject_degrees_and_per_cent():
     for law in (lambda: Tabulated([0, 60], [0, 1]), lambda: Locking(0.1, 40.0)):
         with pytest.raises(ValueError, match="in degrees"):
             law()
@@ -154,7 +154,7 @@ BOTH = (
 
 
 @pytest.mark.parametrize("law", [*SHEAR, *TENSION, *BOTH])
-def test_a_law_comes_back_to_the_last_digit(law, tmp_path):
+def test_a_law_is_read_back_to_the_last_digit(law, tmp_path):
     write_law(law, tmp_path / "law.json")
     assert repr(read_law(tmp_path / "law.json")) == repr(law)
 
@@ -168,13 +168,13 @@ def test_every_law_of_the_library_has_a_file():
 
 
 def is_law(one):
-    """Whether it is the class of a law with parameters."""
+    """True for the class of a law with parameters."""
     own = one.__module__.startswith("skfem_textile.fabric.") if callable(one) else False
     return own and hasattr(one, "tangent") and hasattr(one, "__dataclass_fields__")
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         ("{", "not JSON"),
         ("[]", "an object whose key 'kind' is the name of a law"),
@@ -192,9 +192,9 @@ def is_law(one):
         ('{"kind": "Sin2", "stiffness": -1}', "stiffness must be"),
     ],
 )
-def test_what_is_no_law_is_refused_in_one_line(content, said, tmp_path):
+def test_invalid_laws_are_rejected_in_one_line(content, message, tmp_path):
     (tmp_path / "law.json").write_text(content)
-    with pytest.raises(ValueError, match=said) as told:
+    with pytest.raises(ValueError, match=message) as error:
         read_law(tmp_path / "law.json")
-    assert str(told.value).startswith(str(tmp_path / "law.json"))
-    assert "\n" not in str(told.value)
+    assert str(error.value).startswith(str(tmp_path / "law.json"))
+    assert "\n" not in str(error.value)

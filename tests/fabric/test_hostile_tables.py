@@ -1,4 +1,4 @@
-"""Damaged tables of laws, directions and curves are refused, or read as they stand."""
+"""Damaged tables of laws, directions and curves are rejected, or read as written."""
 
 import re
 from pathlib import Path
@@ -12,14 +12,14 @@ from skfem_textile.io import read_directions
 from tests.helpers.hostile import (
     RIGHT,
     Family,
-    demand,
-    demand_near,
-    refused_if_damaged,
+    expect,
+    expect_close,
+    rejected_if_damaged,
     seeds,
 )
 from tests.helpers.hostile.damage import damaged
 
-# Columns, and how much their units are in radians, strains, N/mm, mm and N.
+# Columns, and the factors of their units to radians, strains, N/mm, mm and N.
 UNITS = {
     "shear angle": {"deg": np.pi / 180, "rad": 1.0},
     "moment": {"N mm/mm2": 1.0, "N/mm": 1.0},
@@ -29,13 +29,13 @@ UNITS = {
     "force": {"N": 1.0, "kN": 1e3, "cN": 0.01, "lbf": 4.4482216152605},
 }
 
-# The same by other names and units, which damage may write.
+# The same with other names and units, which damage may write.
 ALSO = {
     **{"angle": "shear angle", "shear moment": "moment", "load": "force"},
     **{"extension": "displacement", "degrees": "deg", "radians": "rad", "1": "-"},
 }
 
-# By how much larger numbers are divided, which are no strains or angles.
+# Divisor of larger numbers, which exceed strains and angles.
 BOUNDED = {"-": 25.0, "rad": 20.0}
 
 DIRECTIONS = ("element", "warp_angle_deg", "weft_angle_deg")
@@ -48,8 +48,8 @@ def law(path):
 
 
 def directions(path):
-    found = read_directions(path)
-    return dict(zip(DIRECTIONS[1:], (found.warp, found.weft), strict=True))
+    read = read_directions(path)
+    return dict(zip(DIRECTIONS[1:], (read.warp, read.weft), strict=True))
 
 
 KINDS = {
@@ -85,29 +85,29 @@ def attempt(table):
     path = Path("table.csv")
     path.write_bytes(content)
     try:
-        found = KINDS[names](path)
+        read = KINDS[names](path)
     except ValueError as error:
-        return refused_if_damaged(error, damage)
+        return rejected_if_damaged(error, damage)
     text = content.decode("utf-8-sig")
     if '"' in text:
         return RIGHT  # quotes may hide commas and ends of lines
     lines = [line.split(",") for line in re.split(r"\r\n|\n|\r", text)]
     header, *lines = [line for line in lines if any(map(str.strip, line))]
-    for key, column in found.items():
+    for key, column in read.items():
         expected = plain_column(header, lines, key)
-        demand(np.isfinite(column).all(), f"{key}: {column}")
-        demand(np.shape(column) == expected.shape, f"{key}: {column}, not {expected}")
-        demand_near(key, column, expected, 1e-12 * (1 + np.abs(expected)).max())
+        expect(np.isfinite(column).all(), f"{key}: {column}")
+        expect(np.shape(column) == expected.shape, f"{key}: {column}, not {expected}")
+        expect_close(key, column, expected, 1e-12 * (1 + np.abs(expected)).max())
     return RIGHT
 
 
 def plain_column(header, lines, key):
     """The numbers of a column, in the units of the library."""
     names = [named(cell.strip()) for cell in header]
-    place = key if isinstance(key, int) else [name for name, _ in names].index(key)
-    cells = [line[place].strip() for line in lines]
-    demand(all(map(NUMBER.fullmatch, cells)), f"{cells} were taken for numbers")
-    name, unit = names[place]
+    column = key if isinstance(key, int) else [name for name, _ in names].index(key)
+    cells = [line[column].strip() for line in lines]
+    expect(all(map(NUMBER.fullmatch, cells)), f"{cells} were taken for numbers")
+    name, unit = names[column]
     numbers = np.array(cells, dtype=float) * UNITS.get(name, {unit: 1.0})[unit]
     if key not in DIRECTIONS:
         return numbers
@@ -133,5 +133,5 @@ FAMILY = Family(
 )
 
 
-def test_a_damaged_table_is_refused_or_read_as_it_stands():
-    FAMILY.holds(40)
+def test_a_damaged_table_is_rejected_or_read_as_written():
+    FAMILY.check(40)

@@ -16,7 +16,7 @@ def some_F(seed):
 
 
 def some_F_in_space(seed):
-    """A plane state of the ply, turned at random and moved out of its plane."""
+    """A plane state of the ply, rotated at random and moved out of its plane."""
     rng = np.random.default_rng(seed)
     return random_turn(rng)[:, :2] @ some_F(seed) + 0.1 * rng.standard_normal((3, 2))
 
@@ -92,7 +92,7 @@ def test_a_rotation_in_space_changes_nothing(seed):
 
 
 @given(seed=seeds)
-def test_a_flat_ply_in_space_has_the_numbers_of_the_plane(seed):
+def test_a_flat_ply_in_space_agrees_with_the_plane(seed):
     F = some_F(seed)
     assume(np.linalg.det(F) > 0.1)
     assert kin.area_ratio(in_space(F)) == pytest.approx(kin.area_ratio(F))
@@ -109,18 +109,18 @@ def test_strain_is_logarithmic():
 
 
 @given(angle=st.floats(-1.0, 1.5))
-def test_closing_fibres_shear_by_the_angle_they_close(angle):
+def test_the_shear_angle_is_the_decrease_of_the_fibre_angle(angle):
     A1, A2 = np.eye(2)
     F = np.array([[1.0, np.sin(angle)], [0.0, np.cos(angle)]])
     assert kin.shear_angle(F, A1, A2) == pytest.approx(angle, abs=1e-12)
     assert kin.fibre_strain(F, A2) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_shear_rate_is_the_papers():
+def test_shear_rate_agrees_with_the_paper():
     """Γ̇ = f²·L·f₁ + f¹·L·f₂, at any state (§3.2)."""
     F, L = some_F(3), some_F(4)
     f = [F @ A / np.linalg.norm(F @ A) for A in (WARP, WEFT)]
-    # f¹ ⟂ f₂ and f² ⟂ f₁, each turned towards its own family
+    # f¹ ⟂ f₂ and f² ⟂ f₁, each towards its family
     f1_up = np.array([f[1][1], -f[1][0]])
     f2_up = np.array([-f[0][1], f[0][0]])
     rate = f2_up @ L @ f[0] + f1_up @ L @ f[1]

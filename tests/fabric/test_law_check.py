@@ -1,4 +1,4 @@
-"""Laws whose parts contradict each other are refused, all others are taken."""
+"""Laws with inconsistent parts are rejected, all others are accepted."""
 
 import math
 
@@ -24,7 +24,7 @@ E = 1e3
 
 
 def linear(**other):
-    """T = E ε, of which some parts are others."""
+    """T = E ε, with some parts replaced."""
     parts = {
         "energy": lambda x: 0.5 * E * x**2,
         "value": lambda x: E * x,
@@ -126,7 +126,7 @@ SOUND = {
 
 
 @pytest.mark.parametrize("law", SOUND.values(), ids=SOUND)
-def test_a_law_whose_parts_agree_is_taken_for_fibres_and_for_shear(law):
+def test_a_consistent_law_is_accepted_for_fibres_and_for_shear(law):
     check_laws(Fabric(law, law), (6, 4))
     Ply(distorted(1), Fabric((law, 1.0)), Full())
 
@@ -216,7 +216,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("law", "message"), WRONG.values(), ids=WRONG)
-def test_a_law_whose_parts_contradict_each_other_is_refused_in_one_line(law, message):
+def test_an_inconsistent_law_is_rejected_in_one_line(law, message):
     with pytest.raises(ValueError, match=message) as refusal:
         Ply(distorted(1), Fabric(law), Full())
     assert "\n" not in str(refusal.value)
@@ -230,7 +230,7 @@ def test_the_family_or_the_shear_is_named():
         Ply(mesh, Fabric(1.0, wrong), Full())
 
 
-def test_the_argument_is_where_the_parts_differ_most():
+def test_the_reported_argument_has_the_largest_difference():
     def value(x):
         return E * x + 100 * np.maximum(0.005 - np.abs(x - 0.035), 0)
 
@@ -239,8 +239,8 @@ def test_the_argument_is_where_the_parts_differ_most():
         check_laws(Fabric(linear(value=value)), (6, 4))
 
 
-def test_a_law_is_checked_as_far_as_it_reaches_and_no_further():
-    """Strains to 0.1, angles to 80 degrees, unless the law says otherwise."""
+def test_a_law_is_checked_within_its_domain_only():
+    """Up to strains of 0.1 and angles of 80 degrees unless the law has a domain."""
     for reach, fabric in (
         (0.1, lambda law: Fabric((law, 1.0))),
         (np.radians(80), lambda law: Fabric(1.0, law)),
@@ -255,12 +255,12 @@ def test_a_law_is_checked_as_far_as_it_reaches_and_no_further():
                 check_laws(fabric(law), (4, 4))
 
 
-def test_what_is_wrong_by_one_per_cent_is_seen():
+def test_an_error_of_one_per_cent_is_detected():
     with pytest.raises(ValueError, match="warp law, energy"):
         check_laws(Fabric(linear(energy=lambda x: 0.495 * E * x**2)), (6, 4))
 
 
-def test_the_check_costs_no_more_on_a_large_mesh():
+def test_the_cost_of_the_check_is_independent_of_the_mesh():
     calls = []
 
     class Counted(Linear):

@@ -1,4 +1,4 @@
-"""Laws of measured fabrics: their parts agree, and they are what they say."""
+"""Laws of measured fabrics: consistency of their parts, and documented properties."""
 
 import logging
 import pickle
@@ -27,7 +27,7 @@ from skfem_textile import (
 from skfem_textile.fabric.law_check import check_laws
 from skfem_textile.scenes import picture_frame
 
-# Laws of measured fabrics: their parts agree, and they are what they say
+# Laws of measured fabrics: consistency of their parts, and documented properties
 
 
 ANGLES = np.radians([0.0, 10.0, 22.0, 35.0, 44.0, 50.0, 55.0])
@@ -101,7 +101,7 @@ def integral(function, a, b, kinks):
 @settings(max_examples=30)
 @given(shares=st.tuples(st.floats(0, 1), st.floats(0, 1)))
 def test_value_and_tangent_are_the_exact_derivatives(law, ends, kinks, shares):
-    """To 1e-8 of what is integrated, and round-off of the difference."""
+    """To 1e-8 of the integral, and round-off of the difference."""
     low, high = ends
     a, b = sorted(low + share * (high - low) for share in shares)
     if isinstance(law, Pretensioned):
@@ -127,7 +127,7 @@ def test_a_law_is_evaluated_on_arrays_of_any_shape(law, ends, kinks):
 
 
 @every_law
-def test_its_repr_or_another_process_rebuilds_a_law(law, ends, kinks):
+def test_repr_and_pickling_rebuild_a_law(law, ends, kinks):
     law.value(np.zeros(1))
     for again in (eval(repr(law)), pickle.loads(pickle.dumps(law))):
         assert again == law
@@ -138,14 +138,14 @@ def test_its_repr_or_another_process_rebuilds_a_law(law, ends, kinks):
 
 
 @every_law
-def test_a_law_passes_the_check_of_a_ply(law, ends, kinks, caplog):
-    fresh = eval(repr(law))  # of which no warning was logged yet
+def test_every_law_passes_the_check_of_a_ply(law, ends, kinks, caplog):
+    fresh = eval(repr(law))  # for which no warning was logged yet
     check_laws(Fabric(fresh, fresh), (6, 4))
     assert caplog.records == []
 
 
 @pytest.mark.parametrize(("law", "ends"), [(c[0], c[1]) for c in RISING.values()])
-def test_these_laws_rise_and_their_energy_is_convex(law, ends):
+def test_monotone_laws_have_a_convex_energy(law, ends):
     x = np.linspace(*ends, 2001)
     assert (law.tangent(x) >= 0).all()
     value, energy = law.value(x), law.energy(x)
@@ -153,7 +153,7 @@ def test_these_laws_rise_and_their_energy_is_convex(law, ends):
     assert (np.diff(energy, 2) >= -1e-13 * energy.max()).all()
 
 
-def test_a_locking_law_has_no_value_from_its_pole_on():
+def test_a_locking_law_is_undefined_beyond_its_pole():
     law = Locking(0.5, 1.0)
     assert law.domain == (-1.0, 1.0)
     assert np.isinf(law.energy(np.array([-1.0, 1.0]))).all()
@@ -162,7 +162,7 @@ def test_a_locking_law_has_no_value_from_its_pole_on():
 
 
 @pytest.mark.parametrize("law", [case[0] for case in LAWS.values()] + [Sin2(0.5)])
-def test_the_plot_of_a_law_is_its_value_against_its_argument(law):
+def test_the_plot_of_a_law_shows_its_value_against_its_argument(law):
     pytest.importorskip("matplotlib")
     from matplotlib.figure import Figure
 
@@ -178,7 +178,7 @@ def test_the_plot_of_a_law_is_its_value_against_its_argument(law):
     assert "N" in axes.get_ylabel()
 
 
-def test_any_law_is_drawn_and_a_table_with_its_points():
+def test_any_law_is_plotted_and_a_table_with_its_points():
     pytest.importorskip("matplotlib")
     from matplotlib import pyplot
 
@@ -192,7 +192,7 @@ def test_any_law_is_drawn_and_a_table_with_its_points():
     pyplot.close(table.figure)
 
 
-# Tables: they meet their points, rise between them, and end or go on straight
+# Tables: interpolation, monotonicity, and end or linear extrapolation
 
 
 def test_a_table_may_rise_by_almost_nothing():
@@ -201,7 +201,7 @@ def test_a_table_may_rise_by_almost_nothing():
 
 
 @given(st.lists(st.floats(0.001, 0.1), min_size=1, max_size=12), st.data())
-def test_a_table_is_monotone_between_its_points_and_meets_them(steps, data):
+def test_a_table_is_monotone_and_interpolates_its_points(steps, data):
     n = len(steps)
     rises = data.draw(st.lists(st.floats(0.0, 10.0), min_size=n, max_size=n))
     x = np.concatenate([[0.0], np.cumsum(steps)])
@@ -217,7 +217,7 @@ def test_a_table_is_monotone_between_its_points_and_meets_them(steps, data):
 
 
 @pytest.mark.parametrize("extrapolation", ["refuse", "linear"])
-def test_a_table_of_a_linear_law_is_the_linear_law(extrapolation):
+def test_a_table_of_a_linear_law_equals_the_linear_law(extrapolation):
     x = np.array([-0.02, -0.011, 0.0, 0.001, 0.03])
     law, line = Tabulated(x, 1e4 * x, extrapolation), Linear(1e4)
     at = np.linspace(-0.02, 0.03, 77)
@@ -226,7 +226,7 @@ def test_a_table_of_a_linear_law_is_the_linear_law(extrapolation):
         np.testing.assert_allclose(getattr(law, part)(at), expected, rtol=1e-9)
 
 
-def test_a_table_ends_its_domain_or_goes_on_straight_with_one_warning(caplog):
+def test_a_table_ends_or_is_extrapolated_linearly_with_one_warning(caplog):
     refused, further = (
         Tabulated([0.0, 0.1, 0.3], [0.0, 1.0, 5.0], extrapolation, odd=True)
         for extrapolation in ("refuse", "linear")
@@ -261,7 +261,7 @@ def test_a_run_stops_where_a_table_ends():
     assert stop.value.result.states[-1].load_factor > 40 / 45 - 0.2
 
 
-# Laws of tension: crimp that straightens, fibres without compression, pretension
+# Tension laws: crimp, fibres without compression, pretension
 
 
 @given(
@@ -291,19 +291,19 @@ def test_a_crimp_toe_is_as_exact_in_its_toe_as_beyond(strain):
         term *= -z / n
         value, energy = value - term, energy + term * z / (n + 1)
     law = CrimpToe(1e5, 0.004, 0.0)
-    found = [part(np.array([strain]))[0] for part in (law.value, law.energy)]
+    computed = [part(np.array([strain]))[0] for part in (law.value, law.energy)]
     exact = [float(E * toe * value), float(-E * toe**2 * -energy)]
-    assert found == pytest.approx([exact[0], abs(exact[1])], rel=1e-12)
+    assert computed == pytest.approx([exact[0], abs(exact[1])], rel=1e-12)
 
 
-def test_one_sided_laws_are_the_given_ones_beyond_the_switch():
+def test_one_sided_laws_equal_the_given_ones_beyond_the_switch():
     x = np.linspace(2e-4, 0.01, 20)
     law = TensionOnly(CRIMPED, 2e-4)
     both = Asymmetric(CRIMPED, Linear(5.0), 2e-4)
     for part in ("value", "tangent"):
-        given = getattr(CRIMPED, part)(x)
-        np.testing.assert_array_equal(getattr(law, part)(x), given)
-        np.testing.assert_array_equal(getattr(both, part)(x), given)
+        expected = getattr(CRIMPED, part)(x)
+        np.testing.assert_array_equal(getattr(law, part)(x), expected)
+        np.testing.assert_array_equal(getattr(both, part)(x), expected)
         assert not getattr(law, part)(-x).any()
         below = getattr(Linear(5.0), part)(-x)
         np.testing.assert_array_equal(getattr(both, part)(-x), below)
@@ -313,7 +313,7 @@ def test_one_sided_laws_are_the_given_ones_beyond_the_switch():
     "law", [TensionOnly(Linear(1e4)), Asymmetric(Linear(1e4), Linear(1.0))]
 )
 def test_the_switch_of_a_one_sided_law_is_smooth(law):
-    """The slope of the tangent changes by less and less from step to step."""
+    """The change in slope of the tangent decreases from step to step."""
     changes = []
     for n in (1000, 10_000):
         x = np.linspace(-2e-4, 2e-4, n)
@@ -322,7 +322,7 @@ def test_the_switch_of_a_one_sided_law_is_smooth(law):
     assert changes[1] < 0.2 * changes[0] < 0.02
 
 
-def test_pretensioned_fibres_lose_crimp_and_go_slack_where_they_have_shortened():
+def test_pretensioned_fibres_lose_crimp_and_become_slack_when_shortened():
     law = Pretensioned(TensionOnly(CRIMPED), 20.0)
     before = law.strain_before
     assert CRIMPED.value(np.array([before]))[0] == pytest.approx(20.0)
@@ -336,7 +336,7 @@ def test_pretensioned_fibres_lose_crimp_and_go_slack_where_they_have_shortened()
     assert Pretensioned(Linear(1e4), 0.0).strain_before == 0.0
 
 
-# Parameters that make no law
+# Invalid parameters
 
 
 REFUSED = {
@@ -432,7 +432,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("build", "message"), REFUSED.values(), ids=REFUSED)
-def test_parameters_that_make_no_law_are_refused_in_one_line(build, message):
+def test_invalid_parameters_are_rejected_in_one_line(build, message):
     with pytest.raises(ValueError, match=message) as refusal:
         build()
     assert "\n" not in str(refusal.value)

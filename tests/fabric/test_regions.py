@@ -1,4 +1,4 @@
-"""Fabrics by element and by subdomain: one ply is the sum of its parts."""
+"""Fabrics per element and per subdomain: one ply equals the sum of its parts."""
 
 import numpy as np
 import pytest
@@ -22,8 +22,8 @@ from skfem_textile import (
 from skfem_textile.fabric.regions import RegionalLaw
 from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes import bias_extension
-from tests.helpers import Coupled, assert_derivatives, given_to_forms, wobble
-from tests.helpers.estimates import unestimated
+from tests.helpers import Coupled, assert_derivatives, form_parameters, random_u
+from tests.helpers.estimates import without_estimate
 
 LEFT = Fabric((1e3, 500.0), Sin2(1.0), warp=(1, 0.3), weft=(-0.2, 1))
 RIGHT = Fabric((2e3, 100.0), Linear(3.0), warp=(1, 0.6), weft=(-0.5, 1))
@@ -41,7 +41,7 @@ def rectangle():
     return halves(mesh.with_defaults())
 
 
-def test_a_table_is_not_told_of_the_arguments_of_other_regions(caplog):
+def test_a_table_is_evaluated_in_its_region_only(caplog):
     table = Tabulated([0.0, 0.1], [0.0, 1.0], "linear")
     law = RegionalLaw([table, Linear(3.0)], np.array([0, 1])).at()
     energy = law.energy(np.array([[0.1], [0.5]]))
@@ -81,32 +81,32 @@ def values(chosen, left, right):
 
 
 @every_ply
-def test_a_fabric_for_each_subdomain_is_that_of_its_elements(formulation, mesh, left):
+def test_a_fabric_of_a_subdomain_applies_to_its_elements(formulation, mesh, left):
     mesh = mesh()
     ply = Ply(mesh, {"left": left, "right": RIGHT}, formulation)
-    u = 0.3 * wobble(ply, 1)
+    u = 0.3 * random_u(ply, 1)
     in_left = np.isin(np.arange(mesh.nelements), mesh.subdomains["left"])
-    for alone, own in ((left, in_left), (RIGHT, ~in_left)):
+    for alone, half in ((left, in_left), (RIGHT, ~in_left)):
         tension = Ply(mesh, alone, formulation).fibre_tension(u)
-        seen = ply.fibre_tension(u)
-        np.testing.assert_allclose(seen[:, own], tension[:, own], rtol=1e-9)
+        T = ply.fibre_tension(u)
+        np.testing.assert_allclose(T[:, half], tension[:, half], rtol=1e-9)
 
 
 @every_ply
 def test_forms_and_kernels_agree_and_are_derivatives(formulation, mesh, left):
     ply = Ply(mesh(), {"left": left, "right": RIGHT}, formulation)
-    u = 0.3 * wobble(ply, 1)
+    u = 0.3 * random_u(ply, 1)
     for term in ply.terms:
         if isinstance(term, FormTerm):
-            energy = asm(term.forms.energy, term.basis, u=u, **given_to_forms(term))
+            energy = asm(term.forms.energy, term.basis, u=u, **form_parameters(term))
             assert ply.energies(u)[term.name] == pytest.approx(energy, rel=1e-10)
     if getattr(formulation, "kind", "") == "rate":
         return  # which has no energy, and an approximate tangent
-    assert_derivatives(ply, u, wobble(ply, 2))
+    assert_derivatives(ply, u, random_u(ply, 2))
 
 
 @pytest.mark.parametrize("parts", [False, True])
-def test_values_of_the_users_elements_reach_their_parts(parts):
+def test_values_of_the_users_elements_apply_to_their_parts(parts):
     mesh = rectangle()
     x = mesh.p[:, mesh.t].mean(axis=1)
     left = x[0] < 5
@@ -122,13 +122,13 @@ def test_values_of_the_users_elements_reach_their_parts(parts):
     }
     formulation = Macro() if parts else OnePoint()
     mesh = split(mesh) if parts else mesh
-    one, other = (Ply(mesh, given, formulation) for given in (fabric, regions))
-    u = 0.3 * wobble(one, 1)
+    one, other = (Ply(mesh, cloth, formulation) for cloth in (fabric, regions))
+    u = 0.3 * random_u(one, 1)
     assert one.energies(u) == pytest.approx(other.energies(u), rel=1e-12)
     np.testing.assert_allclose(one.residual(u), other.residual(u), atol=1e-9)
 
 
-def test_a_run_with_two_fabrics_is_resumed_and_told_from_others(tmp_path):
+def test_a_run_with_two_fabrics_is_resumed_and_distinguished_from_others(tmp_path):
     conditions = {"clamp": Condition("left"), "pull": Condition("right", (0.2, 0.1))}
     regions = {"left": LEFT, "right": RIGHT}
 
@@ -151,7 +151,9 @@ def test_a_scene_has_no_exact_load_for_several_laws():
     scene = bias_extension(size=(4, 8))
     G = np.linspace(0.5, 1.0, scene.mesh.nelements)
     ply = Ply(scene.mesh, Fabric(1e4, G, scene.warp, scene.weft), OnePoint())
-    summary = scene.summary(unestimated(LoadStepper(ply, scene.conditions, 2).run()))
+    summary = scene.summary(
+        without_estimate(LoadStepper(ply, scene.conditions, 2).run())
+    )
     assert "load_over_exact" not in summary
 
 
@@ -164,11 +166,11 @@ def test_a_scene_has_no_exact_load_for_several_laws():
         (Fabric(np.ones(7)), "7 values for 30 elements; specify one value per element"),
     ],
 )
-def test_fabrics_that_do_not_fit_are_refused(fabric, complaint):
+def test_inconsistent_fabrics_are_rejected(fabric, complaint):
     with pytest.raises(ValueError, match=complaint):
         Ply(rectangle(), fabric, Full())
 
 
-def test_a_stiffness_per_element_is_told_in_one_line():
+def test_a_stiffness_per_element_is_summarised_in_one_line():
     with pytest.raises(ValueError, match=r"^shear stiffness must be .*, got -1\.0$"):
         Fabric(1e3, -np.ones(30))

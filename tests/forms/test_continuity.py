@@ -5,25 +5,25 @@ from skfem import Functional, MeshQuad, asm
 from skfem_textile import Fabric, JumpBasis, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
-from tests.helpers import distorted, wobble
-from tests.helpers.estimates import unestimated
+from tests.helpers import distorted, random_u
+from tests.helpers.estimates import without_estimate
 
 MESH = distorted(1)
 
 
-def only_stabilised(mesh=MESH, warp=(1, 0), weft=(0, 1)):
+def stabilisation_only(mesh=MESH, warp=(1, 0), weft=(0, 1)):
     ply = Ply(mesh, Fabric(1.0, 0.0, warp, weft), OnePoint(3.0, "continuity"))
     ply._terms = tuple(t for t in ply.terms if t.name == "stabilisation")
     return ply
 
 
-def test_the_energy_is_that_of_the_jumps_at_the_middles_of_interior_edges():
+def test_the_energy_depends_on_the_jumps_at_midpoints_of_interior_edges():
     mesh = MeshQuad(
         np.array([[0, 2, 3, 0, 2, 3.0], [0, 0, 0, 1, 1, 1]]),
         np.array([[0, 1, 4, 3], [1, 2, 5, 4]]).T,
     )
-    ply = only_stabilised(mesh)
-    u = wobble(ply, 1, 0.1)
+    ply = stabilisation_only(mesh)
+    u = random_u(ply, 1, 0.1)
     whole = Ply(mesh, Fabric(1.0), OnePoint(0.0))
     right, left = (np.array([[x], [0.5]]) for x in (1.0, 0.0))
     jump = whole.shear_angle(u, right)[0, 0] - whole.shear_angle(u, left)[1, 0]
@@ -31,7 +31,7 @@ def test_the_energy_is_that_of_the_jumps_at_the_middles_of_interior_edges():
     assert ply.energy(u) == pytest.approx(0.5 * 3.0 * (2 + 1) / 4 * jump**2)
 
 
-def test_the_points_of_the_edges_carry_a_quarter_of_the_areas_beside():
+def test_the_weight_of_an_edge_is_a_quarter_of_the_adjacent_areas():
     basis = JumpBasis(MESH)
     areas = Ply(MESH, Fabric(), OnePoint(0.0)).basis.dx[:, 0]
     interior = np.count_nonzero(MESH.f2t[1] >= 0)
@@ -41,10 +41,10 @@ def test_the_points_of_the_edges_carry_a_quarter_of_the_areas_beside():
 
 
 def test_directions_may_differ_from_element_to_element():
-    """A ply whose fibres turn from element to element shears without a jump."""
+    """A ply with element-wise fibre directions shears without a jump."""
     angle = np.linspace(0.0, 0.5, MESH.nelements)
     warp, weft = [np.array([np.cos(a), np.sin(a)]) for a in (angle, angle + 1.5)]
-    ply = only_stabilised(MESH, warp, weft)
+    ply = stabilisation_only(MESH, warp, weft)
     u = ply.basis.zeros()
     assert ply.energy(u) < 1e-25
     u[ply.basis.nodal_dofs] = 0.2 * MESH.p
@@ -53,7 +53,7 @@ def test_directions_may_differ_from_element_to_element():
     assert ply.energy(u) > 1e-6
 
 
-def test_it_does_not_see_the_hourglass_pattern_of_a_regular_mesh():
+def test_the_hourglass_pattern_of_a_regular_mesh_has_no_energy():
     """Two motions more without energy than with the paper's stabilisation."""
     mesh, counts = rectangle(4, 6, (4, 6), "aligned"), []
     for kind in ("energy", "continuity"):
@@ -63,8 +63,8 @@ def test_it_does_not_see_the_hourglass_pattern_of_a_regular_mesh():
     assert counts == [3, 5]
 
 
-def test_it_resists_kinks_of_the_fibres_that_the_mesh_can_hold():
-    """Where the weft bends sharply from one row to the next the shear angle jumps."""
+def test_kinks_of_the_fibres_on_a_mesh_line_have_energy():
+    """A sharp bend of the weft between rows is a jump of the shear angle."""
     mesh = rectangle(2, 2, (2, 2), "aligned")
     bent = np.where(mesh.p[1] > 1, 0.3 * (mesh.p[1] - 1), 0.0)
     energies = []
@@ -76,7 +76,7 @@ def test_it_resists_kinks_of_the_fibres_that_the_mesh_can_hold():
     assert energies[1] > 1e-2
 
 
-def test_the_isotropic_kind_reads_the_load_of_a_bias_extension():
+def test_the_load_of_a_bias_extension_converges_with_the_isotropic_kind():
     """The load converges from above, of first order in the element size or better."""
     too_much = []
     for n in (4, 16):
@@ -85,25 +85,25 @@ def test_the_isotropic_kind_reads_the_load_of_a_bias_extension():
         ply = Ply(scene.mesh, fabric, OnePoint(5.0, "isotropic"))
         result = LoadStepper(ply, scene.conditions, 2).run()
         assert result.states[-1].verdict.stable
-        summary = scene.summary(unestimated(result))
+        summary = scene.summary(without_estimate(result))
         too_much.append(summary["load_over_exact"] - 1)
     assert 0 < too_much[-1] < 0.03
     assert np.log(too_much[0] / too_much[-1]) / np.log(16 / 4) > 1.0
 
 
-def test_it_reads_the_load_of_a_bias_extension():
-    """The shape converges of first order, and the load with it."""
-    off, shape = [], []
+def test_the_load_of_a_bias_extension_converges():
+    """The shape converges with first order, and so does the load."""
+    errors, shape = [], []
     for n in (4, 8, 16):
         scene = bias_extension(size=(n, 2 * n))
         fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
         ply = Ply(scene.mesh, fabric, OnePoint(2.0, "continuity"))
         summary = scene.summary(
-            unestimated(LoadStepper(ply, scene.conditions, 2).run())
+            without_estimate(LoadStepper(ply, scene.conditions, 2).run())
         )
         assert summary["stable"]
-        off.append(abs(summary["load_over_exact"] - 1))
+        errors.append(abs(summary["load_over_exact"] - 1))
         shape.append(summary["displacement_error_rms"])
-    assert off == sorted(off, reverse=True)
-    assert off[-1] < 0.01
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 0.01
     assert np.log(shape[0] / shape[-1]) / np.log(16 / 4) > 1.0

@@ -26,9 +26,9 @@ from tests.helpers import (
     derivative,
     distorted,
     distorted_for,
-    fitting,
+    fit_mesh,
     one_quad,
-    wobble,
+    random_u,
 )
 
 seeds = st.integers(0, 2**32 - 1)
@@ -40,7 +40,7 @@ many, few = settings(max_examples=15), settings(max_examples=6)
 
 
 class Stiffening(Linear):
-    """A law that is not linear: value = stiffness · (x + x³)."""
+    """A nonlinear law: value = stiffness · (x + x³)."""
 
     def energy(self, x):
         return self.stiffness * (x**2 / 2 + x**4 / 4)
@@ -81,8 +81,8 @@ def test_residual_and_tangent_are_derivatives(formulation, fabric, of_states):
 
 def check_derivatives(formulation, fabric, seed):
     ply = Ply(distorted_for(formulation, seed), fabric, formulation)
-    u, du = wobble(ply, seed), wobble(ply, seed + 1, 1.0)
-    # Where a corner is all but closed differences are none of derivatives.
+    u, du = random_u(ply, seed), random_u(ply, seed + 1, 1.0)
+    # Near a closed corner differences do not approximate derivatives.
     assume(ply.corners.area_ratio(u).min() > 0.1)
     work, f, K = derivative(ply.energy, u, du), ply.residual(u), ply.tangent(u)
     scale = np.abs(f).max() * np.abs(du).sum()
@@ -96,9 +96,9 @@ def check_derivatives(formulation, fabric, seed):
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
 @given(seed=seeds, angle=st.floats(-np.pi, np.pi))
 @few
-def test_a_superposed_rotation_costs_nothing(formulation, seed, angle):
+def test_a_superposed_rotation_adds_no_energy(formulation, seed, angle):
     ply = Ply(distorted_for(formulation, seed), FABRICS[1], formulation)
-    u = wobble(ply, seed)
+    u = random_u(ply, seed)
     Q = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     x = ply.nodes + ply.nodal(u)
     turned = (Q @ x - ply.nodes).T.ravel()
@@ -107,7 +107,7 @@ def test_a_superposed_rotation_costs_nothing(formulation, seed, angle):
 
 @given(seed=seeds)
 @few
-def test_the_fluctuation_is_the_papers_hourglass_matrix(seed):
+def test_the_fluctuation_equals_the_papers_hourglass_matrix(seed):
     """grad N(ξ) − grad N(0) = γ ⊗ ∇h, with γ from §3.1 and h = ξη."""
     mesh = distorted(seed, size=(1, 1)).translated((1.0, 2.0))
     mesh = one_quad(
@@ -142,14 +142,14 @@ def split_and_whole(mesh, hourglass_basis):
     ).toarray()
 
 
-def test_centre_and_hourglass_make_up_a_linear_problem_on_parallelograms():
+def test_centre_and_hourglass_sum_to_a_linear_problem_on_parallelograms():
     skew = np.array([[1.0, 0.4], [0.1, 0.8]])
     mesh = MeshQuad(skew @ MeshQuad().refined(1).p, MeshQuad().refined(1).t)
     split, whole = split_and_whole(mesh, HourglassBasis(mesh))
     np.testing.assert_allclose(split, whole, atol=1e-14)
 
 
-def test_centre_and_hourglass_make_up_a_linear_problem_on_any_quad():
+def test_centre_and_hourglass_sum_to_a_linear_problem_on_any_quad():
     mesh = distorted(5)
     element = ElementVector(ElementQuad1Fluctuation())
     split, whole = split_and_whole(mesh, Basis(mesh, element, quadrature=GAUSS))
@@ -188,14 +188,14 @@ def polyline(knots, turns):
 )
 @given(seed=seeds)
 @few
-def test_any_sum_of_two_unit_speed_paths_costs_no_energy(formulation, seed):
+def test_a_sum_of_two_unit_speed_paths_has_no_energy(formulation, seed):
     """x = f(X₁) + g(X₂) with |f′| = |g′| = 1, bent along the lines of the mesh."""
     mesh = rectangle(3, 2, (4, 5), "aligned")
     rng = np.random.default_rng(seed)
     X, Y = np.unique(mesh.p[0]), np.unique(mesh.p[1])
     f = polyline(X, rng.uniform(-0.6, 0.6, X.size - 1))
     g = polyline(Y, np.pi / 2 + rng.uniform(-0.6, 0.6, Y.size - 1))
-    ply = Ply(fitting(mesh, formulation), Fabric(1e4), formulation)
+    ply = Ply(fit_mesh(mesh, formulation), Fabric(1e4), formulation)
     x = [
         np.interp(ply.nodes[0], X, f[i]) + np.interp(ply.nodes[1], Y, g[i])
         for i in (0, 1)
@@ -209,7 +209,7 @@ def test_any_sum_of_two_unit_speed_paths_costs_no_energy(formulation, seed):
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
 @given(seed=seeds)
 @few
-def test_uniform_shear_costs_no_energy_on_any_mesh(formulation, seed):
+def test_uniform_shear_has_no_energy_on_any_mesh(formulation, seed):
     ply = Ply(distorted_for(formulation, seed), Fabric(1e4), formulation)
     a, b = np.random.default_rng(seed).uniform(-0.7, 0.7, 2)
     F = np.array([[np.cos(a), np.sin(b)], [np.sin(a), np.cos(b)]])
@@ -224,9 +224,7 @@ def test_uniform_shear_costs_no_energy_on_any_mesh(formulation, seed):
     + [OnePoint(3.0, k) for k in ("energy", "rate", "isotropic", "continuity")],
     ids=repr,
 )
-def test_a_homogeneous_motion_meets_no_stabilisation_where_fibres_are_curved(
-    formulation,
-):
+def test_a_homogeneous_motion_of_curved_fibres_has_no_stabilisation_energy(formulation):
     ply = Ply(distorted_for(formulation, 1), FABRICS[2], formulation)
     u = (np.array([[0.2, 0.5], [-0.3, 0.1]]) @ ply.nodes).T.ravel()
     assert np.ptp(ply.shear_angle(u)) > 0.1
@@ -234,11 +232,11 @@ def test_a_homogeneous_motion_meets_no_stabilisation_where_fibres_are_curved(
     np.testing.assert_allclose(ply.residuals(u)["stabilisation"], 0, atol=1e-12)
 
 
-def test_the_listing_order_of_a_cell_does_not_matter():
+def test_the_node_order_of_a_cell_has_no_effect():
     mesh = distorted(2)
     clockwise = MeshQuad(mesh.p, mesh.t[::-1])
     energies = []
     for m in (mesh, clockwise):
         ply = Ply(m, FABRICS[1], OnePoint(2.0))
-        energies.append(ply.energy(wobble(ply, 7)))
+        energies.append(ply.energy(random_u(ply, 7)))
     assert energies[0] == pytest.approx(energies[1], rel=1e-12)

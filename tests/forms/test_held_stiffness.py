@@ -21,14 +21,12 @@ from skfem_textile.ply.parameters import (
         (0.5, 1e2, 3.0, 0.5 + 0.7 * 3.0 / (1 + 80 * np.sqrt(5e-3))),
     ],
 )
-def test_deviations_meet_shear_stiffness_and_tension_in_series_with_fibres(
-    G, E, T, resistance
-):
+def test_deviations_have_shear_and_tension_in_series_with_fibres(G, E, T, resistance):
     E_d = deviation_stiffness(1000.0, *map(np.array, (G, E, T)))
     assert 1 / E_d == pytest.approx(1 / (1000 * resistance) + 1 / E, rel=1e-12)
 
 
-def test_deviations_meet_half_the_fibres_without_shear_stiffness():
+def test_deviation_stiffness_is_half_the_fibres_without_shear_stiffness():
     G, T = np.array(0.0), np.array(3.0)
     assert deviation_stiffness(1000.0, G, np.array(1e4), T) == 5e3
     assert deviation_stiffness(1000.0, G, np.array(0.0), T) == 0.0
@@ -41,8 +39,8 @@ def test_deviations_meet_half_the_fibres_without_shear_stiffness():
         lambda G, E: deviation_stiffness(1000.0, G, E, 0.0 * G),
     ],
 )
-def test_stiffnesses_go_over_into_those_without_shear_stiffness(rule):
-    """No jump as G → 0: the step from one G to the next shrinks with their distance."""
+def test_stiffnesses_are_continuous_at_zero_shear_stiffness(rule):
+    """Their increment from one G to the next decreases with the increment of G."""
     E = np.array(1e5)
     G = np.append(0.0, np.geomspace(1e-9, 1.0, 4001))
     steps = np.abs(np.diff(rule(G, E)))
@@ -51,8 +49,8 @@ def test_stiffnesses_go_over_into_those_without_shear_stiffness(rule):
     assert rule(G, E).min() > 0
 
 
-def test_the_stiffness_of_fibres_knows_both_sides_of_a_toe():
-    """A single tangent at rest would be that of the soft side."""
+def test_the_stiffness_of_fibres_averages_both_sides_of_a_toe():
+    """A single tangent at rest would be the tangent of the soft side."""
 
     class Toe:
         def value(self, x):
@@ -65,8 +63,8 @@ def test_the_stiffness_of_fibres_knows_both_sides_of_a_toe():
     np.testing.assert_allclose(slopes, [50005.0, 50005.0, 1e5])
 
 
-def test_the_stiffness_of_fibres_beyond_a_table_is_that_at_its_end():
-    """The strain at a point may be there though that of the element is not."""
+def test_the_stiffness_of_fibres_beyond_a_table_is_its_end_value():
+    """The strain at a point may be there though the element mean is not."""
     law = Tabulated([-0.1, 0.0, 0.03], [-1.0, 0.0, 3e3])
     ends = mean_slope(law, np.array([0.03, 0.031, 0.05, 1.0]))
     assert np.isfinite(ends).all()

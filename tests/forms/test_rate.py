@@ -5,29 +5,31 @@ import pytest
 
 from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import strip
-from tests.helpers import distorted, wobble
-from tests.helpers.estimates import unestimated
+from tests.helpers import distorted, random_u
+from tests.helpers.estimates import without_estimate
 
 
 @pytest.fixture(scope="module")
-def in_more_and_more_steps():
+def step_series():
     """Summaries of the strip in 5, 10 and 20 steps, by kind of stabilisation.
 
-    With an energy they do not depend on the number of steps.
+    The number of steps has no effect with an energy.
     """
     scene = strip("irregular", (10, 15), 0.3, 1)
     summaries = {}
     for kind, numbers in (("energy", [5]), ("rate", [5, 10, 20])):
         ply = Ply(scene.mesh, Fabric(1e4), OnePoint(10.0, kind))
         summaries[kind] = [
-            scene.summary(unestimated(LoadStepper(ply, scene.conditions, steps).run()))
+            scene.summary(
+                without_estimate(LoadStepper(ply, scene.conditions, steps).run())
+            )
             for steps in numbers
         ]
     return summaries
 
 
-def test_rates_and_energy_agree_on_the_strip(in_more_and_more_steps):
-    energy, rate = (runs[-1] for runs in in_more_and_more_steps.values())
+def test_rates_and_energy_agree_on_the_strip(step_series):
+    energy, rate = (runs[-1] for runs in step_series.values())
     for key in (
         *("reaction_x", "max_fibre_strain", "mesh_fibre_strain"),
         *("displacement_error_rms", "displacement_error_max"),
@@ -37,18 +39,18 @@ def test_rates_and_energy_agree_on_the_strip(in_more_and_more_steps):
         assert rate[key] != energy[key], key
 
 
-def test_the_work_of_the_rates_converges_with_the_steps(in_more_and_more_steps):
-    """Of first order, to a fifth more than the energy: it depends on the path."""
+def test_the_work_of_the_rates_converges_with_the_steps(step_series):
+    """With first order, to a fifth more than the energy: it depends on the path."""
     energy, work = (
         [summary["stabilisation_energy"] for summary in runs]
-        for runs in in_more_and_more_steps.values()
+        for runs in step_series.values()
     )
     few, many = np.diff(work)
     assert few / many == pytest.approx(2.0, rel=0.1)
     assert extrapolated(work) == pytest.approx(1.205 * energy[-1], rel=0.005)
 
 
-def sheared_while_turning(ply, steps, angle):
+def sheared_with_rotation(ply, steps, angle):
     """Moments M̃ after a motion of all nodes, with a rotation superposed on it."""
     X, bend = (
         ply.mesh.p,
@@ -70,19 +72,19 @@ def extrapolated(values):
 
 
 def test_a_rotation_superposed_on_the_loading_changes_nothing_in_the_limit():
-    """Differences vanish as 1/steps; what is left of them in the limit is nothing."""
+    """Differences decrease as 1/steps; the extrapolated limit is zero."""
     ply = Ply(distorted(3, jitter=0.25), Fabric(1e4), OnePoint(2.0, "rate"))
     differences = []
     for steps in (25, 50, 100, 200):
-        plain, turned = (sheared_while_turning(ply, steps, a) for a in (0.0, 2.0))
+        plain, turned = (sheared_with_rotation(ply, steps, a) for a in (0.0, 2.0))
         differences.append((turned - plain) / np.abs(plain).max())
     sizes = [np.abs(d).max() for d in differences]
     np.testing.assert_allclose(np.array(sizes[:-1]) / sizes[1:], 2.0, rtol=0.02)
     assert np.abs(extrapolated(differences)).max() < 1e-6
 
 
-def loaded_while_turning(steps, angle):
-    """Force on a ply pulled askew, in its own axes, while the whole problem turns."""
+def loaded_with_rotation(steps, angle):
+    """Force on a ply pulled askew, in axes that rotate with the whole problem."""
     mesh = distorted(6, size=(4, 3), jitter=0.25)
     ply = Ply(mesh, Fabric(1e3, 1.0), OnePoint(5.0, "rate"))
 
@@ -104,32 +106,32 @@ def loaded_while_turning(steps, angle):
 
 
 @pytest.mark.long
-def test_the_load_on_a_ply_that_turns_while_it_is_loaded_is_unchanged_in_the_limit():
+def test_rotating_a_loaded_ply_changes_no_load_in_the_limit():
     differences = []
     for steps in (4, 8, 16, 32):
-        plain, turned = (loaded_while_turning(steps, a) for a in (0.0, 1.0))
+        plain, turned = (loaded_with_rotation(steps, a) for a in (0.0, 1.0))
         differences.append((turned - plain) / np.linalg.norm(plain))
     sizes = np.array([np.abs(d).max() for d in differences])
     np.testing.assert_allclose(sizes[:-1] / sizes[1:], 2.0, rtol=0.15)
     assert np.abs(extrapolated(differences)).max() < 0.01 * sizes[-1]
 
 
-def test_parameters_hold_a_copy_of_the_displacement():
+def test_parameters_contain_a_copy_of_the_displacement():
     ply = Ply(distorted(1), Fabric(1e4), OnePoint(2.0, "rate"))
-    u = wobble(ply, 1)
+    u = random_u(ply, 1)
     first = ply.advanced(ply.parameters_at_rest, u)
-    u += wobble(ply, 2)
-    np.testing.assert_array_equal(first["stabilisation"]["last"], wobble(ply, 1))
-    found = ply.advanced(first, u)["stabilisation"]["moment"]
-    afresh = ply.advanced(ply.parameters_at_rest, wobble(ply, 1))
-    afresh = ply.advanced(afresh, wobble(ply, 1) + wobble(ply, 2))
-    np.testing.assert_array_equal(found, afresh["stabilisation"]["moment"])
+    u += random_u(ply, 2)
+    np.testing.assert_array_equal(first["stabilisation"]["last"], random_u(ply, 1))
+    moments = ply.advanced(first, u)["stabilisation"]["moment"]
+    afresh = ply.advanced(ply.parameters_at_rest, random_u(ply, 1))
+    afresh = ply.advanced(afresh, random_u(ply, 1) + random_u(ply, 2))
+    np.testing.assert_array_equal(moments, afresh["stabilisation"]["moment"])
 
 
-def test_a_homogeneous_increment_leaves_the_moments_alone():
+def test_a_homogeneous_increment_changes_no_moments():
     """The paper's B_HGL Δu vanishes on it, from any state."""
     ply = Ply(distorted(4), Fabric(1e4), OnePoint(2.0, "rate"))
-    u = wobble(ply, 4)
+    u = random_u(ply, 4)
     parameters = ply.advanced(ply.parameters_at_rest, u)
     before = parameters["stabilisation"]["moment"]
     G = np.array([[0.1, 0.3], [-0.2, 0.05]])
@@ -140,10 +142,10 @@ def test_a_homogeneous_increment_leaves_the_moments_alone():
     np.testing.assert_allclose(after, before, atol=1e-14)
 
 
-def test_the_forces_do_the_work():
+def test_the_work_is_the_work_of_the_forces():
     ply = Ply(distorted(5), Fabric(1e4), OnePoint(2.0, "rate"))
     steps, work, parameters = 100, 0.0, ply.parameters_at_rest
-    target, u = wobble(ply, 5, 0.3), ply.basis.zeros()
+    target, u = random_u(ply, 5, 0.3), ply.basis.zeros()
     for t in np.arange(1, steps + 1) / steps:
         f = ply.residuals(t * target, t, parameters)["stabilisation"]
         work += f @ (t * target - u)
@@ -153,7 +155,7 @@ def test_the_forces_do_the_work():
     assert energy == pytest.approx(work, rel=0.02)
 
 
-def test_a_second_run_starts_from_nothing():
+def test_a_second_run_starts_from_zero_moments():
     scene = strip(size=(3, 4))
     stepper = LoadStepper(
         Ply(scene.mesh, Fabric(1e4), OnePoint(10.0, "rate")), scene.conditions, 3
@@ -163,6 +165,6 @@ def test_a_second_run_starts_from_nothing():
     assert first.states[-1].energies == second.states[-1].energies
 
 
-def test_an_unknown_kind_is_refused():
+def test_an_unknown_kind_is_rejected():
     with pytest.raises(ValueError, match="kind must be one of energy, rate"):
         OnePoint(1.0, "magic")

@@ -1,4 +1,4 @@
-"""What several tests need: distorted meshes, triangles in space, arbitrary states."""
+"""Distorted meshes, triangles in space and arbitrary states for tests."""
 
 import errno
 import os
@@ -44,8 +44,8 @@ def distorted(seed: int, size=(3, 2), jitter=0.35) -> MeshQuad:
     return rectangle(3, 2, size, "irregular", jitter, seed)
 
 
-def fitting(mesh, formulation):
-    """The mesh, cut or split as the formulation takes it."""
+def fit_mesh(mesh, formulation):
+    """The mesh, cut or split as the formulation requires."""
     if isinstance(formulation, Macro):
         return split(mesh)
     needs_cut = isinstance(formulation, Quadratic) and not isinstance(mesh, MeshTri)
@@ -55,13 +55,13 @@ def fitting(mesh, formulation):
 def distorted_for(formulation, seed: int):
     """A small distorted mesh of the formulation's cells; no triangle is thin."""
     jitter = 0.2 if isinstance(formulation, Quadratic) else 0.35
-    return fitting(distorted(seed, jitter=jitter), formulation)
+    return fit_mesh(distorted(seed, jitter=jitter), formulation)
 
 
-def wobble(ply, seed: int, amplitude: float | None = None) -> np.ndarray:
-    """An arbitrary displacement, as much as a share of the element size.
+def random_u(ply, seed: int, amplitude: float | None = None) -> np.ndarray:
+    """An arbitrary displacement, up to a fraction of the element size.
 
-    By default less of quadratic triangles, whose nodes lie closer.
+    The default is smaller for quadratic triangles, whose nodes are closer together.
     """
     if amplitude is None:
         amplitude = 0.015 if isinstance(ply.formulation, Quadratic) else 0.05
@@ -80,15 +80,15 @@ FORMULATIONS_ON_MESHES = {
 }
 
 
-def cells(text, *names):
+def table_cells(text, *names):
     """The cells of the line of a table of a study that begins with these names."""
     rows = ([c.strip() for c in line.split("|")[1:-1]] for line in text.splitlines())
     (line,) = (line for line in rows if line[: len(names)] == list(names))
     return line[len(names) :]
 
 
-def drawn_here(study):
-    """The pictures of a study, none where the packages that draw are missing."""
+def drawable(study):
+    """The pictures of a study; none if packages for drawing are missing."""
     return study.pictures if find_spec("matplotlib") and find_spec("pyvista") else ()
 
 
@@ -104,7 +104,7 @@ def derivative(function, x, direction, step=1e-5):
 def assert_derivatives(ply, u, du, parameters=None, step=1e-5, rel=1e-6):
     """Residual and tangent are derivatives of the energy along ``du``.
 
-    By central differences with parameters held fixed; ``rel`` is of the energy.
+    Central differences with parameters held fixed; ``rel`` is relative to the energy.
     """
 
     def energy(x):
@@ -116,8 +116,8 @@ def assert_derivatives(ply, u, du, parameters=None, step=1e-5, rel=1e-6):
     slope = derivative(energy, u, du, step)
     assert slope == pytest.approx(residual(u) @ du, rel=rel)
     K = ply.tangent(u, 1.0, parameters)
-    change, off = derivative(residual, u, du, step), 1e-8 * abs(K).max()
-    np.testing.assert_allclose(change, K @ du, atol=off)
+    change, error = derivative(residual, u, du, step), 1e-8 * abs(K).max()
+    np.testing.assert_allclose(change, K @ du, atol=error)
 
 
 def values_at_rest(term):
@@ -125,17 +125,17 @@ def values_at_rest(term):
     return Values() if term.parameters is None else term.parameters.at_rest()
 
 
-def given_to_forms(term, t=1.0):
+def form_parameters(term, t=1.0):
     """Parameters of the forms of a term at rest, beside the displacement."""
     return term._given(t, values_at_rest(term))
 
 
 def acting_tension(ply, u, parameters=None):
-    """Tensions that act on the nodes, the part of deviations included."""
+    """Tensions that act on the nodes, including the contribution of deviations."""
     return ply.predicted_tension(u, np.zeros_like(u), parameters)
 
 
-def place_of(state):
+def arguments_of(state):
     """Displacement, load factor and parameters of a state."""
     return state.u, state.load_factor, state.parameters
 
@@ -143,11 +143,11 @@ def place_of(state):
 def forces_of(result, number=-1):
     """Nodal forces of a state of a result, shape (d, n_nodes)."""
     ply = result.ply
-    return ply.nodal(ply.residual(*place_of(result.states[number])))
+    return ply.nodal(ply.residual(*arguments_of(result.states[number])))
 
 
 def zero_modes(K):
-    """How many motions meet no stiffness; none may meet a negative one."""
+    """Number of free motions without stiffness; no motion may have a negative one."""
     values = np.linalg.eigvalsh(K.toarray())
     assert values[0] > -1e-9 * values[-1]
     return int((np.abs(values) < 1e-9 * values[-1]).sum())
@@ -156,11 +156,11 @@ def zero_modes(K):
 def graded_along_fibres(width, theta, n, smallest) -> MeshTri:
     """A bias extension of height 2W tan θ in triangles with edges along the fibres.
 
-    Of the lines along each family there are 6n + 1, densest at the kinks of the exact
-    motion, where their distance is this share of half of a fibre across the ply.
+    There are 6n + 1 lines along each family, densest at the kinks of the exact motion,
+    where their distance is this fraction of half a fibre across the ply.
     """
     c, s = np.cos(theta), np.sin(theta)
-    steps = _growing(n, smallest)
+    steps = _geometric_lengths(n, smallest)
     third = np.cumsum([0.0, *steps, *steps[::-1]])
     lines = np.unique(np.concatenate([third, third + 1, third + 2]).round(12))
     X1, X2 = np.meshgrid(lines, lines - 1, indexing="ij")
@@ -170,14 +170,14 @@ def graded_along_fibres(width, theta, n, smallest) -> MeshTri:
     triangles = []
     for i, j in np.ndindex(len(lines) - 1, len(lines) - 1):
         cell = (i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)
-        kept = [node[corner] for corner in cell if inside[corner]]
-        triangles += [[kept[0], *pair] for pair in pairwise(kept[1:])]
+        corners = [node[corner] for corner in cell if inside[corner]]
+        triangles += [[corners[0], *pair] for pair in pairwise(corners[1:])]
     p = width / (2 * c) * np.stack([c * (X1 - X2)[inside], s * (X1 + X2)[inside]])
     return MeshTri(p, np.array(triangles).T)
 
 
-def _growing(n, smallest):
-    """n lengths that grow by the same ratio from the smallest, of the sum 1/2."""
+def _geometric_lengths(n, smallest):
+    """n lengths in geometric progression from the smallest, with the sum 1/2."""
     low, high = 1.0, 100.0
     for _ in range(100):
         ratio = (low + high) / 2
@@ -201,8 +201,8 @@ class Coupled(BiaxialLaw):
     def value(self, strain):
         warp, weft = strain
         cubic = 4 * self.E * (warp + 2 * weft) ** 3
-        own = self.E * strain + self.C * strain[::-1]
-        return own + np.array([cubic, 2 * cubic])
+        uncoupled = self.E * strain + self.C * strain[::-1]
+        return uncoupled + np.array([cubic, 2 * cubic])
 
     def tangent(self, strain):
         warp, weft = strain
@@ -252,11 +252,11 @@ def sphere(n):
     x = np.array([np.cos(around), np.sin(around), np.ones(n)])
     x[:2] *= np.sin(polar)
     x[2] = np.cos(polar)
-    return x, facing_out(x, ConvexHull(x.T).simplices.T)
+    return x, facing_outwards(x, ConvexHull(x.T).simplices.T)
 
 
-def facing_out(x, triangles):
-    """Triangles around the origin, turned round where they face it."""
+def facing_outwards(x, triangles):
+    """Triangles around the origin, reversed if their normals point inwards."""
     t = triangles.copy()
     a, b, c = x[:, t].swapaxes(0, 1)
     inwards = (np.cross(b - a, c - a, axis=0) * a).sum(axis=0) < 0
@@ -265,5 +265,5 @@ def facing_out(x, triangles):
 
 
 def full_disk(*_, **__):
-    """What writing to a full disk does."""
+    """Raises the error of writing to a full disk."""
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -27,8 +27,8 @@ def run(tmp_path, *arguments):
     return cli.main(["run", "strip", "--out", str(tmp_path / "out"), *arguments])
 
 
-def refused(capsys, *arguments):
-    """The one line with which bad input is refused."""
+def rejected(capsys, *arguments):
+    """The one line with which invalid input is rejected."""
     try:
         code = cli.main(arguments)
     except SystemExit as end:
@@ -41,7 +41,7 @@ def refused(capsys, *arguments):
 
 
 def is_whole(out):
-    """Whether the files of which a summary speaks are there, if it is."""
+    """True if the files listed in a summary exist, or there is no summary."""
     if not (out / "summary.json").exists():
         return True
     steps = json.loads((out / "summary.json").read_text())["load_steps"]

@@ -10,7 +10,7 @@ from skfem_textile.solve.states import ErrorEstimate
 OMITTED = ErrorEstimate(reason="omitted")
 
 
-def unestimated(result):
+def without_estimate(result):
     return replace(result, estimate=lambda _: OMITTED)
 
 

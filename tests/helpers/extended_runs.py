@@ -1,4 +1,4 @@
-"""Bias extensions with each formulation whose terms have parameters, which change."""
+"""Bias extensions with each formulation whose terms have history variables."""
 
 import pytest
 
@@ -23,7 +23,7 @@ def stepper(name, folder=None, **options):
 
 
 def interrupted(name, folder):
-    """Leave the checkpoint of a run that was interrupted half-way."""
+    """Interrupt a run half-way and leave its checkpoint."""
 
     def interrupt(state):
         if state.load_factor >= 0.5:

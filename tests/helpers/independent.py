@@ -1,9 +1,10 @@
-"""All energies once more, straight from their definitions: loops in plain numpy.
+"""Independent implementation of all energies from their definitions in plain numpy
+loops.
 
-Nothing here comes from the library; `test_independent` holds the library against it.
+Nothing here comes from the library; `test_independent` compares the library with it.
 
 A motion is given by the current positions ``x`` of the nodes, shape (2, n_nodes, m): m
-motions at once, of which every energy gives m values.  All formulas are analytic, so
+motions at once, for which every energy gives m values.  All formulas are analytic, so
 that ``x`` may be complex: forces are differences along the imaginary axis.
 """
 
@@ -32,11 +33,11 @@ def derivative(energies):
     return energies.imag.reshape(2, -1) / STEP
 
 
-# Scalar and biaxial laws, and the stiffnesses that are read off them
+# Scalar and biaxial laws, and the stiffnesses derived from them
 
 
 class Law(NamedTuple):
-    """A scalar law: its energy, the derivative of that, and the second one at rest."""
+    """A scalar law: its energy, its derivative, and its second derivative at rest."""
 
     energy: Callable
     value: Callable
@@ -52,7 +53,7 @@ class Biaxial(NamedTuple):
 
 
 def laws_of_families(cloth, strains):
-    """The law of each family, while the other keeps its strain."""
+    """The law of each family, with the strain of the other one fixed."""
     if not isinstance(cloth.tension, Biaxial):
         return cloth.tension
     (e_1, e_2), (_, value, at_rest) = strains, cloth.tension
@@ -63,8 +64,9 @@ def laws_of_families(cloth, strains):
 def interchange(E, c, K, e_0, k):
     """Tensions of a saw-tooth of two yarns: min_w Σ φ(e_α) + ½ K w² + ½ k Σ ε_α².
 
-    e₁ = ε₁ + ½ (η₁ − w)² − c₁ and e₂ = ε₂ + ½ (η₂ + w)² − c₂ with η² = 2 c.  The least
-    w is found on real parts, by halving: there the energy has no slope along w.
+    e₁ = ε₁ + ½ (η₁ − w)² − c₁ and e₂ = ε₂ + ½ (η₂ + w)² − c₂ with η² = 2 c.  The
+    minimiser w is computed for real parts by bisection: there the energy is stationary
+    in w.
     """
     eta = [math.sqrt(2 * c_i) for c_i in c]
 
@@ -111,7 +113,7 @@ def at_rest(law):
 
 
 def secant_of(law, gamma):
-    """M_s(Γ)/Γ, at least a tenth of what it is at rest."""
+    """M_s(Γ)/Γ, at least a tenth of its value at rest."""
     if law is None:
         return 0.0
     secant = law.value(gamma) / gamma if abs(gamma) > 1e-6 else law.at_rest
@@ -124,8 +126,8 @@ def further_shear(law, gamma):
     return max(secant_of(law, gamma), tangent)
 
 
-def slope_within(law, eps=0.0):
-    """Mean slope of a tension law within a percent of strain, or of rest if slack."""
+def slope_near(law, eps=0.0):
+    """Mean slope of a tension law within a percent of strain, or at rest if slack."""
     if law is None:
         return 0.0
     eps = max(eps, 0.0)
@@ -140,8 +142,8 @@ class Cloth(NamedTuple):
 
     Elements are bilinear quadrilaterals, four nodes in either sense of rotation, or
     straight triangles of six: vertices, then middles of the edges 01, 12, 20.
-    ``fibres(element, position)`` gives unit vectors A₁, A₂.  What has no stiffness has
-    the law None; a pair of laws may be a `Biaxial` one.
+    ``fibres(element, position)`` gives unit vectors A₁, A₂.  The law is None without
+    stiffness; a pair of laws may be a `Biaxial` one.
     """
 
     X: ndarray
@@ -214,8 +216,8 @@ def point(cloth, e, at, area=0.0):
 def points_of(cloth, e, rule):
     """Points of an element.
 
-    ``gauss``: 2×2 with their Jacobians; ``centre``: one with the whole area;
-    ``three``: of a triangle, with a third of the area each.
+    ``gauss``: 2×2 with their Jacobians; ``centre``: one with the whole area; ``three``:
+    of a triangle, with a third of the area each.
     """
     if rule == "centre":
         return [point(cloth, e, (0, 0), area(cloth, e))]
@@ -261,13 +263,13 @@ def shear_angle(F, A):
 
 def smallest_det_F(cloth, x):
     """The smallest det F at the nodes of all elements, for positions (2, n_nodes)."""
-    found = []
+    determinants = []
     for nodes in cloth.elements:
         for at in CORNERS if len(nodes) == 4 else SIX_NODES:
             _, dN = shape(nodes, at)
             F = x[:, nodes] @ gradients(cloth.X[:, nodes], dN)
-            found.append(np.linalg.det(F))
-    return min(found)
+            determinants.append(np.linalg.det(F))
+    return min(determinants)
 
 
 # Energies of tension and shear
@@ -300,7 +302,7 @@ def shear(cloth, x, rule):
 def mean_tension(cloth, x, groups, multiples, converged=()):
     """∫ Σ_α ψ(ln λ̄_α) + ½ E_d (λ_α − λ̄_α)² dΩ, λ̄ the mean over a group of points.
 
-    E_d is that of the last converged state.
+    E_d is evaluated at the last converged state.
     """
     last = converged[-1] if converged else cloth.X[..., None]
     stiffnesses, whole = deviation_stiffnesses(cloth, last, groups, multiples), 0.0
@@ -323,7 +325,7 @@ def mean_tension(cloth, x, groups, multiples, converged=()):
 def macro_tension(cloth, x, macros, multiples, converged=()):
     """`mean_tension` at the centres of the quadrilaterals of each macro-element.
 
-    ``multiples`` is the pair c of what was a triangle and what was a quadrilateral.
+    ``multiples`` are the values of c for original triangles and quadrilaterals.
     """
     groups = [[points_of(cloth, e, "centre")[0] for e in parts] for parts in macros]
     of_parts = dict(zip((3, 4), multiples, strict=True))
@@ -341,7 +343,7 @@ def quadratic_mean_tension(cloth, x, c):
 
 
 def corner_stiffness(cloth):
-    """κ: the shear stiffness at rest, or 10⁻⁵ of the mean of the fibres' if larger."""
+    """κ: the shear stiffness at rest, or 10⁻⁵ of the mean fibre stiffness if larger."""
     laws = laws_of_families(cloth, (0.0, 0.0))
     return max(at_rest(cloth.shear), 1e-5 * sum(map(at_rest, laws)) / 2)
 
@@ -352,7 +354,7 @@ def corner_energy(J):
     log = np.log(0.08 / J1)
     b, d, dd = log**3, -3 * log**2 / J1, (6 * log + 3 * log**2) / J1**2
     parabola = b + d * (J - J1) + dd * (J - J1) ** 2 / 2
-    with np.errstate(all="ignore"):  # of what is not chosen
+    with np.errstate(all="ignore"):  # of the unselected branch
         cubic = np.log(0.08 / J) ** 3
     return np.where(J.real >= 0.08, 0, np.where(J.real < J1, parabola, cubic))
 
@@ -360,15 +362,15 @@ def corner_energy(J):
 def corners(cloth, x):
     """κ Σ A/n b(det F) over the n nodes of each element; its area is A.
 
-    Corners at which the element is flat or reflex at rest are left out.
+    Corners at which the element is flat or reflex at rest are excluded.
     """
     total = np.zeros(x.shape[-1], dtype=x.dtype)
     for e, nodes in enumerate(cloth.elements):
-        places = CORNERS if len(nodes) == 4 else SIX_NODES
+        points = CORNERS if len(nodes) == 4 else SIX_NODES
         at_rest = [
-            np.linalg.det(cloth.X[:, nodes] @ shape(nodes, at)[1]) for at in places
+            np.linalg.det(cloth.X[:, nodes] @ shape(nodes, at)[1]) for at in points
         ]
-        for at, J in zip(places, at_rest, strict=True):
+        for at, J in zip(points, at_rest, strict=True):
             if J * np.sign(sum(at_rest)) > 1e-9 * np.abs(at_rest).max():
                 F = deformation_gradient(x, point(cloth, e, at))
                 det = F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]
@@ -380,9 +382,9 @@ def corners(cloth, x):
 
 
 def hourglass(cloth, x, C_s):
-    """½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))²; C_s is a number or one of each element.
+    """½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))²; C_s is a number or one per element.
 
-    Both angles are of the fibres at ξ_k, under F(ξ_k) and F(0).
+    Both angles are between the fibres at ξ_k, under F(ξ_k) and F(0).
     """
     C_s, energy = np.broadcast_to(C_s, len(cloth.elements)), 0.0
     for e in range(len(cloth.elements)):
@@ -407,8 +409,8 @@ def isotropic(cloth, x, kappa):
     for e in range(len(cloth.elements)):
         F_0 = deformation_gradient(x, point(cloth, e, (0, 0)))
         for at in GAUSS:
-            off = deformation_gradient(x, point(cloth, e, at)) - F_0
-            energy = energy + kappa / 2 * area(cloth, e) / 4 * (off**2).sum(axis=(0, 1))
+            dF = deformation_gradient(x, point(cloth, e, at)) - F_0
+            energy = energy + kappa / 2 * area(cloth, e) / 4 * (dF**2).sum(axis=(0, 1))
     return energy
 
 
@@ -423,8 +425,8 @@ def continuity(cloth, x, C_j):
     for side in sides.values():
         if len(side) == 1:
             continue  # an edge of the ply
-        seen = [point(cloth, e, at) for e, at in side]
-        one, other = (shear_angle(deformation_gradient(x, p), p.A) for p in seen)
+        points = [point(cloth, e, at) for e, at in side]
+        one, other = (shear_angle(deformation_gradient(x, p), p.A) for p in points)
         weight = sum(area(cloth, e) for e, _ in side) / 4
         energy = energy + C_j / 2 * weight * (one - other) ** 2
     return energy
@@ -436,13 +438,13 @@ def continuity(cloth, x, C_j):
 def rate_vectors(cloth, x, e):
     """A/4 and, for each of the 2×2 points, (f·B_HGL)_ai: f·(B_HGL v) is its sum with v.
 
-    Everything is of the current configuration x, shape (2, n_nodes).  With unit vectors
-    f₁, f₂ along the fibres, f² normal to f₁ and f¹ to f₂, Γ̇ = f²·L f₁ + f¹·L f₂; where
-    the weft lies anticlockwise of the warp f² is f₁ turned by 90° and f¹ is f₂ turned
-    by −90°, so that both point between the fibres.
+    Everything refers to the current configuration x, shape (2, n_nodes).  With unit
+    vectors f₁, f₂ along the fibres, f² normal to f₁ and f¹ to f₂, Γ̇ = f²·L f₁ + f¹·L
+    f₂; where the weft lies anticlockwise of the warp f² is f₁ rotated by 90° and f¹ is
+    f₂ rotated by −90°, so that both point between the fibres.
     """
     nodes = cloth.elements[e]
-    now = x[:, nodes]
+    current = x[:, nodes]
     vectors = []
     for at in GAUSS:
         p = point(cloth, e, at)
@@ -450,16 +452,16 @@ def rate_vectors(cloth, x, e):
         f_1, f_2 = a_1 / np.linalg.norm(a_1), a_2 / np.linalg.norm(a_2)
         normal_1, normal_2 = np.array([-f_1[1], f_1[0]]), np.array([f_2[1], -f_2[0]])
         f = np.outer(normal_1, f_1) + np.outer(normal_2, f_2)  # Γ̇ = Σ_ij f_ij L_ij
-        B = gradients(now, bilinear(*at)[1]) - gradients(now, bilinear(0, 0)[1])
+        B = gradients(current, bilinear(*at)[1]) - gradients(current, bilinear(0, 0)[1])
         vectors.append(B @ f.T)  # L_ij = Σ_a v_ai B_aj
-    return polygon(now) / 4, vectors
+    return polygon(current) / 4, vectors
 
 
 def rate_step(cloth, x, last, moments, C_s):
     """Moments M̃_k after a step from ``last`` to ``x``, its work, and the forces at x.
 
-    M̃_k grows by C_s f_k·(B_HGL,k Δu); the forces are Σ_k A/4 B_HGL,kᵀ f_k M̃_k, and the
-    work is that of the mean of the old and the new M̃_k on the increment.
+    M̃_k grows by C_s f_k·(B_HGL,k Δu); the forces are Σ_k A/4 B_HGL,kᵀ f_k M̃_k, and
+    the work uses the mean of the old and the new M̃_k on the increment.
     """
     new, work, force = np.zeros_like(moments), 0.0, np.zeros_like(x)
     for e, nodes in enumerate(cloth.elements):
@@ -476,25 +478,25 @@ def rate(cloth, x, C_s, converged):
     """Work of all steps over the converged states to x, and the forces at x."""
     last, moments, work = cloth.X, np.zeros((len(cloth.elements), 4)), 0.0
     for state in [*converged, x]:
-        now = state[..., 0]
-        moments, done, force = rate_step(cloth, now, last, moments, C_s)
-        last, work = now, work + done
+        current = state[..., 0]
+        moments, done, force = rate_step(cloth, current, last, moments, C_s)
+        last, work = current, work + done
     return work, force
 
 
-# Stiffnesses of the discretisation, which follow the last converged state
+# Stabilisation stiffnesses, which depend on the last converged state
 
 
 def share_without_shear(G, E):
-    """1 without shear stiffness, 0 with any that is more than some 10⁻¹⁰ E."""
+    """1 without shear stiffness, 0 if it exceeds about 10⁻¹⁰ E."""
     return np.exp(-G / (1e-11 * E)) if E > 0 else 0.0
 
 
 class StateOfGroup(NamedTuple):
-    """Means over a group of points: what stiffnesses of the discretisation follow.
+    """Means over a group of points that determine the stabilisation stiffnesses.
 
     Secant of shear, the larger of it and the tangent, slope of the tension law and
-    tension of the mean stretch of both families, and |cos| of the angle between them.
+    tension at the mean stretch of both families, and |cos| of the angle between them.
     """
 
     secant: float
@@ -518,7 +520,7 @@ def state_of_group(cloth, x, group):
         secant += share * secant_of(cloth.shear, gamma)
         further += share * further_shear(cloth.shear, gamma)
         cosine += share * abs(a_1 @ a_2) / np.sqrt((a_1 @ a_1) * (a_2 @ a_2))
-        E += share * np.array(list(map(slope_within, laws, strains)))
+        E += share * np.array(list(map(slope_near, laws, strains)))
         stretch += share * np.exp(strains)
     laws = laws_of_families(cloth, np.log(stretch))
     pairs = zip(laws, np.log(stretch), strict=True)
@@ -554,8 +556,8 @@ def automatic_stiffness(cloth, x, macros):
     """C_s of each element at a converged state.
 
     (4 G + 3.2 τ)/(1 − |cos ω|)^1.5, and without shear stiffness 10⁻⁴ E; G, E and τ are
-    means of both families, at the centre of an element or over those of the parts of a
-    macro-element.  τ is none of single elements.
+    means of both families, at the centre of an element or over the parts of a macro-
+    element.  Single elements have τ = 0.
     """
     C_s = np.zeros(len(cloth.elements))
     for parts in macros or [[e] for e in range(len(cloth.elements))]:

@@ -1,4 +1,4 @@
-"""Plies of tests: squares that bend, quadratic triangles, terms of one's own."""
+"""Plies of tests: squares that bend, quadratic triangles, user-defined terms."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ from skfem_textile import (
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import distorted
 
-# What tests of bending share: a square, inclined fibres, formulations
+# Shared by tests of bending: a square, inclined fibres, formulations
 
 
 FORMULATIONS = {
@@ -79,7 +79,7 @@ def run(scene, steps=4, E=1e4, G=0.0, **options):
     return LoadStepper(ply, scene.conditions, steps, **options).run()
 
 
-# A ply, and terms of one's own for it: springs, and one with parameters
+# A ply, and user-defined terms for it: springs, and one with parameters
 
 
 SPRINGS = Forms(
@@ -101,7 +101,7 @@ def plain(formulation=None):
 
 
 class Spring(Term):
-    """A spring between two nodes, with no more than a term needs."""
+    """A spring between two nodes, with the minimal interface of a term."""
 
     name, role = "spring", "internal"
 
@@ -145,7 +145,7 @@ class Drag(TermParameters):
         return Values({"last": u, "times": values["times"] + 1.0})
 
 
-def drag(ply, depends_on_steps=False, **options):
-    """A term that is drawn to the last converged displacement."""
+def drag_term(ply, depends_on_steps=False, **options):
+    """A term with a force towards the last converged displacement."""
     parameters = Drag(ply.basis, depends_on_steps)
     return FormTerm("drag", DRAG, ply.basis, parameters=parameters, **options)

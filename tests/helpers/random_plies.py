@@ -1,6 +1,6 @@
 """Random laws, meshes, fibres and motions, for the library and for `independent`.
 
-The order in which cells list their nodes is random too.  No element is near folding.
+The order of nodes in cells is random too.  No element is close to folding.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from skfem_textile import CrimpInterchange, Linear, Sin2
 from skfem_textile.mesh.splitting import split, split_cells
 from tests.helpers import independent as plain
 
-# Laws: what `Fabric` takes, and the same for the plain program
+# Laws: arguments of `Fabric`, and the same for the independent implementation
 
 
 class Softening(Linear):
@@ -148,12 +148,12 @@ def with_middles(mesh):
 
 def macro_elements(mesh, cells):
     """Quadrilaterals that share the node at the centre of an original cell."""
-    found = []
+    macros = []
     for cell in cells:
-        off = mesh.p - mesh.p[:, cell].mean(axis=1, keepdims=True)
-        centre = np.argmin(np.hypot(*off))
-        found.append([e for e, quad in enumerate(mesh.t.T) if centre in quad])
-    return found
+        offsets = mesh.p - mesh.p[:, cell].mean(axis=1, keepdims=True)
+        centre = np.argmin(np.hypot(*offsets))
+        macros.append([e for e, quad in enumerate(mesh.t.T) if centre in quad])
+    return macros
 
 
 # Fibres
@@ -166,12 +166,12 @@ def direction(rng, kind, angle, n_elements):
         return np.array([np.cos(angle), np.sin(angle)])
 
     if kind == "vector":
-        given = rng.uniform(0.5, 2) * vector(angle)
-        return given, lambda e, X: vector(angle)
+        vectors = rng.uniform(0.5, 2) * vector(angle)
+        return vectors, lambda e, X: vector(angle)
     if kind == "one per element":
         angles = angle + rng.uniform(-0.25, 0.25, n_elements)
-        given = rng.uniform(0.5, 2, n_elements) * vector(angles)
-        return given, lambda e, X: vector(angles[e])
+        vectors = rng.uniform(0.5, 2, n_elements) * vector(angles)
+        return vectors, lambda e, X: vector(angles[e])
     a, b = rng.uniform(-0.15, 0.15, 2)
 
     def field(X):
@@ -196,7 +196,10 @@ def fibres(rng, seed, n_elements):
 
 
 def motion(rng, cloth, turns):
-    """Current positions: the nodes move at random, or after a large turn and shear."""
+    """Current positions:
+
+    the nodes move at random, or after a large rotation and shear.
+    """
     F = np.eye(2)
     if turns:
         A = np.transpose(cloth.fibres(0, cloth.X[:, 0]))

@@ -1,4 +1,4 @@
-"""Runs on a small ply that is sheared; its C_s depends on the last converged state."""
+"""Runs on a small ply in shear; its C_s depends on the last converged state."""
 
 import io
 import json
@@ -30,7 +30,7 @@ def interrupted(folder, pull=0.3):
     return folder
 
 
-def opened(path):
+def read_npz(path):
     """Text and arrays of a file, and its seal: run, name, digest."""
     body, _, seal = path.read_bytes().rpartition(b"\n")
     with np.load(io.BytesIO(body)) as content:

@@ -38,7 +38,7 @@ pictures = false
 """
 
 
-def written(tmp_path, text=SPECIMEN):
+def write_case(tmp_path, text=SPECIMEN):
     """A case file, beside the table of a shear law."""
     (tmp_path / "tables").mkdir(exist_ok=True)
     (tmp_path / "tables" / "shear.csv").write_text(SHEAR)
@@ -52,13 +52,13 @@ def run(file, out):
 
 
 def assert_runs_alike(before, after, *names):
-    """The case that a run left leads to the same files, to the last bit."""
+    """The case written by a run gives the same files, to the last bit."""
     assert run(before / "case.toml", after) == 0
     for name in ("case.toml", "history.csv", *names):
         assert (before / name).read_bytes() == (after / name).read_bytes(), name
 
 
 def summary_of(out):
-    """What a summary says, but for times."""
+    """Content of a summary except for times."""
     summary = json.loads((out / "summary.json").read_text())
     return {k: v for k, v in summary.items() if not k.endswith("_time_s")}

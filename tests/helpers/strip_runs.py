@@ -16,7 +16,7 @@ def stepper(folder, steps=6, C_s=1.0, kind="energy", E=1e4, **options):
 
 
 def interrupted_at(folder, load_factor, **options):
-    """Leave the checkpoint of a run that was interrupted there."""
+    """Interrupt a run after this many states and leave its checkpoint."""
 
     def interrupt(state):
         if state.load_factor >= load_factor:
@@ -27,8 +27,8 @@ def interrupted_at(folder, load_factor, **options):
 
 
 @cache
-def whole(kind="energy", C_s=1.0):
-    """The run that is not interrupted."""
+def whole_run(kind="energy", C_s=1.0):
+    """The uninterrupted run."""
     return stepper(None, kind=kind, C_s=C_s).run()
 
 

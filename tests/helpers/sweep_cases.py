@@ -1,4 +1,4 @@
-"""What tests of several processes need; worker processes can import it."""
+"""Functions for tests of several processes, importable by worker processes."""
 
 import hashlib
 import json
@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_info
 
 from skfem_textile import StepError
 
-# What tests of several processes need
+# Functions for tests of several processes
 
 
 def is_alive(pid):
@@ -31,7 +31,7 @@ def wait_until(condition, seconds=60):
         time.sleep(0.01)
 
 
-# What several tests of sweeps need; worker processes can import it
+# Functions for tests of sweeps, importable by worker processes
 
 
 def process_pool(n):
@@ -39,7 +39,7 @@ def process_pool(n):
 
 
 def lines(out):
-    """Cases and results on file; every line ends with the digest of what is before."""
+    """Cases and results on file; every line ends with the digest of its content."""
     entries = []
     for line in out.read_bytes().splitlines():
         entry = json.loads(line)
@@ -76,8 +76,8 @@ def fails_once(file):
     return "done"
 
 
-def refuses(n):
-    """A load step that fails holds a result, which nothing can pickle."""
+def fails_with_result(n):
+    """A failing load step holds a result, which cannot be pickled."""
     if n == 1:
         raise StepError("stopped at load factor 0.5", lambda: 0, np.empty(0))
     return n

@@ -15,7 +15,7 @@ from skfem_textile.solve.problem import Problem
 from studies.formulations.drape import chebyshev
 from tests.helpers import graph, sphere
 
-# Square plies that are laid on surfaces, held where their symmetry holds them
+# Square plies that are draped on surfaces, with symmetry conditions
 
 
 RADIUS = 60.0
@@ -45,14 +45,14 @@ def problem_of(ply, conditions):
     return Problem(ply, constraints, solver_named("superlu"))
 
 
-def laid(ply, surface, **options):
-    """The displacement that lays a ply on a surface along its geodesics."""
+def geodesic_u(ply, surface, **options):
+    """The displacement that places a ply on a surface along its geodesics."""
     x = drape.exponential_map(surface, ply.nodes, **options)
     return drape.displacement(ply.nodes, x)
 
 
 def positions(ply, u):
-    """Where the nodes are in space, shape (3, n)."""
+    """Positions of the nodes in space, shape (3, n)."""
     return np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
 
 
@@ -62,13 +62,13 @@ def rolled(X):
     return np.array([RADIUS * np.sin(angle), X[1], RADIUS * (np.cos(angle) - 1)])
 
 
-def in_net(X):
+def on_net(X):
     """Points of the flat ply in the Chebyshev net of the sphere."""
     n = 200
     net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / n, (0, n), (0, n))
     s = np.linspace(0, chebyshev.SIDE, n + 1)
-    place = RegularGridInterpolator((s, s), np.moveaxis(net.positions, 0, -1), "cubic")
-    return place(X.T).T
+    spline = RegularGridInterpolator((s, s), np.moveaxis(net.positions, 0, -1), "cubic")
+    return spline(X.T).T
 
 
 # Tools of triangles, their files, and runs of the command line on them
@@ -76,7 +76,7 @@ def in_net(X):
 
 SMALL = "--size", "4x4", "--steps", "1", "--no-render"
 
-#: Fibres that resist bending, without tension: no net takes time.
+#: Fibres with bending stiffness, without tension: no time for a net.
 BENT = "--tension", "0", "--set", "bending.warp_N_mm=5", "bending.weft_N_mm=5"
 
 
@@ -85,29 +85,29 @@ def write(file, x, triangles):
     return file
 
 
-def ball(file, n=2502, radius=100.0, centre=(13.0, -7.0, 40.0)):
+def write_sphere(file, n=2502, radius=100.0, centre=(13.0, -7.0, 40.0)):
     """A sphere of 2n − 4 triangles, as an STL file."""
     x, t = sphere(n)
     return write(file, radius * x + np.array(centre)[:, None], t)
 
 
-def bump(x, y):
+def bump_height(x, y):
     return 30 * np.exp(-((x - 5) ** 2 + 1.5 * y**2) / 3200)
 
 
-def plate(side=100.0, n=29, height=bump):
+def plate(side=100.0, n=29, height=bump_height):
     """Points and triangles of a tool z = h(x, y) over a square."""
     return graph(np.linspace(-side, side, n), height)
 
 
-def line(out, *options, tool):
+def run_words(out, *options, tool):
     """Words of the command that runs a small ply on a tool."""
     words = "run", "drape", "--tool", str(tool), *SMALL, *BENT, *options
     return [*words, "--out", str(out)]
 
 
 def command(out, *options, tool):
-    return cli.main(line(out, *options, tool=tool))
+    return cli.main(run_words(out, *options, tool=tool))
 
 
 def summary(out):

@@ -1,11 +1,10 @@
 """Prints how many files and functions of the package one load step goes through.
 
-The step is the only one of a strip of macro-elements.  Counted is what is entered while
-`LoadStepper.run` runs, set-up, diagnosis and result of the run included, and what was
-made before it excluded: files of the package, and in them functions that have a name,
-each once however often it is called.  What Python itself names with "<", such as
-lambdas and comprehensions, and what is only imported, is no such function, and a file
-in which nothing else is entered does not count.
+The step is the only one of a strip of macro-elements.  Counted are files of the package
+and named functions in them that are entered while `LoadStepper.run` runs, including
+set-up, diagnosis and result of the run, but not earlier work.  Each function counts
+once. Names by Python with "<", such as lambdas and comprehensions, and imported names
+do not count, nor does a file in which nothing else is entered.
 
     python -m tests.helpers.way_of_a_step [-v]
 
@@ -23,7 +22,7 @@ from skfem_textile.scenes import strip
 PACKAGE = Path(skfem_textile.__file__).parent
 
 
-def way():
+def entered_functions():
     """Names of the functions that are entered, by file of the package."""
     scene = strip()
     fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
@@ -43,13 +42,13 @@ def way():
     for code in codes:
         file = Path(code.co_filename)
         if file.is_relative_to(PACKAGE) and not code.co_name.startswith("<"):
-            place = f"{code.co_qualname}:{code.co_firstlineno}"
-            names[str(file.relative_to(PACKAGE))].append(place)
+            name = f"{code.co_qualname}:{code.co_firstlineno}"
+            names[str(file.relative_to(PACKAGE))].append(name)
     return names
 
 
 if __name__ == "__main__":
-    names = way()
+    names = entered_functions()
     if "-v" in sys.argv[1:]:
         for file, functions in sorted(names.items()):
             print(f"{file}:", *sorted(functions))

@@ -21,13 +21,13 @@ from skfem_textile.cli import main as cli
 
 PACKAGE = Path(skfem_textile.__file__).parent
 
-#: The angle in degrees as it is typed, and how it begins in radians.
+#: The angle in degrees as typed, and its first digits in radians.
 ANGLE, RADIANS = "59.731", "1.0425"
 
 
-def way():
+def entered_functions():
     """Functions in the order in which they are entered, as pairs of file and name."""
-    found, built = {}, False
+    entered, built = {}, False
 
     def enter(frame, event, _):
         nonlocal built
@@ -39,7 +39,7 @@ def way():
             return
         names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount + 2]
         if any(_has_angle(frame.f_locals.get(name)) for name in names):
-            found[str(file.relative_to(PACKAGE)), code.co_qualname] = None
+            entered[str(file.relative_to(PACKAGE)), code.co_qualname] = None
         built = code.co_qualname == "Ply.__init__"
 
     law = ["--shear-law", "locking", "--set", f"shear.locking_angle_deg={ANGLE}"]
@@ -52,19 +52,19 @@ def way():
             cli.main([*command, "--no-render", "--out", folder])
         finally:
             sys.setprofile(None)
-    return list(found)
+    return list(entered)
 
 
 def _has_angle(value):
     try:
         text = repr(value)
-    except Exception:  # of an object that is not whole yet
+    except Exception:  # of a partly initialised object
         return False
     return ANGLE in text or RADIANS in text
 
 
 if __name__ == "__main__":
-    functions = way()
+    functions = entered_functions()
     if "-v" in sys.argv[1:]:
         for file, name in functions:
             print(file, name)

@@ -1,4 +1,4 @@
-"""Fibre directions in files: round trips, what Abaqus means, and what is refused."""
+"""Fibre directions in files: round trips, Abaqus orientations, and rejected files."""
 
 import numpy as np
 import pytest
@@ -33,14 +33,14 @@ def unit(v):
     return v / np.hypot(*v)
 
 
-def apart(one, other):
+def angle_between(one, other):
     return max(
         np.abs(unit(getattr(one, name)) - unit(getattr(other, name))).max()
         for name in ("warp", "weft")
     )
 
 
-def of_deck(tmp_path, text):
+def read_deck(tmp_path, text):
     path = tmp_path / "deck.inp"
     path.write_text(DECK + text)
     return read_directions(path)
@@ -49,25 +49,25 @@ def of_deck(tmp_path, text):
 @pytest.mark.parametrize(
     "mesh", [MESH, MeshTri().refined(1)], ids=["quads", "triangles"]
 )
-def test_from_deck_to_vtu_to_csv_to_deck_nothing_is_lost(tmp_path, mesh):
+def test_a_round_trip_through_deck_vtu_and_csv_loses_nothing(tmp_path, mesh):
     n = mesh.nelements
-    given = FibreDirections(GIVEN.warp[:, :n], GIVEN.weft[:, :n])
-    found = given
+    original = FibreDirections(GIVEN.warp[:, :n], GIVEN.weft[:, :n])
+    read = original
     for name in ("a.inp", "b.vtu", "c.csv", "d.inp"):
-        write_directions(tmp_path / name, mesh, found)
-        found = read_directions(tmp_path / name)
-        assert apart(given, found) < 1e-12
+        write_directions(tmp_path / name, mesh, read)
+        read = read_directions(tmp_path / name)
+        assert angle_between(original, read) < 1e-12
         if name != "c.csv":
             again = read_mesh(tmp_path / name)
             assert np.array_equal(again.p, mesh.p)
             assert np.array_equal(again.t, mesh.t)
 
 
-def test_a_vtu_keeps_every_bit(tmp_path):
+def test_a_vtu_preserves_every_bit(tmp_path):
     write_directions(tmp_path / "a.vtu", MESH, GIVEN)
-    found = read_directions(tmp_path / "a.vtu")
-    assert np.array_equal(found.warp, GIVEN.warp)
-    assert np.array_equal(found.weft, GIVEN.weft)
+    read = read_directions(tmp_path / "a.vtu")
+    assert np.array_equal(read.warp, GIVEN.warp)
+    assert np.array_equal(read.weft, GIVEN.weft)
 
 
 def test_angles_alone_in_cell_data_are_read(tmp_path):
@@ -75,14 +75,14 @@ def test_angles_alone_in_cell_data_are_read(tmp_path):
     text = (tmp_path / "a.vtu").read_text()
     text = text.replace('Name="warp_direction"', 'Name="other"')
     (tmp_path / "b.vtu").write_text(text)
-    assert apart(read_directions(tmp_path / "b.vtu"), GIVEN) < 1e-12
+    assert angle_between(read_directions(tmp_path / "b.vtu"), GIVEN) < 1e-12
 
 
 def test_the_first_axis_of_an_orientation_is_the_weft_and_the_second_the_warp(tmp_path):
-    found = of_deck(
+    read = read_deck(
         tmp_path, "*ORIENTATION, NAME=A\n1., 1., 0., 0., 1., 0.\n3, 0.\n"
     ).angles_deg()
-    assert np.allclose(found, [[135, 135], [45, 45]])
+    assert np.allclose(read, [[135, 135], [45, 45]])
 
 
 @pytest.mark.parametrize(
@@ -95,12 +95,10 @@ def test_the_first_axis_of_an_orientation_is_the_weft_and_the_second_the_warp(tm
         ("1, 0, 0, 0, 0, -1", "2, 0.", 0, 90),  # axes 3 and 1 lie in the plane
     ],
 )
-def test_axes_follow_the_points_and_the_additional_rotation(
-    tmp_path, points, second, warp, weft
-):
-    found = of_deck(tmp_path, f"*ORIENTATION, NAME=A\n{points}\n{second}\n")
-    off = np.array(found.angles_deg()) - [[warp], [weft]]
-    assert np.abs((off + 180) % 360 - 180).max() < 1e-12
+def test_axes_depend_on_points_and_rotation(tmp_path, points, second, warp, weft):
+    read = read_deck(tmp_path, f"*ORIENTATION, NAME=A\n{points}\n{second}\n")
+    error = np.array(read.angles_deg()) - [[warp], [weft]]
+    assert np.abs((error + 180) % 360 - 180).max() < 1e-12
 
 
 def test_distributions_have_a_default_sets_and_elements(tmp_path):
@@ -113,11 +111,11 @@ LAST, 20.
 1., 0., 0., 0., 1., 0.
 3, D
 """
-    assert np.allclose(of_deck(tmp_path, text).angles_deg()[1], [10, 20])
+    assert np.allclose(read_deck(tmp_path, text).angles_deg()[1], [10, 20])
     text = text.replace("LAST, 20.", "11, 30.")
-    assert np.allclose(of_deck(tmp_path, text).angles_deg()[1], [30, 10])
+    assert np.allclose(read_deck(tmp_path, text).angles_deg()[1], [30, 10])
     with pytest.raises(MeshError, match="two lines without an element"):
-        of_deck(tmp_path, text.replace("11, 30.", ", 30."))
+        read_deck(tmp_path, text.replace("11, 30.", ", 30."))
 
 
 def test_each_section_has_its_own_orientation_and_yarns_need_not_be_square(tmp_path):
@@ -136,7 +134,7 @@ def test_each_section_has_its_own_orientation_and_yarns_need_not_be_square(tmp_p
 *SHELL SECTION, ELSET=last, MATERIAL=M, ORIENTATION=b
 1.,
 """
-    assert np.allclose(of_deck(tmp_path, text).angles_deg(), [[90, 90], [0, 45]])
+    assert np.allclose(read_deck(tmp_path, text).angles_deg(), [[90, 90], [0, 45]])
 
 
 @pytest.mark.parametrize(
@@ -160,11 +158,9 @@ def test_each_section_has_its_own_orientation_and_yarns_need_not_be_square(tmp_p
         ),
     ],
 )
-def test_orientations_that_cannot_be_read_are_refused_in_one_line(
-    tmp_path, text, named
-):
+def test_unreadable_orientations_are_rejected_in_one_line(tmp_path, text, named):
     with pytest.raises(MeshError, match=named) as refusal:
-        of_deck(tmp_path, text)
+        read_deck(tmp_path, text)
     assert str(refusal.value).startswith(str(tmp_path / "deck.inp"))
     assert "\n" not in str(refusal.value)
 
@@ -184,13 +180,13 @@ def test_orientations_that_cannot_be_read_are_refused_in_one_line(
         ("element,warp_angle_deg,weft_angle_deg\n1,0,nan\n", "finite"),
     ],
 )
-def test_a_csv_that_cannot_be_read_is_refused_in_one_line(tmp_path, text, named):
+def test_an_unreadable_csv_is_rejected_in_one_line(tmp_path, text, named):
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(MeshError, match=named):
         read_directions(tmp_path / "a.csv")
 
 
-def test_files_without_directions_are_refused(tmp_path):
+def test_files_without_directions_are_rejected(tmp_path):
     for name, named in (
         ("a.msh", "can be read only from"),
         ("none.vtu", "No such file"),
@@ -204,15 +200,15 @@ def test_files_without_directions_are_refused(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_draped_fibres_are_those_of_the_deformed_ply(tmp_path):
+def test_draped_fibres_agree_with_the_deformed_ply(tmp_path):
     scene = bias_extension(size=(4, 8))
     ply = Ply(scene.mesh, Fabric(1e5, 0.5, scene.warp, scene.weft))
     result = LoadStepper(ply, scene.conditions, steps=2).run()
     write_draped(result, tmp_path)
-    found = [read_directions(tmp_path / f"fibres.{s}") for s in ("vtu", "csv", "inp")]
-    assert apart(found[0], found[1]) < 1e-12
-    assert apart(found[0], found[2]) < 1e-12
-    warp, weft = found[0].angles_deg()
+    read = [read_directions(tmp_path / f"fibres.{s}") for s in ("vtu", "csv", "inp")]
+    assert angle_between(read[0], read[1]) < 1e-12
+    assert angle_between(read[0], read[2]) < 1e-12
+    warp, weft = read[0].angles_deg()
     sheared = 90 - (weft - warp)
     angle = ply.on_users_elements(np.degrees(ply.shear_angle(result.u)).mean(axis=1))
     assert np.abs(sheared - angle).max() < 2.0  # means over parts, of two kinds

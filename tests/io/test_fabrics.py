@@ -1,4 +1,4 @@
-"""Fabrics in files: of the package, of Abaqus and of OpenRadioss."""
+"""Fabrics in files of the package, of Abaqus and of OpenRadioss."""
 
 import json
 import logging
@@ -80,14 +80,14 @@ DECK = """*MATERIAL, NAME=CLOTH
 """
 
 
-def written(tmp_path, name, text):
+def write_file(tmp_path, name, text):
     path = tmp_path / name
     path.write_text(text)
     return path
 
 
-def shown(fabric):
-    """All that a fabric is, in words."""
+def description(fabric):
+    """All properties of a fabric, in words."""
     parts = fabric.tensions, fabric.shear_law
     directions = [
         (d.points.tolist(), d.angle)
@@ -99,27 +99,27 @@ def shown(fabric):
 
 
 @pytest.mark.parametrize("fabric", FABRICS.values(), ids=FABRICS)
-def test_a_fabric_comes_back_from_its_file_with_every_digit(tmp_path, fabric):
+def test_a_fabric_is_read_back_to_the_last_digit(tmp_path, fabric):
     write_fabric(tmp_path / "fabric.json", fabric)
-    found = read_fabric(tmp_path / "fabric.json")
-    assert shown(found.fabric) == shown(fabric)
-    assert found.ignored == ()
+    read = read_fabric(tmp_path / "fabric.json")
+    assert description(read.fabric) == description(fabric)
+    assert read.ignored == ()
 
 
-def test_the_fabric_of_regions_comes_back(tmp_path):
+def test_the_fabric_of_regions_is_read_back(tmp_path):
     mesh = rectangle(4, 2, (4, 2), "irregular", 0.2, 1)
     halves = mesh.with_subdomains({"a": lambda x: x[0] < 2, "b": lambda x: x[0] > 2})
     fabric = fabric_of_regions(halves, {"a": FABRICS["numbers"], "b": FABRICS["weave"]})
     write_fabric(tmp_path / "fabric.json", fabric)
-    found = read_fabric(tmp_path / "fabric.json").fabric
+    read = read_fabric(tmp_path / "fabric.json").fabric
     x, strain = mesh.p[:, mesh.t].transpose(0, 2, 1), np.full((2, 8, 1), 0.01)
-    assert np.array_equal(found.directions(x), fabric.directions(x))
+    assert np.array_equal(read.directions(x), fabric.directions(x))
     assert np.array_equal(
-        found.at().tensions.value(strain), fabric.at().tensions.value(strain)
+        read.at().tensions.value(strain), fabric.at().tensions.value(strain)
     )
 
 
-def test_a_fabric_that_no_file_holds_is_refused_and_nothing_is_written(tmp_path):
+def test_a_fabric_without_file_format_is_rejected_and_nothing_is_written(tmp_path):
     class Own(Linear):
         pass
 
@@ -162,9 +162,7 @@ def test_a_fabric_that_no_file_holds_is_refused_and_nothing_is_written(tmp_path)
         ({"tension": 10**400}, r"fabric\.json: "),
     ],
 )
-def test_a_file_that_describes_no_fabric_is_refused_in_one_line(
-    tmp_path, change, named
-):
+def test_a_file_without_a_fabric_is_rejected_in_one_line(tmp_path, change, named):
     path = tmp_path / "fabric.json"
     write_fabric(path, Fabric())
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
@@ -174,59 +172,61 @@ def test_a_file_that_describes_no_fabric_is_refused_in_one_line(
 
 
 @pytest.mark.parametrize("text", ["", "[]", "[" * 100_000, "{", '{"a": NaN}', "\xff"])
-def test_a_file_that_is_no_json_is_refused_in_one_line(tmp_path, text):
+def test_a_file_without_json_is_rejected_in_one_line(tmp_path, text):
     with pytest.raises(MeshError, match=r"fabric\.json: "):
-        read_fabric(written(tmp_path, "fabric.json", text))
+        read_fabric(write_file(tmp_path, "fabric.json", text))
 
 
-def test_tables_come_back_from_abaqus_to_round_off(tmp_path):
+def test_tables_are_read_back_from_abaqus_to_round_off(tmp_path):
     falling = Tabulated([-0.02, 0.0, 0.05], [-0.1, 0.0, 300.0], "linear")
     fabric = Fabric((falling, TensionOnly(RISING)), BOTH_SIGNS)
     write_fabric(tmp_path / "fabric.inp", fabric, 0.35)
-    found = read_fabric(tmp_path / "fabric.inp", 0.35).fabric
+    read = read_fabric(tmp_path / "fabric.inp", 0.35).fabric
     x = np.linspace(-0.02, 0.03, 41)
-    for one, other in zip(found.laws, fabric.laws, strict=True):
+    for one, other in zip(read.laws, fabric.laws, strict=True):
         assert np.allclose(one.value(x), other.value(x), rtol=1e-12, atol=1e-12)
 
 
-def test_a_law_that_is_no_table_comes_back_from_abaqus_within_its_points(tmp_path):
+def test_a_law_without_a_table_is_read_back_from_abaqus_within_its_points(tmp_path):
     fabric = Fabric(CrimpToe(1e5, 4e-3, 10.0), Sin2(0.4))
     write_fabric(tmp_path / "fabric.inp", fabric, 0.35)
-    found = read_fabric(tmp_path / "fabric.inp", 0.35).fabric
+    read = read_fabric(tmp_path / "fabric.inp", 0.35).fabric
     x = np.linspace(-0.01, 0.01, 41)
-    for one, other in zip(found.laws, fabric.laws, strict=True):
+    for one, other in zip(read.laws, fabric.laws, strict=True):
         largest = np.abs(other.value(x)).max()
         assert np.abs(one.value(x) - other.value(x)).max() < 1e-3 * largest
 
 
-def test_the_work_of_abaqus_is_that_of_the_law(tmp_path):
+def test_the_work_of_abaqus_equals_the_work_of_the_law(tmp_path):
     strain = np.linspace(0.0, 0.05, 400)
     stress = 2e3 * strain + 5e4 * strain**2
     rows = "\n".join(f"{s}, {e}" for s, e in zip(stress, strain, strict=True))
     deck = DECK.replace("0., 0.\n400., 0.02", rows)
-    warp = read_fabric(written(tmp_path, "a.inp", deck), thickness=0.25).fabric.laws[0]
+    warp = read_fabric(write_file(tmp_path, "a.inp", deck), thickness=0.25).fabric.laws[
+        0
+    ]
     work = 0.25 * (1e3 * 0.04**2 + 5e4 / 3 * 0.04**3)  # t ∫ σ de up to 0.04
     assert warp.energy(np.log1p(np.array(0.04))) == pytest.approx(work, rel=1e-5)
     pull = 0.25 * 1.03 * (2e3 * 0.03 + 5e4 * 0.03**2)  # T = t (1 + e) σ
     assert warp.value(np.log1p(np.array(0.03))) == pytest.approx(pull, rel=1e-6)
 
 
-def test_shear_of_abaqus_is_the_drop_of_the_angle_between_fill_and_warp(tmp_path):
+def test_shear_of_abaqus_is_the_decrease_of_the_angle_between_fill_and_warp(tmp_path):
     deck = DECK.replace(
         "0., 0.\n0.1, 0.5\n1., 0.9", "-9., -1.\n0., 0.\n0.1, 0.5\n1., 1."
     )
     mesh = "*NODE\n1,0,0\n2,1,0\n3,1,1\n4,0,1\n*ELEMENT, TYPE=S4R\n1,1,2,3,4\n"
     deck = f"{mesh}*ORIENTATION, NAME=A\n1,0,0,0,1,0\n3,0\n{deck}"
-    fabric = read_fabric(written(tmp_path, "a.inp", deck), thickness=2.0).fabric
+    fabric = read_fabric(write_file(tmp_path, "a.inp", deck), thickness=2.0).fabric
     warp, weft = fabric.warp[:, 0], fabric.weft[:, 0]
     F = np.array([[1.0, np.sin(0.5)], [0.0, np.cos(0.5)]])  # y leans towards x
     moment = fabric.shear_law.value(shear_angle(F, warp, weft))
     assert abs(moment) == pytest.approx(2.0 * 0.1)
 
 
-def test_units_and_the_thickness_of_the_section_turn_stress_into_force(tmp_path):
+def test_units_and_section_thickness_convert_stress_into_force(tmp_path):
     section = "*MEMBRANE SECTION, ELSET=A, MATERIAL=cloth\n0.0005,\n"
-    path = written(tmp_path, "a.inp", DECK.replace("400.", "4e8") + section)
+    path = write_file(tmp_path, "a.inp", DECK.replace("400.", "4e8") + section)
     warp = read_fabric(path, units="N m").fabric.laws[0]
     at = np.log1p(np.array(0.02))
     assert warp.value(at) == pytest.approx(0.5 * 1.02 * 400.0)
@@ -235,15 +235,15 @@ def test_units_and_the_thickness_of_the_section_turn_stress_into_force(tmp_path)
     )
 
 
-def test_what_abaqus_has_and_the_fabric_has_not_is_said(tmp_path, caplog):
+def test_abaqus_data_without_counterpart_are_reported(tmp_path, caplog):
     deck = DECK.replace("*FABRIC", "*DENSITY\n1e-9,\n*DAMPING, ALPHA=1\n*FABRIC")
     deck = deck.replace("DIRECTION=TENSION", "DIRECTION=TENSION, TYPE=DAMAGE")
     deck = deck.replace(
         "EXTRAPOLATION=LINEAR\n0., 0.\n0.1", "TYPE=ELASTIC\n0., 0.\n0.1"
     )
-    path = written(tmp_path, "a.inp", deck)
+    path = write_file(tmp_path, "a.inp", deck)
     with caplog.at_level(logging.WARNING, "skfem_textile"):
-        said = read_fabric(path, 0.3).ignored
+        ignored = read_fabric(path, 0.3).ignored
     for part in (
         "*DENSITY",
         "*DAMPING",
@@ -251,10 +251,10 @@ def test_what_abaqus_has_and_the_fabric_has_not_is_said(tmp_path, caplog):
         "shear: EXTRAPOLATION",
         "interpolates the data linearly",
     ):
-        assert sum(part in sentence for sentence in said) == 1
+        assert sum(part in sentence for sentence in ignored) == 1
     assert [
         r.getMessage().partition("not represented exactly: ")[2] for r in caplog.records
-    ] == [*said]
+    ] == [*ignored]
 
 
 @pytest.mark.parametrize(
@@ -274,9 +274,9 @@ def test_what_abaqus_has_and_the_fabric_has_not_is_said(tmp_path, caplog):
         ("1., 0.1", "1., 1.1", "above -1"),
     ],
 )
-def test_a_deck_that_has_no_fabric_is_refused_in_one_line(tmp_path, old, new, named):
+def test_a_deck_without_a_fabric_is_rejected_in_one_line(tmp_path, old, new, named):
     assert old in DECK
-    path = written(tmp_path, "a.inp", DECK.replace(old, new, 1))
+    path = write_file(tmp_path, "a.inp", DECK.replace(old, new, 1))
     with pytest.raises(MeshError, match=named) as refusal:
         read_fabric(path, 0.3)
     assert str(refusal.value).isprintable()
@@ -291,6 +291,6 @@ def test_a_deck_that_has_no_fabric_is_refused_in_one_line(tmp_path, old, new, na
         ({"thickness": 0.3, "material": "SILK"}, "SILK"),
     ],
 )
-def test_a_fabric_that_is_not_told_is_refused(tmp_path, more, named):
+def test_an_ambiguous_fabric_is_rejected(tmp_path, more, named):
     with pytest.raises(MeshError, match=named):
-        read_fabric(written(tmp_path, "a.inp", DECK), **more)
+        read_fabric(write_file(tmp_path, "a.inp", DECK), **more)

@@ -1,4 +1,4 @@
-"""Damaged decks of Abaqus and OpenRadioss are refused, or read as they stand."""
+"""Damaged decks of Abaqus and OpenRadioss are rejected, or read as written."""
 
 import contextlib
 import io
@@ -15,19 +15,19 @@ from tests.helpers.hostile import (
     RIGHT,
     Family,
     UnclearError,
-    demand_equal,
-    demand_near,
+    expect_close,
+    expect_equal,
     is_clear,
-    refused_if_damaged,
+    rejected_if_damaged,
     seeds,
 )
 from tests.helpers.hostile.damage import damaged
 from tests.helpers.hostile.mesh_readers import keyword_blocks
 
-# Thickness that is given, in mm.
+# Given thickness in mm.
 THICKNESS = 0.25
 
-# Agreement of two readers of the same numbers, of sums of large numbers too.
+# Tolerance between two readers of the same numbers, and for sums of large numbers.
 ROUND_OFF = 1e-9
 
 SHOWN = {"directions.vtu", "directions.csv", "directions.inp"}
@@ -54,7 +54,7 @@ def mesh(rng):
 
 
 def directions(rng):
-    """Points a and b, or angles, of all elements but some that have the default."""
+    """Points a and b, or angles, of all elements except some that have the default."""
     angles = bool(rng.integers(0, 2))
     yield "*DISTRIBUTION TABLE, NAME=TABLE"
     yield "ANGLE" if angles else "COORD3D, COORD3D"
@@ -118,7 +118,7 @@ def radioss(rng):
 
 
 def card(*fields):
-    """A line of numbers, at first columns of ten characters; whole ones take one."""
+    """A line of numbers, at first columns of ten characters; integers take one."""
     line = " " * 100
     for first, value in fields:
         end = 10 * (first + 2 - isinstance(value, int))
@@ -133,7 +133,7 @@ def decks(draw, write):
     return seed, *draw(damaged(write(np.random.default_rng(seed))))
 
 
-# What a deck must come to
+# Expected content of a deck
 
 
 def attempt_abaqus(deck):
@@ -141,17 +141,17 @@ def attempt_abaqus(deck):
     path = Path("deck.inp")
     path.write_bytes(content)
     if seed % 6 == 0:
-        return shown(path, damage)
+        return show(path, damage)
     try:
         with errors_only():
-            found, cloth = read_directions(path), read(path)
+            directions, cloth = read_directions(path), read(path)
     except MeshError as error:
-        return refused_if_damaged(error, damage)
+        return rejected_if_damaged(error, damage)
     check_loading_data(cloth, content)
-    weft = found.weft / np.hypot(*found.weft)
+    weft = directions.weft / np.hypot(*directions.weft)
     axes = first_axes(content)
     if axes is not None:
-        demand_near("weft", weft, axes, 2e-5)
+        expect_close("weft", weft, axes, 2e-5)
     check_written(cloth)
     return RIGHT
 
@@ -165,10 +165,10 @@ def attempt_radioss(deck):
         with errors_only():
             cloth = read(path)
     except MeshError as error:
-        return refused_if_damaged(error, damage)
+        return rejected_if_damaged(error, damage)
     rest, step = np.zeros((2, 1)), 1e-6
-    demand_near("tension at rest", cloth.tensions.value(rest), 0.0, 1e-9)
-    demand_near("moment at rest", cloth.shear_law.value(np.zeros(1)), 0.0, 1e-9)
+    expect_close("tension at rest", cloth.tensions.value(rest), 0.0, 1e-9)
+    expect_close("moment at rest", cloth.shear_law.value(np.zeros(1)), 0.0, 1e-9)
     strain = np.random.default_rng(seed).uniform(0.0, 0.03, (2, 3))
     tension = np.array(cloth.tensions.value(strain))
     for i in range(2):
@@ -176,24 +176,24 @@ def attempt_radioss(deck):
         ahead, behind = (cloth.tensions.energy(strain + s * moved) for s in (1, -1))
         slope = (ahead - behind) / (2 * step)
         tolerance = 1e-3 * np.abs(tension[i]) + 1e-4 * np.abs(tension).max()
-        demand_near("slope", (slope - tension[i]) / (tolerance + 1e-300), 0.0, 1.0)
+        expect_close("slope", (slope - tension[i]) / (tolerance + 1e-300), 0.0, 1.0)
     check_written(cloth)
     return RIGHT
 
 
 def read(path):
-    found = read_fabric(path, THICKNESS)
-    if not all(map(is_clear, found.ignored)):
-        raise UnclearError(found.ignored)
-    return found.fabric
+    content = read_fabric(path, THICKNESS)
+    if not all(map(is_clear, content.ignored)):
+        raise UnclearError(content.ignored)
+    return content.fabric
 
 
 def check_loading_data(cloth, content):
-    """Demand that every point of the loading data is on its law."""
+    """Check that every point of the loading data is on its law."""
     points, component = {}, ""
-    for keyword, given, lines in keyword_blocks(content):
+    for keyword, parameters, lines in keyword_blocks(content):
         if keyword == "UNIAXIAL":
-            component = given["COMPONENT"].upper()
+            component = parameters["COMPONENT"].upper()
         elif keyword == "LOADING DATA":
             rows = [line.split(b",") for line in lines]
             rows = [(float(row[1]), float(row[0])) for row in rows]
@@ -208,13 +208,13 @@ def check_loading_data(cloth, content):
             if (strain < 0).any() and (strain > 0).any():
                 x, expected = -x, -expected
         scale = ROUND_OFF * np.abs(expected) + 1e-300
-        demand_near(component, (inner.value(x) - expected) / scale, 0.0, 1.0)
+        expect_close(component, (inner.value(x) - expected) / scale, 0.0, 1.0)
 
 
 def first_axes(content):
     """First local axes in the plane, of the only distribution; shape (2, n).
 
-    None where the orientation turns about another axis, or by an angle of its own.
+    None where the orientation rotates about another axis, or by an additional angle.
     """
     rows = {
         keyword: [
@@ -231,12 +231,12 @@ def first_axes(content):
             return None
     elif second not in ([["3", "0."]], []):
         return None
-    own = {}
+    axes = {}
     for element, *words in rows["DISTRIBUTION"]:
         if not element.isdigit() and element:
             return None
-        own[element and int(element)] = [float(word) for word in words if word]
-    chosen = [own.get(int(element), own.get("")) for element, *_ in rows["ELEMENT"]]
+        axes[element and int(element)] = [float(word) for word in words if word]
+    chosen = [axes.get(int(element), axes.get("")) for element, *_ in rows["ELEMENT"]]
     if table == ["ANGLE"]:
         turn = np.radians([value[0] for value in chosen])
         return np.stack([np.cos(turn), np.sin(turn)])
@@ -245,14 +245,14 @@ def first_axes(content):
 
 
 def check_written(cloth):
-    """Demand that the fabric comes back from its file."""
+    """Check that the fabric is read back from its file."""
     write_fabric("fabric.json", cloth)
     again = read_fabric("fabric.json").fabric
     laws = [repr((one.tensions, one.shear_law)) for one in (again, cloth)]
-    demand_equal("laws that were written", *laws)
+    expect_equal("laws that were written", *laws)
 
 
-def shown(path, damage):
+def show(path, damage):
     """Show a deck on the command line: all files, or none and one line."""
     out, printed, heard = Path("out"), io.StringIO(), io.StringIO()
     with (
@@ -263,7 +263,7 @@ def shown(path, damage):
         code = cli.main(["show", str(path), "--no-render", "--out", "out"])
     message = heard.getvalue().removesuffix("\n")
     if code == 2 and not out.exists() and not printed.getvalue():
-        return refused_if_damaged(message, damage)
+        return rejected_if_damaged(message, damage)
     if code or {file.name for file in out.iterdir()} != SHOWN:
         raise UnclearError(f"code {code}: {message}")
     return RIGHT
@@ -275,9 +275,9 @@ FAMILIES = (
 )
 
 
-def test_a_damaged_deck_of_abaqus_is_refused_or_read_as_it_stands():
-    FAMILIES[0].holds(40)
+def test_a_damaged_deck_of_abaqus_is_rejected_or_read_as_written():
+    FAMILIES[0].check(40)
 
 
-def test_a_damaged_deck_of_openradioss_is_refused_or_has_sound_laws():
-    FAMILIES[1].holds(40)
+def test_a_damaged_deck_of_openradioss_is_rejected_or_has_consistent_laws():
+    FAMILIES[1].check(40)

@@ -1,4 +1,4 @@
-"""Damaged mesh files are refused in one line, or read as a plain reader reads them."""
+"""Damaged mesh files are rejected in one line, or read as by a plain reader."""
 
 import contextlib
 import io
@@ -34,16 +34,16 @@ from tests.helpers.hostile import (
     Family,
     UnclearError,
     WrongAnswerError,
-    demand,
+    expect,
     is_clear,
-    refused_if_damaged,
+    rejected_if_damaged,
     seeds,
 )
 from tests.helpers.hostile import mesh_files as files
 from tests.helpers.hostile import mesh_readers as readers
 from tests.helpers.hostile.damage import damaged
 
-# Files that Gmsh wrote.
+# Files written by Gmsh.
 MESHES = Path(__file__).parent / "meshes"
 
 READERS = {
@@ -51,7 +51,7 @@ READERS = {
     **{".vtu": readers.vtu, ".vtk": readers.vtk},
 }
 
-# By format: the suffix, what writes a mesh, and a pattern of files by Gmsh.
+# By format: the suffix, the writer of a mesh, and a pattern of files by Gmsh.
 FORMATS = {
     "msh 2.2": (".msh", files.gmsh_22, "*22.msh"),
     "msh 4.1": (".msh", files.gmsh_41, "*41*.msh"),
@@ -60,7 +60,7 @@ FORMATS = {
     "vtk": (".vtk", files.vtk, ""),
 }
 
-# Begins what is printed, and warnings that do not go to the log.
+# Prefix of printed lines, and of warnings that are not logged.
 LOUD = "aloud: "
 
 # Thickness up to which a mesh is plane, and displacement of a pulled end, as a share of
@@ -69,7 +69,7 @@ PLANE, PULL = 1e-9, 0.02
 
 
 class MeshFile(NamedTuple):
-    """A file, whether its triangles are split, whether the mesh is loaded."""
+    """A file, and flags for splitting its triangles and for loading the mesh."""
 
     name: str
     content: bytes
@@ -112,11 +112,11 @@ def attempt(file):
         except MeshError as error:
             if heard:
                 raise UnclearError(heard) from None
-            return refused_if_damaged(error, file.damage)
+            return rejected_if_damaged(error, file.damage)
         expected = all(line.startswith(f"{path}: ignored: ") for line in heard)
         if len(heard) > 1 or not expected or not all(map(is_clear, heard)):
             raise UnclearError(heard)
-        demand(path.suffix in READERS, "there is no such format")
+        expect(path.suffix in READERS, "there is no such format")
         try:
             content = READERS[path.suffix](file.content)
         except readers.MalformedError as error:
@@ -127,8 +127,8 @@ def attempt(file):
             try:
                 pull(mesh)
             except ValueError as error:
-                return refused_if_damaged(error, file.damage)
-            # A run may write to the log, and nowhere else.
+                return rejected_if_damaged(error, file.damage)
+            # A run may write only to the log.
             if any(line.startswith(LOUD) for line in heard):
                 raise UnclearError(heard)
     return RIGHT
@@ -172,43 +172,43 @@ def pull(mesh):
         LoadStepper(ply, ends, steps=2, max_halvings=1).run()
 
 
-# What the library has read, and what a plain reader has read
+# Content read by the library and by a plain reader
 
 
 def compare(mesh, content):
-    """Demand the same positions, cells and names."""
+    """Check for equal positions, cells and names."""
     x = np.array(content.points, dtype=float)
-    demand(np.isfinite(x).all(), "positions that are not finite were read")
+    expect(np.isfinite(x).all(), "positions that are not finite were read")
     size = np.ptp(x, axis=0)
-    demand((size[2:] <= PLANE * size[:2].max()).all(), "nodes are not in a plane")
+    expect((size[2:] <= PLANE * size[:2].max()).all(), "nodes are not in a plane")
     is_split = was_split(mesh)
     cells, n = mesh.cells if is_split else [mesh.t], len(x)
-    demand(np.array_equal(mesh.p[:, :n].T, x[:, :2]), "positions differ")
-    demand(is_split or mesh.p.shape[1] == n, "there are other nodes")
-    own = [normalised(cell) for block in cells for cell in block.T.tolist()]
+    expect(np.array_equal(mesh.p[:, :n].T, x[:, :2]), "positions differ")
+    expect(is_split or mesh.p.shape[1] == n, "there are other nodes")
+    read = [normalised(cell) for block in cells for cell in block.T.tolist()]
     theirs = [normalised(cell) for cell in content.cells]
-    demand(Counter(own) == Counter(theirs), "cells differ")
+    expect(Counter(read) == Counter(theirs), "cells differ")
     edges, nodes = edges_and_nodes(content)
     ends = {k: [(edge, x[sorted(edge), :2]) for edge in e] for k, e in edges.items()}
-    for what, found, expected in (
+    for title, computed, expected in (
         ("boundaries", boundaries(mesh), pieces(ends, is_split)),
-        ("subdomains", regions(mesh, own), content.regions),
+        ("subdomains", regions(mesh, read), content.regions),
         ("named nodes", {k: v.tolist() for k, v in named_nodes(mesh).items()}, nodes),
     ):
-        if what == "subdomains":
+        if title == "subdomains":
             expected = {k: [theirs[i] for i in v] for k, v in expected.items()}
-        found, expected = (
+        computed, expected = (
             {name: sorted(members) for name, members in named.items() if len(members)}
-            for named in (found, expected)
+            for named in (computed, expected)
         )
-        demand(found == expected, f"{what}: {found}, expected {expected}")
+        expect(computed == expected, f"{title}: {computed}, expected {expected}")
 
 
 def normalised(cell):
     """The nodes of a cell, the same from any first corner and in either direction."""
     walk = tuple(cell)
     ways = [walk[i:] + walk[:i] for i in range(len(walk))]
-    return min(ways + [way[::-1] for way in ways])
+    return min(ways + [order[::-1] for order in ways])
 
 
 def edges_and_nodes(content):
@@ -243,26 +243,26 @@ def pieces(named, is_split):
 
 def boundaries(mesh):
     """Edges of the mesh in the form of `pieces`; the middle has the higher number."""
-    found = {}
+    named = {}
     for name, edges in (mesh.boundaries or {}).items():
         pairs = np.sort(mesh.facets[:, np.asarray(edges)], axis=0).T.tolist()
         halves = [(a, *mesh.p[:, b]) for a, b in pairs]
-        found[name] = halves if was_split(mesh) else [tuple(pair) for pair in pairs]
-    return found
+        named[name] = halves if was_split(mesh) else [tuple(pair) for pair in pairs]
+    return named
 
 
-def regions(mesh, own):
+def regions(mesh, nodes):
     """Cells of the subdomains; () for a cell of which a piece is missing."""
-    found = {}
+    named = {}
     for name, elements in (mesh.subdomains or {}).items():
         members = np.asarray(elements).tolist()
-        found[name] = [own[i] for i in members] if not was_split(mesh) else []
+        named[name] = [nodes[i] for i in members] if not was_split(mesh) else []
         if was_split(mesh):
             times, whole = (
                 Counter(x.tolist()) for x in (mesh.parent[members], mesh.parent)
             )
-            found[name] = [own[c] if whole[c] == t else () for c, t in times.items()]
-    return found
+            named[name] = [nodes[c] if whole[c] == t else () for c, t in times.items()]
+    return named
 
 
 FAMILIES = tuple(
@@ -272,5 +272,5 @@ FAMILIES = tuple(
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
-def test_a_damaged_mesh_is_refused_or_read_rightly(family):
-    family.holds(12)
+def test_a_damaged_mesh_is_rejected_or_read_correctly(family):
+    family.check(12)

@@ -1,4 +1,4 @@
-"""Files that depart from their format are refused, and those that do not are read."""
+"""Files that depart from their format are rejected, and all others are read."""
 
 from base64 import b64encode
 from pathlib import Path
@@ -19,7 +19,7 @@ QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
 
 
 def changed(folder, name, old, new):
-    """A file of ``meshes`` in which the first of some bytes are others."""
+    """A file of ``meshes`` with the first occurrence of some bytes replaced."""
     content = (MESHES / name).read_bytes()
     assert old in content
     (folder / name).write_bytes(content.replace(old, new, 1))
@@ -133,13 +133,11 @@ def refused(path, message):
         ),
     ],
 )
-def test_damaged_files_of_gmsh_and_abaqus_are_refused(
-    tmp_path, name, old, new, message
-):
+def test_damaged_gmsh_and_abaqus_files_are_rejected(tmp_path, name, old, new, message):
     refused(changed(tmp_path, name, old, new), message)
 
 
-def test_a_count_before_bytes_stands_alone(tmp_path):
+def test_a_count_before_bytes_is_alone_on_its_line(tmp_path):
     path = written(tmp_path, "m.msh", file_format="gmsh22")
     content = path.read_bytes()
     path.write_bytes(content.replace(b"$Nodes\n6\n", b"$Nodes\n6 6\n"))
@@ -147,25 +145,25 @@ def test_a_count_before_bytes_stands_alone(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["quads41b.msh", "quads22.msh", "quads.inp"])
-def test_files_that_are_there_twice_are_refused(tmp_path, name):
+def test_files_with_duplicate_content_are_rejected(tmp_path, name):
     content = (MESHES / name).read_bytes()
     (tmp_path / name).write_bytes(content + content)
     refused(tmp_path / name, "more than one")
 
 
-def test_entities_without_a_group_lie_beside_those_with_one(tmp_path):
+def test_entities_without_a_group_are_read_beside_grouped_ones(tmp_path):
     path = changed(tmp_path, "quads41.msh", b"1 5 4 2 3 4 -7", b"0 4 2 3 4 -7")
     sizes = {k: len(v) for k, v in read_mesh(path).subdomains.items()}
     assert sizes == {"half": 4, "ply": 4}
 
 
-def test_entities_in_a_group_the_other_way_round_belong_to_it(tmp_path):
+def test_entities_in_a_group_with_reversed_orientation_belong_to_it(tmp_path):
     path = changed(tmp_path, "quads41.msh", b"1 5 4 2 3 4 -7", b"1 -5 4 2 3 4 -7")
     assert len(read_mesh(path).subdomains["ply"]) == 8
 
 
 @pytest.mark.parametrize("capitals", [str.lower, str.upper])
-def test_capitals_are_the_same_letters_to_abaqus(tmp_path, capitals):
+def test_abaqus_keywords_are_case_insensitive(tmp_path, capitals):
     path = tmp_path / "m.inp"
     path.write_text(capitals((MESHES / "quads.inp").read_text()))
     mesh = read_mesh(path)
@@ -180,7 +178,7 @@ def written(folder, name, **how):
 
 
 @pytest.mark.parametrize("exponent", [-300, -160, -101])
-def test_meshes_too_small_to_be_computed_on_are_refused(tmp_path, exponent):
+def test_meshes_of_too_small_size_are_rejected(tmp_path, exponent):
     points = POINTS * 10.0**exponent
     meshio.Mesh(points, {"quad": QUADS}).write(tmp_path / "m.vtu")
     refused(tmp_path / "m.vtu", r"2 quadrilateral\(s\) are inverted or degenerate")
@@ -203,7 +201,7 @@ VTU = [
 
 
 @pytest.mark.parametrize(("old", "new", "message"), VTU)
-def test_damaged_text_of_vtu_is_refused(tmp_path, old, new, message):
+def test_damaged_text_of_vtu_is_rejected(tmp_path, old, new, message):
     path = written(tmp_path, "m.vtu", binary=False)
     content = path.read_bytes()
     assert old in content
@@ -215,7 +213,7 @@ def test_damaged_text_of_vtu_is_refused(tmp_path, old, new, message):
 
 
 @pytest.mark.parametrize("compression", [None, "zlib", "lzma"])
-def test_every_character_of_encoded_arrays_counts(tmp_path, compression):
+def test_every_character_of_encoded_arrays_is_checked(tmp_path, compression):
     path = written(tmp_path, "m.vtu", compression=compression)
     content = path.read_bytes()
     np.testing.assert_array_equal(read_mesh(path).t, QUADS.T)
@@ -227,7 +225,7 @@ def test_every_character_of_encoded_arrays_counts(tmp_path, compression):
 
 
 def test_one_byte_after_its_count_is_read():
-    """Together they end with padding, as the count alone does."""
+    """Together they end with padding, like the count alone."""
     header = np.dtype("<u4")
     one, count = b"\x09", np.array(1, header).tobytes()
     assert read_uncompressed(Base64Data(b64encode(count + one)), header) == one
@@ -236,7 +234,7 @@ def test_one_byte_after_its_count_is_read():
     )
 
 
-def test_appended_data_begin_with_their_mark(tmp_path):
+def test_appended_data_start_with_their_marker(tmp_path):
     path = tmp_path / "m.vtu"
     path.write_text(
         '<VTKFile type="UnstructuredGrid"><AppendedData encoding="raw">\n$_1'
@@ -247,7 +245,7 @@ def test_appended_data_begin_with_their_mark(tmp_path):
 
 @pytest.mark.parametrize("binary", [True, False])
 @pytest.mark.parametrize("version", ["vtk42", "vtk"])
-def test_old_files_of_vtk_are_read_or_refused(tmp_path, version, binary):
+def test_legacy_files_of_vtk_are_read_or_rejected(tmp_path, version, binary):
     path = written(tmp_path, "m.vtk", file_format=version, binary=binary)
     content = path.read_bytes()
     np.testing.assert_array_equal(read_mesh(path).t, QUADS.T)
@@ -262,27 +260,27 @@ def test_old_files_of_vtk_are_read_or_refused(tmp_path, version, binary):
         refused(path, "m.vtk: ")
 
 
-def test_boundaries_of_oriented_triangles_are_those_that_scikit_fem_wrote(tmp_path):
-    """Edges are counted in the order of the file, which need not ascend."""
+def test_boundaries_of_oriented_triangles_agree_with_scikit_fem(tmp_path):
+    """Edges are counted in the order of the file, which may descend."""
     plain = MeshTri().refined(1).oriented()
     inner = np.setdiff1d(np.arange(plain.nfacets), plain.boundary_facets())
     plain = plain.with_boundaries({"a:b": inner[:3]})
     plain.save(str(tmp_path / "m.vtu"))
     mesh = read_mesh(tmp_path / "m.vtu")
-    found, wanted = (
+    read, expected = (
         np.sort(m.facets[:, np.sort(m.boundaries["a:b"])], axis=0)
         for m in (mesh, plain)
     )
-    np.testing.assert_array_equal(found, wanted)
+    np.testing.assert_array_equal(read, expected)
 
 
-def test_names_by_scikit_fem_that_are_no_numbers_of_edges_are_refused(tmp_path):
+def test_names_by_scikit_fem_without_valid_edge_numbers_are_rejected(tmp_path):
     data = {"skfem:b:left": [np.array([16, 0])]}
     meshio.Mesh(POINTS, {"quad": QUADS}, cell_data=data).write(tmp_path / "m.vtu")
     refused(tmp_path / "m.vtu", "name 'left' written by scikit-fem are not valid")
 
 
-def test_old_files_of_vtk_keep_names_by_scikit_fem(tmp_path):
+def test_legacy_files_of_vtk_keep_names_by_scikit_fem(tmp_path):
     MeshQuad().refined(1).with_defaults().save(str(tmp_path / "m.vtk"))
     assert set(read_mesh(tmp_path / "m.vtk").boundaries) == {
         *("left", "right", "bottom", "top")

@@ -1,4 +1,4 @@
-"""Fabrics of OpenRadioss: LAW58 and LAW158, their defaults and what is refused."""
+"""Fabrics of OpenRadioss: LAW58 and LAW158, their defaults, and rejected decks."""
 
 import numpy as np
 import pytest
@@ -11,8 +11,8 @@ from skfem_textile.io import read_fabric
 def card(**fields):
     """A line of fixed columns: by name, such as c3_2, the first and how many."""
     line = " " * 100
-    for place, value in fields.items():
-        first, width = (10 * int(n) for n in place.removeprefix("c").split("_"))
+    for column, value in fields.items():
+        first, width = (10 * int(n) for n in column.removeprefix("c").split("_"))
         line = line[:first] + str(value).rjust(width) + line[first + width :]
     return line.rstrip()
 
@@ -35,29 +35,25 @@ def rad(tmp_path, *lines):
 
 
 def test_law58_is_a_cell_of_crimped_yarns(tmp_path):
-    found = read_fabric(rad(tmp_path, *LAW58), thickness=0.2)
-    law = found.fabric.tensions
+    read = read_fabric(rad(tmp_path, *LAW58), thickness=0.2)
+    law = read.fabric.tensions
     assert law.yarns == (Softening(200.0, 10.0), Softening(160.0))
     assert law.crimp == (0.05, 0.04)
     for spring, E, s in zip(law.springs, (200.0, 160.0), law.crimp, strict=True):
         sine = np.sin(np.arccos(1 / (1 + s)))
         assert spring == pytest.approx(0.01 * E * sine)
-    shear = found.fabric.shear_law
+    shear = read.fabric.shear_law
     assert (shear.stiffness, shear.angle) == (0.1, pytest.approx(np.pi / 4))
     assert shear.locked_stiffness == pytest.approx(0.5)
-    assert [s.partition(":")[0] for s in found.ignored] == [
-        "Df",
-        "density",
-        "/UNIT/1",
-    ]
+    assert [s.partition(":")[0] for s in read.ignored] == ["Df", "density", "/UNIT/1"]
 
 
 def test_law58_takes_functions_of_its_yarns_and_of_shear(tmp_path):
     lines = [*LAW58, card(c0_1=3, c2_2=2.0), "", card(c0_1=4)]
-    found = read_fabric(rad(tmp_path, *lines, *FUNCTION, *TURN), thickness=0.2)
-    yarn = found.fabric.tensions.yarns[0]
+    read = read_fabric(rad(tmp_path, *lines, *FUNCTION, *TURN), thickness=0.2)
+    yarn = read.fabric.tensions.yarns[0]
     assert yarn.value(np.array([0.05]))[0] == pytest.approx(0.2 * 2.0 * 4.5)
-    shear = found.fabric.shear_law
+    shear = read.fabric.shear_law
     assert shear.value(np.radians([-60.0, 30.0])) == pytest.approx([-0.24, 0.12])
 
 
@@ -68,9 +64,9 @@ def test_law158_couples_logarithmic_springs(tmp_path):
         card(c0_2=0.0),
         *(card(c0_1=3), card(c0_1=3, c2_2=2.0), card(c0_1=4)),
     ]
-    found = read_fabric(rad(tmp_path, *lines, *FUNCTION, *TURN), 0.5)
-    assert any("Fscale" in sentence for sentence in found.ignored)
-    law = found.fabric.tensions
+    read = read_fabric(rad(tmp_path, *lines, *FUNCTION, *TURN), 0.5)
+    assert any("Fscale" in sentence for sentence in read.ignored)
+    law = read.fabric.tensions
     assert (law.coupling, law.springs, law.crimp) == (1.5, (2.0, 0.5), (0.05, 0.04))
     assert np.isfinite(law.value(np.array([[0.02], [0.01]]))).all()
 
@@ -89,9 +85,7 @@ def test_law158_couples_logarithmic_springs(tmp_path):
         (LAW58, {"thickness": 1.0, "material": "8"}, "number 8"),
     ],
 )
-def test_a_law58_that_cannot_be_read_is_refused_in_one_line(
-    tmp_path, lines, more, named
-):
+def test_an_unreadable_law58_is_rejected_in_one_line(tmp_path, lines, more, named):
     with pytest.raises(MeshError, match=named) as refusal:
         read_fabric(rad(tmp_path, *lines), **more)
     assert str(refusal.value).isprintable()

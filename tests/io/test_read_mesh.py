@@ -1,4 +1,4 @@
-"""Meshes of every kind are read with their names, or refused by name."""
+"""Meshes of every kind are read with their names, or rejected by name."""
 
 import meshio
 import numpy as np
@@ -32,18 +32,18 @@ INP = """*HEADING
 """
 
 
-def saved(path, cells, points=POINTS, **more):
+def save(path, cells, points=POINTS, **more):
     meshio.Mesh(points, cells, **more).write(path)
     return path
 
 
-def test_a_plane_may_lie_anywhere_but_for_round_off(tmp_path):
+def test_a_plane_in_any_position_is_read_up_to_round_off(tmp_path):
     points = POINTS + np.outer(3 + 1e-16 * np.arange(6), [0, 0, 1])
-    assert read_mesh(saved(tmp_path / "m.vtu", {"quad": QUADS}, points)).nelements == 2
+    assert read_mesh(save(tmp_path / "m.vtu", {"quad": QUADS}, points)).nelements == 2
 
 
 def test_vtu_is_read(tmp_path):
-    mesh = read_mesh(saved(tmp_path / "m.vtu", {"quad": QUADS}))
+    mesh = read_mesh(save(tmp_path / "m.vtu", {"quad": QUADS}))
     np.testing.assert_array_equal(mesh.t, QUADS.T)
     np.testing.assert_array_equal(mesh.p, POINTS[:, :2].T)
 
@@ -98,8 +98,8 @@ TRIANGLES = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
         ),
     ],
 )
-def test_meshes_of_both_are_split(tmp_path, cells, count):
-    mesh = read_mesh(saved(tmp_path / "m.vtu", cells))
+def test_mixed_meshes_are_split(tmp_path, cells, count):
+    mesh = read_mesh(save(tmp_path / "m.vtu", cells))
     assert mesh.nelements == count
     np.testing.assert_array_equal(mesh.p[:, :6], POINTS[:, :2].T)
     assert sum(c.shape[1] for c in mesh.cells) == sum(len(c) for _, c in cells)
@@ -121,7 +121,7 @@ TRIANGLES_INP = INP.replace("CPS4", "CPS3").replace(
 )
 
 
-def test_triangles_are_read_as_they_are(tmp_path):
+def test_triangles_are_read_unchanged(tmp_path):
     (tmp_path / "m.inp").write_text(TRIANGLES_INP)
     mesh = read_mesh(tmp_path / "m.inp")
     assert isinstance(mesh, MeshTri)
@@ -138,8 +138,8 @@ def test_triangles_are_read_as_they_are(tmp_path):
         ([("triangle", TRIANGLES[:2])], r"2 node.*belong to no triangle.*: 2, 5"),
     ],
 )
-def test_bad_triangles_are_refused_by_name(tmp_path, cells, message):
-    path = saved(tmp_path / "bad.vtu", cells)
+def test_invalid_triangles_are_rejected_by_name(tmp_path, cells, message):
+    path = save(tmp_path / "bad.vtu", cells)
     with pytest.raises(MeshError, match=f"bad.vtu: .*{message}"):
         read_mesh(path)
 
@@ -170,8 +170,8 @@ def test_bad_triangles_are_refused_by_name(tmp_path, cells, message):
         *("inverted", "unused", "space", "lines", "index"),
     ],
 )
-def test_bad_meshes_are_refused_by_name(tmp_path, cells, points, message):
-    path = saved(tmp_path / "bad.vtu", cells, points)
+def test_invalid_meshes_are_rejected_by_name(tmp_path, cells, points, message):
+    path = save(tmp_path / "bad.vtu", cells, points)
     with pytest.raises(MeshError, match=f"bad.vtu: .*{message}"):
         read_mesh(path)
 
@@ -180,7 +180,7 @@ def test_bad_meshes_are_refused_by_name(tmp_path, cells, points, message):
     ("name", "content"),
     [("no.vtu", None), ("empty.vtu", ""), ("text.msh", "hello"), ("mesh.xyzzy", "1 2")],
 )
-def test_unreadable_files_are_refused_in_one_line(tmp_path, capfd, name, content):
+def test_unreadable_files_are_rejected_in_one_line(tmp_path, capfd, name, content):
     if content is not None:
         (tmp_path / name).write_text(content)
     with pytest.raises(MeshError, match=name) as error:

@@ -1,4 +1,4 @@
-"""Names in files, and what is left out of them."""
+"""Names in files, and data that are ignored."""
 
 import logging
 from pathlib import Path
@@ -19,8 +19,8 @@ BY_GMSH = sorted(path.name for path in MESHES.iterdir() if path.suffix != ".py")
 
 @pytest.mark.parametrize("of_a_ply", [False, True])
 @pytest.mark.parametrize("name", BY_GMSH)
-def test_files_that_gmsh_wrote_have_every_named_thing_once(name, of_a_ply):
-    """Of ``meshes/make.py``: groups overlap, and one lies between two surfaces."""
+def test_files_of_gmsh_have_every_group_once(name, of_a_ply):
+    """Groups of ``meshes/make.py`` overlap, and one is between two surfaces."""
     mesh = read_mesh(MESHES / name)
     if of_a_ply:
         mesh = Ply(mesh, Fabric()).mesh
@@ -49,7 +49,7 @@ def test_files_that_gmsh_wrote_have_every_named_thing_once(name, of_a_ply):
 
 
 def test_a_condition_on_a_group_of_gmsh_acts_once():
-    """Reactions of the file in either version are the same."""
+    """Files of both versions give the same reactions."""
     reactions = []
     for name in ("quads22.msh", "quads41.msh"):
         mesh = read_mesh(MESHES / name)
@@ -85,7 +85,7 @@ def with_lines(path, kind, lines):
 
 @pytest.mark.parametrize("kind", CELLS)
 @pytest.mark.parametrize("last", [[0, 2], [3, 2], [2, 2]])
-def test_a_group_of_which_an_edge_is_none_is_refused(tmp_path, kind, last):
+def test_a_group_with_an_invalid_edge_is_rejected(tmp_path, kind, last):
     path = with_lines(tmp_path / "m.msh", kind, [[0, 1], [1, 2], last])
     a, b = sorted(last)
     message = f"m.msh: boundary 'clamp': no edge of the mesh joins nodes {a} and {b}"
@@ -162,7 +162,7 @@ def test_node_sets_without_edges_are_named_nodes(tmp_path):
     assert named == {"point": [4], "both": [4], "row": [3, 4, 5], "all": [4]}
 
 
-def test_conditions_take_named_nodes_and_hold_all_of_a_set(tmp_path):
+def test_conditions_accept_named_nodes_and_fix_all_of_a_set(tmp_path):
     mesh = read_mesh(inp(tmp_path / "m.inp"))
     ply = Ply(mesh, Fabric(10.0, 1.0), OnePoint())
     held = {
@@ -175,13 +175,13 @@ def test_conditions_take_named_nodes_and_hold_all_of_a_set(tmp_path):
     np.testing.assert_allclose(u[:, 3:6], 0.1 * mesh.p[:, 3:6], atol=1e-12)
 
 
-def test_names_outlive_the_rotation_of_a_scene(tmp_path):
+def test_the_rotation_of_a_scene_preserves_names(tmp_path):
     mesh = read_mesh(inp(tmp_path / "m.inp"))
     turned = bias_extension(mesh.scaled((25.0, 50.0))).rotated(0.3)
     assert named_nodes(turned.mesh)["point"].tolist() == [4]
 
 
-def test_what_is_not_read_is_named_in_one_warning(tmp_path, caplog):
+def test_ignored_data_are_named_in_one_warning(tmp_path, caplog):
     more = (
         "*ORIENTATION, NAME=o\n1., 0., 0., 0., 1., 0.\n*Distribution, name=d\n, 1.\n"
         "** a comment\n*MATERIAL, NAME=a\x07b\n*Orientation, name=p\n1., 0., 0.\n"
@@ -194,8 +194,8 @@ def test_what_is_not_read_is_named_in_one_warning(tmp_path, caplog):
     assert record.getMessage().endswith(end)
 
 
-def test_fields_that_are_not_read_are_named(tmp_path, caplog):
-    """Nor is a field of the whole file, as the time that ParaView writes, a group."""
+def test_ignored_fields_are_named(tmp_path, caplog):
+    """A field of the whole file, such as the time in ParaView, is not a group."""
     fields = {"thickness": [np.ones(2)], "warp": [np.ones((2, 3))]}
     meshio.Mesh(
         POINTS, {"quad": QUADS}, point_data={"u": np.zeros(6)}, cell_data=fields
@@ -213,7 +213,7 @@ def test_fields_that_are_not_read_are_named(tmp_path, caplog):
     assert message.partition("ignored: ")[2] == "u, thickness, warp, TimeValue"
 
 
-def test_a_file_of_which_all_is_read_is_read_in_silence(tmp_path, caplog):
+def test_a_file_read_completely_causes_no_warning(tmp_path, caplog):
     read_mesh(inp(tmp_path / "m.inp"))
     for name in BY_GMSH:
         read_mesh(MESHES / name)
@@ -261,7 +261,7 @@ def test_a_file_of_which_all_is_read_is_read_in_silence(tmp_path, caplog):
         ("S4R", "C3D\x1b8", r"C3D\\x1b8"),
     ],
 )
-def test_what_would_be_misread_is_refused_in_a_line(tmp_path, old, new, message):
+def test_ambiguous_files_are_rejected_in_one_line(tmp_path, old, new, message):
     path = inp(
         tmp_path / "m.inp", INP.format(quad="S4R", triangle="S3").replace(old, new)
     )
@@ -272,7 +272,7 @@ def test_what_would_be_misread_is_refused_in_a_line(tmp_path, old, new, message)
 
 @pytest.mark.parametrize("kind", CELLS)
 @pytest.mark.parametrize("number", [-1, 6, 2**40])
-def test_numbers_of_nodes_that_are_none_are_told(tmp_path, kind, number):
+def test_invalid_node_numbers_are_reported(tmp_path, kind, number):
     name, cells = CELLS[kind]
     cells = cells.copy()
     cells[1, 2] = number
@@ -283,7 +283,7 @@ def test_numbers_of_nodes_that_are_none_are_told(tmp_path, kind, number):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
 @pytest.mark.parametrize("axis", [0, 2])
-def test_positions_that_are_none_are_told_without_warnings(tmp_path, bad, axis):
+def test_invalid_positions_are_reported_without_warnings(tmp_path, bad, axis):
     points = POINTS.copy()
     points[3, axis] = bad
     meshio.Mesh(points, {"quad": QUADS}).write(tmp_path / "m.vtu")
@@ -291,7 +291,7 @@ def test_positions_that_are_none_are_told_without_warnings(tmp_path, bad, axis):
         read_mesh(tmp_path / "m.vtu")
 
 
-def test_names_of_paths_are_written_in_one_line(tmp_path):
+def test_file_names_are_printed_in_one_line(tmp_path):
     with pytest.raises(MeshError, match=r"a\\nb\\x1b\[2J\\x00.msh: no such file"):
         read_mesh("a\nb\x1b[2J\0.msh")
     (tmp_path / "a\nb.msh").write_text("x\x1b")
@@ -300,14 +300,14 @@ def test_names_of_paths_are_written_in_one_line(tmp_path):
     assert str(error.value).isprintable()
 
 
-def test_two_groups_of_gmsh_with_one_name_are_refused(tmp_path):
+def test_two_groups_of_gmsh_with_one_name_are_rejected(tmp_path):
     text = (MESHES / "quads41.msh").read_text().replace('"half"', '"inner"')
     (tmp_path / "m.msh").write_text(text)
     with pytest.raises(MeshError, match="two groups have the name 'inner'"):
         read_mesh(tmp_path / "m.msh")
 
 
-def test_cells_that_are_repeated_without_another_name_are_refused(tmp_path):
+def test_cells_repeated_under_the_same_name_are_rejected(tmp_path):
     text = (MESHES / "quads22.msh").read_text()
     line = next(x for x in text.splitlines() if x.split()[1:4] == ["3", "2", "6"])
     (tmp_path / "m.msh").write_text(
@@ -318,7 +318,7 @@ def test_cells_that_are_repeated_without_another_name_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("kind", [MeshQuad, MeshTri])
-def test_names_that_scikit_fem_wrote_are_kept(tmp_path, kind):
+def test_names_written_by_scikit_fem_are_kept(tmp_path, kind):
     plain = kind().refined(1).with_defaults()
     inner = np.setdiff1d(np.arange(plain.nfacets), plain.boundary_facets())
     plain = plain.with_boundaries({"inner": inner}).with_subdomains({"one": [0]})

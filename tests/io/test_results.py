@@ -1,4 +1,4 @@
-"""Fields, histories and summaries on file."""
+"""Files of fields, histories and summaries."""
 
 import json
 from xml.etree import ElementTree
@@ -13,7 +13,7 @@ from skfem_textile.io.results import cell_fields
 from skfem_textile.mesh.splitting import split
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
-from tests.helpers import distorted, wobble
+from tests.helpers import distorted, random_u
 
 
 @pytest.fixture
@@ -98,13 +98,13 @@ def test_a_ply_in_space_is_written_in_space(tmp_path):
     assert len(rows) == 1 + ply.on_users_elements(np.ones(ply.mesh.nelements)).size
 
 
-def test_of_several_points_the_extreme_is_shown():
+def test_the_extreme_of_several_points_is_written():
     ply = Ply(distorted(1), Fabric(10.0), Full())
-    u = wobble(ply, 1)
+    u = random_u(ply, 1)
     strain = ply.fibre_strain(u)[0]
-    shown = cell_fields(ply, u)["warp_strain"]
-    np.testing.assert_array_equal(np.abs(shown), np.abs(strain).max(axis=1))
-    assert (shown < 0).any()
+    written = cell_fields(ply, u)["warp_strain"]
+    np.testing.assert_array_equal(np.abs(written), np.abs(strain).max(axis=1))
+    assert (written < 0).any()
 
 
 def test_history_and_summary_are_written(tmp_path, result):

@@ -1,4 +1,4 @@
-"""Meshes that touch or overlap themselves are refused, but for cuts."""
+"""Meshes that touch or overlap themselves are rejected, except for cuts."""
 
 import time
 
@@ -16,8 +16,8 @@ SHEET = rectangle(4, 4, (4, 4), "aligned")
 
 
 def together(a, b):
-    """Two meshes as one, no node shared."""
-    return type(a)(*sheets.together(a, b))
+    """Two meshes as one without common nodes."""
+    return type(a)(*sheets.joined(a, b))
 
 
 def opened(mesh, ends, by=0.0):
@@ -72,13 +72,13 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_meshes_that_nobody_can_mean_are_refused(case):
+def test_overlapping_meshes_are_rejected(case):
     mesh, message = REFUSED[case]
     with pytest.raises(MeshError, match=message):
         check_mesh(mesh)
 
 
-def test_an_inclusion_that_was_not_merged_is_refused():
+def test_an_inclusion_that_was_not_merged_is_rejected():
     whole = rectangle(4, 4, (8, 8), "aligned")
     x, y = whole.p[:, whole.t].mean(axis=1)
     inside = (np.abs(x - 2) < 1) & (np.abs(y - 2) < 1)
@@ -107,11 +107,11 @@ def test_an_inclusion_that_was_not_merged_is_refused():
         *("two pieces", "two fans", "three fans", "a circle"),
     ],
 )
-def test_cuts_and_pieces_are_meant(mesh):
+def test_cuts_and_separate_pieces_are_accepted(mesh):
     check_mesh(mesh)
 
 
-def test_nested_rings_are_meant_if_they_do_not_touch():
+def test_nested_rings_without_contact_are_accepted():
     whole = rectangle(4, 4, (8, 8), "aligned")
     x, y = np.abs(whole.p[:, whole.t].mean(axis=1) - 2)
     far = np.maximum(x, y)
@@ -119,8 +119,8 @@ def test_nested_rings_are_meant_if_they_do_not_touch():
     check_mesh(rings)
 
 
-def test_two_cuts_may_cross():
-    """All four quadrilaterals around a node have a node of their own there."""
+def test_crossing_cuts_are_accepted():
+    """All four quadrilaterals around a position have separate nodes there."""
     centre = int(np.flatnonzero((SHEET.p == 2).all(axis=0))[0])
     t, p = SHEET.t, SHEET.p
     quadrant = (p[:, t].mean(axis=1) > 2).astype(int).T @ [1, 2]
@@ -155,7 +155,7 @@ def test_large_meshes_are_checked_in_a_fraction_of_a_second():
         (SHEET.with_boundaries({"b": np.array([-1])}), "boundary 'b': .* from 0 to 39"),
     ],
 )
-def test_positions_and_numbers_that_are_none_are_told_in_a_line(mesh, message):
+def test_invalid_positions_and_numbers_are_reported_in_one_line(mesh, message):
     with pytest.raises(MeshError, match=message) as error:
         check_mesh(mesh)
     assert "\n" not in str(error.value)

@@ -1,4 +1,4 @@
-"""What the package uses of scikit-fem beyond its public interface is as expected."""
+"""Internals of scikit-fem used by the package behave as expected."""
 
 import re
 from pathlib import Path
@@ -50,7 +50,7 @@ def test_boundaries_and_subdomains_are_replaced_and_dropped():
     assert same.subdomains is MESH.subdomains
 
 
-def test_elements_of_a_basis_take_other_unknowns_and_positions(basis):
+def test_elements_of_a_basis_accept_other_unknowns_and_positions(basis):
     reversed_dofs, x = basis.element_dofs[::-1].copy(), np.ones((2, 4, 1))
     set_element_dofs(basis, reversed_dofs[:4])
     assert basis.Nbfun == 4
@@ -84,9 +84,7 @@ def matrix(basis, tangent, u):
         (BilinearForm, lambda u, v, w: ddot(grad(u), grad(v)), matrix),
     ],
 )
-def test_a_form_assembles_its_own_entries_or_its_function(
-    basis, kind, function, entries
-):
+def test_a_form_assembles_its_entries_or_its_function(basis, kind, function, entries):
     class Own(OwnAssembly, kind):
         def entries(self, ubasis, vbasis, parameters):
             assert ubasis is basis

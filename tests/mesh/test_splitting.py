@@ -1,4 +1,4 @@
-"""Meshes that are split or cut, by the user or by a ply."""
+"""Meshes split or cut by the user or by a ply."""
 
 from dataclasses import replace
 
@@ -33,8 +33,8 @@ from skfem_textile.mesh.splitting import (
 )
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
-from tests.helpers import TRIANGLE_AND_QUAD, distorted, wobble
-from tests.helpers.estimates import unestimated
+from tests.helpers import TRIANGLE_AND_QUAD, distorted, random_u
+from tests.helpers.estimates import without_estimate
 
 
 def areas(mesh):
@@ -54,7 +54,7 @@ def test_triangles_become_three_quadrilaterals_of_a_third_each(turn):
     assert np.bincount(mesh.parent).tolist() == [3] * triangles.nelements
 
 
-def test_the_nodes_of_the_original_come_first():
+def test_original_nodes_come_first():
     triangles = MeshTri().refined(2)
     mesh = split(triangles)
     n = triangles.p.shape[1]
@@ -91,9 +91,7 @@ def test_mixed_meshes_conform():
 
 
 @pytest.mark.parametrize(("prepared", "parts"), [(lambda q: q, 4), (cut, 6)])
-def test_quadrilaterals_are_split_in_four_or_by_way_of_triangles_in_six(
-    prepared, parts
-):
+def test_quadrilaterals_are_split_in_four_or_via_triangles_in_six(prepared, parts):
     quads = distorted(2)
     mesh = split(prepared(quads))
     check_mesh(mesh)
@@ -131,7 +129,7 @@ def test_a_mesh_that_was_refined_is_no_longer_split(tmp_path):
     assert not list(tmp_path.glob("own*"))
 
 
-def test_a_split_mesh_that_was_renumbered_is_not_taken_for_macro_elements():
+def test_a_renumbered_split_mesh_is_not_taken_for_macro_elements():
     mesh = split(MeshTri().refined(1))
     order = np.random.default_rng(1).permutation(mesh.nelements)
     sorted_too = replace(mesh, t=mesh.t[:, order], parent=mesh.parent[order])
@@ -153,7 +151,7 @@ def test_a_split_mesh_that_was_renumbered_is_not_taken_for_macro_elements():
             Ply(changed, Fabric(), Macro())
 
 
-def test_an_edge_that_the_mesh_has_not_is_told_by_name_and_nodes():
+def test_a_missing_edge_is_reported_by_name_and_nodes():
     points, cells = TRIANGLE_AND_QUAD
     message = (
         r"boundary 'clamp\\n': no edge of the mesh joins nodes 0 and 2, at "
@@ -164,7 +162,7 @@ def test_an_edge_that_the_mesh_has_not_is_told_by_name_and_nodes():
         split_cells(points, cells, ends)
 
 
-def test_inner_edges_keep_their_name():
+def test_inner_edges_keep_their_names():
     triangles = MeshTri().refined(1)
     inner = np.setdiff1d(np.arange(triangles.nfacets), triangles.boundary_facets())
     mesh = split(triangles.with_boundaries({"inner": inner}))
@@ -176,59 +174,59 @@ def test_inner_edges_keep_their_name():
         np.testing.assert_allclose(middles[:, i::2], quarter)
 
 
-def test_named_nodes_outlive_splitting_cutting_moving_and_cutting_out():
+def test_splitting_cutting_and_moving_preserve_named_nodes():
     quads = with_named_nodes(distorted(1), {"some": np.array([2, 5])})
-    places = quads.p[:, [2, 5]]
+    corners = quads.p[:, [2, 5]]
     named = with_edges(quads)
-    kept = (quads.t == 5).any(axis=0) & ~(quads.t == 2).any(axis=0)
-    part = named.restrict(np.flatnonzero(kept))
+    remaining = (quads.t == 5).any(axis=0) & ~(quads.t == 2).any(axis=0)
+    part = named.restrict(np.flatnonzero(remaining))
     for mesh in (split(quads), cut(quads), split(cut(quads)), quads.refined(), named):
-        np.testing.assert_array_equal(mesh.p[:, named_nodes(mesh)["some"]], places)
+        np.testing.assert_array_equal(mesh.p[:, named_nodes(mesh)["some"]], corners)
     (left,) = part.p[:, named_nodes(part)["some"]].T
-    np.testing.assert_array_equal(left, places[:, 1])
+    np.testing.assert_array_equal(left, corners[:, 1])
     moved = split(quads).translated((1.0, 2.0))
     positions = moved.p[:, named_nodes(moved)["some"]]
-    np.testing.assert_allclose(positions, places + np.array([[1.0], [2.0]]))
+    np.testing.assert_allclose(positions, corners + np.array([[1.0], [2.0]]))
 
 
-def test_moved_and_scaled_meshes_remember_their_parents():
+def test_moved_and_scaled_meshes_keep_their_parents():
     mesh = split(MeshTri()).translated((1.0, 2.0)).scaled((2.0, 2.0))
     assert mesh.parent.tolist() == [0, 1, 0, 1, 0, 1]
 
 
-def test_other_cells_are_refused():
+def test_other_cells_are_rejected():
     with pytest.raises(ValueError, match="straight edges can be split, not MeshHex"):
         split(MeshHex())
 
 
-def test_fields_are_given_back_on_the_original_elements(tmp_path):
+def test_fields_are_averaged_on_the_original_elements(tmp_path):
     mesh = split_cells(*TRIANGLE_AND_QUAD)
     held = {"all": Condition(np.arange(mesh.p.shape[1]), lambda X, t: 0.1 * t * X**2)}
     fabric = Fabric(10.0, 1.0)
     result = LoadStepper(Ply(mesh, fabric, Full()), held, 1).run()
     write_fields(result, tmp_path)
-    own = meshio.read(tmp_path / "own_step_0001.vtu")
+    fields = meshio.read(tmp_path / "own_step_0001.vtu")
     parts = meshio.read(tmp_path / "step_0001.vtu")
-    assert {block.type: len(block.data) for block in own.cells} == {
+    assert {block.type: len(block.data) for block in fields.cells} == {
         "triangle": 1,
         "quad": 1,
     }
     X = TRIANGLE_AND_QUAD[0]
-    np.testing.assert_array_equal(own.points[:, :2], X.T)
-    np.testing.assert_allclose(own.point_data["displacement"][:, :2], 0.1 * X.T**2)
+    np.testing.assert_array_equal(fields.points[:, :2], X.T)
+    np.testing.assert_allclose(fields.point_data["displacement"][:, :2], 0.1 * X.T**2)
     for name in ("shear_angle", "warp_strain"):
         values = parts.cell_data[name][0]
-        for i, value in enumerate(np.concatenate(own.cell_data[name])):
+        for i, value in enumerate(np.concatenate(fields.cell_data[name])):
             part = mesh.parent == i
             mean = np.average(values[part], weights=areas(mesh)[part])
             assert value == pytest.approx(mean, rel=1e-12)
-    directions = np.concatenate(own.cell_data["weft_direction"])
+    directions = np.concatenate(fields.cell_data["weft_direction"])
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
     assert (tmp_path / "own_steps.pvd").exists()
 
 
 def delaunay(quads):
-    """Delaunay's triangles between the nodes of a mesh."""
+    """The Delaunay triangulation of the nodes of a mesh."""
     t = Delaunay(quads.p.T).simplices.T
     a, b, c = quads.p[:, t].transpose(1, 0, 2)
     area = 0.5 * np.abs((b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0])
@@ -237,11 +235,13 @@ def delaunay(quads):
 
 @pytest.mark.parametrize(("seed", "E"), [(1, 1e4), (2, 1e6), (3, 1e6)])
 def test_a_strip_of_triangles_does_not_lock(seed, E):
-    """Triangles do not follow the fibres, and yet the strip needs hardly any force."""
+    """Triangles do not follow the fibres, and yet the load of the strip is small."""
     mesh = split(delaunay(rectangle(40, 60, (12, 18), "irregular", seed=seed)))
     scene = strip(mesh)
     ply = Ply(mesh, Fabric(E), OnePoint(1e-4 * E))
-    summary = scene.summary(unestimated(LoadStepper(ply, scene.conditions, 4).run()))
+    summary = scene.summary(
+        without_estimate(LoadStepper(ply, scene.conditions, 4).run())
+    )
     assert summary["stable"]
     assert abs(summary["reaction_x"]) < 1e-5 * E
     assert summary["max_fibre_strain"] < 1e-4
@@ -249,7 +249,7 @@ def test_a_strip_of_triangles_does_not_lock(seed, E):
 
 
 @pytest.mark.parametrize("number", [-1, 9, 2**30])
-def test_cells_of_nodes_that_are_not_there_are_not_split(number):
+def test_cells_with_missing_nodes_are_not_split(number):
     plain = MeshQuad().refined(1)
     t = plain.t.copy()
     t[1, 2] = number
@@ -260,12 +260,12 @@ def test_cells_of_nodes_that_are_not_there_are_not_split(number):
 
 
 @pytest.mark.parametrize("mesh", [MeshTri(), None])
-def test_what_has_no_quadrilaterals_is_not_cut(mesh):
+def test_meshes_without_quadrilaterals_are_not_cut(mesh):
     with pytest.raises(ValueError, match=r"only a skfem.MeshQuad can be cut"):
         cut(mesh)
 
 
-# A ply takes the user's mesh, splits or cuts it inside, and gives fields back
+# A ply splits or cuts the user's mesh, and averages fields on it
 
 
 FABRIC = Fabric(100.0, 0.5, (1, 0.2), (-0.1, 1))
@@ -279,8 +279,8 @@ DART = MeshQuad(
 )
 
 
-def mixed(folder):
-    """What `read_mesh` makes of a file with a triangle and a quadrilateral."""
+def mixed_mesh(folder):
+    """The mesh that `read_mesh` returns for a triangle and a quadrilateral."""
     points, cells = TRIANGLE_AND_QUAD
     kinds = {3: "triangle", 4: "quad"}
     blocks = [(kinds[len(cell)], cell.T) for cell in cells]
@@ -291,17 +291,17 @@ def mixed(folder):
 def assert_same_ply(ply, other):
     np.testing.assert_array_equal(ply.mesh.p, other.mesh.p)
     np.testing.assert_array_equal(ply.mesh.t, other.mesh.t)
-    u = wobble(ply, 1)
+    u = random_u(ply, 1)
     assert ply.energies(u) == other.energies(u)
     np.testing.assert_array_equal(ply.residual(u), other.residual(u))
     assert (ply.tangent(u) != other.tangent(u)).nnz == 0
 
 
-#: A bias-extension specimen of 100 mm × 200 mm whose file is in metres.
+#: A bias-extension specimen of 100 mm × 200 mm with its file in metres.
 IN_METRES = rectangle(100, 200, (3, 6), "irregular", 0.2).scaled(1e-3)
 
 
-def test_a_file_in_metres_is_refused(tmp_path):
+def test_a_file_in_metres_is_rejected(tmp_path):
     points = np.pad(IN_METRES.p, ((0, 1), (0, 0))).T
     meshio.Mesh(points, {"quad": IN_METRES.t.T}).write(tmp_path / "m.vtu")
     with pytest.raises(MeshError, match=r"m\.vtu: the mesh is 0\.1 mm wide .* metres"):
@@ -315,17 +315,17 @@ def test_small_plies_and_narrow_strips_are_not_taken_for_metres(tmp_path, sides)
 
 
 @pytest.mark.parametrize("mesh", [QUADS, TRIANGLES, DART])
-def test_a_ply_is_one_of_macro_elements_on_the_split_mesh(mesh):
+def test_a_split_mesh_has_macro_elements(mesh):
     assert_same_ply(Ply(mesh, FABRIC), Ply(split(mesh), FABRIC, Macro()))
 
 
-def test_a_ply_of_a_file_of_triangles_and_quadrilaterals_is_one_too(tmp_path):
+def test_a_mixed_mesh_from_a_file_has_macro_elements(tmp_path):
     explicit = Ply(split_cells(*TRIANGLE_AND_QUAD), FABRIC, Macro())
-    assert_same_ply(Ply(mixed(tmp_path), FABRIC), explicit)
+    assert_same_ply(Ply(mixed_mesh(tmp_path), FABRIC), explicit)
 
 
 @pytest.mark.parametrize("kind", ["irregular", "delaunay"])
-def test_a_file_is_split_as_the_mesh_that_was_saved(tmp_path, kind):
+def test_a_mesh_from_a_file_is_split_as_the_saved_one(tmp_path, kind):
     saved = rectangle(3, 2, (3, 2), kind, 0.2)
     saved.save(tmp_path / "m.vtu")
     read = read_mesh(tmp_path / "m.vtu")
@@ -334,7 +334,7 @@ def test_a_file_is_split_as_the_mesh_that_was_saved(tmp_path, kind):
 
 
 @pytest.mark.parametrize("formulation", [OnePoint(1.0), Full()], ids=repr)
-def test_other_formulations_split_triangles_alone(formulation):
+def test_other_formulations_split_triangles_only(formulation):
     explicit = Ply(split(TRIANGLES), FABRIC, formulation)
     assert_same_ply(Ply(TRIANGLES, FABRIC, formulation), explicit)
     assert Ply(QUADS, FABRIC, formulation).mesh is QUADS
@@ -346,13 +346,13 @@ def test_quadratic_triangles_are_cut_from_quadrilaterals():
     assert Ply(TRIANGLES, FABRIC, Quadratic()).mesh is TRIANGLES
 
 
-def test_a_mesh_that_was_split_or_cut_is_taken_as_it_is():
+def test_a_split_or_cut_mesh_is_used_unchanged():
     for mesh, formulation in ((split(QUADS), Macro()), (cut(DART), Quadratic())):
         assert Ply(mesh, FABRIC, formulation).mesh is mesh
 
 
 @pytest.mark.parametrize("formulation", [Macro(), Quadratic()], ids=repr)
-def test_nodes_and_names_of_the_users_mesh_stay(formulation):
+def test_nodes_and_names_of_the_users_mesh_are_kept(formulation):
     quads = QUADS.with_subdomains({"part": np.array([1, 4])})
     mesh = with_named_nodes(quads, {"pin": np.array([5])})
     ply = Ply(mesh, FABRIC, formulation)
@@ -389,8 +389,8 @@ def polygon_centroids(points, cells):
     return moments / (3 * cross.sum(axis=0))
 
 
-def assert_given_back(ply, cells):
-    """Constants and the means of linear fields are exact, on any leading axes."""
+def assert_averaged(ply, cells):
+    """Constants and means of linear fields are exact, on any leading axes."""
     n = sum(cell.shape[1] for cell in cells)
     parts = polygon_centroids(ply.mesh.p, ply.mesh.t)
     linear = np.array([[1.0 + 0 * parts[0], 2 * parts[0] - 3 * parts[1]]])
@@ -404,20 +404,20 @@ def assert_given_back(ply, cells):
 
 @pytest.mark.parametrize("mesh", [QUADS, TRIANGLES, DART])
 @pytest.mark.parametrize("formulation", [Macro(), OnePoint(), Quadratic()], ids=repr)
-def test_fields_are_brought_back_to_the_users_elements(mesh, formulation):
-    assert_given_back(Ply(mesh, FABRIC, formulation), [mesh.t])
+def test_fields_are_averaged_on_the_users_elements(mesh, formulation):
+    assert_averaged(Ply(mesh, FABRIC, formulation), [mesh.t])
 
 
-def test_fields_are_brought_back_to_elements_of_two_kinds(tmp_path):
-    assert_given_back(Ply(mixed(tmp_path), FABRIC), TRIANGLE_AND_QUAD[1])
+def test_fields_are_averaged_on_elements_of_two_kinds(tmp_path):
+    assert_averaged(Ply(mixed_mesh(tmp_path), FABRIC), TRIANGLE_AND_QUAD[1])
 
 
-def test_a_mesh_that_was_split_remembers_the_users_elements():
+def test_a_split_mesh_keeps_the_users_elements():
     for mesh in (split(DART), replace(split(DART), doflocs=2 * split(DART).p)):
-        assert_given_back(Ply(mesh, FABRIC), [DART.t])
+        assert_averaged(Ply(mesh, FABRIC), [DART.t])
 
 
-def test_a_field_of_another_mesh_is_not_brought_back():
+def test_a_field_of_another_mesh_is_rejected():
     ply = Ply(QUADS, FABRIC)
     for shape in ((6,), (24, 1), ()):
         with pytest.raises(ValueError, match=r"each of the 24 elements of ply\.mesh"):
@@ -426,7 +426,7 @@ def test_a_field_of_another_mesh_is_not_brought_back():
 
 @pytest.mark.parametrize("mesh", [QUADS, TRIANGLES, DART])
 @pytest.mark.parametrize("formulation", [Macro(), OnePoint(), Quadratic()], ids=repr)
-def test_values_per_element_are_those_of_the_users_elements(mesh, formulation):
+def test_values_per_element_refer_to_the_users_elements(mesh, formulation):
     """Also where quadrilaterals that are not convex are cut first."""
     n = mesh.nelements
     E, G = np.linspace(100, 200, n), np.linspace(0.5, 1.0, n)
@@ -436,7 +436,7 @@ def test_values_per_element_are_those_of_the_users_elements(mesh, formulation):
     part = ply.parent
     per_part = Fabric(E[part], G[part], warp[:, part])
     assert_same_ply(ply, Ply(ply.mesh, per_part, formulation))
-    for one in range(n):  # the values reach the element in which they were given
+    for one in range(n):  # the values apply to the element for which they were given
         x, y = np.array([polygon_centroids(ply.mesh.p, ply.mesh.t[:, part == one])])[0]
         corners = mesh.p[:, mesh.t[:, one]]
         assert corners[0].min() < x.min() <= x.max() < corners[0].max()
@@ -450,22 +450,22 @@ def test_further_terms_keep_mesh_and_fabric(formulation):
     loaded = ply.with_terms(BodyForce((0.0, -1.0)))
     assert loaded is not ply
     assert loaded.mesh is ply.mesh
-    u = wobble(ply, 2)
+    u = random_u(ply, 2)
     assert loaded.energies(u)["shear"] == ply.energies(u)["shear"]
     assert [term.role for term in loaded.further_terms] == ["load"]
     assert ply.further_terms == ()
     np.testing.assert_array_equal(loaded.parent, ply.parent)
 
 
-def test_a_node_in_the_middle_of_an_edge_is_refused():
-    """Beside a split edge it would pass for a cut."""
+def test_a_hanging_node_is_rejected():
+    """Beside a split edge it would be taken for a cut."""
     points = np.array([[0, 2, 2, 0, 4, 4, 2, 4], [0, 0, 2, 2, 0, 1, 1, 2.0]])
     cells = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [6, 5, 7, 2]]).T
     with pytest.raises(MeshError, match=r"1 node\(s\) lie in the.*: 6"):
         Ply(MeshQuad(points, cells), FABRIC)
 
 
-def test_a_mesh_that_was_cut_and_changed_has_elements_of_its_own():
+def test_a_cut_and_changed_mesh_has_new_elements():
     mesh = cut(QUADS)
     assert isinstance(mesh, CutMesh)
     assert Ply(mesh, FABRIC, Quadratic()).on_users_elements(np.ones(12)).shape == (6,)
@@ -483,13 +483,13 @@ def test_a_mesh_that_was_cut_and_changed_has_elements_of_its_own():
         assert ply.on_users_elements(np.ones(n)).shape == (n,)
 
 
-def test_files_have_the_users_elements(tmp_path):
+def test_files_contain_the_users_elements(tmp_path):
     held = {"all": Condition(lambda X: X[0] >= 0, lambda X, t: 0.1 * t * X)}
     for mesh, kind in ((DART, "quad"), (TRIANGLES, "triangle")):
         write_fields(LoadStepper(Ply(mesh, FABRIC), held, 1).run(), tmp_path)
-        own = meshio.read(tmp_path / "own_step_0001.vtu")
-        np.testing.assert_array_equal(own.cells_dict[kind], mesh.t.T)
-        np.testing.assert_array_equal(own.points[:, :2], mesh.p.T)
+        fields = meshio.read(tmp_path / "own_step_0001.vtu")
+        np.testing.assert_array_equal(fields.cells_dict[kind], mesh.t.T)
+        np.testing.assert_array_equal(fields.points[:, :2], mesh.p.T)
         parts = meshio.read(tmp_path / "step_0001.vtu")
         assert isinstance(split(mesh), SplitMesh)
         assert len(parts.cells_dict["quad"]) == split(mesh).nelements

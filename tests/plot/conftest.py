@@ -1,6 +1,6 @@
-"""A result to draw, and what is drawn of it.
+"""A result to draw, and a record of drawn sheets.
 
-Nothing here imports what draws: where that is missing the tests are skipped.
+Nothing here imports packages for drawing: without them the tests are skipped.
 """
 
 import pytest
@@ -21,11 +21,11 @@ def sheets(monkeypatch):
     """Every sheet that is drawn, by pyvista or matplotlib, with its layout."""
     from skfem_textile.plot import drawing
 
-    seen, lay_out = [], drawing.lay_out
+    layouts, lay_out = [], drawing.lay_out
 
     def watched(drawn, size):
-        seen.append((drawn, lay_out(drawn, size)))
-        return seen[-1][1]
+        layouts.append((drawn, lay_out(drawn, size)))
+        return layouts[-1][1]
 
     monkeypatch.setattr(drawing, "lay_out", watched)
-    return seen
+    return layouts

@@ -1,4 +1,4 @@
-"""What stands where on a picture: sizes, and nothing on something else."""
+"""Layout of pictures: sizes, and elements without overlap."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,9 @@ sheet = pytest.importorskip("skfem_textile.plot.sheet")
         (1, (60, 50), 60 / 25.4 * 300),
     ],
 )
-def test_pictures_fit_a_journal_at_300_dots_per_inch(result, tmp_path, n, size, pixels):
+def test_pictures_have_the_column_widths_of_a_journal_at_300_dots_per_inch(
+    result, tmp_path, n, size, pixels
+):
     plot.shear_angle(*[result] * n, filename=tmp_path / "x.png", size=size)
     with Image.open(tmp_path / "x.png") as image:
         assert image.info["dpi"] == pytest.approx((300, 300), abs=0.01)
@@ -30,7 +32,7 @@ def test_pictures_fit_a_journal_at_300_dots_per_inch(result, tmp_path, n, size, 
 
 
 @pytest.mark.parametrize("size", [0, -5, np.nan, (80, 0), (1, 2, 3), (80, 15), 5])
-def test_sizes_without_room_are_refused(result, size):
+def test_sizes_without_room_are_rejected(result, size):
     with pytest.raises(ValueError, match=r"size"):
         plot.shear_angle(result, size=size)
 
@@ -42,9 +44,7 @@ LABELS = {"Shear angle (°)": (0, 60), "A longer label (N mm/mm²)": (-1.2e-3, 1
 @pytest.mark.parametrize("n", [1, 2, 4])
 @pytest.mark.parametrize("title", [*TITLES, "donaudampfschifffahrt" * 5])
 @pytest.mark.parametrize(("label", "reach"), LABELS.items())
-def test_nothing_on_a_picture_is_on_something_else(
-    result, sheets, n, title, label, reach
-):
+def test_parts_of_a_picture_do_not_overlap(result, sheets, n, title, label, reach):
     """Boxes of titles, plies, scales, numbers, labels and keys, all within the page."""
     shape = sheet.Shape.of(result.ply.mesh, np.zeros_like(result.ply.mesh.p))
     scale = sheet.Scale.of(label, reach, "viridis", None)
@@ -62,10 +62,10 @@ def test_nothing_on_a_picture_is_on_something_else(
 
 
 def boxes_of(page):
-    """Left, low, right and top of everything on a page."""
-    places = [place for row in page.places for place in row]
-    writings = [line for place in places for line in place.title]
-    for box in [place.ply for place in places] + [
+    """Left, low, right and top of every part of a page."""
+    panels = [panel for row in page.places for panel in row]
+    writings = [line for panel in panels for line in panel.title]
+    for box in [panel.ply for panel in panels] + [
         bar.box for below in page.below for bar in below.bars
     ]:
         yield box.x, box.y, box.x + box.width, box.y + box.height

@@ -24,7 +24,7 @@ def at_rest(mesh):
 
 
 def test_edges_are_drawn_where_there_is_room(result, fine):
-    """And in any case the outline."""
+    """The outline is always drawn."""
     coarse = sheet.Panel("", at_rest(result.ply.mesh))
     split_mesh, shape, fine_scale = fine
     small = sheet.Panel("", shape)
@@ -57,7 +57,7 @@ def test_fibres_of_small_elements_are_thinned_to_a_spacing(fine):
 
 @pytest.mark.parametrize("n", [10, 40])
 def test_fibres_end_within_a_slanted_outline(n):
-    """Of large elements, and of elements that are thinned to a grid."""
+    """For large elements, and for elements that are thinned to a grid."""
     mesh = MeshQuad.init_tensor(*2 * [np.linspace(0.0, 60.0, n + 1)])
     slant = 1.2
     shape = sheet.Shape.of(mesh, np.stack([slant * mesh.p[1], 0 * mesh.p[1]]))
@@ -78,7 +78,7 @@ def test_a_point_is_in_the_element_that_holds_it(result):
     assert lines.holding(shape, shape.points.max(axis=0)[None] + 1.0).tolist() == [-1]
 
 
-def test_small_refused_elements_have_rings(fine):
+def test_small_failing_elements_have_rings(fine):
     _, shape, scale = fine
     panel = sheet.Panel("", shape, marked=np.array([100]))
     _, marks = lines.lines_of(panel, scale, None)

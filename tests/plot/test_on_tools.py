@@ -42,7 +42,7 @@ def coloured_and_grey(path):
 
 @pytest.mark.parametrize("suffix", ["png", "pdf"])
 def test_a_tool_is_drawn_under_the_ply(draped, tmp_path, suffix):
-    """It hides nothing of a ply that faces the eye."""
+    """It hides nothing of a ply that faces the camera."""
     figure = plot.shear_angle(draped, filename=tmp_path / f"ply.{suffix}")
     if suffix == "pdf":
         figure.savefig(tmp_path / "ply.png", dpi=100)
@@ -52,8 +52,8 @@ def test_a_tool_is_drawn_under_the_ply(draped, tmp_path, suffix):
     ply = (shape.sides**2).sum() / np.prod(np.ptp(points, axis=0))
     with Image.open(tmp_path / "ply.png") as image:
         width, height = image.size
-    seen = np.prod(np.ptp(points, axis=0)) / np.ptp(points[:, 0]) ** 2
-    drawn = seen * (81 / 85) ** 2 * width / height
+    area = np.prod(np.ptp(points, axis=0)) / np.ptp(points[:, 0]) ** 2
+    drawn = area * (81 / 85) ** 2 * width / height
     assert coloured == pytest.approx(ply * drawn, abs=0.06)
     assert grey > 0.1
 
@@ -69,7 +69,7 @@ def test_a_tool_is_near_the_ply_at_every_load_factor(draped):
 
 
 def words_of(monkeypatch, *results, **options):
-    """What stands on a picture of vectors, which is not written."""
+    """The text of a vector picture, which is not written."""
     monkeypatch.setattr(Figure, "savefig", lambda _, file, **__: file.touch())
     figure = plot.draped(*results, **options, filename=Path("x.pdf"))
     return [text.get_text() for text in figure.axes[0].texts]
@@ -79,25 +79,23 @@ def test_shear_and_pressure_stand_side_by_side_with_risks_marked(tmp_path, monke
     monkeypatch.chdir(tmp_path)
     result = result_of(hemisphere(size=(4, 4), tension=0.0), bending=(5.0, 5.0))
     words = words_of(monkeypatch, result, titles=["free"])
-    for said in ("Shear angle, free", "Contact pressure, free", "Risk of wrinkling"):
-        assert said in words
+    for text in ("Shear angle, free", "Contact pressure, free", "Risk of wrinkling"):
+        assert text in words
 
 
-def test_quadratic_triangles_on_a_tool_are_drawn_with_their_pressure(
-    tmp_path, monkeypatch
-):
+def test_quadratic_triangles_on_a_tool_have_their_pressure(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     result = result_of(hemisphere("delaunay", size=(4, 4)), formulation=Quadratic())
     words = words_of(monkeypatch, result)
     assert {"Shear angle", "Contact pressure"} <= {*words}
 
 
-def test_what_is_on_no_tool_is_not_drawn_as_draped():
+def test_a_ply_without_tool_is_not_drawn_as_draped():
     with pytest.raises(ValueError, match="a ply is not on a tool"):
         plot.draped(result_of(strip(size=(2, 3))))
 
 
-def test_lines_behind_a_tool_are_left_out_of_vectors():
+def test_lines_behind_a_tool_are_omitted_from_vectors():
     x, y = np.meshgrid(np.linspace(0, 10, 21), np.linspace(0, 10, 21))
     points = np.column_stack([x.ravel(), y.ravel(), x.ravel()])
     k = np.add.outer(21 * np.arange(20), np.arange(20)).ravel()
@@ -119,7 +117,7 @@ def bump(high):
 
 @pytest.mark.parametrize("side", [60.0, 200.0])
 def test_a_tool_of_triangles_is_drawn_to_its_edges(side):
-    """Of a small ply what is near, of a large one all of it and nothing beyond."""
+    """A small ply has the tool nearby, a large one all of it and nothing beyond."""
     scene = on_tool(bump(9.0), size=(4, 4), width=side, height=side, tension=0.0)
     result = result_of(scene, bending=(5.0, 5.0))
     surface = result.tool(1.0)
@@ -135,24 +133,24 @@ def test_a_tool_of_triangles_is_drawn_to_its_edges(side):
         assert shape.tool.triangles.shape[1] > 100
 
 
-def test_a_shallow_tool_is_seen_from_lower_down():
-    """Heights fill more of the picture, and of two as high nothing changes."""
+def test_a_shallow_tool_has_a_lower_camera():
+    """Heights fill more of the picture; the elevation is constant from 20 mm on."""
 
     def elevation(size):
         return np.degrees(np.arcsin(eye_axes(True, np.array(size))[2, 2]))
 
-    found = [elevation((100.0, 80.0, z)) for z in (0, 5, 10, 20, 60)]
-    assert found == pytest.approx([18, 23, 28, 38, 38])
+    elevations = [elevation((100.0, 80.0, z)) for z in (0, 5, 10, 20, 60)]
+    assert elevations == pytest.approx([18, 23, 28, 38, 38])
 
 
-def test_a_state_is_told_how_to_become_a_result(draped):
+def test_the_message_for_a_state_explains_how_to_make_a_result(draped):
     with pytest.raises(ValueError, match=r"for a state .* pass Result\.of_state\(ply"):
         plot.draped(draped.states[-1])
     with pytest.raises(ValueError, match="pictures require a Result, not a NoneType"):
         plot.shear_angle(None)
 
 
-def test_a_state_alone_is_drawn_as_that_of_a_run(draped, tmp_path):
+def test_a_state_alone_is_drawn_like_a_state_of_a_run(draped, tmp_path):
     conditions = hemisphere(size=(4, 4)).conditions
     alone = Result.of_state(draped.ply, conditions, draped.states[-1])
     one, other = tmp_path / "one.png", tmp_path / "other.png"

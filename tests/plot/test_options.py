@@ -1,4 +1,4 @@
-"""What pictures take: plotters, colours, limits, states, formats, and refusals."""
+"""Options of pictures: plotters, colours, limits, states, formats, and rejections."""
 
 import re
 
@@ -26,17 +26,17 @@ def coloured(plotter):
     ]
 
 
-def test_subplots_of_a_plotter_share_a_scale_that_is_given(result):
+def test_subplots_of_a_plotter_share_a_given_scale(result):
     plotter = pv.Plotter(off_screen=True, shape=(1, 3), window_size=(900, 400))
     for i, state in enumerate((1, 2, -1)):
         plotter.subplot(0, i)
-        given = {"clim": (0, 40), "cmap": "magma", "plotter": plotter}
-        assert plot.shear_angle(result, state=state, **given) is plotter
+        kwargs = {"clim": (0, 40), "cmap": "magma", "plotter": plotter}
+        assert plot.shear_angle(result, state=state, **kwargs) is plotter
     assert coloured(plotter) == [((0.0, 40.0), "magma")] * 3
     assert [len(r.actors) > 5 for r in plotter.renderers] == [True] * 3
 
 
-def test_panels_go_to_the_subplots_from_the_active_one_on(result, tmp_path):
+def test_panels_are_drawn_from_the_active_subplot_on(result, tmp_path):
     plotter = pv.Plotter(off_screen=True, shape=(2, 2), window_size=(600, 600))
     plotter.subplot(0, 1)
     plot.fibre_strain(result, plotter=plotter, filename=tmp_path / "x.png")
@@ -60,7 +60,7 @@ def test_several_results_share_one_scale_that_holds_all_values(result):
     assert coloured(plot.shear_angle(less)) != both[:1]
 
 
-def test_a_state_is_drawn_as_it_is(result, sheets):
+def test_a_state_is_drawn_in_its_deformed_shape(result, sheets):
     plot.field(result, field="displacement", state=1)
     ((drawn, _),) = sheets
     u = result.ply.nodal(result.states[1].u)
@@ -73,7 +73,7 @@ def test_a_state_is_drawn_as_it_is(result, sheets):
         plot.shear_angle(result, state=5)
 
 
-def test_a_field_of_ones_own_is_drawn_with_its_unit(result, sheets, tmp_path):
+def test_a_user_defined_field_is_drawn_with_its_unit(result, sheets, tmp_path):
     numbers = plot.Field("Number (-)", lambda ply, u: np.arange(ply.mesh.nelements))
     plot.field(result, field=numbers, filename=tmp_path / "x.svg")
     assert sheets[0][0].legends[0].scale.label == "Number (-)"
@@ -103,12 +103,12 @@ def test_every_named_field_has_a_unit_and_can_be_drawn(result, sheets, tmp_path)
 
 
 @pytest.mark.parametrize("clim", [(1, 0), (0, 0), (0, np.inf), (np.nan, 1), (1, 2, 3)])
-def test_limits_that_do_not_rise_are_refused(result, clim):
+def test_limits_that_do_not_ascend_are_rejected(result, clim):
     with pytest.raises(ValueError, match="two finite limits in ascending order, got"):
         plot.shear_angle(result, clim=clim)
 
 
-def test_a_colour_map_that_is_none_is_refused(result):
+def test_an_unknown_colour_map_is_rejected(result):
     with pytest.raises(ValueError, match="unknown colour map 'no'"):
         plot.shear_angle(result, cmap="no")
 
@@ -121,7 +121,7 @@ def test_values_beyond_the_limits_have_arrows(result, sheets):
 
 
 @pytest.mark.parametrize("suffix", ["svg", "pdf", "eps"])
-def test_vectors_are_vectors(result, tmp_path, suffix):
+def test_vector_files_contain_vectors(result, tmp_path, suffix):
     file = tmp_path / f"x.{suffix}"
     figure = plot.shear_angle(result, filename=file)
     assert isinstance(figure, matplotlib.figure.Figure)
@@ -133,19 +133,19 @@ def test_vectors_are_vectors(result, tmp_path, suffix):
     assert [p.name for p in tmp_path.iterdir()] == [file.name]
 
 
-def test_vectors_need_neither_pyvista_nor_a_screen(result, tmp_path, monkeypatch):
+def test_vectors_require_neither_pyvista_nor_a_screen(result, tmp_path, monkeypatch):
     def missing(*_):
         raise ModuleNotFoundError("No module named 'pyvista'", name="pyvista")
 
     monkeypatch.setattr(drawing, "import_module", missing)
     plot.fibre_directions(result, filename=tmp_path / "x.pdf")
-    said = r"^No module named 'pyvista': pip install 'skfem-textile\[plot\]'$"
-    with pytest.raises(ImportError, match=said):
+    message = r"^No module named 'pyvista': pip install 'skfem-textile\[plot\]'$"
+    with pytest.raises(ImportError, match=message):
         plot.fibre_directions(result, filename=tmp_path / "x.png")
     assert [p.name for p in tmp_path.iterdir()] == ["x.pdf"]
 
 
-def test_colours_of_vectors_are_those_of_pixels(result, tmp_path):
+def test_colours_of_vectors_and_pixels_agree(result, tmp_path):
     plot.shear_angle(result, filename=tmp_path / "pixels.png", show_edges=False)
     figure = plot.shear_angle(result, filename=tmp_path / "x.svg", show_edges=False)
     figure.savefig(tmp_path / "vectors.png", dpi=300)
@@ -157,7 +157,7 @@ def test_colours_of_vectors_are_those_of_pixels(result, tmp_path):
     assert (np.abs(pixels - vectors).max(axis=-1) > 60).mean() < 0.02
 
 
-def test_a_refusal_shows_why_and_where(result, sheets):
+def test_the_picture_of_a_failure_shows_reason_and_position(result, sheets):
     error = StepError("stopped at load factor 0.5: folded", result, np.array([3, 7]))
     plotter = plot.verdict(error)
     ((drawn, _),) = sheets
@@ -175,7 +175,7 @@ def test_a_refusal_shows_why_and_where(result, sheets):
 
 
 @pytest.mark.parametrize("quantity", ["shear_angle", "weft_strain"])
-def test_where_a_law_ends_its_argument_is_shown(result, sheets, quantity):
+def test_the_argument_at_the_end_of_a_law_is_shown(result, sheets, quantity):
     error = StepError("stopped", result, np.array([3, 7]), quantity)
     plot.verdict(result, error)
     drawn = sheets[0][0]
@@ -185,12 +185,12 @@ def test_where_a_law_ends_its_argument_is_shown(result, sheets, quantity):
     assert sheets[1][0].legends[0].scale.label == "Displacement (mm)"
 
 
-def test_a_verdict_is_told_in_words(result, sheets):
+def test_a_verdict_is_written_in_words(result, sheets):
     plot.verdict(result)
-    found = result.states[-1].verdict
+    verdict = result.states[-1].verdict
     title = sheets[0][0].panels[0].title
     assert title.startswith("Load factor 1: stable, smallest area ratio ")
-    assert f"{found.min_det_F:.3g}" in title
+    assert f"{verdict.min_det_F:.3g}" in title
     assert sheets[0][0].legends[0].keys == []
 
 

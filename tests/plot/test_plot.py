@@ -53,8 +53,8 @@ def test_fibre_strain_is_drawn_on_one_symmetric_scale(results, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["strain.png"]
 
 
-def test_strains_of_all_formulations_are_those_that_enter_the_law(results, sheets):
-    """Means of macro-elements, beside strains at the points of other elements."""
+def test_strains_of_all_formulations_are_the_ones_that_enter_the_law(results, sheets):
+    """Means of macro-elements, and strains at the points of other elements."""
     scene = strip(size=(3, 4))
     macro = Ply(scene.mesh, Fabric(1e4), Macro())
     both = results[0], LoadStepper(macro, scene.conditions, steps=4).run()
@@ -74,13 +74,13 @@ def test_strains_of_all_formulations_are_those_that_enter_the_law(results, sheet
 def colours_at(plotter, panel, points):
     """Colours in a panel of a picture at points in the plane of the ply."""
     image, renderer = plotter.screenshot(return_img=True), plotter.renderers[panel]
-    found = []
+    colours = []
     for x, y in points.T:
         renderer.SetWorldPoint(x, y, 0.0, 1.0)
         renderer.WorldToDisplay()
         column, row, _ = np.floor(renderer.GetDisplayPoint()).astype(int)
-        found.append(image[-1 - row, column])
-    return np.array(found)
+        colours.append(image[-1 - row, column])
+    return np.array(colours)
 
 
 @pytest.mark.parametrize("drawn", ["fibre_strain", "shear_angle"])
@@ -97,7 +97,9 @@ def test_every_element_has_the_colour_of_its_value(results, drawn):
     centres = (ply.mesh.p + ply.nodal(u))[:, ply.mesh.t].mean(axis=1)
     expected = 255 * matplotlib.colormaps[scale](share)[:, :3]
     np.testing.assert_allclose(colours_at(plotter, 0, centres), expected, atol=3.0)
-    assert np.ptp(expected, axis=0).max() > 50  # it tells one scale from another
+    assert (
+        np.ptp(expected, axis=0).max() > 50
+    )  # it distinguishes one scale from another
 
 
 def test_shear_angle_is_drawn_in_degrees(results):
@@ -117,7 +119,7 @@ def arch():
 
 
 def test_a_ply_in_space_is_drawn_in_perspective(arch):
-    """Parallel edges converge, and an element has its colour where it is seen."""
+    """Parallel edges converge, and elements are coloured where they are visible."""
     (shape,) = shapes_of([arch], arch.states[-1:])
     left, right = (
         np.flatnonzero(np.isclose(arch.ply.nodes[0], x)) for x in (0.0, 100.0)
@@ -126,25 +128,25 @@ def test_a_ply_in_space_is_drawn_in_perspective(arch):
     assert abs(np.arctan2(*near) - np.arctan2(*far)) > 0.1
     assert np.ptp(shape.points[:, 1]) > 20
     plotter = plot.field(arch, field="displacement", clim=(0, 40))
-    seen = shape.points[:, 2].argmax()
-    element = np.flatnonzero((arch.ply.mesh.t == seen).any(axis=0))[:1]
+    highest = shape.points[:, 2].argmax()
+    element = np.flatnonzero((arch.ply.mesh.t == highest).any(axis=0))[:1]
     u = arch.ply.nodal(arch.u)
     moved = np.linalg.norm(u[:, arch.ply.mesh.t].mean(axis=1), axis=0)[element]
     expected = 255 * matplotlib.colormaps["cividis"](moved / 40)[:, :3]
-    found = colours_at(plotter, 0, shape.centres[element].T[:2])
-    np.testing.assert_allclose(found, expected, atol=3.0)
+    colour = colours_at(plotter, 0, shape.centres[element].T[:2])
+    np.testing.assert_allclose(colour, expected, atol=3.0)
 
 
-def test_vectors_turn_with_a_ply_in_perspective(arch):
+def test_vectors_rotate_with_a_ply_in_perspective(arch):
     (shape,) = shapes_of([arch], arch.states[-1:])
     plain = Shape.of(arch.ply.mesh, arch.ply.nodal(arch.u))
     along = plain.points[plain.cells[0][1]] - plain.points[plain.cells[0][0]]
-    seen = shape.points[shape.cells[0][1]] - shape.points[shape.cells[0][0]]
-    off = np.linalg.norm(shape.seen(along) - seen, axis=1)
-    assert (off < 0.06 * np.linalg.norm(seen, axis=1)).all()
+    edge = shape.points[shape.cells[0][1]] - shape.points[shape.cells[0][0]]
+    error = np.linalg.norm(shape.seen(along) - edge, axis=1)
+    assert (error < 0.06 * np.linalg.norm(edge, axis=1)).all()
 
 
-def test_vectors_of_a_ply_in_space_are_drawn_from_far_to_near(arch, tmp_path):
+def test_vectors_of_a_ply_in_space_are_drawn_from_back_to_front(arch, tmp_path):
     figure = plot.field(arch, field="displacement", filename=tmp_path / "x.svg")
     faces = figure.axes[0].collections[0]
     assert len(faces.get_facecolors()) == arch.ply.mesh.nelements
@@ -161,7 +163,7 @@ def test_round_off_is_not_drawn_as_strain():
 
 
 @pytest.mark.parametrize("name", ["picture", "picture.png", "picture.PNG"])
-def test_a_picture_is_a_png_under_the_name_it_is_given(results, tmp_path, name):
+def test_a_picture_is_a_png_under_the_given_name(results, tmp_path, name):
     plot.shear_angle(results[0], filename=tmp_path / name)
     assert (tmp_path / name).read_bytes()[1:4] == b"PNG"
     assert [p.name for p in tmp_path.iterdir()] == [name]
@@ -170,7 +172,7 @@ def test_a_picture_is_a_png_under_the_name_it_is_given(results, tmp_path, name):
 
 
 def drawers(results):
-    """Everything that draws into a file, and the suffixes of that."""
+    """Every function that draws into a file, and its suffixes."""
     lines = {"a": ([1, 2], [1, 2])}
     pictures = (".png", ".svg", ".pdf", ".eps")
     for drawn in ("field", "fibre_strain", "shear_angle", "contact_sheet"):
@@ -182,9 +184,7 @@ def drawers(results):
 
 
 @pytest.mark.parametrize("suffix", [".tif", ".mp4", ".png", ".gif", ".5"])
-def test_a_name_that_promises_what_is_not_written_is_refused_before_any_work(
-    results, tmp_path, monkeypatch, suffix
-):
+def test_an_unsupported_suffix_is_rejected(results, tmp_path, monkeypatch, suffix):
     def works(*_, **__):
         raise AssertionError("worked")
 
@@ -222,19 +222,19 @@ def test_fibres_are_drawn_along_their_directions(results):
 
 
 def test_an_animation_has_a_frame_per_state(results, tmp_path):
-    """Each with its title, which lies above the ply, and with the scale below."""
+    """Each frame has its title above the ply and the scale below."""
     plot.animation(results[0], tmp_path / "motion.gif")
     assert [p.name for p in tmp_path.iterdir()] == ["motion.gif"]
     with Image.open(tmp_path / "motion.gif") as moving:
         assert moving.n_frames == len(results[0].states)
         for frame in range(moving.n_frames):
             moving.seek(frame)
-            shown = np.asarray(moving.convert("L"))
-            assert (shown[:30] < 100).any()
-            assert (shown[-70:] < 100).any()
+            grey = np.asarray(moving.convert("L"))
+            assert (grey[:30] < 100).any()
+            assert (grey[-70:] < 100).any()
 
 
-def test_load_curves_carry_their_labels(tmp_path):
+def test_load_curves_have_their_labels(tmp_path):
     lines = {"aligned": ([0, 1], [0, 2]), "irregular": ([0, 1], [0, 3])}
     figure = curves({"Fig. 5": lines}, "mm", "N", tmp_path / "load.png")
     (axes,) = figure.axes
@@ -250,7 +250,7 @@ def test_load_curves_carry_their_labels(tmp_path):
 
 
 def test_long_labels_of_load_curves_are_not_cut():
-    """Three of them would be wider than the figure, side by side."""
+    """Three of them side by side would be wider than the figure."""
     lines = {f"{name} of two N/mm, glued": ([0, 1], [0, 1]) for name in "abc"}
     figure = curves({"": lines}, "mm", "N")
     figure.canvas.draw()
@@ -258,9 +258,7 @@ def test_long_labels_of_load_curves_are_not_cut():
     assert 0 <= box.x0 < box.x1 <= figure.bbox.width
 
 
-def test_a_picture_of_one_result_names_what_it_shows_with_its_unit(
-    results, monkeypatch
-):
+def test_a_picture_of_one_result_names_its_field_and_unit(results, monkeypatch):
     drawn = []
     monkeypatch.setattr("skfem_textile.plot.pictures.draw", lambda *x: drawn.append(x))
     one, moved = results[0], {"field": "displacement"}
@@ -293,7 +291,7 @@ def test_titles_must_match(results):
         plot.shear_angle()
 
 
-def test_without_off_screen_gl_the_package_is_named(results, monkeypatch):
+def test_the_missing_off_screen_gl_is_named(results, monkeypatch):
     monkeypatch.setattr(offscreen, "_can_draw", lambda environment: False)
     offscreen.require_offscreen.cache_clear()
     try:
@@ -309,7 +307,7 @@ def test_a_crash_of_vtk_is_survived(monkeypatch):
 
 
 @pytest.mark.long
-def test_nothing_is_said_on_stderr(tmp_path):
+def test_nothing_is_printed_to_stderr(tmp_path):
     script = (
         "from skfem_textile import *; from skfem_textile import plot;"
         "from skfem_textile.scenes import strip; s = strip(size=(2, 3));"
@@ -339,8 +337,8 @@ def test_a_mesh_of_both_kinds_is_drawn_with_its_fibres_before_a_run(tmp_path):
     warp, _ = [x for x in drawn if isinstance(x, pv.PolyData) and x.n_lines == 3]
     ends = warp.points.reshape(3, 2, 3)
     along = ends[:, 1] - ends[:, 0]
-    found = np.degrees(np.arctan2(along[:, 1], along[:, 0]))
-    assert np.allclose(found, [0, 45, 90], atol=1e-4)
+    angles = np.degrees(np.arctan2(along[:, 1], along[:, 0]))
+    assert np.allclose(angles, [0, 45, 90], atol=1e-4)
     assert np.allclose(ends.mean(axis=1)[0, :2], [0.5, 0.5])
     assert (tmp_path / "mesh.png").exists()
     pictures = []

@@ -1,6 +1,6 @@
-"""Pictures beside stored ones, in a measure that a wrong scale of colours fails.
+"""Pictures compared with stored ones, in a measure sensitive to wrong colour scales.
 
-As a script it draws the stored ones anew.
+As a script it redraws the stored pictures.
 """
 
 from functools import cache
@@ -38,50 +38,50 @@ def results():
     ]
 
 
-def refusal():
+def failed_run():
     return StepError("stopped at load factor 1: folded", results()[0], np.array([3, 7]))
 
 
 DRAWN = {
     "fibre_strain": lambda **how: plot.fibre_strain(results()[0], **how),
     "shear_angle": lambda **how: plot.shear_angle(*results(), **how),
-    "verdict": lambda **how: plot.verdict(refusal(), results()[1], **how),
+    "verdict": lambda **how: plot.verdict(failed_run(), results()[1], **how),
     "contact_sheet": lambda **how: plot.contact_sheet(*results(), **how),
     "fibre_directions": lambda **how: plot.fibre_directions(*results(), **how),
 }
 
 
 def reduced(pixels):
-    """A picture of the width `WIDTH`, each pixel the mean of what it covers."""
+    """A picture of the width `WIDTH`, each pixel the mean of the pixels it covers."""
     image = Image.fromarray(pixels)
     height = round(image.height * WIDTH / image.width)
     return image.resize((WIDTH, height), Image.Resampling.BOX)
 
 
 def difference(plotter, name):
-    """The mean difference of the colours from those of the stored picture."""
-    found = reduced(plotter.screenshot(return_img=True))
+    """The mean difference of the colours from the stored picture."""
+    picture = reduced(plotter.screenshot(return_img=True))
     with Image.open(FOLDER / f"{name}.png") as stored:
-        assert found.size == stored.size
-        both = [np.asarray(x.convert("RGB"), dtype=float) for x in (found, stored)]
+        assert picture.size == stored.size
+        both = [np.asarray(x.convert("RGB"), dtype=float) for x in (picture, stored)]
     return np.abs(both[0] - both[1]).mean()
 
 
 @pytest.mark.parametrize("name", DRAWN)
-def test_a_picture_is_as_it_was(name):
+def test_a_picture_agrees_with_the_stored_one(name):
     assert difference(DRAWN[name](), name) < SAME
 
 
-def test_edges_that_are_not_smoothed_are_no_difference(monkeypatch):
-    """As on a machine that cannot smooth them."""
+def test_unsmoothed_edges_are_tolerated(monkeypatch):
+    """Some machines cannot smooth them."""
     monkeypatch.setattr("pyvista.global_theme.multi_samples", 1)
-    found = {name: difference(draw(), name) for name, draw in DRAWN.items()}
-    assert max(found.values()) < SAME, found
+    differences = {name: difference(draw(), name) for name, draw in DRAWN.items()}
+    assert max(differences.values()) < SAME, differences
 
 
 @pytest.mark.parametrize("name", ["fibre_strain", "shear_angle", "verdict"])
 @pytest.mark.parametrize("wrong", ["longer", "colours"])
-def test_a_wrong_scale_is_a_difference(name, wrong):
+def test_a_wrong_scale_is_detected(name, wrong):
     ((low, high),) = {
         tuple(actor.mapper.scalar_range)
         for renderer in DRAWN[name]().renderers
@@ -92,8 +92,8 @@ def test_a_wrong_scale_is_a_difference(name, wrong):
     assert difference(DRAWN[name](**how[wrong]), name) > SAME
 
 
-def test_swapped_fibres_are_a_difference(monkeypatch):
-    """Warp in the colour of the weft."""
+def test_swapped_fibres_are_detected(monkeypatch):
+    """The warp has the colour of the weft."""
     monkeypatch.setattr(lines, "WARP", lines.WEFT)
     name = "fibre_directions"
     assert difference(DRAWN[name](), name) > SAME

@@ -6,8 +6,8 @@ from skfem import MeshQuad
 
 from skfem_textile import Fabric, Linear, LoadStepper, Macro, OnePoint, Ply, Sin2
 from skfem_textile.scenes import bias_extension, strip
-from tests.helpers import distorted, wobble
-from tests.helpers.estimates import unestimated
+from tests.helpers import distorted, random_u
+from tests.helpers.estimates import without_estimate
 from tests.helpers.random_plies import Crimped
 
 
@@ -30,7 +30,7 @@ def rule(G, omega, tau=0.0):
 
 
 @pytest.mark.parametrize("formulation", [OnePoint(), Macro()])
-def test_at_rest_it_is_by_shear_stiffness_and_angle_alone(formulation):
+def test_the_stiffness_at_rest_depends_on_shear_stiffness_and_angle_only(formulation):
     for half in (np.pi / 6, np.pi / 4, np.pi / 3):
         warp, weft = ((x, np.sin(half)) for x in (np.cos(half), -np.cos(half)))
         fabric = Fabric(1e4, Linear(0.5), warp, weft)
@@ -39,8 +39,8 @@ def test_at_rest_it_is_by_shear_stiffness_and_angle_alone(formulation):
 
 
 @pytest.mark.parametrize("strain", [0.01, -0.01])
-def test_that_of_macro_elements_grows_with_tension_of_either_sign(strain):
-    """Both families are stretched, or shortened, as much, and not sheared."""
+def test_the_stiffness_of_macro_elements_grows_with_tension_of_either_sign(strain):
+    """Both families are stretched, or shortened, equally, and not sheared."""
     fabric = Fabric(1e3, Linear(0.5))
     for formulation, T in ((Macro(), 10.0), (OnePoint(), 0.0)):
         ply = Ply(distorted(1), fabric, formulation)
@@ -51,13 +51,13 @@ def test_that_of_macro_elements_grows_with_tension_of_either_sign(strain):
 
 
 @pytest.mark.parametrize("E", [1e4, 1e6, (1e4, 3e4)])
-def test_without_shear_stiffness_it_is_a_share_of_the_fibre_stiffness(E):
+def test_the_stiffness_without_shear_is_a_fraction_of_the_fibre_stiffness(E):
     scene = strip(size=(4, 6))
     ply = Ply(scene.mesh, Fabric(E, 0.0), OnePoint("auto"))
     np.testing.assert_allclose(stabilisation(ply), 1e-4 * np.mean(E))
 
 
-def test_it_follows_secant_and_angle_of_each_element():
+def test_the_stiffness_follows_secant_and_angle_of_each_element():
     result = run(bias_extension(size=(6, 12)), OnePoint("auto"), shear=Sin2(0.5))
     ply = result.ply
     angle = ply.shear_angle(result.u)
@@ -69,8 +69,8 @@ def test_it_follows_secant_and_angle_of_each_element():
     np.testing.assert_allclose(stabilisation(ply, result.u), expected, rtol=1e-9)
 
 
-def test_it_never_vanishes():
-    """Nor is it without bound where fibres are nearly parallel."""
+def test_the_stiffness_is_positive_and_bounded():
+    """It is bounded where fibres are nearly parallel."""
     mesh = distorted(1)
     ply = Ply(mesh, Fabric(1e4, Sin2(0.5)), OnePoint("auto"))
     sheared = ply.basis.zeros()
@@ -78,19 +78,19 @@ def test_it_never_vanishes():
     np.testing.assert_allclose(stabilisation(ply, sheared), 4 * 0.05 / 0.01**1.5)
 
 
-def test_it_does_not_depend_on_the_node_that_a_cell_lists_first():
-    """The shear angle is that of the fibres at the centre, where they curve too."""
+def test_the_stiffness_is_independent_of_the_node_order():
+    """The shear angle is evaluated at the centre, also for curved fibres."""
 
     def warp(x):
         return np.stack([np.cos(0.3 * x[1]), np.sin(0.3 * x[1])])
 
-    mesh, found = distorted(1), []
+    mesh, stiffnesses = distorted(1), []
     for turns in range(4):
         listed = MeshQuad(mesh.p, np.roll(mesh.t, turns, axis=0))
         ply = Ply(listed, Fabric(1e4, Sin2(0.5), warp), OnePoint("auto"))
-        found.append(stabilisation(ply, wobble(ply, 1)))
-    for C_s in found:
-        np.testing.assert_allclose(C_s, found[0], rtol=1e-12)
+        stiffnesses.append(stabilisation(ply, random_u(ply, 1)))
+    for C_s in stiffnesses:
+        np.testing.assert_allclose(C_s, stiffnesses[0], rtol=1e-12)
 
 
 def test_a_law_without_stiffness_at_rest_starts_from_the_fibres():
@@ -102,12 +102,12 @@ def test_a_law_without_stiffness_at_rest_starts_from_the_fibres():
     np.testing.assert_allclose(stabilisation(ply, sheared), expected)
 
 
-def test_it_is_the_default():
+def test_the_automatic_stiffness_is_the_default():
     assert OnePoint() == OnePoint("auto")
 
 
 @pytest.mark.parametrize(("C_s", "warned"), [(4.0, False), (50.0, True)])
-def test_too_much_energy_in_the_stabilisation_is_told(caplog, C_s, warned):
+def test_a_large_stabilisation_energy_is_reported(caplog, C_s, warned):
     run(bias_extension(size=(8, 16)), OnePoint(C_s), 1)
     assert ("the stabilisation contributes" in caplog.text) == warned
 
@@ -115,23 +115,25 @@ def test_too_much_energy_in_the_stabilisation_is_told(caplog, C_s, warned):
 def test_a_warning_is_shown_once_and_logged_for_every_state(caplog):
     with caplog.at_level(logging.INFO, logger="skfem_textile"):
         result = run(bias_extension(size=(8, 16)), OnePoint(50.0), 4)
-    told = [
+    records = [
         r.levelno
         for r in caplog.records
         if "the stabilisation contributes" in r.message
     ]
-    assert len(told) == len(result.states) - 1
-    assert told == [logging.WARNING] + [logging.INFO] * (len(told) - 1)
+    assert len(records) == len(result.states) - 1
+    assert records == [logging.WARNING] + [logging.INFO] * (len(records) - 1)
 
 
 @pytest.mark.parametrize("G", [0.5, 0.0])
-def test_a_strip_is_loaded_with_nothing_tuned(G):
-    summary = unestimated(run(strip(), OnePoint("auto"), shear=Linear(G))).summary()
+def test_a_strip_is_loaded_without_tuned_parameters(G):
+    summary = without_estimate(
+        run(strip(), OnePoint("auto"), shear=Linear(G))
+    ).summary()
     assert summary["stable"]
     assert summary["converged"]
 
 
-def test_what_makes_no_sense_is_refused():
+def test_invalid_settings_are_rejected():
     with pytest.raises(ValueError, match="stabilisation='auto' requires kind='energy'"):
         OnePoint("auto", kind="rate")
     with pytest.raises(ValueError, match="number >= 0 or 'auto', got much"):

@@ -1,4 +1,4 @@
-"""Fibres that resist bending."""
+"""Bending stiffness of fibres."""
 
 import numpy as np
 import pytest
@@ -24,17 +24,15 @@ from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.problem import Problem, Tangent
-from tests.helpers import distorted, wobble, zero_modes
+from tests.helpers import distorted, random_u, zero_modes
 from tests.helpers.plies import SIDE, D, every_formulation, inclined, square
 
-# Stiffness against bending: fibres at rest, elements, regions, what is refused
+# Bending stiffness: fibres at rest, elements, regions, rejected values
 
 
 @every_formulation
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_fibres_that_are_curved_at_rest_do_not_bend_in_a_homogeneous_motion(
-    formulation, dimension
-):
+def test_a_homogeneous_motion_does_not_bend_curved_fibres(formulation, dimension):
     fabric = Fabric(
         50.0,
         0.5,
@@ -45,11 +43,11 @@ def test_fibres_that_are_curved_at_rest_do_not_bend_in_a_homogeneous_motion(
     ply = Ply(distorted(1, jitter=0.2), fabric, formulation, dimension=dimension)
     H = np.random.default_rng(3).standard_normal((dimension, 2))
     u = (H @ ply.nodes).T.ravel()
-    wave = ply.energies(wobble(ply, 2, 0.1))["bending"]
+    wave = ply.energies(random_u(ply, 2, 0.1))["bending"]
     assert ply.energies(u)["bending"] < 1e-12 * wave
 
 
-def test_directions_that_turn_from_element_to_element_bend_alike():
+def test_directions_as_a_field_and_per_element_give_the_same_bending():
     """Fibres along circles, as a field and as one direction in each element."""
     mesh = rectangle(10, 10, (16, 16), "irregular", 0.2, 1)
 
@@ -74,16 +72,16 @@ def test_directions_that_turn_from_element_to_element_bend_alike():
     assert first == pytest.approx(0.5 * D * (area * curvature**2).sum(), rel=0.02)
 
 
-def test_each_family_and_each_element_has_its_own_stiffness():
-    """½ D κ² of a cylinder, to the area beside the ends of the fibres."""
+def test_each_family_and_element_has_a_separate_stiffness():
+    """½ D κ² of a cylinder, up to the area beside the ends of the fibres."""
     mesh = square(8, side=8.0).with_subdomains({"all": np.arange(64)})
     x, y = mesh.p
-    for given, of_warp, of_weft in (
+    for stiffnesses, of_warp, of_weft in (
         ((2.0, 3.0), 2.0, 3.0),
         ((np.full(64, 2.0), 3.0), 2.0, 3.0),
         ((0.0, 3.0), 0.0, 3.0),
     ):
-        fabric = Fabric(bending=given)
+        fabric = Fabric(bending=stiffnesses)
         for chosen in (fabric, {"all": fabric}):
             ply = Ply(mesh, chosen, Full(), dimension=3)
             for shape, stiffness in ((x**2, of_warp), (y**2, of_weft), (x * y, 0.0)):
@@ -93,7 +91,7 @@ def test_each_family_and_each_element_has_its_own_stiffness():
                 assert energy == pytest.approx(64 * 0.5 * stiffness * 0.01, abs=1e-12)
 
 
-def test_stiffness_that_differs_between_elements_bends_where_it_is():
+def test_stiffness_per_element_acts_in_its_element():
     mesh = square(16, side=8.0)
     left = mesh.p[0, mesh.t].mean(axis=0) < 4
     ply = Ply(mesh, Fabric(bending=(np.where(left, 1.0, 5.0), 0.0)), Macro())
@@ -102,7 +100,7 @@ def test_stiffness_that_differs_between_elements_bends_where_it_is():
     assert ply.energies(u)["bending"] == pytest.approx(32 * 0.5 * 0.01 * 6, rel=0.02)
 
 
-def test_bending_goes_with_finer_and_refined_plies_and_their_ends():
+def test_finer_and_refined_plies_keep_bending_and_its_ends():
     mesh = MeshTri().refined(2).scaled(10.0).with_defaults()
     fabric = Fabric(bending=(np.linspace(1, 2, mesh.nelements), 3.0))
     ends = {"left": "clamped", "bottom": "mirror"}
@@ -116,7 +114,7 @@ def test_bending_goes_with_finer_and_refined_plies_and_their_ends():
         assert energy == pytest.approx(100 * 0.5 * 1.5 * 0.01, rel=0.15)
 
 
-def test_a_planar_ply_without_bending_has_no_term_of_it():
+def test_a_planar_ply_without_bending_has_no_bending_term():
     ply = Ply(square(2), Fabric(), OnePoint())
     assert "bending" not in ply.energies(ply.basis.zeros())
 
@@ -124,7 +122,7 @@ def test_a_planar_ply_without_bending_has_no_term_of_it():
 @pytest.mark.parametrize(
     "wrong", [1.0, (1.0,), (1.0, -1.0), (np.nan, 1.0), (np.ones((2, 2)), 1.0)]
 )
-def test_bending_stiffnesses_that_are_none_are_refused(wrong):
+def test_invalid_bending_stiffnesses_are_rejected(wrong):
     with pytest.raises(ValueError, match="bending"):
         Fabric(bending=wrong)
 
@@ -140,7 +138,7 @@ def test_bending_stiffnesses_that_are_none_are_refused(wrong):
         ("clamped", "must be a mapping"),
     ],
 )
-def test_fibre_ends_that_are_unknown_are_refused(ends, reason):
+def test_unknown_fibre_ends_are_rejected(ends, reason):
     mesh = square(2).with_defaults()
     inside = np.flatnonzero(mesh.f2t[1] >= 0)
     mesh = mesh.with_boundaries({"same": mesh.boundaries["left"], "middle": inside})
@@ -148,19 +146,19 @@ def test_fibre_ends_that_are_unknown_are_refused(ends, reason):
         Ply(mesh, Fabric(bending=(1.0, 1.0)), OnePoint(), fibre_ends=ends)
 
 
-def test_values_of_bending_for_too_few_elements_are_refused():
+def test_values_of_bending_for_too_few_elements_are_rejected():
     fabric = Fabric(bending=(np.ones(3), 1.0))
     with pytest.raises(ValueError, match="bending of warp: 3 values for 4 elements"):
         Ply(square(2), fabric)
 
 
-# Twist: its stiffness, and what is free without it
+# Twist: its stiffness, and zero modes without it
 
 
-def test_twist_goes_with_elements_and_regions():
+def test_twist_is_defined_per_element_and_region():
     mesh = square(8, side=8.0).with_subdomains({"all": np.arange(64)})
-    given = np.where(mesh.p[0, mesh.t].mean(axis=0) < 4, 1.0, 3.0)
-    fabric = Fabric(twist=given)
+    values = np.where(mesh.p[0, mesh.t].mean(axis=0) < 4, 1.0, 3.0)
+    fabric = Fabric(twist=values)
     for chosen in (fabric, {"all": fabric}):
         for formulation in (Full(), Macro()):
             ply = Ply(mesh, chosen, formulation, dimension=3)
@@ -174,7 +172,7 @@ def test_twist_goes_with_elements_and_regions():
         Ply(mesh, Fabric(twist=np.ones(3)))
 
 
-def test_zero_modes_of_a_free_flat_patch_that_bends():
+def test_a_free_flat_patch_with_bending_has_known_zero_modes():
     """Rigid motions and z = xy, which a small stiffness against twist removes."""
     lines = np.linspace(0, 10, 5)
     mesh = MeshQuad.init_tensor(lines, lines)
@@ -191,10 +189,8 @@ def test_zero_modes_of_a_free_flat_patch_that_bends():
 
 @every_formulation
 @pytest.mark.parametrize("degrees", [0, 45])
-def test_twist_of_a_saddle_is_half_of_its_stiffness_times_its_square(
-    formulation, degrees
-):
-    """½ D_t c² per area of z = c x y, turned with the fibres and in space."""
+def test_the_twist_energy_of_a_saddle_is_exact(formulation, degrees):
+    """½ D_t c² per area of z = c x y, rotated with the fibres and in space."""
     fabric = Fabric(50.0, **inclined(degrees), twist=3.0)
     ply = Ply(square(8, side=8.0), fabric, formulation, dimension=3)
     turn = Rotation.from_rotvec((0.3, -1.0, 0.7)).as_matrix()
@@ -208,7 +204,7 @@ def test_twist_of_a_saddle_is_half_of_its_stiffness_times_its_square(
 @pytest.mark.parametrize(
     "formulation", [Full(), Quadratic()], ids=["quadrilaterals", "triangles"]
 )
-def test_twist_that_varies_is_of_second_order_on_irregular_meshes(formulation, degrees):
+def test_varying_twist_is_of_second_order_on_irregular_meshes(formulation, degrees):
     angle, k = np.radians(degrees), np.pi / SIDE
 
     def off(n):
@@ -226,7 +222,7 @@ def test_twist_that_varies_is_of_second_order_on_irregular_meshes(formulation, d
 
 
 @every_formulation
-def test_with_a_twist_stiffness_rigid_motions_alone_are_free(formulation):
+def test_only_rigid_motions_are_free_with_a_twist_stiffness(formulation):
     fabric = Fabric(1e3, 1.0, bending=(1.0, 1.0), twist=0.1)
     made = OnePoint(0.0) if isinstance(formulation, OnePoint) else formulation
     halves = 2 if isinstance(formulation, Macro) else 1
@@ -241,13 +237,13 @@ def bending(ply):
     return next(term for term in ply.terms if term.name == "bending")
 
 
-def across(ply):
+def transverse(ply):
     """The matrix of the displacement along z."""
     return bending(ply).matrix[2::3, 2::3].tocsr()
 
 
 def plate(mesh, degrees, formulation, held, ends=None):
-    """Deflection under p sin sin over the largest exact one; pinned where held."""
+    """Deflection under p sin sin relative to the exact one; pinned where fixed."""
     fabric = Fabric(1e4, 0.1, **inclined(degrees), bending=(D, D))
     ply = Ply(mesh, fabric, formulation, dimension=3, fibre_ends=ends)
     x, y = ply.nodes
@@ -261,7 +257,7 @@ def plate(mesh, degrees, formulation, held, ends=None):
     f = load.on(ply.basis).vector[2::3]
     free = np.flatnonzero(~held(x, y))
     w = np.zeros(len(x))
-    w[free] = spsolve(across(ply)[free][:, free].tocsc(), f[free])
+    w[free] = spsolve(transverse(ply)[free][:, free].tocsc(), f[free])
     families = 2 if degrees % 90 == 0 else 4
     return w * families * D * (np.pi / SIDE) ** 4 - shape
 
@@ -272,22 +268,22 @@ def on_sides(x, y):
 
 @pytest.mark.parametrize("degrees", [0, 45])
 @pytest.mark.parametrize(
-    ("formulation", "jitter", "off"),
+    ("formulation", "jitter", "bound"),
     [(OnePoint(), 0.0, 0.02), (OnePoint(), 0.2, 0.02), (Quadratic(), 0.2, 0.012)],
     ids=["aligned", "irregular", "triangles"],
 )
-def test_a_simply_supported_plate_is_of_second_order(formulation, jitter, off, degrees):
+def test_a_supported_plate_is_of_second_order(formulation, jitter, bound, degrees):
     coarse, fine = (
         np.abs(plate(square(n, jitter), degrees, formulation, on_sides)).max()
         for n in (8, 16)
     )
-    assert fine < off
+    assert fine < bound
     assert coarse / fine > 3
 
 
 @pytest.mark.parametrize("formulation", [OnePoint(), Quadratic()], ids=["quad", "tri"])
 @pytest.mark.parametrize("degrees", [0, 45])
-def test_planes_of_symmetry_stand_for_the_other_half(degrees, formulation):
+def test_planes_of_symmetry_replace_the_other_half(degrees, formulation):
     """A quarter of the plate."""
     ends = {"right": "mirror", "top": "mirror"}
     errors = [
@@ -321,12 +317,12 @@ def elastica(alpha, weight=False):
 
     s = np.linspace(0, 1, 201)
     guess = np.array([s * min(1.2, alpha / 3), 1 - s, s, 0 * s])
-    found = solve_bvp(slopes, ends, s, guess, tol=1e-10, max_nodes=100_000)
-    return found.y[2:, -1]
+    solution = solve_bvp(slopes, ends, s, guess, tol=1e-10, max_nodes=100_000)
+    return solution.y[2:, -1]
 
 
 def cantilever(n, alpha, weight, formulation):
-    """Tip over the length after a single step, and how many steps it took."""
+    """Tip over the length after a single step, and the number of steps taken."""
     mesh = MeshQuad.init_tensor(np.linspace(0, SIDE, n + 1), np.linspace(0, 20, 3))
     load = (0.0, 0.0, alpha * D / SIDE**2)
     loads = [Traction("right", load)]
@@ -344,7 +340,7 @@ def cantilever(n, alpha, weight, formulation):
     return np.array([1 + x, z]), len(result.states) - 1
 
 
-def test_the_elastica_that_the_tip_is_compared_with():
+def test_the_reference_elastica_has_known_values():
     """Values computed by another program."""
     for alpha, weight, tip in (
         (1.0, False, (0.943567, 0.301721)),
@@ -360,31 +356,31 @@ def test_the_elastica_that_the_tip_is_compared_with():
     ids=["one point", "macro"],
 )
 @pytest.mark.parametrize(
-    ("alpha", "weight", "off"),
+    ("alpha", "weight", "bound"),
     [(1.0, False, 2e-4), (10.0, False, 1e-3), (8.0, True, 1e-3)],
 )
-def test_a_cantilever_is_an_elastica_to_second_order_in_one_step(
-    formulation, halved, alpha, weight, off
+def test_a_cantilever_converges_to_the_elastica_in_one_step(
+    formulation, halved, alpha, weight, bound
 ):
     exact = elastica(alpha, weight)
     (coarse, _), (fine, steps) = (
         cantilever(n // halved, alpha, weight, formulation) for n in (16, 32)
     )
     assert steps == 1
-    assert abs(fine[1] - exact[1]) < off
+    assert abs(fine[1] - exact[1]) < bound
     assert (np.abs(coarse - exact) > 3.3 * np.abs(fine - exact)).all()
 
 
-def test_a_cantilever_of_quadratic_triangles_is_an_elastica():
+def test_a_cantilever_of_quadratic_triangles_agrees_with_the_elastica():
     tip, _ = cantilever(32, 1.0, False, Quadratic())
     np.testing.assert_allclose(tip, elastica(1.0), atol=5e-4)
 
 
-# Strips between clamps that turn: circles
+# Strips between rotating clamps: circles
 
 
 def arc(n, formulation, jitter, slope):
-    """A strip whose clamps turn by ± slope: its last state over the circle."""
+    """A strip whose clamps rotate by ± slope: its last state relative to the circle."""
     halves = 2 if isinstance(formulation, Macro) else 1
     size = n // halves, 2 // halves
     mesh = rectangle(SIDE, 20.0, size, "irregular", jitter, 1)
@@ -412,25 +408,25 @@ def arc(n, formulation, jitter, slope):
 
 @pytest.mark.parametrize(("slope", "jitter"), [(0.1, 0.0), (2.5, 0.2)])
 @pytest.mark.parametrize(
-    ("formulation", "off"),
+    ("formulation", "bound"),
     [(OnePoint(), 3e-3), (Macro(), 3e-3), (Quadratic(), 6e-3)],
     ids=["one point", "macro", "quadratic"],
 )
-def test_clamps_that_turn_bend_a_strip_to_a_circle(formulation, off, slope, jitter):
+def test_rotating_clamps_bend_a_strip_to_a_circle(formulation, bound, slope, jitter):
     """Moment 2 D φ/L: energy, end and height."""
     coarse, fine = (arc(n, formulation, jitter, slope) for n in (16, 32))
-    assert np.abs(fine).max() < off
+    assert np.abs(fine).max() < bound
     assert np.abs(coarse).max() > 2 * np.abs(fine).max()
 
 
 @every_formulation
-def test_forces_of_clamps_that_turn_are_the_slope_of_the_energy(formulation):
+def test_forces_of_rotating_clamps_are_derivatives_of_the_energy(formulation):
     """In the plane, where the fibres along an edge do not end."""
     fabric = Fabric(50.0, 0.5, bending=(3.0, 1.0), twist=0.5)
     ends = {"left": "clamped", "right": lambda t: 0.5 * t, "top": "mirror"}
     mesh = square(4, 0.2, 10.0)
     ply = Ply(mesh, fabric, formulation, fibre_ends=ends)
-    u, du = wobble(ply, 3, 0.1), wobble(ply, 4, 1e-4)
+    u, du = random_u(ply, 3, 0.1), random_u(ply, 4, 1e-4)
     for t in (0.0, 0.7):
         rise = ply.energies(u + du, t)["bending"] - ply.energies(u - du, t)["bending"]
         assert rise == pytest.approx(2 * ply.residuals(u, t)["bending"] @ du, rel=1e-8)
@@ -441,7 +437,7 @@ def test_forces_of_clamps_that_turn_are_the_slope_of_the_energy(formulation):
     assert next(energies) == pytest.approx(next(energies), rel=1e-12)
 
 
-def test_a_strip_bent_in_its_plane_between_clamps_that_turn_has_the_energy_of_an_arc():
+def test_a_strip_between_rotating_clamps_has_the_energy_of_an_arc():
     def off(n, formulation):
         mesh = rectangle(SIDE, 20.0, (n, 4), "irregular", 0.0, 1)
         ends = {"left": lambda t: -0.5 * t, "right": lambda t: 0.5 * t}
@@ -458,7 +454,7 @@ def test_a_strip_bent_in_its_plane_between_clamps_that_turn_has_the_energy_of_an
         assert abs(off(16, formulation)) > 3.5 * abs(off(32, formulation))
 
 
-# Compressed plies: where they buckle, with and without bending
+# Compressed plies: buckling with and without bending
 
 
 IN_PLANE = {
@@ -469,13 +465,13 @@ IN_PLANE = {
 
 
 def critical_tension(n, stiffness, conditions, guess):
-    """Where fibres along x, compressed evenly, are no more stable."""
+    """Tension at which fibres along x, compressed evenly, become unstable."""
     E = 1e5
     fabric = Fabric(E, 0.1, bending=(stiffness, stiffness))
     ply = Ply(square(n).with_defaults(), fabric, OnePoint(), dimension=3)
     constraints = Constraints(ply.basis, conditions)
     problem = Problem(ply, constraints, solver_named("superlu")).at(1.0)
-    low, high = 1.9 * guess, 0.0  # no middle is the guess, where it is singular
+    low, high = 1.9 * guess, 0.0  # without a middle the initial guess is singular
     for _ in range(14):
         u, middle = ply.basis.zeros(), (low + high) / 2
         u[::3] = np.expm1(middle / E) * ply.nodes[0]
@@ -491,18 +487,18 @@ def test_an_inextensible_net_buckles_in_its_plane_at_minus_its_shear_stiffness(n
 
 
 @pytest.mark.parametrize("stiffness", [10.0, 100.0])
-def test_bending_holds_a_net_that_buckles_in_its_plane(stiffness):
+def test_bending_stabilises_a_net_against_buckling_in_its_plane(stiffness):
     """T = −(G + D (π/L)²)."""
     exact = -(0.1 + stiffness * (np.pi / SIDE) ** 2)
-    found = critical_tension(16, stiffness, IN_PLANE, exact)
-    assert found == pytest.approx(exact, rel=5e-3)
+    computed = critical_tension(16, stiffness, IN_PLANE, exact)
+    assert computed == pytest.approx(exact, rel=5e-3)
 
 
 @pytest.mark.parametrize("stiffness", [0.1, 1000.0])
-def test_a_ply_that_is_held_all_round_buckles_out_of_its_plane(stiffness):
+def test_a_ply_fixed_all_round_buckles_out_of_its_plane(stiffness):
     """T = −2 D (π/L)²."""
     sides = ("left", "right", "bottom", "top")
     conditions = {side: Condition(side) for side in sides}
     exact = -2 * stiffness * (np.pi / SIDE) ** 2
-    found = critical_tension(16, stiffness, conditions, exact)
-    assert found == pytest.approx(exact, rel=1e-2)
+    computed = critical_tension(16, stiffness, conditions, exact)
+    assert computed == pytest.approx(exact, rel=1e-2)

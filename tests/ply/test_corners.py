@@ -1,4 +1,4 @@
-"""Corners of elements stay open, and those that are open feel nothing."""
+"""Corner terms keep elements unfolded and have no effect on open corners."""
 
 import numpy as np
 import pytest
@@ -9,23 +9,23 @@ from skfem_textile.forms.corners import RESISTING, resistance
 from skfem_textile.mesh.splitting import split
 from skfem_textile.ply import builtin_terms
 from skfem_textile.scenes import bias_extension, strip
-from tests.helpers import derivative, distorted, distorted_for, one_quad, wobble
+from tests.helpers import derivative, distorted, distorted_for, one_quad, random_u
 
 FORMULATIONS = [Full(), OnePoint(1.0), Macro(), Quadratic(20.0)]
 
 
 def closing(ply, seed=0):
     """A displacement under which some corners resist, and one is folded."""
-    u, amplitude = wobble(ply, seed, 0.05), 1.0
+    u, amplitude = random_u(ply, seed, 0.05), 1.0
     while ply.corners.area_ratio(amplitude * u).min() > -0.02:
         amplitude *= 1.1
     return amplitude * u
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
-def test_open_corners_feel_nothing(formulation):
+def test_open_corners_have_no_force(formulation):
     ply = Ply(distorted_for(formulation, 1), Fabric(10.0, 0.5), formulation)
-    u = wobble(ply, 1)
+    u = random_u(ply, 1)
     assert ply.corners.area_ratio(u).min() > RESISTING
     assert ply.energies(u)["corners"] == 0
     assert not ply.residuals(u)["corners"].any()
@@ -37,7 +37,7 @@ def test_open_corners_feel_nothing(formulation):
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
 def test_forces_and_tangent_are_derivatives_where_corners_close(formulation):
     ply = Ply(distorted_for(formulation, 2), Fabric(10.0, 0.5), formulation)
-    u, du = closing(ply), wobble(ply, 3, 1.0)
+    u, du = closing(ply), random_u(ply, 3, 1.0)
     assert ply.energies(u)["corners"] > 0
     slope = derivative(ply.energy, u, du, 1e-6)
     assert ply.residual(u) @ du == pytest.approx(slope, rel=1e-5)
@@ -58,10 +58,10 @@ def test_the_resistance_is_twice_differentiable_and_zero_where_corners_are_open(
     assert (curvature[:-1] > 0).all()
 
 
-def test_the_area_ratio_at_corners_is_that_of_the_deformation_gradient():
+def test_the_area_ratio_at_corners_is_the_determinant_of_the_gradient():
     for formulation in FORMULATIONS:
         ply = Ply(distorted_for(formulation, 4), Fabric(1.0), formulation)
-        u = wobble(ply, 4, 0.1)
+        u = random_u(ply, 4, 0.1)
         nodes = ply.basis.elem.elem.doflocs.T
         np.testing.assert_allclose(
             ply.corners.area_ratio(u).T, ply.area_ratio(u, nodes), rtol=1e-12
@@ -69,16 +69,16 @@ def test_the_area_ratio_at_corners_is_that_of_the_deformation_gradient():
 
 
 @pytest.mark.parametrize("corner", [0.9, 1.0])
-def test_a_corner_that_is_reflex_or_flat_at_rest_is_not_judged(corner):
-    """Its det F tells nothing: it is negative where the element becomes convex."""
+def test_a_corner_reflex_or_flat_at_rest_is_ignored(corner):
+    """Its det F is negative where the element becomes convex."""
     mesh = one_quad([[0, 2, corner, 0], [0, 0, corner, 2]])
     ply = Ply(mesh, Fabric(1.0), Full())
     assert np.isinf(ply.corners.area_ratio(ply.basis.zeros())).sum() == 1
-    assert ply.energies(wobble(ply, 1, 0.3))["corners"] >= 0
+    assert ply.energies(random_u(ply, 1, 0.3))["corners"] >= 0
 
 
 @pytest.mark.parametrize("clockwise", [False, True])
-def test_either_sense_of_rotation_is_judged_alike(clockwise):
+def test_both_senses_of_rotation_are_treated_alike(clockwise):
     mesh = distorted(3)
     turned = MeshQuad(mesh.p, mesh.t[::-1].copy()) if clockwise else mesh
     ply = Ply(turned, Fabric(1.0), Full())
@@ -107,7 +107,7 @@ def test_strips_with_little_stabilisation_end_unfolded(seed):
 
 
 @pytest.mark.parametrize(("scale", "seed"), [(0.1, 0), (10.0, 3)])
-def test_how_stiff_corners_are_decides_little(scale, seed, monkeypatch):
+def test_the_stiffness_of_corners_has_little_effect(scale, seed, monkeypatch):
     monkeypatch.setattr(
         builtin_terms, "_SHARE_OF_FIBRES", scale * builtin_terms._SHARE_OF_FIBRES
     )

@@ -1,6 +1,6 @@
 """Residual and tangent are derivatives at any parameters, which are held fixed.
 
-By central differences of fourth order: energies to 1e-7 of their slope, forces to 1e-6.
+Central differences of fourth order: energies to 1e-7 of their slope, forces to 1e-6.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ from skfem_textile import (
     Sin2,
     Values,
 )
-from tests.helpers import assert_derivatives, derivative, distorted_for, wobble
+from tests.helpers import assert_derivatives, derivative, distorted_for, random_u
 
 FORMULATIONS = {
     "macro": Macro(),
@@ -50,14 +50,14 @@ def check(ply, u, before):
     parameters = parameters_at(ply, before)
     changed = ply.energy(u, 1.0, parameters) != ply.energy(u)
     assert changed == (ply.formulation in WITH_STIFFNESSES)
-    du = wobble(ply, 3, 1.0)
+    du = random_u(ply, 3, 1.0)
     assert_derivatives(ply, u, du, parameters, _STEP, rel=1e-7)
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS.values(), ids=FORMULATIONS)
 def test_residual_and_tangent_are_derivatives_in_the_plane(formulation):
     ply = Ply(distorted_for(formulation, 1), Fabric(*LAWS, **FIBRES), formulation)
-    check(ply, wobble(ply, 2), 2 * wobble(ply, 1))
+    check(ply, random_u(ply, 2), 2 * random_u(ply, 1))
 
 
 @pytest.mark.parametrize("formulation", IN_SPACE.values(), ids=IN_SPACE)
@@ -67,7 +67,7 @@ def test_residual_and_tangent_are_derivatives_in_space_with_bending(formulation)
     fabric = Fabric(*LAWS, **FIBRES, bending=(3.0, 1.0), twist=0.5)
     ply = Ply(mesh, fabric, formulation, [Pressure(0.7)], dimension=3)
     x, y = ply.nodes
-    u, before = wobble(ply, 2, 0.01), 2 * wobble(ply, 1, 0.01)
+    u, before = random_u(ply, 2, 0.01), 2 * random_u(ply, 1, 0.01)
     u[2::3] += 0.3 * np.sin(x) * np.cos(y)
     before[2::3] += 0.4 * np.sin(y)
     check(ply, u, before)
@@ -80,7 +80,7 @@ def rate_ply():
 
 def test_the_tangent_of_rates_is_exact_at_the_start_of_a_step_without_moments():
     ply = rate_ply()
-    u, du = wobble(ply, 1), wobble(ply, 2, 1.0)
+    u, du = random_u(ply, 1), random_u(ply, 2, 1.0)
     values = parameters_at(ply, u)["stabilisation"]
     p = Values(dict(values) | {"moment": 0 * values["moment"]})
     parameters = {"stabilisation": p}
@@ -89,17 +89,17 @@ def test_the_tangent_of_rates_is_exact_at_the_start_of_a_step_without_moments():
     np.testing.assert_allclose(K @ du, change, atol=1e-6 * np.abs(change).max())
 
 
-def test_what_the_tangent_of_rates_leaves_out_is_proportional_to_the_moments():
-    """Changes of the area, and of the hourglass matrix at the centre."""
+def test_the_error_of_the_tangent_of_rates_is_proportional_to_the_moments():
+    """It neglects changes of the area, and of the hourglass matrix at the centre."""
     ply = rate_ply()
-    u, du, off = wobble(ply, 1), wobble(ply, 2, 1.0), []
+    u, du, errors = random_u(ply, 1), random_u(ply, 2, 1.0), []
     values = parameters_at(ply, u)["stabilisation"]
     for share in (1.0, 0.1):
         p = Values(dict(values) | {"moment": share * values["moment"]})
         parameters = {"stabilisation": p}
         change = derivative(lambda x, p=parameters: ply.residual(x, 1.0, p), u, du)
         K = ply.tangent(u, 1.0, parameters)
-        off.append(np.abs(K @ du - change).max() / np.abs(change).max())
+        errors.append(np.abs(K @ du - change).max() / np.abs(change).max())
         assert abs(K - K.T).max() < 1e-12 * abs(K).max()
-    assert 1e-5 < off[0] < 1e-3
-    assert off[1] == pytest.approx(0.1 * off[0], rel=0.05)
+    assert 1e-5 < errors[0] < 1e-3
+    assert errors[1] == pytest.approx(0.1 * errors[0], rel=0.05)

@@ -1,4 +1,4 @@
-"""Kernels give the numbers of the forms that they stand beside."""
+"""Kernels agree with the forms that they replace."""
 
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -46,9 +46,9 @@ from tests.helpers import (
     Coupled,
     distorted,
     distorted_for,
-    given_to_forms,
+    form_parameters,
+    random_u,
     values_at_rest,
-    wobble,
 )
 
 FABRICS = {
@@ -91,37 +91,37 @@ def plies(fabric):
 
 
 def form_terms(ply):
-    """The terms that are given by forms; no corner resists here."""
-    assert ply.corners.area_ratio(wobble(ply, 3)).min() >= RESISTING
+    """The terms defined by forms; no corner resists here."""
+    assert ply.corners.area_ratio(random_u(ply, 3)).min() >= RESISTING
     return [term for term in ply.terms if isinstance(term, FormTerm)]
 
 
 @every_fabric
 def test_assembling_a_form_by_its_kernel_or_by_itself_is_the_same(fabric):
     for ply in plies(fabric):
-        u = wobble(ply, 3)
+        u = random_u(ply, 3)
         for term in form_terms(ply):
             if term.kernel is None:
                 continue
             fast = with_kernel(term.forms, term.kernel)
-            w = given_to_forms(term)
+            w = form_parameters(term)
             for form, slow in zip(fast, term.forms, strict=True):
                 readable = asm(slow, term.basis, u=u, **w)
                 assert_same(asm(form, term.basis, u=u, **w), readable)
 
 
 @every_fabric
-def test_a_ply_is_the_sum_of_its_forms(fabric):
+def test_a_ply_equals_the_sum_of_its_forms(fabric):
     for ply in plies(fabric):
-        u, T = wobble(ply, 4), wobble(ply, 5)
+        u, T = random_u(ply, 4), random_u(ply, 5)
         tensions = np.resize(T, (2, *ply.basis.dx.shape))
-        given = {"tension": {"tension": ply.arranged(tensions)}}
+        arguments = {"tension": {"tension": ply.arranged(tensions)}}
         energy, f, K = 0.0, 0.0, 0.0
         for term in form_terms(ply):
-            w = given_to_forms(term)
+            w = form_parameters(term)
             energy += asm(term.forms.energy, term.basis, u=u, **w)
             f = f + asm(term.forms.residual, term.basis, u=u, **w)
-            w = w | given.get(term.name, {})
+            w = w | arguments.get(term.name, {})
             K = K + asm(term.forms.tangent, term.basis, u=u, **w)
         assert ply.energy(u) == pytest.approx(energy, rel=1e-12)
         assert_same(ply.residual(u), f)
@@ -129,11 +129,11 @@ def test_a_ply_is_the_sum_of_its_forms(fabric):
 
 
 @every_fabric
-def test_the_kernel_out_of_plane_gives_the_numbers_of_its_forms(fabric):
+def test_the_kernel_out_of_plane_agrees_with_its_forms(fabric):
     for formulation in (OnePoint(2.0), OnePoint(), Macro()):
         ply = Ply(distorted(1), fabric, formulation, dimension=3)
-        u, term = wobble(ply, 3), ply.terms[-1]
-        w, p = given_to_forms(term), values_at_rest(term)
+        u, term = random_u(ply, 3), ply.terms[-1]
+        w, p = form_parameters(term), values_at_rest(term)
         energy, f, K = (asm(form, term.basis, u=u, **w) for form in term.forms)
         assert energy > 0
         assert term.energy(u, 1.0, p) == pytest.approx(energy, rel=1e-12)
@@ -175,7 +175,7 @@ def curved_mesh():
     return replace(mesh, doflocs=mesh.doflocs + 0.05 * x[::-1])
 
 
-def test_curved_elements_and_odd_bases_give_what_the_forms_give():
+def test_curved_elements_and_unusual_bases_agree_with_the_forms():
     fabric, mesh = FABRICS["even"], distorted(2)
     corners = HourglassBasis(mesh)
     bilinear = ElementVector(elements.ElementQuad1())
@@ -204,30 +204,30 @@ def test_a_stabilisation_may_be_one_number_or_one_for_each_point(C_s):
     assert_same(asm(form, basis, u=u, C_s=C_s), slow)
 
 
-def test_forces_take_no_other_tensions():
+def test_forces_of_other_tensions_are_rejected():
     ply = next(plies(FABRICS["even"]))
-    form, u = ply.terms[0].forms.residual, wobble(ply, 6)
+    form, u = ply.terms[0].forms.residual, random_u(ply, 6)
     T = np.ones((2, *ply.basis.dx.shape))
     assert_same(asm(form, ply.basis, u=u, tension=T), asm(form, ply.basis, u=u))
 
 
-def test_terms_that_share_points_keep_their_own_areas():
-    """Tension at the 2×2 points weighs by J, the hourglass by A/4."""
+def test_terms_that_share_points_keep_separate_weights():
+    """Tension at the 2×2 points has the weight J, the hourglass term A/4."""
 
     class Both(Full):
         def stabilising_terms(self, basis, fabric):
             return OnePoint(50.0).stabilising_terms(basis, fabric)
 
     ply = Ply(distorted(1), FABRICS["even"], Both())
-    u = wobble(ply, 2)
+    u = random_u(ply, 2)
     for term in form_terms(ply):
         expected = asm(term.forms.energy, term.basis, u=u)
         assert ply.energies(u)[term.name] == pytest.approx(expected, rel=1e-12)
 
 
-def test_threads_may_ask_one_ply_for_several_states():
+def test_threads_may_evaluate_one_ply_at_several_states():
     ply = next(plies(FABRICS["even"]))
-    states = [wobble(ply, seed) for seed in range(4)]
+    states = [random_u(ply, seed) for seed in range(4)]
     alone = [ply.residual(u) for u in states]
     before = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
@@ -240,16 +240,16 @@ def test_threads_may_ask_one_ply_for_several_states():
         np.testing.assert_array_equal(f, expected)
 
 
-def test_elemental_matrices_are_those_of_the_form():
+def test_elemental_matrices_agree_with_the_form():
     ply = next(plies(FABRICS["even"]))
-    form, u = ply.terms[0].forms.tangent, wobble(ply, 6)
+    form, u = ply.terms[0].forms.tangent, random_u(ply, 6)
     fast = form.elemental(ply.basis, u=u).tolocal()
     slow = BilinearForm(form.form).elemental(ply.basis, u=u).tolocal()
     assert_same(fast, slow)
 
 
-def test_laws_see_points_as_in_the_forms():
-    """A law may have a stiffness of its own in each element."""
+def test_laws_receive_the_same_points_as_in_the_forms():
+    """A law may have a separate stiffness in each element."""
 
     class Varied(Linear):
         def _scaled(self, x):
@@ -266,11 +266,11 @@ def test_laws_see_points_as_in_the_forms():
             return self._scaled(super().tangent(x))
 
     ply = Ply(distorted(3), Fabric(Varied(10.0), Linear(0.0)), Full())
-    form, u = ply.terms[0].forms.tangent, wobble(ply, 7)
+    form, u = ply.terms[0].forms.tangent, random_u(ply, 7)
     assert_same(ply.tangent(u), asm(BilinearForm(form.form), ply.basis, u=u))
 
 
-def test_the_reference_data_of_a_basis_is_found_once():
+def test_the_reference_data_of_a_basis_are_computed_once():
     ply = next(plies(FABRICS["even"]))
     groups = element_groups(ply.basis, ply.fabric)
     assert element_groups(ply.basis, ply.fabric) is groups
@@ -278,27 +278,27 @@ def test_the_reference_data_of_a_basis_is_found_once():
 
 def test_the_pattern_keeps_entries_that_happen_to_be_zero():
     ply = Ply(distorted(1, jitter=0.0), Fabric(1e4), Full())
-    at_rest, moved = ply.tangent(ply.basis.zeros()), ply.tangent(wobble(ply, 8))
+    at_rest, moved = (ply.tangent(ply.basis.zeros()), ply.tangent(random_u(ply, 8)))
     assert np.any(at_rest.data == 0)
     np.testing.assert_array_equal(at_rest.indices, moved.indices)
     np.testing.assert_array_equal(at_rest.indptr, moved.indptr)
 
 
-def test_strains_are_found_once_for_forces_and_tangent_of_a_state(monkeypatch):
-    ply, seen = Ply(distorted(1), Fabric(1e4, 0.5), OnePoint(1.0)), []
+def test_strains_of_a_state_are_computed_once_for_forces_and_tangent(monkeypatch):
+    ply, calls = Ply(distorted(1), Fabric(1e4, 0.5), OnePoint(1.0)), []
     fibres = QuadPoints.fibres
 
     def counted(points, u, block):
-        seen.append(len(points.dx))
+        calls.append(len(points.dx))
         return fibres(points, u, block)
 
     monkeypatch.setattr(QuadPoints, "fibres", counted)
-    u = wobble(ply, 9)
+    u = random_u(ply, 9)
     ply.residual(u), ply.tangent(u), ply.energy(u)
-    assert sorted(seen) == [1, 4]  # the centre once for three terms, and the corners
+    assert sorted(calls) == [1, 4]  # the centre once for three terms, and the corners
     u[0] += 1e-3
     ply.residual(u)
-    assert len(seen) == 4
+    assert len(calls) == 4
 
 
 def test_blocks_of_a_pair_of_nodes_are_kept_below_the_diagonal():

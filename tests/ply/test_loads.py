@@ -1,4 +1,4 @@
-"""Loads: what they amount to, what balances them, and where they end."""
+"""Loads: resultants, equilibrium, limit points and rejected arguments."""
 
 import re
 from functools import cache
@@ -28,9 +28,9 @@ from skfem_textile import (
     split,
 )
 from skfem_textile.mesh.splitting import cut
-from tests.helpers import derivative, distorted, wobble
+from tests.helpers import derivative, distorted, random_u
 
-# Loads: what they amount to, what balances them, and where they end
+# Loads: resultants, equilibrium and limit points
 
 
 CLAMP = {"clamp": Condition("bottom")}
@@ -62,14 +62,14 @@ LOADS = [
     ("formulation", "load"),
     [*((f, LOADS[0]) for f in EVERY), *((EVERY[3], load) for load in LOADS[1:])],
 )
-def test_a_load_comes_back_as_the_reaction(formulation, load):
-    """To ten digits, in every formulation; supports alone are counted."""
+def test_the_reaction_balances_the_load(formulation, load):
+    """To ten digits, in every formulation; only supports are counted."""
     ply = square(formulation).with_terms(load)
     state = LoadStepper(ply, CLAMP, 3).run().states[-1]
     applied = ply.nodal(ply.load(state.u, 1.0)).sum(axis=1)
     assert np.linalg.norm(applied) > 0.01
-    off = np.abs(state.reactions["clamp"] + applied).max()
-    assert off < 1e-10 * np.abs(applied).max()
+    error = np.abs(state.reactions["clamp"] + applied).max()
+    assert error < 1e-10 * np.abs(applied).max()
 
 
 @every_formulation
@@ -107,8 +107,8 @@ def test_a_load_may_be_any_function_of_the_load_factor():
         assert state.reactions["clamp"][1] == pytest.approx(expected, abs=1e-9)
 
 
-def test_a_stiffness_that_grows_with_the_load_is_no_limit():
-    """Its energy changes with the load factor, and not by work alone."""
+def test_a_stiffness_that_grows_with_the_load_is_not_a_limit_point():
+    """Its energy depends on the load factor, and not on the work alone."""
     glue = Forms(
         Functional(lambda w: 25 * w["t"] * dot(w["u"], w["u"])),
         LinearForm(lambda v, w: 50 * w["t"] * dot(w["u"], v)),
@@ -119,7 +119,7 @@ def test_a_stiffness_that_grows_with_the_load_is_no_limit():
     assert LoadStepper(ply, CLAMP, 4).run().converged
 
 
-def test_the_work_of_a_load_is_the_energy_that_it_stores():
+def test_the_work_of_a_load_equals_the_stored_energy():
     ply = square(Full()).with_terms(Force("top", (0.0, 4.0)))
     result = LoadStepper(ply, CLAMP, 40).run()
     row = result.history()[-1]
@@ -139,19 +139,19 @@ def test_the_work_of_a_load_is_the_energy_that_it_stores():
         (Force([999], (1, 0)), "node numbers must be from 0 to"),
     ],
 )
-def test_loads_that_nobody_can_mean_are_refused(load, complaint):
+def test_invalid_loads_are_rejected(load, complaint):
     with pytest.raises(ValueError, match=complaint):
         square(Full()).with_terms(load)
 
 
-def test_a_factor_that_is_not_finite_is_refused():
+def test_an_infinite_factor_is_rejected():
     for factor in (lambda t: 1 / (1 - t), lambda t: None, lambda t: "2", np.inf):
         with pytest.raises(ValueError, match="'force on top': its"):
             square(Full()).with_terms(Force("top", (0, 1), factor=factor))
 
 
 @pytest.mark.parametrize("steps", [1, 7])
-def test_fibres_are_pulled_no_further_than_they_bear(steps):
+def test_a_load_is_limited_by_the_peak_of_the_tension(steps):
     """A law with a peak of T/λ: exact, on one element."""
 
     class Softening:
@@ -176,11 +176,11 @@ def test_fibres_are_pulled_no_further_than_they_bear(steps):
     stepper = LoadStepper(ply, rollers, steps)
     with pytest.raises(RuntimeError, match="the load exceeds a limit") as stopped:
         stepper.run()
-    found = 3 * stopped.value.result.states[-1].load_factor
-    assert 0.99 < found <= 1.0
+    largest = 3 * stopped.value.result.states[-1].load_factor
+    assert 0.99 < largest <= 1.0
 
 
-#: A square sheared by a force along its top: the largest force that sin² bears.
+#: A square sheared by a force along its top: the largest force for the sin² law.
 SIDEWAYS = np.array([1.0, -1.0]) / np.sqrt(2)
 
 
@@ -204,8 +204,8 @@ def ramped_limit():
     [lambda t: 1 - abs(2 * t - 1), lambda t: 4 * t * (1 - t), lambda t: t**8],
     ids=["there and back", "parabola", "late"],
 )
-def test_a_limit_is_told_whatever_the_load_does_later(factor):
-    """And to a percent of the load, not of the load factor."""
+def test_a_limit_point_is_reported_for_any_later_load(factor):
+    """To a percent of the load, not of the load factor."""
     ply = sheared_by(3.75, factor)
     with pytest.raises(RuntimeError, match="the load exceeds a limit") as stopped:
         LoadStepper(ply, CLAMP, 10).run()
@@ -217,15 +217,15 @@ def test_a_limit_is_told_whatever_the_load_does_later(factor):
 
 
 @pytest.mark.parametrize("halvings", [1, 6])
-def test_a_limit_close_to_the_end_of_a_step_is_told(halvings):
+def test_a_limit_point_close_to_the_end_of_a_step_is_reported(halvings):
     ply = sheared_by(1.01 * 3.75 * ramped_limit(), lambda t: t)
     with pytest.raises(RuntimeError, match="the load exceeds a limit"):
         LoadStepper(ply, CLAMP, 2, max_halvings=halvings).run()
 
 
 @pytest.mark.parametrize("formulation", [Full(), OnePoint()], ids=repr)
-def test_a_load_that_is_held_is_no_limit(formulation):
-    """What it does while nothing moves is round-off."""
+def test_a_constant_load_is_not_a_limit_point(formulation):
+    """Its work without motion is round-off."""
     mesh = MeshQuad().refined(2).scaled(10.0).with_defaults()
     ply = Ply(mesh, Fabric(1e3, 1.0), formulation)
     held = Force("top", (1.0, 2.0), factor=lambda t: min(1.0, 2 * t))
@@ -234,12 +234,12 @@ def test_a_load_that_is_held_is_no_limit(formulation):
     assert LoadStepper(ply.with_terms(*on_clamp), CLAMP, 4).run().converged
 
 
-def test_a_load_beyond_the_limit_at_rest_is_refused():
+def test_a_load_beyond_the_limit_at_rest_is_rejected():
     with pytest.raises(RuntimeError, match="loads that grow with the load factor"):
         LoadStepper(sheared_by(3.75, 1.0), CLAMP, 2).run()
 
 
-def test_a_ply_that_stiffens_from_nothing_bears_a_load():
+def test_a_ply_without_stiffness_at_rest_supports_a_load():
     class Cubic:
         def energy(self, x):
             return 250.0 * x**4
@@ -258,7 +258,7 @@ def test_a_ply_that_stiffens_from_nothing_bears_a_load():
     np.testing.assert_allclose(forces, [-50.0, 0.0], atol=1e-9)
 
 
-def test_a_boundary_without_an_edge_bears_no_load_and_one_counts_once():
+def test_a_boundary_without_edges_has_no_load_and_every_edge_counts_once():
     mesh = distorted(1).with_defaults()
     top = mesh.boundaries["top"]
     mesh = mesh.with_boundaries({"none": top[:0], "twice": np.append(top, top)})
@@ -288,7 +288,7 @@ def pressed(formulation, value=0.7):
 
 
 @every_element
-def test_the_energy_is_that_of_the_volume_above_the_plane(formulation):
+def test_the_energy_is_pressure_times_the_volume_above_the_plane(formulation):
     ply = pressed(formulation)
     x, y = ply.nodes
     u = ply.basis.zeros()
@@ -301,7 +301,7 @@ def test_the_energy_is_that_of_the_volume_above_the_plane(formulation):
 def test_forces_and_tangent_are_derivatives(formulation):
     ply = pressed(formulation)
     term = ply.terms[-1]
-    u, d = wobble(ply, 1, 0.2), wobble(ply, 2, 1.0)
+    u, d = random_u(ply, 1, 0.2), random_u(ply, 2, 1.0)
     slope = derivative(lambda x: term.energy(x, 0.5), u, d)
     assert term.residual(u, 0.5) @ d == pytest.approx(slope, rel=1e-8)
     change = derivative(lambda x: term.residual(x, 0.5), u, d)
@@ -310,7 +310,7 @@ def test_forces_and_tangent_are_derivatives(formulation):
 
 @every_element
 def test_inside_the_force_is_pressure_times_area_along_the_normal(formulation):
-    """On a plane that is turned, stretched and lifted."""
+    """On a plane that is rotated, stretched and lifted."""
     ply = pressed(formulation)
     X = np.pad(ply.nodes, ((0, 1), (0, 0)))
     F = np.linalg.qr(np.random.default_rng(4).standard_normal((3, 3)))[0]
@@ -349,13 +349,13 @@ def test_a_sheet_between_two_edges_becomes_a_cylinder(formulation):
     angle = brentq(unbalanced, 1e-3, 1.5)
     height = L / 2 * np.tan(angle / 2)
     assert ply.nodal(result.u)[2].max() == pytest.approx(height, rel=5e-3)
-    # Each held edge carries half of the pressure on the chord.
+    # Each fixed edge supports half of the pressure on the chord.
     force = result.states[-1].reactions["left"]
     assert force[2] == pytest.approx(-p * L * 20 / 2, rel=1e-6)
 
 
-def test_edges_on_planes_of_symmetry_may_rise():
-    """A quarter of a square bulges as the whole does."""
+def test_edges_on_planes_of_symmetry_move_along_them():
+    """A quarter of a square bulges like the whole square."""
     heights = []
     for side, n, fixed in (
         (100.0, 8, ("left", "bottom", "right", "top")),
@@ -394,7 +394,7 @@ def test_edges_on_planes_of_symmetry_may_rise():
     ],
     ids=["free", "held", "lifted"],
 )
-def test_a_pressure_without_potential_is_refused(conditions, reason):
+def test_a_pressure_without_potential_is_rejected(conditions, reason):
     ply = pressed(OnePoint())
     if reason:
         with pytest.raises(ValueError, match=f"load 'pressure': .*{reason}"):
@@ -412,6 +412,6 @@ def test_a_pressure_without_potential_is_refused(conditions, reason):
     ],
     ids=["plane", "nan", "factor"],
 )
-def test_a_pressure_that_is_none_is_refused(load, dimension, reason):
+def test_an_invalid_pressure_is_rejected(load, dimension, reason):
     with pytest.raises(ValueError, match=reason):
         Ply(distorted(1), Fabric(), OnePoint(), [load], dimension=dimension)

@@ -1,4 +1,4 @@
-"""Macro-elements, and quadratic triangles of mean strain: energies, runs, locking."""
+"""Macro-elements, and quadratic triangles with mean strain: energies, runs, locking."""
 
 import numpy as np
 import pytest
@@ -26,9 +26,9 @@ from tests.helpers import (
     assert_derivatives,
     derivative,
     distorted,
-    wobble,
+    random_u,
 )
-from tests.helpers.estimates import unestimated
+from tests.helpers.estimates import without_estimate
 
 MESHES = {
     "triangles": split(cut(distorted(1))),
@@ -46,22 +46,24 @@ def tension(fabric, mesh):
 
 def run(scene, formulation, E=1e4, shear=0.0, steps=2):
     ply = Ply(scene.mesh, Fabric(E, shear, scene.warp, scene.weft), formulation)
-    return scene.summary(unestimated(LoadStepper(ply, scene.conditions, steps).run()))
+    return scene.summary(
+        without_estimate(LoadStepper(ply, scene.conditions, steps).run())
+    )
 
 
 @every_mesh
-def test_the_basis_is_that_of_the_parts(mesh):
+def test_the_basis_has_the_elements_of_the_parts(mesh):
     basis = MacroBasis(mesh)
     u = np.random.default_rng(1).standard_normal(basis.N)
     quads = Ply(mesh, Fabric(), OnePoint(0.0))
-    there = basis.parts >= 0
+    is_part = basis.parts >= 0
     of_parts = quads.gradient(u)[..., 0][:, :, basis.parts]
     np.testing.assert_allclose(
-        np.asarray(basis.interpolate(u).grad), of_parts * there, atol=1e-12
+        np.asarray(basis.interpolate(u).grad), of_parts * is_part, atol=1e-12
     )
     nodal = u[quads.basis.nodal_dofs]
     centres = nodal[:, mesh.t].mean(axis=1)[:, basis.parts]
-    np.testing.assert_allclose(np.asarray(basis.interpolate(u)), centres * there)
+    np.testing.assert_allclose(np.asarray(basis.interpolate(u)), centres * is_part)
     area = asm(Functional(lambda w: 1 + 0 * grad(w["u"])[0, 0]), basis, u=u)
     assert area == pytest.approx(quads.basis.dx.sum())
     x = np.arange(mesh.nelements)[None, :, None]
@@ -69,20 +71,20 @@ def test_the_basis_is_that_of_the_parts(mesh):
 
 
 @every_mesh
-def test_the_energy_is_that_of_mean_and_deviation(mesh):
+def test_the_energy_is_the_sum_of_mean_and_deviation(mesh):
     ply = tension(Fabric((1e6, 100.0), 0.1, warp=(2, 1), weft=(-1, 3)), mesh)
-    u, area = wobble(ply, 1), ply.basis.dx[:, 0]
+    u, area = random_u(ply, 1), ply.basis.dx[:, 0]
     expected = 0.0
     for eps, E in zip(ply.fibre_strain(u)[..., 0], (1e6, 100.0), strict=True):
         stretch = np.exp(eps)
         for parent in range(mesh.parent.max() + 1):
             parts = mesh.parent == parent
             mean = np.average(stretch[parts], weights=area[parts])
-            off = area[parts] @ (stretch[parts] - mean) ** 2
+            error = area[parts] @ (stretch[parts] - mean) ** 2
             resistance = {3: 370.0, 4: 700.0}[parts.sum()] * 0.1
             E_d = E * resistance / (E + resistance)
             of_mean = 0.5 * E * np.log(mean) ** 2 * area[parts].sum()
-            expected += of_mean + 0.5 * E_d * off
+            expected += of_mean + 0.5 * E_d * error
     # The tension at rest is not zero to round-off.
     assert ply.energy(u) == pytest.approx(expected, rel=1e-10)
 
@@ -95,26 +97,26 @@ def test_the_energy_is_that_of_mean_and_deviation(mesh):
     ],
     ids=[*MESHES, "quadratic"],
 )
-def test_the_law_sees_the_mean_strain(mesh, formulation):
+def test_the_mean_strain_enters_the_law(mesh, formulation):
     """Without stiffness of deviations the tension that acts is λ T(ln λ̄)/λ̄."""
     ply = Ply(mesh, Fabric((1e6, 100.0), 0.1, warp=(2, 1), weft=(-1, 3)), formulation)
-    u = wobble(ply, 1)
+    u = random_u(ply, 1)
     of_law = zip(
         *(ply.law_strain(u), ply.fibre_tension(u), (1e6, 100.0)),
         *(ply.fibre_strain(u), acting_tension(ply, u)),
         strict=True,
     )
-    for seen, tension, E, eps, acting in of_law:
-        np.testing.assert_allclose(tension, E * seen, rtol=1e-12)
-        np.testing.assert_allclose(acting, np.exp(eps - seen) * tension, rtol=1e-9)
+    for strain, tension, E, eps, acting in of_law:
+        np.testing.assert_allclose(tension, E * strain, rtol=1e-12)
+        np.testing.assert_allclose(acting, np.exp(eps - strain) * tension, rtol=1e-9)
     assert np.abs(ply.law_strain(u)).max() < 0.9 * np.abs(ply.fibre_strain(u)).max()
 
 
 @every_mesh
 def test_residual_and_tangent_are_derivatives(mesh):
     ply = tension(Fabric((1e3, 400.0), 0.02), mesh)
-    u = wobble(ply, 1)
-    assert_derivatives(ply, u, wobble(ply, 2, 1.0))
+    u = random_u(ply, 1)
+    assert_derivatives(ply, u, random_u(ply, 2, 1.0))
     K = ply.tangent(u)
     T = acting_tension(ply, u)
     assert abs(ply.tangent(u, tension=T) - K).max() < 1e-12 * abs(K).max()
@@ -123,9 +125,9 @@ def test_residual_and_tangent_are_derivatives(mesh):
 
 @every_mesh
 def test_the_tensions_that_act_do_the_work_of_the_forces(mesh):
-    """And those predicted are the first order of those that come."""
+    """The predicted tensions are their first-order approximation."""
     ply = tension(Fabric((1e3, 400.0), 0.02), mesh)
-    u, du = wobble(ply, 1), wobble(ply, 2, 1.0)
+    u, du = random_u(ply, 1), random_u(ply, 2, 1.0)
     rates = derivative(ply.fibre_strain, u, du)
     work = (acting_tension(ply, u) * rates).sum(axis=0) * ply.basis.dx
     assert work.sum() == pytest.approx(ply.residual(u) @ du)
@@ -137,11 +139,11 @@ def test_the_tensions_that_act_do_the_work_of_the_forces(mesh):
 
 
 @every_mesh
-def test_what_is_predicted_is_the_force_of_means_and_deviations(mesh):
-    """N = T(ln λ̄)/λ̄ + E_d (λ − λ̄) to first order, times the stretch that comes."""
+def test_the_prediction_is_the_force_of_means_and_deviations(mesh):
+    """N = T(ln λ̄)/λ̄ + E_d (λ − λ̄) to first order, times the next stretch."""
     E = np.array([[1e3], [400.0]])
     ply = tension(Fabric((1e3, 400.0), 0.02), mesh)
-    u, du = wobble(ply, 1), wobble(ply, 2, 0.01)
+    u, du = random_u(ply, 1), random_u(ply, 2, 0.01)
     E_d = ply.parameters_at_rest["tension"]["E_d"][:, mesh.parent, 0]
     area, parts = ply.basis.dx[:, 0], mesh.parent
 
@@ -149,7 +151,7 @@ def test_what_is_predicted_is_the_force_of_means_and_deviations(mesh):
         return np.exp(ply.fibre_strain(x)[..., 0])
 
     def means(stretch):
-        sums = [np.bincount(parts, area * own)[parts] for own in stretch]
+        sums = [np.bincount(parts, area * values)[parts] for values in stretch]
         return np.array(sums) / np.bincount(parts, area)[parts]
 
     def force(x):
@@ -160,21 +162,21 @@ def test_what_is_predicted_is_the_force_of_means_and_deviations(mesh):
     for change in (0 * du, du):
         N = force(u) + derivative(force, u, change)
         expected = stretches(u + change) * N
-        found = ply.predicted_tension(u, change)[..., 0]
-        np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(N).max())
+        predicted = ply.predicted_tension(u, change)[..., 0]
+        np.testing.assert_allclose(predicted, expected, atol=1e-7 * np.abs(N).max())
 
 
 def test_both_stiffnesses_may_be_chosen():
     mesh, fabric = MESHES["quads"], Fabric((1e3, 1e6), 0.5)
-    given, auto = (Ply(mesh, fabric, f) for f in (Macro(2.0, (1.0, 700.0)), Macro()))
-    u = wobble(given, 1)
-    assert given.energies(u) == pytest.approx(auto.energies(u), rel=1e-12)
+    chosen, auto = (Ply(mesh, fabric, f) for f in (Macro(2.0, (1.0, 700.0)), Macro()))
+    u = random_u(chosen, 1)
+    assert chosen.energies(u) == pytest.approx(auto.energies(u), rel=1e-12)
     softer = Ply(mesh, fabric, Macro(0.0, (100.0, 100.0)))
     assert softer.energies(u)["tension"] < auto.energies(u)["tension"]
     assert "stabilisation" not in softer.energies(u)
 
 
-def test_bad_stiffnesses_are_refused():
+def test_invalid_stiffnesses_are_rejected():
     for bad in (-1.0, np.nan, "much"):
         with pytest.raises(ValueError, match=r"deviation must be a finite number >= 0"):
             Macro(deviation=(400.0, bad))
@@ -188,30 +190,32 @@ def test_bad_stiffnesses_are_refused():
             Macro(bad)
 
 
-def test_titles_tell_what_was_chosen():
+def test_titles_contain_the_chosen_stiffnesses():
     chosen = (Macro(), Macro(4.0), Macro(deviation=(1.0, 2.0)))
     chosen += (Quadratic(), Quadratic(0.0), OnePoint(), OnePoint(1.0, "rate"))
     assert len({formulation.title for formulation in chosen}) == len(chosen)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_quadratic_triangles_may_take_the_mean_strain_too(seed):
+def test_quadratic_triangles_support_the_mean_strain(seed):
     mesh = cut(distorted(seed, jitter=0.2))
     ply = Ply(mesh, Fabric((1e3, 400.0), 0.02), Quadratic(80.0))
     ply._terms = tuple(term for term in ply.terms if term.name == "tension")
-    u = wobble(ply, 1)
-    assert_derivatives(ply, u, wobble(ply, 2, 1.0))
+    u = random_u(ply, 1)
+    assert_derivatives(ply, u, random_u(ply, 2, 1.0))
     K = ply.tangent(u)
-    off = ply.tangent(u, tension=acting_tension(ply, u)) - K
-    assert abs(off).max() < 1e-12 * abs(K).max()
+    error = ply.tangent(u, tension=acting_tension(ply, u)) - K
+    assert abs(error).max() < 1e-12 * abs(K).max()
     plain = Ply(mesh, Fabric((1e3, 400.0)), Quadratic())
     stiff = Ply(mesh, Fabric((1e3, 400.0), 1e9), Quadratic(80.0))
     assert_same_to_first_order(
-        lambda u: stiff.energies(u)["tension"], plain.energy, wobble(ply, 1)
+        lambda u: stiff.energies(u)["tension"],
+        plain.energy,
+        random_u(ply, 1),
     )
 
 
-def test_delaunay_triangles_of_the_strip_meet_the_bars():
+def test_delaunay_triangles_of_the_strip_meet_the_tolerances():
     """Load below 1e-5 E and strain below 2e-5, with fibres of any stiffness."""
     scene = strip(split(rectangle(40, 60, (12, 18), "delaunay")))
     for E in (1e4, 1e6):
@@ -233,11 +237,11 @@ def test_a_rotated_problem_is_the_same(formulation):
     assert rotated["reaction_y"] == pytest.approx(plain["reaction_y"], rel=1e-6)
 
 
-def test_half_of_a_ply_takes_half_of_the_force(monkeypatch):
-    """Nothing in an element knows how large the mesh is.
+def test_half_of_a_ply_has_half_of_the_force(monkeypatch):
+    """The energy of an element is independent of the mesh size.
 
-    With stiffnesses that are those of the state: the search for them ends sooner or
-    later where there are reactions at the symmetry line.
+    The stiffnesses of the state are iterated: the number of iterations depends on the
+    reactions at the symmetry line.
     """
     monkeypatch.setattr(search, "SETTLED", 1e-4)
     monkeypatch.setattr(newton, "SETTLED", 1e-4)
@@ -258,14 +262,14 @@ def test_quadratic_triangles_of_mean_strain_do_not_lock_at_kinks():
 
 
 def assert_same_to_first_order(energy, other, u):
-    """Energies of small strains differ by a share that falls with these."""
+    """Energies of small strains differ by a fraction proportional to them."""
     shares = [energy(k * u) / other(k * u) - 1 for k in (1e-2, 1e-3)]
     assert abs(shares[0]) < 0.01
     assert shares[1] == pytest.approx(0.1 * shares[0], rel=0.1)
 
 
 def tensions_of_macro_elements_and_one_point(*fabric):
-    """Energies as functions; E_d is the fibre stiffness to 1e-8 of it."""
+    """Energies as functions; E_d is the fibre stiffness up to 1e-8 of it."""
     macro, plain = (Ply(*fabric, formulation) for formulation in (Macro(), OnePoint()))
     return tuple(
         lambda u, ply=ply: ply.energies(u)["tension"] for ply in (macro, plain)
@@ -273,8 +277,8 @@ def tensions_of_macro_elements_and_one_point(*fabric):
 
 
 @pytest.mark.parametrize("curved", [False, True])
-def test_soft_fibres_are_those_of_one_point(curved):
-    """Where E_d is the fibre stiffness a macro-element is the sum of its parts.
+def test_soft_fibres_agree_with_one_point_elements(curved):
+    """With E_d the fibre stiffness a macro-element is the sum of its parts.
 
     Directions may differ from part to part.
     """
@@ -282,21 +286,21 @@ def test_soft_fibres_are_those_of_one_point(curved):
     angle = np.linspace(0.1, 0.4, mesh.nelements) if curved else np.zeros(24)
     fabric = Fabric(1e-6, 0.5, np.array([np.cos(angle), np.sin(angle)]), (-1, 2))
     ours = tensions_of_macro_elements_and_one_point(mesh, fabric)
-    assert_same_to_first_order(*ours, wobble(Ply(mesh, Fabric()), 1))
+    assert_same_to_first_order(*ours, random_u(Ply(mesh, Fabric()), 1))
 
 
 @pytest.mark.parametrize(
     ("E", "law"), [(1e4, Sin2(0.5)), (1e5, Linear(0.5)), (1e6, Sin2(0.5))]
 )
-def test_it_reads_the_load_of_a_bias_extension_however_stiff_the_fibres(E, law):
+def test_the_load_of_a_bias_extension_is_accurate_for_any_fibre_stiffness(E, law):
     mesh = split(rectangle(50, 100, (8, 16), jitter=0.25))
     summary = run(bias_extension(mesh), Macro(), E, law)
     assert summary["stable"]
     assert summary["load_over_exact"] == pytest.approx(1.0, abs=0.05)
 
 
-def test_it_does_not_lock_in_triangles_either():
-    """One point in each part alone reads 44 % too much here."""
+def test_macro_elements_of_triangles_do_not_lock():
+    """One point in each part alone overestimates the load by 44 % here."""
     mesh = split(cut(rectangle(50, 100, (8, 16), jitter=0.25, seed=2)))
     macro, plain = (
         run(bias_extension(mesh), f, 1e6, 0.5) for f in (Macro(), OnePoint())
@@ -308,11 +312,11 @@ def test_it_does_not_lock_in_triangles_either():
 
 @pytest.mark.parametrize("E", [1e4, 1e6])
 def test_the_shape_of_a_strip_converges(E):
-    """Position errors fall more than threefold as the elements halve."""
-    off = []
+    """Position errors decrease more than threefold as the element size halves."""
+    errors = []
     for size in ((5, 8), (10, 15)):
         summary = run(strip(split(rectangle(40, 60, size))), Macro(), E)
         assert summary["stable"]
-        off.append(summary["displacement_error_rms"])
+        errors.append(summary["displacement_error_rms"])
     assert abs(summary["reaction_x"]) < 1e-4 * E
-    assert off[1] < off[0] / 3 < 0.01
+    assert errors[1] < errors[0] / 3 < 0.01

@@ -13,7 +13,7 @@ from skfem_textile import (
     Quadratic,
 )
 from skfem_textile.ply import formulations
-from tests.helpers import derivative, distorted, wobble
+from tests.helpers import derivative, distorted, random_u
 
 
 def term_names(fabric, formulation):
@@ -40,20 +40,20 @@ def test_no_hourglass_basis_without_stabilisation(formulation, monkeypatch):
     Ply(distorted(0), Fabric(), formulation)
 
 
-def test_a_fabric_without_stiffness_is_refused():
+def test_a_fabric_without_stiffness_is_rejected():
     with pytest.raises(ValueError, match="no stiffness"):
         Ply(distorted(0), Fabric(0.0), Full())
 
 
 @pytest.mark.parametrize("C_s", [-1.0, np.nan, np.inf])
-def test_bad_stabilisation_is_refused(C_s):
+def test_invalid_stabilisation_is_rejected(C_s):
     with pytest.raises(ValueError, match="stabilisation must be a finite number >= 0"):
         OnePoint(C_s)
 
 
 def test_predicted_tension_is_the_first_order_of_tension():
     ply = Ply(distorted(2), Fabric((10.0, 20.0)), Full())
-    u, du = wobble(ply, 2), wobble(ply, 3, 1.0)
+    u, du = random_u(ply, 2), random_u(ply, 3, 1.0)
     rate = derivative(ply.fibre_tension, u, du)
     np.testing.assert_allclose(
         ply.predicted_tension(u, du), ply.fibre_tension(u) + rate, atol=1e-6
@@ -67,7 +67,7 @@ def test_a_direction_per_element_equals_the_constant_one():
         Ply(mesh, Fabric(10.0, 1.0, warp=warp), OnePoint(1.0))
         for warp in ((2.0, 1.0), per_element)
     ]
-    u = wobble(plies[0], 4)
+    u = random_u(plies[0], 4)
     assert plies[0].energy(u) == pytest.approx(plies[1].energy(u), rel=1e-14)
 
 
@@ -142,13 +142,13 @@ CENTRE_NODE = int(np.argmin(np.abs(SQUARES.p - 0.5).sum(axis=0)))
     ],
 )
 @pytest.mark.parametrize("formulation", [Full(), Macro(), Quadratic()], ids=repr)
-def test_bad_meshes_are_refused(mesh, message, formulation):
-    """By the user's numbers, whether they are split, cut or neither."""
+def test_invalid_meshes_are_rejected(mesh, message, formulation):
+    """Messages use the user's numbers, for split, cut and other meshes."""
     with pytest.raises(MeshError, match=message):
         Ply(mesh, Fabric(), formulation)
 
 
-def test_nearly_flat_corners_and_thin_elements_are_fine():
+def test_nearly_flat_corners_and_thin_elements_are_accepted():
     flat = np.array([[0.0, 2.0, 1.0, 0.0], [0.0, 0.0, 1.0 + 1e-2, 2.0]])
     Ply(MeshQuad(flat, np.arange(4)[:, None]), Fabric(), Full())
     Ply(SQUARES.scaled((100.0, 1.0)), Fabric(), Full())
@@ -164,6 +164,6 @@ def test_nearly_flat_corners_and_thin_elements_are_fine():
         (Fabric(), None, "formulation must be a formulation such as"),
     ],
 )
-def test_what_is_no_fabric_and_no_formulation_is_refused(fabric, formulation, message):
+def test_invalid_fabrics_and_formulations_are_rejected(fabric, formulation, message):
     with pytest.raises(ValueError, match=message):
         Ply(SQUARES, fabric, formulation)

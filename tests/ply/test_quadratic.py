@@ -27,8 +27,8 @@ from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear.superlu import SuperLU
 from skfem_textile.solve.problem import Problem
 from studies.stability.soundness import is_sound
-from tests.helpers import distorted, distorted_for, wobble
-from tests.helpers.estimates import unestimated
+from tests.helpers import distorted, distorted_for, random_u
+from tests.helpers.estimates import without_estimate
 from tests.helpers.plies import ONE, SQUARES, dofs, ply_on, run
 
 # Quadratic triangles: nodes, gradients, modes, and conditions on all nodes
@@ -44,7 +44,7 @@ def test_nodes_are_vertices_and_then_middles_of_edges():
     np.testing.assert_allclose(dofs(ply, ply.nodes)[1::2], ply.basis.doflocs[1, ::2])
 
 
-def test_quadrilaterals_have_their_vertices_for_nodes():
+def test_nodes_of_quadrilaterals_are_vertices():
     ply = Ply(distorted(1), Fabric(), Full())
     np.testing.assert_array_equal(ply.nodes, ply.mesh.p)
 
@@ -69,8 +69,8 @@ def test_zero_energy_modes_of_one_triangle(shear, modes):
     assert np.sum(stiffness < 1e-12) == modes
 
 
-def test_a_homogeneous_motion_of_the_boundary_is_that_of_the_ply():
-    """The patch test, finite: shear, stretch and turn."""
+def test_a_homogeneous_motion_of_the_boundary_gives_a_homogeneous_state():
+    """The finite patch test: shear, stretch and rotation."""
     mesh = cut(rectangle(3, 2, (4, 3), "irregular", 0.2, 3)).with_defaults()
     mesh = mesh.with_boundaries({"rim": mesh.boundary_facets()})
     H = np.array([[0.1, 0.3], [-0.1, 0.05]])
@@ -81,25 +81,25 @@ def test_a_homogeneous_motion_of_the_boundary_is_that_of_the_ply():
     np.testing.assert_allclose(np.ptp(ply.shear_angle(result.u)), 0.0, atol=1e-9)
 
 
-def test_the_listing_order_of_a_triangle_does_not_matter():
+def test_the_node_order_of_a_triangle_has_no_effect():
     mesh = distorted_for(Quadratic(), 3)
     turned = MeshTri(mesh.p, mesh.t[[2, 0, 1]], sort_t=False)
     mirrored = MeshTri(mesh.p, mesh.t[::-1], sort_t=False)
     plies = [ply_on(m) for m in (mesh, turned, mirrored)]
-    columns = plies[0].nodal(wobble(plies[0], 3))
+    columns = plies[0].nodal(random_u(plies[0], 3))
     energies = [ply.energy(dofs(ply, columns)) for ply in plies]
     assert energies == pytest.approx([energies[0]] * 3, rel=1e-12)
 
 
-def test_conditions_take_the_middles_of_edges():
+def test_conditions_include_the_middles_of_edges():
     basis = ply_on(SQUARES).basis
     nodes = ply_on(SQUARES).nodes
     below = np.flatnonzero(nodes[1] == 0)
     assert len(below) == 2 * 4 + 1
     mask = nodes[1] == 0
     for where in ("bottom", lambda X: X[1] == 0, mask, below):
-        found = Condition(where).nodes("c", basis)
-        np.testing.assert_array_equal(np.sort(found), below)
+        numbers = Condition(where).nodes("c", basis)
+        np.testing.assert_array_equal(np.sort(numbers), below)
 
 
 @pytest.mark.parametrize(
@@ -109,12 +109,12 @@ def test_conditions_take_the_middles_of_edges():
         ([0, 81], "node numbers must be from 0 to 80"),
     ],
 )
-def test_conditions_on_other_nodes_are_refused(where, message):
+def test_conditions_on_other_nodes_are_rejected(where, message):
     with pytest.raises(ValueError, match=f"condition 'c': .*{message}"):
         Constraints(ply_on(SQUARES).basis, {"c": Condition(where)})
 
 
-def test_an_inclined_roller_holds_at_the_middles_of_edges():
+def test_an_inclined_roller_acts_at_the_middles_of_edges():
     n = np.array([0.6, 0.8])
     ply = ply_on(SQUARES)
     conditions = {
@@ -130,7 +130,7 @@ def test_an_inclined_roller_holds_at_the_middles_of_edges():
     assert abs(force @ [-n[1], n[0]]) < 1e-7 * np.linalg.norm(force)
 
 
-def test_elements_around_the_middle_of_an_edge_are_those_beside_it():
+def test_elements_around_the_middle_of_an_edge_are_adjacent_to_it():
     ply = ply_on(SQUARES)
     problem = Problem(ply, Constraints(ply.basis, {"c": Condition("bottom")}), SuperLU)
     edge = np.flatnonzero(SQUARES.f2t[1] >= 0)[3]
@@ -139,8 +139,8 @@ def test_elements_around_the_middle_of_an_edge_are_those_beside_it():
     np.testing.assert_array_equal(problem.around(u), np.sort(SQUARES.f2t[:, edge]))
 
 
-def test_a_corner_that_folds_between_the_own_points_is_refused():
-    """The middle of an edge comes so near its end that the corner there folds."""
+def test_a_corner_that_folds_between_the_points_is_rejected():
+    """The middle of an edge is so near its end that the corner there folds."""
     ply = ply_on(ONE)
     move = np.zeros((2, 6))
     move[0, 3] = -0.4
@@ -152,7 +152,7 @@ def test_a_corner_that_folds_between_the_own_points_is_refused():
         LoadStepper(ply, held, 1, max_halvings=0).run()
 
 
-# Meshes that quadratic triangles take and refuse, and quadrilaterals cut into them
+# Valid and rejected meshes of quadratic triangles, and quadrilaterals cut into them
 
 
 def moved(node, by):
@@ -183,13 +183,13 @@ TWO = np.array([[0, 1, 0, 0.2], [0, 0, 1, 0.2]])
         *("overlap", "thrice", "index"),
     ],
 )
-def test_bad_meshes_are_refused(mesh, message):
+def test_invalid_meshes_are_rejected(mesh, message):
     with pytest.raises(MeshError, match=message):
         ply_on(mesh)
 
 
 def test_quadrilaterals_that_are_not_convex_are_cut_inside():
-    """A node comes so near the middle of an element that one diagonal lies outside."""
+    """A node is so near the middle of an element that one diagonal lies outside."""
     quads = MeshQuad(
         np.array([[0.0, 2.0, 0.8, 0.0], [0.0, 0.0, 0.8, 2.0]]), np.arange(4)[:, None]
     )
@@ -220,7 +220,7 @@ def test_cut_meshes_keep_the_extent_of_their_names():
 def test_few_triangles_follow_the_smooth_shape_of_the_strip(size, n_dofs):
     scene = strip(cut(rectangle(40, 60, size)))
     result = run(scene)
-    summary = scene.summary(unestimated(result))
+    summary = scene.summary(without_estimate(result))
     assert summary["n_dofs"] == n_dofs
     assert is_sound(result.ply, scene, result.u, result.states[-1].parameters)
     assert summary["displacement_error_rms"] < 0.008
@@ -230,7 +230,7 @@ def test_few_triangles_follow_the_smooth_shape_of_the_strip(size, n_dofs):
     assert summary["max_fibre_strain"] < summary["mesh_fibre_strain"] < 2.5e-3
 
 
-def test_the_strip_locks_less_than_with_quadrilaterals_and_more_unknowns():
+def test_the_strip_locks_less_than_with_more_unknowns_of_quadrilaterals():
     loads = {}
     for scene, formulation in (
         (strip(cut(rectangle(40, 60, (5, 7)))), Quadratic()),
@@ -238,15 +238,15 @@ def test_the_strip_locks_less_than_with_quadrilaterals_and_more_unknowns():
     ):
         ply = Ply(scene.mesh, Fabric(1e4), formulation)
         result = LoadStepper(ply, scene.conditions, 4).run()
-        loads[formulation] = abs(scene.summary(unestimated(result))["reaction_x"])
+        loads[formulation] = abs(scene.summary(without_estimate(result))["reaction_x"])
     assert loads[Quadratic()] < loads[Full()] / 20
 
 
-def test_at_the_kinks_of_bias_extension_triangles_lock():
+def test_triangles_lock_at_the_kinks_of_bias_extension():
     scene = bias_extension(cut(rectangle(50, 100, (8, 16), "irregular", 0.25)))
     G = 0.5
     ratios = [
-        scene.summary(unestimated(run(scene, E=E, G=G)))["load_over_exact"]
+        scene.summary(without_estimate(run(scene, E=E, G=G)))["load_over_exact"]
         for E in (1e4, 1e5)
     ]
     assert 1.2 < ratios[0] < 5
@@ -255,18 +255,18 @@ def test_at_the_kinks_of_bias_extension_triangles_lock():
 
 def test_a_uniform_shear_is_exact():
     scene = picture_frame(cut(rectangle(100, 100, (4, 4), "irregular")))
-    summary = scene.summary(unestimated(run(scene, G=0.5)))
+    summary = scene.summary(without_estimate(run(scene, G=0.5)))
     assert summary["displacement_error_max"] < 1e-9
     assert summary["max_shear_angle_deg"] == pytest.approx(45)
 
 
-def test_every_node_of_the_boundary_of_a_trellis_is_led():
+def test_every_boundary_node_of_a_trellis_is_prescribed():
     scene = trellis(cut(rectangle(100, 100, (3, 3))))
     result = run(scene, G=0.5)
     boundary = Condition("held").nodes("c", result.ply.basis)
     assert len(boundary) == 2 * 12
-    off = result.ply.nodal(result.u) - scene.displacement(result.ply.nodes, 1.0)
-    assert np.abs(off[:, boundary]).max() < 1e-9
+    error = result.ply.nodal(result.u) - scene.displacement(result.ply.nodes, 1.0)
+    assert np.abs(error[:, boundary]).max() < 1e-9
 
 
 def test_the_displacement_error_is_taken_over_all_nodes():
@@ -283,28 +283,28 @@ def test_the_displacement_error_is_taken_over_all_nodes():
     assert errors["displacement_error_rms"] == pytest.approx(0.5 / np.sqrt(n))
 
 
-def test_the_shear_angle_error_is_that_at_the_centroid():
-    """Where the exact angle is linear the mean of the vertices has it."""
+def test_the_shear_angle_error_is_evaluated_at_the_centroid():
+    """The mean over the vertices equals a linear exact angle there."""
     scene = strip(cut(rectangle(40, 60, (5, 7))))
     result = run(scene)
     angle = result.ply.shear_angle(result.u, np.full((2, 1), 1 / 3))[:, 0]
     x, y = scene.mesh.p[:, scene.mesh.t]
-    off = angle - y.mean(axis=0) / 55
+    error = angle - y.mean(axis=0) / 55
     area = np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
-    rms = np.degrees(np.sqrt(np.average(off**2, weights=area)))
+    rms = np.degrees(np.sqrt(np.average(error**2, weights=area)))
     assert scene.errors(result)["shear_angle_error_rms_deg"] == pytest.approx(rms)
 
 
 def test_a_rotated_problem_has_the_same_answer():
     scene = strip(cut(rectangle(40, 60, (3, 4))))
     turned = scene.rotated(0.7)
-    a, b = (s.summary(unestimated(run(s, G=0.1))) for s in (scene, turned))
+    a, b = (s.summary(without_estimate(run(s, G=0.1))) for s in (scene, turned))
     for key in ("energy", "reaction_x", "reaction_y", "displacement_error_rms"):
         assert b[key] == pytest.approx(a[key], rel=1e-6), key
 
 
 @pytest.mark.parametrize("method", ["newton", "plain"])
-def test_every_method_finds_the_same_state(method):
+def test_every_method_gives_the_same_state(method):
     scene = strip(cut(rectangle(40, 60, (3, 4))))
     energies = [
         run(scene, 10, 100.0, 1.0, **options).history()[-1]["energy"]

@@ -1,4 +1,4 @@
-"""Plies refined where they are asked to be, and where the shear angle jumps."""
+"""Plies refined at given elements, and at jumps of the shear angle."""
 
 import numpy as np
 import pytest
@@ -72,10 +72,10 @@ def linear_between(ply, vertices):
     """Values at the user's nodes as a displacement of a ply that splits triangles."""
     mesh, u = ply.users_mesh, ply.basis.zeros()
     x = ply.nodes
-    found = mesh.element_finder()(*x)
-    xi = mesh.mapping().invF(x[:, :, None], found)[:, :, 0]
+    cells = mesh.element_finder()(*x)
+    xi = mesh.mapping().invF(x[:, :, None], cells)[:, :, 0]
     weights = np.array([1 - xi[0] - xi[1], xi[0], xi[1]])
-    u[node_dofs(ply.basis)] = (vertices[:, mesh.t[:, found]] * weights).sum(axis=1)
+    u[node_dofs(ply.basis)] = (vertices[:, mesh.t[:, cells]] * weights).sum(axis=1)
     return u
 
 
@@ -113,7 +113,7 @@ def test_refined_meshes_are_sound_and_keep_names_and_angles(seed, rounds):
     assert smallest_angle(mesh) > 0.49 * flattest
 
 
-def test_inner_edges_that_are_named_stay_where_they_are():
+def test_named_inner_edges_keep_their_position():
     mesh = sheet()
     refined = refine_triangles(mesh, np.arange(0, mesh.nelements, 2)).mesh
     ends = mesh.p[:, mesh.facets[:, mesh.boundaries["inner"]]]
@@ -122,13 +122,13 @@ def test_inner_edges_that_are_named_stay_where_they_are():
     for point in middles.T:
         along = (point - a.T) @ (b - a) / np.sum((b - a) ** 2, axis=0)
         share = np.diag(along)
-        off = a + share * (b - a) - point[:, None]
-        on = (np.linalg.norm(off, axis=0) < 1e-12) & (share > 0) & (share < 1)
+        error = a + share * (b - a) - point[:, None]
+        on = (np.linalg.norm(error, axis=0) < 1e-12) & (share > 0) & (share < 1)
         assert on.any()
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
-def test_what_is_linear_in_the_triangles_is_carried_exactly(formulation):
+def test_linear_fields_in_the_triangles_are_transferred_exactly(formulation):
     ply = Ply(sheet(), Fabric(1e3, 1.0), formulation)
     vertices = arbitrary(ply)
     finer = refine(ply, [0, 3, 4])
@@ -138,7 +138,7 @@ def test_what_is_linear_in_the_triangles_is_carried_exactly(formulation):
 
 
 @pytest.mark.parametrize("by", ["element", "region", "direction"])
-def test_the_fabric_of_each_element_is_that_of_its_parts(by):
+def test_the_parts_of_an_element_have_its_fabric(by):
     mesh, rng = sheet(), np.random.default_rng(2)
     n = mesh.nelements
     fabric = {
@@ -152,10 +152,10 @@ def test_the_fabric_of_each_element_is_that_of_its_parts(by):
         finer = refine(finer.ply, [0, 1]), finer
         u = linear_between(ply, arbitrary(ply))
         carried = finer[0].carry(finer[1].carry(u))
-        expected, found = further.energies(u), finer[0].ply.energies(carried)
-        assert found.keys() == expected.keys()
+        expected, computed = further.energies(u), finer[0].ply.energies(carried)
+        assert computed.keys() == expected.keys()
         for name, energy in expected.items():
-            assert found[name] == pytest.approx(energy, rel=1e-10), name
+            assert computed[name] == pytest.approx(energy, rel=1e-10), name
 
 
 def test_a_refined_ply_is_solved_with_the_conditions_of_the_first():
@@ -174,8 +174,8 @@ def test_elements_are_numbers_or_one_bool_for_each():
     n = ply.users_mesh.nelements
     which = np.arange(n) % 5 == 0
     sizes = {
-        refine(ply, given).ply.mesh.nelements
-        for given in (which, np.flatnonzero(which), np.flatnonzero(which).tolist())
+        refine(ply, elements).ply.mesh.nelements
+        for elements in (which, np.flatnonzero(which), np.flatnonzero(which).tolist())
     }
     assert len(sizes) == 1
     assert refine(ply, []).ply.users_mesh.nelements == n
@@ -190,7 +190,7 @@ def test_elements_are_numbers_or_one_bool_for_each():
             refine(ply, wrong)
 
 
-def test_what_cannot_be_refined_is_refused():
+def test_plies_that_cannot_be_refined_are_rejected():
     fabric, quads = Fabric(1e3, 1.0), rectangle(3, 2, (3, 2), "aligned")
     with pytest.raises(MeshError, match="before it is split"):
         refine(Ply(split(sheet()), fabric), [0])
@@ -201,8 +201,8 @@ def test_what_cannot_be_refined_is_refused():
         refine(ply.with_terms(springs), [0])
 
 
-def test_jumps_are_those_of_the_shear_angle_on_both_sides_of_an_edge():
-    """Two triangles of which one shears by γ."""
+def test_jumps_are_differences_of_the_shear_angle_across_an_edge():
+    """One of two triangles shears by γ."""
     mesh = MeshTri(np.array([[0.0, 2, 0, 2], [0, 0, 1, 1]]), [[0, 1], [1, 2], [2, 3]])
     ply = Ply(mesh, Fabric(1e3, 1.0), Full())
     vertices = np.zeros((2, 4))
@@ -215,7 +215,7 @@ def test_jumps_are_those_of_the_shear_angle_on_both_sides_of_an_edge():
     np.testing.assert_allclose(shear_angle_jumps(ply, still), 0.0, atol=1e-12)
 
 
-def test_the_fewest_elements_carry_the_share():
+def test_the_fewest_elements_with_the_share_are_marked():
     eta = np.array([1.0, 0.0, 3.0, 2.0])
     assert marked(eta, 9 / 14).tolist() == [2]
     assert marked(eta, 0.65).tolist() == [2, 3]
@@ -234,42 +234,48 @@ def extension(degrees):
 
 
 def rounds(scene, unknowns, elements):
-    """Position errors by unknowns, as elements are refined round by round."""
+    """Position errors by number of unknowns in each refinement round."""
     ply, errors = Ply(scene.mesh, Fabric(1e6, 0.5, scene.warp, scene.weft)), {}
     while unknowns >= ply.basis.N:
         result = LoadStepper(ply, scene.conditions, 4).run()
-        off = ply.nodal(result.u) - scene.displacement(ply.nodes, 1.0)
-        errors[int(ply.basis.N)] = np.sqrt(np.mean(np.sum(off**2, axis=0)))
+        error = ply.nodal(result.u) - scene.displacement(ply.nodes, 1.0)
+        errors[int(ply.basis.N)] = np.sqrt(np.mean(np.sum(error**2, axis=0)))
         ply = refine(ply, elements(ply, result.u)).ply
     return errors
 
 
-def everywhere(ply, u):
+def all_elements(ply, u):
     return np.arange(ply.users_mesh.nelements)
 
 
-def at_jumps(ply, u):
+def elements_at_jumps(ply, u):
     return marked(shear_angle_jumps(ply, u), 0.3)
 
 
 @pytest.mark.long
-def test_refinement_at_kinks_does_with_three_quarters_of_the_unknowns():
+def test_refinement_at_kinks_needs_three_quarters_of_the_unknowns():
     scene = extension(45.0)
-    uniform, adaptive = rounds(scene, 6400, everywhere), rounds(scene, 4800, at_jumps)
+    uniform, adaptive = (
+        rounds(scene, 6400, all_elements),
+        rounds(scene, 4800, elements_at_jumps),
+    )
     assert max(uniform) > 6300
     assert min(adaptive.values()) < uniform[max(uniform)]
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("degrees", [30.0, 45.0])
-def test_refinement_at_kinks_does_with_half_of_the_unknowns(degrees):
+def test_refinement_at_kinks_needs_half_of_the_unknowns(degrees):
     scene = extension(degrees)
-    uniform, adaptive = rounds(scene, 25000, everywhere), rounds(scene, 12500, at_jumps)
+    uniform, adaptive = (
+        rounds(scene, 25000, all_elements),
+        rounds(scene, 12500, elements_at_jumps),
+    )
     assert max(uniform) > 24000
     assert adaptive[max(adaptive)] < 0.9 * uniform[max(uniform)]
 
 
-def test_quadrilaterals_have_jumps_too():
+def test_quadrilaterals_have_jumps():
     mesh = MeshQuad().refined(2)
     ply = Ply(mesh, Fabric(1e3, 1.0))
     u = ply.basis.zeros()
@@ -282,7 +288,7 @@ def test_quadrilaterals_have_jumps_too():
 
 
 def test_quadrilaterals_are_refined_through_their_triangles():
-    """Parents, fabric per element, names and displacements are those of the quads."""
+    """Parents, fabric, names and displacements are those at the quadrilaterals."""
     mesh = rectangle(3.0, 2.0, (4, 3), "irregular", 0.2)
     x, n = mesh.p[0, mesh.t].mean(axis=0), mesh.nelements
     mesh = mesh.with_subdomains({"left": np.flatnonzero(x < 1.5)})
@@ -311,7 +317,7 @@ def test_quadrilaterals_are_refined_through_their_triangles():
 
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
 @pytest.mark.parametrize("quads", [True, False])
-def test_a_finer_ply_has_four_parts_of_each_element_and_its_names(formulation, quads):
+def test_a_finer_ply_has_four_parts_per_element_and_its_names(formulation, quads):
     mesh = rectangle(3.0, 2.0, (4, 3), "irregular", 0.2) if quads else sheet()
     ply = Ply(mesh, Fabric(1e3, 1.0), formulation)
     linear = np.array([[0.1, 0.3], [0.0, 0.05]])

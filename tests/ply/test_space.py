@@ -30,8 +30,8 @@ from tests.helpers import (
     derivative,
     distorted,
     one_quad,
+    random_u,
     values_at_rest,
-    wobble,
     zero_modes,
 )
 
@@ -82,15 +82,15 @@ def in_space(fabric, formulation):
 
 
 def curved_state(ply, seed, height=0.3):
-    """A surface with curvature in all directions, and every node off it."""
-    u = wobble(ply, seed, 0.02)
+    """A surface with curvature in all directions, with no node in its plane."""
+    u = random_u(ply, seed, 0.02)
     x, y = ply.nodes
     u[2::3] += height * np.sin(x) * np.cos(y)
     return u
 
 
-def turned(ply, u, Q):
-    """The displacement under which the current shape is turned."""
+def rotated(ply, u, Q):
+    """The displacement that rotates the current shape."""
     X = np.pad(ply.nodes, ((0, 1), (0, 0)))
     return (Q @ (X + ply.nodal(u)) - X).T.ravel()
 
@@ -103,7 +103,7 @@ def flat(u):
 @every_pair
 def test_residual_and_tangent_are_derivatives_of_the_energy(fabric, formulation):
     ply = in_space(fabric, formulation)
-    assert_derivatives(ply, curved_state(ply, 2), wobble(ply, 3, 1.0))
+    assert_derivatives(ply, curved_state(ply, 2), random_u(ply, 3, 1.0))
 
 
 @pytest.mark.parametrize("closing", [0.62, 0.66])  # on both sides of the parabola
@@ -115,7 +115,7 @@ def test_closing_corners_have_exact_derivatives_in_space(closing):
     u[2::3] += 0.01 * np.sin(np.arange(4))
     assert ply.corners.area_ratio(u).min() < RESISTING
     term = next(term for term in ply.terms if term.name == "corners")
-    d = wobble(ply, 3, 1.0)
+    d = random_u(ply, 3, 1.0)
 
     def energy(u):
         return term.energy(u, 1.0)
@@ -130,12 +130,12 @@ def test_closing_corners_have_exact_derivatives_in_space(closing):
 
 
 @every_pair
-def test_a_rotation_in_space_turns_forces_and_changes_no_energy(fabric, formulation):
+def test_a_rotation_in_space_rotates_forces_and_preserves_energy(fabric, formulation):
     ply = in_space(fabric, formulation)
     u = curved_state(ply, 4)
     Q, _ = np.linalg.qr(np.random.default_rng(5).standard_normal((3, 3)))
     Q *= np.linalg.det(Q)
-    v = turned(ply, u, Q)
+    v = rotated(ply, u, Q)
     for (name, energy), after in zip(
         ply.energies(u).items(), ply.energies(v).values(), strict=True
     ):
@@ -148,11 +148,11 @@ def test_a_rotation_in_space_turns_forces_and_changes_no_energy(fabric, formulat
 
 
 @every_pair
-def test_a_flat_ply_has_the_forces_of_the_plane(fabric, formulation):
+def test_a_flat_ply_has_the_same_forces_as_in_the_plane(fabric, formulation):
     mesh = distorted(1, jitter=0.2)
     plane = Ply(mesh, fabric, formulation)
     space = Ply(mesh, fabric, formulation, dimension=3)
-    u = wobble(plane, 6, 0.03)
+    u = random_u(plane, 6, 0.03)
     assert space.energy(flat(u)) == pytest.approx(plane.energy(u), rel=1e-12)
     f = plane.residual(u)
     np.testing.assert_allclose(
@@ -166,7 +166,7 @@ def test_a_flat_ply_has_the_forces_of_the_plane(fabric, formulation):
 @pytest.mark.parametrize(
     "formulation", [OnePoint(), Macro()], ids=["one point", "macro"]
 )
-def test_a_bias_extension_held_in_its_plane_gives_the_numbers_of_the_plane(formulation):
+def test_a_bias_extension_held_in_its_plane_agrees_with_the_plane(formulation):
     scene = bias_extension(size=(4, 8))
     fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
     top = scene.conditions["top"].value
@@ -204,7 +204,7 @@ def tangent(ply, u, positive, tension=None):
 @every_formulation
 @pytest.mark.parametrize("shear", [0.4, -0.4])
 def test_a_projected_tangent_is_positive_semi_definite(formulation, shear):
-    """Shear moments alone make it indefinite across the ply, of either sign."""
+    """Shear moments alone make it indefinite out of plane, with either sign."""
     fabric = Fabric(100.0, Sin2(0.7), warp=(1, 0.1), weft=(-0.2, 1))
     ply = in_space(fabric, formulation)
     u = curved_state(ply, 7, height=0.1)
@@ -217,9 +217,7 @@ def test_a_projected_tangent_is_positive_semi_definite(formulation, shear):
 
 
 @every_formulation
-def test_matrices_of_elements_without_compression_and_shear_are_not_changed(
-    formulation,
-):
+def test_matrices_of_elements_without_compression_and_shear_are_kept(formulation):
     ply = Ply(distorted(1), FABRICS["even"], formulation, dimension=3)
     u = flat(0.02 * ply.nodes.T.ravel())
     assert ply.geometric_tension(u, 0 * u).min() > 0.01
@@ -232,7 +230,7 @@ def test_matrices_of_elements_without_compression_and_shear_are_not_changed(
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_projected_matrix_of_an_element_is_the_nearest_one(dimension):
     ply = Ply(one_quad(), FABRICS["even"], Full(), dimension=dimension)
-    u = wobble(ply, 8, 0.02)
+    u = random_u(ply, 8, 0.02)
     u[::dimension] -= 0.2 * ply.nodes[0]
     values, V = np.linalg.eigh(tangent(ply, u, False))
     assert values[0] < -0.01 * values[-1]
@@ -242,8 +240,8 @@ def test_the_projected_matrix_of_an_element_is_the_nearest_one(dimension):
     )
 
 
-def test_the_last_resort_makes_a_tangent_definite_in_space():
-    """Without tension nothing else keeps a sheared ply from leaving its plane."""
+def test_the_regularised_tangent_is_definite_in_space():
+    """Without tension nothing else prevents out-of-plane motion of a sheared ply."""
     mesh = MeshQuad().refined(2).with_defaults()
     ply = Ply(mesh, Fabric(100.0, 1.0), OnePoint(), dimension=3)
     constraints = Constraints(ply.basis, {"bottom": Condition("bottom")})
@@ -264,12 +262,12 @@ def test_a_ply_has_two_dimensions_or_three(dimension):
 
 
 @pytest.mark.parametrize("kind", ["rate", "continuity"])
-def test_stabilisations_of_the_plane_are_refused_in_space(kind):
+def test_stabilisations_of_the_plane_are_rejected_in_space(kind):
     with pytest.raises(ValueError, match=f"kind {kind} requires a ply in the plane"):
         Ply(MeshQuad().refined(1), Fabric(), OnePoint(1.0, kind), dimension=3)
 
 
-def test_further_terms_finer_plies_and_loads_stay_in_space():
+def test_finer_plies_with_terms_and_loads_stay_in_space():
     ply = Ply(MeshQuad().refined(1).with_defaults(), Fabric(), dimension=3)
     loaded = ply.with_terms(Traction("top", (0.0, 1.0, 2.0)))
     force = loaded.nodal(loaded.load(loaded.basis.zeros(), 1.0)).sum(axis=1)
@@ -280,7 +278,7 @@ def test_further_terms_finer_plies_and_loads_stay_in_space():
 
 
 def test_plies_of_several_blocks_of_elements_have_the_same_stiffness():
-    """More elements than a kernel takes at once."""
+    """The mesh has more elements than a kernel evaluates at once."""
     s, t = np.linspace(0, 96, 97), np.linspace(0, 90, 91)
     ply = Ply(MeshQuad.init_tensor(s, t), Fabric(10.0, 1.0), OnePoint(), dimension=3)
     x, y = ply.nodes
@@ -290,11 +288,11 @@ def test_plies_of_several_blocks_of_elements_have_the_same_stiffness():
     np.testing.assert_allclose(numerical, twice, atol=1e-6 * np.abs(twice).max())
 
 
-# Plies in space whose answer is known: zero modes, twist, a hanging sheet
+# Plies in space with a known solution: zero modes, twist, a hanging sheet
 
 
-def test_zero_modes_of_a_free_flat_patch():
-    """As counted by another program, of 75 unknowns."""
+def test_a_free_flat_patch_has_known_zero_modes():
+    """As counted by another program, for 75 unknowns."""
     lines = np.linspace(0, 10, 5)
     mesh = MeshQuad.init_tensor(lines, lines)
     for formulation in (OnePoint(), OnePoint(3.0)):
@@ -310,7 +308,7 @@ def test_zero_modes_of_a_free_flat_patch():
     assert zero_modes(macro.tangent(macro.basis.zeros())) == 12
 
 
-def test_an_element_resists_twist_and_no_other_motion_across_it():
+def test_an_element_resists_twist_and_no_other_out_of_plane_motion():
     """½ C_s Σ A/4 ‖∇w(ξ_k)‖², of w = xy on a square of side 2: 4 C_s/3."""
     mesh = MeshQuad.init_tensor(np.array([-1.0, 1.0]), np.array([-1.0, 1.0]))
     ply = Ply(mesh, Fabric(10.0, 1.0), OnePoint(3.0), dimension=3)
@@ -318,12 +316,12 @@ def test_an_element_resists_twist_and_no_other_motion_across_it():
     for motion, energy in ((x * y, 3.0 * 4 / 3), (x, 0.0), (1 + y, 0.0)):
         u = ply.basis.zeros()
         u[2::3] = 1e-3 * motion
-        found = ply.energies(u)["out_of_plane"]
-        assert found == pytest.approx(1e-6 * energy, rel=1e-4, abs=1e-16)
+        computed = ply.energies(u)["out_of_plane"]
+        assert computed == pytest.approx(1e-6 * energy, rel=1e-4, abs=1e-16)
 
 
-def test_fibres_that_close_up_are_met_in_the_plane_alone():
-    """Where they cross at 30 degrees the grip is 1 − cos 30° = 0.134."""
+def test_closing_fibres_have_stiffness_in_the_plane_only():
+    """The factor at a crossing angle of 30 degrees is 1 − cos 30° = 0.134."""
     mesh = MeshQuad.init_tensor(np.linspace(0, 10, 3), np.linspace(0, 10, 3))
     angle, grip = np.radians(60), 1 - np.cos(np.radians(30))
     tension = 1e3 * np.log(1.01) / 2 / (1 + 80 * np.sqrt(1e-3))
@@ -366,14 +364,14 @@ def catenary(n):
     return np.array([-lowest / sag, x / (weight * c * width)]) - 1
 
 
-def test_a_hanging_sheet_is_a_catenary_to_second_order():
-    """Found from the flat sheet, which has no stiffness across it."""
+def test_a_hanging_sheet_converges_to_a_catenary():
+    """From the flat sheet, which has no transverse stiffness."""
     coarse, fine = catenary(8), catenary(16)
     assert (np.abs(fine) < [2.5e-3, 1.2e-3]).all()
     assert (np.abs(coarse / fine) > 3.5).all()
 
 
-def test_a_traction_across_a_taut_ply_is_carried_by_its_tension():
+def test_a_transverse_traction_on_a_taut_ply_is_balanced_by_its_tension():
     """T₀ w″ = 0 with T₀ w′ = p at the pulled edge: w = p x / T₀."""
     lines = np.linspace(0, 10, 5)
     mesh = MeshQuad.init_tensor(lines, lines).with_defaults()
@@ -384,14 +382,14 @@ def test_a_traction_across_a_taut_ply_is_carried_by_its_tension():
     np.testing.assert_allclose(w, 0.01 / 5.0 * ply.nodes[0], rtol=2e-3)
 
 
-# Creases and folds in space: told from turns, and refused
+# Creases and folds in space: distinguished from rotations, and rejected
 
 
 def pair_of_elements():
     return MeshQuad.init_tensor(np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0]))
 
 
-def test_a_crease_and_a_fold_are_told_from_a_turn():
+def test_a_crease_and_a_fold_are_distinguished_from_a_rotation():
     ply = Ply(pair_of_elements(), Fabric(10.0, 1.0), OnePoint(), dimension=3)
     X = np.pad(ply.nodes, ((0, 1), (0, 0)))
 
@@ -423,8 +421,8 @@ def test_a_crease_and_a_fold_are_told_from_a_turn():
     assert plane.creased(u_plane).size == 0
 
 
-def test_a_creased_state_is_refused_unless_it_may_warn():
-    """The element at the end lies on its neighbour, held there."""
+def test_a_creased_state_is_rejected_unless_it_may_warn():
+    """The element at the end lies on its neighbour and is fixed there."""
     ply = Ply(pair_of_elements(), Fabric(10.0, 1.0), OnePoint(), dimension=3)
 
     def rolled(X, t):

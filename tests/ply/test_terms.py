@@ -1,4 +1,4 @@
-"""Terms of one's own: what they add, their parameters, and what is refused."""
+"""User-defined terms: contributions, parameters, and rejected definitions."""
 
 import pickle
 from copy import deepcopy
@@ -27,10 +27,10 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut
 from skfem_textile.ply.kernels.kernel import ShearKernel
 from skfem_textile.solve.states import NoEquilibriumError
-from tests.helpers import derivative, distorted, wobble
-from tests.helpers.plies import CONDITIONS, ELEMENT, SPRINGS, Spring, drag, plain
+from tests.helpers import derivative, distorted, random_u
+from tests.helpers.plies import CONDITIONS, ELEMENT, SPRINGS, Spring, drag_term, plain
 
-# Terms of one's own: energies, forces and tangent, and runs with them
+# User-defined terms: energies, forces and tangent, and runs with them
 
 
 BASES = {
@@ -46,7 +46,7 @@ BASES = {
 def test_a_term_adds_its_energy_forces_and_tangent_on_any_basis(basis, t):
     ply = plain()
     term = FormTerm("springs", SPRINGS, basis(ply.mesh))
-    sprung, u, du = ply.with_terms(term), wobble(ply, 1), wobble(ply, 2)
+    sprung, u, du = (ply.with_terms(term), random_u(ply, 1), random_u(ply, 2))
     energy = sprung.energies(u, t)["springs"]
     assert energy > 0
     assert sprung.energy(u, t) == pytest.approx(ply.energy(u, t) + energy)
@@ -62,36 +62,36 @@ def test_a_term_adds_its_energy_forces_and_tangent_on_any_basis(basis, t):
     )
 
 
-def test_a_term_of_quadratic_triangles_sees_all_their_nodes():
+def test_a_term_of_quadratic_triangles_depends_on_all_nodes():
     mesh = cut(distorted(1)).with_defaults()
     ply = Ply(mesh, Fabric(1e3, 0.5), Quadratic())
     springs = FormTerm("springs", SPRINGS, FacetBasis(mesh, ply.basis.elem))
-    sprung, u, du = ply.with_terms(springs), wobble(ply, 1), wobble(ply, 2)
+    sprung, u, du = (ply.with_terms(springs), random_u(ply, 1), random_u(ply, 2))
     np.testing.assert_allclose(
         derivative(sprung.residual, u, du), sprung.tangent(u) @ du, atol=1e-3
     )
 
 
-def test_a_kernel_gives_the_same_numbers_as_its_forms():
+def test_a_kernel_agrees_with_its_forms():
     ply, further = plain(), Fabric(1e3, Sin2(2.0))
-    u = wobble(ply, 3)
-    own = [
+    u = random_u(ply, 3)
+    numbers = [
         ply.with_terms(FormTerm("more", forms.shear(further), ply.basis, kernel))
         for kernel in (None, ShearKernel(further))
     ]
-    slow, fast = own
+    slow, fast = numbers
     assert fast.energy(u) == pytest.approx(slow.energy(u), rel=1e-12)
     np.testing.assert_allclose(fast.residual(u), slow.residual(u), atol=1e-9)
     assert abs(fast.tangent(u) - slow.tangent(u)).max() < 1e-9
 
 
 @pytest.mark.parametrize("named", [False, True])
-def test_a_class_of_ones_own_is_a_term(named):
+def test_a_user_defined_class_is_a_term(named):
     ply = plain()
     last = ply.nodes.shape[1] - 1
     couples = (np.array([[0], [last]]),) if named else None
     spring = Spring(ply.basis.N, couples)
-    sprung, u = ply.with_terms(spring), wobble(ply, 1)
+    sprung, u = ply.with_terms(spring), random_u(ply, 1)
     K = (sprung.tangent(u) - ply.tangent(u)).toarray()
     np.testing.assert_allclose(K, spring.K.toarray(), atol=1e-9)
     matrix = ply.with_terms(MatrixTerm("spring", spring.K))
@@ -99,7 +99,7 @@ def test_a_class_of_ones_own_is_a_term(named):
     assert matrix.energy(u) == pytest.approx(sprung.energy(u))
 
 
-def test_terms_of_a_ply_cannot_be_changed_behind_its_back():
+def test_terms_of_a_ply_are_immutable():
     ply = plain()
     with pytest.raises(AttributeError):
         ply.terms = ()
@@ -107,7 +107,7 @@ def test_terms_of_a_ply_cannot_be_changed_behind_its_back():
         ply.terms.append(None)
 
 
-def test_a_run_knows_all_terms_and_their_roles(tmp_path):
+def test_a_run_uses_all_terms_with_their_roles(tmp_path):
     ply = plain(Full())
     force = np.zeros(ply.basis.N)
     force[1::2] = 1e-3
@@ -141,7 +141,7 @@ def test_a_run_knows_all_terms_and_their_roles(tmp_path):
         LoadStepper(ply, CONDITIONS, 4, checkpoint=tmp_path).run(resume=True)
 
 
-# Parameters of terms: immutable values, which plies do not hold
+# Parameters of terms: immutable values, which plies do not store
 
 
 WITH_PARAMETERS = {
@@ -155,7 +155,7 @@ every_formulation = pytest.mark.parametrize(
 )
 
 
-def copied(parameters):
+def copy_arrays(parameters):
     """The arrays of parameters, by names of term and value."""
     return {
         (term, name): array.copy()
@@ -165,17 +165,17 @@ def copied(parameters):
 
 
 def assert_unchanged(parameters, before):
-    now = copied(parameters)
-    assert now.keys() == before.keys()
+    current = copy_arrays(parameters)
+    assert current.keys() == before.keys()
     for key, array in before.items():
-        np.testing.assert_array_equal(now[key], array)
+        np.testing.assert_array_equal(current[key], array)
 
 
 @pytest.mark.parametrize("role", ["internal", "load"])
 def test_plies_that_share_a_term_do_not_influence_each_other(role):
     ply = plain()
-    term = drag(ply, role=role)
-    first, u = ply.with_terms(term), wobble(ply, 1)
+    term = drag_term(ply, role=role)
+    first, u = ply.with_terms(term), random_u(ply, 1)
     advanced = first.advanced(first.parameters_at_rest, u)
     np.testing.assert_array_equal(advanced["drag"]["last"], u)
     assert LoadStepper(first, CONDITIONS, 2).run().converged
@@ -191,8 +191,11 @@ def test_plies_that_share_a_term_do_not_influence_each_other(role):
 
 def test_plies_with_and_without_a_term_have_the_same_parameters():
     ply = plain(OnePoint())
-    sprung, u = ply.with_terms(FormTerm("springs", SPRINGS, ply.basis)), wobble(ply, 1)
-    before = copied(ply.parameters_at_rest)
+    sprung, u = (
+        ply.with_terms(FormTerm("springs", SPRINGS, ply.basis)),
+        random_u(ply, 1),
+    )
+    before = copy_arrays(ply.parameters_at_rest)
     updated = sprung.updated(sprung.parameters_at_rest, 0.05 * u)
     assert_unchanged(ply.parameters_at_rest, before)
     energies = [each.energies(u, 1.0, updated) for each in (ply, sprung)]
@@ -202,25 +205,25 @@ def test_plies_with_and_without_a_term_have_the_same_parameters():
 @every_formulation
 def test_updates_return_new_values_and_change_nothing(formulation):
     ply = plain(formulation)
-    ply = ply.with_terms(drag(ply))
+    ply = ply.with_terms(drag_term(ply))
     rest = ply.parameters_at_rest
-    before = copied(rest)
-    u, v = wobble(ply, 1), wobble(ply, 2)
+    before = copy_arrays(rest)
+    u, v = random_u(ply, 1), random_u(ply, 2)
     updated, advanced = ply.updated(rest, u), ply.advanced(rest, u)
     assert advanced is not rest
     assert (updated is not rest) == (formulation != OnePoint(1.0, "rate"))
-    seen = copied(updated), copied(advanced)
+    copies = copy_arrays(updated), copy_arrays(advanced)
     ply.advanced(ply.updated(advanced, v), v)
     assert_unchanged(rest, before)
-    assert_unchanged(updated, seen[0])
-    assert_unchanged(advanced, seen[1])
+    assert_unchanged(updated, copies[0])
+    assert_unchanged(advanced, copies[1])
     assert ply.parameters_at_rest is rest
 
 
 @every_formulation
-def test_parameters_without_a_change_are_returned_as_they_are(formulation):
+def test_parameters_without_a_change_are_returned_unchanged(formulation):
     ply = plain(formulation)
-    rest, u = ply.parameters_at_rest, wobble(ply, 1)
+    rest, u = ply.parameters_at_rest, random_u(ply, 1)
     assert ply.updated(rest, ply.basis.zeros()) is rest
     updated = ply.updated(rest, u)
     assert ply.updated(updated, u) is updated
@@ -231,8 +234,8 @@ def test_parameters_without_a_change_are_returned_as_they_are(formulation):
 @every_formulation
 def test_parameters_cannot_be_changed_in_place(formulation):
     ply = plain(formulation)
-    ply = ply.with_terms(drag(ply))
-    rest, u = ply.parameters_at_rest, wobble(ply, 1)
+    ply = ply.with_terms(drag_term(ply))
+    rest, u = ply.parameters_at_rest, random_u(ply, 1)
     for parameters in (rest, ply.updated(rest, u), ply.advanced(rest, u)):
         for term, values in parameters.items():
             with pytest.raises(TypeError, match="item assignment"):
@@ -255,15 +258,15 @@ def test_values_are_copies_of_arrays_that_can_be_changed():
 @pytest.mark.parametrize("copy", [deepcopy, lambda x: pickle.loads(pickle.dumps(x))])
 def test_copied_parameters_are_equal(copy):
     ply = plain(Macro())
-    parameters = ply.updated(ply.parameters_at_rest, wobble(ply, 1))
-    assert_unchanged(copy(parameters), copied(parameters))
+    parameters = ply.updated(ply.parameters_at_rest, random_u(ply, 1))
+    assert_unchanged(copy(parameters), copy_arrays(parameters))
 
 
 @pytest.mark.parametrize("depends_on_steps", [False, True])
 def test_parameters_are_advanced_once_for_every_converged_state(depends_on_steps):
-    """At rest too, and not by steps that fail: here one in two does at first."""
+    """Including the state at rest, but not for failing steps: one in two fails here."""
     ply = plain(OnePoint())
-    ply = ply.with_terms(drag(ply, depends_on_steps))
+    ply = ply.with_terms(drag_term(ply, depends_on_steps))
     refused = iter([True, False, True])
 
     class Moody(Newton):
@@ -281,12 +284,12 @@ def test_parameters_are_advanced_once_for_every_converged_state(depends_on_steps
 
 
 @every_formulation
-def test_a_run_changes_nothing_in_a_ply(formulation):
+def test_a_run_does_not_modify_a_ply(formulation):
     """Energies and forces at any parameters are the same before and after it."""
     ply = plain(formulation)
-    ply = ply.with_terms(drag(ply))
-    u, rest = wobble(ply, 1), ply.parameters_at_rest
-    other = ply.updated(ply.advanced(rest, wobble(ply, 2)), wobble(ply, 2))
+    ply = ply.with_terms(drag_term(ply))
+    u, rest = random_u(ply, 1), ply.parameters_at_rest
+    other = ply.updated(ply.advanced(rest, random_u(ply, 2)), random_u(ply, 2))
 
     def numbers():
         return [
@@ -295,7 +298,7 @@ def test_a_run_changes_nothing_in_a_ply(formulation):
             for p in (None, rest, other)
         ]
 
-    before, held = numbers(), copied(rest)
+    before, held = numbers(), copy_arrays(rest)
     first = LoadStepper(ply, CONDITIONS, 2).run()
     assert numbers() == before
     assert ply.parameters_at_rest is rest
@@ -308,22 +311,22 @@ def test_a_run_changes_nothing_in_a_ply(formulation):
 def test_a_ply_without_parameters_has_none():
     ply = plain()
     assert dict(ply.parameters_at_rest) == {}
-    assert ply.advanced(ply.parameters_at_rest, wobble(ply, 1)) is (
+    assert ply.advanced(ply.parameters_at_rest, random_u(ply, 1)) is (
         ply.parameters_at_rest
     )
 
 
-# Terms of one's own that are refused, each with its name
+# User-defined terms that are rejected, each with its name
 
 
-def test_a_tangent_that_couples_what_it_does_not_say_is_refused():
+def test_undeclared_coupling_of_a_tangent_is_rejected():
     ply = plain()
     sprung = ply.with_terms(Spring(ply.basis.N, couples=()))
     with pytest.raises(ValueError, match="'spring': its tangent couples nodes"):
         sprung.tangent(ply.basis.zeros())
 
 
-def test_a_tangent_that_is_not_symmetric_is_refused():
+def test_an_unsymmetric_tangent_is_rejected():
     ply = plain()
     lopsided = Forms(*SPRINGS[:2], BilinearForm(lambda u, v, w: u[0] * v[1]))
     for term in (
@@ -334,7 +337,7 @@ def test_a_tangent_that_is_not_symmetric_is_refused():
             ply.with_terms(term)
 
 
-def test_terms_of_another_ply_or_name_are_refused():
+def test_terms_of_another_ply_or_name_are_rejected():
     ply, N = plain(), plain().basis.N
     other, odd = CellBasis(MeshQuad(), ELEMENT), object()
     for term, complaint in (
@@ -353,16 +356,16 @@ def test_terms_of_another_ply_or_name_are_refused():
             ply.with_terms(term)
 
 
-def test_a_basis_of_other_places_or_cells_is_refused():
-    """However many unknowns it has: the numbers of the nodes are what counts."""
+def test_a_basis_of_another_mesh_is_rejected():
+    """For any number of unknowns: the node numbers must agree."""
     ply = plain()
     turned = MeshQuad(ply.mesh.p[:, ::-1], ply.mesh.nvertices - 1 - ply.mesh.t)
     for mesh in (ply.mesh.scaled(10.0), turned):
         term = FormTerm("springs", SPRINGS, CellBasis(mesh, ELEMENT))
         with pytest.raises(ValueError, match="its basis is not a basis of"):
             ply.with_terms(term)
-    copied = MeshQuad(ply.mesh.p.copy(), ply.mesh.t.copy())
-    ply.with_terms(FormTerm("springs", SPRINGS, CellBasis(copied, ELEMENT)))
+    copy_arrays = MeshQuad(ply.mesh.p.copy(), ply.mesh.t.copy())
+    ply.with_terms(FormTerm("springs", SPRINGS, CellBasis(copy_arrays, ELEMENT)))
 
 
 WRONG_PARTS = {
@@ -379,14 +382,14 @@ WRONG_PARTS = {
 
 
 @pytest.mark.parametrize("wrong", WRONG_PARTS.values(), ids=WRONG_PARTS)
-def test_parts_of_a_term_that_do_not_fit_are_refused_with_its_name(wrong):
+def test_inconsistent_parts_of_a_term_are_rejected_with_its_name(wrong):
     part, change, complaint = wrong
 
     class Wrong(Spring):
         pass
 
-    own = getattr(Spring, part)
-    setattr(Wrong, part, lambda self, u, t, p: change(own(self, u, t, p), u))
+    method = getattr(Spring, part)
+    setattr(Wrong, part, lambda self, u, t, p: change(method(self, u, t, p), u))
     ply = plain()
     with pytest.raises(ValueError, match=f"term 'spring': {complaint}"):
         ply.with_terms(Wrong(ply.basis.N))

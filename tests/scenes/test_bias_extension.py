@@ -27,7 +27,7 @@ def solve(scene, law=0.5, C_s=5.0, steps=2):
 
 
 @pytest.mark.parametrize(("law", "known"), [(Sin2(0.5), 34.04), (Linear(0.5), 43.80)])
-def test_the_force_is_that_of_fibres_that_do_not_stretch(law, known):
+def test_the_force_is_the_force_of_inextensible_fibres(law, known):
     assert force(law, GAMMA, WIDTH, 2 * WIDTH) == pytest.approx(known, abs=0.005)
 
 
@@ -62,7 +62,7 @@ def test_the_force_is_the_rate_of_the_energy_of_the_three_zones(law, sides, degr
 
 
 def test_the_zones_are_in_equilibrium_where_the_ply_is_just_high_enough():
-    """Fibres that may turn carry the same moment along their length: Euler-Lagrange."""
+    """Free fibres have a constant moment along their length: Euler-Lagrange."""
     theta = np.radians(40.0)
     scene = bias_extension(warp=theta, weft=np.pi - theta)
     low, high = WIDTH / (2 * np.cos(theta)), WIDTH / np.cos(theta)
@@ -77,7 +77,7 @@ def test_the_zones_are_in_equilibrium_where_the_ply_is_just_high_enough():
 
 @pytest.mark.parametrize("t", [0.4, 1.0])
 @pytest.mark.parametrize("degrees", [35.0, 45.0, 50.0])
-def test_the_exact_motion_stretches_no_fibre_and_shears_by_zones(t, degrees):
+def test_the_exact_motion_stretches_no_fibre_and_has_uniform_shear_zones(t, degrees):
     theta = np.radians(degrees)
     scene = bias_extension(
         "aligned", size=(10, 20), warp=theta, weft=np.pi - theta, shear_angle=GAMMA
@@ -96,10 +96,10 @@ def test_the_exact_motion_stretches_no_fibre_and_shears_by_zones(t, degrees):
     np.testing.assert_allclose(top, [[0.0] * 3, [delta] * 3], atol=1e-12)
 
 
-@pytest.mark.parametrize(("law", "off"), [(Linear(0.5), 0.04), (Sin2(0.5), 0.06)])
-def test_one_stabilised_point_reads_the_load_on_a_jittered_mesh(law, off):
+@pytest.mark.parametrize(("law", "bound"), [(Linear(0.5), 0.04), (Sin2(0.5), 0.06)])
+def test_one_stabilised_point_gives_the_load_on_a_jittered_mesh(law, bound):
     summary = solve(bias_extension(size=(16, 32)), law)
-    assert summary["load_over_exact"] == pytest.approx(1.0, abs=off)
+    assert summary["load_over_exact"] == pytest.approx(1.0, abs=bound)
     assert summary["stable"]
 
 
@@ -120,7 +120,7 @@ def halves():
 
 
 @pytest.mark.parametrize("degrees", [40.0, 45.0])
-def test_half_a_ply_on_a_roller_is_half_of_the_ply(degrees):
+def test_half_a_ply_on_a_roller_agrees_with_the_whole(degrees):
     theta = np.radians(degrees)
     half, whole = halves()
     fibres = {"warp": theta, "weft": np.pi - theta}
@@ -142,8 +142,8 @@ def test_the_exact_motion_of_half_a_ply_stays_on_its_axis():
 
 
 @pytest.mark.parametrize("seed", [2, 3])
-def test_fibres_that_resist_tension_alone_are_pulled_in_few_solves(seed):
-    """The load is that of `docs/laws.md`."""
+def test_fibres_that_resist_tension_only_are_stretched_in_few_solves(seed):
+    """The load agrees with `docs/laws.md`."""
     scene = bias_extension(seed=seed)
     fibres = TensionOnly(Linear(1e5))
     ply = Ply(scene.mesh, Fabric(fibres, 0.5, scene.warp, scene.weft))
@@ -152,12 +152,12 @@ def test_fibres_that_resist_tension_alone_are_pulled_in_few_solves(seed):
     assert result.linear_solves < 100
 
 
-def test_without_shear_stiffness_there_is_no_load_to_compare_with():
+def test_the_ratio_of_loads_is_undefined_without_shear_stiffness():
     summary = solve(bias_extension(size=(4, 8)), 0.0, steps=2)
     assert "load_over_exact" not in summary
 
 
-def test_meshes_and_angles_that_do_not_fit_are_refused():
+def test_invalid_meshes_and_angles_are_rejected():
     with pytest.raises(ValueError, match="between 0 and 90 degrees, got 95"):
         bias_extension(shear_angle=np.radians(95))
     with pytest.raises(ValueError, match="at least 100 mm high, not 90 mm"):
@@ -186,8 +186,8 @@ def test_meshes_and_angles_that_do_not_fit_are_refused():
 
 
 @pytest.mark.parametrize("kind", ["irregular", "delaunay"])
-def test_one_step_reads_what_eight_do(kind):
-    """E_d is that of the state, and not of the start, where nothing is in tension."""
+def test_one_step_and_eight_give_the_same_load(kind):
+    """E_d follows the current state, not the initial one, which has no tension."""
     scene = bias_extension(kind, size=(8, 16))
     fabric = Fabric(1e5, 0.5, scene.warp, scene.weft)
     runs = {
@@ -199,8 +199,8 @@ def test_one_step_reads_what_eight_do(kind):
     assert all(run.path_resolved for run in runs.values())
 
 
-def test_what_stretch_costs_a_crimped_fabric_is_not_judged_by_its_softness_at_rest():
-    """Linear and quadratic triangles along the fibres read 3.4 % less, 42.3 N."""
+def test_the_load_lost_to_stretch_is_not_estimated_from_crimp_at_rest():
+    """Linear and quadratic triangles along the fibres give 3.4 % less, 42.3 N."""
     fabric = Fabric(CrimpToe(1e5, toe=0.004, initial_stiffness=10.0), 0.5)
     share = lost_to_stretch(fabric, GAMMA, WIDTH, 2 * WIDTH)
     assert 0.02 < share < 0.04

@@ -1,4 +1,4 @@
-"""Where the exact answer of a scene holds, and what a summary says elsewhere."""
+"""Validity of the exact solution of a scene, and the summary where it does not hold."""
 
 import json
 
@@ -74,7 +74,7 @@ def with_waist(W, H):
 
 
 def with_crack(W, H):
-    """Two nodes in the place of one: the area is that of the rectangle."""
+    """A node doubled: the area equals the area of the rectangle."""
     mesh = rectangle(W, H, (8, 16), "aligned")
     node = int(np.linalg.norm(mesh.p - [[W / 2], [H / 2]], axis=0).argmin())
     right = mesh.p[0, mesh.t].mean(axis=0) > mesh.p[0, node]
@@ -103,9 +103,9 @@ MISFITS = [
     ("scene", "sides"), [(bias_extension, (50, 100)), (strip, (40, 60))]
 )
 @pytest.mark.parametrize(("outline", "why"), MISFITS)
-def test_a_mesh_that_fills_no_rectangle_has_no_exact_answer(scene, sides, outline, why):
-    found = scene(outline(*sides))
-    for one in (found, found.rotated(np.radians(30.0))):
+def test_a_mesh_of_another_shape_has_no_exact_solution(scene, sides, outline, why):
+    computed = scene(outline(*sides))
+    for one in (computed, computed.rotated(np.radians(30.0))):
         summary = solve(one)
         assert not (EXACT | LOAD) & set(summary)
         assert summary["exact_answer"].startswith("none: ")
@@ -114,7 +114,7 @@ def test_a_mesh_that_fills_no_rectangle_has_no_exact_answer(scene, sides, outlin
         assert summary["reaction_y"] != 0
 
 
-def test_the_half_and_a_mesh_that_was_split_are_looked_at_too():
+def test_half_and_split_meshes_are_checked():
     half = with_hole(25, 100)
     for scene, formulation in (
         (bias_extension(half, part="half"), OnePoint(5.0)),
@@ -140,7 +140,7 @@ def triangles_with_nodes_inside(W, H):
 
 @pytest.mark.parametrize("law", [Linear(0.5), Sin2(0.5)])
 @pytest.mark.parametrize("degrees", [0.0, 30.0])
-def test_a_rectangle_from_a_file_has_its_exact_answer(tmp_path, law, degrees):
+def test_a_rectangle_from_a_file_has_its_exact_solution(tmp_path, law, degrees):
     triangles_with_nodes_inside(50, 100).save(tmp_path / "mesh.msh")
     scene = bias_extension(read_mesh(tmp_path / "mesh.msh"))
     summary = solve(scene.rotated(np.radians(degrees)), Macro(), law=law)
@@ -149,7 +149,7 @@ def test_a_rectangle_from_a_file_has_its_exact_answer(tmp_path, law, degrees):
     assert summary["load_over_exact"] == pytest.approx(1.0, abs=0.1)
 
 
-def test_every_mesh_that_a_scene_makes_fits():
+def test_every_generated_mesh_has_an_exact_solution():
     for kind in ("aligned", "irregular", "horizontal", "vertical", "delaunay"):
         assert strip(kind).misfit == ""
         assert bias_extension(kind, part="half").misfit == ""
@@ -160,7 +160,7 @@ def test_every_mesh_that_a_scene_makes_fits():
 
 @pytest.mark.parametrize("outline", [with_hole, with_missing_corner, with_waist])
 def test_a_frame_that_holds_every_edge_is_exact_on_any_outline(outline):
-    """A uniform shear is in equilibrium where the whole boundary follows it."""
+    """A uniform shear is in equilibrium if the whole boundary is prescribed."""
     for scene in (
         picture_frame(outline(100, 100)),
         trellis(outline(100, 100), turns=sheared(0.5)),
@@ -180,7 +180,7 @@ def test_a_bent_trellis_with_a_hole_converges_to_its_motion():
     assert errors[0] > 3.5 * errors[1] > 12 * errors[2]
 
 
-def test_the_command_line_says_once_why_there_is_no_exact_answer(tmp_path, capsys):
+def test_the_command_line_reports_once_why_there_is_no_exact_solution(tmp_path, capsys):
     with_hole(50, 100).save(tmp_path / "mesh.vtk")
     command = ["run", "bias_extension", "--mesh", str(tmp_path / "mesh.vtk")]
     command += ["--steps", "2", "--no-render"]
@@ -207,10 +207,8 @@ STRETCHED = [
 
 
 @pytest.mark.parametrize(("degrees", "shear", "law", "ratios"), STRETCHED)
-def test_the_load_lost_to_fibre_stretch_is_estimated_within_a_third(
-    degrees, shear, law, ratios
-):
-    """Beside meshes along the fibres, which do not lock, finest at their kinks."""
+def test_the_load_lost_to_stretch_is_accurate_to_a_third(degrees, shear, law, ratios):
+    """Against meshes along the fibres, which do not lock, finest at their kinks."""
     theta, E = np.radians(degrees), tuple(0.5 * ratio for ratio in ratios)
     mesh = graded_along_fibres(WIDTH, theta, 5, 0.4 / np.sqrt(min(E)))
     angles = {"warp": theta, "weft": np.pi - theta, "shear_angle": np.radians(shear)}
@@ -221,7 +219,7 @@ def test_the_load_lost_to_fibre_stretch_is_estimated_within_a_third(
     assert ("exact_answer" in summary) == (estimate > 0.01)
 
 
-def test_half_a_ply_loses_the_same_share_and_a_turned_one_too():
+def test_half_and_rotated_plies_lose_the_same_share():
     shares = [
         solve(scene)["load_lost_to_fibre_stretch"]
         for scene in (
@@ -233,9 +231,9 @@ def test_half_a_ply_loses_the_same_share_and_a_turned_one_too():
     assert shares[0] == shares[1] == shares[2] > 0
 
 
-def test_the_summary_says_what_the_ratio_converges_to():
-    said = solve(bias_extension(size=(4, 8)), E=1e4)["exact_answer"]
-    assert said == (
+def test_the_summary_contains_the_limit_of_the_ratio():
+    reason = solve(bias_extension(size=(4, 8)), E=1e4)["exact_answer"]
+    assert reason == (
         "valid for inextensible fibres: fibre stretch reduces the load by about 4 %, "
         "so that load_over_exact converges to about 0.96, not to 1"
     )

@@ -18,36 +18,36 @@ def fabric(scene, **stiffnesses):
 
 
 @pytest.mark.parametrize("weight", [6e-7, 6e-6])
-def test_a_cantilever_hangs_as_the_elastica_does(weight):
+def test_a_cantilever_agrees_with_the_elastica(weight):
     errors = []
     for n in (8, 16):
         scene = cantilever(size=(n, 2), weight=weight)
         case = Case(scene=scene, fabric=fabric(scene, bending=(6.0, 6.0)), steps=1)
-        found = case.summary(case.run())
-        assert found["reaction_z"] == pytest.approx(weight * 200 * 25)
-        errors.append(found["tip_error_over_length"])
+        summary = case.summary(case.run())
+        assert summary["reaction_z"] == pytest.approx(weight * 200 * 25)
+        errors.append(summary["tip_error_over_length"])
     assert errors[1] < 1e-3
     assert errors[0] / errors[1] > 3
 
 
-def test_peirce_reads_a_larger_stiffness_from_a_strip_that_bends_far():
+def test_peirces_formula_overestimates_the_stiffness_at_large_deflections():
     scene = cantilever(size=(32, 2))
     case = Case(scene=scene, fabric=fabric(scene, bending=(6.0, 6.0)), steps=1)
-    found = case.summary(case.run())
-    assert found["chord_angle_deg"] == pytest.approx(41.49, abs=0.05)
-    assert found["bending_by_peirce_N_mm"] == pytest.approx(6.0 * 1.0575, rel=2e-3)
+    summary = case.summary(case.run())
+    assert summary["chord_angle_deg"] == pytest.approx(41.49, abs=0.05)
+    assert summary["bending_by_peirce_N_mm"] == pytest.approx(6.0 * 1.0575, rel=2e-3)
 
 
-def test_a_strip_buckles_and_goes_on_as_an_elastica():
+def test_a_strip_buckles_and_agrees_with_the_elastica():
     scene = buckling()
     case = Case(scene=scene, fabric=fabric(scene, bending=(6.0, 6.0)), steps=4)
     result = case.run()
-    found = case.summary(result)
-    assert found["path_resolved"]
-    assert found["stable"]
-    assert found["buckling_force_N_per_mm"] == pytest.approx(6.0 * (np.pi / 100) ** 2)
-    assert found["force_over_exact"] == pytest.approx(1.0, abs=3e-3)
-    assert found["height_over_exact"] == pytest.approx(1.0, abs=2e-3)
+    summary = case.summary(result)
+    assert summary["path_resolved"]
+    assert summary["stable"]
+    assert summary["buckling_force_N_per_mm"] == pytest.approx(6.0 * (np.pi / 100) ** 2)
+    assert summary["force_over_exact"] == pytest.approx(1.0, abs=3e-3)
+    assert summary["height_over_exact"] == pytest.approx(1.0, abs=2e-3)
 
 
 @pytest.mark.parametrize("name", ["cantilever", "buckling"])
@@ -55,26 +55,26 @@ def test_a_scene_in_space_runs_from_the_command_line(name, tmp_path):
     out = tmp_path / "out"
     quick = "--size", "8x1", "--steps", "2", "--no-render"
     assert cli.main(["run", name, *quick, "--out", str(out)]) == 0
-    found = json.loads((out / "summary.json").read_text())
-    assert found["converged"]
-    assert "reaction_z" in found
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["converged"]
+    assert "reaction_z" in summary
     again = "run", str(out / "case.toml"), "--out", str(tmp_path / "again")
     assert cli.main([*again, "--no-render"]) == 0
     after = json.loads((tmp_path / "again" / "summary.json").read_text())
-    assert after["energy"] == found["energy"]
+    assert after["energy"] == summary["energy"]
     assert (out / "fibres.vtu").exists()
 
 
-def test_a_plane_ply_bends_on_the_command_line_too(tmp_path):
+def test_a_plane_ply_bends_from_the_command_line(tmp_path):
     line = "run", "strip", "--size", "4x6", "--steps", "2", "--no-render"
     bending = "--set", "bending.warp_N_mm=2", "--set", "bending.weft_N_mm=5"
     assert cli.main([*line, *bending, "--out", str(tmp_path)]) == 0
-    found = json.loads((tmp_path / "summary.json").read_text())
+    summary = json.loads((tmp_path / "summary.json").read_text())
     exact = 0.5 * 5 * 40 * 60 / 55**2  # the weft lies on a circle
-    assert found["bending_energy"] == pytest.approx(exact, rel=0.05)
+    assert summary["bending_energy"] == pytest.approx(exact, rel=0.05)
 
 
-def test_what_does_not_fit_a_scene_in_space_is_refused(tmp_path, capsys):
+def test_settings_that_do_not_fit_a_scene_in_space_are_rejected(tmp_path, capsys):
     for make, reason in (
         (lambda: cantilever(length=0.0), "length must be positive"),
         (lambda: cantilever(weight=np.inf), "weight must be positive"),

@@ -1,4 +1,4 @@
-"""Pulls of fabrics whose answer is known."""
+"""Uniform tests of fabrics with exact solutions."""
 
 from functools import cache
 
@@ -22,12 +22,12 @@ from skfem_textile import (
     split,
 )
 from skfem_textile.scenes.rectangle import rectangle
-from tests.helpers import FORMULATIONS_ON_MESHES, fitting
+from tests.helpers import FORMULATIONS_ON_MESHES, fit_mesh
 from tests.helpers import independent as plain
 
 pytestmark = pytest.mark.usefixtures("no_estimate")
 
-# A pull along one family, edges free to slide: exact for every mesh and law
+# Stretch along one family, edges free to slide: exact for every mesh and law
 
 
 STRAIN = 0.02
@@ -39,7 +39,7 @@ LAWS = {
     "linear": 1e5,
     "stiff": 1e8,
     **{f"toe, k = {k:g}": CrimpToe(1e5, 0.004, k) for k in (1.0, 10.0, 1000.0)},
-    # Slack fibres across the pull would be free to contract: these resist.
+    # Slack transverse fibres would contract freely: these resist.
     "no compression": (1e4, CrimpToe(1e5, 0.004, 0.0)),
     "stiffening": Polynomial((1e3, 0.0, 1e7)),
 }
@@ -49,7 +49,7 @@ FORMULATIONS = FORMULATIONS_ON_MESHES | {
 
 
 def pulled(law, G, formulation, kind, strain=STRAIN):
-    mesh = fitting(rectangle(WIDTH, HEIGHT, (3, 4), kind, seed=3), formulation)
+    mesh = fit_mesh(rectangle(WIDTH, HEIGHT, (3, 4), kind, seed=3), formulation)
     ply = Ply(mesh, Fabric(law, G), formulation)
     conditions = {
         "bottom": Condition("bottom", direction=(0, 1)),
@@ -74,7 +74,7 @@ def test_the_force_is_exact(law, formulation, G):
 
 @pytest.mark.parametrize("formulation", FORMULATIONS.values(), ids=FORMULATIONS)
 def test_pre_tension_contracts_the_other_family(formulation):
-    """Its stress-free length is where T = 0; what is pulled is exact all the same."""
+    """The stress-free length is where T = 0; the solution is still exact."""
     result = pulled(Pretensioned(Linear(1e4), 5.0), 0.5, *formulation)
     tension = 5.0 + 1e4 * np.log1p(STRAIN)
     width = WIDTH * np.exp(-5e-4)
@@ -86,13 +86,13 @@ def test_pre_tension_contracts_the_other_family(formulation):
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS.values(), ids=FORMULATIONS)
-def test_a_motion_that_nothing_resists_is_named(formulation):
-    """No shear stiffness, and a family without any: the ply is a mechanism."""
+def test_a_mechanism_is_named(formulation):
+    """Without shear stiffness and stiffness of one family the ply is a mechanism."""
     with pytest.raises(StepError, match="a mechanism is present"):
         pulled((1e4, 0.0), 0.0, *formulation)
 
 
-# Biaxial and uniaxial pulls of a fabric whose families exchange crimp: all exact
+# Biaxial and uniaxial tests of a fabric with crimp interchange: all exact
 
 
 PARAMETERS = {
@@ -109,13 +109,13 @@ every_formulation = pytest.mark.parametrize(
 
 @cache
 def rectangular(law, formulation, kind):
-    """A ply of one fabric, which every pull takes from its state at rest."""
-    mesh = fitting(rectangle(WIDTH, HEIGHT, (3, 4), kind, seed=3), formulation)
+    """A ply of one fabric, which every test starts from rest."""
+    mesh = fit_mesh(rectangle(WIDTH, HEIGHT, (3, 4), kind, seed=3), formulation)
     return Ply(mesh, Fabric(law, 0.5), formulation)
 
 
 def stretched(law, formulation, kind, warp, weft=None, steps=1):
-    """A rectangle stretched along the warp, and along the weft if that is given."""
+    """A rectangle stretched along the warp, and along the weft if given."""
     conditions = {
         "left": Condition("left", direction=(1, 0)),
         "right": Condition("right", WIDTH * warp, direction=(1, 0)),
@@ -130,7 +130,7 @@ def stretched(law, formulation, kind, warp, weft=None, steps=1):
 
 
 def free_weft(law, warp_strain):
-    """The strain at which the weft has no tension, by halving."""
+    """The strain at which the weft has no tension, by bisection."""
     low, high = -0.5, 0.0
     for _ in range(100):
         middle = (low + high) / 2
@@ -153,9 +153,9 @@ def test_the_forces_of_a_biaxial_pull_are_exact(parameters, formulation, stretch
     result = stretched(CrimpInterchange(*parameters), *formulation, *stretch)
     tensions = plain.interchange(*parameters).value(*np.log1p(stretch))
     state = result.states[-1]
-    found = state.reactions["right"][0], state.reactions["top"][1]
+    forces = state.reactions["right"][0], state.reactions["top"][1]
     sides = HEIGHT, WIDTH
-    for force, T, side, e in zip(found, tensions, sides, stretch, strict=True):
+    for force, T, side, e in zip(forces, tensions, sides, stretch, strict=True):
         assert force == pytest.approx(side * T / (1 + e), rel=1e-8)
     assert state.verdict.negative_pivots == 0
 
@@ -179,7 +179,7 @@ def test_a_free_weft_contracts_as_the_warp_straightens(parameters, formulation):
 
 
 @every_formulation
-def test_without_crimp_each_family_has_its_own_law(formulation):
+def test_families_without_crimp_have_separate_laws(formulation):
     E, _, K, toe, k = PARAMETERS["unbalanced"]
     pulls = [
         stretched(law, *formulation, 0.02, 0.01)
@@ -196,8 +196,8 @@ def test_without_crimp_each_family_has_its_own_law(formulation):
         )
 
 
-def test_a_weft_that_is_pulled_along_stiffens_the_warp():
-    """At a warp strain of 1 %, for three ratios of strains; the weft's lifts both."""
+def test_stretching_the_weft_stiffens_the_warp():
+    """At a warp strain of 1 %, for three ratios of strains."""
     law = CrimpInterchange(*PARAMETERS["balanced"])
     tensions = [
         stretched(law, Macro(), "irregular", 0.01, weft)
@@ -209,7 +209,7 @@ def test_a_weft_that_is_pulled_along_stiffens_the_warp():
     assert tensions[2] > 1.3 * tensions[1]
 
 
-# The pull of a crimped fabric along the bisector of its fibres
+# Stretch of a crimped fabric along the bisector of its fibres
 
 
 def load(mesh, formulation):
@@ -222,12 +222,12 @@ def load(mesh, formulation):
 
 @pytest.fixture(scope="module")
 def converged():
-    """At 32 edges across, which 64 change by 0.12 %."""
+    """Load at 32 edges across, which 64 edges change by 0.12 %."""
     return load(rectangle(50, 100, (32, 64)), OnePoint())
 
 
 @pytest.mark.parametrize("kind", ["irregular", "delaunay"])
-def test_macro_elements_read_the_load_of_a_crimped_fabric(kind, converged):
-    """At rest fibres are as soft as crimp, and deviations in elements must not be."""
+def test_macro_elements_give_the_load_of_a_crimped_fabric(kind, converged):
+    """Deviations in elements must not be as soft as crimped fibres at rest."""
     macro = load(split(rectangle(50, 100, (8, 16), kind)), Macro())
     assert macro == pytest.approx(converged, rel=0.02)

@@ -1,4 +1,4 @@
-"""Shear tests: what their machines measure, and how it is reduced."""
+"""Shear tests: forces and displacements of their machines, and their reduction."""
 
 from dataclasses import astuple
 
@@ -11,7 +11,7 @@ from skfem_textile.scenes import Case, bias_extension, picture_frame, specimen
 from skfem_textile.scenes.bias_extension import force
 from skfem_textile.scenes.shear_test import BiasTest, FrameTest
 
-# What machines of shear tests measure, by loads that are known
+# Measurements of shear tests from known loads
 
 
 def forces(x, y):
@@ -21,26 +21,26 @@ def forces(x, y):
 @pytest.mark.parametrize("law", [Linear(0.5), Sin2(0.5)])
 @pytest.mark.parametrize(("theta", "height"), [(45.0, 100.0), (40.0, 120.0)])
 @pytest.mark.parametrize("share", [1.0, 0.5])
-def test_the_exact_pull_of_a_bias_test_gives_its_law_back(law, theta, height, share):
-    """To the error of straight lines between a hundred states."""
+def test_the_law_is_recovered_from_an_exact_bias_test(law, theta, height, share):
+    """Up to the error of straight lines between a hundred states."""
     theta, width = np.radians(theta), 50.0
     gamma = np.linspace(0.0, np.radians(50), 101)
     pull = [share * force(law, g, width, height, theta) for g in gamma]
     L = (height / np.sin(theta) - width / np.cos(theta)) / 2
     pulled = 2 * L * (np.sin(theta + gamma / 2) - np.sin(theta))
     test = BiasTest(width, height, theta, share)
-    given = forces(0 * gamma, pulled), forces(0 * gamma, np.array(pull))
-    displacement, F = test.measured(*given)
+    references = forces(0 * gamma, pulled), forces(0 * gamma, np.array(pull))
+    displacement, F = test.measured(*references)
     assert displacement == pytest.approx(pulled)
     assert pytest.approx(np.array(pull) / share) == F
     assert test.shear_angle(displacement) == pytest.approx(gamma, abs=1e-12)
     expected = law.value(gamma) / np.cos(gamma)
-    found = test.normalised(gamma, F)
-    assert found == pytest.approx(expected, abs=1e-4 * expected.max())
+    computed = test.normalised(gamma, F)
+    assert computed == pytest.approx(expected, abs=1e-4 * expected.max())
 
 
-def test_a_pull_beyond_what_inextensible_fibres_reach_has_no_angle():
-    """Nor has a row that lacks its force, or whose angle falls, a shear force."""
+def test_a_displacement_beyond_inextensible_fibres_has_no_angle():
+    """A row without force, or with a decreasing angle, has no shear force."""
     test, force = BiasTest(50.0, 100.0), np.array([0.0, 1.0, np.nan, 3.0])
     angle = test.shear_angle(np.array([0.0, 5.0, 1e3, 1e4]))
     assert np.isfinite(angle).tolist() == [True, True, False, False]
@@ -49,7 +49,7 @@ def test_a_pull_beyond_what_inextensible_fibres_reach_has_no_angle():
     assert np.isnan(FrameTest(100.0, 100.0).shear_angle(np.array([1e3]))).all()
 
 
-def test_a_picture_frame_gives_its_law_back():
+def test_the_law_is_recovered_from_a_picture_frame():
     law = Sin2(0.5)
     scene = picture_frame(size=(4, 4), jitter=0.0)
     assert scene.shear_test == FrameTest(100.0, 100.0)
@@ -61,15 +61,15 @@ def test_a_picture_frame_gives_its_law_back():
     gamma = np.linspace(0, np.pi / 4, 5)
     assert scene.shear_test.shear_angle(displacement) == pytest.approx(gamma, abs=1e-12)
     C = law.value(gamma)
-    found = scene.shear_test.normalised(gamma, F)
-    assert found == pytest.approx(C / np.cos(gamma), rel=1e-4, abs=1e-9)
+    computed = scene.shear_test.normalised(gamma, F)
+    assert computed == pytest.approx(C / np.cos(gamma), rel=1e-4, abs=1e-9)
     pull = 100 * C / np.sin(np.pi / 4 - gamma / 2)
     assert pytest.approx(pull, rel=1e-4, abs=1e-9) == F
     diagonal = 2 * 100 * np.cos(np.pi / 4 - gamma / 2)
     assert displacement == pytest.approx(diagonal - diagonal[0])
 
 
-def test_the_scenes_know_their_tests():
+def test_scenes_give_their_specimens():
     whole, half = (bias_extension(part=part).shear_test for part in ("whole", "half"))
     assert astuple(whole) == pytest.approx((50.0, 100.0, np.pi / 4, 1.0))
     assert astuple(half) == pytest.approx((50.0, 100.0, np.pi / 4, 0.5))
@@ -89,7 +89,7 @@ def test_the_scenes_know_their_tests():
         {"moves": [("bottom", (0, 0)), ("top", (0, 5)), ("left", (0, "free"))]},
     ],
 )
-def test_a_specimen_that_is_no_bias_test_is_none(other):
+def test_a_specimen_without_bias_geometry_is_not_a_bias_test(other):
     assert specimen(**other).shear_test is None
 
 
@@ -106,16 +106,16 @@ TESTS = [*BIAS, PictureFrame(200.0, 160.0)]
 
 
 @pytest.mark.parametrize("test", TESTS, ids=str)
-def test_displacement_and_shear_angle_are_inverse(test):
-    there = test.displacement(GAMMA)
-    np.testing.assert_allclose(test.shear_angle(there), GAMMA, rtol=1e-10)
+def test_displacement_and_shear_angle_are_inverse_functions(test):
+    values = test.displacement(GAMMA)
+    np.testing.assert_allclose(test.shear_angle(values), GAMMA, rtol=1e-10)
     end = test.displacement(np.array([test.largest_angle]))
     assert np.isnan(test.shear_angle(1.01 * end)).all()
 
 
 @pytest.mark.parametrize("test", TESTS, ids=str)
 def test_the_work_of_the_force_is_the_energy_of_the_fabric(test):
-    """By quadrature of the force, beside the areas that shear by γ and γ/2."""
+    """By quadrature of the force, for the areas that shear by γ and γ/2."""
     fine = np.linspace(0.0, GAMMA[-1], 4001)
     work = np.trapezoid(test.force(LAW, fine), test.displacement(fine))
     if isinstance(test, PictureFrame):
@@ -128,36 +128,36 @@ def test_the_work_of_the_force_is_the_energy_of_the_fabric(test):
 
 
 @pytest.mark.parametrize("test", BIAS, ids=str)
-def test_the_force_of_a_bias_extension_is_that_of_the_scene(test):
+def test_the_force_of_a_bias_extension_agrees_with_the_scene(test):
     sides = test.width, test.height, test.inclination
-    there = [force(LAW, gamma, *sides) for gamma in GAMMA]
-    np.testing.assert_allclose(test.force(LAW, GAMMA), there, rtol=1e-12)
+    values = [force(LAW, gamma, *sides) for gamma in GAMMA]
+    np.testing.assert_allclose(test.force(LAW, GAMMA), values, rtol=1e-12)
 
 
 @pytest.mark.parametrize("test", TESTS, ids=str)
 @pytest.mark.parametrize("law", [LAW, Sin2(0.3)])
-def test_the_reduction_point_by_point_gives_the_law_back(test, law):
-    found = test.moment(GAMMA, test.force(law, GAMMA))
-    np.testing.assert_allclose(found, law.value(GAMMA), rtol=2e-3)
+def test_the_law_is_recovered_by_reduction_point_by_point(test, law):
+    computed = test.moment(GAMMA, test.force(law, GAMMA))
+    np.testing.assert_allclose(computed, law.value(GAMMA), rtol=2e-3)
 
 
 @pytest.mark.parametrize("first", [0.5, 10.0, 30.0])
-def test_of_a_linear_law_the_recursion_is_exact_wherever_it_begins(first):
+def test_the_recursion_is_exact_for_a_linear_law_from_any_start(first):
     gamma = np.radians(np.array([first, 31.0, 40.0]))
-    found = BIAS[0].moment(gamma, BIAS[0].force(Linear(0.2), gamma))
-    np.testing.assert_allclose(found, 0.2 * gamma, rtol=1e-12)
+    computed = BIAS[0].moment(gamma, BIAS[0].force(Linear(0.2), gamma))
+    np.testing.assert_allclose(computed, 0.2 * gamma, rtol=1e-12)
 
 
-def test_the_frame_reduces_as_cao_et_al():
+def test_the_frame_reduction_agrees_with_cao_et_al():
     """F_n = F_s L_frame/L_fabric² and C = F_n cos γ, by hand at 30 degrees."""
     F_s = 50.0 / (2 * np.cos(np.radians(30.0)))
     expected = F_s * 200.0 / 160.0**2 * np.cos(np.radians(30.0))
-    found = PictureFrame(200.0, 160.0).moment(np.radians([30.0]), np.array([50.0]))
-    assert found[0] == pytest.approx(expected, rel=1e-12)
+    computed = PictureFrame(200.0, 160.0).moment(np.radians([30.0]), np.array([50.0]))
+    assert computed[0] == pytest.approx(expected, rel=1e-12)
 
 
-def test_specimens_that_cannot_be_are_refused():
-    for make, said in (
+def test_invalid_specimens_are_rejected():
+    for make, message in (
         (lambda: PictureFrame(100.0, 120.0), "longer than the side of the frame"),
         (lambda: PictureFrame(0.0, 1.0), "side of the frame must be"),
         (lambda: BiasExtension(50.0, 90.0), "must be at least 100 mm high"),
@@ -169,5 +169,5 @@ def test_specimens_that_cannot_be_are_refused():
         (lambda: BiasExtension(50.0, 900.0, np.nan), "degrees, got nan"),
         (lambda: BiasExtension(np.nan, 90.0), "width must be"),
     ):
-        with pytest.raises(ValueError, match=said):
+        with pytest.raises(ValueError, match=message):
             make()

@@ -1,4 +1,4 @@
-"""Specimens of users, and cases."""
+"""User-defined specimens, and cases."""
 
 import json
 
@@ -10,7 +10,7 @@ from skfem_textile.cli import main as cli
 from skfem_textile.scenes import Case, bias_extension, specimen, strip
 from skfem_textile.scenes.rectangle import rectangle
 
-# The scene `specimen`: a ply of which the user says what is held and what moves
+# The scene `specimen`: a ply with user-defined conditions
 
 
 def loaded(scene, steps=2):
@@ -18,19 +18,19 @@ def loaded(scene, steps=2):
     return Case(scene=scene, fabric=fabric, steps=steps, solver="superlu").run()
 
 
-def test_a_specimen_is_what_its_conditions_say():
+def test_a_specimen_has_its_conditions():
     mesh = rectangle(50, 100, (3, 6), "irregular")
     moves = [("bottom", (0, 0)), ("top", ("free", 10.0)), ("left", ("free", "free"))]
-    found = loaded(specimen(mesh, moves=moves))
+    result = loaded(specimen(mesh, moves=moves))
     pull = Condition("top", 10.0, direction=(0, 1))
     fibres = bias_extension().warp, bias_extension().weft
     ply = Ply(mesh, Fabric(1e4, 0.5, *fibres))
     conditions = {"bottom": Condition("bottom"), "top": pull}
     expected = LoadStepper(ply, conditions, 2, solver="superlu").run()
-    assert found.u == pytest.approx(expected.u, abs=1e-9)
+    assert result.u == pytest.approx(expected.u, abs=1e-9)
 
 
-def test_a_specimen_has_no_exact_answer():
+def test_a_specimen_has_no_exact_solution():
     scene = specimen(size=(2, 4))
     summary = scene.summary(loaded(scene))
     assert summary["exact_answer"] == "none: the displacements are user-defined"
@@ -41,13 +41,13 @@ def test_a_specimen_has_no_exact_answer():
         assert other[name] == pytest.approx(summary[name], rel=1e-6, abs=1e-4)
 
 
-def test_a_specimen_pulled_as_a_bias_extension_has_its_load():
+def test_a_specimen_loaded_as_a_bias_extension_has_its_load():
     theirs = bias_extension(size=(4, 8), shear_angle=np.radians(20))
     end = theirs.displacement(np.array([[25.0], [100.0]]), 1.0)[1, 0]
     moves = [("bottom", (0, 0)), ("top", (0, end))]
     ours = specimen(size=(4, 8), moves=moves)
     assert ours.mesh.p == pytest.approx(theirs.mesh.p)
-    # In one step: the displacements of the two go other ways to the same end.
+    # In one step: the two have different paths to the same final displacements.
     loads = [scene.reaction(loaded(scene, 1).states[-1])[1] for scene in (ours, theirs)]
     assert loads[0] == pytest.approx(loads[1], rel=1e-6)
 
@@ -59,7 +59,7 @@ def test_the_driven_boundary_is_named_or_moves_furthest():
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("arguments", "message"),
     [
         ({"moves": []}, "no boundary has a prescribed displacement"),
         (
@@ -84,12 +84,12 @@ def test_the_driven_boundary_is_named_or_moves_furthest():
         ({"height": np.nan}, "the height must be positive, got nan mm"),
     ],
 )
-def test_what_makes_no_specimen_is_refused(given, message):
+def test_invalid_specimens_are_rejected(arguments, message):
     with pytest.raises(ValueError, match=message):
-        specimen(**given)
+        specimen(**arguments)
 
 
-def test_a_mesh_without_the_boundaries_is_refused():
+def test_a_mesh_without_the_boundaries_is_rejected():
     with pytest.raises(MeshError, match="no boundary 'seam'"):
         specimen(rectangle(50, 100, (2, 4), "aligned"), moves=[("seam", (0, 0))])
 
@@ -100,28 +100,28 @@ def case(**more):
     return Case(scene=scene, fabric=fabric, steps=2, **more)
 
 
-def test_a_case_says_what_the_command_line_says(tmp_path):
+def test_a_case_and_the_command_line_give_the_same_summary(tmp_path):
     options = ("--size", "3x4", "--steps", "2", "--shear-stiffness", "0.5")
     out = ("--no-render", "--out", str(tmp_path))
     assert cli.main(["run", "strip", *options, *out]) == 0
-    told = json.loads((tmp_path / "summary.json").read_text())
+    summary = json.loads((tmp_path / "summary.json").read_text())
     one = case()
-    found = one.summary(one.run())
-    for name, value in found.items():
+    computed = one.summary(one.run())
+    for name, value in computed.items():
         if not name.endswith("time_s"):
-            assert told[name] == value, name
+            assert summary[name] == value, name
 
 
-def test_no_exact_answer_holds_beside_loads():
+def test_a_case_with_loads_has_no_exact_solution():
     loaded = case(loads=(Force("top", np.array([0.1, 0.2])),))
-    found = loaded.summary(loaded.run())
+    summary = loaded.summary(loaded.run())
     assert (
-        found["exact_answer"]
+        summary["exact_answer"]
         == "none: forces act in addition to the conditions of the scene"
     )
-    assert "displacement_error_rms" not in found
+    assert "displacement_error_rms" not in summary
 
 
-def test_what_does_not_fit_is_refused_as_the_stepper_is_built():
+def test_invalid_settings_are_rejected_by_the_constructor_of_the_stepper():
     with pytest.raises(ValueError, match="unknown solver 'abacus'"):
         case(solver="abacus").stepper()

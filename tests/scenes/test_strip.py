@@ -104,7 +104,7 @@ def test_the_reference_is_reached(case):
         assert summary[key] == pytest.approx(value, rel=1e-4), key
 
 
-def test_the_generator_makes_the_reference_nodes():
+def test_the_generator_gives_the_reference_nodes():
     nodes = strip().mesh.p.T
     np.testing.assert_allclose(nodes[1], [5.081112871182, 0.0], atol=1e-12)
     np.testing.assert_allclose(nodes[12], [3.591356119598, 4.837706852462], atol=1e-12)
@@ -132,7 +132,7 @@ def test_one_point_and_stabilisation_unlock():
     assert unlocked["energy"] < locked["energy"] / 100
 
 
-def test_strain_and_load_fall_in_the_order_of_the_papers_figures():
+def test_strain_and_load_decrease_in_the_order_of_the_papers_figures():
     scene = strip()
     ends = [
         scene.summary(run(scene, f)) for f in (Full(), OnePoint(10.0), OnePoint(1.0))
@@ -173,11 +173,11 @@ def test_the_exact_motion_stretches_no_fibre():
         centre = np.array([[0.5], [0.5]])
         assert np.abs(ply.fibre_strain(u, centre)).max() < 1e-4
         X = scene.mesh.p[:, scene.mesh.t].mean(axis=1)
-        off = ply.shear_angle(u, centre)[:, 0] - scene.shear_angle(X, t)
-        assert np.abs(off).max() < 1e-4
+        error = ply.shear_angle(u, centre)[:, 0] - scene.shear_angle(X, t)
+        assert np.abs(error).max() < 1e-4
 
 
-def test_shear_energy_and_the_work_of_the_reactions_are_known():
+def test_shear_energy_equals_the_work_of_the_reactions():
     """Ψ = 40 ∫ w(tY/R) dY for stiff fibres, and the reactions do that work."""
     scene = strip("aligned", (8, 60))
     G, steps = 0.5, 20
@@ -195,14 +195,14 @@ def test_shear_energy_and_the_work_of_the_reactions_are_known():
     assert work == pytest.approx(exact, rel=2e-3)
 
 
-def test_long_meshes_are_held_by_their_edges_alone():
+def test_long_meshes_are_constrained_at_their_edges_only():
     mesh = rectangle(500, 10, (20, 20), "aligned")
     assert len(mesh.boundaries["bottom"]) == 20
     mesh = rectangle(40, 60, (100, 2), "aligned")
     assert len(mesh.boundaries["right"]) == 2
 
 
-def test_a_mesh_brings_its_own_names_or_is_named_by_its_edges():
+def test_a_mesh_keeps_its_names_or_is_named_by_its_edges():
     mesh = strip("irregular").mesh
     unnamed = with_names(mesh, None, None)
     scene = strip(unnamed)
@@ -214,7 +214,7 @@ def test_a_mesh_brings_its_own_names_or_is_named_by_its_edges():
     np.testing.assert_array_equal(strip(named).mesh.boundaries["right"], half)
 
 
-def test_a_mesh_that_does_not_fit_is_refused():
+def test_a_mesh_of_another_size_is_rejected():
     mesh = with_names(strip().mesh, None, None)
     with pytest.raises(MeshError, match="must lie on y = 0"):
         strip(mesh.translated((0, 5)))
@@ -232,6 +232,6 @@ def test_a_mesh_that_does_not_fit_is_refused():
         ({"jitter": 1.0}, "jitter must be at least 0"),
     ],
 )
-def test_bad_meshes_are_refused(arguments, message):
+def test_invalid_meshes_are_rejected(arguments, message):
     with pytest.raises(ValueError, match=message):
         strip(**arguments)

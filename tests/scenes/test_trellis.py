@@ -58,7 +58,7 @@ def test_a_straight_trellis_is_exact_at_any_fibre_angles(crossing, inclination):
     assert summary["shear_angle_error_rms_deg"] < 1e-7
 
 
-def test_a_bent_trellis_converges_to_the_motion_that_stretches_no_fibre():
+def test_a_bent_trellis_converges_to_the_inextensible_motion():
     errors = []
     for n in (4, 8, 16):
         scene = trellis("aligned", size=(n, n))
@@ -66,7 +66,7 @@ def test_a_bent_trellis_converges_to_the_motion_that_stretches_no_fibre():
     assert errors[0] > 3.5 * errors[1] > 12 * errors[2]
 
 
-# Fibres along no side, so that the held sides are clamps across them.
+# Fibres along no side, so that the constrained sides are clamps across them.
 INCLINED = {"warp": np.radians(20.0), "weft": np.radians(100.0)}
 EDGES = [
     {"right": "free"},
@@ -80,7 +80,7 @@ EDGES = [
 
 @pytest.mark.parametrize("edges", EDGES)
 @pytest.mark.parametrize("degrees", [0.0, 25.0])
-def test_a_straight_trellis_needs_no_force_whatever_is_free(edges, degrees):
+def test_a_straight_trellis_has_no_force_for_any_free_sides(edges, degrees):
     scene = trellis(size=(6, 6), turns=sheared(0.4), edges=edges, **INCLINED)
     result = solve(scene.rotated(np.radians(degrees)), OnePoint(1.0), G=0.0, steps=4)
     summary = scene.rotated(np.radians(degrees)).summary(result)
@@ -100,19 +100,19 @@ def test_a_bent_trellis_with_a_free_side_and_a_roller_hardly_stretches():
 
 
 @pytest.mark.parametrize(("side", "axis", "at"), [("left", 0, 0), ("top", 1, SIDE)])
-def test_a_roller_moves_along_its_line_only_and_a_free_side_anyhow(side, axis, at):
-    """Shear stiffness pulls both away from the motion, which is no answer then."""
+def test_a_roller_moves_along_its_line_and_a_free_side_in_any_direction(side, axis, at):
+    """Shear stiffness moves both away from the motion, which is then inexact."""
     edges = {"right": "free", side: np.radians(60.0)}
     scene = trellis(size=(6, 6), turns=sheared(0.4), edges=edges, **INCLINED)
     result = solve(scene, OnePoint(5.0), E=1e3, G=5.0, steps=2)
-    off = result.ply.nodal(result.u) - scene.displacement(scene.mesh.p, 1.0)
+    error = result.ply.nodal(result.u) - scene.displacement(scene.mesh.p, 1.0)
     on_roller, on_right = scene.mesh.p[axis] == at, scene.mesh.p[0] == SIDE
-    rolled, right = off[:, on_roller], off[:, on_right & ~on_roller]
+    rolled, right = error[:, on_roller], error[:, on_right & ~on_roller]
     np.testing.assert_allclose(rolled[0] * np.sqrt(3), rolled[1], atol=1e-12)
     assert np.abs(rolled).max() > 0.1
     assert np.abs(right).max(axis=1).min() > 0.1
     held = held_nodes(scene)
-    np.testing.assert_allclose(off[:, held], 0.0, atol=1e-12)
+    np.testing.assert_allclose(error[:, held], 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_a_roller_moves_along_its_line_only_and_a_free_side_anyhow(side, axis, a
         ({"top": "free", "right": "free"}, "bottom"),
     ],
 )
-def test_the_reaction_is_that_of_all_nodes_of_the_first_side_not_free(edges, driven):
+def test_the_reaction_is_summed_over_the_first_constrained_side(edges, driven):
     scene = trellis(size=(4, 4), turns=sheared(0.4), edges=edges, **INCLINED)
     result = solve(scene, OnePoint(1.0), steps=2)
     axis, side = {"top": (1, SIDE), "right": (0, SIDE), "bottom": (1, 0)}[driven]
@@ -134,7 +134,7 @@ def test_the_reaction_is_that_of_all_nodes_of_the_first_side_not_free(edges, dri
     np.testing.assert_allclose(scene.reaction(result.states[-1]), expected, rtol=1e-9)
 
 
-def test_boundary_edges_on_no_side_and_corners_of_held_sides_stay_held():
+def test_edges_on_no_side_and_corners_of_constrained_sides_are_constrained():
     """A square without its upper right quarter, its right side free."""
     square = rectangle(SIDE, SIDE, (4, 4), "aligned")
     quarter = (square.p[:, square.t].mean(axis=1) > SIDE / 2).all(axis=0)
@@ -158,7 +158,7 @@ def test_boundary_edges_on_no_side_and_corners_of_held_sides_stay_held():
     ]
 
 
-def test_sides_that_do_not_fit_are_refused():
+def test_invalid_sides_are_rejected():
     with pytest.raises(
         ValueError, match="unknown side 'lid': choose one of top, right"
     ):
@@ -177,7 +177,7 @@ def test_sides_that_do_not_fit_are_refused():
 
 
 @pytest.mark.parametrize("t", [0.3, 1.0])
-def test_no_motion_stretches_a_fibre(t):
+def test_exact_motions_stretch_no_fibre(t):
     def warp(s, t):
         return t * np.sin(s / 30)
 
@@ -200,7 +200,7 @@ def test_no_motion_stretches_a_fibre(t):
     )
 
 
-def test_fibres_that_would_fold_or_are_parallel_are_refused():
+def test_folding_or_parallel_fibres_are_rejected():
     with pytest.raises(ValueError, match="would fold"):
         picture_frame(shear_angle=np.pi / 2)
     with pytest.raises(ValueError, match="would fold"):

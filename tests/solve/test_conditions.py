@@ -47,7 +47,7 @@ def test_a_value_may_depend_on_position_and_load_factor():
     assert len(constraints.fixed) == 5
 
 
-def test_named_nodes_are_held_beside_the_edges_of_that_name():
+def test_named_nodes_are_constrained_with_the_edges_of_that_name():
     inner = np.flatnonzero((MESH.p > 0).all(axis=0) & (MESH.p < 1).all(axis=0))
     mesh = with_named_nodes(MESH, {"inner": inner, "top": inner[:1]})
     for cells in (mesh, replace(mesh, doflocs=2 * mesh.p)):
@@ -62,7 +62,7 @@ def test_named_nodes_are_held_beside_the_edges_of_that_name():
     assert len(Condition("top").nodes("", quadratic)) == 5 + 1 + 4
 
 
-def test_values_belong_to_the_node_numbers_as_given():
+def test_values_keep_the_order_of_the_node_numbers():
     nodes, values = [19, 18, 17, 16], np.array([1.0, 2.0, 3.0, 4.0])
     _, u = resolved(lift=Condition(nodes, values, direction=(0, 1)))
     np.testing.assert_array_equal(u[1, nodes], values)
@@ -86,7 +86,7 @@ def test_a_node_may_be_named_twice_but_moves_once():
         resolved(lift=torn)
 
 
-def test_an_inclined_direction_turns_the_unknowns():
+def test_an_inclined_direction_rotates_the_unknowns():
     n = np.array([3.0, 4.0]) / 5
     constraints, u = resolved(slope=Condition("right", 2.0, direction=n))
     right = MESH.p[0] == 1
@@ -96,7 +96,7 @@ def test_an_inclined_direction_turns_the_unknowns():
     assert abs(turn.T @ turn - np.eye(BASIS.N)).max() < 1e-15
 
 
-def test_two_directions_at_a_node_fix_it_whole():
+def test_two_directions_at_a_node_fix_it():
     constraints, u = resolved(
         slope=Condition("right", 2.0, direction=(3, 4)),
         top=Condition("top", 1.0, direction=(0, 1)),
@@ -115,12 +115,12 @@ def test_conditions_that_agree_are_merged():
     assert len(constraints.fixed) == 2 * 5 + 4
 
 
-def test_conditions_that_disagree_are_refused():
+def test_contradictory_conditions_are_rejected():
     with pytest.raises(ValueError, match="'clamp' and 'right' disagree at node"):
         resolved(clamp=Condition("bottom"), right=Condition("right", (0.0, 1.0)))
 
 
-def test_conditions_that_disagree_on_the_way_are_refused_before_the_run():
+def test_conditions_contradictory_at_intermediate_load_factors_are_rejected():
     conditions = {
         "clamp": Condition("bottom"),
         "right": Condition("right", lambda X, t: t * (1 - t) + 0 * X),
@@ -157,12 +157,12 @@ def test_conditions_that_disagree_on_the_way_are_refused_before_the_run():
         (Condition("top", -np.inf, (0, 1)), "not finite at load factor 1"),
     ],
 )
-def test_bad_conditions_are_refused(condition, message):
+def test_invalid_conditions_are_rejected(condition, message):
     with pytest.raises(ValueError, match=f"condition 'c'.*{message}"):
         resolved(c=condition)
 
 
-def test_a_ply_must_be_held():
+def test_an_unconstrained_ply_is_rejected():
     with pytest.raises(ValueError, match="there are no conditions"):
         Constraints(BASIS, {})
 
@@ -177,7 +177,7 @@ def test_a_ply_must_be_held():
         ("bottom", "must be a mapping of names to Conditions, not str"),
     ],
 )
-def test_what_is_no_condition_is_refused_in_one_line(conditions, message):
+def test_invalid_conditions_are_rejected_in_one_line(conditions, message):
     mesh = MeshQuad().refined(1).with_defaults()
     with pytest.raises(ValueError, match=message) as refusal:
         LoadStepper(Ply(mesh, Fabric(10.0, 1.0), Full()), conditions)
@@ -185,7 +185,7 @@ def test_what_is_no_condition_is_refused_in_one_line(conditions, message):
 
 
 def test_an_inclined_roller_does_no_work_along_its_slope():
-    """A ply pressed against a smooth slope is pushed back at right angles to it."""
+    """The reaction of a ply pressed against a smooth slope is normal to it."""
     n = np.array([np.sin(0.4), np.cos(0.4)])
     ply = Ply(MESH, Fabric(100.0, 5.0), Full())
     result = LoadStepper(
@@ -203,13 +203,13 @@ def test_an_inclined_roller_does_no_work_along_its_slope():
     np.testing.assert_allclose(n @ ply.nodal(result.u)[:, top], 0.1)
 
 
-def test_a_mask_names_its_nodes():
+def test_a_mask_selects_its_nodes():
     mask = MESH.p[0] == 1
     nodes = Condition(mask).nodes("c", BASIS)
     np.testing.assert_array_equal(nodes, np.flatnonzero(mask))
 
 
-def test_directions_that_differ_by_rounding_are_one():
+def test_directions_that_differ_by_rounding_are_merged():
     rollers = [(0.5, 3**0.5 / 2), (0.5, 0.866025)]
     constraints, _ = resolved(
         **{f"roller{i}": Condition("right", direction=n) for i, n in enumerate(rollers)}
@@ -217,7 +217,7 @@ def test_directions_that_differ_by_rounding_are_one():
     assert len(constraints.fixed) == 5
 
 
-def test_a_constant_direction_from_a_function_is_that_of_every_node():
+def test_a_constant_direction_from_a_function_applies_to_every_node():
     (n,) = Condition("top", direction=lambda X: (3.0, 4.0)).directions(
         "c", MESH.p[:, :2]
     )
@@ -234,7 +234,7 @@ def test_a_constant_direction_from_a_function_is_that_of_every_node():
         Condition("top", lambda X, t: 0.3 * t * X[0], direction=lambda X: X),
     ],
 )
-def test_any_condition_turns_with_the_problem(condition):
+def test_any_condition_rotates_with_the_problem(condition):
     angle = 0.7
     Q = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     energies = []
@@ -265,7 +265,7 @@ CORNER = RIGHT & TOP
 
 
 def resolved_in_space(t=1.0, **conditions):
-    """Constraints, and the displacement that they ask for, zero elsewhere."""
+    """Constraints, and their prescribed displacement, zero elsewhere."""
     constraints = Constraints(IN_SPACE, conditions)
     q = IN_SPACE.zeros()
     q[constraints.fixed] = constraints.fixed_values(t)
@@ -283,13 +283,13 @@ def test_a_whole_displacement_has_three_components():
 @pytest.mark.parametrize(
     "value", [(None, 2.0, None), (1.0, None, 3.0), [None, None, -1.0]]
 )
-def test_components_that_are_none_are_free(value):
+def test_components_of_none_are_free(value):
     constraints, u = resolved_in_space(0.5, some=Condition("right", value))
     for i, component in enumerate(value):
         expected = 0.0 if component is None else 0.5 * component
         np.testing.assert_array_equal(u[i, RIGHT], expected)
-    given = [i for i, x in enumerate(value) if x is not None]
-    dofs = 3 * np.flatnonzero(RIGHT)[:, None] + given
+    fixed = [i for i, x in enumerate(value) if x is not None]
+    dofs = 3 * np.flatnonzero(RIGHT)[:, None] + fixed
     assert constraints.fixed.tolist() == sorted(dofs.ravel().tolist())
 
 
@@ -334,7 +334,7 @@ def test_two_inclined_directions_leave_one_motion_free():
     np.testing.assert_allclose([m, n] @ motion, 0.0, atol=1e-15)
 
 
-def test_three_directions_fix_a_node_whole_and_a_fourth_must_agree():
+def test_three_directions_fix_a_node_and_a_fourth_must_agree():
     m, n, o = np.random.default_rng(2).standard_normal((3, 3))
     three = {
         "m": Condition("right", direction=m),
@@ -350,7 +350,7 @@ def test_three_directions_fix_a_node_whole_and_a_fourth_must_agree():
         resolved_in_space(**three, torn=Condition(CORNER, 1.0, direction=(1, 1, 1)))
 
 
-def test_directions_that_lie_in_the_plane_of_two_others_fix_no_more():
+def test_coplanar_directions_fix_two_components():
     directions = (1, 2, 3), (3, -1, 1), (4, 1, 4)
     conditions = {
         f"roller {i}": Condition("right", direction=n) for i, n in enumerate(directions)
@@ -374,13 +374,13 @@ def test_directions_that_lie_in_the_plane_of_two_others_fix_no_more():
         (Condition("top", (1, None, np.inf)), "not finite"),
     ],
 )
-def test_bad_conditions_in_space_are_refused(condition, message):
+def test_invalid_conditions_in_space_are_rejected(condition, message):
     with pytest.raises(ValueError, match=f"condition 'c'.*{message}"):
         resolved_in_space(c=condition)
 
 
-def test_an_edge_on_an_inclined_rail_meets_no_force_along_it():
-    """Two directions of the edge are fixed, in neither of which an axis lies."""
+def test_an_edge_on_an_inclined_rail_has_no_force_along_it():
+    """Two directions of the edge are fixed, and no axis lies in them."""
     m, n = np.array([0.3, 1.0, 0.5]), np.array([0.2, -0.5, 1.0])
     rail = np.cross(m, n) / np.linalg.norm(np.cross(m, n))
     ply = Ply(MESH, Fabric(100.0, 5.0), Full(), dimension=3)

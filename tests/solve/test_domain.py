@@ -1,4 +1,4 @@
-"""Laws that end at a pole, tension and loads at rest: nothing is silently wrong."""
+"""Laws with a pole, and tension and loads at rest, give no silent errors."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ FORMULATIONS = {
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS)
-def test_a_locking_angle_is_never_passed(formulation):
+def test_a_locking_angle_is_never_exceeded(formulation):
     """9 mm are more than the cloth can shear: its fibres must stretch."""
     stepper = pulled(*FORMULATIONS[formulation], 9.0, Locking(0.5, 0.3), 3)
     result = stepper.run()
@@ -51,7 +51,7 @@ def test_a_locking_angle_is_never_passed(formulation):
 
 
 @pytest.mark.parametrize(
-    ("odd", "said"),
+    ("odd", "message"),
     [
         (
             False,
@@ -60,10 +60,10 @@ def test_a_locking_angle_is_never_passed(formulation):
         (True, "and the domain of its law ends at 50°"),
     ],
 )
-def test_a_message_tells_which_law_ends_and_where(odd, said):
+def test_a_message_names_the_law_that_ends_and_its_argument(odd, message):
     shear = Tabulated(np.radians([0, 20, 40, 50]), [0, 0.02, 0.12, 0.9], odd=odd)
     stepper = pulled(*FORMULATIONS["macro"], 20.0, shear, 4, max_halvings=1)
-    with pytest.raises(StepError, match=said) as caught:
+    with pytest.raises(StepError, match=message) as caught:
         stepper.run()
     error = caught.value
     assert error.quantity == "shear_angle"
@@ -72,17 +72,17 @@ def test_a_message_tells_which_law_ends_and_where(odd, said):
     assert angles[error.elements].min() >= np.quantile(angles, 0.5)
 
 
-def test_a_locking_law_is_loaded_in_any_number_of_steps():
+def test_a_locking_law_works_with_any_number_of_steps():
     law, macro = Locking(0.5, 0.3), FORMULATIONS["macro"]
     *few, many = (
         pulled(*macro, 5.0, law, steps).run().states[-1].reactions["pull"][1]
         for steps in (1, 3, 10)
     )
-    assert few == pytest.approx([many] * 2, rel=0.03)  # C_s follows in steps
+    assert few == pytest.approx([many] * 2, rel=0.03)  # C_s is updated in steps
 
 
 @pytest.mark.parametrize("method", ["newton", "plain"])
-def test_no_method_takes_an_energy_that_is_not_finite(method):
+def test_no_method_accepts_an_infinite_energy(method):
     """The first increment alone passes the pole, and so would a whole step."""
     stepper = pulled(
         *(*FORMULATIONS["macro"], 8.0, Locking(0.5, 0.1), 1, (2, 4)),
@@ -98,7 +98,7 @@ def test_no_method_takes_an_energy_that_is_not_finite(method):
         assert np.abs(result.ply.shear_angle(state.u)).max() < 0.1
 
 
-def test_a_law_that_is_not_finite_at_rest_is_refused():
+def test_a_law_that_is_not_finite_at_rest_is_rejected():
     class Broken(Pretensioned):
         domain = None
 
@@ -114,8 +114,8 @@ def test_a_law_that_is_not_finite_at_rest_is_refused():
         LoadStepper(ply, held, 1).run()
 
 
-def test_fibres_in_tension_at_rest_are_brought_into_balance_before_the_load():
-    """The first state reports what is left of the 66.6 N that were not."""
+def test_fibres_in_tension_at_rest_are_equilibrated_before_the_load():
+    """The first state reports the residual of the initial 66.6 N."""
     mesh = MeshQuad.init_tensor(np.linspace(0, 20, 5), np.linspace(0, 40, 9))
     fabric = Fabric((1e3, Pretensioned(1e3, 3.33)), 1.0)
     ply = Ply(mesh.with_defaults(), fabric, Full())
@@ -129,14 +129,14 @@ def test_fibres_in_tension_at_rest_are_brought_into_balance_before_the_load():
     assert first.load_factor == 0
     assert first.linear_solves > 0
     assert first.residuals[-1] <= first.tolerance
-    # Nothing holds the weft, so that it shortens until T = 0.
+    # The weft is free, so that it shortens until T = 0.
     stretch = np.exp(-3.33 / 1e3)
     top = ply.nodal(first.u)[1, ply.nodes[1] == 40]
     np.testing.assert_allclose(top, 40 * (stretch - 1), rtol=1e-6)
     assert result.states[-1].residuals[-1] <= result.states[-1].tolerance
 
 
-def test_conditions_that_ask_for_a_displacement_at_rest_get_it():
+def test_displacements_prescribed_at_rest_are_applied():
     mesh = MeshQuad().refined(1).with_defaults()
     ply = Ply(mesh, Fabric(10.0, 1.0), Full())
     held = {
@@ -149,7 +149,7 @@ def test_conditions_that_ask_for_a_displacement_at_rest_get_it():
 
 
 def test_a_negative_energy_is_not_taken_for_artificial(caplog):
-    """Fibres that relax give energy away: T₀ ε is less than nothing."""
+    """Relaxing fibres release energy: T₀ ε is negative."""
     mesh = MeshQuad().refined(2).with_defaults()
     ply = Ply(mesh, Fabric(Pretensioned(1e3, 10.0), 1.0), OnePoint())
     slide = {
@@ -163,7 +163,7 @@ def test_a_negative_energy_is_not_taken_for_artificial(caplog):
     assert not caplog.records
 
 
-def test_no_law_is_asked_beyond_the_domain_that_it_states():
+def test_no_law_is_evaluated_beyond_its_domain():
     class Measured(Pretensioned):
         domain = (-0.02, 0.01)
 
@@ -178,7 +178,7 @@ def test_no_law_is_asked_beyond_the_domain_that_it_states():
 
 
 def test_a_ply_that_buckles_at_rest_has_no_resolved_path():
-    """Fibres that push turn sideways before there is any load."""
+    """Fibres in compression buckle sideways before any load."""
     mesh = rectangle(10, 20, (3, 6), "irregular")
     ply = Ply(mesh, Fabric((1e3, Pretensioned(1e3, -3.0)), 1.0), OnePoint())
     held = {"bottom": Condition("bottom"), "top": Condition("top")}
@@ -200,10 +200,8 @@ def strip(fabric, formulation, weight, factor, **ends):
     "formulation", [OnePoint(), Macro()], ids=["one point", "macro"]
 )
 @pytest.mark.parametrize("weight", [8.0, 100.0])
-def test_a_heavy_cantilever_hangs_down_under_a_weight_that_is_there_at_rest(
-    formulation, weight
-):
-    """On the path of the weight, and not by a way round."""
+def test_a_heavy_cantilever_hangs_down_under_a_weight_at_rest(formulation, weight):
+    """On the path of the weight, not of a fallback method."""
     fabric = Fabric(1e4, 0.1, bending=(10.0, 10.0))
     per_area = weight * 10.0 / 100.0**3
     ply = strip(fabric, formulation, per_area, 1.0, left="clamped")
@@ -212,8 +210,8 @@ def test_a_heavy_cantilever_hangs_down_under_a_weight_that_is_there_at_rest(
     exact = hanging(weight)
     for state in result.states:
         x, _, z = ply.nodal(state.u)[:, tip].mean(axis=1) / 100.0
-        off = np.hypot(1 + x - exact.x[-1], z - exact.z[-1])
-        assert off < 3e-3
+        error = np.hypot(1 + x - exact.x[-1], z - exact.z[-1])
+        assert error < 3e-3
     assert [state.load_factor for state in result.states] == [0.0, 1.0]
     assert result.path_resolved
     assert result.linear_solves == sum(s.linear_solves for s in result.states)
@@ -222,10 +220,8 @@ def test_a_heavy_cantilever_hangs_down_under_a_weight_that_is_there_at_rest(
 @pytest.mark.parametrize(
     "formulation", [OnePoint(), Macro()], ids=["one point", "macro"]
 )
-def test_an_irregular_flat_sheet_without_bending_stiffness_sags_to_a_catenary(
-    formulation,
-):
-    """At rest nothing resists its weight to first order."""
+def test_an_irregular_sheet_without_bending_stiffness_is_a_catenary(formulation):
+    """The initial stiffness against its weight is zero to first order."""
     weight, span = 1e-3, 0.8
     ply = strip(Fabric(1e4, 1.0), formulation, weight, 1.0)
     conditions = {
@@ -241,7 +237,7 @@ def test_an_irregular_flat_sheet_without_bending_stiffness_sags_to_a_catenary(
     assert result.states[0].verdict.stable
 
 
-def test_a_weight_that_nothing_carries_is_refused_at_rest():
+def test_an_unsupported_weight_is_rejected_at_rest():
     fabric = Fabric(1e4, 0.1, bending=(10.0, 10.0))
     ply = strip(fabric, OnePoint(), 1e-4, 1.0)
     held = {"left": Condition("left", (0.0, 0.0, None))}

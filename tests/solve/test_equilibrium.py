@@ -1,4 +1,4 @@
-"""What counts as an equilibrium, by which way it is found, and what that costs."""
+"""Acceptance of equilibria, solution methods and their cost."""
 
 from functools import cache
 
@@ -40,23 +40,25 @@ def test_linear_solves_include_abandoned_attempts():
     assert sum(linear_solves) == result.linear_solves
 
 
-def test_the_verdict_costs_one_factorisation_a_run():
-    """That of every state but the last serves the step after it."""
+def test_the_verdict_needs_one_factorisation_per_run():
+    """The factorisation at every other state is reused by the next step."""
     ply, conditions = pulled(lambda X, t: 0.3 * t * X[0])
     result = LoadStepper(ply, conditions, steps=5).run()
     assert result.factorisations == result.linear_solves + 1
 
 
-def test_a_mechanism_is_refused():
+def test_a_mechanism_is_rejected():
     mesh = MeshQuad().refined(2).with_defaults()
-    ply = Ply(mesh, Fabric(10.0), Full())  # no shear stiffness, only one side held
+    ply = Ply(
+        mesh, Fabric(10.0), Full()
+    )  # no shear stiffness, only one side constrained
     with pytest.raises(StepError, match="a mechanism is present"):
         LoadStepper(
             ply, {"pull": Condition("top", 0.1, direction=(0, 1))}, steps=1
         ).run()
 
 
-def test_a_ply_with_every_node_held_has_nothing_to_solve():
+def test_a_ply_with_every_node_prescribed_has_no_unknowns():
     mesh = MeshQuad()
     held = {"all": Condition(np.arange(4), lambda X, t: 0.1 * t * X)}
     for formulation in (Full(), OnePoint(1.0)):
@@ -68,7 +70,7 @@ def test_a_ply_with_every_node_held_has_nothing_to_solve():
 @pytest.mark.parametrize(
     ("seed", "direction"), [(1, None), (2, (0.0, 1.0)), (3, (0.5, 1.0))]
 )
-def test_a_mechanism_on_an_irregular_mesh_is_no_stable_state(seed, direction):
+def test_a_mechanism_on_an_irregular_mesh_is_not_stable(seed, direction):
     """Round-off gives free motions a little stiffness, of either sign."""
     mesh = distorted(seed).with_defaults()
     held = {"hinge": Condition([0], 0.0 * mesh.p[:, :1])}
@@ -82,7 +84,7 @@ def test_a_mechanism_on_an_irregular_mesh_is_no_stable_state(seed, direction):
 
 @pytest.mark.parametrize("E", [1e2, 1e6, 1e10])
 def test_the_tolerance_can_be_met_at_any_stiffness(E):
-    """On an aligned mesh the reactions vanish with the residual."""
+    """The reactions vanish with the residual on an aligned mesh."""
     scene = strip("aligned", size=(4, 6))
     ply = Ply(scene.mesh, Fabric(E), Full())
     result = LoadStepper(ply, scene.conditions, steps=5).run()
@@ -90,7 +92,7 @@ def test_the_tolerance_can_be_met_at_any_stiffness(E):
     assert result.linear_solves < 40
 
 
-def test_every_method_finds_the_same_equilibrium():
+def test_every_method_gives_the_same_equilibrium():
     scene = strip(size=(4, 6))
     ends = [
         LoadStepper(
@@ -145,14 +147,14 @@ def test_every_solve_and_factorisation_is_counted(monkeypatch):
 
 @cache
 def pushed_by(solver):
-    """A ply that is indefinite on the way."""
+    """A ply that is indefinite at intermediate states."""
     result = LoadStepper(*pulled(-0.15), 1, max_halvings=1, solver=solver).run()
     assert result.states[-1].verdict.negative_pivots == 0
     return result.u
 
 
 @pytest.mark.parametrize("solver", ["cholmod", "pardiso"])
-def test_every_solver_leads_to_the_same_end(solver):
+def test_every_solver_gives_the_same_final_state(solver):
     pytest.importorskip(SOLVERS[solver].package)
     np.testing.assert_allclose(pushed_by(solver), pushed_by("superlu"), atol=1e-9)
 
@@ -160,8 +162,8 @@ def test_every_solver_leads_to_the_same_end(solver):
 @pytest.mark.parametrize(
     ("n", "E", "size"), [(8, 1e4, 1.0), (8, 1e7, 50.0), (16, 1e4, 50.0), (16, 1e7, 1.0)]
 )
-def test_what_round_off_leaves_is_within_the_tolerance(n, E, size):
-    """Under a load that is hardly more than round-off."""
+def test_the_residual_of_round_off_is_within_the_tolerance(n, E, size):
+    """The load is hardly more than round-off."""
     ply = Ply(rectangle(size, size, (n, n), "irregular", 0.2), Fabric(E, 0.5))
     weight = BodyForce((0.0, -1e-9), factor=1.0)
     stepper = LoadStepper(

@@ -1,4 +1,4 @@
-"""The estimated error: what it says, and where there is none."""
+"""The error estimate: its value, and cases without one."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ from skfem_textile.mesh.selection import with_named_nodes
 from skfem_textile.scenes import bias_extension, picture_frame
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve import error_estimate
-from tests.helpers import place_of
+from tests.helpers import arguments_of
 
 MACRO = Macro()
 FORMULATIONS = [MACRO, OnePoint(), Full(), Quadratic(20.0)]
@@ -42,7 +42,7 @@ def test_the_estimate_is_near_the_error_of_the_load(kind):
     assert 0.5 < result.estimated_error.load / error < 3
 
 
-def test_a_mesh_that_holds_the_answer_has_no_error():
+def test_a_mesh_that_represents_the_answer_has_no_error():
     scene = picture_frame("irregular", (4, 4), shear_angle=0.6)
     ply = Ply(scene.mesh, Fabric(1e4, 0.5, scene.warp, scene.weft))
     estimate = LoadStepper(ply, scene.conditions, 4).run().estimated_error
@@ -53,26 +53,26 @@ def test_a_mesh_that_holds_the_answer_has_no_error():
 
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
 @pytest.mark.parametrize("kind", ["irregular", "delaunay"])
-def test_every_formulation_has_one(formulation, kind):
+def test_every_formulation_has_an_estimate(formulation, kind):
     summary = pulled(kind, formulation, across=6).summary()
     assert 0 < summary["estimated_load_error"] < 2
     assert 0 < summary["estimated_shear_angle_error_deg"] < 20
     assert summary["error_estimate"] == "by a finer mesh"
 
 
-def test_it_changes_neither_ply_nor_states():
+def test_the_estimate_changes_neither_ply_nor_states():
     result = pulled(across=4)
     state, ply = result.states[-1], result.ply
-    u, place = result.u.copy(), place_of(state)
-    energies, forces = ply.energies(*place), ply.residual(*place)
+    u, arguments = result.u.copy(), arguments_of(state)
+    energies, forces = ply.energies(*arguments), ply.residual(*arguments)
     assert result.estimated_error is result.estimated_error
     assert result.states[-1] is state
     np.testing.assert_array_equal(result.u, u)
-    assert ply.energies(*place) == state.energies == energies
-    np.testing.assert_array_equal(ply.residual(*place), forces)
+    assert ply.energies(*arguments) == state.energies == energies
+    np.testing.assert_array_equal(ply.residual(*arguments), forces)
 
 
-def test_a_turned_problem_has_the_same_estimate():
+def test_a_rotated_problem_has_the_same_estimate():
     estimates = []
     for angle in (0.0, 0.5):
         scene = bias_extension("irregular", (4, 8)).rotated(angle)
@@ -89,8 +89,8 @@ def square(fabric=None, formulation=MACRO):
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
-def test_a_fabric_of_each_element_or_subdomain_goes_to_the_finer_mesh(formulation):
-    """Where all have the same fabric, the estimate is that of this fabric."""
+def test_the_finer_mesh_has_the_fabric_of_each_element_or_subdomain(formulation):
+    """With the same fabric everywhere the estimate is that for one fabric."""
     mesh = MeshTri().refined(2).with_defaults()
     mesh = mesh.with_subdomains({"a": lambda x: x[0] < 0.5, "b": lambda x: x[0] >= 0.5})
     warp, weft = (1.0, 1.0), (-1.0, 1.0)
@@ -105,14 +105,14 @@ def test_a_fabric_of_each_element_or_subdomain_goes_to_the_finer_mesh(formulatio
         assert other.load == pytest.approx(plain.load, rel=1e-6)
 
 
-def test_under_loads_it_is_of_their_work():
+def test_the_estimate_under_loads_refers_to_their_work():
     ply = square(Fabric(1e3, 5.0, (1, 1), (-1, 1))).with_terms(Force("top", (0.0, 0.5)))
     result = LoadStepper(ply, {"clamp": Condition("bottom")}, 4).run()
     assert 0 < result.estimated_error.load < 0.2
 
 
 @pytest.mark.parametrize(
-    ("what", "reason"),
+    ("case", "reason"),
     [
         ("numbers", "condition 'top' selects nodes by number"),
         ("names", "condition 'top' selects nodes by number"),
@@ -122,21 +122,21 @@ def test_under_loads_it_is_of_their_work():
         ("large", "the ply has more than 10 unknowns"),
     ],
 )
-def test_where_there_is_none_the_summary_says_why(what, reason, monkeypatch):
-    ply = square(formulation=OnePoint(5.0, kind="rate") if what == "rate" else Macro())
+def test_the_summary_explains_a_missing_estimate(case, reason, monkeypatch):
+    ply = square(formulation=OnePoint(5.0, kind="rate") if case == "rate" else Macro())
     top, value = "top", (0.05, 0.0)
-    if what == "numbers":
+    if case == "numbers":
         top = np.flatnonzero(ply.nodes[1] == 1.0)
-    elif what == "names":
+    elif case == "names":
         nodes = {"upper": np.flatnonzero(ply.users_mesh.p[1] == 1.0)}
         ply = Ply(with_named_nodes(ply.users_mesh, nodes), Fabric(1e3, 1.0), Full())
         top = "upper"
-    elif what == "term":
+    elif case == "term":
         springs = MatrixTerm("springs", 1e-3 * ply.tangent(ply.basis.zeros()))
         ply = ply.with_terms(springs)
-    elif what == "still":
+    elif case == "still":
         value = (0.0, 0.0)
-    elif what == "large":
+    elif case == "large":
         monkeypatch.setattr(error_estimate, "MOST_UNKNOWNS", 10)
     held = {"bottom": Condition("bottom"), "top": Condition(top, value)}
     summary = LoadStepper(ply, held, 2).run().summary()
@@ -145,7 +145,7 @@ def test_where_there_is_none_the_summary_says_why(what, reason, monkeypatch):
     assert summary["error_estimate"].startswith(f"none: {reason}")
 
 
-def test_pins_at_single_nodes_are_on_a_finer_mesh_too():
+def test_pins_at_single_nodes_are_kept_on_the_finer_mesh():
     ply = square()
     (corner,) = np.flatnonzero((ply.nodes == 0).all(axis=0))
     held = {
@@ -156,14 +156,14 @@ def test_pins_at_single_nodes_are_on_a_finer_mesh_too():
     assert LoadStepper(ply, held, 2).run().estimated_error.load is not None
 
 
-def test_where_no_state_is_near_there_is_none_of_an_earlier_state_either(monkeypatch):
+def test_a_failed_estimate_is_not_replaced_by_an_earlier_state(monkeypatch):
     result = pulled(across=4)
     find = error_estimate._moved
 
-    def moved(way, *arguments):
-        if way.problem.load_factor == 1.0:
+    def moved(step, *arguments):
+        if step.problem.load_factor == 1.0:
             raise error_estimate.NoEquilibriumError("no")
-        return find(way, *arguments)
+        return find(step, *arguments)
 
     monkeypatch.setattr(error_estimate, "_moved", moved)
     summary = result.summary()
@@ -175,8 +175,8 @@ def test_where_no_state_is_near_there_is_none_of_an_earlier_state_either(monkeyp
     )
 
 
-def test_it_is_told_where_a_finer_mesh_leaves_the_law():
-    """And not that a tangent is not finite."""
+def test_the_end_of_a_law_on_a_finer_mesh_is_reported():
+    """The message is not about an infinite tangent."""
     plain = pulled(across=4)
     end = 1.001 * np.abs(plain.ply.shear_angle(plain.states[-1].u)).max()
     law = Tabulated([0.0, end], [0.0, 0.5 * end], odd=True)
@@ -186,8 +186,8 @@ def test_it_is_told_where_a_finer_mesh_leaves_the_law():
     )
 
 
-def test_where_increments_reach_the_end_of_a_law_they_are_shortened():
-    """The estimate is near what half the element size changes."""
+def test_increments_beyond_the_end_of_a_law_are_shortened():
+    """The estimate is close to the change with half the element size."""
     angles, moments = np.radians([0, 20, 40, 50]), [0, 0.02, 0.12, 0.9]
     fabric = Fabric(7e3, Tabulated(angles, moments, odd=True), (1, 1), (-1, 1))
     ply = Ply(rectangle(50, 100, (6, 12), "delaunay"), fabric, MACRO)
@@ -215,7 +215,7 @@ def test_a_load_that_is_round_off_has_no_error():
         (IndexError("out of\nbounds"), "IndexError: out of"),
     ],
 )
-def test_no_failure_of_the_estimate_loses_a_run(error, reason, monkeypatch):
+def test_a_failed_estimate_loses_no_run(error, reason, monkeypatch):
     def fails(*_):
         raise error
 

@@ -1,6 +1,6 @@
-"""Invalid conditions, laws and settings are refused in one line.
+"""Invalid conditions, laws and settings are rejected in one line.
 
-Odd ones that are sound are taken, and give an equilibrium with the right displacements.
+Unusual valid ones are accepted and give an equilibrium with correct displacements.
 """
 
 import warnings
@@ -31,9 +31,9 @@ from tests.helpers.hostile import (
     RIGHT,
     Family,
     WrongAnswerError,
-    demand,
-    demand_near,
-    refused,
+    expect,
+    expect_close,
+    rejected,
     seeds,
 )
 from tests.helpers.hostile.sheets import jittered, sheet
@@ -45,8 +45,8 @@ class Specimen:
     """A square of 3 mm in nine cells, whose inner nodes are moved at random."""
 
     def __init__(self, rng):
-        given = jittered(sheet(3, 3, 3.0, 3.0), rng)
-        self.mesh = MeshQuad(given.p, given.t).with_defaults()
+        base = jittered(sheet(3, 3, 3.0, 3.0), rng)
+        self.mesh = MeshQuad(base.p, base.t).with_defaults()
         self.fabric = Fabric(50.0, 2.0, (1.0, 0.2), UP)
         self.formulation = [Full(), OnePoint(4.0)][int(rng.integers(2))]
         self.top = np.flatnonzero(self.mesh.p[1] == 3)
@@ -70,9 +70,9 @@ class Specimen:
 class Case(NamedTuple):
     """A use of the library.
 
-    ``names`` are words that the refusal must hold, None if it must not be refused;
-    ``moves`` are nodes, a direction, and the displacements that the nodes must have.
-    A ``loose`` case may be refused, stop, or give an equilibrium.
+    ``names`` are words that the message must contain, None if it must not be rejected;
+    ``moves`` are nodes, a direction, and the displacements that the nodes must have. A
+    ``loose`` case may be rejected, stop, or give an equilibrium.
     """
 
     act: Callable
@@ -81,8 +81,8 @@ class Case(NamedTuple):
     loose: bool = False
 
 
-class Odd:
-    """An object of a class that no argument takes."""
+class Unusual:
+    """An object of a class that no argument accepts."""
 
 
 def fails(*_):
@@ -101,14 +101,19 @@ def lifted(specimen):
 
 
 def late(bad):
-    """A value that is bad at load factor 0.5 only."""
+    """A value that is invalid at load factor 0.5 only."""
     return lambda X, t: np.where(t == 0.5, bad, 0.1 * t) + 0 * X[0]
 
 
 WHERE = {
     **{repr(name): name for name in ("inside", "", "bottom\n", "Bottom")},
     **{"None": None, "half a node": 3.5, "no number": [NAN], "nothing": []},
-    **{"node -1": [0, -1], "node 99": [15, 99], "node 2^70": [2**70], "object": Odd()},
+    **{
+        "node -1": [0, -1],
+        "node 99": [15, 99],
+        "node 2^70": [2**70],
+        "object": Unusual(),
+    },
     **{"a set": {1, 2}, "names": ["top", "left"], "ragged lists": [[1], [2, 3]]},
     **{"a short mask": [True, False], "a mask of none": np.zeros(16, dtype=bool)},
     "where nothing is": lambda X: X[0] > 9,
@@ -122,14 +127,14 @@ WHERE = {
 ALONG = {
     **{"zero": (0, 0), "NaN": (NAN, 1), "infinity": (INF, 0), "three": (1, 2, 3)},
     **{"one": 1.0, "a word": "up", "complex": (1j, 0), "ragged lists": [[1], [1, 2]]},
-    **{"an object": Odd(), "too many": np.ones((2, 7)), "what fails": fails},
+    **{"an object": Unusual(), "too many": np.ones((2, 7)), "what fails": fails},
     "what is None": lambda X: None,
     "what is zero once": lambda X: X - X[:, :1],
     "what is too much": lambda X: np.ones((3, 3)),
 }
 BY = {
     **{"NaN": NAN, "infinity": -INF, "complex": 1 + 2j, "a word": "far", "None": None},
-    **{"an object": Odd(), "a dict": {}, "ragged lists": [[1], [1, 2]]},
+    **{"an object": Unusual(), "a dict": {}, "ragged lists": [[1], [1, 2]]},
     **{"too few": [0.1, 0.1], "a vector along a direction": np.ones((2, 4))},
     "what fails": fails,
     "what is None": lambda X, t: None,
@@ -187,7 +192,7 @@ CONDITIONS = {
 }
 
 
-# Odd conditions that are sound
+# Unusual but valid conditions
 
 
 def right(X):
@@ -196,7 +201,7 @@ def right(X):
 
 
 def on(where):
-    """A condition on the top, which is given in another way than by name."""
+    """A condition on the top, which is specified otherwise than by name."""
     return Case(lambda s: s.lift(where(s), 0.1, UP), None, lifted)
 
 
@@ -259,7 +264,7 @@ def loose(act):
     return Case(act, "", loose=True)
 
 
-# Plies that may move as a rigid body, and odd values.
+# Plies that may move as a rigid body, and unusual values.
 LOOSE = {
     "held at a node": loose(lambda s: s.run({"c": Condition([0])})),
     "held along x": loose(
@@ -370,7 +375,7 @@ FABRICS = {
 }
 
 
-# By name: what the refusal names, and a formulation in place of a sound one.
+# By name: words of the message, and an invalid formulation.
 FORMULATIONS = {
     "a formulation in a word": ("ormulation", lambda: "full"),
     "a formulation's class": ("ormulation", lambda: OnePoint),
@@ -411,7 +416,7 @@ STEPS: tuple[Any, ...] = (
     *("", b"2", 1e-320, -INF, {}, Decimal("1.5"), Fraction(1, 2)),
 )
 
-# What the refusal names, and values of a setting.
+# Words of the message, and values of a setting.
 SETTINGS: tuple[tuple[str, str, tuple[Any, ...]], ...] = (
     ("steps", "steps", STEPS),
     ("method", "method", ("magic",)),
@@ -476,33 +481,33 @@ def attempt(hostile):
             result = case.act(specimen)
         except StepError as stop:
             if case.loose:
-                return refused(stop)
+                return rejected(stop)
             raise WrongAnswerError(f"stopped: {stop}") from None
         except ValueError as error:
             sought = case.names
-            demand(sought is not None and sought in str(error), f"{sought!r}: {error}")
-            return refused(error)
-    demand(case.names is None or case.loose, f"taken: {result!r}")
+            expect(sought is not None and sought in str(error), f"{sought!r}: {error}")
+            return rejected(error)
+    expect(case.names is None or case.loose, f"taken: {result!r}")
     with np.errstate(all="ignore"):
         check_equilibrium(result, case.moves(specimen) if case.moves else ())
     return RIGHT
 
 
 def check_equilibrium(result, moves):
-    """Demand equilibrium and the displacements of the conditions."""
+    """Check equilibrium and the displacements of the conditions."""
     ply, state = result.ply, result.states[-1]
     u = ply.nodal(result.u)
-    demand(np.isfinite(u).all(), "displacements that are not finite")
+    expect(np.isfinite(u).all(), "displacements that are not finite")
     for nodes, direction, value in moves:
         n = np.array(direction) / np.hypot(*direction)
-        demand_near("moves", n @ u[:, nodes], value, 1e-9 * (1 + np.abs(value).max()))
+        expect_close("moves", n @ u[:, nodes], value, 1e-9 * (1 + np.abs(value).max()))
     f = ply.nodal(ply.residual(state.u, state.load_factor, state.parameters))
     largest = np.abs(f).max() + 1e-6
-    demand_near("sum of the forces", f.sum(axis=1), 0.0, 1e-9 * largest * len(f[0]))
+    expect_close("sum of the forces", f.sum(axis=1), 0.0, 1e-9 * largest * len(f[0]))
     if moves:
         prescribed = np.concatenate([nodes for nodes, _, _ in moves])
         free = np.setdiff1d(np.arange(u.shape[1]), prescribed)
-        demand_near("forces on free nodes", f[:, free], 0.0, 1e-6 * largest)
+        expect_close("forces on free nodes", f[:, free], 0.0, 1e-6 * largest)
 
 
 FAMILY = Family(
@@ -514,5 +519,5 @@ FAMILY = Family(
 )
 
 
-def test_an_invalid_argument_is_refused_and_a_sound_one_taken():
-    FAMILY.holds(40)
+def test_an_invalid_argument_is_rejected_and_a_valid_one_accepted():
+    FAMILY.check(40)

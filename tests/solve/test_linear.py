@@ -27,7 +27,7 @@ from skfem_textile.solve.linear.superlu import SuperLU
 
 @pytest.fixture(params=SOLVERS)
 def factorised(request):
-    """Factors of a matrix by each of the solvers that are installed."""
+    """Factors of a matrix by each installed solver."""
     pytest.importorskip(SOLVERS[request.param].package)
 
     def factorised(A, solver=None):
@@ -55,19 +55,19 @@ def test_negative_pivots_count_negative_eigenvalues(factorised, shift):
 
 
 @pytest.mark.parametrize("shift", [0.0, 20.0])
-def test_indefinite_systems_are_solved_too(factorised, shift):
+def test_indefinite_systems_are_solved(factorised, shift):
     A, x = some_matrix(4, shift), np.arange(40.0)
     np.testing.assert_allclose(factorised(A).solve(A @ x), x, atol=1e-9)
 
 
-def test_small_diagonal_entries_do_no_harm_to_the_solution(factorised):
+def test_small_diagonal_entries_do_not_affect_accuracy(factorised):
     A = csr_matrix([[1.0, 1.0], [1.0, 1e-10]])
     x = np.array([1.0, 2.0])
     np.testing.assert_allclose(factorised(A).solve(A @ x), x, rtol=1e-12)
 
 
 @pytest.mark.parametrize("weak", [1e-7, 1e-10])
-def test_indefinite_systems_with_hardly_a_diagonal_are_solved_too(factorised, weak):
+def test_indefinite_systems_with_a_small_diagonal_are_solved(factorised, weak):
     rng, n = np.random.default_rng(6), 40
     B = rng.standard_normal((n, n)) + 8 * np.eye(n)
     A = csr_matrix(np.block([[weak * np.eye(n), B], [B.T, weak * np.eye(n)]]))
@@ -75,8 +75,8 @@ def test_indefinite_systems_with_hardly_a_diagonal_are_solved_too(factorised, we
     np.testing.assert_allclose(factorised(A).solve(A @ x), x, atol=1e-9)
 
 
-def test_pivots_are_compared_with_their_own_entries(factorised):
-    """Stiffnesses of very different size are no mechanism, in any order."""
+def test_pivots_are_compared_with_their_entries(factorised):
+    """Stiffnesses of very different size are not a mechanism, in any order."""
     rng, n = np.random.default_rng(6), 12
     S = np.tril(rng.standard_normal((n, n)) * (rng.random((n, n)) < 0.1), -1)
     D = np.diag(10.0 ** rng.permutation(np.linspace(-3.5, 3.5, n)))
@@ -87,7 +87,7 @@ def test_pivots_are_compared_with_their_own_entries(factorised):
     np.testing.assert_allclose(factors.solve(A @ x), x, rtol=1e-9)
 
 
-def test_the_options_of_cvxopt_are_left_as_they_were():
+def test_the_options_of_cvxopt_are_restored():
     cholmod = pytest.importorskip("cvxopt.cholmod")
     before, A = dict(cholmod.options), some_matrix(3, 0.0)
     lower = tril(A, format="csc")
@@ -95,7 +95,7 @@ def test_the_options_of_cvxopt_are_left_as_they_were():
     assert cholmod.options == before
 
 
-def test_singular_systems_are_refused(factorised):
+def test_singular_systems_are_rejected(factorised):
     A = diags([np.r_[np.ones(5), 1e-17]], [0]).tocsr()
     with pytest.raises(SingularMatrixError, match="a mechanism is present"):
         _ = factorised(A).negative_pivots
@@ -103,29 +103,29 @@ def test_singular_systems_are_refused(factorised):
         factorised(A).solve(np.ones(6))
 
 
-def test_a_mechanism_is_refused_whatever_its_pivots_are_beside_round_off(factorised):
+def test_a_mechanism_is_rejected_for_any_pivots_near_round_off(factorised):
     A = csr_matrix(np.full((2, 2), 3.0) + np.diag([0.0, 1e-14]))
     with pytest.raises(SingularMatrixError):
         factorised(A).solve(np.ones(2))
 
 
 @pytest.mark.parametrize("name", SOLVERS)
-def test_a_solver_goes_with_its_factors_and_waits_for_no_search_of_cycles(name):
+def test_a_solver_is_freed_with_its_factors_without_garbage_collection(name):
     pytest.importorskip(SOLVERS[name].package)
     lower = tril(some_matrix(5, 20.0), format="csc")
     solver = solver_named(name)(lower)
-    there, factors = ref(solver), solver.factorise(lower.data)
+    reference, factors = ref(solver), solver.factorise(lower.data)
     gc.disable()
     try:
         del solver, factors
-        assert there() is None
+        assert reference() is None
     finally:
         gc.enable()
 
 
 @pytest.mark.parametrize("shift", [0.0, 20.0])
 @pytest.mark.parametrize("name", SOLVERS)
-def test_factors_outlive_those_of_another_matrix_of_the_same_pattern(name, shift):
+def test_factors_remain_valid_after_another_matrix_of_the_same_pattern(name, shift):
     pytest.importorskip(SOLVERS[name].package)
     A, x = some_matrix(5, shift), np.arange(40.0)
     lower = tril(A, format="csc")
@@ -135,13 +135,13 @@ def test_factors_outlive_those_of_another_matrix_of_the_same_pattern(name, shift
     np.testing.assert_allclose(first.solve(A @ x), x, atol=1e-9)
 
 
-def test_a_ply_with_every_unknown_fixed_is_no_special_case(factorised):
+def test_a_ply_with_every_unknown_fixed_is_solved(factorised):
     factors = factorised(csr_matrix((0, 0)))
     assert factors.negative_pivots == 0
     assert factors.solve(np.empty(0)).size == 0
 
 
-def test_a_solver_that_is_not_installed_is_refused_with_what_it_needs(monkeypatch):
+def test_a_missing_solver_is_rejected_with_its_package(monkeypatch):
     monkeypatch.setattr(
         "skfem_textile.solve.linear.solver.find_spec", lambda name: None
     )
@@ -149,12 +149,12 @@ def test_a_solver_that_is_not_installed_is_refused_with_what_it_needs(monkeypatc
         solver_named("cholmod")
 
 
-def test_an_unknown_solver_is_refused_with_what_there_is():
+def test_an_unknown_solver_is_rejected_with_the_available_ones():
     with pytest.raises(ValueError, match="choose of auto, cholmod, pardiso, superlu"):
         solver_named("umfpack")
 
 
-def test_dissection_orders_every_node_and_ends_with_one_that_keeps_halves_apart():
+def test_dissection_orders_every_node_and_ends_with_a_separator():
     mesh = strip(size=(16, 24)).mesh
     pairs = np.concatenate(
         [mesh.t[[i, j]] for i, j in ((0, 1), (1, 2), (0, 2), (1, 3))], 1
@@ -164,16 +164,16 @@ def test_dissection_orders_every_node_and_ends_with_one_that_keeps_halves_apart(
     # The last 17 nodes cross the strip once; without them it falls apart.
     last = mesh.p[1, order[-17:]]
     assert np.ptp(last) < 60 / 24 * 2
-    kept = np.isin(pairs, order[-17:], invert=True).all(axis=0)
+    remaining = np.isin(pairs, order[-17:], invert=True).all(axis=0)
     below = mesh.p[1] < last.mean()
-    assert not np.any(below[pairs[0, kept]] != below[pairs[1, kept]])
+    assert not np.any(below[pairs[0, remaining]] != below[pairs[1, remaining]])
 
 
 LARGE = linear.MEASURED_FROM
 
 
 class Fakes:
-    """Solvers that a clock of their own finds slow or fast."""
+    """Solvers whose speed is set by a simulated clock."""
 
     def __init__(self, monkeypatch):
         self._monkeypatch, self.time, self.factorised = monkeypatch, 0.0, []
@@ -210,7 +210,7 @@ def fakes(monkeypatch):
 
 
 def chosen(n=LARGE, name="auto", times=1):
-    """What is chosen of a system of so many unknowns, factorised so often."""
+    """The choice for a system of so many unknowns, factorised so often."""
     lower = identity(n, format="csc")
     solver = ChosenSolver(name, lower)
     for _ in range(times):
@@ -219,7 +219,7 @@ def chosen(n=LARGE, name="auto", times=1):
 
 
 @pytest.mark.parametrize("order", [("slow", "fast"), ("fast", "slow")])
-def test_the_faster_one_is_taken_and_the_reason_tells_the_times(fakes, order):
+def test_the_faster_solver_is_chosen_and_the_reason_contains_the_times(fakes, order):
     for name in order:
         fakes.add(name, {"slow": 0.21, "fast": 0.16}[name])
     name, reason = chosen()
@@ -229,7 +229,7 @@ def test_the_faster_one_is_taken_and_the_reason_tells_the_times(fakes, order):
     assert reason.endswith("measured on this machine")
 
 
-def test_the_first_time_does_not_count_as_it_warms_up(fakes):
+def test_the_first_measurement_is_a_warm_up(fakes):
     fakes.add("steady", 0.2)
     fakes.add("warm", 9.0, 0.1)
     assert chosen().name == "warm"
@@ -244,7 +244,7 @@ def test_a_process_measures_once(fakes):
     assert [name for name, _ in fakes.factorised] == ["fast"] * 3
 
 
-def test_nothing_is_measured_below_the_size_from_which_it_pays(fakes):
+def test_small_systems_are_not_measured(fakes):
     fakes.add("slow", 0.2)
     fakes.add("fast", 0.1)
     name, reason = chosen(LARGE - 1)
@@ -253,21 +253,21 @@ def test_nothing_is_measured_below_the_size_from_which_it_pays(fakes):
     assert [name for name, _ in fakes.factorised] == ["slow"]
 
 
-def test_a_solver_that_is_asked_for_is_taken_unmeasured(fakes):
+def test_a_requested_solver_is_used_without_measurement(fakes):
     fakes.add("slow", 0.2)
     fakes.add("fast", 0.1)
     assert chosen(name="slow") == ("slow", "requested")
     assert [name for name, _ in fakes.factorised] == ["slow"]
 
 
-def test_one_solver_alone_is_not_measured(fakes):
+def test_a_single_solver_is_not_measured(fakes):
     fakes.add("alone", 0.2)
     assert chosen() == ("alone", "fastest known of the installed ones")
     assert [name for name, _ in fakes.factorised] == ["alone"]
 
 
 @pytest.mark.parametrize("fails", [ImportError(), MemoryError(), SingularMatrixError()])
-def test_a_solver_that_fails_loses(fakes, fails):
+def test_a_failing_solver_is_not_chosen(fakes, fails):
     fakes.add("broken", fails=fails)
     fakes.add("whole", 0.1)
     name, reason = chosen()
@@ -275,7 +275,7 @@ def test_a_solver_that_fails_loses(fakes, fails):
     assert "broken failed" in reason
 
 
-def test_where_all_say_singular_it_is_the_matrix_and_no_choice_is_made(fakes):
+def test_a_matrix_singular_for_all_solvers_leads_to_no_choice(fakes):
     fakes.add("one", fails=SingularMatrixError())
     fakes.add("other", fails=SingularMatrixError())
     with pytest.raises(SingularMatrixError):
@@ -285,7 +285,7 @@ def test_where_all_say_singular_it_is_the_matrix_and_no_choice_is_made(fakes):
     assert chosen().name == "other"
 
 
-def test_a_matrix_that_is_not_definite_tells_nothing_and_the_next_one_does(fakes):
+def test_an_indefinite_matrix_is_not_measured_and_the_next_one_is(fakes):
     lower = identity(LARGE, format="csc")
     fakes.add("slow", 0.2)
     fakes.add("fast", 0.1)
@@ -296,7 +296,7 @@ def test_a_matrix_that_is_not_definite_tells_nothing_and_the_next_one_does(fakes
     assert solver.choice.name == "fast"
 
 
-def test_of_very_large_systems_what_is_eliminated_first_is_measured(fakes):
+def test_large_systems_are_measured_on_the_first_eliminated_part(fakes):
     fakes.add("slow", 0.2)
     fakes.add("fast", 0.1)
     n = linear._MOST_MEASURED + 1
@@ -305,7 +305,7 @@ def test_of_very_large_systems_what_is_eliminated_first_is_measured(fakes):
     assert measured == [n - 1] * 4 + [n]
 
 
-def test_factors_are_of_the_matrix_whatever_is_measured_before(fakes):
+def test_measurements_do_not_change_the_factors(fakes):
     fakes.add("slow", 0.2)
     fakes.add("fast", 0.1)
     n = LARGE
@@ -316,11 +316,11 @@ def test_factors_are_of_the_matrix_whatever_is_measured_before(fakes):
     lower = csc_matrix((data, rows, indptr), (n, n))
     x = np.sin(np.arange(n))
     A = lower + lower.T - 4.0 * identity(n)
-    found = ChosenSolver("auto", lower).factorise(data).solve(A @ x)
-    np.testing.assert_allclose(found, x, atol=1e-12)
+    computed = ChosenSolver("auto", lower).factorise(data).solve(A @ x)
+    np.testing.assert_allclose(computed, x, atol=1e-12)
 
 
-def test_the_log_tells_a_choice_once(fakes, caplog):
+def test_a_choice_is_logged_once(fakes, caplog):
     fakes.add("slow", 0.2)
     fakes.add("fast", 0.1)
     with caplog.at_level("INFO", logger="skfem_textile"):
@@ -342,9 +342,7 @@ def run(solver="auto", folder=None, resume=False):
     return stepper.run(resume)
 
 
-def test_a_measurement_is_on_the_clock_but_not_among_the_factorisations(
-    fakes, monkeypatch
-):
+def test_a_measurement_is_timed_but_not_counted_as_a_factorisation(fakes, monkeypatch):
     fakes.add("slow", 0.2)
     fakes.add("fast", 0.1)
     plain = run()
@@ -362,7 +360,7 @@ def test_a_measurement_is_on_the_clock_but_not_among_the_factorisations(
     json.dumps(summary)
 
 
-def test_a_run_is_resumed_whichever_solver_is_chosen(fakes, monkeypatch, tmp_path):
+def test_a_run_is_resumed_with_any_chosen_solver(fakes, monkeypatch, tmp_path):
     fakes.add("slow", 0.2)
     fakes.add("fast", 0.1)
     whole = run(folder=tmp_path)
@@ -373,7 +371,7 @@ def test_a_run_is_resumed_whichever_solver_is_chosen(fakes, monkeypatch, tmp_pat
     np.testing.assert_allclose(resumed.u, whole.u, atol=1e-12)
 
 
-def test_auto_passes_over_a_package_that_is_not_whole(monkeypatch, caplog):
+def test_auto_ignores_a_broken_package(monkeypatch, caplog):
     def broken(name, package=None):
         if name == "scipy" or package:
             return import_module(name, package)
@@ -385,12 +383,12 @@ def test_auto_passes_over_a_package_that_is_not_whole(monkeypatch, caplog):
     assert "solver cholmod: no cvxopt.cholmod" in caplog.text
 
 
-def test_auto_takes_superlu_for_few_unknowns_and_the_fastest_known_for_more():
+def test_auto_chooses_superlu_for_few_unknowns_and_the_fastest_for_more():
     assert chosen(100).name == "superlu"
     installed = (k for k, o in SOLVERS.items() if find_spec(o.package))
     assert chosen(LARGE - 1).name == next(installed)
 
 
-def test_superlu_is_no_rival_of_those_that_have_to_be_installed():
+def test_superlu_is_not_measured_against_optional_solvers():
     assert not SOLVERS["superlu"].rival
     assert solver_named("superlu") is SuperLU

@@ -35,12 +35,10 @@ from skfem_textile.solve.states import NoEquilibriumError
     ],
     ids=["macro", "macro triangles", "mean"],
 )
-def test_a_step_with_kinks_takes_four_iterations(
-    formulation, size, made, E, monkeypatch
-):
+def test_a_step_with_kinks_needs_4_iterations(formulation, size, made, E, monkeypatch):
     """Five if the tension is predicted, and not the force over the stretch.
 
-    Further ones find the stiffnesses of the discretisation.
+    Further iterations update the stabilisation stiffnesses.
     """
     monkeypatch.setattr(Ply, "updated", lambda _, parameters, *others: parameters)
     scene = bias_extension(made(bias_extension(size=size).mesh))
@@ -49,22 +47,22 @@ def test_a_step_with_kinks_takes_four_iterations(
     assert case.run().linear_solves <= 18
 
 
-def test_a_state_that_was_updated_counts_as_hard_as_at_first(monkeypatch):
+def test_an_updated_state_keeps_its_difficulty(monkeypatch):
     ply = SimpleNamespace(updated=lambda p, u, t: "after")
     problem = SimpleNamespace(ply=ply)
     trial = SimpleNamespace(problem=problem, equilibrium=("u", "f", "p"))
-    found = iter(
+    states = iter(
         [AcceptedEquilibrium(trial, 9, False), AcceptedEquilibrium(trial, 0, False)]
     )
     changes = iter([1.0, 0.0])
-    monkeypatch.setattr(EquilibriumSearch, "_first", lambda *_: next(found))
+    monkeypatch.setattr(EquilibriumSearch, "_first", lambda *_: next(states))
     monkeypatch.setattr(search, "_updated", lambda *_: ("start", next(changes)))
     again = EquilibriumSearch(None, None, (), None)(Goal(1.0, 1.0, None, None, None))
     assert again == AcceptedEquilibrium(trial, 9, True)
 
 
 class Towards(Term):
-    """A force that grows with the distance to a point and soon no more."""
+    """A force that grows with the distance to a point and saturates soon."""
 
     name, role, line_search = "towards", "internal", True
 
@@ -86,7 +84,7 @@ class Towards(Term):
         return csr_matrix(([slope], ([self.n - 1], [self.n - 1])), (self.n, self.n))
 
 
-def test_a_line_search_keeps_increments_from_overshooting():
+def test_a_line_search_prevents_overshooting():
     """Far from the point the tangent is small: whole increments pass it by more."""
     ply = Ply(MeshQuad().refined(1).with_defaults(), Fabric(10.0, 3.0), Full())
     term = Towards(ply.basis, 0.02, 3.0, 0.01)
@@ -101,7 +99,7 @@ def test_a_line_search_keeps_increments_from_overshooting():
         equilibrium_near(*arguments, method=method)
 
 
-def test_an_iteration_that_has_not_converged_goes_on_downhill(monkeypatch):
+def test_an_unconverged_iteration_continues_downhill(monkeypatch):
     scene = bias_extension(size=(8, 16))
     fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
     ply = Ply(scene.mesh, fabric, Macro())

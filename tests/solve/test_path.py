@@ -1,4 +1,4 @@
-"""The result says whether another number of steps leads to the same equilibrium."""
+"""Results report if another number of steps leads to the same equilibrium."""
 
 import json
 import logging
@@ -34,7 +34,7 @@ def loaded(scene, formulation, steps, shear=0.0, **options):
     return LoadStepper(ply, scene.conditions, steps, **options).run()
 
 
-def test_the_strip_ends_alike_however_many_steps_it_takes():
+def test_the_strip_has_the_same_final_state_for_any_number_of_steps():
     """Without a path, 2 steps ended at 1.790 N·mm and 20 at 1.265."""
     results = [loaded(strip(), OnePoint(1.0), steps) for steps in (1, 2, 8)]
     for result in results:
@@ -47,7 +47,7 @@ def test_the_strip_ends_alike_however_many_steps_it_takes():
 
 @pytest.mark.parametrize("steps", [1, 6])
 @pytest.mark.parametrize("scene", [strip, partial(bias_extension, size=(4, 8))])
-def test_an_easy_path_costs_nothing_more(scene, steps, monkeypatch):
+def test_an_easy_path_has_no_extra_cost(scene, steps, monkeypatch):
     result = loaded(scene(), Full(), steps, 0.5)
     assert result.path_resolved
     monkeypatch.setattr(Continuation, "most_projected", lambda *_: np.inf)
@@ -65,10 +65,8 @@ def test_an_easy_path_costs_nothing_more(scene, steps, monkeypatch):
         pytest.param(OnePoint(), Locking(0.5, 0.3), 15.5, marks=pytest.mark.long),
     ],
 )
-def test_load_and_energy_do_not_depend_on_the_number_of_steps(
-    formulation, law, degrees
-):
-    """C_s and E_d are those of the state, or a run says that its path is in doubt."""
+def test_load_and_energy_are_independent_of_the_step_size(formulation, law, degrees):
+    """C_s and E_d follow the state, or a run reports that its path is in doubt."""
     scene = bias_extension(size=(6, 12), shear_angle=np.radians(degrees))
     few, more, many = (loaded(scene, formulation, n, law) for n in (1, 4, 12))
     load, energy = (f(many) for f in (load_of, energy_of))
@@ -89,8 +87,8 @@ def energy_of(result):
 
 
 @pytest.mark.parametrize("law", [0.5, Sin2(0.5)])
-def test_energy_does_not_either_where_reactions_cancel(law):
-    """One condition holds both ends: the sum of its forces tells nothing."""
+def test_energy_is_independent_of_the_number_of_steps_if_reactions_cancel(law):
+    """One condition fixes both ends: the sum of its forces is zero."""
     scene = bias_extension(size=(6, 12), shear_angle=np.radians(50))
     ends = [scene.mesh.p[1].min(), scene.mesh.p[1].max()]
     held = Condition(
@@ -103,8 +101,8 @@ def test_energy_does_not_either_where_reactions_cancel(law):
     assert energy_of(one) == pytest.approx(energy_of(eight), rel=0.005)
 
 
-def test_a_reaction_along_stiff_fibres_does_not_either():
-    """Where the energy changes by a thousandth, it changes by a tenth."""
+def test_a_reaction_along_stiff_fibres_is_independent_of_the_number_of_steps():
+    """If the energy changes by a thousandth, the reaction changes by a tenth."""
     scene = strip(size=(5, 8))
     fabric = Fabric(Pretensioned(Linear(1e5), 1.0), 0.5, scene.warp, scene.weft)
     few, many = (
@@ -115,7 +113,7 @@ def test_a_reaction_along_stiff_fibres_does_not_either():
     assert np.abs(reactions[0] - reactions[1]).max() < 0.005 * np.abs(reactions).max()
 
 
-def test_a_small_reaction_does_not_depend_on_the_number_of_steps():
+def test_a_small_reaction_is_independent_of_the_number_of_steps():
     edges = {"right": "free", "top": "free"}
     scene = trellis(size=(6, 6), seed=0, edges=edges)
     one, many = (loaded(scene, OnePoint(), n, Sin2(0.5)) for n in (1, 10))
@@ -125,7 +123,7 @@ def test_a_small_reaction_does_not_depend_on_the_number_of_steps():
 
 
 @pytest.mark.parametrize("formulation", [OnePoint(), Macro()])
-def test_energy_is_that_of_the_state_whatever_the_load_went_through(formulation):
+def test_energy_is_independent_of_the_load_history(formulation):
     """Up to 60 degrees and back to 6, and straight to 6."""
     scene = bias_extension(size=(4, 8), seed=0, shear_angle=np.radians(60))
 
@@ -141,7 +139,7 @@ def test_energy_is_that_of_the_state_whatever_the_load_went_through(formulation)
     assert load_of(back) == pytest.approx(load_of(straight), rel=0.005)
 
 
-def test_a_ply_that_is_released_has_no_energy_and_nothing_to_warn_of(caplog):
+def test_a_released_ply_has_no_energy_and_no_warning(caplog):
     scene = bias_extension(size=(4, 8))
     top = Condition("top", lambda X, t: scene.displacement(X, 1 - abs(2 * t - 1)))
     scene = replace(scene, conditions=scene.conditions | {"top": top})
@@ -180,7 +178,7 @@ def state(t, energy, force):
         (1.0, 2.0, 3, False),
     ],
 )
-def test_a_hard_step_and_its_halves_must_agree_to_1_per_cent_and_be_easy(
+def test_a_hard_step_must_agree_with_its_halves_within_1_per_cent(
     energy, force, projected, resolved
 ):
     path, step = Continuation(1.0, 8, True, next=1.0), 2.0**-6
@@ -194,14 +192,14 @@ def test_a_hard_step_and_its_halves_must_agree_to_1_per_cent_and_be_easy(
     assert path.end(step, 1.0) == 1.0
 
 
-def test_a_path_is_saved_and_taken_up_again():
+def test_a_path_is_saved_and_resumed():
     path = Continuation(1.0, 8, True, next=1.0, unresolved=[0.5])
     path.keeps(2.0**-6, state(2.0**-6, 1.0, 2.0), projected=3, settled=True)
     assert path.to_compare
     assert Continuation.of(json.loads(json.dumps(asdict(path)))) == path
 
 
-def test_a_method_that_does_not_tell_leaves_the_path_unresolved():
+def test_a_method_without_difficulty_measure_leaves_the_path_unresolved():
     scene = strip(size=(3, 4), seed=0)
     options = {"method": "plain", "warn_only": list(CHECKS)}
     assert not loaded(scene, OnePoint(1.0), 2, **options).path_resolved

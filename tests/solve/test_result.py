@@ -1,4 +1,4 @@
-"""What a run tells: its states, its history, its messages."""
+"""Results of a run: states, history, messages."""
 
 import logging
 
@@ -27,10 +27,10 @@ from skfem_textile.mesh.splitting import split
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
-from tests.helpers import Pretensioned, place_of
+from tests.helpers import Pretensioned, arguments_of
 from tests.helpers.pulled import ShortSteps, load_factors, pulled
 
-# What a run tells: its states, its history, its messages
+# Results of a run: states, history, messages
 
 
 def test_a_uniform_pull_is_exact():
@@ -87,7 +87,7 @@ def test_a_printed_result_is_a_table_of_its_states():
 
 
 class Grip(Term):
-    """A term of one's own that pulls all nodes to a place which moves with t."""
+    """A user-defined term that pulls all nodes to a point that moves with t."""
 
     def __init__(self, name, role):
         self.name, self.role = name, role
@@ -104,7 +104,7 @@ class Grip(Term):
 
 @pytest.fixture
 def sheet():
-    """A way to run a square whose bottom is clamped, with further arguments."""
+    """Runs a square whose bottom is clamped, with further arguments."""
 
     def run(top, fabric=None, terms=(), held=None):
         mesh = MeshQuad().refined(2).with_defaults()
@@ -116,7 +116,7 @@ def sheet():
 
 
 @pytest.mark.parametrize("top", [(0.0, 0.0), lambda X, t: 0 * X])
-def test_a_run_in_which_nothing_moves_says_so_once(sheet, caplog, top):
+def test_a_run_without_motion_is_reported_once(sheet, caplog, top):
     result = sheet(Condition("top", top))
     assert not np.any(result.u)
     (record,) = caplog.records
@@ -126,34 +126,34 @@ def test_a_run_in_which_nothing_moves_says_so_once(sheet, caplog, top):
     )
 
 
-def test_what_drives_a_run_is_not_taken_for_nothing(sheet, caplog):
-    """Motions there and back, loads, tension at rest, a term of one's own."""
+def test_a_driven_run_is_not_reported_as_motionless(sheet, caplog):
+    """Motions there and back, loads, tension at rest, a user-defined term."""
     clamp = Condition("top")
     there_and_back = Condition("top", lambda X, t: 0.04 * t * (1 - t) + 0 * X)
     sheet(there_and_back)
     sheet(clamp, terms=[BodyForce((0.0, 1e-3))])
-    sheet(clamp, terms=[Force("top", (0.0, 1e-3))])  # the reaction tells of it
+    sheet(clamp, terms=[Force("top", (0.0, 1e-3))])  # the reaction shows it
     sheet(clamp, Fabric(Pretensioned(10.0, 0.1), 1.0))
     sheet(clamp, terms=[Grip("grip", "internal")])
     assert "nothing will move" not in caplog.text
 
 
-def test_the_one_strain_of_the_table_is_the_one_that_the_law_sees():
+def test_the_strain_in_the_table_enters_the_law():
     scene = bias_extension(split(rectangle(50, 100, (2, 4), "irregular", 0.2)))
     ply = Ply(scene.mesh, Fabric(1e4, 0.5, scene.warp, scene.weft), Macro())
     result = LoadStepper(ply, scene.conditions, 2).run()
     head, *_, last, _ = str(result).splitlines()
     assert "fibre strain" in head
     assert head.count("strain") == 1
-    seen = np.abs(ply.law_strain(result.u)).max()
-    assert float(last.split()[3]) == pytest.approx(seen, rel=1e-2)
+    strain = np.abs(ply.law_strain(result.u)).max()
+    assert float(last.split()[3]) == pytest.approx(strain, rel=1e-2)
     row, summary = result.history()[-1], result.summary()
-    assert row["max_fibre_strain"] == summary["max_fibre_strain"] == seen
-    assert row["mesh_fibre_strain"] == summary["mesh_fibre_strain"] > 2 * seen
-    assert result.history()[1]["max_fibre_strain"] < seen
+    assert row["max_fibre_strain"] == summary["max_fibre_strain"] == strain
+    assert row["mesh_fibre_strain"] == summary["mesh_fibre_strain"] > 2 * strain
+    assert result.history()[1]["max_fibre_strain"] < strain
 
 
-def test_the_history_tells_how_far_the_nodes_of_a_condition_move():
+def test_the_history_contains_the_displacement_of_a_condition():
     ply, conditions = pulled(lambda X, t: 0.3 * t * X[0])
     result = LoadStepper(ply, conditions, steps=2).run()
     top = ply.nodes[1] == 1.0
@@ -165,7 +165,7 @@ def test_the_history_tells_how_far_the_nodes_of_a_condition_move():
     assert free != 0
 
 
-def test_callbacks_are_told_every_iteration_and_every_state():
+def test_callbacks_receive_every_iteration_and_every_state():
     ply, conditions = pulled(0.5)
     states, iterations = [], []
     result = LoadStepper(
@@ -178,7 +178,7 @@ def test_callbacks_are_told_every_iteration_and_every_state():
     assert iterations[-1].residual <= iterations[-1].tolerance
 
 
-def test_the_log_tells_iterations_and_steps(caplog):
+def test_the_log_contains_iterations_and_steps(caplog):
     ply, conditions = pulled(0.5)
     with caplog.at_level(logging.DEBUG, logger="skfem_textile"):
         result = LoadStepper(ply, conditions, 1, method=ShortSteps()).run()
@@ -188,7 +188,7 @@ def test_the_log_tells_iterations_and_steps(caplog):
     assert "load factor 0.25" in caplog.text
 
 
-# States hold all on which their energies and forces depend
+# States determine their energies and forces
 
 
 FORMULATIONS = {
@@ -221,9 +221,9 @@ def test_the_parameters_of_a_state_give_its_energies_and_forces(formulation):
     assert len(states) > 2
     for state in states:
         assert state.parameters.keys() == ply.parameters_at_rest.keys()
-        energies = ply.energies(*place_of(state))
+        energies = ply.energies(*arguments_of(state))
         assert energies == state.energies | state.potentials
-        f = ply.residual(*place_of(state))
+        f = ply.residual(*arguments_of(state))
         assert np.abs(f[free]).max() <= state.tolerance
         for name, reaction in state.reactions.items():
             nodes = conditions[name].nodes(name, ply.basis)
@@ -241,15 +241,15 @@ def test_other_parameters_do_not_balance_a_state(formulation):
 
 
 @pytest.mark.parametrize("formulation", [Macro(), OnePoint(), Quadratic(80.0)])
-def test_a_state_is_found_again_from_its_displacement_and_parameters(formulation):
+def test_a_state_is_recomputed_from_its_displacement_and_parameters(formulation):
     ply, conditions = extended(formulation)
     last = LoadStepper(ply, conditions, 2).run().states[-1]
-    place, warn_only = (ply, conditions, last.u), ("stabilisation", "deviation")
+    arguments, warn_only = (ply, conditions, last.u), ("stabilisation", "deviation")
     near, far = (
-        equilibrium_near(*place, parameters=parameters, warn_only=warn_only)
+        equilibrium_near(*arguments, parameters=parameters, warn_only=warn_only)
         for parameters in (last.parameters, None)
     )
     assert near.linear_solves < far.linear_solves
-    energy, found = (sum(state.energies.values()) for state in (last, near))
-    assert found == pytest.approx(energy, rel=1e-2)
+    energy, recomputed = (sum(state.energies.values()) for state in (last, near))
+    assert recomputed == pytest.approx(energy, rel=1e-2)
     np.testing.assert_allclose(near.u, last.u, atol=1e-2)

@@ -1,7 +1,7 @@
-"""What the discretisation carries of energy, work and reactions, and when that is told.
+"""Artificial fractions of energy, work and reactions, and their reports.
 
-The limits are those of `skfem_textile.solve.verdict`: a tenth of energy and
-work, a quarter of the nodal forces of a reaction.
+The limits in `skfem_textile.solve.verdict` are a tenth of energy and work, and a
+quarter of the nodal forces of a reaction.
 """
 
 from functools import cache
@@ -27,11 +27,11 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension, strip, trellis
 from skfem_textile.scenes.trellis import picture_frame
-from tests.helpers import derivative, wobble
-from tests.helpers.estimates import unestimated
+from tests.helpers import derivative, random_u
+from tests.helpers.estimates import without_estimate
 
 # Elements across, before quadrilaterals of macro-elements are split in four, and how
-# they are made of the quadrilaterals of a scene.
+# they are generated from the quadrilaterals of a scene.
 FORMULATIONS = {
     "one": (OnePoint(), 1, lambda mesh: mesh),
     "macro": (Macro(), 2, split),
@@ -44,15 +44,15 @@ SCENES = {bias_extension: 2, strip: 1.5, trellis: 1, picture_frame: 1}
 
 def case(scene, name, across=16, E=1e4, G=0.5, formulation=None, steps=2):
     """A scene with so many elements along its short side."""
-    own, parts, made = FORMULATIONS[name]
+    settings, parts, made = FORMULATIONS[name]
     size = across // parts, round(SCENES[scene] * across) // parts
-    there = scene(made(scene(size=size).mesh))
-    fabric = Fabric(E, G, there.warp, there.weft)
-    formulation = formulation or own
-    return Case(scene=there, fabric=fabric, formulation=formulation, steps=steps)
+    specimen = scene(made(scene(size=size).mesh))
+    fabric = Fabric(E, G, specimen.warp, specimen.weft)
+    formulation = formulation or settings
+    return Case(scene=specimen, fabric=fabric, formulation=formulation, steps=steps)
 
 
-def told(caplog):
+def reported(caplog):
     return [r.getMessage() for r in caplog.records if " contribut" in r.getMessage()]
 
 
@@ -63,15 +63,15 @@ def largest(result, of):
 def energy_of_deviations(ply, u, E_d, points):
     """Σ ½ E_d (λ − λ̄)² A, λ̄ the mean over the points of an element of the stiffness.
 
-    ``points`` has for each element of ``E_d``, shape (2, n, 1), the places of its
-    points among those of the ply, numbered element by element.
+    ``points`` has for each element of ``E_d``, shape (2, n, 1), the indices of its
+    points in the ply, numbered element by element.
     """
     stretch, area = np.exp(ply.fibre_strain(u)).reshape(2, -1), ply.basis.dx.ravel()
     energy = 0.0
-    for k, own in enumerate(points):
-        mean = np.average(stretch[:, own], axis=1, weights=area[own])
-        off = (stretch[:, own] - mean[:, None]) ** 2 @ area[own]
-        energy += 0.5 * E_d[:, k, 0] @ off
+    for k, members in enumerate(points):
+        mean = np.average(stretch[:, members], axis=1, weights=area[members])
+        error = (stretch[:, members] - mean[:, None]) ** 2 @ area[members]
+        energy += 0.5 * E_d[:, k, 0] @ error
     return energy
 
 
@@ -79,10 +79,10 @@ def energy_of_deviations(ply, u, E_d, points):
 def test_the_deviation_is_the_part_of_the_tension_that_E_d_scales(name):
     """Energy and forces, against sums over the points of the ply."""
     ply = case(trellis, name, 4, E=1e6, G=Sin2(0.5)).ply()
-    parameters = ply.updated(ply.parameters_at_rest, wobble(ply, 1))
-    u, du = wobble(ply, 2), wobble(ply, 3, 1.0)
-    found = [p for p in ply.parts(u, 1.0, parameters) if p.role == "deviation"]
-    ((_, energy, forces),) = found
+    parameters = ply.updated(ply.parameters_at_rest, random_u(ply, 1))
+    u, du = random_u(ply, 2), random_u(ply, 3, 1.0)
+    deviations = [p for p in ply.parts(u, 1.0, parameters) if p.role == "deviation"]
+    ((_, energy, forces),) = deviations
     E_d = parameters["tension"]["E_d"]
     assert np.ptp(E_d) > 1.0
     n_points = ply.basis.dx.shape[1]
@@ -100,12 +100,12 @@ def test_the_deviation_is_the_part_of_the_tension_that_E_d_scales(name):
 @pytest.mark.parametrize("name", FORMULATIONS)
 def test_parts_add_up_to_energy_and_forces(name):
     ply = case(trellis, name, 4).ply()
-    parameters = ply.updated(ply.parameters_at_rest, wobble(ply, 1))
-    place = wobble(ply, 2), 1.0, parameters
-    roles, energies, forces = zip(*ply.parts(*place), strict=True)
-    assert sum(energies) == pytest.approx(ply.energy(*place), rel=1e-12)
-    off = sum(forces) - ply.residual(*place)
-    assert np.abs(off).max() < 1e-12 * max(np.abs(f).max() for f in forces)
+    parameters = ply.updated(ply.parameters_at_rest, random_u(ply, 1))
+    arguments = random_u(ply, 2), 1.0, parameters
+    roles, energies, forces = zip(*ply.parts(*arguments), strict=True)
+    assert sum(energies) == pytest.approx(ply.energy(*arguments), rel=1e-12)
+    error = sum(forces) - ply.residual(*arguments)
+    assert np.abs(error).max() < 1e-12 * max(np.abs(f).max() for f in forces)
     assert ("deviation" in roles) == (name != "one")
     assert ("stabilisation" in roles) == (name != "mean")
 
@@ -115,7 +115,7 @@ def test_parts_add_up_to_energy_and_forces(name):
 def test_ordinary_bias_extension_passes(caplog, name, E):
     """At most 0.06 of energy and work with 16 elements across."""
     result = case(bias_extension, name, E=E).run()
-    assert not told(caplog)
+    assert not reported(caplog)
     assert 0.005 < largest(result, "energy") < 0.06
     assert largest(result, "work") < 0.06
     assert largest(result, "top_reaction") < 0.2
@@ -125,7 +125,7 @@ def test_ordinary_bias_extension_passes(caplog, name, E):
 @pytest.mark.parametrize("scene", [strip, trellis])
 def test_ordinary_runs_of_other_scenes_pass(caplog, scene, name):
     result = case(scene, name).run()
-    assert not told(caplog)
+    assert not reported(caplog)
     for of in result.states[-1].shares:
         assert largest(result, of) < (0.2 if "reaction" in of else 0.06)
 
@@ -134,7 +134,7 @@ def test_ordinary_runs_of_other_scenes_pass(caplog, scene, name):
 def fine_load(name):
     """Of a bias extension with 16 elements across, over the exact load."""
     fine = case(bias_extension, name, 16)
-    return fine.summary(unestimated(fine.run()))["load_over_exact"]
+    return fine.summary(without_estimate(fine.run()))["load_over_exact"]
 
 
 @pytest.mark.parametrize(
@@ -143,41 +143,43 @@ def fine_load(name):
 )
 @pytest.mark.parametrize("times", [1, 3, 30])
 def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation, times):
-    """Stiffer and stiffer: the load rises by no less than the share."""
+    """With increasing stiffness the load rises by no less than the share."""
     wrong = case(bias_extension, name, 8, formulation=formulation(times))
-    load = wrong.summary(unestimated(wrong.run()))["load_over_exact"]
+    load = wrong.summary(without_estimate(wrong.run()))["load_over_exact"]
     too_much = load / fine_load(name) - 1
-    warned = bool(told(caplog))
+    warned = bool(reported(caplog))
     assert warned == (times > 1)
     assert warned == (too_much > 0.1)
 
 
 @pytest.mark.parametrize("name", FORMULATIONS)
-def test_without_shear_stiffness_the_discretisation_carries_nearly_all(caplog, name):
-    """Nothing of the fabric resists: 58° where 40° were asked for."""
+def test_the_artificial_share_without_shear_stiffness_is_nearly_one(caplog, name):
+    """No fabric term resists: 58° instead of the prescribed 40°."""
     this = case(bias_extension, name, 8, G=0.0, steps=6)
-    summary = this.summary(unestimated(this.run()))
+    summary = this.summary(without_estimate(this.run()))
     role = "deviation" if name == "mean" else "stabilisation"
     assert summary["converged"]
     assert summary["max_shear_angle_deg"] > 50
     assert summary[f"energy_share_of_{role}"] > 0.8
     assert summary[f"work_share_of_{role}"] > 0.7
-    assert "% of energy" in told(caplog)[0]
-    assert told(caplog)[0].endswith("the fabric has no shear stiffness, so specify one")
+    assert "% of energy" in reported(caplog)[0]
+    assert reported(caplog)[0].endswith(
+        "the fabric has no shear stiffness, so specify one"
+    )
 
 
 @pytest.mark.parametrize("G", [0.0, 0.5])
 @pytest.mark.parametrize("name", FORMULATIONS)
-def test_of_a_homogeneous_state_it_carries_nothing(caplog, name, G):
+def test_the_artificial_share_of_a_homogeneous_state_is_zero(caplog, name, G):
     """Without shear stiffness its energy and forces are round-off."""
     result = case(picture_frame, name, G=G).run()
-    assert not told(caplog)
+    assert not reported(caplog)
     for of in ("energy", "work"):
         assert largest(result, of) < 1e-4
     assert largest(result, "top_reaction") < 0.1
 
 
-def test_of_fibres_that_are_pulled_it_carries_nothing(caplog):
+def test_the_artificial_share_of_stretched_fibres_is_zero(caplog):
     """The rollers have no force at all."""
     mesh = split(MeshQuad().refined(2).with_defaults())
     conditions = {
@@ -187,19 +189,19 @@ def test_of_fibres_that_are_pulled_it_carries_nothing(caplog):
     }
     ply = Ply(mesh, Fabric(1e4), Macro())
     result = LoadStepper(ply, conditions, 2).run()
-    assert not told(caplog)
+    assert not reported(caplog)
     assert result.states[-1].reactions["top"][1] > 90
     for of in result.states[-1].shares:
         assert largest(result, of) < 1e-6
 
 
-def test_at_rest_it_carries_nothing():
+def test_the_artificial_share_at_rest_is_zero():
     rest = case(trellis, "macro", 4).run().states[0]
     assert {x for by_role in rest.shares.values() for x in by_role.values()} == {0.0}
 
 
-def test_reactions_that_an_element_owes_to_its_stabilisation_are_told(caplog):
-    """One corner of a square is pushed along the other family, which is soft."""
+def test_reactions_due_to_stabilisation_are_reported(caplog):
+    """One corner of a square is moved along the other family, which is soft."""
     mesh = MeshQuad().with_defaults()
     ply = Ply(mesh, Fabric((1e-3, 1e-3), 1e-3), OnePoint(10.0))
     conditions = {
@@ -208,14 +210,14 @@ def test_reactions_that_an_element_owes_to_its_stabilisation_are_told(caplog):
     }
     result = LoadStepper(ply, conditions, 1).run()
     assert result.states[-1].shares["corner_reaction"]["stabilisation"] > 0.9
-    assert "% of corner_reaction" in told(caplog)[0]
+    assert "% of corner_reaction" in reported(caplog)[0]
 
 
-def test_a_load_is_no_part():
+def test_a_load_is_not_an_internal_part():
     ply = case(trellis, "macro", 4).ply()
-    loaded, u = ply.with_terms(Force("top", (0.0, 1.0))), wobble(ply, 2)
-    found = [[part.energy for part in each.parts(u)] for each in (ply, loaded)]
-    assert found[0] == found[1]
+    loaded, u = ply.with_terms(Force("top", (0.0, 1.0))), random_u(ply, 2)
+    energies = [[part.energy for part in each.parts(u)] for each in (ply, loaded)]
+    assert energies[0] == energies[1]
 
 
 def test_a_resumed_run_has_the_same_shares(tmp_path):
@@ -233,7 +235,7 @@ def test_a_resumed_run_has_the_same_shares(tmp_path):
 
 
 def held_at_a_node(refinements):
-    """A ply of macro-elements on a torus, which two nodes hold along it."""
+    """A ply of macro-elements on a torus, with two nodes fixed along it."""
     tool, c, s = drape.Torus(120.0, 50.0, (0, 0, -170), (0, 1, 0)), 0.956, 0.292
     fabric = Fabric(2e4, 0.2, (c, s), (-s, c), bending=(40.0, 60.0))
     mesh = MeshQuad().refined(refinements).translated((-0.5, -0.5)).scaled(80.0)
@@ -250,8 +252,8 @@ def held_at_a_node(refinements):
     return equilibrium_near(ply, conditions, start)
 
 
-def test_a_node_that_is_only_held_is_no_reason_to_refuse_a_state():
-    """Deviations carry much of its force, which a finer mesh hardly changes."""
+def test_forces_at_fixed_nodes_are_no_reason_to_reject_a_state():
+    """Deviations cause much of its force, which a finer mesh hardly changes."""
     coarse, fine = held_at_a_node(3), held_at_a_node(4)
     share, finer = (s.shares["middle_reaction"]["deviation"] for s in (coarse, fine))
     assert share > 0.4

@@ -1,4 +1,4 @@
-"""Steps of a run: settings, halving, errors of users, what a run tells."""
+"""Steps of a run: settings, halving, errors of users, messages."""
 
 import sys
 from itertools import count
@@ -21,11 +21,11 @@ from skfem_textile.ply.terms import Term
 from skfem_textile.solve.states import NoEquilibriumError, UserError
 from tests.helpers.pulled import CLAMP, ShortSteps, load_factors, pulled
 
-# Steps: halved where they fail, grown again, and what stops a run
+# Steps: halved on failure, increased again, and stops of a run
 
 
-class ShyAtFirst(Newton):
-    """Fails beyond the first tenth of the way unless steps are short."""
+class LimitedAtFirst(Newton):
+    """Fails beyond the first tenth of the path unless steps are short."""
 
     def solve(self, problem, start, fixed_values, most_projected, report):
         at = np.abs(start.u).max()
@@ -43,15 +43,15 @@ def test_a_failed_step_is_halved_and_counted():
 
 def test_steps_grow_again_and_land_on_the_requested_load_factors():
     ply, conditions = pulled(0.5)
-    result = LoadStepper(ply, conditions, 5, method=ShyAtFirst()).run()
+    result = LoadStepper(ply, conditions, 5, method=LimitedAtFirst()).run()
     reached = load_factors(result)
     assert set(np.linspace(0, 1, 6)) <= set(reached)
     assert np.diff(reached).min() < 0.06
     np.testing.assert_allclose(np.diff(reached)[-3:], 0.2)
 
 
-def test_it_says_plainly_when_it_cannot_and_keeps_what_it_has():
-    """A ply squeezed to nothing buckles, then folds: nothing is accepted past that."""
+def test_a_run_that_cannot_continue_reports_it_and_keeps_its_states():
+    """A squeezed ply buckles, then folds: no later state is accepted."""
     ply, conditions = pulled(-2.0)
     with pytest.raises(
         StepError,
@@ -65,7 +65,7 @@ def test_it_says_plainly_when_it_cannot_and_keeps_what_it_has():
     assert ply.area_ratio(result.u).min() > 0
 
 
-def test_a_value_that_goes_wrong_on_the_way_keeps_what_was_computed():
+def test_an_invalid_intermediate_value_ends_the_run_and_keeps_its_states():
     ply, conditions = pulled(
         lambda X, t: 0.5 * t + (np.nan if t == 0.75 else 0.0) * X[0]
     )
@@ -98,7 +98,7 @@ def test_an_interrupted_run_keeps_its_states():
 
 
 def interrupt_at(number):
-    """Interrupt the library at its call of that number, from now on."""
+    """Interrupt the library at its call with that number, counted from now."""
     calls = count()
 
     def interrupt(frame, event, argument):
@@ -111,7 +111,7 @@ def interrupt_at(number):
 
 
 @pytest.mark.parametrize("number", range(0, 78, 11))
-def test_a_run_may_be_interrupted_wherever_it_begins(number):
+def test_a_run_may_be_interrupted_during_its_start(number):
     ply, conditions = pulled(0.5)
     stepper = LoadStepper(ply, conditions, 1)
     interrupt_at(number)
@@ -120,7 +120,7 @@ def test_a_run_may_be_interrupted_wherever_it_begins(number):
     assert stepper.run().converged
 
 
-def test_a_function_that_fails_on_the_way_stops_the_run():
+def test_a_function_that_fails_at_an_intermediate_load_stops_the_run():
     """At a load factor that only halving reaches."""
 
     def value(X, t):
@@ -136,19 +136,19 @@ def test_a_function_that_fails_on_the_way_stops_the_run():
         stepper.run()
 
 
-# Settings of a run that nobody can mean are refused before it begins
+# Invalid settings of a run are rejected before it begins
 
 
 @pytest.mark.parametrize(
     "steps", [0, -3, 2.5, np.nan, np.inf, "3", None, 10**6 + 1, 10**23]
 )
-def test_steps_that_nobody_can_mean_are_refused(steps):
+def test_invalid_steps_are_rejected(steps):
     ply, conditions = pulled(0.5)
     with pytest.raises(ValueError, match="steps must be a whole number"):
         LoadStepper(ply, conditions, steps=steps)
 
 
-def test_before_a_run_there_is_no_result():
+def test_no_result_exists_before_a_run():
     ply, conditions = pulled(0.5)
     stepper = LoadStepper(ply, conditions)
     assert stepper.states == ()
@@ -185,14 +185,14 @@ def test_before_a_run_there_is_no_result():
         ({"ply": None}, "ply must be a Ply, not NoneType"),
     ],
 )
-def test_settings_of_another_kind_are_refused_before_the_run(setting, message):
+def test_invalid_settings_are_rejected_before_the_run(setting, message):
     mesh = MeshQuad().refined(1).with_defaults()
-    given = {"ply": Ply(mesh, Fabric(1e4, 1.0), Full())} | setting
+    arguments = {"ply": Ply(mesh, Fabric(1e4, 1.0), Full())} | setting
     with pytest.raises(ValueError, match=message):
-        LoadStepper(conditions={"clamp": Condition("bottom")}, **given)
+        LoadStepper(conditions={"clamp": Condition("bottom")}, **arguments)
 
 
-# A user's function that raises ends the run in one line, with the result so far
+# An error in a user's function ends the run in one line and keeps its result
 
 
 class Failing(Term):
@@ -213,7 +213,7 @@ class Failing(Term):
 
 
 class FailingLaw(Linear):
-    """A shear law that raises once it is made to."""
+    """A shear law that raises once it is switched to fail."""
 
     failing = False
 
@@ -229,7 +229,7 @@ def late(X, t):
     return np.stack([0.3 * t + 0 * X[0], 0 * X[0]])
 
 
-def test_a_term_that_raises_ends_the_run_with_the_states_before():
+def test_a_term_that_raises_ends_the_run_and_keeps_earlier_states():
     ply, conditions = pulled(0.3)
     stepper = LoadStepper(ply.with_terms(Failing()), conditions, 4)
     words = r"at load factor 0.5.*KeyError: 'table\\nof temperatures' \(residual, line"
@@ -239,7 +239,7 @@ def test_a_term_that_raises_ends_the_run_with_the_states_before():
     assert "\n" not in str(caught.value)
 
 
-def test_a_term_that_raises_is_no_damage_of_a_checkpoint(tmp_path, monkeypatch):
+def test_a_term_that_raises_is_not_checkpoint_damage(tmp_path, monkeypatch):
     ply, conditions = pulled(0.3)
     ply = ply.with_terms(Failing())
     monkeypatch.setattr(Failing, "residual", lambda self, u, t, p: 0.0 * u)
@@ -253,7 +253,7 @@ def test_a_term_that_raises_is_no_damage_of_a_checkpoint(tmp_path, monkeypatch):
         LoadStepper(ply, conditions, 4, checkpoint=tmp_path).run(resume=True)
 
 
-def test_a_law_that_raises_ends_the_run_with_the_states_before(monkeypatch):
+def test_a_law_that_raises_ends_the_run_and_keeps_earlier_states(monkeypatch):
     mesh = MeshQuad().refined(2).with_defaults()
     ply = Ply(mesh, Fabric(10.0, FailingLaw(1.0)), Full())
 
@@ -268,7 +268,7 @@ def test_a_law_that_raises_ends_the_run_with_the_states_before(monkeypatch):
     assert stepper.states[-1].load_factor == 0.5
 
 
-def test_a_callback_that_raises_ends_the_run_with_the_state_it_received():
+def test_a_callback_that_raises_ends_the_run_and_keeps_its_state():
     def stop(state):
         if state.load_factor >= 0.5:
             raise LookupError("seen enough")
@@ -279,7 +279,7 @@ def test_a_callback_that_raises_ends_the_run_with_the_state_it_received():
     assert stepper.states[-1].load_factor == 0.5
 
 
-def test_a_condition_that_raises_late_ends_the_run_with_the_states_before():
+def test_a_condition_that_raises_ends_the_run_and_keeps_earlier_states():
     ply, _ = pulled(0.3)
     conditions = CLAMP | {"pull": Condition("top", (0.3, 0.0))}
     stepper = LoadStepper(ply, conditions, 4)

@@ -7,8 +7,8 @@ from skfem import MeshQuad
 from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply, StepError
 from skfem_textile.scenes import strip
 from studies.stability.soundness import is_sound
-from tests.helpers import place_of
-from tests.helpers.estimates import unestimated
+from tests.helpers import arguments_of
+from tests.helpers.estimates import without_estimate
 
 
 def run(formulation, steps, mesh="irregular", E=1e4, G=0.0, **options):
@@ -18,7 +18,10 @@ def run(formulation, steps, mesh="irregular", E=1e4, G=0.0, **options):
 
 
 def squeezed(**options):
-    """Rods held at both ends and pushed together: straight is an equilibrium."""
+    """Rods fixed at both ends and pushed together:
+
+    the straight state is an equilibrium.
+    """
     mesh = MeshQuad.init_tensor(np.linspace(0, 1, 9), np.linspace(0, 0.1, 2))
     ply = Ply(mesh.with_defaults(), Fabric(100.0, 0.01), Full())
     conditions = {
@@ -31,12 +34,12 @@ def squeezed(**options):
 def stiffness_of(result, scene):
     """Smallest eigenvalue of the tangent on the free unknowns, densely."""
     free = LoadStepper(result.ply, scene.conditions).problem.constraints.free
-    K = result.ply.tangent(*place_of(result.states[-1])).toarray()
+    K = result.ply.tangent(*arguments_of(result.states[-1])).toarray()
     return np.linalg.eigvalsh(K[np.ix_(free, free)])[0]
 
 
-def test_a_saddle_point_is_refused_with_its_place():
-    """Newton's method keeps a pushed rod straight, past the load that buckles it."""
+def test_a_saddle_point_is_rejected_with_its_position():
+    """Newton's method keeps a compressed rod straight beyond its buckling load."""
     with pytest.raises(
         StepError, match=r"unstable equilibrium: \d negative pivot"
     ) as error:
@@ -45,13 +48,13 @@ def test_a_saddle_point_is_refused_with_its_place():
     assert error.value.result.states[-1].load_factor == 0.0
 
 
-def test_a_check_may_be_switched_to_a_warning(caplog):
+def test_a_check_may_be_changed_to_a_warning(caplog):
     with caplog.at_level(logging.WARNING, logger="skfem_textile"):
         result = squeezed(
             steps=1, method="plain", warn_only=["stability", "work"]
         ).run()
     assert "load factor 1: unstable equilibrium" in caplog.text
-    summary = unestimated(result).summary()
+    summary = without_estimate(result).summary()
     assert summary["converged"]
     assert not summary["stable"]
     assert summary["negative_pivots"] > 0
@@ -87,10 +90,10 @@ def test_the_strip_takes_few_linear_solves(formulation, most):
     assert many.linear_solves <= most[1]
 
 
-def test_stiff_fibres_leave_the_shape_as_it_is():
+def test_stiff_fibres_do_not_change_the_shape():
     ends = [run(Full(), 1, E=E) for E in (1e6, 1e10)]
-    off = np.abs(ends[1].u - ends[0].u).max()
-    assert off < 1e-3 * np.abs(ends[0].u).max()
+    change = np.abs(ends[1].u - ends[0].u).max()
+    assert change < 1e-3 * np.abs(ends[0].u).max()
 
 
 STIFF_RUNS = [(1, 1e8), (1, 1e10), (5, 1e6), (5, 1e8), (5, 1e10), (20, 1e6), (20, 1e8)]
@@ -111,7 +114,7 @@ def test_stiff_fibres_with_shear_are_loaded_to_the_end(E, steps):
 
 
 def pushed_in(by):
-    """A square whose boundary is held, but for a corner that is pushed inwards.
+    """A square whose boundary is fixed, except for a corner that is pushed inwards.
 
     The element there keeps its area at its 2×2 points; its corner folds at 0.25.
     """
@@ -141,7 +144,7 @@ def test_an_element_that_folds_at_its_corner_is_named():
     assert result.ply.area_ratio(result.u, result.ply.fine_points).min() > 0.1
 
 
-def test_torn_fibres_are_refused():
+def test_torn_fibres_are_rejected():
     mesh = MeshQuad().refined(1).with_defaults()
     conditions = {
         "clamp": Condition("bottom"),
@@ -154,7 +157,7 @@ def test_torn_fibres_are_refused():
     assert torn.states[-1].verdict.mesh_fibre_strain == pytest.approx(np.log(3))
 
 
-def test_fibres_that_grow_ever_stiffer_may_be_stretched_as_far_as_one_likes():
+def test_stiffening_fibres_may_be_stretched_without_limit():
     class Stiffening:
         def energy(self, x):
             return 5 * (np.cosh(2 * x) - 1)
@@ -172,8 +175,8 @@ def test_fibres_that_grow_ever_stiffer_may_be_stretched_as_far_as_one_likes():
 
 
 @pytest.mark.parametrize("steps", [1, 6])
-def test_a_pushed_rod_buckles(steps):
-    """No symmetry of the mesh holds it on the saddle point."""
+def test_a_compressed_rod_buckles(steps):
+    """No symmetry of the mesh keeps it at the saddle point."""
     result = squeezed(steps=steps).run()
     assert result.states[-1].verdict.stable
     sideways = np.abs(result.ply.nodal(result.u)[1]).max()
@@ -181,16 +184,16 @@ def test_a_pushed_rod_buckles(steps):
     assert result.states[-1].verdict.max_fibre_strain < 0.05
 
 
-def test_a_smooth_path_is_resolved_and_one_that_forks_is_not(caplog):
+def test_a_smooth_path_is_resolved_and_a_bifurcating_one_is_not(caplog):
     mesh = MeshQuad().refined(2).with_defaults()
     pushed = {"clamp": Condition("bottom"), "push": Condition("top", -0.3, (0, 1))}
     block = LoadStepper(Ply(mesh, Fabric(10.0, 1.0), Full()), pushed, 4)
     with caplog.at_level(logging.WARNING, logger="skfem_textile"):
         assert run(Full(), 8).path_resolved
-        # No force and no energy but round-off:
+        # No force and no energy except round-off:
         assert run(Full(), 8, "aligned").path_resolved
         assert not caplog.records
-        assert not unestimated(block.run()).summary()["path_resolved"]
+        assert not without_estimate(block.run()).summary()["path_resolved"]
     assert len(caplog.records) == 1
     assert "the path was not resolved at load factor 0.5:" in caplog.text
     assert "another number of steps" in caplog.text

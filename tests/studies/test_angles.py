@@ -20,7 +20,7 @@ from studies.angles.cases import (
 )
 from studies.angles.study import STUDY
 from studies.common import provenance
-from tests.helpers import cells
+from tests.helpers import table_cells
 
 AT_30, AT_60 = (Specimen(theta, "linear", 2e5) for theta in (30.0, 60.0))
 STORED = cases.stored()
@@ -34,14 +34,14 @@ def judged_rows(specimen, angle, ratios, elements="quads", across=16):
     return [specimen.row | mesh | {"load_over_reference": x} for x in ratios]
 
 
-def test_every_stored_reference_is_there_and_has_converged():
+def test_every_stored_reference_exists_and_has_converged():
     assert set(STORED) == {(ply, angle) for ply in SPECIMENS for angle in ANGLES}
     assert len(STORED) == 120
     assert [row for row in STORED.values() if not cases.agree(row)] == []
 
 
-def test_stiff_fibres_lose_what_the_scene_says_at_most():
-    """As far as references are known, at E/G = 2e6 and θ up to 52.5°."""
+def test_the_loss_of_stiff_fibres_is_below_the_estimate_of_the_scene():
+    """For the available references, at E/G = 2e6 and θ up to 52.5°."""
     stiff = [
         row
         for (ply, _), row in STORED.items()
@@ -53,8 +53,8 @@ def test_stiff_fibres_lose_what_the_scene_says_at_most():
         assert 0 < 1 - row["load"] < min(row["lost"] + known, 0.01)
 
 
-def test_the_estimate_of_what_is_lost_holds_within_two_fifths():
-    """The largest distance is at 30° with sin², where it is too large."""
+def test_the_estimate_of_the_loss_is_within_two_fifths():
+    """The largest error is an overestimate at 30° with sin²."""
     shares = [(1 - row["load"]) / row["lost"] for row in STORED.values()]
     assert 0.6 < min(shares) < max(shares) < 1.15
 
@@ -66,7 +66,7 @@ def test_the_estimate_of_what_is_lost_holds_within_two_fifths():
         (Specimen(37.5, "sin²", 2e6), Full(), "apart"),
     ],
 )
-def test_a_stored_reference_can_be_computed_again(ply, formulation, difference):
+def test_a_stored_reference_is_reproducible(ply, formulation, difference):
     scene = ply.along_fibres(16)
     result = ply.stepper(scene, formulation).run()
     for angle, load in ply.loads(scene, result).items():
@@ -93,7 +93,7 @@ def test_no_cell_of_a_graded_mesh_lies_across_a_fibre_from_a_corner(ply):
     assert widest > 50 * narrowest
 
 
-def test_none_judges_what_it_has_chosen():
+def test_references_are_independent_of_the_judged_formulation():
     judging, choosing = (list(cases.judged(*part)) for part in (JUDGING, CHOOSING))
     assert len(judging) == 5 * 2 * 3 * 2 * 2 * 5
     assert len(choosing) == 3 * 2 * 3 * 2 * 2 * 3
@@ -101,7 +101,7 @@ def test_none_judges_what_it_has_chosen():
 
 
 @pytest.mark.parametrize("elements", cases.MESHES)
-def test_meshes_have_so_many_edges_across_and_about_square_elements(elements):
+def test_meshes_have_the_stated_edges_and_about_square_elements(elements):
     case = Judged(AT_60, elements, 16, 1)
     mesh = case.formulation.working_mesh(case.mesh())
     assert np.sum(mesh.p[1, np.unique(mesh.facets)] == 0) == 17
@@ -109,7 +109,7 @@ def test_meshes_have_so_many_edges_across_and_about_square_elements(elements):
 
 
 def test_loads_are_compared_with_the_stored_ones():
-    """Coarse macro-elements read a few percent off."""
+    """Coarse macro-elements have errors of a few percent."""
     at_30, at_60 = (
         {row["shear_angle"]: row for row in STUDY.examine(Judged(ply, "quads", 8, 1))}
         for ply in (AT_30, AT_60)
@@ -122,15 +122,15 @@ def test_loads_are_compared_with_the_stored_ones():
     assert at_60[40]["load_over_reference"] == pytest.approx(1.0, abs=0.1)
 
 
-def test_the_load_is_nan_from_where_a_run_stops(monkeypatch):
-    def balks(*given):
-        return LoadStepper(*given, method=PlainNewton(most=2), max_halvings=0)
+def test_the_load_is_nan_after_a_run_stops(monkeypatch):
+    def balks(*arguments):
+        return LoadStepper(*arguments, method=PlainNewton(most=2), max_halvings=0)
 
     monkeypatch.setattr(cases, "LoadStepper", balks)
-    found = STUDY.examine(Judged(AT_30, "quads", 8, 1))
-    assert [row["shear_angle"] for row in found] == list(ANGLES)
-    assert all(np.isnan(row["load_over_reference"]) for row in found)
-    assert "stopped at load factor 0" in found[0]["refused"]
+    computed = STUDY.examine(Judged(AT_30, "quads", 8, 1))
+    assert [row["shear_angle"] for row in computed] == list(ANGLES)
+    assert all(np.isnan(row["load_over_reference"]) for row in computed)
+    assert "stopped at load factor 0" in computed[0]["refused"]
 
 
 def test_limits_are_twice_as_wide_at_60_degrees():
@@ -138,31 +138,31 @@ def test_limits_are_twice_as_wide_at_60_degrees():
     assert limits == [0.04, 0.02, 0.08, 0.04]
 
 
-def test_medians_of_loads_that_are_known_are_judged():
+def test_medians_of_known_loads_are_judged():
     rows = judged_rows(AT_30, 10, [1.01, 1.03, 0.95])
     rows += judged_rows(AT_30, 40, [1.05, np.nan, 1.041])
     rows += judged_rows(AT_60, 40, [0.93, 0.925, 0.5], "triangles", 32)
     summary = study.summary(rows)
-    assert cells(summary, "30°")[:4] == [
+    assert table_cells(summary, "30°")[:4] == [
         *("+4.55 %", "1 of 2 within 4 %"),
         *("-", "0 of 0 within 2 %"),
     ]
-    assert cells(summary, "60°")[-2:] == ["-7.50 %", "0 of 1 within 4 %"]
+    assert table_cells(summary, "60°")[-2:] == ["-7.50 %", "0 of 1 within 4 %"]
     words = study.in_words([STORED[AT_30, 40] | {"ratio": 2e6}], rows)
     assert (words["met"], words["single"]) == ("1 of 3", "50.0 %")
     assert (words["quads_16"], words["triangles_32"]) == ("4.5 %", "7.5 %")
 
 
-def test_references_that_do_not_agree_are_told():
+def test_references_that_disagree_are_reported():
     good = STORED[AT_30, 40]
     bad = good | {"apart": -0.0051}
     assert STUDY.complaint([good]) == ""
     assert "1 load(s) are not converged, first: 30°" in STUDY.complaint([good, bad])
-    assert cells(study.agreements([good]), *AT_30.names)[-3] == "yes"
-    assert cells(study.agreements([bad]), *AT_30.names)[-3] == "no"
+    assert table_cells(study.agreements([good]), *AT_30.names)[-3] == "yes"
+    assert table_cells(study.agreements([bad]), *AT_30.names)[-3] == "no"
 
 
-def test_references_are_written_beside_what_is_judged(tmp_path, monkeypatch):
+def test_references_are_written_beside_the_judged_loads(tmp_path, monkeypatch):
     coarse = [(formulation, n // 8) for formulation, n in cases.REFERENCES]
     monkeypatch.setattr(cases, "REFERENCES", coarse)
     (tmp_path / "angles.csv").touch()

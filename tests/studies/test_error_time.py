@@ -85,13 +85,13 @@ def front(rows, solvers="fastest"):
     return fronts.fronts(rows, CRITERIA["angle"], solvers)
 
 
-def test_the_time_to_an_error_is_that_of_a_mesh_that_no_finer_one_refutes():
+def test_the_time_to_an_error_uses_a_mesh_confirmed_by_finer_ones():
     """Q4 is within 0.1° at 8 across by chance: at 16 it is not."""
-    own = front(THERE)[OURS]
-    assert (own[0].element, own[0].across, own[0].within) == ("Q4", 8, 0.2)
-    best = fronts.fastest(own, 0.1)
+    ours = front(THERE)[OURS]
+    assert (ours[0].element, ours[0].across, ours[0].within) == ("Q4", 8, 0.2)
+    best = fronts.fastest(ours, 0.1)
     assert (best.element, best.across) == ("P2", 8)
-    assert fronts.fastest(own, 0.001) is None
+    assert fronts.fastest(ours, 0.001) is None
 
 
 def test_errors_and_times_are_medians_with_ranges_over_the_seeds():
@@ -113,7 +113,7 @@ def test_a_front_has_ever_smaller_errors_for_ever_longer_times():
         assert len(set(errors)) == len(errors)
 
 
-def test_a_mesh_on_which_most_seeds_fail_refutes_the_coarser_ones():
+def test_a_mesh_with_mostly_failing_seeds_refutes_coarser_ones():
     assert "FElupe" in front(THERE)
     assert fronts.fastest(front(THERE)["FElupe"], 1.0) is None
     few = runs("FElupe", "P2", 4, 1.0, [None, 0.1, 0.1, 0.1, 0.1])
@@ -121,13 +121,13 @@ def test_a_mesh_on_which_most_seeds_fail_refutes_the_coarser_ones():
     assert (point.seeds, point.within) == (4, 0.1)
 
 
-def test_a_search_that_was_given_up_ends_the_refinement_and_refutes_nothing():
+def test_an_abandoned_search_ends_the_refinement_and_refutes_nothing():
     note = f"inverted elements in up to 5 equal steps, {cases.GIVEN_UP} after 9 s"
     rows = [*ROWS[:-5], *runs("FElupe", "P2", 16, 9.0, same(None), note=note)]
     assert fronts.fastest(front(rows)["FElupe"], 0.1).across == 8
 
 
-def test_the_ratio_of_times_is_that_of_solves_times_that_of_time_per_solve():
+def test_the_ratio_of_times_is_the_product_of_solves_and_time_per_solve():
     note = f"{cases.GIVEN_UP}"
     rows = [*ROWS[:-5], *runs("FElupe", "P2", 16, 9.0, same(None), note=note)]
     pair = fronts.compared(front(rows), 0.1)
@@ -144,7 +144,7 @@ def test_another_code_that_is_faster_is_named_with_a_ratio_below_one():
     pair = fronts.compared(front([*ROWS[:-5], *faster]), 0.1)
     assert pair.other.code == "DOLFINx"
     assert pair.ratio == 0.25
-    for solvers in SETS:  # it has but one solver
+    for solvers in SETS:  # it has only one solver
         assert "DOLFINx" in front(faster, solvers)
     table = study.ratios([*ROWS[:-5], *faster])
     assert "DOLFINx, P2, 8 across" in table
@@ -164,8 +164,8 @@ def test_sets_of_solvers_are_not_mixed():
     assert front(scipy, "SciPy")["FElupe"][0].seconds.median == 0.1
 
 
-def test_the_load_of_the_bias_extension_is_judged_by_the_converged_one():
-    """The load of fibres that do not stretch has no part in it."""
+def test_the_load_of_the_bias_extension_is_compared_with_the_converged_one():
+    """The load of inextensible fibres is not used."""
     rows = [*of_reference(), *runs(OURS, "P2", 8, 1.0, same(1.0), load=41.0)]
     for row in rows[-5:]:
         row["scene"] = "bias_extension"
@@ -183,7 +183,7 @@ def test_the_load_of_the_bias_extension_is_judged_by_the_converged_one():
     )
 
 
-def test_without_the_whole_reference_no_load_of_the_bias_extension_is_judged():
+def test_loads_are_not_judged_without_the_whole_reference():
     rows = [*of_reference()[1:], *runs(OURS, "P2", 8, 1.0, same(1.0), load=41.0)]
     for row in rows[-5:]:
         row["scene"] = "bias_extension"
@@ -192,9 +192,9 @@ def test_without_the_whole_reference_no_load_of_the_bias_extension_is_judged():
     assert "reference" not in study.in_words(rows)
 
 
-def test_a_coarse_mesh_of_the_reference_is_near_the_load_of_the_stored_ones():
-    found = Reference("Quadratic()", 4).rows()[0]
-    assert found["load"] / found["inextensible"] == pytest.approx(0.99, abs=0.01)
+def test_a_coarse_reference_mesh_is_close_to_the_stored_loads():
+    row = Reference("Quadratic()", 4).rows()[0]
+    assert row["load"] / row["inextensible"] == pytest.approx(0.99, abs=0.01)
     assert {str(one) for one in STUDY.cases(NO_OPTIONS)} >= {
         str(Reference(element, cells)) for element in FORMULATIONS for cells in CELLS
     }
@@ -218,7 +218,7 @@ def test_codes_with_the_same_element_are_compared_on_the_finest_mesh_of_all_sets
     assert words["same_strip_scipy_ratio"] == "4 to 4"
 
 
-def test_an_element_that_does_not_reach_an_error_says_how_far_it_is():
+def test_the_smallest_error_of_an_element_above_the_target_is_given():
     assert "| **skfem_textile** | Q4 | not reached: 0.2° at 16 across |" in (
         study.elements(THERE)
     )
@@ -271,10 +271,10 @@ def test_text_of_figures_is_at_least_seven_points_at_the_width_of_a_page():
 
 
 def test_every_formulation_and_every_required_rival_takes_part():
-    own = [c for c in CODES if isinstance(c, ThisLibrary)]
-    made = {type(c.method.formulation(1.0)) for c in own}
+    ours = [c for c in CODES if isinstance(c, ThisLibrary)]
+    made = {type(c.method.formulation(1.0)) for c in ours}
     assert made >= {OnePoint, Macro, Quadratic}
-    assert {c.solver for c in own} == set(SETS)
+    assert {c.solver for c in ours} == set(SETS)
     others = {(c.code, c.element, c.solver) for c in CODES if isinstance(c, OtherCode)}
     for code in ("scikit-fem", "FElupe", "scikit-fem-native"):
         for element in ("Q4, 2×2", "P2, 3 points"):
@@ -298,7 +298,7 @@ def test_the_bias_extension_is_pulled_to_40_degrees_at_a_ratio_of_200000():
     scene = Case("", problem, AUTO, 4, 1).scene()
     middle = scene.mesh.p.mean(axis=1, keepdims=True)
     assert np.degrees(scene.shear_angle(middle, 1.0)) == pytest.approx(40)
-    assert BIAS[1].last == 4  # the other study's own
+    assert BIAS[1].last == 4  # belongs to the other study
     converged = cases.SPECIMEN
     assert converged.ratio == 2e5
     assert converged.shear_law == problem.law
@@ -314,53 +314,53 @@ def test_errors_of_the_shape_are_those_of_the_scene():
         ply = Ply(scene.mesh, problem.fabric(scene), code.method.formulation(4.0))
         result = LoadStepper(ply, scene.conditions, 2).run()
         known = scene.summary(result)
-        found = shape_errors(scene, ply.basis, result.u)
-        assert found["position"] == pytest.approx(known["displacement_error_rms"])
-        assert found["angle"] == pytest.approx(known["shear_angle_error_rms_deg"])
+        errors = shape_errors(scene, ply.basis, result.u)
+        assert errors["position"] == pytest.approx(known["displacement_error_rms"])
+        assert errors["angle"] == pytest.approx(known["shear_angle_error_rms_deg"])
         assert unfolded(ply.basis, result.u)
         assert not unfolded(ply.basis, -2 * ply.basis.doflocs[0])
 
 
 def test_the_bias_extension_has_a_load_in_newtons_and_no_errors_of_the_shape():
     problem, code = PROBLEMS["bias_extension"], CODES[1]
-    found = code.measured(problem, 4, 1)
+    row = code.measured(problem, 4, 1)
     scene = Case("", problem, code.method, 4, 1).scene()
     ply = Ply(scene.mesh, problem.fabric(scene), code.method.formulation(1.0))
     result = LoadStepper(ply, scene.conditions, 1).run()
     share = scene.summary(result)["load_over_exact"]
-    assert found["load"] == pytest.approx(share * scene.load(problem.law, 1.0))
-    assert found["angle"] is None
+    assert row["load"] == pytest.approx(share * scene.load(problem.law, 1.0))
+    assert row["angle"] is None
 
 
-def test_the_solver_is_that_of_the_set(monkeypatch):
-    taken = []
+def test_the_solver_belongs_to_the_set(monkeypatch):
+    solvers = []
 
     class Kept(LoadStepper):
         def __init__(self, *given, solver):
-            taken.append(solver)
+            solvers.append(solver)
             super().__init__(*given, solver=solver)
 
     monkeypatch.setattr(cases, "LoadStepper", Kept)
     for solver in SETS:
-        own = next(c for c in CODES if c.solver == solver)
-        own.measured(PROBLEMS["strip"], 4, 1)
-    assert taken == ["superlu", "superlu", "auto", "auto"]
+        ours = next(c for c in CODES if c.solver == solver)
+        ours.measured(PROBLEMS["strip"], 4, 1)
+    assert solvers == ["superlu", "superlu", "auto", "auto"]
 
 
-def test_a_mesh_is_refined_to_tolerances_where_there_is_a_load():
+def test_problems_with_a_load_are_refined_to_tolerances():
     (refined,) = (code for code in CODES if isinstance(code, Refined))
     for scene in PROBLEMS:
-        taken = [
+        problems = [
             case.code
             for case in STUDY.cases(NO_OPTIONS)
             if isinstance(case, Timed) and (case.scene, case.seed) == (scene, 1)
         ]
-        assert (refined in taken) == (scene == "bias_extension")
-        assert len(taken) == len(CODES) - (scene == "strip")
+        assert (refined in problems) == (scene == "bias_extension")
+        assert len(problems) == len(CODES) - (scene == "strip")
     assert refined.refinements == tuple(sorted(refined.refinements, reverse=True))
 
 
-def test_a_run_to_a_tolerance_counts_whole_and_says_what_it_is_refined_to(monkeypatch):
+def test_a_run_to_a_tolerance_counts_completely_and_contains_its_tolerance(monkeypatch):
     results = []
 
     class Kept(AdaptiveStepper):
@@ -371,26 +371,26 @@ def test_a_run_to_a_tolerance_counts_whole_and_says_what_it_is_refined_to(monkey
     monkeypatch.setattr(cases, "AdaptiveStepper", Kept)
     refined = next(code for code in CODES if isinstance(code, Refined))
     problem = PROBLEMS["bias_extension"]
-    found = refined.measured(problem, 0.1, 1)
+    row = refined.measured(problem, 0.1, 1)
     first, last = results  # the first is not timed
     assert last.tolerance_met
     assert len(last.rounds) > 1
-    assert found["linear_solves"] == sum(one.linear_solves for one in last.rounds)
-    assert found["unknowns"] == last.rounds[-1].unknowns
+    assert row["linear_solves"] == sum(one.linear_solves for one in last.rounds)
+    assert row["unknowns"] == last.rounds[-1].unknowns
     uniform = cases.MACRO_TRIANGLES
     ply = Ply(Case("", problem, uniform, 8, 1).scene().mesh, Fabric(1e5), Macro())
     assert first.rounds[0].unknowns == ply.basis.N
     rows = [*of_reference()]
     rows += [
         {"scene": "bias_extension", "code": OURS, "element": "refined", "seed": seed}
-        | {"solver": "SciPy", **found}
+        | {"solver": "SciPy", **row}
         for seed in SEEDS
     ]
     (points,) = fronts.methods(rows, CRITERIA["load"]).values()
     assert points[0].mesh == "8 across, refined to 10 %"
 
 
-def test_a_rival_takes_the_steps_with_fewer_solves_of_the_first_two_that_suffice():
+def test_a_rival_uses_the_cheaper_of_the_first_two_sufficient_step_counts():
     class Slow(Plain):
         def run(self, task, steps, repeats):
             tried.append((steps, repeats))
@@ -404,11 +404,11 @@ def test_a_rival_takes_the_steps_with_fewer_solves_of_the_first_two_that_suffice
 
     tried = []
     problem = PROBLEMS["strip"]
-    found = OtherCode(Slow(QUAD4)).measured(problem, 4, 99)
-    assert (found["steps"], found["linear_solves"]) == (STEPS[4], 80)
+    row = OtherCode(Slow(QUAD4)).measured(problem, 4, 99)
+    assert (row["steps"], row["linear_solves"]) == (STEPS[4], 80)
     searched = [(steps, 0) for steps in STEPS[:5]]
     assert tried == [*searched, (STEPS[4], 1)]
-    # Another code with the element takes the number; a finer mesh begins near it.
+    # Another code with the element uses the number; a finer mesh starts near it.
     tried.clear()
     OtherCode(Slow(QUAD4)).measured(problem, 4, 99)
     assert tried == [(STEPS[4], 1)]
@@ -417,37 +417,37 @@ def test_a_rival_takes_the_steps_with_fewer_solves_of_the_first_two_that_suffice
     assert tried[0] == (STEPS[3], 0)
 
 
-def test_a_rival_that_never_converges_says_so():
+def test_a_rival_that_never_converges_is_marked():
     class Never(Plain):
         def run(self, task, steps, repeats):
             raise NotConvergedError
 
-    found = OtherCode(Never(TRIANGLE6)).measured(PROBLEMS["strip"], 4, 98)
-    assert found["note"] == "inverted elements in up to 80 equal steps"
-    assert found["seconds"] is None
-    assert found["unknowns"] > 0
+    row = OtherCode(Never(TRIANGLE6)).measured(PROBLEMS["strip"], 4, 98)
+    assert row["note"] == "inverted elements in up to 80 equal steps"
+    assert row["seconds"] is None
+    assert row["unknowns"] > 0
 
 
-def test_a_search_that_takes_long_is_given_up(monkeypatch):
+def test_a_long_search_is_abandoned(monkeypatch):
     class Never(Plain):
         def run(self, task, steps, repeats):
             raise NotConvergedError
 
     monkeypatch.setattr(cases, "PATIENCE", -1.0)
-    found = OtherCode(Never(TRIANGLE6)).measured(PROBLEMS["strip"], 4, 97)
-    assert cases.GIVEN_UP in found["note"]
+    row = OtherCode(Never(TRIANGLE6)).measured(PROBLEMS["strip"], 4, 97)
+    assert cases.GIVEN_UP in row["note"]
 
 
-def test_a_run_of_this_library_that_stops_early_says_so(monkeypatch):
+def test_a_run_of_this_library_that_stops_early_is_marked(monkeypatch):
     class Once(LoadStepper):
         def __init__(self, ply, conditions, steps, solver):
             super().__init__(ply, conditions, steps, method="plain")
             self.max_halvings = 0
 
     monkeypatch.setattr(cases, "LoadStepper", Once)
-    found = CODES[5].measured(PROBLEMS["strip"], 16, 1)
-    assert found["note"].startswith("stopped at load factor 0")
-    assert found["angle"] is None
+    row = CODES[5].measured(PROBLEMS["strip"], 16, 1)
+    assert row["note"].startswith("stopped at load factor 0")
+    assert row["angle"] is None
 
 
 def test_a_method_is_refined_until_a_run_takes_long(monkeypatch):
@@ -465,7 +465,7 @@ def test_a_method_is_refined_until_a_run_takes_long(monkeypatch):
     assert [one["across"] for one in rows] == [4, 6, 8, 12]
 
 
-def test_a_code_that_is_not_installed_has_one_row_that_says_so():
+def test_a_code_that_is_not_installed_has_one_row():
     class Missing(Native):
         packages = {"no_such_module": "scikit-fem-native"}  # noqa: RUF012
 

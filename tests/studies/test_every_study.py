@@ -1,4 +1,4 @@
-"""What holds of every study: names, stored results, and the files of a run."""
+"""Properties of every study: names, stored results, and the files of a run."""
 
 from argparse import ArgumentParser
 from functools import cache
@@ -30,13 +30,13 @@ def cases_of(study, *words):
 
 @cache
 def stored(name):
-    """To be read, not to be changed."""
+    """Stored results; read-only."""
     study = STUDIES[name]
     return study.stored(DOCS / (study.folder or name))
 
 
 @each_study
-def test_no_two_cases_have_one_name_and_the_sample_is_a_case(name):
+def test_names_of_cases_are_unique_and_the_sample_is_a_case(name):
     study = STUDIES[name]
     names = cases_of(study)
     if name == "angles":
@@ -47,7 +47,7 @@ def test_no_two_cases_have_one_name_and_the_sample_is_a_case(name):
 
 
 @each_study
-def test_stored_rows_give_the_tables_on_file_and_the_words(name):
+def test_stored_rows_reproduce_tables_and_words(name):
     study = STUDIES[name]
     folder = DOCS / (study.folder or name)
     rows = stored(name)
@@ -57,7 +57,7 @@ def test_stored_rows_give_the_tables_on_file_and_the_words(name):
 
 
 @pytest.mark.parametrize("name", [name for name in STUDIES if name != "paper"])
-def test_stored_rows_give_the_pictures(name, tmp_path):
+def test_stored_rows_reproduce_the_pictures(name, tmp_path):
     pytest.importorskip("matplotlib")
     study = STUDIES[name]
     study.draw(stored(name), tmp_path)
@@ -65,7 +65,7 @@ def test_stored_rows_give_the_pictures(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", [name for name in STUDIES if name != "speed"])
-def test_a_run_writes_its_files_and_its_rows_give_them_again(name, tmp_path, capsys):
+def test_a_run_writes_its_files_and_its_rows_reproduce_them(name, tmp_path, capsys):
     study, out = STUDIES[name], tmp_path / "out"
     case = QUICK.get(name, study.sample)
     words = [name, "--case", case, "--out", str(out), "--no-render"]

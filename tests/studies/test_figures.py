@@ -1,4 +1,4 @@
-"""Figures of studies: their panels, and names of formats that are not written."""
+"""Figures of studies: panels, and rejected formats."""
 
 import re
 
@@ -49,7 +49,7 @@ TITLES = {
 
 
 @pytest.mark.parametrize("draw", FIGURES.values(), ids=FIGURES)
-def test_other_formats_are_refused_before_any_work(tmp_path, monkeypatch, draw):
+def test_other_formats_are_rejected_before_any_work(tmp_path, monkeypatch, draw):
     def draws(*_, **__):
         raise AssertionError("drawn")
 

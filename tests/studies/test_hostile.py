@@ -1,4 +1,4 @@
-"""The study of hostile inputs: its short form, its outcomes and its workers."""
+"""The study of hostile inputs: short form, outcomes and workers."""
 
 import os
 import signal
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="it forks")
 
 ROOT = Path(__file__).parents[2]
 
-#: Prints how trials end that end in every way there is.
+#: Prints the outcomes of trials with every possible outcome.
 ENDS = """
 import os, time
 from collections import Counter
@@ -79,7 +79,7 @@ def started(*words, **options):
         pytest.param((), id="all", marks=pytest.mark.long),
     ],
 )
-def test_no_hostile_input_ends_badly(tmp_path, families):
+def test_hostile_inputs_have_no_bad_outcome(tmp_path, families):
     options = "--short", "--workers", "2", *families, "--out", str(tmp_path)
     with started("-m", "studies", "hostile", *options) as suite:
         out, err = suite.communicate()
@@ -87,7 +87,7 @@ def test_no_hostile_input_ends_badly(tmp_path, families):
     assert (tmp_path / "hostile.md").exists()
 
 
-def test_stored_counts_are_those_of_the_cases_of_a_whole_run(tmp_path):
+def test_stored_counts_belong_to_the_cases_of_a_whole_run(tmp_path):
     from studies.hostile.study import STUDY
     from studies.hostile.workers import OUTCOMES
 
@@ -108,8 +108,8 @@ def test_stored_counts_are_those_of_the_cases_of_a_whole_run(tmp_path):
 
 
 @pytest.fixture(autouse=True)
-def _hears_ctrl_c():
-    """A suite in the background of a shell ignores it, and so would its children."""
+def _receives_ctrl_c():
+    """A background process of a shell ignores it, and so would its children."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)

@@ -28,11 +28,11 @@ from studies.inf_sup.study import (
     Layout,
     in_words,
 )
-from tests.helpers import derivative, drawn_here, wobble
+from tests.helpers import derivative, drawable, random_u
 
 ALONG, ACROSS_MESH = Layout(0), Layout(30)
 
-#: A motion that quadratic triangles hold exactly.
+#: A motion that quadratic triangles represent exactly.
 PARABOLA = (((lambda s: s**2), (lambda s: 2 * s)),)
 
 each_method = pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
@@ -51,14 +51,14 @@ def homogeneous(basis, gradient):
 
 
 @each_method
-def test_constraints_are_the_derivative_of_the_strain_that_the_law_sees(method):
-    asked = Case(method, IRREGULAR, 4, SHEARED).constraints()
-    ply = Ply(asked.mesh, asked.fabric, method.formulation)
-    sheared, du = homogeneous(ply.basis, asked.F - np.eye(2)), wobble(ply, 1)
+def test_constraints_are_the_derivative_of_the_strain_in_the_law(method):
+    constraints = Case(method, IRREGULAR, 4, SHEARED).constraints()
+    ply = Ply(constraints.mesh, constraints.fabric, method.formulation)
+    sheared, du = (homogeneous(ply.basis, constraints.F - np.eye(2)), random_u(ply, 1))
     strains = derivative(ply.law_strain, sheared, du)
-    rows = (asked.matrix @ du / asked.areas).reshape(2, -1)
-    if rows.shape[1] < strains[0].size:  # of means, which every part of an element has
-        rows = rows[:, asked._elements_of_law(), None]
+    rows = (constraints.matrix @ du / constraints.areas).reshape(2, -1)
+    if rows.shape[1] < strains[0].size:  # means, which all parts of an element share
+        rows = rows[:, constraints._elements_of_law(), None]
         rows = np.broadcast_to(rows, strains.shape)
     else:
         rows = rows.reshape(strains.shape)
@@ -66,21 +66,21 @@ def test_constraints_are_the_derivative_of_the_strain_that_the_law_sees(method):
 
 
 @each_method
-def test_on_a_finer_mesh_the_same_tensions_do_the_same_work(method):
-    """On homogeneous strain; and no motion of a mesh is missing on the finer one."""
-    asked = Case(method, IRREGULAR, 4, SHEARED).constraints()
-    fine, matrix = asked.on_finer_mesh(1)
+def test_the_same_tensions_do_the_same_work_on_a_finer_mesh(method):
+    """On homogeneous strain; and the finer mesh has every motion of the coarse one."""
+    constraints = Case(method, IRREGULAR, 4, SHEARED).constraints()
+    fine, matrix = constraints.on_finer_mesh(1)
     gradient = np.array([[0.3, -0.2], [0.5, 0.7]])
     work = [
         B @ homogeneous(basis, gradient)
-        for B, basis in ((asked.matrix, asked.basis), (matrix, fine))
+        for B, basis in ((constraints.matrix, constraints.basis), (matrix, fine))
     ]
     np.testing.assert_allclose(*work, atol=1e-12)
     assert np.abs(work[0]).max() > 1e-3
-    assert 0.9 < spectrum(asked, 1).values[-1] < 1 + 1e-4
+    assert 0.9 < spectrum(constraints, 1).values[-1] < 1 + 1e-4
 
 
-def test_2x2_points_hold_along_fibres_and_lock_across():
+def test_2x2_points_are_stable_along_fibres_and_lock_across():
     along = [found(TWO_BY_TWO, ALONG, n) for n in (4, 8)]
     assert all(s.inf_sup > 0.9 for s in along)
     assert [s.kernel.shape[1] for s in along] == [2 * 5, 2 * 9]
@@ -90,7 +90,7 @@ def test_2x2_points_hold_along_fibres_and_lock_across():
         assert coarse.kernel.shape[1] == fine.kernel.shape[1] == 4
 
 
-def test_quadratic_triangles_lock_twice_as_fast_and_hold_polynomials_alone():
+def test_quadratic_triangles_lock_twice_as_fast_and_represent_only_polynomials():
     coarse, fine = (found(QUADRATIC, ACROSS_MESH, n) for n in (4, 8))
     assert 1.6 < np.log2(coarse.inf_sup / fine.inf_sup) < 2.2
     assert coarse.kernel.shape[1] == fine.kernel.shape[1] == 6
@@ -104,27 +104,27 @@ def test_means_keep_the_inf_sup_constant(method, layout):
 
 
 @pytest.mark.parametrize("method", [TWO_BY_TWO, MACRO, QUADRATIC_MEAN])
-def test_with_the_norm_of_l2_no_method_keeps_it(method):
-    """Not even 2×2 points along the fibres: the fabric itself has none."""
+def test_no_method_keeps_the_constant_in_the_l2_norm(method):
+    """The exception of 2×2 points along the fibres fails as well."""
     coarse, fine = (found(method, ALONG, n).in_l2 for n in (4, 8))
     assert 0.8 < np.log2(coarse / fine) < 1.3
 
 
-def test_one_point_does_not_though_it_does_not_lock():
+def test_one_point_does_not_keep_the_constant_though_it_does_not_lock():
     coarse, fine = (found(ONE_POINT, ALONG, n) for n in (4, 8))
     assert 0.8 < np.log2(coarse.inf_sup / fine.inf_sup) < 1.1
-    asked = Case(ONE_POINT, ALONG, 8).constraints()
-    from_mesh, from_kernel = distances(asked, fine.kernel, SMOOTH)
+    constraints = Case(ONE_POINT, ALONG, 8).constraints()
+    from_mesh, from_kernel = distances(constraints, fine.kernel, SMOOTH)
     assert from_kernel == pytest.approx(from_mesh, rel=1e-3)
 
 
 @each_method
 @pytest.mark.parametrize("layout", [ACROSS_MESH, IRREGULAR], ids=str)
 def test_the_inf_sup_constant_bounds_the_distance_from_the_kernel(method, layout):
-    asked = Case(method, layout, 8).constraints()
-    of = spectrum(asked, 2)
+    constraints = Case(method, layout, 8).constraints()
+    of = spectrum(constraints, 2)
     for profiles in (SMOOTH, KINKED):
-        from_mesh, from_kernel = distances(asked, of.kernel, profiles)
+        from_mesh, from_kernel = distances(constraints, of.kernel, profiles)
         assert from_mesh <= from_kernel * (1 + 1e-9)
         assert from_kernel <= (1 + 1 / of.inf_sup) * from_mesh
 
@@ -142,10 +142,10 @@ def test_shear_changes_the_norm_and_not_the_kernel(method):
 @pytest.mark.parametrize("shear", [0, SHEARED])
 def test_motions_stretch_no_fibre(shear):
     case = Case(MACRO, ACROSS_MESH, 4, shear)
-    x, asked = np.random.default_rng(1).random((2, 1, 20)), case.constraints()
-    u = unstretched(SMOOTH[0], x, case.directions(), asked.F)
+    x, constraints = np.random.default_rng(1).random((2, 1, 20)), case.constraints()
+    u = unstretched(SMOOTH[0], x, case.directions(), constraints.F)
     for A in case.directions().T:
-        A, F = A[:, None, None], asked.F[:, :, None, None]
+        A, F = A[:, None, None], constraints.F[:, :, None, None]
         assert kin.fibre_strain(F, A) == pytest.approx(0, abs=1e-15)
         np.testing.assert_allclose(
             ddot(kin.fibre_strain_d(F, A), u.grad), 0, atol=1e-13
@@ -153,21 +153,21 @@ def test_motions_stretch_no_fibre(shear):
     assert np.abs(u.grad).max() > 1
     step = 1e-6 * np.array([0.6, 0.8])[:, None, None]
     ahead, behind = (
-        unstretched(SMOOTH[0], y, case.directions(), asked.F).value
+        unstretched(SMOOTH[0], y, case.directions(), constraints.F).value
         for y in (x + step, x - step)
     )
     slope = np.einsum("iJ...,J...->i...", u.grad, 2 * step)
     np.testing.assert_allclose(ahead - behind, slope, atol=1e-12)
 
 
-def test_a_motion_that_the_mesh_holds_is_met_and_no_stiffer_than_exact():
+def test_a_motion_represented_by_the_mesh_has_its_exact_stiffness():
     for method in (QUADRATIC, QUADRATIC_MEAN):
-        asked = Case(method, ACROSS_MESH, 4).constraints()
-        kernel = spectrum(asked, 2).kernel
-        assert distances(asked, kernel, PARABOLA) == pytest.approx((0, 0), abs=1e-5)
-    asked = Case(QUADRATIC, ACROSS_MESH, 4).constraints()
-    assert stiffness(asked, PARABOLA) == pytest.approx(1, abs=1e-6)
-    assert stiffness(asked, SMOOTH) > 10
+        matrix = Case(method, ACROSS_MESH, 4).constraints()
+        kernel = spectrum(matrix, 2).kernel
+        assert distances(matrix, kernel, PARABOLA) == pytest.approx((0, 0), abs=1e-5)
+    matrix = Case(QUADRATIC, ACROSS_MESH, 4).constraints()
+    assert stiffness(matrix, PARABOLA) == pytest.approx(1, abs=1e-6)
+    assert stiffness(matrix, SMOOTH) > 10
 
 
 def test_plies_that_lock_are_many_times_too_stiff():
@@ -196,7 +196,7 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(study, "SHEARED_ACROSS", 4)
     assert main(["inf_sup", "--out", str(tmp_path)]) == 0
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {*STUDY.files, *drawn_here(STUDY), FILE}
+    assert names == {*STUDY.files, *drawable(STUDY), FILE}
     with open(tmp_path / "inf_sup.csv") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(some)
@@ -218,8 +218,8 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
     assert line in capsys.readouterr().out
 
 
-def test_words_are_of_the_finest_meshes_and_of_what_differs_most():
-    """On rows that are alike but for those that a result is about."""
+def test_words_describe_the_finest_meshes_and_the_largest_differences():
+    """On equal rows, except for the rows that a result describes."""
     rows = [
         {
             **{"method": c.method.name, "layout": str(c.layout), "shear": c.shear},

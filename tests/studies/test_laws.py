@@ -25,7 +25,7 @@ from studies.laws.study import (
     Case,
     judged_methods,
 )
-from tests.helpers import cells
+from tests.helpers import table_cells
 
 ALL = list(study.all_cases())
 
@@ -43,7 +43,7 @@ REFERENCE = [row(*mesh, x) for mesh, x in zip(REFERENCES, LOADS, strict=True)]
 
 
 def test_the_shared_case_has_one_reference_and_one_limit_in_both_studies():
-    """The stored loads of the linear law are those of the study of angles."""
+    """The stored loads of the linear law agree with the study of angles."""
     scene = SPECIMEN.scene(QUADS.mesh(16, 1))
     inextensible = scene.load(SPECIMEN.shear_law, 1.0)
     reference = cases_of_angles.stored()[SPECIMEN, ANGLES[-1]]["load"] * inextensible
@@ -53,8 +53,8 @@ def test_the_shared_case_has_one_reference_and_one_limit_in_both_studies():
     for method, elements in ((QUADS, "quads"), (TRIANGLES, "triangles")):
         for across in ACROSS:
             here = study.errors(rows, LINEAR, method, across)
-            there = of_angles[SPECIMEN, ANGLES[-1], elements, across]
-            np.testing.assert_allclose(here, there, atol=1e-5)
+            stored = of_angles[SPECIMEN, ANGLES[-1], elements, across]
+            np.testing.assert_allclose(here, stored, atol=1e-5)
             words = study.in_words(rows)
             limit = f"{100 * cases_of_angles.limit(SPECIMEN.inclination, across):g} %"
             assert words[f"limit_{across}"] == limit
@@ -71,7 +71,7 @@ def test_every_material_is_judged():
     assert steps == {(STEEP_SHEAR, 16), *((material, STEPS) for material in MATERIALS)}
 
 
-def test_meshes_have_so_many_edges_across():
+def test_meshes_have_the_stated_edges_across():
     for method in (QUADS, TRIANGLES, ONE_POINT):
         case = Case("judged", LINEAR, method, 16, 1)
         scene = case.scene()
@@ -80,7 +80,7 @@ def test_meshes_have_so_many_edges_across():
 
 
 def test_the_steep_shear_rises_a_hundredfold_from_30_to_55_degrees():
-    """To the few percent to which a curve through the table keeps its slopes."""
+    """To the few percent to which the interpolant of the table keeps its slopes."""
     slopes = STEEP_SHEAR.shear.tangent(np.radians([15.0, 42.5, 57.5, 70.0]))
     np.testing.assert_allclose(slopes, [0.5, 5.0, 50.0, 50.0], rtol=0.05)
 
@@ -97,29 +97,29 @@ def test_no_fibre_locks_on_meshes_along_the_fibres():
 def test_references_that_differ_by_half_a_percent_agree():
     text = study.references(REFERENCE)
     line = ["40.10", "40.08", "40.00", "+0.25 %", "-0.20 %", "yes"]
-    assert cells(text, "linear") == line
+    assert table_cells(text, "linear") == line
     apart = [row(FULL, 16, 40.4), *REFERENCE[1:]]
-    assert cells(study.references(apart), "linear")[-3:] == [
+    assert table_cells(study.references(apart), "linear")[-3:] == [
         "+1.00 %",
         "-0.20 %",
         "no",
     ]
     halving = [REFERENCE[0], row(QUADRATIC, 16, 40.4), REFERENCE[2]]
-    assert cells(study.references(halving), "linear")[-1] == "no"
-    assert cells(text, "toe") == [*["-"] * 5, "no"]
+    assert table_cells(study.references(halving), "linear")[-1] == "no"
+    assert table_cells(text, "toe") == [*["-"] * 5, "no"]
 
 
-def test_loads_are_judged_by_the_median_beside_the_finest_quadratic_triangles():
+def test_loads_are_judged_by_the_median_against_the_finest_triangles():
     texts = "load factor 1: deviations contribute 12% | the path was not resolved at 1"
     rows = [row(QUADS, 16, x) for x in (40.4, 39.4)]
     rows += [row(QUADS, 16, 42.0, texts), row(QUADS, 16, np.nan, texts)]
     rows += [row(QUADS, 32, x) for x in (41.2, 41.0, 40.1)]
-    line = cells(study.judged([*REFERENCE, *rows]), "linear", "default, quads")
+    line = table_cells(study.judged([*REFERENCE, *rows]), "linear", "default, quads")
     median, worst, within, warned = line[:4]
     assert (median, worst) == ("+1.00 % (1 refused)", "+5.00 %")
     assert (within, warned) == ("yes, 2 of 4", "deviations 2, path 2")
     assert line[4:] == ["+2.50 %", "+3.00 %", "no, 1 of 3", "-"]
-    assert cells(study.judged(rows), "linear", "default, quads") == ["-"] * 8
+    assert table_cells(study.judged(rows), "linear", "default, quads") == ["-"] * 8
 
 
 def test_medians_within_the_limits_are_counted():
@@ -130,15 +130,15 @@ def test_medians_within_the_limits_are_counted():
     ]
     off_by = 0.03, 0.005, 0.015, -0.07, 0.03
     rows += [
-        row(method, across, 40 * (1 + off), material=material)
-        for material, off in zip(MATERIALS, off_by, strict=True)
+        row(method, across, 40 * (1 + error), material=material)
+        for material, error in zip(MATERIALS, off_by, strict=True)
         for method in judged_methods(material)
         for across in ACROSS
     ]
     words = study.in_words(rows)
     assert (words["met"], words["met_half"]) == ("12 of 20", "6 of 20")
-    found = [words[f"quads_32{end}"] for end in ("", "_steep", "_others")]
-    assert found == ["7.0 %", "7.0 %", "3.0 %"]
+    counts = [words[f"quads_32{end}"] for end in ("", "_steep", "_others")]
+    assert counts == ["7.0 %", "7.0 %", "3.0 %"]
     assert words["in_more_steps"] == "0.0 %"
 
 
@@ -162,6 +162,6 @@ def test_a_refused_case_has_no_load(monkeypatch):
         return stepper(ply, conditions, 1, method=PlainNewton(most=2), max_halvings=0)
 
     monkeypatch.setattr(study, "LoadStepper", balks)
-    (found,) = STUDY.examine(Case("judged", LINEAR, QUADS, 8, 1))
-    assert np.isnan(found["load"])
-    assert "stopped at load factor 0" in found["refused"]
+    (row,) = STUDY.examine(Case("judged", LINEAR, QUADS, 8, 1))
+    assert np.isnan(row["load"])
+    assert "stopped at load factor 0" in row["refused"]

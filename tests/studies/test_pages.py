@@ -1,4 +1,4 @@
-"""Pages say what the data of the studies say, or the check fails."""
+"""Pages agree with the data of the studies, or the check fails."""
 
 import re
 
@@ -27,7 +27,7 @@ SETTINGS = '"docs/page.md" = ["with 5 % of noise"]\n'
 
 
 class Squares(Study):
-    """A study of next to nothing."""
+    """A minimal study."""
 
     parts = (
         Part(
@@ -83,7 +83,7 @@ def replaced(file, old, new):
     file.write_text(text.replace(old, new))
 
 
-def test_pages_that_say_what_the_data_say_pass(docs, capsys):
+def test_pages_that_agree_with_the_data_pass(docs, capsys):
     assert pages.main(check=True) == 0
     assert capsys.readouterr().err == ""
 
@@ -121,17 +121,17 @@ def test_pages_that_say_what_the_data_say_pass(docs, capsys):
         ("page.md", ".largest", ".least", "unknown result squares.least"),
     ],
 )
-def test_a_change_of_a_page_or_its_data_is_found(docs, capsys, file, old, new, named):
+def test_changes_of_pages_or_their_data_are_found(docs, capsys, file, old, new, named):
     replaced(docs / file, old, new)
     assert pages.main(check=True) == 1
     assert named in capsys.readouterr().err
 
 
-def test_data_that_the_code_no_longer_gives_are_found(docs, monkeypatch, capsys):
+def test_data_that_the_code_does_not_reproduce_are_detected(docs, monkeypatch, capsys):
     monkeypatch.setattr(Squares, "square", lambda self, number: 1.001 * number**2)
     assert pages.main(check=True) == 1
-    said = capsys.readouterr().err
-    assert "squares, 2: square is 4.004, not 4.0" in said
+    stderr = capsys.readouterr().err
+    assert "squares, 2: square is 4.004, not 4.0" in stderr
 
 
 def test_results_without_their_origin_are_named(docs, capsys):
@@ -154,7 +154,7 @@ def test_results_are_written_into_pages_and_tables(docs):
 
 
 def test_every_page_with_prose_is_checked_and_every_marker_is_filled():
-    """A page of the documentation is looked at, or describes interfaces alone."""
+    """A page of the documentation is checked, or describes interfaces only."""
     docs = pages.ROOT / "docs"
     names = {page.relative_to(docs).stem for page in docs.glob("*.md")}
     interfaces = {"api", "architecture", "cite", "decks"}

@@ -22,7 +22,7 @@ def test_the_papers_equations_along_x_are_reproduced_to_every_digit(element, fir
     assert np.abs(system.difference).max() < HALF_A_DIGIT
 
 
-def test_the_papers_equations_along_y_are_reproduced_but_for_a_factor():
+def test_the_papers_equations_along_y_are_reproduced_up_to_a_factor():
     system = BY_NAME["unaligned", "2x2", "A", "y"]
     assert system.factor == 0.4
     assert np.abs(system.difference).max() < HALF_A_DIGIT
@@ -54,14 +54,14 @@ def test_one_point_leaves_one_velocity_free(mesh):
             assert BY_NAME[mesh, "one point", element, direction].rank == 1
 
 
-def test_one_point_equations_are_the_papers():
+def test_one_point_equations_agree_with_the_paper():
     rows = [BY_NAME["unaligned", "one point", e, "x"].rows[0] for e in "AB"]
     np.testing.assert_allclose(rows, [[0.8, -1.2, 0.0], [-1.2, 0.8, -2 / 3]])
     (vertical,) = BY_NAME["unaligned", "one point", "A", "y"].rows
     assert vertical[0] == pytest.approx(vertical[1])  # v3 = -v4
 
 
-def test_the_slips_are_slips():
+def test_the_listed_errors_are_errors_of_the_paper():
     evidence = " ".join(slip.evidence for slip in slips())
     for number in ("62.50°", "17.6 times", "is 0, at the opposite node 1", "0.4 times"):
         assert number in evidence
@@ -87,7 +87,7 @@ def test_the_table_shows_the_printed_digits(digits):
     assert any(digits in cell for cell in printed)
 
 
-def test_two_elements_write_their_systems_alone(tmp_path, capsys):
+def test_two_elements_write_their_systems_only(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["paper", "--case", "two elements", "--out", str(out)]) == 0
     names = {"systems.json", "systems.md", FILE}
@@ -126,9 +126,7 @@ def test_strips_are_tabled_and_one_that_stops_does_not_stop_the_others(
     assert "Fig. 11" in capsys.readouterr().out
 
 
-def test_a_run_of_the_two_elements_keeps_strips_and_pictures(
-    tmp_path, monkeypatch, capsys
-):
+def test_a_run_of_two_elements_keeps_strips_and_pictures(tmp_path, monkeypatch, capsys):
     pytest.importorskip("pyvista")
     monkeypatch.setattr(study, "strips", lambda: FEW[:2])
     out = str(tmp_path)
@@ -143,7 +141,7 @@ def test_a_run_of_the_two_elements_keeps_strips_and_pictures(
     assert STUDY.stored(tmp_path) == rows
 
 
-def test_rates_differ_from_the_energy_by_what_differs_most():
+def test_the_difference_of_rates_and_energy_is_the_largest_one():
     energy = {"figure": "11c", "element": "one point, Cs = 10"}
     energy |= dict.fromkeys(MEASURED, -2.0)
     rate = energy | {"element": "one point, Cs = 10, rate", "load (N)": -2.1}

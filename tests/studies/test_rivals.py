@@ -39,18 +39,18 @@ def ply_of(task, shape):
     return Ply(scene.mesh, fabric, FORMULATIONS[shape](8 * task.G))
 
 
-def there(rival):
+def available(rival):
     if missing := rival.missing():
         pytest.skip(f"not installed: {missing}")
     return rival
 
 
 @pytest.mark.parametrize("rival", SAME_AS_OURS, ids=name)
-def test_a_rival_ends_where_this_library_does(rival):
+def test_a_rival_and_this_library_have_the_same_final_state(rival):
     task = task_of(rival.shape)
     ply = ply_of(task, rival.shape)
     result = LoadStepper(ply, task.scene.conditions, 5).run()
-    run = there(rival).run(task, 5, repeats=2)
+    run = available(rival).run(task, 5, repeats=2)
     np.testing.assert_allclose(run.u, result.u, rtol=0, atol=1e-6)
     reaction = task.scene.reaction(result.states[-1])
     np.testing.assert_allclose(task.reaction(run.f), reaction, rtol=1e-6, atol=1e-6)
@@ -62,9 +62,9 @@ def test_a_rival_ends_where_this_library_does(rival):
     "rival", [r for r in SAME_AS_OURS if not isinstance(r, Dolfinx)], ids=name
 )
 @pytest.mark.parametrize("G", [0.0, 0.5])
-def test_forces_and_tangent_are_those_of_this_library(rival, G):
+def test_forces_and_tangent_agree_with_this_library(rival, G):
     task = task_of(rival.shape, strip, G=G, size=(3, 4))
-    system = there(rival).system(task)
+    system = available(rival).system(task)
     scene, C = task.scene, 8 * G or 1e-4 * task.E
     fabric = Fabric(task.E, G, scene.warp, scene.weft)
     ply = Ply(scene.mesh, fabric, FORMULATIONS[rival.shape](C))
@@ -75,9 +75,9 @@ def test_forces_and_tangent_are_those_of_this_library(rival, G):
     assert abs(K - expected).max() < 1e-9 * abs(expected).max()
 
 
-def test_biquadratic_quadrilaterals_are_those_of_felupe():
+def test_biquadratic_quadrilaterals_agree_with_felupe():
     task = task_of(QUAD9, strip, size=(2, 3))
-    felupe = there(FElupe(QUAD9)).run(task, 10, repeats=0)
+    felupe = available(FElupe(QUAD9)).run(task, 10, repeats=0)
     plain = Plain(QUAD9).run(task, 10, repeats=0)
     np.testing.assert_allclose(plain.u, felupe.u, rtol=0, atol=1e-6)
     assert len(task.nodes.T) == 5 * 7
@@ -86,7 +86,7 @@ def test_biquadratic_quadrilaterals_are_those_of_felupe():
 @pytest.mark.parametrize("rival", RIVALS, ids=name)
 def test_an_iteration_is_timed_in_two_parts(rival):
     task = task_of(rival.shape)
-    for seconds in there(rival).iterations(task, np.zeros(task.nodes.size), 2):
+    for seconds in available(rival).iterations(task, np.zeros(task.nodes.size), 2):
         assert len(seconds) == 2
         assert min(seconds) > 0
 
@@ -137,12 +137,12 @@ def test_a_pattern_is_analysed_once(monkeypatch):
 
 
 def test_a_matrix_that_is_singular_to_working_precision_is_left_to_scipy(monkeypatch):
-    said = []
-    monkeypatch.setattr(linear, "spsolve", lambda A, b: said.append(1) or 0 * b)
+    messages = []
+    monkeypatch.setattr(linear, "spsolve", lambda A, b: messages.append(1) or 0 * b)
     task = task_of(QUAD4)
     A, b = system_of(task, np.zeros(task.nodes.size))
     SolverOfThisLibrary(task)(0 * A, b)
-    assert said == [1]
+    assert messages == [1]
 
 
 def test_in_process_rivals_converge_alike_with_either_solver():
@@ -161,7 +161,7 @@ def test_cells_of_triangles_run_anticlockwise_with_the_middles_of_their_edges():
         np.testing.assert_allclose(x[:, middle], (x[:, i] + x[:, j]) / 2)
 
 
-def test_prescribed_values_are_those_of_the_scene():
+def test_prescribed_values_agree_with_the_scene():
     task = task_of(QUAD4, strip)
     halfway, end = task.values(2)
     exact = task.scene.displacement(task.nodes, 0.5).T.ravel()
@@ -169,15 +169,15 @@ def test_prescribed_values_are_those_of_the_scene():
     assert np.abs(end).max() > np.abs(halfway).max()
 
 
-def test_too_long_a_step_is_told_and_not_a_warning():
-    """Plain Newton iterations do not find this strip in one step, but in ten."""
+def test_too_long_a_step_is_an_error_and_not_a_warning():
+    """Plain Newton iterations solve this strip not in one step, but in ten."""
     task = task_of(QUAD4, strip, 1e4, 0.0, (10, 15))
     with pytest.raises(NotConvergedError, match="not"):
         Plain(QUAD4).run(task, 1, repeats=0)
     Plain(QUAD4).run(task, 10, repeats=0)
 
 
-def test_a_singular_tangent_is_told_and_not_a_warning():
+def test_a_singular_tangent_is_an_error_and_not_a_warning():
     task = task_of(QUAD4, strip, 1e4, 0.0, (1, 1))
     system = Plain(QUAD4).system(task)
     system.tangent = lambda u: 0.0 * type(system).tangent(system, u)
@@ -185,13 +185,13 @@ def test_a_singular_tangent_is_told_and_not_a_warning():
         newton.timed(lambda: system, task.values(1), repeats=0)
 
 
-def test_what_goes_wrong_in_the_process_of_dolfinx_is_one_line():
-    rival = there(Dolfinx(QUAD9))
+def test_errors_in_the_process_of_dolfinx_are_one_line():
+    rival = available(Dolfinx(QUAD9))
     with pytest.raises(DolfinxError, match=r"^DOLFINx: KeyError: 9$"):
         rival.run(task_of(QUAD9, size=(2, 4)), 1, repeats=0)
 
 
-def test_without_an_interpreter_that_has_it_dolfinx_is_missing(monkeypatch):
+def test_dolfinx_is_missing_without_its_interpreter(monkeypatch):
     monkeypatch.setattr(codes, "interpreter", lambda: None)
     assert "python3-dolfinx" in Dolfinx(QUAD4).missing()
 

@@ -1,4 +1,4 @@
-"""How studies are run: listed, chosen, interrupted, killed and resumed."""
+"""Studies are listed, selected, interrupted, killed and resumed."""
 
 import json
 import os
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 
 
 class Squares(Study):
-    """A study of next to nothing."""
+    """A minimal study."""
 
     parts = (Part("squares.csv"),)
     shown = "{number} squared is {square}"
@@ -51,16 +51,16 @@ def squares(monkeypatch, tmp_path):
     return lambda *words: __main__.main(["squares", "--out", str(tmp_path), *words])
 
 
-def test_studies_are_listed_with_what_they_tell(capsys):
+def test_studies_are_listed_with_their_summaries(capsys):
     assert __main__.main([]) == 0
-    told = capsys.readouterr().out.splitlines()
-    names = [line.split()[0] for line in told]
+    output = capsys.readouterr().out.splitlines()
+    names = [line.split()[0] for line in output]
     assert {"paper", "formulations", "stability", "error_time", "speed"} <= set(names)
     assert names == list(descriptions())
     assert all(isinstance(load(name), Study) for name in names)
 
 
-def test_listing_loads_no_study():
+def test_listing_imports_no_study():
     script = (
         "import sys; from studies.study import descriptions; descriptions(); "
         "print([m for m in sys.modules if m in ('numpy', 'skfem_textile')])"
@@ -79,7 +79,7 @@ def test_every_case_is_examined_and_reported(squares, tmp_path, capsys):
     assert (tmp_path / "squares.csv").read_bytes().count(b"\n") == 4
 
 
-def test_results_say_where_they_come_from(squares, tmp_path):
+def test_results_contain_their_origin(squares, tmp_path):
     squares("--bad", "5")
     (run,) = json.loads((tmp_path / "provenance.json").read_text())["squares"]
     assert run["options"] == {"bad": 5}
@@ -94,7 +94,7 @@ def test_results_say_where_they_come_from(squares, tmp_path):
     assert [one["options"] for one in runs] == [{"bad": 5}, {"bad": -1}]
 
 
-def test_a_run_of_some_cases_leaves_the_others_as_they_are(squares, tmp_path):
+def test_a_run_of_some_cases_does_not_change_the_others(squares, tmp_path):
     squares()
     file = tmp_path / "squares.csv"
     file.write_text(file.read_text().replace("square of 3,3,9", "square of 3,3,-9"))
@@ -117,19 +117,19 @@ def test_cases_are_chosen_by_name(squares, capsys):
         (("--bad", "x"), "invalid int value: 'x'"),
     ],
 )
-def test_bad_input_is_answered_in_one_line(squares, tmp_path, capsys, words, answer):
+def test_bad_input_is_rejected_in_one_line(squares, tmp_path, capsys, words, answer):
     try:
         code = squares(*words)
     except SystemExit as end:
         code = end.code
     assert code == 2
-    said = capsys.readouterr().err
-    assert answer in said
-    assert said.count("\n") == 1
+    stderr = capsys.readouterr().err
+    assert answer in stderr
+    assert stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_study_may_complain(squares, capsys):
+def test_a_study_may_report_a_complaint(squares, capsys):
     assert squares("--bad", "4") == 1
     assert "1 are bad" in capsys.readouterr().err
 
@@ -169,16 +169,16 @@ if __name__ == "__main__":
 """
 
 
-def test_a_study_that_was_killed_goes_on_and_its_report_is_the_same(tmp_path):
+def test_a_killed_study_is_resumed_with_the_same_report(tmp_path):
     (tmp_path / "study.py").write_text(STUDY)
     command = [sys.executable, "study.py", "--out"]
     options = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": str(ROOT)}}
-    kept = tmp_path / "killed" / "stability-unfinished.jsonl"
+    part = tmp_path / "killed" / "stability-unfinished.jsonl"
     started = tmp_path / "b"
     two = "--workers", "2"
     with subprocess.Popen([*command, "killed", *two], **options) as study:
         wait_until(lambda: started.is_file() and started.read_text().endswith(" "))
-        wait_until(lambda: kept.is_file() and len(kept.read_text().splitlines()) == 3)
+        wait_until(lambda: part.is_file() and len(part.read_text().splitlines()) == 3)
         study.send_signal(signal.SIGKILL)
     (left,) = {int(pid) for pid in started.read_text().split()}
     wait_until(lambda: not is_alive(left))
@@ -186,7 +186,7 @@ def test_a_study_that_was_killed_goes_on_and_its_report_is_the_same(tmp_path):
     subprocess.run([*command, "killed", "--resume"], **options, check=True)
     runs = [len((tmp_path / name).read_text().split()) for name in "abcd"]
     assert runs == [1, 2, 1, 1]
-    assert not kept.exists()
+    assert not part.exists()
     subprocess.run([*command, "whole"], **options, check=True)
     files = [p.name for p in (tmp_path / "whole").iterdir()]
     assert len(files) == 3

@@ -1,4 +1,4 @@
-"""The benchmarks: their tables are those of the results in the documentation."""
+"""The tables of the benchmarks agree with the results in the documentation."""
 
 import json
 from pathlib import Path
@@ -27,7 +27,7 @@ def results(stored):
     return {row["case"]: row for row in stored}
 
 
-def test_tables_are_made_of_the_results(stored):
+def test_tables_follow_from_the_results(stored):
     assert {row["case"] for row in stored} >= {"needs", "iteration", "scaling"}
     for row in stored:
         texts = STUDY.tables([row])
@@ -43,7 +43,7 @@ def test_every_benchmark_has_its_functions():
     assert all(name.endswith(".md") for tables in TABLES.values() for name in tables)
 
 
-def test_one_benchmark_leaves_the_results_of_others(tmp_path, monkeypatch, results):
+def test_one_benchmark_keeps_the_results_of_others(tmp_path, monkeypatch, results):
     monkeypatch.setattr(study, "in_new_process", lambda *_: results["needs"])
     others = {f.name: f.read_bytes() for f in DOCS.iterdir() if "needs" not in f.name}
     for name, content in others.items():
@@ -71,13 +71,13 @@ def terms_of(arguments, dimension):
     return {term.name for term in Ply(*arguments, dimension=dimension).terms}
 
 
-def test_each_feature_adds_its_terms_to_those_before():
+def test_each_feature_adds_its_terms_to_the_previous_ones():
     count = 1 + one_ply.FEATURES.index("bending of fibres")
     terms = [
         terms_of(*one_ply._with_features(one_ply.FEATURES[:n], ELEMENTS))
         for n in range(1, count + 1)
     ]
-    added = [now - before for before, now in zip([set(), *terms], terms, strict=False)]
+    added = [new - old for old, new in zip([set(), *terms], terms, strict=False)]
     none = set()
     assert added == [
         *({"tension", "corners"}, {"stabilisation"}, {"shear"}, none, none),
@@ -86,29 +86,29 @@ def test_each_feature_adds_its_terms_to_those_before():
 
 
 @pytest.mark.parametrize("name", one_ply.UNUSED)
-def test_a_feature_that_is_zero_adds_no_term(name):
+def test_a_zero_feature_adds_no_term(name):
     absent, zero = (terms_of(*one_ply._without(name, x, ELEMENTS)) for x in (0, 1))
     assert zero == absent
     assert name not in zero
 
 
-def test_a_feature_that_is_zero_loads_no_module():
+def test_a_zero_feature_imports_no_module():
     runs = [needs.run(kind, "bending", ELEMENTS) for kind in ("absent", "zero")]
     absent, zero = (set(needs.own_modules(run)) for run in runs)
     assert zero == absent
     assert "skfem_textile.ply.ply" in zero
 
 
-def test_a_strip_loads_no_picture_file_format_or_tool(results):
-    """Stored counts are those of the code."""
+def test_a_strip_imports_no_picture_file_format_or_tool(results):
+    """Stored counts agree with the code."""
     strip, sphere = (needs.loaded(name) for name in ("strip", "sphere"))
     assert not {"meshio", "pyvista", "matplotlib", "rich"} & set(strip["heavy"])
     assert strip["own"] < sphere["own"]
-    for name, now in (("strip", strip), ("sphere", sphere)):
-        assert results["modules"]["scenes"][name]["own"] == now["own"]
+    for name, current in (("strip", strip), ("sphere", sphere)):
+        assert results["modules"]["scenes"][name]["own"] == current["own"]
 
 
-def test_stored_features_that_are_zero_add_nothing(results):
+def test_stored_zero_features_add_nothing(results):
     for unused in results["needs"]["unused"].values():
         assert unused["further_terms"] == unused["further_modules"] == []
 
@@ -117,7 +117,7 @@ def costs(median, scatter=0.0):
     return {"median": median, "least": median - scatter, "most": median + scatter}
 
 
-def test_changes_within_their_scatter_are_none():
+def test_changes_within_their_scatter_are_not_significant():
     features = {
         "first": {"memory": costs(60.0)},
         "second": {"memory": costs(61.0, 3.0), "assembly": costs(3.0)},
@@ -138,7 +138,7 @@ def test_shares_have_median_and_quartiles():
     assert study._share(none) == "0.0 % (−1.0 to 0.0 %)"
 
 
-def test_results_are_in_words(stored, results):
+def test_results_are_summarised_in_words(stored, results):
     text = STUDY.figures(stored)
     whole = results["whole_strip"]
     assert text["strip_ratio"] == f"{whole['stock_over_own']:.0f}"

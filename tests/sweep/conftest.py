@@ -27,7 +27,7 @@ def client():
 def executor(request):
     """Executors that tests share; their processes start with as many threads as cores.
 
-    Other tests have run on them before: failures and deaths leave them fit for use.
+    Failures and deaths in earlier tests do not impair them.
     """
     with pytest.MonkeyPatch.context() as environment:
         for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):

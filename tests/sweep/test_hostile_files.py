@@ -1,4 +1,4 @@
-"""Damaged files of sweeps are refused and left as they are, or completed rightly."""
+"""Damaged files of sweeps are rejected and left unchanged, or completed correctly."""
 
 import json
 import os
@@ -11,18 +11,18 @@ from hypothesis import strategies as st
 
 from skfem_textile.solve.sweep import sweep
 from studies.common.running import errors_only
-from tests.helpers.hostile import RIGHT, Family, demand, demand_equal, refused
+from tests.helpers.hostile import RIGHT, Family, expect, expect_equal, rejected
 from tests.helpers.hostile.damage import REPLACEMENTS, TO_BYTES, replace_file
 
-# Names of cases; they hold characters that JSON escapes.
+# Names of cases, with characters that JSON escapes.
 CASES = ("0", "a b", "größe", '"', "\\", "two\nlines", "{}", "")
 
-# A plain description of the file, apart from the library
+# A plain description of the file, independent of the library
 
 START, FOUND, DIGEST, END = '{"case": ', ', "found": ', ', "digest": "', '"}'
 
 
-def sealed(start):
+def with_digest(start):
     """The start of a line, case and result, with its digest and its end."""
     start += DIGEST.encode()
     return start + sha256(start).hexdigest()[:16].encode() + END.encode() + b"\n"
@@ -30,13 +30,13 @@ def sealed(start):
 
 def line(case, result):
     name = json.dumps(case, ensure_ascii=False)
-    return sealed(f"{START}{name}{FOUND}{json.dumps(result)}".encode())
+    return with_digest(f"{START}{name}{FOUND}{json.dumps(result)}".encode())
 
 
 def entry(text):
     """Case and result of a line; None if no sweep writes such a line."""
     start, mark, _ = text.rpartition(DIGEST.encode())
-    if not mark or sealed(start) != text + b"\n":
+    if not mark or with_digest(start) != text + b"\n":
         return None
     try:
         content = json.loads(text)
@@ -50,11 +50,11 @@ def entry(text):
 
 
 class Content(NamedTuple):
-    """What a file holds.
+    """The content of a file.
 
     ``good`` are results by their cases; a case with several has none, unless they are
-    equal.  ``is_sweep`` tells whether the file is empty or has a line of a sweep,
-    ``kept`` are the bytes that no sweep may remove: all but a torn last line.
+    equal.  ``is_sweep`` is True if the file is empty or has a line of a sweep, ``kept``
+    are the bytes that no sweep may remove: all but a torn last line.
     """
 
     good: dict
@@ -64,21 +64,23 @@ class Content(NamedTuple):
 
 def read(content):
     *lines, rest = content.split(b"\n")
-    entries = [found for text in lines if (found := entry(text))]
+    entries = [parsed for text in lines if (parsed := entry(text))]
     results = {}
     for case, result in entries:
         results.setdefault(case, set()).add(result)
     good = {
-        case: json.loads(min(own)) for case, own in results.items() if len(own) == 1
+        case: json.loads(min(texts))
+        for case, texts in results.items()
+        if len(texts) == 1
     }
     is_torn = rest[: len(START)] == START.encode()[: len(rest)]
-    kept = content[: len(content) - len(rest)] if is_torn else content
-    return Content(good, bool(entries) or not content, kept)
+    preserved = content[: len(content) - len(rest)] if is_torn else content
+    return Content(good, bool(entries) or not content, preserved)
 
 
 # Damage
 
-# Lines that no sweep writes, and starts of lines that get a right digest.
+# Lines that no sweep writes, and starts of lines that receive a valid digest.
 FOREIGN = (
     *(b"", b" ", b"\r", b"[]", b"{}", b"null", b"a note of mine", b"\x00" * 40),
     *(b'{"case": "0", "found": 1}', b'{"case": "0", "found": 1, "digest": "0"}'),
@@ -93,7 +95,7 @@ FORGED = (
 RESULTS = (0, 1.5, None, "text", [], {"value": 2}, float("nan"), 10**400)
 
 foreign = st.sampled_from(FOREIGN)
-forged = st.sampled_from(FORGED).map(sealed)
+forged = st.sampled_from(FORGED).map(with_digest)
 
 
 def inserted(draw, content, new):
@@ -112,12 +114,12 @@ def one_less_or_twice(draw, content):
 
 
 def edited(draw, content):
-    """Another result of a case, in its place, with a right digest or the old one."""
+    """Another result of a case, in its place, with a valid digest or the old one."""
     lines = content.splitlines(keepends=True) or [b""]
     i = draw(st.integers(0, len(lines) - 1))
-    if not (found := entry(lines[i].removesuffix(b"\n"))):
+    if not (parsed := entry(lines[i].removesuffix(b"\n"))):
         return content
-    other = line(found[0], draw(st.sampled_from(RESULTS)))
+    other = line(parsed[0], draw(st.sampled_from(RESULTS)))
     if draw(st.booleans()):
         other = other[:-19] + lines[i][-19:]
     lines[i : i + draw(st.integers(0, 1))] = [other]
@@ -143,7 +145,7 @@ DAMAGES = (
 
 @st.composite
 def files(draw):
-    """The content of a file, and perhaps what takes the place of the file."""
+    """The content of a file, and perhaps a replacement of the file."""
     number = draw(st.integers(1, len(CASES)))
     content = b"".join(line(case, result(case)) for case in CASES[:number])
     for _ in range(draw(st.sampled_from((1, 1, 2, 3)))):
@@ -176,25 +178,25 @@ def attempt(hostile):
         with ThreadPoolExecutor(1) as executor:
             results = dict(sweep(run, CASES, executor, out=out, key=str))
     except (ValueError, OSError) as error:
-        demand(not is_file or out.read_bytes() == before, f"changed, then {error}")
-        # A broken link takes the place of the file, for which `exists` is false.
+        expect(not is_file or out.read_bytes() == before, f"changed, then {error}")
+        # A broken link replaces the file; `exists` is false for it.
         is_free = is_file or not os.path.lexists(out)
-        demand(not (plain.is_sweep and is_free), f"a sweep is refused: {error}")
-        return refused(error)
-    demand(plain.is_sweep, "a file that no sweep wrote is taken")
+        expect(not (plain.is_sweep and is_free), f"a sweep is refused: {error}")
+        return rejected(error)
+    expect(plain.is_sweep, "a file that no sweep wrote is taken")
     right = {case: plain.good.get(case, result(case)) for case in CASES}
     # NaN is not equal to itself.
-    demand_equal(
+    expect_equal(
         "results", repr(results), repr({case: right[case] for case in results})
     )
-    demand_equal("cases", set(results), set(CASES))
-    demand_equal("cases that ran", sorted(called), sorted({*CASES} - {*plain.good}))
-    demand(out.read_bytes().startswith(plain.kept), "whole lines are lost")
+    expect_equal("cases", set(results), set(CASES))
+    expect_equal("cases that ran", sorted(called), sorted({*CASES} - {*plain.good}))
+    expect(out.read_bytes().startswith(plain.kept), "whole lines are lost")
     return RIGHT
 
 
 FAMILY = Family("sweeps", {"": files()}, attempt, 1000, short=40)
 
 
-def test_a_damaged_file_of_a_sweep_is_refused_or_completed_rightly():
-    FAMILY.holds(40)
+def test_a_damaged_file_of_a_sweep_is_rejected_or_completed_correctly():
+    FAMILY.check(40)

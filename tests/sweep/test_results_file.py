@@ -29,7 +29,7 @@ def out(tmp_path):
 
 @pytest.fixture
 def swept(out, thread):
-    """A whole file; called, what a sweep into it gives."""
+    """A whole file; called, returns the results of a sweep into it."""
 
     def swept():
         return dict(sweep(sevenths, range(6), thread, out=out))
@@ -38,7 +38,7 @@ def swept(out, thread):
     return swept
 
 
-def test_results_are_on_disk_as_soon_as_they_come(out, thread):
+def test_results_are_written_as_soon_as_they_are_computed(out, thread):
     read = Event()
 
     def waits(n):
@@ -52,7 +52,7 @@ def test_results_are_on_disk_as_soon_as_they_come(out, thread):
     assert len(lines(out)) == 3
 
 
-def test_an_interrupted_sweep_does_not_run_again_what_it_has(out):
+def test_an_interrupted_sweep_does_not_repeat_finished_cases(out):
     calls, broken_off = Counter(), Event()
 
     def counted(n):
@@ -64,7 +64,7 @@ def test_an_interrupted_sweep_does_not_run_again_what_it_has(out):
         with closing(sweep(counted, range(9), executor, out=out)) as results:
             assert [next(results)[0] for _ in range(5)] == list(range(5))
         broken_off.set()
-    assert max(calls) <= 5  # the rest is taken back
+    assert max(calls) <= 5  # the rest is removed
     assert [int(line["case"]) for line in lines(out)] == list(range(5))
     calls.clear()
     with ThreadPoolExecutor(1) as executor:
@@ -74,7 +74,7 @@ def test_an_interrupted_sweep_does_not_run_again_what_it_has(out):
     assert len(lines(out)) == 9
 
 
-def test_a_torn_last_line_is_dropped_and_its_case_run_again(out, thread, swept):
+def test_a_torn_last_line_is_dropped_and_its_case_repeated(out, thread, swept):
     whole, calls = out.read_bytes(), []
 
     def called(n):
@@ -102,14 +102,14 @@ def test_a_torn_last_line_is_dropped_and_its_case_run_again(out, thread, swept):
         "\n",
     ],
 )
-def test_a_file_of_something_else_is_refused_and_left_alone(out, swept, text):
+def test_another_kind_of_file_is_rejected_and_left_unchanged(out, swept, text):
     out.write_text(text)
     with pytest.raises(ValueError, match=FOREIGN):
         swept()
     assert out.read_text() == text
 
 
-def test_the_line_that_is_damaged_is_told_and_its_case_run_again(out, swept, caplog):
+def test_a_damaged_line_is_reported_and_its_case_repeated(out, swept, caplog):
     whole = out.read_bytes().splitlines(keepends=True)
     edited = whole[2].replace(b"0.28", b"0.29")
     assert edited != whole[2]
@@ -119,13 +119,13 @@ def test_the_line_that_is_damaged_is_told_and_its_case_run_again(out, swept, cap
     assert out.read_bytes().splitlines(keepends=True)[-1] == whole[2]
 
 
-def test_of_many_unused_lines_five_are_told(out, swept, caplog):
+def test_five_of_many_unused_lines_are_reported(out, swept, caplog):
     out.write_bytes(out.read_bytes() + b"a note\n" * 8)
     assert swept() == RESULTS
     assert caplog.text.endswith("line(s) 7, 8, 9, 10, 11, and 3 more\n")
 
 
-def test_two_results_of_one_case_are_told_and_neither_is_taken(
+def test_two_results_of_one_case_are_reported_and_neither_is_used(
     tmp_path, thread, out, swept, caplog
 ):
     other = tmp_path / "other.jsonl"
@@ -136,7 +136,7 @@ def test_two_results_of_one_case_are_told_and_neither_is_taken(
     assert "line(s) 3, 7 are damaged" in caplog.text
 
 
-def test_what_was_added_to_a_file_is_not_cut_off(out, swept, caplog):
+def test_additions_to_a_file_are_not_cut_off(out, swept, caplog):
     whole = out.read_bytes()
     out.write_bytes(whole + b"a note of mine")
     assert swept() == RESULTS
@@ -156,9 +156,7 @@ def test_what_was_added_to_a_file_is_not_cut_off(out, swept, caplog):
         b'{"case": "0", "found": ' + b"[" * 50_000,
     ],
 )
-def test_a_line_that_makes_no_sense_is_told_whatever_its_digest(
-    out, swept, caplog, start
-):
+def test_an_invalid_line_is_reported_with_any_digest(out, swept, caplog, start):
     start += b', "digest": "'
     forged = start + hashlib.sha256(start).hexdigest()[:16].encode() + b'"}\n'
     out.write_bytes(out.read_bytes() + forged)
@@ -170,7 +168,7 @@ def test_a_line_that_makes_no_sense_is_told_whatever_its_digest(
     assert out.read_bytes() == forged
 
 
-def test_of_two_sweeps_on_one_file_the_second_is_told(out, thread):
+def test_a_second_sweep_on_one_file_is_rejected(out, thread):
     with closing(sweep(square, range(3), thread, out=out)) as first:
         assert next(first) == (0, 0)
         with pytest.raises(BlockingIOError, match="another run is writing to"):
@@ -178,25 +176,27 @@ def test_of_two_sweeps_on_one_file_the_second_is_told(out, thread):
     assert len(list(sweep(square, range(3), thread, out=out))) == 3
 
 
-def test_a_full_disk_is_told_and_the_next_sweep_goes_on(out, thread, monkeypatch):
-    told = "cannot write results to .*/out.jsonl: No space left on device; .*resume it"
+def test_a_full_disk_is_reported_and_the_next_sweep_continues(out, thread, monkeypatch):
+    message = (
+        "cannot write results to .*/out.jsonl: No space left on device; .*resume it"
+    )
     results = sweep(square, range(3), thread, out=out)
     next(results)
     with monkeypatch.context() as patch:
         patch.setattr("skfem_textile.solve.sweep.open", full_disk, raising=False)
-        with pytest.raises(OSError, match=told):
+        with pytest.raises(OSError, match=message):
             next(results)
     assert len(lines(out)) == 1
     assert len(list(sweep(square, range(3), thread, out=out))) == 3
 
 
-def test_what_is_no_file_is_refused(tmp_path, thread):
+def test_a_path_that_is_not_a_file_is_rejected(tmp_path, thread):
     for path in (tmp_path, Path("/dev/zero")):
         with pytest.raises(ValueError, match=FOREIGN):
             next(sweep(square, range(3), thread, out=path))
 
 
-def test_cases_on_file_have_names_of_their_own_that_last(out, thread):
+def test_names_of_cases_on_file_are_unique_and_permanent(out, thread):
     with pytest.raises(ValueError, match="two cases have the name 1"):
         list(sweep(square, [1, 2, 1], thread, out=out))
     with pytest.raises(ValueError, match="pass a key with the same name"):
@@ -205,7 +205,7 @@ def test_cases_on_file_have_names_of_their_own_that_last(out, thread):
     assert list(named) == [(len, 0)]
 
 
-def test_arrays_are_written_as_lists_and_what_cannot_be_written_is_named(out, thread):
+def test_arrays_are_written_as_lists_and_unsupported_objects_are_named(out, thread):
     array = sweep(lambda n: {"u": np.arange(n), "n": n}, [np.int64(2)], thread)
     assert isinstance(next(array)[1]["u"], np.ndarray)
     on_file = sweep(lambda n: {"u": np.arange(n)}, [2], thread, out=out)

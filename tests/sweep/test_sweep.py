@@ -23,20 +23,20 @@ ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "runs" / "sweep.py"
 
 
-def test_any_executor_will_do(executor: Executor):
+def test_any_executor_is_supported(executor: Executor):
     assert dict(sweep(sweep_cases.square, range(9), executor)) == {
         n: n * n for n in range(9)
     }
 
 
-def test_a_refused_load_step_fails_its_own_case_on_any_executor(executor):
-    results = sweep(sweep_cases.refuses, range(4), executor, retries=0)
+def test_a_failed_load_step_fails_its_case_only_on_any_executor(executor):
+    results = sweep(sweep_cases.fails_with_result, range(4), executor, retries=0)
     assert sorted(itertools.islice(results, 3)) == [(0, 0), (2, 2), (3, 3)]
     with pytest.raises(SweepError, match=r"^1 case.*: 1: .*StepError: stopped at load"):
         next(results)
 
 
-def test_a_case_that_fails_is_run_again(executor, tmp_path):
+def test_a_failing_case_is_repeated(executor, tmp_path):
     file = str(tmp_path / "tried")
     assert list(sweep(sweep_cases.fails_once, [file], executor)) == [(file, "done")]
 
@@ -47,13 +47,13 @@ def test_every_call_has_one_thread_of_linear_algebra(executor):
 
 
 @pytest.mark.parametrize("executor", ["workers"], indirect=True)
-def test_libraries_that_a_call_loads_have_one_thread_too(executor):
+def test_libraries_loaded_by_a_call_have_one_thread(executor):
     pytest.importorskip("pypardiso")
     ((_, threads),) = sweep(sweep_cases.threads_of_pardiso, [0], executor)
     assert threads == [1]
 
 
-def test_the_callers_own_threads_are_as_before():
+def test_the_threads_of_the_caller_are_unchanged():
     with threadpool_limits(3), ThreadPoolExecutor(2) as executor:
         before = sweep_cases.threads(None)
         results = dict(sweep(sweep_cases.threads, range(8), executor))
@@ -62,7 +62,7 @@ def test_the_callers_own_threads_are_as_before():
 
 
 @pytest.mark.parametrize("executor", ["workers"], indirect=True)
-def test_a_killed_worker_loses_only_its_own_case_which_is_run_again(tmp_path, executor):
+def test_a_killed_worker_loses_only_its_case_which_is_repeated(tmp_path, executor):
     cases = [(str(tmp_path), n) for n in range(6)]
     results = dict(sweep(sweep_cases.dies_once, cases, executor))
     assert results == {case: case[1] for case in cases}
@@ -73,11 +73,11 @@ def test_a_killed_worker_loses_only_its_own_case_which_is_run_again(tmp_path, ex
 def test_a_pool_that_breaks_keeps_its_results_and_the_next_sweep_resumes(tmp_path):
     out = tmp_path / "out.jsonl"
     cases = [(str(tmp_path), n) for n in (3, 1, 2)]
-    (tmp_path / "runs of 0").touch()  # for which the case that dies would wait
-    told = "ProcessPoolExecutor is broken .*WorkerProcesses, .* to resume it"
+    (tmp_path / "runs of 0").touch()  # for which the killed case would wait
+    message = "ProcessPoolExecutor is broken .*WorkerProcesses, .* to resume it"
     with sweep_cases.process_pool(1) as pool:
         results = sweep(sweep_cases.dies_once, cases, pool, out=out)
-        with pytest.raises(SweepError, match=told) as raised:
+        with pytest.raises(SweepError, match=message) as raised:
             list(results)
     assert [case for case, _ in raised.value.failed] == cases[1:]
     assert [line["found"] for line in sweep_cases.lines(out)] == [3]
@@ -89,7 +89,7 @@ def test_a_pool_that_breaks_keeps_its_results_and_the_next_sweep_resumes(tmp_pat
 
 
 class Breaks(Executor):
-    """The first result comes as the second case breaks it."""
+    """The first result arrives as the second case breaks the executor."""
 
     def __init__(self):
         self.first = None
@@ -102,7 +102,7 @@ class Breaks(Executor):
         raise BrokenExecutor
 
 
-def test_what_came_as_the_executor_broke_is_kept_and_no_more_cases_are_taken(tmp_path):
+def test_results_of_a_broken_executor_are_kept_and_no_more_cases_start(tmp_path):
     out, counter = tmp_path / "out.jsonl", iter(range(9))
     with pytest.raises(SweepError, match="Breaks is broken"):
         list(sweep(sweep_cases.square, counter, Breaks(), out=out))
@@ -117,7 +117,7 @@ class AtOnce(Executor):
         return future
 
 
-def test_a_result_does_not_wait_for_cases_to_be_taken():
+def test_a_result_does_not_wait_for_cases_to_be_drawn():
     counter = iter(range(9))
     assert next(sweep(sweep_cases.square, counter, AtOnce())) == (0, 0)
     assert next(counter) == 1
@@ -142,13 +142,13 @@ def test_a_case_that_always_fails_is_named_and_the_others_finish(tmp_path):
     assert calls == {1: 1}
 
 
-def test_of_many_failures_five_are_named_and_all_are_counted(thread):
+def test_five_of_many_failures_are_named_and_all_are_counted(thread):
     with pytest.raises(SweepError, match=r"^50 case.*; and 45 more$") as raised:
         list(sweep([].__getitem__, range(50), thread))
     assert len(raised.value.failed) == 50
 
 
-def test_cases_are_taken_as_they_are_needed(monkeypatch):
+def test_cases_are_drawn_as_they_are_needed(monkeypatch):
     module = import_module("skfem_textile.solve.sweep")
     monkeypatch.setattr(module, "_MAX_PENDING", 8)
     counter = iter(range(9999))
@@ -160,20 +160,16 @@ def test_cases_are_taken_as_they_are_needed(monkeypatch):
 
 
 @pytest.mark.long
-def test_all_of_this_holds_on_dask_and_the_example_runs_there(
-    client, tmp_path, monkeypatch
-):
-    """In one test, as a cluster takes seconds to start."""
+def test_sweeps_and_the_example_run_on_dask(client, tmp_path, monkeypatch):
+    """In one test, because a cluster takes seconds to start."""
     from dask import distributed
 
     with client.get_executor() as executor:
-        test_any_executor_will_do(executor)
-        test_a_refused_load_step_fails_its_own_case_on_any_executor(executor)
-        test_a_case_that_fails_is_run_again(executor, tmp_path)
+        test_any_executor_is_supported(executor)
+        test_a_failed_load_step_fails_its_case_only_on_any_executor(executor)
+        test_a_failing_case_is_repeated(executor, tmp_path)
         test_every_call_has_one_thread_of_linear_algebra(executor)
-        test_a_killed_worker_loses_only_its_own_case_which_is_run_again(
-            tmp_path, executor
-        )
+        test_a_killed_worker_loses_only_its_case_which_is_repeated(tmp_path, executor)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(
         distributed, "LocalCluster", lambda **_: nullcontext(client.cluster)
@@ -182,7 +178,7 @@ def test_all_of_this_holds_on_dask_and_the_example_runs_there(
 
 
 @pytest.mark.long
-def test_the_example_starts_a_cluster_of_its_own(tmp_path):
+def test_the_example_starts_a_separate_cluster(tmp_path):
     pytest.importorskip("dask.distributed")
     options = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": str(ROOT)}}
     subprocess.run([sys.executable, EXAMPLE, "--dask"], **options, check=True)
@@ -199,7 +195,7 @@ if __name__ == "__main__":
 """
 
 
-def test_an_error_from_a_process_says_where_it_arose():
+def test_an_error_from_a_process_contains_its_traceback():
     with WorkerProcesses(1) as executor:
         error = executor.submit(divmod, 1, 0).exception()
         assert isinstance(error, ZeroDivisionError)

@@ -1,8 +1,8 @@
-"""Families of hostile inputs: refused in one clear line, or answered rightly.
+"""Families of hostile inputs: rejected in one clear line, or computed correctly.
 
 A family has a strategy of inputs, and an attempt that gives an input to the library and
-compares the answer with the right one.  Tests try a few inputs of each, the study of
-hostile inputs tries many and counts how they end.
+compares the result with the correct one.  Tests try a few inputs of each; the study of
+hostile inputs tries many and counts the outcomes.
 """
 
 import contextlib
@@ -23,19 +23,19 @@ from hypothesis import strategies as st
 
 RIGHT, REFUSED = "right", "refused"
 
-# Option of prctl on Linux: the signal that a process gets when its parent ends.
+# Option of prctl on Linux: the signal that a process receives when its parent ends.
 _PR_SET_PDEATHSIG = 1
 
-#: Generators of the random numbers of sound inputs, which Hypothesis does not shrink.
+#: Generators of the random numbers of valid inputs, which Hypothesis does not shrink.
 seeds = st.integers(0, 2**32 - 1)
 
 
 class UnclearError(AssertionError):
-    """A refusal that is not one clear line."""
+    """A rejection without one clear line."""
 
 
 class WrongAnswerError(AssertionError):
-    """An input that is accepted with a wrong answer, or refused though it is sound."""
+    """An accepted input with a wrong answer, or a rejected valid input."""
 
 
 class Family(NamedTuple):
@@ -49,10 +49,10 @@ class Family(NamedTuple):
         The inputs of each kind; the study tries all kinds equally often.
     attempt
         Gives an input to the library, in an empty working directory.  Returns `RIGHT`
-        or `REFUSED`, and raises `UnclearError`, `WrongAnswerError` or whatever else the
-        library lets out.
+        or `REFUSED`; raises `UnclearError`, `WrongAnswerError` or other errors of the
+        library.
     trials, short
-        How many inputs the study takes, and its short form.
+        Number of inputs in the study, and in its short form.
     seconds
         The time limit of one trial of the study.
     """
@@ -64,22 +64,22 @@ class Family(NamedTuple):
     short: int = 30
     seconds: float = 20.0
 
-    def holds(self, examples: int) -> None:
-        """Try a few inputs of all kinds; raises what the simplest bad one raises."""
+    def check(self, examples: int) -> None:
+        """Try a few inputs of every kind; raises the error of the simplest failure."""
         if os.name != "posix":
             pytest.skip("pipes, links and signals are POSIX's")
 
         def attempt(hostile):
             self.outcome(hostile)
 
-        # Hypothesis keeps what has failed by the name.
+        # Hypothesis stores failures by this name.
         attempt.__name__ = re.sub(r"\W", "_", self.name)
         tried = given(st.one_of(*self.inputs.values()))(attempt)
         few = settings(max_examples=examples, suppress_health_check=list(HealthCheck))
         few(tried)()
 
     def outcome(self, hostile: Any) -> str:
-        """`RIGHT` or `REFUSED`, of an attempt in a folder of its own."""
+        """`RIGHT` or `REFUSED`, of an attempt in a separate folder."""
         with (
             tempfile.TemporaryDirectory("", "hostile-", None, True) as folder,
             contextlib.chdir(folder),
@@ -87,40 +87,40 @@ class Family(NamedTuple):
             return self.attempt(hostile)
 
 
-def refused(message: object) -> str:
-    """`REFUSED` if the message of a refusal is one clear line."""
+def rejected(message: object) -> str:
+    """`REFUSED` if the message of a rejection is one clear line."""
     if not is_clear(str(message)):
         raise UnclearError(message)
     return REFUSED
 
 
-def refused_if_damaged(message: object, damage: str) -> str:
-    """`REFUSED` if the message is clear and the input was damaged at all."""
+def rejected_if_damaged(message: object, damage: str) -> str:
+    """`REFUSED` if the message is clear and the input was in fact damaged."""
     if not damage:
         raise WrongAnswerError(f"refused though whole: {message}")
-    return refused(message)
+    return rejected(message)
 
 
 def is_clear(message: str) -> bool:
-    """Whether a message is one line of at most 500 printable characters."""
+    """True if a message is one line of at most 500 printable characters."""
     return bool(message.strip()) and message.isprintable() and len(message) <= 500
 
 
-def demand(holds: object, message: object) -> None:
+def expect(holds: object, message: object) -> None:
     """Raise `WrongAnswerError` unless a condition holds."""
     if not holds:
         raise WrongAnswerError(message)
 
 
-def demand_equal(what: str, value: Any, expected: Any) -> None:
+def expect_equal(name: str, value: Any, expected: Any) -> None:
     """Raise `WrongAnswerError` unless a value is as expected."""
-    demand(value == expected, f"{what}: {value}, expected {expected}")
+    expect(value == expected, f"{name}: {value}, expected {expected}")
 
 
-def demand_near(what: str, value: Any, expected: Any, tolerance: float) -> None:
-    """Raise `WrongAnswerError` if numbers are off by more than a tolerance."""
-    off = np.abs(np.asarray(value) - expected).max(initial=0.0)
-    demand(off <= tolerance, f"{what}: {value}, expected {expected}, off by {off}")
+def expect_close(name: str, value: Any, expected: Any, tolerance: float) -> None:
+    """Raise `WrongAnswerError` if numbers differ by more than a tolerance."""
+    error = np.abs(np.asarray(value) - expected).max(initial=0.0)
+    expect(error <= tolerance, f"{name}: {value}, expected {expected}, off by {error}")
 
 
 def folder_content(folder: Path) -> dict[str, bytes]:

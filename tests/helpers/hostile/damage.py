@@ -18,7 +18,7 @@ _NAME = re.compile(rb"[A-Za-z_$*][\w:]*")
 _LINE_OF_NUMBERS = re.compile(rb"(?m)^.*\d[\s,]+\d.*$")
 _LINE_WITH_COUNT = re.compile(rb"(?m)^(?:\d+|[A-Z_]+ \d.*|<Piece.*)$")
 
-# Words in place of a number, and characters that should not be there.
+# Words in place of a number, and unexpected characters.
 _VALUES = (
     *(b"nan", b"inf", b"-1", b"0", b"1e308", b"1e-300", b"-1e200", b"1e99", b"2.5"),
     *(b"1" + 30 * b"0", b"1e", b"0x10", b"1_0", b"--1", b"1d0", b"", b"\xd9\xa1"),
@@ -30,14 +30,14 @@ _ODD = (
 )
 
 
-def _place(draw, content, pattern):
-    """Where the pattern matches; (0, 0) if it matches nowhere."""
-    places = [match.span() for match in pattern.finditer(content)]
-    return draw(st.sampled_from(places)) if places else (0, 0)
+def _span(draw, content, pattern):
+    """Span of a match of the pattern; (0, 0) if it matches nowhere."""
+    spans = [match.span() for match in pattern.finditer(content)]
+    return draw(st.sampled_from(spans)) if spans else (0, 0)
 
 
-def _two_places(draw, content, pattern):
-    return sorted(_place(draw, content, pattern) for _ in range(2))
+def _two_spans(draw, content, pattern):
+    return sorted(_span(draw, content, pattern) for _ in range(2))
 
 
 def _position(draw, content):
@@ -66,16 +66,16 @@ def _lines(draw, content, *, kind):
 
 def _words(draw, content):
     """A word deleted or doubled, or two words swapped."""
-    a, b = _two_places(draw, content, _TOKEN)
+    a, b = _two_spans(draw, content, _TOKEN)
     kind = draw(st.sampled_from(("delete", "double", "swap")))
     if kind == "delete":
         return content[: a[0]] + content[a[1] :]
     if kind == "double":
         return content[: a[1]] + b" " + content[slice(*a)] + content[a[1] :]
-    return _swapped(content, a, b)
+    return _swap(content, a, b)
 
 
-def _swapped(content, a, b):
+def _swap(content, a, b):
     if a[1] > b[0]:
         return content
     one, other = content[slice(*a)], content[slice(*b)]
@@ -84,13 +84,13 @@ def _swapped(content, a, b):
 
 def _number(draw, content):
     """Another number, or a word, in place of a number."""
-    a, b = _place(draw, content, _NUMBER)
+    a, b = _span(draw, content, _NUMBER)
     word = content[a:b]
     kind = draw(st.sampled_from(("value", "other", "near", "near")))
     if kind == "value":
         new = draw(st.sampled_from(_VALUES))
     elif kind == "other":
-        new = content[slice(*_place(draw, content, _NUMBER))]
+        new = content[slice(*_span(draw, content, _NUMBER))]
     elif word.isdigit():
         new = str(int(word) + draw(st.sampled_from((-1, 1)))).encode()
     else:
@@ -101,29 +101,29 @@ def _number(draw, content):
 
 def _numbers(draw, content):
     """Two numbers of a line swapped, such as two nodes of a cell."""
-    a, b = _place(draw, content, _LINE_OF_NUMBERS)
+    a, b = _span(draw, content, _LINE_OF_NUMBERS)
     line = content[a:b]
-    swapped = _swapped(line, *_two_places(draw, line, _NUMBER))
+    swapped = _swap(line, *_two_spans(draw, line, _NUMBER))
     return content[:a] + swapped + content[b:]
 
 
 def _count(draw, content):
     """Another count: a number that is alone or in a line with a word."""
-    a, b = _place(draw, content, _LINE_WITH_COUNT)
+    a, b = _span(draw, content, _LINE_WITH_COUNT)
     return content[:a] + _number(draw, content[a:b]) + content[b:]
 
 
 def _word(draw, content):
     """Another keyword or name: in capitals, shorter, longer, or from another place."""
-    (a, b), other = (_place(draw, content, _NAME) for _ in range(2))
+    (a, b), other = (_span(draw, content, _NAME) for _ in range(2))
     word = content[a:b]
     new = word.swapcase(), word[:-1], word + b"x", content[slice(*other)]
     return content[:a] + draw(st.sampled_from(new)) + content[b:]
 
 
-def _odd(draw, content):
-    """A character that should not be there, in a name or anywhere."""
-    a, b = _place(draw, content, draw(st.sampled_from((_NAME, _TOKEN))))
+def _odd_character(draw, content):
+    """An unexpected character, in a name or anywhere."""
+    a, b = _span(draw, content, draw(st.sampled_from((_NAME, _TOKEN))))
     i = draw(st.integers(a, b))
     return content[:i] + draw(st.sampled_from(_ODD)) + content[i:]
 
@@ -143,12 +143,12 @@ def _ends(draw, content):
     return content.replace(b"\n", draw(st.sampled_from((b"\r\n", b"\r", b"\n\n"))))
 
 
-def _twice(draw, content):
-    """The content, and it or its end once more."""
+def _repeat(draw, content):
+    """The content, followed by all or the end of it once more."""
     return content + content[draw(st.sampled_from((0, _position(draw, content)))) :]
 
 
-# Kinds of damage to a text, and how often each is done relative to the others.
+# Kinds of damage to a text, and their relative frequencies.
 _KINDS = {
     "bit": (_bit, 30),
     "line deleted": (partial(_lines, kind="deleted"), 20),
@@ -160,11 +160,11 @@ _KINDS = {
     "numbers swapped": (_numbers, 40),
     "count": (_count, 20),
     "word": (_word, 30),
-    "odd character": (_odd, 20),
+    "odd character": (_odd_character, 20),
     "cut": (_cut, 15),
     "empty": (_empty, 1),
     "ends of lines": (_ends, 4),
-    "twice": (_twice, 4),
+    "twice": (_repeat, 4),
 }
 _WEIGHTED = [name for name, (_, weight) in _KINDS.items() for _ in range(weight)]
 
@@ -173,7 +173,7 @@ _WEIGHTED = [name for name, (_, weight) in _KINDS.items() for _ in range(weight)
 def damaged(draw, content: bytes) -> tuple[bytes, str]:
     """The content with one or a few kinds of damage, and their names.
 
-    One content in fifteen is left as it is.
+    One content in fifteen is unchanged.
     """
     if not draw(st.integers(0, 14)):
         return content, ""
@@ -190,7 +190,7 @@ def damaged(draw, content: bytes) -> tuple[bytes, str]:
 # ------------------------------------------------------------------------------- bytes
 
 
-def _flipped(draw, content):
+def _flip_bits(draw, content):
     """Some bytes with other bits."""
     changed = bytearray(content)
     for _ in range(draw(st.integers(1, 8)) if changed else 0):
@@ -198,11 +198,11 @@ def _flipped(draw, content):
     return bytes(changed)
 
 
-def _truncated(draw, content):
+def _truncate(draw, content):
     return content[: _position(draw, content)]
 
 
-def _lengthened(draw, content):
+def _lengthen(draw, content):
     """Random bytes, or a copy of a part, inserted."""
     i, a, b = (_position(draw, content) for _ in range(3))
     i = draw(st.sampled_from((0, i, len(content))))
@@ -210,17 +210,17 @@ def _lengthened(draw, content):
     return content[:i] + more + content[i:]
 
 
-def _shortened(draw, content):
+def _shorten(draw, content):
     a, b = sorted(_position(draw, content) for _ in range(2))
     return content[:a] + content[b:]
 
 
 #: Damage to the bytes of any file.
-TO_BYTES = (_flipped, _truncated, _lengthened, _shortened)
+TO_BYTES = (_flip_bits, _truncate, _lengthen, _shorten)
 
 # ------------------------------------------------------------------------------- files
 
-#: What may stand in the place of a file.
+#: Replacements of a file.
 REPLACEMENTS = (
     *("a folder", "a link to itself", "a link to nothing", "a link to zeros"),
     *("a pipe", "a link to it"),

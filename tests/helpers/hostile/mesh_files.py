@@ -1,4 +1,4 @@
-"""Small sound meshes, and files of them as Gmsh, Abaqus and VTK write them."""
+"""Small valid meshes, and files of them as Gmsh, Abaqus and VTK write them."""
 
 import base64
 import struct
@@ -83,7 +83,7 @@ def _elements(mesh, rng):
                 nodes = mesh.cells[member] if dimension == 2 else nodes
                 groups.setdefault((dimension, nodes), []).append(number)
     elements = [(2, cell, tuple(groups.pop((2, cell), ()))) for cell in mesh.cells]
-    elements += [(d, nodes, tuple(own)) for (d, nodes), own in groups.items()]
+    elements += [(d, nodes, tuple(names)) for (d, nodes), names in groups.items()]
     text = f"$PhysicalNames\n{len(lines)}\n{''.join(lines)}$EndPhysicalNames\n"
     return text.encode() if lines else b"", sorted(elements, key=lambda e: e[0])
 
@@ -123,9 +123,9 @@ def gmsh_22(mesh, rng):
     for _, corners, groups in elements:
         for group in groups or (0,):
             number += 1
-            kind, own = _OF_GMSH[len(corners)], [tags[node] for node in corners]
+            kind, members = _OF_GMSH[len(corners)], [tags[node] for node in corners]
             head = (kind, 1, 2, number) if binary else (number, kind, 2)
-            row = *head, group, 1, *own
+            row = *head, group, 1, *members
             cells += put(f"{len(row)}i", *row)
     sections = {b"Nodes": nodes, b"Elements": b"%d\n" % number + cells}
     return _gmsh("2.2", binary, names, sections)
@@ -192,7 +192,7 @@ def abaqus(mesh, rng):
         kind = str(rng.choice(_OF_ABAQUS[corners]))
         cells = [(i, c) for i, c in enumerate(mesh.cells) if len(c) == corners]
         elements(kind.lower() if gap == 3 else kind, cells)
-    sets = [("NSET", name, [tag[i] for i in own]) for name, own in mesh.nodes.items()]
+    sets = [("NSET", name, [tag[i] for i in ids]) for name, ids in mesh.nodes.items()]
     for name, pairs in mesh.edges.items():
         if rng.integers(0, 2):
             ending = f", ELSET={name.replace(' ', '_')}"
@@ -201,8 +201,8 @@ def abaqus(mesh, rng):
         else:
             members = sorted({tag[n] for pair in pairs for n in pair})
             sets.append(("NSET", name, members))
-    for name, own in mesh.regions.items():
-        sets.append(("ELSET", name, [of_cell[i] for i in own]))
+    for name, ids in mesh.regions.items():
+        sets.append(("ELSET", name, [of_cell[i] for i in ids]))
     for keyword, name, members in sets:
         head = f"*{keyword}, {keyword}={name.replace(' ', '_')}"
         steps = {b - a for a, b in pairwise(members)}
@@ -233,16 +233,16 @@ def _parts(mesh):
     kinds = [_OF_VTK[len(cell)] for cell in mesh.cells]
     names = {}
     if len(mesh.kinds) == 1:  # as scikit-fem writes them
-        for name, own in mesh.regions.items():
-            flags = [int(i in own) for i in range(len(mesh.cells))]
+        for name, members in mesh.regions.items():
+            flags = [int(i in members) for i in range(len(mesh.cells))]
             names[f"skfem:s:{name.replace(' ', '_')}"] = flags
         for name, pairs in mesh.edges.items():
-            wanted = set(map(frozenset, pairs))
+            sought = set(map(frozenset, pairs))
             names[f"skfem:b:{name.replace(' ', '_')}"] = [
                 sum(
                     1 << i
                     for i, pair in enumerate(pairwise((*cell, cell[0])))
-                    if frozenset(pair) in wanted
+                    if frozenset(pair) in sought
                 )
                 for cell in mesh.cells
             ]
@@ -251,25 +251,25 @@ def _parts(mesh):
 
 def vtu(mesh, rng):
     """An unstructured grid as XML, its arrays in one of five encodings."""
-    way = str(rng.choice(["ascii", "binary", "zlib", "raw", "base64"]))
+    encoding = str(rng.choice(["ascii", "binary", "zlib", "raw", "base64"]))
     order, head = str(rng.choice(["<", ">"])), str(rng.choice(["UInt32", "UInt64"]))
     code, appended = order + {"UInt32": "I", "UInt64": "Q"}[head], []
 
     def array(name, kind, values, components=1):
         text = f'<DataArray type="{kind}" Name="{name}" '
         text += f'NumberOfComponents="{components}" '
-        if way == "ascii":
+        if encoding == "ascii":
             return f'{text}format="ascii">{" ".join(map(str, values))}</DataArray>\n'
         with np.errstate(over="ignore"):  # in single precision
             held = np.array(values).astype(order + _CODES[kind]).tobytes()
-        if way == "zlib":
+        if encoding == "zlib":
             packed = zlib.compress(held)
             numbers = struct.pack(order + 4 * code[1], 1, len(held), 0, len(packed))
             data = base64.b64encode(numbers) + base64.b64encode(packed)
         else:
             data = struct.pack(code, len(held)) + held
-            data = data if way == "raw" else base64.b64encode(data)
-        if way in ("binary", "zlib"):
+            data = data if encoding == "raw" else base64.b64encode(data)
+        if encoding in ("binary", "zlib"):
             return f'{text}format="binary">\n{data.decode()}\n</DataArray>\n'
         appended.append(data)
         offset = sum(map(len, appended[:-1]))
@@ -279,7 +279,7 @@ def vtu(mesh, rng):
     ends = np.cumsum([len(cell) for cell in mesh.cells]).tolist()
     whole = str(rng.choice(["Int64", "Int32"]))
     byte_order = {"<": "LittleEndian", ">": "BigEndian"}[order]
-    packing = ' compressor="vtkZLibDataCompressor"' if way == "zlib" else ""
+    packing = ' compressor="vtkZLibDataCompressor"' if encoding == "zlib" else ""
     precision = str(rng.choice(["Float64", "Float64", "Float32"]))
     text = (
         f'<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="0.1" '
@@ -297,7 +297,7 @@ def vtu(mesh, rng):
         + "</CellData>\n</Piece>\n</UnstructuredGrid>\n"
     ).encode()
     if appended:
-        text += b'<AppendedData encoding="%b">\n_' % way.encode()
+        text += b'<AppendedData encoding="%b">\n_' % encoding.encode()
         text += b"".join(appended) + b"\n</AppendedData>\n"
     return text + b"</VTKFile>\n"
 

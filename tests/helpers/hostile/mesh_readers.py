@@ -1,6 +1,6 @@
 """Plain readers of mesh files, independent of the library and of meshio.
 
-They read what the writers of `mesh_files` write, and what damage makes of it.
+They read the output of the writers in `mesh_files`, damaged or not.
 """
 
 import re
@@ -18,12 +18,12 @@ _NUMBER = re.compile(rb"[+-]?((\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|(?i:nan|inf|infin
 
 
 class MalformedError(Exception):
-    """A file that departs from its format, or holds what cannot be read."""
+    """A file that departs from its format or contains unreadable data."""
 
 
 @dataclass
 class MeshContent:
-    """Positions of nodes, cells as their nodes, and what has names.
+    """Positions of nodes, cells as their nodes, and named groups.
 
     ``edges`` are pairs of nodes, ``regions`` numbers of cells, ``nodes`` numbers.  The
     outer edges of one cell whose ends are both in one of ``node_sets`` are named, too.
@@ -37,28 +37,28 @@ class MeshContent:
     node_sets: dict = field(default_factory=dict)
 
 
-def demand(holds, what=""):
+def expect(holds, message=""):
     """Raise `MalformedError` unless a condition holds."""
     if not holds:
-        raise MalformedError(what)
+        raise MalformedError(message)
 
 
 def whole(word):
     """A whole number in decimal digits."""
-    demand(_WHOLE.fullmatch(word), f"{word!r} is no whole number")
+    expect(_WHOLE.fullmatch(word), f"{word!r} is no whole number")
     return int(word)
 
 
 def number(word):
     """A number in decimal digits."""
-    demand(_NUMBER.fullmatch(word), f"{word!r} is no number")
+    expect(_NUMBER.fullmatch(word), f"{word!r} is no number")
     return float(word)
 
 
 class _Stream:
     """The rest of a file or of a section, its numbers as words or as bytes.
 
-    ``order`` is that of the bytes as in `struct`, empty for words.
+    ``order`` is the byte order as in `struct`, empty for words.
     """
 
     def __init__(self, rest, order=""):
@@ -66,14 +66,14 @@ class _Stream:
 
     def take(self, count, code):
         """The next numbers of a kind, as in `struct`."""
-        demand(0 <= count <= len(self.rest), "numbers are missing")
+        expect(0 <= count <= len(self.rest), "numbers are missing")
         if self.order:
             size = count * struct.calcsize(self.order + code)
-            demand(size <= len(self.rest), "numbers are missing")
+            expect(size <= len(self.rest), "numbers are missing")
             held, self.rest = self.rest[:size], self.rest[size:]
             return list(struct.unpack(f"{self.order}{count}{code}", held))
         words = self.rest.split(None, count)
-        demand(len(words) >= count, "numbers are missing")
+        expect(len(words) >= count, "numbers are missing")
         self.rest = words[count] if len(words) > count else b""
         return [(number if code in "fd" else whole)(word) for word in words[:count]]
 
@@ -89,7 +89,7 @@ class _Stream:
     def end(self):
         """Demand that nothing is left."""
         rest = self.rest if self.order else self.rest.strip()
-        demand(rest in (b"", b"\n", b"\r\n"), "something is left")
+        expect(rest in (b"", b"\n", b"\r\n"), "something is left")
 
 
 # -------------------------------------------------------------------------------- Gmsh
@@ -99,7 +99,7 @@ _SECTION = re.compile(
 )
 _NAME = re.compile(rb'[ \t]*(\d+)[ \t]+(\d+)[ \t]+"([^"\n]+)"[ \t\r]*')
 
-# Sections that are read; others may be there twice.
+# Sections that are read; others may be repeated.
 _READ = (b"MeshFormat", b"PhysicalNames", b"Entities", b"Nodes", b"Elements")
 
 # Dimension and number of nodes by Gmsh's number of a kind of element.
@@ -111,17 +111,17 @@ def gmsh(content):
     sections, position = {}, 0
     while content[position:].strip():
         section = _SECTION.match(content, position)
-        demand(section, "no section")
-        demand(section[1] not in sections or section[1] not in _READ, "a section twice")
+        expect(section, "no section")
+        expect(section[1] not in sections or section[1] not in _READ, "a section twice")
         sections[section[1]], position = section[2], section.end()
-    demand({b"MeshFormat", b"Nodes", b"Elements"} <= set(sections), "no such section")
+    expect({b"MeshFormat", b"Nodes", b"Elements"} <= set(sections), "no such section")
     head, _, rest = sections[b"MeshFormat"].partition(b"\n")
     words = head.split()
-    demand(len(words) == 3 and words[2] == b"8", "format")
-    demand(words[0] in (b"2", b"2.2", b"4.1") and words[1] in (b"0", b"1"), "version")
+    expect(len(words) == 3 and words[2] == b"8", "format")
+    expect(words[0] in (b"2", b"2.2", b"4.1") and words[1] in (b"0", b"1"), "version")
     binary = words[1] == b"1"
-    demand(not binary or rest[:4] == struct.pack("<i", 1), "order of bytes")
-    demand(not rest[4 * binary :].strip(), "format")
+    expect(not binary or rest[:4] == struct.pack("<i", 1), "order of bytes")
+    expect(not rest[4 * binary :].strip(), "format")
     body = {name: _Stream(b, "<" * binary) for name, b in sections.items()}
     read = [b"Nodes", b"Elements"]
     if words[0] == b"4.1":
@@ -141,25 +141,25 @@ def gmsh(content):
 def _names(sections):
     """Names by dimension and number of their group."""
     lines = [x for x in sections.get(b"PhysicalNames", b"0").split(b"\n") if x.strip()]
-    demand(lines and lines[0].strip().isdigit(), "no count of names")
-    demand(int(lines[0]) == len(lines) - 1, "count of names")
+    expect(lines and lines[0].strip().isdigit(), "no count of names")
+    expect(int(lines[0]) == len(lines) - 1, "count of names")
     names = {}
     for line in lines[1:]:
         words = _NAME.fullmatch(line)
-        demand(words, "name")
+        expect(words, "name")
         try:
             name = words[3].decode()
         except UnicodeDecodeError:
             raise MalformedError("name not in UTF-8") from None
         key = int(words[1]), int(words[2])
-        demand(key not in names and name not in names.values(), "a name twice")
+        expect(key not in names and name not in names.values(), "a name twice")
         names[key] = name
     return names
 
 
 def _nodes_22(body):
     count = body.count()
-    demand(count >= 0, "count")
+    expect(count >= 0, "count")
     return [(*body.take(1, "i"), body.take(3, "d")) for _ in range(count)]
 
 
@@ -170,7 +170,7 @@ def _cells_22(body):
             (kind, count, n_tags), first = body.take(3, "i"), None
         else:
             (first, kind, n_tags), count = body.take(3, "i"), 1
-        demand(kind in _KINDS and 0 < count <= left and n_tags >= 0, "element")
+        expect(kind in _KINDS and 0 < count <= left and n_tags >= 0, "element")
         for _ in range(count):
             tag = body.take(1, "i")[0] if first is None else first
             groups = [abs(group) for group in body.take(n_tags, "i")[:1]]
@@ -183,13 +183,13 @@ def _entities(body):
     """Groups by dimension and tag of an entity."""
     groups = {}
     for dimension, count in enumerate(body.take(4, "Q")):
-        demand(count >= 0, "count")
+        expect(count >= 0, "count")
         for _ in range(count):
             (tag,) = body.take(1, "i")
             body.take(6 if dimension else 3, "d")
-            demand((dimension, tag) not in groups, "an entity twice")
-            own = body.take(*body.take(1, "Q"), "i")
-            groups[dimension, tag] = [abs(group) for group in own]
+            expect((dimension, tag) not in groups, "an entity twice")
+            groups_here = body.take(*body.take(1, "Q"), "i")
+            groups[dimension, tag] = [abs(group) for group in groups_here]
             if dimension:
                 body.take(*body.take(1, "Q"), "i")
     return groups
@@ -200,10 +200,10 @@ def _nodes_41(body):
     nodes = []
     for _ in range(n_blocks):
         dimension, _, parametric = body.take(3, "i")
-        demand(dimension in range(4) and parametric in (0, 1), "block of nodes")
+        expect(dimension in range(4) and parametric in (0, 1), "block of nodes")
         for tag in body.take(*body.take(1, "Q"), "Q"):
             nodes.append((tag, body.take(3 + dimension * parametric, "d")[:3]))
-    demand(len(nodes) == n_nodes, "count of nodes")
+    expect(len(nodes) == n_nodes, "count of nodes")
     return nodes
 
 
@@ -213,22 +213,22 @@ def _cells_41(body, groups):
     for _ in range(n_blocks):
         dimension, entity, kind = body.take(3, "i")
         (count,) = body.take(1, "Q")
-        demand(kind in _KINDS and _KINDS[kind][0] == dimension, "kind of element")
-        demand(groups is None or (dimension, entity) in groups, "no such entity")
-        demand(count <= 10**6, "count")
-        own = groups[dimension, entity] if groups else []
+        expect(kind in _KINDS and _KINDS[kind][0] == dimension, "kind of element")
+        expect(groups is None or (dimension, entity) in groups, "no such entity")
+        expect(count <= 10**6, "count")
+        groups_here = groups[dimension, entity] if groups else []
         for _ in range(count):
             tag, *nodes = body.take(1 + _KINDS[kind][1], "Q")
-            elements.append((kind, tag, nodes, own))
-    demand(len(elements) == n_elements, "count of elements")
+            elements.append((kind, tag, nodes, groups_here))
+    expect(len(elements) == n_elements, "count of elements")
     return elements
 
 
 def _mesh_of_gmsh(names, nodes, elements, repeats):
     """Resolve tags and groups; version 2.2 repeats a cell for each of its groups."""
     index = {tag: i for i, (tag, _) in enumerate(nodes)}
-    demand(len(index) == len(nodes), "a node twice")
-    demand(len({tag for _, tag, _, _ in elements}) == len(elements), "an element twice")
+    expect(len(index) == len(nodes), "a node twice")
+    expect(len({tag for _, tag, _, _ in elements}) == len(elements), "an element twice")
     mesh = MeshContent([tuple(x) for _, x in nodes])
     merged, cell_of = set(), {}
     for kind in (2, 3) if repeats else ():
@@ -240,7 +240,7 @@ def _mesh_of_gmsh(names, nodes, elements, repeats):
                 {kind} if all(g and (2, g[0]) in names for _, g in again) else set()
             )
     for kind, _, tags, groups in elements:
-        demand(all(tag in index for tag in tags), "no such node")
+        expect(all(tag in index for tag in tags), "no such node")
         corners, dimension = tuple(index[tag] for tag in tags), _KINDS[kind][0]
         if dimension == 2 and (kind not in merged or corners not in cell_of):
             cell_of[corners] = len(mesh.cells)
@@ -265,7 +265,7 @@ _TYPES = {
 }
 _CORNERS = {kind: n for n, kinds in _TYPES.items() for kind in kinds.split()}
 
-# Keywords that change the mesh, that may stand in a file once, and that are read, with
+# Keywords that change the mesh, that may occur once in a file, and that are read, with
 # the parameters that they may have.
 _CHANGES = ["INCLUDE", "NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY"]
 _ONCE = ("NODE", "PART", "INSTANCE")
@@ -281,7 +281,7 @@ def keyword_blocks(content):
     """Keyword, parameters by name, and lines of data of each block of a file."""
     lines = [line.strip() for line in re.split(rb"\r\n|[\r\n]", content)]
     lines = deque(line for line in lines if line and not line.startswith(b"**"))
-    demand(lines and lines[0].startswith(b"*"), "no keyword")
+    expect(lines and lines[0].startswith(b"*"), "no keyword")
     while lines:
         head, data = lines.popleft(), []
         while head.endswith(b",") and lines:
@@ -289,53 +289,53 @@ def keyword_blocks(content):
         while lines and not lines[0].startswith(b"*"):
             data.append(lines.popleft())
         keyword, *parameters = head[1:].decode(errors="replace").split(",")
-        given = {}
+        arguments = {}
         for parameter in filter(str.strip, parameters):
             key, _, value = (part.strip() for part in parameter.partition("="))
-            demand(key.upper() not in given, "a parameter twice")
-            given[key.upper()] = value
-        yield " ".join(keyword.upper().split()), given, data
+            expect(key.upper() not in arguments, "a parameter twice")
+            arguments[key.upper()] = value
+        yield " ".join(keyword.upper().split()), arguments, data
 
 
 def abaqus(content):
     """Read a file of Abaqus."""
-    nodes, elements, names, seen = {}, {}, {}, set()
+    nodes, elements, names, keywords = {}, {}, {}, set()
     sets, of_elements = {"NSET": {}, "ELSET": {}}, set()
 
-    def name_of(kind, given):
-        name = given.get(kind, "")
-        demand(name and "\ufffd" not in name, "name")
+    def name_of(kind, options):
+        name = options.get(kind, "")
+        expect(name and "\ufffd" not in name, "name")
         return names.setdefault((kind, name.upper()), name)  # capitals are the same
 
-    for keyword, given, lines in keyword_blocks(content):
-        demand(keyword not in _CHANGES, "keyword that changes the mesh")
-        demand(keyword not in _ONCE or keyword not in seen, f"two {keyword}")
-        seen.add(keyword)
-        demand(set(given) <= _PARAMETERS.get(keyword, set(given)), "parameter")
+    for keyword, keys, lines in keyword_blocks(content):
+        expect(keyword not in _CHANGES, "keyword that changes the mesh")
+        expect(keyword not in _ONCE or keyword not in keywords, f"two {keyword}")
+        keywords.add(keyword)
+        expect(set(keys) <= _PARAMETERS.get(keyword, set(keys)), "parameter")
         if keyword == "NODE":
             rows = [[word.strip() for word in line.split(b",")] for line in lines]
             nodes = {whole(tag): tuple(map(number, x)) for tag, *x in rows}
-            demand(len(nodes) == len(rows), "a node twice")
-            demand({len(x) for x in nodes.values()} in ({2}, {3}), "coordinates")
-            if "NSET" in given:
-                sets["NSET"][name_of("NSET", given)] = set(nodes)
+            expect(len(nodes) == len(rows), "a node twice")
+            expect({len(x) for x in nodes.values()} in ({2}, {3}), "coordinates")
+            if "NSET" in keys:
+                sets["NSET"][name_of("NSET", keys)] = set(nodes)
         elif keyword == "ELEMENT":
-            own = _elements_of_abaqus(given.get("TYPE", "").upper(), lines)
-            demand(not own.keys() & elements.keys(), "an element twice")
-            elements |= own
-            if "ELSET" in given:
-                name = name_of("ELSET", given)
-                demand(name not in sets["ELSET"] or name in of_elements, "set twice")
+            block = _elements_of_abaqus(keys.get("TYPE", "").upper(), lines)
+            expect(not block.keys() & elements.keys(), "an element twice")
+            elements |= block
+            if "ELSET" in keys:
+                name = name_of("ELSET", keys)
+                expect(name not in sets["ELSET"] or name in of_elements, "set twice")
                 of_elements.add(name)
-                sets["ELSET"].setdefault(name, set()).update(own)
+                sets["ELSET"].setdefault(name, set()).update(block)
         elif keyword in sets:
-            name = name_of(keyword, given)
-            demand(name not in sets[keyword], "set twice")
-            sets[keyword][name] = _members(lines, "GENERATE" in given)
+            name = name_of(keyword, keys)
+            expect(name not in sets[keyword], "set twice")
+            sets[keyword][name] = _members(lines, "GENERATE" in keys)
     index = {tag: i for i, tag in enumerate(nodes)}
     mesh, cells = MeshContent(list(nodes.values())), {}
     try:
-        ends = {tag: tuple(index[n] for n in own) for tag, own in elements.items()}
+        ends = {tag: tuple(index[n] for n in block) for tag, block in elements.items()}
         for tag, corners in ends.items():
             if len(corners) > 2:
                 cells[tag] = len(mesh.cells)
@@ -352,7 +352,7 @@ def abaqus(content):
 
 
 def _elements_of_abaqus(kind, lines):
-    demand(kind in _CORNERS, "type of element")
+    expect(kind in _CORNERS, "type of element")
     elements, joined = {}, b""
     for line in lines:
         joined += line
@@ -360,9 +360,9 @@ def _elements_of_abaqus(kind, lines):
         if words[-1] == b"" and len(words) - 1 < 1 + _CORNERS[kind]:
             continue
         tag, *nodes = map(whole, words[:-1] if words[-1] == b"" else words)
-        demand(len(nodes) == _CORNERS[kind] and tag not in elements, "element")
+        expect(len(nodes) == _CORNERS[kind] and tag not in elements, "element")
         elements[tag], joined = tuple(nodes), b""
-    demand(not joined, "an element is cut off")
+    expect(not joined, "an element is cut off")
     return elements
 
 
@@ -370,14 +370,14 @@ def _members(lines, generate):
     """Members of a set; of first, last and step if they are to be generated."""
     rows = [[word.strip() for word in line.split(b",")] for line in lines]
     words = [word for row in rows for word in (row if row[-1] else row[:-1])]
-    demand(all(word.isdigit() for word in words), "member")
+    expect(all(word.isdigit() for word in words), "member")
     numbers = [int(word) for word in words]
     if not generate:
         return set(numbers)
-    demand(len(numbers) == 3 and numbers[2] > 0, "GENERATE")
+    expect(len(numbers) == 3 and numbers[2] > 0, "GENERATE")
     first, last, step = numbers
-    demand(last >= first and (last - first) % step == 0, "GENERATE")
-    demand((last - first) // step < 10**6, "GENERATE")
+    expect(last >= first and (last - first) % step == 0, "GENERATE")
+    expect((last - first) // step < 10**6, "GENERATE")
     return set(range(first, last + 1, step))
 
 
@@ -391,19 +391,19 @@ _LEGACY = {"int": "i", "long": "q", "vtktypeint64": "q", "float": "f", "double":
 def _mesh_of_vtk(points, types, cells, data):
     """The mesh of points, three numbers each, cells, and scikit-fem's names in data."""
     n = len(points) // 3
-    demand(len(points) == 3 * n and len(types) == len(cells), "counts")
+    expect(len(points) == 3 * n and len(types) == len(cells), "counts")
     mesh = MeshContent([tuple(points[3 * i : 3 * i + 3]) for i in range(n)])
     for kind, cell in zip(types, cells, strict=True):
-        demand(_OF_VTK.get(kind) == len(cell), "kind of cell")
-        demand(all(0 <= node < n for node in cell), "no such node")
+        expect(_OF_VTK.get(kind) == len(cell), "kind of cell")
+        expect(all(0 <= node < n for node in cell), "no such node")
         mesh.cells += [tuple(cell)] * (len(cell) > 2)
-    demand(not data or set(types) in ({5}, {9}), "names of one kind")
+    expect(not data or set(types) in ({5}, {9}), "names of one kind")
     for key, values in data.items():
-        demand(len(values) == len(mesh.cells), "length of names")
+        expect(len(values) == len(mesh.cells), "length of names")
         _, kind, name = key.split(":", 2) if key.count(":") > 1 else ("", "", "")
         for i, (value, cell) in enumerate(zip(values, mesh.cells, strict=True)):
             most = {"s": 1, "b": 2 ** len(cell) - 1}.get(kind, -1)
-            demand(value in range(most + 1), "names")
+            expect(value in range(most + 1), "names")
             if kind == "s" and value:
                 mesh.regions.setdefault(name, set()).add(i)
             for bit, pair in enumerate(pairwise((*cell, cell[0]))):
@@ -427,10 +427,10 @@ class _Legacy(_Stream):
     def __init__(self, content):
         head, _, kind, *rest = [*content.split(b"\n", 3), b"", b""][:4]
         words = head.split()
-        demand(b" ".join(words[:4]).lower() == b"# vtk datafile version", "header")
+        expect(b" ".join(words[:4]).lower() == b"# vtk datafile version", "header")
         versions = b"1.0", b"2.0", b"3.0", b"4.0", b"4.1", b"4.2", b"5.1"
-        demand(len(words) == 5 and words[4] in versions, "version")
-        demand(kind.strip().upper() in (b"ASCII", b"BINARY"), "kind")
+        expect(len(words) == 5 and words[4] in versions, "version")
+        expect(kind.strip().upper() in (b"ASCII", b"BINARY"), "kind")
         super().__init__(*rest, ">" * (kind.strip().upper() == b"BINARY"))
         self.new = words[4] == b"5.1"
 
@@ -438,12 +438,12 @@ class _Legacy(_Stream):
         """Words of the next line that is not blank."""
         self.rest = self.rest.lstrip()
         words = [word.decode(errors="replace") for word in self.line().split()]
-        demand(length in (None, len(words)), "words of a line")
+        expect(length in (None, len(words)), "words of a line")
         return words
 
     def numbers(self, count, kind):
         """The next numbers of a kind."""
-        demand(kind.lower() in _LEGACY, "kind of numbers")
+        expect(kind.lower() in _LEGACY, "kind of numbers")
         code = _LEGACY[kind.lower()]
         values = self.take(count, code)
         return _as(code, values) if code == "f" else values
@@ -454,19 +454,19 @@ class _Legacy(_Stream):
             parts = []
             for name, count in (("OFFSETS", n), ("CONNECTIVITY", size)):
                 keyword, kind = self.words(2)
-                demand(keyword.upper() == name, name)
+                expect(keyword.upper() == name, name)
                 parts.append(self.numbers(count, kind))
             offsets, nodes = parts
-            demand(n and offsets[0] == 0 and offsets[-1] == size, "offsets")
-            demand(offsets == sorted(offsets), "offsets")
+            expect(n and offsets[0] == 0 and offsets[-1] == size, "offsets")
+            expect(offsets == sorted(offsets), "offsets")
             return [nodes[a:b] for a, b in pairwise(offsets)]
         numbers, cells = self.numbers(size, "int"), []
         while numbers:
             k, *numbers = numbers
-            demand(0 <= k <= len(numbers), "size of a cell")
+            expect(0 <= k <= len(numbers), "size of a cell")
             cells.append(numbers[:k])
             numbers = numbers[k:]
-        demand(len(cells) == n, "count of cells")
+        expect(len(cells) == n, "count of cells")
         return cells
 
 
@@ -477,47 +477,47 @@ def vtk(content):
     def keep(name, size, n, kind):
         values = file.numbers(size * n, kind)
         if of_cells and name.startswith("skfem:"):
-            demand(name not in names and size == 1 and n == count, "names")
+            expect(name not in names and size == 1 and n == count, "names")
             names[name] = values
 
     while words := file.words():
-        keyword, given = words[0].upper(), words[1:]
-        demand(keyword not in parts, f"two {keyword}")
+        keyword, options = words[0].upper(), words[1:]
+        expect(keyword not in parts, f"two {keyword}")
         lengths = {"DATASET": 1, "CELL_TYPES": 1, "POINT_DATA": 1, "CELL_DATA": 1}
-        demand(len(given) == lengths.get(keyword, len(given)), keyword)
+        expect(len(options) == lengths.get(keyword, len(options)), keyword)
         if keyword == "DATASET":
-            demand(given == ["UNSTRUCTURED_GRID"], "dataset")
+            expect(options == ["UNSTRUCTURED_GRID"], "dataset")
         elif keyword == "SCALARS":
-            demand(len(given) in (2, 3), keyword)
+            expect(len(options) in (2, 3), keyword)
             table, _ = file.words(2)
-            demand(table.upper() == "LOOKUP_TABLE", keyword)
-            keep(given[0], *map(_count, given[2:] or "1"), count, given[1])
+            expect(table.upper() == "LOOKUP_TABLE", keyword)
+            keep(options[0], *map(_count, options[2:] or "1"), count, options[1])
         elif keyword == "FIELD":
-            demand(len(given) == 2, keyword)
-            for _ in range(_count(given[1])):
+            expect(len(options) == 2, keyword)
+            for _ in range(_count(options[1])):
                 name, size, n, kind = file.words(4)
                 keep(name, _count(size), _count(n), kind)
         elif keyword == "CELL_TYPES":
-            parts[keyword] = file.numbers(_count(given[0]), "int")
+            parts[keyword] = file.numbers(_count(options[0]), "int")
         elif keyword in ("POINT_DATA", "CELL_DATA"):
-            parts[keyword] = count = _count(given[0])
+            parts[keyword] = count = _count(options[0])
             of_cells = keyword == "CELL_DATA"
         else:
-            demand(keyword in ("POINTS", "CELLS") and len(given) == 2, keyword)
+            expect(keyword in ("POINTS", "CELLS") and len(options) == 2, keyword)
             if keyword == "POINTS":
-                parts[keyword] = file.numbers(3 * _count(given[0]), given[1])
+                parts[keyword] = file.numbers(3 * _count(options[0]), options[1])
             else:
-                parts[keyword] = file.cells(*map(_count, given))
-    demand({"POINTS", "CELLS", "CELL_TYPES"} <= set(parts), "parts are missing")
+                parts[keyword] = file.cells(*map(_count, options))
+    expect({"POINTS", "CELLS", "CELL_TYPES"} <= set(parts), "parts are missing")
     points, cells = parts["POINTS"], parts["CELLS"]
-    demand(parts.get("POINT_DATA", len(points) // 3) == len(points) // 3, "data")
-    demand(parts.get("CELL_DATA", len(cells)) == len(cells), "data")
+    expect(parts.get("POINT_DATA", len(points) // 3) == len(points) // 3, "data")
+    expect(parts.get("CELL_DATA", len(cells)) == len(cells), "data")
     return _mesh_of_vtk(points, parts["CELL_TYPES"], cells, names)
 
 
 def _count(word):
     count = whole(word.encode())
-    demand(count >= 0, "count")
+    expect(count >= 0, "count")
     return count
 
 
@@ -530,7 +530,7 @@ _XML = {
     **{"Float32": "f", "Float64": "d"},
 }
 
-# Base64: groups of four characters, the last of which may be filled up.
+# Base64: groups of four characters, the last of which may be padded.
 _GROUPS = re.compile(rb"([A-Za-z0-9+/]{4})*([A-Za-z0-9+/]{2}(==|[A-Za-z0-9+/]=))?")
 
 
@@ -546,42 +546,42 @@ class _Tree:
         except (ExpatError, ValueError, LookupError):
             raise MalformedError("no XML") from None
         get = self.root.getAttribute
-        demand(self.root.tagName == "VTKFile", "no VTKFile")
-        demand(get("type") == "UnstructuredGrid", "type")
+        expect(self.root.tagName == "VTKFile", "no VTKFile")
+        expect(get("type") == "UnstructuredGrid", "type")
         orders = {"": "<", "LittleEndian": "<", "BigEndian": ">"}
         self.order = orders.get(get("byte_order"), "")
         self.head = {"UInt32": "I", "UInt64": "Q", "": "I"}.get(get("header_type"), "")
-        demand(get("version") in ("0.1", "1.0", "") and self.order, "header")
+        expect(get("version") in ("0.1", "1.0", "") and self.order, "header")
         self.zipped = get("compressor") == "vtkZLibDataCompressor"
-        demand(self.head and (self.zipped or not get("compressor")), "header")
+        expect(self.head and (self.zipped or not get("compressor")), "header")
         self.raw = False
         if cut:
             encoding = _child(self.root, "AppendedData").getAttribute("encoding")
-            demand(encoding in ("raw", "base64"), "encoding")
+            expect(encoding in ("raw", "base64"), "encoding")
             self.raw = encoding == "raw"
 
     def array(self, element, count, wholes=False):
         """The numbers of an array."""
-        kind, way = element.getAttribute("type"), element.getAttribute("format")
-        demand(kind in _XML and not (wholes and kind.startswith("F")), "type")
+        kind, encoding = element.getAttribute("type"), element.getAttribute("format")
+        expect(kind in _XML and not (wholes and kind.startswith("F")), "type")
         code = _XML[kind]
         nodes = element.childNodes
         text = "".join(n.data for n in nodes if n.nodeType in (3, 4)).encode()
-        if way in ("ascii", ""):
+        if encoding in ("ascii", ""):
             read = number if code in "fd" else whole
             values = [read(word) for word in text.split()]
-            demand(len(values) == count, "count of an array")
+            expect(len(values) == count, "count of an array")
             return _as(code, values)
-        demand(way in ("binary", "appended"), "format")
-        raw = self.raw and way == "appended"
-        if way == "appended":
+        expect(encoding in ("binary", "appended"), "format")
+        raw = self.raw and encoding == "appended"
+        if encoding == "appended":
             text = self.appended if raw else b"".join(self.appended.split())
             text = text[whole(element.getAttribute("offset").encode()) :]
         else:
             text = b"".join(text.split())
         held, left = self.held(text, raw)
-        demand(way == "appended" or not left, "an array is too long")
-        demand(len(held) == count * struct.calcsize(f"<{code}"), "size of an array")
+        expect(encoding == "appended" or not left, "an array is too long")
+        expect(len(held) == count * struct.calcsize(f"<{code}"), "size of an array")
         return list(struct.unpack(f"{self.order}{count}{code}", held))
 
     def held(self, text, raw):
@@ -595,7 +595,7 @@ class _Tree:
                 return _run(text[alone:], count, raw)
             content, left = _run(text, size + count, raw)
             return content[size:], left
-        demand(count < len(text), "count of blocks")
+        expect(count < len(text), "count of blocks")
         head, text = _run(text, size * (3 + count), raw)
         numbers = struct.unpack(f"{self.order}{3 + count}{self.head}", head)
         packed, left = _run(text, sum(numbers[3:]), raw)
@@ -606,7 +606,7 @@ class _Tree:
                 block = zlib.decompress(packed[:length])
             except zlib.error:
                 raise MalformedError("it cannot be unpacked") from None
-            demand(len(block) == due, "size of a block")
+            expect(len(block) == due, "size of a block")
             content, packed = content + block, packed[length:]
         return content, left
 
@@ -614,17 +614,17 @@ class _Tree:
 def _run(text, count, raw):
     """A count of bytes that are encoded together, and the text after them."""
     content, rest = _start(text, count, raw)
-    demand(len(content) == count, "length of an array")
+    expect(len(content) == count, "length of an array")
     return content, rest
 
 
 def _start(text, count, raw):
     """At least a count of bytes, from whole groups, and the text after them."""
     end = count if raw else -(-count // 3) * 4
-    demand(end <= len(text), "an array is cut off")
-    demand(raw or _GROUPS.fullmatch(text[:end]), "no base64")
+    expect(end <= len(text), "an array is cut off")
+    expect(raw or _GROUPS.fullmatch(text[:end]), "no base64")
     content = text[:end] if raw else a2b_base64(text[:end])
-    demand(len(content) >= count, "an array is cut off")
+    expect(len(content) >= count, "an array is cut off")
     return content, text[end:]
 
 
@@ -635,7 +635,7 @@ def _children(parent, tag):
 def _child(parent, tag):
     """The only child with a tag."""
     with_tag = _children(parent, tag)
-    demand(len(with_tag) == 1, f"one {tag}")
+    expect(len(with_tag) == 1, f"one {tag}")
     return with_tag[0]
 
 
@@ -647,20 +647,20 @@ def vtu(content):
         _count(piece.getAttribute(f"NumberOf{x}")) for x in ("Points", "Cells")
     )
     positions = _child(_child(piece, "Points"), "DataArray")
-    demand(_count(positions.getAttribute("NumberOfComponents")) == 3, "components")
+    expect(_count(positions.getAttribute("NumberOfComponents")) == 3, "components")
     points, arrays, names = tree.array(positions, 3 * n_points), {}, {}
     for array in _children(_child(piece, "Cells"), "DataArray"):
-        demand(array.getAttribute("Name") not in arrays, "an array twice")
+        expect(array.getAttribute("Name") not in arrays, "an array twice")
         arrays[array.getAttribute("Name")] = array
-    demand({"types", "offsets", "connectivity"} <= set(arrays), "arrays of the cells")
+    expect({"types", "offsets", "connectivity"} <= set(arrays), "arrays of the cells")
     types = tree.array(arrays["types"], n_cells, True)
     offsets = [0, *tree.array(arrays["offsets"], n_cells, True)]
-    demand(offsets == sorted(offsets), "offsets")
+    expect(offsets == sorted(offsets), "offsets")
     nodes = tree.array(arrays["connectivity"], offsets[-1], True)
     cells = [nodes[a:b] for a, b in pairwise(offsets)]
     for part in _children(piece, "CellData"):
         for array in _children(part, "DataArray"):
             if (name := array.getAttribute("Name")).startswith("skfem:"):
-                demand(name not in names, "names twice")
+                expect(name not in names, "names twice")
                 names[name] = tree.array(array, n_cells)
     return _mesh_of_vtk(points, types, cells, names)

@@ -1,4 +1,4 @@
-"""Lines of ``skfem-textile run``: words, values of keys, and whether they are taken.
+"""Lines of ``skfem-textile run``: words, values of keys, and their validity.
 
 This is the only module of hostile inputs that lists options and keys of a case.
 """
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from hypothesis import strategies as st
 
-#: Whether a line is taken: it must be refused, either is right, it must run.
+#: Verdict on a line: it must be rejected, either is right, it must run.
 REFUSED, EITHER, TAKEN = range(3)
 
 SCENES = ("strip", "picture_frame", "trellis", "bias_extension", "specimen")
@@ -23,7 +23,7 @@ SIDES = ("top", "right", "bottom", "left")
 _PACKAGES = {"cholmod": "cvxopt", "pardiso": "pypardiso"}
 SOLVERS = ("auto", "superlu", *(s for s, p in _PACKAGES.items() if find_spec(p)))
 
-#: Words that few options take.
+#: Words that few options accept.
 ODD = (
     *("nan", "inf", "-inf", "-1", "0", "-0", "0.0", "1e308", "-1e308", "1e400"),
     *("1e-320", "1e20", "-1e-5", "99999999999999999999999", "", " ", " 2 ", "+1"),
@@ -37,7 +37,7 @@ ODD = (
 
 
 def _number(value, low, high, verdict):
-    """Refused unless finite, and between limits."""
+    """Rejected unless finite and between limits."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return REFUSED
     return verdict if math.isfinite(value) and low <= value <= high else REFUSED
@@ -67,18 +67,18 @@ def _size(value):
     return TAKEN if nx >= 1 <= ny and nx * ny <= 10**9 else REFUSED
 
 
-def _of_sides(value, numbers, words=()):
+def _side_values(value, numbers, words=()):
     """A number of numbers, or of some words, of sides."""
-    for side, own in value.items():
-        own = own if isinstance(own, list) else [own]
-        finite = (x in words or _number(x, -1e308, 1e308, EITHER) for x in own)
-        if side not in SIDES or len(own) != numbers or not all(finite):
+    for side, entry in value.items():
+        entry = entry if isinstance(entry, list) else [entry]
+        finite = (x in words or _number(x, -1e308, 1e308, EITHER) for x in entry)
+        if side not in SIDES or len(entry) != numbers or not all(finite):
             return REFUSED
     return EITHER
 
 
 def toml(word):
-    """A value of ``--set``: TOML, an array of TOML, or else the word."""
+    """The value of ``--set``: TOML, an array of TOML, or else the word itself."""
     for text in (word, f"[{word}]"):
         try:
             return tomllib.loads(f"x = {text}")["x"]
@@ -101,11 +101,11 @@ def _size_of(word):
 
 
 class Key(NamedTuple):
-    """A key of a case, and how a line gives its value.
+    """A key of a case, and the way in which a line gives its value.
 
     ``flag`` is its option, empty where it has ``--set`` alone; ``limits`` gives the
-    verdict of a value; ``odd`` are words, with bars between them, that are tried beside
-    those of `ODD`; ``read`` gives the value of a word of the option.
+    verdict of a value; ``odd`` are words, separated by bars, that are tried beside the
+    words of `ODD`; ``read`` gives the value of a word of the option.
     """
 
     path: str
@@ -120,8 +120,8 @@ _length = partial(_number, low=1e-300, high=math.inf, verdict=EITHER)
 _share = partial(_number, low=0, high=1 - 1e-16, verdict=EITHER)
 _right_angle = partial(_number, low=1e-300, high=90, verdict=TAKEN)
 _steps = partial(_whole, low=1, high=10**6)
-_one, _two = (partial(_of_sides, numbers=n) for n in (1, 2))
-_two_or_free = partial(_of_sides, numbers=2, words=("free",))
+_one, _two = (partial(_side_values, numbers=n) for n in (1, 2))
+_two_or_free = partial(_side_values, numbers=2, words=("free",))
 
 _ANGLES = "90|89.9999|180|360|-45|1e-9|45.0000000001|720|1e9"
 _SIZES = (
@@ -153,7 +153,7 @@ _known_mesh = _one_of(*MESHES, *_MESH_FILES, verdict=EITHER)
 _elements = _one_of("macro", "full", "quadratic", "one-point", verdict=EITHER)
 _kind = _one_of("energy", "rate", "continuity", "isotropic", verdict=EITHER)
 
-# Keys of laws that are not tried here.
+# Keys of laws that are not tested here.
 _OF_OTHER_LAWS = (
     *("tension.toe", "tension.initial_stiffness_N_per_mm", "tension.warp_crimp"),
     *("tension.bending_N_per_mm", "tension.extrapolation", "tension.continuation"),
@@ -238,8 +238,8 @@ _FOLDERS = ("a/b/c", "there", ".", "x\ny", "é ü", "~", "\udcff")
 class Line(NamedTuple):
     """A line of the command line.
 
-    ``values`` are by the paths of their keys, None for a line from which a word
-    was deleted; ``checkpoint`` is a folder, empty for the one in that of the results.
+    ``values`` are by the paths of their keys, None for a line from which a word was
+    deleted; ``checkpoint`` is a folder, empty for the folder of the results.
     """
 
     words: list[str]
@@ -253,7 +253,7 @@ class Line(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Words that belong together, the key that they give, and its value."""
+    """Words that belong together, the key that they set, and its value."""
 
     words: list[str]
     verdict: int = TAKEN
@@ -261,13 +261,13 @@ class Part(NamedTuple):
     value: Any = None
 
 
-def given(key: Key, word: str, attached: bool = False, name: str = "") -> Part:
-    """A key given by its option, or by ``--set`` if it has none."""
+def key_part(key: Key, word: str, attached: bool = False, name: str = "") -> Part:
+    """A key set by its option, or by ``--set`` if it has none."""
     if not key.flag:
         return Part(["--set", f"{key.path}={word}"], TAKEN, key, toml(word))
     name = f"--{name or key.flag}"
     words = [f"{name}={word}"] if attached else [name, word]
-    # What looks like an option may be taken for one.
+    # A word that looks like an option may be taken for one.
     is_plain = word[:1] != "-" or re.fullmatch(r"-\d*\.?\d+|-", word)
     try:
         return Part(words, TAKEN if is_plain else EITHER, key, key.read(word))
@@ -277,9 +277,9 @@ def given(key: Key, word: str, attached: bool = False, name: str = "") -> Part:
 
 @st.composite
 def lines(draw, scene: str) -> Line:
-    """A line, mostly sound, with a few parts that may not be."""
+    """A line, mostly valid, with a few parts that may be invalid."""
     of = {key.flag or key.path.split(".")[1]: key for key in keys(scene)}
-    sound = [given(of[name], word) for name, word in draw(sound_words(scene))]
+    sound = [key_part(of[name], word) for name, word in draw(sound_words(scene))]
     is_drawn = draw(st.integers(0, 199)) == 100
     free = [] if is_drawn else [Part(["--no-render"])]
     checkpoint = draw(
@@ -303,7 +303,7 @@ def lines(draw, scene: str) -> Line:
     verdicts += [
         key.limits(values[key.path]) for key in keys(scene) if key.path in odd_values
     ]
-    verdict = min(*verdicts, _of_all(scene, values))
+    verdict = min(*verdicts, _combined_verdict(scene, values))
     words = ["run", scene, *(word for part in parts for word in part.words)]
     if draw(st.integers(0, 24)) == 24:
         del words[draw(st.integers(0, len(words) - 1))]
@@ -314,7 +314,7 @@ def lines(draw, scene: str) -> Line:
 
 
 def _values_of(parts):
-    """Values by path: later ones count, those of ``--set`` last; pairs add up."""
+    """Values by path: later ones override, ``--set`` last; pairs add up."""
     values: dict[str, Any] = {}
     for part in sorted(parts, key=lambda part: part.words[0] == "--set"):
         if part.key:
@@ -325,7 +325,7 @@ def _values_of(parts):
     return values
 
 
-def _of_all(scene, values):
+def _combined_verdict(scene, values):
     """The verdict of values that may contradict one another."""
     get, name = values.get, values.get("formulation.name", "macro")
     made = {"mesh.size", "mesh.jitter", "mesh.seed"} & values.keys()
@@ -420,35 +420,37 @@ def sound_words(draw, scene):
 @st.composite
 def odd_part(draw, scene):
     """An option with an odd word, without one, cut short, of another scene, or none."""
-    own = keys(scene)
-    flags = [key.flag for key in own if key.flag]
+    scene_keys = keys(scene)
+    flags = [key.flag for key in scene_keys if key.flag]
     known = [*flags, "help", "out", "no-render", "set", "checkpoint", "resume"]
     known += ["verbose", "tolerance"]
-    key, way = draw(st.sampled_from(own)), draw(st.integers(0, 99))
+    key, choice = draw(st.sampled_from(scene_keys)), draw(st.integers(0, 99))
     word = draw(
-        st.sampled_from(key.odd.split("|") if key.odd and way % 10 < 7 else ODD)
+        st.sampled_from(key.odd.split("|") if key.odd and choice % 10 < 7 else ODD)
     )
-    if way < 8:
+    if choice < 8:
         others = {k.flag for keys in _OF_SCENES.values() for k in keys} - {*flags}
         strange = [
             name for name in others if not any(k.startswith(name) for k in known)
         ]
         if strange:
             return Part([f"--{draw(st.sampled_from(sorted(strange)))}", "1"], REFUSED)
-    if way < 16:
+    if choice < 16:
         odd = ("steps=", "nothing", "s", "=", "paper x", "set x", "set x.y")
         return Part([f"--{draw(st.sampled_from(odd))}".replace(" ", "=")], REFUSED)
-    if way == 16:
+    if choice == 16:
         return Part(["--checkpoint", "one", "--resume", "two"], REFUSED)
-    if way < 20 and key.flag:
+    if choice < 20 and key.flag:
         return Part([f"--{key.flag}"], REFUSED)  # the last word, or before an option
-    if way < 30 and key.flag:
+    if choice < 30 and key.flag:
         name = key.flag[: draw(st.integers(1, len(key.flag)))]
-        meant = [k for k in known if k.startswith(name)]
-        if name not in known and meant != [key.flag]:
+        matches = [k for k in known if k.startswith(name)]
+        if name not in known and matches != [key.flag]:
             return Part([f"--{name}", word], REFUSED)
-        return given(key, word, name=name) if name not in known else given(key, word)
-    return given(key, word, draw(st.integers(0, 4)) == 4)
+        return (
+            key_part(key, word, name=name) if name not in known else key_part(key, word)
+        )
+    return key_part(key, word, draw(st.integers(0, 4)) == 4)
 
 
 _BAD = ("0", "-1", "nan", "1.5", "", "x", "²", "9" * 5000, "\0")
@@ -456,7 +458,7 @@ _BAD = ("0", "-1", "nan", "1.5", "", "x", "²", "9" * 5000, "\0")
 
 @st.composite
 def other_lines(draw) -> Line:
-    """A line that runs nothing, or that must be refused."""
+    """A line that runs nothing, or that must be rejected."""
     bad, scene = draw(st.sampled_from(_BAD)), draw(st.sampled_from(SCENES))
     answered = ["list"], ["--version"], ["run", scene, "--help"], ["run", scene, "-h"]
     out = ["--out", "out"]

@@ -1,4 +1,4 @@
-"""What a run has written, compared with its case and with plain formulas."""
+"""Output of a run, compared with its case and with plain formulas."""
 
 import csv
 import json
@@ -13,26 +13,26 @@ from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import independent as plain
 from tests.helpers.hostile import (
     WrongAnswerError,
-    demand,
-    demand_equal,
-    demand_near,
+    expect,
+    expect_close,
+    expect_equal,
 )
 from tests.helpers.hostile.options import MESHES, SIDES
 from tests.helpers.independent import polygon
 
-# By how much a number may be off, as a share of the largest of its kind.
+# Tolerance of a number, relative to the largest of its kind.
 _TOLERANCE = 1e-7
 
 _PICTURES = ("fibre_strain.png", "shear_angle.png", "load.png", "animation.gif")
 
 # Radius of the circle onto which the strip is bent, and length over which a fibre of
-# the trellis turns by the bend angle, in mm.
+# the trellis rotates by the bend angle, in mm.
 _RADIUS, _SIDE = 55.0, 100.0
 
 
-def near(what, value, expected, size):
-    """Demand numbers that agree, as a share of a size."""
-    demand_near(what, value, expected, _TOLERANCE * size + 1e-300)
+def expect_near(name, value, expected, size):
+    """Check that numbers agree, relative to a size."""
+    expect_close(name, value, expected, _TOLERANCE * size + 1e-300)
 
 
 class Results:
@@ -50,8 +50,8 @@ class Results:
         files = (out / "fields" / f"step_{i:04d}.vtu" for i in (0, n))
         self.first, self.last = map(meshio.read, files)
         self.t = self.summary["load_factor"]
-        self.X = self.turned(self.last.points)
-        self.u = self.turned(self.last.point_data["displacement"])
+        self.X = self.unrotated(self.last.points)
+        self.u = self.unrotated(self.last.point_data["displacement"])
         degrees = [self.scene.get("warp_deg", 0.0)]
         mirrored = self.scene["name"] in ("bias_extension", "specimen")
         degrees.append(
@@ -61,53 +61,53 @@ class Results:
         if self.scene["name"] == "bias_extension":
             self.fibres = self.fibres % np.pi
 
-    def turned(self, x):
+    def unrotated(self, x):
         """Vectors of a file, (n, 3), in the scene before it is rotated, (2, n)."""
         a = -np.radians(self.scene["rotate_deg"])
         turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
         return turn @ x.T[:2]
 
     def check(self, converged: bool) -> None:
-        """Demand results that agree with the case."""
+        """Check that results agree with the case."""
         self.check_summary(converged)
         self.check_mesh()
         self.check_fields()
-        off = self.misplaced()
-        demand(off <= 1e-6, f"an edge is off by {off} mm")
+        error = self.misplaced()
+        expect(error <= 1e-6, f"an edge is off by {error} mm")
         self.check_energies()
         self.check_forces()
 
     def check_checkpoint(self, folder: Path | None) -> None:
-        """Demand a checkpoint of every state in a folder, or none."""
+        """Check that a folder has a checkpoint of every state, or none."""
         states = len(list(folder.glob("state_*.npz"))) if folder else 0
-        demand_equal("kept", states, (self.summary["load_steps"] + 1) * bool(folder))
+        expect_equal("kept", states, (self.summary["load_steps"] + 1) * bool(folder))
         is_there = (self.out / "checkpoint").exists()
-        demand(folder or not is_there, "there is a checkpoint")
+        expect(folder or not is_there, "there is a checkpoint")
 
     def check_summary(self, converged):
         """The case, load factors, conditions and pictures."""
         summary, case, rows = self.summary, self.case, self.history
         inputs = {k: v for k, v in summary["inputs"].items() if k != "version"}
-        demand_equal("inputs", list(differences("", inputs, case)), [])
-        demand_equal("scene", summary["scene"], self.scene["name"])
-        demand_equal("formulation", summary["formulation"], case["formulation"]["name"])
+        expect_equal("inputs", list(differences("", inputs, case)), [])
+        expect_equal("scene", summary["scene"], self.scene["name"])
+        expect_equal("formulation", summary["formulation"], case["formulation"]["name"])
         empty = {k for k, v in summary.items() if v is None} - {"negative_pivots"}
         if summary["error_estimate"].startswith("none: "):
             empty -= {"estimated_load_error", "estimated_shear_angle_error_deg"}
-        demand_equal("numbers that are none", empty, set())
-        demand_equal("converged", summary["converged"], converged)
-        demand_equal("rows", len(rows), summary["load_steps"] + 1)
+        expect_equal("numbers that are none", empty, set())
+        expect_equal("converged", summary["converged"], converged)
+        expect_equal("rows", len(rows), summary["load_steps"] + 1)
         reached = [float(row["load_factor"]) for row in rows]
-        demand_equal("load factor", reached[-1], _as_written(self.t))
-        demand_equal("the whole load", reached[-1] == 1.0, converged)
+        expect_equal("load factor", reached[-1], _rounded(self.t))
+        expect_equal("the whole load", reached[-1] == 1.0, converged)
         steps = np.linspace(0, 1, case["stepping"]["steps"] + 1).tolist()
-        wanted = {t for t in map(_as_written, steps) if t <= reached[-1]}
-        demand(wanted <= set(reached), f"load factors {reached}, not {wanted}")
+        targets = {t for t in map(_rounded, steps) if t <= reached[-1]}
+        expect(targets <= set(reached), f"load factors {reached}, not {targets}")
         ending = "_reaction_x"
         names = {k.removesuffix(ending) for k in rows[0] if k.endswith(ending)}
-        demand_equal("conditions", names, self.conditions())
+        expect_equal("conditions", names, self.conditions())
         for name in _PICTURES if case["output"]["pictures"] else ():
-            demand((self.out / name).stat().st_size, f"no {name}")
+            expect((self.out / name).stat().st_size, f"no {name}")
 
     def conditions(self):
         """Names of the conditions."""
@@ -124,7 +124,7 @@ class Results:
         return {"held", next(s for s in SIDES if s not in free)} | rollers
 
     def sides(self):
-        """Width and height of the mesh that is made, in mm."""
+        """Width and height of the generated mesh, in mm."""
         scene = self.scene
         if scene["name"] == "strip":
             return 40.0, 60.0
@@ -135,43 +135,43 @@ class Results:
 
     def check_mesh(self):
         """Nodes, and the number of elements."""
-        given, X = self.case["mesh"], self.turned(self.first.points)
-        if given["source"] in MESHES:
-            settings = given["source"], given["jitter"], given["seed"]
-            made = rectangle(*self.sides(), given["size"], *settings, *self.fibres)
+        mesh, X = self.case["mesh"], self.unrotated(self.first.points)
+        if mesh["source"] in MESHES:
+            settings = mesh["source"], mesh["jitter"], mesh["seed"]
+            made = rectangle(*self.sides(), mesh["size"], *settings, *self.fibres)
             points, triangles, least = made.p, isinstance(made, MeshTri), made.nelements
         else:
-            file = meshio.read(self.out / given["source"])
+            file = meshio.read(self.out / mesh["source"])
             points, triangles = file.points.T[:2], "triangle" in file.cells_dict
             least = len(file.cells[0].data)
-        near("nodes", X[:, : points.shape[1]], points, np.abs(points).max())
+        expect_near("nodes", X[:, : points.shape[1]], points, np.abs(points).max())
         name = self.case["formulation"]["name"]
         parts = [3, 3] if triangles else [4, 6] if name == "macro" else [1, 1]
         if name == "quadratic":
             parts = [1, 1] if triangles else [2, 2]
         n = self.summary["n_elements"]
         is_right = parts[0] * least <= n <= parts[1] * least
-        demand(is_right, f"{n} elements of {least} that were given")
-        demand_equal("cells", sum(len(c.data) for c in self.first.cells), n)
+        expect(is_right, f"{n} elements of {least} that were given")
+        expect_equal("cells", sum(len(c.data) for c in self.first.cells), n)
 
     def check_fields(self):
         """Inclinations of the fibres at rest, and tension against strain."""
         tension, formulation = self.case["tension"], self.case["formulation"]
         if not _is_linear(tension):
-            return  # tension at rest, which a smooth switch leaves too, moves fibres
+            return  # tension at rest, which a smooth switch has too, moves fibres
         pointwise = formulation["name"] != "macro" and "deviation" not in formulation
         E = tension["stiffness_N_per_mm"]
         for family, angle in zip(("warp", "weft"), self.fibres, strict=True):
-            direction = self.turned(self.first.cell_data[f"{family}_direction"][0])
+            direction = self.unrotated(self.first.cell_data[f"{family}_direction"][0])
             expected = np.array([[np.cos(angle)], [np.sin(angle)]])
-            near(f"{family} at rest", direction, expected, 1.0)
+            expect_near(f"{family} at rest", direction, expected, 1.0)
             if pointwise:
                 strain = self.last.cell_data[f"{family}_strain"][0]
                 value = self.last.cell_data[f"{family}_tension"][0]
-                near(f"{family} tension", value, E * strain, E)
+                expect_near(f"{family} tension", value, E * strain, E)
 
     def misplaced(self):
-        """The largest distance of an edge's node from its place at the load factor."""
+        """The largest distance of an edge's node from its prescribed position."""
         scene, X, u, t = self.scene, self.X, self.u, self.t
         size = X.max(axis=1)
         on = {
@@ -232,7 +232,7 @@ class Results:
         formulation, tension = self.case["formulation"], self.case["tension"]
         name, shear = formulation["name"], self.case["shear"]
         if name == "quadratic":
-            return  # the files do not hold the nodes at the middles of edges
+            return  # the files do not contain the nodes at the middles of edges
         E, G = tension["stiffness_N_per_mm"], shear["stiffness_N_per_mm"]
         sine, rule = shear["law"] == "sin2", "gauss" if name == "full" else "centre"
         laws = (
@@ -247,16 +247,16 @@ class Results:
             scale = E * sum(polygon(self.X[:, cell]) for cell in cells)
             expected = float(plain.tension(cloth, x, rule)[0])
             size = min(1e-3 * scale, expected + 1e-9 * E)
-            near("tension", summary["tension_energy"], expected, size)
+            expect_near("tension", summary["tension_energy"], expected, size)
         expected = float(plain.shear(cloth, x, rule)[0])
-        near("shear", summary["shear_energy"], expected, expected + 1e-9 * G)
+        expect_near("shear", summary["shear_energy"], expected, expected + 1e-9 * G)
         C_s = formulation.get("cs_N_per_mm", "auto")
         kind = formulation.get("stabilisation", "energy")
         if C_s != "auto" and kind in ("energy", "isotropic"):
             held = plain.isotropic if kind == "isotropic" else plain.hourglass
             expected = float(held(cloth, x, C_s)[0])
             size = expected + 1e-9 * C_s
-            near("held", summary["stabilisation_energy"], expected, size)
+            expect_near("held", summary["stabilisation_energy"], expected, size)
 
     def check_forces(self):
         """The potential −F·u of a force, u the mean displacement of its side."""
@@ -272,11 +272,13 @@ class Results:
             written = self.summary[f"force on {side}_potential"]
             size = np.abs(total).max() * np.abs(self.u).max()
             if self.case["formulation"]["name"] != "quadratic":
-                near(f"force on {side}", written, -self.t * float(mean @ total), size)
+                expect_near(
+                    f"force on {side}", written, -self.t * float(mean @ total), size
+                )
 
 
 def _is_linear(tension):
-    """Whether fibres have the law of their stiffness alone."""
+    """True if fibres have the default linear law."""
     return tension["compression"] == "law" and not tension["pretension_N_per_mm"]
 
 
@@ -284,27 +286,27 @@ def _refuse_constant(constant):
     raise WrongAnswerError(f"{constant} in summary.json")
 
 
-def _as_written(number):
-    """A number as files have it, with twelve digits."""
+def _rounded(number):
+    """A number as files contain it, with twelve digits."""
     return float(f"{number:.12g}")
 
 
-def differences(where, given, written):
-    """Where what is given is not what is written; names of files may differ."""
-    if isinstance(given, dict) and isinstance(written, dict):
-        for key, value in given.items():
+def differences(where, data, written):
+    """Differences between given and written values; names of files may differ."""
+    if isinstance(data, dict) and isinstance(written, dict):
+        for key, value in data.items():
             if key in written:
                 yield from differences(f"{where}.{key}", value, written[key])
             elif value != {}:
                 yield f"{where}.{key} is not written"
-    elif isinstance(given, list) and isinstance(written, list):
-        if len(given) != len(written):
-            yield f"{where} is {written!r}, not {given!r}"
-        for one, other in zip(given, written, strict=False):
+    elif isinstance(data, list) and isinstance(written, list):
+        if len(data) != len(written):
+            yield f"{where} is {written!r}, not {data!r}"
+        for one, other in zip(data, written, strict=False):
             yield from differences(where, one, other)
     elif isinstance(written, str) and written.startswith("case_files/"):
         return
     else:
-        exact = float(given) if isinstance(written, float) else given
-        if exact != written and not (given != given and written != written):
-            yield f"{where} is {written!r}, not {given!r}"
+        exact = float(data) if isinstance(written, float) else data
+        if exact != written and not (data != data and written != written):
+            yield f"{where} is {written!r}, not {data!r}"

@@ -21,42 +21,42 @@ def sheet(nx=4, ny=4, width=4.0, height=4.0):
     return Sheet(p, np.stack([c.ravel() for c in corners]))
 
 
-def jittered(given, rng):
+def jittered(base, rng):
     """A rectangle of unit cells, its inner nodes moved at random by up to 0.2."""
-    low, high = given.p.min(axis=1)[:, None], given.p.max(axis=1)[:, None]
-    inner = ((given.p > low) & (given.p < high)).all(axis=0)
-    return given._replace(p=given.p + rng.uniform(-0.2, 0.2, given.p.shape) * inner)
+    low, high = base.p.min(axis=1)[:, None], base.p.max(axis=1)[:, None]
+    inner = ((base.p > low) & (base.p < high)).all(axis=0)
+    return base._replace(p=base.p + rng.uniform(-0.2, 0.2, base.p.shape) * inner)
 
 
-def in_triangles(given):
+def in_triangles(base):
     """Each quadrilateral in two triangles."""
-    t = given.t
-    return given if len(t) == 3 else Sheet(given.p, np.hstack([t[:3], t[[0, 2, 3]]]))
+    t = base.t
+    return base if len(t) == 3 else Sheet(base.p, np.hstack([t[:3], t[[0, 2, 3]]]))
 
 
-def together(first, second):
-    """Two sheets as one; they share no node."""
+def joined(first, second):
+    """Two sheets as one without common nodes."""
     t = np.hstack([first.t, second.t + first.p.shape[1]])
     return Sheet(np.hstack([first.p, second.p]), t)
 
 
-def shifted(given, x, y, scale=1.0):
+def shifted(base, x, y, scale=1.0):
     """The sheet scaled about its origin, then shifted."""
-    return given._replace(p=scale * given.p + np.array([[x], [y]]))
+    return base._replace(p=scale * base.p + np.array([[x], [y]]))
 
 
-def opened(given, low, high, by=0.0):
+def opened(base, low, high, by=0.0):
     """The sheet cut along x = 2 at its nodes with low ≤ y ≤ high.
 
     The side right of the cut is moved to the right by ``by``.
     """
-    x, y = given.p
+    x, y = base.p
     along = (abs(x - 2) < 1e-9) & (y >= low - 1e-9) & (y <= high + 1e-9)
     doubled, twin = np.flatnonzero(along), np.arange(len(x))
     twin[doubled] = len(x) + np.arange(len(doubled))
-    right = x[given.t].mean(axis=0) > 2
-    p = np.column_stack([given.p, given.p[:, doubled] + [[by], [0.0]]])
-    return Sheet(p, np.where(right, twin[given.t], given.t))
+    right = x[base.t].mean(axis=0) > 2
+    p = np.column_stack([base.p, base.p[:, doubled] + [[by], [0.0]]])
+    return Sheet(p, np.where(right, twin[base.t], base.t))
 
 
 def rolled(turn, pitch, n=60):
@@ -77,22 +77,22 @@ def fans(*sectors):
     return Sheet(np.hstack(p), np.array(t).T)
 
 
-def moved(given, rng):
-    """Turned, shifted and perhaps mirrored."""
+def moved(base, rng):
+    """The sheet rotated, shifted and perhaps mirrored."""
     a = rng.uniform(0, 2 * np.pi)
     turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
     mirror = np.diag([1.0, rng.choice([-1.0, 1.0])])
     with np.errstate(all="ignore"):  # some positions are not finite
-        p = turn @ mirror @ given.p + rng.uniform(-5, 5, (2, 1))
-    return given._replace(p=p)
+        p = turn @ mirror @ base.p + rng.uniform(-5, 5, (2, 1))
+    return base._replace(p=p)
 
 
-def renumbered(given, rng):
+def renumbered(base, rng):
     """Other numbers of nodes and cells, and another first node of each cell."""
-    (k, n_cells), n = given.t.shape, given.p.shape[1]
+    (k, n_cells), n = base.t.shape, base.p.shape[1]
     order, first = rng.permutation(n), rng.integers(0, k, n_cells)
-    turned = np.take_along_axis(given.t, (np.arange(k)[:, None] + first) % k, axis=0)
+    turned = np.take_along_axis(base.t, (np.arange(k)[:, None] + first) % k, axis=0)
     backwards = rng.random(n_cells) < rng.choice([0.0, 0.5, 1.0])
     turned = np.where(backwards, turned[::-1], turned)
     cells = turned[:, rng.permutation(n_cells)]
-    return Sheet(given.p[:, order], np.argsort(order)[cells])
+    return Sheet(base.p[:, order], np.argsort(order)[cells])

@@ -19,7 +19,7 @@ _MS_RDONLY, _MS_REMOUNT, _MS_REC, _MS_PRIVATE = 1, 32, 0x4000, 1 << 18
 def on_small_disk(act):
     """Let a child process act on a disk of 1 MB that no other process sees.
 
-    What the child raises is raised here; `RIGHT` where no disk can be mounted.
+    Exceptions of the child are raised here; `RIGHT` if no disk can be mounted.
     """
     disk = Path("disk").absolute()
     disk.mkdir()
@@ -28,7 +28,7 @@ def on_small_disk(act):
         error = None
         try:
             end_with_parent(parent)
-            if _is_mounted(disk):
+            if _mount_privately(disk):
                 act(disk)
         except AssertionError as wrong:
             error = wrong
@@ -47,8 +47,8 @@ def on_small_disk(act):
     return RIGHT
 
 
-def _is_mounted(disk):
-    """Mount a disk that only this process and its children see, if that is allowed."""
+def _mount_privately(disk):
+    """Mount a disk that only this process and its children see, if permitted."""
     try:
         if ctypes.CDLL(None, use_errno=True).unshare(_CLONE_NEWNS):
             return False
@@ -80,7 +80,7 @@ def _mount(source, target, kind, flags, data):
 
 
 def fill(disk, free):
-    """Fill the disk with a file, up to some free bytes; returns the file."""
+    """Fill the disk with a file, except for some free bytes; returns the file."""
     ballast, room = disk / "ballast", os.statvfs(disk)
     ballast.write_bytes(bytes(max(0, room.f_bavail * room.f_frsize - free)))
     return ballast

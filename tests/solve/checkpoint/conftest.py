@@ -1,4 +1,4 @@
-"""Checkpoints of runs that were interrupted."""
+"""Checkpoints of finished and interrupted runs."""
 
 import shutil
 from pathlib import Path
@@ -11,7 +11,7 @@ from tests.helpers.strip_runs import interrupted_at, stepper
 
 @pytest.fixture(scope="session")
 def half_done(tmp_path_factory):
-    """The checkpoint of a run that was interrupted half-way; not to be written to."""
+    """The checkpoint of a run that was interrupted half-way; read-only."""
     folder = tmp_path_factory.mktemp("half done") / "c"
     interrupted_at(folder, 0.5)
     return folder
@@ -19,7 +19,7 @@ def half_done(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory):
-    """The checkpoint of a run that was finished; not to be written to."""
+    """The checkpoint of a run that was finished; read-only."""
     folder = tmp_path_factory.mktemp("finished") / "c"
     stepper(folder).run()
     return folder
@@ -39,11 +39,11 @@ def half(half_done, tmp_path):
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory):
-    """That of a run with several states; not to be written to."""
+    """The checkpoint of a run with several states; read-only."""
     return interrupted(tmp_path_factory.mktemp("sheared") / "run")
 
 
 @pytest.fixture
 def run(made, tmp_path):
-    """A copy of it."""
+    """A copy of ``made``."""
     return shutil.copytree(made, tmp_path / "c")

@@ -13,14 +13,14 @@ import pytest
 from skfem_textile import CheckpointError
 from skfem_textile.solve import checksummed
 from skfem_textile.solve.checksummed import Lock
-from tests.helpers.sheared_runs import interrupted, opened, stepper
+from tests.helpers.sheared_runs import interrupted, read_npz, stepper
 
-# Damaged checkpoints: refused in one line
+# Damaged checkpoints: rejected in one line
 
 
 @pytest.fixture(scope="module")
 def folders(made, tmp_path_factory):
-    """The same run twice, and another: each interrupted."""
+    """Two interrupted runs of the same problem, and one of another."""
     top = tmp_path_factory.mktemp("checkpoints")
     return made, interrupted(top / "again"), interrupted(top / "other", pull=0.25)
 
@@ -35,17 +35,17 @@ def refusal(folder):
     return line
 
 
-def before(path):
+def previous_digest(path):
     """Digest of the file before this one."""
     number = path.stem.removeprefix("state_")
     if number == "run":
         return ""
     last = f"state_{int(number) - 1:06d}" if int(number) else "run"
-    return opened(path.with_name(f"{last}.npz"))[2][2]
+    return read_npz(path.with_name(f"{last}.npz"))[2][2]
 
 
-def changed(text, place, value):
-    *path, key = place
+def changed(text, file, value):
+    *path, key = file
     for step in path:
         text = text[step]
     text[key] = value(text[key]) if callable(value) else value
@@ -53,7 +53,7 @@ def changed(text, place, value):
 
 @pytest.mark.parametrize("file", ["run.npz", "state_000000.npz", "state_000002.npz"])
 @pytest.mark.parametrize("damage", ["cut", "flipped", "text", "empty"])
-def test_a_damaged_checkpoint_is_refused(run, file, damage):
+def test_a_damaged_checkpoint_is_rejected(run, file, damage):
     path = run / file
     whole = path.read_bytes()
     middle = len(whole) // 2
@@ -65,16 +65,14 @@ def test_a_damaged_checkpoint_is_refused(run, file, damage):
 
 
 @pytest.mark.parametrize("file", ["run.npz", "state_000001.npz"])
-def test_a_missing_file_is_told(run, file):
+def test_a_missing_file_is_reported(run, file):
     (run / file).unlink()
     line = refusal(run)
     assert "missing" in line
 
 
 @pytest.mark.parametrize("other", [1, 2])
-def test_a_file_of_the_same_run_made_again_or_of_another_is_refused(
-    folders, tmp_path, other
-):
+def test_a_file_of_a_repeated_or_another_run_is_rejected(folders, tmp_path, other):
     for i, file in enumerate(sorted(folders[0].iterdir())):
         folder = shutil.copytree(folders[0], tmp_path / f"{i}")
         shutil.copy(folders[other] / file.name, folder / file.name)
@@ -82,33 +80,33 @@ def test_a_file_of_the_same_run_made_again_or_of_another_is_refused(
         assert "belongs to another run" in line
 
 
-def test_a_file_under_another_name_is_told(run):
+def test_a_renamed_file_is_reported(run):
     shutil.copy(run / "state_000001.npz", run / "state_000002.npz")
     line = refusal(run)
     assert "state_000002.npz was renamed from state_000001.npz" in line
 
 
-def test_a_file_in_the_middle_that_is_sealed_anew_is_refused(run):
+def test_a_resealed_file_in_the_middle_is_rejected(run):
     file = run / "state_000001.npz"
-    text, arrays, (of_run, name, _) = opened(file)
+    text, arrays, (of_run, name, _) = read_npz(file)
     text["energies"]["shear"] *= 1.01
-    checksummed.write(file, of_run, name, before(file), text, arrays)
+    checksummed.write(file, of_run, name, previous_digest(file), text, arrays)
     line = refusal(run)
     assert "state_000002.npz is damaged: it or a previous file was modified" in line
 
 
-def test_a_last_digit_that_changed_under_the_old_seal_is_told(run):
+def test_a_changed_last_digit_under_the_old_seal_is_reported(run):
     file = sorted(run.glob("state_*"))[-1]
-    text, arrays, (of_run, name, digest) = opened(file)
+    text, arrays, (of_run, name, digest) = read_npz(file)
     text["energies"]["shear"] *= 1 + 1e-15
-    checksummed.write(file, of_run, name, before(file), text, arrays)
+    checksummed.write(file, of_run, name, previous_digest(file), text, arrays)
     body = file.read_bytes().rpartition(b"\n")[0]
     file.write_bytes(body + f"\n{of_run} {name} {digest}".encode())
     assert "damaged" in refusal(run)
 
 
 @pytest.mark.parametrize(
-    ("place", "values"),
+    ("path", "values"),
     [
         (("load_factor",), [0.0, 0.9, 1.1, float("nan"), "1"]),
         (
@@ -135,58 +133,54 @@ def test_a_last_digit_that_changed_under_the_old_seal_is_told(run):
         (("verdict",), [None, {}]),
     ],
 )
-def test_a_last_state_that_contradicts_itself_is_refused(
-    folders, tmp_path, place, values
-):
-    """Its digest is right: somebody made it so."""
+def test_an_inconsistent_last_state_is_rejected(folders, tmp_path, path, values):
+    """The digest is valid."""
     for i, value in enumerate(values):
         folder = shutil.copytree(folders[0], tmp_path / f"{i}")
         file = sorted(folder.glob("state_*"))[-1]
-        text, arrays, (of_run, name, _) = opened(file)
-        changed(text, place, value)
-        checksummed.write(file, of_run, name, before(file), text, arrays)
+        text, arrays, (of_run, name, _) = read_npz(file)
+        changed(text, path, value)
+        checksummed.write(file, of_run, name, previous_digest(file), text, arrays)
         line = refusal(folder)
         assert line, value
 
 
 @pytest.mark.parametrize("array", ["u", "stabilisation C_s"])
-def test_arrays_of_a_last_state_that_are_not_of_the_ply_are_refused(
-    folders, tmp_path, array
-):
+def test_arrays_of_a_last_state_of_another_ply_are_rejected(folders, tmp_path, array):
     for i, change in enumerate(
         [lambda x: x[:-1], lambda x: x + np.nan, lambda x: x + 1]
     ):
         folder = shutil.copytree(folders[0], tmp_path / f"{i}")
         file = sorted(folder.glob("state_*"))[-1]
-        text, arrays, (of_run, name, _) = opened(file)
+        text, arrays, (of_run, name, _) = read_npz(file)
         arrays[array] = change(arrays[array])
-        checksummed.write(file, of_run, name, before(file), text, arrays)
+        checksummed.write(file, of_run, name, previous_digest(file), text, arrays)
         line = refusal(folder)
         assert line, i
 
 
-# Checkpoints edited by somebody who can compute digests, and what is no file
+# Checkpoints edited with valid digests, and paths that are not files
 
 
 def forge(folder, number, edit):
-    """Edit text and arrays of a file, and seal it and all after it anew."""
+    """Edit text and arrays of a file, and reseal it and all later files."""
     files = [folder / "run.npz", *sorted(folder.glob("state_*"))]
     digest = ""
     for i, file in enumerate(files):
-        text, arrays, (of_run, name, _) = opened(file)
+        text, arrays, (of_run, name, _) = read_npz(file)
         if i == number:
             edit(text, arrays)
         digest = checksummed.write(file, of_run, name, digest, text, arrays)
 
 
-def test_sealing_anew_alone_changes_nothing(run):
+def test_resealing_alone_has_no_effect(run):
     forge(run, 1, lambda text, arrays: None)
     assert stepper(run).run(resume=True).converged
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])
 @pytest.mark.parametrize("factor", [1.01, 1 + 3e-8])
-def test_every_state_must_agree_with_its_displacement(run, number, factor):
+def test_a_state_inconsistent_with_its_displacement_is_rejected(run, number, factor):
     def edit(text, arrays):
         text["reactions"]["pull"][0] = text["reactions"]["pull"][0] * factor + (
             number == 1
@@ -199,13 +193,13 @@ def test_every_state_must_agree_with_its_displacement(run, number, factor):
 
 
 @pytest.mark.parametrize("value", [0.0, [0.0], [[0.0, 0.0]]])
-def test_a_vector_of_another_shape_is_refused(run, value):
+def test_a_vector_of_another_shape_is_rejected(run, value):
     forge(run, 1, lambda text, arrays: text["displacements"].update(clamp=value))
     assert "state_000000.npz" in refusal(run)
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])
-def test_parameters_of_complex_numbers_are_refused(run, number):
+def test_complex_parameters_are_rejected(run, number):
     def edit(text, arrays):
         arrays["stabilisation C_s"] = arrays["stabilisation C_s"].astype(complex)
 
@@ -213,8 +207,8 @@ def test_parameters_of_complex_numbers_are_refused(run, number):
     assert f"state_{number - 1:06d}.npz" in refusal(run)
 
 
-def test_files_of_another_format_are_refused_in_one_line(run):
-    """Those of format 6 have the work of each term beside its other parameters."""
+def test_files_of_another_format_are_rejected_in_one_line(run):
+    """In format 6 the work of each term is stored beside its other parameters."""
 
     def edit(text, arrays):
         text["work"] = {"stabilisation": 0.0}
@@ -227,15 +221,15 @@ def test_files_of_another_format_are_refused_in_one_line(run):
     )
 
 
-@pytest.mark.parametrize("said", ["two\nlines \x1b[31m", "long " * 2000, 10**400])
-def test_what_a_file_says_is_told_in_one_short_line(run, said):
-    forge(run, 0, lambda text, arrays: text.update(method=said))
+@pytest.mark.parametrize("message", ["two\nlines \x1b[31m", "long " * 2000, 10**400])
+def test_quoted_content_of_a_file_is_one_short_line(run, message):
+    forge(run, 0, lambda text, arrays: text.update(method=message))
     assert "method was" in refusal(run)
 
 
 @pytest.mark.parametrize("name", ["run.npz", "state_000001.npz"])
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes on this system")
-def test_what_is_no_file_is_refused_and_not_waited_for(run, name):
+def test_a_path_that_is_not_a_file_is_rejected_without_waiting(run, name):
     (run / name).unlink()
     os.mkfifo(run / name)
     assert f"{name} is not a file" in refusal(run)
@@ -244,7 +238,7 @@ def test_what_is_no_file_is_refused_and_not_waited_for(run, name):
     assert f"{name} is not a file" in refusal(run)
 
 
-def test_times_of_other_parts_are_refused(run):
+def test_times_of_other_parts_are_rejected(run):
     def edit(text, arrays):
         del text["progress"]["clock"]["seconds"]["solve"]
 
@@ -300,9 +294,9 @@ def test_a_killed_process_leaves_no_lock(tmp_path):
 
 def test_a_forked_process_does_not_keep_the_lock_of_its_parent(tmp_path):
     with started(FORKS, tmp_path) as process:
-        _, said = process.communicate(timeout=60)
-    assert (process.returncode, said) == (0, b"")
+        _, stderr = process.communicate(timeout=60)
+    assert (process.returncode, stderr) == (0, b"")
 
 
-def test_a_lock_that_was_interrupted_as_it_was_made_is_released_in_silence():
+def test_a_lock_interrupted_during_its_creation_is_released():
     Lock.__new__(Lock).release()

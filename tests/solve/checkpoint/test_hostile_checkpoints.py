@@ -1,4 +1,4 @@
-"""Damaged checkpoints are refused in one line, or resumed to the same end."""
+"""Damaged checkpoints are rejected in one line, or resumed to the same result."""
 
 import io
 import json
@@ -35,15 +35,15 @@ from tests.helpers.hostile import (
     RIGHT,
     Family,
     UnclearError,
-    demand,
-    demand_equal,
-    demand_near,
+    expect,
+    expect_close,
+    expect_equal,
     folder_content,
-    refused,
+    rejected,
 )
 from tests.helpers.hostile.damage import REPLACEMENTS, TO_BYTES, replace_file
 
-# By how much results of two runs may differ, as a share of the largest of their kind.
+# Tolerance of results of two runs, relative to the largest of their kind.
 TOLERANCE = 1e-9
 
 CHECKS = ("work", "stabilisation", "deviation", "corners", "surface")
@@ -52,7 +52,7 @@ CHECKS = ("work", "stabilisation", "deviation", "corners", "surface")
 
 
 class Settings(NamedTuple):
-    """Everything that decides the result of a run."""
+    """All settings that determine the result of a run."""
 
     formulation: str = "one-point"
     cs: float | str = "auto"
@@ -75,7 +75,7 @@ class Settings(NamedTuple):
     foundation: float = 0.0
 
 
-# Runs that are interrupted; they keep different data from step to step, or none.
+# Interrupted runs; they have different history variables, or none.
 BASES = (
     Settings(),
     Settings(cs=1.0, kind="rate", shear_law="linear"),
@@ -84,7 +84,7 @@ BASES = (
     Settings(steps=2, size=(2, 2), weight=1e-3, foundation=1e-2),
 )
 
-# Settings with which a run is resumed in place of its own.
+# Other settings with which a run is resumed.
 OTHERS = (
     *({"cs": 2.0}, {"cs": 1.0 + 1e-7}, {"kind": "rate", "cs": 1.0}, {"kind": "jumps"}),
     *({"shear": 0.51}, {"shear_law": "linear"}, {"fibre": 1001.0}, {"steps": 5}),
@@ -182,9 +182,9 @@ def results(states):
 
 
 class Checkpoint(NamedTuple):
-    """A checkpoint, the settings with which it is resumed, and what was done to it.
+    """A checkpoint, the settings with which it is resumed, and its damage.
 
-    ``replaced`` is a file and what stands in its place.
+    ``replaced`` is a file and its replacement.
     """
 
     damage: str
@@ -204,10 +204,10 @@ def checkpoints(draw):
     settings = draw(st.sampled_from(BASES))
     states = draw(st.integers(1, settings.steps + 1))
     files = dict(checkpoint(settings, states))
-    way = draw(st.sampled_from(["forged"] * 7 + ["damaged"] * 10 + ["other run"] * 3))
-    if way == "forged":
+    kind = draw(st.sampled_from(["forged"] * 7 + ["damaged"] * 10 + ["other run"] * 3))
+    if kind == "forged":
         return Checkpoint(f"{states} states: {forge(draw, files)}", settings, files)
-    if way == "other run":
+    if kind == "other run":
         other = draw(st.sampled_from(OTHERS))
         damage = f"{states} states, resumed with {other}"
         return Checkpoint(damage, settings._replace(**other), files)
@@ -224,7 +224,7 @@ def checkpoints(draw):
 
 
 def change_file(draw, files, settings):
-    """Do something to a file of the checkpoint; returns what."""
+    """Change a file of the checkpoint; returns a description."""
     if not files:
         return "nothing"
     name = draw(st.sampled_from(sorted(files)))
@@ -238,7 +238,7 @@ def change_file(draw, files, settings):
         files[name], files[other] = files[other], files[name]
     elif kind == "removed":
         del files[name]
-    elif kind == "copied":  # of another run, or of the same run made again
+    elif kind == "copied":  # of another run, or of the same run repeated
         other = draw(st.sampled_from((settings, *BASES)))
         source = checkpoint(other, other.steps + 1, 1)
         files[name] = source.get(name, source["state_000000.npz"])
@@ -273,7 +273,7 @@ def another_name(draw):
     return draw(st.sampled_from([usual] * 4 + [*odd]))
 
 
-# Forgery: files are edited and sealed anew, as described apart from the library
+# Forgery: files are edited and resealed, independently of the library
 
 VALUES = (
     *(0, -1, 1, 0.5, 1e308, 1e-300, float("nan"), float("inf"), 10**400),
@@ -283,7 +283,7 @@ VALUES = (
 
 
 def forge(draw, files):
-    """Edit one or a few things of a file; seal it anew, or all after it too."""
+    """Edit one or a few things of a file; reseal it, or all later files too."""
     names = ["run.npz", *sorted(n for n in files if n.startswith("state_"))]
     number = draw(st.integers(0, len(names) - 1))
     with np.load(io.BytesIO(files[names[number]].rpartition(b"\n")[0])) as content:
@@ -307,7 +307,7 @@ def edit(draw, text, arrays):
     """Change, remove or add one thing in the text, or change an array."""
     if arrays and draw(st.integers(0, 9)) < 3:
         return edit_array(draw, arrays)
-    *path, key = draw(st.sampled_from(places(text)))
+    *path, key = draw(st.sampled_from(key_paths(text)))
     inside = text
     for step in path:
         inside = inside[step]
@@ -325,26 +325,26 @@ def edit(draw, text, arrays):
     return f"{path} {key}, {kind}"
 
 
-def places(value, path=()):
+def key_paths(value, path=()):
     """Paths of keys to everything in a JSON value."""
-    own = [path] if path else []
+    paths = [path] if path else []
     if not isinstance(value, dict | list):
-        return own
+        return paths
     items = value.items() if isinstance(value, dict) else enumerate(value)
-    return own + [p for key, item in items for p in places(item, (*path, key))]
+    return paths + [p for key, item in items for p in key_paths(item, (*path, key))]
 
 
-def with_one_changed(x, place, by):
+def with_one_changed(x, path, by):
     changed = np.array(x)
     if changed.size:
-        changed.flat[place % changed.size] += by
+        changed.flat[path % changed.size] += by
     return changed
 
 
 def edit_array(draw, arrays):
     """Change one array, its shape or its kind."""
     name = draw(st.sampled_from(sorted(arrays)))
-    place, by = draw(st.integers(0, 999)), draw(st.sampled_from((1.0, -1.0, 1e-4)))
+    index, by = draw(st.integers(0, 999)), draw(st.sampled_from((1.0, -1.0, 1e-4)))
     share = draw(st.sampled_from((1e-5, 1e-2, 1.0)))
     changes = {
         "moved": lambda x: x + share * (1 + np.abs(x).max()),
@@ -357,7 +357,7 @@ def edit_array(draw, arrays):
         "text": lambda x: x.astype(str),
         "not a number": lambda x: x * np.nan,
         "empty": lambda x: x.ravel()[:0],
-        "with one entry changed": lambda x: with_one_changed(x, place, by),
+        "with one entry changed": lambda x: with_one_changed(x, index, by),
     }
     change = draw(st.sampled_from([*changes, "removed"]))
     if change == "removed" or arrays[name].dtype.kind not in "fiuc":
@@ -369,45 +369,45 @@ def edit_array(draw, arrays):
 
 @errors_only()
 def attempt(hostile):
-    place = Path("kept", "c").absolute()
-    place.mkdir(parents=True)
+    folder = Path("kept", "c").absolute()
+    folder.mkdir(parents=True)
     for name, content in hostile.files.items():
-        (place / name).write_bytes(content)
+        (folder / name).write_bytes(content)
     if hostile.replaced:
         name, kind = hostile.replaced
-        replace_file(place / name, kind)
-    before = kept(place)
+        replace_file(folder / name, kind)
+    before = expected_remains(folder)
     try:
-        run = stepper(hostile.settings, place)
+        run = stepper(hostile.settings, folder)
     except ValueError as error:  # no run can have these settings
-        return refused(error)
+        return rejected(error)
     try:
         result = run.run(resume=True)
     except CheckpointError as error:
-        demand_equal("files after a refusal", kept(place), before)
-        if str(place) not in str(error):
+        expect_equal("files after a refusal", expected_remains(folder), before)
+        if str(folder) not in str(error):
             raise UnclearError(error) from None
-        return refused(str(error).replace(str(place), "FOLDER"))
-    found, expected = results(result.states), undisturbed(hostile.settings)
-    demand_equal("states", len(found), len(expected))
+        return rejected(str(error).replace(str(folder), "FOLDER"))
+    computed, expected = results(result.states), undisturbed(hostile.settings)
+    expect_equal("states", len(computed), len(expected))
     for name in expected[0]:
         scale = TOLERANCE * max(np.abs(state[name]).max() for state in expected)
         for value, right in (
-            (a[name], b[name]) for a, b in zip(found, expected, strict=True)
+            (a[name], b[name]) for a, b in zip(computed, expected, strict=True)
         ):
-            demand(value.shape == right.shape, f"{name}: {value}, expected {right}")
-            demand_near(name, value, right, scale)
+            expect(value.shape == right.shape, f"{name}: {value}, expected {right}")
+            expect_close(name, value, right, scale)
     return RIGHT
 
 
-def kept(place):
-    """What a refused run must leave; hidden files are remains of a killed run."""
-    content = folder_content(place)
+def expected_remains(folder):
+    """Files that a rejected run must leave: all except hidden ones of a killed run."""
+    content = folder_content(folder)
     return {name: content[name] for name in content if not name.startswith(".")}
 
 
 FAMILY = Family("checkpoints", {"": checkpoints()}, attempt, 2000, short=40)
 
 
-def test_a_damaged_checkpoint_is_refused_or_resumed_to_the_same_end():
-    FAMILY.holds(30)
+def test_a_damaged_checkpoint_is_rejected_or_resumed_to_the_same_result():
+    FAMILY.check(30)

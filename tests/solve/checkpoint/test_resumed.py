@@ -1,4 +1,4 @@
-"""Runs that are resumed, told from others, and written."""
+"""Runs that are resumed, distinguished from others, and written."""
 
 import os
 import pickle
@@ -28,10 +28,10 @@ from skfem_textile import (
 from skfem_textile.cli import main as cli
 from skfem_textile.scenes import bias_extension
 from tests import helpers
-from tests.helpers import Coupled, distorted, extended_runs, full_disk, place_of
-from tests.helpers.strip_runs import assert_same, interrupted_at, stepper, whole
+from tests.helpers import Coupled, arguments_of, distorted, extended_runs, full_disk
+from tests.helpers.strip_runs import assert_same, interrupted_at, stepper, whole_run
 
-# A run that was interrupted or killed is resumed to the same end
+# An interrupted or killed run is resumed to the same result
 
 
 @pytest.mark.parametrize(
@@ -40,10 +40,10 @@ from tests.helpers.strip_runs import assert_same, interrupted_at, stepper, whole
 def test_a_resumed_run_gives_the_same_result_to_the_last_bit(tmp_path, kind, at):
     interrupted_at(tmp_path / "c", at, kind=kind)
     resumed = stepper(tmp_path / "c", kind=kind).run(resume=True)
-    assert_same(resumed, whole(kind))
+    assert_same(resumed, whole_run(kind))
 
 
-# Runs every formulation, afresh and from its checkpoint.
+# Runs every formulation, from the beginning and from its checkpoint.
 IN_ANOTHER_PROCESS = """
 import pickle, sys
 from pathlib import Path
@@ -70,7 +70,7 @@ def in_another_process(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", extended_runs.FORMULATIONS)
-def test_runs_resumed_and_afresh_in_another_process_are_the_same_to_the_last_bit(
+def test_runs_resumed_or_repeated_in_another_process_are_bitwise_identical(
     name, in_another_process
 ):
     """Displacements and parameters of every state, and the history."""
@@ -80,24 +80,24 @@ def test_runs_resumed_and_afresh_in_another_process_are_the_same_to_the_last_bit
         assert not any(before[term].same_as(after[term]) for term in after)
     for states, history in in_another_process[name]:
         assert history == first.history()
-        for found, state in zip(states, first.states, strict=True):
-            np.testing.assert_array_equal(found.u, state.u)
-            assert found.parameters.keys() == state.parameters.keys()
-            for term, values in found.parameters.items():
+        for stored, state in zip(states, first.states, strict=True):
+            np.testing.assert_array_equal(stored.u, state.u)
+            assert stored.parameters.keys() == state.parameters.keys()
+            for term, values in stored.parameters.items():
                 assert values.same_as(state.parameters[term])
 
 
-def test_a_resumed_run_goes_on_with_the_length_of_its_step(tmp_path):
-    """This run cuts its only step, and grows again."""
+def test_a_resumed_run_continues_with_its_step_length(tmp_path):
+    """This run cuts its only step and increases it again."""
     options = {"steps": 1, "method": Newton(most=1)}
-    whole = stepper(None, **options).run()
-    assert whole.steps_cut > 0
-    interrupted_at(tmp_path / "c", whole.states[1].load_factor, **options)
-    assert_same(stepper(tmp_path / "c", **options).run(resume=True), whole)
+    whole_run = stepper(None, **options).run()
+    assert whole_run.steps_cut > 0
+    interrupted_at(tmp_path / "c", whole_run.states[1].load_factor, **options)
+    assert_same(stepper(tmp_path / "c", **options).run(resume=True), whole_run)
 
 
-def test_a_run_that_stopped_early_is_resumed_to_the_same_end(tmp_path):
-    """A run that cannot go on says so again, and keeps what it had."""
+def test_a_run_that_stopped_early_is_resumed_to_the_same_result(tmp_path):
+    """A run that cannot continue reports it again and keeps its states."""
     ends = []
     for resume in (False, True):
         run = stepper(tmp_path / "c", steps=4, E=1e8, method="plain", max_halvings=1)
@@ -107,13 +107,13 @@ def test_a_run_that_stopped_early_is_resumed_to_the_same_end(tmp_path):
     assert ends[0].states[-1].load_factor == ends[1].states[-1].load_factor
 
 
-def test_a_finished_run_is_read_and_not_run_again(done):
+def test_a_finished_run_is_read_without_computation(done):
     again = stepper(done, on_step=pytest.fail).run(resume=True)
-    assert_same(again, whole())
+    assert_same(again, whole_run())
 
 
-def test_without_a_state_a_run_starts_from_the_beginning_and_says_so(tmp_path, caplog):
-    assert_same(stepper(tmp_path / "c").run(resume=True), whole())
+def test_a_run_without_a_state_starts_at_rest_with_a_message(tmp_path, caplog):
+    assert_same(stepper(tmp_path / "c").run(resume=True), whole_run())
     assert "no state to resume" in caplog.text
 
 
@@ -124,7 +124,7 @@ def test_an_unfinished_run_is_not_overwritten_and_a_finished_one_is(half):
     stepper(half, C_s=10.0).run()
 
 
-def test_there_must_be_a_checkpoint_to_resume_from(tmp_path):
+def test_resuming_without_a_checkpoint_is_rejected(tmp_path):
     with pytest.raises(ValueError, match="no checkpoint to resume from"):
         stepper(None).run(resume=True)
 
@@ -133,9 +133,9 @@ def test_there_must_be_a_checkpoint_to_resume_from(tmp_path):
     ("steps", "kills"), [(8, 1), pytest.param(40, 20, marks=pytest.mark.long)]
 )
 def test_a_run_killed_at_any_moment_is_resumed(tmp_path, capsys, steps, kills):
-    """Killed without warning, at random between the first state and the last.
+    """It is killed at a random time between the first state and the last.
 
-    It is resumed in another process, this one.
+    It is resumed in another process.
     """
     rng = np.random.default_rng(0)
     program = sys.executable, "-m", "skfem_textile"
@@ -150,7 +150,7 @@ def test_a_run_killed_at_any_moment_is_resumed(tmp_path, capsys, steps, kills):
     ]
 
     def killed(out, kill_at):
-        """Exit code; the kill comes a little after so many states."""
+        """Exit code; the kill comes shortly after this many states."""
         with subprocess.Popen(
             [*program, *command, "-v", "--checkpoint", "--out", str(out)],
             stdout=subprocess.DEVNULL,
@@ -177,34 +177,34 @@ def test_a_run_killed_at_any_moment_is_resumed(tmp_path, capsys, steps, kills):
         assert (out / "history.csv").read_text() == history
 
 
-# A checkpoint of another run is refused, however little tells them apart
+# A checkpoint of another run is rejected for any small difference
 
 
-def test_a_law_of_both_strains_is_resumed_and_told_from_another(tmp_path):
+def test_a_coupled_law_is_resumed_and_distinguished_from_another(tmp_path):
     laws = [CrimpInterchange(1e4, c, 1.0, 1e-2, 100.0) for c in (0.01, 0.02)]
     interrupted_at(tmp_path / "c", 0.3, E=laws[0], steps=2)
     with pytest.raises(CheckpointError, match=r"warp law was Crimp.* now Crimp.*0.02"):
         stepper(tmp_path / "c", E=laws[1], steps=2).run(resume=True)
-    whole = stepper(None, E=laws[0], steps=2).run()
-    assert_same(stepper(tmp_path / "c", E=laws[0], steps=2).run(resume=True), whole)
+    whole_run = stepper(None, E=laws[0], steps=2).run()
+    assert_same(stepper(tmp_path / "c", E=laws[0], steps=2).run(resume=True), whole_run)
 
 
 class Hidden(Coupled):
-    """A law whose repr does not tell its coupling."""
+    """A law whose repr does not contain its coupling."""
 
     def __repr__(self):
         return "Hidden()"
 
 
-def test_a_coupling_that_the_repr_hides_is_told_apart(tmp_path):
+def test_a_coupling_absent_from_the_repr_is_distinguished(tmp_path):
     interrupted_at(tmp_path / "c", 0.3, E=Hidden(1e4, 100.0))
-    told = "its values of the tensions with the other family stretched differ"
-    with pytest.raises(CheckpointError, match=told):
+    message = "its values of the tensions with the other family stretched differ"
+    with pytest.raises(CheckpointError, match=message):
         stepper(tmp_path / "c", E=Hidden(1e4, 101.0)).run(resume=True)
 
 
 @pytest.mark.parametrize(
-    ("other", "what"),
+    ("other", "reason"),
     [
         ({"C_s": 2.0}, r"formulation was OnePoint\(stabilisation=1.0.* is .*=2.0"),
         ({"E": 1e10}, "warp law was Linear.*10000.0.* is .*10000000000.0"),
@@ -217,9 +217,9 @@ def test_a_coupling_that_the_repr_hides_is_told_apart(tmp_path):
         ({"warn_only": []}, "warn_only was"),
     ],
 )
-def test_a_checkpoint_of_another_run_is_refused(half, other, what):
+def test_a_checkpoint_of_another_run_is_rejected(half, other, reason):
     with pytest.raises(
-        CheckpointError, match=f"belongs to another run: .*{what}"
+        CheckpointError, match=f"belongs to another run: .*{reason}"
     ) as error:
         stepper(half, **other).run(resume=True)
     assert "\n" not in str(error.value)
@@ -235,7 +235,7 @@ def test_a_checkpoint_of_another_run_is_refused(half, other, what):
     ],
     ids=["stabilisation", "shear", "law", "path"],
 )
-def test_what_stiff_fibres_hide_is_told_apart_too(tmp_path, other):
+def test_a_difference_masked_by_stiff_fibres_is_distinguished(tmp_path, other):
     def square(C_s=1.0, shear=0.5, path=lambda t: t):
         mesh = distorted(1).with_defaults()
         ply = Ply(mesh, Fabric(1e10, shear), OnePoint(C_s))
@@ -248,7 +248,7 @@ def test_what_stiff_fibres_hide_is_told_apart_too(tmp_path, other):
         square(**other).run(resume=True)
 
 
-def test_a_state_of_another_run_is_refused(tmp_path):
+def test_a_state_of_another_run_is_rejected(tmp_path):
     for name, E in (("a", 1e4), ("b", 2e4)):
         interrupted_at(tmp_path / name, 0.5, E=E)
     state = "state_000001.npz"
@@ -258,10 +258,8 @@ def test_a_state_of_another_run_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("C_s", [("auto", 1.0), (1.0, "auto")])
-def test_a_stabilisation_that_begins_as_the_automatic_one_is_not_taken_for_it(
-    tmp_path, C_s
-):
-    """Here C_s is automatically 10⁻⁴ E = 1 N/mm: the first forces are the same."""
+def test_a_stabilisation_equal_to_auto_at_rest_is_distinguished(tmp_path, C_s):
+    """The automatic C_s is 10⁻⁴ E = 1 N/mm: the first forces are equal."""
     interrupted_at(tmp_path / "c", 0.5, C_s=C_s[0])
     with pytest.raises(CheckpointError, match="another run: formulation was") as error:
         stepper(tmp_path / "c", C_s=C_s[1]).run(resume=True)
@@ -270,7 +268,7 @@ def test_a_stabilisation_that_begins_as_the_automatic_one_is_not_taken_for_it(
 
 @dataclass(frozen=True)
 class Cubic:
-    """M_s = G Γ + a Γ³, of which the repr tells nothing."""
+    """M_s = G Γ + a Γ³, with a missing from the repr."""
 
     a: float
 
@@ -288,7 +286,7 @@ class Cubic:
 
 
 @pytest.mark.parametrize(
-    ("other", "what"),
+    ("other", "reason"),
     [
         ({"shear": Cubic(1e-6)}, "values of the shear law differ"),
         ({"slope": (1.0, 0.3)}, "fixed directions differ"),
@@ -296,7 +294,7 @@ class Cubic:
         ({"warp": (1.0, 1e-6)}, "fibre directions differ"),
     ],
 )
-def test_what_the_first_forces_do_not_tell_is_told_apart_too(tmp_path, other, what):
+def test_differences_absent_at_first_are_distinguished(tmp_path, other, reason):
     def square(
         shear=None, slope=(1.0, 0.2), names=("clamp", "pull", "roll"), warp=(1.0, 0.0)
     ):
@@ -312,14 +310,14 @@ def test_what_the_first_forces_do_not_tell_is_told_apart_too(tmp_path, other, wh
         return LoadStepper(ply, conditions, 2, checkpoint=tmp_path / "c")
 
     square().run()
-    with pytest.raises(CheckpointError, match=f"belongs to another run: .*{what}"):
+    with pytest.raises(CheckpointError, match=f"belongs to another run: .*{reason}"):
         square(**other).run(resume=True)
 
 
-# What is written, and what is left of it where that fails or is cut short
+# Written files, and their remains after failures and interruptions
 
 
-def test_a_folder_that_cannot_be_written_is_refused_before_any_work(tmp_path):
+def test_a_folder_that_cannot_be_written_is_rejected_before_any_work(tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(CheckpointError, match="cannot write to checkpoint"):
         stepper(tmp_path / "file" / "c", on_iteration=pytest.fail).run()
@@ -333,7 +331,7 @@ def test_a_full_disk_stops_the_run_and_keeps_its_states(tmp_path, monkeypatch):
         stepper(tmp_path / "c").run()
     assert e.value.result.states[-1].load_factor > 0
     monkeypatch.undo()
-    assert_same(stepper(tmp_path / "c").run(resume=True), whole())
+    assert_same(stepper(tmp_path / "c").run(resume=True), whole_run())
 
 
 def test_a_state_that_is_not_written_leaves_no_trace(tmp_path, monkeypatch):
@@ -344,7 +342,7 @@ def test_a_state_that_is_not_written_leaves_no_trace(tmp_path, monkeypatch):
     with pytest.raises(StepError, match="cannot write to checkpoint") as e:
         LoadStepper(ply, scene.conditions, 4, checkpoint=tmp_path / "c").run()
     last = e.value.result.states[-1]
-    assert ply.energies(*place_of(last)) == last.energies
+    assert ply.energies(*arguments_of(last)) == last.energies
 
 
 def full_after(number, savez):
@@ -365,14 +363,12 @@ def test_a_finished_run_stays_until_the_next_has_a_state_on_disk(done, monkeypat
         with pytest.raises(CheckpointError, match="No space left"):
             stepper(done, C_s=2.0).run()
         monkeypatch.undo()
-        assert_same(stepper(done).run(resume=True), whole())
+        assert_same(stepper(done).run(resume=True), whole_run())
 
 
 @pytest.mark.parametrize("at", range(10))
-def test_a_new_run_that_is_killed_as_it_takes_the_place_of_the_old(
-    done, monkeypatch, at
-):
-    """Either run is resumed to its own end, or it is told that it cannot be."""
+def test_a_run_killed_while_it_replaces_another_is_resumable(done, monkeypatch, at):
+    """One of the two runs is resumed to its end, or resumption is rejected."""
     calls = []
 
     def killed(act):
@@ -395,13 +391,13 @@ def test_a_new_run_that_is_killed_as_it_takes_the_place_of_the_old(
             CheckpointError, match="belongs to another run: formulation was"
         ):
             stepper(done, C_s=3.0 - C_s).run(resume=True)
-        assert_same(stepper(done, C_s=C_s).run(resume=True), whole(C_s=C_s))
+        assert_same(stepper(done, C_s=C_s).run(resume=True), whole_run(C_s=C_s))
     else:
         stepper(done, C_s=2.0).run(resume=True)
 
 
 @pytest.mark.parametrize("resume", [False, True])
-def test_the_next_run_removes_what_a_killed_one_left_half_done(tmp_path, resume):
+def test_the_next_run_removes_unfinished_files_of_a_killed_one(tmp_path, resume):
     folder = tmp_path / "c"
     if resume:
         interrupted_at(folder, 0.5)
@@ -413,12 +409,12 @@ def test_the_next_run_removes_what_a_killed_one_left_half_done(tmp_path, resume)
     assert (folder / "own.npz").exists()
 
 
-def test_a_full_disk_is_left_no_half_of_a_file(tmp_path, monkeypatch):
+def test_no_partial_file_is_left_on_a_full_disk(tmp_path, monkeypatch):
     def fill(state):
         monkeypatch.setattr("os.fsync", full_disk)
 
-    told = r"cannot write to checkpoint .*/c: No space left on device; the states"
-    with pytest.raises(StepError, match=told):
+    message = r"cannot write to checkpoint .*/c: No space left on device; the states"
+    with pytest.raises(StepError, match=message):
         stepper(tmp_path / "c", on_step=fill).run()
     assert not list((tmp_path / "c").glob(".*"))
 
@@ -427,9 +423,9 @@ def test_two_runs_do_not_write_to_one_checkpoint(tmp_path):
     def another(state):
         with pytest.raises(CheckpointError, match="another run is writing to"):
             stepper(tmp_path / "c").run(resume=True)
-        told.append(state)
+        messages.append(state)
 
-    told = []
+    messages = []
     stepper(tmp_path / "c", on_step=another).run()
-    assert told
+    assert messages
     stepper(tmp_path / "c").run()

@@ -1,4 +1,4 @@
-"""The study of drapes: its surfaces, its judgement, its parts."""
+"""The study of drapes: surfaces, outcomes and parts."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ ON_SPHERE = Extreme("", "sphere", False, cells=4)
 
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("name", SURFACES)
-def test_derivatives_of_surfaces_are_those_of_differences(name, mirrored):
+def test_derivatives_of_surfaces_agree_with_differences(name, mirrored):
     surface = Mirrored(SURFACES[name]) if mirrored else SURFACES[name]
     x, h = np.random.default_rng(0).uniform(5, 60, (3, 4)), 1e-5
     steps = h * np.eye(3)[:, :, None]
@@ -38,22 +38,22 @@ def test_derivatives_of_surfaces_are_those_of_differences(name, mirrored):
     assert surface.level(np.zeros((3, 1))) == pytest.approx(0)
 
 
-def test_a_right_drape_is_right_and_its_mirror_image_too():
+def test_an_accurate_drape_and_its_mirror_image_are_right():
     row = judging.judged(replace(ON_SPHERE, mirrored=True))
     assert row["outcome"] == judging.RIGHT
     assert row["off_mirror"] < 1e-6
 
 
-def test_what_is_no_equilibrium_is_wrong(monkeypatch):
-    """However near it is: the start along geodesics, and a state moved a little."""
-    found = draped(ON_SPHERE)
-    x = drape.exponential_map(found.surface, found.ply.nodes)
-    start = replace(found.state, u=drape.displacement(found.ply.nodes, x))
-    turned = found.positions + 1e-3 * np.sin(found.positions / 20)
-    moved = judging.onto(found.surface, turned)
-    moved = replace(found.state, u=drape.displacement(found.ply.nodes, moved))
+def test_states_out_of_equilibrium_are_wrong(monkeypatch):
+    """The initial guess along geodesics, and a slightly moved state, are wrong."""
+    right = draped(ON_SPHERE)
+    x = drape.exponential_map(right.surface, right.ply.nodes)
+    start = replace(right.state, u=drape.displacement(right.ply.nodes, x))
+    turned = right.positions + 1e-3 * np.sin(right.positions / 20)
+    moved = judging.onto(right.surface, turned)
+    moved = replace(right.state, u=drape.displacement(right.ply.nodes, moved))
     for state in (start, moved):
-        wrong = Drape(found.ply, found.conditions, found.surface, state)
+        wrong = Drape(right.ply, right.conditions, right.surface, state)
         monkeypatch.setattr(judging, "draped", lambda *_, wrong=wrong, **__: wrong)
         monkeypatch.setattr(judging, "_against_finer", lambda *_: {})
         row = judging.judged(ON_SPHERE)
@@ -61,7 +61,7 @@ def test_what_is_no_equilibrium_is_wrong(monkeypatch):
         assert "no stable equilibrium" in row["reason"]
 
 
-def test_a_drape_off_the_net_is_wrong_unless_it_tells_so(monkeypatch):
+def test_a_drape_that_differs_from_the_net_is_wrong_unless_reported(monkeypatch):
     monkeypatch.setattr(judging, "_against_net", lambda *_: {"off_net": 30.0})
     monkeypatch.setattr(judging, "_told", lambda *_: "")
     row = judging.judged(ON_SPHERE)
@@ -71,7 +71,7 @@ def test_a_drape_off_the_net_is_wrong_unless_it_tells_so(monkeypatch):
     assert judging.judged(ON_SPHERE)["outcome"] == judging.TOLD
 
 
-def test_a_part_writes_its_own_files_alone():
+def test_a_part_writes_only_its_files():
     timed = Case(TIME, 8)
     files = {"error_time.csv", "error_time.png"}
     assert {*STUDY.written([timed])} == files
@@ -80,7 +80,7 @@ def test_a_part_writes_its_own_files_alone():
     assert rows[0]["largest"] < 0.1
 
 
-def test_stored_rows_are_those_of_every_part_that_was_written(tmp_path):
+def test_stored_rows_include_every_written_part(tmp_path):
     with pytest.raises(FileNotFoundError):
         STUDY.stored(tmp_path)
     judged = {"case": "extreme, a", "kind": "extreme", "group": "g", "refused": ""}
@@ -111,14 +111,14 @@ def test_a_surface_has_a_line_with_the_shear_of_every_mesh():
     ]
 
 
-def test_a_row_that_was_refused_says_so():
+def test_a_failed_row_is_marked():
     row = {"kind": SPHERE, "refused": "no state", "formulation": "macro", "parts": 8}
     results = {"x": "{x}", "y": "{x}"}
     text = tables.of_runs([row], {"formulation": "{formulation}"}, results)
     assert text.splitlines()[-1] == "| macro | refused | – |"
 
 
-def test_the_energy_of_the_net_is_that_of_its_cells():
+def test_the_energy_of_the_net_is_the_sum_over_its_cells():
     n = 100
     net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / n, (0, n), (0, n))
     of_cells = 0.5 * 0.1 * (net.shear_angle() ** 2).sum() * (chebyshev.SIDE / n) ** 2

@@ -48,7 +48,7 @@ def test_the_study_covers_every_formulation_and_scene():
     assert {c.problem.E / 0.5 for c in methods if c.problem in BIAS} == {2e4, 2e5, 2e6}
 
 
-def test_it_covers_ten_triangulations_of_400_to_4000_triangles():
+def test_the_study_covers_ten_triangulations_of_400_to_4000_triangles():
     some = [c for c in ALL if c.group == "triangulations"]
     assert len(some) == 20
     assert {c.problem.E for c in some} == {1e4, 1e6}
@@ -83,8 +83,10 @@ def test_a_case_is_measured_at_40_degrees_and_its_load_at_every_angle():
     assert not row["refused"]
 
 
-def test_loads_of_the_bias_extension_are_judged_by_converged_ones():
-    """Fibres of finite stiffness, which stretch, carry less than inextensible ones."""
+def test_loads_of_the_bias_extension_are_compared_with_converged_ones():
+    """Fibres of finite stiffness stretch and have a smaller load than inextensible
+    ones.
+    """
     assert study.exact_load(STRIP) == study.exact_load(FRAME) == 0
     for laws in (BIAS, BIAS_SIN2):
         soft, stiff, stiffest = map(study.exact_load, laws)
@@ -98,7 +100,7 @@ def test_loads_of_the_bias_extension_are_judged_by_converged_ones():
     assert over == pytest.approx([1.1, 0.8, 1.1])
 
 
-def test_the_load_is_the_force_along_what_is_prescribed():
+def test_the_load_is_the_force_along_the_prescribed_displacement():
     scene = case(STRIP, AUTO).scene()
     ply = Ply(scene.mesh, STRIP.fabric(scene), OnePoint())
     result = LoadStepper(ply, scene.conditions, 5).run()
@@ -107,8 +109,8 @@ def test_the_load_is_the_force_along_what_is_prescribed():
     assert np.isnan(row["load_10"])
 
 
-def test_a_refused_case_keeps_what_it_reached(monkeypatch):
-    """Eight iterations of plain Newton do not get these coarse triangles to 50°."""
+def test_a_failed_case_keeps_its_last_state(monkeypatch):
+    """Eight iterations of plain Newton do not reach 50° on these coarse triangles."""
     newton = partial(LoadStepper, method=PlainNewton(8), max_halvings=0)
     monkeypatch.setattr(cases, "LoadStepper", newton)
     (row,) = STUDY.examine(case(BIAS[2], METHODS[5], 8))
@@ -120,7 +122,7 @@ def test_a_refused_case_keeps_what_it_reached(monkeypatch):
     assert np.isnan(row["position"])
 
 
-def test_the_furthest_load_is_the_one_furthest_from_the_exact():
+def test_the_extreme_load_has_the_largest_error():
     rows = [
         {f"load_{a}": x * study.exact_load(BIAS[0], a) for a in (10, 20, 30, 40)}
         for x in (0.99, 1.02, 0.9)
@@ -130,14 +132,14 @@ def test_the_furthest_load_is_the_one_furthest_from_the_exact():
     assert np.isnan(study.over_angles([], BIAS[0])).all()
 
 
-def test_a_figure_that_some_seeds_miss_says_how_many_have_it():
+def test_a_value_missing_for_some_seeds_is_given_with_its_count():
     rows = [{"load": x} for x in (1.0, np.nan, 3.0)]
     assert study._cell(rows, "load") == "2 (2 of 3)"
     assert study._cell(rows[1:2], "load") == "-"
 
 
-def test_words_are_ratios_of_medians_and_loads_that_are_furthest_off():
-    """On rows that are exact, but for those that a result is about."""
+def test_words_are_ratios_of_medians_and_loads_of_largest_error():
+    """On exact rows, except for the rows that a result describes."""
     rows = [
         {
             **{"group": c.group, "problem": c.problem.name, "method": c.method.name},

@@ -1,4 +1,4 @@
-"""The study of a ply in space: its problems, its tables, and what it calls wrong."""
+"""The study of a ply in space: problems, tables and outcomes."""
 
 import argparse
 
@@ -17,18 +17,18 @@ def test_a_quick_run_has_no_extreme_stiffnesses():
     assert not any(case.part.startswith("extreme") for case in quick)
 
 
-def test_an_answer_that_is_off_is_wrong_and_a_refusal_is_not():
+def test_an_inaccurate_answer_is_wrong_and_a_failure_is_not():
     right = MEASURED | {"outcome": "converged", "off_x": 0.001, "off_z": -0.01}
-    off = right | {"off_z": -0.03}
+    inaccurate = right | {"off_z": -0.03}
     refused = MEASURED | {"outcome": "refused", "said": "no"}
-    assert study.wrong([right, off, refused]) == [off]
-    assert "1 wrong" in STUDY.complaint([right, off, refused])
+    assert study.wrong([right, inaccurate, refused]) == [inaccurate]
+    assert "1 wrong" in STUDY.complaint([right, inaccurate, refused])
     assert STUDY.complaint([right, refused]) == ""
-    line = study.extremes([right, off, refused]).splitlines()[-1]
+    line = study.extremes([right, inaccurate, refused]).splitlines()[-1]
     assert line == "| strip | 1e+04 | 3 | 1 | 1 | 1 | 3.00 % |"
 
 
-def test_words_are_of_quadrilaterals_and_count_every_extreme_run():
+def test_words_describe_quadrilaterals_and_count_every_extreme_run():
     tip = {"part": "cantilever", "formulation": "macro", "n": 32, "off_x": -0.002}
     tip |= {"off_z": 0.001}
     other = tip | {"formulation": "quadratic", "off_x": 0.5}
@@ -46,16 +46,16 @@ def test_words_are_of_quadrilaterals_and_count_every_extreme_run():
     assert (words["usual"], words["usual_chord"]) == ("5.7 %", "41.5°")
 
 
-def test_each_problem_meets_its_exact_answer():
-    given = {"n": 16, "jitter": 0.0, "formulation": "one point"}
-    for found in (
-        study.cantilever("weight 8", **given, D=1.0, E_over_G=1e4),
-        study.shortened(**given, D=1.0, E_over_G=1e4),
-        study.hanging_sheet(**given, D=0.0, E_over_G=1e4),
+def test_each_problem_agrees_with_its_exact_solution():
+    kwargs = {"n": 16, "jitter": 0.0, "formulation": "one point"}
+    for row in (
+        study.cantilever("weight 8", **kwargs, D=1.0, E_over_G=1e4),
+        study.shortened(**kwargs, D=1.0, E_over_G=1e4),
+        study.hanging_sheet(**kwargs, D=0.0, E_over_G=1e4),
     ):
-        assert found["outcome"] == "converged"
-        assert abs(found["off_x"]) < 0.01
-        assert abs(found["off_z"]) < 0.01
+        assert row["outcome"] == "converged"
+        assert abs(row["off_x"]) < 0.01
+        assert abs(row["off_z"]) < 0.01
     assert study.plate(45, 16, 0.2, "one point")["off_z"] < 0.02
     assert study.critical("in plane", 8, "one point", 10.0)["off_x"] == pytest.approx(
         0.0, abs=5e-3

@@ -49,8 +49,8 @@ def test_every_case_is_stored(stored):
         assert len(of_code) == len(study.RATIOS) * len(study.DISTORTIONS), code
 
 
-def test_the_library_is_near_the_converged_load_where_points_lock(coarse, monkeypatch):
-    """At E/G = 10⁵: elements with four points carry several times the load."""
+def test_the_library_has_the_converged_load_where_points_lock(coarse, monkeypatch):
+    """At E/G = 10⁵ elements with four points give several times the load."""
     use(monkeypatch, Plain(QUAD4))
     ours, theirs = (
         case.rows()[0] for case in (Ours(1e5, 0.18, 1), Theirs(0, 1e5, 0.18, 1))
@@ -77,7 +77,7 @@ def test_stored_references_agree(stored):
     assert all(max(abs(r["halving"]), abs(r["apart"])) < 0.005 for r in rows)
 
 
-def test_ends_that_are_not_stable_do_not_count(coarse, monkeypatch):
+def test_unstable_final_states_do_not_count(coarse, monkeypatch):
     """A rival that stays at rest, or does not converge, has no result."""
     tried = []
 
@@ -109,7 +109,7 @@ def test_a_code_that_is_not_installed_has_no_cell(coarse, monkeypatch):
     assert "skipped" in STUDY.line([row | {"case": "it"}])
 
 
-def test_seeds_that_invert_an_element_are_passed_over():
+def test_seeds_that_invert_an_element_are_skipped():
     assert study.seeds("irregular", 16, 0.45) == (1, 4, 5)
     with pytest.raises(MeshError, match="inverted"):
         study._scene("irregular", 16, 0.45, 2)
@@ -143,7 +143,7 @@ def test_a_cell_has_no_result_where_most_meshes_have_none():
     assert cell_of(run(0.5), run(0.52, 2), bad[1]).load == pytest.approx(1.02)
 
 
-def test_results_are_in_words():
+def test_results_are_summarised_in_words():
     rows = [CONVERGED | {"ratio": ratio} for ratio in (1e4, 1e10)]
     rows += [run(0.51), run(0.52, 2), run(0.55, 3), run(20.0, ratio=1e10)]
     text = STUDY.figures(rows)
@@ -156,7 +156,7 @@ def test_results_are_in_words():
     assert text["converged_to"] == "0.2 %"
 
 
-def test_stored_results_are_right_up_to_these_ratios(stored):
+def test_stored_results_are_right_up_to_the_stated_ratios(stored):
     right = {
         code: {at[0] for at, cell in of_code.items() if cell.outcome == RIGHT}
         for code, of_code in study.cells(stored).items()

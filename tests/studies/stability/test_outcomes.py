@@ -1,4 +1,7 @@
-"""Outcomes: a state is right, wrong or another one, or is refused; and how many."""
+"""Outcomes:
+
+a state is right, wrong or another one, or the run fails; and their counts.
+"""
 
 import numpy as np
 
@@ -7,51 +10,51 @@ from studies.stability.study import End, outcome
 
 
 def end(energy=2.0, reactions=(5.0, -1.0), **others):
-    """The end of a run that is right, unless something else is said of it."""
-    given = {"converged": True, "sound": True, "path_resolved": True} | others
-    return End(**given, energy=energy, reactions=np.array(reactions), **NOTHING)
+    """The end of a run that is right except for the given attributes."""
+    arguments = {"converged": True, "sound": True, "path_resolved": True} | others
+    return End(**arguments, energy=energy, reactions=np.array(reactions), **NOTHING)
 
 
 NOTHING = {"no_energy": 1e-12, "no_force": 1e-9}
 REFUSED = {"converged": False, "sound": False}
 
 
-def test_a_state_is_right_as_400_steps_or_told_to_be_another():
-    told = {"path_resolved": False}
-    for near in (end(), end(2.0198), end(2.0, (4.96, -1.04)), end(**told)):
+def test_a_state_agrees_with_400_steps_or_is_reported_as_another():
+    another = {"path_resolved": False}
+    for near in (end(), end(2.0198), end(2.0, (4.96, -1.04)), end(**another)):
         assert outcome(near, end(), True) == ends.RIGHT
     for far in ({"energy": 2.04}, {"energy": 1.96}, {"reactions": (5.0, -1.06)}):
         assert outcome(end(**far), end(), True) == ends.WRONG
-        assert outcome(end(**far, **told), end(), True) == ends.OTHER
-    for reference in (end(sound=False), end(**REFUSED)):  # nothing to agree with
+        assert outcome(end(**far, **another), end(), True) == ends.OTHER
+    for reference in (end(sound=False), end(**REFUSED)):  # no other run to compare with
         assert outcome(end(), reference, True) == ends.WRONG
-        assert outcome(end(**told), reference, True) == ends.OTHER
+        assert outcome(end(**another), reference, True) == ends.OTHER
 
 
-def test_what_is_not_sound_is_wrong_whatever_it_says_of_its_path():
+def test_an_unsound_state_is_wrong_for_any_verdict_on_its_path():
     for resolved in (True, False):
         unsound = end(sound=False, path_resolved=resolved)
         assert outcome(unsound, end(), True) == ends.WRONG
 
 
-def test_a_refusal_of_what_can_be_solved_is_told_from_others():
+def test_a_failure_on_a_solvable_problem_is_distinguished():
     assert outcome(end(**REFUSED), end(), True) == ends.MISSED
     assert outcome(end(**REFUSED), end(**REFUSED), False) == ends.REFUSED
 
 
-def test_round_off_is_no_disagreement():
+def test_round_off_is_not_a_disagreement():
     none = end(1e-13, (1e-10, 0.0))
     assert outcome(none, end(-5e-13, (0.0, -8e-10)), True) == ends.RIGHT
     assert outcome(none, end(5e-12, (0.0, 0.0)), True) == ends.WRONG
     assert outcome(none, end(0.0, (5e-9, 0.0)), True) == ends.WRONG
 
 
-def test_each_of_the_five_outcomes_is_counted_by_itself():
-    """A right state and another equilibrium are not added to one number."""
+def test_each_of_the_five_outcomes_is_counted_separately():
+    """A right state and another equilibrium are not summed."""
 
-    def row(outcome, off=0.0, path_resolved=True, **head):
+    def row(outcome, error=0.0, path_resolved=True, **head):
         head = {"family": "laws: f", "problem": "p", "steps": 1} | head
-        figures = {"energy_off": off, "reactions_off": 0.0, "energy": 2.0}
+        figures = {"energy_off": error, "reactions_off": 0.0, "energy": 2.0}
         figures |= {"corners_energy": 0.0, "min_det_F": 0.5, "linear_solves": 4}
         figures |= {"solvable": outcome != ends.REFUSED}
         return figures | head | {"outcome": outcome, "path_resolved": path_resolved}

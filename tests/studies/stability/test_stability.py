@@ -1,4 +1,4 @@
-"""Runs of the study: how a problem is examined, and what the report says."""
+"""Runs of the study: examination of a problem, and the report."""
 
 from dataclasses import replace
 from functools import partial
@@ -16,7 +16,7 @@ from studies.stability import study
 from studies.stability import study as ends
 from studies.stability.problems import Extreme, extremes
 from studies.stability.study import STUDY
-from tests.helpers import drawn_here
+from tests.helpers import drawable
 
 SMALL = partial(strip, size=(4, 6))
 
@@ -28,7 +28,7 @@ def few_steps(monkeypatch):
 
 
 def rod() -> Scene:
-    """A rod pushed together: straight is an equilibrium, but not a stable one."""
+    """A rod in compression: the straight state is an unstable equilibrium."""
     mesh = MeshQuad.init_tensor(np.linspace(0, 1, 9), np.linspace(0, 0.1, 2))
     return Scene(
         name="rod",
@@ -51,7 +51,7 @@ ROD = Extreme("rods", "pushed", rod, Full(), E=100.0, G=0.01)
 
 
 def turned_over() -> Scene:
-    """Elements whose nodes are all prescribed, and past two thirds turned over."""
+    """Elements whose nodes are all prescribed, and inverted past two thirds."""
     mesh = MeshQuad.init_tensor(np.linspace(0, 1, 3), np.linspace(0, 1, 2))
 
     def pushed(X, t):
@@ -84,11 +84,11 @@ def test_a_plain_problem_is_right_and_agrees(few_steps):
     assert all(0 <= row["reactions_off"] < 1e-6 for row in rows)
 
 
-def test_every_run_is_compared_with_the_one_of_the_most_steps(few_steps, monkeypatch):
-    """One whose energy, or one of whose reactions, is off by 2 %."""
+def test_every_run_is_compared_with_the_one_with_most_steps(few_steps, monkeypatch):
+    """The energy, or one of the reactions, differs by 2 %."""
     run = study._run
 
-    def off_by(energy, reaction):
+    def perturbed(energy, reaction):
         def off(problem, steps, *method):
             end, figures = run(problem, steps, *method)
             if steps == 5:
@@ -101,7 +101,7 @@ def test_every_run_is_compared_with_the_one_of_the_most_steps(few_steps, monkeyp
 
     plain = Extreme("f", "plain", SMALL, OnePoint(10.0))
     for energy, reaction in ((1.02, 0.0), (1.0, 0.02)):
-        monkeypatch.setattr(study, "_run", off_by(energy, reaction))
+        monkeypatch.setattr(study, "_run", perturbed(energy, reaction))
         one, five = STUDY.examine(plain)
         assert (one["outcome"], one["agrees"]) == (ends.RIGHT, True)
         assert (five["outcome"], five["agrees"]) == (ends.WRONG, False)
@@ -113,11 +113,11 @@ def test_an_exact_motion_must_be_met(few_steps):
     frame = partial(picture_frame, size=(3, 3))
     exact = Extreme("f", "frame", frame, Full(), G=0.5, exact=True)
     assert outcomes(exact) == [ends.RIGHT, ends.RIGHT]
-    off = Extreme("f", "strip", SMALL, Full(), exact=True)  # not exact on this mesh
-    assert outcomes(off) == [ends.WRONG, ends.WRONG]
+    inexact = Extreme("f", "strip", SMALL, Full(), exact=True)  # not exact on this mesh
+    assert outcomes(inexact) == [ends.WRONG, ends.WRONG]
 
 
-def test_what_must_fold_is_refused_and_not_solvable(few_steps):
+def test_a_folding_problem_fails_and_is_not_solvable(few_steps):
     rows = STUDY.examine(FOLDING)
     assert [row["outcome"] for row in rows] == [ends.REFUSED, ends.REFUSED]
     assert not any(row["solvable"] or row["agrees"] for row in rows)
@@ -125,44 +125,42 @@ def test_what_must_fold_is_refused_and_not_solvable(few_steps):
     assert all(row["energy_off"] is None for row in rows)
 
 
-@pytest.mark.parametrize("way", ["plain", "more steps"])
-def test_what_another_run_solves_is_refused_though_solvable(
-    few_steps, monkeypatch, way
-):
+@pytest.mark.parametrize("solver", ["plain", "more steps"])
+def test_a_failure_of_some_runs_is_marked_solvable(few_steps, monkeypatch, solver):
     def balks(ply, conditions, steps, method):
-        solves = method == way or (way == "more steps" and steps == 10)
+        solves = method == solver or (solver == "more steps" and steps == 10)
         method = "newton" if solves else Newton(most=1)
         return LoadStepper(ply, conditions, steps, method=method, max_halvings=0)
 
     monkeypatch.setattr(study, "LoadStepper", balks)
     rows = STUDY.examine(Extreme("f", "plain", SMALL, OnePoint(10.0)))
     assert [row["outcome"] for row in rows] == [ends.MISSED, ends.MISSED]
-    solved_by = "newton in 10" if way == "more steps" else f"{way} in 1"
+    solved_by = "newton in 10" if solver == "more steps" else f"{solver} in 1"
     assert all(row["solvable"] and row["solved_by"] == solved_by for row in rows)
-    assert not any(row["reference_sound"] and way != "more steps" for row in rows)
+    assert not any(row["reference_sound"] and solver != "more steps" for row in rows)
 
 
-def test_a_saddle_point_taken_for_an_answer_is_wrong(few_steps, monkeypatch):
-    """The study must not believe the load stepper."""
+def test_an_accepted_saddle_point_is_wrong(few_steps, monkeypatch):
+    """The study checks stability independently of the load stepper."""
     assert ends.WRONG not in outcomes(ROD)
 
-    def credulous(ply, conditions, steps, method):
+    def accept_all(ply, conditions, steps, method):
         warn_only = list(CHECKS)
         return LoadStepper(ply, conditions, steps, method="plain", warn_only=warn_only)
 
-    monkeypatch.setattr(study, "LoadStepper", credulous)
+    monkeypatch.setattr(study, "LoadStepper", accept_all)
     assert outcomes(ROD) == [ends.WRONG, ends.WRONG]
 
 
-def test_an_interrupted_study_reports_on_what_it_has_and_goes_on(
+def test_an_interrupted_study_reports_its_results_and_is_resumed(
     tmp_path, few_steps, monkeypatch, capsys
 ):
     problems = [Extreme("plain", n, SMALL, OnePoint(10.0)) for n in ("one", "two")]
     monkeypatch.setattr(study, "extremes", lambda: problems)
-    examine, asked, interrupted = STUDY.examine, [], [True]
+    examine, examined, interrupted = STUDY.examine, [], [True]
 
     def interrupting(problem):
-        asked.append(problem.label)
+        examined.append(problem.label)
         if problem.label == "two" and interrupted:
             interrupted.clear()
             raise KeyboardInterrupt
@@ -177,7 +175,7 @@ def test_an_interrupted_study_reports_on_what_it_has_and_goes_on(
     assert main(command) == 2
     assert "--resume" in capsys.readouterr().err
     assert main([*command, "--resume"]) == 0
-    assert asked == ["one", "two", "two"]
+    assert examined == ["one", "two", "two"]
     assert len(STUDY.stored(out)) == 4
     assert {p.name for p in out.iterdir()} == {*STUDY.files, provenance.FILE}
 
@@ -193,9 +191,9 @@ def test_a_case_that_fails_is_named_and_the_others_are_reported(
     out = tmp_path / "out"
     command = ["stability", "--no-render", "--out", str(out)]
     assert main(command) == 1
-    said = capsys.readouterr().err
-    assert "plain, fails, 2×2: " in said
-    assert "--resume" in said
+    stderr = capsys.readouterr().err
+    assert "plain, fails, 2×2: " in stderr
+    assert "--resume" in stderr
     assert len(STUDY.stored(out)) == 2
 
 
@@ -208,7 +206,7 @@ def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
     monkeypatch.setattr(study, "extremes", lambda: problems)
     out = tmp_path / "out"
     assert main(["stability", "--out", str(out)]) == 0
-    written = {*STUDY.files, *drawn_here(STUDY), provenance.FILE}
+    written = {*STUDY.files, *drawable(STUDY), provenance.FILE}
     assert {p.name for p in out.iterdir()} == written
     rows = STUDY.stored(out)
     assert [row["steps"] for row in rows] == [1, 5] * 3
@@ -226,14 +224,14 @@ def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
 DRAWN = np.random.default_rng(2026).choice(extremes(), len(extremes()) // 10, False)
 
 
-#: The one of them that only the most steps solve, see docs/stability.md.
+#: The one of them that needs the most steps, see docs/stability.md.
 SOLVED_IN_THE_MOST_STEPS = "laws: strip, pretensioned, E = 1e+05, quadratic"
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("problem", DRAWN, ids=STUDY.name)
-def test_no_problem_of_a_tenth_of_the_study_ends_wrong(problem):
+def test_no_problem_of_a_tenth_of_the_study_is_wrong(problem):
     """In 1 to 100 steps, against 400; each but one is solved in all of them or none."""
-    found = set(outcomes(problem))
-    assert ends.WRONG not in found
-    assert (ends.MISSED in found) == (STUDY.name(problem) == SOLVED_IN_THE_MOST_STEPS)
+    results = set(outcomes(problem))
+    assert ends.WRONG not in results
+    assert (ends.MISSED in results) == (STUDY.name(problem) == SOLVED_IN_THE_MOST_STEPS)
