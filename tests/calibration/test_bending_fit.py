@@ -92,7 +92,7 @@ def test_a_fixed_angle_replaces_a_column(tmp_path):
         (
             "overhang,chord angle (deg)\n1,40\n",
             (),
-            "must be one of mm, .* and it has none",
+            "must be one of mm, cm, m, in, and it has none",
         ),
         ("overhang (mm)\n1\n", ("--chord-angle", "41", "--weight", "0"), "positive"),
     ],
