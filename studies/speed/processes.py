@@ -48,8 +48,8 @@ def processes(settings: Settings) -> Row:
     """Factorisation and solution by PETSc on 1, 2 and 4 processes of one machine.
 
     Strips with 2×2 points are loaded in one step; displacement and reaction are
-    compared with those of SuperLU.  The times are for one tangent, the largest of the
-    processes; the peak memory is that of the process with most.
+    compared with SuperLU.  Times and peak memory, for one tangent, are the largest
+    values of all processes.
     """
     if missing():
         return {"missing": f"skipped, needs {missing()}", "runs": []}
@@ -73,7 +73,7 @@ def missing() -> str:
 def run(
     solver: str, elements: int, n: int = 1, options: str = ""
 ) -> list[dict[str, ndarray]]:
-    """Results of each process; ``options`` are those of PETSc."""
+    """Results of each process, with options of PETSc."""
     before = ["mpirun", "-n", str(n)] if solver == "petsc" else []
     words = "-m", "studies.speed.processes", solver, str(elements)
     root = str(Path(__file__).parents[2])

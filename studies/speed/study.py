@@ -329,8 +329,8 @@ def _iterative_in_words(results: Row) -> dict[str, str]:
 def _petsc_in_words(results: Row) -> dict[str, str]:
     """Differences from SuperLU, and extrapolation of time and memory.
 
-    Memory of the set-up grows with n and that of factors with n log n; the exponents of
-    time are those of nested dissection in 2D.
+    Memory of the set-up is proportional to n, memory of the factors and time of the
+    solution to n log n, time of the factorisation to n^1.5 (nested dissection in 2D).
     """
     own = having(results["runs"], solver="petsc")
     alone = having(own, processes=1)

@@ -135,6 +135,18 @@ def test_factors_remain_valid_after_another_matrix_of_the_same_pattern(name, shi
     np.testing.assert_allclose(first.solve(A @ x), x, atol=1e-9)
 
 
+@pytest.mark.parametrize("name", SOLVERS)
+def test_inertia_belongs_to_the_latest_matrix(name):
+    pytest.importorskip(SOLVERS[name].package)
+    A = some_matrix(5, 20.0)
+    lower = tril(A, format="csc")
+    solver = solver_named(name)(lower)
+    for sign in (1, -1, 1):
+        factors = solver.factorise(sign * lower.data)
+        assert factors.definite == (sign == 1)
+        assert factors.negative_pivots == (0 if sign == 1 else 40)
+
+
 def test_a_ply_with_every_unknown_fixed_is_solved(factorised):
     factors = factorised(csr_matrix((0, 0)))
     assert factors.negative_pivots == 0

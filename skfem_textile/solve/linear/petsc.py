@@ -154,8 +154,9 @@ class PETSc(OneAtATime):
 
     def _inertia(self) -> int | None:
         """Number of negative pivots; None if the matrix is singular."""
-        self._direct.setUp()
-        factors = self._direct.getPC().getFactorMatrix()
+        pc = self._direct.getPC()
+        pc.setUp()  # unlike setUp of KSP, factorises after each change of the matrix
+        factors = pc.getFactorMatrix()
         if (error := factors.getMumpsInfog(_ERROR)) < 0:
             if error in _SINGULAR:
                 return None
@@ -182,7 +183,7 @@ class PETScFactors:
     ----------
     definite
         True if MUMPS finds positive pivots only.  With an iterative method: if it
-        converges for a random right-hand side b, with b·x > 0, which is no proof.
+        converges for a random right-hand side b, with b·x > 0, which does not prove it.
     """
 
     def __init__(self, solver: PETSc, data: ndarray) -> None:
