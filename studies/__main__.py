@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else list(arguments)
     try:
         with raised():
-            return _answer(words)
+            return _main(words)
     except BrokenPipeError:  # the output pipe is closed
         silence(sys.stdout)
         return 0
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _answer(words: list[str]) -> int:
+def _main(words: list[str]) -> int:
     if not words:
         for name, description in descriptions().items():
             say(f"{name:16}{description}")
@@ -110,16 +110,16 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
     cases = _cases(study, options)
     written = [*study.written(cases), provenance.FILE]
     results = ResultFolder(options.out, written)
-    kept = options.out / f"{options.study}-unfinished.jsonl"
-    if kept.is_file() and kept.stat().st_size and not options.resume:
+    pending = options.out / f"{options.study}-unfinished.jsonl"
+    if pending.is_file() and pending.stat().st_size and not options.resume:
         raise ValueError(
-            f"{kept} is from an unfinished study: use --resume, or delete the file"
+            f"{pending} is from an unfinished study: use --resume, or delete the file"
         )
     code, complaint = 0, ""
     rows_by_name: dict[str, list[Row]] = {}
     rows: list[Row] = []
     try:
-        _examine(study, cases, options, kept, rows_by_name)
+        _examine(study, cases, options, pending, rows_by_name)
     except SweepError as error:
         code, complaint = STOPPED_EARLY, f"{error}; --resume runs the remaining cases"
     except KeyboardInterrupt:
@@ -132,7 +132,7 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
                 for name, text in (study.tables(rows) | record).items():
                     (folder / name).write_text(text, encoding="utf-8", newline="")
     if not (complaint and rows):
-        kept.unlink(missing_ok=True)
+        pending.unlink(missing_ok=True)
     pictures = [name for name in study.pictures if name in written]
     if pictures and rows and code != INTERRUPTED and not options.no_render:
         code = _render(study, rows, ResultFolder(options.out, pictures), code)
@@ -162,17 +162,17 @@ def _examine(
     study: Study[Any],
     cases: list[Any],
     options: argparse.Namespace,
-    kept: Path,
+    pending: Path,
     rows_by_name: dict[str, list[Row]],
 ) -> None:
     """Add the rows of each case by its name; they are saved as cases finish."""
     from skfem_textile.solve.sweep import sweep
 
-    kept.parent.mkdir(parents=True, exist_ok=True)
+    pending.parent.mkdir(parents=True, exist_ok=True)
     workers = 1 if study.timed else min(options.workers, len(cases))
     with executor_of(workers) as executor:
         for case, rows in sweep(
-            study.examine, cases, executor, out=kept, key=study.name
+            study.examine, cases, executor, out=pending, key=study.name
         ):
             name = study.name(case)
             rows_by_name[name] = [{"case": name} | row for row in rows]

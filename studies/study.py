@@ -72,8 +72,8 @@ class Part:
         text = file.read_text(encoding="utf-8")
         if self.data.endswith(".csv"):
             return rows_of_csv(text)
-        found: list[Row] | Row = json.loads(text)
-        return found if isinstance(found, list) else [{"case": self.cases[0], **found}]
+        data: list[Row] | Row = json.loads(text)
+        return data if isinstance(data, list) else [{"case": self.cases[0], **data}]
 
 
 class Study(Generic[Case]):
@@ -135,8 +135,8 @@ class Study(Generic[Case]):
 
     def line(self, rows: list[Row]) -> str:
         """Log text for the rows of one case, of one or more lines."""
-        shown = (row.get("refused") or self._shown(row) for row in rows)
-        return f"{rows[0]['case']}: {', '.join(map(str, shown))}"
+        texts = (row.get("refused") or self._shown(row) for row in rows)
+        return f"{rows[0]['case']}: {', '.join(map(str, texts))}"
 
     def _shown(self, row: Row) -> object:
         if self.shown:
@@ -154,8 +154,8 @@ class Study(Generic[Case]):
         """
         texts: dict[str, str] = {}
         for part in self.parts:
-            if own := part.of(rows):
-                texts |= part.texts(own)
+            if part_rows := part.of(rows):
+                texts |= part.texts(part_rows)
         return texts
 
     def stored(self, folder: Path) -> list[Row]:
@@ -178,9 +178,9 @@ class Study(Generic[Case]):
     def draw(self, rows: list[Row], folder: Path) -> None:
         """Draw the figures of the rows into a folder."""
         for part in self.parts:
-            if own := part.of(rows):
+            if part_rows := part.of(rows):
                 for name, draw in part.pictures.items():
-                    draw(own, folder / name)
+                    draw(part_rows, folder / name)
 
     def complaint(self, rows: list[Row]) -> str:
         """One-line failure message, for exit code 1; empty if the study passes."""
@@ -215,6 +215,6 @@ def load(name: str) -> Study[Any]:
 
 def _modules() -> dict[str, str]:
     """Module of each study by name."""
-    here = Path(__file__).parent
-    folders = (file.parent.relative_to(here) for file in here.glob("*/**/study.py"))
+    root = Path(__file__).parent
+    folders = (file.parent.relative_to(root) for file in root.glob("*/**/study.py"))
     return {folder.name: ".".join(("studies", *folder.parts)) for folder in folders}

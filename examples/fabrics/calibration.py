@@ -38,13 +38,13 @@ for name in names:
 # %%
 # The fitted law with 95 % confidence intervals.
 
-found = fit_shear([read_specimen(name, TEST) for name in names])
-fit = found.fit
+calibration = fit_shear([read_specimen(name, TEST) for name in names])
+fit = calibration.fit
 for name, value, (low, high) in zip(
     fit.model.parameters, fit.values, fit.intervals, strict=True
 ):
     print(f"{name} = {value:.3f} N/mm, 95 %: {low:.3f} to {high:.3f}")
-draw(found, "fit.png")
+draw(calibration, "fit.png")
 
 # %%
 # The fabric file, and a simulation with it.

@@ -59,12 +59,12 @@ assert low > high
 # %%
 # The given stiffness field.
 
-given = plot.Field(
+field = plot.Field(
     "Shear stiffness (N/mm)",
     lambda ply, u: ply.fabric.shear_law.stiffness,
     cmap="cividis",
 )
-plot.field(result, field=given, titles=["Stiffness"], state=0, filename="stiffness.png")
+plot.field(result, field=field, titles=["Stiffness"], state=0, filename="stiffness.png")
 
 # %%
 # The shear angle.

@@ -47,15 +47,15 @@ ply = Ply(scene.mesh, Fabric(1e5, shear, scene.warp, scene.weft))
 result = LoadStepper(ply, scene.conditions, steps=12).run()
 factors = [state.load_factor for state in result.states[1:]]
 elongation = [scene.driven_displacement(state)[1] for state in result.states[1:]]
-found = [scene.reaction(state)[1] for state in result.states[1:]]
+loads = [scene.reaction(state)[1] for state in result.states[1:]]
 exact = [scene.load(shear, factor) for factor in factors]
 plot.curves(
-    {"": {"Ply": (elongation, found), "Inextensible fibres": (elongation, exact)}},
+    {"": {"Ply": (elongation, loads), "Inextensible fibres": (elongation, exact)}},
     "Elongation (mm)",
     "Load (N)",
     filename="load.png",
 )
-print(f"load: {found[-1]:.1f} N, with inextensible fibres: {exact[-1]:.1f} N")
+print(f"load: {loads[-1]:.1f} N, with inextensible fibres: {exact[-1]:.1f} N")
 
 # %%
 

@@ -33,9 +33,9 @@ for name, law in laws.items():
     results[name] = LoadStepper(ply, scene.conditions, steps=10).run()
     angles = [50.0 * state.load_factor for state in results[name].states]
     moments = [law.value(np.radians(angle)) for angle in angles]
-    found = np.degrees(ply.shear_angle(results[name].u))
-    print(f"{name:10} shear angles from {found.min():.4f}° to {found.max():.4f}°")
-    assert np.allclose(found, 50.0, atol=0.01)
+    gamma = np.degrees(ply.shear_angle(results[name].u))
+    print(f"{name:10} shear angles from {gamma.min():.4f}° to {gamma.max():.4f}°")
+    assert np.allclose(gamma, 50.0, atol=0.01)
     forces = [
         side * moment / np.sin(np.pi / 4 - np.radians(angle) / 2)
         for angle, moment in zip(angles, moments, strict=True)

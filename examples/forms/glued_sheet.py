@@ -73,9 +73,9 @@ conditions = {
 }
 state = LoadStepper(ply, conditions, steps=1).run().states[-1]
 exact = (E + YOUNG / (1 - POISSON**2)) * PULLED
-found = state.reactions["pulled"][0]
-print(f"force {found:.6f} N, exact {exact:.6f} N; {state.energies}")
-assert abs(found / exact - 1) < 1e-3
+force = state.reactions["pulled"][0]
+print(f"force {force:.6f} N, exact {exact:.6f} N; {state.energies}")
+assert abs(force / exact - 1) < 1e-3
 assert np.isclose(state.energies["sheet"], 0.5 * YOUNG / 0.91 * PULLED**2, 1e-3)
 
 # %%

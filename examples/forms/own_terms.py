@@ -56,9 +56,9 @@ conditions = {
 state = LoadStepper(ply, conditions, steps=1).run().states[-1]
 rate = np.sqrt(K / E)
 exact = E * rate * np.tanh(rate * LENGTH) * MOVED * 10.0
-found = state.reactions["pulled"][0]
-print(f"foundation: force {found:.5f} N, exact {exact:.5f} N")
-assert abs(found / exact - 1) < 1e-3
+force = state.reactions["pulled"][0]
+print(f"foundation: force {force:.5f} N, exact {exact:.5f} N")
+assert abs(force / exact - 1) < 1e-3
 
 bottom = np.isclose(ply.nodes[1], 0.0)
 x = ply.nodes[0, bottom][::8]

@@ -77,7 +77,7 @@ for sides in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
     quarter = pv.PolyData(mirrored.T, quads.ravel())
     quarter["shear"] = shear
     quarter = quarter.cell_data_to_point_data()
-    shown = plotter.add_mesh(
+    actor = plotter.add_mesh(
         quarter,
         scalars="shear",
         clim=(0, 25),
@@ -99,7 +99,7 @@ plotter.camera.zoom(1.48)
 plotter.enable_anti_aliasing("ssaa")
 plotter.add_scalar_bar(
     "Shear angle (°)",
-    mapper=shown.mapper,
+    mapper=actor.mapper,
     n_labels=6,
     fmt="%.0f",
     position_x=0.61,

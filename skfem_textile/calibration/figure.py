@@ -80,7 +80,7 @@ def _draw_shear(fit: ShearFit, left: Any, right: Any) -> None:
     degrees = np.degrees(gamma)
     right.fill_between(degrees, low, high, color=COLOURS[0], alpha=0.3, lw=0)
     right.plot(degrees, value(fit.fit.law), color=COLOURS[0], label="law, 95 %")
-    holds = min(np.degrees(s.kinematics_hold_to) for s in fit.specimens)
+    holds = min(np.degrees(s.kinematics_limit) for s in fit.specimens)
     right.axvline(holds, color="grey", ls=":", label="kinematics valid up to here")
     left.set(xlabel="shear angle (deg)", ylabel="force (N)")
     if left.get_ylim()[1] > _MOST * largest:  # excluded points would hide the others

@@ -283,10 +283,10 @@ def jacobian_of(
         units = np.eye(values.size)
         return np.transpose([value(model.build(unit)) for unit in units])
     columns = []
-    for i, own in enumerate(values):
-        step = 1e-6 * max(abs(own), 1e-6)
+    for i, x in enumerate(values):
+        step = 1e-6 * max(abs(x), 1e-6)
         ends = np.repeat(values[None], 2, axis=0)
-        ends[:, i] = np.clip([own - step, own + step], model.low[i], model.high[i])
+        ends[:, i] = np.clip([x - step, x + step], model.low[i], model.high[i])
         low, high = (value(model.build(end)) for end in ends)
         columns.append((high - low) / (ends[1, i] - ends[0, i]))
     return np.transpose(columns)
@@ -486,32 +486,32 @@ def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
         If there are not more points than parameters, or the parameters are not
         identifiable.
     """
-    whole = _fit(model, samples)
+    pooled = _fit(model, samples)
     if len(samples) < 2 or not compare:
-        return whole
+        return pooled
     alone = {}
     for i, one in enumerate(samples):
         try:
-            alone[i] = _fit(model, [one], whole.values, whole.noise[i : i + 1])
+            alone[i] = _fit(model, [one], pooled.values, pooled.noise[i : i + 1])
         except ValueError:  # this curve does not determine all parameters
             continue
-    p = int(np.sum(~whole.at_bound))
+    p = int(np.sum(~pooled.at_bound))
     points = sum(samples[i].measured.size for i in alone)
     further, rest = p * (len(alone) - 1), points - p * len(alone)
     if further < 1 or rest < 1:
-        return whole
-    weights = whole.noise[list(alone)] ** -2
+        return pooled
+    weights = pooled.noise[list(alone)] ** -2
     of_all, of_each = (
         float(sum(w * r @ r for w, r in zip(weights, residuals, strict=True)))
         for residuals in (
-            [whole.residuals[i] for i in alone],
+            [pooled.residuals[i] for i in alone],
             [one.residuals[0] for one in alone.values()],
         )
     )
     F = (of_all - of_each) / further / (of_each / rest) if of_each else 0.0
     singles = np.array([one.values for one in alone.values()])
     return replace(
-        whole, singles=singles, differ=float(special.fdtrc(further, rest, F))
+        pooled, singles=singles, differ=float(special.fdtrc(further, rest, F))
     )
 
 
@@ -529,7 +529,7 @@ def _fit(
             f"{n} points are too few for the {p} parameters of the law {model.name}: "
             "use a law with fewer parameters"
         )
-    given = noise is not None
+    noise_is_known = noise is not None
     least = _LEAST_NOISE * np.abs(measured).max()
     weights = _spread_out(samples, noise**-2.0) if noise is not None else np.ones(n)
 
@@ -538,11 +538,11 @@ def _fit(
 
     solve = solve_linear if model.start is None else solve_nonlinear
     values = start
-    for _ in range(1 if given else _ROUNDS):
+    for _ in range(1 if noise_is_known else _ROUNDS):
         values, J = solve(model, predict, measured, weights, values)
         at_bound = (values <= model.low) | (values >= model.high)
         residuals = _split(samples, measured - predict(model.build(values)))
-        if noise is None or not given:
+        if noise is None or not noise_is_known:
             free = J[:, ~at_bound]
             sizes = np.array([sample.measured.size for sample in samples])
             left = np.maximum(sizes - _leverage(samples, free, weights), 1e-6)
@@ -558,7 +558,7 @@ def _leverage(samples: Sequence[Sample], J: ndarray, weights: ndarray) -> ndarra
     """Number of parameters determined by each curve."""
     covariance = covariance_of(J, weights)
     each = np.einsum("ni,ij,nj,n->n", J, covariance, J, weights)
-    return np.array([own.sum() for own in _split(samples, each)])
+    return np.array([block.sum() for block in _split(samples, each)])
 
 
 def _spread_out(samples: Sequence[Sample], each: ndarray) -> ndarray:
@@ -566,6 +566,6 @@ def _spread_out(samples: Sequence[Sample], each: ndarray) -> ndarray:
     return np.repeat(each, [sample.measured.size for sample in samples])
 
 
-def _split(samples: Sequence[Sample], whole: ndarray) -> tuple[ndarray, ...]:
+def _split(samples: Sequence[Sample], array: ndarray) -> tuple[ndarray, ...]:
     ends = np.cumsum([sample.measured.size for sample in samples])[:-1]
-    return tuple(np.split(whole, ends))
+    return tuple(np.split(array, ends))

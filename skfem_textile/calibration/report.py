@@ -35,14 +35,14 @@ def shear_report(result: "ShearFit") -> dict[str, Any]:
         more = {
             "left_out": int(np.sum(~specimen.used(result.up_to))),
             "angle": "measured" if measured else "theoretical",
-            "kinematics_hold_to_deg": _holds(specimen),
+            "kinematics_hold_to_deg": _valid_up_to(specimen),
             "test": repr(specimen.test),
         }
         specimens.append(_curve(fit, i) | more)
     return {
         **_law("shear", fit),
         "compared_with": "simulations" if result.simulated else "closed forms",
-        "kinematics_hold_to_deg": min(map(_holds, result.specimens)),
+        "kinematics_hold_to_deg": min(map(_valid_up_to, result.specimens)),
         "largest_angle_deg": float(np.degrees(result.largest_angle)),
         "specimens": specimens,
         "moments": _moments(result),
@@ -151,14 +151,14 @@ def _moments(result: "ShearFit") -> list[dict[str, Any]]:
         return law.value(gamma)
 
     C, band, alone = value(fit.law), fit.band(value), fit.singles
-    own = [] if alone is None else [value(fit.model.build(one)) for one in alone]
+    moments = [] if alone is None else [value(fit.model.build(one)) for one in alone]
     points = [s.pointwise(result.up_to) for s in result.specimens]
     rows = []
     for i, angle in enumerate(angles):
         low, high = band[:, i]
         row = {"angle_deg": angle, "moment": C[i], "low": low, "high": high}
-        if own:
-            row["between_specimens"] = np.std([one[i] for one in own], ddof=1)
+        if moments:
+            row["between_specimens"] = np.std([one[i] for one in moments], ddof=1)
         reduced = [
             float(np.interp(gamma[i], x, y))
             for x, y in points
@@ -182,9 +182,9 @@ def _tension_notes(result: "TensionFit", families: Sequence[int]) -> list[str]:
     return notes
 
 
-def _holds(specimen: "Specimen") -> float:
+def _valid_up_to(specimen: "Specimen") -> float:
     """Shear angle in degrees up to which the kinematics of a test are valid."""
-    return float(np.degrees(specimen.kinematics_hold_to))
+    return float(np.degrees(specimen.kinematics_limit))
 
 
 def _notes(fit: Fit) -> list[str]:
@@ -221,15 +221,15 @@ def _range_notes(result: "ShearFit") -> list[str]:
         notes += _beginning_notes(specimen, result.up_to)
     if result.stabilisation is not None:
         shares = {"energy": {"stabilisation": result.stabilisation}}
-        if carried := excess(shares, "stabilisation"):
+        if excessive := excess(shares, "stabilisation"):
             notes.append(
-                f"the stabilisation of the simulations contributes up to {carried}, "
+                f"the stabilisation of the simulations contributes up to {excessive}, "
                 "and the law compensates for the error of this coarse mesh: double "
                 "--simulate until the law converges"
             )
         return notes
     for specimen in result.specimens:
-        holds = _holds(specimen)
+        holds = _valid_up_to(specimen)
         if specimen.measured_angle is None:
             if end > holds + 1e-9:
                 notes.append(

@@ -99,7 +99,7 @@ class Specimen:
         return self.theoretical_angle
 
     @cached_property
-    def kinematics_hold_to(self) -> float:
+    def kinematics_limit(self) -> float:
         """Shear angle in radians up to which the kinematics of the test are valid.
 
         Up to the angle at which the measured one differs from the theoretical one, or
@@ -110,8 +110,8 @@ class Specimen:
         order = np.argsort(self.measured_angle)
         measured = self.measured_angle[order]
         off = np.abs(measured - self.theoretical_angle[order])
-        apart = np.flatnonzero(~(off <= APART))
-        last = apart[0] - 1 if apart.size else measured.size - 1
+        deviating = np.flatnonzero(~(off <= APART))
+        last = deviating[0] - 1 if deviating.size else measured.size - 1
         return float(measured[last]) if last >= 0 else 0.0
 
     def last_angle(self, up_to: float | None) -> float:
@@ -136,10 +136,10 @@ class Specimen:
 
     def ways(self, up_to: float | None) -> tuple[bool, bool]:
         """Loading and unloading beyond noise, within the fitted points."""
-        way = self.driven[self.used(up_to)]
+        driven = self.driven[self.used(up_to)]
         forth, back = (
-            bool(np.any(np.maximum.accumulate(x) - x > _BACK * np.ptp(way)))
-            for x in (way[::-1], way)
+            bool(np.any(np.maximum.accumulate(x) - x > _BACK * np.ptp(driven)))
+            for x in (driven[::-1], driven)
         )
         return forth, back
 
@@ -468,8 +468,8 @@ def fit_by_simulation(
         result = fit_shear(driven, law, up_to=end, **how, ratios=ratios)
         loads = [sample.predict(result.fit.law) for sample in result.fit.samples]
         change = max(
-            float(np.abs(now - then).max() / np.abs(now).max())
-            for now, then in zip(loads, before, strict=True)
+            float(np.abs(current - previous).max() / np.abs(current).max())
+            for current, previous in zip(loads, before, strict=True)
         )
         log.info(
             "simulation %d: loads change by at most %.3g times the largest load",

@@ -181,23 +181,23 @@ def _refuse_contradictions(file: CaseFile) -> None:
         )
 
 
-def _scene(scene: AnyScene, own: Mesh, fabric: str | None) -> "Scene":
+def _scene(scene: AnyScene, options: Mesh, fabric: str | None) -> "Scene":
     """The scene on its mesh, rotated."""
-    generated = {"size": own.size, "jitter": own.jitter, "seed": own.seed}
+    generated = {"size": options.size, "jitter": options.jitter, "seed": options.seed}
     generated = {key: value for key, value in generated.items() if value is not None}
-    mesh: str | SkfemMesh = own.source
-    if own.source not in MESH_KINDS:
-        if not Path(own.source).is_file():
+    mesh: str | SkfemMesh = options.source
+    if options.source not in MESH_KINDS:
+        if not Path(options.source).is_file():
             raise ValueError(
-                f"mesh.source {printable(own.source)} is neither an existing file nor "
-                f"one of {', '.join(MESH_KINDS)}"
+                f"mesh.source {printable(options.source)} is neither an existing file "
+                f"nor one of {', '.join(MESH_KINDS)}"
             )
         if generated:
             raise ValueError(
                 f"mesh.{next(iter(generated))} applies to a generated mesh, but "
                 "mesh.source names a file: omit one of them"
             )
-        mesh = _read(own.source, own.directions, fabric)
+        mesh = _read(options.source, options.directions, fabric)
     built = scene.build(mesh, **generated)
     return built.rotated(np.radians(getattr(scene, "rotate_deg", 0.0)))
 
@@ -245,10 +245,10 @@ def _named(table: str, build: Callable[[], Any]) -> Any:
         raise ValueError(f"{table} {printable(error)}") from None
 
 
-def _fabric_of_file(file: str, own: FabricOfFile) -> Fabric:
+def _fabric_of_file(file: str, table: FabricOfFile) -> Fabric:
     from ..io import read_fabric
 
-    return read_fabric(file, own.thickness_mm, own.units, own.material).fabric
+    return read_fabric(file, table.thickness_mm, table.units, table.material).fabric
 
 
 def _with_directions(
@@ -262,8 +262,8 @@ def _with_directions(
             f"mesh.directions is not supported for the scene {scene.name}: set "
             "scene.fibres_deg"
         )
-    given = read_directions(file)
-    turned = FibreDirections(scene.turn @ given.warp, scene.turn @ given.weft)
+    field = read_directions(file)
+    turned = FibreDirections(scene.turn @ field.warp, scene.turn @ field.weft)
     try:
         warn_of_directions(scene.mesh, turned)
     except ValueError as error:
@@ -272,15 +272,15 @@ def _with_directions(
     return replace(scene, misfit=misfit), turned.on(fabric)
 
 
-def _has_other_directions(stated: Fabric, scene: "Scene", taken: Fabric) -> bool:
+def _has_other_directions(declared: Fabric, scene: "Scene", used: Fabric) -> bool:
     """True if a file states directions that the run does not use."""
-    if stated.warp is Fabric.warp and stated.weft is Fabric.weft:
+    if declared.warp is Fabric.warp and declared.weft is Fabric.weft:
         return False  # a deck without orientations
     try:
-        own, used = (directions_of(scene.mesh, one) for one in (stated, taken))
+        first, second = (directions_of(scene.mesh, one) for one in (declared, used))
     except ValueError:  # another number of elements
         return True
-    for A, B in (own.warp, used.warp), (own.weft, used.weft):
+    for A, B in (first.warp, second.warp), (first.weft, second.weft):
         x, y = scene.turn @ A
         if np.abs(x * B[1] - y * B[0]).max() > _SAME:
             return True
@@ -308,19 +308,19 @@ def _warn_of_other_directions(file: CaseFile) -> None:
 def _with_regions(scene: "Scene", fabric: Fabric, file: CaseFile) -> Fabric:
     """Fabric of the regions, and of the whole ply elsewhere."""
     mesh, fabrics = scene.mesh, {}
-    for name, own in file.regions.items():
+    for name, region in file.regions.items():
         fibres = [
             plain if degrees is None else scene.turn @ _direction(degrees)
             for plain, degrees in (
-                (scene.warp, own.warp_deg),
-                (scene.weft, own.weft_deg),
+                (scene.warp, region.warp_deg),
+                (scene.weft, region.weft_deg),
             )
         ]
         try:
             fabrics[name] = _fabric(
-                own.tension or file.tension,
-                own.shear or file.shear,
-                own.bending or file.bending,
+                region.tension or file.tension,
+                region.shear or file.shear,
+                region.bending or file.bending,
                 (fibres[0], fibres[1]),
             )
         except ValueError as error:

@@ -97,12 +97,12 @@ def declared(
     """
     try:
         if not isinstance(tables, Mapping):
-            raise ValueError(f"a case must be a table of tables, not {_shown(tables)}")
+            raise ValueError(f"a case must be a table of tables, not {_quoted(tables)}")
         _refuse_values("", tables)
         scene = _scene_of(tables)
         regions = tables.get("regions", {})
         if not isinstance(regions, dict):
-            raise ValueError(f"regions must be a table, not {_shown(regions)}")
+            raise ValueError(f"regions must be a table, not {_quoted(regions)}")
         case = _converted(
             "", {**_with_defaults(tables, scene), "regions": {}}, CaseFile
         )
@@ -122,7 +122,7 @@ def declared(
     return with_files(case, lambda path, name: str(Path(folder) / name))
 
 
-def with_files(table: Any, place: Callable[[str, str], str], where: str = "") -> Any:
+def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") -> Any:
     """Table with other file names.
 
     Parameters
@@ -141,16 +141,16 @@ def with_files(table: Any, place: Callable[[str, str], str], where: str = "") ->
         value = getattr(table, name)
         path = f"{where}.{name}" if where and name != "law" else where or name
         if isinstance(value, Struct):
-            changed[name] = with_files(value, place, path)
+            changed[name] = with_files(value, path_of, path)
         elif name == "regions":
             changed[name] = {
-                region: with_files(own, place, f"region_{number}")
-                for number, (region, own) in enumerate(value.items(), 1)
+                region: with_files(table_of_region, path_of, f"region_{number}")
+                for number, (region, table_of_region) in enumerate(value.items(), 1)
             }
         elif FILE in get_args(hints[name]) and value is not None:
             if name == "source" and value in MESH_KINDS:
                 continue
-            changed[name] = place(path, value)
+            changed[name] = path_of(path, value)
     return msgspec.structs.replace(table, **changed)
 
 
@@ -172,12 +172,12 @@ def _refuse_values(where: str, value: Any) -> None:
 
 
 def _scene_of(tables: Mapping[str, Any]) -> type[Scene]:
-    given = tables.get("scene", {})
-    if not isinstance(given, dict):
-        raise ValueError(f"scene must be a table, not {_shown(given)}")
-    name = given.get("name")
+    table = tables.get("scene", {})
+    if not isinstance(table, dict):
+        raise ValueError(f"scene must be a table, not {_quoted(table)}")
+    name = table.get("name")
     if not isinstance(name, str) or name not in SCENES:
-        reason = "is missing" if name is None else f"is {_shown(name)}"
+        reason = "is missing" if name is None else f"is {_quoted(name)}"
         raise ValueError(f"scene.name {reason}: expected one of {', '.join(SCENES)}")
     return SCENES[name]
 
@@ -198,7 +198,7 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, A
                 )
     of_mesh = {"size": scene.size, "jitter": scene.jitter, "seed": 1}
     for name, defaults in (
-        ("mesh", of_mesh if _is_made(filled["mesh"]) else {}),
+        ("mesh", of_mesh if _is_generated(filled["mesh"]) else {}),
         ("formulation", {"name": "macro"}),
         ("stepping", {"steps": scene.steps}),
     ):
@@ -207,7 +207,7 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, A
     return _laws_nested({"tension": {}, "shear": {}, **filled}, scene)
 
 
-def _is_made(mesh: Any) -> bool:
+def _is_generated(mesh: Any) -> bool:
     return isinstance(mesh, dict) and mesh.get("source", "irregular") in MESH_KINDS
 
 
@@ -238,47 +238,47 @@ def _law_nested(table: Any, kind: type[Struct], stiffness: float) -> Any:
         raise ValueError(
             "a table of a law has no key 'file': name the file by law = 'FILE.csv'"
         )
-    beside = {key: v for key, v in table.items() if key in _beside(kind)}
-    for part, own in (("in_compression", InCompression), ("weft", Weft)):
-        if part in beside:
-            beside[part] = _law_nested(beside[part], own, stiffness)
+    outer = {key: v for key, v in table.items() if key in _keys_beside_law(kind)}
+    for part, law_type in (("in_compression", InCompression), ("weft", Weft)):
+        if part in outer:
+            outer[part] = _law_nested(outer[part], law_type, stiffness)
     law: dict[str, Any] = {"law": "linear"}
-    law |= {key: value for key, value in table.items() if key not in beside}
+    law |= {key: value for key, value in table.items() if key not in outer}
     if isinstance(word := law["law"], str):
         if name := _OF_FILES.get(Path(word).suffix.lower()):
             law |= {"law": name, "file": word}
         known = named(get_type_hints(kind)["law"]).get(law["law"])
         if known and "stiffness_N_per_mm" in known.__struct_fields__:
             law.setdefault("stiffness_N_per_mm", stiffness)
-    return {**beside, "law": law}
+    return {**outer, "law": law}
 
 
-def _beside(kind: type[Struct]) -> set[str]:
+def _keys_beside_law(kind: type[Struct]) -> set[str]:
     return {name for name in kind.__struct_fields__ if name != "law"}
 
 
 # ------------------------------------------------------------------------------ checks
 
 
-def _converted(where: str, given: Any, kind: type[Any]) -> Any:
+def _converted(where: str, value: Any, kind: type[Any]) -> Any:
     """Validated table; an error names the path of the key."""
     try:
-        return msgspec.convert(given, kind)
+        return msgspec.convert(value, kind)
     except (msgspec.ValidationError, OverflowError) as error:
-        raise ValueError(_worded(where, str(error), given, kind)) from None
+        raise ValueError(_message(where, str(error), value, kind)) from None
 
 
-def _worded(where: str, message: str, given: Any, kind: type[Any]) -> str:
+def _message(where: str, message: str, value: Any, kind: type[Any]) -> str:
     """Message of msgspec in terms of the file, with the path first."""
-    text, at, place = message.rpartition(" - at ")
-    text, place = (text, place) if at else (message, "")
-    keys = re.findall(r"\.(\w+)", place)
-    table, beside = _followed(keys, given, kind)
+    text, at, json_path = message.rpartition(" - at ")
+    text, json_path = (text, json_path) if at else (message, "")
+    keys = re.findall(r"\.(\w+)", json_path)
+    table, others = _type_at(keys, value, kind)
     # The key of a law is written in the table that contains the law.
-    shown = [k for i, k in enumerate(keys) if k != "law" or "law" in keys[:i]]
-    path = ".".join([where, *shown] if where else shown)
+    shown_keys = [k for i, k in enumerate(keys) if k != "law" or "law" in keys[:i]]
+    path = ".".join([where, *shown_keys] if where else shown_keys)
     if unknown := re.match(r"Object contains unknown field `(.*)`", text, re.DOTALL):
-        return _unknown(path, unknown[1], table, beside)
+        return _unknown(path, unknown[1], table, others)
     if missing := re.match(r"Object missing required field `(.*)`", text):
         return f"{path}.{missing[1]} is missing"
     if text.startswith("Invalid "):
@@ -293,36 +293,36 @@ def _worded(where: str, message: str, given: Any, kind: type[Any]) -> str:
     return printable(f"{path} {text.replace('`', '')}".strip())
 
 
-def _followed(keys: list[str], given: Any, kind: Any) -> tuple[Any, list[Any]]:
+def _type_at(keys: list[str], value: Any, kind: Any) -> tuple[Any, list[Any]]:
     """Type at a path, and for a table its alternatives.
 
     The alternatives of a law include the table in which its keys are written.
     """
-    kind, beside = _table_of(kind, given)
+    kind, others = _table_of(kind, value)
     for key in keys:
         if not _is_table(kind):
             break
         if key == kind.__struct_config__.tag_field:
-            names = [tag_of(one) for one in beside if _tag_field(one)]
+            names = [tag_of(one) for one in others if _tag_field(one)]
             return Literal[tuple(names)], []
         around = [kind] if key == "law" else []
-        given = given.get(key) if isinstance(given, dict) else None
-        kind, beside = _table_of(get_type_hints(kind).get(key), given)
-        beside = [*around, *beside]
-    return kind, beside
+        value = value.get(key) if isinstance(value, dict) else None
+        kind, others = _table_of(get_type_hints(kind).get(key), value)
+        others = [*around, *others]
+    return kind, others
 
 
 def _is_table(kind: Any) -> bool:
     return isinstance(kind, type) and issubclass(kind, Struct)
 
 
-def _table_of(kind: Any, given: Any) -> tuple[Any, list[Any]]:
+def _table_of(kind: Any, value: Any) -> tuple[Any, list[Any]]:
     """The selected table of a union, and all tables of the union."""
     union = get_origin(kind) in (Union, UnionType)
     tables = [*filter(_is_table, get_args(kind) if union else (kind,))]
     if not tables:
         return kind, []
-    name = given.get(_tag_field(tables[0])) if isinstance(given, dict) else None
+    name = value.get(_tag_field(tables[0])) if isinstance(value, dict) else None
     chosen = [table for table in tables if tag_of(table) == name]
     return (chosen or tables)[0], tables
 
@@ -370,7 +370,7 @@ def _nearest(word: str, known: Iterable[str]) -> str:
     return f"; did you mean {near[0]!r}?" if near else ""
 
 
-def _shown(value: Any) -> str:
+def _quoted(value: Any) -> str:
     """Value in a message, or its kind if it is long."""
     for kind, name in ((dict, "a table"), (list, "an array")):
         if isinstance(value, kind):

@@ -65,7 +65,7 @@ def tables_of(table: Struct) -> dict[str, Any]:
         if isinstance(value, Struct):
             tables[name] = tables_of(value)
         elif name == "regions":
-            tables[name] = {region: tables_of(own) for region, own in value.items()}
+            tables[name] = {region: tables_of(part) for region, part in value.items()}
         elif value is not None:
             tables[name] = value
     return tables
@@ -86,8 +86,8 @@ def case_text(case: CaseFile, head: str) -> str:
         if name in ("tension", "shear", "bending") and case.fabric.file is not None:
             continue  # the file of the fabric contains all laws
         if name == "regions":
-            for region, own in value.items():
-                parts.append(_block(f"regions.{_toml_key(region)}", own))
+            for region, entries in value.items():
+                parts.append(_block(f"regions.{_toml_key(region)}", entries))
         else:
             parts.append(_block(name, value, _described(hints[name])))
     return "\n".join(parts)
@@ -109,7 +109,7 @@ class WrittenCase:
 
     def __init__(self, case: CaseFile) -> None:
         self._files: dict[str, bytes] = {}
-        self.text = case_text(with_files(case, self._keep), WRITTEN)
+        self.text = case_text(with_files(case, self._store), WRITTEN)
 
     def write(self, folder: Path) -> None:
         """Write ``case.toml`` and the files that it refers to into a folder."""
@@ -118,7 +118,7 @@ class WrittenCase:
             (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_bytes(content)
 
-    def _keep(self, path: str, name: str) -> str:
+    def _store(self, path: str, name: str) -> str:
         """Store the content of a file; returns its name in the results folder."""
         *tables, key = path.split(".")
         if key in ("file", "source"):
@@ -126,9 +126,9 @@ class WrittenCase:
         ending = Path(name).suffix
         if key in _OF_MESH and ending.lower() not in _WHOLE:
             return os.path.abspath(name)
-        kept = f"{FILES}/{key}{ending.lower()}"
-        self._files[kept] = Path(name).read_bytes()
-        return kept
+        file = f"{FILES}/{key}{ending.lower()}"
+        self._files[file] = Path(name).read_bytes()
+        return file
 
 
 def refuse_foreign_case(folder: Path) -> None:
@@ -281,19 +281,17 @@ def key_help(scene: str) -> str:
         Name of a scene; any other word selects all scenes.
     """
     lines, table = ["", "keys of a case file, for --set table.key=value:"], ""
-    for own in reference():
-        if own.table == "scene" and own.choice not in ("", scene) and scene in SCENES:
+    for e in reference():
+        if e.table == "scene" and e.choice not in ("", scene) and scene in SCENES:
             continue
-        if own.table != table:
-            table = own.table
+        if e.table != table:
+            table = e.table
             lines += ["", f"[{table}]"]
-        only = (
-            f" (only for {own.choice})" if own.choice and own.table != "scene" else ""
-        )
-        default = f", default {own.default}" if own.default else ""
+        only = f" (only for {e.choice})" if e.choice and e.table != "scene" else ""
+        default = f", default {e.default}" if e.default else ""
         for text, indent in (
-            (f"{own.key}: {own.kind}{default}{only}", 2),
-            (own.about, 6),
+            (f"{e.key}: {e.kind}{default}{only}", 2),
+            (e.about, 6),
         ):
             space = " " * indent
             lines += textwrap.wrap(
@@ -313,17 +311,17 @@ def _entries(where: str, hint: Any, choice: str = "") -> Iterator[Entry]:
         return
     hints = get_type_hints(hint, include_extras=True)
     for one in structs.fields(hint):
-        own = hints[one.name]
-        parts = [part for part in get_args(own) if part is not NoneType]
-        inner = parts[0] if parts and NoneType in get_args(own) else own
+        hint_of = hints[one.name]
+        parts = [part for part in get_args(hint_of) if part is not NoneType]
+        inner = parts[0] if parts and NoneType in get_args(hint_of) else hint_of
         if one.name == "law":
-            yield from _entries(where, own, choice)
+            yield from _entries(where, hint_of, choice)
         elif isinstance(inner, type) and issubclass(inner, Struct):
             summary = summary_of(inner)
             yield Entry(where, choice, one.name, f"[{where}.{one.name}]", "", summary)
         elif one.name != "file" or not choice:
-            kind = "file" if FILE in get_args(own) else _kind(own)
-            yield Entry(where, choice, one.name, kind, _default(one), meaning(own))
+            kind = "file" if FILE in get_args(hint_of) else _kind(hint_of)
+            yield Entry(where, choice, one.name, kind, _default(one), meaning(hint_of))
 
 
 def _kind(hint: Any) -> str:

@@ -36,9 +36,9 @@ def _option(
     text: str, of: Any = None, metavar: str | None = None, **more: Any
 ) -> dict[str, Any]:
     """Keywords of an option; its help ends with its default, if any."""
-    shown = " (default: %(default)s)" if more.get("default") else ""
-    how = {"help": text + shown, "type": of, "metavar": metavar, **more}
-    return {key: value for key, value in how.items() if value is not None}
+    default = " (default: %(default)s)" if more.get("default") else ""
+    keywords = {"help": text + default, "type": of, "metavar": metavar, **more}
+    return {key: value for key, value in keywords.items() if value is not None}
 
 
 def _repeated(text: str, of: Any, metavar: str) -> dict[str, Any]:
@@ -275,7 +275,7 @@ def _shear(
     units, stiffness = _units(options), options.fibre_stiffness
     pairs = zip(options.data, tests, strict=True)
     specimens = [read_specimen(path, test, units) for path, test in pairs]
-    fabric = _kept(options, plain)
+    fabric = _base_fabric(options, plain)
     if stiffness is not None:
         fabric = replace(fabric, tension=stiffness)
     up_to = None if options.up_to is None else float(np.radians(options.up_to))
@@ -298,7 +298,7 @@ def _tension(options: argparse.Namespace) -> _FitOutcome:
     paths = zip(options.data, sizes, strict=True)
     curves = [biaxial.read_biaxial(path, size, units) for path, size in paths]
     result = biaxial.fit_tension(curves, options.law, **_of_table(options))
-    fabric, tension = _kept(options, Fabric()), result.tension
+    fabric, tension = _base_fabric(options, Fabric()), result.tension
     laws: dict[str, Any] = {"law.json": tension}
     if isinstance(tension, tuple):
         laws = dict(zip(("warp_law.json", "weft_law.json"), tension, strict=True))
@@ -316,7 +316,7 @@ def _bending(options: argparse.Namespace) -> _FitOutcome:
     fixed = None if angle is None else float(np.radians(angle))
     tests = [bending.read_cantilever(path, fixed, units) for path in options.data]
     result = bending.fit_bending(tests, options.weight)
-    fabric, known = _kept(options, Fabric()), report.bending_report(result)
+    fabric, known = _base_fabric(options, Fabric()), report.bending_report(result)
     D, (warp, weft) = result.stiffness, fabric.bending
     both = (D, weft) if options.family == "warp" else (warp, D)
     if options.fabric is None:
@@ -332,7 +332,7 @@ def _of_table(options: argparse.Namespace) -> dict[str, Any]:
     return how | {"bounds": dict(options.bound)}
 
 
-def _kept(options: argparse.Namespace, plain: Fabric) -> Fabric:
+def _base_fabric(options: argparse.Namespace, plain: Fabric) -> Fabric:
     """Fabric of --fabric, or a plain one."""
     from ..io import read_fabric
 
@@ -353,16 +353,16 @@ def _sizes(options: argparse.Namespace, *keys: str) -> list[tuple[float, float]]
     """Two sizes of the specimen for each file."""
     n, columns = len(options.data), []
     for key in keys:
-        given, name = getattr(options, key), f"--{key.replace('_', '-')}"
-        if given is None:
+        sizes, name = getattr(options, key), f"--{key.replace('_', '-')}"
+        if sizes is None:
             raise ValueError(
                 f"{name} is missing: specify the size of the specimens in mm"
             )
-        if len(given) not in (1, n):
+        if len(sizes) not in (1, n):
             raise ValueError(
-                f"{name} has {len(given)} values for {n} files: specify one for all "
+                f"{name} has {len(sizes)} values for {n} files: specify one for all "
                 "files, or one for each"
             )
-        columns.append(given * n if len(given) == 1 else given)
+        columns.append(sizes * n if len(sizes) == 1 else sizes)
     first, second = columns
     return list(zip(first, second, strict=True))

@@ -27,7 +27,7 @@ _SIGNALS = signal.SIGINT, signal.SIGTERM
 @contextmanager
 def raised() -> Iterator[None]:
     """Raise `KeyboardInterrupt` also on SIGTERM."""
-    with _answered(_interrupt):
+    with _handled(_interrupt):
         yield
 
 
@@ -41,7 +41,7 @@ def held() -> Iterator[None]:
             raise KeyboardInterrupt
         first.append((number, frame))
 
-    with _answered(note) as before:
+    with _handled(note) as before:
         yield
     for number, frame in first:
         answer = before[number]
@@ -50,18 +50,18 @@ def held() -> Iterator[None]:
 
 
 @contextmanager
-def _answered(answer: Callable[[int, Any], None]) -> Iterator[dict[int, Any]]:
+def _handled(handler: Callable[[int, Any], None]) -> Iterator[dict[int, Any]]:
     """Handle signals that are not ignored; yields the previous handlers."""
     before: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():  # other threads may not
         before = {number: signal.getsignal(number) for number in _SIGNALS}
-    answered = [n for n, old in before.items() if old not in (signal.SIG_IGN, None)]
-    for number in answered:
-        signal.signal(number, answer)
+    handled = [n for n, old in before.items() if old not in (signal.SIG_IGN, None)]
+    for number in handled:
+        signal.signal(number, handler)
     try:
         yield before
     finally:
-        for number in answered:  # a completed command only has to exit
+        for number in handled:  # a completed command only has to exit
             over = before[number] is _end
             signal.signal(number, signal.SIG_IGN if over else before[number])
 

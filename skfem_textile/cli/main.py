@@ -29,13 +29,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         with raised():
-            return _answer(sys.argv[1:] if arguments is None else arguments)
+            return _dispatch(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:
         complain("interrupted")
         return INTERRUPTED
 
 
-def _answer(arguments: Sequence[str]) -> int:
+def _dispatch(arguments: Sequence[str]) -> int:
     """Run the command line; an error is one line on stderr.  Returns the exit code."""
     try:
         return _run(arguments)

@@ -23,9 +23,9 @@ def say(text: str, end: str = "\n") -> None:
         If printing fails for another reason.
     """
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
-    shown = text.encode(encoding, "backslashreplace").decode(encoding)
+    encodable = text.encode(encoding, "backslashreplace").decode(encoding)
     try:
-        print(shown, end=end, flush=True)
+        print(encodable, end=end, flush=True)
     except BrokenPipeError:
         raise
     except OSError as error:
@@ -37,13 +37,13 @@ def say(text: str, end: str = "\n") -> None:
 
 def complain(text: str) -> None:
     """Print one line to stderr if possible; omit the middle of a long one."""
-    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-    if len(shown) > _LONGEST:
-        shown = f"{shown[: _LONGEST // 2]} ... {shown[-_LONGEST // 2 :]}"
+    line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    if len(line) > _LONGEST:
+        line = f"{line[: _LONGEST // 2]} ... {line[-_LONGEST // 2 :]}"
     if sys.stderr is None:
         return
     try:
-        print(f"skfem-textile: {shown}", file=sys.stderr, flush=True)
+        print(f"skfem-textile: {line}", file=sys.stderr, flush=True)
     except OSError:
         silence(sys.stderr)
 

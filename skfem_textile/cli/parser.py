@@ -124,12 +124,12 @@ def command_parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
         Arguments to parse; a case file may replace a scene. Only the scenes among them
         get their options; all scenes if empty.
     """
-    whole = _Parser(
+    parser = _Parser(
         prog="skfem-textile",
         description="Mechanics of woven reinforcements, based on scikit-fem.",
     )
-    whole.add_argument("--version", action="version", version=__version__)
-    commands = whole.add_subparsers(dest="command", required=True)
+    parser.add_argument("--version", action="version", version=__version__)
+    commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("list", help="list the scenes")
     add_show(commands)
     run = commands.add_parser(
@@ -146,7 +146,7 @@ def command_parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
     _add_fits(commands)
     _add_init(commands)
     _add_report(commands)
-    return whole
+    return parser
 
 
 def _add_init(commands: Any) -> None:
@@ -250,37 +250,37 @@ def _add_scene(
 
 def _add_key(parser: Any, flag: str, path: str, hint: Any, about: str) -> None:
     """Add the option of a key; argparse converts values to its type."""
-    given: dict[str, Any] = {"dest": path, "default": argparse.SUPPRESS, "help": about}
+    kwargs: dict[str, Any] = {"dest": path, "default": argparse.SUPPRESS, "help": about}
     kind = hint
     while get_origin(kind) is Annotated or NoneType in get_args(kind):
         kind = next(one for one in get_args(kind) if one is not NoneType)
     if path == "mesh.size":
-        given |= {"type": _size, "metavar": "NXxNY"}
+        kwargs |= {"type": _size, "metavar": "NXxNY"}
     elif get_origin(kind) is Literal:
-        given["choices"] = get_args(kind)
+        kwargs["choices"] = get_args(kind)
     elif get_origin(kind) is tuple:
         first, *others = get_args(kind)
         several = {"nargs": "+", "action": "extend"}
-        given |= several if ... in others else {"nargs": len(others) + 1}
-        given |= {"choices": get_args(first)} if get_args(first) else {"type": first}
-        given["metavar"] = flag.upper()
+        kwargs |= several if ... in others else {"nargs": len(others) + 1}
+        kwargs |= {"choices": get_args(first)} if get_args(first) else {"type": first}
+        kwargs["metavar"] = flag.upper()
     elif get_origin(kind) is dict:
-        given |= {"type": _pair, "metavar": "NAME=VALUE"}
-        given |= {"action": "append"}
+        kwargs |= {"type": _pair, "metavar": "NAME=VALUE"}
+        kwargs |= {"action": "append"}
     elif isinstance(kind, type):
         metavar = {float: "X", int: "N", str: "NAME"}[kind]
         if FILE in get_args(hint) or path.endswith(".law"):
             metavar = "NAME|FILE" if path in _NAME_OR_FILE else "FILE"
-        given |= {"type": kind, "metavar": "DEG" if path.endswith("_deg") else metavar}
-    parser.add_argument(f"--{flag}", **given)
+        kwargs |= {"type": kind, "metavar": "DEG" if path.endswith("_deg") else metavar}
+    parser.add_argument(f"--{flag}", **kwargs)
 
 
 def _default(value: Any) -> str:
     """Default of a key, as the end of its help."""
     if value in (None, (), {}) or isinstance(value, dict):
         return ""
-    shown = "x".join(map(str, value)) if isinstance(value, tuple) else value
-    return f" (default: {shown})"
+    text = "x".join(map(str, value)) if isinstance(value, tuple) else value
+    return f" (default: {text})"
 
 
 def _type_of(path: str) -> Any:

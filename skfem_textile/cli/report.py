@@ -79,11 +79,11 @@ def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf)
     test = test_curve or _named_test(folder, text)
     curves, no_curves = _drawn_curves(folder, test, shear_test)
     scene = printable(summary.get("scene", "run")).replace("_", " ").capitalize()
-    rest = {k: v for k, v in summary.items() if k not in ("inputs", "versions")}
+    figures = {k: v for k, v in summary.items() if k not in ("inputs", "versions")}
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined
     )
-    environment.filters["shown"] = _shown
+    environment.filters["shown"] = _formatted
     template = files(__package__).joinpath(REPORT).read_text(encoding="utf-8")
     page = environment.from_string(template).render(
         title=f"{scene}, {printable(summary.get('formulation', 'unknown'))}",
@@ -99,7 +99,7 @@ def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf)
         no_curves=no_curves,
         pictures=_sources(folder, _PICTURES),
         case=text,
-        every_figure=_rows(rest),
+        every_figure=_rows(figures),
         versions=_rows(summary.get("versions")),
         version=__version__,
     )
@@ -119,7 +119,7 @@ def _verdict(summary: Mapping[str, Any]) -> Iterator[_Row]:
             yield (name, "good", good) if holds is True else (name, "bad", bad)
     folding = summary.get("min_det_F")
     if isinstance(folding, int | float):
-        smallest = f"smallest det F {_shown(folding)}"
+        smallest = f"smallest det F {_formatted(folding)}"
         if folding > 0:
             yield "Elements", "good", f"none folded, {smallest}"
         else:
@@ -142,7 +142,7 @@ def _rows(values: Any) -> list[_Row]:
     return [(printable(name), "", value) for name, value in values.items()]
 
 
-def _shown(value: Any) -> str:
+def _formatted(value: Any) -> str:
     """Format a value in one line, numbers with six digits."""
     if isinstance(value, float):
         return f"{value:.6g}"

@@ -53,12 +53,12 @@ class ResultFolder:
                     raise IsADirectoryError(f"{target} is a folder")
                 if target.parent.exists() and not target.parent.is_dir():
                     raise NotADirectoryError(f"{target.parent} is not a folder")
-            made = [p for p in (self.path, *self.path.parents) if not p.exists()]
+            created = [p for p in (self.path, *self.path.parents) if not p.exists()]
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OSError(self._unwritable(error)) from None
         lock = Lock(self.path)
-        self._leave = finalize(self, _leave, lock, made)
+        self._release = finalize(self, _release, lock, created)
         if lock.is_held:  # scratch folders here belong to runs that have ended
             for scratch in self.path.glob(f"{_SCRATCH}*"):
                 shutil.rmtree(scratch, ignore_errors=True)
@@ -84,7 +84,7 @@ class ResultFolder:
             error = failure
         finally:
             shutil.rmtree(self._scratch, ignore_errors=True)
-            self._leave()
+            self._release()
         if isinstance(error, OSError) and not isinstance(
             error, OutputError | BrokenPipeError
         ):
@@ -93,8 +93,8 @@ class ResultFolder:
     def _move(self) -> None:
         """Replace the files of an earlier run by the new ones."""
         for name in self._names:
-            for stale in self.path.glob(name):
-                stale.unlink()
+            for old_file in self.path.glob(name):
+                old_file.unlink()
         for file in sorted(self._scratch.rglob("*"), key=self._is_summary):
             target = self.path / file.relative_to(self._scratch)
             if file.is_dir():
@@ -110,10 +110,10 @@ class ResultFolder:
         return f"cannot write results to {self.path}: {error.strerror or error}"
 
 
-def _leave(lock: Lock, made: Sequence[Path]) -> None:
+def _release(lock: Lock, created: Sequence[Path]) -> None:
     """Release the folder; remove created folders that are empty."""
     with contextlib.suppress(OSError):
-        for folder in made:
+        for folder in created:
             folder.rmdir()
     lock.release()
 

@@ -104,7 +104,7 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
                 summary = case.summary(result) | provenance | exported
             _write_again(summary, options.out)
     except OutputError as error:
-        raise OutputError(f"{error}; {_kept(stepper)}") from None
+        raise OutputError(f"{error}; {_checkpoint_note(stepper)}") from None
     except KeyboardInterrupt:
         if not complete:
             raise
@@ -122,7 +122,7 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
         code, message = STOPPED_EARLY, "; ".join(missing)
     del summary["inputs"], summary["versions"]
     for key, value in summary.items():
-        _say(key, value)
+        _print_figure(key, value)
     say(f"results written to {printable(options.out)}")
     if message:
         complain(message)
@@ -181,13 +181,13 @@ def _without_estimate(result: Result) -> Result:
     return replace(result, estimate=lambda _: none)
 
 
-def _say(key: str, value: Any) -> None:
+def _print_figure(key: str, value: Any) -> None:
     """Print a figure, or each item of a list on a line."""
     for part in value if isinstance(value, list) else [value]:
-        shown = f"{part:.6g}" if isinstance(part, float) else part
+        text = f"{part:.6g}" if isinstance(part, float) else part
         if isinstance(part, dict):
-            shown = ", ".join(f"{name} {x}" for name, x in part.items())
-        say(f"{key:34}{shown}")
+            text = ", ".join(f"{name} {x}" for name, x in part.items())
+        say(f"{key:34}{text}")
 
 
 def _draw(case: Case, run: Result | StepError, test: "Curve | None", out: Path) -> bool:
@@ -220,7 +220,7 @@ def _checkpoint(
     return named.pop() if named else out / "checkpoint"
 
 
-def _kept(stepper: "Stepper") -> str:
+def _checkpoint_note(stepper: "Stepper") -> str:
     """Message on the checkpoint of a run whose results cannot be written."""
     if stepper.checkpoint is None:
         return "the run cannot be resumed, because --checkpoint was not given"

@@ -50,8 +50,8 @@ def show(options: argparse.Namespace) -> int:
     """
     from ..io import OF_DIRECTIONS, read_mesh, write_directions
 
-    own = options.warp is None and options.directions in (None, options.mesh)
-    mesh = read_mesh(options.mesh, OF_DIRECTIONS if own else ())
+    in_mesh = options.warp is None and options.directions in (None, options.mesh)
+    mesh = read_mesh(options.mesh, OF_DIRECTIONS if in_mesh else ())
     directions = _directions(
         options, sum(c.shape[1] for c in original_elements(mesh)[0])
     )
@@ -103,11 +103,11 @@ def _draw(mesh: Any, directions: FibreDirections, out: Path) -> None:
 def _print_figures(mesh: Any, directions: FibreDirections) -> None:
     warp, weft = directions.angles_deg()
     between = np.abs((weft - warp + 90) % 180 - 90)
-    for name, shown in (
+    for name, text in (
         ("elements", f"{len(warp)}"),
         ("warp_angle_deg", f"{warp.min():.6g} to {warp.max():.6g}"),
         ("weft_angle_deg", f"{weft.min():.6g} to {weft.max():.6g}"),
         ("angle_between_deg", f"{between.min():.6g} to {between.max():.6g}"),
         ("boundaries", ", ".join(map(printable, mesh.boundaries or {})) or "none"),
     ):
-        say(f"{name:34}{shown}")
+        say(f"{name:34}{text}")

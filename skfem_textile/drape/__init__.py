@@ -18,7 +18,7 @@ from .risks import (
     turn_of_normal,
     wrinkle_risk,
 )
-from .sheet import Places, Sheet
+from .sheet import Sheet, SheetPoints
 from .surfaces import (
     Cone,
     Cylinder,
@@ -42,9 +42,9 @@ __all__ = [
     "Height",
     "HeightField",
     "Net",
-    "Places",
     "Plane",
     "Sheet",
+    "SheetPoints",
     "Sphere",
     "ToolMesh",
     "Torus",

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from ..mesh.contact import Boundary, contact_of, signed_areas
 from ..mesh.user_input import real_numbers
-from .sheet import Places, Sheet
+from .sheet import Sheet, SheetPoints
 from .surfaces import positive_length
 from .tool_mesh import curve_length
 
@@ -105,16 +105,16 @@ def flat_pattern(
     if spacing is None:
         spacing = _SPACING * sheet.longest_edge
     spacing = positive_length("flat pattern: spacing", spacing)
-    _places(sheet, points)  # refuses a distant curve before points are added
+    _points_on_ply(sheet, points)  # refuses a distant curve before points are added
     points = _spaced(points, spacing)
-    places = _places(sheet, points)
+    places = _points_on_ply(sheet, points)
     warp, weft = (A[:, places.element] for A in (sheet.warp, sheet.weft))
     outline = sheet.flat_at(places)
     steps = np.linalg.norm(outline - np.roll(outline, -1, axis=1), axis=0)
     if steps.max() > _JUMP * spacing:
-        place = np.round(points[:, steps.argmax()], 3).tolist()
+        point = np.round(points[:, steps.argmax()], 3).tolist()
         raise ValueError(
-            f"flat pattern: the outline jumps by {steps.max():.3g} mm at {place}, "
+            f"flat pattern: the outline jumps by {steps.max():.3g} mm at {point}, "
             "because the ply overlaps itself there or the curve runs around the tool: "
             "specify another curve"
         )
@@ -129,15 +129,15 @@ def flat_pattern(
     return pattern
 
 
-def _places(sheet: Sheet, points: ndarray) -> Places:
+def _points_on_ply(sheet: Sheet, points: ndarray) -> SheetPoints:
     """Points of the ply at points of a curve, (3, n), which must lie on it."""
     places = sheet.at(points)
     off = np.flatnonzero(~places.found)
     if off.size:
-        place = ", ".join(f"{c:.7g}" for c in points[:, off[0]])
+        point = ", ".join(f"{c:.7g}" for c in points[:, off[0]])
         raise ValueError(
             f"flat pattern: the ply does not lie on {off.size} of {points.shape[1]} "
-            f"points of the curve, the first at [{place}]: use a larger ply, trim "
+            f"points of the curve, the first at [{point}]: use a larger ply, trim "
             "inside it, or specify more points of the curve"
         )
     return places
@@ -159,9 +159,9 @@ def _refuse_crossing(outline: ndarray, points: ndarray) -> None:
         )
     at = np.concatenate([contact.crossing, contact.doubled])
     if at.size:
-        place = np.round(points[:, at[0]], 3).tolist()
+        point = np.round(points[:, at[0]], 3).tolist()
         raise ValueError(
-            f"flat pattern: the outline crosses itself at {place}: specify a curve "
+            f"flat pattern: the outline crosses itself at {point}: specify a curve "
             "that runs once around the part"
         )
 

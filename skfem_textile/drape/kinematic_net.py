@@ -100,14 +100,14 @@ class Net:
         cell, share = [], []
         for s, at in zip(coordinates, self.along, strict=True):
             spacing = at[1] - at[0]
-            place = (s - at[0]) / spacing
-            if not ((place > -1e-6) & (place < len(at) - 1 + 1e-6)).all():
+            index = (s - at[0]) / spacing
+            if not ((index > -1e-6) & (index < len(at) - 1 + 1e-6)).all():
                 raise ValueError(
                     f"net: the coordinate {s[np.abs(s).argmax()]:g} mm is outside the "
                     f"net, which extends from {at[0]:g} to {at[-1]:g} mm"
                 )
-            cell.append(np.clip(np.floor(place).astype(int), 0, len(at) - 2))
-            share.append(place - cell[-1])
+            cell.append(np.clip(np.floor(index).astype(int), 0, len(at) - 2))
+            share.append(index - cell[-1])
         (i, j), (p, q) = cell, share
         return (
             (1 - p) * (1 - q) * x[:, i, j]
@@ -131,13 +131,13 @@ class NetError(ValueError):
 
     Attributes
     ----------
-    place
+    position
         Position of its end in mm, shape (3,).
     """
 
-    def __init__(self, what: str, place: ndarray, advice: str = "") -> None:
-        super().__init__(f"net: {what} at {np.round(place, 3).tolist()}{advice}")
-        self.place = place
+    def __init__(self, what: str, position: ndarray, advice: str = "") -> None:
+        super().__init__(f"net: {what} at {np.round(position, 3).tolist()}{advice}")
+        self.position = position
 
 
 class FoldedNetError(NetError):
@@ -204,11 +204,11 @@ def net(
     flat = np.array([np.cos(angles), np.sin(angles)])
     if not abs(np.linalg.det(flat)) > _FOLDED:
         raise ValueError("net: warp and weft must not be parallel")
-    given = np.array([*touch, 0.0]) if point is None else np.asarray(point, dtype=float)
-    start = onto(surface, given[:, None])[:, 0]
+    guess = np.array([*touch, 0.0]) if point is None else np.asarray(point, dtype=float)
+    start = onto(surface, guess[:, None])[:, 0]
     families = tangents(surface, start, np.asarray(first)) @ flat
     x = np.full((3, *(sum(n) + 1 for n in counts)), np.nan)
-    ways = [
+    threads_by_side = [
         [
             _thread(surface, start, sign * a, cell, n[side])
             for side, sign in enumerate((-1, 1))
@@ -221,11 +221,11 @@ def net(
         ends = np.linalg.solve(flat, over - np.array(touch)[:, None]) / cell
     for i, warp_sign in enumerate((-1, 1)):
         for j, weft_sign in enumerate((-1, 1)):
-            wanted = np.ones((counts[0][i] + 1, counts[1][j] + 1), dtype=bool)
+            mask = np.ones((counts[0][i] + 1, counts[1][j] + 1), dtype=bool)
             if ends is not None:
-                wanted = _up_to(ends * ([warp_sign], [weft_sign]), wanted.shape)
-            threads = ways[0][i], ways[1][j]
-            quadrant = _quadrant(surface, *threads, cell, wanted)
+                mask = _up_to(ends * ([warp_sign], [weft_sign]), mask.shape)
+            threads = threads_by_side[0][i], threads_by_side[1][j]
+            quadrant = _quadrant(surface, *threads, cell, mask)
             x[:, sides[0][i], sides[1][j]] = quadrant
     along = [cell * np.arange(-n[0], n[1] + 1) for n in counts]
     return Net(x, (along[0], along[1]), flat, np.array(touch, dtype=float))
@@ -234,8 +234,8 @@ def net(
 def _counts(name: str, n: Any) -> tuple[int, int]:
     """Two numbers of cells, at least one in total."""
     counts = real_numbers(f"net: {name}", n)
-    whole = counts.shape == (2,) and (counts == np.round(counts)).all()
-    if not whole or counts.min() < 0 or counts.sum() < 1:
+    integral = counts.shape == (2,) and (counts == np.round(counts)).all()
+    if not integral or counts.min() < 0 or counts.sum() < 1:
         raise ValueError(
             f"net: {name} must be two whole numbers of cells, against and along its "
             f"direction, not both zero; got {n!r}"
@@ -287,15 +287,15 @@ def _up_to(ends: ndarray, shape: tuple[int, int]) -> ndarray:
     """Mask of crossings of a quadrant up to the cell of any given point."""
     last = np.floor(ends + _EXACT).astype(int) + 1
     last = last[:, (last > 0).all(axis=0)]
-    wanted = np.zeros(shape, dtype=bool)
-    wanted[tuple(np.minimum(last, np.array(shape)[:, None] - 1))] = True
+    mask = np.zeros(shape, dtype=bool)
+    mask[tuple(np.minimum(last, np.array(shape)[:, None] - 1))] = True
     for axis in (0, 1):
-        wanted = np.flip(np.logical_or.accumulate(np.flip(wanted, axis), axis), axis)
-    return wanted
+        mask = np.flip(np.logical_or.accumulate(np.flip(mask, axis), axis), axis)
+    return mask
 
 
 def _quadrant(
-    surface: Surface, warp: ndarray, weft: ndarray, cell: float, wanted: ndarray
+    surface: Surface, warp: ndarray, weft: ndarray, cell: float, mask: ndarray
 ) -> ndarray:
     """Crossings of a quadrant from its first two threads, diagonal by diagonal."""
     m, n = warp.shape[1], weft.shape[1]
@@ -303,7 +303,7 @@ def _quadrant(
     x[:, :, 0], x[:, 0, :] = warp, weft
     for diagonal in range(2, m + n - 1):
         i = np.arange(max(1, diagonal - n + 1), min(m, diagonal))
-        i = i[wanted[i, diagonal - i]]
+        i = i[mask[i, diagonal - i]]
         j = diagonal - i
         if i.size:
             a, b, corner = x[:, i - 1, j], x[:, i, j - 1], x[:, i - 1, j - 1]

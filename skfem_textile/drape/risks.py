@@ -5,7 +5,7 @@ from numpy import ndarray
 
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
-from ..solve.surface import Grown, Surface
+from ..solve.surface import GrowingSurface, Surface
 
 # Share of the largest tension below which a tension is zero: the tolerance of
 # equilibrium.
@@ -105,7 +105,7 @@ def beyond_edges(ply: Ply, surface: Surface, u: ndarray) -> ndarray | None:
     ndarray or None
         Bool, shape (n_elements,), of the elements of ``ply.mesh``.
     """
-    x, tool = _on_grown(ply, surface, u)
+    x, tool = _on_surface(ply, surface, u)
     beyond = getattr(tool, "beyond_edges", None)
     return None if beyond is None else beyond(x[:, ply.mesh.t].mean(axis=1)) > 0
 
@@ -116,7 +116,7 @@ def off_triangles(ply: Ply, surface: Surface, u: ndarray) -> ndarray | None:
     None for a surface without a method ``off_triangles``, which `TriangleMesh` has.
     Arguments and result as in `beyond_edges`.
     """
-    x, tool = _on_grown(ply, surface, u)
+    x, tool = _on_surface(ply, surface, u)
     off = getattr(tool, "off_triangles", None)
     return None if off is None else (off(x)[ply.mesh.t] > 0).any(axis=0)
 
@@ -126,18 +126,18 @@ def turn_of_normal(ply: Ply, surface: Surface, u: ndarray) -> ndarray:
 
     In radians, for each element of ``ply.mesh``.  Arguments as in `beyond_edges`.
     """
-    x, tool = _on_grown(ply, surface, u)
+    x, tool = _on_surface(ply, surface, u)
     normal = tool.gradient(x)
     corners = (normal / np.linalg.norm(normal, axis=0))[:, ply.mesh.t]
     one, other = np.triu_indices(corners.shape[1], 1)
-    apart = np.linalg.norm(corners[:, one] - corners[:, other], axis=0).max(axis=0)
-    return np.asarray(2 * np.arcsin(np.minimum(0.5 * apart, 1.0)))
+    chord = np.linalg.norm(corners[:, one] - corners[:, other], axis=0).max(axis=0)
+    return np.asarray(2 * np.arcsin(np.minimum(0.5 * chord, 1.0)))
 
 
-def _on_grown(ply: Ply, surface: Surface, u: ndarray) -> tuple[ndarray, Surface]:
+def _on_surface(ply: Ply, surface: Surface, u: ndarray) -> tuple[ndarray, Surface]:
     """Positions of the nodes on the fully grown surface, and that surface."""
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
-    if not isinstance(surface, Grown):
+    if not isinstance(surface, GrowingSurface):
         return x, surface
     point = surface.point[:, None]
     return point + surface.t * (x - point), surface.surface

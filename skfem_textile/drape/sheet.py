@@ -203,7 +203,7 @@ _FAR = 1e100
 REACH = 0.25
 
 
-class Places(NamedTuple):
+class SheetPoints(NamedTuple):
     """Points of a sheet: element, −1 if there is none, and local coordinates.
 
     ``distance`` in mm is the distance between the sheet and the given point, infinite
@@ -299,7 +299,7 @@ class Sheet:
     def _tree(self) -> "ElementTree":
         return ElementTree(self.positions[:, self.elements])
 
-    def at(self, points: ndarray, reach: ndarray | float | None = None) -> Places:
+    def at(self, points: ndarray, reach: ndarray | float | None = None) -> SheetPoints:
         """Points of the sheet at points of a tool: feet of perpendiculars.
 
         Parameters
@@ -319,30 +319,30 @@ class Sheet:
         distance = np.linalg.norm(away, axis=0)
         outside = self._elements.outside(local) * 2 * self._tree.radii[element]
         allowed = _ON_EDGE * self.longest_edge + _BETWEEN * distance
-        taken = (outside <= allowed) & (distance <= most[point])
+        accepted = (outside <= allowed) & (distance <= most[point])
         # The nearest element of each point is written last.
-        order = np.flatnonzero(taken)[np.argsort(-(distance + outside)[taken])]
+        order = np.flatnonzero(accepted)[np.argsort(-(distance + outside)[accepted])]
         chosen = np.full(n, -1)
         chosen[point[order]] = order
-        places = Places(np.full(n, -1), np.full((2, n), np.nan), np.full(n, np.inf))
+        feet = SheetPoints(np.full(n, -1), np.full((2, n), np.nan), np.full(n, np.inf))
         inside, chosen = chosen >= 0, chosen[chosen >= 0]
-        places.element[inside] = element[chosen]
-        places.local[:, inside] = self._elements.inside(local[:, chosen])
-        places.distance[inside] = distance[chosen]
-        return places
+        feet.element[inside] = element[chosen]
+        feet.local[:, inside] = self._elements.inside(local[:, chosen])
+        feet.distance[inside] = distance[chosen]
+        return feet
 
-    def flat_at(self, places: Places) -> ndarray:
+    def flat_at(self, points: SheetPoints) -> ndarray:
         """Points in the flat ply in mm, shape (2, n); NaN if there is none."""
-        return self._elements.between(self.flat, places.element, places.local)
+        return self._elements.between(self.flat, points.element, points.local)
 
-    def fibres_at(self, places: Places) -> tuple[ndarray, ndarray, ndarray]:
+    def fibres_at(self, points: SheetPoints) -> tuple[ndarray, ndarray, ndarray]:
         """Unit directions of warp and weft, shape (3, n), and the shear angle, (n,).
 
         The deformation gradient is interpolated between nodes, where it is second-order
         accurate.  NaN if there is no point.
         """
-        F = self._elements.between(self._gradients, places.element, places.local)
-        A = [family[:, places.element] for family in (self.warp, self.weft)]
+        F = self._elements.between(self._gradients, points.element, points.local)
+        A = [family[:, points.element] for family in (self.warp, self.weft)]
         warp, weft = (kin.fibre(F, family) for family in A)
         angle = kin.shear_angle(F, *A)
         return unit(warp), unit(weft), angle
@@ -375,10 +375,10 @@ class Sheet:
             left &= ~reached
         return nodes.transpose(1, 2, 0)
 
-    def _gradient_at(self, place: ndarray) -> ndarray:
+    def _gradient_at(self, at: ndarray) -> ndarray:
         """Deformation gradient at a point of each element, (n_elements, 3, 2)."""
         n = self.elements.shape[1]
-        local = np.tile(place[:, None], n)
+        local = np.tile(at[:, None], n)
         x, X = (
             self._elements.slopes(of, np.arange(n), local).transpose(2, 0, 1)
             for of in (self.positions, self.flat)

@@ -78,12 +78,12 @@ class Quadrics:
         """The same quadrics in axes with an origin, (3,), and directions, (3, 3)."""
         from scipy.spatial import KDTree
 
-        there = copy(self)
-        there._points = turn.T @ (self._points - origin[:, None])
-        there._tree = KDTree(there._points[:, :-1].T)
-        there._b = turn.T @ self._b
-        there._H = np.einsum("ki,kln,lj->ijn", turn, self._H, turn)
-        return there
+        moved = copy(self)
+        moved._points = turn.T @ (self._points - origin[:, None])
+        moved._tree = KDTree(moved._points[:, :-1].T)
+        moved._b = turn.T @ self._b
+        moved._H = np.einsum("ki,kln,lj->ijn", turn, self._H, turn)
+        return moved
 
     def mean(self, x: ndarray) -> Derivatives:
         """φ = Σ w q / Σ w and its derivatives at positions, shape (3, n)."""
@@ -104,16 +104,16 @@ class Quadrics:
             # Far away only the nearest points contribute: the reach slightly exceeds
             # their distance.
             reach = np.maximum(self._reach, _FAR * distance[:, :1])
-            whole = (distance[:, -1:] >= reach) | (count == self._tree.n)
-            whole = (whole & (reach <= bound))[:, 0]
+            complete = (distance[:, -1:] >= reach) | (count == self._tree.n)
+            complete = (complete & (reach <= bound))[:, 0]
             k = (distance < reach).any(axis=0).sum()  # the nearest come first
-            at, known = some[whole], (near[whole, :k], distance[whole, :k])
-            for values, own in zip(
-                mean, self._mean(x[:, at], *known, reach[whole]), strict=True
+            at, known = some[complete], (near[complete, :k], distance[complete, :k])
+            for values, result in zip(
+                mean, self._mean(x[:, at], *known, reach[complete]), strict=True
             ):
-                values[..., at] = own
-            if not whole.all():
-                left.append((some[~whole], 2 * count, np.inf))
+                values[..., at] = result
+            if not complete.all():
+                left.append((some[~complete], 2 * count, np.inf))
         for values in mean:
             values.setflags(write=False)
         return mean
@@ -145,20 +145,20 @@ class Quadrics:
         b = self._b[:, near]
         dq = b + np.einsum("ijnk,jnk->ink", H, d)
         q = self._a[near] + 0.5 * np.einsum("ink,ink->nk", b + dq, d)
-        whole = w.sum(axis=1)
-        level = (w * q).sum(axis=1) / whole
+        total = w.sum(axis=1)
+        level = (w * q).sum(axis=1) / total
         off = q - level[:, None]
         # Derivatives of Σ w (q − φ) = 0, whose terms in the derivatives of Σ w vanish.
         of_w = slope * off
         gradient = np.einsum("nk,ink->in", of_w, m) + np.einsum("nk,ink->in", w, dq)
-        gradient /= whole
+        gradient /= total
         turned = 0.5 * bend * off * m + slope * (dq - gradient[:, :, None])
         turned -= 2 * of_w * rho
         half = np.einsum("ink,jnk->ijn", m, turned)
         second = half + half.swapaxes(0, 1) + np.einsum("nk,ijnk->ijn", w, H)
-        grown = (1 - follows * (_FAR * s) ** 2) / reach**2
-        second += (of_w * grown).sum(axis=1) * np.eye(3)[:, :, None]
-        return Derivatives(level, gradient, second / whole)
+        factor = (1 - follows * (_FAR * s) ** 2) / reach**2
+        second += (of_w * factor).sum(axis=1) * np.eye(3)[:, :, None]
+        return Derivatives(level, gradient, second / total)
 
 
 def _fitted(
@@ -260,10 +260,10 @@ class TriangleMesh:
         turn
             Orthogonal unit vectors, columns of shape (3, 3).
         """
-        there = copy(self)
-        there._x = (self._x - origin) @ turn
-        there._quadrics, there._kept = self._quadrics.moved(origin, turn), None
-        return there
+        moved = copy(self)
+        moved._x = (self._x - origin) @ turn
+        moved._quadrics, moved._kept = self._quadrics.moved(origin, turn), None
+        return moved
 
     def beyond_edges(self, x: ndarray) -> ndarray:
         """Distances of points beyond the edges of the triangles in mm, shape (n,).
@@ -302,14 +302,14 @@ class TriangleMesh:
         away = x - (shares * tool.points[:, corners]).sum(axis=1)
         along = np.linalg.norm(away - (away * normals).sum(axis=0) * normals, axis=0)
         # Ends of the edge on which the closest point lies; equal at a corner.
-        held = np.where(
+        edge = np.where(
             shares > 0, corners, corners[shares.argmax(axis=0), range(len(along))]
         )
         ends = boundary_edges(tool.cells)
         edges = np.hstack([np.sort(ends, axis=0), ends[[0, 0]]])
-        place = len(self._x), 1
+        weights = len(self._x), 1
         at_edge = np.isin(
-            place @ np.array([held.min(axis=0), held.max(axis=0)]), place @ edges
+            weights @ np.array([edge.min(axis=0), edge.max(axis=0)]), weights @ edges
         )
         at_edge &= (shares == 0).any(axis=0)
         beyond = at_edge & (along > _BEYOND * self._edge)

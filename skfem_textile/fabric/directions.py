@@ -50,12 +50,12 @@ class FibreDirections:
 
     def __post_init__(self) -> None:
         for name in ("warp", "weft"):
-            given = np.array(getattr(self, name), dtype=float)
-            if given.ndim != 2 or len(given) != 2 or not given.size:
+            vector = np.array(getattr(self, name), dtype=float)
+            if vector.ndim != 2 or len(vector) != 2 or not vector.size:
                 raise ValueError(
-                    f"{name} must have the shape (2, n_elements), not {given.shape}"
+                    f"{name} must have the shape (2, n_elements), not {vector.shape}"
                 )
-            object.__setattr__(self, name, given)
+            object.__setattr__(self, name, vector)
         if self.warp.shape != self.weft.shape:
             raise ValueError(
                 f"there are {self.warp.shape[1]} warp directions but "
@@ -99,13 +99,13 @@ class FibreDirections:
 
 def _at_angles(degrees: ArrayLike) -> ndarray:
     """Unit vectors; quarter turns are separated first, so that they are exact."""
-    given = np.asarray(degrees, dtype=float)
-    if given.ndim != 1 or not np.isfinite(given).all():
+    angles = np.asarray(degrees, dtype=float)
+    if angles.ndim != 1 or not np.isfinite(angles).all():
         raise ValueError("angles must be finite numbers, one for each element")
-    if np.abs(given).max(initial=0.0) > MOST_DEGREES:
+    if np.abs(angles).max(initial=0.0) > MOST_DEGREES:
         raise ValueError(f"angles must be within ±{MOST_DEGREES:g}°, a hundred turns")
-    turns = np.rint(given / 90.0)
-    rest = np.radians(given - 90.0 * turns)
+    turns = np.rint(angles / 90.0)
+    rest = np.radians(angles - 90.0 * turns)
     c, s = np.cos(rest), np.sin(rest)
     quarter = (turns % 4).astype(int)
     x = np.choose(quarter, [c, -s, -c, s])
@@ -167,10 +167,10 @@ class AlongCurve:
 
     def __call__(self, x: ndarray) -> ndarray:
         """Unit vectors at positions, both of shape (2, ...)."""
-        places = np.reshape(x, (2, -1))
+        points = np.reshape(x, (2, -1))
         n = max(1, _AT_A_TIME // np.shape(self.points)[1])
         parts = [
-            self._tangent(places[:, i : i + n]) for i in range(0, len(places[0]), n)
+            self._tangent(points[:, i : i + n]) for i in range(0, len(points[0]), n)
         ]
         c, s = np.cos(self.angle), np.sin(self.angle)
         turned = np.array([[c, -s], [s, c]]) @ np.hstack(parts)

@@ -23,7 +23,7 @@ from .law import (
 )
 
 
-class Varied(Protocol):
+class PiecewiseDirections(Protocol):
     """Directions that are defined differently by region."""
 
     @property
@@ -36,7 +36,7 @@ class Varied(Protocol):
         ...
 
 
-Direction: TypeAlias = ArrayLike | Callable[[ndarray], ndarray] | Varied
+Direction: TypeAlias = ArrayLike | Callable[[ndarray], ndarray] | PiecewiseDirections
 
 # Angle in radians below which two fibre families are parallel.
 _PARALLEL = 1e-6
@@ -118,12 +118,12 @@ class Fabric:
         object.__setattr__(self, "wrinkling_angle", _angle(self.wrinkling_angle))
         if any(hasattr(f.direction, "region") for f in self.families):
             return  # each of its fabrics is valid
-        given = [f for f in self.families if not callable(f.direction)]
-        sizes = [real_numbers(f.name, f.direction).size // 2 for f in given]
+        families = [f for f in self.families if not callable(f.direction)]
+        sizes = [real_numbers(f.name, f.direction).size // 2 for f in families]
         x = np.zeros((2, max(sizes, default=1), 1))
-        for family in given:
+        for family in families:
             unit_vectors(family.name, family.direction, x)
-        if len(given) == 2:
+        if len(families) == 2:
             self.directions(x)  # refuses parallel families
 
     @cached_property
@@ -170,8 +170,8 @@ class Fabric:
         if tensions is self.tensions and shear is self.shear_law:
             return self
         other = object.__new__(Fabric)  # its directions are valid
-        given = {field.name: getattr(self, field.name) for field in fields(self)}
-        vars(other).update(given | {"tension": tensions, "shear": shear})
+        attributes = {field.name: getattr(self, field.name) for field in fields(self)}
+        vars(other).update(attributes | {"tension": tensions, "shear": shear})
         return other
 
     @property
@@ -255,35 +255,35 @@ def _law(name: str, law: Stiffness) -> Law:
         raise ValueError(f"{name} {error}") from None
 
 
-def _bending(given: Any) -> tuple[ByElement, ByElement]:
+def _bending(value: Any) -> tuple[ByElement, ByElement]:
     """Bending stiffnesses of warp and weft, validated."""
-    if not isinstance(given, tuple | list) or len(given) != 2:
+    if not isinstance(value, tuple | list) or len(value) != 2:
         raise ValueError(
-            f"bending must be a pair (warp, weft) of stiffnesses in N·mm, not {given!r}"
+            f"bending must be a pair (warp, weft) of stiffnesses in N·mm, not {value!r}"
         )
-    warp, weft = given
+    warp, weft = value
     return _stiffness("bending of warp", warp), _stiffness("bending of weft", weft)
 
 
-def _stiffness(name: str, given: Any) -> ByElement:
+def _stiffness(name: str, value: Any) -> ByElement:
     """Bending or twist stiffness, validated."""
-    D = real_numbers(name, given)
+    D = real_numbers(name, value)
     if D.ndim > 1 or not (np.isfinite(D) & (D >= 0)).all():
         raise ValueError(
             f"{name} must be a finite number >= 0 in N·mm, or one per element, got "
-            f"{given}"
+            f"{value}"
         )
     return D if D.ndim else float(D)
 
 
-def _angle(given: Any) -> ByElement:
+def _angle(value: Any) -> ByElement:
     """Wrinkling angle, validated."""
-    angle = real_numbers("wrinkling angle", given)
+    angle = real_numbers("wrinkling angle", value)
     refuse_other_units("wrinkling angle", angle, "shear")
     if angle.ndim > 1 or not ((angle > 0) & (angle <= 0.5 * np.pi)).all():
         raise ValueError(
             "wrinkling angle must be above 0 and at most π/2 radians, as one number "
-            f"or one per element, got {given}"
+            f"or one per element, got {value}"
         )
     return angle if angle.ndim else float(angle)
 
@@ -305,8 +305,8 @@ def unit_vectors(
     field: Any = direction
     if hasattr(field, "region"):
         return field.at(name, x, element)
-    given = call_user_function(name, direction, x) if callable(direction) else direction
-    a = real_numbers(name, given)
+    value = call_user_function(name, direction, x) if callable(direction) else direction
+    a = real_numbers(name, value)
     if element is not None and a.ndim == 2 and a.shape[1] > element.max():
         a = a[:, element]
     a = a.reshape(a.shape + (1,) * (x.ndim - a.ndim))

@@ -122,9 +122,9 @@ def fabric_text(fabric: Fabric) -> str:
     parts |= {family.name: family.direction for family in fabric.families}
     encoded = {name: _encoded(name, part) for name, part in parts.items()}
     for name in _OTHERS:
-        given = _encoded(name, getattr(fabric, name))
-        if given != _encoded(name, getattr(Fabric, name)):
-            encoded[name] = given
+        value = _encoded(name, getattr(fabric, name))
+        if value != _encoded(name, getattr(Fabric, name)):
+            encoded[name] = value
     return _text({"format": _FORMAT} | encoded)
 
 
@@ -199,8 +199,8 @@ def _encoded(name: str, value: Any) -> Any:
         return value
     kind = type(value).__name__
     if _KINDS.get(kind) is type(value):
-        own = {f.name: _encoded(name, getattr(value, f.name)) for f in fields(value)}
-        return {"kind": kind} | own
+        items = {f.name: _encoded(name, getattr(value, f.name)) for f in fields(value)}
+        return {"kind": kind} | items
     if callable(value):
         raise ValueError(
             f"{name} is a function, which cannot be written: evaluate it in each "
@@ -221,19 +221,19 @@ def _decoded(value: Any) -> Any:
     kind = _KINDS.get(value["kind"]) if isinstance(value["kind"], str) else None
     if kind is None:
         raise ValueError(f"unknown law {excerpt(str(value['kind']))!r}")
-    own = {key: _decoded(one) for key, one in value.items() if key != "kind"}
-    if other := set(own) - {f.name for f in fields(kind)}:
+    arguments = {key: _decoded(one) for key, one in value.items() if key != "kind"}
+    if other := set(arguments) - {f.name for f in fields(kind)}:
         raise ValueError(f"{kind.__name__} has no parameter {excerpt(min(other))!r}")
     needed = (f for f in fields(kind) if f.default is f.default_factory is MISSING)
-    if missing := {f.name for f in needed} - set(own):
+    if missing := {f.name for f in needed} - set(arguments):
         raise ValueError(f"{kind.__name__} requires the parameter {min(missing)!r}")
-    if "region" in own:
-        own["region"] = np.array(own["region"], dtype=int)
-    if isinstance(own.get("stiffness"), tuple) and kind in (Linear, Sin2):
-        own["stiffness"] = np.array(own["stiffness"], dtype=float)
-    if "directions" in own:
-        own["directions"] = [
+    if "region" in arguments:
+        arguments["region"] = np.array(arguments["region"], dtype=int)
+    if isinstance(arguments.get("stiffness"), tuple) and kind in (Linear, Sin2):
+        arguments["stiffness"] = np.array(arguments["stiffness"], dtype=float)
+    if "directions" in arguments:
+        arguments["directions"] = [
             np.array(d, dtype=float) if isinstance(d, tuple) else d
-            for d in own["directions"]
+            for d in arguments["directions"]
         ]
-    return kind(**own)
+    return kind(**arguments)

@@ -181,8 +181,8 @@ def shear_angle_dd(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     for i in range(2):
         half = np.einsum("i...,k...->ik...", g[i], a[i] / squared[i])
         normal = c / s / squared[i] * np.einsum("i...,k...->ik...", n, n)
-        own = half + half.swapaxes(0, 1) + normal
-        second = second - np.einsum("ik...,J...,L...->iJkL...", own, A[i], A[i])
+        diagonal = half + half.swapaxes(0, 1) + normal
+        second = second - np.einsum("ik...,J...,L...->iJkL...", diagonal, A[i], A[i])
     root = s * np.sqrt(squared[0] * squared[1])
     across = np.einsum("i...,k...->ik...", n, n) / root
     mixed = np.einsum("ik...,J...,L...->iJkL...", across, A1, A2)

@@ -110,8 +110,8 @@ class OneStiffness(ScalarLaw):
         every = np.asarray(self.stiffness)
         if every.ndim == 0:
             return self
-        own = every[:, None] if element is None else every[element]
-        return replace(self, stiffness=own)
+        selected = every[:, None] if element is None else every[element]
+        return replace(self, stiffness=selected)
 
 
 @dataclass(frozen=True)
@@ -270,10 +270,10 @@ class LawAlong:
         low, high = -np.inf, np.inf
         for i, (d, start) in enumerate(zip(self.direction, self.start, strict=True)):
             if d != 0:
-                given = (
+                bounds = (
                     end if np.ndim(end) == 0 else end[i] for end in self.law.domain
                 )
-                ends = [(end - start) / d for end in given]
+                ends = [(end - start) / d for end in bounds]
                 low = np.maximum(low, ends[0] if d > 0 else ends[1])
                 high = np.minimum(high, ends[1] if d > 0 else ends[0])
         return low, high
@@ -457,9 +457,9 @@ def refuse_force_at_rest(name: str, law: Law, strain: float) -> None:
             f"{name} must be defined from 0 to the switch at {strain:g}, but its "
             f"domain is {low:g} to {high:g}"
         )
-    rest, there = law.value(np.array([0.0, strain]))
-    if not abs(rest) <= _NOTHING * abs(there):
-        raise ValueError(f"{name} must be zero at rest, but is {rest:.4g} N/mm there")
+    F0, F = law.value(np.array([0.0, strain]))
+    if not abs(F0) <= _NOTHING * abs(F):
+        raise ValueError(f"{name} must be zero at rest, but is {F0:.4g} N/mm there")
 
 
 # Quantities of the laws of a fabric, in their order.
@@ -496,10 +496,10 @@ class LawEnd(NamedTuple):
 
     def __str__(self) -> str:
         name, (value, end) = self.quantity.replace("_", " "), self[1:3]
-        shown = f"{value:.3g}", f"{end:.3g}"
+        texts = f"{value:.3g}", f"{end:.3g}"
         if self.quantity == "shear_angle":
-            shown = f"{np.degrees(value):.4g}°", f"{np.degrees(end):.4g}°"
-        text = f"the {name} is {shown[0]}, and the domain of its law ends at {shown[1]}"
+            texts = f"{np.degrees(value):.4g}°", f"{np.degrees(end):.4g}°"
+        text = f"the {name} is {texts[0]}, and the domain of its law ends at {texts[1]}"
         return text + (_GO_ON if self.quantity == "shear_angle" and end == 0 else "")
 
 
@@ -520,6 +520,6 @@ def closest_end(
             if np.isfinite(least := gaps.flat[at]):
                 close = gaps <= least + _AS_CLOSE * np.abs(ends)
                 elements = np.flatnonzero(close.any(axis=1))
-                place = float(x.flat[at]), float(ends.flat[at]), elements
-                ends_found.append((least, LawEnd(name, *place)))
+                location = float(x.flat[at]), float(ends.flat[at]), elements
+                ends_found.append((least, LawEnd(name, *location)))
     return min(ends_found, key=lambda each: each[0])[1] if ends_found else None

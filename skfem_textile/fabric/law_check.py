@@ -97,16 +97,16 @@ def _check_law(
     of_tangent = _contradiction(arguments.x, *arguments.parts[1:])
     if of_value is not None:
         part = "energy" if of_tangent is None else "value"
-        (x, change, own), whole, derivative = of_value, "energy", "value"
+        (x, change, value), integral, derivative = of_value, "energy", "value"
     elif of_tangent is not None:
         part = "tangent"
-        (x, change, own), whole, derivative = of_tangent, "value", "tangent"
+        (x, change, value), integral, derivative = of_tangent, "value", "tangent"
     else:
         return
     raise ValueError(
-        f"{name} law, {part}: at {symbol} = {x:.4g} the {derivative} is {own:.4g}, but "
-        f"the derivative of the {whole} is {change:.4g}; value must be the derivative "
-        "of energy, and tangent the derivative of value"
+        f"{name} law, {part}: at {symbol} = {x:.4g} the {derivative} is {value:.4g}, "
+        f"but the derivative of the {integral} is {change:.4g}; value must be the "
+        "derivative of energy, and tangent the derivative of value"
     )
 
 
@@ -134,17 +134,17 @@ def _domain(name: str, law: Law, reach: float) -> tuple[float, float]:
 def _sampled(name: str, law: Law, x: ndarray, shape: tuple[int, ...]) -> _Samples:
     """Evaluate all arguments at once, or one by one for a law that varies by point."""
     try:
-        parts = [_answer(name, law, part, x[None])[0] for part in _PARTS]
+        parts = [_result(name, law, part, x[None])[0] for part in _PARTS]
     except ValueError:
         x = np.linspace(x[0], x[-1], _COARSE)
         points = [np.full(shape, one) for one in x]
         parts = [
-            np.array([_answer(name, law, part, at) for at in points]) for part in _PARTS
+            np.array([_result(name, law, part, at) for at in points]) for part in _PARTS
         ]
-    return _Samples(x, _within(x, parts))
+    return _Samples(x, _finite_range(x, parts))
 
 
-def _answer(name: str, law: Law, part: str, x: ndarray) -> ndarray:
+def _result(name: str, law: Law, part: str, x: ndarray) -> ndarray:
     """Result of a method of a law, validated as an array of real numbers."""
     prefix, argument = f"{name} law, {part}: ", x.copy()
     function: Callable[[ndarray], Any] = getattr(law, part)
@@ -172,27 +172,27 @@ def _answer(name: str, law: Law, part: str, x: ndarray) -> ndarray:
     return values.copy()
 
 
-def _within(x: ndarray, parts: list[ndarray]) -> list[ndarray]:
+def _finite_range(x: ndarray, parts: list[ndarray]) -> list[ndarray]:
     """Results, NaN outwards from the first argument where one is not finite."""
     finite = np.all([np.isfinite(part) for part in parts], axis=0)
-    rest = np.searchsorted(x, 0.0)
-    below = np.logical_and.accumulate(finite[:rest][::-1])[::-1]
-    above = np.logical_and.accumulate(finite[rest:])
+    start = np.searchsorted(x, 0.0)
+    below = np.logical_and.accumulate(finite[:start][::-1])[::-1]
+    above = np.logical_and.accumulate(finite[start:])
     inside = np.concatenate([below, above])
     return [np.where(inside, part, np.nan) for part in parts]
 
 
 def _contradiction(
-    x: ndarray, whole: ndarray, derivative: ndarray
+    x: ndarray, integral: ndarray, derivative: ndarray
 ) -> tuple[float, float, float] | None:
-    """Position, slope of ``whole`` and derivative at a contradiction, or None."""
-    h = np.diff(x).reshape(-1, *(1,) * (whole.ndim - 1))
+    """Position, slope of ``integral`` and derivative at a contradiction, or None."""
+    h = np.diff(x).reshape(-1, *(1,) * (integral.ndim - 1))
     with np.errstate(all="ignore"):  # NaN beyond the end of the law
-        change = np.diff(whole, axis=0) / h
+        change = np.diff(integral, axis=0) / h
         low = np.minimum(derivative[:-1], derivative[1:])
         high = np.maximum(derivative[:-1], derivative[1:])
-        kind = np.finfo(whole.dtype)
-        noise = max(_NOISE, 64 * float(kind.eps)) * np.fmax.reduce(np.abs(whole))
+        kind = np.finfo(integral.dtype)
+        noise = max(_NOISE, 64 * float(kind.eps)) * np.fmax.reduce(np.abs(integral))
         slack = _OFF * np.maximum(np.abs(low), np.abs(high))
         slack += (noise + float(kind.tiny)) / h
         excess = np.maximum(low - change, change - high) - slack

@@ -51,13 +51,13 @@ def cells_of_net(
     row, column = np.indices((len(b) - 1, len(a) - 1)).reshape(2, -1)
     rows = np.stack([row, row, row + 1, row + 1])
     columns = np.stack([column, column + 1, column + 1, column])
-    whole = inside[rows, columns].all(axis=0)
-    cut_off = ~whole & (distances > 0)[:, rows, columns].any(axis=1).all(axis=0)
+    complete = inside[rows, columns].all(axis=0)
+    cut_off = ~complete & (distances > 0)[:, rows, columns].any(axis=1).all(axis=0)
 
-    quads = number[rows, columns][:, whole]
+    quads = number[rows, columns][:, complete]
     if not cut_off.any():
         return points[:, inside], quads
-    other = (row + column)[whole] % 2 == 1
+    other = (row + column)[complete] % 2 == 1
     quads[:, other] = np.roll(quads[:, other], 1, axis=0)
     nodes = _Nodes(points[:, inside])
     triangles = [quads[[0, 1, 2]], quads[[0, 2, 3]]]
@@ -84,18 +84,18 @@ def _cut_off(corners: ndarray, distances: ndarray, near: float) -> ndarray:
     """
     known = np.hstack([corners, distances])
     for side in range(2, known.shape[1]):
-        kept = []
+        accepted = []
         for one, other in pairwise([*known, known[0]]):
             if one[side] >= 0:
-                kept.append(one)
+                accepted.append(one)
             if one[side] * other[side] < 0:
                 # Interpolate in the same direction for both cells that share an edge.
                 p, q = sorted((one, other), key=lambda corner: (*corner[:2],))
                 point = p + p[side] / (p[side] - q[side]) * (q - p)
                 point[2:][np.abs(point[2:]) <= near] = 0.0
                 point[side] = 0.0
-                kept.append(point)
-        known = np.array(kept)
+                accepted.append(point)
+        known = np.array(accepted)
     return known[:, :2].T
 
 
@@ -273,10 +273,10 @@ class _Net:
         start, end = start[:, crosses, None], end[:, crosses, None]
         share = (lines - start[axis]) / (end[axis] - start[axis])
         slack = self.near / np.abs(end[axis] - start[axis])
-        there = (share >= -slack) & (share <= 1 + slack)
+        inside = (share >= -slack) & (share <= 1 + slack)
         other = 1 - axis
         at = start[other] + share.clip(0, 1) * (end[other] - start[other])
-        low, high = np.where(there, at, np.inf), np.where(there, at, -np.inf)
+        low, high = np.where(inside, at, np.inf), np.where(inside, at, -np.inf)
         return np.stack([low.min(axis=0), high.max(axis=0)])
 
     def _spacings(self, axis: int, lines: ndarray) -> ndarray:

@@ -37,8 +37,8 @@ class _OneOfLaws:
         It is evaluated at 0 elsewhere, because a law may warn of an argument beyond its
         table.
         """
-        own = [np.where(self.region == i, x, 0.0) for i in range(len(self.laws))]
-        pairs = zip(self.laws, own, strict=True)
+        arguments = [np.where(self.region == i, x, 0.0) for i in range(len(self.laws))]
+        pairs = zip(self.laws, arguments, strict=True)
         return _chosen(self.region, [law.energy(at) for law, at in pairs])
 
     def value(self, x: ndarray) -> ndarray:
@@ -121,8 +121,8 @@ class RegionalDirection:
                 continue  # a field need not be defined outside its region
             numbers = rows[:, None] if element is None else element[rows]
             field = unit_vectors(name, direction, x[:, rows], numbers)
-            own = region[rows] == number
-            chosen[:, rows] = np.where(own, field, chosen[:, rows])
+            in_region = region[rows] == number
+            chosen[:, rows] = np.where(in_region, field, chosen[:, rows])
         return chosen
 
 
@@ -134,26 +134,26 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
     """
     n_elements, n_originals = len(parent), parent.max() + 1
 
-    def carried(name: str, thing: Any) -> Any:
-        if isinstance(thing, TwoLaws):
-            return TwoLaws(*(carried(name, law) for law in thing.laws))
-        if isinstance(thing, RegionalLaw | RegionalTensions):
-            thing = replace(thing, laws=[carried(name, law) for law in thing.laws])
-        if isinstance(thing, RegionalDirection):
-            fields = [carried(name, _as_given(field)) for field in thing.directions]
-            thing = replace(thing, directions=fields)
-        n = _n_elements(thing)
+    def carried(name: str, data: Any) -> Any:
+        if isinstance(data, TwoLaws):
+            return TwoLaws(*(carried(name, law) for law in data.laws))
+        if isinstance(data, RegionalLaw | RegionalTensions):
+            data = replace(data, laws=[carried(name, law) for law in data.laws])
+        if isinstance(data, RegionalDirection):
+            fields = [carried(name, _as_array(field)) for field in data.directions]
+            data = replace(data, directions=fields)
+        n = _n_elements(data)
         if n in (None, n_elements):
-            return thing
+            return data
         if n != n_originals:
-            each = "value" if hasattr(thing, "energy") else "vector"
+            each = "value" if hasattr(data, "energy") else "vector"
             raise ValueError(
                 f"{name}: {n} {each}s for {n_originals} elements; specify one {each} "
                 "per element"
             )
-        if hasattr(thing, "region"):
-            return replace(thing, region=thing.region[parent])
-        return thing[:, parent] if isinstance(thing, ndarray) else law_at(thing, parent)
+        if hasattr(data, "region"):
+            return replace(data, region=data.region[parent])
+        return data[:, parent] if isinstance(data, ndarray) else law_at(data, parent)
 
     tension: Any = fabric.tensions
     if isinstance(tension, TwoLaws):
@@ -161,7 +161,7 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
         tension = carried("tension of warp", warp), carried("tension of weft", weft)
     else:
         tension = carried("tension", tension)
-    warp, weft = (carried(f.name, _as_given(f.direction)) for f in fabric.families)
+    warp, weft = (carried(f.name, _as_array(f.direction)) for f in fabric.families)
     shear = carried("shear", fabric.shear_law)
     of_warp, of_weft = (
         _on_elements(f"bending of {f.name}", D, parent)
@@ -175,32 +175,32 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
     return Fabric(tension, shear, warp, weft, bending, twist, wrinkling_angle)
 
 
-def _on_elements(name: str, given: Any, parent: ndarray) -> Any:
+def _on_elements(name: str, value: Any, parent: ndarray) -> Any:
     """Convert a number per user's element to a number per element of a mesh."""
-    n = np.size(given)
-    if np.ndim(given) == 0 or n == len(parent):
-        return given
+    n = np.size(value)
+    if np.ndim(value) == 0 or n == len(parent):
+        return value
     if n != parent.max() + 1:
         raise ValueError(
             f"{name}: {n} values for {parent.max() + 1} elements; specify one value "
             "per element"
         )
-    return given[parent]
+    return value[parent]
 
 
-def _as_given(direction: Any) -> Any:
+def _as_array(direction: Any) -> Any:
     """Direction as an array, if it is neither a function nor regional."""
     plain = not callable(direction) and not hasattr(direction, "region")
     return np.asarray(direction) if plain else direction
 
 
-def _n_elements(thing: Any) -> int | None:
+def _n_elements(data: Any) -> int | None:
     """Number of elements for which a law or a direction has values; None for any."""
-    if hasattr(thing, "region"):
-        return len(thing.region)
-    if isinstance(thing, ndarray):
-        return thing.shape[1] if thing.ndim == 2 else None
-    stiffness = getattr(thing, "stiffness", None)
+    if hasattr(data, "region"):
+        return len(data.region)
+    if isinstance(data, ndarray):
+        return data.shape[1] if data.ndim == 2 else None
+    stiffness = getattr(data, "stiffness", None)
     return len(stiffness) if isinstance(stiffness, ndarray) and stiffness.ndim else None
 
 

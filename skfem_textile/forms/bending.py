@@ -235,13 +235,13 @@ def _weights(overlap: csr_matrix, area: ndarray, left_out: ndarray) -> ndarray:
     components at nodes of the same elements.
     """
     n, d, _ = left_out.shape
-    kept = np.eye(d) - left_out
+    projectors = np.eye(d) - left_out
     giving = np.flatnonzero(left_out.any(axis=(1, 2)))
-    beside = (overlap[giving] != 0).astype(float)
-    receivers = (beside @ kept.reshape(n, -1)).reshape(-1, d, d)
-    given = np.linalg.pinv(receivers) @ left_out[giving] * area[giving, None, None]
-    received = (beside.T @ given.reshape(-1, d * d)).reshape(n, d, d)
-    return area[:, None, None] * kept + kept @ received @ kept
+    adjacency = (overlap[giving] != 0).astype(float)
+    receivers = (adjacency @ projectors.reshape(n, -1)).reshape(-1, d, d)
+    shares = np.linalg.pinv(receivers) @ left_out[giving] * area[giving, None, None]
+    received = (adjacency.T @ shares.reshape(-1, d * d)).reshape(n, d, d)
+    return area[:, None, None] * projectors + projectors @ received @ projectors
 
 
 # σ relative to the smallest interior penalty with which the energy is positive on every
@@ -289,8 +289,8 @@ def matrix_of_triangles(
 def _planes(mirrors: EndEdges, d: int) -> Iterator[tuple[EndEdges, ndarray]]:
     """Edges on each plane of symmetry, and the projector on the even components."""
     for normal in np.unique(mirrors.N.round(9), axis=1).T:
-        own = np.abs(mirrors.N - normal[:, None]).max(axis=0) < 1e-8
-        edges = EndEdges(mirrors.facets[own], mirrors.A[:, own], mirrors.N[:, own])
+        on = np.abs(mirrors.N - normal[:, None]).max(axis=0) < 1e-8
+        edges = EndEdges(mirrors.facets[on], mirrors.A[:, on], mirrors.N[:, on])
         N = np.pad(normal, (0, d - 2))
         yield edges, np.eye(d) - np.outer(N, N)
 
@@ -316,10 +316,10 @@ def _inside(mesh: Any, along: tuple[ndarray, ndarray]) -> Any:
     )
     n = np.asarray(slopes[0].normals)
     inside: Any = 0.0
-    for sign, own in zip((1, -1), triangles, strict=True):
-        A, B = (direction[:, own.tind, None] for direction in along)
+    for sign, basis in zip((1, -1), triangles, strict=True):
+        A, B = (direction[:, basis.tind, None] for direction in along)
         slope = 0.5 * sign * dot(A, n) * B
-        inside = inside + sum(asm(_FLUX, side, own, slope=slope) for side in slopes)
+        inside = inside + sum(asm(_FLUX, side, basis, slope=slope) for side in slopes)
     return inside
 
 
@@ -328,8 +328,8 @@ def _prescribed(mesh: Any, clamped: Clamps) -> csr_matrix:
     facets = clamped.edges.facets
     ends = mesh.p[:, mesh.facets[:, facets]]
     length = np.hypot(*(ends[:, 1] - ends[:, 0]))
-    places = mesh.f2t[0, facets], np.arange(facets.size)
-    of_triangles = csr_matrix((length, places), (mesh.nelements, facets.size))
+    indices = mesh.f2t[0, facets], np.arange(facets.size)
+    of_triangles = csr_matrix((length, indices), (mesh.nelements, facets.size))
     return of_triangles @ clamped.turned
 
 

@@ -157,10 +157,10 @@ def mean_tension(fabric: Fabric) -> Forms:
         """Stiffness of the mean of each family, and coupling of the two means."""
         means, E_d = once(w, mean_stretches), w["E_d"]
         T, slopes = law(w).value(np.log(means)), law(w).slopes(np.log(means))
-        own = {i: (slopes.own[i] - T[i]) / means[i] ** 2 - E_d[i] for i in families}
+        direct = {i: (slopes.own[i] - T[i]) / means[i] ** 2 - E_d[i] for i in families}
         if slopes.cross is None:
-            return own, None
-        return own, slopes.cross / (means[0] * means[1])
+            return direct, None
+        return direct, slopes.cross / (means[0] * means[1])
 
     @Functional
     def energy(w):
@@ -175,9 +175,9 @@ def mean_tension(fabric: Fabric) -> Forms:
 
     @BilinearForm
     def tangent(u, v, w):
-        d_lam, (own, cross) = once(w, variation), once(w, mean_stiffness)
+        d_lam, (direct, cross) = once(w, variation), once(w, mean_stiffness)
         of_u, of_v = ([mean(w, ddot(d, grad(x))) for d in d_lam] for x in (u, v))
-        means = sum(own[i] * of_u[i] * of_v[i] for i in families)
+        means = sum(direct[i] * of_u[i] * of_v[i] for i in families)
         if cross is not None:
             means = means + cross * (of_u[0] * of_v[1] + of_u[1] * of_v[0])
         return means + contract(grad(v), once(w, local_stiffness), grad(u))

@@ -98,7 +98,7 @@ class _Deck:
     n_lines: int = 0
     _spelled: dict[tuple[str, str], str] = field(default_factory=dict)
 
-    def spelled(self, keyword: str, parameters: dict[str, str]) -> str:
+    def spelling(self, keyword: str, parameters: dict[str, str]) -> str:
         """Name of a set in its first spelling, as case is ignored."""
         name = parameters.get(keyword, "")
         if not name or "\ufffd" in name:
@@ -173,14 +173,14 @@ def _read_block(deck: _Deck, block: Block) -> None:
     if keyword == "NODE":
         deck.tags, deck.points = _nodes(data)
         if "NSET" in parameters:
-            deck.sets["NSET", deck.spelled("NSET", parameters)] = deck.tags
+            deck.sets["NSET", deck.spelling("NSET", parameters)] = deck.tags
     elif keyword == "ELEMENT":
         kind, corners = _cell(parameters.get("TYPE", ""))
         rows = _elements(data, 1 + corners)
-        name = deck.spelled("ELSET", parameters) if "ELSET" in parameters else None
+        name = deck.spelling("ELSET", parameters) if "ELSET" in parameters else None
         deck.blocks.append((kind, rows[:, 0], rows[:, 1:], name))
     elif keyword in ("NSET", "ELSET"):
-        name = deck.spelled(keyword, parameters)
+        name = deck.spelling(keyword, parameters)
         if (keyword, name) in deck.sets:
             raise MeshError("this set is defined twice: use unique names")
         deck.sets[keyword, name] = _members(
@@ -282,8 +282,8 @@ def _mesh(deck: _Deck) -> meshio.Mesh:
                 f"the name {name!r} is used by *ELSET and by *ELEMENT: use unique names"
             )
         elements[name] = [
-            np.arange(len(block) if own == name else 0)
-            for _, block, _, own in deck.blocks
+            np.arange(len(block) if elset == name else 0)
+            for _, block, _, elset in deck.blocks
         ]
     first = np.cumsum([0, *(len(block) for _, block, _, _ in deck.blocks)])
     for (keyword, name), members in deck.sets.items():
@@ -370,8 +370,8 @@ def _set(keyword: str, name: str, members: ndarray) -> Iterator[str]:
     """Set of items, with numbers from 0 on."""
     if not len(members):
         return
-    shown = re.sub(r"\W", "_", name)
-    yield f"*{keyword}, {keyword}={shown}"
+    identifier = re.sub(r"\W", "_", name)
+    yield f"*{keyword}, {keyword}={identifier}"
     for i in range(0, len(members), _IN_A_LINE):
         yield ", ".join(map(str, (members[i : i + _IN_A_LINE] + 1).tolist()))
 

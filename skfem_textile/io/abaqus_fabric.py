@@ -187,10 +187,10 @@ def _store(block: Block, material: _Material, component: str) -> None:
         strain, stress = -strain[::-1], -stress[::-1]
     elif direction == "COMPRESSION" and len(strain) > 1 and strain[0] > strain[-1]:
         strain, stress = strain[::-1], stress[::-1]
-    own = material.data[component]
-    if any(data.direction in (direction, "") or not direction for data in own):
+    tables = material.data[component]
+    if any(data.direction in (direction, "") or not direction for data in tables):
         raise MeshError("the data of one direction are defined twice: keep one of them")
-    own.append(_Data(direction, strain, stress, beyond == "LINEAR"))
+    tables.append(_Data(direction, strain, stress, beyond == "LINEAR"))
 
 
 def _chosen(materials: list[_Material], name: str | None) -> _Material:
@@ -214,21 +214,21 @@ def _chosen(materials: list[_Material], name: str | None) -> _Material:
 
 def _thickness(every: list[Block], material: str) -> float:
     """Thickness of the section of a material."""
-    given = {
+    values = {
         block.data[0][0]
         for block in every
         if block.keyword in _SECTIONS
         and block.parameters.get("MATERIAL", "").upper() == material.upper()
         and block.data
     }
-    if len(given) == 1:
-        (word,) = given
+    if len(values) == 1:
+        (word,) = values
         t = float(from_words([word], "f8")[0])
         if np.isfinite(t) and t > 0:
             return t
         raise MeshError(f"the thickness of the section must be positive, got {t:g}")
     raise MeshError(
-        f"{'sections of several thicknesses have' if given else 'no section has'} the "
+        f"{'sections of several thicknesses have' if values else 'no section has'} the "
         f"material {excerpt(material)!r}: specify the thickness in mm"
     )
 

@@ -119,9 +119,9 @@ def _of_csv(content: bytes) -> FibreDirections:
             _, warp, weft = map(number_of_text, (element, *both))
             number = int(element)
         except (ValueError, IndexError):
-            shown = excerpt(",".join(row))
+            text = excerpt(",".join(row))
             raise MeshError(
-                f"row {i}: expected an element and two angles, got '{shown}'"
+                f"row {i}: expected an element and two angles, got '{text}'"
             ) from None
         if number in angles:
             raise MeshError(
@@ -291,17 +291,17 @@ def _store(deck: _Deck, block: Block) -> None:
     """Store a block if it defines directions."""
     keyword, parameters, data = block
     name = parameters.get("NAME", "").upper()
-    kept = {"ORIENTATION": deck.orientations, "DISTRIBUTION": deck.distributions}
+    blocks = {"ORIENTATION": deck.orientations, "DISTRIBUTION": deck.distributions}
     if keyword in _SECTIONS:
         if orientation := parameters.get("ORIENTATION", "").upper():
             deck.sections.append((parameters.get("ELSET", "").upper(), orientation))
     elif keyword == "DISTRIBUTION TABLE":
         words = tuple(w.decode(errors="replace").upper() for row in data for w in row)
         deck.tables[name] = _TABLES.get(tuple(filter(None, words)), 0)
-    elif keyword in kept:
-        if name in kept[keyword]:
+    elif keyword in blocks:
+        if name in blocks[keyword]:
             raise MeshError(f"{block} is defined twice: use unique names")
-        kept[keyword][name] = block
+        blocks[keyword][name] = block
 
 
 def _local(deck: _Deck, block: Block) -> ndarray:
@@ -448,23 +448,23 @@ def _values(deck: _Deck, block: Block, width: int) -> ndarray:
         if row[0].isdigit():
             by_element.append((row[0], row[1:]))
             continue
-        own = from_words(row[1:], "f8")[:, None]
+        row_values = from_words(row[1:], "f8")[:, None]
         if row[0] == b"":
             if with_default:
                 raise MeshError(
                     "two lines without an element are given: keep one of them"
                 )
             with_default = True
-            values[:] = np.where(np.isnan(values), own, values)
+            values[:] = np.where(np.isnan(values), row_values, values)
         else:
             chosen = deck.members(row[0].decode(errors="replace").upper())
-            values[:, chosen] = own
+            values[:, chosen] = row_values
     if by_element:
         tags = from_words([tag for tag, _ in by_element], "i8")
-        given = from_words([word for _, own in by_element for word in own], "f8")
+        flat = from_words([word for _, words in by_element for word in words], "f8")
         if len(np.unique(tags)) < len(tags):
             raise MeshError("two lines are given for one element: keep one of them")
-        values[:, tag_positions(numbers, tags, "element")] = given.reshape(-1, width).T
+        values[:, tag_positions(numbers, tags, "element")] = flat.reshape(-1, width).T
     if (left := np.isnan(values).any(axis=0)).any():
         raise MeshError(f"element {numbers[left][0]} has no value")
     return values

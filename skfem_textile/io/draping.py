@@ -119,9 +119,9 @@ def write_draped(
         fibres = fibres_on_ply(ply, result.u)
         names = "normal", "warp", "weft"
         turned = {name: axes.turn @ getattr(fibres, name) for name in names}
-        place = ToolMesh(axes.of_tool(fibres.mesh.points), fibres.mesh.cells)
+        tool_mesh = ToolMesh(axes.of_tool(fibres.mesh.points), fibres.mesh.cells)
         for file in files:
-            write_fibres(file, replace(fibres, mesh=place, **turned))
+            write_fibres(file, replace(fibres, mesh=tool_mesh, **turned))
         return
     fields = on_users_elements(
         ply, cell_fields(ply, result.u, result.states[-1].parameters)

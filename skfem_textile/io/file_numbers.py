@@ -112,9 +112,9 @@ class BinaryNumbers:
         left = len(self._content) - self._position
         if not 0 <= size <= left:
             raise MeshError(f"{size} bytes expected, but {left} bytes remain")
-        taken = np.frombuffer(self._content, dtype, count, self._position)
+        numbers = np.frombuffer(self._content, dtype, count, self._position)
         self._position += size
-        return taken
+        return numbers
 
     def line(self) -> bytes:
         """Rest of this line."""
@@ -133,14 +133,14 @@ class BinaryNumbers:
             )
 
 
-def tag_positions(tags: ndarray, wanted: ndarray, what: str) -> ndarray:
-    """Position in ``tags`` of each wanted tag, with the shape of ``wanted``."""
+def tag_positions(tags: ndarray, selected: ndarray, what: str) -> ndarray:
+    """Position in ``tags`` of each selected tag, with the shape of ``selected``."""
     if not len(tags):
         raise MeshError(f"no {what} is defined")
     order = np.argsort(tags, kind="stable")
-    rank = np.searchsorted(tags[order], wanted).clip(max=len(tags) - 1)
+    rank = np.searchsorted(tags[order], selected).clip(max=len(tags) - 1)
     position = order[rank]
-    missing = wanted[tags[position] != wanted]
+    missing = selected[tags[position] != selected]
     if missing.size:
         raise MeshError(f"{what} {missing[0]} is used, but not defined")
     return position

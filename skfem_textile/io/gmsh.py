@@ -259,18 +259,18 @@ def _sections(content: bytes) -> Iterator[tuple[str, bytes]]:
     while position < len(content):
         end = content.find(b"\n", position) + 1 or len(content)
         line, position = content[position:end].strip(_BLANK), end
-        shown = excerpt(line)
+        text = excerpt(line)
         if not line:
             continue
         if not line.startswith(b"$") or line.startswith(b"$End"):
-            raise MeshError(f"expected the beginning of a Gmsh section, got {shown!r}")
+            raise MeshError(f"expected the beginning of a Gmsh section, got {text!r}")
         last = b"$End" + line[1:]
         close = content.find(last, end)
         if close < 0:
-            raise MeshError(f"the end of {shown} is missing")
+            raise MeshError(f"the end of {text} is missing")
         position = content.find(b"\n", close) + 1 or len(content)
         if content[close:position].strip(_BLANK) != last:
-            raise MeshError(f"the end of {shown} must be on a separate line")
+            raise MeshError(f"the end of {text} must be on a separate line")
         yield line[1:].decode(errors="replace"), content[end:close]
 
 
@@ -312,10 +312,9 @@ def _group_names(body: bytes) -> _Names:
     for line in lines[1:]:
         match = _GROUP.fullmatch(line)
         if match is None or int(match[1]) > 3:
-            shown = excerpt(line.strip())
+            text = excerpt(line.strip())
             raise MeshError(
-                "$PhysicalNames: expected a dimension, a number and a name, got "
-                f"{shown}"
+                f"$PhysicalNames: expected a dimension, a number and a name, got {text}"
             )
         if match[3] in names.values():
             raise MeshError(f"two groups have the name {match[3]!r}: use unique names")

@@ -224,7 +224,7 @@ def _law58(
     flex = f["Flex"] or _FLEX
     flexes = (f["Flex1"] or f["Flex2"] or flex, f["Flex2"] or f["Flex1"] or flex)
     yarns, springs = [], []
-    for i, (s, own) in enumerate(zip(crimp, flexes, strict=True), 1):
+    for i, (s, k) in enumerate(zip(crimp, flexes, strict=True), 1):
         if f[f"fct_ID{i}"]:
             yarn, slope = tables.yarn(f[f"fct_ID{i}"], f[f"Fscale{i}"])
             slope = slope or scale * f[f"E{i}"]
@@ -233,7 +233,7 @@ def _law58(
             yarn = Softening(slope, scale * f[f"B{i}"])
         yarns.append(yarn)
         # Sine of the crimp angle: height of the crimp over the length of the yarn.
-        springs.append(own * slope * float(np.sqrt((1 + s) ** 2 - 1) / (1 + s)))
+        springs.append(k * slope * float(np.sqrt((1 + s) ** 2 - 1) / (1 + s)))
     if f["fct_ID1"] or f["fct_ID2"]:
         ignored += [
             "functions of warp and weft: OpenRadioss scales the crimp spring with the "

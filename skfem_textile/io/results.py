@@ -139,8 +139,8 @@ def write_fields(
     with _name_path(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for pattern in FIELDS:
-            for stale in folder.glob(pattern):
-                stale.unlink()
+            for old_file in folder.glob(pattern):
+                old_file.unlink()
         ply, mesh = result.ply, result.ply.mesh
         _write_series(result, folder, axes, "", [mesh.t], lambda fields: fields)
         if sum(cell.shape[1] for cell in ply.cells) < mesh.nelements:
@@ -159,11 +159,11 @@ def _write_series(
     """Write a file per state, and the .pvd file that lists them."""
     series = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(series, "Collection")
-    place = axes.of_tool(np.pad(result.ply.mesh.p, ((0, 1), (0, 0))))
+    points_on_tool = axes.of_tool(np.pad(result.ply.mesh.p, ((0, 1), (0, 0))))
     for i, state in enumerate(result.states):
         name = f"{prefix}step_{i:04d}.vtu"
         points, fields = _fields(result, state, axes)
-        write_grid(folder / name, place, cells, on_cells(fields), points)
+        write_grid(folder / name, points_on_tool, cells, on_cells(fields), points)
         # Default fields of a viewer for colour and warp; meshio cannot set them.
         text = (folder / name).read_bytes()
         text = text.replace(b"<PointData>", b'<PointData Vectors="displacement">', 1)

@@ -170,10 +170,10 @@ class _LegacyFile:
     def numbers(self, count: int, dtype: str) -> ndarray:
         """Next numbers of a type, shape (count,)."""
         if self._binary:
-            rest = BinaryNumbers(self._content[self._position :])
-            taken = rest.take(count, f">{dtype}")
-            self._position += taken.nbytes
-            return taken.astype(dtype)
+            remaining = BinaryNumbers(self._content[self._position :])
+            numbers = remaining.take(count, f">{dtype}")
+            self._position += numbers.nbytes
+            return numbers.astype(dtype)
         words: list[bytes] = self._content[self._position :].split(None, count)
         if len(words) < count:
             raise MeshError(f"{count} numbers expected, but {len(words)} remain")
@@ -184,15 +184,15 @@ class _LegacyFile:
     def read(self, words: list[str]) -> None:
         """Read the section that a line with these words begins."""
         keyword, arguments = words[0].upper(), words[1:]
-        shown = excerpt(" ".join(words))
+        text = excerpt(" ".join(words))
         if keyword in self.sections:
             raise MeshError(f"the file contains more than one {keyword}")
         try:
             self._read(keyword, arguments)
         except MeshError as error:
-            raise MeshError(f"{shown}: {error}") from None
+            raise MeshError(f"{text}: {error}") from None
         except (ValueError, KeyError, IndexError):
-            raise MeshError(f"{shown!r} is not a valid line") from None
+            raise MeshError(f"{text!r} is not a valid line") from None
 
     def _read(self, keyword: str, arguments: list[str]) -> None:
         if keyword == "DATASET":
@@ -325,9 +325,9 @@ class RawData:
 
     def take(self, count: int) -> bytes:
         """Next bytes."""
-        taken = self.peek(count)
+        data = self.peek(count)
         self._position += count
-        return taken
+        return data
 
     def ends_after(self, count: int) -> bool:
         """True if these bytes are encoded separately from those that follow."""
@@ -351,12 +351,12 @@ class Base64Data(RawData):
 
     def take(self, count: int) -> bytes:
         """Next run, with a given number of bytes."""
-        taken = self.peek(count)
+        data = self.peek(count)
         self._position += self._length(count)
         padding = self._content[: self._position][-2:].count(b"=")
-        if len(taken) != count or padding != -count % 3:
+        if len(data) != count or padding != -count % 3:
             raise MeshError("the data are not valid base64")
-        return taken
+        return data
 
     def ends_after(self, count: int) -> bool:
         """True if a run of a given number of bytes ends there."""
@@ -418,12 +418,12 @@ _ORDERS: dict[str, Any] = {"LittleEndian": "<", "BigEndian": ">"}
 
 
 def read_xml(
-    content: bytes, wanted: Mapping[str, int] = MappingProxyType({})
+    content: bytes, widths: Mapping[str, int] = MappingProxyType({})
 ) -> tuple[meshio.Mesh, list[str]]:
     """Mesh of an XML file with one piece, and names of ignored data.
 
     The mesh has the cell data that contain names written by scikit-fem, and those whose
-    names are ``wanted``, with the given number of components.
+    names are in ``widths``, with the given number of components.
 
     Raises
     ------
@@ -433,27 +433,27 @@ def read_xml(
     file = _XMLFile(content)
     grid = _only(file.root, "UnstructuredGrid")
     piece = _only(grid, "Piece")
-    n_points, n_cells = (_whole(piece, f"NumberOf{x}") for x in ("Points", "Cells"))
+    n_points, n_cells = (_integer(piece, f"NumberOf{x}") for x in ("Points", "Cells"))
     positions = _only(_only(piece, "Points"), "DataArray")
-    if _whole(positions, "NumberOfComponents") != 3:
+    if _integer(positions, "NumberOfComponents") != 3:
         raise MeshError("the points must have three coordinates")
     points = file.array(positions, 3 * n_points).reshape(-1, 3)
     arrays = _by_name(_only(piece, "Cells"))
     if missing := {"connectivity", "offsets", "types"} - set(arrays):
         raise MeshError(f"Cells must contain an array {min(missing)!r}")
     types, ends = (
-        file.array(arrays[x], n_cells, whole=True) for x in ("types", "offsets")
+        file.array(arrays[x], n_cells, integers=True) for x in ("types", "offsets")
     )
     offsets = np.concatenate([[0], ends.astype("i8")])
-    nodes = file.array(arrays["connectivity"], int(offsets[-1]), whole=True)
+    nodes = file.array(arrays["connectivity"], int(offsets[-1]), integers=True)
     cells = cells_of(types, nodes, offsets)
     data, ignored = {}, []
     of_cells = [_by_name(part) for part in piece.findall("CellData")]
     for name, array in (item for arrays in of_cells for item in arrays.items()):
         if name.startswith(SKFEM):
             data[name] = file.array(array, n_cells)
-        elif name in wanted:
-            width = wanted[name]
+        elif name in widths:
+            width = widths[name]
             if array.get("NumberOfComponents", "1") != str(width):
                 raise MeshError(f"{name} must have {width} component(s)")
             data[name] = file.array(array, n_cells * width).reshape(n_cells, width)
@@ -485,7 +485,7 @@ def _by_name(parent: Element) -> dict[str, Element]:
     return arrays
 
 
-def _whole(element: Element, key: str) -> int:
+def _integer(element: Element, key: str) -> int:
     """Natural number in an attribute of an element."""
     with errors_about(key):
         return _natural(element.get(key, ""))
@@ -531,13 +531,13 @@ class _XMLFile:
             if (element.text or "").strip():
                 raise MeshError("appended data must begin with '_'")
 
-    def array(self, element: Element, count: int, whole: bool = False) -> ndarray:
+    def array(self, element: Element, count: int, integers: bool = False) -> ndarray:
         """Numbers of an array, shape (count,)."""
         with errors_about(f"array {excerpt(element.get('Name', 'Points'))!r}"):
-            return self._array(element, count, whole)
+            return self._array(element, count, integers)
 
-    def _array(self, element: Element, count: int, whole: bool) -> ndarray:
-        types = [name for name in _XML_TYPES if not (whole and name.startswith("F"))]
+    def _array(self, element: Element, count: int, integers: bool) -> ndarray:
+        types = [name for name in _XML_TYPES if not (integers and name.startswith("F"))]
         dtype = np.dtype(_XML_TYPES[_choice(element, "type", "", types)])
         kind = _choice(element, "format", "ascii", ("ascii", "binary", "appended"))
         texts = [element.text or "", *(child.tail or "" for child in element)]
@@ -548,10 +548,10 @@ class _XMLFile:
             words.refuse_rest()
             return numbers
         if kind == "appended" and self._raw:
-            data = RawData(self._appended[_whole(element, "offset") :])
+            data = RawData(self._appended[_integer(element, "offset") :])
         elif kind == "appended":
             rest = b"".join(self._appended.split())
-            data = Base64Data(rest[_whole(element, "offset") :])
+            data = Base64Data(rest[_integer(element, "offset") :])
         else:
             data = Base64Data(b"".join(text.split()))
         n_bytes = count * dtype.itemsize

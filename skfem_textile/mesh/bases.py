@@ -107,9 +107,9 @@ def components(basis: AbstractBasis) -> int:
 
 def element_numbers(basis: Any) -> ndarray:
     """Element number at each point of a basis, shape (n_elements, n_points)."""
-    given = basis.default_parameters()
-    if "element" in given:
-        return np.asarray(given["element"])
+    defaults = basis.default_parameters()
+    if "element" in defaults:
+        return np.asarray(defaults["element"])
     numbers = np.arange(basis.nelems) if basis.tind is None else basis.tind
     return np.broadcast_to(numbers[:, None], basis.dx.shape)
 
@@ -193,8 +193,8 @@ class MeanBasis(CellBasis):
     def default_parameters(self) -> dict[str, Any]:
         """Position and share, and for macro-elements the quadrilaterals."""
         share = self.dx / self.dx.sum(axis=1, keepdims=True)
-        given = {"x": self.global_coordinates(), "share": share}
-        return given if self.parts is None else given | {"element": self.parts}
+        fields = {"x": self.global_coordinates(), "share": share}
+        return fields if self.parts is None else fields | {"element": self.parts}
 
     def from_ply_points(self, x: ndarray) -> ndarray:
         """Convert values at the points of the ply to values at these points.
@@ -452,8 +452,8 @@ class JumpBasis(InteriorFacetBasis):
         set_element_dofs(self, np.vstack([self.element_dofs, other.element_dofs]))
         first, second = np.eye(2)  # 1 at the point of this side, 0 at the other
         self.basis = [
-            (DiscreteField(np.asarray(field) * own, np.asarray(field.grad) * own),)
-            for own, side in ((first, self), (second, other))
+            (DiscreteField(np.asarray(field) * sign, np.asarray(field.grad) * sign),)
+            for sign, side in ((first, self), (second, other))
             for (field,) in side.basis
         ]
         self._sides = np.array([self.tind, other.tind]).T

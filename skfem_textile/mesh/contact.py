@@ -138,10 +138,10 @@ def contact_of(boundary: Boundary) -> Contact | None:
         (j, i, [meet[k, 0] | meet[k, 1] for k in (0, 1)]),
     ):
         beyond = []
-        for node, met in zip(ends[:, other], at_end, strict=True):
+        for node, at_node in zip(ends[:, other], at_end, strict=True):
             distance, share = _distance_and_share(boundary, edge, p[:, node])
             on = np.abs(distance) <= tolerance
-            hanging.append(node[on & ~met & (share > 0) & (share < 1)])
+            hanging.append(node[on & ~at_node & (share > 0) & (share < 1)])
             beyond.append(np.where(on, 0.0, np.sign(distance)))
         crossing &= beyond[0] * beyond[1] < 0
     cells, layered = boundary.cell[np.stack([i, j])], meet[0, 0] & meet[1, 1]
@@ -191,19 +191,19 @@ def _coincident_off_cuts(joined: ndarray, seam: ndarray, n_nodes: int) -> ndarra
     ``joined`` are pairs of coincident nodes, and ``seam`` nodes of coincident edges of
     opposite direction, shape (2, n) each.
     """
-    place = _groups(joined, n_nodes)
-    n_nodes_at = np.bincount(place)
-    doubled = np.flatnonzero(n_nodes_at[place] > 1)
+    group = _groups(joined, n_nodes)
+    group_size = np.bincount(group)
+    doubled = np.flatnonzero(group_size[group] > 1)
     if not doubled.size:
         return doubled
-    sides = np.unique(np.sort(place[seam], axis=0), axis=1)
-    line = _groups(sides, len(n_nodes_at))
-    is_end = np.bincount(sides.ravel(), minlength=len(n_nodes_at)) == 1
+    sides = np.unique(np.sort(group[seam], axis=0), axis=1)
+    line = _groups(sides, len(group_size))
+    is_end = np.bincount(sides.ravel(), minlength=len(group_size)) == 1
     has_end, has_open_end = (
         np.bincount(line[ends], minlength=line.max() + 1) > 0
-        for ends in (is_end, is_end & (n_nodes_at > 1))
+        for ends in (is_end, is_end & (group_size > 1))
     )
-    return doubled[~(has_end & ~has_open_end)[line[place[doubled]]]]
+    return doubled[~(has_end & ~has_open_end)[line[group[doubled]]]]
 
 
 def _groups(pairs: ndarray, n: int) -> ndarray:

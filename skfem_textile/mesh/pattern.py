@@ -106,7 +106,7 @@ class Pattern:
                 np.array_equal(K.indptr, last.matrix.indptr)
                 and np.array_equal(K.indices, last.matrix.indices)
             ):
-                last = self._places(K)
+                last = self._positions(K)
             self._added[name] = last = last._replace(matrix=K)
             refuse_unsymmetric(name, K - K.T, K)
             if K.data[last.outside].any():
@@ -116,7 +116,7 @@ class Pattern:
                 )
         np.add.at(blocks.reshape(-1), last.slots, K.data[last.inside])
 
-    def _places(self, K: csr_matrix) -> "_Added":
+    def _positions(self, K: csr_matrix) -> "_Added":
         """Positions of the entries of a matrix in the blocks."""
         entries, d = K.tocoo(), self.dimension
         row, i = np.divmod(entries.row.astype(np.int64), d)

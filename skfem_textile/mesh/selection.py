@@ -75,10 +75,10 @@ def edge_numbers(edges: ndarray, ends: ndarray) -> ndarray:
     n = 1 + max(edges.max(initial=0), ends.max(initial=0))
     keys, (a, b) = edges[0].astype(np.int64) * n + edges[1], np.sort(ends, axis=0)
     order = np.argsort(keys)
-    wanted = a.astype(np.int64) * n + b
-    position = np.searchsorted(keys[order], wanted).clip(max=len(keys) - 1)
+    key = a.astype(np.int64) * n + b
+    position = np.searchsorted(keys[order], key).clip(max=len(keys) - 1)
     edge = order[position]
-    return np.where(keys[edge] == wanted, edge, -1)
+    return np.where(keys[edge] == key, edge, -1)
 
 
 Where: TypeAlias = str | ArrayLike | Callable[[ndarray], ndarray]

@@ -84,8 +84,8 @@ def hat_functions(mesh: Mesh, n_nodes: int) -> csr_matrix:
     blocks = [identity(n)]
     for corners in groups:  # means of k values
         k, m = corners.shape
-        places = corners.ravel(), np.tile(np.arange(m), k)
-        blocks.append(csr_matrix((np.full(k * m, 1 / k), places), (n, m)))
+        indices = corners.ravel(), np.tile(np.arange(m), k)
+        blocks.append(csr_matrix((np.full(k * m, 1 / k), indices), (n, m)))
     return csr_matrix(hstack(blocks))
 
 
@@ -331,8 +331,8 @@ def cut(mesh: MeshQuad) -> CutMesh:
 
 def corner_areas(mesh: MeshQuad) -> ndarray:
     """Twice the area of the triangle at each corner, negative at a reflex corner."""
-    before, here, after = (mesh.p[:, np.roll(mesh.t, i, axis=0)] for i in (1, 0, -1))
-    corner = cross(after - here, before - here)
+    before, at, after = (mesh.p[:, np.roll(mesh.t, i, axis=0)] for i in (1, 0, -1))
+    corner = cross(after - at, before - at)
     return corner * np.sign(corner.sum(axis=0))
 
 
@@ -434,10 +434,10 @@ def _parts(t: ndarray, middle: ndarray) -> tuple[ndarray, ndarray]:
         (second & third, [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]),
     )
     cells, parent = [], []
-    for there, triangles in cases:
+    for marked, triangles in cases:
         for corners in triangles:
-            cells.append(np.stack(corners)[:, there])
-            parent.append(np.flatnonzero(there))
+            cells.append(np.stack(corners)[:, marked])
+            parent.append(np.flatnonzero(marked))
     return np.hstack(cells), np.concatenate(parent)
 
 
@@ -446,9 +446,9 @@ def _halves(
 ) -> ndarray:
     """Numbers in a refined mesh of some edges, or of both of their halves."""
     ends, node = mesh.facets[:, numbers], middle[numbers]
-    whole = ends[:, node < 0]
+    unsplit = ends[:, node < 0]
     halves = [np.stack([end, node])[:, node >= 0] for end in ends]
-    return edge_numbers(refined.facets, np.hstack([whole, *halves]))
+    return edge_numbers(refined.facets, np.hstack([unsplit, *halves]))
 
 
 def original_elements(mesh: Mesh) -> tuple[tuple[ndarray, ...], ndarray]:

@@ -24,7 +24,7 @@ from .layout import (
     PRINTED,
     Bar,
     Layout,
-    Place,
+    Slot,
     Writing,
     default_width,
     font_file,
@@ -94,27 +94,27 @@ def _figure_of(sheet: Sheet, layout: Layout) -> Figure:
     page = figure.add_axes((0, 0, 1, 1))
     page.set(xlim=(0, layout.width), ylim=(0, layout.height))
     page.set_axis_off()
-    for place in (place for row in layout.places for place in row):
-        _draw_panel(page, place, sheet)
-        for line in place.title:
+    for panel in (panel for row in layout.panels for panel in row):
+        _draw_panel(page, panel, sheet)
+        for line in panel.title:
             _write(page, line)
-    for below in layout.below:
-        for bar in below.bars:
+    for legend in layout.legends:
+        for bar in legend.bars:
             _draw_bar(page, bar)
-        for colour, x, y in below.strokes:
+        for colour, x, y in legend.strokes:
             page.add_line(Line2D([x, x + KEY], [y, y], color=colour, lw=1.5))
-        for writing in below.writings:
+        for writing in legend.writings:
             _write(page, writing)
     return figure
 
 
-def _draw_panel(page: mpl.axes.Axes, place: Place, sheet: Sheet) -> None:
-    panel = place.panel
-    scale = place.scale_of(sheet.extent)
+def _draw_panel(page: mpl.axes.Axes, slot: Slot, sheet: Sheet) -> None:
+    panel = slot.panel
+    scale = slot.scale_of(sheet.extent)
     middle = 0.5 * (sheet.extent[0] + sheet.extent[1])
 
     def on_page(points: ndarray) -> ndarray:
-        return place.middle + scale * (points - middle)[..., :2]
+        return slot.middle + scale * (points - middle)[..., :2]
 
     faces, colours, depths = _faces(panel)
     order = np.argsort(depths, kind="stable")

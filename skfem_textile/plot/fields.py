@@ -12,7 +12,7 @@ from ..io.results import cell_fields, point_fields
 from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
-from ..solve.surface import Grown, Surface
+from ..solve.surface import GrowingSurface, Surface
 from .sheet import Scale, Shape, Tool, eye_axes, in_perspective
 
 
@@ -54,7 +54,7 @@ def _of_family(label: str, factor: float = 1.0) -> Field:
     )
 
 
-def _moved(ply: Ply, u: ndarray) -> ndarray:
+def _mean_displacement(ply: Ply, u: ndarray) -> ndarray:
     """Mean displacement of the vertices of each element."""
     displacement = point_fields(ply, u)["displacement"]
     return np.linalg.norm(displacement[ply.mesh.t].mean(axis=0), axis=1)
@@ -69,7 +69,7 @@ FIELDS: Mapping[str, Field] = {
     "weft_strain": _of_family("Weft strain (%)", 100),
     "warp_tension": _of_family("Warp tension (N/mm)"),
     "weft_tension": _of_family("Weft tension (N/mm)"),
-    "displacement": Field("Displacement (mm)", _moved, "cividis"),
+    "displacement": Field("Displacement (mm)", _mean_displacement, "cividis"),
     "area_ratio": Field(
         "Area relative to initial area",
         lambda ply, u: ply.least_area_ratio(u),
@@ -137,13 +137,13 @@ def _triangles(
     A triangulated tool is drawn with its own triangles, without extension beyond its
     edges.
     """
-    whole = surface.surface if isinstance(surface, Grown) else surface
-    facets = getattr(whole, "facets", None)  # of a `TriangleMesh`
+    tool = surface.surface if isinstance(surface, GrowingSurface) else surface
+    facets = getattr(tool, "facets", None)  # of a `TriangleMesh`
     if facets is None or getattr(surface, "t", 1.0) == 0:
         x, triangles = triangles_on(surface, low, high, _CUBES)
         return x, triangles, surface.gradient(x[:, triangles].mean(axis=1))
     x, triangles = facets.points, facets.triangles()
-    if isinstance(surface, Grown):
+    if isinstance(surface, GrowingSurface):
         point = surface.point[:, None]
         x = point + (x - point) / surface.t
     inside = (np.clip(x.T, low, high) == x.T).all(axis=1)
@@ -176,6 +176,6 @@ def on_one_scale(
 ) -> tuple[list[ndarray], Scale]:
     """Values of a field for each result, and their common scale."""
     pairs = zip(results, states, strict=True)
-    shown = [values_of(field, result.ply, at.u) for result, at in pairs]
-    limits = reach(shown, field.symmetric)
-    return shown, Scale.of(field.label, limits, cmap or field.cmap, clim)
+    values = [values_of(field, result.ply, at.u) for result, at in pairs]
+    limits = reach(values, field.symmetric)
+    return values, Scale.of(field.label, limits, cmap or field.cmap, clim)

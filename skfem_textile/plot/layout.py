@@ -73,8 +73,8 @@ def number(x: float) -> str:
     >>> number(-2.5), number(-1e-17), number(0.30000000000000004)
     ('−2.5', '0', '0.3')
     """
-    shown = f"{x:.6g}" if abs(x) > 1e-15 else "0"
-    return shown.replace("-", "−")
+    text = f"{x:.6g}" if abs(x) > 1e-15 else "0"
+    return text.replace("-", "−")
 
 
 def text_height(lines: int, size: float) -> float:
@@ -127,7 +127,7 @@ class Stroke(NamedTuple):
     y: float
 
 
-class Place(NamedTuple):
+class Slot(NamedTuple):
     """Panel: its box, the box of the ply within it, and its title."""
 
     panel: Panel
@@ -147,7 +147,7 @@ class Place(NamedTuple):
         return float(min(self.ply.width / span[0], self.ply.height / span[1]))
 
 
-class Below(NamedTuple):
+class PlacedLegend(NamedTuple):
     """Legend: its box and content."""
 
     box: Box
@@ -155,9 +155,9 @@ class Below(NamedTuple):
     strokes: list[Stroke]
     writings: list[Writing]
 
-    def with_top(self, top: float) -> "Below":
+    def with_top(self, top: float) -> "PlacedLegend":
         """Legend with its top at a height, and its box down to the bottom."""
-        return Below(
+        return PlacedLegend(
             self.box._replace(y=0.0, height=top),
             [b._replace(box=b.box._replace(y=b.box.y + top)) for b in self.bars],
             [stroke._replace(y=stroke.y + top) for stroke in self.strokes],
@@ -170,8 +170,8 @@ class Layout(NamedTuple):
 
     width: float
     height: float
-    places: list[list[Place]]
-    below: list[Below]
+    panels: list[list[Slot]]
+    legends: list[PlacedLegend]
 
 
 #: Margins in mm, chosen by eye, as all sizes below.
@@ -185,35 +185,35 @@ _THICKNESS, _LONGEST, _SHARE, _GAP = 2.2, 70.0, 0.8, 1.5
 KEY, KEY_GAP, _KEY_END = 4.0, 1.0, 4.0
 
 
-def _legend(legend: Legend, cell: float) -> Below:
+def _legend(legend: Legend, cell: float) -> PlacedLegend:
     """Legend below columns of a width in mm, from y = 0 downwards."""
     left, width = legend.first * cell, (legend.last - legend.first) * cell
-    below, middle, y = (
-        Below(Box(left, 0, width, 0), [], [], []),
+    placed, middle, y = (
+        PlacedLegend(Box(left, 0, width, 0), [], [], []),
         left + width / 2,
         -MARGIN,
     )
     if scale := legend.scale:
         length = min(_LONGEST, _SHARE * width)
         box = Box(middle - length / 2, y - _THICKNESS, length, _THICKNESS)
-        below.bars.append(Bar(scale, box))
+        placed.bars.append(Bar(scale, box))
         y = box.y - 0.5 * text_height(1, NUMBER)
         for tick, text in _numbers(scale, length):
             share = (tick - scale.low) / (scale.high - scale.low)
-            below.writings.append(Writing(text, box.x + share * length, y, NUMBER))
+            placed.writings.append(Writing(text, box.x + share * length, y, NUMBER))
         y -= 0.5 * text_height(1, NUMBER)
         label = wrapped(scale.label, width - 2 * MARGIN, TITLE)
-        below.writings.extend(text_lines(label, middle, y, TITLE))
+        placed.writings.extend(text_lines(label, middle, y, TITLE))
         y -= text_height(len(label), TITLE) + 1.0
     for row in _rows_of_keys(legend.keys, width - 2 * MARGIN):
         y -= text_height(1, TITLE)
         at = y + 0.5 * text_height(1, TITLE)
         x = middle - (sum(_key_width(name) for name, _ in row) - _KEY_END) / 2
         for name, colour in row:
-            below.strokes.append(Stroke(colour, x, at))
-            below.writings.append(Writing(name, x + KEY + KEY_GAP, at, TITLE, "left"))
+            placed.strokes.append(Stroke(colour, x, at))
+            placed.writings.append(Writing(name, x + KEY + KEY_GAP, at, TITLE, "left"))
             x += _key_width(name)
-    return below._replace(box=Box(left, y, width, -y))
+    return placed._replace(box=Box(left, y, width, -y))
 
 
 def _key_width(name: str) -> float:
@@ -242,8 +242,8 @@ def _numbers(scale: Scale, length: float) -> list[tuple[float, str]]:
         ticks = scale.ticks(intervals)
         labelled = [(float(x), number(x)) for x in ticks]
         wide = max((text_width(text, NUMBER) for _, text in labelled), default=0.0)
-        apart = np.diff(ticks).min() if len(ticks) > 1 else np.inf
-        if apart / (scale.high - scale.low) * length >= wide + _GAP:
+        spacing = np.diff(ticks).min() if len(ticks) > 1 else np.inf
+        if spacing / (scale.high - scale.low) * length >= wide + _GAP:
             break
     return labelled
 
@@ -278,19 +278,19 @@ def lay_out(sheet: Sheet, size: float | tuple[float, float] | None = None) -> La
     legends = [_legend(legend, cell) for legend in sheet.legends]
     low = max((legend.box.height for legend in legends), default=0.0) + MARGIN
     high = _ply_height(sheet, cell, height and height - low - sum(above))
-    whole = low + sum(above) + high * len(sheet.rows)
-    places, top = [], whole
+    total = low + sum(above) + high * len(sheet.rows)
+    panels, top = [], total
     for row, lines, over in zip(sheet.rows, titles, above, strict=True):
         y = top - over - high
-        placed = []
+        slots = []
         for i, (panel, title) in enumerate(zip(row, lines, strict=True)):
             x = i * cell
             ply = Box(x + MARGIN, y, cell - 2 * MARGIN, high)
             written = text_lines(title, x + cell / 2, top - MARGIN, TITLE)
-            placed.append(Place(panel, Box(x, y, cell, over + high), ply, written))
-        places.append(placed)
+            slots.append(Slot(panel, Box(x, y, cell, over + high), ply, written))
+        panels.append(slots)
         top = y
-    return Layout(width, whole, places, [legend.with_top(low) for legend in legends])
+    return Layout(width, total, panels, [legend.with_top(low) for legend in legends])
 
 
 def default_width(columns: int) -> float:
@@ -319,8 +319,8 @@ def _ply_height(sheet: Sheet, cell: float, left: float | None) -> float:
     width, n = cell - 2 * MARGIN, len(sheet.rows)
     if left is None:
         most = min(_MOST_HEIGHT, max(_PAGE_HEIGHT / n, 2 * _LEAST_HEIGHT))
-        wanted = width * (high[1] - low[1]) / max(high[0] - low[0], 1e-12)
-        left = n * float(np.clip(wanted, _LEAST_HEIGHT, most))
+        height = width * (high[1] - low[1]) / max(high[0] - low[0], 1e-12)
+        left = n * float(np.clip(height, _LEAST_HEIGHT, most))
     if min(width, left / n) < 0.5 * _LEAST_HEIGHT:
         raise ValueError(
             f"the size leaves {max(width, 0):.3g} mm × {max(left / n, 0):.3g} mm for "

@@ -59,7 +59,7 @@ def is_vector(path: Path | None) -> bool:
 
 
 @contextlib.contextmanager
-def written_whole(path: Path, suffix: str) -> Iterator[Path]:
+def atomic_file(path: Path, suffix: str) -> Iterator[Path]:
     """Yield a temporary name; the file is renamed at the end."""
     unfinished = path.with_name(f".unfinished-{path.stem}{suffix}")
     yield unfinished
@@ -73,7 +73,7 @@ def save(figure: "Figure", path: Path | None) -> None:
     if path is None:
         return
     suffix = path.suffix.lower() or SUFFIXES[0]
-    with mpl.rc_context(_STYLE), written_whole(path, suffix) as file:
+    with mpl.rc_context(_STYLE), atomic_file(path, suffix) as file:
         figure.savefig(file, dpi=_DOTS, metadata=_NO_DATE.get(suffix))
 
 
@@ -81,5 +81,5 @@ def save_pixels(pixels: Any, path: Path) -> None:
     """Write pixels as a PNG with 300 dots per inch."""
     from PIL import Image
 
-    with written_whole(path, ".png") as file:
+    with atomic_file(path, ".png") as file:
         Image.fromarray(pixels).save(file, dpi=(_DOTS, _DOTS))

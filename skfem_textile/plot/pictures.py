@@ -24,7 +24,7 @@ from .fields import (
     values_of,
 )
 from .layout import PAGE, lay_out
-from .picture_files import picture_path, written_whole
+from .picture_files import atomic_file, picture_path
 from .sheet import (
     REFUSED,
     WARP,
@@ -189,11 +189,11 @@ def field(
     ... # doctest: +SKIP
     """
     picture = _Picture(results, titles, **options)
-    shown, scale = picture.on_one_scale(field_of(field), cmap, clim)
+    fields, scale = picture.on_one_scale(field_of(field), cmap, clim)
     row = [
         Panel(title or scale.label, shape, values, scale)
         for title, shape, values in zip(
-            picture.titles, picture.shapes, shown, strict=True
+            picture.titles, picture.shapes, fields, strict=True
         )
     ]
     return picture.drawn([row], Legend(0, len(row), scale))
@@ -295,11 +295,11 @@ def verdict(
     picture, row = _Picture(results, **options), []
     ended = [run.quantity for run in runs if isinstance(run, StepError)]
     shown_field = field_of(field or next(filter(None, ended), "area_ratio"))
-    shown, scale = picture.on_one_scale(shown_field, cmap, clim)
+    fields, scale = picture.on_one_scale(shown_field, cmap, clim)
     for run, shape, at, values in zip(
-        runs, picture.shapes, picture.states, shown, strict=True
+        runs, picture.shapes, picture.states, fields, strict=True
     ):
-        panel = Panel(_words(at), shape, values, scale)
+        panel = Panel(_check_title(at), shape, values, scale)
         if isinstance(run, StepError):
             panel = panel._replace(title=str(run), marked=run.elements)
         row.append(panel)
@@ -308,7 +308,7 @@ def verdict(
     return picture.drawn([row], Legend(0, len(row), scale, keys))
 
 
-def _words(state: State) -> str:
+def _check_title(state: State) -> str:
     """Acceptance checks of a state as a title."""
     checks = state.verdict
     n = checks.negative_pivots
@@ -333,11 +333,11 @@ def _strain_rows(
     """Panels of warp and weft with a common scale."""
     pairs = list(zip(picture.results, picture.states, strict=True))
     fields = {"Warp": FIELDS["warp_strain"], "Weft": FIELDS["weft_strain"]}
-    shown = [
+    strains = [
         [values_of(f, result.ply, at.u) for result, at in pairs]
         for f in fields.values()
     ]
-    limits = reach([values for row in shown for values in row], symmetric=True)
+    limits = reach([values for row in strains for values in row], symmetric=True)
     colours = cmap or fields["Warp"].cmap
     scale = Scale.of("Fibre strain in the law (%)", limits, colours, clim)
     rows = [
@@ -347,7 +347,7 @@ def _strain_rows(
                 picture.titles, picture.shapes, row, strict=True
             )
         ]
-        for (family, f), row in zip(fields.items(), shown, strict=True)
+        for (family, f), row in zip(fields.items(), strains, strict=True)
     ]
     return rows, scale
 
@@ -459,11 +459,11 @@ def animation(
     from PIL import Image
 
     path = picture_path(filename, (".gif",))
-    shown, states = field_of(field), result.states
+    chosen, states = field_of(field), result.states
     shapes = shapes_of([result] * len(states), states)
-    values = [values_of(shown, result.ply, state.u) for state in states]
-    limits = reach(values, shown.symmetric)
-    scale = Scale.of(shown.label, limits, cmap or shown.cmap, clim)
+    values = [values_of(chosen, result.ply, state.u) for state in states]
+    limits = reach(values, chosen.symmetric)
+    scale = Scale.of(chosen.label, limits, cmap or chosen.cmap, clim)
     sheets = [
         Sheet(
             [[Panel(f"Load factor {state.load_factor:.2f}", shape, each, scale)]],
@@ -481,7 +481,7 @@ def animation(
         frames.append(Image.fromarray(plotter.screenshot(return_img=True)))
         plotter.close()
     first, *others = [frame.quantize(dither=Image.Dither.NONE) for frame in frames]
-    with written_whole(path, ".gif") as file:
+    with atomic_file(path, ".gif") as file:
         first.save(
             file,
             save_all=True,

@@ -15,10 +15,10 @@ from .layout import (
     KEY,
     POINT,
     Bar,
-    Below,
     Box,
     Layout,
-    Place,
+    PlacedLegend,
+    Slot,
     Writing,
     font_file,
     lay_out,
@@ -54,13 +54,13 @@ def new_plotter(layout: Layout, dots_per_inch: float) -> pv.Plotter:
     """Empty off-screen plotter with a renderer for each panel and legend."""
     require_offscreen()
     dots = dots_per_inch / 25.4
-    heights = [row[0].box.height for row in layout.places]
+    heights = [row[0].box.height for row in layout.panels]
     left = layout.height - sum(heights)
-    columns, rows = len(layout.places[0]), len(heights)
+    columns, rows = len(layout.panels[0]), len(heights)
     cell = layout.width / columns
     spans = [
         slice(round(b.box.x / cell), round((b.box.x + b.box.width) / cell))
-        for b in layout.below
+        for b in layout.legends
     ]
     plotter = pv.Plotter(
         off_screen=True,
@@ -77,14 +77,14 @@ def new_plotter(layout: Layout, dots_per_inch: float) -> pv.Plotter:
 def draw_new(plotter: pv.Plotter, sheet: Sheet, layout: Layout) -> None:
     """Draw a sheet into a plotter created for its layout."""
     dots = plotter.window_size[0] / layout.width
-    for i, row in enumerate(layout.places):
-        for j, place in enumerate(row):
+    for i, row in enumerate(layout.panels):
+        for j, panel in enumerate(row):
             plotter.subplot(i, j)
-            _draw_place(plotter, place, sheet, Frame(place.box, dots))
-    cell = layout.width / len(layout.places[0])
-    for below in layout.below:
-        plotter.subplot(len(layout.places), round(below.box.x / cell))
-        _draw_below(plotter, below, Frame(below.box, dots))
+            _draw_panel(plotter, panel, sheet, Frame(panel.box, dots))
+    cell = layout.width / len(layout.panels[0])
+    for legend in layout.legends:
+        plotter.subplot(len(layout.panels), round(legend.box.x / cell))
+        _draw_legend(plotter, legend, Frame(legend.box, dots))
 
 
 def draw_into(plotter: pv.Plotter, sheet: Sheet, width: float) -> None:
@@ -100,7 +100,7 @@ def draw_into(plotter: pv.Plotter, sheet: Sheet, width: float) -> None:
             f"active one on, which has {len(renderers) - first}"
         )
     dots = plotter.window_size[0] / width
-    keys = [key for legend in sheet.legends for key in legend.keys]
+    keys = [key for key_legend in sheet.legends for key in key_legend.keys]
     for i, panel in enumerate(panels, start=first):
         x, y, right, top = renderers[i].GetViewport()
         size = np.multiply(plotter.window_size, (right - x, top - y)) / dots
@@ -113,14 +113,14 @@ def draw_into(plotter: pv.Plotter, sheet: Sheet, width: float) -> None:
         layout = lay_out(one, tuple(size))
         frame = Frame(Box(0.0, 0.0, layout.width, layout.height), dots)
         plotter.subplot(*np.atleast_1d(renderers.index_to_loc(i)).tolist())
-        ((place,),), (below,) = layout.places, layout.below
-        _draw_place(plotter, place, one, frame)
-        _draw_below(plotter, below, frame)
+        ((slot,),), (placed,) = layout.panels, layout.legends
+        _draw_panel(plotter, slot, one, frame)
+        _draw_legend(plotter, placed, frame)
 
 
-def _draw_place(plotter: pv.Plotter, place: Place, sheet: Sheet, frame: Frame) -> None:
+def _draw_panel(plotter: pv.Plotter, slot: Slot, sheet: Sheet, frame: Frame) -> None:
     """Draw a panel into the active renderer and point its camera."""
-    panel, scale = place.panel, place.scale_of(sheet.extent)
+    panel, scale = slot.panel, slot.scale_of(sheet.extent)
     look: dict[str, Any] = {"color": PLY}
     if of := panel.scale:
         look = {"scalars": panel.values, "clim": (of.low, of.high), "cmap": of.colours}
@@ -143,19 +143,17 @@ def _draw_place(plotter: pv.Plotter, place: Place, sheet: Sheet, frame: Frame) -
             lighting=False,
             reset_camera=False,
         )
-    for writing in place.title:
+    for writing in slot.title:
         _write(plotter, writing, frame)
-    _point_camera(plotter, place, sheet, frame)
+    _point_camera(plotter, slot, sheet, frame)
 
 
-def _point_camera(
-    plotter: pv.Plotter, place: Place, sheet: Sheet, frame: Frame
-) -> None:
+def _point_camera(plotter: pv.Plotter, slot: Slot, sheet: Sheet, frame: Frame) -> None:
     """View from above, with the middle of the extent in the middle of the ply's box."""
-    scale, (low, high) = place.scale_of(sheet.extent), sheet.extent
+    scale, (low, high) = slot.scale_of(sheet.extent), sheet.extent
     seen = np.array([frame.box.x, frame.box.y]) + 0.5 * np.array(frame.box[2:])
     centre = 0.5 * (low + high)
-    centre[:2] -= (place.middle - seen) / scale
+    centre[:2] -= (slot.middle - seen) / scale
     reach = 0.5 * frame.box.height / scale
     eye = centre + np.array([0.0, 0.0, reach + high[2] - low[2]])
     plotter.camera_position = [eye, centre, (0.0, 1.0, 0.0)]
@@ -168,14 +166,14 @@ def _grid(points: ndarray, cells: tuple[ndarray, ...]) -> pv.UnstructuredGrid:
     return pv.UnstructuredGrid({_CELLS[len(cell)]: cell.T for cell in cells}, points)
 
 
-def _draw_below(plotter: pv.Plotter, below: Below, frame: Frame) -> None:
+def _draw_legend(plotter: pv.Plotter, legend: PlacedLegend, frame: Frame) -> None:
     """Draw a legend into the active renderer."""
-    for bar in below.bars:
+    for bar in legend.bars:
         _draw_bar(plotter, bar, frame)
-    for colour, x, y in below.strokes:
+    for colour, x, y in legend.strokes:
         corners = _corners(Box(x, y - _STROKE / 2, KEY, _STROKE))
         _draw_flat(plotter, corners[None], [pv.Color(colour).float_rgb], frame)
-    for writing in below.writings:
+    for writing in legend.writings:
         _write(plotter, writing, frame)
 
 
@@ -204,11 +202,11 @@ def _draw_flat(
     flat = pv.PolyData(np.column_stack([x, y, 0 * x]), faces.ravel())
     flat.cell_data["colours"] = np.round(255 * np.asarray(colours)).astype(np.uint8)
     flat.set_active_scalars("colours", preference="cell")
-    place = vtkCoordinate()
-    place.SetCoordinateSystemToNormalizedViewport()
+    viewport = vtkCoordinate()
+    viewport.SetCoordinateSystemToNormalizedViewport()
     mapper = vtkPolyDataMapper2D()
     mapper.SetInputData(flat)
-    mapper.SetTransformCoordinate(place)
+    mapper.SetTransformCoordinate(viewport)
     actor = vtkActor2D()
     actor.SetMapper(mapper)
     plotter.renderer.AddViewProp(actor)

@@ -234,9 +234,9 @@ def in_perspective(shapes: Sequence[Shape]) -> list[Shape]:
     axes = eye_axes(any(shape.tool for shape in shapes), high - low)
     middle, distance = 0.5 * (low + high), _DISTANCE * 0.5 * np.linalg.norm(high - low)
 
-    def enlarged(places: ndarray) -> tuple[ndarray, ndarray]:
+    def enlarged(points: ndarray) -> tuple[ndarray, ndarray]:
         """Coordinates along the axes, and magnification."""
-        turned = (places - middle) @ axes.T
+        turned = (points - middle) @ axes.T
         return turned, distance / (distance - turned[:, 2])
 
     def of(shape: Shape) -> Shape:
@@ -334,7 +334,7 @@ def in_front_of_tool(ends: ndarray, tool: Tool | None) -> ndarray:
 
 def _along(shape: Shape, vectors: ndarray, scale: float) -> ndarray:
     """Lines along vectors of elements within the ply, shape (n, 2, 3)."""
-    points, elements, room = places_of_fibres(shape, scale)
+    points, elements, room = fibre_positions(shape, scale)
     half = 0.5 * np.minimum(_LENGTH * room, _LONGEST / scale)[:, None]
     along = half * vectors[elements]
     for _ in range(_LENGTHS):
@@ -344,7 +344,7 @@ def _along(shape: Shape, vectors: ndarray, scale: float) -> ndarray:
     return ends[~beyond]
 
 
-def places_of_fibres(shape: Shape, scale: float) -> tuple[ndarray, ndarray, ndarray]:
+def fibre_positions(shape: Shape, scale: float) -> tuple[ndarray, ndarray, ndarray]:
     """Positions of drawn fibres: in each element, or on a grid for small elements.
 
     Points (n, 3), their elements (n,), and available lengths in mm of the ply (n,).

@@ -69,10 +69,10 @@ class CornerTerm(ElementTerm):
         size: Any = basis.Nbfun
         K = self._forms.tangent.elemental(basis, u=u).data.reshape(size, size, -1)
         elements: Any = basis.tind
-        own = node_pair_blocks(K, self.nodes[:, elements], self._d)
-        every = np.zeros((self.nodes.shape[1], *own.shape[:-1]))
-        np.add.at(every, elements, np.moveaxis(own, -1, 0))
-        return np.moveaxis(every, 0, -1)
+        blocks = node_pair_blocks(K, self.nodes[:, elements], self._d)
+        matrices = np.zeros((self.nodes.shape[1], *blocks.shape[:-1]))
+        np.add.at(matrices, elements, np.moveaxis(blocks, -1, 0))
+        return np.moveaxis(matrices, 0, -1)
 
     def _closing(self, u: ndarray) -> CornerBasis | None:
         """Basis of the closing corners; None if all are open."""
@@ -155,9 +155,9 @@ def bending_term(
         n = basis.N + 2 * len(turning) * components(basis)
         of_twist.resize(n, n)
         K = K + of_twist
-    whole = csr_matrix(K)
-    matrix = whole[: basis.N, : basis.N]
-    term = BendingTerm("bending", matrix, whole=whole, turning=turning)
+    full = csr_matrix(K)
+    matrix = full[: basis.N, : basis.N]
+    term = BendingTerm("bending", matrix, whole=full, turning=turning)
     term.energy(basis.zeros(), 0.0)  # refuses invalid rotations
     return term
 
@@ -172,7 +172,7 @@ def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd
             "fibre_ends must be a mapping from names of boundaries to "
             f"{' or '.join(FIBRE_ENDS)}, not {ends!r}"
         )
-    boundaries, taken = mesh.boundaries or {}, np.empty(0, dtype=int)
+    boundaries, named_edges = mesh.boundaries or {}, np.empty(0, dtype=int)
     for name, end in ends.items():
         if name not in boundaries:
             names = ", ".join(map(repr, boundaries)) or "none"
@@ -190,10 +190,10 @@ def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd
             raise ValueError(
                 f"fibre_ends: the boundary {name!r} has edges inside the ply"
             )
-        if np.isin(edges, taken).any():
+        if np.isin(edges, named_edges).any():
             raise ValueError(
                 f"fibre_ends: the boundary {name!r} shares edges with another "
                 "boundary in fibre_ends"
             )
-        taken = np.append(taken, edges)
+        named_edges = np.append(named_edges, edges)
     return dict(ends)

@@ -123,8 +123,8 @@ class OutOfPlane(FormTerm):
         """See `OutOfPlaneKernel`."""
         return self._numbers.matrices(u, self._stiffness(p))
 
-    def _given(self, t: float, p: Values) -> dict[str, Any]:
-        return {**super()._given(t, p), "C_s": self._stiffness(p)}
+    def _form_parameters(self, t: float, p: Values) -> dict[str, Any]:
+        return {**super()._form_parameters(t, p), "C_s": self._stiffness(p)}
 
     def _stiffness(self, p: Values) -> ndarray:
         return np.minimum(p.get("C_s", np.inf), self.C_s)
@@ -146,8 +146,8 @@ def hourglass_terms(
     C_s = None if stabilisation == "auto" else float(stabilisation)
     corners = hourglass_basis(basis)
     definition, kernel = forms.hourglass(fabric, C_s), HourglassKernel(fabric, C_s)
-    held = _automatic(basis, fabric) if C_s is None else None
-    terms: list[Term] = [stabilising_term(definition, corners, kernel, held)]
+    automatic = _automatic(basis, fabric) if C_s is None else None
+    terms: list[Term] = [stabilising_term(definition, corners, kernel, automatic)]
     if components(basis) == 3:
         out_of_plane = OutOfPlane(
             "out_of_plane",
@@ -344,11 +344,11 @@ class Macro(Quadrilaterals):
     @property
     def title(self) -> str:
         """Name in pictures."""
-        C_s, own = self.stabilisation, self.deviation == Macro.deviation
+        C_s, default = self.stabilisation, self.deviation == Macro.deviation
         return (
             "macro-elements"
             + ("" if C_s == "auto" else f", Cs = {C_s:g}")
-            + ("" if own else ", {:g} and {:g}".format(*self.deviation))
+            + ("" if default else ", {:g} and {:g}".format(*self.deviation))
         )
 
     def working_mesh(self, mesh: Mesh) -> Mesh:

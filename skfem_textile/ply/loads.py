@@ -105,11 +105,11 @@ class Force:
             If there is no boundary or node set of that name, or the force is not a
             finite vector.
         """
-        place = self.where if isinstance(self.where, str) else ""
-        name = self.name or (f"force on {place}" if place else "force")
+        where = self.where if isinstance(self.where, str) else ""
+        name = self.name or (f"force on {where}" if where else "force")
         total = _finite(f"load {name!r}", self.total, (components(basis),))
-        if place in (basis.mesh.boundaries or {}):
-            edges = _boundary(f"load {name!r}", place, basis)
+        if where in (basis.mesh.boundaries or {}):
+            edges = _boundary(f"load {name!r}", where, basis)
             traction = total / edges.dx.sum()
             return VectorTerm(name, _spread(name, traction, edges), self.factor)
         nodes = np.unique(selected_nodes(f"load {name!r}", self.where, basis))
@@ -271,7 +271,7 @@ class PressureTerm(FormTerm):
             nodes.append(mesh.nvertices + edges)
         z = np.broadcast_to(np.eye(3)[2][:, None], N.shape)
         flat, upright = (
-            np.all([_held(dofs[:, at], n, supports) for at in nodes], axis=0)
+            np.all([_is_fixed(dofs[:, at], n, supports) for at in nodes], axis=0)
             for n in (z, N)
         )
         if not (flat | upright).all():
@@ -289,7 +289,7 @@ class PressureTerm(FormTerm):
         return ""
 
 
-def _held(dofs: ndarray, n: ndarray, supports: Any) -> ndarray:
+def _is_fixed(dofs: ndarray, n: ndarray, supports: Any) -> ndarray:
     """True where motions of nodes along directions n are fixed; shapes (3, n_nodes)."""
     columns = np.arange(n.shape[1])
     entries = n.ravel(), (dofs.ravel(), np.tile(columns, 3))

@@ -88,12 +88,12 @@ class Values(Frozen[ndarray]):
     __slots__ = ()
 
     def __init__(self, arrays: Mapping[str, Any] = MappingProxyType({})) -> None:
-        own = {name: np.asarray(array) for name, array in arrays.items()}
-        for name, array in own.items():
+        copies = {name: np.asarray(array) for name, array in arrays.items()}
+        for name, array in copies.items():
             if array.flags.writeable:
-                own[name] = array.copy()
-                own[name].flags.writeable = False
-        super().__init__(own)
+                copies[name] = array.copy()
+                copies[name].flags.writeable = False
+        super().__init__(copies)
 
     def same_as(self, other: "Values") -> bool:
         """True if other values are equal arrays under the same names."""

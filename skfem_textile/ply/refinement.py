@@ -73,9 +73,9 @@ def marked(indicator: ndarray, share: float = 0.3) -> ndarray:
     if not 0 < share <= 1:
         raise ValueError(f"share must be above 0 and at most 1, got {share}")
     order = np.argsort(-indicator, kind="stable")
-    carried = np.cumsum(indicator[order] ** 2)
-    enough = np.searchsorted(carried, share * carried[-1] * (1 - 1e-12)) + 1
-    return order[:enough] if carried[-1] > 0 else order[:0]
+    cumulative = np.cumsum(indicator[order] ** 2)
+    enough = np.searchsorted(cumulative, share * cumulative[-1] * (1 - 1e-12)) + 1
+    return order[:enough] if cumulative[-1] > 0 else order[:0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,9 +110,9 @@ class Refinement:
         """
         vertices = self.before.nodal(u)[:, : self.before.users_mesh.nvertices]
         x = np.hstack([vertices, vertices[:, self.ends].mean(axis=1)])
-        carried = self.ply.basis.zeros()
-        carried[node_dofs(self.ply.basis)] = x @ self.ply.hat_functions()
-        return carried
+        fine_u = self.ply.basis.zeros()
+        fine_u[node_dofs(self.ply.basis)] = x @ self.ply.hat_functions()
+        return fine_u
 
 
 def refine(ply: "Ply", elements: ArrayLike) -> Refinement:
@@ -178,22 +178,22 @@ def _triangles(mesh: Mesh, elements: ArrayLike) -> tuple[MeshTri, ndarray, ndarr
 
 def _numbers(elements: ArrayLike, n: int) -> ndarray:
     """Element numbers from numbers or one bool per element."""
-    given: Any = np.asarray(elements)
-    if given.dtype == bool and given.shape == (n,):
-        return np.flatnonzero(given)
-    if given.size == 0:
+    array: Any = np.asarray(elements)
+    if array.dtype == bool and array.shape == (n,):
+        return np.flatnonzero(array)
+    if array.size == 0:
         return np.empty(0, dtype=int)
-    if given.ndim != 1 or given.dtype.kind not in "iu":
+    if array.ndim != 1 or array.dtype.kind not in "iu":
         raise ValueError(
             f"elements must be element numbers or one bool for each of {n} elements, "
-            f"not {given.dtype} of shape {given.shape}"
+            f"not {array.dtype} of shape {array.shape}"
         )
-    if given.min() < 0 or given.max() >= n:
+    if array.min() < 0 or array.max() >= n:
         raise ValueError(
-            f"element numbers must be from 0 to {n - 1}, but range from {given.min()} "
-            f"to {given.max()}"
+            f"element numbers must be from 0 to {n - 1}, but range from {array.min()} "
+            f"to {array.max()}"
         )
-    return np.unique(given)
+    return np.unique(array)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,21 +227,21 @@ class FinerPly:
             as an argument of `Ply.stiffness`.
         """
         before, ply = self.before, self.ply
-        carried = ply.basis.zeros()
-        carried[node_dofs(ply.basis)] = before.nodal(u) @ ply.hat_functions()
+        fine_u = ply.basis.zeros()
+        fine_u[node_dofs(ply.basis)] = before.nodal(u) @ ply.hat_functions()
         T = before.predicted_tension(u, np.zeros_like(u), parameters)
         T = T.mean(axis=2)[:, self.parent, None]
         tension = np.broadcast_to(T, (*T.shape[:2], ply.basis.dx.shape[1]))
         at_rest = ply.parameters_at_rest
         by_term = {
             name: Values(
-                {key: self._carried(x, at_rest[name][key]) for key, x in values.items()}
+                {k: self._transfer(x, at_rest[name][k]) for k, x in values.items()}
             )
             for name, values in parameters.items()
         }
-        return carried, Frozen(by_term), ply.arranged(tension)
+        return fine_u, Frozen(by_term), ply.arranged(tension)
 
-    def _carried(self, values: ndarray, like: ndarray) -> ndarray:
+    def _transfer(self, values: ndarray, like: ndarray) -> ndarray:
         """Values per element, or per user element, transferred to the finer elements.
 
         ``like`` are the values at rest of the finer elements.

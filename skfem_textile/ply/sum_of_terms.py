@@ -303,8 +303,8 @@ class SumOfTerms:
                 of_term, means = (energy, forces), {term.name: term.of_means}
                 energy = self.energy(u, t, means, [term])
                 forces = self.residual(u, t, means, [term])
-                rest = of_term[0] - energy, of_term[1] - forces
-                deviations.append(Contribution("deviation", *rest))
+                remainder = of_term[0] - energy, of_term[1] - forces
+                deviations.append(Contribution("deviation", *remainder))
             parts.append(Contribution(term.role, energy, forces))
         return parts + deviations
 
@@ -402,8 +402,8 @@ class SumOfTerms:
         )
         for x, y in zip(before, after, strict=True):
             at_points = term.kernel.predicted_tension(x, y)
-            for numbers, own in zip(x.group.point_numbers, at_points, strict=True):
-                T[..., x.group.elements, numbers] = np.moveaxis(own, -1, -2)
+            for numbers, tension in zip(x.group.point_numbers, at_points, strict=True):
+                T[..., x.group.elements, numbers] = np.moveaxis(tension, -1, -2)
         return T
 
     def arranged(self, tension: ndarray) -> ndarray:

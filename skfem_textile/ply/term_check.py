@@ -170,12 +170,12 @@ def _checked(term: Term, part: str, u: ndarray, t: float) -> Any:
 
 
 def _refuse_shape(
-    term: Term, part: str, value: Any, shape: tuple[int, ...], wanted: str
+    term: Term, part: str, value: Any, shape: tuple[int, ...], expected: str
 ) -> None:
     array = value if issparse(value) else np.asarray(value)
     if array.shape != shape or array.dtype.kind not in "iuf":
         raise ValueError(
-            f"term {term.name!r}: its {part} must be {wanted}, but has shape "
+            f"term {term.name!r}: its {part} must be {expected}, but has shape "
             f"{array.shape} and type {array.dtype}"
         )
 

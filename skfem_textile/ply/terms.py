@@ -192,7 +192,7 @@ class FormTerm(ElementTerm):
         """See `ElementTerm`."""
         basis: Any = self.basis
         form, size = self.forms.tangent, basis.Nbfun
-        K = form.elemental(basis, u=u, **self._given(t, p)).data
+        K = form.elemental(basis, u=u, **self._form_parameters(t, p)).data
         K = K.reshape(size, size, -1)
         refuse_unsymmetric(self.name, K - K.swapaxes(0, 1), K)
         return node_pair_blocks(K, self.nodes, components(basis))
@@ -202,9 +202,9 @@ class FormTerm(ElementTerm):
         return with_kernel(self.forms, self.kernel) if self.kernel else self.forms
 
     def _asm(self, form: Any, u: ndarray, t: float, p: Values) -> Any:
-        return asm(form, self.basis, u=u, **self._given(t, p))
+        return asm(form, self.basis, u=u, **self._form_parameters(t, p))
 
-    def _given(self, t: float, p: Values) -> dict[str, Any]:
+    def _form_parameters(self, t: float, p: Values) -> dict[str, Any]:
         """Parameters of the forms besides the displacement."""
         values = {name: value for name, value in p.items() if name != "work"}
         return {"t": t, "element": element_numbers(self.basis), **values}

@@ -105,7 +105,7 @@ def bias_extension(
         shear_angle=motion.shear_angle,
         load=lambda law, t: share * force(law, t * shear_angle, W, H, theta),
         load_lost=lambda f, t: lost_to_stretch(f, t * shear_angle, W, H, theta),
-        misfit=misfit(mesh, _held(share)),
+        misfit=misfit(mesh, _fixed_sides(share)),
         shear_test=BiasTest(W, H, theta, share),
     )
 
@@ -215,14 +215,14 @@ def _motion(theta: float, gamma: float, width: float, height: float) -> Motion:
     )
 
 
-def _held(share: float) -> tuple[str, ...]:
+def _fixed_sides(share: float) -> tuple[str, ...]:
     """Fixed sides: both clamps, and the axis of a half."""
     return ("bottom", "top") if share == 1 else ("bottom", "top", "right")
 
 
 def _sides(mesh: Mesh, theta: float, share: float) -> tuple[float, float]:
     """Width and height of the whole ply; an error if the mesh does not fit."""
-    for name in _held(share):
+    for name in _fixed_sides(share):
         if name not in mesh.boundaries:
             raise MeshError(
                 f"bias_extension: the mesh has no straight {name} edge: name a "

@@ -67,18 +67,18 @@ def drape(
     """
     facets = tool.facets
     if point is None:
-        place = _highest(tool)
+        foot = _highest(tool)
     else:
-        place = _on_tool(tool, np.asarray(point, dtype=float))
-    if tool.beyond_edges(place[:, None])[0] > 0:
+        foot = _on_tool(tool, np.asarray(point, dtype=float))
+    if tool.beyond_edges(foot[:, None])[0] > 0:
         raise ValueError(
-            f"drape: the contact point of the ply, ({_xyz(place)}) mm, is outside all "
+            f"drape: the contact point of the ply, ({_xyz(foot)}) mm, is outside all "
             "triangles of the tool: specify another point"
         )
-    axes = Axes.at(tool, place)
+    axes = Axes.at(tool, foot)
     surface = tool.moved(*axes)
-    whole: PlyOptions = {**ply, "part": "whole"}
-    scene = draped_ply("drape", surface, mesh, **whole, axes=axes)
+    options: PlyOptions = {**ply, "part": "whole"}
+    scene = draped_ply("drape", surface, mesh, **options, axes=axes)
     _refuse_sizes(facets, scene.mesh)
     on_tool, fibres = scene.conditions["tool"], float(ply.get("fibres", 0.0))
     assert isinstance(on_tool, OnSurface)
@@ -111,16 +111,16 @@ def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
     near = tool.facets.longest_edges().max()
     try:
         with np.errstate(all="ignore"):  # distant points are refused
-            place = onto(tool, point[:, None])[:, 0]
+            foot = onto(tool, point[:, None])[:, 0]
     except OffSurfaceError:
-        place = np.full(3, np.inf)
-    if not np.linalg.norm(place - point) <= near:
+        foot = np.full(3, np.inf)
+    if not np.linalg.norm(foot - point) <= near:
         raise ValueError(
             f"drape: the contact point ({_xyz(point)}) mm is further from the tool "
             f"than {near:.3g} mm, the longest edge of its triangles: specify a point "
             "on the tool"
         )
-    return place
+    return foot
 
 
 def _highest(tool: TriangleMesh) -> ndarray:
@@ -134,10 +134,10 @@ def _highest(tool: TriangleMesh) -> ndarray:
     high = np.flatnonzero(x[2] >= x[2].max() - _AS_HIGH * np.ptp(x))
     middle = 0.5 * (x.min(axis=1) + x.max(axis=1))
     vertex = high[np.hypot(*(x[:, high] - middle[:, None])[:2]).argmin()]
-    start = place = x[:, vertex]
+    start = position = x[:, vertex]
     mu, inside = 0.0, vertex not in boundary_edges(facets.cells)
     for _ in range(_MOST):
-        at = place[:, None]
+        at = position[:, None]
         g, level = tool.gradient(at)[:, 0], tool.level(at)[0]
         mu = mu or g[2] / (g @ g)
         curved = mu * near * tool.hessian(at)[:, :, 0]
@@ -145,12 +145,12 @@ def _highest(tool: TriangleMesh) -> ndarray:
         right = np.append(-mu * g, -level / near)
         right[2] += 1.0
         step = np.linalg.lstsq(tangent, right, rcond=_STRAIGHT)[0]
-        place, mu = place + near * step[:3], mu + step[3]
-        away = np.linalg.norm(place - start)
+        position, mu = position + near * step[:3], mu + step[3]
+        away = np.linalg.norm(position - start)
         if np.linalg.norm(step) <= _SETTLED or away > 2 * near:
             break
     if inside and away <= 2 * near and np.hypot(*g[:2]) <= _LEVEL * abs(g[2]):
-        return place
+        return position
     raise ValueError(
         f"drape: the highest point of the tool, ({_xyz(start)}) mm, is at its edge or "
         "on a slope: specify the contact point of the ply"

@@ -74,7 +74,7 @@ def warn_of_net(
         log.warning(
             "drape: inextensible fibres cannot lie on this tool, because their net "
             "folds at (%s) mm. %s",
-            _xyz(axes, error.place),
+            _xyz(axes, error.position),
             _ADVICE,
         )
         return
@@ -91,18 +91,18 @@ def warn_of_net(
     shear = np.nan_to_num(np.abs(shear))
     if shear.max() > _MOST_SHEAR and change > _MOST_CHANGE:
         i, j = np.unravel_index(shear.argmax(), shear.shape)
-        place = net.positions[:, i : i + 2, j : j + 2].mean(axis=(1, 2))
+        centre = net.positions[:, i : i + 2, j : j + 2].mean(axis=(1, 2))
         log.warning(
             "drape: inextensible fibres shear by %.0f degrees at (%s) mm, because the "
             "curvature of this tool is concentrated at a corner. %s",
             shear.max(),
-            _xyz(axes, place),
+            _xyz(axes, centre),
             _ADVICE,
         )
 
 
-def _xyz(axes: Axes, place: ndarray) -> str:
-    return ", ".join(f"{x:.4g}" for x in axes.of_tool(place[:, None])[:, 0])
+def _xyz(axes: Axes, point: ndarray) -> str:
+    return ", ".join(f"{x:.4g}" for x in axes.of_tool(point[:, None])[:, 0])
 
 
 Part: TypeAlias = Literal["quarter", "whole"]
@@ -288,14 +288,14 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
             f"{name}: the origin must be inside the mesh of a whole ply: move the mesh"
         )
 
-    def nearest(place: ndarray, among: ndarray) -> ndarray:
+    def nearest(target: ndarray, among: ndarray) -> ndarray:
         if not among.size:
             raise MeshError(
                 f"{name}: a whole ply is fixed at its centre and at one node on either "
                 "side of it along x, but the mesh has no three such nodes: refine the "
                 "mesh"
             )
-        away = mesh.p[:, among] - place[:, None]
+        away = mesh.p[:, among] - target[:, None]
         return among[[np.hypot(*away).argmin()]]
 
     def moves(axis: int) -> Callable[[ndarray, float], ndarray]:

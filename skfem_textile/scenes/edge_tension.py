@@ -104,9 +104,9 @@ class EdgeTension:
         c, s = _cosine_and_sine(e)
         moment = self._moment(c, s)
         force = np.zeros_like(e[0])
-        for own, other, angle in zip(e, e[::-1], self.angles, strict=True):
+        for a, other, angle in zip(e, e[::-1], self.angles, strict=True):
             across = np.cos(angle) * N[0].ravel() + np.sin(angle) * N[1].ravel()
-            force += across * (t * self.tension * own + moment * (other - c * own) / s)
+            force += across * (t * self.tension * a + moment * (other - c * a) / s)
         return force.reshape(3, *X.shape[1:])
 
     def _in_net(self, X: ndarray, t: float) -> ndarray:

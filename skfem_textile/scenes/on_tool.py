@@ -106,7 +106,7 @@ def measured_on_tool(
     )
     figures, advice = _figures(result, measured), _advice(result, surface, measured)
     held = _holding_forces(result, holding) if holding else {}
-    return {**_places(result, axes), **figures, **held, **advice}
+    return {**_positions(result, axes), **figures, **held, **advice}
 
 
 class _Measured(NamedTuple):
@@ -117,16 +117,16 @@ class _Measured(NamedTuple):
     beyond: ndarray | None
 
 
-def _places(result: Result, axes: Axes) -> dict[str, float]:
+def _positions(result: Result, axes: Axes) -> dict[str, float]:
     """Initial contact point of ply and tool, and position of the largest shear."""
     ply, u = result.ply, result.u
     sheared = np.abs(ply.shear_angle(u)).max(axis=1).argmax()
     corners = ply.mesh.t[:, sheared]
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
-    place = axes.of_tool(x[:, corners].mean(axis=1, keepdims=True))[:, 0]
+    centre = axes.of_tool(x[:, corners].mean(axis=1, keepdims=True))[:, 0]
     return {
         f"{what}_at_{axis}_mm": at
-        for what, point in (("touches", axes.origin), ("max_shear_angle", place))
+        for what, point in (("touches", axes.origin), ("max_shear_angle", centre))
         for axis, at in zip("xyz", point.tolist(), strict=True)
     }
 

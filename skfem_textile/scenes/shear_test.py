@@ -231,11 +231,11 @@ class BiasExtension(ShearTest):
             last, half = known[-1], angle / 2
             if not (angle > max(last, _AT_REST) and np.isfinite(force[i])):
                 continue
-            own, rest = middle[i], np.interp(half, known, moments)
+            arm, known_moment = middle[i], np.interp(half, known, moments)
             if half > last:  # between the last point and the new one
                 new = (half - last) / (angle - last)
-                own, rest = own + between[i] * new, (1 - new) * moments[-1]
-            moment[i] = (force[i] - between[i] * rest) / own
+                arm, known_moment = arm + between[i] * new, (1 - new) * moments[-1]
+            moment[i] = (force[i] - between[i] * known_moment) / arm
             known.append(angle)
             moments.append(moment[i])
         return moment

@@ -178,8 +178,8 @@ def _bias_test(
     if moves["top"][1] == FREE:
         return None
     high_enough = height >= 2 * width * np.tan(theta) * (1 - _OFF)
-    whole = all(_spans(mesh, name, width) for name in moves)
-    return BiasTest(width, height, theta) if high_enough and whole else None
+    full = all(_spans(mesh, name, width) for name in moves)
+    return BiasTest(width, height, theta) if high_enough and full else None
 
 
 def _spans(mesh: Mesh, name: str, width: float) -> bool:

@@ -44,7 +44,7 @@ def strip(
     if isinstance(mesh, str):
         mesh = rectangle(WIDTH, HEIGHT, size, mesh, jitter, seed)
     else:
-        mesh = _laid_out(mesh)
+        mesh = _with_named_edges(mesh)
     return Scene(
         name="strip",
         mesh=mesh,
@@ -71,7 +71,7 @@ def displacement(X: ndarray, t: float) -> ndarray:
     return np.stack([R * (1 - np.cos(X[1] / R)), R * np.sin(X[1] / R) - X[1]])
 
 
-def _laid_out(mesh: Mesh) -> Mesh:
+def _with_named_edges(mesh: Mesh) -> Mesh:
     """Mesh with its bottom and right edges named, if it fits the scene."""
     check_mesh(mesh)
     mesh = with_edges(mesh)

@@ -155,8 +155,8 @@ def double_dome(mesh: str | Mesh = "irregular", **ply: Unpack[PlyOptions]) -> Sc
     ValueError
         See `draped_ply`.
     """
-    given: PlyOptions = {"size": (32, 18), "width": 470.0, "height": 270.0, **ply}
-    return draped_ply("double_dome", tool(), mesh, **given)
+    options: PlyOptions = {"size": (32, 18), "width": 470.0, "height": 270.0, **ply}
+    return draped_ply("double_dome", tool(), mesh, **options)
 
 
 def saddle(

@@ -250,7 +250,7 @@ class AdaptiveStepper:
         except MemoryError:
             if first is None:
                 raise
-            raise self._unmet("there is not enough memory for a finer mesh") from None
+            raise self._error("there is not enough memory for a finer mesh") from None
         except Exception as error:  # a user's function may raise anything
             if not self.states:
                 raise
@@ -259,7 +259,7 @@ class AdaptiveStepper:
             named = isinstance(error, ValueError | UserError)
             why = error if named else UserError(error)
             where = "on a finer mesh: " if first else ""
-            raise self._unmet(f"{where}{why}") from error
+            raise self._error(f"{where}{why}") from error
         result = self.result
         if result.tolerance_met:
             return result
@@ -269,7 +269,7 @@ class AdaptiveStepper:
         if last == np.inf:
             error_text = f"cannot be estimated ({result.estimated_error.reason})"
             advice = ""
-        raise self._unmet(
+        raise self._error(
             f"the tolerance is not met with at most {self.most_unknowns} unknowns: "
             f"the error of the load {error_text}, but {100 * self.tolerance:g}% was "
             f"requested{advice}"
@@ -293,7 +293,7 @@ class AdaptiveStepper:
             values["estimate"] = lambda _: estimate
         return AdaptiveResult(**values, tolerance=self.tolerance, rounds=rounds)
 
-    def _unmet(self, why: str) -> StepError:
+    def _error(self, why: str) -> StepError:
         return StepError(why, self.result, np.empty(0, dtype=int))
 
     def _stepper_of(self, ply: Ply) -> LoadStepper:
@@ -329,11 +329,11 @@ class AdaptiveStepper:
         except StepError as error:
             if self._rounds:
                 where = f"on a finer mesh with {ply.basis.N} unknowns: "
-                raise self._unmet(f"{where}{error}") from None
+                raise self._error(f"{where}{error}") from None
             blamed = error.elements, error.quantity
             raise StepError(str(error), self.result, *blamed) from None
         self._stepper, self._estimate = stepper, None
-        self._finish(ply, state, whole_path=True)
+        self._finish_round(ply, state, whole_path=True)
         return ply, state
 
     def _refined(self, ply: Ply, state: State) -> tuple[Ply, State] | None:
@@ -351,22 +351,22 @@ class AdaptiveStepper:
         except NoEquilibriumError as error:
             log.info("the load is applied again from zero on the finer mesh: %s", error)
             return self._apply(refinement.ply)
-        self._finish(refinement.ply, after, whole_path=False)
+        self._finish_round(refinement.ply, after, whole_path=False)
         return refinement.ply, after
 
-    def _finish(self, ply: Ply, state: State, whole_path: bool) -> None:
+    def _finish_round(self, ply: Ply, state: State, whole_path: bool) -> None:
         """Estimate the error of a state and record its round."""
-        place = ply, self._conditions, self._stepper.result.solver.name
+        problem_data = ply, self._conditions, self._stepper.result.solver.name
         try:
-            work = work_of(problem_at(*place, state.load_factor), state)
+            work = work_of(problem_at(*problem_data, state.load_factor), state)
         except ValueError as none:
             why = f"the tolerance is relative to the load, but there is no load: {none}"
-            raise self._unmet(why) from None
+            raise self._error(why) from None
         change = change_of(self._work, work) if self._rounds else None
-        self._work, found = work, estimated_error(*place, state)
-        estimate, solves, unknowns = found.load, state.linear_solves, int(ply.basis.N)
+        self._work, errors = work, estimated_error(*problem_data, state)
+        estimate, solves, unknowns = errors.load, state.linear_solves, int(ply.basis.N)
         if whole_path:
-            self._estimate, solves = found, self._stepper.result.linear_solves
+            self._estimate, solves = errors, self._stepper.result.linear_solves
         error = counted(self._rounds, unknowns, change, estimate)
         one = Round(unknowns, solves, whole_path, change, estimate, error)
         self._rounds.append(one)
@@ -404,5 +404,5 @@ def _refuse_what_cannot_be_refined(ply: Ply, conditions: Conditions) -> None:
         raise ValueError(f"on a refined mesh: {error}") from None
 
 
-def _is_number(given: Any) -> bool:
-    return isinstance(given, Real)
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real)

@@ -63,7 +63,7 @@ class Progress(NamedTuple):
     elapsed: float
 
 
-class Saved(NamedTuple):
+class RestoredRun(NamedTuple):
     """States read from a checkpoint, and the progress at the last of them."""
 
     states: list[State]
@@ -95,8 +95,8 @@ class Checkpoint:
         if "\0" in str(folder):
             raise CheckpointError(f"checkpoint {str(folder)!r} is not a valid path")
         self._ply, self._constraints = problem.ply, problem.constraints
-        given = {"format": _FORMAT, **settings, **_described(problem)}
-        self._settings = json.loads(json.dumps(given))
+        described = {"format": _FORMAT, **settings, **_described(problem)}
+        self._settings = json.loads(json.dumps(described))
         self._run, self._last = "", ""
         self._lock: checksummed.Lock | None = None
 
@@ -114,10 +114,10 @@ class Checkpoint:
         """
         with self._writing():
             self.folder.mkdir(parents=True, exist_ok=True)
-        self._hold()
+        self._lock_folder()
         if self._files():
             *_, last = self._states(self._read(_RUN, "", ""))
-            with self._using(self._files()[-1]):
+            with self._content_errors(self._files()[-1]):
                 finished = last.text["load_factor"] == 1.0
             if not finished:
                 raise CheckpointError(
@@ -161,7 +161,7 @@ class Checkpoint:
                 (self.folder / f".{_RUN}").replace(self.folder / _RUN)
             beside.replace(self.folder / f"{name}.npz")
 
-    def load(self, replay: "Replay") -> Saved | None:
+    def load(self, replay: "Replay") -> RestoredRun | None:
         """Read every state and validate it by a replay; None if there is none.
 
         Raises an error if a file is damaged or missing, if it belongs to another run,
@@ -169,26 +169,26 @@ class Checkpoint:
         """
         if not self.folder.is_dir():
             return None
-        self._hold()
+        self._lock_folder()
         if not (files := self._files()):
             return None
         run = self._read(_RUN, "", "")
-        with self._using(self.folder / _RUN):
+        with self._content_errors(self.folder / _RUN):
             self._check_identity(run)
         states: list[State] = []
         contents = list(self._states(run))
         for file, content in zip(files, contents, strict=True):
-            with self._using(file):
+            with self._content_errors(file):
                 states.append(_state(content, states, self._ply))
         for i, file in enumerate(files):
             trial, values = replay.trial(states[i])  # which calls user functions
-            with self._using(file):
+            with self._content_errors(file):
                 states[i] = replay.compared(states[i], trial, values)
-        with self._using(files[-1]):
+        with self._content_errors(files[-1]):
             saved = contents[-1].text["progress"]
             progress = _progress(saved, states, self._settings)
         self._last = contents[-1].digest
-        return Saved(states, progress)
+        return RestoredRun(states, progress)
 
     def _files(self) -> list[Path]:
         """Files of states in order; other files in the folder are ignored."""
@@ -224,8 +224,8 @@ class Checkpoint:
         for name, value in self._settings.items():
             if (was := run.text.get(name)) != value:
                 raise CheckpointError(
-                    f"{another}{name} was {_shown(was)} and is now "
-                    f"{_shown(value)}{_OTHER_FOLDER}"
+                    f"{another}{name} was {_excerpt(was)} and is now "
+                    f"{_excerpt(value)}{_OTHER_FOLDER}"
                 )
         self._run = run.run
         ours, theirs, missing = self._fingerprint(), run.arrays, np.empty(0)
@@ -280,7 +280,7 @@ class Checkpoint:
             entries |= {f"{name} forces at {t}": f for name, f in forces.items()}
         return entries
 
-    def _hold(self) -> None:
+    def _lock_folder(self) -> None:
         """Lock the folder and remove the unfinished files of a killed run."""
         if self._lock is not None:
             return
@@ -305,7 +305,7 @@ class Checkpoint:
             ) from None
 
     @contextmanager
-    def _using(self, file: Path) -> Iterator[None]:
+    def _content_errors(self, file: Path) -> Iterator[None]:
         """Refuse content that is intact but invalid."""
         makes_no_sense = ArithmeticError, AttributeError, LookupError, TypeError
         try:
@@ -314,7 +314,7 @@ class Checkpoint:
             raise
         except (*makes_no_sense, ValueError) as error:
             raise CheckpointError(
-                f"checkpoint file {file} is damaged: {_shown(error)}"
+                f"checkpoint file {file} is damaged: {_excerpt(error)}"
             ) from None
 
 
@@ -333,7 +333,7 @@ class Replay:
         """Trial of the displacement of a state, and its fixed values."""
         t, u, p = state.load_factor, state.u, state.parameters
         problem = self._problem.at(t)
-        before = self.last.next_start() if t > 0 else None
+        before = self.last.next_guess() if t > 0 else None
         equilibrium = Equilibrium(u, problem.residual(u, p), p, (), state.tolerance)
         trial = Trial.of(problem, equilibrium, before)
         return trial, problem.constraints.fixed_values(t)
@@ -376,15 +376,15 @@ def _described(problem: Problem) -> dict[str, Any]:
     """Formulation and laws by their ``repr``, and names of conditions."""
     ply, law = problem.ply, problem.ply.fabric.tensions
     warp, weft = law.laws if isinstance(law, TwoLaws) else (law, law)
-    given = {
+    parts = {
         "formulation": ply.formulation,
         "warp law": warp,
         "weft law": weft,
         "shear law": ply.fabric.shear_law,
     }
     # On one line, without the memory address.
-    shown = {k: re.sub(r" at 0x[0-9a-fA-F]+", "", repr(x)) for k, x in given.items()}
-    texts = {name: " ".join(text.split()) for name, text in shown.items()}
+    reprs = {k: re.sub(r" at 0x[0-9a-fA-F]+", "", repr(x)) for k, x in parts.items()}
+    texts = {name: " ".join(text.split()) for name, text in reprs.items()}
     return texts | {"conditions": list(problem.constraints.nodes)}
 
 
@@ -464,7 +464,7 @@ def _progress(
     return progress
 
 
-def _shown(value: object) -> str:
+def _excerpt(value: object) -> str:
     """A value of a file, shortened to one line."""
     text = "".join(char if char.isprintable() else " " for char in str(value))
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

@@ -91,13 +91,13 @@ class Condition:
 
     def values(self, name: str, X: ndarray, t: float, d: int = 2) -> ndarray:
         """Displacements along the fixed directions, shape (k, n)."""
-        what, given = f"condition {name!r}: the value", self.value
+        what, data = f"condition {name!r}: the value", self.value
         axes, n_nodes = self._axes(name, d), X.shape[1]
         if callable(self.value):
-            given = call_user_function(what, self.value, X, t)
+            data = call_user_function(what, self.value, X, t)
         elif len(axes) < d:
-            given = [x for x in self.value if x is not None]  # type: ignore[union-attr]
-        value = real_numbers(what, given)
+            data = [x for x in self.value if x is not None]  # type: ignore[union-attr]
+        value = real_numbers(what, data)
         if not np.all(np.isfinite(value)):
             raise ValueError(f"{what} is not finite at load factor {t:g}")
         if not callable(self.value):
@@ -227,8 +227,8 @@ class Constraints:
                     f"condition {next(iter(on))!r}: a surface requires a ply in "
                     "space: use Ply(..., dimension=3)"
                 )
-            place = self._X, self.turn, self.prescribed
-            self.surfaces = SurfaceNodes(on, acting, *place)
+            geometry = self._X, self.turn, self.prescribed
+            self.surfaces = SurfaceNodes(on, acting, *geometry)
             self.fixed = np.union1d(self.prescribed, self.surfaces.eliminated)
         self.free = np.setdiff1d(np.arange(basis.N), self.fixed)
 
@@ -306,10 +306,10 @@ def _held_directions(
         at, n = node[rows], direction[:, rows]
         known = held[..., at]
         share = np.einsum("jin,in->jn", known, n)
-        rest = n - np.einsum("jin,jn->in", known, share)
-        length = np.linalg.norm(rest, axis=0)
+        remainder = n - np.einsum("jin,jn->in", known, share)
+        length = np.linalg.norm(remainder, axis=0)
         new = length >= _PARALLEL_ANGLE
-        unit = np.where(count[at] > 0, rest / np.where(new, length, 1.0), n)
+        unit = np.where(count[at] > 0, remainder / np.where(new, length, 1.0), n)
         held[count[at[new]], :, at[new]] = unit[:, new].T
         count[at[new]] += 1
     return held, count
@@ -320,7 +320,7 @@ def _turns(n_dofs: int, dofs: ndarray, held: ndarray) -> csr_matrix | None:
     if dofs.size == 0:
         return None
     turn = identity(n_dofs, format="lil")
-    for own, (first, *others) in zip(dofs.T, held.transpose(2, 0, 1), strict=True):
+    for dof, (first, *others) in zip(dofs.T, held.transpose(2, 0, 1), strict=True):
         if len(first) == 2:
             frame = [first, [-first[1], first[0]]]
         else:
@@ -329,7 +329,7 @@ def _turns(n_dofs: int, dofs: ndarray, held: ndarray) -> csr_matrix | None:
                 second = np.cross(first, np.eye(3)[np.abs(first).argmin()])
                 second = second / np.linalg.norm(second)
             frame = [first, second, np.cross(first, second)]
-        turn[np.ix_(own, own)] = np.transpose(frame)
+        turn[np.ix_(dof, dof)] = np.transpose(frame)
     return turn.tocsr()
 
 

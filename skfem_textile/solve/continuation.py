@@ -16,7 +16,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..ply.parameters import PlyParameters
-from .problem import Problem, Start
+from .problem import InitialGuess, Problem
 from .states import NoEquilibriumError, State
 
 log = logging.getLogger(__name__)
@@ -129,16 +129,16 @@ class Continuation:
         halvings = max(self.halvings - 2, 0) if self.follows_path else 0
         return self.longest / 2.0 ** min(_PATH_HALVINGS, halvings)
 
-    def end(self, t: float, goal: float) -> float:
-        """End of the next step from ``t``, at most ``goal``.
+    def end(self, t: float, t_end: float) -> float:
+        """End of the next step from ``t``, at most ``t_end``.
 
         The step does not pass the end of a hard step that is to be compared, and leaves
         no remainder that is too short.
         """
-        goal = min([goal, *(past.load_factor for past in self.to_compare)])
+        t_end = min([t_end, *(past.load_factor for past in self.to_compare)])
         end = t + self.next
         shortest = self.longest / 2.0**self.halvings
-        return goal if end > goal - 0.5 * min(shortest, self.next) else end
+        return t_end if end > t_end - 0.5 * min(shortest, self.next) else end
 
     def most_projected(self, step: float, t: float, loads_drive: bool) -> float:
         """Number of projected tangents above which a step to ``t`` is halved.
@@ -148,7 +148,7 @@ class Continuation:
         followed = step > 1.5 * self._short and t > self.not_followed_until
         return MOST_PROJECTED if followed or loads_drive else np.inf
 
-    def keeps(self, step: float, state: State, projected: int, settled: bool) -> bool:
+    def accepts(self, step: float, state: State, projected: int, settled: bool) -> bool:
         """True if a step is accepted, False if it is repeated in two halves.
 
         Parameters
@@ -177,12 +177,12 @@ class Continuation:
         return True
 
     def failed(
-        self, failure: NoEquilibriumError, t: float, end: float, goal: float, by: float
+        self, failure: NoEquilibriumError, t: float, end: float, t_end: float, by: float
     ) -> None:
         """Shorten the failed step from t to ``end``, or stop following the path.
 
-        ``goal`` is the requested load factor, and ``by`` the growth of the loads in the
-        step, see `load_growth`; zero if loads do not drive the ply.  Raises a
+        ``t_end`` is the requested load factor, and ``by`` the growth of the loads in
+        the step, see `load_growth`; zero if loads do not drive the ply.  Raises a
         `NoEquilibriumError` if the load exceeds a limit, or if even the shortest steps
         fail.
         """
@@ -201,7 +201,7 @@ class Continuation:
                 failure.elements,
                 "prescribed displacements instead of the load, or a smaller load",
             )
-        elif self.not_followed_until >= goal or self._short == self.longest:
+        elif self.not_followed_until >= t_end or self._short == self.longest:
             raise failure
         else:
             log.info(
@@ -209,7 +209,7 @@ class Continuation:
                 end,
                 failure,
             )
-            self.not_followed_until = goal
+            self.not_followed_until = t_end
             self.to_compare.clear()
             self.next = self.longest
 
@@ -222,10 +222,10 @@ class Continuation:
         """Warning that lists the unresolved load factors; empty if there are none."""
         if not self.unresolved:
             return ""
-        shown = ", ".join(f"{t:.4g}" for t in self.unresolved[:_SHOWN])
+        factors = ", ".join(f"{t:.4g}" for t in self.unresolved[:_SHOWN])
         more = ", ..." if len(self.unresolved) > _SHOWN else ""
         return (
-            f"the path was not resolved at load factor {shown}{more}: another number "
+            f"the path was not resolved at load factor {factors}{more}: another number "
             "of steps may lead to another equilibrium; compare with a run with more "
             "steps"
         )
@@ -270,8 +270,8 @@ def load_growth(problem: Problem, state: State, beyond: float) -> float:
     """
     if state.verdict.negative_pivots is None:
         return 0.0
-    place, factors = (state.u, state.parameters), (0.0, state.load_factor, beyond)
-    none, least, most = (problem.ply.load(place[0], t, place[1]) for t in factors)
+    u, p, factors = state.u, state.parameters, (0.0, state.load_factor, beyond)
+    none, least, most = (problem.ply.load(u, t, p) for t in factors)
     largest = max(np.abs(least - none).max(), np.abs(most - none).max())
     return float(np.abs(most - least).max() / largest) if largest else 0.0
 
@@ -283,13 +283,13 @@ def balanced_at_rest(
 
     The tolerance in N applies to the nodal forces of all nodes, fixed or free.
     """
-    rest, p = problem.ply.basis.zeros(), problem.ply.parameters_at_rest
+    zero, p = problem.ply.basis.zeros(), problem.ply.parameters_at_rest
     return all(
-        np.abs(problem.at(t).residual(rest, p)).max() <= tolerance for t in load_factors
+        np.abs(problem.at(t).residual(zero, p)).max() <= tolerance for t in load_factors
     )
 
 
-def on_grown_surface(problem: Problem, start: Start) -> Start:
+def surface_predictor(problem: Problem, start: InitialGuess) -> InitialGuess:
     """Predictor for a moving surface: the initial guess is carried along geodesics.
 
     Returns the initial guess itself if no surface grows, or if carrying it folds the

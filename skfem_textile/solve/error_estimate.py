@@ -144,8 +144,8 @@ def _work(
 def _rate(problem: Problem) -> ndarray:
     """Load factor times the rate of the fixed unknowns with respect to it, in mm."""
     constraints, t = problem.constraints, problem.load_factor
-    now, before = (constraints.fixed_values(x) for x in (t, (1 - _STEP_BACK) * t))
-    return (now - before) / _STEP_BACK
+    values, before = (constraints.fixed_values(x) for x in (t, (1 - _STEP_BACK) * t))
+    return (values - before) / _STEP_BACK
 
 
 def _is_of_load(work: ndarray, problem: Problem, state: State, rate: ndarray) -> bool:
@@ -178,7 +178,7 @@ def _estimate(
     finer: Any = ply.finer()
     fine = problem_at(finer.ply, conditions, solver, state.load_factor)
     trial = _Trial(fine, *finer.carry(u, p))
-    fine_u, after = _moved(trial, before, loaded)
+    fine_u, after = _update(trial, before, loaded)
     angle, fine_angle = (
         of.shear_angle(x).mean(axis=1) for of, x in ((ply, u), (finer.ply, fine_u))
     )
@@ -240,7 +240,7 @@ class _Trial:
         return du, _work(self.problem, forces, u, self.parameters, self._rate)
 
 
-def _moved(trial: _Trial, before: ndarray, loaded: bool) -> tuple[ndarray, ndarray]:
+def _update(trial: _Trial, before: ndarray, loaded: bool) -> tuple[ndarray, ndarray]:
     """Displacement closer to the equilibrium, and the work there to first order.
 
     A second increment with an unprojected tangent is sufficient unless the first was
@@ -258,13 +258,13 @@ def _moved(trial: _Trial, before: ndarray, loaded: bool) -> tuple[ndarray, ndarr
     if not loaded and trial.tangent.projected:
         raise NoEquilibriumError("the tangent is not positive definite")
     if trial.shortened or trial.tangent.projected:
-        return _settled(trial, before)
-    du, now = trial.ahead()
-    return problem.moved(trial.u, du), now
+        return _converged(trial, before)
+    du, parameters = trial.ahead()
+    return problem.moved(trial.u, du), parameters
 
 
-def _settled(trial: _Trial, before: ndarray) -> tuple[ndarray, ndarray]:
-    """State at which the work has converged, see `_moved`.
+def _converged(trial: _Trial, before: ndarray) -> tuple[ndarray, ndarray]:
+    """State at which the work has converged, see `_update`.
 
     Increments are shortened at the end of a law's domain.  Further increments follow,
     halved as soon as the work oscillates, until it converges at a whole increment with
@@ -272,17 +272,17 @@ def _settled(trial: _Trial, before: ndarray) -> tuple[ndarray, ndarray]:
     """
     last, moved, length, size = before, np.inf, 1.0, np.abs(before).sum()
     while trial.number < (_MOST_SHORTENED if trial.shortened else _MOST_INCREMENTS):
-        du, now = trial.ahead()
+        du, current = trial.ahead()
         moved_before = moved
-        moved, change = (np.abs((now - x).sum()) for x in (last, before))
-        if not np.isfinite(now).all():
+        moved, change = (np.abs((current - x).sum()) for x in (last, before))
+        if not np.isfinite(current).all():
             raise NoEquilibriumError("the load is not finite")
         near = trial.whole and not trial.tangent.projected and change < size
         if moved <= _SETTLED * change and (near or not trial.shortened):
-            return trial.problem.moved(trial.u, du), now
+            return trial.problem.moved(trial.u, du), current
         if trial.shortened and trial.number > 1 and moved > moved_before / 2:
             length = 0.5
-        last = now
+        last = current
         trial.go(length * du)
     raise NoEquilibriumError(
         f"after {trial.number} increments the load still changes by {moved / size:.1%}"

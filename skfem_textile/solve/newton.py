@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..ply.parameters import PlyParameters
-from .problem import EPSILON, Problem, Start, Tangent, between, tangent_at
+from .problem import EPSILON, InitialGuess, Problem, Tangent, between, tangent_at
 from .states import Equilibrium, NoEquilibriumError
 
 # Fibre tension in N/mm in the first geometric stiffness of a ply whose tangent is
@@ -90,7 +90,7 @@ class Method(Protocol):
     def solve(
         self,
         problem: Problem,
-        start: Start,
+        start: InitialGuess,
         fixed_values: ndarray,
         most_projected: float,
         report: Report,
@@ -157,7 +157,7 @@ class Newton:
     def solve(
         self,
         problem: Problem,
-        start: Start,
+        start: InitialGuess,
         fixed_values: ndarray,
         most_projected: float,
         report: Report,
@@ -237,7 +237,7 @@ class PlainNewton:
     def solve(
         self,
         problem: Problem,
-        start: Start,
+        start: InitialGuess,
         fixed_values: ndarray,
         most_projected: float,
         report: Report,
@@ -336,7 +336,9 @@ class _Progress:
         return Equilibrium(u, f, p, residuals, tolerance, self.projected, tangent)
 
 
-def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, PlyParameters]:
+def _first_tangent(
+    problem: Problem, start: InitialGuess
+) -> tuple[Tangent, PlyParameters]:
     """The first tangent and parameters.
 
     Where the tangent at the start is singular, a fibre tension is added to it. On

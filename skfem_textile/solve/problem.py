@@ -40,7 +40,7 @@ _MORE_STIFFNESS = "more supports, or a larger stabilisation or shear stiffness"
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class InitialGuess:
     """Initial guess of an iteration: a displacement, with its forces and energies.
 
     Attributes
@@ -158,11 +158,11 @@ class Problem:
 
     def start(
         self, u: ndarray, parameters: PlyParameters, tangent: Any = None
-    ) -> Start:
+    ) -> InitialGuess:
         """Initial guess of an iteration at ``u``."""
         energies, _ = self.energies(u, parameters)
         f, load = self.residual(u, parameters), self.load(u, parameters)
-        return Start(self.load_factor, u, f, load, energies, parameters, tangent)
+        return InitialGuess(self.load_factor, u, f, load, energies, parameters, tangent)
 
     def at(self, load_factor: float, held: ndarray | float = 0.0) -> "Problem":
         """The same problem, with the same clock, at another load factor.
@@ -241,8 +241,8 @@ class Problem:
         if self.surfaces is None:
             return ratio
         elements = ply.basis.element_dofs[:: self._dimension] // self._dimension
-        place = u, self.load_factor, elements, ply.normals(u)
-        return ratio * self.surfaces.facing(*place)
+        arguments = u, self.load_factor, elements, ply.normals(u)
+        return ratio * self.surfaces.facing(*arguments)
 
     def around(self, u: ndarray) -> ndarray:
         """Elements at the node where a DOF vector is largest."""
@@ -428,10 +428,10 @@ def _curved(
     assert surfaces
     if contact is None:
         contact = _multipliers(problem, u, problem.residual(u, parameters))
-    own = np.flatnonzero(pattern.rows == pattern.cols)[surfaces.nodes]
+    entries = np.flatnonzero(pattern.rows == pattern.cols)[surfaces.nodes]
     blocks = blocks.copy()
     hessian = surfaces.hessian(u, problem.load_factor)
-    blocks[own] -= np.reshape(contact, (-1, 1, 1)) * hessian
+    blocks[entries] -= np.reshape(contact, (-1, 1, 1)) * hessian
     return blocks
 
 

@@ -290,7 +290,7 @@ def _energies(state: State) -> dict[str, float]:
 def _columns(shares: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
     """Shares of stabilisation and deviations, by column name."""
     return {
-        f"{whole}_share_of_{part}": share
-        for whole, by_part in shares.items()
+        f"{quantity}_share_of_{part}": share
+        for quantity, by_part in shares.items()
         for part, share in by_part.items()
     }

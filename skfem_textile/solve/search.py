@@ -13,7 +13,7 @@ from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, loads_drive
 from .linear import ChosenSolver
 from .newton import LESS_ROUNDING, METHODS, MOST_UPDATES, SETTLED, Method
-from .problem import Problem, Start, between
+from .problem import InitialGuess, Problem, between
 from .states import Iteration, NoEquilibriumError, State
 from .verdict import Trial
 
@@ -32,7 +32,7 @@ _SHORTEST_AT_REST = 2.0**-12, 2.0**-6
 _CERTAINLY = 0.1
 
 
-class Goal(NamedTuple):
+class Target(NamedTuple):
     """Target load factor and initial guess.
 
     Attributes
@@ -52,8 +52,8 @@ class Goal(NamedTuple):
     load_factor: float
     step: float
     fixed_values: ndarray
-    start: Start
-    before: Start | None
+    start: InitialGuess
+    before: InitialGuess | None
     most_projected: float = np.inf
     held: ndarray | float = 0.0
 
@@ -98,20 +98,21 @@ class EquilibriumSearch:
     report: Callable[[Iteration], None]
     moved: bool = True
 
-    def __call__(self, goal: Goal) -> AcceptedEquilibrium:
+    def __call__(self, target: Target) -> AcceptedEquilibrium:
         """State that passes all checks, with converged parameters where possible.
 
         Parameters that would change the state are updated, and equilibrium is restored.
         An update is halved if the changes do not decrease by half.  Raises a
         `NoEquilibriumError` if there is no such state.
         """
-        trial, share, last = self._first(goal), 1.0, np.inf
-        goal = goal._replace(most_projected=min(goal.most_projected, MOST_PROJECTED))
+        trial, share, last = self._first(target), 1.0, np.inf
+        most = min(target.most_projected, MOST_PROJECTED)
+        target = target._replace(most_projected=most)
         for _ in range(MOST_UPDATES):
             problem, (u, _, p, *_) = trial.trial.problem, trial.trial.equilibrium
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
-                    after = problem.ply.updated(p, u, goal.load_factor)
+                    after = problem.ply.updated(p, u, target.load_factor)
                     if after is p:
                         return trial._replace(settled=True)
                     start, change = _updated(trial.trial, after)
@@ -123,18 +124,18 @@ class EquilibriumSearch:
                     if share < 1.0:
                         p = between(p, after, share)
                         start = problem.start(u, p, start.tangent)
-                again = self._first(goal._replace(start=start))
+                again = self._first(target._replace(start=start))
             except NoEquilibriumError:
                 break
             trial = again._replace(projected=max(trial.projected, again.projected))
         return trial
 
-    def at_rest(self, start: Start, fixed_values: ndarray) -> AcceptedEquilibrium:
+    def at_rest(self, start: InitialGuess, values: ndarray) -> AcceptedEquilibrium:
         """State at load factor 0 of a ply that is not in equilibrium when undeformed.
 
         Unbalanced forces at rest, such as a constant weight, are first compensated and
         then released in steps, which shrink where convergence is difficult.  Prescribed
-        displacements grow with the release to their ``fixed_values`` at the load factor
+        displacements grow with the release to their ``values`` at the load factor
         0. A ply that is unstable at rest may have no such path: the remainder that the
         shortest step cannot release is then released at once, whatever path the
         iteration takes.
@@ -148,9 +149,9 @@ class EquilibriumSearch:
             share = min(1.0, done + step)
             held = (1.0 - share) * unbalanced
             begin = self.problem.at(0.0, held).start(u, p, tangent)
-            goal = Goal(0.0, 0.0, share * fixed_values, begin, None, most, held)
+            target = Target(0.0, 0.0, share * values, begin, None, most, held)
             try:
-                trial = self(goal)
+                trial = self(target)
             except NoEquilibriumError:
                 step /= 2
                 if step < shortest:
@@ -161,37 +162,34 @@ class EquilibriumSearch:
             projected = max(projected, trial.projected)
             if share == 1.0:
                 return trial._replace(projected=projected)
-            last = trial.trial.next_start()
+            last = trial.trial.next_guess()
             u, p, tangent = last.u, last.parameters, last.tangent
             done, step = share, 2 * step
 
-    def _first(self, goal: Goal) -> AcceptedEquilibrium:
+    def _first(self, target: Target) -> AcceptedEquilibrium:
         """Equilibrium, with the initial parameters, that passes all checks.
 
         If loads drive the path, the ply may jump to another equilibrium; the work check
         is then strict.
         """
-        problem = self.problem.at(goal.load_factor, goal.held)
-        method, place = self.method, (goal.load_factor, goal.step)
+        t, step, values, start, before, most, held = target
+        problem, method = self.problem.at(t, held), self.method
         try:
             with np.errstate(all="ignore"):  # what is not finite is caught
                 equilibrium = method.solve(
-                    *(problem, goal.start, goal.fixed_values, goal.most_projected),
-                    lambda *done: self.report(Iteration(*place, method.name, *done)),
+                    *(problem, start, values, most),
+                    lambda *done: self.report(Iteration(t, step, method.name, *done)),
                 )
-                trial = Trial.of(problem, equilibrium, goal.before)
+                trial = Trial.of(problem, equilibrium, before)
                 driven = method.follows_path and loads_drive(
-                    problem,
-                    equilibrium.u,
-                    equilibrium.parameters,
-                    trial.energies,
-                    self.moved,
+                    *(problem, equilibrium.u, equilibrium.parameters),
+                    *(trial.energies, self.moved),
                 )
                 trial.apply_checks(self.warn_only - ({"work"} if driven else set()))
         except NoEquilibriumError as failure:
-            at_rest = not goal.load_factor and failure.advice != LESS_ROUNDING
+            at_rest = not t and failure.advice != LESS_ROUNDING
             raise NoEquilibriumError(
-                f"no acceptable state at load factor {goal.load_factor:.6g}: {failure}",
+                f"no acceptable state at load factor {t:.6g}: {failure}",
                 failure.elements,
                 _AT_REST if at_rest else failure.advice,
                 failure.quantity,
@@ -199,7 +197,7 @@ class EquilibriumSearch:
         return AcceptedEquilibrium(trial, equilibrium.projected, settled=False)
 
 
-def _updated(trial: Trial, parameters: PlyParameters) -> tuple[Start, float]:
+def _updated(trial: Trial, parameters: PlyParameters) -> tuple[InitialGuess, float]:
     """The equilibrium with updated parameters, and how much the update changes it.
 
     The change is the larger relative change of energy and reactions, to first order;
@@ -296,5 +294,5 @@ def equilibrium_near(
         problem, method_of(method), frozenset(warn_only), lambda _: None
     )
     values = constraints.fixed_values(load_factor)
-    trial = search(Goal(load_factor, 0.0, values, start, None))
+    trial = search(Target(load_factor, 0.0, values, start, None))
     return trial.trial.state(problem.clock.solves)

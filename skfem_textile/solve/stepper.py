@@ -19,7 +19,7 @@ from .continuation import (
     load_growth,
     loads_drive,
     moves,
-    on_grown_surface,
+    surface_predictor,
 )
 from .error_estimate import estimated_error
 from .linear import ChosenSolver, check_solver
@@ -27,7 +27,7 @@ from .linear.solver import Clock
 from .newton import Method
 from .problem import Problem, tangent_at
 from .result import Result, StepError
-from .search import EquilibriumSearch, Goal, method_of
+from .search import EquilibriumSearch, Target, method_of
 from .states import Equilibrium, Iteration, NoEquilibriumError, State, UserError
 from .surface import OnSurface
 from .verdict import CHECKS, Trial
@@ -229,10 +229,10 @@ class Run:
         try:
             if not (resume and self._resume()):
                 with np.errstate(all="ignore"):  # non-finite values are detected
-                    self._begin(nothing_to_resume=resume)
-            for goal in self._stepper.load_factors:
-                while self.states[-1].load_factor < goal:
-                    self._step(goal)
+                    self._start_at_rest(nothing_to_resume=resume)
+            for t_end in self._stepper.load_factors:
+                while self.states[-1].load_factor < t_end:
+                    self._step(t_end)
         except NoEquilibriumError as failure:
             if not self.states:
                 raise
@@ -285,14 +285,14 @@ class Run:
         end = replay.last.equilibrium
         tangent = tangent_at(replay.last.problem, end.u, end.parameters)
         replay.last.equilibrium = end._replace(tangent=tangent)
-        self._start = replay.last.next_start()
+        self._start = replay.last.next_guess()
         # The checkpoint already includes the time of that tangent.
         problem.clock = replay.last.problem.clock = saved.progress.clock
         self._began -= saved.progress.elapsed
         log.info("resumed at load factor %g", self.states[-1].load_factor)
         return True
 
-    def _begin(self, nothing_to_resume: bool) -> None:
+    def _start_at_rest(self, nothing_to_resume: bool) -> None:
         """Start from the ply at rest, in equilibrium and with the conditions applied.
 
         A ply at rest may have singular modes, but no negative ones.
@@ -321,7 +321,7 @@ class Run:
         state, values = trial.state(0), problem.constraints.fixed_values(0.0)
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:
-            self._keep(state, trial)
+            self._append(state, trial)
             factors = self._stepper.load_factors
             if not self._search.moved and balanced_at_rest(problem, factors, tolerance):
                 log.warning(_NOTHING_DRIVES)
@@ -335,12 +335,12 @@ class Run:
         if not easy or not equilibrium.settled or self._depends_on_steps(state):
             self.continuation.mark(0.0)
         self.states = []
-        self._keep(state, equilibrium.trial)
+        self._append(state, equilibrium.trial)
 
-    def _step(self, goal: float) -> None:
+    def _step(self, t_end: float) -> None:
         """Take a step towards a requested load factor, or prepare a shorter one."""
         last, start, problem = self.states[-1], self._start, self.problem
-        t = self.continuation.end(last.load_factor, goal)
+        t = self.continuation.end(last.load_factor, t_end)
         step = t - last.load_factor
         driven = self._search.method.follows_path and loads_drive(
             problem.at(start.load_factor),
@@ -354,18 +354,18 @@ class Run:
         except ValueError as error:
             raise StepError.after(error, self.result) from None
         most_projected = self.continuation.most_projected(step, t, driven)
-        guess = on_grown_surface(problem.at(t), start)
+        guess = surface_predictor(problem.at(t), start)
         try:
-            trial = self._search(Goal(t, step, values, guess, start, most_projected))
+            trial = self._search(Target(t, step, values, guess, start, most_projected))
         except NoEquilibriumError as failure:
             growth = load_growth(problem, last, t) if driven else 0.0
-            self.continuation.failed(failure, last.load_factor, t, goal, growth)
+            self.continuation.failed(failure, last.load_factor, t, t_end, growth)
             return
         before = sum(state.linear_solves for state in self.states)
         state = trial.trial.state(problem.clock.solves - before)
         settled = trial.settled and not self._depends_on_steps(state)
-        if self.continuation.keeps(step, state, trial.projected, settled):
-            self._keep(state, trial.trial)
+        if self.continuation.accepts(step, state, trial.projected, settled):
+            self._append(state, trial.trial)
         else:
             log.info(
                 "the step to load factor %g was difficult and is repeated as two steps",
@@ -374,15 +374,15 @@ class Run:
 
     def _depends_on_steps(self, state: State) -> bool:
         """True if energies depend on the number of steps, however short these are."""
-        now, before = (s.energies | s.potentials for s in (state, self.states[-1]))
+        energies, before = (s.energies | s.potentials for s in (state, self.states[-1]))
         return any(
             term.parameters is not None
             and term.parameters.depends_on_steps
-            and now[term.name] != before[term.name]
+            and energies[term.name] != before[term.name]
             for term in self.problem.ply.terms
         )
 
-    def _keep(self, state: State, trial: Trial) -> None:
+    def _append(self, state: State, trial: Trial) -> None:
         """Add a state, write it to a checkpoint, and start the next step from it."""
         t, stepper = state.load_factor, self._stepper
         for check, warning in trial.warnings.items():
@@ -399,7 +399,7 @@ class Run:
                     raise
                 raise StepError.after(error, self.result) from None
         self.states.append(state)
-        self._start = trial.next_start()
+        self._start = trial.next_guess()
         log.info("load factor %g: %d linear solves", t, state.linear_solves)
         if stepper.on_step is not None and t > 0:
             stepper.on_step(state)

@@ -22,7 +22,7 @@ from numpy import ndarray
 
 from ..mesh.user_input import printable
 from .conditions import turned
-from .problem import Problem, Start
+from .problem import InitialGuess, Problem
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
 
 #: Names of the checks, cheap ones first.
@@ -85,19 +85,19 @@ class Trial:
 
     problem: Problem
     equilibrium: Equilibrium
-    start: Start | None
+    start: InitialGuess | None
     energies: dict[str, float]
     potentials: dict[str, float]
     warnings: dict[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(
-        cls, problem: Problem, equilibrium: Equilibrium, start: Start | None
+        cls, problem: Problem, equilibrium: Equilibrium, start: InitialGuess | None
     ) -> "Trial":
         """Trial of an equilibrium; a start with other parameters is re-evaluated."""
         u, p = equilibrium.u, equilibrium.parameters
         energies, potentials = problem.energies(u, p)
-        if start and not all(p[k].same_as(own) for k, own in start.parameters.items()):
+        if start and not all(p[k].same_as(x) for k, x in start.parameters.items()):
             start = problem.at(start.load_factor).start(start.u, p)
         return cls(problem, equilibrium, start, energies, potentials)
 
@@ -133,8 +133,8 @@ class Trial:
         its nodes), and at least the error due to the tolerance of the equilibrium.
         """
         problem, (u, _, parameters, *_) = self.problem, self.equilibrium
-        place = u, problem.load_factor, parameters
-        parts = problem.clock.time("assembly", problem.ply.parts, *place)
+        state = u, problem.load_factor, parameters
+        parts = problem.clock.time("assembly", problem.ply.parts, *state)
         roles, *columns = zip(*parts, strict=True)
         energies, forces = map(np.array, columns)
         work = (forces * self.move).sum(axis=1)
@@ -151,10 +151,10 @@ class Trial:
             wholes[f"{name}_reaction"] = at_nodes, force * len(nodes)
         shares: dict[str, dict[str, float]] = {}
         for name, (x, least) in wholes.items():
-            whole = max(float(np.linalg.norm(x, axis=1).sum()), least, _TINY)
-            own = {role: x[np.array(roles) == role].sum(axis=(0, 2)) for role in _ROLES}
+            total = max(float(np.linalg.norm(x, axis=1).sum()), least, _TINY)
+            by_role = {r: x[np.array(roles) == r].sum(axis=(0, 2)) for r in _ROLES}
             shares[name] = {
-                role: float(np.linalg.norm(sums) / whole) for role, sums in own.items()
+                role: float(np.linalg.norm(f) / total) for role, f in by_role.items()
             }
         return shares
 
@@ -184,7 +184,7 @@ class Trial:
                 raise failure
             self.warnings[name] = str(failure)
 
-    def next_start(self) -> Start:
+    def next_guess(self) -> InitialGuess:
         """The equilibrium as the start of a step, with advanced parameters."""
         problem, (u, f, parameters, *_) = self.problem, self.equilibrium
         t = problem.load_factor
@@ -192,7 +192,7 @@ class Trial:
         if advanced is not parameters:
             return problem.start(u, advanced, self.equilibrium.tangent)
         load, tangent = problem.load(u, parameters), self.equilibrium.tangent
-        return Start(t, u, f, load, self.energies, parameters, tangent)
+        return InitialGuess(t, u, f, load, self.energies, parameters, tangent)
 
     def state(self, linear_solves: int) -> State:
         """The state, after a number of linear solves since the previous one."""
@@ -285,9 +285,9 @@ def _energy_checks(trial: Trial) -> _Failures:
         return
     before, works = start.energies, trial.works
     if problem.ply.follows_load_factor:
-        place = start.u, start.parameters
-        before, _ = problem.energies(*place)
-        f = problem.residual(*place) + problem.load(*place)
+        state = start.u, start.parameters
+        before, _ = problem.energies(*state)
+        f = problem.residual(*state) + problem.load(*state)
         works = float(f @ trial.move), works[1]
     rise = sum(trial.energies.values()) - sum(before.values())
     low, high = sorted(works)
@@ -316,10 +316,10 @@ def _discretisation_checks(trial: Trial) -> _Failures:
         if carried := excess(trial.shares, role, supports):
             yield role, NoEquilibriumError(f"{beginning} {carried}: {cure}")
     held = trial.energies.get("corners", 0.0)
-    whole = abs(sum(trial.energies.values()))
-    if held > _CORNER_SHARE * whole:
+    total = abs(sum(trial.energies.values()))
+    if held > _CORNER_SHARE * total:
         error = NoEquilibriumError(
-            f"the corner resistance contributes {held / whole:.0%} of the energy; "
+            f"the corner resistance contributes {held / total:.0%} of the energy; "
             "refine the mesh there, or increase the stabilisation"
         )
         yield "corners", error
@@ -340,10 +340,10 @@ def _surface_check(trial: Trial) -> _Failures:
         area = basis.dx.sum(axis=1)
         share = 100 * area[off].sum() / area.sum()
         worst = off[gaps.share[off].argmax()]
-        place = ", ".join(f"{x:.3g}" for x in gaps.place[:, worst])
+        point = ", ".join(f"{x:.3g}" for x in gaps.position[:, worst])
         error = NoEquilibriumError(
             f"{off.size} element(s), {share:.2g} % of the area, deviate from the "
-            f"surface between nodes, by up to {gaps.gap[worst]:.2g} mm at ({place}): "
+            f"surface between nodes, by up to {gaps.gap[worst]:.2g} mm at ({point}): "
             "the elements are large compared with the radius of the surface; refine "
             "the mesh there",
             off,
@@ -380,7 +380,7 @@ def excess(
     """
     passed = {f"{name}_reaction" for name in supports}
     return ", ".join(
-        f"{share[role]:.0%} of {printable(whole)}"
-        for whole, share in shares.items()
-        if whole not in passed and share[role] > _MOST.get(whole, _MOST_OF_REACTION)
+        f"{share[role]:.0%} of {printable(total)}"
+        for total, share in shares.items()
+        if total not in passed and share[role] > _MOST.get(total, _MOST_OF_REACTION)
     )

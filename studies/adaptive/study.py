@@ -115,9 +115,9 @@ class Case:
     def rows(self) -> list[Row]:
         """The rows of a case; one per mesh for ``kinks``."""
         scene, kinks = self.scene(), self.task == "kinks"
-        found = _kinks(self, scene) if kinks else [_of_load(self, scene)]
+        results = _kinks(self, scene) if kinks else [_of_load(self, scene)]
         head = {"case": str(self), "task": self.task, "degrees": self.degrees}
-        return [head | row for row in found]
+        return [head | row for row in results]
 
 
 def all_cases() -> Iterator[Case]:
@@ -201,8 +201,8 @@ def _end(scene: Scene, ply: Ply) -> ndarray:
 
 def _refined(ply: Ply, scene: Scene, tolerance: float, most: int) -> Result:
     """The result on the last mesh, even if the tolerance is not met."""
-    given = ply, scene.conditions, tolerance, STEPS
-    return run(AdaptiveStepper(*given, most_unknowns=most))[0]
+    arguments = ply, scene.conditions, tolerance, STEPS
+    return run(AdaptiveStepper(*arguments, most_unknowns=most))[0]
 
 
 def position(scene: Scene, ply: Ply, u: ndarray) -> Row:
@@ -240,10 +240,10 @@ def estimates(rows: Sequence[Row]) -> str:
     """Ratios of estimate to error for calibration and validation cases."""
     lines = []
     for task, name in (("calibrates", "calibration"), ("judges", "validation")):
-        if found := having(rows, task=task):
-            costs = [row["cost"] for row in found]
+        if selected := having(rows, task=task):
+            costs = [row["cost"] for row in selected]
             cost = f"{np.median(costs):.0%}, {np.max(costs):.0%}"
-            lines.append([name, *_passed(found), cost])
+            lines.append([name, *_n_passed(selected), cost])
     head = [
         "cases",
         f"estimate over error in {PASSES[0]:g} to {PASSES[1]:g}",
@@ -253,7 +253,7 @@ def estimates(rows: Sequence[Row]) -> str:
     return markdown_table(head, lines)
 
 
-def _passed(rows: Sequence[Row]) -> tuple[str, str]:
+def _n_passed(rows: Sequence[Row]) -> tuple[str, str]:
     """Numbers of accepted estimates for large and for small errors."""
     large = [row for row in rows if abs(row["error"]) > SMALL]
     small = [row for row in rows if abs(row["error"]) <= SMALL]
@@ -265,16 +265,16 @@ def _passed(rows: Sequence[Row]) -> tuple[str, str]:
 
 def factor(rows: Sequence[Row]) -> str:
     """Ratios of error to indicator in calibration cases, and the factors used."""
-    found = [row for row in having(rows, task="calibrates") if row["estimate"]]
-    large = [row for row in found if abs(row["error"]) > SMALL]
+    selected = [row for row in having(rows, task="calibrates") if row["estimate"]]
+    large = [row for row in selected if abs(row["error"]) > SMALL]
     load = [abs(r["error"]) / r["carried"] for r in large]
-    taken = SHEAR_ANGLE_OVER_CHANGE
-    angle = [taken * r["angle_error"] / r["angle_estimate"] for r in found]
+    default = SHEAR_ANGLE_OVER_CHANGE
+    angle = [default * r["angle_error"] / r["angle_estimate"] for r in selected]
     lines = [
-        [name, f"{np.median(x):.2f}", span(x, ".2f"), f"{now:g}"]
-        for name, x, now in (
+        [name, f"{np.median(x):.2f}", span(x, ".2f"), f"{used:g}"]
+        for name, x, used in (
             ("load error over energy share", load, LOAD_OVER_SHARE),
-            ("shear-angle error over change", angle, taken),
+            ("shear-angle error over change", angle, default),
         )
         if x
     ]
@@ -297,11 +297,11 @@ def tolerances(rows: Sequence[Row]) -> str:
 
 def kinks(rows: Sequence[Row]) -> str:
     """Position errors relative to uniform meshes, interpolated at equal unknowns."""
-    lines, found = [], having(rows, task="kinks")
-    for row in (row for row in found if row["mesh"] != "uniform"):
+    lines, kink_rows = [], having(rows, task="kinks")
+    for row in (row for row in kink_rows if row["mesh"] != "uniform"):
         line = [f"{row['degrees']:g}°", MESHES[row["mesh"]], row["unknowns"]]
         for key in _POSITIONS:
-            at = _uniform(found, row, key)
+            at = _uniform(kink_rows, row, key)
             line += [f"{row[key]:.4f}", f"{at:.4f}", f"{row[key] / at:.2f}"]
         lines.append(line)
     head = ["fibres", "mesh", "unknowns"]
@@ -320,12 +320,12 @@ def _uniform(rows: Sequence[Row], row: Row, key: str) -> float:
 
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
     """The results quoted on pages, by name."""
-    runs, found = having(rows, task="tolerance"), having(rows, task="kinks")
+    runs, kink_rows = having(rows, task="tolerance"), having(rows, task="kinks")
     within = [row for row in runs if abs(row["error"]) <= TOLERANCE]
     met = [row for row in runs if row["met"]]
     right = [row for row in met if row in within]
     words = {
-        "estimates": _passed(having(rows, task="judges"))[0],
+        "estimates": _n_passed(having(rows, task="judges"))[0],
         "within": f"{len(within)} of {len(runs)}",
         "met": f"{len(met)} of {len(runs)}",
         "right": f"{len(right)} of {len(met)}",
@@ -333,8 +333,8 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
     }
     for mesh in MESHES:
         ratios = [
-            row[key] / _uniform(found, row, key)
-            for row in having(found, mesh=mesh)
+            row[key] / _uniform(kink_rows, row, key)
+            for row in having(kink_rows, mesh=mesh)
             for key in _POSITIONS
         ]
         words[mesh] = span(ratios, ".2f")
@@ -353,9 +353,9 @@ def draw_errors(rows: Sequence[Row], file: File = None) -> Any:
         }
         for axes, degrees in zip(positions, KINKS, strict=True):
             for mesh, label in kinds.items():
-                own = having(rows, degrees=degrees, mesh=mesh)
-                errors = [row["position_error"] for row in own]
-                axes.loglog([row["unknowns"] for row in own], errors, **styles[label])
+                line = having(rows, degrees=degrees, mesh=mesh)
+                errors = [row["position_error"] for row in line]
+                axes.loglog([row["unknowns"] for row in line], errors, **styles[label])
             axes.set(title=f"Position, {degrees:g}°", xlabel="Unknowns")
             axes.set(ylim=_POSITION_ENDS, ylabel="Error, rms over nodes (mm)")
         legend(figure, styles, len(styles))
@@ -401,8 +401,8 @@ class Adaptive(Study[Case]):
         if row["task"] == "kinks":
             return f"{row['case']}: {row['position_error']:.4f} mm"
         estimate = row["estimate"]
-        said = "none" if estimate is None else f"{estimate:.4f}"
-        return f"{row['case']}: error {row['error']:.4f}, estimate {said}"
+        text = "none" if estimate is None else f"{estimate:.4f}"
+        return f"{row['case']}: error {row['error']:.4f}, estimate {text}"
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
         return in_words(rows)

@@ -308,5 +308,5 @@ def judged(seeds: tuple[int, ...], inclinations: tuple[float, ...]) -> Iterator[
     """The cases with these seeds and inclinations."""
     for specimen in SPECIMENS:
         if specimen.inclination in inclinations:
-            for given in product(MESHES, ACROSS, seeds):
-                yield Judged(specimen, *given)
+            for options in product(MESHES, ACROSS, seeds):
+                yield Judged(specimen, *options)

@@ -57,12 +57,12 @@ _SPREAD = 3.0
 
 def errors(rows: Sequence[Row]) -> dict[Key, list[float]]:
     """Relative load errors of the seeds."""
-    found: dict[Key, list[float]] = {}
+    by_key: dict[Key, list[float]] = {}
     for row in rows:
         mesh = row["elements"], row["across"]
         key = Specimen.of(row), row["shear_angle"], *mesh
-        found.setdefault(key, []).append(row["load_over_reference"] - 1)
-    return found
+        by_key.setdefault(key, []).append(row["load_over_reference"] - 1)
+    return by_key
 
 
 def agreements(rows: Sequence[Row]) -> str:
@@ -71,13 +71,13 @@ def agreements(rows: Sequence[Row]) -> str:
     lines = [
         [
             *specimen.names,
-            *(f"{row['load']:.4f}" for row in own),
-            *(percent(furthest(row[key] for row in own), "+.3f") for key in _CHECKS),
-            "yes" if all(map(agree, own)) else "no",
-            *(percent(-x) for x in (1 - own[-1]["load"], own[-1]["lost"])),
+            *(f"{row['load']:.4f}" for row in group),
+            *(percent(furthest(row[key] for row in group), "+.3f") for key in _CHECKS),
+            "yes" if all(map(agree, group)) else "no",
+            *(percent(-x) for x in (1 - group[-1]["load"], group[-1]["lost"])),
         ]
-        for specimen, own in known.items()
-        if own
+        for specimen, group in known.items()
+        if group
     ]
     head = ["fibres", "law", "E/G", *(f"{angle}°" for angle in ANGLES)]
     head += ["apart", "last halving", f"within {100 * AGREEMENT:g} %"]
@@ -86,18 +86,18 @@ def agreements(rows: Sequence[Row]) -> str:
 
 def summary(rows: Sequence[Row]) -> str:
     """Largest median error by inclination, and counts of medians within limits."""
-    lines, found = [], _medians(errors(rows))
+    lines, all_medians = [], _medians(errors(rows))
     for inclination in INCLINATIONS:
         line = [f"{inclination:g}°"]
         for elements, across in KINDS:
-            own = {
+            medians = {
                 key: middle
-                for key, middle in found.items()
+                for key, middle in all_medians.items()
                 if (key[0].inclination, *key[2:]) == (inclination, elements, across)
             }
             most = 100 * limit(inclination, across)
-            met = f"{_within(own)} of {len(own)} within {most:g} %"
-            line += [percent(furthest(own.values())), met]
+            met = f"{_n_within(medians)} of {len(medians)} within {most:g} %"
+            line += [percent(furthest(medians.values())), met]
         lines.append(line)
     head = ["fibres"]
     for elements, across in KINDS:
@@ -107,8 +107,8 @@ def summary(rows: Sequence[Row]) -> str:
 
 def in_words(converged: Sequence[Row], compared: Sequence[Row]) -> dict[str, str]:
     """The results quoted on pages, by name."""
-    found = errors(compared)
-    medians = _medians(found)
+    errors_by_key = errors(compared)
+    medians = _medians(errors_by_key)
     gentle = [
         1 - row["load"]
         for row in having(converged, ratio=max(RATIOS))
@@ -116,9 +116,9 @@ def in_words(converged: Sequence[Row], compared: Sequence[Row]) -> dict[str, str
     ]
     lost = [(1 - row["load"]) / row["lost"] for row in converged]
     apart = furthest(row[key] for row in converged for key in _CHECKS)
-    single = furthest(error for off in found.values() for error in off)
+    single = furthest(error for off in errors_by_key.values() for error in off)
     words = {
-        "met": f"{_within(medians)} of {len(medians)}",
+        "met": f"{_n_within(medians)} of {len(medians)}",
         "single": percent(abs(single), ".1f"),
         "references": percent(abs(apart), ".2f"),
         "lost_stiff": percent(max(gentle), ".1f"),
@@ -129,17 +129,17 @@ def in_words(converged: Sequence[Row], compared: Sequence[Row]) -> dict[str, str
         words |= {f"limit_{n}": percent(LIMITS[n], "g")}
         words |= {f"limit_steep_{n}": percent(2 * LIMITS[n], "g")}
     for kind in KINDS:
-        if own := [middle for key, middle in medians.items() if key[2:] == kind]:
-            words["{}_{}".format(*kind)] = percent(abs(furthest(own)), ".1f")
+        if of_kind := [middle for key, middle in medians.items() if key[2:] == kind]:
+            words["{}_{}".format(*kind)] = percent(abs(furthest(of_kind)), ".1f")
     return words
 
 
-def _medians(found: Mapping[Key, Sequence[float]]) -> dict[Key, float]:
+def _medians(errors_by_key: Mapping[Key, Sequence[float]]) -> dict[Key, float]:
     """Medians of the known errors; nan if none is known."""
-    return {key: median(off) for key, off in found.items()}
+    return {key: median(off) for key, off in errors_by_key.items()}
 
 
-def _within(medians: Mapping[Key, float]) -> int:
+def _n_within(medians: Mapping[Key, float]) -> int:
     """Number of medians within their limits."""
     return sum(
         abs(middle) <= limit(key[0].inclination, key[3])
@@ -175,7 +175,7 @@ def draw_loads(rows: Sequence[Row], file: File = None) -> Any:
                 grid[i, j].set_title(f"{elements}, {across} across")
         for axes in grid[-1]:
             axes.set_xticks(INCLINATIONS)
-        names = (Specimen(0.0, *given).names[1:] for given in lines)
+        names = (Specimen(0.0, *key).names[1:] for key in lines)
         labels = (f"{law}, E/G = {ratio}" for law, ratio in names)
         styles = dict(zip(labels, lines.values(), strict=True))
         legend(figure, styles, 4, [Patch(color="0.9", label="limit of medians")])
@@ -192,10 +192,10 @@ def _draw(
     axes.axhline(1.0, color="grey", linewidth=0.8)
     beside = np.linspace(-_SPREAD, _SPREAD, len(lines) + 2)[1:-1]
     off = errors(rows)
-    for (given, style), shift in zip(lines.items(), beside.tolist(), strict=True):
+    for (key, style), shift in zip(lines.items(), beside.tolist(), strict=True):
         loads = {}
         for inclination in INCLINATIONS:
-            specimen = Specimen(inclination, *given)
+            specimen = Specimen(inclination, *key)
             own = off.get((specimen, ANGLES[-1], elements, across), [])
             if known := [1 + error for error in own if np.isfinite(error)]:
                 loads[inclination + shift] = known

@@ -111,8 +111,8 @@ def of_summary(*keys: str, out: str = OUT) -> Reader:
 
     def read(folder: Path, printed: str) -> Results:
         text = (folder / out / "summary.json").read_text(encoding="utf-8")
-        found = json.loads(text)
-        return {key: found[key] for key in keys if key in found}
+        summary = json.loads(text)
+        return {key: summary[key] for key in keys if key in summary}
 
     return read
 
@@ -136,8 +136,8 @@ def printed_numbers(*names: str) -> Reader:
     """Read all numbers of the last printed line."""
 
     def read(folder: Path, printed: str) -> Results:
-        found = map(float, re.findall(_NUMBER, printed.splitlines()[-1]))
-        return dict(zip(names, found, strict=True))
+        words = map(float, re.findall(_NUMBER, printed.splitlines()[-1]))
+        return dict(zip(names, words, strict=True))
 
     return read
 
@@ -164,8 +164,8 @@ def table_of_hole(folder: Path, printed: str) -> dict[str, float]:
     line = re.compile(rf"(\d+) triangles, +(\d+) unknowns: ({_NUMBER}) N in (\d+) s")
     names = "triangles", "unknowns", "force", "processor time"
     results: dict[str, float] = {}
-    for i, found in enumerate(line.findall(printed), start=1):
-        named = zip(names, map(float, found), strict=True)
+    for i, words in enumerate(line.findall(printed), start=1):
+        named = zip(names, map(float, words), strict=True)
         results |= {f"{name}, {i}": x for name, x in named}
     return results
 

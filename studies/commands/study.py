@@ -29,8 +29,8 @@ _PLAIN = 1e-3
 def by_case(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
     """Results of each case."""
     return {
-        case: {row["quantity"]: row["value"] for row in own}
-        for case, own in grouped(rows, "case").items()
+        case: {row["quantity"]: row["value"] for row in results}
+        for case, results in grouped(rows, "case").items()
     }
 
 
@@ -46,13 +46,13 @@ def powers(number: float) -> str:
     return f"{number:.2g}" if plain else scientific(number)
 
 
-def _along_fibres(found: Mapping[str, Results]) -> str:
+def _along_fibres(results: Mapping[str, Results]) -> str:
     stiffnesses = list(dict.fromkeys(E for _, E in ALONG))
     lines = []
     for formulation in dict.fromkeys(name for name, _ in ALONG):
         line = [f"`{formulation}`"]
         for E in stiffnesses:
-            case = found[f"mesh along the fibres, {formulation}, E = {E}"]
+            case = results[f"mesh along the fibres, {formulation}, E = {E}"]
             error, load = case["displacement_error_max"], case["load_over_exact"]
             line += [powers(error), f"{load:.4f}"]
         lines.append(line)
@@ -66,7 +66,7 @@ def _along_fibres(found: Mapping[str, Results]) -> str:
     return markdown_table(["formulation", *chain.from_iterable(heads)], lines)
 
 
-def _on_tools(found: Mapping[str, Results]) -> str:
+def _on_tools(results: Mapping[str, Results]) -> str:
     head = [
         *("command", "largest shear angle", "largest error against the exact net"),
         *("rms error", "bridging", "solves in 4 steps"),
@@ -74,7 +74,7 @@ def _on_tools(found: Mapping[str, Results]) -> str:
     lines = []
     for options in ON_TOOLS:
         name = f"on a tool: {options}"
-        case = found[name]
+        case = results[name]
         lines.append(
             [
                 f"`{DOCUMENTED[name].command}`",
@@ -97,10 +97,10 @@ def _degrees(angle: float | None) -> str:
     return f"{angle:.3f}°" if angle < 0.1 else f"{angle:#.2g}°"
 
 
-def _fibre_stretch(found: Mapping[str, Results]) -> str:
+def _fibre_stretch(results: Mapping[str, Results]) -> str:
     lines = []
     for name, ply in STRETCHED.items():
-        case = found[name]
+        case = results[name]
         law = ", sin²" if ply.law == "sin²" else ""
         lines.append(
             [
@@ -119,8 +119,8 @@ def _share(share: float) -> str:
     return percent(share, ".2f" if share < 0.02 else ".1f")
 
 
-def _hole(found: Mapping[str, Results]) -> str:
-    case = found["ply with a hole, half the element size"]
+def _hole(results: Mapping[str, Results]) -> str:
+    case = results["ply with a hole, half the element size"]
     lines = [
         [
             f"{case[f'triangles, {i}']:.0f}",
@@ -134,7 +134,7 @@ def _hole(found: Mapping[str, Results]) -> str:
     return markdown_table(head, lines)
 
 
-def _whole(table: Callable[[Mapping[str, Results]], str]) -> Table:
+def _complete(table: Callable[[Mapping[str, Results]], str]) -> Table:
     """A table that is empty unless all its cases are among the rows."""
 
     def text(rows: list[Row]) -> str:
@@ -219,10 +219,10 @@ class Commands(Study[str]):
         Part(
             "commands.csv",
             {
-                "along_fibres.md": _whole(_along_fibres),
-                "on_tools.md": _whole(_on_tools),
-                "fibre_stretch.md": _whole(_fibre_stretch),
-                "hole.md": _whole(_hole),
+                "along_fibres.md": _complete(_along_fibres),
+                "on_tools.md": _complete(_on_tools),
+                "fibre_stretch.md": _complete(_fibre_stretch),
+                "hole.md": _complete(_hole),
             },
         ),
     )
@@ -242,11 +242,11 @@ class Commands(Study[str]):
     def figures(self, rows: list[Row]) -> dict[str, str]:
         words: dict[str, str] = {}
         for name, case in by_case(rows).items():
-            own = _WORDS.get(name, {})
-            if callable(own):
-                words |= own(case)
+            keys = _WORDS.get(name, {})
+            if callable(keys):
+                words |= keys(case)
             else:
-                words |= {key: str(cell(case, column)) for key, column in own.items()}
+                words |= {key: str(cell(case, column)) for key, column in keys.items()}
         return {name: minus(text) for name, text in words.items()}
 
 

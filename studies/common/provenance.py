@@ -61,7 +61,7 @@ def read(folder: Path) -> dict[str, list[dict[str, Any]]]:
 
 def machine() -> dict[str, Any]:
     """Processor, cores, threads and versions; None for a missing package."""
-    there = interpreter()
+    dolfinx = interpreter()
     versions = {name: _version(name) for name in _PACKAGES}
     return {
         "processor": _processor(),
@@ -69,18 +69,18 @@ def machine() -> dict[str, Any]:
         "threads": os.environ.get("OMP_NUM_THREADS", "as many as cores"),
         "system": f"{platform.system()} on {platform.machine()}",
         "python": platform.python_version(),
-        "packages": versions | {"dolfinx": there and there[1]},
+        "packages": versions | {"dolfinx": dolfinx and dolfinx[1]},
     }
 
 
 def sentence(machine: dict[str, Any]) -> str:
     """Description of a machine."""
     packages = machine["packages"].items()
-    there = ", ".join(f"{name} {version}" for name, version in packages if version)
+    installed = ", ".join(f"{name} {version}" for name, version in packages if version)
     return (
         f"Machine: {machine['processor']}, {machine['cores']} cores, "
         f"OMP_NUM_THREADS: {machine['threads']}; {machine['system']}, "
-        f"Python {machine['python']}, {there}."
+        f"Python {machine['python']}, {installed}."
     )
 
 

@@ -54,7 +54,7 @@ PROBLEMS = {
 }
 
 #: Formulations of this library by element name.
-OWN = {
+BY_ELEMENT = {
     "Q4, one point": AUTO,
     "macro, quads": MACRO,
     "macro, triangles": MACRO_TRIANGLES,
@@ -117,7 +117,7 @@ class ThisLibrary:
             solver = SOLVERS[self.solver]
             return LoadStepper(ply, scene.conditions, 1, solver=solver).run()
 
-        return {"across": across} | _own(scene, loaded)
+        return {"across": across} | _run_twice(scene, loaded)
 
 
 class Refined(ThisLibrary):
@@ -138,7 +138,7 @@ class Refined(ThisLibrary):
                 ply, scene.conditions, tolerance, 1, solver=SOLVERS[self.solver]
             ).run()
 
-        row = _own(scene, loaded)
+        row = _run_twice(scene, loaded)
         return {"across": _FIRST_ACROSS, "tolerance": tolerance} | row
 
 
@@ -201,18 +201,18 @@ class OtherCode:
         NotConvergedError
             If no number within the time limit gives a state without inverted elements.
         """
-        start, found = perf_counter(), dict[int, int]()
+        start, steps_by_solves = perf_counter(), dict[int, int]()
         for steps in STEPS[max(0, STEPS.index(coarser) - 1) :]:
             if run := self._unfolded(task, steps, 0):
-                found[run.linear_solves] = steps
-            elif found:
+                steps_by_solves[run.linear_solves] = steps
+            elif steps_by_solves:
                 break
-            if len(found) == 2:
+            if len(steps_by_solves) == 2:
                 break
             if perf_counter() - start > PATIENCE:
                 break
-        if found:
-            return found[min(found)]
+        if steps_by_solves:
+            return steps_by_solves[min(steps_by_solves)]
         note = f"inverted elements in up to {steps} equal steps"
         if steps < STEPS[-1]:
             note += f", {GIVEN_UP} after {PATIENCE:.0f} s"
@@ -238,7 +238,7 @@ def _coarser(mesh: tuple[str, str, int, int]) -> tuple[str, str, int, int]:
     return problem, element, before, seed
 
 
-def _own(scene: Scene, loaded: Callable[[], Result]) -> Row:
+def _run_twice(scene: Scene, loaded: Callable[[], Result]) -> Row:
     """Errors and run time of the second of two runs of this library."""
     try:
         loaded()
@@ -336,7 +336,7 @@ def _at_points(basis: CellBasis, points: ndarray) -> CellBasis:
 
 #: This library with each set of solvers, then the other codes.
 CODES: tuple[ThisLibrary | OtherCode, ...] = (
-    *(ThisLibrary(*own, solver) for solver in SOLVERS for own in OWN.items()),
+    *(ThisLibrary(*x, solver) for solver in SOLVERS for x in BY_ELEMENT.items()),
     Refined("macro, refined", MACRO_TRIANGLES, "SciPy"),
     *map(OtherCode, RIVALS),
 )
@@ -454,9 +454,9 @@ def all_cases() -> list[Timed | Reference]:
 
     The tolerance is relative to the load, which is zero for the strip.
     """
-    timed = (Timed(*given) for given in product(SEEDS, PROBLEMS, CODES))
+    timed = (Timed(*options) for options in product(SEEDS, PROBLEMS, CODES))
     return [
-        *(Reference(*given) for given in product(FORMULATIONS, CELLS)),
+        *(Reference(*options) for options in product(FORMULATIONS, CELLS)),
         *(
             case
             for case in timed

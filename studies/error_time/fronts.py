@@ -165,8 +165,8 @@ def methods(rows: Sequence[Row], criterion: Criterion) -> dict[Method, list[Poin
 def _spread(values: Sequence[float | None]) -> Spread:
     """Median and range; failed seeds, None, count as infinite in the median."""
     known = [value for value in values if value is not None]
-    whole = known + [np.inf] * (len(values) - len(known))
-    return Spread(float(np.median(whole)), min(known), max(known))
+    padded = known + [np.inf] * (len(values) - len(known))
+    return Spread(float(np.median(padded)), min(known), max(known))
 
 
 Fronts = dict[str, list[Point]]
@@ -178,16 +178,16 @@ def fronts(rows: Sequence[Row], criterion: Criterion, solvers: str) -> Fronts:
     A point is on the front if no other point of its code is faster with an error as
     small on its mesh and on all finer meshes of its element.
     """
-    found: Fronts = {}
+    by_code: Fronts = {}
     series = methods(rows, criterion).items()
     points = [x for method, own in series if method[2] in SETS[solvers] for x in own]
     for code in dict.fromkeys(point.code for point in points):
-        front = found[code] = list[Point]()
+        front = by_code[code] = list[Point]()
         own = (point for point in points if point.code == code)
         for point in sorted(own, key=lambda p: (p.seconds.median, p.within)):
             if not front or point.within < front[-1].within:
                 front.append(point)
-    return found
+    return by_code
 
 
 def fastest(front: Sequence[Point], error: float) -> Point | None:
@@ -205,29 +205,29 @@ class Comparison(NamedTuple):
     @property
     def ratio(self) -> float | None:
         """Ratio of the run times, other code to this library."""
-        return self._over(lambda point: point.seconds.median)
+        return self._ratio(lambda point: point.seconds.median)
 
     @property
     def solves(self) -> float | None:
         """Ratio of the numbers of linear solves, other code to this library."""
-        return self._over(lambda point: point.solves)
+        return self._ratio(lambda point: point.solves)
 
     @property
     def per_solve(self) -> float | None:
         """Ratio of the times per linear solve, other code to this library."""
-        return self._over(lambda point: point.seconds.median / point.solves)
+        return self._ratio(lambda point: point.seconds.median / point.solves)
 
-    def _over(self, of: Callable[[Point], float]) -> float | None:
+    def _ratio(self, of: Callable[[Point], float]) -> float | None:
         return of(self.other) / of(self.own) if self.own and self.other else None
 
 
 def compared(by_code: Fronts, error: float) -> Comparison:
     """Points of this library and of the fastest other code for an error."""
     reached = {code: fastest(front, error) for code, front in by_code.items()}
-    own = reached.pop(ThisLibrary.code, None)
+    this_library = reached.pop(ThisLibrary.code, None)
     others = [point for point in reached.values() if point]
     other = min(others, key=lambda point: point.seconds.median, default=None)
-    return Comparison(own, other)
+    return Comparison(this_library, other)
 
 
 def ratios(by_code: Fronts) -> list[tuple[float, float]]:
@@ -261,7 +261,7 @@ def pairs(rows: Sequence[Row]) -> Iterator[Pair]:
                 continue
             common: dict[int, dict[str, Comparison]] = {}
             for name, solvers in SETS.items():
-                own, other = (
+                this_library, other = (
                     {
                         point.across: point
                         for solver in solvers
@@ -269,9 +269,9 @@ def pairs(rows: Sequence[Row]) -> Iterator[Pair]:
                     }
                     for who in (ThisLibrary.code, code)
                 )
-                for across in own.keys() & other.keys():
-                    pair = Comparison(own[across], other[across])
+                for across in this_library.keys() & other.keys():
+                    pair = Comparison(this_library[across], other[across])
                     common.setdefault(across, {})[name] = pair
-            whole = [n for n, sets in common.items() if len(sets) == len(SETS)]
-            if whole:
-                yield Pair(criterion.scene, common[max(whole)])
+            complete = [n for n, sets in common.items() if len(sets) == len(SETS)]
+            if complete:
+                yield Pair(criterion.scene, common[max(complete)])

@@ -94,10 +94,10 @@ def codes(rows: Sequence[Row]) -> Iterator[Row]:
     for (name, criterion), solvers in product(CRITERIA.items(), SETS):
         by_code = fronts(rows, criterion, solvers)
         for error, code in product(criterion.levels, by_code):
-            point, own = (
+            point, this_library = (
                 fastest(by_code.get(who, []), error) for who in (code, ThisLibrary.code)
             )
-            pair = Comparison(own, point)
+            pair = Comparison(this_library, point)
             yield {
                 "criterion": name,
                 "error_at_most": error,
@@ -229,8 +229,8 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
             level = criterion.number(error)
             key = f"{name}_{level}_{solvers.lower()}"
             words |= _pair_in_words(key, compared(by_code, error), criterion)
-        found = (compared(by_code, error).other for error in criterion.levels)
-        others = dict.fromkeys(point.code for point in found if point)
+        fastest_points = (compared(by_code, error).other for error in criterion.levels)
+        others = dict.fromkeys(point.code for point in fastest_points if point)
         words |= {f"{name}_{solvers.lower()}_others": " or ".join(others)}
     for (code, element), cells in _to_errors(rows).items():
         if code == ThisLibrary.code:
@@ -341,8 +341,8 @@ def _factor(value: float | None) -> str:
 
 def _key(text: str) -> str:
     """Part of the name of a result."""
-    kept = "".join(c if c.isalnum() else "_" for c in text.lower())
-    return "_".join(part for part in kept.split("_") if part)
+    key = "".join(c if c.isalnum() else "_" for c in text.lower())
+    return "_".join(part for part in key.split("_") if part)
 
 
 def draw_fronts(rows: Sequence[Row], file: File = None) -> Any:
@@ -365,12 +365,12 @@ def _draw_front(
 ) -> None:
     ends, floor = [], criterion.factor * floor
     for code, front in by_code.items():
-        shown = [point for point in front if point.within <= most]
-        if not shown:
+        visible = [point for point in front if point.within <= most]
+        if not visible:
             continue
-        colour, thick = _look(code)
-        x = np.array([point.seconds for point in shown])
-        y = criterion.factor * np.array([point.worst for point in shown])
+        colour, thick = _line_style(code)
+        x = np.array([point.seconds for point in visible])
+        y = criterion.factor * np.array([point.worst for point in visible])
         clear = y[:, 0] > floor
         y = np.maximum(y, floor)
         axes.plot(x[:, 0], y[:, 0], color=colour, linewidth=thick, zorder=3)
@@ -423,12 +423,12 @@ def _apart(wanted: Sequence[float], least: float) -> list[float]:
     [0.0, 0.375, 0.625]
     """
     blocks: list[list[float]] = []  # positions minus minimum offsets
-    for i, place in enumerate(wanted):
-        blocks.append([place - i * least])
+    for i, position in enumerate(wanted):
+        blocks.append([position - i * least])
         while len(blocks) > 1 and np.mean(blocks[-2]) > np.mean(blocks[-1]):
             blocks[-2:] = [blocks[-2] + blocks[-1]]
-    places = [float(np.mean(block)) for block in blocks for _ in block]
-    return [place + i * least for i, place in enumerate(places)]
+    centres = [float(np.mean(block)) for block in blocks for _ in block]
+    return [position + i * least for i, position in enumerate(centres)]
 
 
 def draw_ratios(rows: Sequence[Row], file: File = None) -> Any:
@@ -445,10 +445,10 @@ def draw_ratios(rows: Sequence[Row], file: File = None) -> Any:
         for axes, (name, criterion) in zip(grid[0], CRITERIA.items(), strict=True):
             for i, solvers in enumerate(SETS):
                 known = ratios_by_error(fronts(rows, criterion, solvers))
-                shown = [pair for pair in known if pair[0] <= _MOST[name]]
-                if not shown:
+                visible = [pair for pair in known if pair[0] <= _MOST[name]]
+                if not visible:
                     continue
-                error, ratio = np.array(shown).T
+                error, ratio = np.array(visible).T
                 error, colour = criterion.factor * error, colour_of(i)
                 axes.step(error, ratio, where="pre", color=colour)
                 axes.plot(error[-1], ratio[-1], "o", color=colour, markersize=3)
@@ -457,8 +457,8 @@ def draw_ratios(rows: Sequence[Row], file: File = None) -> Any:
             axes.invert_xaxis()
         first = grid[0, 0]
         for i, words in enumerate(_SET_NAMES.values()):
-            place = {"transform": first.transAxes, "va": "center"}
-            first.text(0.04, 0.94 - 0.1 * i, words, color=colour_of(i), **place)
+            anchor = {"transform": first.transAxes, "va": "center"}
+            first.text(0.04, 0.94 - 0.1 * i, words, color=colour_of(i), **anchor)
     return figure
 
 
@@ -479,14 +479,14 @@ def draw_elements(rows: Sequence[Row], name: str, file: File = None) -> Any:
         elements = dict.fromkeys(element for _, element, _ in known)
         markers = {x: style_of(i)["marker"] for i, x in enumerate(elements)}
         for (code, element, _), series in known.items():
-            colour, thick = _look(code)
+            colour, thick = _line_style(code)
             times = [point.seconds.median for point in series]
             errors = [criterion.factor * point.error.median for point in series]
             style = {"color": colour, "linewidth": thick / 2, "markersize": 3.5}
             axes.plot(times, errors, marker=markers[element], **style)
         _frame(axes, criterion, "run time (s)")
         styles: dict[str, dict[str, Any]] = {
-            code: {"color": _look(code)[0]} for code, _, _ in known
+            code: {"color": _line_style(code)[0]} for code, _, _ in known
         }
         for element, marker in markers.items():
             styles[element] = {"color": "0.3", "linestyle": "", "marker": marker}
@@ -504,7 +504,7 @@ def _frame(axes: Any, criterion: Criterion, xlabel: str) -> None:
     axes.grid(alpha=0.25, linewidth=0.5)
 
 
-def _look(code: str) -> tuple[str, float]:
+def _line_style(code: str) -> tuple[str, float]:
     """Colour and width of the line of a code."""
     return colour_of(_CODES.index(code)), 2.0 if code == ThisLibrary.code else 1.2
 

@@ -124,8 +124,8 @@ class Specimen:
     @property
     def stabilisation(self) -> float:
         """C of the methods in N/mm: 8 G, or 10⁻⁴ E without shear stiffness."""
-        rest = float(self.law.tangent(np.zeros(1))[0])
-        return 8 * rest if rest else 1e-4 * self.E
+        initial = float(self.law.tangent(np.zeros(1))[0])
+        return 8 * initial if initial else 1e-4 * self.E
 
     def fabric(self, scene: Scene) -> Fabric:
         """The fabric of the scene."""

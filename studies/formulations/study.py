@@ -224,8 +224,8 @@ def _deviations(rows: list[Row]) -> str:
     problems = (*BIAS[::2], *BIAS_SIN2[::2])
     lines = []
     for chosen, c in zip((MACRO_TRIANGLES, MACRO), Macro().deviation, strict=True):
-        own = [m for m in DEVIATIONS if m.mesh == chosen.mesh]
-        for method in (*own[:2], chosen, *own[2:]):
+        methods = [m for m in DEVIATIONS if m.mesh == chosen.mesh]
+        for method in (*methods[:2], chosen, *methods[2:]):
             group = "methods" if method is chosen else "deviation"
             line = [f"**{chosen.mesh}, {c:g}**" if method is chosen else method.name]
             for across in ACROSS[:2]:
@@ -233,8 +233,8 @@ def _deviations(rows: list[Row]) -> str:
                     seeds = of(rows, group, problem, method, across)
                     line.append(_over_exact(seeds, problem))
             lines.append(line)
-    shown = [p.name.removeprefix("bias extension, ") for p in problems]
-    head = [f"{n} across: {name}" for n in ACROSS[:2] for name in shown]
+    names = [p.name.removeprefix("bias extension, ") for p in problems]
+    head = [f"{n} across: {name}" for n in ACROSS[:2] for name in names]
     return markdown_table(["deviation", *head], lines)
 
 
@@ -243,13 +243,13 @@ def triangulations(rows: list[Row]) -> str:
     strips = grouped(having(rows, group="triangulations"), "across")
     lines = [
         [
-            str(own[0]["elements"] // 3),
-            ", ".join(f"{_per_stiffness(row):.1e}" for row in own),
-            ", ".join(_strain(row["strain"]) for row in own),
-            ", ".join(f"{row['position']:.2e}" for row in own),
-            ", ".join(_count(row["negative_pivots"]) for row in own),
+            str(group[0]["elements"] // 3),
+            ", ".join(f"{_per_stiffness(row):.1e}" for row in group),
+            ", ".join(_strain(row["strain"]) for row in group),
+            ", ".join(f"{row['position']:.2e}" for row in group),
+            ", ".join(_count(row["negative_pivots"]) for row in group),
         ]
-        for own in strips.values()
+        for group in strips.values()
     ]
     return markdown_table(
         ["triangles", "load / E (mm)", "strain", _ERRORS[1], "negative pivots"], lines
@@ -388,17 +388,17 @@ def draw_convergence(rows: Sequence[Row], file: File = None) -> Any:
         "Position error (mm)": lambda seeds, _: _median(seeds, "position"),
         "Shear-angle error (°)": lambda seeds, _: _median(seeds, "angle"),
     }
-    shown = [m for m in METHODS if m.name not in _NOT_DRAWN]
+    methods = [m for m in METHODS if m.name not in _NOT_DRAWN]
     styles = {
         method.name: style_of(i, linestyle="-" if i < 7 else "--", linewidth=1.2)
-        for i, method in enumerate(shown)
+        for i, method in enumerate(methods)
     }
     titles = [problem.name.replace(", ", "\n", 1) for problem in problems]
     form: dict[str, Any] = {"sharex": "col", "xlabel": "Unknowns", "titles": titles}
     with panels_of((6.9, 6.5), file, 8, ylabels=[*errors], **form) as (figure, grid):
         for row_of_panels, error in zip(grid, errors.values(), strict=True):
             for axes, problem in zip(row_of_panels, problems, strict=True):
-                for method in shown:
+                for method in methods:
                     meshes = [of(rows, "methods", problem, method, n) for n in ACROSS]
                     unknowns = [_median(seeds, "unknowns") for seeds in meshes]
                     off = [error(seeds, problem) for seeds in meshes]

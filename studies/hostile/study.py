@@ -77,9 +77,9 @@ class Hostile(Study[Trials]):
     def examine(self, case: Trials) -> list[Row]:
         """Count the trials by outcome, and list bad outcomes."""
         (family,) = (family for family in FAMILIES if family.name == case.family)
-        found = list(findings(family, case.numbers, case.workers))
-        counts = Counter(finding.outcome for finding in found)
-        bad = [finding for finding in found if finding.outcome not in GOOD]
+        all_findings = list(findings(family, case.numbers, case.workers))
+        counts = Counter(finding.outcome for finding in all_findings)
+        bad = [finding for finding in all_findings if finding.outcome not in GOOD]
         return [
             {
                 "family": case.family,

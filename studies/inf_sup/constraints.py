@@ -86,8 +86,8 @@ class Constraints:
         n, points = basis.dx.shape
         if isinstance(basis, MeanBasis):
             return self._rows(basis, np.arange(n)[:, None], np.ones(1))
-        own = np.eye(points)[:, None]
-        return self._rows(basis, np.arange(n)[:, None], own)
+        values = np.eye(points)[:, None]
+        return self._rows(basis, np.arange(n)[:, None], values)
 
     @cached_property
     def areas(self) -> ndarray:
@@ -96,8 +96,8 @@ class Constraints:
         This diagonal is the L² mass matrix of tensions, integrated exactly.
         """
         dx = self._law_basis.dx
-        own = dx.sum(axis=1) if isinstance(self._law_basis, MeanBasis) else dx.ravel()
-        return np.tile(own, 2)
+        areas = dx.sum(axis=1) if isinstance(self._law_basis, MeanBasis) else dx.ravel()
+        return np.tile(areas, 2)
 
     def on_finer_mesh(self, times: int) -> tuple[CellBasis, csr_matrix]:
         """A basis on the refined mesh, and B on it for the same tensions.
@@ -107,8 +107,8 @@ class Constraints:
         fine = self.formulation.basis(self.mesh.refined(times))
         element = np.tile(np.arange(self.mesh.nelements), 4**times)
         if isinstance(self._law_basis, MeanBasis):
-            whole = self._elements_of_law()[element]
-            return fine, self._rows(fine, whole[:, None], np.ones(1))
+            parent = self._elements_of_law()[element]
+            return fine, self._rows(fine, parent[:, None], np.ones(1))
         powers = _POWERS[self.basis.X.shape[1]]
 
         def monomials(xi: ndarray) -> ndarray:
@@ -126,8 +126,8 @@ class Constraints:
         if parts is None:
             return np.arange(self.mesh.nelements)
         of_part = np.empty(self.mesh.nelements, dtype=int)
-        whole = np.broadcast_to(np.arange(len(parts))[:, None], parts.shape)
-        of_part[parts[parts >= 0]] = whole[parts >= 0]
+        numbers = np.broadcast_to(np.arange(len(parts))[:, None], parts.shape)
+        of_part[parts[parts >= 0]] = numbers[parts >= 0]
         return of_part
 
     def _rows(self, basis: Any, element: ndarray, tensions: ndarray) -> csr_matrix:

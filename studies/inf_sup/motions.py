@@ -89,10 +89,10 @@ def distances(
         sizes.append(((dot(u.value, u.value) + ddot(u.grad, u.grad)) * points.dx).sum())
         form = LinearForm(lambda v, w, u=u: dot(u.value, v) + ddot(u.grad, grad(v)))
         forms.append(asm(form, points))
-    whole, f = sum(sizes), np.array(forms).T
+    total, f = sum(sizes), np.array(forms).T
     met_by_mesh = np.sum(f * solve(gram(basis).toarray(), f, assume_a="pos"))
     met_by_kernel = np.sum((kernel.T @ f) ** 2)
-    missed = np.maximum(0.0, 1 - np.array([met_by_mesh, met_by_kernel]) / whole)
+    missed = np.maximum(0.0, 1 - np.array([met_by_mesh, met_by_kernel]) / total)
     from_mesh, from_kernel = np.sqrt(missed)
     return float(from_mesh), float(from_kernel)
 

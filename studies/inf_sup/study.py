@@ -130,29 +130,29 @@ class Case:
 
     def rows(self) -> list[Row]:
         """Singular values, kernel and distances; also the stiffness of flat plies."""
-        asked = self.constraints()
-        found = spectrum(asked, self.refined)
+        constraints = self.constraints()
+        result = spectrum(constraints, self.refined)
         row: Row = {
             "method": self.method.name,
             "layout": str(self.layout),
             "shear": self.shear,
             "refined": self.refined,
             "across": self.across,
-            "unknowns": asked.basis.N,
-            "constraints": asked.matrix.shape[0],
-            "rank": len(found.values),
-            "kernel": found.kernel.shape[1],
-            "inf_sup": found.inf_sup,
-            "inf_sup_in_l2": found.in_l2,
-            "largest": float(found.values[-1]),
-            "largest_zero": found.largest_zero,
+            "unknowns": constraints.basis.N,
+            "constraints": constraints.matrix.shape[0],
+            "rank": len(result.values),
+            "kernel": result.kernel.shape[1],
+            "inf_sup": result.inf_sup,
+            "inf_sup_in_l2": result.in_l2,
+            "largest": float(result.values[-1]),
+            "largest_zero": result.largest_zero,
         }
         for kind, profiles in (("smooth", SMOOTH), ("kinked", KINKED)):
-            from_mesh, from_kernel = distances(asked, found.kernel, profiles)
+            from_mesh, from_kernel = distances(constraints, result.kernel, profiles)
             row[f"{kind}_from_mesh"] = from_mesh
             row[f"{kind}_from_kernel"] = from_kernel
             if not self.shear:
-                row[f"{kind}_stiffness"] = stiffness(asked, profiles)
+                row[f"{kind}_stiffness"] = stiffness(constraints, profiles)
         return [row]
 
 
@@ -185,12 +185,12 @@ def of(
     refined: int = REFINED,
 ) -> dict[int, Row]:
     """The rows of a method and a layout, by number of spacings."""
-    given = {"method": method.name, "layout": str(layout), "shear": shear}
-    found = having(rows, **given, refined=refined)
-    return {row["across"]: row for row in sorted(found, key=lambda row: row["across"])}
+    keys = {"method": method.name, "layout": str(layout), "shear": shear}
+    chosen = having(rows, **keys, refined=refined)
+    return {row["across"]: row for row in sorted(chosen, key=lambda row: row["across"])}
 
 
-def order(found: dict[int, float]) -> float:
+def order(by_n: dict[int, float]) -> float:
     """Convergence order in h from the two finest meshes.
 
     Examples
@@ -198,17 +198,17 @@ def order(found: dict[int, float]) -> float:
     >>> round(order({4: 0.8, 8: 0.4, 16: 0.1}), 12)
     2.0
     """
-    (n, coarse), (m, fine) = list(found.items())[-2:]
+    (n, coarse), (m, fine) = list(by_n.items())[-2:]
     return float(np.log(coarse / fine) / np.log(m / n))
 
 
 def constants(rows: Sequence[Row], key: str) -> str:
     """A constant on the coarsest and finest mesh; its order if meshes are regular."""
 
-    def cell(found: dict[int, Row]) -> str:
-        values = {across: row[key] for across, row in found.items()}
+    def cell(by_n: dict[int, Row]) -> str:
+        values = {across: row[key] for across, row in by_n.items()}
         first, *_, last = values.values()
-        regular = str(IRREGULAR) not in {row["layout"] for row in found.values()}
+        regular = str(IRREGULAR) not in {row["layout"] for row in by_n.values()}
         power = f", h^{round(order(values), 1) + 0.0:.1f}" if regular else ""
         return f"{first:.2g} to {last:.2g}{power}"
 
@@ -217,7 +217,7 @@ def constants(rows: Sequence[Row], key: str) -> str:
 
 def ratios(rows: Sequence[Row]) -> str:
     """Distances of modes from the kernel relative to the distances from the mesh."""
-    return _by_layout(rows, lambda found: _of_kinds(found, _from_kernel, ".2f"))
+    return _by_layout(rows, lambda by_n: _of_kinds(by_n, _from_kernel, ".2f"))
 
 
 def stiffnesses(rows: Sequence[Row]) -> str:
@@ -226,12 +226,12 @@ def stiffnesses(rows: Sequence[Row]) -> str:
     def stiffness(row: Row, kind: str) -> float:
         return float(row[f"{kind}_stiffness"])
 
-    return _by_layout(rows, lambda found: _of_kinds(found, stiffness, ".4g"))
+    return _by_layout(rows, lambda by_n: _of_kinds(by_n, stiffness, ".4g"))
 
 
-def _of_kinds(found: dict[int, Row], value: Callable, form: str) -> str:
+def _of_kinds(by_n: dict[int, Row], value: Callable, form: str) -> str:
     """A value for both kinds of modes on the finest mesh."""
-    return ", ".join(f"{value(found[max(found)], kind):{form}}" for kind in _KINDS)
+    return ", ".join(f"{value(by_n[max(by_n)], kind):{form}}" for kind in _KINDS)
 
 
 def _from_kernel(row: Row, kind: str) -> float:
@@ -248,8 +248,8 @@ def _by_layout(
     """
     lines = []
     for method in METHODS:
-        found = [of(rows, method, layout) for layout in LAYOUTS]
-        cells = (cell(x) if len(x) >= least else "-" for x in found)
+        by_layout = [of(rows, method, layout) for layout in LAYOUTS]
+        cells = (cell(x) if len(x) >= least else "-" for x in by_layout)
         lines.append([method.name, *cells])
     return markdown_table(["method", *LAYOUTS], lines)
 
@@ -271,7 +271,7 @@ def sheared(rows: Sequence[Row]) -> str:
 
     def cell(method: Method, layout: Layout) -> str:
         pair = (of(rows, method, layout, shear) for shear in (0, SHEARED))
-        return ", ".join(_inf_sup(found, SHEARED_ACROSS, ".3g") for found in pair)
+        return ", ".join(_inf_sup(by_n, SHEARED_ACROSS, ".3g") for by_n in pair)
 
     lines = [[method.name, *(cell(method, x) for x in layouts)] for method in METHODS]
     return markdown_table(["method", *layouts], lines)
@@ -293,17 +293,17 @@ def norms(rows: Sequence[Row]) -> str:
     return markdown_table(["method", *(f"{2**n} × {2**n} parts" for n in often)], lines)
 
 
-def _inf_sup(found: dict[int, Row], across: int, form: str) -> str:
-    return f"{found[across]['inf_sup']:{form}}" if across in found else "-"
+def _inf_sup(by_n: dict[int, Row], across: int, form: str) -> str:
+    return f"{by_n[across]['inf_sup']:{form}}" if across in by_n else "-"
 
 
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
     """The results by name; needs the rows of all cases."""
     means = QUADRATIC_MEAN, MACRO, MACRO_TRIANGLES
     meshes = [[*of(rows, m, layout).values()] for m in means for layout in LAYOUTS]
-    finest = [found[-1] for found in meshes]
-    regular = [found for found in meshes if found[0]["layout"] != str(IRREGULAR)]
-    falls = [1 - found[-1]["inf_sup"] / found[-2]["inf_sup"] for found in regular]
+    finest = [mesh[-1] for mesh in meshes]
+    regular = [mesh for mesh in meshes if mesh[0]["layout"] != str(IRREGULAR)]
+    falls = [1 - mesh[-1]["inf_sup"] / mesh[-2]["inf_sup"] for mesh in regular]
     furthest = max(_from_kernel(row, kind) for row in finest for kind in _KINDS)
     along, diagonal = of(rows, TWO_BY_TWO, Layout(0)), of(rows, QUADRATIC, Layout(45))
     irregular = of(rows, ONE_POINT_TRIANGLES, IRREGULAR)
@@ -370,9 +370,9 @@ def draw_constants(rows: Sequence[Row], file: File = None) -> Any:
         for i, key in enumerate(results):
             for axes, layout in zip(grid[i], layouts, strict=True):
                 for method in METHODS:
-                    found = of(rows, method, layout)
-                    values = [row[key] for row in found.values()]
-                    axes.loglog(list(found), values, **styles[method.name])
+                    by_n = of(rows, method, layout)
+                    values = [row[key] for row in by_n.values()]
+                    axes.loglog(list(by_n), values, **styles[method.name])
                 axes.grid(alpha=0.3)
             first = grid[i, 0]
             first.xaxis.set_major_locator(FixedLocator(ACROSS))

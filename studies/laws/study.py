@@ -207,14 +207,14 @@ def errors(
 ) -> np.ndarray:
     """Relative load errors of the seeds; nan if a run fails."""
     end = converged(rows, material)
-    own = of(rows, material, method, across)
-    return np.array([row["load"] / end - 1 for row in own])
+    selected = of(rows, material, method, across)
+    return np.array([row["load"] / end - 1 for row in selected])
 
 
 def _loads(rows: Sequence[Row], material: Material) -> list[float]:
     """Loads of the references in N; nan if missing."""
-    found = (of(rows, material, *reference) for reference in REFERENCES)
-    return [own[0]["load"] if own else np.nan for own in found]
+    groups = (of(rows, material, *reference) for reference in REFERENCES)
+    return [group[0]["load"] if group else np.nan for group in groups]
 
 
 def _differences(loads: Sequence[float]) -> tuple[float, float]:
@@ -229,9 +229,9 @@ def references(rows: Sequence[Row]) -> str:
     for material in MATERIALS:
         loads = _loads(rows, material)
         off = _differences(loads)
-        shown = [f"{x:.2f}" if np.isfinite(x) else "-" for x in loads]
+        texts = [f"{x:.2f}" if np.isfinite(x) else "-" for x in loads]
         agree = "yes" if max(map(abs, off)) <= AGREEMENT else "no"
-        lines.append([material.name, *shown, *map(percent, off), agree])
+        lines.append([material.name, *texts, *map(percent, off), agree])
     head = [f"{method.name}, {cells} cells: N" for method, cells in REFERENCES]
     head += ["apart", "last halving", f"within {100 * AGREEMENT:g} %"]
     return markdown_table(["material", *head], lines)
@@ -262,12 +262,12 @@ def _cells(
     known = off[np.isfinite(off)]
     if not known.size:
         return ["-"] * 4
-    middle, met = np.median(known), np.sum(np.abs(known) <= limit)
+    middle, passed = np.median(known), np.sum(np.abs(known) <= limit)
     refused = off.size - known.size
     return [
         percent(middle) + (f" ({refused} refused)" if refused else ""),
         percent(furthest(known)),
-        f"{'yes' if abs(middle) <= limit else 'no'}, {met} of {off.size}",
+        f"{'yes' if abs(middle) <= limit else 'no'}, {passed} of {off.size}",
         warned(of(rows, material, method, across)),
     ]
 
@@ -282,12 +282,12 @@ def warned(rows: Sequence[Row]) -> str:
     >>> warned([{"warnings": text} for text in texts])
     'deviations 1, path 2'
     """
-    told = Counter(
+    counts = Counter(
         subject
         for row in rows
         for subject in {_subject(x) for x in (row["warnings"] or "").split(" | ") if x}
     )
-    return ", ".join(f"{subject} {n}" for subject, n in sorted(told.items())) or "-"
+    return ", ".join(f"{subject} {n}" for subject, n in sorted(counts.items())) or "-"
 
 
 def _subject(warning: str) -> str:
@@ -302,7 +302,7 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
         key: median(errors(rows, *key))
         for key in product(MATERIALS, (QUADS, TRIANGLES), ACROSS)
     }
-    met = (
+    passed = (
         sum(abs(x) <= share * LIMITS[across] for (*_, across), x in medians.items())
         for share in (1.0, 0.5)
     )
@@ -315,7 +315,7 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
     differences = [_differences(_loads(rows, m)) for m in MATERIALS]
     words = {
         **{f"limit_{n}": percent(LIMITS[n], "g") for n in ACROSS},
-        **{key: f"{n} of {len(medians)}" for key, n in zip(_MET, met, strict=True)},
+        **{key: f"{n} of {len(medians)}" for key, n in zip(_MET, passed, strict=True)},
         "references": percent(np.max(np.abs(differences)), ".2f"),
         "in_more_steps": percent(max(map(abs, changes)), ".1f"),
     }
@@ -340,10 +340,10 @@ def draw_errors(rows: Sequence[Row], file: File = None) -> Any:
     with panels_of((8.0, 3.8), file, 9, titles, labels, sharey=True) as (figure, grid):
         for axes, (across, limit) in zip(grid[0], LIMITS.items(), strict=True):
             axes.axhspan(-100 * limit, 100 * limit, color="0.9")
-            for place, material in enumerate(MATERIALS):
+            for position, material in enumerate(MATERIALS):
                 for i, (method, style) in enumerate(zip(methods, styles, strict=True)):
                     off = 100 * errors(rows, material, method, across)
-                    x = np.full(len(off), place + _SPREAD * (i - 1))
+                    x = np.full(len(off), position + _SPREAD * (i - 1))
                     axes.plot(x, off, alpha=0.7, **style)
             names = [material.name for material in MATERIALS]
             axes.set_xticks(range(len(names)), names, rotation=20)

@@ -122,12 +122,12 @@ def examined(case: Strip) -> Row:
 
 def table(rows: Sequence[Row]) -> str:
     """The strips, with a column for each entry of their rows."""
-    shown = [{k: v for k, v in row.items() if k != "case"} for row in rows]
+    cells = [{k: v for k, v in row.items() if k != "case"} for row in rows]
     lines = [
         [f"{x:.3g}" if isinstance(x, float) else x for x in row.values()]
-        for row in shown
+        for row in cells
     ]
-    return markdown_table(shown[0], lines)
+    return markdown_table(cells[0], lines)
 
 
 def draw(rows: Sequence[tuple[Strip, Row]], folder: Path) -> None:
@@ -216,8 +216,8 @@ class Paper(Study[Strip | str]):
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
         """Texts of the files, without the data for figures."""
-        kept = [{k: x for k, x in row.items() if k != "drawn"} for row in rows]
-        return super().tables(kept)
+        drawable = [{k: x for k, x in row.items() if k != "drawn"} for row in rows]
+        return super().tables(drawable)
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
         """Largest difference between energy and rate form at the largest C_s."""
@@ -228,8 +228,8 @@ class Paper(Study[Strip | str]):
 
     def written(self, cases: Sequence[Strip | str]) -> list[str]:
         """Names of the files; figures are replaced only by runs of all strips."""
-        whole = {*map(str, strips())} <= {*map(str, cases)}
-        return [*super().written(cases), *(self.pictures if whole else ())]
+        complete = {*map(str, strips())} <= {*map(str, cases)}
+        return [*super().written(cases), *(self.pictures if complete else ())]
 
     def draw(self, rows: list[Row], folder: Path) -> None:
         drawn = [row["drawn"] for row in rows if "drawn" in row]

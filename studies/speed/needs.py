@@ -161,11 +161,11 @@ def added(results: Row) -> dict[str, dict[str, tuple[float, float]]]:
     adds: dict[str, dict[str, tuple[float, float]]] = {}
     for before, name in zip((None, *every), every, strict=False):
         adds[name] = {}
-        for cost, now in every[name].items():
-            was = every[before].get(cost) if before else None
-            was = was or dict.fromkeys(("median", "least", "most"), 0.0)
-            scatter = (now["most"] - now["least"] + was["most"] - was["least"]) / 3
-            adds[name][cost] = now["median"] - was["median"], scatter
+        for cost, new in every[name].items():
+            old = every[before].get(cost) if before else None
+            old = old or dict.fromkeys(("median", "least", "most"), 0.0)
+            scatter = (new["most"] - new["least"] + old["most"] - old["least"]) / 3
+            adds[name][cost] = new["median"] - old["median"], scatter
     return adds
 
 
@@ -194,9 +194,9 @@ def heavy_of(modules: Sequence[str]) -> list[str]:
     """
     packages = set()
     for module in modules:
-        first, *rest = module.split(".")
-        if first == "scipy" and rest and rest[0][0] != "_" and rest[0] != "version":
-            packages.add(f"scipy.{rest[0]}")
+        first, *tail = module.split(".")
+        if first == "scipy" and tail and tail[0][0] != "_" and tail[0] != "version":
+            packages.add(f"scipy.{tail[0]}")
         elif first in HEAVY and first != "scipy":
             packages.add(first)
     return sorted(packages)

@@ -54,7 +54,7 @@ def main(kind: str, name: str, elements: str) -> None:
     elif kind == "feature":
         used = FEATURES[: 1 + FEATURES.index(name)]
         ply = _with_features(used, int(elements))
-        results = _costs(*ply) | {"later": _later(used, *ply)}
+        results = _costs(*ply) | {"later": _post(used, *ply)}
     else:
         results = _costs(*_without(name, kind == "zero", int(elements)))
     loaded = [module for module in sys.modules if module not in _BEFORE]
@@ -176,7 +176,7 @@ def _costs(arguments: tuple[Any, ...], dimension: int) -> dict[str, Any]:
     }
 
 
-def _later(used: tuple[str, ...], arguments: tuple[Any, ...], dimension: int) -> float:
+def _post(used: tuple[str, ...], arguments: tuple[Any, ...], dimension: int) -> float:
     """CPU time in s of post-processing, without imports."""
     from skfem_textile import LoadStepper, Ply
 

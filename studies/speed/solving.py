@@ -194,11 +194,11 @@ def iteration(settings: Settings) -> Row:
     stock = {e: median(t[-1] for t in times[f"{e}: scikit-fem"]) for e in ELEMENTS}
     results = {}
     for name, rows in sorted(times.items()):
-        *parts, whole = zip(*rows, strict=True)
+        *parts, total = zip(*rows, strict=True)
         results[name] = {
-            "seconds": spread(whole),
+            "seconds": spread(total),
             "parts": [median(part) for part in parts],
-            "stock_over_this": stock[name.partition(":")[0]] / median(whole),
+            "stock_over_this": stock[name.partition(":")[0]] / median(total),
         }
     return {
         "elements": elements,
@@ -233,17 +233,17 @@ def _codes() -> tuple[dict[str, tuple[Any, ...]], dict[str, str]]:
 
 def _timed(name: str, elements: int) -> list[list[float]]:
     """Times of two iterations of one code, after one for warm-up."""
-    make, *given = _codes()[0][name]
-    one_round = make(*given, strip_of(elements))
+    make, *arguments = _codes()[0][name]
+    one_round = make(*arguments, strip_of(elements))
     rounds = [one_round() for _ in range(3)][1:]
     return [[*parts, sum(parts)] for parts in rounds]
 
 
 def _ratios(codes: dict[str, Row]) -> dict[str, float]:
     """Time ratios of the installed codes."""
-    own, ratios = "Q4, 2×2: skfem_textile, cholmod", {}
+    ours, ratios = "Q4, 2×2: skfem_textile, cholmod", {}
     for rival in ("DOLFINx", "FElupe with Pardiso"):
-        pair = [codes[name] for name in (f"Q4, 2×2: {rival}", own) if name in codes]
+        pair = [codes[name] for name in (f"Q4, 2×2: {rival}", ours) if name in codes]
         if len(pair) == 2:
             one, other = (code["seconds"]["median"] for code in pair)
             ratios[f"{rival} over skfem_textile with cholmod"] = one / other
@@ -387,18 +387,18 @@ def _shares(size: tuple[int, int]) -> Row:
     scene = strip(size=size)
     ply = Ply(scene.mesh, Fabric(1e4, 0.5), OnePoint(100.0))
     result = LoadStepper(ply, scene.conditions, steps=4).run()
-    whole = result.wall_time_s
-    rest = whole - result.assembly_time_s - result.solve_time_s
+    total = result.wall_time_s
+    remainder = total - result.assembly_time_s - result.solve_time_s
     moved = [(1 + 1e-9 * i) * result.u for i in range(9)]  # avoids cached values
     corners = median(seconds(ply.corners.area_ratio, u)[1] for u in moved)
     return {
         "elements": ply.mesh.nelements,
         "linear_solves": result.linear_solves,
-        "seconds_of_a_solve": whole / result.linear_solves,
-        "assembly": result.assembly_time_s / whole,
-        "factorisation_and_solution": result.solve_time_s / whole,
-        "rest": rest / whole,
-        "every_corner_once": corners * result.linear_solves / whole,
+        "seconds_of_a_solve": total / result.linear_solves,
+        "assembly": result.assembly_time_s / total,
+        "factorisation_and_solution": result.solve_time_s / total,
+        "rest": remainder / total,
+        "every_corner_once": corners * result.linear_solves / total,
     }
 
 

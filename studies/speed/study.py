@@ -96,8 +96,8 @@ def iteration_table(results: Row) -> str:
         parts = [f"{1e3 * part:.0f}" for part in code["parts"]]
         if len(parts) == 2:
             parts.append("included")
-        whole = f"{1e3 * code['seconds']['median']:.0f}"
-        lines.append([name, *parts, whole, f"{code['stock_over_this']:.2f}"])
+        total = f"{1e3 * code['seconds']['median']:.0f}"
+        lines.append([name, *parts, total, f"{code['stock_over_this']:.2f}"])
     head = ["code", "assembly", "factorisation", "solution", "all, ms", "stock / this"]
     return markdown_table(head, lines)
 
@@ -171,10 +171,10 @@ def petsc_table(results: Row) -> str:
 
 def whole_strip_table(results: Row) -> str:
     """Times of this library and of plain Newton, and their ratio."""
-    own, stock = results["own"], results["stock"]
+    ours, stock = results["own"], results["stock"]
     steps = f"scikit-fem, plain Newton, {stock['steps']} steps"
     lines = [
-        ["skfem_textile, one step", f"{own['median']:.2f}", own["linear_solves"]],
+        ["skfem_textile, one step", f"{ours['median']:.2f}", ours["linear_solves"]],
         [steps, f"{stock['seconds']:.0f}", stock["linear_solves"]],
         ["ratio", f"{results['stock_over_own']:.0f}", ""],
     ]
@@ -430,13 +430,13 @@ def _draw_panel(axes: Any, changes: Sequence[tuple[float, float]]) -> None:
         if row + 1 < len(changes):
             axes.plot([after] * 2, [row - 0.4, row + 1.4], color="grey", linewidth=0.5)
         low, high = sorted((before / scale, after / scale))
-        place, ha, more = (low + high) / 2, "center", {"color": "white"}
+        position, ha, more = (low + high) / 2, "center", {"color": "white"}
         if 1 - high >= _ROOM:  # right of the bar, left of it, or inside
-            place, ha, more = high + _GAP, "left", {}
+            position, ha, more = high + _GAP, "left", {}
         elif low >= _ROOM:
-            place, ha, more = low - _GAP, "right", {}
+            position, ha, more = low - _GAP, "right", {}
         text = two_digits(change, scatter if row else 0.0)
-        axes.text(place * scale, row, text, ha=ha, va="center", fontsize=7, **more)
+        axes.text(position * scale, row, text, ha=ha, va="center", fontsize=7, **more)
     axes.set_xlim(0, 1.05 * scale)
     axes.xaxis.set_major_locator(MaxNLocator(2))
     axes.tick_params(axis="y", length=0)

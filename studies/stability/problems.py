@@ -96,16 +96,16 @@ def net_of(
     return trellis(mesh, size, warp=warp, weft=weft, turns=turns)
 
 
-def placed_strip(scale: float, shift: float, **options: Any) -> Scene:
+def transformed_strip(scale: float, shift: float, **options: Any) -> Scene:
     """The strip, scaled and translated along x and y."""
     scene = on_split_mesh(strip, **options) if options else strip()
 
-    def unplaced(X: ndarray) -> ndarray:
+    def untransformed(X: ndarray) -> ndarray:
         return (X - shift) / scale
 
     def moved(condition: Condition) -> Condition:
         def value(X: ndarray, t: float) -> ndarray:
-            values = scale * condition.values("", unplaced(X), t)
+            values = scale * condition.values("", untransformed(X), t)
             return values if condition.direction is None else values[0]
 
         return Condition(condition.where, value, condition.direction)
@@ -118,8 +118,8 @@ def placed_strip(scale: float, shift: float, **options: Any) -> Scene:
             for name, c in scene.conditions.items()
             if isinstance(c, Condition)
         },
-        displacement=lambda X, t: scale * scene.displacement(unplaced(X), t),
-        shear_angle=lambda X, t: scene.shear_angle(unplaced(X), t),
+        displacement=lambda X, t: scale * scene.displacement(untransformed(X), t),
+        shear_angle=lambda X, t: scene.shear_angle(untransformed(X), t),
     )
 
 
@@ -144,11 +144,11 @@ def _with_flat_angles(width: float, height: float, size: tuple[int, int]) -> Mes
     node = np.arange(mesh.p.shape[1]).reshape(size[1] + 1, size[0] + 1)
     moved = node[1:-1:2, 1:-1:2].ravel()
     points = mesh.p.copy()
-    points[:, moved] -= (1 - _opened(a, b)) * np.array([[a], [b]])
+    points[:, moved] -= (1 - _diagonal_share(a, b)) * np.array([[a], [b]])
     return with_edges(MeshQuad(points, mesh.t))
 
 
-def _opened(a: float, b: float) -> float:
+def _diagonal_share(a: float, b: float) -> float:
     """Fraction c of the diagonal that gives an angle of 179°, by bisection."""
     low, high = 0.5, 1.0
     for _ in range(60):
@@ -313,8 +313,8 @@ def _large_shear() -> Iterator[Extreme]:
 def _coordinates() -> Iterator[Extreme]:
     """The strip in other units or translated; E and C_s are forces per length."""
     for element, stiffer in zip(_both(10.0), _both(1e4), strict=True):
-        metres = partial(placed_strip, scale=1e-3, shift=0.0)
-        far = partial(placed_strip, scale=1.0, shift=1e6)
+        metres = partial(transformed_strip, scale=1e-3, shift=0.0)
+        far = partial(transformed_strip, scale=1.0, shift=1e6)
         yield Extreme("coordinates", "metres", metres, stiffer, E=1e7)
         yield Extreme("coordinates", "10⁶ mm away", far, element)
 
@@ -360,7 +360,7 @@ def _macro_elements() -> Iterator[Extreme]:
         ("metres", 1e7, 1e-3, 0.0),
         ("10⁶ mm away", 1e4, 1.0, 1e6),
     ):
-        scene = partial(placed_strip, scale=scale, shift=shift, size=size)
+        scene = partial(transformed_strip, scale=scale, shift=shift, size=size)
         yield Extreme("macro-elements", label, scene, Macro(), E)
 
 

@@ -107,11 +107,11 @@ class End:
 
     def energy_off(self, other: "End") -> float:
         """Difference of the energies relative to the larger one."""
-        return _off([self.energy], [other.energy], other.no_energy)
+        return _relative_error([self.energy], [other.energy], other.no_energy)
 
     def reactions_off(self, other: "End") -> float:
         """Largest difference of reaction components relative to the largest one."""
-        return _off(self.reactions, other.reactions, other.no_force)
+        return _relative_error(self.reactions, other.reactions, other.no_force)
 
     def agrees(self, reference: "End") -> bool:
         """Return True if both runs have the same sound final state."""
@@ -144,7 +144,7 @@ def outcome(end: End, reference: End, solvable: bool) -> str:
     return WRONG if end.path_resolved else OTHER
 
 
-def _off(ours: Any, theirs: Any, nothing: float) -> float:
+def _relative_error(ours: Any, theirs: Any, nothing: float) -> float:
     """Largest difference relative to the largest magnitude; 0 within ``nothing``."""
     ours, theirs = np.asarray(ours), np.asarray(theirs)
     difference = float(np.abs(ours - theirs).max())
@@ -206,13 +206,13 @@ def _run(problem: Extreme, steps: int, method: str = "newton") -> tuple[End, Row
     size = float(np.ptp(scene.mesh.p, axis=1).max())
     area = float(ply.basis.dx.sum())
     last = result.states[-1]
-    met = not problem.exact or (
+    accurate = not problem.exact or (
         scene.errors(result)["displacement_error_max"] <= _EXACT * size
     )
     end = End(
         converged=result.converged,
         sound=result.converged
-        and met
+        and accurate
         and is_sound(ply, scene, last.u, last.parameters),
         path_resolved=result.path_resolved,
         energy=float(summed_up["energy"]),
@@ -280,12 +280,12 @@ def in_words(rows: list[Row]) -> dict[str, str]:
     """Counts of the outcomes, and differences of right and other runs."""
     by = {name: having(rows, outcome=kind) for kind, name in OUTCOMES.items()}
     resolved = [row for row in by["right"] if row["path_resolved"]]
-    own = [row for row in by["right"] if row["corners_energy"]]
+    corner_rows = [row for row in by["right"] if row["corners_energy"]]
     problems = grouped(rows, "family", "problem")
     laws = [key for key in problems if key[0].startswith("laws")]
     others = [row for row in by["other"] if row["family"].startswith("laws")]
     several = grouped(others, "family", "problem")
-    corners = (row["corners_energy"] / row["energy"] for row in own)
+    corners = (row["corners_energy"] / row["energy"] for row in corner_rows)
     return {
         **{name: str(len(group)) for name, group in by.items()},
         "cases": str(len(rows)),
@@ -298,7 +298,7 @@ def in_words(rows: list[Row]) -> dict[str, str]:
         "right_unresolved": str(len(by["right"]) - len(resolved)),
         "law_problems_with_several": f"{len(several)} of {len(laws)}",
         "refused_problems": str(len({row["problem"] for row in by["refused"]})),
-        "corners": str(len(own)),
+        "corners": str(len(corner_rows)),
         "corners_share": _largest(corners),
         "right_min_det_F": f"{min(row['min_det_F'] for row in by['right']):.2g}",
         "solves_1_step": _median_solves(rows, 1),
@@ -318,10 +318,10 @@ def _largest(shares: Iterable[float]) -> str:
 def draw_outcomes(rows: Sequence[Row], file: File = None) -> Any:
     """Draw a bar for each family of problems, with its numbers of runs."""
     families = {
-        family: Counter(row["outcome"] for row in own)
-        for family, own in grouped(rows, "family").items()
+        family: Counter(row["outcome"] for row in group)
+        for family, group in grouped(rows, "family").items()
     }
-    whole = sum(families.values(), Counter[str]())
+    totals = sum(families.values(), Counter[str]())
     with figure_of((_WIDTH, _BAR * (len(families) + 5)), file, _FONT) as figure:
         axes = figure.add_subplot()
         for y, counts in enumerate(families.values()):
@@ -335,7 +335,7 @@ def draw_outcomes(rows: Sequence[Row], file: File = None) -> Any:
         axes.spines["left"].set_visible(False)
         axes.tick_params(axis="y", length=0)
         for kind, colour in zip(OUTCOMES, _COLOURS, strict=True):
-            axes.barh(0, 0, color=colour, label=f"{kind}: {whole[kind]}")
+            axes.barh(0, 0, color=colour, label=f"{kind}: {totals[kind]}")
         figure.legend(loc="outside lower center", ncols=2, frameon=False)
     return figure
 

@@ -141,7 +141,7 @@ def test_a_measured_angle_overrides_the_theoretical_one_and_shows_its_limit():
     data = Specimen("one", BIAS, BIAS.force(QUINTIC, gamma), moved, gamma)
     fit = fit_shear([data])
     np.testing.assert_allclose(fit.fit.values, QUINTIC.coefficients[::2], rtol=1e-8)
-    assert np.degrees(data.kinematics_hold_to) == pytest.approx(39.0)  # 2 degrees
+    assert np.degrees(data.kinematics_limit) == pytest.approx(39.0)  # 2 degrees
     assert "beyond 39.0 degrees" in notes(fit)
 
 
@@ -213,7 +213,7 @@ def test_the_limit_of_the_kinematics_is_within_the_test():
     theta = np.radians(75.0)
     strip = BiasExtension(100.0, 200 * np.tan(theta), theta)
     data = specimen(strip, QUINTIC, end=20.0)
-    assert np.degrees(data.kinematics_hold_to) == pytest.approx(30.0)
+    assert np.degrees(data.kinematics_limit) == pytest.approx(30.0)
 
 
 def test_parameters_that_are_all_at_bounds_have_no_band():

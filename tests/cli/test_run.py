@@ -65,14 +65,14 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
 
 def interrupt_at(monkeypatch, number):
     """Interrupt the command line after this many states, the initial one included."""
-    keep = Run._keep
+    keep = Run._append
 
     def interrupt(run, *arguments):
         if len(run.states) == number:
             raise KeyboardInterrupt
         keep(run, *arguments)
 
-    monkeypatch.setattr(Run, "_keep", interrupt)
+    monkeypatch.setattr(Run, "_append", interrupt)
 
 
 def test_an_interruption_before_any_state_is_reported(tmp_path, capsys, monkeypatch):
@@ -183,7 +183,7 @@ def test_an_output_folder_that_cannot_be_written_is_rejected(tmp_path, capsys):
 
 
 def test_a_second_run_into_a_folder_is_rejected_first(tmp_path, capsys, monkeypatch):
-    keep, codes = Run._keep, []
+    keep, codes = Run._append, []
 
     def second(first, *arguments):
         keep(first, *arguments)
@@ -191,7 +191,7 @@ def test_a_second_run_into_a_folder_is_rejected_first(tmp_path, capsys, monkeypa
             codes.append(None)
             codes[0] = run(tmp_path, *QUICK)
 
-    monkeypatch.setattr(Run, "_keep", second)
+    monkeypatch.setattr(Run, "_append", second)
     assert run(tmp_path, *QUICK) == 0
     assert codes == [2]
     stderr = capsys.readouterr().err

@@ -56,7 +56,7 @@ def test_the_estimate_uses_a_finer_ply_on_the_surface():
     carried = finer.carry(state.u, state.parameters)
     assert not fine.surfaces.are_on(carried[0], 1.0)
     trial = error_estimate._Trial(fine, *carried)
-    u, _ = error_estimate._moved(trial, np.zeros(2), loaded=True)
+    u, _ = error_estimate._update(trial, np.zeros(2), loaded=True)
     assert fine.surfaces.are_on(u, 1.0)
 
 
@@ -86,7 +86,7 @@ def test_a_run_without_load_explains_its_lack_of_estimate(
     monkeypatch.setattr(error_estimate, "within_laws", within)
     trial = error_estimate._Trial(fine, *finer.carry(state.u, state.parameters))
     with pytest.raises(NoEquilibriumError, match=reason):
-        error_estimate._moved(trial, np.zeros(2), loaded=False)
+        error_estimate._update(trial, np.zeros(2), loaded=False)
     assert len(made) == 1
 
 

@@ -149,7 +149,7 @@ def test_any_point_of_a_sheet_is_located(share):
     element = random.integers(0, n, 500)
     local = random.uniform(0, 1, (2, 500))
     local[:, :100] = np.round(local[:, :100])
-    exact = drape.Places(element, local, np.zeros(500))
+    exact = drape.SheetPoints(element, local, np.zeros(500))
     at = sheet._elements.between(x, element, local)
     spots = sheet.at(at)
     assert spots.found.all()

@@ -18,7 +18,7 @@ from skfem_textile import (
 )
 from skfem_textile.scenes import Case, double_dome
 from skfem_textile.solve import problem as tangent_module
-from skfem_textile.solve.continuation import on_grown_surface
+from skfem_textile.solve.continuation import surface_predictor
 from skfem_textile.solve.problem import Tangent
 from skfem_textile.solve.states import NoEquilibriumError
 from studies.formulations.drape import chebyshev
@@ -74,12 +74,12 @@ def test_the_initial_guess_on_a_grown_cylinder_is_the_rolled_ply():
     ply = square(60.0, 4, Fabric(1e4, 0.1))
     cylinder = drape.Cylinder(40.0, (0, 0, -40))
     problem, rest = problem_and_start(ply, cylinder)
-    u = on_grown_surface(problem.at(0.5), rest).u
+    u = surface_predictor(problem.at(0.5), rest).u
     half = problem.at(0.5).start(u, rest.parameters)
     exact = geodesic_u(ply, cylinder)
     assert np.abs(half.u - exact).max() > 1.0
     for start in (rest, half):
-        error = np.abs(on_grown_surface(problem, start).u - exact).max()
+        error = np.abs(surface_predictor(problem, start).u - exact).max()
         assert error < 1e-3 * 40  # as a share of the radius
 
 
@@ -103,7 +103,7 @@ def test_the_initial_guess_on_a_grown_cylinder_is_the_rolled_ply():
 def test_the_previous_state_is_the_guess_without_geodesics(surface, fabric, which):
     ply = square(60.0, 4, fabric)
     problem, rest = problem_and_start(ply, surface, **which)
-    assert on_grown_surface(problem, rest) is rest
+    assert surface_predictor(problem, rest) is rest
 
 
 FAR = 1e4

@@ -23,7 +23,7 @@ from skfem_textile.io import write_directions, write_fabric
 from skfem_textile.scenes import Case, cylinder, double_dome, hemisphere, saddle
 from skfem_textile.scenes.edge_tension import EdgeTension
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve.surface import Grown
+from skfem_textile.solve.surface import GrowingSurface
 from tests.helpers import arguments_of
 from tests.helpers.tools import square
 
@@ -394,7 +394,7 @@ def tractions(surface, t, fibres, held, angle=90.0, tension=TENSION):
 def test_tractions_follow_the_net_at_their_load_factor(tool, fibres, angle, held, t):
     """The net is laid on the surface grown so far."""
     surface, arguments = TOOLS[tool], {"fibres": fibres, "angle": angle, "held": held}
-    grown = Grown(surface, np.array([*TOUCH, 0.0]), t)
+    grown = GrowingSurface(surface, np.array([*TOUCH, 0.0]), t)
     expected = tractions(grown, 1.0, tension=t * TENSION, **arguments)
     forces = tractions(surface, t, **arguments)
     error = np.abs(forces - expected).max()

@@ -19,7 +19,7 @@ from skfem_textile import (
     equilibrium_near,
 )
 from skfem_textile.io import read_surface
-from skfem_textile.solve.surface import Grown, OffSurfaceError, is_on, onto
+from skfem_textile.solve.surface import GrowingSurface, OffSurfaceError, is_on, onto
 from tests.helpers import facing_outwards, graph, sphere
 
 # Surfaces: derivatives, curvatures that are known, growth, smoothed triangles
@@ -36,7 +36,7 @@ SURFACES = {
     "torus": drape.Torus(9.0, 2.0, (0, 1, 0), (0.3, 0, 1)),
     "double dome": drape.double_dome(6.0, 18.0, 7.5, 0.25, 6.0),
     "triangles": drape.TriangleMesh(*[sphere(600)[0] * 5, sphere(600)[1]]),
-    "grown": Grown(drape.Sphere(4.0, (0, 0, -4)), np.zeros(3), 0.3),
+    "grown": GrowingSurface(drape.Sphere(4.0, (0, 0, -4)), np.zeros(3), 0.3),
 }
 
 every_surface = pytest.mark.parametrize("surface", SURFACES.values(), ids=SURFACES)
@@ -107,8 +107,8 @@ def test_curvatures_of_sphere_cylinder_and_torus():
 
 def test_a_surface_grows_out_of_its_tangent_plane():
     x, sphere = RNG.uniform(-1, 1, (3, 9)), drape.Sphere(4.0, (0, 0, -4))
-    np.testing.assert_allclose(Grown(sphere, np.zeros(3), 0.0).level(x), x[2])
-    half = Grown(sphere, np.zeros(3), 0.5)
+    np.testing.assert_allclose(GrowingSurface(sphere, np.zeros(3), 0.0).level(x), x[2])
+    half = GrowingSurface(sphere, np.zeros(3), 0.5)
     larger = drape.Sphere(8.0, (0, 0, -8))
     np.testing.assert_allclose(half.level(x), larger.level(x))
     np.testing.assert_allclose(half.hessian(x), larger.hessian(x))
@@ -391,8 +391,8 @@ SOUND = {
     "on the axis of a torus": drape.Torus(60.0, 20.0, (50.0, 50.0, -20.0)),
     "torus": TORUS,
     "double dome": DOME,
-    "grown": Grown(SPHERE, np.zeros(3), 0.3),
-    "not grown": Grown(SPHERE, np.zeros(3), 0.0),
+    "grown": GrowingSurface(SPHERE, np.zeros(3), 0.3),
+    "not grown": GrowingSurface(SPHERE, np.zeros(3), 0.0),
     "parabola on one side alone": height(
         lambda x, y, o: (
             *(

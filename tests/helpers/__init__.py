@@ -127,7 +127,7 @@ def values_at_rest(term):
 
 def form_parameters(term, t=1.0):
     """Parameters of the forms of a term at rest, beside the displacement."""
-    return term._given(t, values_at_rest(term))
+    return term._form_parameters(t, values_at_rest(term))
 
 
 def acting_tension(ply, u, parameters=None):

@@ -63,13 +63,13 @@ def test_parts_of_a_picture_do_not_overlap(result, sheets, n, title, label, reac
 
 def boxes_of(page):
     """Left, low, right and top of every part of a page."""
-    panels = [panel for row in page.places for panel in row]
+    panels = [panel for row in page.panels for panel in row]
     writings = [line for panel in panels for line in panel.title]
     for box in [panel.ply for panel in panels] + [
-        bar.box for below in page.below for bar in below.bars
+        bar.box for below in page.legends for bar in below.bars
     ]:
         yield box.x, box.y, box.x + box.width, box.y + box.height
-    for below in page.below:
+    for below in page.legends:
         writings += below.writings
         for stroke in below.strokes:
             yield stroke.x, stroke.y - 0.2, stroke.x + layout.KEY, stroke.y + 0.2

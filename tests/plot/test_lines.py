@@ -45,7 +45,7 @@ def test_edges_are_drawn_where_there_is_room(result, fine):
 
 def test_fibres_of_small_elements_are_thinned_to_a_spacing(fine):
     _, shape, scale = fine
-    points, elements, _ = lines.places_of_fibres(shape, scale)
+    points, elements, _ = lines.fibre_positions(shape, scale)
     apart = np.linalg.norm(points[:, None] - points[None], axis=-1) * scale
     nearest = np.sort(apart, axis=1)[:, 1]
     np.testing.assert_allclose(nearest, 2.4, rtol=1e-9)

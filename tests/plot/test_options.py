@@ -116,7 +116,7 @@ def test_an_unknown_colour_map_is_rejected(result):
 def test_values_beyond_the_limits_have_arrows(result, sheets):
     for clim, ends in (((5, 30), (3, 3)), ((0, 30), (0, 3)), ((-1, 90), (0, 0))):
         plot.shear_angle(result, clim=clim)
-        (bar,) = sheets[-1][1].below[0].bars
+        (bar,) = sheets[-1][1].legends[0].bars
         assert tuple(map(len, bar.tips)) == ends
 
 

@@ -158,14 +158,14 @@ def test_pins_at_single_nodes_are_kept_on_the_finer_mesh():
 
 def test_a_failed_estimate_is_not_replaced_by_an_earlier_state(monkeypatch):
     result = pulled(across=4)
-    find = error_estimate._moved
+    find = error_estimate._update
 
     def moved(step, *arguments):
         if step.problem.load_factor == 1.0:
             raise error_estimate.NoEquilibriumError("no")
         return find(step, *arguments)
 
-    monkeypatch.setattr(error_estimate, "_moved", moved)
+    monkeypatch.setattr(error_estimate, "_update", moved)
     summary = result.summary()
     assert summary["estimated_load_error"] is None
     assert summary["estimated_shear_angle_error_deg"] is None

@@ -21,7 +21,7 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension
 from skfem_textile.solve import newton, search
-from skfem_textile.solve.search import AcceptedEquilibrium, EquilibriumSearch, Goal
+from skfem_textile.solve.search import AcceptedEquilibrium, EquilibriumSearch, Target
 from skfem_textile.solve.states import NoEquilibriumError
 
 
@@ -57,7 +57,7 @@ def test_an_updated_state_keeps_its_difficulty(monkeypatch):
     changes = iter([1.0, 0.0])
     monkeypatch.setattr(EquilibriumSearch, "_first", lambda *_: next(states))
     monkeypatch.setattr(search, "_updated", lambda *_: ("start", next(changes)))
-    again = EquilibriumSearch(None, None, (), None)(Goal(1.0, 1.0, None, None, None))
+    again = EquilibriumSearch(None, None, (), None)(Target(1.0, 1.0, None, None, None))
     assert again == AcceptedEquilibrium(trial, 9, True)
 
 

@@ -127,8 +127,8 @@ class CrimpInterchange(BiaxialLaw):
         w = self._amplitude(strain)
         e = self._yarns(strain, w).strain
         stored = sum(law.energy(x) for law, x in zip(self._laws, e, strict=True))
-        held = self.initial_stiffness * np.square(strain).sum(axis=0)
-        return stored + 0.5 * self.bending * np.square(w) + 0.5 * held
+        linear = self.initial_stiffness * np.square(strain).sum(axis=0)
+        return stored + 0.5 * self.bending * np.square(w) + 0.5 * linear
 
     def value(self, strain: ndarray) -> ndarray:
         """Tensions of the yarns, plus k ε_α."""
@@ -144,21 +144,21 @@ class CrimpInterchange(BiaxialLaw):
         yarns = self._yarns(strain, self._amplitude(strain))
         S, r = yarns.stiffness, yarns.slope
         R, H = self._resistance(yarns), self._second_derivative(yarns)
-        own = S * (R + (S * r**2)[::-1]) / H + self.initial_stiffness
+        diagonal = S * (R + (S * r**2)[::-1]) / H + self.initial_stiffness
         cross = -S[0] * S[1] * r[0] * r[1] / H
-        return np.array([[own[0], cross], [cross, own[1]]])
+        return np.array([[diagonal[0], cross], [cross, diagonal[1]]])
 
     def _amplitude(self, strain: ndarray) -> ndarray:
         """Amplitude w of minimum energy: Newton's method with bisection."""
-        given = strain.reshape(2, -1)
+        strains = strain.reshape(2, -1)
         eta_1, eta_2 = self._slopes_at_rest
         tolerance = _STEP * (eta_1 + eta_2)
-        amplitude = np.zeros(given.shape[1])
+        amplitude = np.zeros(strains.shape[1])
         w, low, high = amplitude.copy(), amplitude - eta_2, amplitude + eta_1
         last, left = np.full_like(w, np.inf), np.arange(w.size)
         with np.errstate(all="ignore"):  # for strains that are not finite
             for _ in range(_MOST_ITERATIONS):
-                yarns = self._yarns(given[:, left], w)
+                yarns = self._yarns(strains[:, left], w)
                 force = (yarns.tension * yarns.slope).sum(axis=0) + self.bending * w
                 low, high = np.where(force < 0, w, low), np.where(force > 0, w, high)
                 newton = np.clip(w - force / self._second_derivative(yarns), low, high)
@@ -402,11 +402,11 @@ class CrimpedYarns(BiaxialLaw):
         nowhere = np.zeros(L.shape[1:], dtype=bool)
         if self.coupling is not None:
             return self._least(L, nowhere), nowhere
-        apart = self._least(L, nowhere)
-        touching = apart.sum(axis=0) < 0
+        separate = self._least(L, nowhere)
+        touching = separate.sum(axis=0) < 0
         if not touching.any():
-            return apart, touching
-        return np.where(touching, self._least(L, touching), apart), touching
+            return separate, touching
+        return np.where(touching, self._least(L, touching), separate), touching
 
     def _least(self, L: ndarray, touching: ndarray) -> ndarray:
         """Elongations of minimum energy by Newton's method with descending steps.
@@ -453,7 +453,7 @@ class CrimpedYarns(BiaxialLaw):
         else:
             e = y / H
             springs = k * H * ((1 + e) * np.log1p(e) - e)
-        yarns = sum(law.energy(own) for law, own in zip(self.yarns, d, strict=True))
+        yarns = sum(law.energy(x) for law, x in zip(self.yarns, d, strict=True))
         return yarns + springs.sum(axis=0) + 0.5 * self._stiff * y.sum(axis=0) ** 2
 
     def _cell(self, L: ndarray, y: ndarray) -> _Cell:
@@ -461,8 +461,8 @@ class CrimpedYarns(BiaxialLaw):
         height = H + y
         D = np.hypot(L, height)
         d = D - _columns(np.add(self.crimp, 1.0), L)
-        F = np.stack([law.value(own) for law, own in zip(self.yarns, d, strict=True)])
-        S = np.stack([law.tangent(own) for law, own in zip(self.yarns, d, strict=True)])
+        F = np.stack([law.value(x) for law, x in zip(self.yarns, d, strict=True)])
+        S = np.stack([law.tangent(x) for law, x in zip(self.yarns, d, strict=True)])
         c, s = L / D, height / D
         if self.coupling is None:
             spring, stiffness = k * y, k + 0 * y

@@ -44,14 +44,14 @@ class Polynomial(ScalarLaw):
 
     def __post_init__(self) -> None:
         try:
-            own = tuple(float(one) for one in self.coefficients)
+            coefficients = tuple(float(one) for one in self.coefficients)
         except (TypeError, ValueError):
-            own = ()
-        if not (own and np.isfinite(own).all()):
+            coefficients = ()
+        if not (coefficients and np.isfinite(coefficients).all()):
             raise ValueError(
                 f"coefficients must be finite numbers, got {self.coefficients!r}"
             )
-        object.__setattr__(self, "coefficients", own)
+        object.__setattr__(self, "coefficients", coefficients)
         object.__setattr__(self, "sine", bool(self.sine))
         object.__setattr__(self, "odd", bool(self.odd))
 
@@ -61,7 +61,7 @@ class Polynomial(ScalarLaw):
         if self.sine:
             powers = _integrals(a, len(self.coefficients))
             return sum(
-                (c * own for c, own in zip(self.coefficients, powers, strict=True)),
+                (c * p for c, p in zip(self.coefficients, powers, strict=True)),
                 np.zeros(np.shape(x)),
             )
         return polyval(a, [0, 0, *(c / k for k, c in enumerate(self.coefficients, 2))])
@@ -74,8 +74,8 @@ class Polynomial(ScalarLaw):
     def tangent(self, x: ndarray) -> ndarray:
         """Derivative of the polynomial."""
         a = self._side(x)[0]
-        own = [k * c for k, c in enumerate(self.coefficients, 1)]
-        return polyval(np.sin(a), own) * np.cos(a) if self.sine else polyval(a, own)
+        dc = [k * c for k, c in enumerate(self.coefficients, 1)]
+        return polyval(np.sin(a), dc) * np.cos(a) if self.sine else polyval(a, dc)
 
     def _side(self, x: ndarray) -> tuple[ndarray, ndarray | float]:
         """Argument of the polynomial, and the sign of its value."""

@@ -257,8 +257,8 @@ class Tabulated(ScalarLaw):
 
     def __post_init__(self) -> None:
         x, y = (
-            real_numbers(name, given)
-            for name, given in (("arguments", self.arguments), ("values", self.values))
+            real_numbers(name, values)
+            for name, values in (("arguments", self.arguments), ("values", self.values))
         )
         if x.ndim != 1 or x.shape != y.shape:
             raise ValueError(

@@ -167,8 +167,8 @@ class TensionOnly(ScalarLaw):
 
     def energy(self, x: ndarray) -> ndarray:
         """Energy at r, minus the energy at rest."""
-        ramp, rest = _ramp(x, self.width), _ramp(np.zeros(1), self.width)
-        return self.law.energy(ramp.strain) - self.law.energy(rest.strain)[0]
+        ramp, at_rest = _ramp(x, self.width), _ramp(np.zeros(1), self.width)
+        return self.law.energy(ramp.strain) - self.law.energy(at_rest.strain)[0]
 
     def value(self, x: ndarray) -> ndarray:
         """T(r) r′."""

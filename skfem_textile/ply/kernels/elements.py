@@ -125,13 +125,13 @@ class FibreDeformation:
         if M is not None:
             signed = np.array([M, -M])
             first, second = first - signed * minus_theta, second + signed * minus_eps
-        own = np.empty((*x.shape[:2], 3, x.shape[-1]))
-        own[:, :, 0], own[:, :, 1], own[:, :, 2] = -first, -second, first
+        direct = np.empty((*x.shape[:2], 3, x.shape[-1]))
+        direct[:, :, 0], direct[:, :, 1], direct[:, :, 2] = -first, -second, first
         if E is not None:
-            own[:, :, 0] += E * xx
-            own[:, :, 1] += E * xy
-            own[:, :, 2] += E * yy
-        return own, None
+            direct[:, :, 0] += E * xx
+            direct[:, :, 1] += E * xy
+            direct[:, :, 2] += E * yy
+        return direct, None
 
     def angle_derivatives(self, block: slice) -> tuple[ndarray, ndarray]:
         """∂Γ with respect to warp and weft, shape (P, d, n) each."""
@@ -173,7 +173,7 @@ class IntegrationPoints(Protocol):
         ...
 
     def add_stiffness(
-        self, K: ndarray, own: ndarray, across: Values, block: slice
+        self, K: ndarray, direct: ndarray, across: Values, block: slice
     ) -> None:
         """Add Σ b_a b_c k over fibres and points, see `FibreDeformation.stiffness`.
 
@@ -254,13 +254,13 @@ class GeneralPoints:
         return f
 
     def add_stiffness(
-        self, K: ndarray, own: ndarray, across: Values, block: slice
+        self, K: ndarray, direct: ndarray, across: Values, block: slice
     ) -> None:
         """See `IntegrationPoints`."""
         b = self.b[..., block]
         for pair, a, c in self._pairs:
             add_symmetric(
-                K[pair], np.einsum("fpn,fpcn->cn", b[:, :, a] * b[:, :, c], own)
+                K[pair], np.einsum("fpn,fpcn->cn", b[:, :, a] * b[:, :, c], direct)
             )
             if across is not None:
                 both = b[0, :, a] * b[1, :, c] + b[1, :, a] * b[0, :, c]
@@ -310,14 +310,14 @@ class QuadPoints:
         return np.concatenate([forces.sum(axis=1), hourglass[None]])
 
     def add_stiffness(
-        self, K: ndarray, own: ndarray, across: Values, block: slice
+        self, K: ndarray, direct: ndarray, across: Values, block: slice
     ) -> None:
         """See `IntegrationPoints`."""
         eta = self.b[..., block]
-        mixed = eta[:, :, None] * own
+        mixed = eta[:, :, None] * direct
         # pairs of modes: 0, 3, 5 are diagonal, 2, 4 couple to the hourglass mode
         for diagonal, coupled, fibre, product in zip(
-            (0, 3), (2, 4), own, mixed, strict=True
+            (0, 3), (2, 4), direct, mixed, strict=True
         ):
             add_symmetric(K[diagonal], fibre.sum(axis=0))
             add_symmetric(K[coupled], product.sum(axis=0))
@@ -346,8 +346,8 @@ class QuadPoints:
 
 def add_symmetric(K: ndarray, stiffness: ndarray) -> None:
     """Add a symmetric matrix, given by its entries at and above the diagonal."""
-    places = combinations_with_replacement(range(len(K)), 2)
-    for (i, j), entry in zip(places, stiffness, strict=True):
+    pairs = combinations_with_replacement(range(len(K)), 2)
+    for (i, j), entry in zip(pairs, stiffness, strict=True):
         K[i, j] += entry
         if i != j:
             K[j, i] += entry
@@ -433,11 +433,11 @@ class ElementGroup:
         for p, (v, squared, angle) in zip(points, in_space, strict=True):
             at_rest = angle_between(p.A[:, :, :2])
             if d == 2:
-                own = FibreDeformation(v, squared, at_rest - angle)
+                fibres = FibreDeformation(v, squared, at_rest - angle)
             else:
                 side = np.sign(at_rest)
-                own = DeformationInSpace(v, squared, at_rest - side * angle, side)
-            deformations.append(own)
+                fibres = DeformationInSpace(v, squared, at_rest - side * angle, side)
+            deformations.append(fibres)
         return deformations
 
 

@@ -73,28 +73,28 @@ class InSpace:
         """See `FibreDeformation`."""
         T, M, E = stress
         v, squared = self.v[..., block], self.squared_stretch[..., block]
-        own = np.zeros((*v.shape[:2], len(_PAIRS), v.shape[-1]))
+        direct = np.zeros((*v.shape[:2], len(_PAIRS), v.shape[-1]))
         along = 0.0 if E is None else E
         if T is not None:
             along = along - 2 * T
             for k, (i, j) in enumerate(_PAIRS):
                 if i == j:
-                    own[:, :, k] += T / squared
-        _add_square(own, along, v)
-        return own, None if M is None else self._add_shear(own, M, block)
+                    direct[:, :, k] += T / squared
+        _add_square(direct, along, v)
+        return direct, None if M is None else self._add_shear(direct, M, block)
 
-    def _add_shear(self, own: ndarray, M: ndarray, block: slice) -> ndarray:
+    def _add_shear(self, direct: ndarray, M: ndarray, block: slice) -> ndarray:
         """Add M ∂²Γ/∂a_α², and return M ∂²Γ/∂a₁∂a₂."""
         g, n, c, s = (x[..., block] for x in self._crossing)
         v, squared = self.v[..., block], self.squared_stretch[..., block]
         side = np.broadcast_to(self.side, self.squared_stretch.shape[1:])[..., block]
         half, lifted = 0.5 * M, 0.5 * M * side / s
         together, apart = lifted * (1 - c), -lifted * (1 + c)
-        _add_square(own, half, v - g)
-        _add_square(own, -half, v + g)
+        _add_square(direct, half, v - g)
+        _add_square(direct, -half, v + g)
         normal = np.zeros((len(M), len(_PAIRS), M.shape[-1]))
         _add_square(normal[None], 1.0, n[None])
-        own += ((together + apart) / squared)[:, :, None] * normal
+        direct += ((together + apart) / squared)[:, :, None] * normal
         root = np.sqrt(squared[0] * squared[1])
         return ((together - apart) / root)[:, None] * normal
 
@@ -115,7 +115,7 @@ def _cross(a: ndarray, b: ndarray) -> ndarray:
     return np.cross(a, b, axis=1)
 
 
-def _add_square(own: ndarray, factor: ndarray | float, x: ndarray) -> None:
+def _add_square(total: ndarray, factor: ndarray | float, x: ndarray) -> None:
     """Add factor · x xᵀ of vectors x, shape (f, P, 3, n), by entries of `_PAIRS`."""
     for k, (i, j) in enumerate(_PAIRS):
-        own[:, :, k] += factor * x[:, :, i] * x[:, :, j]
+        total[:, :, k] += factor * x[:, :, i] * x[:, :, j]

@@ -109,12 +109,12 @@ class TensionKernel:
 
     def stresses(self, x: KernelState) -> list[Stress]:
         """Tension and its slope; `stiffnesses` has the slope for ε₁ + ε₂."""
-        given, stresses = _given_tension(self.fabric, x), []
+        tensions, stresses = _tension_values(self.fabric, x), []
         sets = zip(x.group.points, x.group.fabrics, x.fibres, strict=True)
         for i, (p, fabric, f) in enumerate(sets):
-            T = given[i] if given else _laws(fabric, "value", f.strain)
-            own, cross = _slopes(fabric, f.strain)
-            slope = own if cross is None else own - cross
+            T = tensions[i] if tensions else _laws(fabric, "value", f.strain)
+            direct, cross = _slopes(fabric, f.strain)
+            slope = direct if cross is None else direct - cross
             stresses.append(Stress(tension=p.dx * T, slope=p.dx * slope))
         return stresses
 
@@ -222,7 +222,7 @@ class MeanTensionKernel:
     def stresses(self, x: KernelState) -> list[Stress]:
         """Tension λ ∂ψ/∂λ, and its slope λ² E_d + T for strain deviations."""
         stretches, means, E_d = self._state(x)
-        T = _given_tension(self.fabric, x)
+        T = _tension_values(self.fabric, x)
         if not T:
             N = _laws(x.group.fabric, "value", np.log(means)) / means
             T = [stretch * (N + E_d * (stretch - means)) for stretch in stretches]
@@ -235,8 +235,8 @@ class MeanTensionKernel:
         """Remaining slope of the laws, along the gradient of the mean stretch."""
         group, (stretches, means, E_d) = x.group, self._state(x)
         T = _laws(group.fabric, "value", np.log(means))
-        own, cross = _slopes(group.fabric, np.log(means))
-        slope = (own - T) / means**2 - E_d
+        direct, cross = _slopes(group.fabric, np.log(means))
+        slope = (direct - T) / means**2 - E_d
         if cross is not None:
             cross = cross / (means[0] * means[1])
             slope = np.array([*(slope - cross), cross])
@@ -266,8 +266,8 @@ class MeanTensionKernel:
         ]
         mean_change = _mean(group, changes)
         T = _laws(group.fabric, "value", np.log(means))
-        own, cross = _slopes(group.fabric, np.log(means))
-        N = T / means + (own - T) / means**2 * mean_change
+        direct, cross = _slopes(group.fabric, np.log(means))
+        N = T / means + (direct - T) / means**2 * mean_change
         if cross is not None:
             N += cross * (mean_change / means)[::-1] / means
         mean_after = means + mean_change
@@ -311,8 +311,8 @@ def _angle_gradients(
     angles: Sequence[tuple[IntegrationPoints, FibreDeformation]], block: slice
 ) -> ndarray:
     """∂Γ/∂u_a at a set of points; given two sets, the first minus the second."""
-    own, *others = (p.gradients(*f.angle_derivatives(block), block) for p, f in angles)
-    return own - others[0] if others else own
+    g, *others = (p.gradients(*f.angle_derivatives(block), block) for p, f in angles)
+    return g - others[0] if others else g
 
 
 def _sum_gradients(
@@ -335,7 +335,7 @@ def _resisting(fabric: Fabric) -> ndarray:
     return np.array(resists, dtype=float)[:, None, None]
 
 
-def _given_tension(fabric: Fabric, x: KernelState) -> list[ndarray]:
+def _tension_values(fabric: Fabric, x: KernelState) -> list[ndarray]:
     """Tensions at the points that replace the values of the laws; none by default."""
     if "tension" not in x.w:
         return []
@@ -352,8 +352,8 @@ def _laws(fabric: Fabric, part: str, strain: ndarray) -> ndarray:
 
 def _slopes(fabric: Fabric, strain: ndarray) -> Slopes:
     """Slopes of the tensions, arrays of shape (2, P, n) and (P, n)."""
-    own, cross = fabric.tensions.slopes(strain.swapaxes(1, 2))
-    return Slopes(np.array([x.T for x in own]), None if cross is None else cross.T)
+    direct, cross = fabric.tensions.slopes(strain.swapaxes(1, 2))
+    return Slopes(np.array([x.T for x in direct]), None if cross is None else cross.T)
 
 
 def _of_shear(part: str, x: KernelState) -> list[ndarray]:
@@ -379,21 +379,21 @@ def shared_groups(terms: Sequence[Any]) -> list[SharedGroup]:
     groups: list[SharedGroup] = []
     for term in terms:
         for group in element_groups(term.basis, term.kernel.fabric):
-            alike = (s for s in groups if _same(s.group, group, "nodes", "modes"))
+            alike = (s for s in groups if _equal(s.group, group, "nodes", "modes"))
             if (shared := next(alike, None)) is None:
                 groups.append(shared := SharedGroup(group, {}))
             known = [p for _, points in shared.terms.values() for p in points]
             shared.terms[term] = (
                 group,
                 [
-                    next((p for p in known if _same(own, p, "b", "A")), own)
-                    for own in group.points
+                    next((p for p in known if _equal(new, p, "b", "A")), new)
+                    for new in group.points
                 ],
             )
     return groups
 
 
-def _same(one: Any, other: Any, *names: str) -> bool:
+def _equal(one: Any, other: Any, *names: str) -> bool:
     """True if attributes, arrays or None, are equal in two objects of a class."""
     return type(one) is type(other) and all(
         np.array_equal(getattr(one, name), getattr(other, name)) for name in names
@@ -405,12 +405,12 @@ def element_forces(states: Sequence[KernelState]) -> ndarray:
     group, stresses = states[0].group, _sum_of_stresses(states)
     f = np.empty((len(group.nodes), states[0].fibres[0].v.shape[2], group.area.size))
     for block in group.blocks:
-        own = np.zeros((group.n_modes, f.shape[1], block.stop - block.start))
+        modal = np.zeros((group.n_modes, f.shape[1], block.stop - block.start))
         for points, (fibres, stress) in stresses.items():
-            own += points.forces(fibres.forces(stress.of(block), block), block)
+            modal += points.forces(fibres.forces(stress.of(block), block), block)
         if group.modes is not None:
-            own = np.einsum("ran,rin->ain", group.modes[..., block], own)
-        f[..., block] = own
+            modal = np.einsum("ran,rin->ain", group.modes[..., block], modal)
+        f[..., block] = modal
     return f
 
 

@@ -1,10 +1,18 @@
 """Surfaces that constrain nodes, and geodesics on them."""
 
 from .on_surface import OnSurface
-from .surface import Grown, OffSurfaceError, Surface, distance, gaps, is_on, onto
+from .surface import (
+    GrowingSurface,
+    OffSurfaceError,
+    Surface,
+    distance,
+    gaps,
+    is_on,
+    onto,
+)
 
 __all__ = [
-    "Grown",
+    "GrowingSurface",
     "OffSurfaceError",
     "OnSurface",
     "Surface",

@@ -16,7 +16,7 @@ from skfem import CellBasis
 
 from ..states import NoEquilibriumError
 from .on_surface import CheckedSurface, OnSurface, SurfaceError
-from .surface import Gaps, OffSurfaceError, exponential_map, gaps, is_on, onto
+from .surface import OffSurfaceError, SurfaceGaps, exponential_map, gaps, is_on, onto
 
 # Sine of the angle between a normal and the directions fixed by conditions below which
 # these already fix the normal.  Chosen: far above round-off.
@@ -95,18 +95,18 @@ class SurfaceNodes:
         self._free = free.reshape(-1, 3)
         for name, condition in conditions.items():
             condition.check(name, self._X[:, nodes[name]])
-        self._parts, taken = [], np.zeros(n_nodes, dtype=bool)
+        self._parts, is_assigned = [], np.zeros(n_nodes, dtype=bool)
         for name, condition in conditions.items():
-            own = nodes[name][self._free[nodes[name]].any(axis=1)]
-            if taken[own].any():
-                node = own[taken[own]].min()
+            free_nodes = nodes[name][self._free[nodes[name]].any(axis=1)]
+            if is_assigned[free_nodes].any():
+                node = free_nodes[is_assigned[free_nodes]].min()
                 raise ValueError(
                     f"condition {name!r}: node {node} is also on another surface; a "
                     "node can be on one surface only"
                 )
-            taken[own] = True
-            self._parts.append((name, condition, own))
-        self.nodes = np.concatenate([own for _, _, own in self._parts])
+            is_assigned[free_nodes] = True
+            self._parts.append((name, condition, free_nodes))
+        self.nodes = np.concatenate([free_nodes for _, _, free_nodes in self._parts])
         first = self._free[self.nodes].argmax(axis=1)
         self.eliminated = 3 * self.nodes + first
         columns = self._frames[self.nodes] * self._free[self.nodes][:, None]
@@ -131,7 +131,7 @@ class SurfaceNodes:
         if self._contact and t == self._t and np.array_equal(u, self._u):
             return self._contact
         x = self._positions(u)
-        surfaces = [(s, x[:, own]) for s, own in self._surfaces(t)]
+        surfaces = [(s, x[:, nodes]) for s, nodes in self._surfaces(t)]
         level = np.concatenate([s.level(at) for s, at in surfaces])
         gradient = np.concatenate([s.gradient(at) for s, at in surfaces], axis=1)
         along = np.einsum("nij,jn->in", self._projector, gradient)
@@ -150,22 +150,22 @@ class SurfaceNodes:
     def hessian(self, u: ndarray, t: float) -> ndarray:
         """∇²φ at the nodes, shape (n, 3, 3)."""
         x = self._positions(u)
-        parts = [s.hessian(x[:, own]) for s, own in self._surfaces(t)]
+        parts = [s.hessian(x[:, nodes]) for s, nodes in self._surfaces(t)]
         return np.concatenate(parts, axis=2).transpose(2, 0, 1)
 
     def turn(self, u: ndarray, t: float) -> csr_matrix:
         """Matrix from the unknowns, of which ``eliminated`` are normal to surfaces."""
         contact = self.contact(u, t)
         if self._turn is None:
-            frames, own = self._frames.copy(), self.nodes
-            across = np.einsum("nij,in->nj", frames[own], contact.across)
+            frames, nodes = self._frames.copy(), self.nodes
+            across = np.einsum("nij,in->nj", frames[nodes], contact.across)
             # Householder reflection with n as its column ``first``.
-            mirror = np.where(self._free[own], across, 0.0)
-            row, first = np.arange(len(own)), self.eliminated - 3 * own
+            mirror = np.where(self._free[nodes], across, 0.0)
+            row, first = np.arange(len(nodes)), self.eliminated - 3 * nodes
             mirror[row, first] += np.copysign(1.0, mirror[row, first])
             squared = (mirror**2).sum(axis=1)[:, None, None]
             reflection = np.eye(3) - 2 * mirror[:, :, None] * mirror[:, None] / squared
-            frames[own] = frames[own] @ reflection
+            frames[nodes] = frames[nodes] @ reflection
             n = len(frames)
             blocks = frames, np.arange(n), np.arange(n + 1)
             self._turn = bsr_matrix(blocks, shape=(3 * n, 3 * n)).tocsr()
@@ -174,19 +174,19 @@ class SurfaceNodes:
     def motion(self, u: ndarray, t: float, du: ndarray) -> ndarray:
         """Increment corrected so that nodes move onto surfaces to first order."""
         contact, moved = self.contact(u, t), du.reshape(-1, 3).T.copy()
-        own = contact.nodes
-        missing = contact.level + (contact.gradient * moved[:, own]).sum(axis=0)
-        moved[:, own] -= missing / contact.slope * contact.across
+        nodes = contact.nodes
+        missing = contact.level + (contact.gradient * moved[:, nodes]).sum(axis=0)
+        moved[:, nodes] -= missing / contact.slope * contact.across
         return moved.T.ravel()
 
     def onto(self, u: ndarray, t: float) -> ndarray:
         """Displacement with nodes projected onto surfaces; an error if this fails."""
-        x, place = self._positions(u), 0
-        for surface, own in self._surfaces(t):
-            free = self._projector[place : place + len(own)]
-            place += len(own)
+        x, first = self._positions(u), 0
+        for surface, nodes in self._surfaces(t):
+            free = self._projector[first : first + len(nodes)]
+            first += len(nodes)
             try:
-                x[:, own] = onto(surface, x[:, own], free)
+                x[:, nodes] = onto(surface, x[:, nodes], free)
             except OffSurfaceError as error:
                 raise NoEquilibriumError(
                     f"condition {surface.name!r}: {error}",
@@ -221,16 +221,16 @@ class SurfaceNodes:
     def are_on(self, u: ndarray, t: float) -> bool:
         """True if the nodes are on their surfaces."""
         x = self._positions(u)
-        return all(is_on(s, x[:, own]) for s, own in self._surfaces(t))
+        return all(is_on(s, x[:, nodes]) for s, nodes in self._surfaces(t))
 
-    def gaps(self, u: ndarray, t: float, basis: CellBasis) -> Gaps:
+    def gaps(self, u: ndarray, t: float, basis: CellBasis) -> SurfaceGaps:
         """Distance of elements from their surfaces between nodes."""
         return gaps(self._surfaces(t), self._positions(u), basis)
 
     def levels(self, t: float) -> ndarray:
         """φ and ∇φ of each surface at probe positions, which identify a surface."""
         probe = self._X + 0.1 * np.sin(np.arange(self._X.size)).reshape(self._X.shape)
-        surfaces = [(s, probe[:, own]) for s, own in self._surfaces(t)]
+        surfaces = [(s, probe[:, nodes]) for s, nodes in self._surfaces(t)]
         try:
             values = [[*s.level(x), *s.gradient(x).flat] for s, x in surfaces]
         except SurfaceError as error:
@@ -252,9 +252,7 @@ class SurfaceNodes:
 
     def _surfaces(self, t: float) -> list[tuple[CheckedSurface, ndarray]]:
         """Surfaces at a load factor, and the nodes on each."""
-        return [
-            (CheckedSurface(name, c.at(name, t)), own) for name, c, own in self._parts
-        ]
+        return [(CheckedSurface(name, c.at(name, t)), n) for name, c, n in self._parts]
 
     def _positions(self, u: ndarray) -> ndarray:
         return self._X + u.reshape(-1, 3).T

@@ -16,7 +16,7 @@ from ...mesh.bases import node_positions
 from ...mesh.selection import Where, selected_nodes
 from ...mesh.user_input import call_user_function
 from ..states import NoEquilibriumError
-from .surface import Grown, Surface
+from .surface import GrowingSurface, Surface
 
 # Tolerances for contact of the surface with the plane of the ply: distance, relative to
 # the largest coordinate, and sine of the angle between them.  Chosen: above the
@@ -142,7 +142,7 @@ class OnSurface:
         elif (sine := float(np.hypot(*normal[:2])) / length) > _TOUCHING:
             off = f"is inclined by {np.degrees(np.arcsin(min(sine, 1.0))):.2g}°"
         else:
-            return Grown(self.surface, point, t)
+            return GrowingSurface(self.surface, point, t)
         raise ValueError(
             f"condition {name!r}: the surface cannot be scaled with the load factor, "
             f"because it does not touch the plane z = 0 at {self.touch}, where it "
@@ -226,7 +226,7 @@ def _check_derivatives(surface: CheckedSurface, x: ndarray) -> None:
         contradiction = _contradiction(lines, gradient, hessian[:, axis, axis], h)
     if contradiction is None:
         return
-    row, i, place, slope, value = contradiction
+    row, i, point, slope, value = contradiction
     if part == "gradient":
         changing, derivative = "level", f"the {'xyz'[i]} component of gradient"
     else:
@@ -234,7 +234,7 @@ def _check_derivatives(surface: CheckedSurface, x: ndarray) -> None:
         derivative = f"hessian[{row}, {i}]"
     raise ValueError(
         f"condition {surface.name!r}: {part} of the surface differs from the slope of "
-        f"{of} at ({', '.join(f'{c:.6g}' for c in place)}): along {'xyz'[i]} "
+        f"{of} at ({', '.join(f'{c:.6g}' for c in point)}): along {'xyz'[i]} "
         f"{changing} changes by {slope:.4g} per mm, and {derivative} is {value:.4g}; "
         f"slopes are over {h:.3g} mm: correct the derivative, or smooth undulations "
         f"shorter than {3 * h:.3g} mm, which no ply of this size resolves"
@@ -260,7 +260,7 @@ def _on_surface(surface: Surface, x: ndarray, h: float) -> ndarray:
 
 
 def _contradiction(
-    lines: ndarray, whole: ndarray, derivative: ndarray, h: float
+    lines: ndarray, function: ndarray, derivative: ndarray, h: float
 ) -> tuple[int, int, ndarray, float, float] | None:
     """Largest contradiction on lines, if any: row, axis, place, slope, derivative.
 
@@ -270,8 +270,8 @@ def _contradiction(
     size = np.abs(derivative).max(axis=(0, 1, 2))
     rounding = _ROUNDING * np.abs(lines).max(initial=0.0)
     slack = _OFF * size
-    slack += (_NOISE * np.abs(whole).max(axis=(0, 1, 2)) + rounding * size) / h
-    change = np.diff(whole, axis=2) / h
+    slack += (_NOISE * np.abs(function).max(axis=(0, 1, 2)) + rounding * size) / h
+    change = np.diff(function, axis=2) / h
     low = np.minimum(derivative[:, :, :-1], derivative[:, :, 1:])
     high = np.maximum(derivative[:, :, :-1], derivative[:, :, 1:])
     excess = np.maximum(low - change, change - high) - slack
@@ -280,7 +280,7 @@ def _contradiction(
     if not thrice.any():
         return None
     at = np.where(thrice, excess[:, :, 1:-1], 0.0).argmax()
-    row, axis, place, point = (int(i) for i in np.unravel_index(at, thrice.shape))
-    i = row, axis, place + 1, point
-    middle = lines[:, axis, place + 1 : place + 3, point].mean(axis=1)
+    row, axis, step, point = (int(i) for i in np.unravel_index(at, thrice.shape))
+    i = row, axis, step + 1, point
+    middle = lines[:, axis, step + 1 : step + 3, point].mean(axis=1)
     return row, axis, middle, float(change[i]), float((low[i] + high[i]) / 2)

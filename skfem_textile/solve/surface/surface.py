@@ -60,7 +60,7 @@ class OffSurfaceError(ValueError):
 
 
 @dataclass(frozen=True, eq=False)
-class Grown:
+class GrowingSurface:
     """Surface growing from its tangent plane at a point: φ(p + t(x − p))/t.
 
     It is the surface enlarged by 1/t about the point p, so that curvatures are
@@ -143,14 +143,14 @@ def onto(surface: Surface, x: ndarray, free: ndarray | None = None) -> ndarray:
             x = x - np.where(off, level / (along * g).sum(axis=0), 0.0) * along
         if not np.isfinite(x).all():
             break
-    place = np.round(x[:, np.flatnonzero(off)[0]], 6).tolist()
+    position = np.round(x[:, np.flatnonzero(off)[0]], 6).tolist()
     raise OffSurfaceError(
         f"{off.sum()} point(s) cannot be projected onto the surface, the first at "
-        f"{place}"
+        f"{position}"
     )
 
 
-class Gaps(NamedTuple):
+class SurfaceGaps(NamedTuple):
     """Gaps between elements and their surfaces, 0 if an element is not on a surface.
 
     Attributes
@@ -159,18 +159,18 @@ class Gaps(NamedTuple):
         Largest gap of each element, relative to its longest edge, shape (n_elements,).
     gap
         Largest gap in mm, shape (n_elements,).
-    place
+    position
         Its position in mm, shape (3, n_elements).
     """
 
     share: ndarray
     gap: ndarray
-    place: ndarray
+    position: ndarray
 
 
 def gaps(
     surfaces: Iterable[tuple[Surface, ndarray]], x: ndarray, basis: CellBasis
-) -> Gaps:
+) -> SurfaceGaps:
     """Gaps of the elements whose nodes all lie on one surface.
 
     They are measured midway between nodes: at the centre and the edge midpoints of
@@ -194,16 +194,16 @@ def gaps(
     shapes = np.array([element.lbasis(at, i)[0] for i in range(len(nodes))])
     corners = x[:, nodes[: len(basis.mesh.t)]]
     edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=0)
-    gap, place = np.zeros(n), corners.mean(axis=1)
-    for surface, own in surfaces:
-        elements = np.flatnonzero(np.isin(nodes, own).all(axis=0))
+    gap, position = np.zeros(n), corners.mean(axis=1)
+    for surface, on_surface in surfaces:
+        elements = np.flatnonzero(np.isin(nodes, on_surface).all(axis=0))
         points = np.einsum("kp,ike->ipe", shapes, x[:, nodes[:, elements]])
         off = np.abs(distance(surface, points.reshape(3, -1)))
         off = off.reshape(points.shape[1:])
         furthest = off.argmax(axis=0), np.arange(len(elements))
         gap[elements] = off[furthest]
-        place[:, elements] = points[:, *furthest]
-    return Gaps(gap / edges.max(axis=0), gap, place)
+        position[:, elements] = points[:, *furthest]
+    return SurfaceGaps(gap / edges.max(axis=0), gap, position)
 
 
 def exponential_map(
@@ -268,10 +268,10 @@ def exponential_map(
     longest = lengths.max(initial=0.0)
     x, v = np.tile(start, len(lengths)), longest * directions
     bend = _bending(surface, x)(v)
-    way, step, ends = 0.0, 1 / steps, lengths / (longest or 1.0)
+    arc, step, ends = 0.0, 1 / steps, lengths / (longest or 1.0)
     left = np.flatnonzero(ends)
     while left.size:
-        h = np.minimum(step, ends[left] - way)
+        h = np.minimum(step, ends[left] - arc)
         x_0, v_0, a = x[:, left], v[:, left], bend[:, left]
         middle = _bending(surface, x_0 + h / 2 * v_0 + h * h / 8 * a)
         b = middle(v_0 + h / 2 * a)
@@ -283,8 +283,8 @@ def exponential_map(
         error = 0.1 * float(np.linalg.norm(after - d, axis=0).max())
         if error <= _ACCURACY * longest or step <= _SHORTEST:
             x[:, left], v[:, left], bend[:, left] = x_1, v_1, after
-            way += step
-            left = left[ends[left] > way]
+            arc += step
+            left = left[ends[left] > arc]
         longer = _CAUTION * np.cbrt(_ACCURACY * longest / max(error, _TINY))
         step *= float(np.clip(longer, _SHORTER, _LONGER))
         step = min(max(step, _SHORTEST), 1 / steps)
@@ -336,6 +336,6 @@ def _bending(surface: Surface, x: ndarray) -> Callable[[ndarray], ndarray]:
         along = g / (g * g).sum(axis=0)
     off = ~np.isfinite(H.sum(axis=(0, 1)) + along.sum(axis=0))
     if off.any():
-        place = np.round(x[:, off.argmax()], 3).tolist()
-        raise OffSurfaceError(f"a geodesic leaves the surface at {place}")
+        position = np.round(x[:, off.argmax()], 3).tolist()
+        raise OffSurfaceError(f"a geodesic leaves the surface at {position}")
     return lambda v: -np.einsum("ijn,in,jn->n", H, v, v) * along

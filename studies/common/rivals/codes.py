@@ -261,11 +261,11 @@ class Dolfinx(Rival):
         DolfinxError
             If the DOLFINx process fails.
         """
-        said = _child(task, values=task.values(steps), repeats=repeats)
-        if "failure" in said:
-            raise NotConvergedError(str(said["failure"]))
-        linear_solves, seconds = int(said["linear_solves"]), said["seconds"].tolist()
-        return Run(said["u"], said["f"], linear_solves, seconds)
+        data = _child(task, values=task.values(steps), repeats=repeats)
+        if "failure" in data:
+            raise NotConvergedError(str(data["failure"]))
+        linear_solves, seconds = int(data["linear_solves"]), data["seconds"].tolist()
+        return Run(data["u"], data["f"], linear_solves, seconds)
 
     def iterations(
         self, task: Task, u: ndarray, repeats: int
@@ -287,7 +287,7 @@ def interpreter() -> tuple[str, str] | None:
 
 def _child(task: Task, **more: Any) -> dict[str, ndarray]:
     """Results of the DOLFINx process for a task."""
-    if (there := interpreter()) is None:
+    if (python := interpreter()) is None:
         raise DolfinxError("DOLFINx: no Python interpreter can import it")
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder, "task.npz"), Path(folder, "results.npz")
@@ -302,9 +302,9 @@ def _child(task: Task, **more: Any) -> dict[str, ndarray]:
             fixed=task.fixed,
             **more,
         )
-        _run(there[0], str(source), str(target))
-        with np.load(target) as said:
-            return dict(said)
+        _run(python[0], str(source), str(target))
+        with np.load(target) as data:
+            return dict(data)
 
 
 def _run(python: str, *arguments: str, timeout: float | None = None) -> str:
@@ -319,8 +319,8 @@ def _run(python: str, *arguments: str, timeout: float | None = None) -> str:
         timeout=timeout,
     )
     if child.returncode:
-        said = child.stderr.strip().splitlines() or [f"exit code {child.returncode}"]
-        raise DolfinxError(f"DOLFINx: {said[-1]}")
+        lines = child.stderr.strip().splitlines() or [f"exit code {child.returncode}"]
+        raise DolfinxError(f"DOLFINx: {lines[-1]}")
     return child.stdout.strip()
 
 

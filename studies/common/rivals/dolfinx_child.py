@@ -44,9 +44,9 @@ class Forms:
         self.residual = fem.form(residual, jit_params=options)
         self.tangent = fem.form(tangent, jit_params=options)
         # Node of this mesh for each node of the task.
-        here = self.space.tabulate_dof_coordinates()[:, :2]
-        off, self.node = KDTree(here).query(task["nodes"].T)
-        assert off.max() < 1e-9 * np.ptp(here)
+        coordinates = self.space.tabulate_dof_coordinates()[:, :2]
+        off, self.node = KDTree(coordinates).query(task["nodes"].T)
+        assert off.max() < 1e-9 * np.ptp(coordinates)
 
     def dofs(self):
         """Unknown of this space for each unknown of the task."""

@@ -76,11 +76,11 @@ class _Pattern:
         pairs = np.array([node[row], node[A.indices]])
         place_of_node = np.argsort(nested_dissection(positions, pairs))
         self._order = np.lexsort((free % 2, place_of_node[node]))
-        place = np.argsort(self._order)
-        i, j = place[row], place[A.indices]
-        kept = np.flatnonzero(i >= j)
+        position = np.argsort(self._order)
+        i, j = position[row], position[A.indices]
+        lower = np.flatnonzero(i >= j)
         # The CSC lower triangle is the CSR upper triangle.
-        slots = matrix_of_slots(kept, j[kept], i[kept], A.shape)
+        slots = matrix_of_slots(lower, j[lower], i[lower], A.shape)
         self._slots = slots.data
         self._solver = ChosenSolver(
             "auto", csc_matrix((slots.data, slots.indices, slots.indptr), A.shape)

@@ -148,7 +148,7 @@ def _draped(case: Case) -> Row:
     warn_only = "stabilisation", "deviation"
     state = equilibrium_near(ply, conditions, start, warn_only=warn_only)
     seconds = process_time() - began
-    found: Row = {
+    row: Row = {
         "unknowns": ply.basis.N,
         "solves": state.linear_solves,
         "seconds": seconds,
@@ -158,8 +158,8 @@ def _draped(case: Case) -> Row:
         "pressure_error": _pressure_error(case, ply, surface, state),
     }
     if case.kind == SPHERE:
-        return found | _on_net(ply, state)
-    return found | _sheared(ply, state, start)
+        return row | _on_net(ply, state)
+    return row | _sheared(ply, state, start)
 
 
 def _on_net(ply: Ply, state: State) -> Row:
@@ -257,8 +257,8 @@ def on_sphere(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
 
 def _on_developable(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
     formulation = FORMULATIONS[case.formulation]
-    cells, given = _cells(case), (case.tension, case.stretch, _SHEAR)
-    return rolled.problem(case.surface, formulation, cells, case.parts, *given)
+    cells, stiffness = _cells(case), (case.tension, case.stretch, _SHEAR)
+    return rolled.problem(case.surface, formulation, cells, case.parts, *stiffness)
 
 
 def _pressure_error(
@@ -283,9 +283,9 @@ def _pressure_error(
     else:
         centres = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
         exact = rolled.pressure(case.surface, case.tension, centres)
-    place = u, state.load_factor, state.parameters
-    found = drape.contact_pressure(ply, surface, *place)[ply.mesh.t].mean(axis=0)
-    return float(np.abs(found / exact - 1)[inner].max())
+    arguments = u, state.load_factor, state.parameters
+    pressure = drape.contact_pressure(ply, surface, *arguments)[ply.mesh.t].mean(axis=0)
+    return float(np.abs(pressure / exact - 1)[inner].max())
 
 
 def _timed(case: Case) -> Row:

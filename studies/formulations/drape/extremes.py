@@ -327,10 +327,10 @@ def _outwards(surface: Surface, side: int, tension: float) -> Callable:
         points = X.reshape(2, -1)
         step = np.zeros((2, 1))
         step[side] = _STEP
-        there, back = (
+        ahead, back = (
             drape.exponential_map(surface, points + sign * step) for sign in (1, -1)
         )
-        along = (there - back) / np.linalg.norm(there - back, axis=0)
+        along = (ahead - back) / np.linalg.norm(ahead - back, axis=0)
         return tension * along.reshape(3, *X.shape[1:])
 
     return at
@@ -339,42 +339,42 @@ def _outwards(surface: Surface, side: int, tension: float) -> Callable:
 def judged(case: Extreme) -> Row:
     """Run a case and verify the result."""
     try:
-        found = draped(case)
+        final = draped(case)
     except (NoEquilibriumError, StepError) as error:
         return {"outcome": REFUSED, "reason": str(error)}
     row: Row = {
-        "solves": found.state.linear_solves,
-        "strain": found.state.verdict.max_fibre_strain,
+        "solves": final.state.linear_solves,
+        "strain": final.state.verdict.max_fibre_strain,
         "at_risk": float(
-            drape.wrinkle_risk(found.ply, found.state.u, found.state.parameters).mean()
+            drape.wrinkle_risk(final.ply, final.state.u, final.state.parameters).mean()
         ),
-        "element_size": float(found.ply.element_size),
-        "off_surface": float(np.abs(distance(found.surface, found.positions)).max()),
-        "first_order": _first_order(case, found),
+        "element_size": float(final.ply.element_size),
+        "off_surface": float(np.abs(distance(final.surface, final.positions)).max()),
+        "first_order": _first_order(case, final),
     }
-    row |= _against_net(case, found) | _against_finer(case, found)
+    row |= _against_net(case, final) | _against_finer(case, final)
     if case.mirrored:
         other = draped(replace(case, mirrored=False))
-        row["off_mirror"] = float(np.abs(found.angle - other.angle).max())
+        row["off_mirror"] = float(np.abs(final.angle - other.angle).max())
     complaints = _complaints(row)
-    told = _told(found)
+    notes = _warnings(final)
     outcome = WRONG if complaints else RIGHT
-    if complaints and told and not _is_unsound(row):
+    if complaints and notes and not _is_unsound(row):
         outcome = TOLD
-    return {"outcome": outcome, "reason": "; ".join(complaints), "told": told, **row}
+    return {"outcome": outcome, "reason": "; ".join(complaints), "told": notes, **row}
 
 
-def _told(found: Drape) -> str:
+def _warnings(result: Drape) -> str:
     """Warnings of a state about its accuracy; empty without warnings."""
-    ply, state = found.ply, found.state
-    estimate = estimated_error(ply, found.conditions, "superlu", state).shear_angle
+    ply, state = result.ply, result.state
+    estimate = estimated_error(ply, result.conditions, "superlu", state).shear_angle
     reasons = {
         "wrinkles": drape.wrinkle_risk(ply, state.u, state.parameters).any(),
         "stabilisation": excess(state.shares, "stabilisation"),
         "deviations": excess(state.shares, "deviation"),
         "estimated error": np.degrees(estimate or 0.0) > ANGLE,
     }
-    return ", ".join(reason for reason, given in reasons.items() if given)
+    return ", ".join(reason for reason, applies in reasons.items() if applies)
 
 
 def _is_unsound(row: Row) -> bool:
@@ -386,75 +386,75 @@ def _is_unsound(row: Row) -> bool:
 
 def _complaints(row: Row) -> list[str]:
     """Failed checks of a state."""
-    found = []
+    texts = []
     if _is_unsound(row):
-        found.append("no stable equilibrium on the surface")
+        texts.append("no stable equilibrium on the surface")
     if row.get("off_net", 0.0) > ANGLE + ANGLE_OVER_STRAIN * row["strain"]:
-        found.append(f"differs from the net by {row['off_net']:.1f}°")
+        texts.append(f"differs from the net by {row['off_net']:.1f}°")
     if row.get("off_finer", 0.0) > ANGLE:
-        found.append(f"differs from the finer mesh by {row['off_finer']:.1f}°")
+        texts.append(f"differs from the finer mesh by {row['off_finer']:.1f}°")
     if row.get("off_mirror", 0.0) > OFF_MIRROR:
-        found.append(f"differs from the mirror image by {row['off_mirror']:.1e}°")
+        texts.append(f"differs from the mirror image by {row['off_mirror']:.1e}°")
     if row.get("moved", 0.0) > POSITION * row["element_size"]:
-        found.append(f"differs from the finer mesh by {row['moved']:.1f} mm")
-    return found
+        texts.append(f"differs from the finer mesh by {row['moved']:.1f} mm")
+    return texts
 
 
-def _first_order(case: Extreme, found: Drape) -> float:
+def _first_order(case: Extreme, result: Drape) -> float:
     """Ratio of first-order to second-order energy of perturbations along the surface.
 
     The maximum over a few smooth symmetric perturbations; −1 if one lowers the energy.
     Perturbed positions are projected onto the surface.
     """
-    ply, x = found.ply, found.positions
+    ply, x = result.ply, result.positions
     rng, largest = np.random.default_rng(0), 0.0
     free = np.ones_like(x, dtype=bool)
     for i, name in enumerate(("left", "bottom")):
-        nodes = found.conditions["xy"[i]].nodes(name, ply.basis)
+        nodes = result.conditions["xy"[i]].nodes(name, ply.basis)
         free[i, nodes] = False
     projectors = np.array([np.diag(f) for f in free.T.astype(float)])
     for _ in range(_MOTIONS):
         phase, waves = rng.uniform(0, 6, (3, 1)), rng.uniform(-4, 4, (3, 2)) / SIDE
         v = _MOTION * np.sin(waves @ ply.nodes + phase) * free
-        ends = [onto(found.surface, x + sign * v, projectors) for sign in (1, -1)]
-        energies = [_energy(found, end) for end in (*ends, x)]
+        ends = [onto(result.surface, x + sign * v, projectors) for sign in (1, -1)]
+        energies = [_energy(result, end) for end in (*ends, x)]
         first = abs(energies[0] - energies[1]) / 2
         second = (energies[0] + energies[1]) / 2 - energies[2]
-        round_off = 1e-12 * sum(abs(e) for e in found.state.energies.values())
+        round_off = 1e-12 * sum(abs(e) for e in result.state.energies.values())
         if second < -round_off - first:
             return -1.0
         largest = max(largest, first / max(second, round_off, 1e-300))
     return float(largest)
 
 
-def _energy(found: Drape, x: ndarray) -> float:
-    u = drape.displacement(found.ply.nodes, x)
-    return found.ply.energy(u, found.state.load_factor, found.state.parameters)
+def _energy(result: Drape, x: ndarray) -> float:
+    u = drape.displacement(result.ply.nodes, x)
+    return result.ply.energy(u, result.state.load_factor, result.state.parameters)
 
 
-def _against_net(case: Extreme, found: Drape) -> Row:
+def _against_net(case: Extreme, result: Drape) -> Row:
     """Rms difference of the shear angles from the kinematic net."""
     inextensible = case.stiffness >= _INEXTENSIBLE and case.tension and not case.bending
     if case.bias or not inextensible or case.mesh == "hole":
         return {}
     cells = (0, _CELLS)
     try:
-        net = drape.net(found.surface, SIDE / _CELLS, cells, cells)
+        net = drape.net(result.surface, SIDE / _CELLS, cells, cells)
     except ValueError:
         return {}
-    element = found.ply.users_mesh.element_finder()(*net.centres().reshape(2, -1))
+    element = result.ply.users_mesh.element_finder()(*net.centres().reshape(2, -1))
     angle = np.degrees(net.shear_angle().ravel())
-    off = found.angle - np.bincount(element, angle) / np.bincount(element)
+    off = result.angle - np.bincount(element, angle) / np.bincount(element)
     return {"off_net": float(np.sqrt(np.mean(off**2)))}
 
 
-def _against_finer(case: Extreme, found: Drape) -> Row:
+def _against_finer(case: Extreme, result: Drape) -> Row:
     """Differences of shear angles and positions from a refined mesh."""
     try:
         finer = draped(case, halvings=1)
     except (NoEquilibriumError, StepError):
         return {}
-    off = found.angle - finer.angle.reshape(4, -1).mean(axis=0)
-    n = found.ply.users_mesh.p.shape[1]
-    moved = np.linalg.norm((found.positions[:, :n] - finer.positions[:, :n]), axis=0)
+    off = result.angle - finer.angle.reshape(4, -1).mean(axis=0)
+    n = result.ply.users_mesh.p.shape[1]
+    moved = np.linalg.norm((result.positions[:, :n] - finer.positions[:, :n]), axis=0)
     return {"off_finer": float(np.sqrt(np.mean(off**2))), "moved": float(moved.max())}

@@ -106,11 +106,11 @@ def published_net(draping: Draping, first: ndarray) -> ndarray:
     x[:, row, column + 1] = _at_distance(
         surface, first, along, np.array([0, 0, 1.0]), d
     )
-    for start, side, way in _ARMS:
+    for start, side, direction in _ARMS:
         one, two = (np.add(draping.origin, at) for at in (start, side))
-        while _inside(draping, one + way):
-            cell = _generator(surface, x[:, *one], x[:, *two], x, one - way, d)
-            one, two = one + way, two + way
+        while _inside(draping, one + direction):
+            cell = _generator(surface, x[:, *one], x[:, *two], x, one - direction, d)
+            one, two = one + direction, two + direction
             x[:, *one], x[:, *two] = cell
     for i_way in (1, -1):
         for j_way in (1, -1):
@@ -158,8 +158,8 @@ def _constrained(draping: Draping, x: ndarray, i_way: int, j_way: int) -> None:
     """Place the nodes of a quadrant, each with three known corners of a cell."""
     row, column = draping.origin
     ends = [
-        (start + 2, n) if way > 0 else (start - 1, -1)
-        for start, n, way in zip(
+        (start + 2, n) if direction > 0 else (start - 1, -1)
+        for start, n, direction in zip(
             (row, column), draping.nodes, (i_way, j_way), strict=True
         )
     ]
@@ -255,8 +255,8 @@ def differences(name: str, finer: int = 1) -> tuple[ndarray, ndarray]:
         point=first.mean(axis=1),
         first=along,
     )
-    own = np.degrees(net.shear_angle()).reshape(rows, 2, columns, 2).mean(axis=(1, 3))
-    return shear, np.abs(own) - shear
+    angle = np.degrees(net.shear_angle()).reshape(rows, 2, columns, 2).mean(axis=(1, 3))
+    return shear, np.abs(angle) - shear
 
 
 def _finer(draping: Draping, finer: int) -> Draping:

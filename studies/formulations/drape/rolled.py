@@ -81,8 +81,8 @@ def problem(
     c, a = (np.sqrt(0.5), np.sqrt(0.5)) if how == BIAS else (1.0, 0.0)
     fabric = Fabric(stretch, shear, warp=(c, a), weft=(-a, c))
     ply = Ply(mesh, fabric, formulation, loads, dimension=3)
-    place = _on_cylinder if surface is _CYLINDER else _on_cone
-    return ply, conditions, surface, drape.displacement(ply.nodes, place(ply.nodes))
+    position = _on_cylinder if surface is _CYLINDER else _on_cone
+    return ply, conditions, surface, drape.displacement(ply.nodes, position(ply.nodes))
 
 
 def pressure(how: str, tension: float, X: ndarray) -> ndarray:
@@ -134,9 +134,9 @@ def _on_fan(tension: float, cells: int, strips: int) -> list[Traction]:
         return tension * (np.cos(off) * radial + np.sin(off) * chord)
 
     def across(X: ndarray) -> ndarray:
-        whole = _FAN_ANGLE / cells
-        element = np.floor(_polar(X) / whole).clip(0, cells - 1)
-        return turned(X, (element + 0.5) * whole)
+        angle = _FAN_ANGLE / cells
+        element = np.floor(_polar(X) / angle).clip(0, cells - 1)
+        return turned(X, (element + 0.5) * angle)
 
     return [
         Traction("right", across),

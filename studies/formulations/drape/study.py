@@ -83,31 +83,31 @@ def of_runs(rows: Iterable[Row], settings: Columns, results: Columns) -> str:
 
 def _of(rows: Sequence[Row], kind: str, *different: str) -> list[Row]:
     """Rows of a kind with non-default values of exactly these settings."""
-    return [r for r in having(rows, kind=kind) if _own(r) == [*different]]
+    return [r for r in having(rows, kind=kind) if _options(r) == [*different]]
 
 
-def _own(row: Row) -> list[str]:
+def _options(row: Row) -> list[str]:
     """Names of the non-default settings of a row."""
     return [name for name, ordinary in _DEFAULTS.items() if row[name] != ordinary]
 
 
 def refinement(rows: Sequence[Row]) -> str:
     """Error, solves and time of the Chebyshev net on regular meshes."""
-    own = [r for r in _of(rows, SPHERE) if r["formulation"] != FLAT]
+    selected = [r for r in _of(rows, SPHERE) if r["formulation"] != FLAT]
     results = {"unknowns": "{unknowns}", **_ERRORS, **_SOLVES, **_SECONDS, **_PRESSURE}
-    return of_runs(own, _MESH, results)
+    return of_runs(selected, _MESH, results)
 
 
 def orders(rows: Sequence[Row]) -> str:
     """Errors with 32 to 128 parts, for two fibre stiffnesses."""
     formulation, parts = _MESH.items()
     settings = dict([formulation, ("E in N/mm", "{stretch:g}"), parts])
-    own = [r for r in _of(rows, SPHERE) if r["parts"] >= 32]
-    own += [r for r in _of(rows, SPHERE, "stretch") if r["stretch"] > 1e5]
+    selected = [r for r in _of(rows, SPHERE) if r["parts"] >= 32]
+    selected += [r for r in _of(rows, SPHERE, "stretch") if r["stretch"] > 1e5]
     largest, rms = _ERRORS.items()
     corner = "in the corner in °", "{in_corner:.4f}"
     elsewhere = "largest elsewhere in °", "{but_corner:.4f}"
-    return of_runs(own, settings, dict([largest, corner, elsewhere, rms]))
+    return of_runs(selected, settings, dict([largest, corner, elsewhere, rms]))
 
 
 def distorted(rows: Sequence[Row]) -> str:
@@ -115,9 +115,9 @@ def distorted(rows: Sequence[Row]) -> str:
     formulation, parts = _MESH.items()
     settings = dict([formulation, ("nodes moved by 20 %", _moved), parts])
     tension = "{least_tension:.1f} to {largest_tension:.1f}"
-    own = _of(rows, SPHERE, "distortion") + _of(rows, SPHERE, "distortion", "halvings")
+    runs = _of(rows, SPHERE, "distortion") + _of(rows, SPHERE, "distortion", "halvings")
     results = {**_ERRORS, "fibre tension in N/mm": tension, **_PRESSURE}
-    return of_runs(own, settings, results)
+    return of_runs(runs, settings, results)
 
 
 def _moved(row: Row) -> str:
@@ -134,7 +134,7 @@ def other_drapes(rows: Sequence[Row]) -> str:
         "surface": "sphere of 5000 triangles",
         "start": "initial guess: {start}",
     }
-    own = [
+    selected = [
         row
         for name in words
         for row in _of(rows, SPHERE, name)
@@ -143,11 +143,11 @@ def other_drapes(rows: Sequence[Row]) -> str:
 
     def different(row: Row) -> str:
         return ", ".join(
-            say.format_map(row) for k, say in words.items() if k in _own(row)
+            say.format_map(row) for k, say in words.items() if k in _options(row)
         )
 
     results = {**_LARGEST, **_SOLVES, "fibre strain": "{fibre_strain:.1e}"}
-    return of_runs(own, {**_MESH, "difference": different}, results)
+    return of_runs(selected, {**_MESH, "difference": different}, results)
 
 
 def free_edges(rows: Sequence[Row]) -> str:
@@ -163,8 +163,8 @@ def free_edges(rows: Sequence[Row]) -> str:
         "stable": lambda row: "yes" if row["stable"] else "no",
         **_SOLVES,
     }
-    own = [row for row in sphere if row["tension"] < pulled]
-    return of_runs(own, {**_MESH, **settings, "start": "{start}"}, results)
+    selected = [row for row in sphere if row["tension"] < pulled]
+    return of_runs(selected, {**_MESH, **settings, "start": "{start}"}, results)
 
 
 def nets(rows: Sequence[Row]) -> str:
@@ -190,14 +190,14 @@ def published_nets(rows: Sequence[Row]) -> str:
 
 def rolled(rows: Sequence[Row]) -> str:
     """Spurious shear on developable surfaces, on successively finer meshes."""
-    found = having(rows, kind=ROLLED)
-    parts = sorted({row["parts"] for row in found})
+    all_rows = having(rows, kind=ROLLED)
+    parts = sorted({row["parts"] for row in all_rows})
     lines = []
-    for key, own in grouped(found, "surface", "tension", "formulation").items():
+    for key, group in grouped(all_rows, "surface", "tension", "formulation").items():
         surface, tension, formulation = key
         shear = {
             row["parts"]: "refused" if row["refused"] else f"{row['largest']:.1e}"
-            for row in own
+            for row in group
         }
         shears = (shear.get(n, "–") for n in parts)
         lines.append([surface, f"{tension:g}", formulation, *shears])
@@ -209,15 +209,15 @@ def outcomes(rows: Sequence[Row]) -> str:
     """Outcomes of extreme drapes by group."""
     compared = "off_net", "off_finer"
     lines = []
-    for group, own in (grouped(rows, "group") | {"all": [*rows]}).items():
-        count = Counter(row["outcome"] for row in own)
+    for group, selected in (grouped(rows, "group") | {"all": [*rows]}).items():
+        count = Counter(row["outcome"] for row in selected)
         alone = sum(
             row["outcome"] == RIGHT and all(row.get(x) is None for x in compared)
-            for row in own
+            for row in selected
         )
-        known = ([r[x] for r in own if r.get(x) is not None] for x in compared)
+        known = ([r[x] for r in selected if r.get(x) is not None] for x in compared)
         angles = [f"{max(off):.1f}" if off else "–" for off in known]
-        counts = len(own), *(count[outcome] for outcome in _WORDS), alone
+        counts = len(selected), *(count[outcome] for outcome in _WORDS), alone
         lines.append([group, *counts, *angles])
     head = ["group", "drapes", *_WORDS.values(), "right, not compared"]
     head += ["largest difference to the net in °", "to the finer mesh in °"]
@@ -228,8 +228,8 @@ def told_or_refused(rows: Sequence[Row]) -> str:
     """The extreme drapes that are not right, with reasons."""
 
     def reason(row: Row) -> str:
-        told = f" (reported: {row['told']})" if row.get("told") else ""
-        return row["reason"] + told
+        warning = f" (reported: {row['told']})" if row.get("told") else ""
+        return row["reason"] + warning
 
     return table(
         (row for row in rows if row["outcome"] != RIGHT),
@@ -290,12 +290,12 @@ def extremes_in_words(rows: Sequence[Row]) -> dict[str, str]:
     ('3', '2', '1 of 2')
     """
     count = Counter(row["outcome"] for row in rows)
-    told = sum(bool(row["told"]) for row in having(rows, outcome=RIGHT))
+    reported = sum(bool(row["told"]) for row in having(rows, outcome=RIGHT))
     names = {RIGHT: "right", TOLD: "reported", REFUSED: "refused", WRONG: "wrong"}
     return {
         "extremes": str(len(rows)),
         **{f"extremes_{name}": str(count[kind]) for kind, name in names.items()},
-        "extremes_right_reported": f"{told} of {count[RIGHT]}",
+        "extremes_right_reported": f"{reported} of {count[RIGHT]}",
     }
 
 

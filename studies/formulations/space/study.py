@@ -62,58 +62,58 @@ _SPAN, _WEIGHT = 0.8, 1e-3
 _HALVINGS = 16
 
 
-def cantilever(load: str, **given: Any) -> Row:
+def cantilever(load: str, **parameters: Any) -> Row:
     """Tip errors of a cantilever in one load step, relative to its length."""
-    (force, weight), D = CANTILEVERS[load], given["D"]
+    (force, weight), D = CANTILEVERS[load], parameters["D"]
     loads: list[Any] = []
     if force:
         loads.append(Traction("right", (0.0, 0.0, -force * D / LENGTH**2)))
     if weight:
         loads.append(BodyForce((0.0, 0.0, -weight * D / LENGTH**3)))
     conditions, ends = {"left": Condition("left")}, {"left": "clamped"}
-    found, ply, result = _loaded(loads, conditions, 1, ends, **given)
+    row, ply, result = _loaded(loads, conditions, 1, ends, **parameters)
     if result is None:
-        return found
+        return row
     tip = ply.nodes[0] > LENGTH - 1e-6
     x, _, z = ply.nodal(result.u)[:, tip].mean(axis=1)
     exact = hanging(weight, force)
-    return found | {
+    return row | {
         "off_x": float(1 + x / LENGTH - exact.x[-1]),
         "off_z": float(z / LENGTH - exact.z[-1]),
     }
 
 
-def shortened(**given: Any) -> Row:
+def shortened(**parameters: Any) -> Row:
     """Relative errors of force and height of a buckled strip."""
-    D, moved = given["D"], (-_SHORTENING * LENGTH, 0.0, 0.0)
+    D, moved = parameters["D"], (-_SHORTENING * LENGTH, 0.0, 0.0)
     push = BodyForce((0.0, 0.0, 1e-3 * D / LENGTH**3), factor=1.0)
     conditions = {"left": Condition("left"), "right": Condition("right", moved)}
-    found, ply, result = _loaded([push], conditions, 4, {}, **given)
+    row, ply, result = _loaded([push], conditions, 4, {}, **parameters)
     if result is None:
-        return found
+        return row
     exact = buckled(_SHORTENING)
     force = -result.states[-1].reactions["right"][0] / WIDTH
     z = ply.nodal(result.u)[2]
     height = np.abs(z).max()
-    return found | {
+    return row | {
         "mirrored": bool(z.max() < height),
         "off_x": float(force * LENGTH**2 / D / exact.force - 1),
         "off_z": float(height / LENGTH / exact.height - 1),
     }
 
 
-def hanging_sheet(**given: Any) -> Row:
+def hanging_sheet(**parameters: Any) -> Row:
     """Relative errors of sag and horizontal force of a hanging sheet, D = 0."""
     load = BodyForce((0.0, 0.0, -_WEIGHT), factor=1.0)
     moved = ((_SPAN - 1) * LENGTH, 0.0, 0.0)
     conditions = {"left": Condition("left"), "right": Condition("right", moved)}
-    found, ply, result = _loaded([load], conditions, 4, {}, **given)
+    row, ply, result = _loaded([load], conditions, 4, {}, **parameters)
     if result is None:
-        return found
+        return row
     c = brentq(lambda c: 2 * c * np.sinh(_SPAN / 2 / c) - 1, 0.05, 10.0)
     sag = c * (np.cosh(_SPAN / 2 / c) - 1)
     pull = result.states[-1].reactions["right"][0] / (_WEIGHT * WIDTH * LENGTH)
-    return found | {
+    return row | {
         "off_x": float(pull / c - 1),
         "off_z": float(-ply.nodal(result.u)[2].min() / LENGTH / sag - 1),
     }
@@ -144,13 +144,13 @@ def _loaded(
         result = LoadStepper(ply, conditions, steps, solver="superlu").run()
     except StepError as error:
         return {"outcome": "refused", "said": str(error)}, ply, None
-    told = {
+    row = {
         "outcome": "converged",
         "linear_solves": result.linear_solves,
         "load_steps": len(result.states) - 1,
         "path_resolved": result.path_resolved,
     }
-    return told, ply, result
+    return row, ply, result
 
 
 def plate(degrees: float, n: int, jitter: float, formulation: str) -> Row:
@@ -244,16 +244,16 @@ class Case(NamedTuple):
     parameters: dict[str, Any]
 
     def __str__(self) -> str:
-        given = ", ".join(f"{k} {v}" for k, v in self.parameters.items())
-        return f"{self.part}: {given}"
+        parameters = ", ".join(f"{k} {v}" for k, v in self.parameters.items())
+        return f"{self.part}: {parameters}"
 
     def rows(self) -> list[Row]:
         """Run the problem; returns one row."""
-        found = _PROBLEMS[self.part](**self.parameters)
-        return [{"part": self.part, **self.parameters, **found}]
+        results = _PROBLEMS[self.part](**self.parameters)
+        return [{"part": self.part, **self.parameters, **results}]
 
 
-def _every(part: str, **choices: Any) -> list[Case]:
+def _cases_of(part: str, **choices: Any) -> list[Case]:
     sets = product(*choices.values())
     return [Case(part, dict(zip(choices, one, strict=True))) for one in sets]
 
@@ -273,7 +273,7 @@ def plain_cases() -> list[Case]:
     every: Any = list(FORMULATIONS)
     in_plane: Any = {"where": ["in plane"]}
     return [
-        *_every(
+        *_cases_of(
             "cantilever",
             load=list(CANTILEVERS),
             n=[8, 16, 32],
@@ -282,35 +282,35 @@ def plain_cases() -> list[Case]:
             D=[10.0],
             E_over_G=[1e5],
         ),
-        *_every(
+        *_cases_of(
             "plate",
             degrees=[0, 45],
             n=[8, 16, 32],
             jitter=[0.0, 0.2],
             formulation=["one point", "quadratic"],
         ),
-        *_every(
+        *_cases_of(
             "buckling",
             **in_plane,
             n=[8, 16],
             formulation=every,
             D=[0.0, 10.0, 100.0],
         ),
-        *_every(
+        *_cases_of(
             "buckling",
             **in_plane,
             n=[32, 64, 128, 256],
             formulation=["macro"],
             D=[0.0],
         ),
-        *_every(
+        *_cases_of(
             "buckling",
             where=["out of plane"],
             n=[8, 16, 32],
             formulation=every,
             D=[0.1, 10.0, 1000.0],
         ),
-        *_every(
+        *_cases_of(
             "modes",
             formulation=[*every, "one point, C_s = 0", "full"],
             D=[0.0, 1.0],
@@ -344,13 +344,13 @@ def cantilevers(rows: Sequence[Row]) -> str:
 
 def plates(rows: Sequence[Row]) -> str:
     """Largest deflection error relative to the largest deflection."""
-    found = having(rows, part="plate")
-    edges = list(grouped(found, "n"))
+    plate_rows = having(rows, part="plate")
+    edges = list(grouped(plate_rows, "n"))
     lines = []
-    for key, own in grouped(found, "formulation", "degrees", "jitter").items():
+    for key, group in grouped(plate_rows, "formulation", "degrees", "jitter").items():
         formulation, degrees, jitter = key
         mesh = "moved by 20 %" if jitter else "regular"
-        errors = {row["n"]: f"{row['off_z']:.1e}" for row in own}
+        errors = {row["n"]: f"{row['off_z']:.1e}" for row in group}
         line = [formulation, f"{degrees}°", mesh]
         lines.append([*line, *(errors.get(n, "-") for n in edges)])
     head = ["elements", "fibres at", "nodes", *(f"{n} edges" for n in edges)]
@@ -359,13 +359,13 @@ def plates(rows: Sequence[Row]) -> str:
 
 def buckling(rows: Sequence[Row]) -> str:
     """Relative errors of critical tensions."""
-    found = having(rows, part="buckling")
-    edges = sorted(grouped(found, "n"))
+    buckling_rows = having(rows, part="buckling")
+    edges = sorted(grouped(buckling_rows, "n"))
     lines = []
-    for key, own in grouped(found, "where", "formulation", "D").items():
+    for key, group in grouped(buckling_rows, "where", "formulation", "D").items():
         where, formulation, D = key
-        errors = {row["n"]: f"{row['off_x']:+.1e}" for row in own}
-        line = [where, formulation, f"{D:g}", f"{own[0]['exact']:.4g}"]
+        errors = {row["n"]: f"{row['off_x']:+.1e}" for row in group}
+        line = [where, formulation, f"{D:g}", f"{group[0]['exact']:.4g}"]
         lines.append([*line, *(errors.get(n, "-") for n in edges)])
     head = ["buckling", "formulation", "D, N·mm", "exact, N/mm"]
     return markdown_table([*head, *(f"{n} edges" for n in edges)], lines)
@@ -393,22 +393,22 @@ def wrong(rows: Sequence[Row]) -> list[Row]:
     return [
         row
         for row in having(_of_extremes(rows), outcome="converged")
-        if _off(row) > WRONG or (row.get("mirrored") and row["path_resolved"])
+        if _error(row) > WRONG or (row.get("mirrored") and row["path_resolved"])
     ]
 
 
-def _off(row: Row) -> float:
+def _error(row: Row) -> float:
     return max(abs(row["off_x"]), abs(row["off_z"]))
 
 
 def extremes(rows: Sequence[Row]) -> str:
     """Numbers of right, refused and wrong runs by problem and E/G."""
     lines = []
-    for key, own in grouped(_of_extremes(rows), "part", "E_over_G").items():
+    for key, group in grouped(_of_extremes(rows), "part", "E_over_G").items():
         part, stiff = key
-        good, bad = having(own, outcome="converged"), len(wrong(own))
-        largest = percent(max(map(_off, good), default=0.0), ".2f")
-        counts = len(own), len(good) - bad, len(own) - len(good), bad
+        good, bad = having(group, outcome="converged"), len(wrong(group))
+        largest = percent(max(map(_error, good), default=0.0), ".2f")
+        counts = len(group), len(good) - bad, len(group) - len(good), bad
         lines.append([part.removeprefix("extreme "), f"{stiff:.0e}", *counts, largest])
     head = ["problem", "E/G", "runs", "right", "refused", "wrong", "largest error"]
     return markdown_table(head, lines)
@@ -436,15 +436,15 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
     tips = having(quadrilaterals, part="cantilever", n=32)
     bent = [r for r in having(quadrilaterals, part="buckling") if r["D"]]
     soft = having(rows, part="buckling", formulation="macro", D=0.0)
-    found = _of_extremes(rows)
-    refused = sum(row["outcome"] != "converged" for row in found)
-    bad = len(wrong(found))
+    extreme_rows = _of_extremes(rows)
+    refused = sum(row["outcome"] != "converged" for row in extreme_rows)
+    bad = len(wrong(extreme_rows))
     words = {
-        "tip": percent(max(map(_off, tips)), ".2g"),
+        "tip": percent(max(map(_error, tips)), ".2g"),
         "buckling": percent(max(abs(r["off_x"]) for r in bent), ".2g"),
         "buckling_soft": percent(-min(r["off_x"] for r in soft), ".2g"),
-        "extremes": str(len(found)),
-        "right": str(len(found) - refused - bad),
+        "extremes": str(len(extreme_rows)),
+        "right": str(len(extreme_rows) - refused - bad),
         "refused": str(refused),
         "wrong": str(bad),
     }
@@ -479,8 +479,8 @@ def draw_errors(rows: Sequence[Row], file: File = None) -> Any:
     with panels_of((8.8, 3.2), file, 10, **form, sharey=True) as (figure, grid):
         for axes, (title, kind) in zip(grid[0], panels.items(), strict=True):
             for name, moved in product(styles, (False, True)):
-                own = having(known, formulation=name, **kind)
-                line = [row for row in own if bool(row["jitter"]) == moved]
+                selected = having(known, formulation=name, **kind)
+                line = [row for row in selected if bool(row["jitter"]) == moved]
                 errors = [abs(row["off_z"]) for row in line]
                 style = styles[name] | {"ls": "--" if moved else "-"}
                 axes.plot([row["n"] for row in line], errors, **style)
@@ -530,9 +530,9 @@ class Space(Study[Case]):
         sheets = _EXTREME | {"D": [0.0]}
         return [
             *plain_cases(),
-            *_every("extreme cantilever", load=["force 10", "weight 8"], **_EXTREME),
-            *_every("extreme strip", **_EXTREME),
-            *_every("extreme sheet", **sheets),
+            *_cases_of("extreme cantilever", load=["force 10", "weight 8"], **_EXTREME),
+            *_cases_of("extreme strip", **_EXTREME),
+            *_cases_of("extreme sheet", **sheets),
         ]
 
     def figures(self, rows: list[Row]) -> dict[str, str]:

@@ -118,12 +118,12 @@ def specimens(
     noise: float,
 ) -> list[Specimen]:
     """Specimens with noise added to their forces."""
-    rng, found = np.random.default_rng(seed), []
+    rng, specimens_of_test = np.random.default_rng(seed), []
     for i, test in enumerate(tests):
-        own = noise * forces[i].max() * rng.standard_normal(forces[i].size)
+        error = noise * forces[i].max() * rng.standard_normal(forces[i].size)
         name = f"specimen {i + 1}"
-        found.append(Specimen(name, test, forces[i] + own, moved[i]))
-    return found
+        specimens_of_test.append(Specimen(name, test, forces[i] + error, moved[i]))
+    return specimens_of_test
 
 
 def steps(test: ShearTest, n: int = POINTS, degrees: float = HOLD) -> ndarray:
@@ -138,8 +138,8 @@ def _curves(
     """Displacements of each test, and the corresponding forces of a law."""
     moved = [steps(test) for test in tests]
     return moved, [
-        test.force(law, test.shear_angle(own))
-        for test, own in zip(tests, moved, strict=True)
+        test.force(law, test.shear_angle(displacement))
+        for test, displacement in zip(tests, moved, strict=True)
     ]
 
 
@@ -167,8 +167,8 @@ class Coverage:
             inside.append((low <= truth) & (truth <= high))
             widths.append(high - low)
         least = 2 * _TWO_SIDED * self.cramer_rao(forces)
-        found = np.mean(inside, axis=0), np.median(widths, axis=0), least
-        rows = zip(model.parameters, *found, strict=True)
+        columns = np.mean(inside, axis=0), np.median(widths, axis=0), least
+        rows = zip(model.parameters, *columns, strict=True)
         return [
             {
                 "task": "coverage",
@@ -189,9 +189,9 @@ class Coverage:
         for test, force in zip(tests, forces, strict=True):
             gamma = test.shear_angle(steps(test)) * (1 - 1e-12)  # within a table
             columns = []
-            for i, own in enumerate(truth):
+            for i, parameter in enumerate(truth):
                 ends = np.repeat(truth[None], 2, axis=0)
-                ends[:, i] += np.array([-1e-5, 1e-5]) * own
+                ends[:, i] += np.array([-1e-5, 1e-5]) * parameter
                 low, high = (test.force(model.build(end), gamma) for end in ends)
                 columns.append((high - low) / (ends[1, i] - ends[0, i]))
             J = np.transpose(columns)
@@ -226,8 +226,8 @@ class Inverse:
         truth = curve(gamma)
         data = specimens((test,) * 3, (moved,) * 3, (truth,) * 3, self.seed, NOISE)
         simulation = Simulation(SOFT, self.across, seed=self.seed)
-        found = fit_by_simulation(data, "polynomial", simulation)
-        law = found.fit.law
+        result = fit_by_simulation(data, "polynomial", simulation)
+        law = result.fit.law
         coarse = Simulation(SOFT, self.across, _FINE_STEPS, seed=self.seed)
         angles, forces, stabilisation = coarse.curve(law, test, np.radians(BEYOND))
         off = CubicSpline(angles, forces)(gamma) - truth
@@ -235,7 +235,7 @@ class Inverse:
         model, values = known("polynomial")
         at = np.radians(ANGLES)
         moments = law.value(at) / model.build(values).value(at) - 1
-        low, high = found.fit.intervals.T
+        low, high = result.fit.intervals.T
         return [
             {
                 "task": "inverse",
@@ -326,11 +326,11 @@ class RoundTrip:
         strips = TESTS[f"bias {self.degrees:g}°"]
         law = model.build(truth)
         data = specimens(strips, *_curves(strips, law), 1, NOISE)
-        strip, found = bias(self.degrees), fit_shear(data).fit.law
+        strip, shear_law = bias(self.degrees), fit_shear(data).fit.law
         W, H, theta = strip.width, strip.height, strip.inclination
         mesh = rectangle(W, H, (8, round(8 * H / W)), "irregular", _JITTER, 1)
         scene = bias_extension(mesh, warp=theta, weft=np.pi - theta, shear_angle=_HELD)
-        ply = Ply(mesh, Fabric(STIFF, found, scene.warp, scene.weft))
+        ply = Ply(mesh, Fabric(STIFF, shear_law, scene.warp, scene.weft))
         stepper = AdaptiveStepper(ply, scene.conditions, _TOLERANCE, _STEPS)
         with errors_only():
             result, refused = run(stepper)
@@ -386,7 +386,7 @@ class Benchmark:
         test = BiasExtension(self.width, self.height)
         specimen = read_specimen(self.file, test, units)
         gamma, C = specimen.pointwise(np.radians(BEYOND))
-        found = np.interp(np.radians(ANGLES), gamma, C)
+        moments = np.interp(np.radians(ANGLES), gamma, C)
         expected = BENCHMARK[self.width, self.height]
         return [
             {
@@ -397,7 +397,7 @@ class Benchmark:
                 "expected": other,
                 "off": float(one / other - 1),
             }
-            for angle, one, other in zip(ANGLES, found, expected, strict=True)
+            for angle, one, other in zip(ANGLES, moments, expected, strict=True)
         ]
 
 
@@ -412,7 +412,7 @@ def all_cases(benchmark: Path | None) -> list[Case]:
     FileNotFoundError
         If the folder lacks a curve.
     """
-    found: list[Case] = [
+    cases: list[Case] = [
         *(Coverage(test, "polynomial") for test in TESTS),
         *(Coverage("bias 45°", law) for law in KNOWN if law != "polynomial"),
         *(Inverse(n, seed) for n, seeds in INVERSE_SEEDS.items() for seed in seeds),
@@ -424,5 +424,5 @@ def all_cases(benchmark: Path | None) -> list[Case]:
         for curve in curves:
             if not curve.file.is_file():
                 raise FileNotFoundError(f"the file {curve.file} is missing")
-        found += curves
-    return found
+        cases += curves
+    return cases

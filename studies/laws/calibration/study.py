@@ -93,18 +93,18 @@ def round_trip(rows: Sequence[Row]) -> str:
 
 def missed(rows: Sequence[Row]) -> list[str]:
     """Missed targets."""
-    found = []
+    texts = []
     for row in having(rows, task="coverage"):
         what = f"{row['test']}, {row['law']}, {row['parameter']}"
         if not INSIDE[0] <= row["inside"] <= INSIDE[1]:
-            found.append(f"{what}: inside in {percent(row['inside'], '.1f')}")
+            texts.append(f"{what}: inside in {percent(row['inside'], '.1f')}")
         if not row["width_over_cramer_rao"] <= WIDTH:
-            found.append(f"{what}: too wide")
+            texts.append(f"{what}: too wide")
     for (task, key), most in MOST.items():
-        own = [row[key] for row in having(rows, task=task)]
-        if own and not np.abs(own).max() <= most:
-            found.append(f"{task}: error of {100 * np.abs(own).max():.1f} %")
-    return found
+        errors = [row[key] for row in having(rows, task=task)]
+        if errors and not np.abs(errors).max() <= most:
+            texts.append(f"{task}: error of {100 * np.abs(errors).max():.1f} %")
+    return texts
 
 
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
@@ -168,18 +168,18 @@ class Calibration(Study[Case]):
 
     def line(self, rows: list[Row]) -> str:
         columns = _COLUMNS.get(rows[0]["task"], {"load": percent_of("off")})
-        shown = (
+        texts = (
             ", ".join(f"{head} {cell(row, column)}" for head, column in columns.items())
             for row in rows
         )
-        return f"{rows[0]['case']}: {'; '.join(shown)}"
+        return f"{rows[0]['case']}: {'; '.join(texts)}"
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
         return in_words(rows)
 
     def complaint(self, rows: list[Row]) -> str:
-        found = missed(rows)
-        return f"{len(found)} target(s) missed, first: {found[0]}" if found else ""
+        texts = missed(rows)
+        return f"{len(texts)} target(s) missed, first: {texts[0]}" if texts else ""
 
 
 STUDY = Calibration()

@@ -374,8 +374,8 @@ def draw_grid(cells: Cells, file: File = None) -> Any:
                 pixels[i, j] = to_rgb(colour)
                 dark = np.dot(pixels[i, j], (0.299, 0.587, 0.114)) < _DARK
                 text = "–" if cell.solves is None else f"{cell.solves:.0f}"
-                place = {"ha": "center", "va": "center"}
-                axes.text(j, i, text, color=_ON_DARK if dark else _ON_LIGHT, **place)
+                style = {"ha": "center", "va": "center"}
+                axes.text(j, i, text, color=_ON_DARK if dark else _ON_LIGHT, **style)
             axes.imshow(pixels, aspect="auto", origin="lower")
             axes.set_xticks(
                 range(len(distortions)), [f"{x:g}"[-3:] for x in distortions]

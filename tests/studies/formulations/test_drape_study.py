@@ -63,11 +63,11 @@ def test_states_out_of_equilibrium_are_wrong(monkeypatch):
 
 def test_a_drape_that_differs_from_the_net_is_wrong_unless_reported(monkeypatch):
     monkeypatch.setattr(judging, "_against_net", lambda *_: {"off_net": 30.0})
-    monkeypatch.setattr(judging, "_told", lambda *_: "")
+    monkeypatch.setattr(judging, "_warnings", lambda *_: "")
     row = judging.judged(ON_SPHERE)
     assert row["outcome"] == judging.WRONG
     assert "differs from the net by 30.0°" in row["reason"]
-    monkeypatch.setattr(judging, "_told", lambda *_: "wrinkles")
+    monkeypatch.setattr(judging, "_warnings", lambda *_: "wrinkles")
     assert judging.judged(ON_SPHERE)["outcome"] == judging.TOLD
 
 
