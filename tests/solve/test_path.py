@@ -51,7 +51,7 @@ def test_an_easy_path_has_no_extra_cost(scene, steps, monkeypatch):
     result = loaded(scene(), Full(), steps, 0.5)
     assert result.path_resolved
     monkeypatch.setattr(Continuation, "most_projected", lambda *_: np.inf)
-    monkeypatch.setattr(Continuation, "keeps", lambda *_: True)
+    monkeypatch.setattr(Continuation, "accepts", lambda *_: True)
     assert loaded(scene(), Full(), steps, 0.5).linear_solves == result.linear_solves
 
 
@@ -182,19 +182,19 @@ def test_a_hard_step_must_agree_with_its_halves_within_1_per_cent(
     energy, force, projected, resolved
 ):
     path, step = Continuation(1.0, 8, True, next=1.0), 2.0**-6
-    assert not path.keeps(step, state(step, 1.0, 2.0), projected=3, settled=True)
+    assert not path.accepts(step, state(step, 1.0, 2.0), projected=3, settled=True)
     assert path.end(0.0, 1.0) == path.next == step / 2
-    assert path.keeps(step / 2, state(step / 2, 0.5, 1.0), projected, settled=True)
+    assert path.accepts(step / 2, state(step / 2, 0.5, 1.0), projected, settled=True)
     path.next = 1.0
     assert path.end(step / 2, 1.0) == step
-    assert path.keeps(step / 2, state(step, energy, force), projected=0, settled=True)
+    assert path.accepts(step / 2, state(step, energy, force), projected=0, settled=True)
     assert (not path.unresolved) == resolved
     assert path.end(step, 1.0) == 1.0
 
 
 def test_a_path_is_saved_and_resumed():
     path = Continuation(1.0, 8, True, next=1.0, unresolved=[0.5])
-    path.keeps(2.0**-6, state(2.0**-6, 1.0, 2.0), projected=3, settled=True)
+    path.accepts(2.0**-6, state(2.0**-6, 1.0, 2.0), projected=3, settled=True)
     assert path.to_compare
     assert Continuation.of(json.loads(json.dumps(asdict(path)))) == path
 
