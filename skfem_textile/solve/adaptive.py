@@ -356,14 +356,15 @@ class AdaptiveStepper:
 
     def _finish_round(self, ply: Ply, state: State, whole_path: bool) -> None:
         """Estimate the error of a state and record its round."""
-        problem_data = ply, self._conditions, self._stepper.result.solver.name
+        conditions, solver = self._conditions, self._stepper.result.solver.name
+        problem = problem_at(ply, conditions, solver, state.load_factor)
         try:
-            work = work_of(problem_at(*problem_data, state.load_factor), state)
+            work = work_of(problem, state)
         except ValueError as none:
             why = f"the tolerance is relative to the load, but there is no load: {none}"
             raise self._error(why) from None
         change = change_of(self._work, work) if self._rounds else None
-        self._work, errors = work, estimated_error(*problem_data, state)
+        self._work, errors = work, estimated_error(problem, conditions, solver, state)
         estimate, solves, unknowns = errors.load, state.linear_solves, int(ply.basis.N)
         if whole_path:
             self._estimate, solves = errors, self._stepper.result.linear_solves

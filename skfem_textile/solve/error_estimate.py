@@ -18,6 +18,7 @@ from ..ply import Ply
 from ..ply.parameters import PlyParameters
 from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
+from .linear.solver import Clock
 from .newton import definite, within_laws
 from .problem import Problem, Tangent
 from .states import ErrorEstimate, NoEquilibriumError, State
@@ -52,21 +53,22 @@ _NO_LOAD = "no moving condition carries a load"
 
 
 def estimated_error(
-    ply: Ply, conditions: Conditions, solver: str, state: State
+    problem: Problem, conditions: Conditions, solver: str, state: State
 ) -> ErrorEstimate:
-    """Estimated error of a state, with a linear solver by name.
+    """Estimated error of a state of a problem, with a linear solver by name.
 
     There is none if the finer mesh has no state near it.  The estimate of an earlier
     state is not a substitute, because it may be several times too small.
     """
     if state.load_factor == 0:
         return ErrorEstimate(reason="the load is zero")
+    ply = problem.ply
     if ply.basis.N > MOST_UNKNOWNS:
         return ErrorEstimate(reason=f"the ply has more than {MOST_UNKNOWNS} unknowns")
     try:
         refuse_single_nodes(ply, conditions)
         with np.errstate(all="ignore"):  # non-finite values are detected
-            return _estimate(ply, conditions, solver, state)
+            return _estimate(problem, conditions, solver, state)
     except NoEquilibriumError as error:
         reason = (
             f"no state was found near this one on a finer mesh: {error}; compare with "
@@ -161,13 +163,14 @@ def _is_of_load(work: ndarray, problem: Problem, state: State, rate: ndarray) ->
 
 
 def _estimate(
-    ply: Ply, conditions: Conditions, solver: str, state: State
+    problem: Problem, conditions: Conditions, solver: str, state: State
 ) -> ErrorEstimate:
     """The estimate; of the shear angle alone if a surface deforms a ply without load.
 
     Raises a ValueError if there is no finer ply or no motion.
     """
-    coarse, u = problem_at(ply, conditions, solver, state.load_factor), state.u
+    coarse, ply, u = problem.at(state.load_factor), problem.ply, state.u
+    coarse.clock = Clock()
     p = ply.updated(state.parameters, u, state.load_factor)
     motion, forces = Tangent(coarse, u, p).settled(coarse.residual(u, p))
     rate = _rate(coarse)

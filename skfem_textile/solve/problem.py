@@ -330,7 +330,7 @@ class Tangent:
     def increment(self, f: ndarray, u: ndarray, fixed_values: ndarray) -> ndarray:
         """Solve K·du = −f, with the fixed unknowns set to their values."""
         problem, turn, dq = self._problem, self._turn, np.zeros_like(u)
-        constraints, free = problem.constraints, problem.system.free
+        constraints, free = problem.constraints, problem.constraints.free
         prescribed = constraints.prescribed
         dq[prescribed] = fixed_values - turned(u, constraints.turn)[prescribed]
         if problem.surfaces:
@@ -354,7 +354,7 @@ class Tangent:
     def settled(self, f: ndarray) -> tuple[ndarray, ndarray]:
         """Increment that balances the forces, and the forces after it, linearised."""
         problem, turn = self._problem, self._turn
-        free, fixed = problem.system.free, problem.constraints.fixed
+        free, fixed = problem.constraints.free, problem.constraints.fixed
         motion, after, before = np.zeros_like(f), np.zeros_like(f), turned(f, turn)
         motion[free] = self._solve(-before[free])
         after[fixed] = before[fixed] + self._matrix.coupling.T @ motion[free]
@@ -366,7 +366,7 @@ class Tangent:
         Computed by inverse iteration from a vector without symmetry.
         """
         problem = self._problem
-        q, free = np.zeros(problem.ply.basis.N), problem.system.free
+        q, free = np.zeros(problem.ply.basis.N), problem.constraints.free
         v = np.sin(free + 1.0)
         for _ in range(3):
             v = self._solve(v)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -285,9 +286,7 @@ def equilibrium_near(
         If a condition or a name is not valid.
     """
     constraints = Constraints(ply.basis, conditions)
-    problem = Problem(ply, constraints, lambda lower: ChosenSolver(solver, lower)).at(
-        load_factor
-    )
+    problem = Problem(ply, constraints, partial(ChosenSolver, solver)).at(load_factor)
     with np.errstate(all="ignore"):  # what is not finite is caught
         start = problem.start(u, parameters or ply.parameters_at_rest)
     search = EquilibriumSearch(

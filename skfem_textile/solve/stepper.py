@@ -152,7 +152,7 @@ class LoadStepper:
         self.surfaces = {
             k: c for k, c in conditions.items() if isinstance(c, OnSurface)
         }
-        self.estimate = partial(estimated_error, ply, conditions)
+        self.estimate = partial(estimated_error, self.problem, conditions)
         self._run = Run(self)
 
     def run(self, resume: bool = False) -> Result:

@@ -153,7 +153,7 @@ class Iteration:
         factors = system.solver.factorise(K.upper.data)
         assert factors.definite
         times.append(perf_counter())
-        factors.solve(-f[system.free])
+        factors.solve(-f[self.problem.constraints.free])
         times.append(perf_counter())
         return np.diff(times).tolist()
 
@@ -338,7 +338,8 @@ def _both_ways(size: int, E_over_G: float) -> Row:
     ply = Ply(scene.mesh, Fabric(E_over_G * _G, _G), OnePoint(8 * _G))
     iterations = Iteration(ply, scene, "auto")
     system, u = iterations.system, iterations.u
-    b, K = -ply.residual(u)[system.free], reduced(system, ply.stiffness(u))
+    free = iterations.problem.constraints.free
+    b, K = -ply.residual(u)[free], reduced(system, ply.stiffness(u))
     system.solver.factorise(K.upper.data)  # selects the solver for large matrices
     factors, factorised = seconds(system.solver.factorise, K.upper.data)
     assert factors.definite
@@ -346,8 +347,8 @@ def _both_ways(size: int, E_over_G: float) -> Row:
 
     A = (K.upper + K.upper.T).tocsr()
     A.setdiag(K.upper.diagonal())
-    X, Y = ply.nodes[:, system.free // 2]
-    along_x = system.free % 2 == 0
+    X, Y = ply.nodes[:, free // 2]
+    along_x = free % 2 == 0
     rigid = np.stack([along_x, ~along_x, np.where(along_x, -Y, X)], axis=1) * 1.0
     levels, set_up = seconds(pyamg.smoothed_aggregation_solver, A, rigid)
     iterates: list[None] = []

@@ -42,7 +42,9 @@ def test_the_error_is_estimated_on_a_surface(formulation):
     cells = 8
     ply, conditions, start = chebyshev.problem(formulation, cells)
     state = equilibrium_near(ply, conditions, start)
-    estimate = estimated_error(ply, conditions, "superlu", state)
+    estimate = estimated_error(
+        problem_at(ply, conditions, "superlu", 1.0), conditions, "superlu", state
+    )
     error = constant_angle_error(ply, state.u)
     assert 0.8 * error < estimate.shear_angle < 1.6 * error
     assert estimate.load < 0.1

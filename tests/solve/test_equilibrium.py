@@ -139,7 +139,7 @@ def test_every_solve_and_factorisation_is_counted(monkeypatch):
 
     monkeypatch.setattr(superlu, "_decomposed", counted)
     ply, conditions = pulled(-0.15)
-    result = LoadStepper(ply, conditions, 1, max_halvings=1).run()
+    result = LoadStepper(ply, conditions, 1, max_halvings=1, solver="superlu").run()
     assert result.linear_solves == counts["solves"]
     assert result.factorisations == counts["factorisations"]
     assert counts["solves"] > sum(len(state.residuals) for state in result.states)

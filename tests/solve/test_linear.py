@@ -2,6 +2,7 @@
 
 import gc
 import json
+import sys
 from importlib import import_module
 from importlib.util import find_spec
 from weakref import ref
@@ -17,12 +18,19 @@ from skfem_textile.solve.linear import (
     SOLVERS,
     ChosenSolver,
     SingularMatrixError,
+    Unknowns,
     nested_dissection,
     solver_named,
 )
 from skfem_textile.solve.linear import solver as linear
-from skfem_textile.solve.linear.solver import Offer
+from skfem_textile.solve.linear.solver import Offer, pivoting_solver
 from skfem_textile.solve.linear.superlu import SuperLU
+
+
+def natural(matrix):
+    """Unknowns of a chain of nodes, in the order of the matrix."""
+    n = matrix.shape[0]
+    return Unknowns(np.zeros((2, n)), np.zeros((2, 0), int), 1, np.arange(n))
 
 
 @pytest.fixture(params=SOLVERS)
@@ -33,7 +41,7 @@ def factorised(request):
     def factorised(A, solver=None):
         lower = tril(A, format="csc")
         lower.sort_indices()
-        return solver_named(request.param)(lower).factorise(lower.data)
+        return solver_named(request.param)(lower, natural(lower)).factorise(lower.data)
 
     return factorised
 
@@ -91,7 +99,11 @@ def test_the_options_of_cvxopt_are_restored():
     cholmod = pytest.importorskip("cvxopt.cholmod")
     before, A = dict(cholmod.options), some_matrix(3, 0.0)
     lower = tril(A, format="csc")
-    assert solver_named("cholmod")(lower).factorise(lower.data).negative_pivots
+    assert (
+        solver_named("cholmod")(lower, natural(lower))
+        .factorise(lower.data)
+        .negative_pivots
+    )
     assert cholmod.options == before
 
 
@@ -113,7 +125,7 @@ def test_a_mechanism_is_rejected_for_any_pivots_near_round_off(factorised):
 def test_a_solver_is_freed_with_its_factors_without_garbage_collection(name):
     pytest.importorskip(SOLVERS[name].package)
     lower = tril(some_matrix(5, 20.0), format="csc")
-    solver = solver_named(name)(lower)
+    solver = solver_named(name)(lower, natural(lower))
     reference, factors = ref(solver), solver.factorise(lower.data)
     gc.disable()
     try:
@@ -129,7 +141,7 @@ def test_factors_remain_valid_after_another_matrix_of_the_same_pattern(name, shi
     pytest.importorskip(SOLVERS[name].package)
     A, x = some_matrix(5, shift), np.arange(40.0)
     lower = tril(A, format="csc")
-    solver = solver_named(name)(lower)
+    solver = solver_named(name)(lower, natural(lower))
     first, second = solver.factorise(lower.data), solver.factorise(2 * lower.data)
     np.testing.assert_allclose(second.solve(A @ x), x / 2, atol=1e-9)
     np.testing.assert_allclose(first.solve(A @ x), x, atol=1e-9)
@@ -162,7 +174,9 @@ def test_a_missing_solver_is_rejected_with_its_package(monkeypatch):
 
 
 def test_an_unknown_solver_is_rejected_with_the_available_ones():
-    with pytest.raises(ValueError, match="choose of auto, cholmod, pardiso, superlu"):
+    with pytest.raises(
+        ValueError, match="choose one of auto, cholmod, pardiso, rslab, petsc, superlu"
+    ):
         solver_named("umfpack")
 
 
@@ -224,7 +238,7 @@ def fakes(monkeypatch):
 def chosen(n=LARGE, name="auto", times=1):
     """The choice for a system of so many unknowns, factorised so often."""
     lower = identity(n, format="csc")
-    solver = ChosenSolver(name, lower)
+    solver = ChosenSolver(name, lower, natural(lower))
     for _ in range(times):
         solver.factorise(lower.data)
     return solver.choice
@@ -301,7 +315,7 @@ def test_an_indefinite_matrix_is_not_measured_and_the_next_one_is(fakes):
     lower = identity(LARGE, format="csc")
     fakes.add("slow", 0.2)
     fakes.add("fast", 0.1)
-    solver = ChosenSolver("auto", lower)
+    solver = ChosenSolver("auto", lower, natural(lower))
     assert not solver.factorise(-lower.data).definite
     assert solver.choice == ("slow", "fastest known of the installed ones")
     assert solver.factorise(lower.data).definite
@@ -328,7 +342,7 @@ def test_measurements_do_not_change_the_factors(fakes):
     lower = csc_matrix((data, rows, indptr), (n, n))
     x = np.sin(np.arange(n))
     A = lower + lower.T - 4.0 * identity(n)
-    computed = ChosenSolver("auto", lower).factorise(data).solve(A @ x)
+    computed = ChosenSolver("auto", lower, natural(lower)).factorise(data).solve(A @ x)
     np.testing.assert_allclose(computed, x, atol=1e-12)
 
 
@@ -395,12 +409,40 @@ def test_auto_ignores_a_broken_package(monkeypatch, caplog):
     assert "solver cholmod: no cvxopt.cholmod" in caplog.text
 
 
-def test_auto_chooses_superlu_for_few_unknowns_and_the_fastest_for_more():
-    assert chosen(100).name == "superlu"
+def test_auto_selects_the_fastest_known_solver_that_repays_its_import():
+    assert chosen(100).name == "rslab"
     installed = (k for k, o in SOLVERS.items() if find_spec(o.package))
     assert chosen(LARGE - 1).name == next(installed)
 
 
-def test_superlu_is_not_measured_against_optional_solvers():
+def test_superlu_replaces_rslab_if_it_fails_to_import(monkeypatch):
+    monkeypatch.setitem(sys.modules, "rslab", None)
+    assert chosen(100).name == "superlu"
+    assert pivoting_solver() is SuperLU
+
+
+def test_superlu_is_never_measured():
     assert not SOLVERS["superlu"].rival
     assert solver_named("superlu") is SuperLU
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("seed", range(3))
+def test_inertia_and_solution_do_not_depend_on_the_unit_of_force(
+    factorised, seed, unit
+):
+    """A strip of random stiffnesses from 1e-5 to 1e5, softened below zero in places."""
+    rng = np.random.default_rng(seed)
+    p = np.array([(i, j) for i in range(12) for j in range(12)])
+    i, j = np.nonzero(np.triu(np.abs(p[:, None] - p).sum(axis=2) <= 2, 1))
+    k = 10 ** rng.uniform(-5, 5, len(i)) * rng.choice([1.0, -0.1], len(i), p=[0.9, 0.1])
+    B = csr_matrix(
+        (np.r_[k * 0 + 1, k * 0 - 1], (np.tile(np.arange(len(i)), 2), np.r_[i, j]))
+    )
+    A = unit * (B.T @ diags(k) @ B + 1e-3 * identity(len(p)))
+    d = np.abs(A.diagonal()) ** -0.5
+    scaled = diags(d) @ A @ diags(d)
+    factors, x = factorised(A), rng.standard_normal(len(p))
+    assert factors.negative_pivots == np.sum(np.linalg.eigvalsh(scaled.toarray()) < 0)
+    b = A @ x
+    assert np.abs(A @ factors.solve(b) - b).max() <= 1e-9 * np.abs(b).max()

@@ -10,7 +10,8 @@ from .solver import (
     check_solver,
     solver_named,
 )
-from .system import System, nested_dissection
+from .system import System
+from .unknowns import Unknowns, nested_dissection
 
 __all__ = [
     "SOLVERS",
@@ -20,6 +21,7 @@ __all__ = [
     "SingularMatrixError",
     "Solver",
     "System",
+    "Unknowns",
     "check_solver",
     "nested_dissection",
     "solver_named",

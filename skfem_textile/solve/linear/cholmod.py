@@ -8,60 +8,65 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import SuperLU as Decomposition
 
-from .solver import OneAtATime, SingularMatrixError, refuse_round_off
+from .solver import (
+    Factors,
+    OneAtATime,
+    SingularMatrixError,
+    Solver,
+    pivoting_solver,
+    refuse_round_off,
+)
+from .unknowns import Unknowns
 
-# Values of the option ``supernodal`` for the kinds of factors LLᵀ and LDLᵀ.
-_SUPERNODAL, _SIMPLICIAL = 2, 0
+# Value of the option ``supernodal`` for factors LLᵀ.
+_SUPERNODAL = 2
 
-# Arguments of ``solve`` for systems with a part of the factors: D x = b, and x = P b
-# with the pivot order P.
-_DIAGONAL, _PERMUTED = 6, 7
+# Argument of ``solve`` for x = P b with the pivot order P.
+_PERMUTED = 7
 
 # The options of cvxopt apply to the whole process.
 _LOCK = Lock()
 
 
 class Cholmod(OneAtATime):
-    """Cholesky factors, which prove stability, or LDLᵀ for the inertia.
+    """Cholesky factors, which prove stability; other matrices need pivots.
 
     Parameters
     ----------
-    lower
+    lower, unknowns
         See `Solver`.
     """
 
-    def __init__(self, lower: csc_matrix) -> None:
+    def __init__(self, lower: csc_matrix, unknowns: Unknowns) -> None:
         import cvxopt.cholmod  # at the first solve
 
-        self.lower, self.cvxopt, n = lower, cvxopt, lower.shape[0]
+        self._lower, self._unknowns, self.cvxopt = lower, unknowns, cvxopt
+        n = lower.shape[0]
         col = np.repeat(np.arange(n), np.diff(lower.indptr))
-        rows, cols, self._order = (
+        rows, cols, order = (
             cvxopt.matrix(x.astype(np.int64), tc="i")
-            for x in (lower.indices, col, np.arange(n))
+            for x in (lower.indices, col, unknowns.order)
         )
         self.A = cvxopt.spmatrix(0.0, rows, cols, (n, n))
-        self.factors = self.of_kind(
-            _SUPERNODAL, cvxopt.cholmod.symbolic, self.A, self._order
-        )
+        self.diagonal = lower.indptr[:-1]
+        self.factors = self.call(cvxopt.cholmod.symbolic, self.A, order)
 
     def factorise(self, data: ndarray) -> "CholmodFactors":
         """Factors of the matrix with the entries ``data``."""
         return CholmodFactors(self, data)
 
     @cached_property
-    def simplicial(self) -> Any:
-        """Symbolic factorisation for LDLᵀ."""
-        symbolic = self.cvxopt.cholmod.symbolic
-        return self.of_kind(_SIMPLICIAL, symbolic, self.A, self._order)
+    def pivoting(self) -> Solver:
+        """Solver for matrices without Cholesky factors; analysed at first use."""
+        return pivoting_solver()(self._lower, self._unknowns)
 
-    def of_kind(self, kind: int, function: Callable, *args: Any) -> Any:
-        """Call a factorisation function of cvxopt for a kind of factors."""
+    def call(self, function: Callable, *args: Any) -> Any:
+        """Call a factorisation function of cvxopt for factors LLᵀ."""
         options = self.cvxopt.cholmod.options
         with _LOCK:
             before = dict(options)
-            options["supernodal"] = kind
+            options["supernodal"] = _SUPERNODAL
             try:
                 return function(*args)
             finally:
@@ -84,46 +89,32 @@ class CholmodFactors:
         solver, cholmod = self._solver, self._cvxopt.cholmod
         solver.A.V = self._cvxopt.matrix(self._data)
         try:
-            solver.of_kind(_SUPERNODAL, cholmod.numeric, solver.A, solver.factors)
+            solver.call(cholmod.numeric, solver.A, solver.factors)
             root = np.array(cholmod.diag(solver.factors)).ravel()
-            self._refuse_round_off(solver.factors, root**2)
+            diagonal = self._cvxopt.matrix(self._data[solver.diagonal])
+            cholmod.solve(solver.factors, diagonal, sys=_PERMUTED)
+            refuse_round_off(root**2, np.array(diagonal).ravel())
         except (ArithmeticError, SingularMatrixError):
             self.definite = False
 
-    @cached_property
-    def negative_pivots(self) -> int:
-        """Number of negative entries of D."""
-        if self.definite:
-            return 0
-        self.factorisations += 1
-        solver, cholmod = self._solver, self._cvxopt.cholmod
-        solver.A.V = self._cvxopt.matrix(self._data)
-        try:
-            solver.of_kind(_SIMPLICIAL, cholmod.numeric, solver.A, solver.simplicial)
-        except ArithmeticError:
-            raise SingularMatrixError from None
-        reciprocal = self._cvxopt.matrix(1.0, (solver.lower.shape[0], 1))
-        cholmod.solve(solver.simplicial, reciprocal, sys=_DIAGONAL)
-        pivots = 1.0 / np.array(reciprocal).ravel()
-        self._refuse_round_off(solver.simplicial, np.abs(pivots))
-        return int(np.sum(pivots < 0))
+    def discard(self) -> None:
+        """Do nothing: the next factors take the place of these."""
+
+    @property
+    def negative_pivots(self) -> int | None:
+        """Zero for a definite matrix, else by pivots."""
+        return 0 if self.definite else self._pivoting.negative_pivots
 
     def solve(self, b: ndarray) -> ndarray:
         """Solve A x = b."""
         if not self.definite:
-            return self._pivoted.solve(b)
+            return self._pivoting.solve(b)
         self._solver.hold(self)
         x = self._cvxopt.matrix(b)
         self._cvxopt.cholmod.solve(self._solver.factors, x)
         return np.array(x).ravel()
 
     @cached_property
-    def _pivoted(self) -> Decomposition:
-        """Fallback without Cholesky factors: LDLᵀ here does not pivot."""
+    def _pivoting(self) -> Factors:
         self.factorisations += 1
-        return self._solver.superlu.pivoted(self._data)
-
-    def _refuse_round_off(self, factors: Any, pivots: ndarray) -> None:
-        diagonal = self._cvxopt.matrix(self._data[self._solver.lower.indptr[:-1]])
-        self._cvxopt.cholmod.solve(factors, diagonal, sys=_PERMUTED)
-        refuse_round_off(pivots, np.array(diagonal).ravel())
+        return self._solver.pivoting.factorise(self._data)

@@ -1,14 +1,13 @@
 """MKL PARDISO through pypardiso."""
 
-from functools import cached_property
 from weakref import finalize
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
-from scipy.sparse.linalg import SuperLU as Decomposition
 
-from .solver import OneAtATime, SingularMatrixError
+from .solver import REFINEMENTS, OneAtATime, SingularMatrixError
+from .unknowns import Unknowns
 
 # Matrix types and phases as numbered in its manual.
 _SYMMETRIC_INDEFINITE = -2
@@ -27,23 +26,19 @@ class Pardiso(OneAtATime):
 
     Parameters
     ----------
-    lower
+    lower, unknowns
         See `Solver`.
     """
 
-    def __init__(self, lower: csc_matrix) -> None:
+    def __init__(self, lower: csc_matrix, unknowns: Unknowns) -> None:
         from pypardiso import PyPardisoSolver  # at the first solve
 
-        self.lower = lower
         # The lower triangle in CSC is the upper one in CSR.
-        self._A = csr_matrix(
-            (np.ones(lower.nnz), lower.indices, lower.indptr), lower.shape
-        )
+        self._A = csr_matrix((lower.data, lower.indices, lower.indptr), lower.shape)
         self.pardiso = solver = PyPardisoSolver(mtype=_SYMMETRIC_INDEFINITE)
-        solver.perm = np.arange(1, lower.shape[0] + 1, dtype=np.int32)
+        solver.perm = (1 + unknowns.order).astype(np.int32)
         solver.set_iparm(_OWN_PARAMETERS, 1)
         solver.set_iparm(_ORDER_GIVEN, 1)
-        solver.set_iparm(_REFINEMENTS, 1)
         solver.set_iparm(_LEAST_PIVOT, 13)
         finalize(self, solver.free_memory, everything=True)
         self.call(_ANALYSE)
@@ -102,15 +97,14 @@ class PardisoFactors:
                 self._negative = int(parameter(_NEGATIVE))
         self.definite = self._negative == 0
 
-    def solve(self, b: ndarray) -> ndarray:
-        """Solve A x = b."""
-        if not self.definite:
-            return self._pivoted.solve(b)
-        self._solver.hold(self)
-        return self._solver.call(_SOLVE, self._data, b)
+    def discard(self) -> None:
+        """Do nothing: the next factors take the place of these."""
 
-    @cached_property
-    def _pivoted(self) -> Decomposition:
-        """Fallback for indefinite systems: PARDISO pivots only within blocks."""
-        self.factorisations += 1
-        return self._solver.superlu.pivoted(self._data)
+    def solve(self, b: ndarray) -> ndarray:
+        """Solve A x = b, refined if A is indefinite."""
+        if self._negative is None:
+            raise SingularMatrixError
+        self._solver.hold(self)
+        refinements = REFINEMENTS if self._negative else 0
+        self._solver.pardiso.set_iparm(_REFINEMENTS, refinements)
+        return self._solver.call(_SOLVE, self._data, b)

@@ -14,6 +14,7 @@ from scipy.sparse import csc_matrix
 
 from ...mesh.pattern import matrix_of_slots
 from .solver import OneAtATime, SingularMatrixError, refuse_round_off
+from .unknowns import Unknowns
 
 #: Prefix of the options in PETSc's database.
 PREFIX = "skfem_textile_"
@@ -40,7 +41,7 @@ class PETSc(OneAtATime):
 
     Parameters
     ----------
-    lower
+    lower, unknowns
         See `Solver`.
 
     Attributes
@@ -49,7 +50,7 @@ class PETSc(OneAtATime):
         True if the options select a preconditioner of an iterative method.
     """
 
-    def __init__(self, lower: csc_matrix) -> None:
+    def __init__(self, lower: csc_matrix, unknowns: Unknowns) -> None:
         from petsc4py import PETSc  # at the first solve
 
         self.lower, self._petsc, n = lower, PETSc, lower.shape[0]
@@ -79,8 +80,10 @@ class PETSc(OneAtATime):
         self.ksp.setTolerances(rtol=_TOLERANCE, max_it=_MOST_ITERATIONS)
         self.ksp.setFromOptions()
         self.iterative = self.ksp.getPC().getType() != "cholesky"
-        if self.iterative and self.ksp.getType() == "preonly":
-            self.ksp.setType("cg")
+        if self.iterative:
+            if self.ksp.getType() == "preonly":
+                self.ksp.setType("cg")
+            self._set_near_null_space(unknowns.motions)
 
     def factorise(self, data: ndarray) -> "PETScFactors":
         """Factors of the matrix with the entries ``data``."""
@@ -90,16 +93,8 @@ class PETSc(OneAtATime):
     def _direct(self) -> Any:
         return self._mumps() if self.iterative else self.ksp
 
-    def set_motions(self, motions: ndarray) -> None:
-        """Set the near null space of multigrid methods.
-
-        Parameters
-        ----------
-        motions
-            Rigid-body motions of the unknowns, shape (n_motions, n).
-        """
-        if not self.iterative:
-            return
+    def _set_near_null_space(self, motions: ndarray) -> None:
+        """Pass rigid-body motions, shape (n_motions, n), to multigrid methods."""
         vectors = []
         for motion in np.linalg.qr(motions.T)[0].T:
             vectors.append(self._x.duplicate())

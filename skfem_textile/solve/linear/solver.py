@@ -4,9 +4,8 @@ The faster of CHOLMOD and PARDISO depends on the processor, so ``auto`` measures
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
 from threading import Lock
@@ -18,12 +17,19 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
+from .unknowns import Unknowns
+
 log = logging.getLogger(__name__)
 
 # Share of the diagonal entry, and of the largest pivot, below which a pivot is
 # round-off.  Larger shares refuse regular matrices with very different stiffnesses;
 # smaller ones miss mechanisms.
-_LEAST_OF_ENTRY, _LEAST_OF_LARGEST = 1e-12, 1e-16
+LEAST_OF_ENTRY, LEAST_OF_LARGEST = 1e-12, 1e-16
+
+#: Largest number of refinements of the solution of an indefinite system.  Pivots are
+#: restricted to blocks of columns, so that they may be small and amplify round-off; a
+#: pivot above the limit for round-off leaves at least four digits per refinement.
+REFINEMENTS = 4
 
 #: Number of unknowns from which ``auto`` measures.  The measurement then takes 2 s, of
 #: which 0.6 s load PARDISO; a solver that saves a third of the time repays this in 25
@@ -78,6 +84,7 @@ class Offer:
 SOLVERS = {
     "cholmod": Offer("cholmod:Cholmod", "cvxopt.cholmod", 500, True),
     "pardiso": Offer("pardiso:Pardiso", "pypardiso", 20_000, True),
+    "rslab": Offer("rslab:Rslab", "rslab", 0, True),
     "superlu": Offer("superlu:SuperLU", "scipy", 0, False),
     "petsc": Offer(
         "petsc:PETSc", "petsc4py.PETSc", 0, False, "apt-get install python3-petsc4py"
@@ -95,9 +102,7 @@ class SingularMatrixError(RuntimeError):
 def refuse_round_off(pivots: ndarray, entries: ndarray) -> None:
     """Refuse pivots, given by magnitude, that are round-off of the entries."""
     largest = pivots.max(initial=0.0)
-    round_off = np.maximum(
-        _LEAST_OF_ENTRY * np.abs(entries), _LEAST_OF_LARGEST * largest
-    )
+    round_off = np.maximum(LEAST_OF_ENTRY * np.abs(entries), LEAST_OF_LARGEST * largest)
     if not np.all(pivots > round_off):
         raise SingularMatrixError
 
@@ -105,9 +110,9 @@ def refuse_round_off(pivots: ndarray, entries: ndarray) -> None:
 class Factors(Protocol):
     """Factors of a symmetric matrix, definite or indefinite.
 
-    ``factorisations`` is the number of factorisations so far: an indefinite matrix may
-    need a second one for the solve, and so does a matrix whose factors were discarded
-    in favour of others.
+    ``factorisations`` is the number of factorisations so far: a matrix may need a
+    second one if it is indefinite, or if its factors were discarded in favour of
+    others.
     """
 
     factorisations: int
@@ -148,10 +153,12 @@ class Solver(Protocol):
     ----------
     lower
         Lower triangle of a matrix with the pattern, diagonal included, with sorted
-        indices and in a fill-reducing order.
+        indices.
+    unknowns
+        Geometry of the unknowns, for solvers that use it.
     """
 
-    def __init__(self, lower: csc_matrix) -> None: ...
+    def __init__(self, lower: csc_matrix, unknowns: Unknowns) -> None: ...
 
     def factorise(self, data: ndarray) -> Factors:
         """Factors of the matrix with the entries ``data`` of the lower triangle.
@@ -171,26 +178,23 @@ class OneAtATime:
     recomputed when needed.
     """
 
-    lower: csc_matrix
     # Weak, so that memory is freed without waiting for garbage collection of cycles.
     _held: ref | None = None
 
-    @cached_property
-    def superlu(self) -> Any:
-        """Solver for indefinite systems; analysed at first use."""
-        return SOLVERS["superlu"].build(self.lower)
-
     def hold(self, factors: Any) -> None:
         """Keep these factors and discard others."""
-        if self._held is None or self._held() is not factors:
+        held = self._held and self._held()
+        if held is None or held is not factors:
+            if held is not None:
+                held.discard()
             self._held = None  # in case the factorisation fails
             factors.refactorise()
             factors.factorisations += 1
             self._held = ref(factors)
 
 
-#: Factory of a solver for a pattern, given as its lower triangle.
-SolverOfPattern: TypeAlias = Callable[[csc_matrix], Solver]
+#: Factory of a solver; arguments as for `Solver`.
+SolverOfPattern: TypeAlias = Callable[[csc_matrix, Unknowns], Solver]
 
 
 @dataclass(eq=False)
@@ -235,7 +239,7 @@ class ChosenSolver:
     ----------
     name
         Name of a solver in `SOLVERS`, or ``auto``.
-    lower
+    lower, unknowns
         See `Solver`.
 
     Attributes
@@ -249,8 +253,8 @@ class ChosenSolver:
         If the name is unknown or the required package is not installed.
     """
 
-    def __init__(self, name: str, lower: csc_matrix) -> None:
-        self._lower, n = lower, lower.shape[0]
+    def __init__(self, name: str, lower: csc_matrix, unknowns: Unknowns) -> None:
+        self._lower, self._unknowns, n = lower, unknowns, lower.shape[0]
         self._rivals: tuple[str, ...] = ()  # to be measured
         if name != "auto":
             check_solver(name)
@@ -267,23 +271,26 @@ class ChosenSolver:
             else:
                 self.choice = Choice(_known(n), "fastest known of the installed ones")
                 self._rivals = rivals if len(rivals) > 1 else ()
-        self._solver: Solver = SOLVERS[self.choice.name].build(lower)
+        self._solver: Solver = SOLVERS[self.choice.name].build(lower, unknowns)
         if not self._rivals:
             log.info("linear solver %s: %s", *self.choice)
 
-    @property
-    def set_motions(self) -> Callable[[ndarray], None] | None:
-        """See `System`; None if the solver does not use rigid-body motions."""
-        return getattr(self._solver, "set_motions", None)
-
     def factorise(self, data: ndarray) -> Factors:
         """See `Solver`; measures the solvers first, if required."""
-        if self._rivals and (choice := _measured(self._rivals, self._lower, data)):
+        if self._rivals and (choice := self._measured(data)):
             if choice.name != self.choice.name:
-                self._solver = SOLVERS[choice.name].build(self._lower)
+                build = SOLVERS[choice.name].build
+                self._solver = build(self._lower, self._unknowns)
             self.choice, self._rivals = choice, ()
             log.info("linear solver %s: %s", *choice)
         return self._solver.factorise(data)
+
+    def _measured(self, data: ndarray) -> Choice | None:
+        """Fastest solver of the leading block, see `_measured`."""
+        n = min(len(self._lower.indptr) - 1, _MOST_MEASURED)
+        lower = self._lower
+        part = csc_matrix((data, lower.indices, lower.indptr), lower.shape)[:n, :n]
+        return _measured(self._rivals, part, self._unknowns.first(n))
 
 
 def solver_named(name: str) -> type[Solver]:
@@ -298,7 +305,7 @@ def check_solver(name: str) -> None:
         return
     if name not in [*SOLVERS]:  # a list, as the name may not be a string
         raise ValueError(
-            f"unknown solver {name!r}: choose of auto, {', '.join(SOLVERS)}"
+            f"unknown solver {name!r}: choose one of auto, {', '.join(SOLVERS)}"
         )
     package, install = SOLVERS[name].package, SOLVERS[name].install
     if find_spec(package) is None:
@@ -306,12 +313,22 @@ def check_solver(name: str) -> None:
         raise ValueError(f"solver {name!r} needs {package}: {install}")
 
 
+def pivoting_solver() -> type[Solver]:
+    """Solver for indefinite systems: RSLAB, or SuperLU if RSLAB fails to import."""
+    return SOLVERS[_first_importable(["rslab"])].build
+
+
 def _known(unknowns: int) -> str:
     """Fastest known solver that is installed."""
-    for name, offer in SOLVERS.items():
-        if unknowns >= offer.unknowns and find_spec(offer.package):
+    return _first_importable(k for k, o in SOLVERS.items() if unknowns >= o.unknowns)
+
+
+def _first_importable(names: Iterable[str]) -> str:
+    """First of these solvers whose package imports; if there is none, SuperLU."""
+    for name in names:
+        if find_spec(SOLVERS[name].package):
             try:
-                import_module(offer.needs)
+                import_module(SOLVERS[name].needs)
             except ImportError as error:  # incompletely installed
                 log.warning("solver %s: %s", name, error)
             else:
@@ -320,21 +337,19 @@ def _known(unknowns: int) -> str:
 
 
 def _measured(
-    rivals: tuple[str, ...], lower: csc_matrix, data: ndarray
+    rivals: tuple[str, ...], lower: csc_matrix, unknowns: Unknowns
 ) -> Choice | None:
     """Fastest solver, measured or remembered; None if the matrix does not allow it.
 
     The matrix must be positive definite, and at least one solver must succeed.
     """
-    n = min(lower.shape[0], _MOST_MEASURED)
     with _LOCK:
         if rivals in _MEASURED:
             return _MEASURED[rivals]
-        part = csc_matrix((data, lower.indices, lower.indptr), lower.shape)[:n, :n]
         seconds, reports = {}, []
         for name in rivals:
             try:
-                took = _seconds(name, part)
+                took = _seconds(name, lower, unknowns)
             except Exception as error:  # it would also fail in the run
                 log.info("linear solver %s failed: %s", name, error)
                 reports.append(f"{name} failed")
@@ -350,12 +365,12 @@ def _measured(
         return _MEASURED.setdefault(rivals, choice)
 
 
-def _seconds(name: str, matrix: csc_matrix) -> float | None:
+def _seconds(name: str, matrix: csc_matrix, unknowns: Unknowns) -> float | None:
     """Time of the second factorisation and solve, as the first one warms up.
 
     None if the matrix is not positive definite: CHOLMOD then stops early.
     """
-    solver, b = SOLVERS[name].build(matrix), np.ones(matrix.shape[0])
+    solver, b = SOLVERS[name].build(matrix, unknowns), np.ones(matrix.shape[0])
     for _ in range(2):
         start = perf_counter()
         factors = solver.factorise(matrix.data)

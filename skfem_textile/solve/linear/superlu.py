@@ -10,6 +10,7 @@ from scipy.sparse.linalg import splu
 
 from ...mesh.pattern import matrix_of_slots
 from .solver import SingularMatrixError, refuse_round_off
+from .unknowns import Unknowns
 
 
 class SuperLU:
@@ -17,14 +18,16 @@ class SuperLU:
 
     Parameters
     ----------
-    lower
+    lower, unknowns
         See `Solver`.
     """
 
-    def __init__(self, lower: csc_matrix) -> None:
-        slots, row = np.arange(lower.nnz), lower.indices
-        col = np.repeat(np.arange(lower.shape[0]), np.diff(lower.indptr))
-        below = row > col
+    def __init__(self, lower: csc_matrix, unknowns: Unknowns) -> None:
+        self.order = unknowns.order
+        number = np.argsort(self.order)
+        slots, row = np.arange(lower.nnz), number[lower.indices]
+        col = number[np.repeat(np.arange(lower.shape[0]), np.diff(lower.indptr))]
+        below = row != col
         self._whole = matrix_of_slots(
             np.append(slots, slots[below]),
             np.append(col, row[below]),
@@ -37,7 +40,7 @@ class SuperLU:
         return SuperLUFactors(self, data)
 
     def matrix(self, data: ndarray) -> csc_matrix:
-        """Matrix with the entries ``data`` of the lower triangle."""
+        """Matrix with the entries ``data`` of the lower triangle, in the order."""
         whole = self._whole
         return csc_matrix((data[whole.data], whole.indices, whole.indptr), whole.shape)
 
@@ -84,7 +87,9 @@ class SuperLUFactors:
 
     def solve(self, b: ndarray) -> ndarray:
         """Solve A x = b."""
-        return (self._lu if self.definite else self._pivoted).solve(b)
+        order, x = self._solver.order, np.empty_like(b)
+        x[order] = (self._lu if self.definite else self._pivoted).solve(b[order])
+        return x
 
     @cached_property
     def _pivoted(self) -> Decomposition:

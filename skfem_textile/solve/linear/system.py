@@ -1,29 +1,17 @@
-"""Linear system on the free unknowns, and its elimination order.
-
-The order is a geometric nested dissection, which keeps factors sparse (George 1973):
-the nodes of a part are bisected along its longer side, and the separator is eliminated
-after both halves.  The separator is the smallest vertex cover of the node pairs across
-the cut, obtained by König's theorem from a maximum matching (Hopcroft & Karp 1973).
-"""
-
-from itertools import combinations
+"""Linear system on the free unknowns."""
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
-from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from ...mesh.pattern import Pattern, matrix_of_slots
 from ..conditions import Constraints
 from .solver import SolverOfPattern
-
-# Number of nodes up to which a part is not divided.  Smaller parts take longer to
-# order; larger ones leave more entries in the factors.
-_LEAF_NODES = 32
+from .unknowns import Unknowns
 
 
 class System:
-    """Free unknowns in elimination order, and the positions of their entries.
+    """Positions of the free unknowns in the tangent, and their linear solver.
 
     Parameters
     ----------
@@ -40,8 +28,6 @@ class System:
     ----------
     dimension
         Number of displacement components.
-    free
-        Numbers of the free unknowns, shape (n_free,).
     upper, coupling
         Indices into the entries of the blocks: of free unknowns at and above the
         diagonal, and from fixed to free unknowns.
@@ -56,17 +42,15 @@ class System:
         constraints: Constraints,
         solver: SolverOfPattern,
     ) -> None:
-        nodes = nested_dissection(positions, np.array([pattern.rows, pattern.cols]))
         self.dimension = d = pattern.dimension
-        unknowns = (d * nodes[:, None] + np.arange(d)).ravel()
-        self.free = unknowns[np.isin(unknowns, constraints.free)]
-        n, n_fixed = len(self.free), len(constraints.fixed)
-        place = np.empty(n + n_fixed, dtype=np.int64)
-        place[self.free] = np.arange(n)
-        place[constraints.fixed] = n + np.arange(n_fixed)
+        free, fixed = constraints.free, constraints.fixed
+        n, n_fixed = len(free), len(fixed)
+        number = np.empty(n + n_fixed, dtype=np.int64)  # free unknowns first
+        number[free] = np.arange(n)
+        number[fixed] = n + np.arange(n_fixed)
 
         slots, row, col = pattern.entries()
-        row, col = np.sort([place[row], place[col]], axis=0)
+        row, col = np.sort([number[row], number[col]], axis=0)
         inside, across = col < n, (row < n) & (col >= n)
         self.upper = matrix_of_slots(slots[inside], row[inside], col[inside], (n, n))
         self.coupling = matrix_of_slots(
@@ -77,10 +61,10 @@ class System:
             None  # last rotation, whose rotated rows are cached
         )
         # The upper triangle in CSR is the lower one in CSC.
-        upper = self.upper.data, self.upper.indices, self.upper.indptr
-        self.solver = solver(csc_matrix(upper, (n, n)))
-        if set_motions := getattr(self.solver, "set_motions", None):
-            set_motions(rigid_motions(positions, d)[:, self.free])
+        upper = np.ones(self.upper.nnz), self.upper.indices, self.upper.indptr
+        pairs = np.array([pattern.rows, pattern.cols])
+        unknowns = Unknowns(positions, pairs, d, free)
+        self.solver = solver(csc_matrix(upper, (n, n)), unknowns)
 
     def turned(self, blocks: ndarray, turn: csr_matrix) -> ndarray:
         """Blocks of a tangent in rotated unknowns, Rᵀ K R with R of `Problem.turn`."""
@@ -96,93 +80,3 @@ class System:
         blocks[self._rows] = self._left @ blocks[self._rows]
         blocks[self._cols] = blocks[self._cols] @ self._right
         return blocks
-
-
-def rigid_motions(positions: ndarray, dimension: int) -> ndarray:
-    """Rigid-body motions of nodes in a plane, shape (n_motions, n_unknowns).
-
-    Examples
-    --------
-    >>> rigid_motions(np.array([[0.0, 2.0], [0.0, 1.0]]), 2)
-    array([[ 1.,  0.,  1.,  0.],
-           [ 0.,  1.,  0.,  1.],
-           [-0.,  0., -1.,  2.]])
-    """
-    x = np.pad(positions, ((0, dimension - 2), (0, 0)))
-    planes = list(combinations(range(dimension), 2))
-    motions = np.zeros((dimension + len(planes), x.shape[1], dimension))
-    motions[range(dimension), :, range(dimension)] = 1
-    for motion, (i, j) in zip(motions[dimension:], planes, strict=True):
-        motion[:, [i, j]] = np.stack([-x[j], x[i]], axis=1)
-    return motions.reshape(len(motions), -1)
-
-
-def nested_dissection(positions: ndarray, pairs: ndarray) -> ndarray:
-    """Nodes in elimination order, shape (n_nodes,).
-
-    Parameters
-    ----------
-    positions, pairs
-        Positions of the nodes, shape (2, n_nodes), and pairs of coupled nodes, shape
-        (2, n_pairs).
-
-    Examples
-    --------
-    The middle one of collinear nodes comes last.
-
-    >>> x = np.stack([np.arange(65.0), np.zeros(65)])
-    >>> int(nested_dissection(x, np.stack([np.arange(64), np.arange(1, 65)]))[-1])
-    32
-    """
-    n, n_parts = positions.shape[1], 1
-    part = np.zeros(n, dtype=np.int64)  # of each node; −1 for separator nodes
-    place = np.zeros(n, dtype=np.int64)  # in the order, one ternary digit per division
-    while True:
-        size = np.bincount(part[part >= 0], minlength=n_parts)
-        if size.max(initial=0) <= _LEAF_NODES:
-            return np.argsort(place, kind="stable")
-        upper = _upper_halves(positions, part, size)
-        pairs = pairs[:, (part[pairs[0]] == part[pairs[1]]) & (part[pairs[0]] >= 0)]
-        across = pairs[:, upper[pairs[0]] != upper[pairs[1]]]
-        first, second = np.where(upper[across[0]], across[::-1], across)
-        between = np.zeros(n, dtype=bool)
-        between[_cover(first, second)] = True
-        place = 3 * place + np.where(part < 0, 0, np.where(between, 2, upper))
-        part = np.where((part < 0) | between, -1, 2 * part + upper)
-        n_parts *= 2
-
-
-def _upper_halves(positions: ndarray, part: ndarray, size: ndarray) -> ndarray:
-    """Mask of the nodes above the middle of their part, along its longer side."""
-    nodes = np.flatnonzero(part >= 0)
-    part_of, x = part[nodes], positions[:, nodes]
-    low, high = np.full((2, 2, len(size)), [[[np.inf]], [[-np.inf]]])
-    for axis in range(2):
-        np.minimum.at(low[axis], part_of, x[axis])
-        np.maximum.at(high[axis], part_of, x[axis])
-    longer = (high - low).argmax(axis=0)
-    order = np.lexsort((x[longer[part_of], np.arange(len(nodes))], part_of))
-    rank = np.arange(len(nodes)) - (np.cumsum(size) - size)[part_of[order]]
-    upper = np.zeros(len(part), dtype=bool)
-    upper[nodes[order]] = 2 * rank >= size[part_of[order]]
-    return upper
-
-
-def _cover(first: ndarray, second: ndarray) -> ndarray:
-    """Minimum vertex cover of pairs of nodes, one on each side."""
-    lower, i = np.unique(first, return_inverse=True)
-    upper, j = np.unique(second, return_inverse=True)
-    pairs = csr_matrix((np.ones(len(i)), (i, j)), shape=(len(lower), len(upper)))
-    mate = maximum_bipartite_matching(pairs, perm_type="column")
-    matched = np.flatnonzero(mate >= 0)
-    back = np.full(len(upper), -1)
-    back[mate[matched]] = matched
-    # Nodes reached by alternating paths from unmatched nodes of the lower side.
-    reached, new, passed = mate < 0, mate < 0, np.zeros(len(upper), dtype=bool)
-    while new.any():
-        ahead = (pairs.T @ new > 0) & ~passed
-        passed |= ahead
-        new = np.zeros_like(reached)
-        new[back[ahead]] = True
-        reached |= new
-    return np.concatenate([lower[~reached], upper[passed]])

@@ -8,11 +8,10 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 
-from skfem_textile.mesh.pattern import matrix_of_slots
 from skfem_textile.solve.linear import (
     ChosenSolver,
     SingularMatrixError,
-    nested_dissection,
+    Unknowns,
 )
 
 from .newton import NotConvergedError
@@ -74,16 +73,16 @@ class _Pattern:
         row = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
         node = free // 2
         pairs = np.array([node[row], node[A.indices]])
-        place_of_node = np.argsort(nested_dissection(positions, pairs))
-        self._order = np.lexsort((free % 2, place_of_node[node]))
-        position = np.argsort(self._order)
-        i, j = position[row], position[A.indices]
-        lower = np.flatnonzero(i >= j)
         # The CSC lower triangle is the CSR upper triangle.
-        slots = matrix_of_slots(lower, j[lower], i[lower], A.shape)
-        self._slots = slots.data
+        self._upper = np.flatnonzero(row <= A.indices)
+        upper = (
+            A.indices[self._upper],
+            np.searchsorted(row[self._upper], np.arange(A.shape[0] + 1)),
+        )
+        ones = np.ones(len(self._upper))
+        unknowns = Unknowns(positions, pairs, 2, free)
         self._solver = ChosenSolver(
-            "auto", csc_matrix((slots.data, slots.indices, slots.indptr), A.shape)
+            "auto", csc_matrix((ones, *upper), A.shape), unknowns
         )
 
     def fits(self, A: csr_matrix) -> bool:
@@ -94,10 +93,7 @@ class _Pattern:
 
     def solve(self, A: csr_matrix, b: ndarray) -> ndarray:
         """Solve A x = b."""
-        x = np.empty(len(b))
-        factors = self._solver.factorise(A.data[self._slots])
-        x[self._order] = factors.solve(b[self._order])
-        return x
+        return self._solver.factorise(A.data[self._upper]).solve(b)
 
 
 def _pardiso() -> Solve:

@@ -32,7 +32,7 @@ from skfem_textile import (
 )
 from skfem_textile.ply.builtin_terms import FibreEnd
 from skfem_textile.solve.conditions import Conditions
-from skfem_textile.solve.error_estimate import estimated_error
+from skfem_textile.solve.error_estimate import estimated_error, problem_at
 from skfem_textile.solve.result import StepError
 from skfem_textile.solve.states import NoEquilibriumError, State
 from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
@@ -367,7 +367,8 @@ def judged(case: Extreme) -> Row:
 def _warnings(result: Drape) -> str:
     """Warnings of a state about its accuracy; empty without warnings."""
     ply, state = result.ply, result.state
-    estimate = estimated_error(ply, result.conditions, "superlu", state).shear_angle
+    problem = problem_at(ply, result.conditions, "superlu", state.load_factor)
+    estimate = estimated_error(problem, result.conditions, "superlu", state).shear_angle
     reasons = {
         "wrinkles": drape.wrinkle_risk(ply, state.u, state.parameters).any(),
         "stabilisation": excess(state.shares, "stabilisation"),

@@ -1,0 +1,113 @@
+"""RSLAB: LDLᵀ factors and inertia of definite and indefinite matrices alike.
+
+The pivots of Bunch & Kaufman (1977) are restricted to dense blocks of columns, which
+preserves the sparsity; refinement recovers the accuracy if such a pivot is small.
+"""
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy.sparse import csc_matrix
+
+from .solver import (
+    LEAST_OF_ENTRY,
+    LEAST_OF_LARGEST,
+    REFINEMENTS,
+    OneAtATime,
+    SingularMatrixError,
+)
+from .unknowns import Unknowns
+
+# Nested dissection with the quickest settings: graphs of meshes in a plane have small
+# separators, which a single trial finds.
+_ORDERING: dict[str, Any] = {
+    "ordering": "metis",
+    "nd_init_trials": 1,
+    "nd_fm_passes": 2,
+}
+
+# Backward error at which the refinements end, a few units of round-off.
+_BACKWARD_ERROR = 1e-15
+
+
+class Rslab(OneAtATime):
+    """LDLᵀ factors for possibly indefinite matrices, with the inertia.
+
+    Parameters
+    ----------
+    lower, unknowns
+        See `Solver`.  RSLAB orders the unknowns by their graph alone.
+    """
+
+    def __init__(self, lower: csc_matrix, unknowns: Unknowns) -> None:
+        import rslab  # at the first solve
+
+        self._diagonal = lower.indptr[:-1]
+        threads = os.environ.get("OMP_NUM_THREADS", "")
+        self._analysis = rslab.analyze(
+            lower,
+            path="ldlt",
+            **_ORDERING,
+            threads=int(threads) if threads.isdigit() else None,
+            preconditioner=LEAST_OF_ENTRY,
+        )
+
+    def factorise(self, data: ndarray) -> "RslabFactors":
+        """Factors of the matrix with the entries ``data``."""
+        return RslabFactors(self, data)
+
+    def ldlt(self, data: ndarray) -> Any:
+        """Factors computed by RSLAB, with pivots below round-off counted.
+
+        The unknowns are scaled so that the limit of `refuse_round_off` is
+        `LEAST_OF_ENTRY` for every pivot.
+        """
+        diagonal = np.abs(data[self._diagonal])
+        least = LEAST_OF_LARGEST / LEAST_OF_ENTRY * diagonal.max(initial=0.0)
+        size = np.maximum(diagonal, least)
+        if not np.all(size > 0):
+            raise SingularMatrixError
+        return self._analysis.factor(data, scaling=size**-0.5)
+
+
+class RslabFactors:
+    """See `Factors`.
+
+    Attributes
+    ----------
+    definite
+        True if all pivots are positive and above round-off.
+    """
+
+    def __init__(self, solver: Rslab, data: ndarray) -> None:
+        self._solver, self._data = solver, data
+        self.factorisations = 0
+        solver.hold(self)
+        n_negative = self._ldlt.inertia[1]
+        self._negative = None if self._ldlt.n_perturbed else n_negative
+        self.definite = self._negative == 0
+
+    def refactorise(self) -> None:
+        """Factors and inertia."""
+        self._ldlt = self._solver.ldlt(self._data)
+
+    def discard(self) -> None:
+        """Free the memory of the factors."""
+        del self._ldlt
+
+    @property
+    def negative_pivots(self) -> int:
+        """Inertia computed by the factorisation."""
+        if self._negative is None:
+            raise SingularMatrixError
+        return self._negative
+
+    def solve(self, b: ndarray) -> ndarray:
+        """Solve A x = b."""
+        if self._negative is None:
+            raise SingularMatrixError
+        self._solver.hold(self)
+        refinements = REFINEMENTS if self._negative else 0
+        return self._ldlt.solve(b, refine=refinements, target=_BACKWARD_ERROR)
