@@ -175,7 +175,7 @@ def test_a_missing_solver_is_rejected_with_its_package(monkeypatch):
 
 def test_an_unknown_solver_is_rejected_with_the_available_ones():
     with pytest.raises(
-        ValueError, match="choose one of auto, cholmod, pardiso, rslab, petsc, superlu"
+        ValueError, match="choose one of auto, cholmod, pardiso, rslab, superlu, petsc"
     ):
         solver_named("umfpack")
 
