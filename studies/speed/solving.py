@@ -16,13 +16,15 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import triu
 from scipy.sparse.linalg import cg
 
-from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
+from skfem_textile import Fabric, Full, LoadStepper, Macro, OnePoint, Ply, split
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, strip
 from skfem_textile.solve.conditions import Constraints
-from skfem_textile.solve.linear import ChosenSolver, check_solver
+from skfem_textile.solve.linear import SOLVERS as LINEAR_SOLVERS
+from skfem_textile.solve.linear import ChosenSolver, check_solver, solver_named
 from skfem_textile.solve.problem import Problem, reduced
 
 from ..common.rivals.codes import Dolfinx, FElupe, Native, Plain
@@ -47,16 +49,17 @@ ELEMENTS: dict[str, Formulation] = {
 }
 
 #: This library with each of its solvers.
-SOLVERS = {"SciPy only": "superlu", "pardiso": "pardiso", "cholmod": "cholmod"}
+SOLVERS = {"required": "rslab", "pardiso": "pardiso", "cholmod": "cholmod"}
 
 RIVALS: tuple[Rival, ...] = (
     *(Plain(QUAD4_CENTRE, C_s=1.0), Plain(QUAD4)),
     *(FElupe(QUAD4), FElupe(QUAD4, "pypardiso"), Dolfinx(QUAD4), Native(QUAD4)),
 )
 
-# Mesh sizes of `scaling`, `iterative` and, as elements along both sides, `overhead`.
+# Mesh sizes of the benchmarks; of `overhead` as elements along both sides.
 _SIZES = 1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000
 _OF_ITERATIVE = 10_000, 30_000, 100_000, 300_000
+_OF_FACTORISATION = 15_000
 _OF_OVERHEAD = (20, 30), (60, 100), (200, 300)
 
 #: The timed parts of `scaling`, in the order of the table.
@@ -312,6 +315,54 @@ def exponents(rows: list[Row]) -> dict[str, float]:
         part: float(np.polyfit(n, np.log([row[part] for row in large]), 1)[0])
         for part in PARTS
     }
+
+
+def factorisation(settings: Settings) -> Row:
+    """Direct solvers on a definite and an indefinite tangent of macro-elements.
+
+    The tangents belong to one mesh, stretched and compressed; random displacements
+    buckle the compressed one.  Each solver runs in a new process.
+    """
+    elements = min(_OF_FACTORISATION, settings.most)
+    solvers = [k for k, offer in LINEAR_SOLVERS.items() if find_spec(offer.package)]
+    rows = [in_new_process(_factorised, name, elements) for name in solvers]
+    return {"elements": elements, "solvers": rows}
+
+
+def _factorised(solver: str, elements: int) -> Row:
+    """Times in s, accuracy and peak memory of one solver."""
+    scene = strip_of(elements, jitter=0.3)
+    ply = Ply(split(scene.mesh), Fabric(_E, _G), Macro())
+    constraints = Constraints(ply.basis, scene.conditions)
+    before = _peak()
+    system, set_up = seconds(
+        lambda: Problem(ply, constraints, solver_named(solver)).system
+    )
+    rng, row = np.random.default_rng(0), {"solver": solver, "set_up": set_up}
+    b = rng.standard_normal(len(constraints.free))
+    moved = scene.displacement(ply.nodes, _LOAD_FACTOR).T.ravel()
+    buckled = -moved + 1e-3 * rng.standard_normal(moved.size)
+    for name, u in (("definite", moved), ("indefinite", buckled)):
+        K = reduced(system, ply.stiffness(u)).upper
+        A = K + triu(K, 1).T
+
+        def solution(data: Any = K.data) -> Any:
+            factors = system.solver.factorise(data)
+            return factors.negative_pivots, factors.solve(b)
+
+        solution()
+        times = []
+        for _ in range(_ROUNDS_OF_SIZE):
+            (negative, x), time = seconds(solution)
+            times.append(time)
+        backward = np.abs(A @ x - b).max() / (abs(A).sum(1).max() * np.abs(x).max())
+        row[name] = {
+            "seconds": median(times),
+            "negative_eigenvalues": negative,
+            "backward_error": float(backward),
+        }
+    row["ratio"] = row["indefinite"]["seconds"] / row["definite"]["seconds"]
+    return row | {"GiB": _peak() - before}
 
 
 def iterative(settings: Settings) -> Row:

@@ -27,6 +27,7 @@ BENCHMARKS: dict[str, Callable[[Settings], Row]] = {
     "modules": needs.modules,
     "iteration": solving.iteration,
     "scaling": solving.scaling,
+    "factorisation": solving.factorisation,
     "iterative": solving.iterative,
     "petsc": processes.processes,
     "whole_strip": solving.whole_strip,
@@ -123,6 +124,25 @@ def step_table(results: Row) -> str:
             "time of a step to 62.5°, s": "{seconds:.0f}",
             "linear solves": "{linear_solves}",
             "peak, GiB": "{peak_GiB:.2f}",
+        },
+    )
+
+
+def factorisation_table(results: Row) -> str:
+    """A line for each solver."""
+    return table(
+        results["solvers"],
+        {
+            "solver": "{solver}",
+            "set-up, s": "{set_up:.2f}",
+            "definite, s": "{definite[seconds]:.2f}",
+            "indefinite, s": "{indefinite[seconds]:.2f}",
+            "ratio": "{ratio:.2f}",
+            "negative eigenvalues": "{indefinite[negative_eigenvalues]}",
+            "backward error": lambda row: scientific(
+                row["indefinite"]["backward_error"], 1
+            ),
+            "memory, GiB": "{GiB:.2f}",
         },
     )
 
@@ -315,6 +335,14 @@ def _scaling_in_words(results: Row) -> dict[str, str]:
     }
 
 
+def _factorisation_in_words(results: Row) -> dict[str, str]:
+    """Time ratios of an indefinite tangent to a definite one."""
+    return {
+        f"indefinite_over_definite_{row['solver']}": f"{row['ratio']:.1f}"
+        for row in results["solvers"]
+    }
+
+
 def _iterative_in_words(results: Row) -> dict[str, str]:
     """Time ratios of conjugate gradients to the direct solver, and iterations."""
     every = results["sizes"]
@@ -375,6 +403,7 @@ _WORDS: dict[str, Callable[[Row], dict[str, str]]] = {
     "iteration": _iteration_in_words,
     "whole_strip": _whole_strip_in_words,
     "scaling": _scaling_in_words,
+    "factorisation": _factorisation_in_words,
     "iterative": _iterative_in_words,
     "petsc": _petsc_in_words,
 }
@@ -469,6 +498,7 @@ TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
     "modules": {"modules.md": modules_table},
     "iteration": {"iteration.md": iteration_table},
     "scaling": {"scaling.md": scaling_table, "step.md": step_table},
+    "factorisation": {"factorisation.md": factorisation_table},
     "iterative": {"iterative.md": iterative_table},
     "petsc": {"petsc.md": petsc_table},
     "whole_strip": {"whole_strip.md": whole_strip_table},
