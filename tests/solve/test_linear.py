@@ -152,7 +152,7 @@ def test_inertia_belongs_to_the_latest_matrix(name):
     pytest.importorskip(SOLVERS[name].package)
     A = some_matrix(5, 20.0)
     lower = tril(A, format="csc")
-    solver = solver_named(name)(lower)
+    solver = solver_named(name)(lower, natural(lower))
     for sign in (1, -1, 1):
         factors = solver.factorise(sign * lower.data)
         assert factors.definite == (sign == 1)
