@@ -16,7 +16,7 @@ from ..common.figures import File, colour_of, panels_of
 from ..common.running import in_new_process
 from ..common.tables import having, markdown_table, minus, scientific, span, table
 from ..study import Part, Row, Study, Table
-from . import needs, processes, solving
+from . import needs, processes, profile, solving
 from .needs import ALONE, COSTS, added
 from .one_ply import FEATURES, UNUSED
 from .solving import PARTS, Settings
@@ -28,6 +28,7 @@ BENCHMARKS: dict[str, Callable[[Settings], Row]] = {
     "iteration": solving.iteration,
     "scaling": solving.scaling,
     "factorisation": solving.factorisation,
+    "profile": profile.profile,
     "iterative": solving.iterative,
     "petsc": processes.processes,
     "whole_strip": solving.whole_strip,
@@ -145,6 +146,18 @@ def factorisation_table(results: Row) -> str:
             "memory, GiB": "{GiB:.2f}",
         },
     )
+
+
+def profile_table(results: Row) -> str:
+    """A line for each part of the program."""
+    commands = results["commands"]
+    parts = [profile.IMPORT, *profile.PARTS]
+    lines = [
+        [part, *(f"{row['seconds'].get(part, 0):.2f}" for row in commands.values())]
+        for part in parts
+    ]
+    total = ["total", *(f"{row['total']:.2f}" for row in commands.values())]
+    return markdown_table(["s", *commands], [*lines, total])
 
 
 def iterative_table(results: Row) -> str:
@@ -499,6 +512,7 @@ TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
     "iteration": {"iteration.md": iteration_table},
     "scaling": {"scaling.md": scaling_table, "step.md": step_table},
     "factorisation": {"factorisation.md": factorisation_table},
+    "profile": {"profile.md": profile_table},
     "iterative": {"iterative.md": iterative_table},
     "petsc": {"petsc.md": petsc_table},
     "whole_strip": {"whole_strip.md": whole_strip_table},
