@@ -7,6 +7,7 @@ plus a fluctuation, ∇N(ξ) = ∇N(0) + (∇N(ξ) − ∇N(0)).  The fluctuatio
 quadrilaterals into which an element was split.  Elements fold first at their corners.
 """
 
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -142,15 +143,45 @@ class HourglassBasis(CellBasis):
         A `skfem.MeshQuad`.
     dimension
         Components of the displacement.
-    **kwargs
-        Passed to `skfem.CellBasis`: ``mapping``, ``dofs``, ``elements``.
+    mapping, dofs, elements
+        See `skfem.CellBasis`.
     """
 
-    def __init__(self, mesh: Mesh, dimension: int = 2, **kwargs: Any) -> None:
+    def __init__(
+        self,
+        mesh: Mesh,
+        dimension: int = 2,
+        mapping: Any = None,
+        dofs: Any = None,
+        elements: Any = None,
+    ) -> None:
         element = ElementVector(ElementQuad1Fluctuation(), dimension)
-        super().__init__(mesh, element, quadrature=GAUSS, **kwargs)
+        # The constructor of CellBasis would evaluate `basis`, of 2.5 kB per element.
+        AbstractBasis.__init__(
+            self, mesh, element, mapping, quadrature=GAUSS, dofs=dofs
+        )
+        self.tind = None if elements is None else mesh.normalize_elements(elements)
         centre, _ = CENTRE
         self.dx = np.abs(self.mapping.detDF(centre, self.tind)) * self.W
+        self.nelems = len(self.dx)
+
+    @cached_property
+    def basis(self) -> list[tuple[DiscreteField, ...]]:
+        """Basis functions, for the forms; the kernels use `gradients`."""
+        functions = range(self.Nbfun)
+        return [self.elem.gbasis(self.mapping, self.X, i, self.tind) for i in functions]
+
+    def gradients(self) -> tuple[ndarray, ndarray]:
+        """Gradients of the functions of one component, and those at the centre.
+
+        Shape (4, 2, n_elements, 4).
+        """
+        scalar: Any = self.elem
+        fields = [
+            scalar.elem.gbasis(self.mapping, self.X, i, self.tind)[0] for i in range(4)
+        ]
+        centre = np.array([centre_grad(field) for field in fields])
+        return centre + np.array([field.grad for field in fields]), centre
 
 
 def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:

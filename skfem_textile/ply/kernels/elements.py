@@ -29,7 +29,6 @@ from ...mesh.bases import (
     CENTRE,
     HourglassBasis,
     MeanBasis,
-    centre_grad,
     components,
     element_numbers,
 )
@@ -455,18 +454,20 @@ def element_groups(basis: Any, fabric: "Fabric") -> list[ElementGroup]:
 
 def _new_groups(basis: Any, fabric: "Fabric") -> Iterator[ElementGroup]:
     d, numbers = components(basis), element_numbers(basis)
-    dN = np.array([field.grad[0] for (field,) in basis.basis[::d]])
     nodes, x = basis.element_dofs[::d] // d, np.asarray(basis.global_coordinates())
     pair = fabric.directions(x, numbers)
     A = np.array([np.broadcast_to(a, x.shape) for a in pair])
+    fluctuates = isinstance(basis, HourglassBasis)
+    if not fluctuates:
+        dN = np.array([field.grad[0] for (field,) in basis.basis[::d]])
     if isinstance(basis, MeanBasis) and basis.parts is not None:
         yield from _macro_groups(basis, fabric, nodes, dN, A)
         return
-    modes, sets = None, [(dN, basis.dx.T)]
-    if isinstance(basis, HourglassBasis):
-        centre = np.array([centre_grad(field)[0] for (field,) in basis.basis[::d]])
-        dN = dN + centre
-        sets = [(centre, 0 * basis.dx.T), (dN, basis.dx.T)]
+    modes, sets = None, []
+    if fluctuates:
+        dN, centre = basis.gradients()
+        sets.append((centre, 0 * basis.dx.T))
+    sets.append((dN, basis.dx.T))
     points: list[IntegrationPoints]
     if (
         isinstance(basis.elem.elem, ElementQuad1)

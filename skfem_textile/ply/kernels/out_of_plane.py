@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from ...mesh.bases import centre_grad
 from .elements import hourglass_mode
 
 # ε_ijk, of the cross product
@@ -36,8 +35,7 @@ class OutOfPlaneKernel:
     """
 
     def __init__(self, basis: Any) -> None:
-        fields: Any = [field for (field,) in basis.basis[::3]]
-        dN = np.array([field.grad[0] + centre_grad(field)[0] for field in fields])
+        dN, _ = basis.gradients()
         at_centre, gamma, slope = hourglass_mode(basis, dN)
         self._B = np.array([*at_centre[..., 0].swapaxes(0, 1), gamma])
         self._weight = basis.dx * (slope**2).sum(axis=0)
