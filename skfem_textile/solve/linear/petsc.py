@@ -114,6 +114,7 @@ class PETSc(OneAtATime):
         pc.setFactorSolverType("mumps")
         pc.setFactorSetUpSolverType()
         factors = pc.getFactorMatrix()
+        factors.setOptionsPrefix(PREFIX)
         for i, integer in _INTEGERS.items():
             factors.setMumpsIcntl(i, integer)
         for i, real in _REALS.items():
