@@ -123,7 +123,8 @@ def main(solver: str, elements: str, folder: str) -> None:
     iteration = Iteration(ply, scene, solver)
     memory = [peak()]
     system, u = iteration.system, iteration.u
-    b, K = -ply.residual(u)[system.free], reduced(system, ply.stiffness(u))
+    free = iteration.problem.constraints.free
+    b, K = -ply.residual(u)[free], reduced(system, ply.stiffness(u))
     times = []
     for _ in range(1 + _ROUNDS):
         factors, factorised = seconds(system.solver.factorise, K.upper.data)

@@ -1,9 +1,10 @@
 """PETSc on several processes, and with an iterative method."""
 
+import numpy as np
 import pytest
 from scipy.sparse import identity
 
-from skfem_textile.solve.linear import solver_named
+from skfem_textile.solve.linear import Unknowns, solver_named
 from skfem_textile.solve.linear.petsc import PREFIX
 from studies.speed.processes import difference, missing, run
 
@@ -31,10 +32,11 @@ def test_multigrid_agrees_with_superlu(expected):
 
 def test_options_apply_to_mumps():
     petsc, lower = pytest.importorskip("petsc4py.PETSc"), identity(4, format="csc")
+    nodes = Unknowns(np.zeros((2, 4)), np.zeros((2, 0), int), 1, np.arange(4))
     option = f"{PREFIX}mat_mumps_icntl_14"
     petsc.Options()[option] = 200
     try:
-        solver = solver_named("petsc")(lower)
+        solver = solver_named("petsc")(lower, nodes)
         assert solver.factorise(lower.data).definite
     finally:
         petsc.Options().delValue(option)
