@@ -24,7 +24,7 @@ LAYERS = {
     "ply": ("ply.kernels", "forms", "fabric", "mesh"),
     "solve": ("ply", "fabric", "mesh"),
     "solve.adaptive": ("solve", "ply"),
-    "solve.sweep": ("solve",),
+    "solve.sweep": ("solve", "mesh"),
     "drape": ("solve", "ply", "fabric", "mesh"),
     "scenes": ("drape", "solve", "ply", "fabric", "mesh"),
     "io": ("drape", "solve", "ply", "fabric", "mesh"),

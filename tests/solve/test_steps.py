@@ -167,7 +167,7 @@ def test_no_result_exists_before_a_run():
         ),
         ({"warn_only": ["stable"]}, "unknown check 'stable': choose one of folding"),
         ({"max_halvings": -1}, "max_halvings must be a whole number from 0"),
-        ({"solver": "umfpack"}, "unknown solver 'umfpack': choose of auto"),
+        ({"solver": "umfpack"}, "unknown solver 'umfpack': choose one of auto"),
         ({"method": ["newton"]}, "method must be a nonlinear solver or its name"),
         ({"method": None}, "method must be a nonlinear solver or its name, not None"),
         ({"warn_only": "work"}, "warn_only must be a list"),
