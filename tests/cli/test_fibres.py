@@ -155,7 +155,7 @@ def test_no_ignored_directions_are_reported_for_fabrics_that_have_none_or_the_sa
         (("--fabric", "cloth.json", "--fibre-stiffness", "1"), "[tension] sets a law"),
         (
             ("--directions", "ply.vtu"),
-            "fibre directions for 32 elements, but the mesh has 18",
+            "there are 32 fibre directions for 18 elements",
         ),
         (("--directions", "cloth.json"), "can be read only from"),
     ],
@@ -189,7 +189,7 @@ def test_show_warns_of_directions_that_follow_the_numbering_of_nodes(tmp_path, c
     write_directions(path, PULL.mesh, ALONG_EDGES)
     line = ["show", str(path), "--no-render", "--out", str(tmp_path / "out")]
     assert cli.main(line) == 0
-    assert "warp runs along edge 1 of 32 of 32 elements" in caplog.text
+    assert "warp runs along edge 1 in 32 of 32 elements" in caplog.text
 
 
 def test_show_accepts_angles_for_a_mesh_without_directions(tmp_path):

@@ -174,7 +174,9 @@ def test_a_tension_law_is_rejected_as_a_shear_law(tmp_path, capsys):
     )
     file = str(tmp_path / "law.json")
     command = "run", "strip", "--out", str(tmp_path / "o"), "--shear-law", file
-    assert "CrimpToe is not a law of shear" in rejected(capsys, *command)
+    assert "contains a CrimpToe, which is not a law of shear" in rejected(
+        capsys, *command
+    )
 
 
 def test_the_help_lists_every_law():

@@ -232,7 +232,7 @@ def test_a_file_without_a_table_of_the_law_is_rejected(tmp_path, capsys):
     out = ("--out", str(tmp_path / "out"))
     file = write_table(tmp_path, "law.csv", TENSION + "0,0\n0.2,1\n0.1,2\n")
     line = rejected(capsys, "run", "strip", *QUICK, *out, "--tension-law", file)
-    assert "row 4: 0.1 follows 0.2" in line
+    assert "row 4: the argument 0.1 must be larger than the previous one, 0.2" in line
     line = rejected(capsys, "run", "strip", *QUICK, *out, "--shear-law", file)
     assert "law.csv, row 1: the header must be of the form 'shear angle (deg)" in line
     more = ("--tension-law", file, "--fibre-stiffness", "3")

@@ -42,7 +42,7 @@ def test_an_unknown_scene_is_rejected(tmp_path, capsys):
         (("--steps", "0"), "steps must be a whole number"),
         (
             ("--steps", "99999999999999999999999"),
-            "from 1 to 1000000; got 99999999999999999999999",
+            "from 1 to 1000000, got 99999999999999999999999",
         ),
         (("--size", "10"), "expected NXxNY, such as 10x15, got '10'"),
         (("--size", "0x5"), "at least 1x1"),
@@ -103,9 +103,8 @@ def test_the_middle_of_a_long_line_is_elided(tmp_path, capsys):
     out = ("--out", str(tmp_path / "o"))
     message = rejected(capsys, "run", "strip", *out, "--size", "9" * 5000)
     assert len(message) < 500
-    assert "argument --size: '999" in message
+    assert "argument --size: expected NXxNY, such as 10x15, got '999" in message
     assert " ... " in message
-    assert "expected NXxNY, such as 10x15, got '" in message
 
 
 @pytest.mark.parametrize("word", ["--size=--", "--out=--"])

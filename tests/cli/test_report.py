@@ -83,7 +83,7 @@ def test_a_report_states_the_results_of_the_run(results):
         "Hamila",
         f"skfem_textile {skfem_textile.__version__}",
         summary["versions"]["numpy"],
-        "The run has drawn no pictures",
+        "The folder contains no pictures",
         'law = "sin2"',
     ):
         assert sentence in page.text

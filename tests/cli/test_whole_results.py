@@ -131,8 +131,8 @@ def test_a_failure_to_print_is_reported_in_one_line(tmp_path, arguments):
             env={**os.environ, "PYTHONPATH": str(ROOT)},
         )
     assert child.returncode == 1
-    message = "skfem-textile: error: cannot print: No space left on device\n"
-    assert child.stderr == message
+    reason = "cannot write to the standard output: No space left on device"
+    assert child.stderr == f"skfem-textile: error: {reason}\n"
     if arguments[0] == "run":
         assert (tmp_path / "out" / "summary.json").exists()
 

@@ -198,7 +198,7 @@ def invalid_tools(folder):
     empty.write_text(EMPTY)
     yield empty, "empty.stl: the file contains no triangles"
     yield write(folder / "few.stl", x[:, :], t[:, :3]), "vertices, but at least"
-    yield write(folder / "facing.stl", x, facing), "orient them consistently"
+    yield write(folder / "facing.stl", x, facing), "orient the triangles consistently"
     bad = x.copy()
     bad[2, 5] = np.nan
     yield write(folder / "nan.stl", bad, t), "must be finite"

@@ -144,7 +144,7 @@ def test_a_failure_due_to_rounding_is_reported_as_such(monkeypatch):
     start = geodesic_u(ply, conditions["on"].surface, touch=(FAR, -FAR))
     with pytest.raises(NoEquilibriumError, match="the residual is") as error:
         equilibrium_near(ply, conditions, start)
-    assert "nearer to the origin" in error.value.advice
+    assert "closer to the origin" in error.value.advice
 
 
 def test_a_failure_at_rest_is_attributed_to_rounding(monkeypatch):
@@ -155,7 +155,7 @@ def test_a_failure_at_rest_is_attributed_to_rounding(monkeypatch):
     tilted = conditions | {"on": OnSurface(plane, touch=(FAR, -FAR))}
     stepper = LoadStepper(ply, tilted, 1, method=Newton(most=4))
     stepper.max_halvings = 0
-    with pytest.raises(StepError, match="nearer to the origin"):
+    with pytest.raises(StepError, match="closer to the origin"):
         stepper.run()
 
 

@@ -59,7 +59,7 @@ def test_a_shell_with_two_sides_and_an_inverted_tool_are_reported():
     both = np.hstack([x, x - np.array([[0], [0], [3]])])
     shell = drape.TriangleMesh(both, np.hstack([t, t[::-1] + x.shape[1]]))
     _, summary = run(on_tool(shell, **kwargs))
-    assert "use one side of a shell" in summary["off_triangles"]
+    assert "use only one side of a shell" in summary["off_triangles"]
 
 
 def test_a_ply_on_a_flat_tool_has_no_bridging():

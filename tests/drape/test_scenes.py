@@ -135,7 +135,7 @@ def test_a_mesh_without_three_nodes_to_constrain_is_rejected():
     one = MeshTri(
         np.array([[-90.0, 90, 90], [-50, -90, 90]]), np.array([[0], [1], [2]])
     )
-    with pytest.raises(MeshError, match="no three such nodes: refine it"):
+    with pytest.raises(MeshError, match="no three such nodes: refine the mesh"):
         hemisphere(mesh=one, part="whole")
 
 
@@ -313,7 +313,7 @@ def test_directions_of_a_file_do_not_replace_those_of_a_tool(tmp_path, capsys):
     line = "run", "hemisphere", "--size", "4x4", "--directions", str(file)
     assert cli.main([*line, "--out", str(tmp_path / "out")]) == 2
     stderr = capsys.readouterr().err
-    assert "given by scene.fibres_deg" in stderr
+    assert "scene hemisphere: set scene.fibres_deg" in stderr
 
 
 def a_table_from_zero_on(scene):
@@ -332,7 +332,7 @@ def test_a_table_from_zero_on_suffices_for_shear_of_one_sign():
 
 def test_the_missing_range_of_a_table_from_zero_on_is_reported():
     scene = hemisphere(size=(4, 4), part="whole", tension=0.0)
-    with pytest.raises(StepError, match="a table that starts at 0 needs odd=True"):
+    with pytest.raises(StepError, match="a table that starts at 0 requires odd=True"):
         Case(scene=scene, fabric=a_table_from_zero_on(scene)).run()
 
 

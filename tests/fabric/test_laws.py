@@ -342,7 +342,7 @@ def test_pretensioned_fibres_lose_crimp_and_become_slack_when_shortened():
 REFUSED = {
     "one point": (
         lambda: Tabulated([0.0], [0.0]),
-        "a table needs at least two points, got 1",
+        "a table requires at least two points, got 1",
     ),
     "falling": (
         lambda: Tabulated([0.0, 0.2, 0.1], [0.0, 1.0, 2.0]),

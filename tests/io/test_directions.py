@@ -193,7 +193,7 @@ def test_files_without_directions_are_rejected(tmp_path):
     ):
         with pytest.raises(MeshError, match=named):
             read_directions(tmp_path / name)
-    with pytest.raises(ValueError, match="12 directions for 2"):
+    with pytest.raises(ValueError, match="12 fibre directions for 2 elements"):
         write_directions(tmp_path / "a.vtu", MeshTri(), GIVEN)
     with pytest.raises(ValueError, match="can be written only to"):
         write_directions(tmp_path / "a.txt", MESH, GIVEN)

@@ -83,7 +83,7 @@ def refused(path, message):
             "quads41.msh",
             b"7 17 1 17",
             b"7 16 1 17",
-            "the declared number is 16, but 15 are",
+            "the declared number is 16, but 17 are",
         ),
         (
             "quads41.msh",

@@ -91,7 +91,7 @@ def test_quadratic_triangles_on_a_tool_have_their_pressure(tmp_path, monkeypatch
 
 
 def test_a_ply_without_tool_is_not_drawn_as_draped():
-    with pytest.raises(ValueError, match="a ply is not on a tool"):
+    with pytest.raises(ValueError, match="a ply does not lie on a tool"):
         plot.draped(result_of(strip(size=(2, 3))))
 
 

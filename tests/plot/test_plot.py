@@ -348,5 +348,5 @@ def test_a_mesh_of_both_kinds_is_drawn_with_its_fibres_before_a_run(tmp_path):
         assert plot.mesh_and_fibres(mesh, directions, **options) is plotter
         pictures.append(plotter.screenshot(return_img=True).tobytes())
     assert pictures[0] != pictures[1]
-    with pytest.raises(ValueError, match="3 directions for 4 elements"):
+    with pytest.raises(ValueError, match="3 fibre directions for 4 elements"):
         plot.mesh_and_fibres(MeshQuad().refined(1), directions)

@@ -55,7 +55,10 @@ def test_other_formats_are_rejected_before_any_work(tmp_path, monkeypatch, draw)
 
     monkeypatch.setattr("matplotlib.figure.Figure.__init__", draws)
     for suffix in (".gif", ".5"):
-        message = f"cannot write {suffix} files, only .png, .svg, .pdf, .eps: name it"
+        message = (
+            f"y{suffix}: pictures can be written only to .png, .svg, .pdf, .eps files: "
+            "name it y.png"
+        )
         with pytest.raises(ValueError, match=re.escape(message)):
             draw(tmp_path / f"y{suffix}")
     assert list(tmp_path.iterdir()) == []

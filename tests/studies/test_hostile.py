@@ -21,16 +21,16 @@ import os, time
 from collections import Counter
 from hypothesis import strategies as st
 from studies.hostile.workers import findings
-from tests.helpers.hostile import RIGHT, Family, WrongAnswerError, refused
+from tests.helpers.hostile import RIGHT, Family, WrongAnswerError, rejected
 
 def wrong():
     raise WrongAnswerError
 
 acts = {
     "right": lambda: RIGHT,
-    "refused": lambda: refused("mesh.msh: there is no node 7"),
-    "two lines": lambda: refused("two" + chr(10) + "lines"),
-    "no line": lambda: refused(""),
+    "refused": lambda: rejected("mesh.msh: there is no node 7"),
+    "two lines": lambda: rejected("two" + chr(10) + "lines"),
+    "no line": lambda: rejected(""),
     "error": lambda: [].pop(),
     "sleep": lambda: time.sleep(60),
     "end": lambda: os._exit(3),
