@@ -165,7 +165,7 @@ class HourglassBasis(CellBasis):
         self.dx = np.abs(self.mapping.detDF(centre, self.tind)) * self.W
         self.nelems = len(self.dx)
 
-    @cached_property
+    @cached_property  # type: ignore[override]
     def basis(self) -> list[tuple[DiscreteField, ...]]:
         """Basis functions, for the forms; the kernels use `gradients`."""
         functions = range(self.Nbfun)

@@ -5,7 +5,7 @@ sample to the innermost part of `PARTS` on the stack.
 """
 
 import sys
-from collections import Counter
+from collections import defaultdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event, Thread, main_thread
@@ -91,7 +91,9 @@ def write_curve(file: Path) -> None:
     angle = np.linspace(0.0, 50.0, 101)
     force = 0.5 * np.radians(angle) * (1 + np.sin(np.radians(angle)) ** 2)
     table = np.stack([angle, force], axis=1)
-    np.savetxt(file, table, "%.6f", ",", header="shear angle (deg),force (N)", comments="")
+    np.savetxt(
+        file, table, "%.6f", ",", header="shear angle (deg),force (N)", comments=""
+    )
 
 
 def _profiled(arguments: list[str], folder: str) -> Row:
@@ -99,7 +101,7 @@ def _profiled(arguments: list[str], folder: str) -> Row:
     start = perf_counter()
     from skfem_textile.cli.main import main
 
-    seconds, stop = Counter({IMPORT: perf_counter() - start}), Event()
+    seconds, stop = defaultdict(float, {IMPORT: perf_counter() - start}), Event()
     sampling = Thread(target=_sample, args=(seconds, stop), daemon=True)
     sampling.start()
     try:
@@ -107,10 +109,10 @@ def _profiled(arguments: list[str], folder: str) -> Row:
     finally:
         stop.set()
         sampling.join()
-    return {"exit_code": code, "seconds": dict(seconds), "total": seconds.total()}
+    return {"exit_code": code, "seconds": dict(seconds), "total": sum(seconds.values())}
 
 
-def _sample(seconds: Counter, stop: Event) -> None:
+def _sample(seconds: dict[str, float], stop: Event) -> None:
     """Add the time between samples to the part that the main thread executes."""
     main_id, last = main_thread().ident, perf_counter()
     while not stop.wait(_INTERVAL):

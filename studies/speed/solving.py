@@ -338,7 +338,8 @@ def _factorised(solver: str, elements: int) -> Row:
     system, set_up = seconds(
         lambda: Problem(ply, constraints, solver_named(solver)).system
     )
-    rng, row = np.random.default_rng(0), {"solver": solver, "set_up": set_up}
+    rng = np.random.default_rng(0)
+    row: Row = {"solver": solver, "set_up": set_up}
     b = rng.standard_normal(len(constraints.free))
     moved = scene.displacement(ply.nodes, _LOAD_FACTOR).T.ravel()
     buckled = -moved + 1e-3 * rng.standard_normal(moved.size)

@@ -183,7 +183,7 @@ class OneAtATime:
 
     def hold(self, factors: Any) -> None:
         """Keep these factors and discard others."""
-        held = self._held and self._held()
+        held: Any = self._held() if self._held else None
         if held is None or held is not factors:
             if held is not None:
                 held.discard()
