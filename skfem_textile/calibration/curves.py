@@ -112,7 +112,7 @@ def read_curve(
 def read_test(
     path: str | os.PathLike[str], units: Mapping[str, str] | None, *needed: str
 ) -> tuple[str, dict[str, ndarray]]:
-    """Name of a file and its columns, some of which are required."""
+    """File name and columns of a test; the columns ``needed`` must exist."""
     columns, name = read_curve(path, units), Path(path).name
     for column in needed:
         if column not in columns:

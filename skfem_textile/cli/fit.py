@@ -47,7 +47,7 @@ def _repeated(text: str, of: Any, metavar: str) -> dict[str, Any]:
 
 
 def _size(what: str) -> dict[str, Any]:
-    """Size of specimens: one for all files, or one for each."""
+    """Option for a specimen size: one value for all files, or one for each."""
     return _option(
         f"{what} in mm: one value for all files, or one for each",
         float,

@@ -101,7 +101,7 @@ class _Parser(argparse.ArgumentParser):
         self.exit(BAD_INPUT)
 
     def parse_args(self, arguments: Any = None, namespace: Any = None) -> Any:
-        """Parse options; refuses ``--name=--``, which argparse treats as no value."""
+        """Parse options; refuse ``--name=--``, for argparse a missing value."""
         for word in sys.argv[1:] if arguments is None else arguments:
             if word.startswith("--") and word.endswith("=--"):
                 self.error(f"argument {word[:-3]}: expected a value, got '--'")

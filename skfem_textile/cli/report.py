@@ -194,7 +194,7 @@ def _named_test(folder: Path, text: str | None) -> Path | None:
         output = tomllib.loads(text or "").get("output", {})
         named = output.get("test_curve")
     except (ValueError, AttributeError, RecursionError):
-        damaged = f"{printable(folder / CASE)} is damaged: it is not a case file"
+        damaged = f"{printable(folder / CASE)} is damaged: it is not a valid case file"
         raise ValueError(damaged) from None
     return folder / named if isinstance(named, str) else None
 

@@ -232,7 +232,7 @@ def net(
 
 
 def _counts(name: str, n: Any) -> tuple[int, int]:
-    """Two numbers of cells, at least one in total."""
+    """Validated numbers of cells against and along a direction, not both zero."""
     counts = real_numbers(f"net: {name}", n)
     integral = counts.shape == (2,) and (counts == np.round(counts)).all()
     if not integral or counts.min() < 0 or counts.sum() < 1:

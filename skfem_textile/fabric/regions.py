@@ -216,7 +216,7 @@ def fabric_of_regions(
     for number, (name, fabric) in enumerate(fabrics.items()):
         if name not in subdomains:
             known = ", ".join(map(repr, subdomains)) or "none"
-            raise ValueError(f"the mesh has no subdomain {name!r} (it has: {known})")
+            raise ValueError(f"the mesh has no subdomain {name!r} (available: {known})")
         if not isinstance(fabric, Fabric):
             raise ValueError(f"subdomain {name!r} requires a Fabric, not {fabric!r}")
         if (region[subdomains[name]] >= 0).any():

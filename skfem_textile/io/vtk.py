@@ -186,7 +186,7 @@ class _LegacyFile:
         keyword, arguments = words[0].upper(), words[1:]
         text = excerpt(" ".join(words))
         if keyword in self.sections:
-            raise MeshError(f"the file contains more than one {keyword}")
+            raise MeshError(f"the file contains more than one {keyword} section")
         try:
             self._read(keyword, arguments)
         except MeshError as error:
@@ -229,7 +229,7 @@ class _LegacyFile:
             starts.append(position)
             position += 1 + max(int(numbers[position]), 0)
         if len(starts) != n or position != size:
-            raise MeshError("the number of values does not match the cells")
+            raise MeshError("the number of values does not match the cell sizes")
         offsets = np.cumsum([0, *numbers[starts]])
         return np.delete(numbers, starts), offsets
 

@@ -165,8 +165,8 @@ class HourglassBasis(CellBasis):
         self.dx = np.abs(self.mapping.detDF(centre, self.tind)) * self.W
         self.nelems = len(self.dx)
 
-    @cached_property  # type: ignore[override]
-    def basis(self) -> list[tuple[DiscreteField, ...]]:
+    @cached_property
+    def basis(self) -> list[tuple[DiscreteField, ...]]:  # type: ignore[override]
         """Basis functions, for the forms; the kernels use `gradients`."""
         functions = range(self.Nbfun)
         return [self.elem.gbasis(self.mapping, self.X, i, self.tind) for i in functions]
@@ -222,7 +222,7 @@ class MeanBasis(CellBasis):
     parts: ndarray | None = None
 
     def default_parameters(self) -> dict[str, Any]:
-        """Position and share, and for macro-elements the quadrilaterals."""
+        """Positions, area fractions and, for macro-elements, the quadrilaterals."""
         share = self.dx / self.dx.sum(axis=1, keepdims=True)
         fields = {"x": self.global_coordinates(), "share": share}
         return fields if self.parts is None else fields | {"element": self.parts}

@@ -145,7 +145,7 @@ def _named(what: str, where: str, mesh: Mesh, with_middles: bool) -> ndarray:
     if where not in edges and where not in nodes:
         names = ", ".join(map(repr, [*edges, *(n for n in nodes if n not in edges)]))
         raise ValueError(
-            f"{what}: the mesh has no boundary {where!r} (it has: {names or 'none'})"
+            f"{what}: the mesh has no boundary {where!r} (available: {names or 'none'})"
         )
     edge = np.asarray(edges.get(where, ()), dtype=int)
     selected = np.union1d(mesh.facets[:, edge], nodes.get(where, ())).astype(int)

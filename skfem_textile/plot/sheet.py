@@ -182,7 +182,7 @@ class Panel(NamedTuple):
 
 
 class Legend(NamedTuple):
-    """Scale and keys below the panels of some columns."""
+    """Scale and keys below the columns ``first`` to ``last - 1`` of panels."""
 
     first: int
     last: int

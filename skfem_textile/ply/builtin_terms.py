@@ -177,7 +177,7 @@ def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd
         if name not in boundaries:
             names = ", ".join(map(repr, boundaries)) or "none"
             raise ValueError(
-                f"fibre_ends: the mesh has no boundary {name!r} (it has: {names})"
+                f"fibre_ends: the mesh has no boundary {name!r} (available: {names})"
             )
         if end not in FIBRE_ENDS and not callable(end):
             raise ValueError(

@@ -152,7 +152,9 @@ def _boundary(what: str, name: str, basis: CellBasis) -> FacetBasis:
     mesh = basis.mesh
     if name not in (mesh.boundaries or {}):
         names = ", ".join(map(repr, mesh.boundaries or {})) or "none"
-        raise ValueError(f"{what}: the mesh has no boundary {name!r} (it has: {names})")
+        raise ValueError(
+            f"{what}: the mesh has no boundary {name!r} (available: {names})"
+        )
     edges = np.unique(mesh.boundaries[name])
     if not edges.size:
         raise ValueError(f"{what}: the boundary {name!r} has no edges")

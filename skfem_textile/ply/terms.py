@@ -169,7 +169,7 @@ class FormTerm(ElementTerm):
         return float(self._asm(self._forms.energy, u, t, p)) + float(p.get("work", 0.0))
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
-        """Residual form."""
+        """Assembled residual form."""
         return self._asm(self._forms.residual, u, t, p)
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:

@@ -18,12 +18,12 @@ def force_of_moments(
 ) -> tuple[Angle, Angle]:
     """Factors of C(γ) and C(γ/2) in the force at the clamps, in mm.
 
-    They are the areas of the zones over the derivative dδ/dγ of the elongation.
+    They are the areas of the zones divided by the derivative dδ/dγ of the elongation δ.
 
     Parameters
     ----------
     gamma
-        Shear angle of the middle in radians, a number or an array.
+        Shear angle in the middle of the ply in radians, a number or an array.
     width, height
         Sides W and H of the ply in mm, H ≥ 2W tan θ.
     inclination

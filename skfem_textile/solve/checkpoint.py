@@ -451,7 +451,7 @@ def _progress(
     numbers = list(path.unresolved)
     numbers += [x for end in path.to_compare for x in (end.energy, *end.reactions)]
     if not np.isfinite([progress.elapsed, *clock.seconds.values(), *numbers]).all():
-        raise ValueError("its times or load factors are not finite")
+        raise ValueError("its times, factors, energies or reactions are not finite")
     if set(clock.seconds) != set(Clock().seconds):
         raise ValueError("its times are incomplete")
     if (

@@ -99,9 +99,9 @@ class Lock:
     """Lock on an existing file or folder, held until it is released.
 
     The lock belongs to the open file (``flock``), so that the system releases it when
-    the process ends, also if it is killed.  Systems without such locks (Windows, some
-    network drives) have none.  Raises a BlockingIOError if another run, or another part
-    of this one, holds the lock.
+    the process ends, even if it is killed.  On Windows and some network drives, which
+    do not support such locks, nothing is locked.  Raises a BlockingIOError if another
+    run, or another part of this one, holds the lock.
     """
 
     _descriptor = -1  # also of a lock whose creation was interrupted

@@ -302,7 +302,11 @@ def test_a_region_has_the_defaults_of_its_scene(tmp_path):
             "[loads]\nforce_N = 1\n[x]",
             "loads.force_N must be a table, got an integer",
         ),
-        ("[shear]", "[regions.patch]\n[shear]", "no subdomain 'patch' (it has: none)"),
+        (
+            "[shear]",
+            "[regions.patch]\n[shear]",
+            "no subdomain 'patch' (available: none)",
+        ),
         (
             "[shear]",
             "[regions.a]\n[fabric]\nfile = 'a.inp'\n[shear]",

@@ -145,7 +145,7 @@ def test_an_early_stop_is_reported(results, tmp_path):
         ("summary.json", "{", "is damaged: it is not a summary of a run"),
         ("summary.json", "[1]", "summary.json is damaged"),
         ("summary.json", None, "is not a results folder: it contains no summary.json"),
-        ("case.toml", "x", "is damaged: it is not a case file"),
+        ("case.toml", "x", "is damaged: it is not a valid case file"),
         ("case.toml", NO_CURVE, "no.csv"),
         ("curve.csv", "x", "curve.csv, row 1: the header must name at least"),
     ],

@@ -80,7 +80,7 @@ class Locking(ScalarLaw):
 
     @property
     def shown(self) -> tuple[float, float]:
-        """Nearly from pole to pole."""
+        """Range of plots: nearly the whole interval between the poles."""
         return -_SHOWN * self.angle, _SHOWN * self.angle
 
     def energy(self, x: ndarray) -> ndarray:

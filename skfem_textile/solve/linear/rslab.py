@@ -33,12 +33,13 @@ _BACKWARD_ERROR = 1e-15
 
 
 class Rslab(OneAtATime):
-    """LDLᵀ factors for possibly indefinite matrices, with the inertia.
+    """LDLᵀ factors and inertia of symmetric, possibly indefinite matrices.
 
     Parameters
     ----------
     lower, unknowns
-        See `Solver`.  RSLAB orders the unknowns by their graph alone.
+        See `Solver`.  RSLAB computes the elimination order from the sparsity pattern
+        alone.
     """
 
     def __init__(self, lower: csc_matrix, unknowns: Unknowns) -> None:
