@@ -189,4 +189,4 @@ def test_a_curve_of_unloading_alone_is_reported():
     moved, _, force = curve(BIAS, SOFTENING)
     warnings = notes(moved[::-1], force[::-1])
     assert "the displacement only decreases" in warnings
-    assert "back and forth" not in warnings
+    assert "loading and unloading" not in warnings

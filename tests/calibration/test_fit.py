@@ -206,7 +206,7 @@ def test_loading_and_unloading_in_one_curve_are_reported():
     assert "cycle: the test contains loading and unloading" in notes(fit_shear([cycle]))
     shaken = loading + 0.01 * loading[-1] * np.random.default_rng(1).standard_normal(60)
     noisy = Specimen("one", BIAS, data.force, shaken)
-    assert "back and forth" not in notes(fit_shear([noisy]))
+    assert "loading and unloading" not in notes(fit_shear([noisy]))
 
 
 def test_the_limit_of_the_kinematics_is_within_the_test():
