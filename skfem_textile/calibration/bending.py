@@ -31,7 +31,7 @@ _LEAST, _MOST = 1e-2, 1e3
 
 @dataclass(frozen=True, eq=False)
 class CantileverTest:
-    """Readings of one strip, or of several equal strips.
+    """Readings of one strip, or of several nominally identical strips.
 
     Attributes
     ----------

@@ -213,7 +213,7 @@ def _range_notes(result: "ShearFit") -> list[str]:
     end = np.degrees(result.largest_angle)
     notes = [
         f"{specimen.name}: the test contains loading and unloading, and both are "
-        "fitted as one curve: keep the rows of one loading"
+        "fitted as one curve: keep only the rows of a single loading"
         for specimen in result.specimens
         if all(specimen.ways(result.up_to))
     ]

@@ -101,7 +101,7 @@ class FibresInSpace:
         return np.isfinite(self.shear_angle)
 
     def reference(self) -> ndarray:
-        """Axis projected into the planes of the elements, unit vectors.
+        """Unit vectors of the axis projected onto the planes of the elements.
 
         If the axis is within 0.1° of the normal, the projection of z is used, or of x
         if the axis is z.

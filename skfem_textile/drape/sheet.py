@@ -34,7 +34,7 @@ class Elements:
     def feet(
         self, positions: ndarray, points: ndarray, element: ndarray
     ) -> tuple[ndarray, ndarray]:
-        """Feet of perpendiculars on elements, possibly beyond their edges.
+        """Orthogonal projections of points onto elements, possibly beyond their edges.
 
         Returns local coordinates, and the vectors to the points.
         """
@@ -107,7 +107,7 @@ def edge_lengths(positions: ndarray, elements: ndarray) -> ndarray:
 
 
 def boundary_edges(cells: Sequence[ndarray]) -> ndarray:
-    """Edges of only one element, in its orientation: nodes, shape (2, n)."""
+    """Nodes of edges that belong to one element only, in its orientation, (2, n)."""
     pairs = [[cell.ravel(), np.roll(cell, -1, axis=0).ravel()] for cell in cells]
     edges = np.hstack(pairs)
     _, first, count = np.unique(

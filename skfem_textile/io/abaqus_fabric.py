@@ -37,8 +37,8 @@ _OTHERS = {
     "VISCOELASTIC": "laws are independent of time",
     "DAMAGE INITIATION": "laws are elastic",
     "DAMAGE EVOLUTION": "laws are elastic",
-    "FAIL STRAIN": "failure is checked by the load stepper only",
-    "FAIL STRESS": "failure is checked by the load stepper only",
+    "FAIL STRAIN": "material failure is not modelled",
+    "FAIL STRESS": "material failure is not modelled",
     "SPECIFIC HEAT": "temperature is not modelled",
     "CONDUCTIVITY": "temperature is not modelled",
 }

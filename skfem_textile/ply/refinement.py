@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def shear_angle_jumps(ply: "Ply", u: ndarray) -> ndarray:
-    """Jumps of the shear angle between each user element and its neighbours.
+    """Jumps of the shear angle between each of the user's elements and its neighbours.
 
     η² = Σ h² [Γ]², summed over the interior edges of the element, with the edge length
     h and the difference [Γ] of the mean shear angles on both sides.  Where the angle is
@@ -31,7 +31,7 @@ def shear_angle_jumps(ply: "Ply", u: ndarray) -> ndarray:
     Parameters
     ----------
     ply
-        The ply, on a mesh that was not split before.
+        The ply; its mesh must not have been split before it was passed to `Ply`.
     u
         Displacement.
 

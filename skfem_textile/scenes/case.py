@@ -32,7 +32,7 @@ class Case:
     steps, method, warn_only, solver
         As for `LoadStepper`.
     pictures
-        True if pictures are drawn, besides summary, history and fields.
+        True if pictures are written in addition to summary, history and fields.
 
     Examples
     --------

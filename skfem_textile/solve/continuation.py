@@ -143,7 +143,7 @@ class Continuation:
     def most_projected(self, step: float, t: float, loads_drive: bool) -> float:
         """Number of projected tangents above which a step to ``t`` is halved.
 
-        Beyond a limit load that drives the ply there is no path.
+        Always finite if loads drive the ply: beyond a limit load there is no path.
         """
         followed = step > 1.5 * self._short and t > self.not_followed_until
         return MOST_PROJECTED if followed or loads_drive else np.inf

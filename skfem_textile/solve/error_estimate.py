@@ -133,7 +133,7 @@ def change_of(before: ndarray, after: ndarray) -> float:
 def _work(
     problem: Problem, f: ndarray, u: ndarray, parameters: PlyParameters, rate: ndarray
 ) -> ndarray:
-    """Work of the reactions in the motion of their conditions, and of the loads.
+    """Work of the reactions through their prescribed motion, and work of the loads.
 
     Each node of a condition contributes with its own motion, as an edge may rotate;
     ``rate`` is the result of `_rate`.

@@ -222,7 +222,7 @@ class Newton:
 
 @dataclass(frozen=True)
 class PlainNewton:
-    """Newton's method with the consistent tangent: for small steps, for comparison.
+    """Newton's method with the consistent tangent, for small steps.
 
     Parameters
     ----------
