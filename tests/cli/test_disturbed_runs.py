@@ -108,7 +108,8 @@ def run(command, after=0.0, disturb=None):
         _, status = os.waitpid(child, 0)
         stderr.seek(0)
         lines = stderr.read().splitlines()
-        lines = [line for line in lines if not line.startswith("nothing to resume")]
+        none = "there is no state to resume"
+        lines = [line for line in lines if not line.startswith(none)]
         return Ended(os.waitstatus_to_exitcode(status), lines)
 
 
@@ -211,7 +212,8 @@ def check_line(line, path, remains=None):
     """Check for one clear line that names a path, and the remains there, if any."""
     expect(is_clear(line) and str(path) in line, f"{path} is not named: {line}")
     holds = remains and (remains.is_file() or list(remains.glob("state_*.npz")))
-    expect(not holds or "remains" in line, f"{remains} remains: {line}")
+    is_stated = "remains" in line or "kept" in line
+    expect(not holds or is_stated, f"{remains} remains: {line}")
 
 
 def visible_files(folder):
