@@ -23,7 +23,7 @@ from skfem_textile.solve.linear import (
     solver_named,
 )
 from skfem_textile.solve.linear import solver as linear
-from skfem_textile.solve.linear.solver import Offer, pivoting_solver
+from skfem_textile.solve.linear.solver import SolverEntry, pivoting_solver
 from skfem_textile.solve.linear.superlu import SuperLU
 
 
@@ -221,10 +221,10 @@ class Fakes:
                 fakes.time += seconds[min(times, len(seconds)) - 1]
                 return super().factorise(data)
 
-        class OfFake(Offer):
+        class FakeEntry(SolverEntry):
             build = Fake
 
-        first = {name: OfFake("", "scipy", 0, True)}
+        first = {name: FakeEntry("", "scipy", 0, True)}
         others = {k: o for k, o in linear.SOLVERS.items() if k != "superlu"}
         offers = others | first | {"superlu": SOLVERS["superlu"]}
         self._monkeypatch.setattr(linear, "SOLVERS", offers)

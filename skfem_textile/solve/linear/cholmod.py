@@ -11,7 +11,7 @@ from scipy.sparse import csc_matrix
 
 from .solver import (
     Factors,
-    OneAtATime,
+    LatestFactors,
     SingularMatrixError,
     Solver,
     pivoting_solver,
@@ -29,7 +29,7 @@ _PERMUTED = 7
 _LOCK = Lock()
 
 
-class Cholmod(OneAtATime):
+class Cholmod(LatestFactors):
     """Cholesky factors, which prove stability; other matrices need pivots.
 
     Parameters

@@ -6,7 +6,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 
-from .solver import REFINEMENTS, OneAtATime, SingularMatrixError
+from .solver import REFINEMENTS, LatestFactors, SingularMatrixError
 from .unknowns import Unknowns
 
 # Matrix types and phases as numbered in its manual.
@@ -21,7 +21,7 @@ _PERTURBED, _NEGATIVE = 14, 23
 _ZERO_PIVOT = -4
 
 
-class Pardiso(OneAtATime):
+class Pardiso(LatestFactors):
     """LDLᵀ factors for possibly indefinite matrices, with the inertia.
 
     Parameters

@@ -13,7 +13,7 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix
 
 from ...mesh.pattern import matrix_of_slots
-from .solver import OneAtATime, SingularMatrixError, refuse_round_off
+from .solver import LatestFactors, SingularMatrixError, refuse_round_off
 from .unknowns import Unknowns
 
 #: Prefix of the options in PETSc's database.
@@ -31,7 +31,7 @@ _ERROR, _SINGULAR = 1, (-6, -10)
 _TOLERANCE, _MOST_ITERATIONS = 1e-12, 2000
 
 
-class PETSc(OneAtATime):
+class PETSc(LatestFactors):
     """LDLᵀ factors of MUMPS with the inertia, or an iterative method.
 
     The options of PETSc apply with the prefix `PREFIX`; an iterative method is selected

@@ -15,7 +15,7 @@ from .solver import (
     LEAST_OF_ENTRY,
     LEAST_OF_LARGEST,
     REFINEMENTS,
-    OneAtATime,
+    LatestFactors,
     SingularMatrixError,
 )
 from .unknowns import Unknowns
@@ -32,7 +32,7 @@ _ORDERING: dict[str, Any] = {
 _BACKWARD_ERROR = 1e-15
 
 
-class Rslab(OneAtATime):
+class Rslab(LatestFactors):
     """LDLᵀ factors and inertia of symmetric, possibly indefinite matrices.
 
     Parameters

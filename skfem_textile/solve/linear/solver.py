@@ -42,7 +42,7 @@ _MOST_MEASURED = 200_000
 
 
 @dataclass(frozen=True)
-class Offer:
+class SolverEntry:
     """Linear solver that can be selected by name.
 
     Attributes
@@ -82,11 +82,11 @@ class Offer:
 #: unknowns that repay an import are from ``docs/speed.md``.  PETSc follows SuperLU, so
 #: that ``auto`` never selects it.
 SOLVERS = {
-    "cholmod": Offer("cholmod:Cholmod", "cvxopt.cholmod", 500, True),
-    "pardiso": Offer("pardiso:Pardiso", "pypardiso", 20_000, True),
-    "rslab": Offer("rslab:Rslab", "rslab", 0, True),
-    "superlu": Offer("superlu:SuperLU", "scipy", 0, False),
-    "petsc": Offer(
+    "cholmod": SolverEntry("cholmod:Cholmod", "cvxopt.cholmod", 500, True),
+    "pardiso": SolverEntry("pardiso:Pardiso", "pypardiso", 20_000, True),
+    "rslab": SolverEntry("rslab:Rslab", "rslab", 0, True),
+    "superlu": SolverEntry("superlu:SuperLU", "scipy", 0, False),
+    "petsc": SolverEntry(
         "petsc:PETSc", "petsc4py.PETSc", 0, False, "apt-get install python3-petsc4py"
     ),
 }
@@ -171,7 +171,7 @@ class Solver(Protocol):
         ...
 
 
-class OneAtATime:
+class LatestFactors:
     """Base of solvers that keep the factors of one matrix, the most recent one.
 
     Factors of large matrices take most of the memory of a run.  Discarded factors are
