@@ -1,8 +1,8 @@
 """The layers of the package and the imports allowed between them.
 
 An import from a package counts as an import from the modules that define the names.
-Imports by a name that is put together at run time are not found: `SolverEntry` imports the
-linear solvers that way.
+Imports by a name that is put together at run time are not found: `SolverEntry` imports
+the linear solvers that way.
 """
 
 import ast
