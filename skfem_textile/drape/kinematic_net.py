@@ -208,25 +208,23 @@ def net(
     start = onto(surface, guess[:, None])[:, 0]
     families = tangents(surface, start, np.asarray(first)) @ flat
     x = np.full((3, *(sum(n) + 1 for n in counts)), np.nan)
-    threads_by_side = [
-        [
-            _thread(surface, start, sign * a, cell, n[side])
-            for side, sign in enumerate((-1, 1))
-        ]
-        for a, n in zip(families.T, counts, strict=True)
-    ]
     sides = [(slice(n[0], None, -1), slice(n[0], None)) for n in counts]
+    ways = np.hstack([-families, families])
+    threads = _threads(surface, start, ways, cell, np.transpose(counts).ravel())
+    for side in (0, 1):
+        x[:, sides[0][side], counts[1][0]] = threads[2 * side]
+        x[:, counts[0][0], sides[1][side]] = threads[2 * side + 1]
     ends = None
     if over is not None:
         ends = np.linalg.solve(flat, over - np.array(touch)[:, None]) / cell
+    quadrants = []
     for i, warp_sign in enumerate((-1, 1)):
         for j, weft_sign in enumerate((-1, 1)):
             mask = np.ones((counts[0][i] + 1, counts[1][j] + 1), dtype=bool)
             if ends is not None:
                 mask = _up_to(ends * ([warp_sign], [weft_sign]), mask.shape)
-            threads = threads_by_side[0][i], threads_by_side[1][j]
-            quadrant = _quadrant(surface, *threads, cell, mask)
-            x[:, sides[0][i], sides[1][j]] = quadrant
+            quadrants.append((x[:, sides[0][i], sides[1][j]], mask))
+    _fill(surface, quadrants, cell)
     along = [cell * np.arange(-n[0], n[1] + 1) for n in counts]
     return Net(x, (along[0], along[1]), flat, np.array(touch, dtype=float))
 
@@ -243,44 +241,43 @@ def _counts(name: str, n: Any) -> tuple[int, int]:
     return int(counts[0]), int(counts[1])
 
 
-def _thread(
-    surface: Surface, start: ndarray, along: ndarray, cell: float, n: int
-) -> ndarray:
-    """Crossings of a discrete geodesic, shape (3, n + 1).
+def _threads(
+    surface: Surface, start: ndarray, along: ndarray, cell: float, counts: ndarray
+) -> list[ndarray]:
+    """Crossings of discrete geodesics, each of shape (3, count + 1).
 
     The change of direction between rods is along the normal at their pin.
     """
-    x, step = [start], along * cell
-    for _ in range(n):
-        x.append(_pinned(surface, x[-1], step, cell))
+    x, step = [np.tile(start[:, None], len(counts))], along * cell
+    for k in range(counts.max()):
+        left, end = counts > k, np.full_like(step, np.nan)
+        end[:, left] = _pinned(surface, x[-1][:, left], step[:, left], cell)
+        x.append(end)
         step = x[-1] - x[-2]
-    return np.array(x).T
+    return [np.array(x)[: n + 1, :, i].T for i, n in enumerate(counts)]
 
 
 def _pinned(surface: Surface, x: ndarray, step: ndarray, cell: float) -> ndarray:
-    """End of a rod on the surface in the plane of a direction and the normal."""
-    normal = surface.gradient(x[:, None])[:, 0]
-    normal = normal / np.linalg.norm(normal)
-    plane = np.array([step / np.linalg.norm(step), normal]).T
-    s = np.array([cell, 0.0])
+    """Ends of rods on the surface in the planes of directions and normals, (3, n)."""
+    plane = np.array([step, surface.gradient(x)])
+    plane /= np.linalg.norm(plane, axis=1, keepdims=True)
+    s = np.array([np.full(x.shape[1], cell), np.zeros(x.shape[1])])
     for _ in range(_MOST):
-        end = x + plane @ s
-        away = end - x
-        gradient = surface.gradient(end[:, None])[:, 0]
-        slope = np.linalg.norm(gradient)
-        off = np.array(
-            [
-                surface.level(end[:, None])[0] / slope,
-                (away @ away - cell**2) / (2 * cell),
-            ]
-        )
-        if np.abs(off).max() <= _EXACT * cell:
-            return end
-        rows = np.array([gradient / slope, away / cell]) @ plane
-        if not np.isfinite(rows).all() or abs(np.linalg.det(rows)) < _FOLDED:
+        away = (plane * s[:, None]).sum(axis=0)
+        gradient, level = surface.gradient(x + away), surface.level(x + away)
+        slope = np.linalg.norm(gradient, axis=0)
+        off = [level / slope, ((away * away).sum(axis=0) - cell**2) / (2 * cell)]
+        missing = ~(np.abs(off).max(axis=0) <= _EXACT * cell)
+        if not missing.any():
+            return x + away
+        rows = np.einsum("rin,cin->nrc", [gradient / slope, away / cell], plane)
+        with np.errstate(all="ignore"):  # non-finite values are detected
+            crossed = np.abs(np.linalg.det(rows)) >= _FOLDED
+        if not crossed[missing].all():
             break
-        s = s - np.linalg.solve(rows, off)
-    raise NetError("the first thread leaves the surface", x)
+        step = np.linalg.solve(rows, np.transpose(off)[:, :, None])[:, :, 0].T
+        s = s - np.where(missing, step, 0.0)
+    raise NetError("the first thread leaves the surface", x[:, missing.argmax()])
 
 
 def _up_to(ends: ndarray, shape: tuple[int, int]) -> ndarray:
@@ -294,21 +291,29 @@ def _up_to(ends: ndarray, shape: tuple[int, int]) -> ndarray:
     return mask
 
 
-def _quadrant(
-    surface: Surface, warp: ndarray, weft: ndarray, cell: float, mask: ndarray
-) -> ndarray:
-    """Crossings of a quadrant from its first two threads, diagonal by diagonal."""
-    m, n = warp.shape[1], weft.shape[1]
-    x = np.full((3, m, n), np.nan)
-    x[:, :, 0], x[:, 0, :] = warp, weft
-    for diagonal in range(2, m + n - 1):
-        i = np.arange(max(1, diagonal - n + 1), min(m, diagonal))
-        i = i[mask[i, diagonal - i]]
-        j = diagonal - i
-        if i.size:
+def _fill(
+    surface: Surface, quadrants: list[tuple[ndarray, ndarray]], cell: float
+) -> None:
+    """Lay crossings from the first two threads of quadrants, diagonal by diagonal.
+
+    Quadrants are positions, (3, m, n), and a mask of the crossings to lay, (m, n).
+    """
+    for diagonal in range(2, max(sum(mask.shape) for _, mask in quadrants) - 1):
+        places, known = [], []
+        for x, mask in quadrants:
+            m, n = mask.shape
+            i = np.arange(max(1, diagonal - n + 1), min(m, diagonal))
+            i = i[mask[i, diagonal - i]]
+            j = diagonal - i
+            places.append((i, j))
             a, b, corner = x[:, i - 1, j], x[:, i, j - 1], x[:, i - 1, j - 1]
-            x[:, i, j] = _crossings(surface, a, b, corner, cell)
-    return x
+            known.append([a, b, corner])
+        corners = np.concatenate(known, axis=2)
+        if corners.size:
+            laid, first = _crossings(surface, *corners, cell), 0
+            for (x, _), (i, j) in zip(quadrants, places, strict=True):
+                x[:, i, j] = laid[:, first : first + len(i)]
+                first += len(i)
 
 
 def _crossings(

@@ -34,9 +34,21 @@ _OTHER_SIDE = 0.0
 # Smallest support radius, relative to the distance of the nearest point.
 _FAR = 1.5
 
-# Initial number of neighbours in the search, and number of pairs of position and
-# neighbour per block.  Measured: the fastest on meshes of equal triangles.
-_NEIGHBOURS, _PAIRS = 24, 16384
+# Distance from the nearest vertex, relative to the reach, up to which neighbours are
+# listed in advance: that of the centres of equilateral triangles, 1/√3 of an edge, and
+# a tenth of an edge for points that are not exactly on the surface.
+_AROUND = (3**-0.5 + 0.1) / 2.0
+
+# Maximum length of these lists, twice the mean of equal triangles, and number of pairs
+# of position and neighbour per block.
+_NEIGHBOURS, _PAIRS = 52, 16384
+
+# Number of positions for which values are kept: a Newton iteration returns to the last
+# state after a trial step.
+_KEPT = 2
+
+# Coordinates of missing neighbours in mm, whose weight is zero.
+_MISSING = 1e100
 
 
 class Derivatives(NamedTuple):
@@ -68,97 +80,139 @@ class Quadrics:
             + 2 * c_vv * v[:, :, None] * v[:, None]
         )
         b = normals - c[:, 1, None] * u - c[:, 2, None] * v
-        # The last entry of each array represents missing neighbours.
-        self._points, self._a, self._b, self._H = (
-            np.concatenate([x.T, np.zeros((*x.T.shape[:-1], 1))], axis=-1)
-            for x in (points, -c[:, 0], b, H)
-        )
+        self._set(points, -c[:, 0], b, H)
+        # The vertices within the reach of each point whose nearest vertex is this one.
+        self._around = reach * _AROUND
+        within = reach + self._around
+        count = self._tree.query_ball_point(points, within, return_length=True)
+        most = min(_NEIGHBOURS, count.max())
+        self._near = self._tree.query(points, most, distance_upper_bound=within)[1]
+        self._around = np.where(count > most, 0.0, self._around)
+
+    def _set(self, points: ndarray, a: ndarray, b: ndarray, H: ndarray) -> None:
+        """Store quadrics, shapes (n, 3), (n,), (n, 3) and (n, 3, 3), as polynomials.
+
+        Their origin is the mean of the points, near which round-off is smallest.
+        """
+        self._quadrics = points, a, b, H
+        self._origin = points.mean(axis=0)
+        x = points - self._origin
+        Hx = np.einsum("nij,nj->ni", H, x)
+        level = a + ((0.5 * Hx - b) * x).sum(axis=1)
+        rows = np.column_stack([level, b - Hx, H[:, *_UPPER], x, np.ones(len(x))])
+        # The last row represents missing neighbours.
+        missing = np.repeat([0.0, _MISSING, 1.0], [10, 3, 1])
+        self._table = np.vstack([rows, missing])
 
     def moved(self, origin: ndarray, turn: ndarray) -> "Quadrics":
         """The same quadrics in axes with an origin, (3,), and directions, (3, 3)."""
         from scipy.spatial import KDTree
 
+        points, a, b, H = self._quadrics
         moved = copy(self)
-        moved._points = turn.T @ (self._points - origin[:, None])
-        moved._tree = KDTree(moved._points[:, :-1].T)
-        moved._b = turn.T @ self._b
-        moved._H = np.einsum("ki,kln,lj->ijn", turn, self._H, turn)
+        points = (points - origin) @ turn
+        moved._tree = KDTree(points)
+        moved._set(points, a, b @ turn, turn.T @ H @ turn)
         return moved
 
     def mean(self, x: ndarray) -> Derivatives:
         """φ = Σ w q / Σ w and its derivatives at positions, shape (3, n)."""
         n = x.shape[1]
         mean = Derivatives(np.empty(n), np.empty((3, n)), np.empty((3, 3, n)))
-        left = [(np.arange(n), _NEIGHBOURS, self._reach)]
-        while left:
-            some, count, bound = left.pop()
-            count = min(count, self._tree.n)
-            most = max(_PAIRS // count, 1)
-            if len(some) > most:
-                parts = np.split(some, range(most, len(some), most))
-                left += [(part, count, bound) for part in parts]
-                continue
-            distance, near = self._tree.query(
-                x[:, some].T, count, distance_upper_bound=bound
+        distance, nearest = self._tree.query(x.T)
+        # Far away only the nearest points contribute: the reach slightly exceeds
+        # their distance.
+        reach = np.maximum(self._reach, _FAR * distance)
+        listed = distance <= self._around[nearest]
+        count = np.full(n, self._near.shape[1])
+        others = np.flatnonzero(~listed)
+        if others.size:
+            count[others] = self._tree.query_ball_point(
+                x[:, others].T, reach[others], return_length=True
             )
-            # Far away only the nearest points contribute: the reach slightly exceeds
-            # their distance.
-            reach = np.maximum(self._reach, _FAR * distance[:, :1])
-            complete = (distance[:, -1:] >= reach) | (count == self._tree.n)
-            complete = (complete & (reach <= bound))[:, 0]
-            k = (distance < reach).any(axis=0).sum()  # the nearest come first
-            at, known = some[complete], (near[complete, :k], distance[complete, :k])
-            for values, result in zip(
-                mean, self._mean(x[:, at], *known, reach[complete]), strict=True
-            ):
-                values[..., at] = result
-            if not complete.all():
-                left.append((some[~complete], 2 * count, np.inf))
+            others = others[np.argsort(count[others])]
+        for left in np.flatnonzero(listed), others:
+            while left.size:
+                k = count[left[-1]]
+                left, some = np.split(left, [-max(_PAIRS // k, 1)])
+                if listed[some[0]]:
+                    near = self._near[nearest[some]]
+                else:
+                    near = self._tree.query(x[:, some].T, k)[1].reshape(-1, k)
+                values = self._mean(x[:, some], near, reach[some])
+                for result, part in zip(mean, values, strict=True):
+                    result[..., some] = part
         for values in mean:
             values.setflags(write=False)
         return mean
 
-    def _mean(
-        self, x: ndarray, near: ndarray, distance: ndarray, reach: ndarray
-    ) -> Derivatives:
+    def _mean(self, x: ndarray, near: ndarray, reach: ndarray) -> Derivatives:
         """Weighted mean of k quadrics at each of n positions.
 
-        Arguments are the indices and distances of the quadrics, (n, k), and the reach,
-        (n, 1).
+        Arguments are the indices of the quadrics, (n, k), of which the nearest is the
+        first where the reach depends on it, and the reach, (n,).
         """
-        d = x[:, :, None] - self._points[:, near]
-        s = np.minimum(distance / reach, 1.0)
-        # If the reach depends on the nearest point: the gradient ρ of its logarithm.
-        follows = reach > self._reach
-        rho = follows * d[:, :, :1] * (_FAR / reach) ** 2
+        x, reach = x - self._origin[:, None], reach[:, None]
+        terms = (_monomials(x).T @ _FACTORS).reshape(-1, 7, 14)
+        c = self._table[near]
+        # Values and gradients of the quadrics, and the vectors d from their points.
+        q, dq, d = np.split(terms @ c.swapaxes(1, 2), [1, 4], axis=1)
+        s = np.minimum(np.sqrt(np.einsum("nik,nik->nk", d, d)) / reach, 1.0)
         # Wendland's C⁴ function w = (1 − s)⁶ (35 s² + 18 s + 3), slope = w′/s and bend
         # = slope′/s. With m = s ∇s: ∇w = slope m, ∇²w = bend m m + slope ∇m, ∇m = I (1
         # − s²R²/r₁²)/R² − 2 (m ρ + ρ m), r₁ to the nearest point.
         inside = 1 - s
         square = inside * inside
         fourth = square * square
-        w = fourth * square * (35 * s * s + 18 * s + 3)
-        slope = -56 * fourth * inside * (5 * s + 1)
+        w = fourth * square * ((35 * s + 18) * s + 3)
+        slope = fourth * inside * (-280 * s - 56)
         bend = 1680 * fourth
-        m = d / reach**2 - s * s * rho
-        H = self._H[:, :, near]
-        b = self._b[:, near]
-        dq = b + np.einsum("ijnk,jnk->ink", H, d)
-        q = self._a[near] + 0.5 * np.einsum("ink,ink->nk", b + dq, d)
         total = w.sum(axis=1)
-        level = (w * q).sum(axis=1) / total
-        off = q - level[:, None]
+        level = np.einsum("nk,nk->n", w, q[:, 0]) / total
         # Derivatives of Σ w (q − φ) = 0, whose terms in the derivatives of Σ w vanish.
+        off = q[:, 0] - level[:, None]
         of_w = slope * off
-        gradient = np.einsum("nk,ink->in", of_w, m) + np.einsum("nk,ink->in", w, dq)
-        gradient /= total
-        turned = 0.5 * bend * off * m + slope * (dq - gradient[:, :, None])
-        turned -= 2 * of_w * rho
-        half = np.einsum("ink,jnk->ijn", m, turned)
-        second = half + half.swapaxes(0, 1) + np.einsum("nk,ijnk->ijn", w, H)
-        factor = (1 - follows * (_FAR * s) ** 2) / reach**2
-        second += (of_w * factor).sum(axis=1) * np.eye(3)[:, :, None]
-        return Derivatives(level, gradient, second / total)
+        m, grown = d / (reach**2)[:, None], of_w
+        # If the reach depends on the nearest point: the gradient ρ of its logarithm.
+        follows = reach > self._reach
+        if far := bool(follows.any()):
+            first = x.T - self._table[near[:, 0], 10:13]
+            rho = (follows * first * (_FAR / reach) ** 2)[:, :, None]
+            m -= (s * s)[:, None] * rho
+            grown = of_w * (1 - follows * (_FAR * s) ** 2)
+        gradient = (m @ of_w[:, :, None] + dq @ w[:, :, None]) / total[:, None, None]
+        turned = (0.5 * bend * off)[:, None] * m + slope[:, None] * (dq - gradient)
+        if far:
+            turned -= (2 * of_w)[:, None] * rho
+        half = m @ turned.swapaxes(1, 2)
+        second = half + half.swapaxes(1, 2) + (w[:, None] @ c)[:, 0, 4 + _SYMMETRIC]
+        second += (grown.sum(axis=1) / reach[:, 0] ** 2)[:, None, None] * np.eye(3)
+        second /= total[:, None, None]
+        return Derivatives(level, gradient[:, :, 0].T, second.transpose(1, 2, 0))
+
+
+# Second derivatives xx, yy, zz, yz, xz, xy in a matrix, and their numbers in it.
+_UPPER = [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]
+_SYMMETRIC = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+
+
+def _factors() -> ndarray:
+    """Factors of the table of quadrics in q, ∇q and d, from monomials: (10, 7, 14)."""
+    factors, i = np.zeros((10, 7, 14)), np.arange(3)
+    factors[range(10), 0, range(10)] = 1.0
+    factors[0, 1 + i, 1 + i] = 1.0
+    factors[1 + i, 1 + i[:, None], 4 + _SYMMETRIC] = 1.0
+    factors[0, 4 + i, 10 + i], factors[1 + i, 4 + i, 13] = -1.0, 1.0
+    return factors
+
+
+def _monomials(x: ndarray) -> ndarray:
+    """1, x, y, z, x²/2, y²/2, z²/2, yz, xz and xy, shape (10, n)."""
+    one = np.ones((1, x.shape[1]))
+    return np.concatenate([one, x, 0.5 * x * x, x[[1, 0, 0]] * x[[2, 2, 1]]])
+
+
+_FACTORS = _factors().reshape(10, -1)
 
 
 def _fitted(
@@ -238,7 +292,7 @@ class TriangleMesh:
         self._edge = edges.mean()
         normals = _vertex_normals(self._x, triangles)
         self._quadrics = Quadrics(self._x, normals, _REACH * self._edge)
-        self._kept: tuple[ndarray, Derivatives] | None = None
+        self._kept: list[tuple[ndarray, Derivatives]] = []
 
     @property
     def facets(self) -> ToolMesh:
@@ -262,7 +316,7 @@ class TriangleMesh:
         """
         moved = copy(self)
         moved._x = (self._x - origin) @ turn
-        moved._quadrics, moved._kept = self._quadrics.moved(origin, turn), None
+        moved._quadrics, moved._kept = self._quadrics.moved(origin, turn), []
         return moved
 
     def beyond_edges(self, x: ndarray) -> ndarray:
@@ -328,13 +382,13 @@ class TriangleMesh:
         return self._mean(x).hessian
 
     def _mean(self, x: ndarray) -> Derivatives:
-        """φ and its derivatives, cached for the last positions.
-
-        An iteration uses them one after the other.
-        """
-        if self._kept is None or not np.array_equal(self._kept[0], x):
-            self._kept = x.copy(), self._quadrics.mean(x)
-        return self._kept[1]
+        """φ and its derivatives, which an iteration uses one after the other."""
+        for at, mean in self._kept:
+            if np.array_equal(at, x):
+                return mean
+        mean = self._quadrics.mean(x)
+        self._kept = [(x.copy(), mean), *self._kept[: _KEPT - 1]]
+        return mean
 
 
 def _merged(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:

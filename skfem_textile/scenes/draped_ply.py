@@ -14,7 +14,7 @@ there, of which `warn_of_net` warns before draping.
 
 import logging
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import Literal, TypeAlias, TypedDict, get_args
 
 import numpy as np
@@ -298,8 +298,12 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
         away = mesh.p[:, among] - target[:, None]
         return among[[np.hypot(*away).argmin()]]
 
+    @lru_cache
+    def laid(x: float, y: float, t: float) -> ndarray:
+        return exponential_map(on_tool.at("tool", t), np.array([[x], [y]]))
+
     def moves(axis: int) -> Callable[[ndarray, float], ndarray]:
-        return lambda X, t: exponential_map(on_tool.at("tool", t), X)[axis] - X[axis]
+        return lambda X, t: laid(*X[:, 0].tolist(), t)[axis] - X[axis]
 
     x, y = np.eye(3)[:2]
     nodes, off = np.arange(mesh.p.shape[1]), _OFF * np.ptp(mesh.p)

@@ -186,7 +186,7 @@ class SurfaceNodes:
             free = self._projector[first : first + len(nodes)]
             first += len(nodes)
             try:
-                x[:, nodes] = onto(surface, x[:, nodes], free)
+                x[:, nodes] = onto(surface, x[:, nodes], free, self._X[:, nodes])
             except OffSurfaceError as error:
                 raise NoEquilibriumError(
                     f"condition {surface.name!r}: {error}",

@@ -109,7 +109,12 @@ def is_on(surface: Surface, x: ndarray) -> bool:
     return bool((np.abs(distance(surface, x)) <= allowed).all())
 
 
-def onto(surface: Surface, x: ndarray, free: ndarray | None = None) -> ndarray:
+def onto(
+    surface: Surface,
+    x: ndarray,
+    free: ndarray | None = None,
+    origin: ndarray | float = 0.0,
+) -> ndarray:
     """Project points onto a surface along its normals, by Newton's method.
 
     Parameters
@@ -121,6 +126,9 @@ def onto(surface: Surface, x: ndarray, free: ndarray | None = None) -> ndarray:
     free
         Projectors onto the free directions of each point, shape (n, 3, 3); all
         directions are free if not given.
+    origin
+        Positions from which displacements are stored.  The result is rounded as the sum
+        of both, at which the surface has then been evaluated.
 
     Returns
     -------
@@ -141,6 +149,7 @@ def onto(surface: Surface, x: ndarray, free: ndarray | None = None) -> ndarray:
             return x
         with np.errstate(all="ignore"):  # non-finite values are detected
             x = x - np.where(off, level / (along * g).sum(axis=0), 0.0) * along
+            x = origin + (x - origin)
         if not np.isfinite(x).all():
             break
     position = np.round(x[:, np.flatnonzero(off)[0]], 6).tolist()
