@@ -1,15 +1,19 @@
-"""Restores the package log after every test and skips doctests that need missing
-packages.
+"""Restores the package log after every test, hides progress and skips doctests that
+need missing packages.
 
 Modules that draw need pyvista and Matplotlib.
 """
 
 import logging
+import os
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+# A slow machine would print progress on stderr, which tests compare.
+os.environ["SKFEM_TEXTILE_PROGRESS"] = "0"
 
 ROOT = Path(__file__).parent
 MODULES_THAT_DRAW = (

@@ -26,6 +26,7 @@ from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
 from . import words
 from .interruption import held
 from .output import say
+from .progress import shown
 from .result_folder import ResultFolder
 
 # Options of a command: keywords of `argparse` by flag.
@@ -224,7 +225,8 @@ def run_fit(options: argparse.Namespace) -> int:
         "cantilever": _bending,
         "biaxial": _tension,
     }
-    outcome = fits[options.test](options)
+    with shown("fitting"):
+        outcome = fits[options.test](options)
     text = report.report_text(outcome.reports)
     inputs = {k: v for k, v in vars(options).items() if k not in ("command", "out")}
     inputs["data"] = [str(path) for path in options.data]

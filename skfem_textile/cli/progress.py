@@ -1,16 +1,14 @@
-"""Execution of a run: progress bar, log and exit code."""
+"""Execution of a run: progress, log and exit code."""
 
 import logging
-from contextlib import AbstractContextManager
+from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
+from ..mesh import progress
 from ..solve.result import StepError
-from ..solve.states import Iteration, State
 from .interruption import INTERRUPTED
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
     from ..solve.adaptive import AdaptiveStepper
     from ..solve.stepper import LoadStepper
 
@@ -19,11 +17,14 @@ if TYPE_CHECKING:
 #: Exit code of a run that stops early.
 STOPPED_EARLY = 1
 
+#: Shows a computation, also if stderr is a file or a pipe.
+shown = partial(progress.shown, printed=True)
+
 
 def load(
     stepper: "Stepper", resume: bool, verbose: int
 ) -> tuple[int, str, StepError | None]:
-    """Run with a progress bar on a terminal.
+    """Run a load stepper and log to stderr.
 
     Parameters
     ----------
@@ -39,50 +40,16 @@ def load(
     tuple
         Exit code, final message, and the error that stopped the run.
     """
-    with _bar() as bar:
-        _log(verbose)
-        task = bar.add_task("load factor 0", total=1.0)
-
-        def log_state(at: Iteration) -> None:
-            bar.update(
-                task,
-                description=(
-                    f"load factor {at.load_factor:.4g}, step length {at.step:.2g}, "
-                    f"{at.method} iteration {at.number}"
-                ),
-            )
-
-        def reached(state: State) -> None:
-            bar.update(task, completed=state.load_factor)
-
-        stepper.on_iteration, stepper.on_step = log_state, reached
-        try:
-            stepper.run(resume=resume)
-        except StepError as error:
-            return STOPPED_EARLY, str(error), error
-        except KeyboardInterrupt:
-            if not stepper.states:
-                raise
-            return INTERRUPTED, _interrupted(stepper), None
+    _log(verbose)
+    try:
+        stepper.run(resume=resume)
+    except StepError as error:
+        return STOPPED_EARLY, str(error), error
+    except KeyboardInterrupt:
+        if not stepper.states:
+            raise
+        return INTERRUPTED, _interrupted(stepper), None
     return 0, "", None
-
-
-def shown(what: str) -> AbstractContextManager[object]:
-    """Show the current activity on a terminal, without a measure of progress."""
-    bar = _bar()
-    bar.add_task(what, total=None)
-    return bar
-
-
-def _bar() -> "Progress":
-    """Progress bar on a terminal, removed at its end; none elsewhere."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    console = Console(stderr=True)
-    columns = (BarColumn(), TextColumn("{task.description}"))
-    off = not console.is_terminal
-    return Progress(*columns, console=console, transient=True, disable=off)
 
 
 def _interrupted(stepper: "Stepper") -> str:
@@ -104,9 +71,17 @@ def _interrupted(stepper: "Stepper") -> str:
 
 
 def _log(verbose: int) -> None:
-    """Send the log to stderr without disturbing the progress bar."""
+    """Send the log to stderr."""
     handler = logging.StreamHandler()
-    handler.setFormatter(logging.Formatter("%(message)s"))
+    handler.setFormatter(_Formatter("%(message)s"))
     log = logging.getLogger("skfem_textile")
     log.handlers[:] = [handler]
     log.setLevel([logging.WARNING, logging.INFO, logging.DEBUG][min(verbose, 2)])
+
+
+class _Formatter(logging.Formatter):
+    """Formatter that erases the visible line of progress before each message."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        progress.clear()
+        return super().format(record)

@@ -62,24 +62,25 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
         file = msgspec.structs.replace(
             file, output=msgspec.structs.replace(file.output, pictures=False)
         )
-    case = built(file)
-    export = results.DrapeExport.read(file.output)
-    written = WrittenCase(file)
-    with shown("preparing the ply"):  # nets on tools take time
+    with shown("preparing the case"):
+        case = built(file)
+        export = results.DrapeExport.read(file.output)
+        written = WrittenCase(file)
         checkpoint = _checkpoint(options.out, options.checkpoint, options.resume)
         if file.stepping.tolerance is None:
             stepper: Stepper = case.stepper(checkpoint)
         else:
             stepper = _adaptive(case, file.stepping, checkpoint)
-    named = file.output.test_curve
-    test = None if named is None else read_test_curve(named)
-    refuse_foreign_case(options.out)
-    fields = (f"fields/{name}" for name in io.FIELDS)
-    tables = ("summary.json", "history.csv", CURVE)
-    drapes = *io.DRAPED, *export.files
-    files = (*tables, *WRITTEN_FILES, *drapes, *fields, *_PICTURES)
-    out = ResultFolder(options.out, files)
-    code, message, refusal = load(stepper, options.resume is not None, options.verbose)
+        named = file.output.test_curve
+        test = None if named is None else read_test_curve(named)
+        refuse_foreign_case(options.out)
+        fields = (f"fields/{name}" for name in io.FIELDS)
+        tables = ("summary.json", "history.csv", CURVE)
+        drapes = *io.DRAPED, *export.files
+        files = (*tables, *WRITTEN_FILES, *drapes, *fields, *_PICTURES)
+        out = ResultFolder(options.out, files)
+        resume = options.resume is not None
+        code, message, refusal = load(stepper, resume, options.verbose)
     result = stepper.result
     provenance = {
         "inputs": {"version": __version__, **tables_of(file)},

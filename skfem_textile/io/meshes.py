@@ -22,6 +22,7 @@ from ..mesh.checks import (
     refuse_metres,
     refuse_positions,
 )
+from ..mesh.progress import shown
 from ..mesh.scikit_fem import with_names
 from ..mesh.selection import with_named_nodes
 from ..mesh.splitting import boundary_edges, named_edges, split_cells
@@ -79,7 +80,7 @@ def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mes
         indicates a mesh in metres.
     """
     path = Path(path)
-    with errors_about(path):
+    with errors_about(path), shown(f"reading mesh {printable(path.name)}"):
         raw, ignored = read_raw(path)
         mesh = _mesh(_content(raw))
         refuse_metres(mesh.p)

@@ -20,6 +20,7 @@ from skfem import ElementQuad1, ElementTriP1, Mesh, MeshQuad, MeshTri
 from skfem.helpers import cross
 
 from .checks import MeshError, refuse_nodes
+from .progress import shown
 from .scikit_fem import with_names
 from .selection import NamedNodes, edge_numbers, named_nodes, with_named_nodes
 
@@ -175,6 +176,7 @@ def split(mesh: Mesh) -> SplitMesh:
     return replace(parts, originals=(mesh.t,), origin=origin)
 
 
+@shown("splitting the mesh")
 def split_cells(
     points: ndarray,
     cells: Sequence[ndarray],

@@ -14,6 +14,7 @@ from ..fabric.regions import fabric_of_regions, fabric_on
 from ..forms.bending import FibreEnd
 from ..forms.form import directions
 from ..mesh.bases import Corners, components, node_positions
+from ..mesh.progress import shown
 from ..mesh.splitting import hat_functions, original_elements
 from .builtin_terms import CornerTerm, bending_term, checked_ends, corner_stiffness
 from .formulations import DEFAULT
@@ -107,6 +108,7 @@ class Ply(SumOfTerms):
     (0.0, (162,), (162, 162))
     """
 
+    @shown("preparing the ply")
     def __init__(
         self,
         mesh: Mesh,

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..mesh.progress import shown
 from ..ply import Ply
 from ..ply.refinement import (
     marked,
@@ -220,6 +221,7 @@ class AdaptiveStepper:
         self._work = np.zeros(2)  # of the last round
         _refuse_what_cannot_be_refined(ply, conditions)
 
+    @shown("preparing the load steps")
     def run(self, resume: bool = False) -> AdaptiveResult:
         """Refine and load until the tolerance is met.
 
@@ -336,6 +338,7 @@ class AdaptiveStepper:
         self._finish_round(ply, state, whole_path=True)
         return ply, state
 
+    @shown("refining the mesh")
     def _refined(self, ply: Ply, state: State) -> tuple[Ply, State] | None:
         """Transfer the state to a refined mesh; None if that is too large."""
         if len(self._rounds) >= _MOST_ROUNDS:
@@ -354,6 +357,7 @@ class AdaptiveStepper:
         self._finish_round(refinement.ply, after, whole_path=False)
         return refinement.ply, after
 
+    @shown("estimating the error")
     def _finish_round(self, ply: Ply, state: State, whole_path: bool) -> None:
         """Estimate the error of a state and record its round."""
         conditions, solver = self._conditions, self._stepper.result.solver.name

@@ -2,13 +2,16 @@
 
 import logging
 import os
+from bisect import bisect_right
 from collections.abc import Callable, Collection, Mapping
+from datetime import timedelta
 from functools import partial
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
+from ..mesh.progress import clear, shown
 from ..ply import Ply
 from .checkpoint import Checkpoint, CheckpointError, Progress, Replay
 from .conditions import Conditions, Constraints
@@ -108,6 +111,7 @@ class LoadStepper:
     45.0
     """
 
+    @shown("resolving the conditions")
     def __init__(
         self,
         ply: Ply,
@@ -182,7 +186,8 @@ class LoadStepper:
                 "checkpoint"
             )
         self._run = Run(self)
-        return self._run(resume)
+        with shown(self._run.progress):
+            return self._run(resume)
 
     @property
     def states(self) -> tuple[State, ...]:
@@ -201,8 +206,10 @@ class LoadStepper:
         return self._run.result
 
     def _report(self, iteration: Iteration) -> None:
+        self._run.iteration = iteration
         log.debug("%s", iteration)
         if self.on_iteration is not None:
+            clear()
             self.on_iteration(iteration)
 
 
@@ -221,6 +228,8 @@ class Run:
         halvings = stepper.max_halvings
         self.continuation = Continuation(longest, halvings, follows, next=longest)
         self.states: list[State] = []
+        self.iteration: Iteration | None = None
+        self._loaded_from = 0.0, self._began  # load factor and time
         self._warned: set[str] = set()
 
     def __call__(self, resume: bool = False) -> Result:
@@ -230,6 +239,7 @@ class Run:
             if not (resume and self._resume()):
                 with np.errstate(all="ignore"):  # non-finite values are detected
                     self._start_at_rest(nothing_to_resume=resume)
+            self._loaded_from = self.states[-1].load_factor, perf_counter()
             for t_end in self._stepper.load_factors:
                 while self.states[-1].load_factor < t_end:
                     self._step(t_end)
@@ -273,6 +283,27 @@ class Run:
             solver=chosen.choice,
             surfaces=dict(stepper.surfaces),
             estimate=partial(stepper.estimate, chosen.choice.name),
+        )
+
+    def progress(self) -> str:
+        """One line on the last state, the iteration, and the remaining steps."""
+        unknowns, at = f"{self.problem.ply.basis.N} unknowns", self.iteration
+        if at is None:
+            return f"analysing {unknowns}"
+        states, factors = self.states, self._stepper.load_factors
+        t, travel = 0.0, 0.0
+        if states:
+            t, means = states[-1].load_factor, states[-1].displacements.values()
+            travel = max(float(np.linalg.norm(mean)) for mean in means)
+        steps = len(factors) - bisect_right(factors, t)
+        left = f"{steps} step{'s' * (steps != 1)}"
+        start, began = self._loaded_from
+        if t > start:
+            seconds = (perf_counter() - began) * (1 - t) / (t - start)
+            left += f" (about {timedelta(seconds=round(seconds))})"
+        return (
+            f"load factor {t:.4g}, travel {travel:.4g} mm, iteration {at.number} to "
+            f"{at.load_factor:.4g}, {left} left, {unknowns}"
         )
 
     def _resume(self) -> bool:
@@ -385,6 +416,7 @@ class Run:
     def _append(self, state: State, trial: Trial) -> None:
         """Add a state, write it to a checkpoint, and start the next step from it."""
         t, stepper = state.load_factor, self._stepper
+        clear()
         for check, warning in trial.warnings.items():
             level = logging.INFO if check in self._warned else logging.WARNING
             log.log(level, "load factor %g: %s", t, warning)

@@ -11,6 +11,7 @@ import pytest
 
 from skfem_textile import Ply, Result
 from skfem_textile.cli.main import main
+from skfem_textile.mesh.progress import SWITCH
 from skfem_textile.solve.stepper import Run
 from tests.helpers.command_line import QUICK, rejected, run
 
@@ -231,11 +232,16 @@ def test_a_folder_of_any_name_is_reported_in_one_line(tmp_path):
 
 def test_progress_of_long_parts_is_shown_on_a_terminal(tmp_path):
     pty = pytest.importorskip("pty")
-    line = "-m", "skfem_textile", "run", "trellis", "--size", "2x2", "--steps", "1"
+    at_once = (
+        "from skfem_textile.mesh import progress; "
+        "progress._DELAY = progress._REFRESH = 0.001; "
+        "from skfem_textile.cli.main import main; raise SystemExit(main())"
+    )
+    line = "-c", at_once, "run", "trellis", "--size", "2x2", "--steps", "1"
     ours, theirs = pty.openpty()
     with subprocess.Popen(
         [sys.executable, *line, "--out", str(tmp_path / "out")],
-        env=os.environ | {"TERM": "xterm", "COLUMNS": "100"},
+        env=os.environ | {"TERM": "xterm", SWITCH: ""},
         stdout=subprocess.DEVNULL,
         stderr=theirs,
     ) as child:
@@ -243,8 +249,9 @@ def test_progress_of_long_parts_is_shown_on_a_terminal(tmp_path):
         output = b"".join(iter(lambda: read(ours), b""))
     os.close(ours)
     assert child.returncode == 0
-    parts = b"preparing the ply", b", newton ", b"estimating", b"drawing pictures"
+    parts = b"preparing the case", b", iteration ", b"estimating", b"drawing pictures"
     assert all(part in output for part in parts)
+    assert output.endswith(b"\r")
 
 
 def read(end):

@@ -23,7 +23,7 @@ LAYERS = {
     "ply.kernels": ("forms", "fabric", "mesh"),
     "ply": ("ply.kernels", "forms", "fabric", "mesh"),
     "solve": ("ply", "fabric", "mesh"),
-    "solve.adaptive": ("solve", "ply"),
+    "solve.adaptive": ("solve", "ply", "mesh"),
     "solve.sweep": ("solve", "mesh"),
     "drape": ("solve", "ply", "fabric", "mesh"),
     "scenes": ("drape", "solve", "ply", "fabric", "mesh"),

@@ -85,7 +85,7 @@ def test_a_run_of_few_elements_loads_no_package_that_is_not_needed():
         "from skfem_textile.scenes import strip; scene = strip(size=(4, 6)); "
         "ply = Ply(scene.mesh, Fabric(1e4), OnePoint()); "
         "LoadStepper(ply, scene.conditions, 1).run(); "
-        "heavy = 'cvxopt pypardiso pyvista matplotlib meshio rich'.split(); "
+        "heavy = 'cvxopt pypardiso pyvista matplotlib meshio'.split(); "
         "print([name for name in heavy if name in sys.modules])"
     )
     child = run(
@@ -100,7 +100,6 @@ HEAVY = (
     "vtkmodules",
     "matplotlib",
     "meshio",
-    "rich",
     "PIL",
     "dask",
     "threadpoolctl",

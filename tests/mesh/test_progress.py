@@ -1,0 +1,199 @@
+"""Progress of long computations on stderr."""
+
+import io
+from threading import Event, Thread, active_count
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import Condition, Fabric, LoadStepper, Ply
+from skfem_textile.cli.main import main
+from skfem_textile.mesh import progress
+from skfem_textile.mesh.progress import SWITCH, shown
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+class Clock:
+    """Clock of a computation of a given duration; waiting advances it."""
+
+    def __init__(self, duration):
+        self.now, self.duration = 0.0, duration
+
+    def __call__(self):
+        return self.now
+
+    def wait(self, seconds):
+        self.now += seconds
+        return self.now > self.duration
+
+
+@pytest.fixture(autouse=True)
+def _switched_on(monkeypatch):
+    monkeypatch.delenv(SWITCH)
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    return standard_error(monkeypatch, Terminal())
+
+
+def standard_error(monkeypatch, stream):
+    """Replace stderr for the progress alone: pytest also replaces it for each test."""
+    replaced = SimpleNamespace(stderr=stream, modules={})
+    monkeypatch.setattr(progress, "sys", replaced)
+    return stream
+
+
+@pytest.fixture
+def at_once(monkeypatch):
+    for name in ("_DELAY", "_REFRESH", "_PRINTED"):
+        monkeypatch.setattr(progress, name, 0.001)
+
+
+def output(stream, duration, monkeypatch):
+    """Output during a computation."""
+    clock = Clock(duration)
+    monkeypatch.setattr(progress, "perf_counter", clock)
+    monkeypatch.setattr(progress, "_running", [lambda: "solving"])
+    progress._show(stream, clock.wait)
+    return stream.getvalue()
+
+
+def is_erased(text):
+    """True if the last line of a terminal is blank, with the cursor at its start."""
+    *_, last, end = text.split("\r")
+    return not last.strip() and not end
+
+
+def test_nothing_is_shown_in_the_first_two_seconds(terminal, monkeypatch):
+    assert output(terminal, 1.9, monkeypatch) == ""
+
+
+def test_a_terminal_shows_one_line_that_is_erased_at_the_end(terminal, monkeypatch):
+    text = output(terminal, 3.2, monkeypatch)
+    lines = [line.rstrip() for line in text.split("\r") if line.strip()]
+    assert lines == ["0:00:02 solving", "0:00:02 solving", "0:00:03 solving"]
+    assert "\n" not in text
+    assert is_erased(text)
+
+
+def test_a_file_receives_a_line_every_ten_seconds(monkeypatch):
+    assert output(io.StringIO(), 9.9, monkeypatch) == ""
+    lines = "0:00:10 solving\n0:00:20 solving\n0:00:30 solving\n"
+    assert output(io.StringIO(), 35, monkeypatch) == lines
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_an_error_or_interruption_erases_the_line(terminal, at_once, error):
+    drawn = Event()
+
+    def work():
+        drawn.set()
+        return "solving"
+
+    def fail():
+        with shown(work):
+            assert drawn.wait(60)
+            raise error
+
+    with pytest.raises(error):
+        fail()
+    assert "solving" in terminal.getvalue()
+    assert is_erased(terminal.getvalue())
+    assert not progress._running
+
+
+def test_an_inner_computation_replaces_the_outer_one(terminal):
+    with shown("outer"):
+        with shown("inner"):
+            assert progress._running[-1]() == "inner"
+        assert progress._running[-1]() == "outer"
+
+
+def test_other_output_follows_an_erased_line(terminal, monkeypatch):
+    monkeypatch.setattr(progress, "_visible", (terminal, 5))
+    progress.clear()
+    progress.clear()
+    assert terminal.getvalue() == "\r     \r"
+
+
+def test_no_thread_is_started_where_nothing_can_be_shown(terminal, monkeypatch):
+    def threads_added():
+        before = active_count()
+        with shown("solving"):
+            return active_count() - before
+
+    assert threads_added() == 1
+    monkeypatch.setenv(SWITCH, "0")
+    assert threads_added() == 0
+    monkeypatch.delenv(SWITCH)
+    standard_error(monkeypatch, io.StringIO())
+    assert threads_added() == 0
+    monkeypatch.setenv(SWITCH, "1")
+    assert threads_added() == 1
+    standard_error(monkeypatch, None)
+    assert threads_added() == 0
+
+
+def test_worker_threads_show_nothing(terminal):
+    seen = []
+
+    def work():
+        with shown("worker"):
+            seen.append(len(progress._running))
+
+    with shown("main"):
+        worker = Thread(target=work)
+        worker.start()
+        worker.join()
+    assert seen == [1]
+
+
+def test_a_run_shows_load_factor_travel_iteration_unknowns_and_what_is_left():
+    ply = Ply(MeshQuad().refined(1).with_defaults(), Fabric(1e4, 0.5))
+    pull = Condition("top", 0.02, (0, 1))
+    lines = []
+    stepper = LoadStepper(
+        ply,
+        {"clamp": Condition("bottom"), "pull": pull},
+        4,
+        on_iteration=lambda _: lines.append(stepper._run.progress()),
+    )
+    unknowns = f"{ply.basis.N} unknowns"
+    assert stepper._run.progress() == f"analysing {unknowns}"
+    stepper.run()
+    assert lines[0] == (
+        f"load factor 0, travel 0 mm, iteration 1 to 0.25, 4 steps left, {unknowns}"
+    )
+    start, end = lines[-1].split(" 1 step (about 0:00:0")
+    u = np.linalg.norm(stepper.states[-2].displacements["pull"])
+    assert start.startswith(f"load factor 0.75, travel {u:.4g} mm, iteration ")
+    assert start.endswith(" to 1,")
+    assert end.endswith(f") left, {unknowns}")
+
+
+def test_standard_output_of_the_command_line_contains_no_progress(
+    tmp_path, capsys, monkeypatch, at_once
+):
+    command = ["run", "strip", "--size", "2x3", "--steps", "2", "--no-render"]
+    command += ["--shear-stiffness", "0.5", "--out"]
+
+    def printed(switch):
+        monkeypatch.setenv(SWITCH, switch)
+        assert main([*command, str(tmp_path / "out")]) == 0
+        out, err = capsys.readouterr()
+        times = "wall_time", "_time_s"
+        return [x for x in out.splitlines() if not any(t in x for t in times)], err
+
+    quiet, nothing = printed("0")
+    assert nothing == ""
+    with_progress, lines = printed("1")
+    assert with_progress == quiet
+    assert " analysing " in lines or " load factor " in lines
