@@ -209,8 +209,8 @@ def net(
     families = tangents(surface, start, np.asarray(first)) @ flat
     x = np.full((3, *(sum(n) + 1 for n in counts)), np.nan)
     sides = [(slice(n[0], None, -1), slice(n[0], None)) for n in counts]
-    ways = np.hstack([-families, families])
-    threads = _threads(surface, start, ways, cell, np.transpose(counts).ravel())
+    directions = np.hstack([-families, families])
+    threads = _threads(surface, start, directions, cell, np.transpose(counts).ravel())
     for side in (0, 1):
         x[:, sides[0][side], counts[1][0]] = threads[2 * side]
         x[:, counts[0][0], sides[1][side]] = threads[2 * side + 1]
@@ -299,19 +299,19 @@ def _fill(
     Quadrants are positions, (3, m, n), and a mask of the crossings to lay, (m, n).
     """
     for diagonal in range(2, max(sum(mask.shape) for _, mask in quadrants) - 1):
-        places, known = [], []
+        indices, known = [], []
         for x, mask in quadrants:
             m, n = mask.shape
             i = np.arange(max(1, diagonal - n + 1), min(m, diagonal))
             i = i[mask[i, diagonal - i]]
             j = diagonal - i
-            places.append((i, j))
+            indices.append((i, j))
             a, b, corner = x[:, i - 1, j], x[:, i, j - 1], x[:, i - 1, j - 1]
             known.append([a, b, corner])
-        corners = np.concatenate(known, axis=2)
-        if corners.size:
-            laid, first = _crossings(surface, *corners, cell), 0
-            for (x, _), (i, j) in zip(quadrants, places, strict=True):
+        a, b, corner = np.concatenate(known, axis=2)
+        if a.size:
+            laid, first = _crossings(surface, a, b, corner, cell), 0
+            for (x, _), (i, j) in zip(quadrants, indices, strict=True):
                 x[:, i, j] = laid[:, first : first + len(i)]
                 first += len(i)
 

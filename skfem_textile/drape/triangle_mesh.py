@@ -35,8 +35,8 @@ _OTHER_SIDE = 0.0
 _FAR = 1.5
 
 # Distance from the nearest vertex, relative to the reach, up to which neighbours are
-# listed in advance: that of the centres of equilateral triangles, 1/√3 of an edge, and
-# a tenth of an edge for points that are not exactly on the surface.
+# listed in advance: 1/√3 of an edge, for the centres of equilateral triangles, and a
+# tenth of an edge for points that are not exactly on the surface.
 _AROUND = (3**-0.5 + 0.1) / 2.0
 
 # Maximum length of these lists, twice the mean of equal triangles, and number of pairs
@@ -82,12 +82,12 @@ class Quadrics:
         b = normals - c[:, 1, None] * u - c[:, 2, None] * v
         self._set(points, -c[:, 0], b, H)
         # The vertices within the reach of each point whose nearest vertex is this one.
-        self._around = reach * _AROUND
-        within = reach + self._around
+        around = reach * _AROUND
+        within = reach + around
         count = self._tree.query_ball_point(points, within, return_length=True)
         most = min(_NEIGHBOURS, count.max())
         self._near = self._tree.query(points, most, distance_upper_bound=within)[1]
-        self._around = np.where(count > most, 0.0, self._around)
+        self._around = np.where(count > most, 0.0, around)
 
     def _set(self, points: ndarray, a: ndarray, b: ndarray, H: ndarray) -> None:
         """Store quadrics, shapes (n, 3), (n,), (n, 3) and (n, 3, 3), as polynomials.
@@ -139,9 +139,9 @@ class Quadrics:
                     near = self._near[nearest[some]]
                 else:
                     near = self._tree.query(x[:, some].T, k)[1].reshape(-1, k)
-                values = self._mean(x[:, some], near, reach[some])
-                for result, part in zip(mean, values, strict=True):
-                    result[..., some] = part
+                block = self._mean(x[:, some], near, reach[some])
+                for values, part in zip(mean, block, strict=True):
+                    values[..., some] = part
         for values in mean:
             values.setflags(write=False)
         return mean
