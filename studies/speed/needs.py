@@ -46,7 +46,7 @@ ALONE = SCENES[0]
 #: Packages with long import times.
 HEAVY = (
     *("skfem", "scipy", "meshio", "pyvista", "vtkmodules", "matplotlib", "PIL"),
-    *("rich", "msgspec", "cvxopt", "pypardiso"),
+    *("msgspec", "cvxopt", "pypardiso", "rslab"),
 )
 
 # Imports modules by name in the given order, skips those that cannot be imported
