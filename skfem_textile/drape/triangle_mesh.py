@@ -118,14 +118,15 @@ class Quadrics:
     def mean(self, x: ndarray) -> Derivatives:
         """φ = Σ w q / Σ w and its derivatives at positions, shape (3, n)."""
         n = x.shape[1]
-        mean = Derivatives(np.empty(n), np.empty((3, n)), np.empty((3, 3, n)))
+        mean = Derivatives(*(np.full((*[3] * i, n), np.nan) for i in range(3)))
         distance, nearest = self._tree.query(x.T)
+        finite = np.isfinite(distance)  # its square may overflow: the values are NaN
         # Far away only the nearest points contribute: the reach slightly exceeds
         # their distance.
         reach = np.maximum(self._reach, _FAR * distance)
-        listed = distance <= self._around[nearest]
+        listed = finite & (distance <= np.append(self._around, 0.0)[nearest])
         count = np.full(n, self._near.shape[1])
-        others = np.flatnonzero(~listed)
+        others = np.flatnonzero(finite & ~listed)
         if others.size:
             count[others] = self._tree.query_ball_point(
                 x[:, others].T, reach[others], return_length=True
