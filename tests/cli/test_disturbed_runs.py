@@ -86,7 +86,7 @@ class Ended(NamedTuple):
     @property
     def is_of_earlier_run(self):
         """True if the run was rejected because its checkpoint is of the earlier run."""
-        reason = f"steps was {EARLIER_STEPS}, is {STEPS}"
+        reason = f"steps was {EARLIER_STEPS} and is now {STEPS}"
         return self.code == 2 and reason in "".join(self.lines)
 
 
