@@ -2,6 +2,8 @@
 
 import gc
 import json
+import os
+import signal
 import sys
 from importlib import import_module
 from importlib.util import find_spec
@@ -419,6 +421,17 @@ def test_superlu_replaces_rslab_if_it_fails_to_import(monkeypatch):
     monkeypatch.setitem(sys.modules, "rslab", None)
     assert chosen(100).name == "superlu"
     assert pivoting_solver() is SuperLU
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="it forks")
+def test_a_forked_process_uses_superlu():
+    """RSLAB would wait forever for threads that do not survive the fork."""
+    assert chosen(100).name == "rslab"
+    if not (child := os.fork()):
+        signal.alarm(20)
+        os._exit(chosen(100).name != "superlu")
+    _, status = os.waitpid(child, 0)
+    assert status == 0
 
 
 def test_superlu_is_never_measured():

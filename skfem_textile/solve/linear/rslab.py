@@ -5,6 +5,8 @@ preserves the sparsity; refinement recovers the accuracy if such a pivot is smal
 """
 
 import os
+import sys
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -45,6 +47,8 @@ class Rslab(LatestFactors):
     def __init__(self, lower: csc_matrix, unknowns: Unknowns) -> None:
         import rslab  # at the first solve
 
+        _replace_after_fork()
+        self._process = os.getpid()
         self._diagonal = lower.indptr[:-1]
         threads = os.environ.get("OMP_NUM_THREADS", "")
         self._analysis = rslab.analyze(
@@ -65,6 +69,10 @@ class Rslab(LatestFactors):
         The unknowns are scaled so that the limit of `refuse_round_off` is
         `LEAST_OF_ENTRY` for every pivot.
         """
+        if os.getpid() != self._process:
+            raise RuntimeError(
+                "RSLAB cannot continue in a forked process: start processes by spawn"
+            )
         diagonal = np.abs(data[self._diagonal])
         least = LEAST_OF_LARGEST / LEAST_OF_ENTRY * diagonal.max(initial=0.0)
         size = np.maximum(diagonal, least)
@@ -112,3 +120,18 @@ class RslabFactors:
         self._solver.hold(self)
         refinements = REFINEMENTS if self._negative else 0
         return self._ldlt.solve(b, refine=refinements, target=_BACKWARD_ERROR)
+
+
+@cache
+def _replace_after_fork() -> None:
+    """Let forked processes use SuperLU: threads of RSLAB do not survive a fork.
+
+    RSLAB would wait for them forever.
+    """
+    if hasattr(os, "register_at_fork"):
+        os.register_at_fork(after_in_child=_hide)
+
+
+def _hide() -> None:
+    """Make RSLAB fail to import in this process."""
+    sys.modules["rslab"] = None  # type: ignore[assignment]
