@@ -224,14 +224,8 @@ def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
 DRAWN = np.random.default_rng(2026).choice(extremes(), len(extremes()) // 10, False)
 
 
-#: The one of them that needs the most steps, see docs/stability.md.
-SOLVED_IN_THE_MOST_STEPS = "laws: strip, pretensioned, E = 1e+05, quadratic"
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("problem", DRAWN, ids=STUDY.name)
 def test_no_problem_of_a_tenth_of_the_study_is_wrong(problem):
-    """In 1 to 100 steps, against 400; each but one is solved in all of them or none."""
-    results = set(outcomes(problem))
-    assert ends.WRONG not in results
-    assert (ends.MISSED in results) == (STUDY.name(problem) == SOLVED_IN_THE_MOST_STEPS)
+    """In 1 to 100 steps, against 400; each is solved in all of them or none."""
+    assert not {ends.WRONG, ends.MISSED} & set(outcomes(problem))
