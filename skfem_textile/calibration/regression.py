@@ -4,6 +4,7 @@ Curves are compared in the quantity that carries the noise: forces with forces. 
 curve has its own noise level, estimated from its residuals.
 """
 
+import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
-from scipy import linalg, optimize, special
+from scipy import linalg, special
 
 from ..fabric import (
     CrimpInterchange,
@@ -206,8 +207,10 @@ def crimp_interchange(largest: float) -> Model:
     return Model("crimp-interchange", names, units, build, low, high, start)
 
 
-# Type checkers confuse its functions with private modules of the same names.
-_scipy: Any = optimize
+def _optimize() -> Any:
+    """The module scipy.optimize, imported only for fits."""
+    return importlib.import_module("scipy.optimize")
+
 
 # Relative singular value below which parameters are not identifiable.
 _SINGULAR = 1e-10
@@ -233,7 +236,7 @@ def solve_linear(
         raise ValueError(_not_identifiable(model))
     low, high = model.low * size, model.high * size
     if np.any((values < low) | (values > high)):
-        values = _scipy.lsq_linear(A, b, (low, high), method="bvls").x
+        values = _optimize().lsq_linear(A, b, (low, high), method="bvls").x
     return np.clip(values / size, model.low, model.high), J
 
 
@@ -263,9 +266,13 @@ def solve_nonlinear(
         return root * (predict(model.build(values)) - measured)
 
     try:
-        values = _scipy.least_squares(
-            residual, inside, bounds=(model.low, model.high), x_scale=scale
-        ).x
+        values = (
+            _optimize()
+            .least_squares(
+                residual, inside, bounds=(model.low, model.high), x_scale=scale
+            )
+            .x
+        )
     except ValueError as error:
         raise ValueError(f"the fit of the law {model.name} failed: {error}") from None
     near = np.maximum(np.abs(values), scale) * 1e-6

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
-from scipy.interpolate import PchipInterpolator
 
 from ..fabric import Fabric, Law, Tabulated
 from ..ply import Ply
@@ -504,4 +503,6 @@ def _simulated(
 def _ratio(test: ShearTest, law: Law, curve: Simulated) -> Callable[[ndarray], ndarray]:
     """Ratio of the simulated load to the closed form."""
     ratio = curve.forces[1:] / test.force(law, curve.angles[1:])
+    from scipy.interpolate import PchipInterpolator  # imported only if needed
+
     return PchipInterpolator(curve.angles, np.concatenate([ratio[:1], ratio]))

@@ -13,7 +13,6 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 from skfem import Mesh
 
 # Share of the shorter edge below which nodes coincide.  Chosen: above the rounding of
@@ -156,6 +155,8 @@ def contact_of(boundary: Boundary) -> Contact | None:
 
 def _close_pairs(boundary: Boundary) -> ndarray | None:
     """Pairs of edges that may touch, shape (2, n); None if there are too many."""
+    from scipy.spatial import KDTree  # at the first mesh, not at import
+
     middle = (boundary.p[:, boundary.ends].mean(axis=1)).T
     close, total, size = [], 0, boundary.size
     for exponent in np.unique(size):
