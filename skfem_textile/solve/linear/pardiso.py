@@ -6,7 +6,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 
-from .solver import REFINEMENTS, LatestFactors, SingularMatrixError
+from .solver import REFINEMENTS, CountedPivots, LatestFactors
 from .unknowns import Unknowns
 
 # Matrix types and phases as numbered in its manual.
@@ -60,32 +60,14 @@ class Pardiso(LatestFactors):
         return self.pardiso._call_pardiso(self._A, none if b is None else b)
 
 
-class PardisoFactors:
-    """See `Factors`.
-
-    Attributes
-    ----------
-    definite
-        True if all pivots are positive and above round-off.
-    """
-
-    def __init__(self, solver: Pardiso, data: ndarray) -> None:
-        self._solver, self._data = solver, data
-        self.factorisations = 0
-        solver.hold(self)
-
-    @property
-    def negative_pivots(self) -> int:
-        """Inertia computed by the factorisation."""
-        if self._negative is None:
-            raise SingularMatrixError
-        return self._negative
+class PardisoFactors(CountedPivots):
+    """See `Factors`."""
 
     def refactorise(self) -> None:
         """Factors and inertia."""
         from pypardiso.pardiso_wrapper import PyPardisoError
 
-        self._negative: int | None = None
+        self._negative = None
         try:
             self._solver.call(_FACTORISE, self._data)
         except PyPardisoError as error:
@@ -95,16 +77,12 @@ class PardisoFactors:
             parameter = self._solver.pardiso.get_iparm
             if parameter(_PERTURBED) <= 0:
                 self._negative = int(parameter(_NEGATIVE))
-        self.definite = self._negative == 0
 
     def discard(self) -> None:
         """Do nothing: the next factors take the place of these."""
 
-    def solve(self, b: ndarray) -> ndarray:
-        """Solve A x = b, refined if A is indefinite."""
-        if self._negative is None:
-            raise SingularMatrixError
-        self._solver.hold(self)
+    def solution(self, b: ndarray) -> ndarray:
+        """Solution, refined if A is indefinite."""
         refinements = REFINEMENTS if self._negative else 0
         self._solver.pardiso.set_iparm(_REFINEMENTS, refinements)
         return self._solver.call(_SOLVE, self._data, b)

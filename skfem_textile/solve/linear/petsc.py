@@ -13,7 +13,7 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix
 
 from ...mesh.pattern import matrix_of_slots
-from .solver import LatestFactors, SingularMatrixError, refuse_round_off
+from .solver import CountedPivots, LatestFactors, SingularMatrixError, refuse_round_off
 from .unknowns import Unknowns
 
 #: Prefix of the options in PETSc's database.
@@ -172,41 +172,23 @@ class PETSc(LatestFactors):
         return self._whole.getArray().copy()
 
 
-class PETScFactors:
+class PETScFactors(CountedPivots):
     """See `Factors`.
 
-    Attributes
-    ----------
-    definite
-        True if MUMPS finds positive pivots only.  With an iterative method: if it
-        converges for a random right-hand side b, with b·x > 0, which does not prove it.
+    With MUMPS, ``definite`` is True if all pivots are positive.  With an iterative
+    method it is True if the method converges for a random right-hand side b, with
+    b·x > 0, which does not prove it.
     """
-
-    def __init__(self, solver: PETSc, data: ndarray) -> None:
-        self._solver, self._data = solver, data
-        self.factorisations = 0
-        solver.hold(self)
 
     def refactorise(self) -> None:
         """Factors and inertia, or a preconditioner."""
         self._ksp, self._negative = self._solver.set_up(self._data)
-        self.definite = self._negative == 0
 
     def discard(self) -> None:
         """Nothing to free: the next factorisation reuses the memory."""
 
-    @property
-    def negative_pivots(self) -> int:
-        """Inertia computed by the factorisation."""
-        if self._negative is None:
-            raise SingularMatrixError
-        return self._negative
-
-    def solve(self, b: ndarray) -> ndarray:
-        """Solve A x = b."""
-        if self._negative is None:
-            raise SingularMatrixError
-        self._solver.hold(self)
+    def solution(self, b: ndarray) -> ndarray:
+        """Solution of A x = b by MUMPS or the iterative method."""
         x = self._solver.solve(self._ksp, b)
         if x is None:
             raise RuntimeError("PETSc: the iterative method did not converge")

@@ -17,6 +17,7 @@ from .solver import (
     LEAST_OF_ENTRY,
     LEAST_OF_LARGEST,
     REFINEMENTS,
+    CountedPivots,
     LatestFactors,
     SingularMatrixError,
 )
@@ -81,43 +82,21 @@ class Rslab(LatestFactors):
         return self._analysis.factor(data, scaling=size**-0.5)
 
 
-class RslabFactors:
-    """See `Factors`.
-
-    Attributes
-    ----------
-    definite
-        True if all pivots are positive and above round-off.
-    """
-
-    def __init__(self, solver: Rslab, data: ndarray) -> None:
-        self._solver, self._data = solver, data
-        self.factorisations = 0
-        solver.hold(self)
-        n_negative = self._ldlt.inertia[1]
-        self._negative = None if self._ldlt.n_perturbed else n_negative
-        self.definite = self._negative == 0
+class RslabFactors(CountedPivots):
+    """See `Factors`."""
 
     def refactorise(self) -> None:
         """Factors and inertia."""
         self._ldlt = self._solver.ldlt(self._data)
+        n_negative = self._ldlt.inertia[1]
+        self._negative = None if self._ldlt.n_perturbed else n_negative
 
     def discard(self) -> None:
         """Free the memory of the factors."""
         del self._ldlt
 
-    @property
-    def negative_pivots(self) -> int:
-        """Inertia computed by the factorisation."""
-        if self._negative is None:
-            raise SingularMatrixError
-        return self._negative
-
-    def solve(self, b: ndarray) -> ndarray:
-        """Solve A x = b."""
-        if self._negative is None:
-            raise SingularMatrixError
-        self._solver.hold(self)
+    def solution(self, b: ndarray) -> ndarray:
+        """Solution, refined if A is indefinite."""
         refinements = REFINEMENTS if self._negative else 0
         return self._ldlt.solve(b, refine=refinements, target=_BACKWARD_ERROR)
 

@@ -193,6 +193,44 @@ class LatestFactors:
             self._held = ref(factors)
 
 
+class CountedPivots:
+    """Base of factors whose factorisation counts the negative pivots; see `Factors`.
+
+    `refactorise` sets ``_negative``, their number or None if the matrix is singular,
+    and `solution` solves a regular system.
+    """
+
+    _negative: int | None
+
+    def __init__(self, solver: Any, data: ndarray) -> None:
+        self._solver, self._data = solver, data
+        self.factorisations = 0
+        solver.hold(self)
+
+    @property
+    def definite(self) -> bool:
+        """True if all pivots are positive and above round-off."""
+        return self._negative == 0
+
+    @property
+    def negative_pivots(self) -> int:
+        """Inertia computed by the factorisation."""
+        if self._negative is None:
+            raise SingularMatrixError
+        return self._negative
+
+    def solve(self, b: ndarray) -> ndarray:
+        """Solve A x = b."""
+        if self._negative is None:
+            raise SingularMatrixError
+        self._solver.hold(self)
+        return self.solution(b)
+
+    def solution(self, b: ndarray) -> ndarray:
+        """Solution of A x = b by the present factors."""
+        raise NotImplementedError
+
+
 #: Factory of a solver; arguments as for `Solver`.
 SolverOfPattern: TypeAlias = Callable[[csc_matrix, Unknowns], Solver]
 
