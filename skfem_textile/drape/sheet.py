@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -117,14 +118,19 @@ def boundary_edges(cells: Sequence[ndarray]) -> ndarray:
 
 
 class ElementTree:
-    """Search tree for elements near points, by corners of shape (3, n_corners, n)."""
+    """Search trees for elements near points, by corners of shape (3, n_corners, n).
+
+    There is one for each order of magnitude of their radii.
+    """
 
     def __init__(self, corners: ndarray) -> None:
         from scipy.spatial import KDTree  # imported only if needed
 
         centres = corners.mean(axis=1)
         self.radii = np.linalg.norm(corners - centres[:, None], axis=0).max(axis=0)
-        self._centres = KDTree(centres.T)
+        size = np.frexp(self.radii)[1]
+        parts = [np.flatnonzero(size == own) for own in np.unique(size)]
+        self._trees = [(part, KDTree(centres[:, part].T)) for part in parts]
 
     def pairs(
         self, points: ndarray, reach: ndarray | float = np.inf
@@ -133,12 +139,18 @@ class ElementTree:
 
         The nearest element is at most as far away as the nearest centre.
         """
-        nearest, _ = self._centres.query(points.T)
-        within = self.radii.max() + np.minimum(reach, nearest)
-        near = self._centres.query_ball_point(points.T, within)
-        counts = np.array([len(close) for close in near], dtype=int)
-        point = np.repeat(np.arange(points.shape[1]), counts)
-        return point, np.array([e for close in near for e in close], dtype=int)
+        nearest = [tree.query(points.T)[0] for _, tree in self._trees]
+        most = np.minimum(reach, np.min(nearest, axis=0))
+        pairs = []
+        for part, tree in self._trees:
+            near = tree.query_ball_point(points.T, self.radii[part].max() + most)
+            counts = np.array([len(close) for close in near], dtype=int)
+            point = np.repeat(np.arange(points.shape[1]), counts)
+            element = part[np.fromiter(chain.from_iterable(near), dtype=int)]
+            pairs.append((point, element))
+        point, element = np.hstack(pairs)
+        order = np.lexsort([element, point])
+        return point[order], element[order]
 
 
 def closest_on_triangles(

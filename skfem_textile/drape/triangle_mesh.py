@@ -10,6 +10,7 @@ Multi-level partition of unity implicits, ACM Trans.  Graph.  22:463).
 """
 
 from copy import copy
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -34,21 +35,17 @@ _OTHER_SIDE = 0.0
 # Smallest support radius, relative to the distance of the nearest point.
 _FAR = 1.5
 
-# Distance from the nearest vertex, relative to the reach, up to which neighbours are
-# listed in advance: 1/√3 of an edge, for the centres of equilateral triangles, and a
-# tenth of an edge for points that are not exactly on the surface.
-_AROUND = (3**-0.5 + 0.1) / 2.0
+# Maximum number of vertices listed as neighbours of a vertex: sixty times the mean of
+# equal triangles.  Maximum number of pairs of position and vertex per block.
+_NEIGHBOURS, _PAIRS = 2500, 16384
 
-# Maximum length of these lists, twice the mean of equal triangles, and number of pairs
-# of position and neighbour per block.
-_NEIGHBOURS, _PAIRS = 52, 16384
+# Distances from the nearest vertex, relative to the reach, for which neighbours are
+# counted in advance.  Beyond them the reach grows with the distance.
+_LEVELS = np.linspace(0.0, 1 / _FAR, 9)
 
 # Number of positions for which values are kept: a Newton iteration returns to the last
 # state after a trial step.
 _KEPT = 2
-
-# Coordinates of missing neighbours in mm, whose weight is zero.
-_MISSING = 1e100
 
 
 class Derivatives(NamedTuple):
@@ -81,28 +78,26 @@ class Quadrics:
         )
         b = normals - c[:, 1, None] * u - c[:, 2, None] * v
         self._set(points, -c[:, 0], b, H)
-        # The vertices within the reach of each point whose nearest vertex is this one.
-        around = reach * _AROUND
-        within = reach + around
-        count = self._tree.query_ball_point(points, within, return_length=True)
-        most = min(_NEIGHBOURS, count.max())
-        self._near = self._tree.query(points, most, distance_upper_bound=within)[1]
-        self._around = np.where(count > most, 0.0, around)
+        # Vertices near each vertex, nearest first, and how many of them can be within
+        # the reach of a position at most so far away: see `_LEVELS`.
+        within = reach * (1 + _LEVELS)
+        count = self._tree.query_ball_point(points, within[-1], return_length=True)
+        self._listed = count <= _NEIGHBOURS
+        count = np.where(self._listed, count, 0)
+        self._start = np.cumsum(count) - count
+        at = np.repeat(np.arange(len(points)), count)
+        near = _flat(self._tree.query_ball_point(points[self._listed], within[-1]))
+        away = np.linalg.norm(points[at] - points[near], axis=1)
+        self._near = near[np.lexsort([away, at])]
+        self._counts = np.array(
+            [np.bincount(at[away <= r], minlength=len(points)) for r in within]
+        )
 
     def _set(self, points: ndarray, a: ndarray, b: ndarray, H: ndarray) -> None:
-        """Store quadrics, shapes (n, 3), (n,), (n, 3) and (n, 3, 3), as polynomials.
-
-        Their origin is the mean of the points, near which round-off is smallest.
-        """
+        """Store quadrics of shapes (n, 3), (n,), (n, 3) and (n, 3, 3) as columns."""
         self._quadrics = points, a, b, H
-        self._origin = points.mean(axis=0)
-        x = points - self._origin
-        Hx = np.einsum("nij,nj->ni", H, x)
-        level = a + ((0.5 * Hx - b) * x).sum(axis=1)
-        rows = np.column_stack([level, b - Hx, H[:, *_UPPER], x, np.ones(len(x))])
-        # The last row represents missing neighbours.
-        missing = np.repeat([0.0, _MISSING, 1.0], [10, 3, 1])
-        self._table = np.vstack([rows, missing])
+        self._c = np.column_stack([a, b, H[:, *_UPPER]]).T.copy()
+        self._x = points.T.copy()
 
     def moved(self, origin: ndarray, turn: ndarray) -> "Quadrics":
         """The same quadrics in axes with an origin, (3,), and directions, (3, 3)."""
@@ -117,79 +112,95 @@ class Quadrics:
 
     def mean(self, x: ndarray) -> Derivatives:
         """φ = Σ w q / Σ w and its derivatives at positions, shape (3, n)."""
-        n = x.shape[1]
-        mean = Derivatives(*(np.full((*[3] * i, n), np.nan) for i in range(3)))
+        mean = Derivatives(*(np.full((*[3] * i, x.shape[1]), np.nan) for i in range(3)))
         distance, nearest = self._tree.query(x.T)
-        finite = np.isfinite(distance)  # its square may overflow: the values are NaN
+        # Squares of infinite distances overflow: these values remain NaN.
+        finite = np.isfinite(distance)
+        nearest = np.where(finite, nearest, 0)
         # Far away only the nearest points contribute: the reach slightly exceeds
         # their distance.
-        reach = np.maximum(self._reach, _FAR * distance)
-        listed = finite & (distance <= np.append(self._around, 0.0)[nearest])
-        count = np.full(n, self._near.shape[1])
-        others = np.flatnonzero(finite & ~listed)
-        if others.size:
-            count[others] = self._tree.query_ball_point(
-                x[:, others].T, reach[others], return_length=True
+        reach, levels = np.maximum(self._reach, _FAR * distance), self._reach * _LEVELS
+        listed = (distance <= levels[-1]) & self._listed[nearest]
+        level = np.searchsorted(levels, np.where(listed, distance, 0.0))
+        count = self._counts[level, nearest]
+        far = np.flatnonzero(finite & ~listed)
+        if far.size:
+            count[far] = self._tree.query_ball_point(
+                x[:, far].T, reach[far], return_length=True
             )
-            others = others[np.argsort(count[others])]
-        for left in np.flatnonzero(listed), others:
-            while left.size:
-                k = count[left[-1]]
-                left, some = np.split(left, [-max(_PAIRS // k, 1)])
-                if listed[some[0]]:
-                    near = self._near[nearest[some]]
+        for numbers in np.flatnonzero(listed), far:
+            for some in _blocks(numbers, count):
+                n, first, at = count[some], nearest[some], x[:, some]
+                if numbers is far:
+                    near = _flat(self._tree.query_ball_point(at.T, reach[some]))
                 else:
-                    near = self._tree.query(x[:, some].T, k)[1].reshape(-1, k)
-                block = self._mean(x[:, some], near, reach[some])
+                    shift = self._start[first] - (np.cumsum(n) - n)
+                    near = self._near[np.arange(n.sum()) + np.repeat(shift, n)]
+                block = self._mean(at, near, n, first, reach[some])
                 for values, part in zip(mean, block, strict=True):
                     values[..., some] = part
         for values in mean:
             values.setflags(write=False)
         return mean
 
-    def _mean(self, x: ndarray, near: ndarray, reach: ndarray) -> Derivatives:
-        """Weighted mean of k quadrics at each of n positions.
+    def _mean(
+        self,
+        x: ndarray,
+        near: ndarray,
+        count: ndarray,
+        nearest: ndarray,
+        reach: ndarray,
+    ) -> Derivatives:
+        """Derivatives at n positions.
 
-        Arguments are the indices of the quadrics, (n, k), of which the nearest is the
-        first where the reach depends on it, and the reach, (n,).
+        ``near`` contains all vertices within the reach of the positions, and possibly
+        others, ``count`` for each position.
         """
-        x, reach = x - self._origin[:, None], reach[:, None]
-        terms = (_monomials(x).T @ _FACTORS).reshape(-1, 7, 14)
-        c = self._table[near]
-        # Values and gradients of the quadrics, and the vectors d from their points.
-        q, dq, d = np.split(terms @ c.swapaxes(1, 2), [1, 4], axis=1)
-        s = np.minimum(np.sqrt(np.einsum("nik,nik->nk", d, d)) / reach, 1.0)
+        at = np.repeat(np.arange(len(count)), count)
+        d = np.repeat(x, count, axis=1) - self._x.take(near, axis=1)
+        square = np.einsum("ip,ip->p", d, d)
+        inside = np.flatnonzero(square < (reach * reach).take(at))
+        at, near, d = at.take(inside), near.take(inside), d.take(inside, axis=1)
+        starts = np.searchsorted(at, np.arange(len(count)))
+
+        def total(values: ndarray) -> ndarray:
+            return np.add.reduceat(values, starts, axis=-1)
+
+        a, b, H = np.split(self._c.take(near, axis=1), [1, 4])
+        dq = b + [H[i] * d[0] + H[j] * d[1] + H[k] * d[2] for i, j, k in _SYMMETRIC]
+        q = a[0] + 0.5 * np.einsum("ip,ip->p", b + dq, d)
         # Wendland's C⁴ function w = (1 − s)⁶ (35 s² + 18 s + 3), slope = w′/s and bend
         # = slope′/s. With m = s ∇s: ∇w = slope m, ∇²w = bend m m + slope ∇m, ∇m = I (1
         # − s²R²/r₁²)/R² − 2 (m ρ + ρ m), r₁ to the nearest point.
-        inside = 1 - s
-        square = inside * inside
-        fourth = square * square
-        w = fourth * square * ((35 * s + 18) * s + 3)
-        slope = fourth * inside * (-280 * s - 56)
-        bend = 1680 * fourth
-        total = w.sum(axis=1)
-        level = np.einsum("nk,nk->n", w, q[:, 0]) / total
+        over = (1 / reach).take(at)
+        s = np.sqrt(square.take(inside)) * over
+        rest = 1 - s
+        fourth = np.square(rest * rest)
+        w = fourth * rest * rest * ((35 * s + 18) * s + 3)
+        slope = fourth * rest * (-280 * s - 56)
+        m, weight = d * (over * over), total(w)
+        level = total(w * q) / weight
         # Derivatives of Σ w (q − φ) = 0, whose terms in the derivatives of Σ w vanish.
-        off = q[:, 0] - level[:, None]
-        of_w = slope * off
-        m, grown = d / (reach**2)[:, None], of_w
+        off = q - level.take(at)
+        of_w = grown = slope * off
         # If the reach depends on the nearest point: the gradient ρ of its logarithm.
         follows = reach > self._reach
         if far := bool(follows.any()):
-            first = x.T - self._table[near[:, 0], 10:13]
-            rho = (follows * first * (_FAR / reach) ** 2)[:, :, None]
-            m -= (s * s)[:, None] * rho
-            grown = of_w * (1 - follows * (_FAR * s) ** 2)
-        gradient = (m @ of_w[:, :, None] + dq @ w[:, :, None]) / total[:, None, None]
-        turned = (0.5 * bend * off)[:, None] * m + slope[:, None] * (dq - gradient)
+            rho = follows * (x - self._x[:, nearest]) * (_FAR / reach) ** 2
+            m -= s * s * rho.take(at, axis=1)
+            grown = of_w * (1 - follows.take(at) * (_FAR * s) ** 2)
+        gradient = total(of_w * m + w * dq) / weight
+        turned = (840 * fourth * off) * m + slope * (dq - gradient.take(at, axis=1))
         if far:
-            turned -= (2 * of_w)[:, None] * rho
-        half = m @ turned.swapaxes(1, 2)
-        second = half + half.swapaxes(1, 2) + (w[:, None] @ c)[:, 0, 4 + _SYMMETRIC]
-        second += (grown.sum(axis=1) / reach[:, 0] ** 2)[:, None, None] * np.eye(3)
-        second /= total[:, None, None]
-        return Derivatives(level, gradient[:, :, 0].T, second.transpose(1, 2, 0))
+            turned -= (2 * of_w) * rho.take(at, axis=1)
+        hessian = np.array(
+            [
+                total(m[i] * turned[j] + m[j] * turned[i] + w * h)
+                for i, j, h in zip(*_UPPER, H, strict=True)
+            ]
+        )
+        hessian[:3] += total(grown) / (reach * reach)
+        return Derivatives(level, gradient, (hessian / weight)[_SYMMETRIC])
 
 
 # Second derivatives xx, yy, zz, yz, xz, xy in a matrix, and their numbers in it.
@@ -197,23 +208,18 @@ _UPPER = [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]
 _SYMMETRIC = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 
-def _factors() -> ndarray:
-    """Factors of the table of quadrics in q, ∇q and d, from monomials: (10, 7, 14)."""
-    factors, i = np.zeros((10, 7, 14)), np.arange(3)
-    factors[range(10), 0, range(10)] = 1.0
-    factors[0, 1 + i, 1 + i] = 1.0
-    factors[1 + i, 1 + i[:, None], 4 + _SYMMETRIC] = 1.0
-    factors[0, 4 + i, 10 + i], factors[1 + i, 4 + i, 13] = -1.0, 1.0
-    return factors
+def _flat(lists: ndarray) -> ndarray:
+    """Numbers in an array of lists, one after the other."""
+    return np.fromiter(chain.from_iterable(lists), dtype=np.int64)
 
 
-def _monomials(x: ndarray) -> ndarray:
-    """1, x, y, z, x²/2, y²/2, z²/2, yz, xz and xy, shape (10, n)."""
-    one = np.ones((1, x.shape[1]))
-    return np.concatenate([one, x, 0.5 * x * x, x[[1, 0, 0]] * x[[2, 2, 1]]])
-
-
-_FACTORS = _factors().reshape(10, -1)
+def _blocks(numbers: ndarray, count: ndarray) -> list[ndarray]:
+    """Blocks of positions with about `_PAIRS` pairs."""
+    if not numbers.size:
+        return []
+    ends = np.cumsum(count[numbers])
+    cuts = np.searchsorted(ends, np.arange(_PAIRS, ends[-1], _PAIRS))
+    return [block for block in np.split(numbers, np.unique(cuts)) if block.size]
 
 
 def _fitted(

@@ -98,7 +98,7 @@ class OnSurface:
         return np.unique(selected_nodes(f"condition {name!r}", self.where, basis))
 
     def check(self, name: str, x: ndarray) -> None:
-        """Refuse an invalid surface at points, shape (3, n).
+        """Refuse an invalid surface at some of the points, shape (3, n).
 
         Raises
         ------
@@ -116,9 +116,12 @@ class OnSurface:
                 f"{self.surface!r}"
             )
         surface = CheckedSurface(name, self.surface)
+        h = _INTERVAL * float(np.ptp(x, axis=1).max())
+        x = x[:, np.unique(np.linspace(0, x.shape[1] - 1, _NODES).astype(int))]
         for method in methods:
             getattr(surface, method)(x)
-        _check_derivatives(surface, x)
+        if h:
+            _check_derivatives(surface, x, h)
 
     def at(self, name: str, t: float) -> Surface:
         """Surface at a load factor.
@@ -193,20 +196,17 @@ class CheckedSurface:
         return np.asarray(value)
 
 
-def _check_derivatives(surface: CheckedSurface, x: ndarray) -> None:
+def _check_derivatives(surface: CheckedSurface, x: ndarray, h: float) -> None:
     """Refuse a surface with inconsistent derivatives near a ply.
 
-    Derivatives are compared with slopes at points of the surface near ``x``.  The
-    message names the method, the position, both numbers and the length of the interval.
-    A function that fails with an exception other than a domain error also fails here.
+    Derivatives are compared with slopes at points of the surface near ``x``, over
+    intervals of the length ``h``.  The message names the method, the position, both
+    numbers and ``h``.  A function that fails with an exception other than a domain
+    error also fails here.
     """
-    h = _INTERVAL * float(np.ptp(x, axis=1).max())
-    if not h:
-        return
-    some = np.unique(np.linspace(0, x.shape[1] - 1, _NODES).astype(int))
     try:
         with np.errstate(all="ignore"):  # values that are not finite are skipped
-            points = _on_surface(surface, x[:, some], h)
+            points = _on_surface(surface, x, h)
             # Shape (3, axes, places on each line, points).
             steps = h * np.eye(3)[:, :, None, None] * _ENDS[:, None]
             lines = points[:, None, None] + steps
