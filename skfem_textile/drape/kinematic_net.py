@@ -6,7 +6,7 @@ surfaces, J.  Text.  Inst.  47:T477).  Fibres do not stretch, and forces play no
 the first two threads determine the whole net.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,14 @@ class Net:
         s, t = np.meshgrid(*mid, indexing="ij")
         flat = np.einsum("ij,jab->iab", self.directions, np.array([s, t]))
         return flat + self.touch[:, None, None]
+
+    def up_to(self, X: ndarray) -> "Net":
+        """The part up to points of the flat ply in mm, shape (2, n), NaN elsewhere."""
+        cell = self.along[0][1] - self.along[0][0]
+        ends = np.linalg.solve(self.directions, X - self.touch[:, None]) / cell
+        zero = tuple(int(np.abs(at).argmin()) for at in self.along)
+        mask = _up_to(ends, zero, self.positions.shape[1:])
+        return replace(self, positions=np.where(mask, self.positions, np.nan))
 
     def at(self, X: ndarray) -> ndarray:
         """Positions of points of the flat ply, bilinear in each cell, shape (3, n).
@@ -214,17 +222,11 @@ def net(
     for side in (0, 1):
         x[:, sides[0][side], counts[1][0]] = threads[2 * side]
         x[:, counts[0][0], sides[1][side]] = threads[2 * side + 1]
-    ends = None
+    mask = np.ones(x.shape[1:], dtype=bool)
     if over is not None:
         ends = np.linalg.solve(flat, over - np.array(touch)[:, None]) / cell
-    quadrants = []
-    for i, warp_sign in enumerate((-1, 1)):
-        for j, weft_sign in enumerate((-1, 1)):
-            mask = np.ones((counts[0][i] + 1, counts[1][j] + 1), dtype=bool)
-            if ends is not None:
-                mask = _up_to(ends * ([warp_sign], [weft_sign]), mask.shape)
-            quadrants.append((x[:, sides[0][i], sides[1][j]], mask))
-    _fill(surface, quadrants, cell)
+        mask = _up_to(ends, (counts[0][0], counts[1][0]), mask.shape)
+    _fill(surface, [(x[:, i, j], mask[i, j]) for i in sides[0] for j in sides[1]], cell)
     along = [cell * np.arange(-n[0], n[1] + 1) for n in counts]
     return Net(x, (along[0], along[1]), flat, np.array(touch, dtype=float))
 
@@ -280,14 +282,21 @@ def _pinned(surface: Surface, x: ndarray, step: ndarray, cell: float) -> ndarray
     raise NetError("the first thread leaves the surface", x[:, missing.argmax()])
 
 
-def _up_to(ends: ndarray, shape: tuple[int, int]) -> ndarray:
-    """Mask of crossings of a quadrant up to the cell of any given point."""
-    last = np.floor(ends + _EXACT).astype(int) + 1
-    last = last[:, (last > 0).all(axis=0)]
+def _up_to(ends: ndarray, zero: tuple[int, int], shape: tuple[int, ...]) -> ndarray:
+    """Mask of crossings up to the cell of any given point, in each quadrant.
+
+    ``ends`` are the points in cells, shape (2, n), from the crossing ``zero``.
+    """
     mask = np.zeros(shape, dtype=bool)
-    mask[tuple(np.minimum(last, np.array(shape)[:, None] - 1))] = True
-    for axis in (0, 1):
-        mask = np.flip(np.logical_or.accumulate(np.flip(mask, axis), axis), axis)
+    for signs in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+        part = mask[tuple(slice(z, None, s) for z, s in zip(zero, signs, strict=True))]
+        last = np.floor(ends * np.array(signs)[:, None] + _EXACT).astype(int) + 1
+        last = last[:, (last > 0).all(axis=0)]
+        own = np.zeros(part.shape, dtype=bool)
+        own[tuple(np.minimum(last, np.array(part.shape)[:, None] - 1))] = True
+        for axis in (0, 1):
+            own = np.flip(np.logical_or.accumulate(np.flip(own, axis), axis), axis)
+        part |= own
     return mask
 
 

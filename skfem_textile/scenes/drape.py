@@ -5,17 +5,17 @@ with z along the normal of the tool, so that the surface grows out of the plane 
 ply.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Unpack
 
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..drape import Axes, ToolMesh, TriangleMesh
+from ..drape import Axes, Net, ToolMesh, TriangleMesh
 from ..drape.sheet import boundary_edges
 from ..mesh.contact import signed_areas
-from ..solve.surface import OffSurfaceError, OnSurface, onto
+from ..solve.surface import OffSurfaceError, onto
 from .draped_ply import PlyOptions, draped_ply, warn_of_net
 from .scene import Scene
 
@@ -78,12 +78,12 @@ def drape(
     axes = Axes.at(tool, foot)
     surface = tool.moved(*axes)
     options: PlyOptions = {**ply, "part": "whole"}
-    scene = draped_ply("drape", surface, mesh, **options, axes=axes)
-    _refuse_sizes(facets, scene.mesh)
-    on_tool, fibres = scene.conditions["tool"], float(ply.get("fibres", 0.0))
-    assert isinstance(on_tool, OnSurface)
-    warn_of_net(on_tool, scene.mesh.p, (fibres, fibres + np.pi / 2), axes)
-    return scene
+
+    def check(flat: Mesh, lay: Callable[[], Net]) -> None:
+        _refuse_sizes(facets, flat)
+        warn_of_net(lay, flat.p, axes)
+
+    return draped_ply("drape", surface, mesh, **options, axes=axes, check=check)
 
 
 def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:

@@ -14,22 +14,23 @@ there, of which `warn_of_net` warns before draping.
 
 import logging
 from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from typing import Literal, TypeAlias, TypedDict, get_args
 
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..drape import SAME_AXES, Axes, exponential_map
+from ..drape import SAME_AXES, Axes, Net
 from ..drape.kinematic_net import FoldedNetError, NetError
 from ..fabric import Fabric
 from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..ply.terms import Load
 from ..solve.conditions import Condition
 from ..solve.result import Result
-from ..solve.surface import OnSurface, Surface
-from .edge_tension import EdgeTension
+from ..solve.surface import OnSurface, Surface, onto
+from ..solve.surface.surface import Geodesics, geodesics
+from .edge_tension import EdgeTension, edge_net
 from .on_tool import CELLS, measured_on_tool, net_over
 from .rectangle import misfit, rectangle
 from .scene import Scene, unknown
@@ -52,24 +53,20 @@ _ADVICE = (
 )
 
 
-def warn_of_net(
-    on_tool: OnSurface, X: ndarray, angles: tuple[float, float], axes: Axes
-) -> None:
+def warn_of_net(lay: Callable[[], Net], X: ndarray, axes: Axes) -> None:
     """Warn of a tool on which a net folds, or shears strongly at a corner.
 
     Parameters
     ----------
-    on_tool
-        The tool.
+    lay
+        Function that returns the net on the tool, see `edge_net`.
     X
         Nodes of the flat ply in mm, shape (2, n).
-    angles
-        Inclination of warp and weft at rest in radians.
     axes
         Axes of the ply in the axes of the tool, for positions in messages.
     """
     try:
-        net = net_over(X, on_tool, 1.0, angles)
+        net = lay().up_to(X)
     except FoldedNetError as error:
         log.warning(
             "drape: inextensible fibres cannot lie on this tool, because their net "
@@ -145,6 +142,7 @@ def draped_ply(
     exact: Callable[[ndarray, float], ndarray] = unknown,
     off_exact: Callable[[ndarray], str] = lambda X: "no exact solution is known",
     axes: Axes = SAME_AXES,
+    check: Callable[[Mesh, Callable[[], Net]], None] = lambda mesh, lay: None,
 ) -> Scene:
     """Scene of a ply on a tool.
 
@@ -175,6 +173,8 @@ def draped_ply(
         empty if it is.
     axes
         Axes of the scene in the axes of the user's tool.
+    check
+        Called with the mesh and a function that returns the net on the tool.
 
     Raises
     ------
@@ -203,10 +203,19 @@ def draped_ply(
         flat = with_edges(mesh)
     held_at = _in_planes(name, flat) if held else _at_middle(name, flat, on_tool)
 
+    @cache
+    def lay() -> Net:
+        if tension:
+            return edge_net(flat, on_tool, angles, held)
+        return net_over(flat.p, on_tool, 1.0, angles)
+
     def edge_tension(fabric: Fabric) -> Sequence[Load]:
         law = fabric.shear_law if fabric.at() is fabric else None
-        return [EdgeTension(on_tool, tension, angles, law, held)] if tension else []
+        if not tension:
+            return []
+        return [EdgeTension(on_tool, tension, angles, law, held, lay)]
 
+    check(flat, lay)
     c, s = float(np.cos(fibres)), float(np.sin(fibres))
     return Scene(
         name=name,
@@ -299,11 +308,16 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
         return among[[np.hypot(*away).argmin()]]
 
     @lru_cache
-    def laid(x: float, y: float, t: float) -> ndarray:
-        return exponential_map(on_tool.at("tool", t), np.array([[x], [y]]))
+    def laid(x: float, y: float) -> Geodesics:
+        return geodesics(on_tool.surface, np.array([[x], [y]]), on_tool.touch)
+
+    @lru_cache
+    def end(x: float, y: float, t: float) -> ndarray:
+        point = np.array([*on_tool.touch, 0.0])
+        return onto(on_tool.at("tool", t), laid(x, y).on_growing(point, t))
 
     def moves(axis: int) -> Callable[[ndarray, float], ndarray]:
-        return lambda X, t: laid(*X[:, 0].tolist(), t)[axis] - X[axis]
+        return lambda X, t: end(*X[:, 0].tolist(), t)[axis] - X[axis]
 
     x, y = np.eye(3)[:2]
     nodes, off = np.arange(mesh.p.shape[1]), _OFF * np.ptp(mesh.p)

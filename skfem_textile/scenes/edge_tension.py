@@ -10,12 +10,13 @@ tool enlarged by 1/t about the point X₀ where it touches the ply, and so is it
 net of the tool at X₀ + t(X − X₀) has the directions at X: one net suffices.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy import ndarray
-from skfem import CellBasis, FacetBasis, LinearForm, asm
+from skfem import CellBasis, FacetBasis, LinearForm, Mesh, asm
 from skfem.helpers import dot
 
 from ..drape import Net
@@ -36,6 +37,42 @@ _LOAD_FACTORS = np.linspace(0.0, 1.0, CELLS + 1)
 _ROUNDING = 1e-9
 
 
+def edge_net(
+    mesh: Mesh,
+    on_tool: OnSurface,
+    angles: tuple[float, float],
+    held: tuple[str, ...] = (),
+) -> Net:
+    """Net of the tool over a ply and beyond it, for all load factors.
+
+    Parameters
+    ----------
+    mesh
+        Mesh of the ply.
+    on_tool, angles, held
+        See `EdgeTension`.
+
+    Raises
+    ------
+    ValueError
+        If the net folds or leaves the surface.
+    """
+    start, end = mesh.p[:, mesh.facets[:, _free_edges(mesh, held)]].swapaxes(0, 1)
+    most = np.hypot(*(end - start)).max() / np.ptp(mesh.p, axis=1).max()
+    shares = np.linspace(0.0, 1.0, 1 + int(np.ceil(CELLS * most)))[:, None, None]
+    X = np.hstack([*(start + shares * (end - start))])
+    touch = np.array(on_tool.touch)[:, None]
+    path = np.hstack([touch + t * (X - touch) for t in _LOAD_FACTORS])
+    return net_over(path, on_tool, 1.0, angles, _BEYOND)
+
+
+def _free_edges(mesh: Mesh, held: tuple[str, ...]) -> ndarray:
+    """Numbers of the edges of a ply on none of the held boundaries."""
+    fixed = [mesh.boundaries[name] for name in held]
+    free = np.setdiff1d(mesh.boundary_facets(), np.concatenate([[], *fixed]))
+    return free.astype(int)
+
+
 @dataclass(frozen=True, eq=False)
 class EdgeTension:
     """Tension on the edges of a ply, acting from the start.
@@ -52,6 +89,9 @@ class EdgeTension:
         Law of M_s; None for tractions without shear moments.
     held
         Names of boundaries without tension.
+    net
+        Function that returns the `edge_net` of a ply of which the ply of the term may
+        be a refinement; by default it is laid for each ply.
     """
 
     on_tool: OnSurface
@@ -59,6 +99,7 @@ class EdgeTension:
     angles: tuple[float, float]
     shear_law: Law | None
     held: tuple[str, ...]
+    net: Callable[[], Net] | None = None
 
     def on(self, basis: CellBasis) -> "_Tractions":
         """Term on a basis of the displacement.
@@ -70,16 +111,18 @@ class EdgeTension:
             law.
         """
         mesh = basis.mesh
-        held = [mesh.boundaries[name] for name in self.held]
-        free = np.setdiff1d(mesh.boundary_facets(), np.concatenate([[], *held]))
+        free = _free_edges(mesh, self.held)
         edges = FacetBasis(
-            *(mesh, basis.elem, basis.mapping), facets=free.astype(int), dofs=basis.dofs
+            *(mesh, basis.elem, basis.mapping), facets=free, dofs=basis.dofs
         )
         X = np.asarray(edges.global_coordinates()).reshape(2, -1)
-        path = np.hstack([self._in_net(X, t) for t in _LOAD_FACTORS])
         try:
-            net = net_over(path, self.on_tool, 1.0, self.angles, _BEYOND)
-            directions = net.tangents(path)
+            if self.net is None:
+                net = edge_net(mesh, self.on_tool, self.angles, self.held)
+            else:
+                net = self.net()
+            path = [self._in_net(X, t) for t in _LOAD_FACTORS]
+            directions = net.tangents(np.hstack(path))
         except ValueError as error:
             raise ValueError(
                 f"edge tension: {error}; or omit the tension and give the fibres a "

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from skfem_textile import drape
+from skfem_textile.solve.surface import GrowingSurface
+from skfem_textile.solve.surface.surface import geodesics
 from studies.formulations.drape.chebyshev import SIDE, SPHERE, shear_angle
 from studies.formulations.drape.published import (
     DRAPINGS,
@@ -115,6 +117,28 @@ def test_the_exponential_map_unrolls_a_cylinder():
     np.testing.assert_allclose(x, rolled, atol=1e-3)
     with pytest.raises(ValueError, match="normal to the surface"):
         drape.exponential_map(SPHERE, X, first=(0, 0, 1))
+
+
+@pytest.mark.parametrize("t", [0.0, 0.3, 1.0])
+def test_geodesics_on_a_growing_surface_are_parts_of_those_on_the_surface(t):
+    X = np.random.default_rng(1).uniform(-90, 90, (2, 50))
+    grown = GrowingSurface(SPHERE, np.zeros(3), t)
+    np.testing.assert_allclose(
+        geodesics(SPHERE, X).on_growing(np.zeros(3), t),
+        drape.exponential_map(grown, X),
+        atol=1e-4,
+    )
+
+
+def test_a_part_of_a_net_is_the_net_over_these_points():
+    X = np.array([[-31.0, 22.0, 40.0], [12.0, -18.0, 33.0]])
+    counts = (10, 10), (10, 10)
+    whole = drape.net(SPHERE, 5.0, *counts, angles=ANGLES)
+    part = drape.net(SPHERE, 5.0, *counts, angles=ANGLES, over=X)
+    expected = part.shear_angle()
+    assert np.isnan(expected).any()
+    assert np.isfinite(expected).any()
+    np.testing.assert_allclose(whole.up_to(X).shear_angle(), expected, atol=1e-9)
 
 
 def test_a_net_covers_the_given_points_only():

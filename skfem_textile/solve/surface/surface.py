@@ -90,11 +90,15 @@ class GrowingSurface:
     def gradient(self, x: ndarray) -> ndarray:
         """∇φ, shape (3, n)."""
         p = self.point[:, None]
+        if self.t == 0:
+            return np.repeat(self.surface.gradient(p), x.shape[1], axis=1)
         return self.surface.gradient(p + self.t * (x - p))
 
     def hessian(self, x: ndarray) -> ndarray:
         """∇²φ, shape (3, 3, n)."""
         p = self.point[:, None]
+        if self.t == 0:
+            return np.zeros((3, 3, x.shape[1]))
         return self.t * self.surface.hessian(p + self.t * (x - p))
 
 
@@ -215,6 +219,48 @@ def gaps(
     return SurfaceGaps(gap / edges.max(axis=0), gap, position)
 
 
+class Geodesics(NamedTuple):
+    """Geodesics from one point of a surface: m computed positions on each of n.
+
+    Attributes
+    ----------
+    arc
+        Arc length at the positions, relative to the longest geodesic, shape (m, n).
+    x, v, a
+        Positions in mm and their first and second derivatives in ``arc``, (m, 3, n).
+    """
+
+    arc: ndarray
+    x: ndarray
+    v: ndarray
+    a: ndarray
+
+    def at(self, t: float) -> ndarray:
+        """Positions at a fraction of the length, by quintic interpolation, (3, n)."""
+        arc, nodes = t * self.arc[-1], np.arange(self.arc.shape[1])
+        i = np.clip((self.arc <= arc).sum(axis=0), 1, len(self.arc) - 1) - 1
+        x, v, a, x_1, v_1, a_1 = (
+            values[k, :, nodes].T for k in (i, i + 1) for values in self[1:]
+        )
+        h = self.arc[i + 1, nodes] - self.arc[i, nodes]
+        s = (arc - self.arc[i, nodes]) / np.where(h > 0, h, 1.0)
+        off, turn = x_1 - x - h * v - h * h / 2 * a, h * (v_1 - v - h * a)
+        bend = h * h / 2 * (a_1 - a)
+        rest = 10 * off - 4 * turn + bend
+        rest += s * (7 * turn - 15 * off - 2 * bend + s * (6 * off - 3 * turn + bend))
+        return x + s * h * (v + s * h / 2 * a) + s**3 * rest
+
+    def on_growing(self, point: ndarray, t: float) -> ndarray:
+        """Ends of the geodesics on `GrowingSurface` at a parameter, shape (3, n).
+
+        Enlarged by 1/t, they are the first parts of those on the surface itself.
+        """
+        point = point[:, None]
+        if t == 0:
+            return point + self.arc[-1] * self.v[0]
+        return point + (self.at(t) - point) / t
+
+
 def exponential_map(
     surface: Surface,
     X: ndarray,
@@ -265,6 +311,18 @@ def exponential_map(
     >>> bool(np.abs(x[:, 0] - [10, 3, -10]).max() < 1e-4)
     True
     """
+    return onto(surface, geodesics(surface, X, touch, point, first, steps).at(1.0))
+
+
+def geodesics(
+    surface: Surface,
+    X: ndarray,
+    touch: tuple[float, float] = (0.0, 0.0),
+    point: ndarray | None = None,
+    first: ndarray | None = None,
+    steps: int = _STEPS,
+) -> Geodesics:
+    """Geodesics of which `exponential_map` returns the ends."""
     start = np.array([*touch, 0.0]) if point is None else np.asarray(point, dtype=float)
     start = onto(surface, start[:, None])
     along = tangents(surface, start[:, 0], (1.0, 0.0, 0.0) if first is None else first)
@@ -279,6 +337,7 @@ def exponential_map(
     bend = _bending(surface, x)(v)
     arc, step, ends = 0.0, 1 / steps, lengths / (longest or 1.0)
     left = np.flatnonzero(ends)
+    places = [(np.zeros(len(ends)), x, v, bend)]
     while left.size:
         h = np.minimum(step, ends[left] - arc)
         x_0, v_0, a = x[:, left], v[:, left], bend[:, left]
@@ -291,13 +350,17 @@ def exponential_map(
         after = _bending(surface, x_1)(v_1)
         error = 0.1 * float(np.linalg.norm(after - d, axis=0).max())
         if error <= _ACCURACY * longest or step <= _SHORTEST:
+            x, v, bend = x.copy(), v.copy(), bend.copy()
             x[:, left], v[:, left], bend[:, left] = x_1, v_1, after
             arc += step
+            places.append((np.minimum(arc, ends), x, v, bend))
             left = left[ends[left] > arc]
         longer = _CAUTION * np.cbrt(_ACCURACY * longest / max(error, _TINY))
         step *= float(np.clip(longer, _SHORTER, _LONGER))
         step = min(max(step, _SHORTEST), 1 / steps)
-    return onto(surface, x)
+    if len(places) == 1:
+        places *= 2
+    return Geodesics(*map(np.array, zip(*places, strict=True)))
 
 
 def tangents(surface: Surface, point: ndarray, first: ndarray | tuple) -> ndarray:
