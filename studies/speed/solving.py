@@ -490,8 +490,10 @@ def by_turns(settings: Settings) -> Row:
     Measures the minimum CPU time of a linear solve with assembly for each checkout, and
     their ratio.
     """
+    checkouts = settings.before, settings.after
     turns = [
-        (_seconds(settings.before), _seconds(settings.after)) for _ in range(_TURNS)
+        [in_checkout(checkout, _MEASURE) for checkout in checkouts]
+        for _ in range(_TURNS)
     ]
     results = {}
     for name in turns[0][0]:
@@ -500,14 +502,14 @@ def by_turns(settings: Settings) -> Row:
     return results
 
 
-def _seconds(checkout: str) -> dict[str, float]:
+def in_checkout(checkout: str, script: str, *arguments: str) -> Any:
+    """JSON that a script prints in a new process with a checkout of this project."""
     child = subprocess.run(
-        [sys.executable, "-c", _MEASURE],
+        [sys.executable, "-c", script, *arguments],
         env={**os.environ, "PYTHONPATH": os.path.abspath(checkout)},
         cwd=checkout,
         capture_output=True,
         text=True,
         check=True,
     )
-    seconds: dict[str, float] = json.loads(child.stdout)
-    return seconds
+    return json.loads(child.stdout)

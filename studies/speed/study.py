@@ -34,6 +34,7 @@ BENCHMARKS: dict[str, Callable[[Settings], Row]] = {
     "whole_strip": solving.whole_strip,
     "overhead": solving.overhead,
     "by_turns": solving.by_turns,
+    "drapes": profile.drapes,
 }
 
 _PICTURES = "needs.png", "needs.svg"
@@ -240,6 +241,23 @@ def by_turns_table(results: Row) -> str:
             "before, s": "{before:.4f}",
             "after, s": "{after:.4f}",
             "ratio": "{ratio:.3f}",
+        },
+    )
+
+
+def drapes_table(results: Row) -> str:
+    """A line for each tool and size."""
+    return table(
+        results["drapes"],
+        {
+            "tool": "{tool}",
+            "elements along each side": "{size}",
+            "before, s": "{before:.2f}",
+            "after, s": "{after:.2f}",
+            "before / after": lambda row: f"{row['before'] / row['after']:.1f}",
+            "largest difference of the shear angle, °": lambda row: scientific(
+                row["difference_deg"], 1
+            ),
         },
     )
 
@@ -515,6 +533,7 @@ TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
     "whole_strip": {"whole_strip.md": whole_strip_table},
     "overhead": {"overhead.md": overhead_table},
     "by_turns": {"by_turns.md": by_turns_table},
+    "drapes": {"drapes.md": drapes_table},
 }
 
 
@@ -539,13 +558,14 @@ class Speed(Study[Benchmark]):
             "--most", type=int, default=defaults.most, help="maximum number of elements"
         )
         add("--solver", default=defaults.solver, help="for whole_strip and scaling")
-        add("--before", default="", metavar="DIR", help="first checkout for by_turns")
-        add("--after", default="", metavar="DIR", help="second checkout for by_turns")
+        add("--before", default="", metavar="DIR", help="first checkout of two")
+        add("--after", default="", metavar="DIR", help="second checkout of two")
 
     def cases(self, options: argparse.Namespace) -> list[Benchmark]:
         settings = Settings(*(getattr(options, name) for name in Settings._fields))
         compared = options.before and options.after
-        names = [name for name in BENCHMARKS if name != "by_turns" or compared]
+        two = "by_turns", "drapes"
+        names = [name for name in BENCHMARKS if name not in two or compared]
         return [Benchmark(name, settings) for name in names]
 
     def line(self, rows: list[Row]) -> str:

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from skfem_textile import Ply
+from skfem_textile.io import read_surface
 from studies.__main__ import main
-from studies.speed import needs, one_ply, solving, study
+from studies.speed import needs, one_ply, profile, solving, study
 from studies.speed.solving import Settings
 from studies.speed.study import BENCHMARKS, STUDY, TABLES, Benchmark
 
@@ -115,6 +116,14 @@ def test_stored_zero_features_add_nothing(results):
 
 def costs(median, scatter=0.0):
     return {"median": median, "least": median - scatter, "most": median + scatter}
+
+
+@pytest.mark.parametrize("name", profile._PLIES)
+def test_tools_of_drapes_face_up(tmp_path, name):
+    profile.write_tool(name, tmp_path / "tool.stl")
+    tool = read_surface(tmp_path / "tool.stl")
+    highest = tool.facets.points[:, [tool.facets.points[2].argmax()]]
+    assert tool.gradient(highest)[2, 0] == pytest.approx(1, abs=0.02)
 
 
 def test_changes_within_their_scatter_are_not_significant():
