@@ -20,6 +20,7 @@ from .fabric import (
 )
 from .fabric.files import read_law, write_law
 from .forms import Forms, hourglass_rate, out_of_plane, shear_continuity
+from .lazy import __getattr__ as __getattr__
 from .mesh.bases import (
     CENTRE,
     GAUSS,
@@ -88,6 +89,7 @@ __all__ = [
     "Newton",
     "OnSurface",
     "OnePoint",
+    "Outline",
     "PlainNewton",
     "Ply",
     "Polynomial",
@@ -112,12 +114,14 @@ __all__ = [
     "Verdict",
     "drape",
     "equilibrium_near",
+    "fit_to_fibres",
     "forms",
     "hourglass",
     "hourglass_rate",
     "marked",
     "mean_tension",
     "mesh_along_fibres",
+    "mesh_outline",
     "out_of_plane",
     "quad_basis",
     "read_law",
@@ -125,6 +129,7 @@ __all__ = [
     "shear",
     "shear_angle_jumps",
     "shear_continuity",
+    "singular_fibres",
     "split",
     "tension",
     "triangle_basis",

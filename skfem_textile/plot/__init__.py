@@ -3,6 +3,7 @@
 try:
     from .curves import curves, plot_law, plot_tensions
     from .fields import FIELDS, Field
+    from .outlines import singular_fibres
     from .pictures import (
         animation,
         contact_sheet,
@@ -33,5 +34,6 @@ __all__ = [
     "plot_law",
     "plot_tensions",
     "shear_angle",
+    "singular_fibres",
     "verdict",
 ]

@@ -2,7 +2,7 @@
 
 An import from a package counts as an import from the modules that define the names.
 Imports by a name that is put together at run time are not found: `SolverEntry` imports
-the linear solvers that way.
+the linear solvers that way, and `lazy` the names that the package imports on first use.
 """
 
 import ast
@@ -17,6 +17,7 @@ PACKAGE = Path(skfem_textile.__file__).parent
 LAYERS = {
     "cli.interruption": (),
     "cli.output": (),
+    "lazy": (),
     "mesh": (),
     "fabric": ("mesh",),
     "forms": ("fabric", "mesh"),
@@ -25,11 +26,12 @@ LAYERS = {
     "solve": ("ply", "fabric", "mesh"),
     "solve.adaptive": ("solve", "ply", "mesh"),
     "solve.sweep": ("solve", "mesh"),
+    "singular": ("solve", "ply", "fabric", "mesh"),
     "drape": ("solve", "ply", "fabric", "mesh"),
     "scenes": ("drape", "solve", "ply", "fabric", "mesh"),
     "io": ("drape", "solve", "ply", "fabric", "mesh"),
     "cases": ("io", "scenes", "solve", "ply", "fabric", "mesh"),
-    "plot": ("io", "drape", "solve", "ply", "fabric", "mesh"),
+    "plot": ("io", "drape", "singular", "solve", "ply", "fabric", "mesh"),
     "calibration": ("plot", "scenes", "solve", "ply", "fabric", "mesh"),
     "cli": (
         *("calibration", "plot", "cases", "io", "scenes", "solve.adaptive", "solve"),

@@ -106,6 +106,7 @@ HEAVY = (
     "msgspec",
     "tomli_w",
     "jinja2",
+    "shapely",
 )
 OPTIONAL_SOLVERS = ("cvxopt", "pypardiso")
 

@@ -1,0 +1,16 @@
+"""Names of the package that are imported on first use, because shapely is slow."""
+
+from importlib import import_module
+from typing import Any
+
+# Modules of the names.
+_MODULES = dict.fromkeys(
+    ("Outline", "fit_to_fibres", "mesh_outline", "singular_fibres"), "singular"
+)
+
+
+def __getattr__(name: str) -> Any:
+    """Object of the package by name."""
+    if name not in _MODULES:
+        raise AttributeError(f"module 'skfem_textile' has no attribute {name!r}")
+    return getattr(import_module(f".{_MODULES[name]}", __package__), name)

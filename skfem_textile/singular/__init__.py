@@ -1,0 +1,19 @@
+"""Outlines of plies, and fibres across which the shear angle may jump."""
+
+from .cells import CORNER
+from .fibres import SingularFibre, SingularFibres, singular_fibres
+from .fitting import FittedMesh, fit_to_fibres
+from .meshing import SINGULAR, mesh_outline
+from .outline import Outline
+
+__all__ = [
+    "CORNER",
+    "SINGULAR",
+    "FittedMesh",
+    "Outline",
+    "SingularFibre",
+    "SingularFibres",
+    "fit_to_fibres",
+    "mesh_outline",
+    "singular_fibres",
+]

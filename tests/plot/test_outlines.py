@@ -1,0 +1,62 @@
+"""Pictures of singular fibres."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import Condition, Fabric, Outline, singular_fibres
+
+pytest.importorskip("matplotlib")
+
+
+@pytest.fixture
+def case():
+    hole = [[40, 60, 60, 40], [90, 90, 110, 110]]
+    region = {"r": [[0, 100, 100, 0], [140, 140, 200, 200]]}
+    points = {"stitch": (20, 50)}
+    square = [[0, 100, 100, 0], [0, 0, 200, 200]]
+    outline = Outline(square, [hole], points=points, regions=region)
+    fabric = Fabric(1e5, 0.5, warp=(1, 1.1), weft=(-1, 1))
+    held = {"fixed": Condition("bottom"), "pulled": Condition("top", (0, 20))}
+    return outline, singular_fibres(outline, fabric, held, finest=5.0)
+
+
+def test_every_line_is_drawn_with_the_style_of_its_kind(case, tmp_path):
+    from skfem_textile import plot
+
+    outline, lines = case
+    figure = plot.singular_fibres(outline, lines, tmp_path / "a.png")
+    (axes,) = figure.axes
+    drawn = [line for line in axes.lines if len(line.get_xdata()) > 1]
+    style = {}
+    for kind, of_kind in {
+        "warp": [f.points for f in lines.fibres if f.family == 0],
+        "weft": [f.points for f in lines.fibres if f.family == 1],
+        "weak": [f.points for f in lines.weak],
+        "border": lines.borders,
+        "held": lines.held,
+    }.items():
+        assert of_kind
+        looks = set()
+        for points in of_kind:
+            matching = [
+                line
+                for line in drawn
+                if np.shape(line.get_data()) == points.shape
+                and np.allclose(line.get_data(), points)
+            ]
+            assert matching
+            looks |= {(line.get_linestyle(), line.get_linewidth()) for line in matching}
+        (style[kind],) = looks
+    assert len(drawn) == len(lines.fibres + lines.weak + lines.borders + lines.held)
+    assert len(set(style.values())) == 5  # also in grey
+    assert len(axes.lines) == len(drawn) + 1  # the stitch
+    assert (tmp_path / "a.png").stat().st_size > 1000
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert len(labels) == 5
+
+
+def test_a_picture_needs_a_known_suffix(case, tmp_path):
+    from skfem_textile import plot
+
+    with pytest.raises(ValueError, match=r"name it a\.png"):
+        plot.singular_fibres(*case, tmp_path / "a.gif")

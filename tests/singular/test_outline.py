@@ -1,0 +1,213 @@
+"""Outlines: names, points, regions, files, and what is refused."""
+
+import numpy as np
+import pytest
+import shapely
+from skfem import MeshQuad, MeshTri
+
+from skfem_textile import Outline
+from skfem_textile.mesh.checks import with_edges
+from skfem_textile.mesh.selection import with_named_nodes
+
+SQUARE = np.array([[0.0, 100, 100, 0], [0, 0, 100, 100]])
+
+
+def at(x, y, side=10.0):
+    """Corners of a small square."""
+    return side / 100 * SQUARE + np.array([[x], [y]])
+
+
+def circle(n, radius=20.0, centre=(50.0, 50.0)):
+    t = 2 * np.pi * np.arange(n) / n
+    return np.array(centre)[:, None] + radius * np.stack([np.cos(t), np.sin(t)])
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_rings_are_oriented_and_names_follow_their_edges(reverse):
+    order = slice(None, None, -1 if reverse else 1)
+    square, hole = SQUARE[:, order], at(40, 40)[:, order]
+    # The edge at the bottom of the square, and the one on the right of the hole.
+    bottom, right = (2, 1) if reverse else (0, 1)
+    names = {"clamp": [bottom], "hook": (1, [right])}
+    outline = Outline(square, [hole], names)
+    assert shapely.Polygon(outline.polygon.T).exterior.is_ccw
+    assert not shapely.Polygon(outline.holes[0].T).exterior.is_ccw
+    start, end = outline.edges()
+    middle = (start + end) / 2
+    for name, place in {
+        "clamp": (50, 0),
+        "bottom": (50, 0),
+        "right": (100, 50),
+        "top": (50, 100),
+        "left": (0, 50),
+        "hook": (50, 45),
+    }.items():
+        assert middle[:, outline.boundaries[name]].T.tolist() == [list(place)]
+    assert outline.boundaries["hole"].tolist() == [False] * 4 + [True] * 4
+    assert sorted(outline.edge_names[0]) == ["clamp", "left", "right", "top"]
+    assert sorted(outline.edge_names[1]) == ["hole"] * 3 + ["hook"]
+    assert outline.shape().area == 9900
+
+
+def test_only_edges_on_the_bounding_box_have_the_names_of_sides():
+    outline = Outline([[0, 60, 100, 100, 0], [0, 0, 40, 100, 100]])
+    assert outline.edge_names == [["bottom", "", "right", "top", "left"]]
+    two = Outline(SQUARE, [at(20, 20), at(60, 60)])
+    assert two.edge_names[1:] == [["hole 1"] * 4, ["hole 2"] * 4]
+
+
+@pytest.mark.parametrize("mesh", [MeshTri().refined(3), MeshQuad().refined(3)])
+def test_the_boundary_of_a_mesh(mesh):
+    mesh = with_edges(mesh.scaled(80.0))
+    pulled = mesh.facets_satisfying(lambda x: (x[1] == 0) & (x[0] > 39))
+    outline = Outline.of_mesh(mesh.with_boundaries({"pulled": pulled}))
+    assert outline.polygon.shape == (2, 5)
+    assert (outline.polygon == [[40], [0]]).all(axis=0).any()
+    assert outline.boundaries["bottom"].sum() == 2
+    assert outline.boundaries["pulled"].sum() == 1
+    assert outline.shape().area == pytest.approx(6400)
+
+
+def test_the_boundary_of_a_mesh_with_a_hole():
+    mesh = MeshQuad().refined(3)
+    x = mesh.p[:, mesh.t].mean(axis=1)
+    mesh = mesh.remove_elements(np.flatnonzero((np.abs(x - 0.5) < 0.25).all(axis=0)))
+    outline = Outline.of_mesh(mesh)
+    assert [ring.shape for ring in outline.rings] == [(2, 4), (2, 4)]
+    assert outline.shape().area == 0.75
+
+
+def test_single_named_nodes_of_a_mesh_are_points():
+    mesh = MeshTri().refined(2)
+    node = np.flatnonzero((mesh.p == [[0.5], [0.25]]).all(axis=0))
+    mesh = with_named_nodes(mesh, {"stitch": node, "row": np.arange(3)})
+    points = Outline.of_mesh(mesh).points
+    assert {name: x.tolist() for name, x in points.items()} == {"stitch": [0.5, 0.25]}
+
+
+def test_the_boundary_of_a_mesh_in_parts_that_touch_is_refused():
+    mesh = MeshQuad().refined(1)
+    with pytest.raises(ValueError, match=r"4 line\(s\) end at \(0.5, 0.5\)"):
+        Outline.of_mesh(mesh.restrict(np.array([0, 2])))
+
+
+BAD = {
+    "crosses": ({"polygon": [[0, 1, 1, 0], [0, 1, 0, 1]]}, r"itself at \(0.5, 0.5\)"),
+    "touches itself": (
+        {"polygon": [[0, 2, 2, 1, 0], [0, 0, 2, 0, 2]]},
+        r"touches itself at \(1, 0\)",
+    ),
+    "no area": ({"polygon": [[0, 1, 2], [0, 1, 2]]}, r"no area, at \(0, 0\)"),
+    "coincident": ({"polygon": [[0, 1, 1, 0], [0, 0, 0, 1]]}, r"corners at \(1, 0\)"),
+    "not finite": ({"polygon": [[0, 1, np.nan], [0, 0, 1]]}, "corner 2 is not finite"),
+    "huge": ({"polygon": [[0, 1e200, 0], [0, 0, 1]]}, "corner 1 is not finite, or too"),
+    "shape": ({"polygon": [[0, 1], [0, 0]]}, r"n >= 3, not \(2, 2\)"),
+    "text": ({"polygon": [["a"], ["b"]]}, "must be real-valued"),
+    "hole outside": ({"holes": [at(200, 0)]}, r"outside .* near \(200, 10\)"),
+    "hole around": ({"holes": [at(-10, -10, 200)]}, "hole lies outside"),
+    "hole across": ({"holes": [at(95, 50)]}, "hole touches or crosses the outer"),
+    "hole at a corner": (
+        {"holes": [[[100, 80, 90], [50, 45, 60]]]},
+        r"hole touches or crosses the outer polygon at \(100, 50\)",
+    ),
+    "holes touch": (
+        {"holes": [at(20, 20), at(30, 30)]},
+        r"hole 1 and hole 2 touch or overlap at \(30, 30\)",
+    ),
+    "hole in hole": ({"holes": [at(20, 20, 40), at(30, 30)]}, "hole 1 and hole 2"),
+    "unknown edge": ({"names": {"a": [4]}}, r"ring 0 has the edges 0 to 3, got \[4\]"),
+    "unknown ring": ({"names": {"a": (1, [0])}}, "there is no ring 1"),
+    "not edges": ({"names": {"a": "bottom"}}, "edges 'a' must be numbers of edges"),
+    "fractions": ({"names": {"a": [0.5]}}, "edges 'a' must be numbers of edges"),
+    "no edges": ({"names": {"a": []}}, "ring 0 has the edges 0 to 3"),
+    "point outside": ({"points": {"a": (101, 0)}}, r"point 'a' at \(101, 0\) lies out"),
+    "point in hole": (
+        {"holes": [at(40, 40)], "points": {"a": (45, 45)}},
+        "point 'a' .* lies outside",
+    ),
+    "no point": ({"points": {"a": 3.0}}, r"finite pair \(x, y\)"),
+    "region outside": ({"regions": {"a": at(100, 0)}}, "region 'a' .* lies outside"),
+    "regions overlap": (
+        {"regions": {"a": at(20, 20), "b": at(25, 25)}},
+        r"regions 'a' and 'b' overlap near \(",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_outlines_are_refused_in_one_line(name):
+    given, message = BAD[name]
+    with pytest.raises(ValueError, match=message) as error:
+        Outline(**{"polygon": SQUARE, **given})
+    assert "\n" not in str(error.value)
+
+
+# Files
+
+
+def test_svg_shapes_paths_and_transforms(tmp_path):
+    """A plate of 100 mm by 80 mm with a round corner, a slot and a round hole."""
+    (tmp_path / "plate.svg").write_text(
+        """<svg xmlns="http://www.w3.org/2000/svg" width="20cm" viewBox="0 0 100 100">
+        <path id="lower" d="M 0 40 h40 a10,10 0 0010-10"/>
+        <g transform="translate(5 0)"><polyline points="45,30 45,0 -5,0"/></g>
+        <path d="M0,0V40"/>
+        <circle cx="10" cy="10" r="5"/>
+        <path d="M20 20 L 30 20 Q 35 20 35 25 T 30 30 L 20 30 Z"/>
+        <text x="3">note</text></svg>"""
+    )
+    outline = Outline.from_svg(tmp_path / "plate.svg", tolerance=1e-3)
+    assert outline.polygon.min(axis=1).tolist() == [0, -80]
+    assert outline.polygon.max(axis=1).tolist() == [100, 0]
+    plate = 100 * 80 - 20**2 * (1 - np.pi / 4)
+    # The parabola with corners (30, 20), (35, 25) and control point (35, 20) cuts off
+    # a sixth of the square of its controls.
+    slot = 4 * (15 * 10 - 2 * 25 / 6)
+    assert outline.shape().area == pytest.approx(plate - np.pi * 10**2 - slot, abs=0.2)
+    assert "lower" in outline.boundaries
+    assert outline.boundaries["lower"].sum() > 10
+    gap = np.hypot(*(outline.polygon - [[80], [-60]]))  # about the round corner
+    at_corner = (outline.polygon[0] > 80.001) & (outline.polygon[1] < -60.001)
+    assert gap[at_corner] == pytest.approx(20, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("<svg><path d='M0 0 L1 0 L1 1 L0 .5'/></svg>", r"1 line\(s\) end at"),
+        ("<svg><path d='M0 0 B1 0'/></svg>", "the path is not valid near 'B1 0'"),
+        ("<svg><path d='M0 0 L1'/></svg>", "the path is not valid near 'L'"),
+        ("<svg></svg>", "has no lines"),
+        ("<html/>", "is not an SVG file"),
+        ("<svg", "ParseError"),
+        ("<svg><g transform='skewX(3)'/></svg>", r"transform 'skewX\(3\)' is not"),
+    ],
+)
+def test_bad_svg_files_are_refused_in_one_line(tmp_path, content, message):
+    (tmp_path / "a.svg").write_text(content)
+    with pytest.raises(ValueError, match=message) as error:
+        Outline.from_svg(tmp_path / "a.svg")
+    assert "\n" not in str(error.value)
+
+
+def test_dxf_lines_arcs_and_polylines(tmp_path):
+    ezdxf = pytest.importorskip("ezdxf")
+    file = ezdxf.new("R2010", units=5)  # cm
+    model = file.modelspace()
+    model.add_line((0, 0), (10, 0), dxfattribs={"layer": "clamp"})
+    model.add_lwpolyline([(10, 0), (10, 8), (0, 8, 0, 0, -0.5), (0, 0)])
+    model.add_circle((5, 4), 2)
+    model.add_text("not an outline")
+    file.saveas(tmp_path / "a.dxf")
+    outline = Outline.from_dxf(tmp_path / "a.dxf", 1e-3, points={"pin": (10, 10)})
+    assert outline.edge_names[0][:4] == ["clamp", "right", "top", ""]
+    bulge = 4 * np.arctan(0.5)  # angle of an arc over a chord of 80 mm
+    cut = (40 / np.sin(bulge / 2)) ** 2 * (bulge - np.sin(bulge)) / 2
+    area = 8000 - np.pi * 400 - cut  # the arc runs inside
+    assert outline.shape().area == pytest.approx(area, abs=0.2)
+    assert outline.points["pin"].tolist() == [10, 10]
+    (tmp_path / "b.dxf").write_text("nothing")
+    with pytest.raises(ValueError, match=r"b\.dxf"):
+        Outline.from_dxf(tmp_path / "b.dxf")
+    with pytest.raises(ValueError, match="tolerance must be positive"):
+        Outline.from_dxf(tmp_path / "a.dxf", tolerance=0.0)
