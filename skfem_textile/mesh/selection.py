@@ -12,6 +12,9 @@ from skfem import CellBasis, Mesh, MeshQuad, MeshTri
 from .bases import node_positions
 from .user_input import call_user_function
 
+#: Name of the interior edges of a mesh along fibres at which the shear angle may jump.
+SINGULAR = "singular fibres"
+
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
 

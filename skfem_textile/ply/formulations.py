@@ -24,6 +24,7 @@ from ..mesh.bases import (
     triangle_basis,
 )
 from ..mesh.checks import MeshError, check_mesh
+from ..mesh.selection import SINGULAR
 from ..mesh.splitting import SplitMesh, cut, split, was_split
 from .kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
 from .kernels.out_of_plane import OutOfPlaneKernel
@@ -76,18 +77,36 @@ class Quadrilaterals(Pointwise):
         return quad_basis(mesh, self.rule, dimension)
 
 
+# Factor of `layer_stiffness`.  Calibrated with bias extensions at 35°, 45° and 55°: it
+# changes the load by 1 % if it changes by a third.
+_ON_SINGULAR = 4.0
+
+
 def mean_tension_term(
-    fabric: Fabric, deviation: float | ndarray, basis: MeanBasis
+    fabric: Fabric, deviation: float | ndarray, basis: MeanBasis, parent: ndarray
 ) -> TensionTerm:
-    """Fibre tension term whose full stiffness acts on mean stretches only."""
+    """Fibre tension term whose full stiffness acts on mean stretches only.
+
+    ``parent`` is the element of the basis that contains each element of the mesh.
+    """
+    layer, area = np.zeros((basis.nelems, 1)), basis.dx.sum(axis=1, keepdims=True)
+    on = parent[at_singular_fibres(basis.mesh)]
+    layer[on] = _ON_SINGULAR * np.sqrt(area.sum() / area[on])
     return TensionTerm(
         "tension",
         forms.mean_tension(fabric),
         basis,
         MeanTensionKernel(fabric),
-        parameters=HeldDeviation(fabric, deviation, basis),
+        parameters=HeldDeviation(fabric, deviation, basis, layer),
         of_means=Values({"E_d": np.zeros((2, basis.nelems, 1))}),
     )
+
+
+def at_singular_fibres(mesh: Mesh) -> ndarray:
+    """Numbers of the elements with an edge on a singular fibre."""
+    edges = np.asarray((mesh.boundaries or {}).get(SINGULAR, ()), dtype=int)
+    elements = np.unique(mesh.f2t[:, edges])
+    return elements[elements >= 0]
 
 
 def refuse_stiffness(name: str, value: float | str, also: str = "") -> None:
@@ -371,7 +390,7 @@ class Macro(Quadrilaterals):
         of_triangles, of_quadrilaterals = self.deviation
         four = (macro.parts >= 0).sum(axis=1) == 4
         deviation = np.where(four, of_quadrilaterals, of_triangles)
-        return mean_tension_term(fabric, deviation[:, None], macro)
+        return mean_tension_term(fabric, deviation[:, None], macro, mesh.parent)
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """Hourglass terms; empty if C_s is zero."""
@@ -444,7 +463,8 @@ class Quadratic(Pointwise):
             dofs=basis.dofs,
             quadrature=basis.quadrature,
         )
-        return mean_tension_term(fabric, self.deviation, means)
+        every = np.arange(means.nelems)
+        return mean_tension_term(fabric, self.deviation, means, every)
 
 
 #: Default formulation.

@@ -3,7 +3,7 @@
 C_s acts on the non-constant shear of an element, and E_d on deviations of the stretches
 from their mean.  Neither is a property of the fabric: they are just large enough to
 suppress mechanisms of the element.  Both are derived from the local constitutive
-response, without an element size.
+response, without an element size, except E_d at singular fibres (`layer_stiffness`).
 """
 
 from collections.abc import Callable, Mapping
@@ -202,6 +202,26 @@ def deviation_stiffness(
     return (1.0 - without_shear) * in_series + without_shear * _E_D_OF_FIBRES * E
 
 
+def layer_stiffness(length: ndarray, G: ndarray, E: ndarray) -> ndarray:
+    """E_d in N/mm of elements with an edge on a singular fibre, in series with E.
+
+    ``√(G E)`` times a length relative to the size of the element.  The force N of the
+    fibre spreads over a layer of the width ``L √(G/E)`` along a length L, and stretches
+    it by ``N/√(G E)``.  In elements of the size h, which are wider, it stretches them
+    by ``N L/(E_d h)``.
+
+    Parameters
+    ----------
+    length
+        L/h, times a calibrated factor.
+    G, E
+        See `deviation_stiffness`.
+    """
+    resistance = length * np.sqrt(G * E)
+    both = resistance + E
+    return resistance / np.where(both > 0, both, 1.0) * E
+
+
 def effective_tension(G: ndarray, E: ndarray, T: ndarray) -> ndarray:
     """``τ = |T|/(1 + 80 √(G/E))`` in N/mm.
 
@@ -362,18 +382,27 @@ class HeldDeviation(HeldStiffness):
         (n_elements, 1).
     basis
         The `MeanBasis` of the forms.
+    layer
+        L/h of `layer_stiffness` in elements with an edge on a singular fibre, shape
+        (n_elements, 1); zero in others.
     """
 
     name, of_shear = "E_d", further_shear_stiffness
 
     def __init__(
-        self, fabric: Fabric, multiple: float | ndarray, basis: MeanBasis
+        self,
+        fabric: Fabric,
+        multiple: float | ndarray,
+        basis: MeanBasis,
+        layer: ndarray,
     ) -> None:
-        self._multiple = multiple
+        self._multiple, self._layer = multiple, layer
         super().__init__(fabric, basis)
 
     def _of(self, state: ElementState) -> ndarray:
-        return deviation_stiffness(self._multiple, state.G, state.E, state.T)
+        elsewhere = deviation_stiffness(self._multiple, state.G, state.E, state.T)
+        on = layer_stiffness(self._layer, state.G, state.E)
+        return np.where(self._layer > 0, on, elsewhere)
 
 
 class AccumulatedMoment(TermParameters):

@@ -1,0 +1,199 @@
+"""Meshes of an outline whose edges follow the singular fibres."""
+
+from bisect import bisect_left
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy import ndarray
+from skfem import Mesh, MeshTri
+
+from ..fabric import Fabric
+from ..mesh.scikit_fem import with_names
+from ..mesh.selection import SINGULAR, edge_numbers, with_named_nodes
+from ..solve.conditions import Conditions
+from .fibres import SingularFibre, SingularFibres, singular_fibres
+from .net import Lines, graded, net
+from .outline import NEAR, Outline
+from .triangles import triangles
+
+#: Name of the elements outside of the regions of an outline.
+REST = "rest"
+
+# Default size of triangles relative to √area.
+_SIZE = 1 / 16
+
+#: Least distance of reflections relative to the size of triangles.  Chosen: closer
+#: lines would require smaller elements.
+FINEST = 0.25
+
+# Relative error of the load aimed at by default.
+_AIM = 0.005
+
+# Largest distance of lines relative to √area, and its growth from line to line away
+# from singular fibres.  Chosen: `python -m studies singular_fibres --case "chosen *"`.
+_LARGEST, _GROWTH = 0.15, 2.0
+
+# Distance from other lines, relative to the largest distance, below which a weak line
+# is left out.  Chosen with the same cases.
+_WEAK = 0.5
+
+
+def mesh_outline(
+    outline: Outline,
+    fabric: Fabric,
+    conditions: Conditions | None = None,
+    loads: Iterable[Any] = (),
+    *,
+    fabrics: Mapping[str, Fabric] | None = None,
+    density: float = 1.0,
+    size: float | None = None,
+) -> Mesh:
+    """Triangles whose edges follow the fibres across which the shear angle may jump.
+
+    Parameters
+    ----------
+    outline, fabric, conditions, loads, fabrics
+        See `singular_fibres`.
+    density
+        Factor of the number of lines; 2 halves the size of all elements.
+    size
+        Length of edges in mm, for irregular triangles of one size instead of a net.
+        Curved fibres and several fabrics have no net; by default √area/16 over the
+        density.
+
+    Returns
+    -------
+    Mesh
+        A `skfem.MeshTri` with the names of the edges and points of the outline.  Its
+        interior edges on singular fibres are named `SINGULAR`.  Regions of the outline
+        are subdomains, and `REST` is what is outside of them.
+
+    Raises
+    ------
+    ValueError
+        See `singular_fibres`; also if the density or size is not positive.
+    """
+    for name, value in (("density", density), ("size", size)):
+        if value is not None and not 0 < value < np.inf:
+            raise ValueError(f"the {name} must be positive and finite, got {value}")
+    curved = any(callable(family.direction) for family in fabric.families)
+    if size is not None or curved or fabrics or outline.regions:
+        if size is None:
+            size = _SIZE * float(np.sqrt(outline.shape().area)) / density
+        lines = singular_fibres(
+            outline, fabric, conditions, loads, fabrics=fabrics, finest=FINEST * size
+        )
+        return irregular(outline, lines, size)
+    lines = singular_fibres(outline, fabric, conditions, loads, fabrics=fabrics)
+    largest = _LARGEST * np.sqrt(outline.shape().area)
+    A = np.hstack(fabric.directions(np.zeros((2, 1, 1))))[:, :, 0]
+    to_fibres = np.linalg.inv(A)
+    corners = to_fibres @ np.hstack(outline.rings)
+    a, b = (
+        _lines(lines, 1 - axis, to_fibres[axis], corners[axis], largest, density)
+        for axis in range(2)
+    )
+    p, t = net(outline.shape(), A, a, b)
+    return _named(MeshTri(p, t), outline, lines.fibres)
+
+
+def irregular(
+    outline: Outline, lines: SingularFibres, size: float, turn: float = 0.0
+) -> Mesh:
+    """Irregular triangles of a size with singular fibres and borders as edges.
+
+    ``turn`` is the direction of the rows of nodes, see `triangles`.
+    """
+    along = [*lines.borders, *(f.points for f in lines.fibres)]
+    fixed = np.array([*_ends_of_names(outline), *outline.points.values()])
+    found = triangles(outline.shape(), along, size, fixed.reshape(-1, 2).T, turn)
+    mesh = _named(MeshTri(found.points, found.triangles), outline, [])
+    boundaries, subdomains = dict(mesh.boundaries or {}), {}
+    singular = found.edges[:, found.line >= len(lines.borders)]
+    if singular.size:
+        boundaries[SINGULAR] = edge_numbers(mesh.facets, singular)
+    if outline.regions:
+        centre = shapely.points(mesh.p[:, mesh.t].mean(axis=1).T)
+        rest = np.ones(mesh.nelements, dtype=bool)
+        for name, corners in outline.regions.items():
+            within = shapely.contains(shapely.Polygon(corners.T), centre)
+            subdomains[name], rest = np.flatnonzero(within), rest & ~within
+        if rest.any():
+            subdomains.setdefault(REST, np.flatnonzero(rest))
+    return with_names(mesh, boundaries, subdomains or None)
+
+
+def _ends_of_names(outline: Outline) -> list[ndarray]:
+    """Corners of an outline at which the names of edges change, each of shape (2,)."""
+    start, _ = outline.edges()
+    ends, first = [], 0
+    for ring in outline.rings:
+        own = slice(first, first + ring.shape[1])
+        first = own.stop
+        names = np.array([on[own] for on in outline.boundaries.values()])
+        changes = (names != np.roll(names, 1, axis=1)).any(axis=0)
+        ends += list(start[:, own][:, changes].T)
+    return ends
+
+
+def _lines(
+    lines: SingularFibres,
+    family: int,
+    to_fibres: ndarray,
+    corners: ndarray,
+    largest: float,
+    density: float,
+) -> Lines:
+    """Lines of a family: the coordinate across it, in ascending order."""
+
+    def across(fibres: list[SingularFibre]) -> ndarray:
+        return np.array(
+            [(to_fibres @ f.points[:, :1])[0] for f in fibres if f.family == family]
+        )
+
+    ends = np.array([corners.min(), corners.max()])
+    near = NEAR * np.ptp(ends)
+    strong = np.unique(across(lines.fibres))
+    strong = strong[np.diff(strong, prepend=-np.inf) > near]
+    keys, is_strong = strong.tolist(), [True] * len(strong)
+    least = _WEAK * largest
+    for x, apart in [(x, near) for x in ends] + [
+        (x, least) for x in across(lines.weak)
+    ]:
+        i = bisect_left(keys, x)
+        if all(abs(k - x) > apart for k in keys[max(i - 1, 0) : i + 1]):
+            keys.insert(i, x)
+            is_strong.insert(i, False)
+    # A layer of the width w changes the load by a share w/L, of which elements of the
+    # size h miss about (h/w)² if they are of second order.
+    finest = np.sqrt(_AIM * lines.width * largest / _LARGEST)
+    at = graded(np.array(keys), np.array(is_strong), finest, largest, _GROWTH, density)
+    return Lines(at, np.isin(at, strong))
+
+
+def _named(mesh: Mesh, outline: Outline, fibres: list[SingularFibre]) -> Mesh:
+    """The mesh with the names of the outline, and of edges on singular fibres."""
+    start, end = outline.edges()
+    edges = shapely.linestrings(np.stack([start.T, end.T], axis=1))
+    boundary = mesh.boundary_facets()
+    middle = mesh.p[:, mesh.facets].mean(axis=1)
+    _, edge = shapely.STRtree(edges).query_nearest(
+        shapely.points(middle[:, boundary].T), all_matches=False
+    )
+    names = {name: boundary[on[edge]] for name, on in outline.boundaries.items()}
+    if fibres:
+        lines = shapely.MultiLineString([f.points.T for f in fibres])
+        shapely.prepare(lines)
+        near = 100 * NEAR * outline.size
+        ends = shapely.dwithin(lines, shapely.points(mesh.p.T), near)
+        on = ends[mesh.facets].all(axis=0) & (mesh.f2t[1] >= 0)
+        on[on] = shapely.dwithin(lines, shapely.points(middle[:, on].T), near)
+        names[SINGULAR] = np.flatnonzero(on)
+    mesh = with_names(mesh, {n: e for n, e in names.items() if len(e)}, None)
+    nodes = {
+        name: np.array([np.hypot(*(mesh.p - x[:, None])).argmin()])
+        for name, x in outline.points.items()
+    }
+    return with_named_nodes(mesh, nodes)

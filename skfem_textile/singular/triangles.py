@@ -1,0 +1,652 @@
+"""Triangles of a polygon with holes that have given lines as edges.
+
+Lines are divided into segments of the size of the elements, a lattice fills the
+polygon, and a Delaunay refinement (Ruppert 1995) improves the angles: segments with a
+node in their circle are halved, and circumcentres of poor triangles become nodes. At
+small angles between lines, segments are divided on circles around the common corner.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy import ndarray
+from scipy.sparse import csr_matrix
+from scipy.spatial import Delaunay, KDTree
+
+from .cells import CORNER
+from .outline import place
+
+# Distance relative to the extent below which points coincide.  Chosen: far above the
+# error of curved fibres on the outline (1e-9).
+_NEAR = 1e-8
+
+# Lines that run within a distance of others or the outline for more than a multiple of
+# it are left out there: distances relative to the size, and multiples.  They have an
+# angle of less than 10 degrees with another line and 3 degrees with the outline.
+_BESIDE_LINE, _OF_LINE = (0.2, 0.05, 0.0125), 6.0
+_BESIDE_OUTLINE, _OF_OUTLINE = (0.05, 0.0125, 0.003), 20.0
+
+# Length relative to the size by which lines end before a part that is left out.
+_TRIMMED = 0.2
+
+# Share of the size below which lines between crossings are collapsed.  Chosen: it moves
+# a line by a small part of an element.
+_COLLAPSED = 0.05
+
+# Corners are kept if the turn in radians times the shorter side exceeds this share of
+# the size.  Chosen: a smaller one moves the line by a fortieth of an element.
+_KEPT = 0.1
+
+# Smallest angle in degrees that refinement aims at.  Ruppert's proof holds up to 20.7;
+# in practice it ends up to 33.
+_AIM = 25.0
+
+# Circumradius of a triangle relative to the size above which it is divided; 0.577 for
+# an equilateral triangle of this size.
+_LARGEST = 0.8
+
+# Distance of points of the lattice to segments, relative to the size.  Chosen: below
+# the height of an equilateral triangle, 0.87.
+_CLEARANCE = 0.6
+
+# Angle in degrees between lines below which their segments are divided on circles.
+_ACUTE = 61.0
+
+# Turn in radians of a line over the size of elements above which its edges have half
+# the size: their angle with the line would stretch the fibres.
+_BENT = 0.01
+
+# Rounds of smoothing, and most rounds of refinement.
+_SMOOTHING, _MOST_ROUNDS = 6, 200
+
+# Length of edges relative to the size below which triangles are left as they are.
+_FINEST = 1e-4
+
+
+class Triangulation(NamedTuple):
+    """Triangles of a polygon.
+
+    Attributes
+    ----------
+    points
+        Nodes, shape (2, n).
+    triangles
+        Node numbers, anticlockwise, shape (3, n).
+    edges
+        Nodes of the edges on the outline and on lines, shape (2, n).
+    line
+        Number of the line of each of them; −1 on the outline.
+    """
+
+    points: ndarray
+    triangles: ndarray
+    edges: ndarray
+    line: ndarray
+
+
+def triangles(
+    shape: shapely.Polygon,
+    lines: Sequence[ndarray],
+    size: float,
+    fixed: ndarray | None = None,
+    turn: float = 0.0,
+) -> Triangulation:
+    """Triangles of a polygon with holes that have given lines as edges.
+
+    Parameters
+    ----------
+    shape
+        The polygon.  Its corners are nodes, except where many short sides approximate a
+        curve.
+    lines
+        Polylines within the polygon, shape (2, n).  They may cross and touch.  Where
+        one runs beside an earlier one or the outline, it is left out.
+    size
+        Length of edges in mm; half of it along curved lines.
+    fixed
+        Points that become nodes, on the outline or on lines, shape (2, n).
+    turn
+        Direction of the rows of nodes in radians.
+
+    Raises
+    ------
+    ValueError
+        If the size is not positive or too small, or there is no such mesh.
+
+    Examples
+    --------
+    >>> square = shapely.box(0, 0, 100, 100)
+    >>> mesh = triangles(square, [np.array([[0, 100], [0, 50]])], 10)
+    >>> mesh.points.shape[1] < 180, bool((mesh.line == 0).sum() >= 11)
+    (True, True)
+    """
+    if not (np.isfinite(size) and size > 0):
+        raise ValueError(f"size must be a positive number, got {size}")
+    if (n := shape.area / size**2) > _MOST:
+        raise ValueError(f"size {size:g} mm would give about {2.3 * n:.0f} triangles")
+    points = np.empty((2, 0)) if fixed is None else fixed
+    chains = _chains(shape, *_without_doubles(shape, lines, size), size, points)
+    p, segments = _divided(*chains, size)
+    return _Refinement(p, segments, size, turn).run()
+
+
+# Largest area over size².
+_MOST = 1e6
+
+
+@dataclass(eq=False)
+class _Chain:
+    """Line between two nodes, shape (n, 2), its ends, and the number of its line."""
+
+    x: ndarray
+    ends: tuple[int, int]
+    line: int
+
+    @property
+    def length(self) -> float:
+        return float(np.linalg.norm(np.diff(self.x, axis=0), axis=1).sum())
+
+    @property
+    def turn(self) -> float:
+        u = np.diff(self.x, axis=0)
+        u /= np.linalg.norm(u, axis=1)[:, None]
+        return float(np.arccos(np.clip((u[1:] * u[:-1]).sum(axis=1), -1, 1)).sum())
+
+
+def _without_doubles(
+    shape: shapely.Polygon, lines: Sequence[ndarray], size: float
+) -> tuple[list[shapely.LineString], list[int]]:
+    """Parts of lines that do not run beside earlier ones, and the line of each."""
+    left = [shapely.linestrings(line.T) for line in lines]
+    tree = shapely.STRtree(left)
+    for share in _BESIDE_OUTLINE:
+        beside = shape.boundary.buffer(share * size, quad_segs=4)
+        for i in tree.query(beside, "intersects"):
+            left[i] = _without(left[i], beside, _OF_OUTLINE * share * size, size)
+    pairs = tree.query(tree.geometries, "dwithin", _BESIDE_LINE[0] * size)
+    near: dict[int, list[Any]] = {}
+    for i, j in sorted(pairs.T.tolist()):
+        if j >= i:
+            continue
+        if j not in near:
+            near[j] = [left[j].buffer(d * size, quad_segs=4) for d in _BESIDE_LINE]
+        for share, beside in zip(_BESIDE_LINE, near[j], strict=True):
+            left[i] = _without(left[i], beside, _OF_LINE * share * size, size)
+    parts, number = shapely.get_parts(left, return_index=True)
+    lengthy = shapely.length(parts) > 0
+    return parts[lengthy].tolist(), number[lengthy].tolist()
+
+
+def _without(line: Any, beside: shapely.Geometry, length: float, size: float) -> Any:
+    """A line without its parts within a polygon that are longer than a length."""
+    parts = shapely.get_parts(shapely.intersection(line, beside))
+    long = parts[shapely.length(parts) > length]
+    if not long.size:
+        return line
+    cut = shapely.union_all(shapely.buffer(long, _TRIMMED * size, quad_segs=4))
+    return shapely.difference(line, cut)
+
+
+def _chains(
+    shape: shapely.Polygon,
+    given: list[shapely.LineString],
+    number_of_line: list[int],
+    size: float,
+    fixed: ndarray,
+) -> tuple[ndarray, list[_Chain]]:
+    """Nodes at crossings and corners, shape (n, 2), and the chains between them."""
+    x0, y0, x1, y1 = shape.bounds
+    near = _NEAR * float(np.hypot(x1 - x0, y1 - y0))
+    boundary = shape.boundary
+    noded = shapely.get_parts(shapely.union_all([boundary, *given], grid_size=near))
+    x, of = shapely.get_coordinates(noded, return_index=True)
+    x, number = np.unique(x, axis=0, return_inverse=True)
+    same = np.diff(of) == 0
+    ends = np.stack([number[:-1][same], number[1:][same]])
+    ends = np.unique(np.sort(ends, axis=0), axis=1)
+    middle = shapely.points(x[ends].mean(axis=0))
+    line = np.full(ends.shape[1], -1)
+    inside = ~shapely.dwithin(boundary, middle, 10 * near)
+    if given:
+        _, nearest = shapely.STRtree(given).query_nearest(middle, all_matches=False)
+        line[inside] = np.array(number_of_line)[nearest[inside]]
+    used = ~inside | shapely.contains(shape, middle)
+    ends, line = ends[:, used], line[used]
+    exact = np.hstack([shapely.get_coordinates(boundary).T, fixed]).T
+    distance, at = KDTree(x).query(exact)
+    x[at[distance <= 4 * near]] = exact[distance <= 4 * near]
+    distance, at = KDTree(x).query(fixed.T) if fixed.size else (np.empty(0), [])
+    kept = np.zeros(len(x), dtype=bool)
+    kept[np.asarray(at, dtype=int)[distance <= 4 * near]] = True
+    return _joined(x, ends, line, kept, size)
+
+
+def _joined(
+    x: ndarray, ends: ndarray, line: ndarray, kept: ndarray, size: float
+) -> tuple[ndarray, list[_Chain]]:
+    """Chains of sides between nodes where lines meet or have a corner."""
+    around: list[list[int]] = [[] for _ in x]
+    for i, (a, b) in enumerate(ends.T.tolist()):
+        around[a].append(i)
+        around[b].append(i)
+    node, rank = kept.copy(), np.where(kept, 2, 0)
+    for k, sides in enumerate(around):
+        on_outline = any(line[i] < 0 for i in sides)
+        if len(sides) != 2:
+            node[k] = bool(sides)
+            rank[k] = max(rank[k], on_outline)
+            continue
+        u, v = (x[ends[:, i].sum() - k] - x[k] for i in sides)
+        turn = np.pi - np.arccos(
+            np.clip(u @ v / (np.linalg.norm(u) * np.linalg.norm(v)), -1, 1)
+        )
+        shorter = min(np.linalg.norm(u), np.linalg.norm(v))
+        if turn > CORNER or turn * shorter > _KEPT * size:
+            node[k], rank[k] = True, 2
+        elif line[sides[0]] != line[sides[1]]:
+            node[k] = True
+    for k in np.flatnonzero(node).tolist():  # corners that meet lines
+        outline = [i for i in around[k] if line[i] < 0]
+        if len(outline) == 2:
+            u, v = (x[ends[:, i].sum() - k] - x[k] for i in outline)
+            across = abs(u[0] * v[1] - u[1] * v[0])
+            if across > 1e-6 * np.linalg.norm(u) * np.linalg.norm(v):
+                rank[k] = 2
+    chains, left = [], set(range(len(line)))
+
+    def walk(k: int, i: int) -> None:
+        path = [k]
+        while i in left:
+            left.remove(i)
+            k = int(ends[:, i].sum() - k)
+            path.append(k)
+            if node[k]:
+                break
+            i = next((j for j in around[k] if j in left), -1)
+        chains.append(_Chain(x[path], (path[0], path[-1]), int(line[i])))
+
+    for k in np.flatnonzero(node).tolist():
+        for i in around[k]:
+            if i in left:
+                walk(k, i)
+    while left:  # closed lines without corners
+        i = min(left)
+        node[ends[0, i]] = True
+        walk(int(ends[0, i]), i)
+    return x, _collapsed(x, chains, rank, size)
+
+
+def _collapsed(
+    x: ndarray, chains: list[_Chain], rank: ndarray, size: float
+) -> list[_Chain]:
+    """Chains without short ones, unless lines would cross then."""
+    root = np.arange(len(x))
+    short = [c for c in chains if c.length < _COLLAPSED * size]
+    for chain in sorted(short, key=lambda c: c.length):
+        a, b = sorted((root[k] for k in chain.ends), key=lambda k: -rank[k])
+        across = (
+            chain.line >= 0 and rank[b] > 0
+        )  # would cut a corner of the outline off
+        if rank[b] < 2 and not across:
+            root[root == b] = a
+    kept: dict[tuple[int, int], list[_Chain]] = {}
+    for chain in sorted(chains, key=lambda c: c.line >= 0):  # the outline first
+        a, b = (int(root[k]) for k in chain.ends)
+        if a == b and chain.ends[0] != chain.ends[1]:
+            continue
+        x_chain = np.vstack([x[a], chain.x[1:-1], x[b]])
+        others = kept.setdefault((min(a, b), max(a, b)), [])
+        line = shapely.linestrings(x_chain)
+        distances = [line.hausdorff_distance(shapely.linestrings(c.x)) for c in others]
+        if min(distances, default=np.inf) > 2 * _COLLAPSED * size:
+            others.append(_Chain(x_chain, (a, b), chain.line))
+    left = [chain for same in kept.values() for chain in same]
+    shapes = [shapely.linestrings(c.x) for c in left]
+    pairs = shapely.STRtree(shapes).query(shapes, predicate="crosses")
+    return chains if pairs.size else left
+
+
+@dataclass(eq=False)
+class _Segments:
+    """Segments between nodes, shape (n, 2), with the chain and line of each."""
+
+    ends: ndarray
+    chain: ndarray
+    line: ndarray
+    ends_of_chain: ndarray
+    acute: ndarray
+
+
+def _divided(
+    x: ndarray, chains: list[_Chain], size: float
+) -> tuple[ndarray, _Segments]:
+    """Nodes and segments of chains that are divided into parts of a size."""
+    ends_of_chain = np.array([c.ends for c in chains])
+    used, numbers = np.unique(ends_of_chain, return_inverse=True)
+    ends_of_chain = numbers.reshape(-1, 2)
+    bent = [c.line >= 0 and c.turn * size > _BENT * c.length for c in chains]
+    spacing = np.where(bent, size / 2, size)
+    least = spacing / 8
+    while True:
+        acute = _acute_corners(len(used), ends_of_chain, chains, spacing)
+        points, ends, of = [x[used]], [], []
+        n = len(used)
+        for i, chain in enumerate(chains):
+            inner = _along(chain, spacing[i], acute[ends_of_chain[i]], least[i])
+            k = np.arange(n, n + len(inner))
+            k = np.concatenate([ends_of_chain[i, :1], k, ends_of_chain[i, 1:]])
+            ends.append(np.stack([k[:-1], k[1:]], axis=1))
+            of.append(np.full(len(k) - 1, i))
+            points.append(inner)
+            n += len(inner)
+        p, s, c = np.concatenate(points), np.concatenate(ends), np.concatenate(of)
+        sides = shapely.linestrings(p[s])
+        i, j = shapely.STRtree(sides).query(sides, predicate="intersects")
+        apart = (s[i][:, :, None] != s[j][:, None]).all(axis=(1, 2))
+        crossing = np.unique(c[np.concatenate([i[apart], j[apart]])])
+        if not crossing.size:
+            break
+        if spacing[crossing].min() < _FINEST * size:
+            where = place(chains[crossing[0]].x[0])
+            raise ValueError(f"lines are too close to each other near {where}")
+        spacing[crossing] /= 2
+    line = np.array([chain.line for chain in chains])[c]
+    return p, _Segments(s, c, line, ends_of_chain, acute)
+
+
+def _acute_corners(
+    n: int, ends: ndarray, chains: list[_Chain], spacing: ndarray
+) -> ndarray:
+    """True for nodes at which chains meet at a small angle."""
+    directions: list[list[ndarray]] = [[] for _ in range(n)]
+    for i, (a, b) in enumerate(ends.tolist()):
+        x = chains[i].x
+        s = np.linalg.norm(np.diff(x, axis=0), axis=1)
+        s = np.concatenate([[0], np.cumsum(s)])
+        for node, at in ((a, 0.0), (b, s[-1])):
+            step = min(spacing[i], s[-1] / 2)
+            other = at + step if at == 0 else at - step
+            u = np.array([np.interp(other, s, xi) for xi in x.T])
+            u -= x[0] if at == 0 else x[-1]
+            directions[node].append(np.arctan2(u[1], u[0]))
+    acute = np.zeros(n, dtype=bool)
+    for k, angles in enumerate(directions):
+        if len(angles) > 1:
+            a = np.sort(angles)
+            gaps = np.diff(np.append(a, a[0] + 2 * np.pi))
+            acute[k] = gaps.min() < np.radians(_ACUTE)
+    return acute
+
+
+def _along(chain: _Chain, spacing: float, acute: ndarray, least: float) -> ndarray:
+    """Inner nodes of a chain, shape (n, 2)."""
+    x = chain.x
+    step = np.linalg.norm(np.diff(x, axis=0), axis=1)
+    s = np.concatenate([[0], np.cumsum(step)])
+    if spacing <= least:  # the line itself, divided
+        n = np.maximum(1, np.ceil(step / spacing - 1e-6)).astype(int)
+        parts = [
+            np.linspace(a, b, k, endpoint=False)
+            for a, b, k in zip(s[:-1], s[1:], n, strict=True)
+        ]
+        at = np.concatenate(parts)[1:]
+    else:
+        fewest = max(
+            1, int(np.ceil(chain.turn / CORNER)), 3 * (chain.ends[0] == chain.ends[1])
+        )
+        inner, low, high = [], 0.0, s[-1]
+        first = spacing * 2.0 ** -np.ceil(max(0, np.log2(2.5 * spacing / s[-1])))
+        if acute[0] and s[-1] > 1.2 * spacing:
+            low = first
+            inner.append(low)
+        if acute[1] and s[-1] > 1.2 * spacing:
+            high -= first
+            inner.append(high)
+        few = max(int(np.ceil((high - low) / spacing - 0.2)), fewest - len(inner), 1)
+        at = np.union1d(inner, np.linspace(low, high, few + 1)[1:-1])
+    return np.stack([np.interp(at, s, xi) for xi in x.T], axis=1)
+
+
+class _Refinement:
+    """Nodes and segments during the refinement.
+
+    Nodes of segments come first; ``chain`` of a node is the chain of its segments, −1
+    for ends of chains, −2 for free nodes.
+    """
+
+    def __init__(
+        self, p: ndarray, segments: _Segments, size: float, turn: float
+    ) -> None:
+        self._p, self._size, self._of = p, size, segments
+        self._s, self._chain_of_s = segments.ends, segments.chain
+        self._line = segments.line
+        self._acute = np.zeros(len(p), dtype=bool)
+        self._acute[: len(segments.acute)] = segments.acute
+        self._chain = np.full(len(p), -1)
+        n = len(segments.acute)
+        for k in range(2):
+            own = self._s[:, k] >= n
+            self._chain[self._s[own, k]] = self._chain_of_s[own]
+        outline = shapely.linestrings(p[self._s[self._line < 0]])
+        parts = shapely.get_parts(shapely.polygonize(outline))
+        self._shape = shapely.build_area(shapely.union_all(outline))
+        if not len(parts):
+            raise ValueError("the lines of the outline do not close")
+        shapely.prepare(self._shape)
+        self._add_lattice(turn)
+
+    def run(self) -> Triangulation:
+        """Smooth and refine."""
+        for _ in range(_SMOOTHING):
+            self._smooth()
+        for _ in range(_MOST_ROUNDS):
+            t = self._triangles()
+            if not (self._halve_encroached(t) or self._add_circumcentres(t)):
+                break
+        t = self._inside(self._triangles())
+        self._refuse_missing(t)
+        used, t = np.unique(t, return_inverse=True)
+        number = np.full(len(self._p), -1)
+        number[used] = np.arange(len(used))
+        return Triangulation(
+            np.ascontiguousarray(self._p[used].T),
+            np.ascontiguousarray(t.reshape(-1, 3).T),
+            number[self._s].T,
+            self._line,
+        )
+
+    def _add_lattice(self, turn: float) -> None:
+        x0, y0, x1, y1 = self._shape.bounds
+        radius = np.hypot(x1 - x0, y1 - y0) / 2 + self._size
+        n = int(np.ceil(radius / self._size / np.sqrt(0.75)))
+        i, j = np.meshgrid(np.arange(-n, n + 1), np.arange(-n, n + 1))
+        u, v = self._size * (i + 0.5 * (j % 2)), self._size * np.sqrt(0.75) * j
+        x = (u + 1j * v).ravel() * np.exp(1j * turn)
+        # Qhull prefers points that are not on common circles.
+        x += self._size * 1e-3 * np.exp(1j * np.arange(len(x)) ** 2)
+        q = np.stack([x.real + (x0 + x1) / 2, x.imag + (y0 + y1) / 2], axis=1)
+        self._add_free(q[shapely.contains_xy(self._shape, *q.T)])
+        self._drop_close(_CLEARANCE)
+
+    def _add_free(self, q: ndarray) -> None:
+        self._p = np.concatenate([self._p, q])
+        self._chain = np.concatenate([self._chain, np.full(len(q), -2)])
+        self._acute = np.concatenate([self._acute, np.zeros(len(q), dtype=bool)])
+
+    def _drop_close(self, share: float) -> None:
+        """Remove free nodes outside, or closer to segments than a share of these."""
+        free = np.flatnonzero(self._chain == -2)
+        q = shapely.points(self._p[free])
+        sides = self._p[self._s]
+        length = np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1)
+        _, close = shapely.STRtree(q).query(
+            shapely.linestrings(sides), "dwithin", share * length
+        )
+        out = np.zeros(len(self._p), dtype=bool)
+        out[free[close]] = True
+        out[free[~shapely.contains(self._shape, q)]] = True
+        self._keep(~out)
+
+    def _keep(self, kept: ndarray) -> None:
+        number = np.cumsum(kept) - 1
+        self._p, self._chain, self._acute = (
+            self._p[kept],
+            self._chain[kept],
+            self._acute[kept],
+        )
+        self._s = number[self._s]
+
+    def _triangles(self) -> ndarray:
+        """Delaunay triangles with area, anticlockwise, shape (n, 3)."""
+        t = Delaunay(self._p).simplices.astype(np.int64)
+        a, b, c = self._p[t].transpose(1, 0, 2)
+        u, v = b - a, c - a
+        area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+        t[area < 0] = t[area < 0][:, ::-1]
+        longest = np.maximum((u * u).sum(axis=1), (v * v).sum(axis=1))
+        return t[np.abs(area) > 1e-9 * longest]
+
+    def _inside(self, t: ndarray) -> ndarray:
+        return t[shapely.contains_xy(self._shape, *self._p[t].mean(axis=1).T)]
+
+    def _smooth(self) -> None:
+        """Move free nodes to the mean of their neighbours."""
+        t, n = self._inside(self._triangles()), len(self._p)
+        i, j = t.ravel(), np.roll(t, -1, axis=1).ravel()
+        links = csr_matrix((np.ones(2 * len(i)), (np.r_[i, j], np.r_[j, i])), (n, n))
+        links.data[:] = 1.0
+        count = np.asarray(links.sum(axis=1))
+        free = (self._chain == -2) & (count[:, 0] > 0)
+        self._p = self._p.copy()
+        self._p[free] = (links @ self._p / np.maximum(count, 1))[free]
+        self._drop_close(0.5 * _CLEARANCE)
+
+    def _keys(self, ends: ndarray) -> ndarray:
+        a, b = np.sort(ends, axis=-1).T
+        return a * len(self._p) + b
+
+    def _halve_encroached(self, t: ndarray) -> bool:
+        """Halve segments that are not edges or have a node in their circle."""
+        sides = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
+        opposite = np.concatenate([t[:, 2], t[:, 0], t[:, 1]])
+        keys, own = self._keys(sides), self._keys(self._s)
+        missing = ~np.isin(own, keys)
+        order = np.argsort(own)
+        at = order[np.searchsorted(own[order], keys).clip(max=len(own) - 1)]
+        on = own[at] == keys
+        a, b = self._p[sides].transpose(1, 0, 2)
+        o = self._p[opposite]
+        inside = ((a - o) * (b - o)).sum(axis=1) < -1e-9 * ((a - b) ** 2).sum(axis=1)
+        # On the outline only nodes on the side of the polygon count.
+        hit = np.flatnonzero(on & inside)
+        hit = hit[
+            (self._line[at[hit]] >= 0)
+            | shapely.contains_xy(self._shape, *self._p[t[hit % len(t)]].mean(axis=1).T)
+        ]
+        missing[at[hit]] = True
+        length = np.linalg.norm(np.diff(self._p[self._s], axis=1)[:, 0], axis=1)
+        missing &= length > _FINEST * self._size
+        return self._halve(np.flatnonzero(missing))
+
+    def _halve(self, which: ndarray) -> bool:
+        """Halve segments; near an acute corner on circles around it."""
+        if not which.size:
+            return False
+        ends = self._s[which]
+        a, b = self._p[ends].transpose(1, 0, 2)
+        length = np.linalg.norm(b - a, axis=1)
+        share = np.full(len(which), 0.5)
+        one = self._acute[ends]
+        circle = self._size * 2.0 ** np.round(np.log2(length / 2 / self._size))
+        share = np.where(one[:, 0] & ~one[:, 1], circle / length, share)
+        share = np.where(one[:, 1] & ~one[:, 0], 1 - circle / length, share)
+        q = a + share[:, None] * (b - a)
+        k = len(self._p) + np.arange(len(q))
+        self._p = np.concatenate([self._p, q])
+        self._acute = np.concatenate([self._acute, np.zeros(len(q), dtype=bool)])
+        self._chain = np.concatenate([self._chain, self._chain_of_s[which]])
+        halves = np.stack([k, ends[:, 1]], axis=1)
+        self._s = self._s.copy()
+        self._s[which, 1] = k
+        self._s = np.concatenate([self._s, halves])
+        self._chain_of_s = np.append(self._chain_of_s, self._chain_of_s[which])
+        self._line = np.append(self._line, self._line[which])
+        return True
+
+    def _add_circumcentres(self, t: ndarray) -> bool:
+        """Add circumcentres of poor triangles, or halve the segments they are near."""
+        t = self._inside(t)
+        x = self._p[t]
+        side = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=2)
+        (a, b, c), shortest = x.transpose(1, 0, 2), side.min(axis=1)
+        u, v = b - a, c - a
+        twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+        radius = side.prod(axis=1) / (2 * twice)
+        angle = np.degrees(np.arcsin(np.clip(shortest / (2 * radius), 0, 1)))
+        poor = (angle < _AIM) & (shortest > _FINEST * self._size)
+        poor[poor] = ~self._between_circles(t[poor], side[poor])
+        poor |= radius > _LARGEST * self._size
+        if not poor.any():
+            return False
+        u, v, twice, radius = u[poor], v[poor], twice[poor, None], radius[poor]
+        uu, vv = (u * u).sum(axis=1), (v * v).sum(axis=1)
+        w = uu[:, None] * v - vv[:, None] * u
+        q = a[poor] + np.stack([w[:, 1], -w[:, 0]], axis=1) / (2 * twice)
+        order = np.argsort(-radius, kind="stable")
+        q, radius = q[order], radius[order]
+        accepted = _apart(q, radius)
+        q = q[accepted]
+        middle = self._p[self._s].mean(axis=1)
+        half = np.linalg.norm(np.diff(self._p[self._s], axis=1)[:, 0], axis=1) / 2
+        within = np.zeros(len(q), dtype=bool)
+        halved = np.zeros(len(half), dtype=bool)
+        for i in range(0, len(q), 500):
+            gap = np.linalg.norm(q[i : i + 500, None] - middle, axis=2)
+            near = gap < half * (1 - 1e-9)
+            within[i : i + 500] = near.any(axis=1)
+            halved |= near.any(axis=0)
+        halved &= half > _FINEST * self._size
+        q = q[~within]
+        q = q[shapely.contains_xy(self._shape, *q.T)]
+        self._add_free(q)
+        return self._halve(np.flatnonzero(halved)) or len(q) > 0
+
+    def _between_circles(self, t: ndarray, side: ndarray) -> ndarray:
+        """True for triangles whose shortest edge is between lines at a small angle."""
+        k = side.argmin(axis=1)
+        row = np.arange(len(t))
+        u, v = t[row, k], t[row, (k + 1) % 3]
+        result = np.zeros(len(t), dtype=bool)
+        ends = self._of.ends_of_chain
+        for i in np.flatnonzero(
+            (self._chain[u] >= 0)
+            & (self._chain[v] >= 0)
+            & (self._chain[u] != self._chain[v])
+        ):
+            common = np.intersect1d(ends[self._chain[u[i]]], ends[self._chain[v[i]]])
+            for corner in common:
+                r = [np.linalg.norm(self._p[k] - self._p[corner]) for k in (u[i], v[i])]
+                # Chords of curved lines are at nearly equal distances.
+                result[i] |= abs(r[0] - r[1]) < 0.05 * max(r)
+        return result
+
+    def _refuse_missing(self, t: ndarray) -> None:
+        sides = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
+        missing = ~np.isin(self._keys(self._s), self._keys(sides))
+        if missing.any():
+            where = place(self._p[self._s[missing.argmax()]].mean(axis=0))
+            raise ValueError(f"lines are too close to each other near {where}")
+
+
+def _apart(q: ndarray, radius: ndarray) -> ndarray:
+    """True for a subset of points whose distances exceed the smaller radius."""
+    accepted = np.ones(len(q), dtype=bool)
+    tree = KDTree(q)
+    for i, near in enumerate(tree.query_ball_point(q, radius)):
+        if accepted[i]:
+            later = [j for j in near if j > i]
+            accepted[later] = False
+    return accepted
