@@ -1,0 +1,129 @@
+"""Meshes of the user fitted to the singular fibres."""
+
+import numpy as np
+import pytest
+from skfem import MeshQuad, MeshTri
+
+from skfem_textile import Condition, Fabric, LoadStepper, Macro, Ply, Quadratic
+from skfem_textile.mesh.checks import check_mesh
+from skfem_textile.mesh.selection import SINGULAR
+from skfem_textile.singular import Outline, singular_fibres
+from skfem_textile.singular.fitting import fit_to_fibres
+from skfem_textile.singular.meshing import mesh_outline
+
+HELD = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 12.0))}
+
+
+def fabric(angle=45.0):
+    """Fabric with the families at ± an angle to the clamps."""
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    return Fabric(1e5, 0.5, (c, s), (-c, s))
+
+
+def rectangle(kind, n, height=100.0, shift=0.2):
+    """Distorted mesh of 50 mm by a height; the left half is a subdomain."""
+    quads = MeshQuad.init_tensor(
+        np.linspace(0, 50, n + 1), np.linspace(0, height, 2 * n + 1)
+    )
+    inner = np.ones(quads.p.shape[1], dtype=bool)
+    inner[quads.boundary_nodes()] = False
+    inner &= np.abs(quads.p[0] - 25) > 1e-9
+    p = quads.p.copy()
+    rng = np.random.default_rng(5)
+    p[:, inner] += shift * 50 / n * rng.uniform(-1, 1, (2, inner.sum()))
+    mesh = MeshQuad(p, quads.t)
+    mesh = mesh if kind is MeshQuad else mesh.to_meshtri()
+    return (
+        kind(mesh.p, mesh.t)
+        .with_defaults()
+        .with_subdomains({"left half": lambda x: x[0] < 25})
+    )
+
+
+def areas(mesh):
+    """Areas of triangles."""
+    a, b, c = mesh.p[:, mesh.t].transpose(1, 0, 2)
+    return np.abs((b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0]) / 2
+
+
+@pytest.mark.parametrize("kind", [MeshQuad, MeshTri])
+@pytest.mark.parametrize("angle", [37.0, 45.0, 56.0])
+def test_edges_cover_the_fibres(kind, angle):
+    """Named edges lie on the fibres and cover nearly all of their length."""
+    mesh = rectangle(kind, 12)
+    found = fit_to_fibres(mesh, fabric(angle), HELD).mesh
+    check_mesh(found)
+    fibres = singular_fibres(Outline.of_mesh(mesh), fabric(angle), HELD, finest=2.0)
+    length = sum(np.hypot(*np.diff(f.points, axis=1)).sum() for f in fibres.fibres)
+    x = found.p[:, found.facets[:, found.boundaries[SINGULAR]]]
+    assert np.hypot(*(x[:, 1] - x[:, 0])).sum() == pytest.approx(length, rel=0.05)
+    assert np.sum(areas(found)) == pytest.approx(5000)
+
+
+@pytest.mark.parametrize("kind", [MeshQuad, MeshTri])
+def test_names_and_parents_are_kept(kind):
+    """Boundaries keep their length, and elements lie in their parents."""
+    mesh = rectangle(kind, 8)
+    found, parent = fit_to_fibres(mesh, fabric(), HELD)
+    for name, edges in mesh.boundaries.items():
+        lengths = []
+        for m, e in ((mesh, edges), (found, found.boundaries[name])):
+            x = m.p[:, m.facets[:, e]]
+            lengths.append(np.hypot(*(x[:, 1] - x[:, 0])).sum())
+        assert lengths[0] == pytest.approx(lengths[1])
+    left = found.subdomains["left half"]
+    assert np.array_equal(
+        np.isin(parent, mesh.subdomains["left half"]).nonzero()[0], left
+    )
+    assert areas(found)[left].sum() == pytest.approx(2500)
+    centre, old = (m.p[:, m.t].mean(axis=1) for m in (found, mesh))
+    assert np.hypot(*(centre - old[:, parent])).max() < 50 / 8
+
+
+def test_no_slivers():
+    """Angles stay above 3 degrees, and no element is smaller than 1 % of its parent."""
+    mesh = rectangle(MeshTri, 16)
+    found, parent = fit_to_fibres(mesh, fabric(52.0), HELD)
+    assert (areas(found) / areas(mesh)[parent]).min() > 0.01
+    x = found.p[:, found.t]
+    longest = np.hypot(*(np.roll(x, 1, axis=1) - x)).max(axis=0)
+    assert (2 * areas(found) / longest**2).min() > np.sin(np.radians(3))
+
+
+def test_mesh_that_follows_the_fibres_is_unchanged():
+    """Squares along the fibres, or with them as diagonals of triangles, stay."""
+    along = Fabric(1e5, 0.5, (1, 0), (0, 1))
+    mesh = MeshQuad().refined(3).scaled(40.0).with_defaults()
+    found, parent = fit_to_fibres(mesh, along, {"s": Condition(lambda x: x[1] < 1e-9)})
+    assert isinstance(found, MeshQuad)
+    assert np.array_equal(found.p, mesh.p)
+    assert np.array_equal(parent, np.arange(64))
+
+
+def test_diagonals_become_edges():
+    """Squares with fibres along their diagonals are halved along these."""
+    mesh = MeshQuad.init_tensor(np.linspace(0, 50, 11), np.linspace(0, 100, 21))
+    found, parent = fit_to_fibres(mesh.with_defaults(), fabric(), HELD)
+    assert found.nelements == 400
+    assert np.allclose(found.p, mesh.p, atol=1e-9)
+    assert np.bincount(parent).max() == 2
+    assert len(found.boundaries[SINGULAR]) == 40
+
+
+def test_load_on_a_fitted_mesh():
+    """The load is within 1.5 %, and without the fit it is not."""
+    held = {**HELD, "top": Condition("top", (0.0, 6.0))}
+    outline = Outline([[0, 50, 50, 0], [0, 0, 100, 100]])
+    net = mesh_outline(outline, fabric(50.0), held, density=2.0)
+    mesh = rectangle(MeshTri, 16)
+
+    def load(mesh):
+        result = LoadStepper(Ply(mesh, fabric(50.0), Macro()), held, 1).run()
+        return result.states[-1].reactions["top"][1]
+
+    exact = LoadStepper(Ply(net, fabric(50.0), Quadratic()), held, 1).run()
+    exact = exact.states[-1].reactions["top"][1]
+    assert load(fit_to_fibres(mesh, fabric(50.0), held).mesh) == pytest.approx(
+        exact, rel=0.015
+    )
+    assert load(mesh) != pytest.approx(exact, rel=0.015)
