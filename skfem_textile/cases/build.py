@@ -19,9 +19,10 @@ from ..ply.loads import Force
 from ..scenes.case import Case
 from ..solve.surface import OnSurface
 from .read import CaseFileError, declared, read_tables, with_files
-from .scenes import AnyScene, OnTool
+from .scenes import AnyScene, OnTool, Specimen
 from .schema import (
     MESH_KINDS,
+    OUTLINES,
     Bending,
     CaseFile,
     FabricOfFile,
@@ -186,12 +187,22 @@ def _scene(scene: AnyScene, options: Mesh, fabric: str | None) -> "Scene":
     generated = {"size": options.size, "jitter": options.jitter, "seed": options.seed}
     generated = {key: value for key, value in generated.items() if value is not None}
     mesh: str | SkfemMesh = options.source
+    is_outline = Path(options.source).suffix.lower() in OUTLINES
+    if options.density is not None:
+        if not is_outline:
+            raise ValueError(
+                "mesh.density applies to an outline, which mesh.source does not name: "
+                "omit it"
+            )
+        generated["density"] = options.density
     if options.source not in MESH_KINDS:
         if not Path(options.source).is_file():
             raise ValueError(
                 f"mesh.source {printable(options.source)} is neither an existing file "
                 f"nor one of {', '.join(MESH_KINDS)}"
             )
+        if is_outline:
+            return _of_outline(scene, options, generated)
         if generated:
             raise ValueError(
                 f"mesh.{next(iter(generated))} applies to a generated mesh, but "
@@ -200,6 +211,25 @@ def _scene(scene: AnyScene, options: Mesh, fabric: str | None) -> "Scene":
         mesh = _read(options.source, options.directions, fabric)
     built = scene.build(mesh, **generated)
     return built.rotated(np.radians(getattr(scene, "rotate_deg", 0.0)))
+
+
+def _of_outline(scene: AnyScene, options: Mesh, generated: dict[str, Any]) -> "Scene":
+    """The scene on a mesh of an outline."""
+    if not isinstance(scene, Specimen):
+        raise ValueError(
+            "mesh.source names an outline, which applies to the scene specimen only"
+        )
+    others = [*generated, *(["directions"] if options.directions else [])]
+    if others := [key for key in others if key != "density"]:
+        raise ValueError(
+            f"mesh.{others[0]} does not apply to the mesh of an outline: omit it"
+        )
+    from ..singular import Outline
+
+    dxf = options.source.lower().endswith(".dxf")
+    read = Outline.from_dxf if dxf else Outline.from_svg
+    built = scene.build(read(options.source), **generated)
+    return built.rotated(np.radians(scene.rotate_deg))
 
 
 def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh":

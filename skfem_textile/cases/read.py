@@ -16,7 +16,16 @@ from msgspec import Struct
 
 from ..mesh.user_input import excerpt, printable
 from .scenes import SCENES, Scene
-from .schema import MESH_KINDS, CaseFile, InCompression, Region, Shear, Tension, Weft
+from .schema import (
+    MESH_KINDS,
+    OUTLINES,
+    CaseFile,
+    InCompression,
+    Region,
+    Shear,
+    Tension,
+    Weft,
+)
 from .table import FILE, named, tag_of
 
 # Limit on the size of a case file; larger ones take long to read.
@@ -196,10 +205,11 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, A
                     f"[{name}] sets a law, but fabric.file contains all laws: omit one "
                     "of them"
                 )
+    formulation = "quadratic" if _is_outline(filled["mesh"]) else "macro"
     of_mesh = {"size": scene.size, "jitter": scene.jitter, "seed": 1}
     for name, defaults in (
         ("mesh", of_mesh if _is_generated(filled["mesh"]) else {}),
-        ("formulation", {"name": "macro"}),
+        ("formulation", {"name": formulation}),
         ("stepping", {"steps": scene.steps}),
     ):
         if isinstance(filled[name], dict):
@@ -209,6 +219,12 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, A
 
 def _is_generated(mesh: Any) -> bool:
     return isinstance(mesh, dict) and mesh.get("source", "irregular") in MESH_KINDS
+
+
+def _is_outline(mesh: Any) -> bool:
+    """True if the table of a mesh names an outline."""
+    source = mesh.get("source") if isinstance(mesh, dict) else None
+    return isinstance(source, str) and Path(source).suffix.lower() in OUTLINES
 
 
 def _laws_nested(tables: Any, scene: type[Scene]) -> Any:

@@ -20,7 +20,7 @@ from msgspec import NODEFAULT, Meta, Struct, structs
 
 from .read import with_files
 from .scenes import SCENES
-from .schema import CaseFile, Region
+from .schema import OUTLINES, CaseFile, Region
 from .table import FILE, named, summary_of
 
 #: First line of a case file that a run has written.
@@ -33,7 +33,10 @@ _LAW_ENDINGS = (".csv", ".json")
 
 # Meshes in these formats, with the whole mesh in one file, are copied.
 _OF_MESH = ("mesh", "tool", "part_mesh")
-_WHOLE = (".msh", ".inp", ".vtu", ".vtk", ".stl", ".obj", ".ply", ".off")
+_WHOLE = (
+    *OUTLINES,
+    *(".msh", ".inp", ".vtu", ".vtk", ".stl", ".obj", ".ply", ".off"),
+)
 
 #: Files that `WrittenCase.write` may write.
 WRITTEN_FILES = (

@@ -1,12 +1,13 @@
 """Scene `specimen`: a ply with user-defined displacement conditions."""
 
 from collections.abc import Mapping, Sequence
-from typing import TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
+from ..fabric import Fabric
 from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..mesh.selection import named_nodes
 from ..mesh.user_input import printable
@@ -14,6 +15,9 @@ from ..solve.conditions import Condition
 from .rectangle import rectangle
 from .scene import Scene
 from .shear_test import BiasTest
+
+if TYPE_CHECKING:
+    from ..singular import Outline
 
 #: Sides of a generated ply in mm.
 WIDTH, HEIGHT = 50.0, 100.0
@@ -27,12 +31,15 @@ FREE = "free"
 # Default displacements along x and y in mm.
 _MOVES = (("bottom", (0.0, 0.0)), ("top", (0.0, 10.0)))
 
+# Stiffnesses in N/mm for which a mesh of an outline is graded: the scene's defaults.
+_E, _G = 1e5, 0.5
+
 # Tolerance of a rectangular outline at the origin, relative to its size.
 _OFF = 1e-6
 
 
 def specimen(
-    mesh: str | Mesh = "irregular",
+    mesh: "str | Mesh | Outline" = "irregular",
     size: tuple[int, int] = (8, 16),
     jitter: float = 0.25,
     seed: int = 1,
@@ -42,14 +49,15 @@ def specimen(
     weft: float = 3 * np.pi / 4,
     moves: Sequence[tuple[str, tuple[Component, Component]]] = _MOVES,
     driven: str | None = None,
+    density: float = 1.0,
 ) -> Scene:
     """Ply with fixed or displaced boundaries, without an exact solution.
 
     Parameters
     ----------
     mesh
-        A mesh, or the kind of `rectangle` to generate, with its lower left corner at
-        the origin.
+        A mesh; or an outline, of which `mesh_outline` makes a mesh; or the kind of
+        `rectangle` to generate, with its lower left corner at the origin.
     size, jitter, seed
         As for `rectangle`.
     width, height
@@ -62,6 +70,8 @@ def specimen(
     driven
         Name of the boundary or node with the reported reaction; by default with the
         largest displacement.
+    density
+        See `mesh_outline`, for an outline.
 
     Raises
     ------
@@ -81,9 +91,10 @@ def specimen(
             if not (np.isfinite(side) and side > 0):
                 raise ValueError(f"the {name} must be positive, got {side:g} mm")
         mesh = rectangle(width, height, size, mesh, jitter, seed, warp, weft)
-    else:
+    elif isinstance(mesh, Mesh):
         check_mesh(mesh)
         mesh = with_edges(mesh)
+    directions = [(float(np.cos(x)), float(np.sin(x))) for x in (warp, weft)]
     conditions = {}
     for name, components in moves:
         if name in conditions:
@@ -93,11 +104,16 @@ def specimen(
             )
         if condition := _condition(mesh, name, components):
             conditions[name] = condition
+    if not isinstance(mesh, Mesh):
+        from ..singular import mesh_outline  # shapely is slow to import
+
+        fabric = Fabric(_E, _G, directions[0], directions[1])
+        mesh = mesh_outline(mesh, fabric, conditions, density=density)
     return Scene(
         name="specimen",
         mesh=mesh,
-        warp=(float(np.cos(warp)), float(np.sin(warp))),
-        weft=(float(np.cos(weft)), float(np.sin(weft))),
+        warp=directions[0],
+        weft=directions[1],
         conditions=conditions,
         driven=_driven(moves, conditions, driven),
         displacement=_unknown_displacement,
@@ -108,10 +124,11 @@ def specimen(
 
 
 def _condition(
-    mesh: Mesh, name: str, components: tuple[Component, Component]
+    mesh: Any, name: str, components: tuple[Component, Component]
 ) -> Condition | None:
     """Condition of a boundary; None if all components are free."""
-    known = [*(mesh.boundaries or {}), *named_nodes(mesh)]
+    points = named_nodes(mesh) if isinstance(mesh, Mesh) else mesh.points
+    known = [*(mesh.boundaries or {}), *points]
     if name not in known:
         raise MeshError(
             f"specimen: the mesh has no boundary {name!r}: its boundaries are "
