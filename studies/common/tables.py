@@ -197,3 +197,14 @@ def scientific(number: float, digits: int = 2) -> str:
     factor, _, power = f"{number:.{digits - 1}e}".partition("e")
     factor = "" if float(factor) == 1 else f"{float(factor):g}·"
     return f"{factor}10{str(int(power)).translate(_RAISED)}"
+
+
+def thousands(number: int) -> str:
+    """An integer with spaces between thousands.
+
+    Examples
+    --------
+    >>> thousands(60000)
+    '60 000'
+    """
+    return f"{number:,}".replace(",", " ")

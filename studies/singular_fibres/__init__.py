@@ -1,0 +1,1 @@
+"""Meshes along the singular fibres: load errors, unknowns and run times."""

@@ -1,0 +1,294 @@
+"""Specimens drawn by a seed, and plies with holes, notches and corners."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import cycle, product
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Linear,
+    LoadStepper,
+    Locking,
+    Macro,
+    Outline,
+    Ply,
+    Quadratic,
+    Sin2,
+    StepError,
+    Tabulated,
+    mesh_outline,
+    singular_fibres,
+)
+from skfem_textile.fabric.law import Law
+from skfem_textile.singular.meshing import FINEST, irregular
+
+from ..study import Row
+
+#: Seed and number of the specimens.
+SEED, SPECIMENS = 2026, 100
+
+#: Width of all plies in mm, and shear stiffness in N/mm.
+WIDTH, G = 50.0, 0.5
+
+#: Densities of the reference meshes; the last one gives the reference.
+REFERENCES = 2.0, 3.0
+
+# Seeds of specimens that choose constants, and of those on irregular triangles.
+_OTHER_SEED, _IRREGULAR_SEED = 5, 20261
+
+# Height over the height at which a fibre connects the clamps, at least.
+_FREE = 1.1
+
+_ANGLES = np.radians([0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0])
+_MOMENTS = np.array([0.0, 0.08, 0.13, 0.18, 0.25, 0.4, 0.8, 1.8])
+
+#: Shear laws by name.
+LAWS: Mapping[str, Law] = {
+    "linear": Linear(G),
+    "sin²": Sin2(G),
+    "locking": Locking(G, np.radians(62.0)),
+    "table": Tabulated(_ANGLES, _MOMENTS, extrapolation="linear"),
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A ply pulled at its top edge, on a net of a given density.
+
+    Attributes
+    ----------
+    case
+        Name.
+    degrees, law, ratio
+        Fibres at ± this angle to the clamps, name of the shear law, and E/G.
+    travel
+        Displacement of the top in mm.
+    polygon, holes
+        The outline, corners as pairs.
+    densities
+        Densities of the nets that are judged.
+    """
+
+    case: str
+    degrees: float
+    law: str
+    ratio: float
+    travel: float
+    polygon: tuple[tuple[float, float], ...]
+    holes: tuple[tuple[tuple[float, float], ...], ...] = ()
+    densities: tuple[float, ...] = (1.0,)
+
+    def __str__(self) -> str:
+        return self.case
+
+    def rows(self) -> list[Row]:
+        """Load at the top on each net, against the reference."""
+        # Cases differ in cost, so that one run is timed, after a first one.
+        self.load(min(self.densities))
+        runs = {density: self.load(density) for density in self.densities}
+        coarse, fine = (self.load(density)[0] for density in REFERENCES)
+        height = max(y for _, y in self.polygon)
+        return [
+            {
+                "case": self.case,
+                "degrees": self.degrees,
+                "height_over_width": height / WIDTH,
+                "law": self.law,
+                "ratio": self.ratio,
+                "density": density,
+                "unknowns": unknowns,
+                "load": load,
+                "reference": fine,
+                "error": load / fine - 1 if load and fine else None,
+                "last_change": coarse / fine - 1 if coarse and fine else None,
+                "mesh_seconds": meshing,
+                "seconds": seconds,
+                "refused": refused,
+            }
+            for density, (load, unknowns, meshing, seconds, refused) in runs.items()
+        ]
+
+    def problem(self) -> tuple[Outline, Fabric, dict[str, Condition]]:
+        """The outline, the fabric and the conditions."""
+        holes = [np.transpose(hole) for hole in self.holes]
+        outline = Outline(np.transpose(self.polygon), holes)
+        angle = np.radians(self.degrees)
+        warp = np.cos(angle), np.sin(angle)
+        fabric = Fabric(self.ratio * G, LAWS[self.law], warp, (-warp[0], warp[1]))
+        conditions = {
+            "bottom": Condition("bottom"),
+            "top": Condition("top", (0.0, self.travel)),
+        }
+        return outline, fabric, conditions
+
+    def load(self, density: float) -> tuple[float | None, int, float, float, str]:
+        """Load in N, unknowns, seconds of the mesh and in all, and an error."""
+        outline = Outline(
+            np.transpose(self.polygon), list(map(np.transpose, self.holes))
+        )
+        angle = np.radians(self.degrees)
+        warp = np.cos(angle), np.sin(angle)
+        fabric = Fabric(self.ratio * G, LAWS[self.law], warp, (-warp[0], warp[1]))
+        conditions = {
+            "bottom": Condition("bottom"),
+            "top": Condition("top", (0.0, self.travel)),
+        }
+        start = perf_counter()
+        try:
+            mesh = mesh_outline(outline, fabric, conditions, density=density)
+            meshing = perf_counter() - start
+            ply = Ply(mesh, fabric, Quadratic())
+            state = LoadStepper(ply, conditions, steps=1).run().states[-1]
+        except (StepError, ValueError) as error:
+            return None, 0, 0.0, perf_counter() - start, str(error)
+        load = float(state.reactions["top"][1])
+        return load, int(ply.basis.N), meshing, perf_counter() - start, ""
+
+
+@dataclass(frozen=True)
+class Irregular:
+    """A specimen on irregular triangles with the singular fibres as edges.
+
+    Attributes
+    ----------
+    case
+        Name.
+    specimen
+        The specimen.
+    across
+        Elements across the width.
+    turn
+        Direction of the rows of nodes in radians.
+    """
+
+    case: str
+    specimen: Case
+    across: int
+    turn: float
+
+    def __str__(self) -> str:
+        return self.case
+
+    def rows(self) -> list[Row]:
+        """Error of the load for each formulation."""
+        reference = self.specimen.load(REFERENCES[-1])[0]
+        outline, fabric, conditions = self.specimen.problem()
+        size = WIDTH / self.across
+        fibres = singular_fibres(outline, fabric, conditions, finest=FINEST * size)
+        mesh = irregular(outline, fibres, size, self.turn)
+        rows = []
+        for formulation in (Quadratic(400.0), Macro(), Quadratic()):
+            ply = Ply(mesh, fabric, formulation)
+            start = perf_counter()
+            state = LoadStepper(ply, conditions, steps=1).run().states[-1]
+            load = float(state.reactions["top"][1])
+            rows.append(
+                {
+                    "case": self.case,
+                    "formulation": formulation.title,
+                    "across": self.across,
+                    "unknowns": int(ply.basis.N),
+                    "load": load,
+                    "error": load / reference - 1 if reference else None,
+                    "seconds": perf_counter() - start,
+                }
+            )
+        return rows
+
+
+def irregular_triangles() -> Iterator[Irregular]:
+    """Specimens other than those on nets, each on three meshes of two sizes."""
+    for i, drawn in enumerate(specimens(_IRREGULAR_SEED, 12), start=1):
+        for across, turn in product((16, 32), (0.0, 0.35, 0.7)):
+            name = f"triangles {i}, {across} across, turned by {turn:g}"
+            yield Irregular(name, drawn, across, turn)
+
+
+def specimens(seed: int = SEED, n: int = SPECIMENS) -> Iterator[Case]:
+    """Bias extensions in which fibres are free at both ends, drawn by a seed."""
+    random = np.random.default_rng(seed)
+    count = 0
+    while count < n:
+        degrees, ratio = random.uniform(30, 60), random.uniform(1.3, 4)
+        gamma, stiffness = random.uniform(15, 47), 10 ** random.uniform(3, 6)
+        law = str(random.choice(list(LAWS)))
+        if ratio > _FREE * np.tan(np.radians(degrees)):
+            count += 1
+            yield specimen(f"specimen {count}", degrees, law, stiffness, ratio, gamma)
+
+
+def specimen(
+    name: str,
+    degrees: float,
+    law: str,
+    ratio: float,
+    sides: float,
+    gamma: float,
+    **more: Any,
+) -> Case:
+    """A bias extension of a given height over width and shear angle in degrees."""
+    theta, half = np.radians(degrees), np.radians(gamma) / 2
+    free = WIDTH / 2 * (sides / np.sin(theta) - 1 / np.cos(theta))
+    travel = 2 * free * (np.sin(theta + half) - np.sin(theta))
+    return Case(name, degrees, law, ratio, float(travel), _box(sides * WIDTH), **more)
+
+
+def _box(height: float) -> tuple[tuple[float, float], ...]:
+    return (0.0, 0.0), (WIDTH, 0.0), (WIDTH, height), (0.0, height)
+
+
+def _circle(x: float, y: float, radius: float) -> tuple[tuple[float, float], ...]:
+    angles = 2 * np.pi * np.arange(64) / 64
+    points = zip(x + radius * np.cos(angles), y + radius * np.sin(angles), strict=True)
+    return tuple((float(a), float(b)) for a, b in points)
+
+
+def shapes() -> Iterator[Case]:
+    """Plies with holes, notches and corners, for two fibre angles and laws."""
+    H = 115.0
+    notch = (WIDTH, 50.0), (WIDTH - 8, 55.0), (WIDTH, 60.0)
+    outlines = {
+        "hole": (_box(H), (_circle(22, 55, 10),)),
+        "two holes": (_box(H), (_circle(15, 40, 6), _circle(35, 72, 7))),
+        "square hole": (_box(H), (((18, 48), (32, 48), (32, 62), (18, 62)),)),
+        "notch": ((*_box(H)[:2], *notch, *_box(H)[2:]), ()),
+        "L": ((*_box(H)[:2], (WIDTH, 60.0), (30.0, 60.0), (30.0, H), (0.0, H)), ()),
+    }
+    for (name, (polygon, holes)), (degrees, law, ratio, travel) in product(
+        outlines.items(), ((41.0, "linear", 2e5, 12.0), (50.0, "sin²", 1e5, 9.0))
+    ):
+        yield Case(f"{name}, {degrees:g}°", degrees, law, ratio, travel, polygon, holes)
+
+
+def chosen() -> Iterator[Case]:
+    """Cases with which constants of the mesh were chosen, other than those above."""
+    others = (
+        *((45.0, "linear", 1e5), (35.0, "locking", 5e5)),
+        *((52.0, "sin²", 3e4), (47.0, "linear", 1e6)),
+    )
+    for case, (degrees, law, ratio) in zip(shapes(), cycle(others), strict=False):
+        yield replace(
+            case,
+            case=f"chosen {case.case.partition(',')[0]}, {degrees:g} degrees",
+            degrees=degrees,
+            law=law,
+            ratio=ratio,
+            travel=7.0,
+        )
+    for i, case in enumerate(specimens(_OTHER_SEED, 12)):
+        if case.degrees < 50:
+            yield replace(case, case=f"chosen specimen {i}")
+
+
+def convergence() -> Iterator[Case]:
+    """Bias extensions at four fibre stiffnesses, on four nets each."""
+    for ratio, degrees in product((1e3, 1e5, 1e7, 1e9), (40.0, 55.0)):
+        name = f"convergence, E/G = {ratio:.0e}, fibres at {degrees:g} degrees"
+        yield specimen(
+            name, degrees, "linear", ratio, 3.0, 30.0, densities=(0.25, 0.5, 1.0, 2.0)
+        )
