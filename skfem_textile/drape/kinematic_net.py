@@ -64,8 +64,8 @@ class Net:
         """The part up to points of the flat ply in mm, shape (2, n), NaN elsewhere."""
         cell = self.along[0][1] - self.along[0][0]
         ends = np.linalg.solve(self.directions, X - self.touch[:, None]) / cell
-        zero = tuple(int(np.abs(at).argmin()) for at in self.along)
-        mask = _up_to(ends, zero, self.positions.shape[1:])
+        first, second = (int(np.abs(at).argmin()) for at in self.along)
+        mask = _up_to(ends, (first, second), self.positions.shape[1:])
         return replace(self, positions=np.where(mask, self.positions, np.nan))
 
     def at(self, X: ndarray) -> ndarray:

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.util import find_spec
+from itertools import product
 from statistics import median
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -244,12 +245,12 @@ def _timed(name: str, elements: int) -> list[list[float]]:
 
 def _ratios(codes: dict[str, Row]) -> dict[str, float]:
     """Time ratios of the installed codes."""
-    ours, ratios = "Q4, 2×2: skfem_textile, cholmod", {}
-    for rival in ("DOLFINx", "FElupe with Pardiso"):
-        pair = [codes[name] for name in (f"Q4, 2×2: {rival}", ours) if name in codes]
-        if len(pair) == 2:
-            one, other = (code["seconds"]["median"] for code in pair)
-            ratios[f"{rival} over skfem_textile with cholmod"] = one / other
+    ratios = {}
+    for rival, solver in product(("DOLFINx", "FElupe with Pardiso"), SOLVERS):
+        names = f"Q4, 2×2: {rival}", f"Q4, 2×2: skfem_textile, {solver}"
+        if all(name in codes for name in names):
+            one, other = (codes[name]["seconds"]["median"] for name in names)
+            ratios[f"{rival} over skfem_textile, {solver}"] = one / other
     for element in ELEMENTS:
         if code := codes.get(f"{element}: skfem_textile, cholmod"):
             assembly, factorisation, _ = code["parts"]

@@ -14,7 +14,15 @@ import numpy as np
 from ..common import provenance
 from ..common.figures import File, colour_of, panels_of
 from ..common.running import in_new_process
-from ..common.tables import having, markdown_table, minus, scientific, span, table
+from ..common.tables import (
+    having,
+    markdown_table,
+    minus,
+    scientific,
+    span,
+    table,
+    thousands,
+)
 from ..study import Part, Row, Study, Table
 from . import needs, processes, profile, solving
 from .needs import ALONE, COSTS, added
@@ -287,17 +295,6 @@ def two_digits(change: float, scatter: float = 0.0) -> str:
     return minus(f"{change:+.2g}" if abs(change) < 100 else f"{change:+.0f}")
 
 
-def _count(number: int) -> str:
-    """An integer with spaces between thousands.
-
-    Examples
-    --------
-    >>> _count(60000)
-    '60 000'
-    """
-    return f"{number:,}".replace(",", " ")
-
-
 def _needs_in_words(results: Row) -> dict[str, str]:
     """Increments by features, and costs of features declared as zero."""
     features, unused = results["features"], results["unused"]
@@ -333,20 +330,20 @@ def _iteration_in_words(results: Row) -> dict[str, str]:
     """Time ratios: assembly to factorisation, and other codes to this library."""
     name = "assembly over factorisation"
     shares = [x for key, x in results["ratios"].items() if key.startswith(name)]
-    words = {"iteration_elements": _count(results["elements"])}
+    words = {"iteration_elements": thousands(results["elements"])}
     if shares:
         words["assembly_over_factorisation"] = span(shares, ".2f")
     for key, ratio in results["ratios"].items():
-        other, over, _ = key.partition(" over skfem_textile")
+        other, over, solver = key.partition(" over skfem_textile, ")
         if over:
-            words[f"{other.split()[0].lower()}_over_this"] = f"{ratio:.1f}"
+            words[f"{other.split()[0].lower()}_over_{solver}"] = f"{ratio:.1f}"
     return words
 
 
 def _whole_strip_in_words(results: Row) -> dict[str, str]:
     """Linear solves and time ratio."""
     return {
-        "strip_elements": _count(results["elements"]),
+        "strip_elements": thousands(results["elements"]),
         "strip_ratio": f"{results['stock_over_own']:.0f}",
         "strip_solves": str(results["own"]["linear_solves"]),
         "strip_stock_solves": str(results["stock"]["linear_solves"]),
@@ -364,7 +361,7 @@ def _scaling_in_words(results: Row) -> dict[str, str]:
         "extrapolated_factorisation": _rounded(
             last["factorisation"] * growth**1.5 / 60, "min"
         ),
-        "largest_unknowns": _count(last["unknowns"]),
+        "largest_unknowns": thousands(last["unknowns"]),
         "largest_iteration": f"{last['iteration']:.1f} s",
         "largest_peak": f"{last['peak_GiB']:.1f} GiB",
         "largest_step": f"{results['step']['seconds']:.0f} s",
@@ -422,7 +419,7 @@ def _petsc_in_words(results: Row) -> dict[str, str]:
 
 def _rounded(value: float, unit: str) -> str:
     """A value with two digits."""
-    return f"{_count(round(float(f'{value:.2g}')))} {unit}"
+    return f"{thousands(round(float(f'{value:.2g}')))} {unit}"
 
 
 _WORDS: dict[str, Callable[[Row], dict[str, str]]] = {
