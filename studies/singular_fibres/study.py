@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..common.tables import grouped, markdown_table, percent, table, thousands
+from ..common.tables import Column, grouped, markdown_table, percent, table, thousands
 from ..study import Part, Row, Study
 from .cases import (
     Case,
@@ -44,7 +44,7 @@ def _line(name: str, rows: list[Row]) -> list[object]:
 
 def shape_table(rows: list[Row]) -> str:
     """A line for each ply."""
-    columns = {
+    columns: dict[str, Column] = {
         "ply": "{case}",
         "law": "{law}",
         "E/G": "{ratio:.0e}",
