@@ -28,9 +28,9 @@ LAYERS = {
     "solve.sweep": ("solve", "mesh"),
     "singular": ("solve", "ply", "fabric", "mesh"),
     "drape": ("solve", "ply", "fabric", "mesh"),
-    "scenes": ("drape", "solve", "ply", "fabric", "mesh"),
+    "scenes": ("drape", "singular", "solve", "ply", "fabric", "mesh"),
     "io": ("drape", "solve", "ply", "fabric", "mesh"),
-    "cases": ("io", "scenes", "solve", "ply", "fabric", "mesh"),
+    "cases": ("io", "scenes", "singular", "solve", "ply", "fabric", "mesh"),
     "plot": ("io", "drape", "singular", "solve", "ply", "fabric", "mesh"),
     "calibration": ("plot", "scenes", "solve", "ply", "fabric", "mesh"),
     "cli": (
