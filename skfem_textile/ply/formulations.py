@@ -90,7 +90,7 @@ def mean_tension_term(
     ``parent`` is the element of the basis that contains each element of the mesh.
     """
     layer, area = np.zeros((basis.nelems, 1)), basis.dx.sum(axis=1, keepdims=True)
-    on = parent[at_singular_fibres(basis.mesh)]
+    on = parent[_at_singular_fibres(basis.mesh)] if components(basis) == 2 else []
     layer[on] = _ON_SINGULAR * np.sqrt(area.sum() / area[on])
     return TensionTerm(
         "tension",
@@ -102,7 +102,7 @@ def mean_tension_term(
     )
 
 
-def at_singular_fibres(mesh: Mesh) -> ndarray:
+def _at_singular_fibres(mesh: Mesh) -> ndarray:
     """Numbers of the elements with an edge on a singular fibre."""
     edges = np.asarray((mesh.boundaries or {}).get(SINGULAR, ()), dtype=int)
     elements = np.unique(mesh.f2t[:, edges])

@@ -127,11 +127,12 @@ def _condition(
     mesh: Any, name: str, components: tuple[Component, Component]
 ) -> Condition | None:
     """Condition of a boundary; None if all components are free."""
-    points = named_nodes(mesh) if isinstance(mesh, Mesh) else mesh.points
+    is_mesh = isinstance(mesh, Mesh)
+    what, points = ("mesh", named_nodes(mesh)) if is_mesh else ("outline", mesh.points)
     known = [*(mesh.boundaries or {}), *points]
     if name not in known:
         raise MeshError(
-            f"specimen: the mesh has no boundary {name!r}: its boundaries are "
+            f"specimen: the {what} has no boundary {name!r}: its boundaries are "
             f"{', '.join(map(repr, known)) or 'not named'}"
         )
     for component in components:

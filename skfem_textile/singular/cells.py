@@ -344,7 +344,7 @@ class Cell:
         """Refuse fields that vanish, are parallel, or have sources within the cell."""
         if all(field.constant is not None for field in self.fields):
             return
-        (x0, y0, x1, y1), step = self.shape.bounds, 0.0
+        x0, y0, x1, y1 = self.shape.bounds
         step = max(x1 - x0, y1 - y0) / _GRID
         shift = 0.5 * step  # a centre is often a round number
         x = np.arange(x0 - shift, x1 + step, step)

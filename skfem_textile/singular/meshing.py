@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy import ndarray
+from scipy.spatial import KDTree
 from skfem import Mesh, MeshTri
 
 from ..fabric import Fabric
@@ -15,11 +16,15 @@ from ..mesh.selection import SINGULAR, edge_numbers, with_named_nodes
 from ..solve.conditions import Conditions
 from .fibres import SingularFibre, SingularFibres, singular_fibres
 from .net import Lines, graded, net
-from .outline import NEAR, Outline
+from .outline import NEAR, REST, Outline, place
 from .triangles import triangles
 
-#: Name of the elements outside of the regions of an outline.
-REST = "rest"
+# Distance relative to the size of the outline up to which nodes deviate from their
+# exact positions: irregular meshes are computed on a grid of 1e-8.
+_ROUND_OFF = 1e-7
+
+# Maximum number of triangles of a net.  Chosen: it takes about a minute.
+_MOST = 1e6
 
 # Default size of triangles relative to √area.
 _SIZE = 1 / 16
@@ -59,9 +64,9 @@ def mesh_outline(
     density
         Factor of the number of lines; 2 halves the size of all elements.
     size
-        Length of edges in mm, for irregular triangles of one size instead of a net.
-        Curved fibres and several fabrics have no net; by default √area/16 over the
-        density.
+        Length of edges in mm at density 1, for irregular triangles of one size instead
+        of a net.  Curved fibres, regions and several fabrics have no net; the default
+        is then √area/16.
 
     Returns
     -------
@@ -73,15 +78,22 @@ def mesh_outline(
     Raises
     ------
     ValueError
-        See `singular_fibres`; also if the density or size is not positive.
+        See `singular_fibres`; also if the density or size is not positive or would give
+        too many triangles, or a named point cannot become a node.
     """
     for name, value in (("density", density), ("size", size)):
         if value is not None and not 0 < value < np.inf:
             raise ValueError(f"the {name} must be positive and finite, got {value}")
+    if not isinstance(fabric, Fabric):
+        raise ValueError(
+            f"the fabric of an outline must be a Fabric, not {type(fabric).__name__}; "
+            "give the fabrics of regions as `fabrics`"
+        )
     curved = any(callable(family.direction) for family in fabric.families)
     if size is not None or curved or fabrics or outline.regions:
         if size is None:
-            size = _SIZE * float(np.sqrt(outline.shape().area)) / density
+            size = _SIZE * float(np.sqrt(outline.shape().area))
+        size /= density
         lines = singular_fibres(
             outline, fabric, conditions, loads, fabrics=fabrics, finest=FINEST * size
         )
@@ -95,8 +107,13 @@ def mesh_outline(
         _lines(lines, 1 - axis, to_fibres[axis], corners[axis], largest, density)
         for axis in range(2)
     )
+    if (n := 2.0 * len(a.at) * len(b.at)) > _MOST:
+        raise ValueError(
+            f"the density {density:g} would give about {n:.1g} triangles: choose a "
+            "smaller one"
+        )
     p, t = net(outline.shape(), A, a, b)
-    return _named(MeshTri(p, t), outline, lines.fibres)
+    return _named(MeshTri(_exact(p, outline, lines), t), outline, lines.fibres)
 
 
 def irregular(
@@ -109,7 +126,8 @@ def irregular(
     along = [*lines.borders, *(f.points for f in lines.fibres)]
     fixed = np.array([*_ends_of_names(outline), *outline.points.values()])
     found = triangles(outline.shape(), along, size, fixed.reshape(-1, 2).T, turn)
-    mesh = _named(MeshTri(found.points, found.triangles), outline, [])
+    p = _exact(found.points, outline, lines)
+    mesh = _named(MeshTri(p, found.triangles), outline, [])
     boundaries, subdomains = dict(mesh.boundaries or {}), {}
     singular = found.edges[:, found.line >= len(lines.borders)]
     if singular.size:
@@ -128,11 +146,13 @@ def irregular(
 def _ends_of_names(outline: Outline) -> list[ndarray]:
     """Corners of an outline at which the names of edges change, each of shape (2,)."""
     start, _ = outline.edges()
-    ends, first = [], 0
+    ends: list[ndarray] = []
+    first = 0
     for ring in outline.rings:
         own = slice(first, first + ring.shape[1])
         first = own.stop
-        names = np.array([on[own] for on in outline.boundaries.values()])
+        known = [np.zeros(ring.shape[1], dtype=bool)]
+        names = np.array(known + [on[own] for on in outline.boundaries.values()])
         changes = (names != np.roll(names, 1, axis=1)).any(axis=0)
         ends += list(start[:, own][:, changes].T)
     return ends
@@ -173,6 +193,32 @@ def _lines(
     return Lines(at, np.isin(at, strong))
 
 
+def _exact(p: ndarray, outline: Outline, lines: SingularFibres) -> ndarray:
+    """Nodes with round-off removed.
+
+    Corners, named points and ends of held parts are where they are given, so that
+    functions of position select them; edges along the axes are straight.
+    """
+    p, near = p.copy(), _ROUND_OFF * outline.size
+    given = [
+        *lines.held,
+        *(x[:, None] for x in outline.points.values()),
+        *outline.rings,
+    ]
+    x = np.hstack(given)
+    distance, node = KDTree(p.T).query(x.T)
+    close = distance <= near
+    p[:, node[close]] = x[:, close]
+    start, end = outline.edges()
+    for axis in range(2):
+        values = np.unique(start[axis, start[axis] == end[axis]])
+        if values.size:
+            i = np.searchsorted((values[1:] + values[:-1]) / 2, p[axis])
+            on = np.abs(p[axis] - values[i]) <= near
+            p[axis, on] = values[i[on]]
+    return p
+
+
 def _named(mesh: Mesh, outline: Outline, fibres: list[SingularFibre]) -> Mesh:
     """The mesh with the names of the outline, and of edges on singular fibres."""
     start, end = outline.edges()
@@ -192,8 +238,13 @@ def _named(mesh: Mesh, outline: Outline, fibres: list[SingularFibre]) -> Mesh:
         on[on] = shapely.dwithin(lines, shapely.points(middle[:, on].T), near)
         names[SINGULAR] = np.flatnonzero(on)
     mesh = with_names(mesh, {n: e for n, e in names.items() if len(e)}, None)
-    nodes = {
-        name: np.array([np.hypot(*(mesh.p - x[:, None])).argmin()])
-        for name, x in outline.points.items()
-    }
+    nodes = {}
+    for name, x in outline.points.items():
+        distance = np.hypot(*(mesh.p - x[:, None]))
+        nodes[name] = np.array([distance.argmin()])
+        if distance.min() > _ROUND_OFF * outline.size:
+            raise ValueError(
+                f"point {name!r} at {place(x)} is too close to another point, a "
+                "singular fibre or the outline: choose a smaller size"
+            )
     return with_named_nodes(mesh, nodes)

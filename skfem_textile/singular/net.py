@@ -15,6 +15,8 @@ from numpy import ndarray
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import KDTree
 
+from .outline import NEAR
+
 # Edges shorter than this share of a cell are collapsed.  Chosen: it bounds the
 # distortion of the neighbours.
 _SHORTEST = 0.25
@@ -22,9 +24,6 @@ _SHORTEST = 0.25
 # Area of a triangle relative to its cell below which a collapse is not accepted, unless
 # a triangle before was smaller.
 _SMALLEST = 0.05
-
-# Distance relative to the size of the outline below which points coincide.
-_NEAR = 1e-9
 
 
 def graded(
@@ -60,7 +59,7 @@ def graded(
         count = density * cumulative_trapezoid(1 / size, x, initial=0)
         n = max(1, int(np.ceil(count[-1] - 1e-6)))
         shares = np.arange(1, n + 1) / n * count[-1]
-        lines.append(low + np.interp(shares, count, x))
+        lines.append(np.append(low + np.interp(shares[:-1], count, x), high))
     return np.concatenate(lines)
 
 
@@ -96,7 +95,7 @@ def net(
         Nodes, shape (2, n_nodes), and triangles as node numbers, shape (3, n).
     """
     to_fibres = np.linalg.inv(A)
-    near = _NEAR * max(np.ptp(a.at), np.ptp(b.at))
+    near = NEAR * max(np.ptp(a.at), np.ptp(b.at))
     s = shapely.transform(shape, lambda x: _on_lines(x @ to_fibres.T, a.at, b.at, near))
     points, t = _triangles(s, a.at, b.at, near, A)
     t = _Collapse(points, t, s, a, b, near).triangles()
@@ -214,8 +213,10 @@ def _between(points: ndarray, used: ndarray, start: ndarray, end: ndarray) -> _H
 
 def _next(of_ring: ndarray) -> ndarray:
     """Index of the next corner in each ring; the corners of a ring are contiguous."""
-    start = np.flatnonzero(np.diff(of_ring, prepend=-1))
     following = np.arange(1, len(of_ring) + 1)
+    if not len(of_ring):
+        return following
+    start = np.flatnonzero(np.diff(of_ring, prepend=-1))
     following[np.append(start[1:], len(of_ring)) - 1] = start
     return following
 

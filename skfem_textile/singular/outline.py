@@ -19,6 +19,9 @@ from ..mesh.user_input import printable, real_numbers
 #: above rounding (2e-16), far below practical edges.
 NEAR = 1e-9
 
+#: Name of the elements of a mesh outside of the regions of its outline.
+REST = "rest"
+
 #: Numbers of edges of the outer polygon, or a pair (ring, numbers), or a list of such
 #: pairs.
 Edges = Any
@@ -206,6 +209,11 @@ class Outline:
         return x
 
     def _region(self, name: str, corners: ArrayLike) -> ndarray:
+        if name == REST:
+            raise ValueError(
+                f"a region must not be named {REST!r}, the name of what is outside of "
+                "all regions"
+            )
         ring = _ring(f"region {name!r}", corners)
         if (self._shape & shapely.Polygon(ring.T)).area <= NEAR * self.size**2:
             raise ValueError(
@@ -257,7 +265,7 @@ class Outline:
         Parameters
         ----------
         path
-            The file, with coordinates in mm.
+            The file; without units, coordinates are in mm.  Blocks are not read.
         tolerance
             Largest distance in mm between a curve and its chords.
         more

@@ -123,10 +123,11 @@ def triangles(
     >>> mesh.points.shape[1] < 180, bool((mesh.line == 0).sum() >= 11)
     (True, True)
     """
-    if not (np.isfinite(size) and size > 0):
-        raise ValueError(f"size must be a positive number, got {size}")
     if (n := shape.area / size**2) > _MOST:
-        raise ValueError(f"size {size:g} mm would give about {2.3 * n:.0f} triangles")
+        raise ValueError(
+            f"the size {size:g} mm would give about {2.3 * n:.1g} triangles: choose a "
+            "larger one"
+        )
     points = np.empty((2, 0)) if fixed is None else fixed
     chains = _chains(shape, *_without_doubles(shape, lines, size), size, points)
     p, segments = _divided(*chains, size)

@@ -130,6 +130,75 @@ def test_twice_the_density_reduces_the_error_of_the_load():
     assert errors[1] < errors[0] / 3
 
 
+@pytest.mark.parametrize("angle", [0.0, 90.0])
+@pytest.mark.parametrize("holes", [(), ([[10, 30, 30, 10], [20, 20, 60, 60]],)])
+def test_cells_that_the_outline_does_not_cut(angle, holes):
+    """Fibres along the edges of a rectangle, with and without an aligned hole."""
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    f = Fabric(1e4, 0.5, (c, s), (-s, c))
+    outline = Outline([[0, W, W, 0], [0, 0, H, H]], holes)
+    for conditions in (held(), {}):
+        mesh = mesh_outline(outline, f, conditions)
+        check_mesh(mesh)
+        assert area(mesh) == pytest.approx(outline.shape().area, rel=1e-12)
+
+
+@pytest.mark.parametrize("size", [None, 10.0])
+@pytest.mark.parametrize("limit", [20.0, 33.3, 61.7])
+def test_an_edge_held_up_to_a_position_ends_at_a_node(size, limit):
+    """A function of position selects the last node of the held part."""
+
+    def where(x):
+        return (x[1] == 0) & (x[0] <= limit)
+
+    outline = Outline([[0, 100, 100, 0], [0, 0, 150, 150]])
+    conditions = {"held": Condition(where), "top": Condition("top", (0.0, 1.0))}
+    mesh = mesh_outline(outline, fabric(40.0), conditions, size=size)
+    assert mesh.p[0, where(mesh.p)].max() == pytest.approx(limit, abs=1e-6)
+    assert mesh.p[1].max() == 150.0
+
+
+def test_every_key_is_a_line():
+    random = np.random.default_rng(3)
+    for _ in range(100):
+        keys = np.sort(random.uniform(-100, 100, 6))
+        strong = random.random(6) < 0.5
+        assert np.isin(keys, graded(keys, strong, 0.1, 20.0, 2.0)).all()
+
+
+def test_the_size_is_divided_by_the_density():
+    outline = Outline([[0, W, W, 0], [0, 0, H, H]])
+    sizes = [
+        mesh_outline(outline, fabric(), held(), size=10.0, density=d).nelements
+        for d in (1.0, 2.0)
+    ]
+    assert 3 < sizes[1] / sizes[0] < 5
+
+
+def test_an_outline_without_names_is_meshed():
+    """No edge of a diamond lies on its bounding box."""
+    outline = Outline([[0, 50, 0, -50], [-50, 0, 50, 0]])
+    assert not outline.boundaries
+    for size in (None, 10.0):
+        check_mesh(mesh_outline(outline, fabric(30.0), {}, size=size))
+
+
+def test_what_cannot_be_meshed_is_refused():
+    outline = Outline([[0, W, W, 0], [0, 0, H, H]])
+    with pytest.raises(ValueError, match="choose a smaller one"):
+        mesh_outline(outline, fabric(), held(), density=1000.0)
+    with pytest.raises(ValueError, match="must be a Fabric, not dict"):
+        mesh_outline(outline, {"rest": fabric()}, held())
+    with pytest.raises(ValueError, match="must not be named 'rest'"):
+        Outline([[0, W, W, 0], [0, 0, H, H]], regions={"rest": [[1, 9, 5], [1, 1, 9]]})
+    near = Outline(
+        [[0, W, W, 0], [0, 0, H, H]], points={"A": (25.0, 50.0), "B": (25.3, 50.0)}
+    )
+    pinned = held() | {name: Condition(name) for name in ("A", "B")}
+    with pytest.raises(ValueError, match="point 'B' at"):
+        mesh_outline(near, fabric(), pinned, size=10.0)
+
+
 @pytest.mark.parametrize("density", [0.0, -1.0, np.nan, np.inf])
 def test_a_density_that_is_not_positive_is_refused(density):
     with pytest.raises(ValueError, match="density must be positive"):
