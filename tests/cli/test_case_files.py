@@ -296,7 +296,7 @@ def test_a_region_has_the_defaults_of_its_scene(tmp_path):
             "size = 1979-05-27",
             "must be an array, got a date",
         ),
-        ('solver = "superlu"', 'solver = "supreme"', "expected one of auto, cholmod"),
+        ('solver = "superlu"', 'solver = "supreme"', "expected one of auto, rslab"),
         (
             "[loads.force_N]",
             "[loads]\nforce_N = 1\n[x]",
