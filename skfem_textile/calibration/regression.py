@@ -266,13 +266,10 @@ def solve_nonlinear(
         return root * (predict(model.build(values)) - measured)
 
     try:
-        values = (
-            _optimize()
-            .least_squares(
-                residual, inside, bounds=(model.low, model.high), x_scale=scale
-            )
-            .x
+        found = _optimize().least_squares(
+            residual, inside, bounds=(model.low, model.high), x_scale=scale
         )
+        values = found.x
     except ValueError as error:
         raise ValueError(f"the fit of the law {model.name} failed: {error}") from None
     near = np.maximum(np.abs(values), scale) * 1e-6

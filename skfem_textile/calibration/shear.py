@@ -502,7 +502,7 @@ def _simulated(
 
 def _ratio(test: ShearTest, law: Law, curve: Simulated) -> Callable[[ndarray], ndarray]:
     """Ratio of the simulated load to the closed form."""
-    ratio = curve.forces[1:] / test.force(law, curve.angles[1:])
     from scipy.interpolate import PchipInterpolator  # imported only if needed
 
+    ratio = curve.forces[1:] / test.force(law, curve.angles[1:])
     return PchipInterpolator(curve.angles, np.concatenate([ratio[:1], ratio]))

@@ -128,16 +128,7 @@ class Case:
 
     def load(self, density: float) -> tuple[float | None, int, float, float, str]:
         """Load in N, unknowns, seconds of the mesh and in all, and an error."""
-        outline = Outline(
-            np.transpose(self.polygon), list(map(np.transpose, self.holes))
-        )
-        angle = np.radians(self.degrees)
-        warp = np.cos(angle), np.sin(angle)
-        fabric = Fabric(self.ratio * G, LAWS[self.law], warp, (-warp[0], warp[1]))
-        conditions = {
-            "bottom": Condition("bottom"),
-            "top": Condition("top", (0.0, self.travel)),
-        }
+        outline, fabric, conditions = self.problem()
         start = perf_counter()
         try:
             mesh = mesh_outline(outline, fabric, conditions, density=density)

@@ -40,6 +40,7 @@ from skfem_textile.mesh import bases as elements
 from skfem_textile.mesh.pattern import Pattern
 from skfem_textile.mesh.splitting import split_cells
 from skfem_textile.ply.kernels.elements import QuadPoints, element_groups
+from skfem_textile.ply.kernels.kernel import full_matrices, positive_part
 from skfem_textile.ply.kernels.kernel_forms import with_kernel
 from tests.helpers import (
     TRIANGLE_AND_QUAD,
@@ -309,3 +310,19 @@ def test_blocks_of_a_pair_of_nodes_are_kept_below_the_diagonal():
     np.testing.assert_array_equal(K, K.T)
     np.testing.assert_array_equal(K[:2, 4:], blocks[1, ..., 0])
     assert not K[2:4].any()
+
+
+def test_only_element_matrices_with_a_negative_eigenvalue_are_projected():
+    """One of two elements has one, of −1; semi-definite matrices stay as they are."""
+    random = np.random.default_rng(4)
+    Q = np.linalg.qr(random.standard_normal((2, 6, 6)))[0]
+    values = np.array([[0, 0, 0, 1, 2, 3.0], [-1, 0, 0, 1, 2, 3.0]])
+    full = np.einsum("nij,nj,nkj->ikn", Q, values, Q)
+    first, second = np.triu_indices(3)
+    blocks = full.reshape(3, 2, 3, 2, 2)[first, :, second]
+    definite = blocks[..., :1]
+    assert positive_part(definite) is definite
+    projected = full_matrices(positive_part(blocks)).transpose(2, 0, 1)
+    found = np.linalg.eigvalsh(projected)
+    np.testing.assert_allclose(found, np.maximum(values, 0.0), atol=1e-12)
+    np.testing.assert_allclose(projected[0], full[..., 0], atol=1e-12)
