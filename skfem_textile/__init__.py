@@ -16,7 +16,6 @@ from .fabric import (
     Sin2,
     Tabulated,
     TensionOnly,
-    mesh_along_fibres,
 )
 from .fabric.files import read_law, write_law
 from .forms import Forms, hourglass_rate, out_of_plane, shear_continuity

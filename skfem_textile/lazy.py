@@ -5,7 +5,14 @@ from typing import Any
 
 # Modules of the names.
 _MODULES = dict.fromkeys(
-    ("Outline", "fit_to_fibres", "mesh_outline", "singular_fibres"), "singular"
+    (
+        "Outline",
+        "fit_to_fibres",
+        "mesh_along_fibres",
+        "mesh_outline",
+        "singular_fibres",
+    ),
+    "singular",
 )
 
 

@@ -7,7 +7,6 @@ from .laws.polynomial import Polynomial
 from .laws.shear import Locking, Sin2, TangentShear
 from .laws.tabulated import Tabulated
 from .laws.tension import Asymmetric, CrimpToe, Pretensioned, TensionOnly
-from .meshing import mesh_along_fibres
 
 __all__ = [
     "Asymmetric",
@@ -31,6 +30,5 @@ __all__ = [
     "TensionOnly",
     "TwoLaws",
     "is_zero",
-    "mesh_along_fibres",
     "unit_vectors",
 ]

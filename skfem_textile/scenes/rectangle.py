@@ -7,7 +7,6 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
-from ..fabric import mesh_along_fibres
 from ..mesh.checks import with_edges
 from ..mesh.selection import named_nodes
 
@@ -74,6 +73,8 @@ def rectangle(
         raise ValueError(f"seed must be at least 0, got {seed}")
 
     if kind == "aligned":
+        from ..singular import mesh_along_fibres  # shapely is slow to import
+
         outline = [[0.0, width, width, 0.0], [0.0, 0.0, height, height]]
         A1, A2 = ((np.cos(angle), np.sin(angle)) for angle in (warp, weft))
         return mesh_along_fibres(outline, A1, A2, (width / nx, height / ny))

@@ -3,7 +3,7 @@
 from .cells import CORNER
 from .fibres import SingularFibre, SingularFibres, singular_fibres
 from .fitting import FittedMesh, fit_to_fibres
-from .meshing import SINGULAR, mesh_outline
+from .meshing import SINGULAR, mesh_along_fibres, mesh_outline
 from .outline import Outline
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "SingularFibre",
     "SingularFibres",
     "fit_to_fibres",
+    "mesh_along_fibres",
     "mesh_outline",
     "singular_fibres",
 ]

@@ -7,21 +7,26 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy import ndarray
+from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
-from skfem import Mesh, MeshTri
+from skfem import Mesh, MeshQuad, MeshTri
 
 from ..fabric import Fabric
 from ..mesh.scikit_fem import with_names
 from ..mesh.selection import SINGULAR, edge_numbers, with_named_nodes
 from ..solve.conditions import Conditions
 from .fibres import SingularFibre, SingularFibres, singular_fibres
-from .net import Lines, graded, net
+from .lines import Lines, even, graded
+from .net import cut_cells, net
 from .outline import NEAR, REST, Outline, place
 from .triangles import triangles
 
 # Distance relative to the size of the outline up to which nodes deviate from their
 # exact positions: irregular meshes are computed on a grid of 1e-8.
 _ROUND_OFF = 1e-7
+
+# Components of unit vectors below this are zero.  Chosen: above cos 90°, 6e-17.
+_ROUNDING = 1e-15
 
 # Maximum number of triangles of a net.  Chosen: it takes about a minute.
 _MOST = 1e6
@@ -100,7 +105,7 @@ def mesh_outline(
         return irregular(outline, lines, size)
     lines = singular_fibres(outline, fabric, conditions, loads, fabrics=fabrics)
     largest = _LARGEST * np.sqrt(outline.shape().area)
-    A = np.hstack(fabric.directions(np.zeros((2, 1, 1))))[:, :, 0]
+    A = _directions(fabric)
     to_fibres = np.linalg.inv(A)
     corners = to_fibres @ np.hstack(outline.rings)
     a, b = (
@@ -113,7 +118,77 @@ def mesh_outline(
             "smaller one"
         )
     p, t = net(outline.shape(), A, a, b)
-    return _named(MeshTri(_exact(p, outline, lines), t), outline, lines.fibres)
+    mesh = MeshTri(_exact(p, outline, lines.held), t)
+    return _named(mesh, outline, lines.fibres)
+
+
+def mesh_along_fibres(
+    outline: Outline | ArrayLike, warp: ArrayLike, weft: ArrayLike, spacing: ArrayLike
+) -> Mesh:
+    """Mesh of an outline with edges along warp and weft, equally spaced.
+
+    Lines of both families pass through each corner and each named point of the outline,
+    with equally spaced lines between them.  If possible, lines of both families meet
+    wherever one meets a side; otherwise this is logged at the level INFO.  The cells of
+    this net are parallelograms, cut off at the sides.  The mesh consists of these if
+    all sides follow the fibres, and otherwise of triangles, into which the cells are
+    cut along a diagonal.
+
+    Parameters
+    ----------
+    outline
+        An `Outline`, or its corners in mm, in order, shape (2, n).  Lines also pass
+        through a corner of 180°, such as the end of a clamp within a side.
+    warp, weft
+        Directions of the fibres: vectors of any length, not parallel.
+    spacing
+        Largest distance in mm between points at which lines meet a side: a number, or
+        a pair for distances along x and y.
+
+    Returns
+    -------
+    Mesh
+        A `skfem.MeshQuad` or `skfem.MeshTri` with the names of the edges and points of
+        the outline.
+
+    Raises
+    ------
+    ValueError
+        If the outline is not valid (see `Outline`) or has regions, a direction is zero
+        or not finite, warp and weft are parallel, or the spacing is not positive or
+        would give too many cells.
+
+    Examples
+    --------
+    >>> square = [[0, 1, 1, 0], [0, 0, 1, 1]]
+    >>> mesh_along_fibres(square, (1, 1), (-1, 1), 0.5).nelements
+    16
+    >>> mesh_along_fibres(square, (1, 0), (0, 1), 0.5).nelements
+    4
+    """
+    outline = outline if isinstance(outline, Outline) else Outline(outline)
+    if outline.regions:
+        raise ValueError(
+            "meshes of equal spacing have no regions: use mesh_outline with fabrics"
+        )
+    fabric = Fabric(warp=np.asarray(warp), weft=np.asarray(weft))
+    h = np.broadcast_to(np.asarray(spacing, dtype=float), 2)
+    if not (np.isfinite(h) & (h > 0)).all():
+        raise ValueError(f"the spacing must be positive and finite, got {h} mm")
+    A = _directions(fabric)
+    A[np.abs(A) < _ROUNDING] = 0.0
+    to_fibres = np.linalg.inv(A)
+    sides = to_fibres @ np.stack(outline.edges())
+    points = to_fibres @ np.reshape([*outline.points.values()], (-1, 2)).T
+    a, b = even(np.hstack([sides[0], points]), sides, A / h[:, None])
+    p, t = cut_cells(outline.shape(), A, a, b)
+    kind = MeshQuad if len(t) == 4 else MeshTri
+    return _named(kind(_exact(p, outline, []), t), outline, [])
+
+
+def _directions(fabric: Fabric) -> ndarray:
+    """Directions of straight fibres, the columns of a matrix."""
+    return np.hstack(fabric.directions(np.zeros((2, 1, 1))))[:, :, 0]
 
 
 def irregular(
@@ -126,7 +201,7 @@ def irregular(
     along = [*lines.borders, *(f.points for f in lines.fibres)]
     fixed = np.array([*_ends_of_names(outline), *outline.points.values()])
     found = triangles(outline.shape(), along, size, fixed.reshape(-1, 2).T, turn)
-    p = _exact(found.points, outline, lines)
+    p = _exact(found.points, outline, lines.held)
     mesh = _named(MeshTri(p, found.triangles), outline, [])
     boundaries, subdomains = dict(mesh.boundaries or {}), {}
     singular = found.edges[:, found.line >= len(lines.borders)]
@@ -193,7 +268,7 @@ def _lines(
     return Lines(at, np.isin(at, strong))
 
 
-def _exact(p: ndarray, outline: Outline, lines: SingularFibres) -> ndarray:
+def _exact(p: ndarray, outline: Outline, held: list[ndarray]) -> ndarray:
     """Nodes with round-off removed.
 
     Corners, named points and ends of held parts are where they are given, so that
@@ -201,7 +276,7 @@ def _exact(p: ndarray, outline: Outline, lines: SingularFibres) -> ndarray:
     """
     p, near = p.copy(), _ROUND_OFF * outline.size
     given = [
-        *lines.held,
+        *held,
         *(x[:, None] for x in outline.points.values()),
         *outline.rings,
     ]

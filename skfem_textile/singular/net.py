@@ -1,20 +1,17 @@
-"""Nets along straight fibres, graded towards singular fibres and cut at the outline.
+"""Nets of lines along straight fibres, cut at the outline.
 
-In coordinates along the fibres, X = s₁ A₁ + s₂ A₂, singular fibres are lines s₁ = a or
-s₂ = b.  Lines of both families pass through the whole outline; their distance grows
-from the singular fibres on.  The outline cuts their cells, and nodes that would cause
-slivers are moved onto it.
+Lines of both families pass through the whole outline, which cuts their cells.  Nodes
+that would cause slivers are moved onto it.
 """
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy import ndarray
-from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import KDTree
 
+from .lines import Lines, nearest
 from .outline import NEAR
 
 # Edges shorter than this share of a cell are collapsed.  Chosen: it bounds the
@@ -24,55 +21,6 @@ _SHORTEST = 0.25
 # Area of a triangle relative to its cell below which a collapse is not accepted, unless
 # a triangle before was smaller.
 _SMALLEST = 0.05
-
-
-def graded(
-    keys: ndarray,
-    strong: ndarray,
-    finest: float,
-    largest: float,
-    growth: float,
-    density: float = 1.0,
-) -> ndarray:
-    """Lines through given ones, graded towards the strong of them.
-
-    Parameters
-    ----------
-    keys
-        Lines in ascending order.
-    strong
-        One bool per line.
-    finest, largest, growth
-        Distance of lines at the strong ones, its limit, and its derivative with respect
-        to the distance from them.
-    density
-        Factor of the number of lines.
-    """
-    lines = [keys[:1]]
-    for (low, high), ends in zip(pairwise(keys), pairwise(strong), strict=True):
-        x = (high - low) * _SAMPLES
-        size = np.full_like(x, largest)
-        for is_strong, distance in zip(ends, (x, x[::-1]), strict=True):
-            if is_strong:
-                size = np.minimum(size, finest + growth * distance)
-        # Number of lines up to each distance: the integral of 1/size.
-        count = density * cumulative_trapezoid(1 / size, x, initial=0)
-        n = max(1, int(np.ceil(count[-1] - 1e-6)))
-        shares = np.arange(1, n + 1) / n * count[-1]
-        lines.append(np.append(low + np.interp(shares[:-1], count, x), high))
-    return np.concatenate(lines)
-
-
-# Positions in a gap between two lines, from 0 to 1, dense and symmetric at both ends.
-_SAMPLES = np.geomspace(1e-6, 0.5, 200)
-_SAMPLES = np.concatenate([[0.0], _SAMPLES, 1 - _SAMPLES[-2::-1], [1.0]])
-
-
-class Lines(NamedTuple):
-    """Lines of a family in ascending order, and which of them are singular fibres."""
-
-    at: ndarray
-    strong: ndarray
 
 
 def net(
@@ -94,41 +42,82 @@ def net(
     tuple of ndarray
         Nodes, shape (2, n_nodes), and triangles as node numbers, shape (3, n).
     """
+    s, near = _along_lines(shape, A, a.at, b.at)
+    points, t = _triangles(s, s, a.at, b.at, near, A)
+    return _in_plane(points, _Collapse(points, t, s, a, b, near).triangles(), A)
+
+
+def cut_cells(
+    shape: shapely.Polygon, A: ndarray, a: ndarray, b: ndarray
+) -> tuple[ndarray, ndarray]:
+    """Cells between lines s₁ = a and s₂ = b within an outline, as cut by it.
+
+    Lines of both families pass through each corner of the outline.  Other arguments and
+    results are those of `net`, but elements are the cells, shape (4, n), if the sides
+    follow the lines.
+    """
+    s, near = _along_lines(shape, A, a, b)
+    rings = map(shapely.get_coordinates, shapely.get_rings(s))
+    sides = np.concatenate([np.diff(ring, axis=0) for ring in rings])
+    if (sides != 0).all(axis=1).any():
+        outer = shapely.buffer(s, near, join_style="mitre")
+        return _in_plane(*_triangles(s, outer, a, b, near, A), A)
+    x, y = np.meshgrid(a, b)
+    node = np.arange(x.size).reshape(x.shape)
+    corners = node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]
+    t = np.stack(corners).reshape(4, -1)
+    points = np.stack([x, y], axis=-1).reshape(-1, 2)
+    inside = shapely.contains_xy(s, points[t].mean(axis=0))
+    return _in_plane(points, t[:, inside], A)
+
+
+def _in_plane(points: ndarray, t: ndarray, A: ndarray) -> tuple[ndarray, ndarray]:
+    """Nodes of elements, shape (2, n_nodes), and the elements as their numbers."""
+    used, of = np.unique(t, return_inverse=True)
+    return np.ascontiguousarray((points[used] @ A.T).T), of.reshape(t.shape)
+
+
+def _along_lines(
+    shape: shapely.Polygon, A: ndarray, a: ndarray, b: ndarray
+) -> tuple[shapely.Polygon, float]:
+    """Outline in coordinates along the fibres, and the distance of coincident points.
+
+    Its corners are moved onto lines that are near.
+    """
     to_fibres = np.linalg.inv(A)
-    near = NEAR * max(np.ptp(a.at), np.ptp(b.at))
-    s = shapely.transform(shape, lambda x: _on_lines(x @ to_fibres.T, a.at, b.at, near))
-    points, t = _triangles(s, a.at, b.at, near, A)
-    t = _Collapse(points, t, s, a, b, near).triangles()
-    used, t = np.unique(t, return_inverse=True)
-    return np.ascontiguousarray((points[used] @ A.T).T), np.ascontiguousarray(
-        t.reshape(3, -1)
-    )
+    near = NEAR * max(np.ptp(a), np.ptp(b))
+    return shapely.transform(
+        shape, lambda x: _on_lines(x @ to_fibres.T, a, b, near)
+    ), near
 
 
 def _on_lines(s: ndarray, a: ndarray, b: ndarray, near: float) -> ndarray:
     """Points, shape (n, 2), moved onto lines that are near."""
     s = s.copy()
     for axis, lines in enumerate((a, b)):
-        k = _nearest(lines, s[:, axis])
+        k = nearest(lines, s[:, axis])
         s[:, axis] = np.where(
             np.abs(lines[k] - s[:, axis]) <= near, lines[k], s[:, axis]
         )
     return s
 
 
-def _nearest(lines: ndarray, x: ndarray) -> ndarray:
-    """Index of the nearest line."""
-    return np.searchsorted((lines[1:] + lines[:-1]) / 2, x)
-
-
 def _triangles(
-    s: shapely.Polygon, a: ndarray, b: ndarray, near: float, A: ndarray
+    s: shapely.Polygon,
+    outer: shapely.Polygon,
+    a: ndarray,
+    b: ndarray,
+    near: float,
+    A: ndarray,
 ) -> tuple[ndarray, ndarray]:
-    """Nodes (n, 2) along the fibres and triangles (3, n) of all cells, as cut."""
-    shapely.prepare(s)
+    """Nodes (n, 2) along the fibres and triangles (3, n) of all cells, as cut.
+
+    Cells within the polygon ``outer`` are not cut.
+    """
+    shapely.prepare([s, outer])
     i, j = np.indices((len(a) - 1, len(b) - 1)).reshape(2, -1)
     boxes = shapely.box(a[i], b[j], a[i + 1], b[j + 1])
-    whole = shapely.covers(s, boxes)
+    whole = shapely.covers(outer, boxes)
     cut = boxes[~whole & shapely.intersects(s, boxes)]
     parts = shapely.get_parts(shapely.intersection(s, cut))
     parts = parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
@@ -136,19 +125,18 @@ def _triangles(
     x, of_ring = shapely.get_coordinates(rings, return_index=True)
     repeated = np.diff(of_ring, append=len(rings)) != 0  # the first corner, at the end
     x, of_ring = x[~repeated], of_ring[~repeated]
-    corners = [
-        np.stack([a[i + k], b[j + m]], axis=-1)[whole]
-        for k, m in ((0, 0), (1, 0), (1, 1), (0, 1))
-    ]
-    number, points = _joined(_on_lines(np.concatenate([*corners, x]), a, b, near), near)
-    quads, nodes = np.split(number, [4 * whole.sum()])
-    quads = quads.reshape(4, -1)
+    i, j = i[whole], j[whole]
+    corners = [(i + k) * len(b) + j + m for k, m in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    grid, quads = np.unique(corners, return_inverse=True)
+    x = np.concatenate([np.stack([a[grid // len(b)], b[grid % len(b)]], axis=-1), x])
+    number, points = _joined(_on_lines(x, a, b, near), near)
+    quads, nodes = number[quads.reshape(4, -1)], number[len(grid) :]
 
     # Nodes in the interior of an edge, where the outline touches a line.
     used = np.unique(number)
     inside = [_between(points, used, quads[k - 1], quads[k]) for k in range(4)]
     split = np.any([np.diff(hits.first) > 0 for hits in inside], axis=0)
-    of_quads = _halved(quads[:, ~split], (i + j)[whole][~split] % 2 == 1)
+    of_quads = _halved(quads[:, ~split], (i + j)[~split] % 2 == 1)
     n_split = np.count_nonzero(split)
     nodes = np.concatenate([nodes, quads[:, split].T.ravel()])
     of_ring = np.append(of_ring, len(rings) + np.repeat(np.arange(n_split), 4))
@@ -282,7 +270,7 @@ class _Collapse:
         self._fibre = [
             np.where((x.at[k] == points[:, axis]) & x.strong[k], k, -1)
             for axis, x in enumerate((a, b))
-            for k in [_nearest(x.at, points[:, axis])]
+            for k in [nearest(x.at, points[:, axis])]
         ]
         edges = np.sort(np.concatenate([t[[0, 1]], t[[1, 2]], t[[2, 0]]], axis=1).T)
         edges, count = np.unique(edges, axis=0, return_counts=True)

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import ClassVar, Self
 
 import numpy as np
+import shapely
 from numpy import ndarray
 from skfem import Mesh, MeshTri
 
 from skfem_textile.fabric import Fabric, Law, Linear, Sin2
-from skfem_textile.fabric.meshing import cells_of_net
 from skfem_textile.mesh.checks import with_edges
 from skfem_textile.ply import Ply
 from skfem_textile.ply.formulations import Full, Quadratic
@@ -28,6 +28,7 @@ from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension
 from skfem_textile.scenes.bias_extension import WIDTH
 from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.singular.net import cut_cells
 from skfem_textile.solve.result import Result
 from skfem_textile.solve.stepper import LoadStepper
 
@@ -83,10 +84,6 @@ AGREEMENT = 0.005
 # Number of stored decimals, far finer than the agreement.
 _DIGITS = 6
 
-# Points closer to a side than this fraction of a rhombus are on it: far above
-# round-off, 2e-16, and far below the narrowest cells, 1e-3.
-_NEAR = 1e-9
-
 
 def graded_mesh(theta: float, cells: int) -> Mesh:
     """Fibre-aligned triangles, graded towards the fibres through the corners.
@@ -99,10 +96,9 @@ def graded_mesh(theta: float, cells: int) -> Mesh:
         Even number of cells along a rhombus side.
     """
     lines = np.concatenate([i + _graded(cells) for i in range(3)] + [[3.0]])
-    outline = np.array([[0.0, 1.0, 3.0, 2.0], [0.0, -1.0, 1.0, 2.0]])
-    s, triangles = cells_of_net(outline, lines, lines - 1, _NEAR)
     c, t = WIDTH / 2, WIDTH / 2 * np.tan(theta)
-    return with_edges(MeshTri(np.array([[c, -c], [t, t]]) @ s, triangles))
+    outline, A = shapely.box(0, 0, 2 * c, 4 * t), np.array([[c, -c], [t, t]])
+    return with_edges(MeshTri(*cut_cells(outline, A, lines, lines - 1)))
 
 
 def _graded(cells: int) -> ndarray:

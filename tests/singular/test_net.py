@@ -16,7 +16,7 @@ from skfem_textile import (
 from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.scenes.bias_extension import force
 from skfem_textile.singular import SINGULAR
-from skfem_textile.singular.net import graded
+from skfem_textile.singular.lines import graded
 
 W, H = 50.0, 100.0
 
