@@ -52,9 +52,20 @@ def cut_cells(
 ) -> tuple[ndarray, ndarray]:
     """Cells between lines s₁ = a and s₂ = b within an outline, as cut by it.
 
-    Lines of both families pass through each corner of the outline.  Other arguments and
-    results are those of `net`, but elements are the cells, shape (4, n), if the sides
-    follow the lines.
+    Lines of both families pass through each corner of the outline.
+
+    Parameters
+    ----------
+    shape, A
+        See `net`.
+    a, b
+        Lines in ascending order.
+
+    Returns
+    -------
+    tuple of ndarray
+        Nodes, shape (2, n_nodes), and elements as node numbers: the cells, shape (4,
+        n), if all sides follow the lines; else triangles, shape (3, n).
     """
     s, near = _along_lines(shape, A, a, b)
     rings = map(shapely.get_coordinates, shapely.get_rings(s))
