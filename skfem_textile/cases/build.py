@@ -19,18 +19,18 @@ from ..ply.loads import Force
 from ..scenes.case import Case
 from ..solve.surface import OnSurface
 from .read import CaseFileError, declared, read_tables, with_files
-from .scenes import AnyScene, OnTool, Specimen
+from .scenes import OnTool, PlaneScene, Specimen
 from .schema import (
     MESH_KINDS,
     OUTLINES,
     Bending,
     CaseFile,
     FabricOfFile,
-    Mesh,
     Shear,
     Stepping,
     Tension,
 )
+from .table import GRADED
 
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
@@ -41,6 +41,9 @@ log = logging.getLogger(__name__)
 
 # Name of the subdomain of elements outside all regions.
 _OTHERS = "elements in no region"
+
+# Density of the mesh of a drawing before the conditions are known.
+_COARSE = 0.25
 
 # Sine of the angle below which two directions are equal. Chosen: above the six digits
 # of a deck.
@@ -115,17 +118,16 @@ def built(file: CaseFile) -> Case:
     """
     with_files(file, _refuse_missing)
     _refuse_contradictions(file)
-    scene = _scene(file.scene, file.mesh, file.fabric.file)
-    if file.fabric.file is None:
-        laws = file.tension, file.shear, file.bending
-        fabric = _fabric(*laws, (scene.warp, scene.weft))
-        stated = None
-    else:
-        stated = _fabric_of_file(file.fabric.file, file.fabric)
-        fabric = replace(stated, warp=scene.warp, weft=scene.weft)
+    laws = (
+        _fabric(file.tension, file.shear, file.bending)
+        if file.fabric.file is None
+        else _fabric_of_file(file.fabric.file, file.fabric)
+    )
+    scene = _scene(file, laws)
+    fabric = replace(laws, warp=scene.warp, weft=scene.weft)
     if file.mesh.directions is not None:
         scene, fabric = _with_directions(file.mesh.directions, scene, fabric)
-    if stated is not None and _has_other_directions(stated, scene, fabric):
+    if file.fabric.file is not None and _has_other_directions(laws, scene, fabric):
         _warn_of_other_directions(file)
     if file.regions:
         fabric = _with_regions(scene, fabric, file)
@@ -133,10 +135,7 @@ def built(file: CaseFile) -> Case:
     return Case(
         scene=scene,
         fabric=fabric,
-        loads=tuple(
-            Force(name, scene.turn @ total if len(total) == 2 else total)
-            for name, total in file.loads.force_N.items()
-        ),
+        loads=_forces(file, scene.turn),
         formulation=file.formulation.build(),
         steps=file.stepping.steps,
         method=file.stepping.method,
@@ -182,54 +181,70 @@ def _refuse_contradictions(file: CaseFile) -> None:
         )
 
 
-def _scene(scene: AnyScene, options: Mesh, fabric: str | None) -> "Scene":
+def _forces(file: CaseFile, turn: np.ndarray) -> tuple[Force, ...]:
+    """Forces on boundaries, those in the plane rotated."""
+    return tuple(
+        Force(name, turn @ total if len(total) == 2 else total)
+        for name, total in file.loads.force_N.items()
+    )
+
+
+def _scene(file: CaseFile, laws: Fabric) -> "Scene":
     """The scene on its mesh, rotated."""
-    generated = {"size": options.size, "jitter": options.jitter, "seed": options.seed}
-    generated = {key: value for key, value in generated.items() if value is not None}
+    scene, options = file.scene, file.mesh
+    _refuse_other_mesh_keys(file)
     mesh: str | SkfemMesh = options.source
-    is_outline = Path(options.source).suffix.lower() in OUTLINES
-    if options.density is not None:
-        if not is_outline:
-            raise ValueError(
-                "mesh.density applies to an outline, which mesh.source does not name: "
-                "omit it"
-            )
-        generated["density"] = options.density
-    if options.source not in MESH_KINDS:
-        if not Path(options.source).is_file():
-            raise ValueError(
-                f"mesh.source {printable(options.source)} is neither an existing file "
-                f"nor one of {', '.join(MESH_KINDS)}"
-            )
-        if is_outline:
-            return _of_outline(scene, options, generated)
-        if generated:
-            raise ValueError(
-                f"mesh.{next(iter(generated))} applies to a generated mesh, but "
-                "mesh.source names a file: omit one of them"
-            )
-        mesh = _read(options.source, options.directions, fabric)
-    built = scene.build(mesh, **generated)
+    of_grid = {"size": options.size, "jitter": options.jitter, "seed": options.seed}
+    of_grid = {key: value for key, value in of_grid.items() if value is not None}
+    if options.source == GRADED:
+        built = _graded(file, laws)
+    else:
+        if options.source not in MESH_KINDS:
+            mesh = _read(options.source, options.directions, file.fabric.file)
+        built = scene.build(mesh, **of_grid)
     return built.rotated(np.radians(getattr(scene, "rotate_deg", 0.0)))
 
 
-def _of_outline(scene: AnyScene, options: Mesh, generated: dict[str, Any]) -> "Scene":
-    """The scene on a mesh of an outline."""
-    if not isinstance(scene, Specimen):
+def _refuse_other_mesh_keys(file: CaseFile) -> None:
+    """Refuse keys of the mesh that do not apply to its kind."""
+    options = file.mesh
+    source = printable(options.source)
+    if options.source == GRADED:
+        what, suitable = "a graded mesh", {"outline", "density"}
+        if not isinstance(file.scene, PlaneScene):
+            raise ValueError("mesh.source graded applies to scenes in the plane only")
+        if options.outline is not None and not isinstance(file.scene, Specimen):
+            raise ValueError("mesh.outline applies to the scene specimen only")
+    elif options.source in MESH_KINDS:
+        what = f"the mesh {source}"
+        suitable = {"size", "jitter", "seed", "directions"}
+    elif Path(options.source).suffix.lower() in OUTLINES:
+        raise ValueError(f"mesh.source {source} is a drawing: name it in mesh.outline")
+    elif Path(options.source).is_file():
+        what, suitable = f"the mesh {source}", {"directions"}
+    else:
         raise ValueError(
-            "mesh.source names an outline, which applies to the scene specimen only"
+            f"mesh.source {source} is neither an existing file nor one of "
+            f"{', '.join(MESH_KINDS)}"
         )
-    others = [*generated, *(["directions"] if options.directions else [])]
-    if others := [key for key in others if key != "density"]:
-        raise ValueError(
-            f"mesh.{others[0]} does not apply to the mesh of an outline: omit it"
-        )
-    from ..singular import Outline
+    for key in options.__struct_fields__:
+        if key not in {"source", *suitable} and getattr(options, key) is not None:
+            raise ValueError(f"mesh.{key} does not apply to {what}: omit one of them")
 
-    dxf = options.source.lower().endswith(".dxf")
-    read = Outline.from_dxf if dxf else Outline.from_svg
-    built = scene.build(read(options.source), **generated)
-    return built.rotated(np.radians(scene.rotate_deg))
+
+def _graded(file: CaseFile, laws: Fabric) -> "Scene":
+    """The scene on a mesh along the singular fibres."""
+    from ..singular import Outline, mesh_outline
+
+    outline, drawing = None, file.mesh.outline
+    if drawing is None:
+        scene = file.scene.build("irregular", size=(1, 1))
+    else:
+        is_dxf = drawing.lower().endswith(".dxf")
+        outline = (Outline.from_dxf if is_dxf else Outline.from_svg)(drawing)
+        scene = file.scene.build(mesh_outline(outline, Fabric(), density=_COARSE))
+    density, forces = file.mesh.density, _forces(file, np.eye(2))
+    return scene.graded(laws, density, forces, outline)
 
 
 def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh":
@@ -252,7 +267,10 @@ def _is_copy(named: str | None, file: str) -> bool:
 
 
 def _fabric(
-    tension: Tension, shear: Shear, bending: Bending, fibres: tuple[Any, Any]
+    tension: Tension,
+    shear: Shear,
+    bending: Bending,
+    fibres: tuple[Any, Any] = (Fabric.warp, Fabric.weft),
 ) -> Fabric:
     """Fabric with the given laws; an error names the table."""
     warp = _named("tension", tension.build)

@@ -18,7 +18,6 @@ from ..mesh.user_input import excerpt, printable
 from .scenes import SCENES, Scene
 from .schema import (
     MESH_KINDS,
-    OUTLINES,
     CaseFile,
     InCompression,
     Region,
@@ -26,7 +25,7 @@ from .schema import (
     Tension,
     Weft,
 )
-from .table import FILE, named, tag_of
+from .table import FILE, GRADED, named, tag_of
 
 # Limit on the size of a case file; larger ones take long to read.
 _MOST_BYTES = 1_000_000
@@ -205,11 +204,10 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, A
                     f"[{name}] sets a law, but fabric.file contains all laws: omit one "
                     "of them"
                 )
-    formulation = "quadratic" if _is_outline(filled["mesh"]) else "macro"
-    of_mesh = {"size": scene.size, "jitter": scene.jitter, "seed": 1}
+    mesh = filled["mesh"] = _with_kind(filled["mesh"], scene)
+    is_graded = isinstance(mesh, dict) and mesh["source"] == GRADED
     for name, defaults in (
-        ("mesh", of_mesh if _is_generated(filled["mesh"]) else {}),
-        ("formulation", {"name": formulation}),
+        ("formulation", {"name": "quadratic" if is_graded else "macro"}),
         ("stepping", {"steps": scene.steps}),
     ):
         if isinstance(filled[name], dict):
@@ -217,14 +215,20 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, A
     return _laws_nested({"tension": {}, "shear": {}, **filled}, scene)
 
 
-def _is_generated(mesh: Any) -> bool:
-    return isinstance(mesh, dict) and mesh.get("source", "irregular") in MESH_KINDS
-
-
-def _is_outline(mesh: Any) -> bool:
-    """True if the table of a mesh names an outline."""
-    source = mesh.get("source") if isinstance(mesh, dict) else None
-    return isinstance(source, str) and Path(source).suffix.lower() in OUTLINES
+def _with_kind(mesh: Any, scene: type[Scene]) -> Any:
+    """The table of a mesh with its kind, and the defaults of this kind."""
+    if not isinstance(mesh, dict):
+        return mesh
+    of_grid = {"size": scene.size, "jitter": scene.jitter, "seed": 1}
+    kind = scene.mesh
+    if mesh.get("outline") is not None:
+        kind = GRADED
+    elif {*of_grid, "directions"} & mesh.keys():
+        kind = "irregular"
+    mesh = {"source": kind, **mesh}
+    if mesh["source"] == GRADED:
+        return {"density": 1.0, **mesh}
+    return {**of_grid, **mesh} if mesh["source"] in MESH_KINDS else mesh
 
 
 def _laws_nested(tables: Any, scene: type[Scene]) -> Any:

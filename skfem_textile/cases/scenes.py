@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 import numpy as np
 from msgspec import field
 
-from .table import FILE, Degrees, Table, about, named
+from .table import FILE, GRADED, Degrees, Table, about, named
 
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
@@ -21,8 +21,10 @@ class Scene(Table, tag_field="name"):
 
     Attributes
     ----------
+    mesh
+        Default kind of mesh.
     size, jitter
-        Defaults of a generated mesh.
+        Defaults of a generated mesh, except a graded one.
     fibre_stiffness, shear_stiffness
         Default stiffnesses in N/mm.
     bending
@@ -31,6 +33,7 @@ class Scene(Table, tag_field="name"):
         Default number of load steps.
     """
 
+    mesh: ClassVar[str] = "irregular"
     size: ClassVar[tuple[int, int]] = (10, 10)
     jitter: ClassVar[float] = 0.3
     fibre_stiffness: ClassVar[float] = 1e4
@@ -44,7 +47,7 @@ class Scene(Table, tag_field="name"):
         Parameters
         ----------
         mesh
-            A mesh, or one of `MESH_KINDS`.
+            A mesh, or one of `MESH_KINDS` except `GRADED`.
         **generated
             ``size``, ``jitter`` and ``seed`` of a generated mesh.
         """
@@ -72,6 +75,8 @@ class Strip(PlaneScene, tag="strip"):
 
 class PictureFrame(PlaneScene, tag="picture_frame"):
     """a square sheared by a hinged frame, fibres along its sides"""
+
+    mesh = GRADED
 
     shear_angle_deg: Annotated[Degrees, about("final shear angle")] = 45.0
 
@@ -125,6 +130,7 @@ class Trellis(PlaneScene, tag="trellis"):
 class BiasExtension(PlaneScene, tag="bias_extension"):
     """a rectangle pulled along the bisector of its fibres"""
 
+    mesh = GRADED
     size = (8, 16)
     jitter = 0.25
     fibre_stiffness = 1e5
@@ -160,6 +166,7 @@ Component: TypeAlias = float | Literal["free"]
 class Specimen(PlaneScene, tag="specimen"):
     """a ply with displacements that you prescribe on its boundaries"""
 
+    mesh = GRADED
     size = (8, 16)
     jitter = 0.25
     fibre_stiffness = 1e5

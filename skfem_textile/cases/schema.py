@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..ply.terms import Formulation
 
 MeshKind: TypeAlias = Literal[
-    "aligned", "irregular", "horizontal", "vertical", "delaunay"
+    "graded", "aligned", "irregular", "horizontal", "vertical", "delaunay"
 ]
 
 #: Number of elements along one side of a generated mesh.
@@ -39,29 +39,38 @@ class Mesh(Table):
         str,
         about(
             f"kind of generated mesh ({', '.join(MESH_KINDS)}), or a file of "
-            "quadrilaterals or triangles, or an outline (.dxf, .svg), of which a mesh "
-            "along the singular fibres is made"
+            "quadrilaterals or triangles. graded: triangles along the fibres, small at "
+            "singular fibres (default for bias_extension, picture_frame and specimen, "
+            "unless size, jitter, seed or directions is given)"
         ),
         FILE,
     ] = "irregular"
+    outline: Annotated[
+        str | None,
+        about(
+            "drawing of an outline (.dxf, .svg), of which a graded mesh is made, for "
+            "the scene specimen"
+        ),
+        FILE,
+    ] = None
     size: Annotated[
         tuple[Count, Count] | None,
         about(
-            "number of elements along x and y of a generated mesh, before they are "
-            "split"
+            "number of elements along x and y of a mesh that is not graded, before "
+            "they are split"
         ),
     ] = None
     jitter: Annotated[
         float | None,
         about(
-            "random displacement of the nodes of a generated mesh relative to their "
-            "spacing"
+            "random displacement of the nodes of a mesh that is not graded, relative "
+            "to their spacing"
         ),
     ] = None
     seed: Annotated[int | None, about("seed of the random displacements")] = None
     density: Annotated[
         float | None,
-        about("factor of the number of lines of the mesh of an outline (default: 1)"),
+        about("factor of the number of lines of a graded mesh"),
     ] = None
     directions: Annotated[
         str | None,

@@ -16,6 +16,9 @@ def about(text: str) -> Meta:
     return Meta(description=text)
 
 
+#: Kind of mesh whose edges follow the singular fibres.
+GRADED = "graded"
+
 #: Metadata of a key whose value is a file name.
 FILE = Meta(extra={"file": True})
 

@@ -41,9 +41,11 @@ _CASE_FILE = f"CASE{_SUFFIX}"
 # Options for common keys, in addition to the keys of the scene.
 _OPTIONS = {
     "mesh": ("mesh.source", "mesh file, or kind of generated mesh"),
+    "outline": ("mesh.outline", "drawing of an outline (.dxf, .svg), for specimen"),
+    "density": ("mesh.density", "factor of the number of lines of a graded mesh"),
     "size": (
         "mesh.size",
-        "number of elements along x and y of a generated mesh, such as 8x16",
+        "number of elements along x and y of a mesh that is not graded, such as 8x16",
     ),
     "directions": ("mesh.directions", "file with the fibre directions of the elements"),
     "fabric": ("fabric.file", "file that contains all laws"),

@@ -1,6 +1,6 @@
 """Scene: geometry, conditions and exact solution of one problem."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ from .shear_test import BiasTest, FrameTest
 if TYPE_CHECKING:
     from ..ply.builtin_terms import FibreEnd
     from ..ply.terms import Load
+    from ..singular import Outline
 
 ExactField = Callable[[ndarray, float], ndarray]
 
@@ -144,6 +145,48 @@ class Scene:
             shear_angle=lambda X, t: shear_angle(Q.T @ X, t),
             rotation=self.rotation + angle,
         )
+
+    def graded(
+        self,
+        fabric: Fabric,
+        density: float = 1.0,
+        loads: "Iterable[Load]" = (),
+        outline: "Outline | None" = None,
+    ) -> "Scene":
+        """The same problem on triangles that follow the singular fibres.
+
+        Parameters
+        ----------
+        fabric
+            Laws for which the mesh is graded; the directions are those of the scene.
+        density, loads
+            See `mesh_outline`; loads are further loads.
+        outline
+            The outline; by default that of the mesh.
+
+        Raises
+        ------
+        ValueError
+            If the scene is in space; see also `mesh_outline`.
+
+        Examples
+        --------
+        >>> from skfem_textile.scenes import bias_extension
+        >>> scene = bias_extension(size=(1, 1)).graded(Fabric(1e5, 0.5))
+        >>> len(scene.mesh.boundaries["singular fibres"]) > 50
+        True
+        """
+        if self.dimension == 3:
+            raise ValueError(
+                f"the scene {self.name} is in space: its mesh cannot be graded"
+            )
+        from ..singular import Outline, mesh_outline  # shapely is slow to import
+
+        fabric = replace(fabric, warp=self.warp, weft=self.weft)
+        outline = Outline.of_mesh(self.mesh) if outline is None else outline
+        loads = *self.loads, *loads
+        mesh = mesh_outline(outline, fabric, self.conditions, loads, density=density)
+        return replace(self, mesh=mesh)
 
     @property
     def turn(self) -> ndarray:

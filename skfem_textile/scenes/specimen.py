@@ -1,13 +1,12 @@
 """Scene `specimen`: a ply with user-defined displacement conditions."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..fabric import Fabric
 from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..mesh.selection import named_nodes
 from ..mesh.user_input import printable
@@ -15,9 +14,6 @@ from ..solve.conditions import Condition
 from .rectangle import rectangle
 from .scene import Scene
 from .shear_test import BiasTest
-
-if TYPE_CHECKING:
-    from ..singular import Outline
 
 #: Sides of a generated ply in mm.
 WIDTH, HEIGHT = 50.0, 100.0
@@ -31,15 +27,12 @@ FREE = "free"
 # Default displacements along x and y in mm.
 _MOVES = (("bottom", (0.0, 0.0)), ("top", (0.0, 10.0)))
 
-# Stiffnesses in N/mm for which a mesh of an outline is graded: the scene's defaults.
-_E, _G = 1e5, 0.5
-
 # Tolerance of a rectangular outline at the origin, relative to its size.
 _OFF = 1e-6
 
 
 def specimen(
-    mesh: "str | Mesh | Outline" = "irregular",
+    mesh: str | Mesh = "irregular",
     size: tuple[int, int] = (8, 16),
     jitter: float = 0.25,
     seed: int = 1,
@@ -49,15 +42,14 @@ def specimen(
     weft: float = 3 * np.pi / 4,
     moves: Sequence[tuple[str, tuple[Component, Component]]] = _MOVES,
     driven: str | None = None,
-    density: float = 1.0,
 ) -> Scene:
     """Ply with fixed or displaced boundaries, without an exact solution.
 
     Parameters
     ----------
     mesh
-        A mesh; or an outline, of which `mesh_outline` makes a mesh; or the kind of
-        `rectangle` to generate, with its lower left corner at the origin.
+        A mesh, or the kind of `rectangle` to generate, with its lower left corner at
+        the origin.
     size, jitter, seed
         As for `rectangle`.
     width, height
@@ -70,8 +62,6 @@ def specimen(
     driven
         Name of the boundary or node with the reported reaction; by default with the
         largest displacement.
-    density
-        See `mesh_outline`, for an outline.
 
     Raises
     ------
@@ -91,10 +81,9 @@ def specimen(
             if not (np.isfinite(side) and side > 0):
                 raise ValueError(f"the {name} must be positive, got {side:g} mm")
         mesh = rectangle(width, height, size, mesh, jitter, seed, warp, weft)
-    elif isinstance(mesh, Mesh):
+    else:
         check_mesh(mesh)
         mesh = with_edges(mesh)
-    directions = [(float(np.cos(x)), float(np.sin(x))) for x in (warp, weft)]
     conditions = {}
     for name, components in moves:
         if name in conditions:
@@ -104,16 +93,11 @@ def specimen(
             )
         if condition := _condition(mesh, name, components):
             conditions[name] = condition
-    if not isinstance(mesh, Mesh):
-        from ..singular import mesh_outline  # shapely is slow to import
-
-        fabric = Fabric(_E, _G, directions[0], directions[1])
-        mesh = mesh_outline(mesh, fabric, conditions, density=density)
     return Scene(
         name="specimen",
         mesh=mesh,
-        warp=directions[0],
-        weft=directions[1],
+        warp=(float(np.cos(warp)), float(np.sin(warp))),
+        weft=(float(np.cos(weft)), float(np.sin(weft))),
         conditions=conditions,
         driven=_driven(moves, conditions, driven),
         displacement=_unknown_displacement,
@@ -124,15 +108,13 @@ def specimen(
 
 
 def _condition(
-    mesh: Any, name: str, components: tuple[Component, Component]
+    mesh: Mesh, name: str, components: tuple[Component, Component]
 ) -> Condition | None:
     """Condition of a boundary; None if all components are free."""
-    is_mesh = isinstance(mesh, Mesh)
-    what, points = ("mesh", named_nodes(mesh)) if is_mesh else ("outline", mesh.points)
-    known = [*(mesh.boundaries or {}), *points]
+    known = [*(mesh.boundaries or {}), *named_nodes(mesh)]
     if name not in known:
         raise MeshError(
-            f"specimen: the {what} has no boundary {name!r}: its boundaries are "
+            f"specimen: the mesh has no boundary {name!r}: its boundaries are "
             f"{', '.join(map(repr, known)) or 'not named'}"
         )
     for component in components:

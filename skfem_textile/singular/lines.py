@@ -23,6 +23,9 @@ log = logging.getLogger(__name__)
 # Maximum number of cells of equally spaced lines.  Chosen: they take about a minute.
 _MOST = 4e6
 
+# Largest number of graded lines between two given ones: a bound on the memory.
+_MOST_LINES = 1e5
+
 # Smallest gap between lines that are added so that the families meet at the sides,
 # relative to the spacing.  Chosen: it bounds the smallest elements.
 _NARROWEST = 0.2
@@ -61,6 +64,11 @@ def graded(
         to the distance from them.
     density
         Factor of the number of lines.
+
+    Raises
+    ------
+    ValueError
+        If there would be too many lines.
     """
     lines = [keys[:1]]
     for (low, high), ends in zip(pairwise(keys), pairwise(strong), strict=True):
@@ -71,6 +79,11 @@ def graded(
                 size = np.minimum(size, finest + growth * distance)
         # Number of lines up to each distance: the integral of 1/size.
         count = density * cumulative_trapezoid(1 / size, x, initial=0)
+        if count[-1] > _MOST_LINES:
+            raise ValueError(
+                f"the density {density:g} would give about {count[-1]:.1g} lines of a "
+                "family: choose a smaller one"
+            )
         n = max(1, int(np.ceil(count[-1] - 1e-6)))
         shares = np.arange(1, n + 1) / n * count[-1]
         lines.append(np.append(low + np.interp(shares[:-1], count, x), high))

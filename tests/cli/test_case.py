@@ -403,12 +403,12 @@ def test_meshes_unsuitable_for_quadratic_triangles_are_rejected(tmp_path, capsys
 
 
 @pytest.mark.parametrize("option", ["size=[3, 4]", "jitter=0.1", "seed=2"])
-def test_options_of_generated_meshes_are_rejected_with_a_file(tmp_path, capsys, option):
+def test_options_of_grids_are_rejected_with_a_file(tmp_path, capsys, option):
     out = ("--out", str(tmp_path / "o"))
     message = rejected(
         capsys, "run", "strip", *out, "--mesh", str(MESH), "--set", f"mesh.{option}"
     )
-    assert f"mesh.{option.partition('=')[0]} applies to a generated mesh" in message
+    assert f"mesh.{option.partition('=')[0]} does not apply to the mesh" in message
     assert list(tmp_path.iterdir()) == []
 
 

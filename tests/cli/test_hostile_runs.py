@@ -15,6 +15,7 @@ import meshio
 import numpy as np
 from hypothesis import strategies as st
 
+from skfem_textile.cases.scenes import SCENES
 from skfem_textile.cli import main as cli
 from tests.helpers.hostile import (
     RIGHT,
@@ -140,11 +141,16 @@ def attempt_line(line):
 
 def compare_with_line(line, case):
     """Check a written case for the values of the line, and defaults otherwise."""
-    expected, known = defaults(line.scene), set(line.values)
-    if "mesh.source" in known and line.values["mesh.source"] not in options.MESHES:
-        expected["mesh"] = {}
-    if line.values.get("formulation.name", "macro") != "macro":
-        expected["formulation"] = {}
+    expected, scene = defaults(line.scene), SCENES[line.scene]
+    source = options.kind_of_mesh(line.scene, line.values)
+    expected["mesh"] = {"source": source}
+    if source == options.GRADED:
+        expected["mesh"] |= {"density": 1.0}
+    elif source in options.MESHES:
+        expected["mesh"] |= {"size": [*scene.size], "jitter": scene.jitter, "seed": 1}
+    name = options.formulation(line.scene, line.values)
+    if name != expected["formulation"]["name"]:
+        expected["formulation"] = {"name": name}
     for path, value in line.values.items():
         table, key = path.split(".")
         expected[table] = expected[table] | {key: value}
@@ -260,8 +266,8 @@ def takes_long(content):
     """True if a file contains numbers of steps or elements that take long."""
     try:
         case = tomllib.loads(content.decode("utf-8-sig"))
-        stepping, size = case.get("stepping", {}), case.get("mesh", {}).get("size")
-        elements = math.prod(abs(float(n)) for n in size or (10, 15))
+        stepping, mesh = case.get("stepping", {}), case.get("mesh", {})
+        elements = math.prod(abs(float(n)) for n in mesh.get("size") or (10, 15))
         is_many = stepping.get("steps", 20) > MOST_STEPS or elements > MOST_ELEMENTS
         return is_many or "tolerance" in stepping
     except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):

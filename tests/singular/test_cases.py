@@ -1,9 +1,11 @@
-"""Cases whose mesh is made from an outline file."""
+"""Cases on graded meshes: of the scene, and of the drawing of an outline."""
 
+import numpy as np
 import pytest
 
 from skfem_textile import Quadratic
 from skfem_textile.cases import case_from_tables
+from skfem_textile.ply.formulations import DEFAULT
 from skfem_textile.singular import SINGULAR
 
 SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="50mm" height="100mm"
@@ -18,50 +20,112 @@ def coupon(tmp_path):
     return str(file)
 
 
-def case(coupon, scene=(), **mesh):
-    tables = {
-        "scene": {"name": "specimen", **dict(scene)},
-        "mesh": {"source": coupon, **mesh},
-    }
-    return case_from_tables(tables)
+def case(scene="specimen", mesh=(), **tables):
+    scene = {"name": scene} if isinstance(scene, str) else scene
+    return case_from_tables({"scene": scene, "mesh": dict(mesh), **tables})
 
 
-def test_the_mesh_of_an_outline_follows_the_singular_fibres(coupon):
-    built = case(coupon)
+@pytest.mark.parametrize("scene", ["bias_extension", "specimen"])
+def test_the_mesh_of_a_plain_case_follows_the_singular_fibres(scene):
+    built = case(scene)
+    assert SINGULAR in built.scene.mesh.boundaries
+    assert built.formulation == Quadratic()
+
+
+@pytest.mark.parametrize("scene", ["picture_frame", "strip", "trellis"])
+def test_a_graded_mesh_without_singular_fibres_follows_the_fibres(scene):
+    built = case(scene, {"source": "graded"})
+    mesh = built.scene.mesh
+    edges = np.diff(mesh.p[:, mesh.facets], axis=1)[:, 0]
+    along = (np.abs(edges) < 1e-9).any(axis=0)
+    assert along.sum() > 0.6 * len(along)  # others are diagonals
+    assert SINGULAR not in mesh.boundaries
+
+
+@pytest.mark.parametrize("key", [{"size": [3, 4]}, {"jitter": 0.1}, {"seed": 2}])
+def test_a_key_of_a_grid_gives_a_grid(key):
+    built = case("bias_extension", key)
+    assert SINGULAR not in built.scene.mesh.boundaries
+    assert built.formulation == DEFAULT
+
+
+def test_the_mesh_of_a_drawing_follows_the_singular_fibres(coupon):
+    built = case(mesh={"outline": coupon})
     boundaries = built.scene.mesh.boundaries
     assert {"bottom", "top", "hole", SINGULAR} <= set(boundaries)
     assert built.formulation == Quadratic()
 
 
-def test_density_refines_the_mesh_of_an_outline(coupon):
-    coarse, fine = (case(coupon, density=d).scene.mesh.nelements for d in (1.0, 2.0))
-    assert fine > 2.5 * coarse
+def test_density_refines_a_graded_mesh(coupon):
+    for outline in {}, {"outline": coupon}:
+        coarse, fine = (
+            case(mesh={"density": d, **outline}).scene.mesh.nelements
+            for d in (1.0, 2.0)
+        )
+        assert fine > 2.5 * coarse
+
+
+def test_the_mesh_is_graded_for_the_fabric_of_the_case():
+    stiff, soft = (
+        case(tension={"stiffness_N_per_mm": E}).scene.mesh for E in (1e6, 1e3)
+    )
+    assert stiff.nelements > 1.2 * soft.nelements
+
+
+def test_ends_of_a_loaded_edge_start_singular_fibres(coupon):
+    held = {"name": "specimen", "move_mm": {"bottom": [0.0, 0.0]}}
+    free, loaded = (
+        case(held, {"outline": coupon}, loads={"force_N": forces}).scene.mesh
+        for forces in ({}, {"top": [5.0, 0.0]})
+    )
+    assert len(free.boundaries[SINGULAR]) < len(loaded.boundaries[SINGULAR])
 
 
 def test_a_stated_formulation_is_used(coupon):
-    tables = {
-        "scene": {"name": "specimen"},
-        "mesh": {"source": coupon},
-        "formulation": {"name": "macro"},
-    }
-    assert case_from_tables(tables).formulation != Quadratic()
+    built = case(mesh={"outline": coupon}, formulation={"name": "macro"})
+    assert built.formulation == DEFAULT
 
 
 @pytest.mark.parametrize(
     ("scene", "mesh", "message"),
     [
-        ({"name": "strip"}, {}, "applies to the scene specimen only"),
-        ({}, {"size": [3, 4]}, "mesh.size does not apply"),
-        ({}, {"density": 0.0}, "density must be positive"),
-        ({"move_mm": {"side": [0.0, 0.0]}}, {}, "no boundary 'side'"),
+        ("strip", {}, "mesh.outline applies to the scene specimen only"),
+        ("specimen", {"size": [3, 4]}, "mesh.size does not apply to a graded mesh"),
+        ("specimen", {"source": "aligned"}, "mesh.outline does not apply to the mesh"),
+        ("specimen", {"density": 0.0}, "density must be positive"),
+        ("specimen", {"density": 1e9}, "choose a smaller one"),
+        (
+            {"name": "specimen", "move_mm": {"side": [0.0, 0.0]}},
+            {},
+            "no boundary 'side'",
+        ),
     ],
 )
 def test_input_that_does_not_suit_an_outline_is_refused(coupon, scene, mesh, message):
     with pytest.raises(ValueError, match=message):
-        case(coupon, scene, **mesh)
+        case(scene, {"outline": coupon, **mesh})
+
+
+def test_a_drawing_is_not_a_mesh(coupon):
+    with pytest.raises(ValueError, match=r"is a drawing: name it in mesh\.outline"):
+        case(mesh={"source": coupon})
+
+
+@pytest.mark.parametrize("scene", ["hemisphere", "cantilever"])
+def test_a_graded_mesh_in_space_is_refused(scene):
+    with pytest.raises(ValueError, match="applies to scenes in the plane only"):
+        case(scene, {"source": "graded"})
 
 
 def test_density_of_another_mesh_is_refused():
-    tables = {"scene": {"name": "specimen"}, "mesh": {"density": 2.0}}
-    with pytest.raises(ValueError, match=r"mesh\.density applies to an outline"):
-        case_from_tables(tables)
+    with pytest.raises(ValueError, match=r"mesh\.density does not apply to the mesh"):
+        case(mesh={"source": "irregular", "density": 2.0})
+
+
+def test_a_rotated_scene_has_the_rotated_mesh():
+    plain, rotated = (
+        case({"name": "bias_extension", "rotate_deg": degrees}).scene.mesh
+        for degrees in (0.0, 90.0)
+    )
+    assert np.allclose(rotated.p[0], -plain.p[1])
+    assert np.array_equal(rotated.t, plain.t)

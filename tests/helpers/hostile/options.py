@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 REFUSED, EITHER, TAKEN = range(3)
 
 SCENES = ("strip", "picture_frame", "trellis", "bias_extension", "specimen")
+GRADED = "graded"
 MESHES = ("aligned", "irregular", "horizontal", "vertical", "delaunay")
 SIDES = ("top", "right", "bottom", "left")
 
@@ -117,6 +118,7 @@ class Key(NamedTuple):
 
 _angle = partial(_number, low=-36e3, high=36e3, verdict=EITHER)
 _length = partial(_number, low=1e-300, high=math.inf, verdict=EITHER)
+_density = partial(_number, low=1e-300, high=math.inf, verdict=EITHER)
 _share = partial(_number, low=0, high=1 - 1e-16, verdict=EITHER)
 _right_angle = partial(_number, low=1e-300, high=90, verdict=TAKEN)
 _steps = partial(_whole, low=1, high=10**6)
@@ -149,7 +151,7 @@ _CURVES = "curve.csv|missing.csv|junk.inp|folder|curve.csv\0|"
 _STEPS = "0|-1|1000001|10000000000000000000000|1.5|2e0|1|２"
 
 _MESH_FILES = ("quads good.vtu", "triangles good.vtu")
-_known_mesh = _one_of(*MESHES, *_MESH_FILES, verdict=EITHER)
+_known_mesh = _one_of(GRADED, *MESHES, *_MESH_FILES, verdict=EITHER)
 _elements = _one_of("macro", "full", "quadratic", "one-point", verdict=EITHER)
 _kind = _one_of("energy", "rate", "continuity", "isotropic", verdict=EITHER)
 
@@ -166,6 +168,7 @@ _KEYS = (
     Key("scene.rotate_deg", "rotate", _angle, _ANGLES),
     Key("mesh.source", "mesh", _known_mesh, _FILES, str),
     Key("mesh.size", "size", _size, _SIZES, _size_of),
+    Key("mesh.density", "density", _density, "0|-1|1e-9|1e9"),
     Key("mesh.jitter", "", _share),
     Key("mesh.seed", "", partial(_whole, low=0, high=math.inf)),
     Key("formulation.name", "formulation", _elements, "macro|full|Full|quadratic", str),
@@ -186,6 +189,7 @@ _KEYS = (
     Key("stepping.warn_only", "", lambda value: EITHER, _CHECKS),
     Key("stepping.solver", "solver", _one_of(*SOLVERS), "superlu|magic|cholmod", str),
     Key("mesh.directions", "directions", _none, _CURVES, str),
+    Key("mesh.outline", "outline", _none, _CURVES, str),
     Key("fabric.file", "fabric", _none, _CURVES, str),
     *(Key(path, "", _none) for path in _OF_OTHER_LAWS),
     Key("output.test_curve", "test-curve", _one_of("curve.csv"), _CURVES, str),
@@ -325,17 +329,34 @@ def _values_of(parts):
     return values
 
 
+#: Keys of meshes that are not graded.
+OF_GRID = frozenset(("mesh.size", "mesh.jitter", "mesh.seed"))
+
+
+def kind_of_mesh(scene, values):
+    """The source of the mesh of a line."""
+    is_graded = scene not in ("strip", "trellis") and not OF_GRID & values.keys()
+    return values.get("mesh.source", GRADED if is_graded else "irregular")
+
+
+def formulation(scene, values):
+    """The name of the formulation of a line."""
+    is_graded = kind_of_mesh(scene, values) == GRADED
+    return values.get("formulation.name", "quadratic" if is_graded else "macro")
+
+
 def _combined_verdict(scene, values):
     """The verdict of values that may contradict one another."""
-    get, name = values.get, values.get("formulation.name", "macro")
-    made = {"mesh.size", "mesh.jitter", "mesh.seed"} & values.keys()
+    get, name = values.get, formulation(scene, values)
+    made, source = OF_GRID & values.keys(), kind_of_mesh(scene, values)
     shear = 0.0 if scene == "strip" else 0.5
     stiffness = (
         get("tension.stiffness_N_per_mm", 1.0),
         get("shear.stiffness_N_per_mm", shear),
     )
     contradictions = (
-        made and get("mesh.source") in _MESH_FILES,
+        made and source not in MESHES,
+        "mesh.density" in values and source != GRADED,
         name != "one-point" and "formulation.stabilisation" in values,
         name in ("full", "quadratic") and "formulation.cs_N_per_mm" in values,
         name in ("full", "one-point") and "formulation.deviation" in values,
@@ -379,6 +400,8 @@ def sound_words(draw, scene):
     chosen.append(("steps", one("1", "2")))
     if scene != "bias_extension" and draw(some(0, 14)) == 14:
         chosen.append(("mesh", one(*_MESH_FILES)))
+    elif draw(some(0, 5)) == 5:
+        chosen += ("mesh", GRADED), ("density", one("0.25", "0.5"))
     else:
         chosen.append(("size", f"{draw(some(1, 4))}x{draw(some(1, 6))}"))
         made = ("mesh", one(*MESHES)), ("seed", str(draw(some(0, 10**6))))

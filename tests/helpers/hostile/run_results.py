@@ -17,7 +17,7 @@ from tests.helpers.hostile import (
     expect_close,
     expect_equal,
 )
-from tests.helpers.hostile.options import MESHES, SIDES
+from tests.helpers.hostile.options import GRADED, MESHES, SIDES
 from tests.helpers.independent import polygon
 
 # Tolerance of a number, relative to the largest of its kind.
@@ -136,6 +136,8 @@ class Results:
     def check_mesh(self):
         """Nodes, and the number of elements."""
         mesh, X = self.case["mesh"], self.unrotated(self.first.points)
+        if mesh["source"] == GRADED:
+            return self.check_graded_mesh(X)
         if mesh["source"] in MESHES:
             settings = mesh["source"], mesh["jitter"], mesh["seed"]
             made = rectangle(*self.sides(), mesh["size"], *settings, *self.fibres)
@@ -153,6 +155,19 @@ class Results:
         is_right = parts[0] * least <= n <= parts[1] * least
         expect(is_right, f"{n} elements of {least} that were given")
         expect_equal("cells", sum(len(c.data) for c in self.first.cells), n)
+
+    def check_graded_mesh(self, X):
+        """Sides and area of a mesh along the singular fibres."""
+        sides, n = self.sides(), self.summary["n_elements"]
+        expect_near("sides", X.max(axis=1), np.array(sides), max(sides))
+        area, cells = 0.0, self.first.cells
+        for block in cells:
+            corners = 4 if block.type.startswith("quad") else 3
+            x, y = X[:, block.data.T[:corners]]
+            twice = np.sum(x * np.roll(y, -1, 0) - np.roll(x, -1, 0) * y, axis=0)
+            area += np.abs(twice).sum() / 2
+        expect_near("area", area, np.prod(sides), np.prod(sides))
+        expect_equal("cells", sum(len(c.data) for c in cells), n)
 
     def check_fields(self):
         """Inclinations of the fibres at rest, and tension against strain."""
