@@ -243,8 +243,9 @@ def _graded(file: CaseFile, laws: Fabric) -> "Scene":
         is_dxf = drawing.lower().endswith(".dxf")
         outline = (Outline.from_dxf if is_dxf else Outline.from_svg)(drawing)
         scene = file.scene.build(mesh_outline(outline, Fabric(), density=_COARSE))
-    density, forces = file.mesh.density, _forces(file, np.eye(2))
-    return scene.graded(laws, density, forces, outline)
+    density = file.mesh.density
+    assert density is not None  # by default 1
+    return scene.graded(laws, density, _forces(file, np.eye(2)), outline)
 
 
 def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh":

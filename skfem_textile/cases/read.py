@@ -33,6 +33,10 @@ _MOST_BYTES = 1_000_000
 # Types that a case file can contain.
 _HELD = (Mapping, list, tuple, str, int, float, datetime.date, datetime.time, NoneType)
 
+# Formulation on graded meshes.  The deviation, which is that of irregular triangles,
+# also keeps slack fibres from moving freely.
+_ON_GRADED_MESHES = {"name": "quadratic", "deviation": 400.0}
+
 # Names of the types of msgspec in messages.
 _KINDS = {
     "object": "a table",
@@ -206,12 +210,12 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, A
                 )
     mesh = filled["mesh"] = _with_kind(filled["mesh"], scene)
     is_graded = isinstance(mesh, dict) and mesh["source"] == GRADED
-    for name, defaults in (
-        ("formulation", {"name": "quadratic" if is_graded else "macro"}),
-        ("stepping", {"steps": scene.steps}),
-    ):
-        if isinstance(filled[name], dict):
-            filled[name] = {**defaults, **filled[name]}
+    formulation = filled["formulation"]
+    if isinstance(formulation, dict) and "name" not in formulation:
+        defaults = _ON_GRADED_MESHES if is_graded else {"name": "macro"}
+        filled["formulation"] = {**defaults, **formulation}
+    if isinstance(filled["stepping"], dict):
+        filled["stepping"] = {"steps": scene.steps, **filled["stepping"]}
     return _laws_nested({"tension": {}, "shear": {}, **filled}, scene)
 
 

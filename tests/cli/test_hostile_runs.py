@@ -149,7 +149,7 @@ def compare_with_line(line, case):
     elif source in options.MESHES:
         expected["mesh"] |= {"size": [*scene.size], "jitter": scene.jitter, "seed": 1}
     name = options.formulation(line.scene, line.values)
-    if name != expected["formulation"]["name"]:
+    if name in line.values.values() or name != expected["formulation"]["name"]:
         expected["formulation"] = {"name": name}
     for path, value in line.values.items():
         table, key = path.split(".")
