@@ -9,32 +9,31 @@ from skfem_textile import (
     CrimpToe,
     Fabric,
     LoadStepper,
+    Outline,
     Ply,
+    Quadratic,
     Tabulated,
     TensionOnly,
+    mesh_outline,
     plot,
 )
 from skfem_textile.io import read_mesh
 from skfem_textile.plot.curves import curves
-from skfem_textile.scenes.rectangle import rectangle
 
-# Part 1: a mesh and a fabric
-mesh = rectangle(50, 120, (5, 12), "irregular")
+# Part 1: an outline, a fabric and a mesh
+outline = Outline([[0, 50, 50, 0], [0, 0, 120, 120]])
 fabric = Fabric(tension=7e3, shear=0.1, warp=(1, 1), weft=(-1, 1))
+conditions = {"clamp": Condition("bottom"), "pull": Condition("top", (0.0, 20.0))}
+mesh = mesh_outline(outline, fabric, conditions)
 
 
 # Part 2: a tensile test
-def stretch(mesh, fabric, distance):
-    """Fix the bottom, move the top upwards by a distance in mm."""
-    ply = Ply(mesh, fabric)
-    conditions = {
-        "clamp": Condition("bottom"),
-        "pull": Condition("top", (0.0, distance)),
-    }
+def stretch(ply):
+    """Apply the conditions in eight steps."""
     return LoadStepper(ply, conditions, steps=8).run()
 
 
-result = stretch(mesh, fabric, 20.0)
+result = stretch(Ply(mesh, fabric, Quadratic(400)))
 print(result)
 force = result.states[-1].reactions["pull"][1]
 print(f"force: {force:.2f} N")
@@ -87,14 +86,22 @@ judge(result)
 shear = Tabulated.from_csv("shear.csv", odd=True)
 fibres = TensionOnly(CrimpToe(7e3, toe=0.003, initial_stiffness=10.0))
 measured = Fabric(fibres, shear, warp=(1, 1), weft=(-1, 1))
-own_fabric = stretch(mesh, measured, 20.0)
+mesh = mesh_outline(outline, measured, conditions)
+own_fabric = stretch(Ply(mesh, measured, Quadratic(400)))
 show(own_fabric, "own_fabric")
 print(f"measured fabric: {own_fabric.states[-1].reactions['pull'][1]:.2f} N")
 
-# Part 6: your own mesh
+# Part 6: your own outline
+drawn = Outline.from_svg("coupon.svg")
+print(list(drawn.boundaries))
+mesh = mesh_outline(drawn, measured, conditions)
+own_outline = stretch(Ply(mesh, measured, Quadratic(400)))
+show(own_outline, "own_outline")
+judge(own_outline)
+print(f"force: {own_outline.states[-1].reactions['pull'][1]:.2f} N")
+
+# Part 7: your own mesh
 with_hole = read_mesh("coupon.msh")
-print(list(with_hole.boundaries))
-own_mesh = stretch(with_hole, measured, 20.0)
-show(own_mesh, "own_mesh")
+own_mesh = stretch(Ply(with_hole, measured))
 judge(own_mesh)
 print(f"force: {own_mesh.states[-1].reactions['pull'][1]:.2f} N")

@@ -196,7 +196,7 @@ _WORDS: Mapping[str, Mapping[str, Column] | Callable[[Results], dict[str, str]]]
         "hanging_tip": "{tip_z_mm:.1f} mm",
         "hanging_elastica": "{exact_tip_z_mm:.1f} mm",
     },
-    "tutorial": {"tutorial_error": percent_of("estimated_load_error, 1", ".0f")},
+    "tutorial": {"tutorial_error": percent_of("estimated_load_error, 1", ".2f")},
     "stabilisation without shear": {
         "unsheared_energy": percent_of("energy_share_of_stabilisation", ".1f"),
         "unsheared_work": percent_of("work_share_of_stabilisation", ".0f"),
