@@ -20,7 +20,7 @@ from .outline import NEAR
 
 log = logging.getLogger(__name__)
 
-# Maximum number of cells of equally spaced lines.  Chosen: they take about a minute.
+# Maximum number of cells of equally spaced lines.  Chosen: they take half a minute.
 _MOST = 4e6
 
 # Largest number of graded lines between two given ones: a bound on the memory.

@@ -3,16 +3,17 @@
 import errno
 import os
 from importlib.util import find_spec
-from itertools import pairwise
 
 import numpy as np
 import pytest
+import shapely
 from scipy.spatial import ConvexHull
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import BiaxialLaw, Full, Macro, OnePoint, Quadratic, Values
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.singular.net import cut_cells
 
 ONE_QUAD = np.array([[0.0, 2.0, 2.3, -0.2], [0.0, 0.3, 1.7, 1.4]])
 
@@ -163,17 +164,9 @@ def graded_along_fibres(width, theta, n, smallest) -> MeshTri:
     steps = _geometric_lengths(n, smallest)
     third = np.cumsum([0.0, *steps, *steps[::-1]])
     lines = np.unique(np.concatenate([third, third + 1, third + 2]).round(12))
-    X1, X2 = np.meshgrid(lines, lines - 1, indexing="ij")
-    inside = (X1 + X2 > -1e-9) & (X1 + X2 < 4 + 1e-9)
-    inside &= (X1 - X2 > -1e-9) & (X1 - X2 < 2 + 1e-9)
-    node = np.cumsum(inside).reshape(inside.shape) - 1
-    triangles = []
-    for i, j in np.ndindex(len(lines) - 1, len(lines) - 1):
-        cell = (i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)
-        corners = [node[corner] for corner in cell if inside[corner]]
-        triangles += [[corners[0], *pair] for pair in pairwise(corners[1:])]
-    p = width / (2 * c) * np.stack([c * (X1 - X2)[inside], s * (X1 + X2)[inside]])
-    return MeshTri(p, np.array(triangles).T)
+    outline = shapely.box(0, 0, width, 2 * width * s / c)
+    A = width / (2 * c) * np.array([[c, -c], [s, s]])
+    return MeshTri(*cut_cells(outline, A, lines, lines - 1))
 
 
 def _geometric_lengths(n, smallest):
