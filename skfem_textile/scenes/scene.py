@@ -158,11 +158,11 @@ class Scene:
         Parameters
         ----------
         fabric
-            Laws for which the mesh is graded; the directions are those of the scene.
+            Laws for which the mesh is graded; the directions of the scene are used.
         density, loads
             See `mesh_outline`; loads are further loads.
         outline
-            The outline; by default that of the mesh.
+            The outline; by default the outline of the mesh.
 
         Raises
         ------
