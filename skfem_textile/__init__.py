@@ -111,6 +111,7 @@ __all__ = [
     "Values",
     "VectorTerm",
     "Verdict",
+    "along_edges",
     "drape",
     "equilibrium_near",
     "fit_to_fibres",

@@ -7,6 +7,7 @@ from typing import Any
 _MODULES = dict.fromkeys(
     (
         "Outline",
+        "along_edges",
         "fit_to_fibres",
         "mesh_along_fibres",
         "mesh_outline",

@@ -1,5 +1,6 @@
 """Outlines of plies, and fibres across which the shear angle may jump."""
 
+from .along import along_edges
 from .cells import CORNER
 from .fibres import SingularFibre, SingularFibres, singular_fibres
 from .fitting import FittedMesh, fit_to_fibres
@@ -13,6 +14,7 @@ __all__ = [
     "Outline",
     "SingularFibre",
     "SingularFibres",
+    "along_edges",
     "fit_to_fibres",
     "mesh_along_fibres",
     "mesh_outline",

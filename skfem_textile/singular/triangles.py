@@ -40,6 +40,9 @@ _COLLAPSED = 0.05
 # the size.  Chosen: a smaller one moves the line by a fortieth of an element.
 _KEPT = 0.1
 
+# Sides of the outline, relative to the size, between which its corners are kept.
+_SIDE = 0.5
+
 # Smallest angle in degrees that refinement aims at.  Ruppert's proof holds up to 20.7;
 # in practice it ends up to 33.
 _AIM = 25.0
@@ -129,6 +132,7 @@ def triangles(
             "larger one"
         )
     points = np.empty((2, 0)) if fixed is None else fixed
+    points = np.hstack([points, _corners(shape, _SIDE * size)])
     chains = _chains(shape, *_without_doubles(shape, lines, size), size, points)
     p, segments = _divided(*chains, size)
     return _Refinement(p, segments, size, turn).run()
@@ -155,6 +159,16 @@ class _Chain:
         u = np.diff(self.x, axis=0)
         u /= np.linalg.norm(u, axis=1)[:, None]
         return float(np.arccos(np.clip((u[1:] * u[:-1]).sum(axis=1), -1, 1)).sum())
+
+
+def _corners(shape: shapely.Polygon, side: float) -> ndarray:
+    """Corners between two sides longer than a length, shape (2, n)."""
+    found = []
+    for ring in (shape.exterior, *shape.interiors):
+        x = np.array(ring.coords)[:-1].T
+        length = np.hypot(*(np.roll(x, -1, axis=1) - x))
+        found.append(x[:, np.minimum(length, np.roll(length, 1)) > side])
+    return np.hstack(found)
 
 
 def _without_doubles(

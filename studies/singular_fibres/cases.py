@@ -14,7 +14,6 @@ from skfem_textile import (
     Linear,
     LoadStepper,
     Locking,
-    Macro,
     Outline,
     Ply,
     Quadratic,
@@ -22,10 +21,8 @@ from skfem_textile import (
     StepError,
     Tabulated,
     mesh_outline,
-    singular_fibres,
 )
 from skfem_textile.fabric.law import Law
-from skfem_textile.singular.meshing import FINEST, irregular
 
 from ..study import Row
 
@@ -38,8 +35,8 @@ WIDTH, G = 50.0, 0.5
 #: Densities of the reference meshes; the last one gives the reference.
 REFERENCES = 2.0, 3.0
 
-# Seeds of specimens that choose constants, and of those on irregular triangles.
-_OTHER_SEED, _IRREGULAR_SEED = 5, 20261
+# Seed of specimens that choose constants.
+_OTHER_SEED = 5
 
 # Height over the height at which a fibre connects the clamps, at least.
 _FREE = 1.1
@@ -141,65 +138,6 @@ class Case:
         return load, int(ply.basis.N), meshing, perf_counter() - start, ""
 
 
-@dataclass(frozen=True)
-class Irregular:
-    """A specimen on irregular triangles with the singular fibres as edges.
-
-    Attributes
-    ----------
-    case
-        Name.
-    specimen
-        The specimen.
-    across
-        Elements across the width.
-    turn
-        Direction of the rows of nodes in radians.
-    """
-
-    case: str
-    specimen: Case
-    across: int
-    turn: float
-
-    def __str__(self) -> str:
-        return self.case
-
-    def rows(self) -> list[Row]:
-        """Error of the load for each formulation."""
-        reference = self.specimen.load(REFERENCES[-1])[0]
-        outline, fabric, conditions = self.specimen.problem()
-        size = WIDTH / self.across
-        fibres = singular_fibres(outline, fabric, conditions, finest=FINEST * size)
-        mesh = irregular(outline, fibres, size, self.turn)
-        rows = []
-        for formulation in (Quadratic(400.0), Macro(), Quadratic()):
-            ply = Ply(mesh, fabric, formulation)
-            start = perf_counter()
-            state = LoadStepper(ply, conditions, steps=1).run().states[-1]
-            load = float(state.reactions["top"][1])
-            rows.append(
-                {
-                    "case": self.case,
-                    "formulation": formulation.title,
-                    "across": self.across,
-                    "unknowns": int(ply.basis.N),
-                    "load": load,
-                    "error": load / reference - 1 if reference else None,
-                    "seconds": perf_counter() - start,
-                }
-            )
-        return rows
-
-
-def irregular_triangles() -> Iterator[Irregular]:
-    """Specimens other than those on nets, each on three meshes of two sizes."""
-    for i, drawn in enumerate(specimens(_IRREGULAR_SEED, 12), start=1):
-        for across, turn in product((16, 32), (0.0, 0.35, 0.7)):
-            name = f"triangles {i}, {across} across, turned by {turn:g}"
-            yield Irregular(name, drawn, across, turn)
-
-
 def specimens(seed: int = SEED, n: int = SPECIMENS) -> Iterator[Case]:
     """Bias extensions in which fibres are free at both ends, drawn by a seed."""
     random = np.random.default_rng(seed)
@@ -226,14 +164,16 @@ def specimen(
     theta, half = np.radians(degrees), np.radians(gamma) / 2
     free = WIDTH / 2 * (sides / np.sin(theta) - 1 / np.cos(theta))
     travel = 2 * free * (np.sin(theta + half) - np.sin(theta))
-    return Case(name, degrees, law, ratio, float(travel), _box(sides * WIDTH), **more)
+    return Case(name, degrees, law, ratio, float(travel), box(sides * WIDTH), **more)
 
 
-def _box(height: float) -> tuple[tuple[float, float], ...]:
+def box(height: float) -> tuple[tuple[float, float], ...]:
+    """Corners of a ply of the usual width."""
     return (0.0, 0.0), (WIDTH, 0.0), (WIDTH, height), (0.0, height)
 
 
-def _circle(x: float, y: float, radius: float) -> tuple[tuple[float, float], ...]:
+def circle(x: float, y: float, radius: float) -> tuple[tuple[float, float], ...]:
+    """Corners of a circular hole."""
     angles = 2 * np.pi * np.arange(64) / 64
     points = zip(x + radius * np.cos(angles), y + radius * np.sin(angles), strict=True)
     return tuple((float(a), float(b)) for a, b in points)
@@ -244,11 +184,11 @@ def shapes() -> Iterator[Case]:
     H = 115.0
     notch = (WIDTH, 50.0), (WIDTH - 8, 55.0), (WIDTH, 60.0)
     outlines = {
-        "hole": (_box(H), (_circle(22, 55, 10),)),
-        "two holes": (_box(H), (_circle(15, 40, 6), _circle(35, 72, 7))),
-        "square hole": (_box(H), (((18, 48), (32, 48), (32, 62), (18, 62)),)),
-        "notch": ((*_box(H)[:2], *notch, *_box(H)[2:]), ()),
-        "L": ((*_box(H)[:2], (WIDTH, 60.0), (30.0, 60.0), (30.0, H), (0.0, H)), ()),
+        "hole": (box(H), (circle(22, 55, 10),)),
+        "two holes": (box(H), (circle(15, 40, 6), circle(35, 72, 7))),
+        "square hole": (box(H), (((18, 48), (32, 48), (32, 62), (18, 62)),)),
+        "notch": ((*box(H)[:2], *notch, *box(H)[2:]), ()),
+        "L": ((*box(H)[:2], (WIDTH, 60.0), (30.0, 60.0), (30.0, H), (0.0, H)), ()),
     }
     for (name, (polygon, holes)), (degrees, law, ratio, travel) in product(
         outlines.items(), ((41.0, "linear", 2e5, 12.0), (50.0, "sin²", 1e5, 9.0))

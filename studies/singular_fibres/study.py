@@ -1,21 +1,34 @@
-"""Bias extensions and plies with holes on nets along the singular fibres."""
+"""Bias extensions and other plies on meshes along the singular fibres."""
 
 import argparse
 from collections.abc import Sequence
 
 import numpy as np
 
-from ..common.tables import Column, grouped, markdown_table, percent, table, thousands
-from ..study import Part, Row, Study
-from .cases import (
-    Case,
-    Irregular,
-    chosen,
-    convergence,
-    irregular_triangles,
-    shapes,
-    specimens,
+from ..common.tables import (
+    Column,
+    grouped,
+    having,
+    markdown_table,
+    median,
+    percent,
+    table,
+    thousands,
 )
+from ..study import Part, Row, Study
+from .cases import Case, chosen, convergence, shapes, specimens
+from .irregular import (
+    FORMULATIONS,
+    Curved,
+    Irregular,
+    chosen_finest,
+    curved,
+    irregular_triangles,
+)
+from .outlines import Drawn, drawn
+
+# Unknowns up to which a load counts as within one per cent.
+_MOST = 6000
 
 
 def summary(rows: list[Row]) -> str:
@@ -79,20 +92,86 @@ def irregular_table(rows: list[Row]) -> str:
     lines = []
     for (formulation, across), of in grouped(rows, "formulation", "across").items():
         errors = np.array([row["error"] for row in of])
+        angles = [row["angle_error"] for row in of]
         lines.append(
             [
                 *(formulation, across, len(of)),
                 percent(float(np.sqrt(np.mean(errors**2))), ".2f"),
                 percent(float(errors[np.abs(errors).argmax()])),
+                f"{median(angles):.2f}°",
+                f"{max(angles):.2f}°",
                 max(row["unknowns"] for row in of),
             ]
         )
-    head = ["formulation", "elements across", "runs", "rms error", "largest"]
+    head = [
+        *("formulation", "elements across", "runs", "rms error of the load"),
+        *("largest", "rms error of the shear angle, median", "largest"),
+    ]
     return markdown_table([*head, "most unknowns"], lines)
 
 
-class SingularFibres(Study[Case | Irregular]):
-    """Specimens, shapes and convergence."""
+def curved_table(rows: list[Row]) -> str:
+    """A line for each ply, a column for each formulation."""
+    lines = []
+    for case, of in grouped(rows, "case").items():
+        mapped = {row["formulation"]: row for row in having(of, along_edges=True)}
+        first = mapped[FORMULATIONS[0].title]
+        (without,) = having(of, along_edges=False)
+        lines.append(
+            [
+                *(case.partition(": ")[2], first["unknowns"], f"{first['load']:.3f}"),
+                *(percent(mapped[f.title]["error"]) for f in FORMULATIONS),
+                percent(without["error"]),
+                percent(first["last_change"]),
+            ]
+        )
+    names = [formulation.title for formulation in FORMULATIONS]
+    head = ["ply", "unknowns", "load, N", *names, f"{names[0]}, not `along_edges`"]
+    return markdown_table([*head, "last change of the reference"], lines)
+
+
+def outline_table(rows: list[Row]) -> str:
+    """A line for each kind of mesh, and one for invalid outlines."""
+    lines: list[list[object]] = []
+    for kind, of in grouped(having(rows, fault=""), "kind").items():
+        meshes = [row for row in of if row["smallest"] is not None]
+        if not meshes:
+            lines.append(["no mesh", len(of), *[""] * 6])
+            continue
+        smallest = np.array([row["smallest"] for row in meshes])
+        elsewhere = np.array([row["elsewhere"] for row in meshes])
+        lines.append(
+            [
+                "net" if kind == "net" else f"irregular, {kind} fibres",
+                len(meshes),
+                _largest_area_error(having(meshes, circles=False)),
+                _largest_area_error(having(meshes, circles=True)),
+                sum(row["missing"] != "" for row in meshes),
+                f"{median(smallest):.1f}°",
+                f"{smallest.min():.1f}°",
+                f"{elsewhere.min():.1f}°",
+            ]
+        )
+    invalid = [row for row in rows if row["fault"]]
+    refused = sum(
+        "\n" not in row["refused"] and row["refused"] != "" for row in invalid
+    )
+    lines.append([f"invalid, refused: {refused}", len(invalid), *[""] * 6])
+    head = [
+        *("mesh", "outlines", "largest error of the area"),
+        *("with circular holes", "names missing"),
+        *("smallest angle, median", "least"),
+        "least away from small given angles",
+    ]
+    return markdown_table(head, lines)
+
+
+def _largest_area_error(rows: list[Row]) -> str:
+    return f"{max(abs(row['area_error']) for row in rows):.0e}" if rows else ""
+
+
+class SingularFibres(Study[Case | Irregular | Curved | Drawn]):
+    """Specimens, shapes, convergence, and irregular triangles."""
 
     parts = (
         Part("specimens.csv", {"specimens.md": summary}, cases=("specimen *",)),
@@ -106,26 +185,47 @@ class SingularFibres(Study[Case | Irregular]):
         Part(
             "triangles.csv", {"triangles.md": irregular_table}, cases=("triangles *",)
         ),
+        Part(
+            "curved.csv",
+            {"curved.md": curved_table},
+            cases=("curved: *", "fabrics: *"),
+        ),
+        Part("finest.csv", cases=("finest: *",)),
+        Part("outlines.csv", {"outlines.md": outline_table}, cases=("outline *",)),
     )
-    shown = "{error:+.4f}, {unknowns} unknowns, {seconds:.2f} s"
     timed = True
     sample = "hole, 41°"
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        drawn = [row for row in rows if row["case"].startswith("specimen")]
-        errors = [abs(row["error"]) for row in drawn if row["error"] is not None]
+        random = [row for row in rows if row["case"].startswith("specimen")]
+        errors = [abs(row["error"]) for row in random if row["error"] is not None]
+        plies = [row for row in rows if row["case"].endswith("°")]
+        plies += [
+            row
+            for row in rows
+            if row["case"].startswith(("curved: ", "fabrics: "))
+            and (row["formulation"], row["along_edges"])
+            == (FORMULATIONS[0].title, True)
+        ]
+        good = [r for r in plies if abs(r["error"]) < 0.01 and r["unknowns"] <= _MOST]
         return {
-            "within_one": f"{sum(e < 0.01 for e in errors)} of {len(drawn)}",
-            "most_unknowns": thousands(max(row["unknowns"] for row in drawn)),
+            "within_one": f"{sum(e < 0.01 for e in errors)} of {len(random)}",
+            "most_unknowns": thousands(max(row["unknowns"] for row in random)),
+            "plies_within_one": f"{len(good)} of {len(plies)}",
         }
 
-    def cases(self, options: argparse.Namespace) -> Sequence[Case | Irregular]:
+    def cases(
+        self, options: argparse.Namespace
+    ) -> Sequence[Case | Irregular | Curved | Drawn]:
         return [
             *specimens(),
             *shapes(),
             *convergence(),
             *chosen(),
             *irregular_triangles(),
+            *curved(),
+            *chosen_finest(),
+            *drawn(),
         ]
 
 
