@@ -115,7 +115,7 @@ def test_every_code_is_timed_on_both_kinds_of_meshes_in_turn():
     assert standard == {OURS, "FElupe", "scikit-fem", "scikit-fem-native", "DOLFINx"}
 
 
-def test_a_net_has_the_singular_fibres_as_edges_and_roughly_the_given_number_along_a_clamp():
+def test_a_net_has_the_singular_fibres_as_edges_and_roughly_the_size():
     specimen = MESHES["net"]
     for n in (EDGES, EDGES / 2):
         mesh = specimen.mesh("triangles", n, 1)
