@@ -82,7 +82,9 @@ def test_words_name_the_fastest_of_this_library_and_of_other_codes():
     assert words["irregular_ours_1_element"] == "macro, this library"
     assert words["irregular_others_1"] == "not reached"
     assert words["net_others_3"] == "0.05 s"
-    assert words["codes_3"] == "0.5 to 0.5"
+    assert words["codes_3"] == "0.5"
+    assert words["codes_0.5"] == "-"
+    assert words["densities"].endswith("1 and 1.5")
     assert words[f"net_{OURS}_p2_3_points_1_unknowns"] == "800"
 
 

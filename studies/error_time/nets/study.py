@@ -4,7 +4,7 @@ Errors of the load are relative to the converged load of the study ``error_time`
 """
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from itertools import permutations, product
 from pathlib import Path
@@ -18,7 +18,7 @@ from ..cases import ThisLibrary, Timed, converged
 from ..fronts import Criterion, Point, fastest, methods
 from ..study import STUDY as ERROR_TIME
 from ..study import factor_text, key_of
-from .cases import MESHES, MESHING, SEEDS, Meshing, all_cases
+from .cases import ACROSS, EDGES, MESHES, MESHING, SEEDS, Meshing, all_cases
 
 #: Relative errors of the load at which run times are compared.
 LEVELS = (0.03, 0.01, 0.005)
@@ -183,13 +183,15 @@ class Nets(Study[Timed | Meshing]):
     def figures(self, rows: list[Row]) -> dict[str, str]:
         """Formatted results.
 
-        ``MESH_CODE_ELEMENT_ERROR`` is a time to an error, with ``_unknowns``.
-        ``MESH_ours_ERROR`` and ``MESH_others_ERROR`` are the shortest times of this
-        library and of other codes, with ``_element``.  ``CAUSE_..._ERROR`` is the ratio
-        of a `Gain`, and ``codes_ERROR`` the range of those of codes with `STANDARD` on
-        nets.  ``making_MESH_ACROSS`` is the time to make a mesh.
+        ``MESH_CODE_ELEMENT_ERROR`` is a time to an error, with ``_unknowns`` and
+        ``_solves``.  ``MESH_ours_ERROR`` and ``MESH_others_ERROR`` are the shortest
+        times of this library and of other codes, with ``_element``.
+        ``CAUSE_..._ERROR`` is the ratio of a `Gain`, and ``codes_ERROR`` the range of
+        those of codes with `STANDARD` on nets, with ``_solves`` of the other codes.
+        ``making_MESH_ACROSS`` is the time to make a mesh.
         """
-        words = {"seeds": str(len(SEEDS))}
+        words = {"seeds": str(len(SEEDS)), "meshes": _of(ACROSS["irregular"])}
+        words["densities"] = _of(n / (2 * EDGES) for n in ACROSS["net"])
         made = grouped(having(rows, code=MESHING), "scene", "across")
         for (mesh, across), of in made.items():
             seconds = median(row["seconds"] for row in of)
@@ -198,18 +200,34 @@ class Nets(Study[Timed | Meshing]):
         codes = [x for x in pairs if x.cause == "code" and x.same == f"net; {STANDARD}"]
         for error in LEVELS:
             level = _number(error)
+            words[f"level_{level}"] = _text(error)
             for one in known:
-                key = key_of(f"{one.mesh} {one.code} {one.element}")
-                if point := one.to(error):
-                    words[f"{key}_{level}"] = _seconds(point)
-                    words[f"{key}_{level}_unknowns"] = thousands(round(point.unknowns))
+                key = f"{key_of(f'{one.mesh} {one.code} {one.element}')}_{level}"
+                point = one.to(error)
+                words[key] = _seconds(point) if point else "not reached"
+                if point:
+                    words[f"{key}_unknowns"] = thousands(round(point.unknowns))
+                    words[f"{key}_solves"] = f"{point.solves:g}"
             words |= _shortest(known, error)
             words |= {f"{gain.key}_{level}": gain.text(error) for gain in pairs}
             ratios = [found[1] for x in codes if (found := x.ratio(error))]
-            if ratios:
-                ends = map(factor_text, (min(ratios), max(ratios)))
-                words[f"codes_{level}"] = " to ".join(ends)
+            solves = [p.solves for x in codes if (p := x.slow.to(error))]
+            words[f"codes_{level}"] = _range(map(factor_text, sorted(ratios)))
+            words[f"codes_{level}_solves"] = _range(f"{n:g}" for n in sorted(solves))
         return words
+
+
+def _range(sorted_texts: Iterable[str]) -> str:
+    """The first and the last text; ``-`` if there is none."""
+    texts = [*sorted_texts]
+    ends = dict.fromkeys((texts[0], texts[-1]) if texts else "-")
+    return " to ".join(ends)
+
+
+def _of(numbers: Iterable[float]) -> str:
+    """An enumeration."""
+    *most, last = (f"{n:g}" for n in numbers)
+    return f"{', '.join(most)} and {last}"
 
 
 def _shortest(known: Sequence[Timing], error: float) -> dict[str, str]:
