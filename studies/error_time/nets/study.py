@@ -26,7 +26,7 @@ LEVELS = (0.03, 0.01, 0.005)
 #: The element that every code has.
 STANDARD = "P2, 3 points"
 
-#: What two timings may differ in, and whether a ratio goes from one to the other.
+#: Causes of a gain: entries of timings, and whether a ratio goes from one to another.
 CAUSES: dict[str, Callable[[str, str], bool]] = {
     "mesh": lambda slow, fast: slow == "irregular",
     "element": lambda slow, fast: slow == STANDARD,
@@ -75,12 +75,12 @@ class Gain(NamedTuple):
 
     @property
     def same(self) -> str:
-        """What does not differ."""
+        """The common entries of both timings."""
         return "; ".join(getattr(self.fast, x) for x in CAUSES if x != self.cause)
 
     @property
     def ends(self) -> tuple[str, str]:
-        """What differs."""
+        """The entries that differ."""
         return getattr(self.slow, self.cause), getattr(self.fast, self.cause)
 
     @property
@@ -139,12 +139,12 @@ def times(rows: Sequence[Row]) -> str:
 
 
 def factors(rows: Sequence[Row]) -> str:
-    """Ratios of times at each level, by what differs."""
+    """Ratios of times at each level, by cause."""
     lines = [
         [gain.cause, *map(_code, (*gain.ends, gain.same)), *map(gain.text, LEVELS)]
         for gain in gains(rows)
     ]
-    return markdown_table(["what", "from", "to", "same", *_within()], lines)
+    return markdown_table(["cause", "from", "to", "same", *_within()], lines)
 
 
 def _within() -> list[str]:
@@ -187,7 +187,7 @@ class Nets(Study[Timed | Meshing]):
         ``_solves``.  ``MESH_ours_ERROR`` and ``MESH_others_ERROR`` are the shortest
         times of this library and of other codes, with ``_element``.
         ``CAUSE_..._ERROR`` is the ratio of a `Gain`, and ``codes_ERROR`` the range of
-        those of codes with `STANDARD` on nets, with ``_solves`` of the other codes.
+        ratios of codes with `STANDARD` on nets, with ``_solves`` of the other codes.
         ``making_MESH_ACROSS`` is the time to make a mesh.
         """
         words = {"seeds": str(len(SEEDS)), "meshes": _of(ACROSS["irregular"])}
