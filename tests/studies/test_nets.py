@@ -84,6 +84,8 @@ def test_words_name_the_fastest_of_this_library_and_of_other_codes():
     assert words["net_others_3"] == "0.05 s"
     assert words["codes_3"] == "0.5"
     assert words["codes_0.5"] == "-"
+    assert words["irregular_reached_3"] == "0 of 2"
+    assert words["net_reached_1"] == "2 of 2"
     assert words["densities"].endswith("1 and 1.5")
     assert words[f"net_{OURS}_p2_3_points_1_unknowns"] == "800"
 

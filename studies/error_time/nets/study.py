@@ -188,6 +188,7 @@ class Nets(Study[Timed | Meshing]):
         times of this library and of other codes, with ``_element``.
         ``CAUSE_..._ERROR`` is the ratio of a `Gain`, and ``codes_ERROR`` the range of
         ratios of codes with `STANDARD` on nets, with ``_solves`` of the other codes.
+        ``MESH_reached_ERROR`` is the number of codes that reach an error with it.
         ``making_MESH_ACROSS`` is the time to make a mesh.
         """
         words = {"seeds": str(len(SEEDS)), "meshes": _of(ACROSS["irregular"])}
@@ -208,11 +209,17 @@ class Nets(Study[Timed | Meshing]):
                 if point:
                     words[f"{key}_unknowns"] = thousands(round(point.unknowns))
                     words[f"{key}_solves"] = f"{point.solves:g}"
+            for mesh in MESHES:
+                same = [x for x in known if x[:2] == (mesh, STANDARD)]
+                reached = sum(x.to(error) is not None for x in same)
+                words[f"{mesh}_reached_{level}"] = f"{reached} of {len(same)}"
             words |= _shortest(known, error)
             words |= {f"{gain.key}_{level}": gain.text(error) for gain in pairs}
-            ratios = [found[1] for x in codes if (found := x.ratio(error))]
+            ratios = sorted(
+                (found[1], x.text(error)) for x in codes if (found := x.ratio(error))
+            )
             solves = [p.solves for x in codes if (p := x.slow.to(error))]
-            words[f"codes_{level}"] = _range(map(factor_text, sorted(ratios)))
+            words[f"codes_{level}"] = _range(text for _, text in ratios)
             words[f"codes_{level}_solves"] = _range(f"{n:g}" for n in sorted(solves))
         return words
 
