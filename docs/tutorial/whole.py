@@ -33,7 +33,7 @@ def stretch(ply):
     return LoadStepper(ply, conditions, steps=8).run()
 
 
-result = stretch(Ply(mesh, fabric, Quadratic(400)))
+result = stretch(Ply(mesh, fabric, Quadratic(400, points=6)))
 print(result)
 force = result.states[-1].reactions["pull"][1]
 print(f"force: {force:.2f} N")
@@ -87,7 +87,7 @@ shear = Tabulated.from_csv("shear.csv", odd=True)
 fibres = TensionOnly(CrimpToe(7e3, toe=0.003, initial_stiffness=10.0))
 measured = Fabric(fibres, shear, warp=(1, 1), weft=(-1, 1))
 mesh = mesh_outline(outline, measured, conditions)
-own_fabric = stretch(Ply(mesh, measured, Quadratic(400)))
+own_fabric = stretch(Ply(mesh, measured, Quadratic(400, points=6)))
 show(own_fabric, "own_fabric")
 print(f"measured fabric: {own_fabric.states[-1].reactions['pull'][1]:.2f} N")
 
@@ -95,7 +95,7 @@ print(f"measured fabric: {own_fabric.states[-1].reactions['pull'][1]:.2f} N")
 drawn = Outline.from_svg("coupon.svg")
 print(list(drawn.boundaries))
 mesh = mesh_outline(drawn, measured, conditions)
-own_outline = stretch(Ply(mesh, measured, Quadratic(400)))
+own_outline = stretch(Ply(mesh, measured, Quadratic(400, points=6)))
 show(own_outline, "own_outline")
 judge(own_outline)
 print(f"force: {own_outline.states[-1].reactions['pull'][1]:.2f} N")

@@ -35,7 +35,7 @@ _HELD = (Mapping, list, tuple, str, int, float, datetime.date, datetime.time, No
 
 # Formulation on graded meshes.  The deviation, the same as on irregular triangles, also
 # keeps slack fibres from moving freely.
-_ON_GRADED_MESHES = {"name": "quadratic", "deviation": 400.0}
+_ON_GRADED_MESHES = {"name": "quadratic", "deviation": 400.0, "points": 6}
 
 # Names of the types of msgspec in messages.
 _KINDS = {

@@ -431,12 +431,15 @@ class Quadratic(FormulationTable, tag="quadratic"):
             "is suitable)"
         ),
     ] = None
+    points: Annotated[
+        Literal[3, 6], about("number of integration points of a triangle")
+    ] = 3
 
     def build(self) -> "Formulation":
         """See `FormulationTable.build`."""
         from ..ply.formulations import Quadratic
 
-        return Quadratic(self.deviation)
+        return Quadratic(self.deviation, self.points)
 
 
 AnyFormulation: TypeAlias = OnePoint | Macro | Full | Quadratic

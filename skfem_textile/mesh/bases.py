@@ -96,9 +96,11 @@ def quad_basis(
     return CellBasis(mesh, ElementVector(ElementQuad1(), dimension), quadrature=rule)
 
 
-def triangle_basis(mesh: Mesh, dimension: int = 2) -> CellBasis:
-    """Basis of a quadratic displacement on a `skfem.MeshTri`, with `THREE` points."""
-    return CellBasis(mesh, ElementVector(ElementTriP2(), dimension), quadrature=THREE)
+def triangle_basis(
+    mesh: Mesh, dimension: int = 2, rule: tuple[ndarray, ndarray] = THREE
+) -> CellBasis:
+    """Basis of a quadratic displacement on a `skfem.MeshTri`."""
+    return CellBasis(mesh, ElementVector(ElementTriP2(), dimension), quadrature=rule)
 
 
 def components(basis: AbstractBasis) -> int:

@@ -15,6 +15,7 @@ from ..mesh.bases import (
     CENTRE,
     GAUSS,
     SIX,
+    THREE,
     HourglassBasis,
     JumpBasis,
     MacroBasis,
@@ -397,9 +398,13 @@ class Macro(Quadrilaterals):
         return hourglass_terms(self.stabilisation, basis, fabric)
 
 
+# Integration rules of quadratic triangles by number of points.
+_RULES = {3: THREE, 6: SIX}
+
+
 @dataclass(frozen=True)
 class Quadratic(Pointwise):
-    """Quadratic triangles with three integration points and no stabilisation.
+    """Quadratic triangles without stabilisation.
 
     The element is `skfem.ElementTriP2` on triangles; quadrilaterals are cut into
     triangles (`cut`).  Nodes are at vertices and edge midpoints.  Strains and folding
@@ -411,14 +416,20 @@ class Quadratic(Pointwise):
         If given, the full stiffness of the fibres acts on the mean stretch of a
         triangle only, and this multiple of shear stiffness and tension
         (`deviation_stiffness`) acts on deviations from it.
+    points
+        Number of integration points of a triangle: 3, exact to degree 2, or 6, exact to
+        degree 4.  Strains are quadratic functions of position, their energy is of
+        degree 4.
 
     Raises
     ------
     ValueError
-        If the deviation is negative or not finite.
+        If the deviation is negative or not finite, or the number of points is not 3 or
+        6.
     """
 
     deviation: float | None = None
+    points: int = 3
 
     name: ClassVar[str] = "quadratic"
     centre: ClassVar[ndarray] = np.array([[1 / 3], [1 / 3]])
@@ -427,12 +438,18 @@ class Quadratic(Pointwise):
     def __post_init__(self) -> None:
         if self.deviation is not None:
             refuse_stiffness("deviation", self.deviation)
+        if self.points not in _RULES:
+            raise ValueError(
+                "the number of points of quadratic triangles must be 3 or 6, got "
+                f"{self.points}"
+            )
 
     @property
     def title(self) -> str:
         """Name in pictures."""
         C_d = self.deviation
-        return "quadratic triangles" + ("" if C_d is None else f", mean, {C_d:g}")
+        mean = "" if C_d is None else f", mean, {C_d:g}"
+        return f"quadratic triangles{mean}{', 6 points' * (self.points == 6)}"
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
         """Triangles unchanged, quadrilaterals cut."""
@@ -450,7 +467,7 @@ class Quadratic(Pointwise):
     def basis(self, mesh: Mesh, dimension: int = 2) -> CellBasis:
         """Basis of the displacement."""
         check_mesh(mesh)
-        return triangle_basis(mesh, dimension)
+        return triangle_basis(mesh, dimension, _RULES[self.points])
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
         """Tension at each point, or evaluated at the mean stretch."""

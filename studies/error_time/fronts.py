@@ -98,6 +98,7 @@ class Point:
     across: int
     tolerance: float | None
     seeds: int
+    unknowns: float
     steps: float
     solves: float
     error: Spread
@@ -151,6 +152,7 @@ def methods(rows: Sequence[Row], criterion: Criterion) -> dict[Method, list[Poin
                 across=across,
                 tolerance=-tolerance or None,
                 seeds=sum(one is not None for one in errors),
+                unknowns=_spread([run["unknowns"] for run in runs]).median,
                 steps=_spread([run["steps"] for run in runs]).median,
                 solves=_spread([run["linear_solves"] for run in runs]).median,
                 error=error,

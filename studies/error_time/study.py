@@ -79,7 +79,7 @@ def ratios(rows: Sequence[Row]) -> str:
                 [
                     *(criterion.label, criterion.text(error), solvers),
                     *(_point(pair.own, criterion), _point(pair.other, criterion, True)),
-                    *map(_factor, shares),
+                    *map(factor_text, shares),
                 ]
             )
     head = [
@@ -155,8 +155,8 @@ def same_mesh(rows: Sequence[Row]) -> str:
             [
                 *(SCENES[scene], one.own.element, one.other.code, one.own.across),
                 f"{one.other.solves:g} : {one.own.solves:g}",
-                *(_factor(by_set[name].per_solve) for name in SETS),
-                *(_factor(by_set[name].ratio) for name in SETS),
+                *(factor_text(by_set[name].per_solve) for name in SETS),
+                *(factor_text(by_set[name].ratio) for name in SETS),
             ]
         )
     head = [
@@ -234,25 +234,22 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
         words |= {f"{name}_{solvers.lower()}_others": " or ".join(others)}
     for (code, element), cells in _to_errors(rows).items():
         if code == ThisLibrary.code:
-            words |= {f"{name}_{_key(element)}": text for name, text in cells.items()}
+            words |= {f"{name}_{key_of(element)}": text for name, text in cells.items()}
     for pair in pairs(rows):
         for solvers, one in pair.by_set.items():
             assert one.other
             key = f"same_{pair.scene}_{solvers.lower()}"
-            words |= {
-                f"{key}_{_key(one.other.code)}_{_key(one.other.element)}": _factor(
-                    one.ratio
-                )
-            }
+            key += f"_{key_of(one.other.code)}_{key_of(one.other.element)}"
+            words[key] = factor_text(one.ratio)
     return words | _ranges(rows)
 
 
 def _pair_in_words(key: str, pair: Comparison, criterion: Criterion) -> dict[str, str]:
     alone = pair.own and not pair.other
     words = {
-        f"{key}_ratio": "not reached" if alone else _factor(pair.ratio),
-        f"{key}_solves": _factor(pair.solves),
-        f"{key}_per_solve": _factor(pair.per_solve),
+        f"{key}_ratio": "not reached" if alone else factor_text(pair.ratio),
+        f"{key}_solves": factor_text(pair.solves),
+        f"{key}_per_solve": factor_text(pair.per_solve),
         f"{key}_other_code": pair.other.code if pair.other else "none",
     }
     for who, point in zip(("ours", "other"), pair, strict=True):
@@ -278,7 +275,9 @@ def _ranges(rows: Sequence[Row]) -> dict[str, str]:
         for what in ("ratio", "solves", "per_solve"):
             values = [getattr(one, what) for one in ones]
             text = (
-                f"{_factor(min(values))} to {_factor(max(values))}" if values else "-"
+                f"{factor_text(min(values))} to {factor_text(max(values))}"
+                if values
+                else "-"
             )
             words[f"same_{scene}_{solvers.lower()}_{what}"] = text
     return words
@@ -333,14 +332,15 @@ def _to_the_error(series: Sequence[Point] | None, criterion: Criterion) -> str:
     return f"not reached: {criterion.text(last.error.median)} at {last.mesh}"
 
 
-def _factor(value: float | None) -> str:
+def factor_text(value: float | None) -> str:
+    """A ratio with two digits, or as an integer; ``-`` if it is unknown."""
     if value is None:
         return "-"
     return f"{value:.0f}" if value >= 100 else f"{value:.2g}"
 
 
-def _key(text: str) -> str:
-    """Part of the name of a result."""
+def key_of(text: str) -> str:
+    """Text as a part of the name of a result."""
     key = "".join(c if c.isalnum() else "_" for c in text.lower())
     return "_".join(part for part in key.split("_") if part)
 

@@ -133,7 +133,7 @@ def curved_table(rows: list[Row]) -> str:
 def outline_table(rows: list[Row]) -> str:
     """A line for each kind of mesh, and one for invalid outlines."""
     lines: list[list[object]] = []
-    for kind, of in grouped(having(rows, fault=""), "kind").items():
+    for kind, of in grouped([row for row in rows if not row["fault"]], "kind").items():
         meshes = [row for row in of if row["smallest"] is not None]
         if not meshes:
             lines.append(["no mesh", len(of), *[""] * 6])
@@ -146,16 +146,15 @@ def outline_table(rows: list[Row]) -> str:
                 len(meshes),
                 _largest_area_error(having(meshes, circles=False)),
                 _largest_area_error(having(meshes, circles=True)),
-                sum(row["missing"] != "" for row in meshes),
+                sum(bool(row["missing"]) for row in meshes),
                 f"{median(smallest):.1f}°",
                 f"{smallest.min():.1f}°",
                 f"{elsewhere.min():.1f}°",
             ]
         )
     invalid = [row for row in rows if row["fault"]]
-    refused = sum(
-        "\n" not in row["refused"] and row["refused"] != "" for row in invalid
-    )
+    messages = [row["refused"] or "" for row in invalid]
+    refused = sum(text.strip() != "" and "\n" not in text for text in messages)
     lines.append([f"invalid, refused: {refused}", len(invalid), *[""] * 6])
     head = [
         *("mesh", "outlines", "largest error of the area"),

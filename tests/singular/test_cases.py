@@ -29,7 +29,7 @@ def case(scene="specimen", mesh=(), **tables):
 def test_the_mesh_of_a_plain_case_follows_the_singular_fibres(scene):
     built = case(scene)
     assert SINGULAR in built.scene.mesh.boundaries
-    assert built.formulation == Quadratic(400.0)
+    assert built.formulation == Quadratic(400.0, 6)
 
 
 @pytest.mark.parametrize("scene", ["picture_frame", "strip", "trellis"])
@@ -53,7 +53,7 @@ def test_the_mesh_of_a_drawing_follows_the_singular_fibres(coupon):
     built = case(mesh={"outline": coupon})
     boundaries = built.scene.mesh.boundaries
     assert {"bottom", "top", "hole", SINGULAR} <= set(boundaries)
-    assert built.formulation == Quadratic(400.0)
+    assert built.formulation == Quadratic(400.0, 6)
 
 
 def test_density_refines_a_graded_mesh(coupon):

@@ -450,9 +450,10 @@ def test_a_run_of_this_library_that_stops_early_is_marked(monkeypatch):
     assert row["angle"] is None
 
 
-def test_a_method_is_refined_until_a_run_takes_long(monkeypatch):
+@pytest.mark.parametrize(("long", "meshes"), [(10.0, [4, 6, 8, 12]), (3.0, [4, 6])])
+def test_a_method_is_refined_once_and_until_a_run_takes_long(monkeypatch, long, meshes):
     class Steady:
-        code, element, solver, refinements = "code", "Q4", "SciPy", (4, 6, 8, 12, 16)
+        code, element, solver = "code", "Q4", "SciPy"
 
         def missing(self):
             return ""
@@ -460,15 +461,16 @@ def test_a_method_is_refined_until_a_run_takes_long(monkeypatch):
         def measured(self, problem, across, seed):
             return {"seconds": float(across), "note": "", "across": across}
 
-    monkeypatch.setattr(cases, "LONG", 10.0)
-    rows = STUDY.examine(Timed(1, "strip", Steady()))
-    assert [one["across"] for one in rows] == [4, 6, 8, 12]
+    monkeypatch.setattr(cases, "LONG", long)
+    case = Timed(1, "strip", PROBLEMS["strip"], Steady(), (4, 6, 8, 12, 16))
+    assert [one["across"] for one in STUDY.examine(case)] == meshes
 
 
 def test_a_code_that_is_not_installed_has_one_row():
     class Missing(Native):
         packages = {"no_such_module": "scikit-fem-native"}  # noqa: RUF012
 
-    (row,) = Timed(1, "strip", OtherCode(Missing(QUAD4))).rows()
+    code = OtherCode(Missing(QUAD4))
+    (row,) = Timed(1, "strip", PROBLEMS["strip"], code, code.refinements).rows()
     assert row["note"] == "skipped, not installed: scikit-fem-native"
     assert row["across"] == 0

@@ -1,0 +1,1 @@
+"""Bias extension on nets along the singular fibres, for all codes: 8 min."""
