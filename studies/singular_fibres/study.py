@@ -158,7 +158,7 @@ def outline_table(rows: list[Row]) -> str:
     lines.append([f"invalid, refused: {refused}", len(invalid), *[""] * 6])
     head = [
         *("mesh", "outlines", "largest error of the area"),
-        *("with circular holes", "names missing"),
+        *("with circular holes", "names missing or 1 % shorter"),
         *("smallest angle, median", "least"),
         "least away from small given angles",
     ]
