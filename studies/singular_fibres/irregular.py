@@ -26,7 +26,8 @@ from skfem_textile.mesh.splitting import refine_triangles
 from skfem_textile.singular.meshing import FINEST, SINGULAR, irregular
 
 from ..study import Row
-from .cases import LAWS, REFERENCES, WIDTH, Case, G, box, circle, specimens
+from . import cases
+from .cases import LAWS, WIDTH, Case, G, box, circle, specimens
 
 # Seed of the specimens.
 _SEED = 20261
@@ -36,7 +37,7 @@ _SEED = 20261
 DEFAULT, FINE = 16, (16, 22)
 
 #: Formulations in the order of the table.
-FORMULATIONS = Quadratic(400.0), Macro(), Quadratic()
+FORMULATIONS = Quadratic(400.0, points=6), Macro(), Quadratic()
 
 # Height of the plies in mm.
 _HEIGHT = 115.0
@@ -69,8 +70,8 @@ class Irregular:
     def rows(self) -> list[Row]:
         """Errors of the load and of the shear angle for each formulation."""
         outline, fabric, conditions = self.specimen.problem()
-        net = mesh_outline(outline, fabric, conditions, density=REFERENCES[-1])
-        exact = Ply(net, fabric, Quadratic())
+        net = mesh_outline(outline, fabric, conditions, density=cases.FINE)
+        exact = Ply(net, fabric, FORMULATIONS[0])
         last = LoadStepper(exact, conditions, steps=1).run().states[-1]
         reference = float(last.reactions["top"][1])
         size = WIDTH / self.across

@@ -6,16 +6,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..common.tables import (
-    Column,
     grouped,
     having,
     markdown_table,
     median,
     percent,
-    table,
     thousands,
 )
 from ..study import Part, Row, Study
+from .cases import FORMULATIONS as FORMULATIONS_ON_NETS
 from .cases import Case, chosen, convergence, shapes, specimens
 from .irregular import (
     FORMULATIONS,
@@ -32,14 +31,23 @@ _MOST = 6000
 
 
 def summary(rows: list[Row]) -> str:
-    """A line for each shear law and for all specimens."""
-    by_law = grouped(rows, "law")
-    lines = [_line(law, of_law) for law, of_law in by_law.items()]
+    """A line for each formulation and shear law, and for all specimens."""
+    lines = []
+    for formulation, of in grouped(rows, "formulation").items():
+        by_law = {**grouped(of, "law"), "all": of}
+        lines += [[formulation, *_line(law, own)] for law, own in by_law.items()]
     head = [
-        *("shear law", "specimens", "refused", "median error", "largest"),
+        *(
+            "formulation",
+            "shear law",
+            "specimens",
+            "refused",
+            "median error",
+            "largest",
+        ),
         *("within 1 %", "within 3 %", "most unknowns", "longest run, s"),
     ]
-    return markdown_table(head, [*lines, _line("all", rows)])
+    return markdown_table(head, lines)
 
 
 def _line(name: str, rows: list[Row]) -> list[object]:
@@ -56,34 +64,39 @@ def _line(name: str, rows: list[Row]) -> list[object]:
 
 
 def shape_table(rows: list[Row]) -> str:
-    """A line for each ply."""
-    columns: dict[str, Column] = {
-        "ply": "{case}",
-        "law": "{law}",
-        "E/G": "{ratio:.0e}",
-        "unknowns": "{unknowns}",
-        "load, N": "{load:.3f}",
-        "error": lambda row: percent(row["error"]),
-        "last change of the reference": lambda row: percent(row["last_change"]),
-        "seconds": "{seconds:.2f}",
-    }
-    return table(rows, columns)
+    """A line for each ply, a column for each formulation."""
+    lines = []
+    for case, of in grouped(rows, "case").items():
+        row = of[0]
+        lines.append(
+            [
+                *(case, row["law"], f"{row['ratio']:.0e}", row["unknowns"]),
+                f"{row['load']:.3f}",
+                *(percent(one["error"]) for one in of),
+                percent(row["spread"]),
+                f"{row['seconds']:.2f}",
+            ]
+        )
+    names = [formulation.title for formulation in FORMULATIONS_ON_NETS]
+    head = ["ply", "law", "E/G", "unknowns", "load, N", *names, "spread", "seconds"]
+    return markdown_table(head, lines)
 
 
 def convergence_table(rows: list[Row]) -> str:
-    """A line for each specimen, a column for each density."""
+    """A line for each formulation and specimen, a column for each density."""
     densities = sorted({row["density"] for row in rows})
     lines = []
-    for (ratio, degrees), of in grouped(rows, "ratio", "degrees").items():
+    keys = "formulation", "ratio", "degrees"
+    for (formulation, ratio, degrees), of in grouped(rows, *keys).items():
         errors = {row["density"]: row["error"] for row in of}
         lines.append(
             [
-                *(f"{ratio:.0e}", f"{degrees:g}°"),
+                *(formulation, f"{ratio:.0e}", f"{degrees:g}°"),
                 *(percent(errors[density], "+.3f") for density in densities),
             ]
         )
     return markdown_table(
-        ["E/G", "fibres", *(f"density {d:g}" for d in densities)], lines
+        ["formulation", "E/G", "fibres", *(f"density {d:g}" for d in densities)], lines
     )
 
 
@@ -196,9 +209,10 @@ class SingularFibres(Study[Case | Irregular | Curved | Drawn]):
     sample = "hole, 41°"
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        random = [row for row in rows if row["case"].startswith("specimen")]
+        on_nets = having(rows, formulation=FORMULATIONS_ON_NETS[0].title)
+        random = [row for row in on_nets if row["case"].startswith("specimen")]
+        plies = [row for row in on_nets if row["case"].endswith("°")]
         errors = [abs(row["error"]) for row in random if row["error"] is not None]
-        plies = [row for row in rows if row["case"].endswith("°")]
         plies += [
             row
             for row in rows
