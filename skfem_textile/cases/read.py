@@ -33,8 +33,8 @@ _MOST_BYTES = 1_000_000
 # Types that a case file can contain.
 _HELD = (Mapping, list, tuple, str, int, float, datetime.date, datetime.time, NoneType)
 
-# Formulation on graded meshes.  The deviation, the same as on irregular triangles, also
-# keeps slack fibres from moving freely.
+# Formulation on graded meshes, chosen by `python -m studies singular_fibres --case
+# "chosen *"`.  The deviation also keeps slack fibres from moving freely.
 _ON_GRADED_MESHES = {"name": "quadratic", "deviation": 400.0, "points": 6}
 
 # Names of the types of msgspec in messages.

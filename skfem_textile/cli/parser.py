@@ -45,7 +45,7 @@ _OPTIONS = {
     "density": ("mesh.density", "factor of the number of lines of a graded mesh"),
     "size": (
         "mesh.size",
-        "number of elements along x and y of a mesh that is not graded, such as 8x16",
+        "number of elements along x and y, such as 8x16, of a mesh that is not graded",
     ),
     "directions": ("mesh.directions", "file with the fibre directions of the elements"),
     "fabric": ("fabric.file", "file that contains all laws"),

@@ -69,6 +69,8 @@ class SingularFibres:
         is not followed.
     notes
         Jumps that move with the state and are not traced.
+    others
+        Names of terms at which no fibres start.
     """
 
     fibres: list[SingularFibre]
@@ -78,6 +80,7 @@ class SingularFibres:
     dropped: int
     width: float
     notes: list[str] = field(default_factory=list)
+    others: list[str] = field(default_factory=list)
 
     def summary(self) -> str:
         """Numbers of fibres by origin, and what was left out."""
@@ -88,6 +91,11 @@ class SingularFibres:
         ]
         origins = Counter(f.origin for f in self.fibres)
         lines += [f"  {n} from {origin}" for origin, n in origins.items()]
+        return "\n".join([*lines, *self.left_out()])
+
+    def left_out(self) -> list[str]:
+        """What was left out, one line each."""
+        lines = []
         if self.dropped:
             lines.append(
                 f"{self.dropped} reflections dropped, closer than {self.width:.3g} mm "
@@ -95,7 +103,9 @@ class SingularFibres:
             )
         if self.notes:
             lines.append(f"not traced, as it moves: {', '.join(self.notes)}")
-        return "\n".join(lines)
+        if self.others:
+            lines.append(f"terms at which no fibre starts: {', '.join(self.others)}")
+        return lines
 
 
 def singular_fibres(
@@ -110,9 +120,9 @@ def singular_fibres(
     """Fibres across which the shear angle may jump.
 
     They start at the ends of held, partly held or driven edges, at kinks of a
-    prescribed motion, at named points, at ends of loads, at re-entrant corners, at
-    corners and ends of borders between regions, and where a fibre grazes the outline or
-    a hole.  Held edges reflect them into the other family; borders reflect and transmit
+    prescribed motion, at named points, at ends and jumps of loads, at re-entrant
+    corners, at corners and ends of borders between regions, and where a fibre grazes
+    the outline or a hole.  Held edges reflect them into the other family; borders reflect and transmit
     them.  Corners that turn by less than `CORNER` approximate a curve.
 
     Parameters
@@ -125,7 +135,7 @@ def singular_fibres(
         Conditions by name; each ``where`` is the name of edges or of a point of the
         outline, or a function of position.
     loads
-        Tractions and forces; other terms are ignored.
+        Tractions and forces; no fibres start at other terms.
     fabrics
         Fabrics of regions of the outline by name; other regions have ``fabric``.
     finest
@@ -185,6 +195,7 @@ def singular_fibres(
         tracing.dropped,
         width,
         list(dict.fromkeys(notes)),
+        boundary.others,
     )
 
 
@@ -274,7 +285,9 @@ class _Tracing:
         if len(self.found) > MOST_LINES:
             raise ValueError(
                 f"there are more than {MOST_LINES} singular fibres, the last one from "
-                f"{place(fibre.points[:, 0])}: increase finest, {self._width:.3g} mm"
+                f"{place(fibre.points[:, 0])}: reflections closer than "
+                f"{self._width:.3g} mm are left out; a larger size, or a larger "
+                "`finest` of singular_fibres, leaves out more"
             )
 
 

@@ -1,5 +1,6 @@
 """Meshes of an outline whose edges follow the singular fibres."""
 
+import logging
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -20,6 +21,8 @@ from .lines import Lines, even, graded
 from .net import cut_cells, net
 from .outline import NEAR, REST, Outline, place
 from .triangles import triangles
+
+log = logging.getLogger(__name__)
 
 # Distance relative to the size of the outline up to which nodes deviate from their
 # exact positions: irregular meshes are computed on a grid of 1e-8.
@@ -102,8 +105,10 @@ def mesh_outline(
         lines = singular_fibres(
             outline, fabric, conditions, loads, fabrics=fabrics, finest=FINEST * size
         )
+        _report(lines)
         return irregular(outline, lines, size)
     lines = singular_fibres(outline, fabric, conditions, loads, fabrics=fabrics)
+    _report(lines)
     largest = _LARGEST * np.sqrt(outline.shape().area)
     A = _directions(fabric)
     to_fibres = np.linalg.inv(A)
@@ -189,6 +194,12 @@ def mesh_along_fibres(
 def _directions(fabric: Fabric) -> ndarray:
     """Directions of straight fibres, the columns of a matrix."""
     return np.hstack(fabric.directions(np.zeros((2, 1, 1))))[:, :, 0]
+
+
+def _report(lines: SingularFibres) -> None:
+    """Log what is not traced."""
+    for line in lines.left_out():
+        log.info("singular fibres: %s", line)
 
 
 def irregular(

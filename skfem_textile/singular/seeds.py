@@ -24,6 +24,10 @@ _INTERVALS = 64
 # changes the slope by more than _KINK times the largest displacement over the length.
 _FINE, _KINK = 512, 1e-3
 
+# Part of the total variation of a traction along an edge above which the change within
+# an interval may be a jump.
+_JUMP = 1e-3
+
 # Times that an interval is halved: to 1e-15 of an edge.
 _HALVINGS = 50
 
@@ -204,6 +208,8 @@ class Boundary:
         Seeds at their ends, kinks and points.
     notes
         Jumps that move with the state and are not traced.
+    others
+        Names of terms at which no fibres start.
     """
 
     start: ndarray
@@ -211,6 +217,7 @@ class Boundary:
     names: list[str]
     seeds: list[Seed]
     notes: list[str]
+    others: list[str]
 
 
 def boundary_of(
@@ -223,7 +230,8 @@ def boundary_of(
     ValueError
         If a condition or load is not valid on the outline.
     """
-    near, notes = NEAR * outline.size, []
+    near, others = NEAR * outline.size, []
+    notes: list[str] = []
     seeds = [Seed(x, f"point {name}") for name, x in outline.points.items()]
     parts: list[Part] = []
     names: list[str] = []
@@ -262,13 +270,18 @@ def boundary_of(
             what, where = load.name or "force", load.where  # type: ignore[assignment]
         else:
             if not isinstance(load, BodyForce | Pressure):
-                notes.append(f"term {getattr(load, 'name', type(load).__name__)}")
+                others.append(getattr(load, "name", type(load).__name__))
             continue
-        seeds += _of_part(part_of(f"load {what!r}", where, outline), what, near)
+        part = part_of(f"load {what!r}", where, outline)
+        seeds += _of_part(part, what, near)
+        if isinstance(load, Traction) and callable(load.value):
+            for ends in part.runs(near, NEAR):
+                jumps = _jumps(what, load.value, *ends)
+                seeds += [Seed(x, f"jump of {what}") for x in jumps]
     none = [np.empty((2, 0))]
     start = np.hstack(none + [part.start for part in parts])
     end = np.hstack(none + [part.end for part in parts])
-    return Boundary(start, end, names, seeds, notes)
+    return Boundary(start, end, names, seeds, notes, others)
 
 
 def _of_part(part: Part, label: str, near: float) -> list[Seed]:
@@ -336,6 +349,29 @@ def _kinks(
         if high - low < 1e-6 * (s[1] - s[0]):
             kinks.append(start + 0.5 * (low + high) * (end - start))
     return kinks
+
+
+def _jumps(what: str, value: Any, start: ndarray, end: ndarray) -> list[ndarray]:
+    """Points between two ends at which a function of position jumps."""
+
+    def steps(s: ndarray) -> ndarray:
+        x = start[:, None] + s * (end - start)[:, None]
+        f = call_user_function(f"the value of {what}", value, x)
+        f = np.stack(np.broadcast_arrays(*f, x[0])[:2])
+        return np.asarray(np.linalg.norm(np.diff(f, axis=1), axis=0))
+
+    s = np.linspace(0, 1, _FINE + 1)
+    first = steps(s)
+    jumps = []
+    for i in np.flatnonzero(first > _JUMP * first.sum()):
+        low, high, step = s[i], s[i + 1], first[i]
+        for _ in range(_HALVINGS):
+            halves = np.linspace(low, high, 3)
+            half = int(steps(halves).argmax())
+            low, high = halves[half], halves[half + 1]
+        if steps(np.array([low, high]))[0] > step / 2:
+            jumps.append(start + 0.5 * (low + high) * (end - start))
+    return jumps
 
 
 def seeds_of_corners(

@@ -82,6 +82,23 @@ def shape_table(rows: list[Row]) -> str:
     return markdown_table(head, lines)
 
 
+def chosen_table(rows: list[Row]) -> str:
+    """A line for each formulation."""
+    lines = []
+    for formulation, of in grouped(rows, "formulation").items():
+        errors = np.array([np.nan if r["error"] is None else r["error"] for r in of])
+        lines.append(
+            [
+                *(formulation, len(of), int(np.isnan(errors).sum())),
+                percent(float(np.sqrt(np.nanmean(errors**2))), ".2f"),
+                percent(float(errors[np.nanargmax(np.abs(errors))])),
+                f"{median([row['seconds'] for row in of]):.2f}",
+            ]
+        )
+    head = ["formulation", "plies", "refused", "rms error of the load", "largest"]
+    return markdown_table([*head, "seconds, median"], lines)
+
+
 def convergence_table(rows: list[Row]) -> str:
     """A line for each formulation and specimen, a column for each density."""
     densities = sorted({row["density"] for row in rows})
@@ -193,7 +210,7 @@ class SingularFibres(Study[Case | Irregular | Curved | Drawn]):
             cases=("convergence*",),
         ),
         Part("shapes.csv", {"shapes.md": shape_table}, cases=("*°",)),
-        Part("chosen.csv", cases=("chosen *",)),
+        Part("chosen.csv", {"chosen.md": chosen_table}, cases=("chosen *",)),
         Part(
             "triangles.csv", {"triangles.md": irregular_table}, cases=("triangles *",)
         ),

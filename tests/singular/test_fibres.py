@@ -20,6 +20,7 @@ from skfem_textile import (
     Sin2,
     TensionOnly,
     Traction,
+    mesh_outline,
     singular_fibres,
 )
 from skfem_textile.drape import Sphere
@@ -336,6 +337,40 @@ def test_loads():
     assert_through(lines, [(50, 0)])
     lines = singular_fibres(part, bias(30), loads=[BodyForce((0, 1))])
     assert lines.fibres == []
+
+
+def test_a_jump_of_a_traction_starts_fibres_and_a_slope_does_not():
+    outline = rectangle(50, 100)
+    at = 17.3
+
+    def step(x):
+        return 0.0, np.where(x[0] < at, 1.0, 2.0)
+
+    def ramp(x):
+        return 0.0 * x[0], x[0] ** 2
+
+    jump, smooth = (
+        singular_fibres(outline, bias(45), loads=[Traction("top", value)])
+        for value in (step, ramp)
+    )
+    seeds = [f for f in jump.fibres if f.origin == "jump of traction on top"]
+    assert len(seeds) == 2
+    for fibre in seeds:
+        ends = fibre.points[:, [0, -1]]
+        top = ends[:, ends[1].argmax()]
+        assert top == pytest.approx([at, 100], abs=1e-7)
+    assert not [f for f in smooth.fibres if f.origin.startswith("jump")]
+
+
+def test_what_is_not_traced_is_logged_and_named(caplog):
+    class Spring:
+        name = "spring"
+
+    with caplog.at_level("INFO", "skfem_textile"):
+        mesh_outline(rectangle(50, 100), bias(45), HELD, [Spring()])
+    assert "terms at which no fibre starts: spring" in caplog.text
+    lines = singular_fibres(rectangle(50, 100), bias(45), HELD, [Spring()])
+    assert lines.summary().endswith("terms at which no fibre starts: spring")
 
 
 # Regions
