@@ -39,7 +39,7 @@ WIDTH, G = 50.0, 0.5
 FORMULATIONS = Quadratic(400.0, points=6), Quadratic()
 
 #: Formulations among which the first of these was chosen.
-CANDIDATES = (
+CANDIDATES: tuple[Formulation, ...] = (
     *FORMULATIONS,
     *(Quadratic(deviation, points=6) for deviation in (None, 100.0, 1600.0)),
     Quadratic(400.0),
