@@ -123,7 +123,8 @@ def singular_fibres(
     prescribed motion, at named points, at ends and jumps of loads, at re-entrant
     corners, at corners and ends of borders between regions, and where a fibre grazes
     the outline or a hole.  Held edges reflect them into the other family; borders
-    reflect and transmit them.  Corners that turn by less than `CORNER` approximate a curve.
+    reflect and transmit them.  Corners that turn by less than `CORNER` approximate a
+    curve.
 
     Parameters
     ----------
