@@ -215,6 +215,12 @@ def _refuse_other_mesh_keys(file: CaseFile) -> None:
             raise ValueError("mesh.source graded applies to scenes in the plane only")
         if options.outline is not None and not isinstance(file.scene, Specimen):
             raise ValueError("mesh.outline applies to the scene specimen only")
+        for key in ("width_mm", "height_mm") if options.outline is not None else ():
+            if getattr(file.scene, key) != getattr(Specimen(), key):
+                raise ValueError(
+                    f"scene.{key} does not apply to the outline of a drawing: omit one "
+                    "of them"
+                )
     elif options.source in MESH_KINDS:
         what = f"the mesh {source}"
         suitable = {"size", "jitter", "seed", "directions"}
@@ -229,7 +235,10 @@ def _refuse_other_mesh_keys(file: CaseFile) -> None:
         )
     for key in options.__struct_fields__:
         if key not in {"source", *suitable} and getattr(options, key) is not None:
-            raise ValueError(f"mesh.{key} does not apply to {what}: omit one of them")
+            raise ValueError(
+                f"mesh.{key} does not apply to {what}: omit it, or set another "
+                "mesh.source"
+            )
 
 
 def _graded(file: CaseFile, laws: Fabric) -> "Scene":

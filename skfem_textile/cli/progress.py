@@ -21,10 +21,8 @@ STOPPED_EARLY = 1
 shown = partial(progress.shown, printed=True)
 
 
-def load(
-    stepper: "Stepper", resume: bool, verbose: int
-) -> tuple[int, str, StepError | None]:
-    """Run a load stepper and log to stderr.
+def load(stepper: "Stepper", resume: bool) -> tuple[int, str, StepError | None]:
+    """Run a load stepper.
 
     Parameters
     ----------
@@ -32,15 +30,12 @@ def load(
         The load stepper.
     resume
         As for `LoadStepper.run`.
-    verbose
-        1 to log every step, 2 to log every iteration.
 
     Returns
     -------
     tuple
         Exit code, final message, and the error that stopped the run.
     """
-    _log(verbose)
     try:
         stepper.run(resume=resume)
     except StepError as error:
@@ -70,8 +65,8 @@ def _interrupted(stepper: "Stepper") -> str:
     )
 
 
-def _log(verbose: int) -> None:
-    """Send the log to stderr."""
+def log_to_stderr(verbose: int) -> None:
+    """Send the log to stderr, with every step for 1, every iteration for 2."""
     handler = logging.StreamHandler()
     handler.setFormatter(_Formatter("%(message)s"))
     log = logging.getLogger("skfem_textile")

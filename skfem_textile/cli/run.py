@@ -24,7 +24,7 @@ from . import results
 from .curve import CURVE, curve_of, read_test_curve, write_curve
 from .interruption import INTERRUPTED, held
 from .output import OutputError, complain, say
-from .progress import STOPPED_EARLY, load, shown
+from .progress import STOPPED_EARLY, load, log_to_stderr, shown
 from .result_folder import ResultFolder
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
         file = msgspec.structs.replace(
             file, output=msgspec.structs.replace(file.output, pictures=False)
         )
+    log_to_stderr(options.verbose)
     with shown("preparing the case"):
         case = built(file)
         export = results.DrapeExport.read(file.output)
@@ -80,7 +81,7 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
         files = (*tables, *WRITTEN_FILES, *drapes, *fields, *_PICTURES)
         out = ResultFolder(options.out, files)
         resume = options.resume is not None
-        code, message, refusal = load(stepper, resume, options.verbose)
+        code, message, refusal = load(stepper, resume)
     result = stepper.result
     provenance = {
         "inputs": {"version": __version__, **tables_of(file)},

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from shapely.validation import explain_validity
 from skfem import Mesh
 
+from ..mesh.checks import refuse_metres
 from ..mesh.selection import named_nodes
 from ..mesh.user_input import printable, real_numbers
 
@@ -318,6 +319,7 @@ class Outline:
             raise ValueError(f"{what} has no lines")
         p = np.hstack([points for points, _ in lines])
         refuse_not_finite(what, p)
+        refuse_metres(p, f"outline of {what}")
         last = np.cumsum([points.shape[1] for points, _ in lines]) - 1
         ends = np.concatenate([[0], last[:-1] + 1, last])
         near = JOINED * float(np.hypot(*np.ptp(p, axis=1)))
@@ -367,7 +369,8 @@ class Outline:
                 node = b if node == a else a
                 i = next((j for j in at[node] if j in left), i)
             rings.append(_merged(p, ring))
-        rings.sort(key=lambda ring: -abs(signed_area(p[:, [n for n, _ in ring]])))
+        areas = [abs(signed_area(p[:, [n for n, _ in ring]])) for ring in rings]
+        rings.insert(0, rings.pop(int(np.argmax(areas))))  # the others are its holes
         edges: dict[str, list[tuple[int, list[int]]]] = {}
         for r, ring in enumerate(rings):
             for k, (_, of_edge) in enumerate(ring):

@@ -94,6 +94,7 @@ def test_a_stated_formulation_is_used(coupon):
         ("specimen", {"source": "aligned"}, "mesh.outline does not apply to the mesh"),
         ("specimen", {"density": 0.0}, "density must be positive"),
         ("specimen", {"density": 1e9}, "choose a smaller one"),
+        ({"name": "specimen", "width_mm": 80.0}, {}, "width_mm does not apply"),
         (
             {"name": "specimen", "move_mm": {"side": [0.0, 0.0]}},
             {},
@@ -129,3 +130,21 @@ def test_a_rotated_scene_has_the_rotated_mesh():
     )
     assert np.allclose(rotated.p[0], -plain.p[1])
     assert np.array_equal(rotated.t, plain.t)
+
+
+def test_a_drawing_in_metres_is_refused(tmp_path):
+    file = tmp_path / "metres.svg"
+    text = SVG.replace("50mm", "0.05mm").replace("100mm", "0.1mm")
+    file.write_text(text)
+    with pytest.raises(ValueError, match="in metres"):
+        case(mesh={"outline": str(file)})
+
+
+def test_holes_are_numbered_as_drawn(tmp_path):
+    file = tmp_path / "two.svg"
+    file.write_text(SVG.replace("</svg>", '<circle cx="25" cy="25" r="12"/></svg>'))
+    mesh = case(mesh={"outline": str(file)}).scene.mesh
+    edges = (mesh.boundaries[f"hole {i}"] for i in (1, 2))
+    small, large = (np.ptp(mesh.p[0, mesh.facets[:, e]]) for e in edges)
+    assert small == pytest.approx(20, abs=0.1)
+    assert large == pytest.approx(24, abs=0.1)
