@@ -119,8 +119,8 @@ def mesh_outline(
     )
     if (n := 2.0 * len(a.at) * len(b.at)) > _MOST:
         raise ValueError(
-            f"the density {density:g} would give about {n:.1g} triangles: choose a "
-            "smaller one"
+            f"a net with the density {density:g} would have about {n:.1g} triangles: "
+            "choose a smaller one, or give a size for irregular triangles"
         )
     p, t = net(outline.shape(), A, a, b)
     mesh = MeshTri(_exact(p, outline, lines.held), t)
@@ -210,7 +210,8 @@ def irregular(
     ``turn`` is the direction of the rows of nodes, see `triangles`.
     """
     along = [*lines.borders, *(f.points for f in lines.fibres)]
-    fixed = np.array([*_ends_of_names(outline), *outline.points.values()])
+    ends = [end for piece in lines.held for end in piece.T]
+    fixed = np.array([*_ends_of_names(outline), *outline.points.values(), *ends])
     found = triangles(outline.shape(), along, size, fixed.reshape(-1, 2).T, turn)
     p = _exact(found.points, outline, lines.held)
     mesh = _named(MeshTri(p, found.triangles), outline, [])

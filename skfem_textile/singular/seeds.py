@@ -16,9 +16,12 @@ from ..solve.surface import OnSurface
 from .cells import CORNER, Cell
 from .outline import NEAR, Outline, place
 
-# Intervals of each edge between whose ends functions of position are evaluated.  A part
-# of an edge that is shorter and ends at a corner counts as the corner.
-_INTERVALS = 64
+# Intervals of each edge between whose ends functions of position are evaluated.
+_INTERVALS = 256
+
+# Part of an edge at a corner that counts as the corner, relative to the edge: functions
+# such as x > 100 - 1e-3 also select a little of the adjacent edges.
+_AT_CORNER = 1e-3
 
 # Intervals of an edge between which kinks of a prescribed motion are sought.  A kink
 # changes the slope by more than _KINK times the largest displacement over the length.
@@ -173,7 +176,7 @@ def _where(what: str, where: Callable[[ndarray], ndarray], outline: Outline) -> 
         for j in range(0 if chosen[i, 0] else 1, len(bounds) - 1, 2):
             low, high = bounds[j], bounds[j + 1]
             at_corner = low == 0 or high == 1
-            if at_corner and high - low < s[1]:
+            if at_corner and high - low < _AT_CORNER:
                 corners.append(start[:, i] if low == 0 else end[:, i])
             else:
                 starts.append(start[:, i] if low == 0 else at(low))
@@ -188,8 +191,9 @@ def _where(what: str, where: Callable[[ndarray], ndarray], outline: Outline) -> 
             part.points[name] = x
     if not part.start.size and not part.points:
         raise ValueError(
-            f"{what}: where selects no part of the outline and none of its points; "
-            "name a point of the outline for a support or load inside"
+            f"{what}: where selects none of the points of the outline and no part of "
+            f"an edge longer than 1/{_INTERVALS} of it: name a point for a support or "
+            "load inside, and the edge for a short part"
         )
     return part
 

@@ -126,7 +126,8 @@ def triangles(
     >>> mesh.points.shape[1] < 180, bool((mesh.line == 0).sum() >= 11)
     (True, True)
     """
-    if (n := shape.area / size**2) > _MOST:
+    across = float(np.sqrt(shape.area)) / size
+    if (n := across * across) > _MOST:
         raise ValueError(
             f"the size {size:g} mm would give about {2.3 * n:.1g} triangles: choose a "
             "larger one"
@@ -215,7 +216,7 @@ def _chains(
     """Nodes at crossings and corners, shape (n, 2), and the chains between them."""
     x0, y0, x1, y1 = shape.bounds
     near = _NEAR * float(np.hypot(x1 - x0, y1 - y0))
-    boundary = shape.boundary
+    boundary = shapely.snap(shape.boundary, shapely.multipoints(fixed.T), near)
     noded = shapely.get_parts(shapely.union_all([boundary, *given], grid_size=near))
     x, of = shapely.get_coordinates(noded, return_index=True)
     x, number = np.unique(x, axis=0, return_inverse=True)

@@ -625,7 +625,7 @@ BAD = {
     ),
     "nowhere": (
         {"conditions": {"a": Condition(lambda x: x[0] > 200)}},
-        "'a': where selects no part of the outline",
+        "'a': where selects none of the points of the outline",
     ),
     "no bool": (
         {"conditions": {"a": Condition(lambda x: x[0])}},
@@ -741,3 +741,25 @@ def test_random_outlines(seed):
         middle = (fibre.points[:, 1:] + fibre.points[:, :-1]) / 2
         assert shapely.distance(shape, shapely.points(middle.T)).max() < 1e-4 * size
     assert shapely.LineString(np.reshape(lines.held[0], (2, 2)).T).length > 0
+
+
+def test_a_short_clamp_at_a_corner_is_held_over_its_length():
+    outline = rectangle(400, 100)
+    clamp = Condition(lambda x: (x[1] > 100 - 1e-6) & (x[0] <= 6 + 1e-9), (0, 1.0))
+    conditions = {"bottom": Condition("bottom"), "clamp": clamp}
+    for size in (None, 20.0):
+        mesh = mesh_outline(outline, bias(45), conditions, size=size)
+        held = mesh.p[:, clamp.where(mesh.p)]
+        assert np.ptp(held[0]) == pytest.approx(6, abs=1e-9)
+
+
+def test_ends_of_held_parts_of_irregular_meshes_are_nodes():
+    fabric = Fabric(1e3, 5, warp=(1, 0), weft=(0, 1))
+    clamp = Condition(
+        lambda x: (x[1] > 100 - 1e-6) & (x[0] >= 50 - 1e-9) & (x[0] <= 51.2 + 1e-9),
+        (0, 0.5),
+    )
+    conditions = {"bottom": Condition("bottom"), "clamp": clamp}
+    mesh = mesh_outline(rectangle(100, 100), fabric, conditions, size=6.25)
+    held = mesh.p[0, clamp.where(mesh.p)]
+    assert [held.min(), held.max()] == pytest.approx([50, 51.2], abs=1e-9)
