@@ -26,7 +26,7 @@ _MOST = 0.25
 class _Straightened:
     """Directions in triangles with curved edges, mapped to straight edges.
 
-    ``corners`` are those of the triangles, and ``bows`` the vectors by which the curved
+    ``corners`` belong to the triangles, and ``bows`` the vectors by which the curved
     edges, from each corner to the next, deviate from the straight ones in the middle,
     both of shape (2, 3, n).
     """
@@ -116,7 +116,7 @@ def along_edges(mesh: MeshTri, fabric: Fabric) -> Fabric:
 
 
 def _bows(ends: ndarray, fabric: Fabric) -> ndarray:
-    """Middles of fibres relative to those of their chords, shape (2, n).
+    """Middles of fibres relative to the middles of their chords, shape (2, n).
 
     ``ends`` of the chords have shape (2, 2, n).
     """

@@ -94,7 +94,7 @@ class SingularFibres:
         return "\n".join([*lines, *self.left_out()])
 
     def left_out(self) -> list[str]:
-        """What was left out, one line each."""
+        """Jumps that are not traced, one line for each reason."""
         lines = []
         if self.dropped:
             lines.append(

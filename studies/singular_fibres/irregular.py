@@ -136,7 +136,7 @@ class Curved:
     case
         Name.
     outline, fabric, fabrics
-        The outline, its fabric, and those of its regions.
+        The outline, its fabric, and the fabrics of its regions.
     travel
         Displacement of the top in mm.
     along

@@ -164,7 +164,7 @@ def _measured(mesh: Mesh, outline: Outline, lines: list[ndarray], size: float) -
 
 
 def _covers(mesh: Mesh, outline: Outline, name: str) -> bool:
-    """True if the named edges of a mesh have the length of those of its outline.
+    """True if the named edges of a mesh have the length of its outline.
 
     Chords of a circular hole are up to 1 % shorter.
     """

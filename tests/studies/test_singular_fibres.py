@@ -1,4 +1,4 @@
-"""Outlines drawn at random, a subset of those of the study."""
+"""Outlines drawn at random, a subset of the study."""
 
 import pytest
 
