@@ -132,6 +132,7 @@ def triangles(
             f"the size {size:g} mm would give about {2.3 * n:.1g} triangles: choose a "
             "larger one"
         )
+    _refuse_narrow_gaps(shape, size)
     points = np.empty((2, 0)) if fixed is None else fixed
     points = np.hstack([points, _corners(shape, _SIDE * size)])
     chains = _chains(shape, *_without_doubles(shape, lines, size), size, points)
@@ -141,6 +142,23 @@ def triangles(
 
 # Largest area over size².
 _MOST = 1e6
+
+# Least distance of holes from each other and from the outline, relative to the size.
+# Chosen: elements in the gap are as small as it, and their number grows.
+_NARROWEST = 1e-3
+
+
+def _refuse_narrow_gaps(shape: shapely.Polygon, size: float) -> None:
+    """Refuse holes that are close to each other or to the outline."""
+    rings = np.array([shape.exterior, *shape.interiors], dtype=object)
+    for i, j in shapely.STRtree(rings).query(rings, "dwithin", _NARROWEST * size).T:
+        if i < j:
+            gap = shapely.shortest_line(rings[i], rings[j])
+            raise ValueError(
+                f"the gap of {gap.length:.3g} mm at {place(shapely.get_point(gap, 0))} "
+                f"is too narrow for triangles of {size:.3g} mm: choose a size below "
+                f"{gap.length / _NARROWEST:.3g} mm, or widen or close the gap"
+            )
 
 
 @dataclass(eq=False)

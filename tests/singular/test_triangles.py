@@ -217,3 +217,9 @@ def test_curved_fibres_do_not_lock():
     fine = force(69 / 16, Quadratic(400))
     assert force(69 / 8, Quadratic(400)) == pytest.approx(fine, rel=0.015)
     assert force(69 / 8, Quadratic()) > 1.1 * fine
+
+
+def test_a_narrow_gap_is_refused_with_its_place():
+    hole = shapely.box(1e-3, 40, 10, 60)
+    with pytest.raises(ValueError, match=r"gap of 0.001 mm at \(.*\) is too narrow"):
+        triangles(shapely.box(0, 0, 50, 100) - hole, [], 5.0)
