@@ -173,7 +173,7 @@ class Scene:
         --------
         >>> from skfem_textile.scenes import bias_extension
         >>> scene = bias_extension(size=(1, 1)).graded(Fabric(1e5, 0.5))
-        >>> len(scene.mesh.boundaries["singular fibres"]) > 50
+        >>> "singular fibres" in scene.mesh.boundaries
         True
         """
         if self.dimension == 3:

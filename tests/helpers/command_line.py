@@ -27,8 +27,8 @@ def run(tmp_path, *arguments):
     return cli.main(["run", "strip", "--out", str(tmp_path / "out"), *arguments])
 
 
-def rejected(capsys, *arguments):
-    """The one line with which invalid input is rejected."""
+def rejected(capsys, *arguments, warnings=0):
+    """The one line with which invalid input is rejected, after a number of warnings."""
     try:
         code = cli.main(arguments)
     except SystemExit as end:
@@ -36,7 +36,7 @@ def rejected(capsys, *arguments):
     out, err = capsys.readouterr()
     assert code == 2
     assert out == ""
-    assert err.count("\n") == 1
+    assert err.count("\n") == 1 + warnings
     return err
 
 
