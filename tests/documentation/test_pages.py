@@ -75,6 +75,12 @@ def test_external_addresses_are_listed():
     assert urls == EXTERNAL
 
 
+def test_no_line_of_a_page_is_a_comment():
+    """A line that begins with % is not shown."""
+    lines = [line for page in PAGES for line in page.read_text().splitlines()]
+    assert [line for line in lines if line.lstrip().startswith("%")] == []
+
+
 def test_every_page_is_in_the_menu():
     index = (DOCS / "index.md").read_text()
     menus = re.findall(r"^```\{toctree\}\n(.*?)^```", index, re.M | re.S)
