@@ -37,7 +37,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "kinematic nets": ("drape.kinematic_net", "drape.sheet"),
     "factorisation and solution": ("solve.linear",),
     "assembly": ("ply", "forms", "fabric", "mesh.pattern"),
-    "mesh": ("mesh", "scenes"),
+    "mesh": ("mesh", "scenes", "singular"),
     "fit": ("calibration",),
     "plots": ("plot", "calibration.figure"),
     "files": ("io", "cases", "cli"),
