@@ -58,13 +58,16 @@ RIVALS: tuple[Rival, ...] = (
 )
 
 # Mesh sizes of the benchmarks; of `overhead` as elements along both sides.
-_SIZES = 1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000
+_SIZES = 10_000, 100_000, 1_000_000
 _OF_ITERATIVE = 10_000, 30_000, 100_000, 300_000
 _OF_FACTORISATION = 15_000
 _OF_OVERHEAD = (20, 30), (60, 100), (200, 300)
 
 #: The timed parts of `scaling`, in the order of the table.
-PARTS = "once", "assembly", "factorisation", "solution", "iteration"
+PARTS = "once", "assembly", "factorisation", "solution", "iteration", "step"
+
+# Optional solvers of `scaling`, if they are installed.
+_OPTIONAL = "cholmod", "pardiso"
 
 _MOST_ITERATIONS = 500
 
@@ -105,7 +108,7 @@ class Settings(NamedTuple):
     most
         Maximum number of elements.
     solver
-        The linear solver of `scaling` and `whole_strip`.
+        The linear solver of `whole_strip`.
     before, after
         Two checkouts of this project, for `by_turns`.
     """
@@ -259,20 +262,28 @@ def _ratios(codes: dict[str, Row]) -> dict[str, float]:
 
 
 def scaling(settings: Settings) -> Row:
-    """Time and peak memory of a Newton iteration against the number of elements.
+    """Time and peak memory against the number of elements, for each linear solver.
 
-    The meshes have 10³ to 10⁶ jittered quadrilaterals, each size in a new process.  The
-    times are for the set-up (bases, pattern, ordering, symbolic factorisation) and for
-    one iteration, with power-law fits for sizes from 10⁴ on.
+    The meshes have 10⁴ to 10⁶ jittered quadrilaterals.  The times are for the set-up
+    (bases, pattern, ordering, symbolic factorisation), for one iteration and, in
+    another process, for the whole load in one step.  Exponents are those of power
+    laws.
     """
     sizes = [size for size in _SIZES if size <= settings.most]
-    rows = [in_new_process(_of_size, size, settings.solver) for size in sizes]
-    step = in_new_process(_whole_step, sizes[-1], settings.solver)
-    measures = {"sizes": rows, "exponents": exponents(rows), "step": step}
-    return {"solver": settings.solver, **measures}
+    names = ("rslab", *(n for n in _OPTIONAL if find_spec(LINEAR_SOLVERS[n].package)))
+    solvers = {}
+    for name in names:
+        rows = [_at_size(size, name) for size in sizes]
+        solvers[name] = {"sizes": rows, "exponents": exponents(rows)}
+    return {"solvers": solvers}
 
 
-def _of_size(size: int, solver: str) -> Row:
+def _at_size(size: int, solver: str) -> Row:
+    row = in_new_process(_iteration_at, size, solver)
+    return row | in_new_process(_step_at, size, solver)
+
+
+def _iteration_at(size: int, solver: str) -> Row:
     """Times of each part in s at one size, and peak memory in GiB."""
     scene = strip_of(size)
     ply, built = seconds(Ply, scene.mesh, Fabric(_E, _G), OnePoint(4.0))
@@ -291,16 +302,15 @@ def _of_size(size: int, solver: str) -> Row:
     }
 
 
-def _whole_step(size: int, solver: str) -> Row:
-    """Full load in one step: time in s, linear solves and peak memory."""
+def _step_at(size: int, solver: str) -> Row:
+    """Whole load in one step: time in s, linear solves and peak memory in GiB."""
     scene = strip_of(size, jitter=0.3)
     ply = Ply(scene.mesh, Fabric(1e4), Full())
     result = LoadStepper(ply, scene.conditions, steps=1, solver=solver).run()
     return {
-        "elements": ply.mesh.nelements,
-        "seconds": result.wall_time_s,
+        "step": result.wall_time_s,
         "linear_solves": result.linear_solves,
-        "peak_GiB": _peak(),
+        "step_peak_GiB": _peak(),
     }
 
 
@@ -309,11 +319,10 @@ def _peak() -> float:
 
 
 def exponents(rows: list[Row]) -> dict[str, float]:
-    """Exponents of power-law fits for sizes from 10⁴ elements on, for each part."""
-    large = [row for row in rows if row["elements"] > 9_000] or rows
-    n = np.log([row["elements"] for row in large])
+    """Exponents of power laws of the number of elements, for each timed part."""
+    n = np.log([row["elements"] for row in rows])
     return {
-        part: float(np.polyfit(n, np.log([row[part] for row in large]), 1)[0])
+        part: float(np.polyfit(n, np.log([row[part] for row in rows]), 1)[0])
         for part in PARTS
     }
 

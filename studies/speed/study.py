@@ -114,28 +114,18 @@ def iteration_table(results: Row) -> str:
 
 
 def scaling_table(results: Row) -> str:
-    """A line for each size."""
-    lines = [
-        [row["elements"], *(f"{row[n]:.3g}" for n in PARTS), f"{row['peak_GiB']:.2f}"]
-        for row in results["sizes"]
-    ]
-    exponents = [f"{results['exponents'][name]:.2f}" for name in PARTS]
-    lines.append(["exponent from 10⁴ on", *exponents, ""])
-    head = ["elements", *(f"{name}, s" for name in PARTS), "peak, GiB"]
-    return markdown_table(head, lines)
-
-
-def step_table(results: Row) -> str:
-    """The load step on the largest mesh."""
-    return table(
-        [results["step"]],
-        {
-            "elements": "{elements}",
-            "time of a step to 62.5°, s": "{seconds:.0f}",
-            "linear solves": "{linear_solves}",
-            "peak, GiB": "{peak_GiB:.2f}",
-        },
-    )
+    """A line for each solver and size, and its exponents."""
+    lines = []
+    for name, solver in results["solvers"].items():
+        for row in solver["sizes"]:
+            measures = [*(f"{row[n]:.3g}" for n in PARTS), f"{row['linear_solves']}"]
+            peaks = [f"{row[n]:.2f}" for n in ("peak_GiB", "step_peak_GiB")]
+            lines.append([name, row["elements"], *measures, *peaks])
+        powers = [f"{solver['exponents'][part]:.2f}" for part in PARTS]
+        lines.append([name, "exponent", *powers, "", "", ""])
+    parts = [*(f"{part}, s" for part in PARTS), "solves"]
+    peaks = ["peak of an iteration, GiB", "peak of the step, GiB"]
+    return markdown_table(["solver", "elements", *parts, *peaks], lines)
 
 
 def factorisation_table(results: Row) -> str:
@@ -352,8 +342,9 @@ def _whole_strip_in_words(results: Row) -> dict[str, str]:
 
 
 def _scaling_in_words(results: Row) -> dict[str, str]:
-    """The largest mesh: time of an iteration, memory, and time of a load step."""
-    last = results["sizes"][-1]
+    """The largest mesh with the required solver: iteration, memory and load step."""
+    required = results["solvers"]["rslab"]
+    last = required["sizes"][-1]
     growth = _TARGET / last["unknowns"]
     return {
         "extrapolated_peak": _rounded(last["peak_GiB"] * growth, "GiB"),
@@ -364,8 +355,8 @@ def _scaling_in_words(results: Row) -> dict[str, str]:
         "largest_unknowns": thousands(last["unknowns"]),
         "largest_iteration": f"{last['iteration']:.1f} s",
         "largest_peak": f"{last['peak_GiB']:.1f} GiB",
-        "largest_step": f"{results['step']['seconds']:.0f} s",
-        "exponents": span(results["exponents"].values(), ".2f"),
+        "largest_step": f"{last['step']:.0f} s",
+        "exponents": span(required["exponents"].values(), ".2f"),
     }
 
 
@@ -522,7 +513,7 @@ TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
     "needs": {"needs.md": needs_table, "unused.md": unused_table},
     "modules": {"modules.md": modules_table},
     "iteration": {"iteration.md": iteration_table},
-    "scaling": {"scaling.md": scaling_table, "step.md": step_table},
+    "scaling": {"scaling.md": scaling_table},
     "factorisation": {"factorisation.md": factorisation_table},
     "profile": {"profile.md": profile_table},
     "iterative": {"iterative.md": iterative_table},
@@ -554,7 +545,7 @@ class Speed(Study[Benchmark]):
         add(
             "--most", type=int, default=defaults.most, help="maximum number of elements"
         )
-        add("--solver", default=defaults.solver, help="for whole_strip and scaling")
+        add("--solver", default=defaults.solver, help="for whole_strip")
         add("--before", default="", metavar="DIR", help="first checkout of two")
         add("--after", default="", metavar="DIR", help="second checkout of two")
 
