@@ -38,17 +38,17 @@ from .ply.formulations import Full, Macro, OnePoint, Quadratic
 from .ply.kernels.kernel_forms import hourglass, mean_tension, shear, tension
 from .ply.loads import BodyForce, Force, Pressure, Traction
 from .ply.parameters import AccumulatedMoment, HeldStabilisation, TermParameters, Values
-from .ply.refinement import Refinement, marked, refine, shear_angle_jumps
 from .ply.terms import FormTerm, Load, MatrixTerm, Term, VectorTerm
-from .solve.adaptive import AdaptiveResult, AdaptiveStepper, Round
 from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition
+from .solve.interval import ErrorInterval
 from .solve.newton import Newton, PlainNewton
 from .solve.result import Result, StepError
 from .solve.search import equilibrium_near
 from .solve.states import Iteration, State, UserError, Verdict
 from .solve.stepper import LoadStepper
 from .solve.surface import OnSurface, Surface
+from .solve.tolerance import Round, ToleranceResult, ToleranceStepper
 
 __version__ = "0.2.0"
 
@@ -56,8 +56,6 @@ __all__ = [
     "CENTRE",
     "GAUSS",
     "AccumulatedMoment",
-    "AdaptiveResult",
-    "AdaptiveStepper",
     "Asymmetric",
     "BiaxialLaw",
     "BodyForce",
@@ -66,6 +64,7 @@ __all__ = [
     "CrimpInterchange",
     "CrimpToe",
     "ElementQuad1Fluctuation",
+    "ErrorInterval",
     "Fabric",
     "Force",
     "FormTerm",
@@ -95,7 +94,6 @@ __all__ = [
     "Pressure",
     "Pretensioned",
     "Quadratic",
-    "Refinement",
     "Result",
     "Round",
     "Sin2",
@@ -106,6 +104,8 @@ __all__ = [
     "TensionOnly",
     "Term",
     "TermParameters",
+    "ToleranceResult",
+    "ToleranceStepper",
     "Traction",
     "UserError",
     "Values",
@@ -118,16 +118,13 @@ __all__ = [
     "forms",
     "hourglass",
     "hourglass_rate",
-    "marked",
     "mean_tension",
     "mesh_along_fibres",
     "mesh_outline",
     "out_of_plane",
     "quad_basis",
     "read_law",
-    "refine",
     "shear",
-    "shear_angle_jumps",
     "shear_continuity",
     "singular_fibres",
     "split",

@@ -27,6 +27,7 @@ _FORCE_PER_LENGTH = {"N/mm": 1.0, "kN/m": 1.0}
 COLUMNS: dict[str, dict[str, float]] = {
     "displacement": _LENGTH,
     "force": _FORCE,
+    "half-width of the force": _FORCE,
     "shear angle": ANGLE,
     "normalised shear force": _FORCE_PER_LENGTH,
     "warp strain": _STRAIN,

@@ -106,8 +106,15 @@ def case_from_tables(
         raise CaseFileError(str(error)) from None
 
 
-def built(file: CaseFile) -> Case:
+def built(file: CaseFile, density: float = 1.0) -> Case:
     """Build the case of a declaration.
+
+    Parameters
+    ----------
+    file
+        The declaration.
+    density
+        Factor of the number of lines of a graded mesh, or of elements along each side.
 
     Raises
     ------
@@ -123,7 +130,7 @@ def built(file: CaseFile) -> Case:
         if file.fabric.file is None
         else _fabric_of_file(file.fabric.file, file.fabric)
     )
-    scene = _scene(file, laws)
+    scene = _scene(file, laws, density)
     fabric = replace(laws, warp=scene.warp, weft=scene.weft)
     if file.mesh.directions is not None:
         scene, fabric = _with_directions(file.mesh.directions, scene, fabric)
@@ -189,19 +196,27 @@ def _forces(file: CaseFile, turn: np.ndarray) -> tuple[Force, ...]:
     )
 
 
-def _scene(file: CaseFile, laws: Fabric) -> "Scene":
-    """The scene on its mesh, rotated."""
+def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
+    """The scene on its mesh, rotated.
+
+    For a run to a tolerance a mesh along the singular fibres replaces that of a file.
+    """
     scene, options = file.scene, file.mesh
     _refuse_other_mesh_keys(file)
     mesh: str | SkfemMesh = options.source
-    of_grid = {"size": options.size, "jitter": options.jitter, "seed": options.seed}
+    size = options.size and tuple(max(1, round(density * n)) for n in options.size)
+    of_grid = {"size": size, "jitter": options.jitter, "seed": options.seed}
     of_grid = {key: value for key, value in of_grid.items() if value is not None}
     if options.source == GRADED:
-        built = _graded(file, laws)
-    else:
-        if options.source not in MESH_KINDS:
-            mesh = _read(options.source, options.directions, file.fabric.file)
+        built = _graded(file, laws, density)
+    elif options.source in MESH_KINDS:
         built = scene.build(mesh, **of_grid)
+    else:
+        mesh = _read(options.source, options.directions, file.fabric.file)
+        built = scene.build(mesh)
+        if file.stepping.tolerance is not None:
+            _refuse_fields(file, built)
+            built = built.graded(laws, density, _forces(file, np.eye(2)))
     return built.rotated(np.radians(getattr(scene, "rotate_deg", 0.0)))
 
 
@@ -241,7 +256,22 @@ def _refuse_other_mesh_keys(file: CaseFile) -> None:
             )
 
 
-def _graded(file: CaseFile, laws: Fabric) -> "Scene":
+def _refuse_fields(file: CaseFile, scene: "Scene") -> None:
+    """Refuse a tolerance where no graded mesh can replace the mesh of a file."""
+    reasons = {
+        "regions": bool(file.regions),
+        "mesh.directions": file.mesh.directions is not None,
+        f"the scene {scene.name}, which is in space": scene.dimension == 3,
+    }
+    for reason in (name for name, applies in reasons.items() if applies):
+        raise ValueError(
+            "stepping.tolerance replaces the mesh of a file by graded ones, which is "
+            f"not possible with {reason}: omit stepping.tolerance and compare with a "
+            "finer mesh"
+        )
+
+
+def _graded(file: CaseFile, laws: Fabric, factor: float) -> "Scene":
     """The scene on a mesh along the singular fibres."""
     from ..singular import Outline, mesh_outline
 
@@ -254,7 +284,7 @@ def _graded(file: CaseFile, laws: Fabric) -> "Scene":
         scene = file.scene.build(mesh_outline(outline, Fabric(), density=_COARSE))
     density = file.mesh.density
     assert density is not None  # by default 1
-    return scene.graded(laws, density, _forces(file, np.eye(2)), outline)
+    return scene.graded(laws, factor * density, _forces(file, np.eye(2)), outline)
 
 
 def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh":

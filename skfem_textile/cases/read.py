@@ -209,13 +209,17 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, A
                     "of them"
                 )
     mesh = filled["mesh"] = _with_kind(filled["mesh"], scene)
-    is_graded = isinstance(mesh, dict) and mesh["source"] == GRADED
+    stepping = filled["stepping"]
+    to_tolerance = isinstance(stepping, dict) and stepping.get("tolerance") is not None
+    is_graded = isinstance(mesh, dict) and (
+        mesh["source"] == GRADED or (to_tolerance and mesh["source"] not in MESH_KINDS)
+    )
     formulation = filled["formulation"]
     if isinstance(formulation, dict) and "name" not in formulation:
         defaults = _ON_GRADED_MESHES if is_graded else {"name": "macro"}
         filled["formulation"] = {**defaults, **formulation}
-    if isinstance(filled["stepping"], dict):
-        filled["stepping"] = {"steps": scene.steps, **filled["stepping"]}
+    if isinstance(stepping, dict):
+        filled["stepping"] = {"steps": scene.steps, **stepping}
     return _laws_nested({"tension": {}, "shear": {}, **filled}, scene)
 
 

@@ -479,8 +479,8 @@ class Stepping(Table):
     tolerance: Annotated[
         float | None,
         about(
-            "refine the mesh at jumps of the shear angle until the estimated relative "
-            "error of the load is below this value"
+            "make the mesh finer until the half-width of the error interval, relative "
+            "to the load, is below this value"
         ),
     ] = None
     most_unknowns: Annotated[

@@ -13,9 +13,11 @@ from ..mesh.user_input import printable
 from ..scenes import Scene
 from ..scenes.shear_test import ShearTest
 from ..solve.result import Result
+from ..solve.states import State
 
 #: Headings of the columns.
 DISPLACEMENT, FORCE = "displacement (mm)", "force (N)"
+HALF_WIDTH = "half-width of the force (N)"
 ANGLE, NORMALISED = "angle (deg)", "normalised shear force (N/mm)"
 
 # Headings of the columns of `read_curve`, and factors to their units.
@@ -23,6 +25,7 @@ _HEADINGS = {
     "displacement": (DISPLACEMENT, 1.0),
     "shear angle": (ANGLE, 180 / np.pi),
     "force": (FORCE, 1.0),
+    "half-width of the force": (HALF_WIDTH, 1.0),
     "normalised shear force": (NORMALISED, 1.0),
 }
 
@@ -86,17 +89,28 @@ def curve_of(scene: Scene, result: Result) -> dict[str, ndarray]:
     the mean displacement and the force of the driven edge along the axis of its larger
     displacement.
 
-    Forces below the equilibrium tolerance are 0.
+    Forces below the equilibrium tolerance are 0.  The half-width of the force follows
+    from the error interval of each state and is nan where there is none.
     """
+    half = np.array([_relative_half_width(result, state) for state in result.states])
     moved = np.array([scene.driven_displacement(state) for state in result.states])
     force = np.array([scene.reaction(state) for state in result.states])
     left = np.array([state.tolerance for state in result.states])
     force[np.abs(force) <= result.ply.nodes.shape[1] * left[:, None]] = 0.0
     if scene.shear_test is None:
         axis = np.abs(moved).max(axis=0).argmax()
-        return {DISPLACEMENT: moved[:, axis], FORCE: force[:, axis]}
-    displacement, pull = scene.shear_test.measured(moved, force)
-    return completed({DISPLACEMENT: displacement, FORCE: pull}, scene.shear_test)
+        displacement, pull = moved[:, axis], force[:, axis]
+    else:
+        displacement, pull = scene.shear_test.measured(moved, force)
+    curve = {DISPLACEMENT: displacement, FORCE: pull, HALF_WIDTH: half * np.abs(pull)}
+    return completed(curve, scene.shear_test)
+
+
+def _relative_half_width(result: Result, state: State) -> float:
+    """Half-width of the load of a state; zero for the ply at rest."""
+    last = state is result.states[-1]
+    half = (result.error if last else result.interval(state)).load
+    return 0.0 if state.load_factor == 0 else np.nan if half is None else half
 
 
 def completed(curve: Curve, test: ShearTest | None) -> dict[str, ndarray]:
@@ -120,7 +134,7 @@ def completed(curve: Curve, test: ShearTest | None) -> dict[str, ndarray]:
     return curve
 
 
-def write_curve(curve: dict[str, ndarray], path: Path) -> None:
+def write_curve(curve: Curve, path: Path) -> None:
     """Write the columns of a curve as CSV; see `word_of`."""
     from ..io.file_numbers import word_of
 

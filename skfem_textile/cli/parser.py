@@ -58,8 +58,8 @@ _OPTIONS = {
     "steps": ("stepping.steps", "number of load steps"),
     "tolerance": (
         "stepping.tolerance",
-        "refine the mesh until the estimated relative error of the load is below this "
-        "value",
+        "make the mesh finer until the error interval of the load, relative to it, is "
+        "below this value",
     ),
     "solver": ("stepping.solver", "linear solver"),
     "test-curve": (

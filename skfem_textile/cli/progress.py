@@ -9,10 +9,10 @@ from ..solve.result import StepError
 from .interruption import INTERRUPTED
 
 if TYPE_CHECKING:
-    from ..solve.adaptive import AdaptiveStepper
     from ..solve.stepper import LoadStepper
+    from ..solve.tolerance import ToleranceStepper
 
-    Stepper: TypeAlias = LoadStepper | AdaptiveStepper
+    Stepper: TypeAlias = LoadStepper | ToleranceStepper
 
 #: Exit code of a run that stops early.
 STOPPED_EARLY = 1
@@ -51,7 +51,7 @@ def _interrupted(stepper: "Stepper") -> str:
     at = stepper.states[-1].load_factor
     if hasattr(stepper, "tolerance"):
         return (
-            "interrupted during the refinement of the mesh: the last converged state, "
+            "interrupted on the way to the tolerance: the last converged state, "
             f"at load factor {at:.6g}, is written"
         )
     kept, lost = (

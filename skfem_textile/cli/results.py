@@ -19,10 +19,10 @@ from .curve import (
     ANGLE,
     DISPLACEMENT,
     FORCE,
+    HALF_WIDTH,
     NORMALISED,
     Curve,
     completed,
-    curve_of,
 )
 from .interruption import held
 
@@ -53,7 +53,11 @@ CURVES = {
 
 
 def draw(
-    scene: Scene, run: Result | StepError, test: Curve | None, folder: Path
+    scene: Scene,
+    run: Result | StepError,
+    curve: Curve,
+    test: Curve | None,
+    folder: Path,
 ) -> None:
     """Draw all pictures into a folder; signals wait until the current one is done.
 
@@ -76,25 +80,31 @@ def draw(
         with held():
             picture(of, filename=folder / name)
     measured = completed(test, scene.shear_test) if test else None
-    draw_curves(curve_of(scene, result), measured, folder)
+    draw_curves(curve, measured, folder)
 
 
 def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
     """Draw the `CURVES` for which run or test contain the columns.
 
-    A run without a force is drawn only together with a test.
+    A run without a force is drawn only together with a test.  Half-widths of the force
+    are drawn as bands.
     """
     from ..plot.curves import curves
 
     for name, (title, x, y) in CURVES.items():
         both = {"run": run, "test": test or {}}
         lines = {
-            label: (curve[x], curve[y])
+            label: (curve[x], curve[y], *_band(curve, y))
             for label, curve in both.items()
             if x in curve and y in curve
         }
-        if "run" in lines and any(np.any(force) for _, force in lines.values()):
+        if "run" in lines and any(np.any(line[1]) for line in lines.values()):
             curves({title: lines}, _axis(x), _axis(y), folder / name)
+
+
+def _band(curve: Curve, y: str) -> tuple[ndarray, ...]:
+    """Half-widths of a column of forces, if the curve contains them."""
+    return (curve[HALF_WIDTH],) if y == FORCE and HALF_WIDTH in curve else ()
 
 
 def _axis(heading: str) -> str:

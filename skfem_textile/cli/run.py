@@ -13,13 +13,13 @@ import numpy as np
 
 from .. import __version__
 from ..cases.build import built
-from ..cases.schema import CaseFile, Stepping
+from ..cases.schema import CaseFile
 from ..cases.write import WRITTEN_FILES, WrittenCase, refuse_foreign_case, tables_of
 from ..mesh.user_input import printable
 from ..scenes.case import Case
-from ..solve.adaptive import AdaptiveStepper
+from ..solve.interval import ErrorInterval
 from ..solve.result import Result, StepError
-from ..solve.states import ErrorEstimate
+from ..solve.tolerance import ToleranceStepper
 from . import results
 from .curve import CURVE, curve_of, read_test_curve, write_curve
 from .interruption import INTERRUPTED, held
@@ -71,7 +71,7 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
         if file.stepping.tolerance is None:
             stepper: Stepper = case.stepper(checkpoint)
         else:
-            stepper = _adaptive(case, file.stepping, checkpoint)
+            stepper = _to_tolerance(file, case, checkpoint)
         named = file.output.test_curve
         test = None if named is None else read_test_curve(named)
         refuse_foreign_case(options.out)
@@ -87,7 +87,8 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
         "inputs": {"version": __version__, **tables_of(file)},
         "versions": versions(),
     }
-    summary = case.summary(_without_estimate(result)) | provenance
+    before = _without_interval(result)
+    summary, curve = case.summary(before) | provenance, curve_of(case.scene, before)
     complete = False
     try:
         with held():
@@ -95,16 +96,17 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
                 exported = export.write(result, case.scene.axes, folder)
                 io.write_summary(summary | exported, folder / "summary.json")
                 io.write_history(result, folder / "history.csv")
-                write_curve(curve_of(case.scene, result), folder / CURVE)
+                write_curve(curve, folder / CURVE)
                 written.write(folder)
                 io.write_fields(result, folder / "fields", case.scene.axes)
                 io.write_draped(result, folder, case.scene.axes)
             complete = True
         if code != INTERRUPTED:
-            # Includes the estimated error.
+            # Include the error interval.
             with shown("estimating the error"):
                 summary = case.summary(result) | provenance | exported
-            _write_again(summary, options.out)
+                curve = curve_of(case.scene, result)
+            _write_again(summary, curve, options.out)
     except OutputError as error:
         raise OutputError(f"{error}; {_checkpoint_note(stepper)}") from None
     except KeyboardInterrupt:
@@ -117,7 +119,7 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
     if (
         case.pictures
         and code != INTERRUPTED
-        and not _draw(case, refusal or result, test, options.out)
+        and not _draw(case, refusal or result, curve, test, options.out)
     ):
         code = INTERRUPTED
     if code == 0 and (missing := export.missing(exported)):
@@ -142,45 +144,45 @@ def versions() -> dict[str, str]:
     }
 
 
-def _adaptive(
-    case: Case, stepping: Stepping, checkpoint: Path | None
-) -> AdaptiveStepper:
-    """Adaptive load stepper of a case.
+def _to_tolerance(
+    file: CaseFile, case: Case, checkpoint: Path | None
+) -> ToleranceStepper:
+    """Load stepper on finer and finer meshes of a case.
 
     Raises
     ------
     ValueError
         As for the stepper, or if there is a checkpoint.
     """
-    if checkpoint or stepping.tolerance is None:
+    tolerance = file.stepping.tolerance
+    if checkpoint or tolerance is None:
         raise ValueError(
             "a run with stepping.tolerance cannot write checkpoints: omit "
             "stepping.tolerance, or omit --checkpoint and --resume"
         )
-    return AdaptiveStepper(
-        *(case.ply(), case.scene.conditions, stepping.tolerance, case.steps),
-        most_unknowns=stepping.most_unknowns,
-        method=case.method,
-        warn_only=case.warn_only,
-        solver=case.solver,
+    return ToleranceStepper(
+        lambda density: (case if density == 1 else built(file, density)).stepper(),
+        tolerance,
+        most_unknowns=file.stepping.most_unknowns,
     )
 
 
-def _write_again(summary: Mapping[str, Any], out: Path) -> None:
-    """Replace the summary without an error estimate, if possible."""
+def _write_again(summary: Mapping[str, Any], curve: "Curve", out: Path) -> None:
+    """Replace summary and curve without an error interval, if possible."""
     from .. import io
 
     try:
-        with held(), ResultFolder(out, ("summary.json",)) as folder:
+        with held(), ResultFolder(out, ("summary.json", CURVE)) as folder:
             io.write_summary(summary, folder / "summary.json")
+            write_curve(curve, folder / CURVE)
     except OSError as error:
-        say(f"the estimated error was not written to summary.json: {printable(error)}")
+        say(f"the error interval was not written: {printable(error)}")
 
 
-def _without_estimate(result: Result) -> Result:
-    """Result before error estimation, which may be slow and interrupted."""
-    none = ErrorEstimate(reason="interrupted")
-    return replace(result, estimate=lambda _: none)
+def _without_interval(result: Result) -> Result:
+    """Result before its error interval, which may be slow and interrupted."""
+    none = ErrorInterval(reason="interrupted")
+    return replace(result, interval=lambda _: none)
 
 
 def _print_figure(key: str, value: Any) -> None:
@@ -192,14 +194,20 @@ def _print_figure(key: str, value: Any) -> None:
         say(f"{key:34}{text}")
 
 
-def _draw(case: Case, run: Result | StepError, test: "Curve | None", out: Path) -> bool:
+def _draw(
+    case: Case,
+    run: Result | StepError,
+    curve: "Curve",
+    test: "Curve | None",
+    out: Path,
+) -> bool:
     """Draw pictures, or print the reason why not; False after an interruption.
 
     The numbers are already written.
     """
     try:
         with ResultFolder(out, _PICTURES) as folder, shown("drawing pictures"):
-            results.draw(case.scene, run, test, folder)
+            results.draw(case.scene, run, curve, test, folder)
     except Exception as error:
         say(f"the pictures were not drawn: {printable(error)}")
     except KeyboardInterrupt:

@@ -28,7 +28,7 @@ _MOST_COLUMNS, _LINE, _BETWEEN = 3, 2.8, 2.0
 
 
 def curves(
-    panels: Mapping[str, Mapping[str, tuple[ArrayLike, ArrayLike]]],
+    panels: Mapping[str, Mapping[str, tuple[ArrayLike, ...]]],
     xlabel: str,
     ylabel: str,
     filename: str | os.PathLike[str] | None = None,
@@ -38,7 +38,8 @@ def curves(
     Parameters
     ----------
     panels
-        For each panel title, curves ``(x, y)`` by label.
+        For each panel title, curves ``(x, y)`` by label, or ``(x, y, half_width)`` with
+        a band.
     xlabel, ylabel
         Labels of the axes, with units.
     filename
@@ -72,8 +73,11 @@ def curves(
         figure = Figure(figsize=(width, height), layout="constrained")
         for i, (title, lines) in enumerate(panels.items(), start=1):
             axes = figure.add_subplot(1, len(panels), i)
-            for label, (x, y) in lines.items():
+            for label, (x, y, *bands) in lines.items():
                 axes.plot(x, y, "o-", label=label, color=colour[label], markersize=2)
+                for half in map(np.asarray, bands):
+                    low, high = np.asarray(y) - half, np.asarray(y) + half
+                    axes.fill_between(x, low, high, color=colour[label], alpha=0.25)
             axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
             axes.grid(alpha=0.3)
         figure.legend(

@@ -1,6 +1,6 @@
 """Formulations: element, integration points and stabilisation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Real
 from typing import Any, ClassVar, Literal, TypeAlias, get_args
@@ -245,6 +245,22 @@ class Full(Quadrilaterals):
     title: ClassVar[str] = "2×2 points"
     rule: ClassVar[tuple[ndarray, ndarray]] = GAUSS
 
+    def reference(self, mesh: Mesh) -> "OnePoint":
+        """One point, with the stabilisation from the shear stiffness."""
+        return OnePoint()
+
+    def log_range(self, mesh: Mesh) -> float:
+        """Zero: there is no numerical stiffness."""
+        return 0.0
+
+
+# Calibrated ``log_range`` of each formulation, and its increase for a stabilisation
+# stiffness that is given as a number: `python -m studies interval --case "chosen *"`.
+_OF_ONE_POINT, _OF_MACRO, _OF_QUADRATIC, _OF_NUMBER = 1.6, 0.7, 0.9, 1.0
+
+# Calibrated deviations of quadratic triangles, on meshes along the singular fibres and
+# on others.
+_ALONG_SINGULAR, _ACROSS_SINGULAR = 400.0, 70.0
 
 Kind: TypeAlias = Literal["energy", "rate", "continuity", "isotropic"]
 
@@ -296,6 +312,14 @@ class OnePoint(Quadrilaterals):
         kind = "" if self.kind == "energy" else f", {self.kind}"
         C_s = self.stabilisation
         return f"one point, Cs = {C_s if C_s == 'auto' else f'{C_s:g}'}{kind}"
+
+    def reference(self, mesh: Mesh) -> "OnePoint":
+        """The formulation itself, or with stabilisation if it has none."""
+        return OnePoint() if self.stabilisation == 0 else self
+
+    def log_range(self, mesh: Mesh) -> float:
+        """Calibrated; larger if the stabilisation is a number."""
+        return _OF_ONE_POINT + _OF_NUMBER * (self.stabilisation != "auto")
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """Stabilisation terms; empty if C_s is zero or there are no interior edges."""
@@ -370,6 +394,15 @@ class Macro(Quadrilaterals):
             + ("" if C_s == "auto" else f", Cs = {C_s:g}")
             + ("" if default else ", {:g} and {:g}".format(*self.deviation))
         )
+
+    def reference(self, mesh: Mesh) -> "Macro":
+        """The formulation itself, or the default if a stiffness is zero."""
+        return self if self.stabilisation != 0 and all(self.deviation) else Macro()
+
+    def log_range(self, mesh: Mesh) -> float:
+        """Calibrated; larger for a stabilisation or deviations other than default."""
+        off = np.abs(np.log(np.divide(self.deviation, Macro.deviation))).max()
+        return float(_OF_MACRO + _OF_NUMBER * (self.stabilisation != "auto") + off)
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
         """The split mesh; the mesh itself if it was already split."""
@@ -451,6 +484,15 @@ class Quadratic(Pointwise):
         mean = "" if C_d is None else f", mean, {C_d:g}"
         return f"quadratic triangles{mean}{', 6 points' * (self.points == 6)}"
 
+    def reference(self, mesh: Mesh) -> "Quadratic":
+        """The formulation itself, or with the calibrated deviation if it has none."""
+        return self if self.deviation else replace(self, deviation=_calibrated(mesh))
+
+    def log_range(self, mesh: Mesh) -> float:
+        """Calibrated; larger for deviations other than the calibrated one."""
+        assert self.deviation is not None
+        return _OF_QUADRATIC + abs(float(np.log(self.deviation / _calibrated(mesh))))
+
     def working_mesh(self, mesh: Mesh) -> Mesh:
         """Triangles unchanged, quadrilaterals cut."""
         if isinstance(mesh, SplitMesh):
@@ -482,6 +524,12 @@ class Quadratic(Pointwise):
         )
         every = np.arange(means.nelems)
         return mean_tension_term(fabric, self.deviation, means, every)
+
+
+def _calibrated(mesh: Mesh) -> float:
+    """Calibrated deviation of quadratic triangles on a mesh."""
+    along = SINGULAR in (mesh.boundaries or {})
+    return _ALONG_SINGULAR if along else _ACROSS_SINGULAR
 
 
 #: Default formulation.

@@ -19,7 +19,6 @@ from ..mesh.splitting import hat_functions, original_elements
 from .builtin_terms import CornerTerm, bending_term, checked_ends, corner_stiffness
 from .formulations import DEFAULT
 from .kernels.kernel import ShearKernel
-from .refinement import FinerPly, finer_ply
 from .sum_of_terms import SumOfTerms
 from .term_check import check_term
 from .terms import FormTerm, Formulation, Load, TensionTerm, Term
@@ -196,16 +195,6 @@ class Ply(SumOfTerms):
         Shape (n_corners, n_nodes).
         """
         return hat_functions(self.mesh, self.nodes.shape[1])
-
-    def finer(self) -> FinerPly:
-        """Ply with each element of ``mesh`` split in four.
-
-        Raises
-        ------
-        ValueError
-            If a term cannot be rebuilt, or depends on the step length.
-        """
-        return finer_ply(self)
 
     @property
     def element_size(self) -> float:

@@ -384,6 +384,22 @@ class Formulation(Protocol):
         """
         ...
 
+    def reference(self, mesh: Mesh) -> "Formulation":
+        """Formulation with the same unknowns whose numerical stiffness is not zero.
+
+        Numerical is the stiffness of stabilisation and deviations; ``mesh`` is a result
+        of `working_mesh`.  The error of a state is estimated with this formulation.
+        """
+        ...
+
+    def log_range(self, mesh: Mesh) -> float:
+        """Logarithm of a factor by which the numerical stiffness may be wrong.
+
+        The half-width of the error interval is the change of a result that belongs to
+        this factor, to first order.
+        """
+        ...
+
 
 def _same_unknowns(other: Any, basis: CellBasis) -> bool:
     """True if the unknowns of a basis are the displacements, node by node."""

@@ -9,8 +9,9 @@ from numpy import ndarray
 
 from ..ply import Ply
 from .conditions import Conditions
+from .interval import ErrorInterval
 from .linear.solver import Choice
-from .states import ErrorEstimate, State
+from .states import State
 from .surface import OnSurface, Surface
 
 # Maximum number of states in a printed result.
@@ -48,8 +49,8 @@ class Result:
         Name of the linear solver, and the reason for its choice.
     surfaces
         The conditions that keep nodes on surfaces, by name.
-    estimate
-        Function that estimates the error of a state of the ply.
+    interval
+        Function that returns the `ErrorInterval` of a state of the ply.
     """
 
     ply: Ply
@@ -64,13 +65,13 @@ class Result:
     solve_time_s: float
     solver: Choice
     surfaces: Mapping[str, OnSurface]
-    estimate: Callable[[State], ErrorEstimate]
+    interval: Callable[[State], ErrorInterval]
 
     @classmethod
     def of_state(cls, ply: Ply, conditions: Conditions, state: State) -> "Result":
         """Result of a single state, for pictures and files.
 
-        Times and factorisations are 0, and the error is not estimated.
+        Times and factorisations are 0, and there is no error interval.
 
         Parameters
         ----------
@@ -93,7 +94,7 @@ class Result:
             solve_time_s=0.0,
             solver=Choice("none", "the state was not computed by a run"),
             surfaces=on,
-            estimate=lambda _: ErrorEstimate(
+            interval=lambda _: ErrorInterval(
                 reason="the state was not computed by a run"
             ),
         )
@@ -116,9 +117,9 @@ class Result:
         return self.states[-1].u
 
     @cached_property
-    def estimated_error(self) -> ErrorEstimate:
-        """Estimated error of the last state, computed at first access."""
-        return self.estimate(self.states[-1])
+    def error(self) -> ErrorInterval:
+        """Interval of the error of the last state, computed at first access."""
+        return self.interval(self.states[-1])
 
     def history(self) -> list[dict[str, float | None]]:
         """Table with one row per converged state.
@@ -160,16 +161,16 @@ class Result:
         triangles, and ``min_det_F`` also at the nodes of the elements.
         ``mesh_fibre_strain`` measures element distortion; it does not enter the law.
 
-        ``estimated_load_error``, relative to the load, and
-        ``estimated_shear_angle_error_deg`` are the estimated discretisation errors
-        (`estimated_error`). ``error_estimate`` names the method; if both are None it
-        begins with "none: " and states the reason.  For a ply that is deformed by a
-        tool alone, only the error of the shear angle is estimated.
+        ``load_half_width``, relative to the load, and ``shear_angle_error_deg``, a root
+        mean square, describe the discretisation error (`error`).  ``error_interval`` is
+        "by the numerical stiffness"; if both are None it begins with "none: " and
+        states the reason.  For a ply that is deformed by a tool alone, only the error
+        of the shear angle is available.
         """
         ply, u, state = self.ply, self.u, self.states[-1]
-        verdict, shares, error = state.verdict, state.shares, self.estimated_error
+        verdict, shares, error = state.verdict, state.shares, self.error
         angle = error.shear_angle
-        how = "none" if angle is None else "by a finer mesh"
+        how = "none" if angle is None else "by the numerical stiffness"
         if error.reason:
             none = "" if angle is None else "; none for the load"
             how = f"{how}{none}: {error.reason}"
@@ -194,11 +195,11 @@ class Result:
             "mesh_fibre_strain": verdict.mesh_fibre_strain,
             "max_fibre_tension": float(np.abs(tension).max()),
             "max_shear_angle_deg": float(np.degrees(np.abs(ply.shear_angle(u)).max())),
-            "estimated_load_error": error.load,
-            "estimated_shear_angle_error_deg": (
+            "load_half_width": error.load,
+            "shear_angle_error_deg": (
                 None if angle is None else float(np.degrees(angle))
             ),
-            "error_estimate": how,
+            "error_interval": how,
             "wall_time_s": self.wall_time_s,
             "assembly_time_s": self.assembly_time_s,
             "solve_time_s": self.solve_time_s,

@@ -187,24 +187,3 @@ class State:
     def __repr__(self) -> str:
         stable = "stable" if self.verdict.stable else "not stable"
         return f"<State at load factor {self.load_factor:g}, {stable}>"
-
-
-@dataclass(frozen=True)
-class ErrorEstimate:
-    """Estimated discretisation error of a state, or the reason why there is none.
-
-    Attributes
-    ----------
-    load
-        Relative error of the load: of the force of moving conditions along their
-        motion, and of the work of loads.  None if not available.
-    shear_angle
-        Root mean square over the ply, in radians; None if not available.
-    reason
-        Reason why the estimate, or the estimate of the load, is not available; else
-        empty.
-    """
-
-    load: float | None = None
-    shear_angle: float | None = None
-    reason: str = ""

@@ -24,7 +24,7 @@ from .continuation import (
     moves,
     surface_predictor,
 )
-from .error_estimate import estimated_error
+from .interval import error_interval
 from .linear import ChosenSolver, check_solver
 from .linear.solver import Clock
 from .newton import Method
@@ -156,7 +156,7 @@ class LoadStepper:
         self.surfaces = {
             k: c for k, c in conditions.items() if isinstance(c, OnSurface)
         }
-        self.estimate = partial(estimated_error, self.problem, conditions)
+        self.interval = partial(error_interval, self.problem, conditions)
         self._run = Run(self)
 
     def run(self, resume: bool = False) -> Result:
@@ -282,7 +282,7 @@ class Run:
             solve_time_s=clock.seconds["solve"],
             solver=chosen.choice,
             surfaces=dict(stepper.surfaces),
-            estimate=partial(stepper.estimate, chosen.choice.name),
+            interval=partial(stepper.interval, chosen.choice.name),
         )
 
     def progress(self) -> str:

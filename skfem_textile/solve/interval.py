@@ -1,0 +1,296 @@
+"""Interval of the discretisation error of a state.
+
+Elements that represent a jump of the shear angle poorly make a ply too stiff.  The
+numerical stiffness, of stabilisation and deviations, takes the place of the stiffness
+of fibres and makes it too soft.  If the numerical stiffness is multiplied by k, let
+these two errors of a result W be a kᵖ and b k⁻ᑫ.  A calibrated stiffness balances them,
+a ≈ b; their difference is the error, and dW/d(ln k) = p a + q b is of the size of each
+for exponents between ½ and 1.  The half-width of the interval is dW/d(ln k) times the
+``log_range`` of the formulation.
+
+The derivative needs no second equilibrium: the numerical stiffness is linear in k, so
+that its nodal forces are the derivative of the residual.  A formulation without
+numerical stiffness is compared with one of the same unknowns that has it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from ..mesh.selection import SINGULAR
+from ..mesh.user_input import error_text
+from ..ply import Ply
+from .conditions import Conditions, Constraints, turned
+from .linear import solver_named
+from .problem import Problem, Tangent
+from .search import equilibrium_near
+from .states import NoEquilibriumError, State
+from .verdict import CHECKS
+
+#: Ratio of the rms error of the shear angle to the rms change of the shear angle that
+#: belongs to the interval of the load: `python -m studies interval --case "chosen *"`.
+SHEAR_ANGLE_OVER_CHANGE = 2.2
+
+# Half-width of the load, relative to the load, beyond which the change is not of first
+# order.
+_MOST = 1.0
+
+# Relative steps of finite differences: of the load factor for the rate of the fixed
+# values, and along a motion for the derivative of a quantity.
+_STEP_BACK, _SHORT = 1e-3, 1e-3
+
+# Ratio of work to energy, for a ply on a surface, above which the work is attributed to
+# a load.  Supported nodes that follow a triangulated tool do work of up to 0.2 % of the
+# energy; an edge tension does several times the energy.
+_OF_A_LOAD = 0.01
+
+# Roles whose stiffness is numerical.
+_NUMERICAL = "stabilisation", "deviation"
+
+#: Reason why a ply has no interval of the load.
+NO_LOAD = "no moving condition carries a load"
+
+#: A quantity of the user: a number from a ply and its displacement.
+Quantity = Callable[[Ply, ndarray], float]
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorInterval:
+    """Interval of the discretisation error of a state, or the reason why there is none.
+
+    The interval is the computed value plus and minus a half-width.  It is measured, not
+    proved: `python -m studies interval` counts how often it contains the converged
+    value.
+
+    Attributes
+    ----------
+    load
+        Half-width of the load relative to it: of the work of the forces of moving
+        conditions along their motion, and of loads.  None if not available.
+    shear_angle
+        Estimated root mean square error of the shear angle over the ply, in radians;
+        None if not available.
+    reactions
+        Half-width of the reaction of each condition in N, shape (d,).
+    reason
+        Reason why the interval, or that of the load, is not available; else empty.
+    """
+
+    load: float | None = None
+    shear_angle: float | None = None
+    reactions: dict[str, ndarray] = field(default_factory=dict)
+    reason: str = ""
+    _half_width: Callable[[Quantity], tuple[float, float]] | None = None
+
+    def of(self, quantity: Quantity) -> tuple[float, float]:
+        """Lower and upper end of the interval of a quantity.
+
+        Parameters
+        ----------
+        quantity
+            Function of the ply and a displacement, such as ``lambda ply, u:
+            float(ply.shear_angle(u).max())``.
+
+        Raises
+        ------
+        ValueError
+            If there is no interval.
+
+        Examples
+        --------
+        >>> from skfem_textile import Fabric, LoadStepper, Ply
+        >>> from skfem_textile.scenes import bias_extension
+        >>> scene = bias_extension(size=(4, 8))
+        >>> ply = Ply(scene.mesh, Fabric(1e5, 0.5, scene.warp, scene.weft))
+        >>> result = LoadStepper(ply, scene.conditions, steps=2).run()
+        >>> low, high = result.error.of(lambda ply, u: float(u @ u))
+        >>> low < float(result.u @ result.u) < high
+        True
+        """
+        if self._half_width is None:
+            raise ValueError(f"there is no interval: {self.reason}")
+        value, half_width = self._half_width(quantity)
+        return value - half_width, value + half_width
+
+
+def error_interval(
+    problem: Problem, conditions: Conditions, solver: str, state: State
+) -> ErrorInterval:
+    """Interval of the error of a state of a problem, with a linear solver by name."""
+    if state.load_factor == 0:
+        return ErrorInterval(reason="the ply is not loaded yet")
+    if not state.verdict.stable:
+        return ErrorInterval(reason="the equilibrium is not stable")
+    try:
+        with np.errstate(all="ignore"):  # non-finite values are detected
+            return _interval(problem.at(state.load_factor), conditions, solver, state)
+    except NoEquilibriumError as error:
+        reason = f"a formulation with numerical stiffness has no state nearby: {error}"
+    except MemoryError:
+        reason = "there is not enough memory"
+    except Exception as error:  # from a user's term; computed states are kept
+        reason = error_text(error)
+    return ErrorInterval(reason=reason)
+
+
+def work_of(problem: Problem, state: State) -> float:
+    """Work of reactions and loads at a state in N·mm; 0 if nothing carries a load."""
+    u, p, rate = state.u, state.parameters, _rate(problem)
+    work = _work(problem, problem.residual(u, p), u, p, rate)
+    length = np.abs(u).sum() + np.abs(rate).sum()
+    least = state.tolerance * length
+    if problem.surfaces is not None:
+        least = max(least, _OF_A_LOAD * abs(sum(state.energies.values())))
+    return float(work.sum()) if np.abs(work).sum() > least else 0.0
+
+
+def _work(
+    problem: Problem, f: ndarray, u: ndarray, parameters: Any, rate: ndarray
+) -> ndarray:
+    """Work of the reactions through their prescribed motion, and work of the loads.
+
+    Each node of a condition contributes with its own motion, as an edge may rotate;
+    ``rate`` is the result of `_rate`.
+    """
+    constraints = problem.constraints
+    moving = turned(f, constraints.turn)[constraints.prescribed]
+    return np.array([moving @ rate, problem.load(u, parameters) @ u])
+
+
+def _rate(problem: Problem) -> ndarray:
+    """Load factor times the rate of the fixed unknowns with respect to it, in mm."""
+    constraints, t = problem.constraints, problem.load_factor
+    values, before = (constraints.fixed_values(x) for x in (t, (1 - _STEP_BACK) * t))
+    return (values - before) / _STEP_BACK
+
+
+@dataclass(frozen=True, eq=False)
+class _Changes:
+    """Changes of a state with its numerical stiffness, as half-widths.
+
+    ``motions`` are the changes of the displacement by stabilisation and by deviations,
+    ``work`` and ``reactions`` the sums of their magnitudes.
+    """
+
+    ply: Ply
+    u: ndarray
+    motions: list[ndarray]
+    work: float
+    reactions: dict[str, ndarray]
+
+    @classmethod
+    def of(cls, problem: Problem, state: State) -> "_Changes":
+        """Changes to first order, from the tangent at the state."""
+        ply, u, p = problem.ply, state.u, state.parameters
+        by_role: dict[str, ndarray] = {}
+        for part in ply.parts(u, state.load_factor, p):
+            if part.role in _NUMERICAL:
+                by_role[part.role] = by_role.get(part.role, 0.0) + part.forces
+        tangent, rate = Tangent(problem, u, p), _rate(problem)
+        work, motions = 0.0, []
+        reactions = {name: np.zeros_like(f) for name, f in state.reactions.items()}
+        log_range = ply.formulation.log_range(ply.mesh)
+        for forces in by_role.values():
+            motion, after = (log_range * x for x in tangent.settled(forces))
+            motions.append(motion)
+            work += abs(float(_work(problem, after, motion, p, rate).sum()))
+            for name, change in problem.reactions(after).items():
+                reactions[name] += np.abs(change)
+        return cls(ply, u, motions, work, reactions)
+
+    def half_width(self, quantity: Quantity) -> tuple[float, float]:
+        """Value of a quantity, and half the width of its interval."""
+        slopes = [self._slope(quantity, motion) for motion in self.motions]
+        return float(quantity(self.ply, self.u)), float(np.abs(slopes).sum())
+
+    @property
+    def shear_angle(self) -> float:
+        """Estimated root mean square error of the shear angle in radians."""
+        motion = sum(self.motions, np.zeros_like(self.u))
+        change = self._slope(Ply.shear_angle, motion)
+        return SHEAR_ANGLE_OVER_CHANGE * _rms(self.ply, change)
+
+    def _slope(self, quantity: Callable[[Ply, ndarray], Any], motion: ndarray) -> Any:
+        """Derivative of a quantity along a motion."""
+        ends = (quantity(self.ply, self.u + h * motion) for h in (-_SHORT, _SHORT))
+        before, after = ends
+        return (after - before) / (2 * _SHORT)
+
+
+def _interval(
+    problem: Problem, conditions: Conditions, solver: str, state: State
+) -> ErrorInterval:
+    """The interval; of the shear angle alone if nothing carries a load."""
+    ply, work = problem.ply, work_of(problem, state)
+    reference = ply.formulation.reference(ply.mesh)
+    if reference == ply.formulation:
+        changes = _Changes.of(problem, state)
+        load, reactions = changes.work, changes.reactions
+        angle, half_width = changes.shear_angle, changes.half_width
+    else:
+        other, there = _other(ply, reference, conditions, solver, state)
+        changes = _Changes.of(other, there)
+        load = abs(work - work_of(other, there)) + changes.work
+        reactions = {
+            name: np.abs(state.reactions[name] - there.reactions[name]) + half
+            for name, half in changes.reactions.items()
+        }
+        off = ply.shear_angle(state.u) - ply.shear_angle(there.u)
+        angle = _rms(ply, off) + changes.shear_angle
+
+        def half_width(quantity: Quantity) -> tuple[float, float]:
+            value = float(quantity(ply, state.u))
+            theirs, half = changes.half_width(quantity)
+            return value, abs(value - theirs) + half
+
+    angle = max(angle, _rms_jump(ply, state.u))
+    if not np.isfinite([load, angle]).all():
+        return ErrorInterval(reason="its half-width is not finite")
+    if not work:
+        return ErrorInterval(None, angle, reactions, NO_LOAD, half_width)
+    load /= abs(work)
+    if load > _MOST:
+        return ErrorInterval(
+            reason="the resistance is mostly numerical: refine the mesh, or use one "
+            "that follows the singular fibres"
+        )
+    return ErrorInterval(load, angle, reactions, "", half_width)
+
+
+def _other(
+    ply: Ply, reference: Any, conditions: Conditions, solver: str, state: State
+) -> tuple[Problem, State]:
+    """Problem and state of another formulation near a state."""
+    other = Ply(ply.mesh, ply.fabric, reference, ply.user_terms, **ply.placement)
+    at, warn = state.load_factor, tuple(CHECKS)
+    there = equilibrium_near(
+        other, conditions, state.u, at, warn_only=warn, solver=solver
+    )
+    if not there.verdict.stable or there.verdict.min_det_F <= 0:
+        raise NoEquilibriumError("it is not stable, or elements are folded")
+    constraints = Constraints(other.basis, conditions)
+    return Problem(other, constraints, solver_named(solver)).at(at), there
+
+
+def _rms(ply: Ply, values: ndarray) -> float:
+    """Root mean square over the ply of values at its integration points."""
+    return float(np.sqrt(np.average(values**2, weights=ply.basis.dx)))
+
+
+def _rms_jump(ply: Ply, u: ndarray) -> float:
+    """Root mean square of the jumps of the shear angle between elements, in radians.
+
+    Each element is weighted by its area, and distributed equally among its edges.
+    Jumps across singular fibres are part of the solution.
+    """
+    mesh: Any = ply.mesh
+    inner = np.flatnonzero(mesh.f2t[1] >= 0)
+    inner = np.setdiff1d(inner, (mesh.boundaries or {}).get(SINGULAR, ()))
+    angle = np.average(ply.shear_angle(u), axis=1, weights=ply.basis.dx)
+    share = ply.basis.dx.sum(axis=1) / len(mesh.t2f)
+    one, other = mesh.f2t[:, inner]
+    square = (share[one] + share[other]) @ (angle[one] - angle[other]) ** 2
+    return float(np.sqrt(square / ply.basis.dx.sum()))
