@@ -1,1 +1,0 @@
-"""Refinement to a tolerance, and the estimated error against references."""
