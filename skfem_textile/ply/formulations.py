@@ -254,9 +254,12 @@ class Full(Quadrilaterals):
         return 0.0
 
 
-# Calibrated ``log_range`` of each formulation, and its increase for a stabilisation
-# stiffness that is given as a number: `python -m studies interval --case "chosen *"`.
-_OF_ONE_POINT, _OF_MACRO, _OF_QUADRATIC, _OF_NUMBER = 1.6, 0.7, 0.9, 1.0
+#: Calibrated ``log_range`` of each formulation: `python -m studies interval --case
+#: "chosen: *"`.
+OF_ONE_POINT, OF_MACRO, OF_QUADRATIC = 1.6, 0.7, 0.9
+
+# Increase of ``log_range`` for a stabilisation stiffness that is given as a number.
+_OF_NUMBER = 1.0
 
 # Calibrated deviations of quadratic triangles, on meshes along the singular fibres and
 # on others.
@@ -319,7 +322,7 @@ class OnePoint(Quadrilaterals):
 
     def log_range(self, mesh: Mesh) -> float:
         """Calibrated; larger if the stabilisation is a number."""
-        return _OF_ONE_POINT + _OF_NUMBER * (self.stabilisation != "auto")
+        return OF_ONE_POINT + _OF_NUMBER * (self.stabilisation != "auto")
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """Stabilisation terms; empty if C_s is zero or there are no interior edges."""
@@ -402,7 +405,7 @@ class Macro(Quadrilaterals):
     def log_range(self, mesh: Mesh) -> float:
         """Calibrated; larger for a stabilisation or deviations other than default."""
         off = np.abs(np.log(np.divide(self.deviation, Macro.deviation))).max()
-        return float(_OF_MACRO + _OF_NUMBER * (self.stabilisation != "auto") + off)
+        return float(OF_MACRO + _OF_NUMBER * (self.stabilisation != "auto") + off)
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
         """The split mesh; the mesh itself if it was already split."""
@@ -491,7 +494,7 @@ class Quadratic(Pointwise):
     def log_range(self, mesh: Mesh) -> float:
         """Calibrated; larger for deviations other than the calibrated one."""
         assert self.deviation is not None
-        return _OF_QUADRATIC + abs(float(np.log(self.deviation / _calibrated(mesh))))
+        return OF_QUADRATIC + abs(float(np.log(self.deviation / _calibrated(mesh))))
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
         """Triangles unchanged, quadrilaterals cut."""

@@ -31,7 +31,7 @@ from .states import NoEquilibriumError, State
 from .verdict import CHECKS
 
 #: Ratio of the rms error of the shear angle to the rms change of the shear angle that
-#: belongs to the interval of the load: `python -m studies interval --case "chosen *"`.
+#: belongs to the interval of the load: `python -m studies interval --case "chosen: *"`.
 SHEAR_ANGLE_OVER_CHANGE = 2.2
 
 # Half-width of the load, relative to the load, beyond which the change is not of first

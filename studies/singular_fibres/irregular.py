@@ -90,13 +90,13 @@ class Irregular:
                     "unknowns": int(ply.basis.N),
                     "load": load,
                     "error": load / reference - 1,
-                    "angle_error": _angle_error(ply, state.u, exact, last.u),
+                    "angle_error": angle_error(ply, state.u, exact, last.u),
                 }
             )
         return rows
 
 
-def _angle_error(ply: Ply, u: ndarray, exact: Ply, u_exact: ndarray) -> float:
+def angle_error(ply: Ply, u: ndarray, exact: Ply, u_exact: ndarray) -> float:
     """Area-weighted rms difference of the shear angles of two plies, in degrees.
 
     They are compared at the integration points of the first.

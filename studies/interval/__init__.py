@@ -1,0 +1,1 @@
+"""Error intervals against converged loads, and runs to a tolerance."""
