@@ -186,7 +186,7 @@ def _half_size(case: Results) -> dict[str, str]:
 _WORDS: Mapping[str, Mapping[str, Column] | Callable[[Results], dict[str, str]]] = {
     "strip": _strip,
     "on a tool: hemisphere": {
-        "hemisphere_estimate": "{estimated_shear_angle_error_deg:.2f}°",
+        "hemisphere_estimate": "{shear_angle_error_deg:.2f}°",
         "hemisphere_error": "{shear_angle_error_rms_deg:.3f}°",
     },
     "on a tool: hemisphere --tension 0 --set bending.warp_N_mm=5 bending.weft_N_mm=5": {
@@ -196,7 +196,7 @@ _WORDS: Mapping[str, Mapping[str, Column] | Callable[[Results], dict[str, str]]]
         "hanging_tip": "{tip_z_mm:.1f} mm",
         "hanging_elastica": "{exact_tip_z_mm:.1f} mm",
     },
-    "tutorial": {"tutorial_error": percent_of("estimated_load_error, 1", ".2f")},
+    "tutorial": {"tutorial_error": percent_of("load_half_width, 1", ".2f")},
     "stabilisation without shear": {
         "unsheared_energy": percent_of("energy_share_of_stabilisation", ".1f"),
         "unsheared_work": percent_of("work_share_of_stabilisation", ".0f"),
@@ -207,7 +207,7 @@ _WORDS: Mapping[str, Mapping[str, Column] | Callable[[Results], dict[str, str]]]
         "pull_at_90": "{90°:.1f} mm",
     },
     "load of a bias extension": _loads,
-    "ply with a hole": {"hole_estimate": percent_of("estimated_load_error", ".1f")},
+    "ply with a hole": {"hole_estimate": percent_of("load_half_width", ".1f")},
     "ply with a hole, half the element size": _half_size,
 }
 

@@ -6,10 +6,10 @@ from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from typing import Any
 
-from skfem_textile.solve.adaptive import AdaptiveStepper
 from skfem_textile.solve.result import Result, StepError
 from skfem_textile.solve.stepper import LoadStepper
 from skfem_textile.solve.sweep import WorkerProcesses
+from skfem_textile.solve.tolerance import ToleranceStepper
 
 #: Environment variables that limit linear-algebra libraries to one thread.
 ONE_THREAD = dict.fromkeys(
@@ -45,7 +45,7 @@ def in_new_process(function: Callable[..., Any], *arguments: Any) -> Any:
         return workers.submit(function, *arguments).result()
 
 
-def run(stepper: LoadStepper | AdaptiveStepper) -> tuple[Result, str]:
+def run(stepper: LoadStepper | ToleranceStepper) -> tuple[Result, str]:
     """The result up to the last state, and the error message; empty on success."""
     try:
         return stepper.run(), ""

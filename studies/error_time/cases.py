@@ -22,7 +22,6 @@ from skfem_textile.ply import Ply
 from skfem_textile.ply.formulations import Full, Quadratic
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension
-from skfem_textile.solve.adaptive import AdaptiveResult, AdaptiveStepper
 from skfem_textile.solve.result import Result, StepError
 from skfem_textile.solve.stepper import LoadStepper
 
@@ -66,9 +65,6 @@ BY_ELEMENT = {
 #: Refinements of a uniform mesh: element edges across the scene, after any splitting.
 ACROSS = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
 
-#: Load tolerances of adaptive runs, and edges across the initial mesh.
-TOLERANCES, _FIRST_ACROSS = (0.2, 0.1, 0.05, 0.02), 8
-
 #: Run time in s beyond which a method is not refined further.
 LONG = 1.5
 
@@ -100,14 +96,13 @@ class ThisLibrary:
     method: Method
     solver: str
     code: ClassVar[str] = "skfem_textile"
-    refinements: ClassVar[Sequence[float]] = ACROSS
 
     def missing(self) -> str:
         """Missing packages; none."""
         return ""
 
     @errors_only()
-    def measured(self, problem: Specimen, across: Any, seed: int) -> Row:
+    def measured(self, problem: Specimen, across: int, seed: int) -> Row:
         """Errors and run time of one load step, halved if necessary."""
         scene = Case("", problem, self.method, across, seed).scene()
 
@@ -120,34 +115,11 @@ class ThisLibrary:
         return {"across": across} | _run_twice(scene, loaded)
 
 
-class Refined(ThisLibrary):
-    """A formulation of this library on an adaptively refined mesh."""
-
-    refinements: ClassVar[Sequence[float]] = TOLERANCES
-
-    @errors_only()
-    def measured(self, problem: Specimen, tolerance: Any, seed: int) -> Row:
-        """Refine to a tolerance, with the full load in one step on each mesh."""
-        method, formulation = self.method, self.method.formulation(1.0)
-        mesh = problem.mesh(method.mesh, _FIRST_ACROSS // method.parts, seed)
-        scene = problem.scene(mesh)
-
-        def loaded() -> AdaptiveResult:
-            ply = Ply(scene.mesh, problem.fabric(scene), formulation)
-            return AdaptiveStepper(
-                ply, scene.conditions, tolerance, 1, solver=SOLVERS[self.solver]
-            ).run()
-
-        row = _run_twice(scene, loaded)
-        return {"across": _FIRST_ACROSS, "tolerance": tolerance} | row
-
-
 @dataclass(frozen=True)
 class OtherCode:
     """An element of another code."""
 
     rival: Rival
-    refinements: ClassVar[tuple[int, ...]] = ACROSS
 
     @property
     def code(self) -> str:
@@ -168,7 +140,7 @@ class OtherCode:
         """Missing packages."""
         return self.rival.missing()
 
-    def measured(self, problem: Specimen, across: Any, seed: int) -> Row:
+    def measured(self, problem: Specimen, across: int, seed: int) -> Row:
         """Load in a sufficient number of steps; the search for it is not timed."""
         shape = self.rival.shape
         scene = problem.scene(problem.mesh(shape.mesh, across // shape.parts, seed))
@@ -250,10 +222,7 @@ def _run_twice(scene: Scene, loaded: Callable[[], Result]) -> Row:
     steps, basis = len(result.states) - 1, result.ply.basis
     figures = _errors(scene, basis, result.u, scene.reaction(result.states[-1]))
     figures["seconds"] = seconds
-    solves = result.linear_solves
-    if isinstance(result, AdaptiveResult):
-        solves = sum(one.linear_solves for one in result.rounds)
-    return _row(basis, figures, steps, solves)
+    return _row(basis, figures, steps, result.linear_solves)
 
 
 def _errors(scene: Scene, basis: CellBasis, u: ndarray, reaction: ndarray) -> Row:
@@ -337,7 +306,6 @@ def _at_points(basis: CellBasis, points: ndarray) -> CellBasis:
 #: This library with each set of solvers, then the other codes.
 CODES: tuple[ThisLibrary | OtherCode, ...] = (
     *(ThisLibrary(*x, solver) for solver in SOLVERS for x in BY_ELEMENT.items()),
-    Refined("macro, refined", MACRO_TRIANGLES, "SciPy"),
     *map(OtherCode, RIVALS),
 )
 
@@ -345,14 +313,14 @@ CODES: tuple[ThisLibrary | OtherCode, ...] = (
 class Timed(NamedTuple):
     """A code, timed on successively finer meshes of a problem.
 
-    ``refinements`` are edges across or tolerances.
+    ``sizes`` are numbers of edges across.
     """
 
     seed: int
     scene: str
     problem: Specimen
     code: ThisLibrary | OtherCode
-    refinements: Sequence[float]
+    sizes: Sequence[int]
 
     def __str__(self) -> str:
         code = self.code
@@ -362,9 +330,8 @@ class Timed(NamedTuple):
     def rows(self) -> list[Row]:
         """Results of a code for one seed, from coarse to fine meshes.
 
-        The mesh is refined, or the tolerance reduced, until a run other than the first
-        takes longer than `LONG`.  For a code that is not installed, one row contains a
-        note.
+        The mesh is refined until a run other than the first takes longer than `LONG`.
+        For a code that is not installed, one row contains a note.
         """
         code = self.code
         head: Row = {"scene": self.scene, "code": code.code, "element": code.element}
@@ -372,9 +339,9 @@ class Timed(NamedTuple):
         if missing := code.missing():
             return [head | {"note": f"skipped, not installed: {missing}"}]
         rows = []
-        for refinement in self.refinements:
+        for across in self.sizes:
             start = perf_counter()
-            row = code.measured(self.problem, refinement, self.seed)
+            row = code.measured(self.problem, across, self.seed)
             rows.append(head | row)
             took = perf_counter() - start if row["note"] else row["seconds"]
             if took > LONG and len(rows) > 1:
@@ -456,19 +423,11 @@ def extrapolated(series: Sequence[float]) -> float:
 
 
 def all_cases() -> list[Timed | Reference]:
-    """The reference, then all codes in turn, seed by seed.
-
-    The tolerance is relative to the load, which is zero for the strip.
-    """
-    timed = (
-        Timed(seed, *problem, code, code.refinements)
-        for seed, problem, code in product(SEEDS, PROBLEMS.items(), CODES)
-    )
+    """The reference, then all codes in turn, seed by seed."""
     return [
         *(Reference(*options) for options in product(FORMULATIONS, CELLS)),
         *(
-            case
-            for case in timed
-            if case.problem.exact_load or not isinstance(case.code, Refined)
+            Timed(seed, *problem, code, ACROSS)
+            for seed, problem, code in product(SEEDS, PROBLEMS.items(), CODES)
         ),
     ]

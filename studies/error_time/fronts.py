@@ -96,7 +96,6 @@ class Point:
     element: str
     solver: str
     across: int
-    tolerance: float | None
     seeds: int
     unknowns: float
     steps: float
@@ -113,9 +112,7 @@ class Point:
     @property
     def mesh(self) -> str:
         """Description of the mesh."""
-        if self.tolerance is None:
-            return f"{self.across} across"
-        return f"{self.across} across, refined to {100 * self.tolerance:g} %"
+        return f"{self.across} across"
 
 
 Method = tuple[str, str, str]
@@ -128,16 +125,15 @@ def methods(rows: Sequence[Row], criterion: Criterion) -> dict[Method, list[Poin
     values in medians, and a mesh on which most seeds failed as an infinite error.  If
     the search for a number of steps was given up, refinement ends without a failure.
     """
-    reference, by = converged(rows), dict[Method, dict[tuple, list[Row]]]()
+    reference, by = converged(rows), dict[Method, dict[int, list[Row]]]()
     for row in rows:
         if row["scene"] == criterion.scene and row["code"] != CODE and row["across"]:
             method = row["code"], row["element"], row["solver"]
-            mesh = row["across"], -(row.get("tolerance") or 0.0)
-            by.setdefault(method, {}).setdefault(mesh, []).append(row)
+            by.setdefault(method, {}).setdefault(row["across"], []).append(row)
     points = {}
     for method, meshes in by.items():
         worst, series = Spread(0.0, 0.0, 0.0), list[Point]()
-        for (across, tolerance), runs in sorted(meshes.items(), reverse=True):
+        for across, runs in sorted(meshes.items(), reverse=True):
             runs = [run for run in runs if GIVEN_UP not in (run.get("note") or "")]
             errors = [criterion.error(run, reference) for run in runs]
             failed = sum(bool(run.get("note")) for run in runs)
@@ -150,7 +146,6 @@ def methods(rows: Sequence[Row], criterion: Criterion) -> dict[Method, list[Poin
             point = Point(
                 *method,
                 across=across,
-                tolerance=-tolerance or None,
                 seeds=sum(one is not None for one in errors),
                 unknowns=_spread([run["unknowns"] for run in runs]).median,
                 steps=_spread([run["steps"] for run in runs]).median,

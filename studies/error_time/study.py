@@ -140,7 +140,7 @@ def _to_errors(rows: Sequence[Row]) -> dict[tuple[str, str], dict[str, str]]:
             for name, criterion in CRITERIA.items()
         }
         for code, element, solver in order
-        if solver in SETS["fastest"] or "refined" in element
+        if solver in SETS["fastest"]
     }
 
 
@@ -289,7 +289,6 @@ def _columns(point: Point) -> dict[str, Any]:
         "element": point.element,
         "solver": point.solver,
         "across": point.across,
-        "tolerance": point.tolerance,
         "seeds": point.seeds,
         "steps": point.steps,
         "linear_solves": point.solves,
@@ -474,7 +473,7 @@ def draw_elements(rows: Sequence[Row], name: str, file: File = None) -> Any:
         known = {
             method: [x for x in series if x.error.median <= 10 * _MOST[name]]
             for method, series in methods(rows, criterion).items()
-            if method[2] in SETS["fastest"] or "refined" in method[1]
+            if method[2] in SETS["fastest"]
         }
         elements = dict.fromkeys(element for _, element, _ in known)
         markers = {x: style_of(i)["marker"] for i, x in enumerate(elements)}

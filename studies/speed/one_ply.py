@@ -21,9 +21,9 @@ _BEFORE = frozenset(sys.modules)
 FEATURES = (
     *("tension at one point", "stabilisation", "shear", "macro-elements"),
     *("measured laws", "ply in space", "bending of fibres"),
-    *("picture off screen", "files for ParaView", "estimated error"),
+    *("picture off screen", "files for ParaView", "error interval"),
 )
-_PICTURE, _FILES, _ESTIMATE = FEATURES[7:]
+_PICTURE, _FILES, _INTERVAL = FEATURES[7:]
 
 #: Optional features of a ply, and their declaration as zero.
 UNUSED = {
@@ -193,9 +193,9 @@ def _post(used: tuple[str, ...], arguments: tuple[Any, ...], dimension: int) -> 
             from skfem_textile.io import write_fields
 
             took += _second(write_fields, result, folder)
-        if _ESTIMATE in used:
+        if _INTERVAL in used:
             start = process_time()
-            assert result.estimated_error.load is not None
+            assert result.error.load is not None
             took += process_time() - start
     return took
 

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from skfem_textile import (
-    AdaptiveStepper,
-    Fabric,
     LoadStepper,
     Macro,
     OnePoint,
@@ -24,7 +22,6 @@ from studies.error_time.cases import (
     PROBLEMS,
     OtherCode,
     Reference,
-    Refined,
     ThisLibrary,
     Timed,
     shape_errors,
@@ -347,49 +344,6 @@ def test_the_solver_belongs_to_the_set(monkeypatch):
     assert solvers == ["superlu", "superlu", "auto", "auto"]
 
 
-def test_problems_with_a_load_are_refined_to_tolerances():
-    (refined,) = (code for code in CODES if isinstance(code, Refined))
-    for scene in PROBLEMS:
-        problems = [
-            case.code
-            for case in STUDY.cases(NO_OPTIONS)
-            if isinstance(case, Timed) and (case.scene, case.seed) == (scene, 1)
-        ]
-        assert (refined in problems) == (scene == "bias_extension")
-        assert len(problems) == len(CODES) - (scene == "strip")
-    assert refined.refinements == tuple(sorted(refined.refinements, reverse=True))
-
-
-def test_a_run_to_a_tolerance_counts_completely_and_contains_its_tolerance(monkeypatch):
-    results = []
-
-    class Kept(AdaptiveStepper):
-        def run(self, resume=False):
-            results.append(super().run(resume))
-            return results[-1]
-
-    monkeypatch.setattr(cases, "AdaptiveStepper", Kept)
-    refined = next(code for code in CODES if isinstance(code, Refined))
-    problem = PROBLEMS["bias_extension"]
-    row = refined.measured(problem, 0.1, 1)
-    first, last = results  # the first is not timed
-    assert last.tolerance_met
-    assert len(last.rounds) > 1
-    assert row["linear_solves"] == sum(one.linear_solves for one in last.rounds)
-    assert row["unknowns"] == last.rounds[-1].unknowns
-    uniform = cases.MACRO_TRIANGLES
-    ply = Ply(Case("", problem, uniform, 8, 1).scene().mesh, Fabric(1e5), Macro())
-    assert first.rounds[0].unknowns == ply.basis.N
-    rows = [*of_reference()]
-    rows += [
-        {"scene": "bias_extension", "code": OURS, "element": "refined", "seed": seed}
-        | {"solver": "SciPy", **row}
-        for seed in SEEDS
-    ]
-    (points,) = fronts.methods(rows, CRITERIA["load"]).values()
-    assert points[0].mesh == "8 across, refined to 10 %"
-
-
 def test_a_rival_uses_the_cheaper_of_the_first_two_sufficient_step_counts():
     class Slow(Plain):
         def run(self, task, steps, repeats):
@@ -462,7 +416,7 @@ def test_a_method_is_refined_once_and_until_a_run_takes_long(monkeypatch, long, 
             return {"seconds": float(across), "note": "", "across": across}
 
     monkeypatch.setattr(cases, "LONG", long)
-    case = Timed(1, "strip", PROBLEMS["strip"], Steady(), (4, 6, 8, 12, 16))
+    case = Timed(1, "strip", PROBLEMS["strip"], Steady(), cases.ACROSS)
     assert [one["across"] for one in STUDY.examine(case)] == meshes
 
 
@@ -471,6 +425,6 @@ def test_a_code_that_is_not_installed_has_one_row():
         packages = {"no_such_module": "scikit-fem-native"}  # noqa: RUF012
 
     code = OtherCode(Missing(QUAD4))
-    (row,) = Timed(1, "strip", PROBLEMS["strip"], code, code.refinements).rows()
+    (row,) = Timed(1, "strip", PROBLEMS["strip"], code, cases.ACROSS).rows()
     assert row["note"] == "skipped, not installed: scikit-fem-native"
     assert row["across"] == 0

@@ -6,7 +6,6 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from studies.adaptive.study import draw_errors
 from studies.angles.study import draw_loads
 from studies.error_time.study import draw_elements, draw_fronts, draw_ratios
 from studies.formulations.drape.study import draw_error_time
@@ -22,7 +21,6 @@ RUNS = [{"family": "crossing", "outcome": kind} for kind in ("right", "wrong")]
 CELLS = {"code, element": {(1e2, 0.0): Cell(1.5, 1.6, 7), (1e4, 0.0): Cell()}}
 COSTS = {"s": [(2.0, 0.1), (1.0, 0.1), (0.1, 0.2)]}
 FIGURES = {
-    "errors": lambda file=None: draw_errors([], file),
     "laws": lambda file=None: draw_laws([], file),
     "loads": lambda file=None: draw_loads([], file),
     "convergence": lambda file=None: draw_convergence([], file),
@@ -40,7 +38,6 @@ FIGURES = {
 }
 
 TITLES = {
-    "errors": ["Load", "Position, 30°", "Position, 45°", "Position, 60°"],
     "laws": ["16 across", "32 across"],
     "loads": ["quads, 16 across", "triangles, 16 across"],
     "constants": ["Fibres at 0°", "Fibres at 30°"],

@@ -31,8 +31,10 @@ from skfem_textile import (
     equilibrium_near,
 )
 from skfem_textile.ply.builtin_terms import FibreEnd
-from skfem_textile.solve.conditions import Conditions
-from skfem_textile.solve.error_estimate import estimated_error, problem_at
+from skfem_textile.solve.conditions import Conditions, Constraints
+from skfem_textile.solve.interval import error_interval
+from skfem_textile.solve.linear import solver_named
+from skfem_textile.solve.problem import Problem
 from skfem_textile.solve.result import StepError
 from skfem_textile.solve.states import NoEquilibriumError, State
 from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
@@ -63,6 +65,9 @@ _STEP = 1e-3
 
 # Number of equal steps of a growing surface.
 _STEPS = 4
+
+# Linear solver of the error intervals.
+_SOLVER = "superlu"
 
 #: Outcomes: right; inaccurate, but with a warning; refused with a reason; wrong.
 RIGHT, TOLD, REFUSED, WRONG = "right", "told", "refused", "wrong"
@@ -367,13 +372,14 @@ def judged(case: Extreme) -> Row:
 def _warnings(result: Drape) -> str:
     """Warnings of a state about its accuracy; empty without warnings."""
     ply, state = result.ply, result.state
-    problem = problem_at(ply, result.conditions, "superlu", state.load_factor)
-    estimate = estimated_error(problem, result.conditions, "superlu", state).shear_angle
+    constraints = Constraints(ply.basis, result.conditions)
+    problem = Problem(ply, constraints, solver_named(_SOLVER))
+    error = error_interval(problem, result.conditions, _SOLVER, state).shear_angle
     reasons = {
         "wrinkles": drape.wrinkle_risk(ply, state.u, state.parameters).any(),
         "stabilisation": excess(state.shares, "stabilisation"),
         "deviations": excess(state.shares, "deviation"),
-        "estimated error": np.degrees(estimate or 0.0) > ANGLE,
+        "estimated error": np.degrees(error or 0.0) > ANGLE,
     }
     return ", ".join(reason for reason, applies in reasons.items() if applies)
 

@@ -9,7 +9,14 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
-from skfem_textile import AdaptiveStepper, Fabric, Full, LoadStepper, Ply, Quadratic
+from skfem_textile import (
+    Fabric,
+    Full,
+    LoadStepper,
+    Ply,
+    Quadratic,
+    ToleranceStepper,
+)
 from skfem_textile.calibration import (
     BiasExtension,
     PictureFrame,
@@ -76,7 +83,7 @@ BENCHMARK: dict[tuple[float, float], tuple[float, ...]] = {
 # 97.5 % quantile of the normal distribution, for two-sided 95 % bands.
 _TWO_SIDED = 1.959963984540054
 
-# Load tolerance and load steps of simulations on adaptive meshes.
+# Load tolerance and load steps of simulations on nets.
 _TOLERANCE, _STEPS = 0.02, 4
 
 # Load steps of other simulations.
@@ -328,12 +335,17 @@ class RoundTrip:
         data = specimens(strips, *_curves(strips, law), 1, NOISE)
         strip, shear_law = bias(self.degrees), fit_shear(data).fit.law
         W, H, theta = strip.width, strip.height, strip.inclination
-        mesh = rectangle(W, H, (8, round(8 * H / W)), "irregular", _JITTER, 1)
+        mesh = rectangle(W, H, (1, 1))
         scene = bias_extension(mesh, warp=theta, weft=np.pi - theta, shear_angle=_HELD)
-        ply = Ply(mesh, Fabric(STIFF, shear_law, scene.warp, scene.weft))
-        stepper = AdaptiveStepper(ply, scene.conditions, _TOLERANCE, _STEPS)
+        fabric = Fabric(STIFF, shear_law, scene.warp, scene.weft)
+
+        def on_net(density: float) -> LoadStepper:
+            graded = scene.graded(fabric, density)
+            ply = Ply(graded.mesh, fabric, Quadratic(400.0, points=6))
+            return LoadStepper(ply, graded.conditions, _STEPS)
+
         with errors_only():
-            result, refused = run(stepper)
+            result, refused = run(ToleranceStepper(on_net, _TOLERANCE))
         angles = [state.load_factor * _HELD for state in result.states]
         forces = [scene.reaction(state)[1] for state in result.states]
         curve, at = CubicSpline(angles, forces), np.radians(ANGLES)
