@@ -256,7 +256,12 @@ class Full(Quadrilaterals):
 
 #: Calibrated ``log_range`` of each formulation: `python -m studies interval --case
 #: "chosen: *"`.
-OF_ONE_POINT, OF_MACRO, OF_QUADRATIC = 1.6, 0.7, 0.9
+OF_ONE_POINT, OF_MACRO, OF_QUADRATIC = 1.6, 0.75, 0.7
+
+# Increase of ``log_range`` of quadratic triangles, if those with an edge on a singular
+# fibre are as high as this edge is long: they then do not resolve the layer that the
+# fibre stretches.
+_OF_UNRESOLVED_LAYER = 0.6
 
 # Increase of ``log_range`` for a stabilisation stiffness that is given as a number.
 _OF_NUMBER = 1.0
@@ -492,9 +497,10 @@ class Quadratic(Pointwise):
         return self if self.deviation else replace(self, deviation=_calibrated(mesh))
 
     def log_range(self, mesh: Mesh) -> float:
-        """Calibrated; larger for deviations other than the calibrated one."""
+        """Calibrated; larger for unresolved layers and for other deviations."""
         assert self.deviation is not None
-        return OF_QUADRATIC + abs(float(np.log(self.deviation / _calibrated(mesh))))
+        off = abs(float(np.log(self.deviation / _calibrated(mesh))))
+        return OF_QUADRATIC + _OF_UNRESOLVED_LAYER * _height_of_layer(mesh) + off
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
         """Triangles unchanged, quadrilaterals cut."""
@@ -527,6 +533,23 @@ class Quadratic(Pointwise):
         )
         every = np.arange(means.nelems)
         return mean_tension_term(fabric, self.deviation, means, every)
+
+
+def _height_of_layer(mesh: Mesh) -> float:
+    """Median of height over length of the triangles on singular fibres, at most 1.
+
+    The length is that of the edge on the fibre; 0 if there is no such triangle.
+    """
+    edges = np.asarray((mesh.boundaries or {}).get(SINGULAR, ()), dtype=int)
+    if not edges.size:
+        return 0.0
+    a, b = mesh.p[:, mesh.facets[:, edges]].swapaxes(0, 1)
+    square = ((b - a) ** 2).sum(axis=0)
+    sides = mesh.f2t[:, edges]
+    x, y = mesh.p[:, mesh.t]
+    double = np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
+    heights = (double[sides] / square)[sides >= 0]
+    return min(1.0, float(np.median(heights)))
 
 
 def _calibrated(mesh: Mesh) -> float:

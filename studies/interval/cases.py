@@ -41,8 +41,8 @@ from ..singular_fibres.irregular import angle_error
 from ..study import Row
 from .foundation import Foundation
 
-#: Formulation of `run` on nets, and another one for the references.
-ON_NETS, OTHER = Quadratic(400.0, points=6), Quadratic(points=6)
+#: Formulation of `run` on nets, and a stiffer one for the references.
+ON_NETS, OTHER = Quadratic(400.0, points=6), Quadratic(4000.0, points=6)
 
 #: Tolerance of runs to a tolerance, and seeds of the cases that choose constants, of
 #: those that are judged, and of the runs.
@@ -421,7 +421,7 @@ def _plates(random: Any) -> _Drawn:
     for name, tension, law, conditions, loads in problems:
         mesh = read_mesh(_PLATES / f"{name}.msh")
         fabric = Fabric(tension, LAWS[law], (1, 1.1), (-1.1, 1))
-        problem = Problem(Outline.of_mesh(mesh), fabric, conditions, loads, 8)
+        problem = Problem(Outline.of_mesh(mesh), fabric, conditions, loads, 4)
         yield problem, {"formulation": Macro(), "mesh": mesh}
 
 
