@@ -41,21 +41,24 @@ print(f"force: {force:.2f} N")
 
 # Part 3: a curve and a picture
 def force_against_displacement(result):
-    """Displacement in mm and force in N along y, a number for each state."""
+    """Displacement in mm, force and its half-width in N along y, for each state."""
     displacement = [state.displacements["pull"][1] for state in result.states]
     force = [state.reactions["pull"][1] for state in result.states]
-    return np.array(displacement), np.array(force)
+    unknown = np.full(2, np.nan)  # at rest there is no interval
+    intervals = [result.interval(state) for state in result.states]
+    half_width = [of.reactions.get("pull", unknown)[1] for of in intervals]
+    return np.array(displacement), np.array(force), np.array(half_width)
 
 
 def show(result, name):
     """Write a table and a diagram of the force, and a picture of the shear angle."""
-    displacement, force = force_against_displacement(result)
+    columns = force_against_displacement(result)
     with open(f"{name}.csv", "w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(["displacement (mm)", "force (N)"])
-        writer.writerows(zip(displacement, force, strict=True))
-    curve = {name: (displacement, force)}
-    curves({"Pull": curve}, "Displacement (mm)", "Force (N)", f"{name}_force.png")
+        writer.writerow(["displacement (mm)", "force (N)", "half-width (N)"])
+        writer.writerows(zip(*columns, strict=True))
+    panel = {"Pull": {name: columns}}
+    curves(panel, "Displacement (mm)", "Force (N)", f"{name}_force.png")
     plot.shear_angle(result, filename=f"{name}_shear_angle.png")
 
 
@@ -74,7 +77,7 @@ def judge(result):
         "max_fibre_strain",
         "energy_share_of_stabilisation",
         "energy_share_of_deviation",
-        "estimated_load_error",
+        "load_half_width",
     ):
         value = summary[key]
         print(f"{key:32}", f"{value:.3g}" if isinstance(value, float) else value)

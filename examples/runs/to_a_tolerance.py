@@ -1,48 +1,73 @@
 """
-Adaptive refinement to a load tolerance
-=======================================
+A load with its interval
+========================
 
-A bias extension on Delaunay triangles, with edges not aligned with the fibres. The
-shear angle jumps along the fibres from the corners of the clamps, and a coarse mesh
-smears these jumps. The summary contains an estimate of the discretisation error. The
-mesh is refined at the jumps until the estimate is below a tolerance.
+A bias extension on meshes along the singular fibres. Every summary contains an interval
+of the discretisation error of the load. It becomes narrower on denser meshes, and a
+`ToleranceStepper` makes the mesh as dense as a tolerance requires.
 """
 
 import numpy as np
 
-from skfem_textile import AdaptiveStepper, Fabric, LoadStepper, Ply, plot
-from skfem_textile.scenes import bias_extension
+from skfem_textile import (
+    Condition,
+    Fabric,
+    LoadStepper,
+    Outline,
+    Ply,
+    Quadratic,
+    ToleranceStepper,
+    mesh_outline,
+)
+from skfem_textile.plot.curves import curves
 
 # %%
-# A coarse mesh and its estimated load error.
+# A ply of 50 mm × 120 mm with fibres at 45° to its edges, on a mesh of any density.
 
-scene = bias_extension("delaunay", (5, 10), shear_angle=np.radians(30.0))
-ply = Ply(scene.mesh, Fabric(1e5, 0.5, scene.warp, scene.weft))
-coarse = LoadStepper(ply, scene.conditions, steps=3).run()
+outline = Outline([[0, 50, 50, 0], [0, 0, 120, 120]])
+fabric = Fabric(7e3, 0.1, warp=(1, 1), weft=(-1, 1))  # N/mm
+conditions = {"clamp": Condition("bottom"), "pull": Condition("top", (0.0, 20.0))}
+
+
+def stepper_at(density):
+    """Load stepper on a mesh of the outline."""
+    mesh = mesh_outline(outline, fabric, conditions, density=density)
+    ply = Ply(mesh, fabric, Quadratic(400, points=6))
+    return LoadStepper(ply, conditions, steps=4)
+
 
 # %%
-# The same run to a tolerance of 2 %; each round has a finer mesh.
+# The load with half the width of its interval, at some densities.
 
-result = AdaptiveStepper(ply, scene.conditions, tolerance=0.02, steps=3).run()
-for one in result.rounds:
-    print(one)
-for name, of in (("coarse", coarse), ("refined", result)):
-    summary, load = of.summary(), of.states[-1].reactions["top"][1]
+densities = np.array([0.5, 0.7, 1.0, 1.4, 2.0, 2.8])
+loads, half_widths = [], []
+for density in densities:
+    result = stepper_at(density).run()
+    loads.append(result.states[-1].reactions["pull"][1])
+    half_widths.append(result.error.load * loads[-1])
     print(
-        f"{name:8} {summary['n_dofs']:6} unknowns, {load:.2f} N, estimated error "
-        f"{summary['estimated_load_error']:.1%}"
+        f"density {density}: {result.ply.basis.N:6} unknowns, "
+        f"{loads[-1]:.3f} ± {half_widths[-1]:.3f} N"
     )
-assert result.tolerance_met
-assert result.ply.basis.N > coarse.ply.basis.N
 
 # %%
-# Elements are small where the shear angle jumps.
+# The same to a tolerance of 0.1 %; each round is one mesh.
 
-plot.shear_angle(
-    coarse,
-    result,
-    titles=["Coarse", "Refined"],
-    clim=(0, 30),
-    show_edges=True,
-    filename="shear_angle.png",
+precise = ToleranceStepper(stepper_at, tolerance=0.001, density=0.5).run()
+for one in precise.rounds:
+    print(one)
+load = precise.states[-1].reactions["pull"][1]
+assert precise.tolerance_met
+assert (np.abs(np.array(loads) - load) <= half_widths).all()
+
+# %%
+# The band is the interval. The load to the tolerance lies in it at every density.
+
+band = densities, np.array(loads), np.array(half_widths)
+line = densities, np.full(len(densities), load)
+curves(
+    {"": {"one mesh": band, "to 0.1 %": line}},
+    "Density",
+    "Load (N)",
+    "interval.png",
 )
