@@ -66,7 +66,7 @@ assert (np.abs(np.array(loads) - load) <= half_widths).all()
 band = densities, np.array(loads), np.array(half_widths)
 line = densities, np.full(len(densities), load)
 curves(
-    {"": {"one mesh": band, "to 0.1 %": line}},
+    {"": {"one mesh": band, "run to 0.1 %": line}},
     "Density",
     "Load (N)",
     "interval.png",
