@@ -256,7 +256,7 @@ class Full(Quadrilaterals):
 
 #: Calibrated ``log_range`` of each formulation: `python -m studies interval --case
 #: "chosen: *"`.
-OF_ONE_POINT, OF_MACRO, OF_QUADRATIC = 1.6, 0.75, 0.7
+OF_ONE_POINT, OF_MACRO, OF_QUADRATIC = 1.6, 0.85, 0.7
 
 # Increase of ``log_range`` of quadratic triangles, if those with an edge on a singular
 # fibre are as high as this edge is long: they then do not resolve the layer that the

@@ -48,20 +48,24 @@ ON_NETS, OTHER = Quadratic(400.0, points=6), Quadratic(4000.0, points=6)
 #: those that are judged, and of the runs.
 TOLERANCE, CHOOSING, JUDGING, RUNS = 0.01, 41, 20261127, 20261128
 
-# Height of plies with holes in mm.
-_HEIGHT = 115.0
+# Height of plies with holes in mm, and density of the references of `_plates`.
+_HEIGHT, _OF_PLATES = 115.0, 2.0
 
 _PLATES = Path(__file__).parent / "plates"
 
 
 class Problem(NamedTuple):
-    """An outline, its fabric, the conditions and loads, and the number of steps."""
+    """An outline, its fabric, the conditions and loads, and the number of steps.
+
+    ``fine`` is the density of the reference.
+    """
 
     outline: Outline
     fabric: Fabric
     conditions: dict[str, Condition]
     loads: tuple[Any, ...] = ()
     steps: int = 1
+    fine: float = nets.FINE
 
     def net(self, density: float = 1.0) -> Mesh:
         """The net of a density."""
@@ -78,7 +82,7 @@ class Problem(NamedTuple):
 
         None if the load cannot be applied.
         """
-        works, mesh = [], self.net(nets.FINE)
+        works, mesh = [], self.net(self.fine)
         for formulation in (ON_NETS, OTHER):
             stepper = self.stepper(mesh, formulation)
             try:
@@ -421,7 +425,9 @@ def _plates(random: Any) -> _Drawn:
     for name, tension, law, conditions, loads in problems:
         mesh = read_mesh(_PLATES / f"{name}.msh")
         fabric = Fabric(tension, LAWS[law], (1, 1.1), (-1.1, 1))
-        problem = Problem(Outline.of_mesh(mesh), fabric, conditions, loads, 4)
+        problem = Problem(
+            Outline.of_mesh(mesh), fabric, conditions, loads, 4, _OF_PLATES
+        )
         yield problem, {"formulation": Macro(), "mesh": mesh}
 
 
