@@ -83,7 +83,9 @@ class ErrorInterval:
     shear_angle: float | None = None
     reactions: dict[str, ndarray] = field(default_factory=dict)
     reason: str = ""
-    _half_width: Callable[[Quantity], tuple[float, float]] | None = None
+    _half_width: Callable[[Quantity], tuple[float, float]] | None = field(
+        default=None, repr=False
+    )
 
     def of(self, quantity: Quantity) -> tuple[float, float]:
         """Lower and upper end of the interval of a quantity.

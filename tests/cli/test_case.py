@@ -12,7 +12,7 @@ from skfem_textile.cli import results
 from skfem_textile.scenes import bias_extension, strip
 from tests.helpers.command_line import MESH, QUICK, rejected, run
 
-pytestmark = pytest.mark.usefixtures("no_estimate")
+pytestmark = pytest.mark.usefixtures("no_interval")
 
 # Options of scene, fabric, formulation and solver
 

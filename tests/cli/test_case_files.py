@@ -43,7 +43,7 @@ from tests.helpers.specimen import (
     write_case,
 )
 
-pytestmark = pytest.mark.usefixtures("no_estimate")
+pytestmark = pytest.mark.usefixtures("no_interval")
 
 # Content of case files: the scene, its laws and regions, and defaults
 

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from skfem_textile import Ply
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.interruption import INTERRUPTED, held, raised
 from skfem_textile.cli.result_folder import ResultFolder
+from skfem_textile.solve import interval
 from skfem_textile.solve.stepper import Run
 from skfem_textile.solve.sweep import WorkerProcesses
 from tests.helpers.command_line import DRAWN, QUICK, is_whole
@@ -175,14 +175,14 @@ def test_results_are_written_whole_despite_a_signal(tmp_path, capsys, monkeypatc
         ),
     ],
 )
-def test_a_signal_in_estimates_loses_no_result(
+def test_a_signal_during_the_error_interval_loses_no_result(
     tmp_path, capsys, monkeypatch, options, written
 ):
-    def interrupted_estimate(ply):
+    def interrupted(*_):
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(10)
 
-    monkeypatch.setattr(Ply, "finer", interrupted_estimate)
+    monkeypatch.setattr(interval, "_interval", interrupted)
     out = tmp_path / "out"
     command = ["run", "strip", *QUICK, *options, "--out", str(out)]
     assert cli.main(command) == INTERRUPTED
@@ -190,12 +190,12 @@ def test_a_signal_in_estimates_loses_no_result(
     assert stderr.startswith("skfem-textile: interrupted")
     assert stderr.endswith(f": {written}\n")
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["error_estimate"] == "none: interrupted"
+    assert summary["error_interval"] == "none: interrupted"
     assert summary["converged"]
     assert is_whole(out)
 
 
-def test_an_interrupted_run_skips_the_error_estimate(tmp_path, monkeypatch):
+def test_an_interrupted_run_skips_the_error_interval(tmp_path, monkeypatch):
     def interrupted_step(run, t):
         if t > 0.5:
             raise KeyboardInterrupt
@@ -203,11 +203,11 @@ def test_an_interrupted_run_skips_the_error_estimate(tmp_path, monkeypatch):
 
     advance = Run._step
     monkeypatch.setattr(Run, "_step", interrupted_step)
-    monkeypatch.setattr(Ply, "finer", lambda *_: pytest.fail("estimated"))
+    monkeypatch.setattr(interval, "_interval", lambda *_: pytest.fail("computed"))
     out = tmp_path / "out"
     assert cli.main(["run", "strip", *QUICK, "--out", str(out)]) == INTERRUPTED
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["error_estimate"] == "none: interrupted"
+    assert summary["error_interval"] == "none: interrupted"
 
 
 def test_a_picture_is_finished_despite_a_signal(tmp_path, capsys, monkeypatch):

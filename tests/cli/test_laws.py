@@ -7,7 +7,7 @@ import pytest
 from skfem_textile.cli import main as cli
 from tests.helpers.command_line import rejected, run
 
-pytestmark = pytest.mark.usefixtures("no_estimate")
+pytestmark = pytest.mark.usefixtures("no_interval")
 
 # Without a shear stiffness, which contradicts some shear laws.
 QUICK = [

@@ -162,7 +162,7 @@ def test_a_plain_run_is_close_to_its_exact_solution(tmp_path, capsys, scene):
         assert summary["reaction_x"] == pytest.approx(expected, rel=1e-2)
 
 
-@pytest.mark.usefixtures("no_estimate")
+@pytest.mark.usefixtures("no_interval")
 @pytest.mark.parametrize("scene", ["cantilever", "buckling"])
 def test_a_plain_run_in_space_is_close_to_its_exact_solution(tmp_path, capsys, scene):
     summary, _ = plain_run(capsys, scene, tmp_path)
@@ -173,7 +173,7 @@ def test_a_plain_run_in_space_is_close_to_its_exact_solution(tmp_path, capsys, s
         assert summary["height_over_exact"] == pytest.approx(1.0, abs=2e-3)
 
 
-@pytest.mark.usefixtures("no_estimate")
+@pytest.mark.usefixtures("no_interval")
 @pytest.mark.parametrize("scene", ["hemisphere", "cylinder", "double_dome", "saddle"])
 def test_a_plain_run_on_a_tool_gives_the_net(tmp_path, capsys, scene):
     summary, _ = plain_run(capsys, scene, tmp_path)
@@ -188,7 +188,7 @@ def test_the_other_scenes_are_the_bias_extension():
     assert set(SCENES) - others - tools == {"bias_extension", "specimen"}
 
 
-@pytest.mark.usefixtures("no_estimate")
+@pytest.mark.usefixtures("no_interval")
 def test_a_plain_bias_extension_shows_its_three_zones(tmp_path, capsys):
     summary, inputs = plain_run(capsys, "bias_extension", tmp_path)
     fibres, shear = (inputs[law]["stiffness_N_per_mm"] for law in ("tension", "shear"))

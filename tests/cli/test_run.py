@@ -42,7 +42,7 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
             "stable",
         ),
         *("steps_cut", "factorisations", "solver", "solver_reason"),
-        *("estimated_load_error", "estimated_shear_angle_error_deg", "error_estimate"),
+        *("load_half_width", "shear_angle_error_deg", "error_interval"),
         *(
             f"{whole}_share_of_{role}"
             for whole in ("energy", "work", "reaction")

@@ -24,7 +24,6 @@ LAYERS = {
     "ply.kernels": ("forms", "fabric", "mesh"),
     "ply": ("ply.kernels", "forms", "fabric", "mesh"),
     "solve": ("ply", "fabric", "mesh"),
-    "solve.adaptive": ("solve", "ply", "mesh"),
     "solve.sweep": ("solve", "mesh"),
     "singular": ("solve", "ply", "fabric", "mesh"),
     "drape": ("solve", "ply", "fabric", "mesh"),
@@ -34,7 +33,7 @@ LAYERS = {
     "plot": ("io", "drape", "singular", "solve", "ply", "fabric", "mesh"),
     "calibration": ("plot", "scenes", "solve", "ply", "fabric", "mesh"),
     "cli": (
-        *("calibration", "plot", "cases", "io", "scenes", "solve.adaptive", "solve"),
+        *("calibration", "plot", "cases", "io", "scenes", "solve"),
         *("drape", "ply", "fabric", "mesh"),
         *("cli.interruption", "cli.output"),
     ),

@@ -3,7 +3,7 @@
 import pytest
 
 from skfem_textile.scenes import draped_ply, on_tool
-from tests.helpers.estimates import no_estimate  # noqa: F401
+from tests.helpers.intervals import no_interval  # noqa: F401
 from tests.helpers.tools import plate, write
 
 

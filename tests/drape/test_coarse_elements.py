@@ -10,7 +10,7 @@ from skfem_textile import Fabric, drape
 from skfem_textile.scenes import Case
 from skfem_textile.scenes.draped_ply import draped_ply
 
-pytestmark = pytest.mark.usefixtures("coarse_net", "no_estimate")
+pytestmark = pytest.mark.usefixtures("coarse_net", "no_interval")
 
 SIDE, TOP, CORNER, SLOPE = 140.0, 35.0, 3.0, np.tan(np.radians(50))
 

@@ -17,7 +17,7 @@ from tests.helpers.tools import (
     write_sphere,
 )
 
-pytestmark = pytest.mark.usefixtures("coarse_net", "no_estimate")
+pytestmark = pytest.mark.usefixtures("coarse_net", "no_interval")
 
 # A ply on a tool of a file, from the command line: its files and its case
 

@@ -149,7 +149,7 @@ def test_a_state_without_a_run_has_a_result():
     assert summary["max_contact_pressure_N_per_mm2"] == pytest.approx(
         scene.summary(run)["max_contact_pressure_N_per_mm2"], rel=1e-3
     )
-    assert summary["error_estimate"].startswith("none: ")
+    assert summary["error_interval"].startswith("none: ")
 
 
 # Rejected surfaces and conditions on them

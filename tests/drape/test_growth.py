@@ -36,7 +36,7 @@ def test_a_ply_grows_with_the_surface():
         x = positions(ply, state.u)
         sagitta = x[2] + (x**2).sum(axis=0) / (2 * radius)
         np.testing.assert_allclose(sagitta, 0.0, atol=1e-8)
-    assert "no moving condition" in result.summary()["error_estimate"]
+    assert "no moving condition" in result.summary()["error_interval"]
 
 
 @pytest.mark.parametrize("formulation", [Macro(), OnePoint()])

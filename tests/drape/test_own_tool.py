@@ -9,7 +9,7 @@ from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
 from tests.helpers.tools import bump_height, plate, write, write_sphere
 
-pytestmark = pytest.mark.usefixtures("no_estimate")
+pytestmark = pytest.mark.usefixtures("no_interval")
 unpulled = pytest.mark.usefixtures("coarse_net")
 
 

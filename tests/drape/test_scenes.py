@@ -31,7 +31,7 @@ from tests.helpers.tools import square
 
 
 meshio = pytest.importorskip("meshio")
-pytestmark = pytest.mark.usefixtures("no_estimate")
+pytestmark = pytest.mark.usefixtures("no_interval")
 
 
 def run(scene, steps=1, fabric=None, **more):

@@ -23,7 +23,7 @@ from skfem_textile.fabric.regions import RegionalLaw
 from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes import bias_extension
 from tests.helpers import Coupled, assert_derivatives, form_parameters, random_u
-from tests.helpers.estimates import without_estimate
+from tests.helpers.intervals import without_interval
 
 LEFT = Fabric((1e3, 500.0), Sin2(1.0), warp=(1, 0.3), weft=(-0.2, 1))
 RIGHT = Fabric((2e3, 100.0), Linear(3.0), warp=(1, 0.6), weft=(-0.5, 1))
@@ -152,7 +152,7 @@ def test_a_scene_has_no_exact_load_for_several_laws():
     G = np.linspace(0.5, 1.0, scene.mesh.nelements)
     ply = Ply(scene.mesh, Fabric(1e4, G, scene.warp, scene.weft), OnePoint())
     summary = scene.summary(
-        without_estimate(LoadStepper(ply, scene.conditions, 2).run())
+        without_interval(LoadStepper(ply, scene.conditions, 2).run())
     )
     assert "load_over_exact" not in summary
 

@@ -6,7 +6,7 @@ from skfem_textile import Fabric, JumpBasis, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import distorted, random_u
-from tests.helpers.estimates import without_estimate
+from tests.helpers.intervals import without_interval
 
 MESH = distorted(1)
 
@@ -85,7 +85,7 @@ def test_the_load_of_a_bias_extension_converges_with_the_isotropic_kind():
         ply = Ply(scene.mesh, fabric, OnePoint(5.0, "isotropic"))
         result = LoadStepper(ply, scene.conditions, 2).run()
         assert result.states[-1].verdict.stable
-        summary = scene.summary(without_estimate(result))
+        summary = scene.summary(without_interval(result))
         too_much.append(summary["load_over_exact"] - 1)
     assert 0 < too_much[-1] < 0.03
     assert np.log(too_much[0] / too_much[-1]) / np.log(16 / 4) > 1.0
@@ -99,7 +99,7 @@ def test_the_load_of_a_bias_extension_converges():
         fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
         ply = Ply(scene.mesh, fabric, OnePoint(2.0, "continuity"))
         summary = scene.summary(
-            without_estimate(LoadStepper(ply, scene.conditions, 2).run())
+            without_interval(LoadStepper(ply, scene.conditions, 2).run())
         )
         assert summary["stable"]
         errors.append(abs(summary["load_over_exact"] - 1))

@@ -6,7 +6,7 @@ import pytest
 from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import strip
 from tests.helpers import distorted, random_u
-from tests.helpers.estimates import without_estimate
+from tests.helpers.intervals import without_interval
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,7 @@ def step_series():
         ply = Ply(scene.mesh, Fabric(1e4), OnePoint(10.0, kind))
         summaries[kind] = [
             scene.summary(
-                without_estimate(LoadStepper(ply, scene.conditions, steps).run())
+                without_interval(LoadStepper(ply, scene.conditions, steps).run())
             )
             for steps in numbers
         ]

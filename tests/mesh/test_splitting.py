@@ -34,7 +34,7 @@ from skfem_textile.mesh.splitting import (
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import TRIANGLE_AND_QUAD, distorted, random_u
-from tests.helpers.estimates import without_estimate
+from tests.helpers.intervals import without_interval
 
 
 def areas(mesh):
@@ -240,7 +240,7 @@ def test_a_strip_of_triangles_does_not_lock(seed, E):
     scene = strip(mesh)
     ply = Ply(mesh, Fabric(E), OnePoint(1e-4 * E))
     summary = scene.summary(
-        without_estimate(LoadStepper(ply, scene.conditions, 4).run())
+        without_interval(LoadStepper(ply, scene.conditions, 4).run())
     )
     assert summary["stable"]
     assert abs(summary["reaction_x"]) < 1e-5 * E

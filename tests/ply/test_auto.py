@@ -7,7 +7,7 @@ from skfem import MeshQuad
 from skfem_textile import Fabric, Linear, LoadStepper, Macro, OnePoint, Ply, Sin2
 from skfem_textile.scenes import bias_extension, strip
 from tests.helpers import distorted, random_u
-from tests.helpers.estimates import without_estimate
+from tests.helpers.intervals import without_interval
 from tests.helpers.random_plies import Crimped
 
 
@@ -126,7 +126,7 @@ def test_a_warning_is_shown_once_and_logged_for_every_state(caplog):
 
 @pytest.mark.parametrize("G", [0.5, 0.0])
 def test_a_strip_is_loaded_without_tuned_parameters(G):
-    summary = without_estimate(
+    summary = without_interval(
         run(strip(), OnePoint("auto"), shear=Linear(G))
     ).summary()
     assert summary["stable"]

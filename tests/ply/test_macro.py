@@ -28,7 +28,7 @@ from tests.helpers import (
     distorted,
     random_u,
 )
-from tests.helpers.estimates import without_estimate
+from tests.helpers.intervals import without_interval
 
 MESHES = {
     "triangles": split(cut(distorted(1))),
@@ -47,7 +47,7 @@ def tension(fabric, mesh):
 def run(scene, formulation, E=1e4, shear=0.0, steps=2):
     ply = Ply(scene.mesh, Fabric(E, shear, scene.warp, scene.weft), formulation)
     return scene.summary(
-        without_estimate(LoadStepper(ply, scene.conditions, steps).run())
+        without_interval(LoadStepper(ply, scene.conditions, steps).run())
     )
 
 

@@ -28,7 +28,7 @@ from skfem_textile.solve.linear.superlu import SuperLU
 from skfem_textile.solve.problem import Problem
 from studies.stability.soundness import is_sound
 from tests.helpers import distorted, distorted_for, random_u
-from tests.helpers.estimates import without_estimate
+from tests.helpers.intervals import without_interval
 from tests.helpers.plies import ONE, SQUARES, dofs, ply_on, run
 
 # Quadratic triangles: nodes, gradients, modes, and conditions on all nodes
@@ -220,7 +220,7 @@ def test_cut_meshes_keep_the_extent_of_their_names():
 def test_few_triangles_follow_the_smooth_shape_of_the_strip(size, n_dofs):
     scene = strip(cut(rectangle(40, 60, size)))
     result = run(scene)
-    summary = scene.summary(without_estimate(result))
+    summary = scene.summary(without_interval(result))
     assert summary["n_dofs"] == n_dofs
     assert is_sound(result.ply, scene, result.u, result.states[-1].parameters)
     assert summary["displacement_error_rms"] < 0.008
@@ -238,7 +238,7 @@ def test_the_strip_locks_less_than_with_more_unknowns_of_quadrilaterals():
     ):
         ply = Ply(scene.mesh, Fabric(1e4), formulation)
         result = LoadStepper(ply, scene.conditions, 4).run()
-        loads[formulation] = abs(scene.summary(without_estimate(result))["reaction_x"])
+        loads[formulation] = abs(scene.summary(without_interval(result))["reaction_x"])
     assert loads[Quadratic()] < loads[Full()] / 20
 
 
@@ -246,7 +246,7 @@ def test_triangles_lock_at_the_kinks_of_bias_extension():
     scene = bias_extension(cut(rectangle(50, 100, (8, 16), "irregular", 0.25)))
     G = 0.5
     ratios = [
-        scene.summary(without_estimate(run(scene, E=E, G=G)))["load_over_exact"]
+        scene.summary(without_interval(run(scene, E=E, G=G)))["load_over_exact"]
         for E in (1e4, 1e5)
     ]
     assert 1.2 < ratios[0] < 5
@@ -255,7 +255,7 @@ def test_triangles_lock_at_the_kinks_of_bias_extension():
 
 def test_a_uniform_shear_is_exact():
     scene = picture_frame(cut(rectangle(100, 100, (4, 4), "irregular")))
-    summary = scene.summary(without_estimate(run(scene, G=0.5)))
+    summary = scene.summary(without_interval(run(scene, G=0.5)))
     assert summary["displacement_error_max"] < 1e-9
     assert summary["max_shear_angle_deg"] == pytest.approx(45)
 
@@ -298,7 +298,7 @@ def test_the_shear_angle_error_is_evaluated_at_the_centroid():
 def test_a_rotated_problem_has_the_same_answer():
     scene = strip(cut(rectangle(40, 60, (3, 4))))
     turned = scene.rotated(0.7)
-    a, b = (s.summary(without_estimate(run(s, G=0.1))) for s in (scene, turned))
+    a, b = (s.summary(without_interval(run(s, G=0.1))) for s in (scene, turned))
     for key in ("energy", "reaction_x", "reaction_y", "displacement_error_rms"):
         assert b[key] == pytest.approx(a[key], rel=1e-6), key
 

@@ -189,8 +189,8 @@ def test_a_bias_extension_held_in_its_plane_agrees_with_the_plane(formulation):
     )
     for name in names:
         assert space[name] == pytest.approx(plane[name], rel=1e-10), name
-    error = plane["estimated_load_error"]
-    assert space["estimated_load_error"] == pytest.approx(error, rel=1e-7)
+    half_width = plane["load_half_width"]
+    assert space["load_half_width"] == pytest.approx(half_width, rel=1e-7)
     theirs, ours = (r.states[-1].reactions["top"] for r in results)
     np.testing.assert_allclose(ours, flat(theirs), atol=1e-10 * np.abs(theirs).max())
     np.testing.assert_allclose(results[1].u, flat(results[0].u), rtol=0, atol=1e-10)
@@ -267,12 +267,11 @@ def test_stabilisations_of_the_plane_are_rejected_in_space(kind):
         Ply(MeshQuad().refined(1), Fabric(), OnePoint(1.0, kind), dimension=3)
 
 
-def test_finer_plies_with_terms_and_loads_stay_in_space():
+def test_plies_with_terms_and_loads_stay_in_space():
     ply = Ply(MeshQuad().refined(1).with_defaults(), Fabric(), dimension=3)
     loaded = ply.with_terms(Traction("top", (0.0, 1.0, 2.0)))
     force = loaded.nodal(loaded.load(loaded.basis.zeros(), 1.0)).sum(axis=1)
     np.testing.assert_allclose(force, [0.0, 1.0, 2.0], atol=1e-14)
-    assert loaded.finer().ply.nodal(loaded.finer().ply.basis.zeros()).shape[0] == 3
     with pytest.raises(ValueError, match=r"shape \(3,\)"):
         ply.with_terms(Traction("top", (0.0, 1.0)))
 

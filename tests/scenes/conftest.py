@@ -1,3 +1,3 @@
 """Fixtures of several tests of scenes."""
 
-from tests.helpers.estimates import no_estimate  # noqa: F401
+from tests.helpers.intervals import no_interval  # noqa: F401

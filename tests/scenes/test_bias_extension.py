@@ -16,7 +16,7 @@ from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.bias_extension import WIDTH, force, lost_to_stretch
 from skfem_textile.scenes.rectangle import rectangle
 
-pytestmark = pytest.mark.usefixtures("no_estimate")
+pytestmark = pytest.mark.usefixtures("no_interval")
 
 GAMMA = np.radians(40.0)
 

@@ -26,7 +26,7 @@ from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.trellis import sheared
 from tests.helpers import graded_along_fibres
 
-pytestmark = pytest.mark.usefixtures("no_estimate")
+pytestmark = pytest.mark.usefixtures("no_interval")
 
 EXACT = {
     "displacement_error_rms",

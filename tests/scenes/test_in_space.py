@@ -10,7 +10,7 @@ from skfem_textile import Fabric, MeshError
 from skfem_textile.cli import main as cli
 from skfem_textile.scenes import Case, buckling, cantilever
 
-pytestmark = pytest.mark.usefixtures("no_estimate")
+pytestmark = pytest.mark.usefixtures("no_interval")
 
 
 def fabric(scene, **stiffnesses):

@@ -25,7 +25,7 @@ from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import FORMULATIONS_ON_MESHES, fit_mesh
 from tests.helpers import independent as plain
 
-pytestmark = pytest.mark.usefixtures("no_estimate")
+pytestmark = pytest.mark.usefixtures("no_interval")
 
 # Stretch along one family, edges free to slide: exact for every mesh and law
 

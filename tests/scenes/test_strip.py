@@ -8,7 +8,7 @@ from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import forces_of
 
-pytestmark = pytest.mark.usefixtures("no_estimate")
+pytestmark = pytest.mark.usefixtures("no_interval")
 
 # Reached with 100 equal steps by another implementation; E = 1e4 N/mm, 10×15
 # elements, jitter 0.3, seed 1.

@@ -8,7 +8,7 @@ from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.trellis import SIDE, sheared
 from tests.helpers import forces_of
 
-pytestmark = pytest.mark.usefixtures("no_estimate")
+pytestmark = pytest.mark.usefixtures("no_interval")
 
 
 def solve(scene, formulation, E=1e4, G=0.5, steps=1):

@@ -26,7 +26,7 @@ from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.scenes import bias_extension, strip, trellis
 from skfem_textile.scenes.bias_extension import WIDTH
 from skfem_textile.scenes.rectangle import rectangle
-from tests.helpers.estimates import without_estimate
+from tests.helpers.intervals import without_interval
 
 SQUARE = np.array([[0.0, 30.0, 30.0, 0.0], [0.0, 0.0, 30.0, 30.0]])
 # Rounded, so that two sides are exactly along x.
@@ -84,7 +84,7 @@ def extension(degrees, n, **options):
 def solve(scene, formulation, E, G=0.5, steps=2):
     ply = Ply(scene.mesh, Fabric(E, G, scene.warp, scene.weft), formulation)
     return scene.summary(
-        without_estimate(LoadStepper(ply, scene.conditions, steps).run())
+        without_interval(LoadStepper(ply, scene.conditions, steps).run())
     )
 
 

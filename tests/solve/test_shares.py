@@ -28,7 +28,7 @@ from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension, strip, trellis
 from skfem_textile.scenes.trellis import picture_frame
 from tests.helpers import derivative, random_u
-from tests.helpers.estimates import without_estimate
+from tests.helpers.intervals import without_interval
 
 # Elements across, before quadrilaterals of macro-elements are split in four, and how
 # they are generated from the quadrilaterals of a scene.
@@ -134,7 +134,7 @@ def test_ordinary_runs_of_other_scenes_pass(caplog, scene, name):
 def fine_load(name):
     """Of a bias extension with 16 elements across, over the exact load."""
     fine = case(bias_extension, name, 16)
-    return fine.summary(without_estimate(fine.run()))["load_over_exact"]
+    return fine.summary(without_interval(fine.run()))["load_over_exact"]
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def fine_load(name):
 def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation, times):
     """With increasing stiffness the load rises by no less than the share."""
     wrong = case(bias_extension, name, 8, formulation=formulation(times))
-    load = wrong.summary(without_estimate(wrong.run()))["load_over_exact"]
+    load = wrong.summary(without_interval(wrong.run()))["load_over_exact"]
     too_much = load / fine_load(name) - 1
     warned = bool(reported(caplog))
     assert warned == (times > 1)
@@ -156,7 +156,7 @@ def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation,
 def test_the_artificial_share_without_shear_stiffness_is_nearly_one(caplog, name):
     """No fabric term resists: 58° instead of the prescribed 40°."""
     this = case(bias_extension, name, 8, G=0.0, steps=6)
-    summary = this.summary(without_estimate(this.run()))
+    summary = this.summary(without_interval(this.run()))
     role = "deviation" if name == "mean" else "stabilisation"
     assert summary["converged"]
     assert summary["max_shear_angle_deg"] > 50

@@ -8,7 +8,7 @@ from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply, S
 from skfem_textile.scenes import strip
 from studies.stability.soundness import is_sound
 from tests.helpers import arguments_of
-from tests.helpers.estimates import without_estimate
+from tests.helpers.intervals import without_interval
 
 
 def run(formulation, steps, mesh="irregular", E=1e4, G=0.0, **options):
@@ -54,7 +54,7 @@ def test_a_check_may_be_changed_to_a_warning(caplog):
             steps=1, method="plain", warn_only=["stability", "work"]
         ).run()
     assert "load factor 1: unstable equilibrium" in caplog.text
-    summary = without_estimate(result).summary()
+    summary = without_interval(result).summary()
     assert summary["converged"]
     assert not summary["stable"]
     assert summary["negative_pivots"] > 0
@@ -193,7 +193,7 @@ def test_a_smooth_path_is_resolved_and_a_bifurcating_one_is_not(caplog):
         # No force and no energy except round-off:
         assert run(Full(), 8, "aligned").path_resolved
         assert not caplog.records
-        assert not without_estimate(block.run()).summary()["path_resolved"]
+        assert not without_interval(block.run()).summary()["path_resolved"]
     assert len(caplog.records) == 1
     assert "the path was not resolved at load factor 0.5:" in caplog.text
     assert "another number of steps" in caplog.text

@@ -92,8 +92,8 @@ class Results:
         expect_equal("scene", summary["scene"], self.scene["name"])
         expect_equal("formulation", summary["formulation"], case["formulation"]["name"])
         empty = {k for k, v in summary.items() if v is None} - {"negative_pivots"}
-        if summary["error_estimate"].startswith("none: "):
-            empty -= {"estimated_load_error", "estimated_shear_angle_error_deg"}
+        if summary["error_interval"].startswith("none: "):
+            empty -= {"load_half_width", "shear_angle_error_deg"}
         expect_equal("numbers that are none", empty, set())
         expect_equal("converged", summary["converged"], converged)
         expect_equal("rows", len(rows), summary["load_steps"] + 1)

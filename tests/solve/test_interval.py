@@ -1,0 +1,487 @@
+"""The error interval: its half-width, what it contains, and states without one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from skfem import MeshQuad, MeshTri
+
+from skfem_textile import (
+    Condition,
+    CrimpToe,
+    ErrorInterval,
+    Fabric,
+    Force,
+    Full,
+    LoadStepper,
+    Macro,
+    MatrixTerm,
+    OnePoint,
+    Ply,
+    Quadratic,
+    Tabulated,
+    Values,
+    equilibrium_near,
+    mesh_outline,
+)
+from skfem_textile.mesh.selection import with_named_nodes
+from skfem_textile.ply.parameters import Frozen
+from skfem_textile.scenes import bias_extension, picture_frame
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.singular import Outline
+from skfem_textile.solve import interval
+from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.interval import work_of
+from skfem_textile.solve.linear import solver_named
+from skfem_textile.solve.problem import Problem, Tangent
+from skfem_textile.solve.states import NoEquilibriumError
+from tests.helpers import arguments_of
+
+MACRO = Macro()
+NUMERICAL = [MACRO, OnePoint(), OnePoint(5.0), Quadratic(20.0)]
+COMPARED = [Full(), Quadratic(), OnePoint(0.0), Macro(0.0, (0.0, 0.0))]
+BIAS = Fabric(1e4, 0.5, (1, 1), (-1, 1))
+
+
+def run_of(ply, conditions, steps=2, **options):
+    return LoadStepper(ply, conditions, steps, **options).run()
+
+
+def pulled(kind="delaunay", formulation=MACRO, size=(4, 8), E=1e4, shear=0.5):
+    scene = bias_extension(kind, size)
+    ply = Ply(scene.mesh, Fabric(E, shear, scene.warp, scene.weft), formulation)
+    return run_of(ply, scene.conditions)
+
+
+def problem_of(result, conditions):
+    constraints = Constraints(result.ply.basis, conditions)
+    return Problem(result.ply, constraints, solver_named("superlu")).at(1.0)
+
+
+# The half-width
+
+
+@pytest.mark.parametrize("kind", ["irregular", "delaunay"])
+@pytest.mark.parametrize("formulation", [*NUMERICAL, Full(), Quadratic()], ids=repr)
+def test_a_state_that_the_elements_represent_has_no_error(formulation, kind):
+    scene = picture_frame(kind, (4, 4), shear_angle=0.6)
+    fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
+    error = run_of(Ply(scene.mesh, fabric, formulation), scene.conditions, 4).error
+    assert error.load < 1e-10
+    assert error.shear_angle < 1e-10
+    assert max(np.abs(half).max() for half in error.reactions.values()) < 1e-8
+    assert error.reason == ""
+
+
+def scaled(parameters, names, factor):
+    """Parameters with the stiffnesses of these names scaled."""
+    return Frozen(
+        {
+            term: Values({k: x * factor ** (k in names) for k, x in values.items()})
+            for term, values in parameters.items()
+        }
+    )
+
+
+def settled(problem, u, parameters):
+    """The equilibrium near a displacement with held stiffnesses, by Newton's method."""
+    for _ in range(3):
+        force = problem.residual(u, parameters)
+        u = u + Tangent(problem, u, parameters).settled(force)[0]
+    return u, problem.residual(u, parameters)
+
+
+@pytest.mark.parametrize("formulation", [MACRO, OnePoint(), Quadratic(20.0)], ids=repr)
+def test_the_half_width_is_the_derivative_by_the_logarithm_of_the_stiffness(
+    formulation,
+):
+    """A finite difference of two equilibria, for stabilisation and for deviations."""
+    scene = bias_extension("delaunay", (4, 8))
+    fabric, h = Fabric(1e4, 0.5, scene.warp, scene.weft), 1e-3
+    result = run_of(Ply(scene.mesh, fabric, formulation), scene.conditions)
+    ply, state = result.ply, result.states[-1]
+    problem = problem_of(result, scene.conditions)
+    node = 2 * int(np.abs(ply.nodes - [[20.0], [50.0]]).sum(axis=0).argmin()) + 1
+    force, rate, moved = 0.0, np.zeros(2), 0.0
+    names = [name for values in state.parameters.values() for name in values]
+    assert names
+    for name in names:
+        ends = [
+            settled(problem, state.u, scaled(state.parameters, [name], factor))
+            for factor in np.exp([h, -h])
+        ]
+        top = [problem.reactions(f)["top"] for _, f in ends]
+        change = (top[0] - top[1]) / (2 * h)
+        force += abs(change[1])
+        rate += np.abs(change)
+        moved += abs(ends[0][0][node] - ends[1][0][node]) / (2 * h)
+    log_range, error = ply.formulation.log_range(ply.mesh), result.error
+    pull = state.reactions["top"][1]
+    assert 0.005 < error.load < 0.5
+    assert error.load == pytest.approx(log_range * force / pull, rel=1e-4)
+    assert error.reactions["top"] == pytest.approx(log_range * rate, rel=1e-4)
+    low, high = error.of(lambda _, u: float(u[node]))
+    assert (low + high) / 2 == pytest.approx(state.u[node], rel=1e-12)
+    assert (high - low) / 2 == pytest.approx(log_range * moved, rel=1e-4)
+
+
+def test_the_half_width_is_the_difference_of_runs_with_other_stabilisations():
+    load, h = {}, 0.01
+    for factor in (1.0, 1 + h, 1 - h):
+        result = pulled("irregular", OnePoint(5.0 * factor), (6, 12))
+        load[factor] = result.states[-1].reactions["top"][1]
+        error = result.error if factor == 1 else error
+    ply = result.ply
+    slope = (load[1 + h] - load[1 - h]) / (2 * h * load[1.0])
+    expected = ply.formulation.log_range(ply.mesh) * slope
+    assert error.load == pytest.approx(expected, rel=1e-3)
+
+
+def test_stiffnesses_other_than_the_calibrated_have_a_larger_range():
+    mesh = MeshTri().refined(1)
+    for usual, other in (
+        (OnePoint(), OnePoint(5.0)),
+        (Macro(), Macro(5.0)),
+        (Macro(), Macro(deviation=(37.0, 70.0))),
+        (Quadratic(70.0), Quadratic(7.0)),
+    ):
+        assert other.log_range(mesh) > usual.log_range(mesh) + 0.9
+    assert Quadratic(700.0).log_range(mesh) == pytest.approx(
+        Quadratic(7.0).log_range(mesh)
+    )
+
+
+def rectangle_pulled(turn=0.0, mm=1.0, formulation=MACRO, solver=None):
+    """A rectangle, rotated, in other units of length (`mm` units to a millimetre)."""
+    c, s = np.cos(turn), np.sin(turn)
+    R = np.array([[c, -s], [s, c]])
+    mesh = rectangle(50, 100, (4, 8), "delaunay")
+    mesh = type(mesh)(mm * R @ mesh.p, mesh.t, mesh.boundaries)
+    warp, weft = R @ [1, 1], R @ [-1, 1]
+    ply = Ply(mesh, Fabric(1e4 / mm, 0.5 / mm, warp, weft), formulation)
+    value = tuple(mm * R @ [0.0, 15.0])
+    held = {"bottom": Condition("bottom"), "top": Condition("top", value)}
+    options = {} if solver is None else {"solver": solver}
+    return run_of(ply, held, **options).error, R
+
+
+@pytest.mark.parametrize("formulation", [MACRO, OnePoint(), Full()], ids=repr)
+@pytest.mark.parametrize("options", [{"turn": 0.5}, {"mm": 1e-3}], ids=str)
+def test_a_rotation_or_other_units_change_no_half_width(formulation, options):
+    plain, _ = rectangle_pulled(formulation=formulation)
+    other, R = rectangle_pulled(formulation=formulation, **options)
+    assert other.load == pytest.approx(plain.load, rel=1e-6)
+    assert other.shear_angle == pytest.approx(plain.shear_angle, rel=1e-6)
+    if R[0, 1] == 0:
+        top = plain.reactions["top"]
+        np.testing.assert_allclose(other.reactions["top"], top, rtol=1e-5)
+
+
+def test_every_solver_gives_the_same_half_width():
+    expected, _ = rectangle_pulled(solver="superlu")
+    error, _ = rectangle_pulled()
+    assert error.load == pytest.approx(expected.load, rel=1e-8)
+    pytest.importorskip("sksparse")
+    error, _ = rectangle_pulled(solver="cholmod")
+    assert error.load == pytest.approx(expected.load, rel=1e-8)
+
+
+@pytest.mark.parametrize("formulation", [*NUMERICAL, Full()], ids=repr)
+def test_the_half_width_under_a_force_is_that_of_its_displacement(formulation):
+    """The work of a constant force is linear in the displacement."""
+    mesh = rectangle(50, 50, (4, 4), "delaunay")
+    ply = Ply(mesh, Fabric(1e3, 5.0, (1, 1), (-1, 1)), formulation)
+    ply = ply.with_terms(Force("top", (0.0, 60.0)))
+    result = run_of(ply, {"clamp": Condition("bottom")}, 4)
+    load = result.ply.load(result.u, 1.0)
+    low, high = result.error.of(lambda _, u: float(load @ u))
+    assert 1e-4 < result.error.load < 0.3
+    assert (high - low) / (high + low) == pytest.approx(result.error.load, rel=1e-6)
+
+
+def test_the_interval_changes_neither_ply_nor_states():
+    result = pulled()
+    state, ply = result.states[-1], result.ply
+    u, arguments = result.u.copy(), arguments_of(state)
+    energies, forces = ply.energies(*arguments), ply.residual(*arguments)
+    assert result.error is result.error
+    assert result.states[-1] is state
+    np.testing.assert_array_equal(result.u, u)
+    assert ply.energies(*arguments) == state.energies == energies
+    np.testing.assert_array_equal(ply.residual(*arguments), forces)
+    earlier = result.interval(result.states[1])
+    assert 0 < earlier.load != result.error.load
+
+
+def test_an_interval_needs_one_factorisation(monkeypatch):
+    result, made = pulled(), []
+    first = interval.Tangent
+
+    def counted(*arguments):
+        made.append(arguments)
+        return first(*arguments)
+
+    monkeypatch.setattr(interval, "Tangent", counted)
+    assert result.error.load
+    assert len(made) == 1
+
+
+def test_the_printed_interval_has_no_arrays_of_the_ply():
+    assert len(repr(pulled().error)) < 400
+
+
+# What it contains
+
+
+# Formulations and meshes, and the largest error over the half-width.  Triangles across
+# the singular fibres are the worst meshes for these formulations.
+CASES = [
+    *((formulation, "irregular", 1.0) for formulation in (MACRO, OnePoint(), Full())),
+    *((formulation, "delaunay", 1.0) for formulation in (MACRO, Quadratic(70.0))),
+    *((formulation, "delaunay", 1.0) for formulation in (OnePoint(5.0), Quadratic())),
+    *((formulation, "delaunay", 1.2) for formulation in (OnePoint(), Quadratic(20.0))),
+]
+
+
+@pytest.mark.parametrize(("formulation", "kind", "most"), CASES, ids=repr)
+def test_the_interval_contains_the_converged_load(formulation, kind, most):
+    """The load on a graded mesh along the fibres: `docs/angles/references.json`."""
+    result, exact = pulled(kind, formulation, (6, 12), 1e5), 43.214
+    load, half = result.states[-1].reactions["top"][1], result.error.load
+    assert abs(load - exact) < most * half * load
+    assert abs(load - exact) < most * result.error.reactions["top"][1]
+    assert half < 2 * abs(load / exact - 1) + 0.3
+    summary = result.summary()
+    assert summary["load_half_width"] == half
+    assert 0 < summary["shear_angle_error_deg"] < 20
+    assert summary["error_interval"] == "by the numerical stiffness"
+
+
+CRIMPED = CrimpToe(7e3, toe=0.003, initial_stiffness=10)
+
+
+@pytest.mark.parametrize("density", [0.5, 1.0])
+@pytest.mark.parametrize(
+    "formulation",
+    [Quadratic(400, points=6), Quadratic(), MACRO, OnePoint(), Full()],
+    ids=repr,
+)
+def test_the_load_of_crimped_fibres_is_inside(density, formulation):
+    """54.02 to 54.13 N on the finest meshes: `docs/error-interval.md`."""
+    fabric = Fabric(CRIMPED, 0.5, (1, 1), (-1, 1))
+    held = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 20.0))}
+    outline = Outline([[0, 50, 50, 0], [0, 0, 115, 115]])
+    mesh = mesh_outline(outline, fabric, held, density=density)
+    result = run_of(Ply(mesh, fabric, formulation), held, 4)
+    load, half = result.states[-1].reactions["top"][1], result.error.load
+    assert load * (1 - half) < 54.02
+    assert load * (1 + half) > 54.13
+    assert half < 0.06 / density
+
+
+@pytest.mark.parametrize("formulation", COMPARED, ids=repr)
+def test_without_numerical_stiffness_the_interval_contains_that_of_the_reference(
+    formulation,
+):
+    result = pulled("delaunay", formulation)
+    ply, error, scene = result.ply, result.error, bias_extension("delaunay", (4, 8))
+    reference = ply.formulation.reference(ply.mesh)
+    assert reference != ply.formulation
+    assert reference.reference(ply.mesh) == reference
+    other = Ply(ply.mesh, ply.fabric, reference)
+    start, warn = result.u, ["stabilisation", "deviation"]
+    there = equilibrium_near(other, scene.conditions, start, warn_only=warn)
+    theirs = Problem(
+        other, Constraints(other.basis, scene.conditions), solver_named("superlu")
+    ).at(1.0)
+    log_range = reference.log_range(ply.mesh)
+    changes = interval._Changes.of(theirs, there)
+    load, other_load = (
+        s.reactions["top"][1] for s in (result.states[-1], there)
+    )
+    half = changes.work / work_of(theirs, there) * other_load
+    assert log_range > 0 < half
+    assert error.load * load == pytest.approx(abs(load - other_load) + half, rel=1e-4)
+    assert error.load * load < error.reactions["top"][1] * 1.001
+    low, high = error.of(lambda _, u: float(u @ u))
+    assert low < there.u @ there.u < high
+
+
+def test_the_same_fabric_per_element_or_subdomain_gives_the_same_half_width():
+    mesh = MeshTri().refined(2).with_defaults()
+    mesh = mesh.with_subdomains({"a": lambda x: x[0] < 0.5, "b": lambda x: x[0] >= 0.5})
+    warp, weft = (1.0, 1.0), (-1.0, 1.0)
+    one = Fabric(1e3, 1.0, warp, weft)
+    each = Fabric(1e3, 1.0, np.tile([[1.0], [1.0]], mesh.nelements), weft)
+    held = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 0.05))}
+    for formulation in (MACRO, OnePoint(), Full(), Quadratic(20.0)):
+        plain, *others = (
+            run_of(Ply(mesh, fabric, formulation), held, 1).error.load
+            for fabric in (one, each, {"a": one, "b": one})
+        )
+        assert others == pytest.approx([plain, plain], rel=1e-6)
+
+
+# Conditions, terms and loads
+
+
+def square(formulation=MACRO, mesh=None):
+    mesh = mesh or rectangle(50, 50, (4, 4), "delaunay")
+    return Ply(mesh, BIAS, formulation)
+
+
+def test_conditions_by_numbers_and_names_of_nodes_have_the_interval_of_the_edge():
+    mesh = rectangle(50, 50, (4, 4), "delaunay")
+    upper = np.flatnonzero(np.isclose(mesh.p[1], 50))
+    named = square(mesh=with_named_nodes(mesh, {"upper": upper}))
+    plain = square(mesh=mesh)
+    numbers = np.flatnonzero(np.isclose(plain.nodes[1], 50))
+    errors = [
+        run_of(
+            ply, {"bottom": Condition("bottom"), "top": Condition(top, (0.0, 8.0))}
+        ).error
+        for ply, top in ((plain, "top"), (plain, numbers), (named, "upper"))
+    ]
+    assert errors[0].load > 1e-3
+    for error in errors[1:]:
+        assert error.load == pytest.approx(errors[0].load, rel=1e-8)
+
+
+def test_pins_rollers_and_terms_of_the_user_have_an_interval():
+    ply = square()
+    springs = MatrixTerm("springs", 1e-3 * ply.tangent(ply.basis.zeros()))
+    held = {
+        "pin": Condition(np.flatnonzero((ply.nodes == 0).all(axis=0))),
+        "left": Condition("left", 0.0, (1, 0)),
+        "right": Condition("right", 5.0, (1, 0)),
+    }
+    plain, stiffer = (run_of(p, held).error for p in (ply, ply.with_terms(springs)))
+    assert plain.load is not None
+    assert stiffer.load is not None
+    rate = pulled("irregular", OnePoint(5.0, kind="rate"))
+    assert 0 < rate.error.load < 0.5
+
+
+def rotated(X, t):
+    """Rotates the edge by half a radian about its middle, so that its mean vanishes."""
+    x = X[0] - X[0].mean()
+    return np.array([x * (np.cos(0.5 * t) - 1), x * np.sin(0.5 * t)])
+
+
+def test_the_load_of_a_rotated_edge_is_the_rate_of_the_energy():
+    """Its mean displacement is zero and gives no load."""
+    mesh = rectangle(50, 100, (2, 4), "delaunay")
+    ply = Ply(mesh, Fabric(1e3, 0.5, (1, 1), (-1, 1)), Full())
+    held = {"bottom": Condition("bottom"), "top": Condition("top", rotated)}
+    result = run_of(ply, held, n := 40)
+    *_, before, middle, end = (sum(s.energies.values()) for s in result.states)
+    rate = (3 * end - 4 * middle + before) / 2 * n
+    work = work_of(problem_of(result, held), result.states[-1])
+    assert work == pytest.approx(rate, rel=1e-3)
+    assert 0 < result.error.load < 0.5
+
+
+# States without an interval
+
+
+def reason_of(error):
+    """The reason of an interval that is not available."""
+    assert error.load is None
+    assert error.shear_angle is None
+    assert error.reactions == {}
+    with pytest.raises(ValueError, match="there is no interval: ") as refused:
+        error.of(lambda ply, u: float(u.max()))
+    assert str(refused.value) == f"there is no interval: {error.reason}"
+    return error.reason
+
+
+def test_a_ply_at_rest_and_an_unstable_state_have_no_interval():
+    result = pulled()
+    reason = reason_of(result.interval(result.states[0]))
+    assert reason == "the ply is not loaded yet"
+    mesh = MeshQuad.init_tensor(np.linspace(0, 1, 9), np.linspace(0, 0.1, 2))
+    rods = Ply(mesh.with_defaults(), Fabric(100.0, 0.01), Full())
+    squeezed = {"left": Condition("left"), "right": Condition("right", (-0.2, 0.0))}
+    buckled = run_of(
+        rods, squeezed, 1, method="plain", warn_only=["stability", "work"]
+    )
+    assert reason_of(buckled.error) == "the equilibrium is not stable"
+    summary = buckled.summary()
+    assert summary["load_half_width"] is None
+    assert summary["shear_angle_error_deg"] is None
+    assert summary["error_interval"] == "none: the equilibrium is not stable"
+
+
+def there_and_back(X, t):
+    return np.array([np.zeros(X.shape[1]), np.full(X.shape[1], 20 * t * (1 - t))])
+
+
+@pytest.mark.parametrize("value", [0.0, there_and_back], ids=["still", "back"])
+@pytest.mark.parametrize("formulation", [MACRO, Full()], ids=repr)
+def test_without_a_load_only_the_shear_angle_has_an_error(value, formulation):
+    held = {"bottom": Condition("bottom"), "top": Condition("top", value)}
+    result = run_of(square(formulation), held, 4)
+    assert result.error.load is None
+    assert result.error.shear_angle < 1e-6
+    assert result.error.reason == "no moving condition carries a load"
+    summary = result.summary()
+    assert summary["error_interval"] == (
+        "by the numerical stiffness; none for the load: no moving condition carries a "
+        "load"
+    )
+
+
+def test_a_mostly_numerical_resistance_has_no_interval():
+    reason = reason_of(pulled("irregular", OnePoint(1e4), (2, 4)).error)
+    assert reason == (
+        "the resistance is mostly numerical: refine the mesh, or use one that follows "
+        "the singular fibres"
+    )
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (MemoryError(), "there is not enough memory"),
+        (IndexError("out of\nbounds"), "IndexError: out of"),
+        (
+            NoEquilibriumError("stuck"),
+            "a formulation with numerical stiffness has no state nearby: stuck",
+        ),
+    ],
+)
+def test_a_failed_interval_loses_no_run(error, reason, monkeypatch):
+    def fails(*_, **__):
+        raise error
+
+    result = pulled("delaunay", Full())
+    monkeypatch.setattr(interval, "equilibrium_near", fails)
+    assert reason_of(result.error) == reason
+    assert result.summary()["error_interval"] == f"none: {reason}"
+
+
+def test_an_unstable_reference_is_not_compared_with(monkeypatch):
+    result, near = pulled("delaunay", Full()), interval.equilibrium_near
+
+    def unstable(*arguments, **options):
+        state = near(*arguments, **options)
+        return replace(state, verdict=replace(state.verdict, min_det_F=-0.1))
+
+    monkeypatch.setattr(interval, "equilibrium_near", unstable)
+    assert "it is not stable, or elements are folded" in reason_of(result.error)
+
+
+def test_a_reference_beyond_the_end_of_a_law_is_reported():
+    plain = pulled("irregular", Full())
+    end = 1.0001 * np.abs(plain.ply.shear_angle(plain.u)).max()
+    law = Tabulated([0.0, end], [0.0, 0.5 * end], odd=True)
+    error = pulled("irregular", Full(), shear=law).error
+    assert error.load is not None or error.reason.startswith("a formulation with")
+
+
+def test_an_error_of_a_quantity_is_raised():
+    error = pulled().error
+    with pytest.raises(KeyError, match="mine"):
+        error.of(lambda ply, u: {}["mine"])
+    with pytest.raises(ValueError, match="there is no interval: because"):
+        ErrorInterval(reason="because").of(lambda ply, u: 0.0)
