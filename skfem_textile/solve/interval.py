@@ -25,6 +25,7 @@ from ..mesh.user_input import error_text
 from ..ply import Ply
 from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
+from .linear.solver import Clock
 from .problem import Problem, Tangent
 from .search import equilibrium_near
 from .states import NoEquilibriumError, State
@@ -52,6 +53,9 @@ _NUMERICAL = "stabilisation", "deviation"
 
 #: Reason why a ply has no interval of the load.
 NO_LOAD = "no moving condition carries a load"
+
+# Reason for a mesh without interior edges, at which one-point elements are stabilised.
+_TOO_COARSE = "the mesh is too coarse to have a numerical stiffness: refine it"
 
 #: A quantity of the user: a number from a ply and its displacement.
 Quantity = Callable[[Ply, ndarray], float]
@@ -128,7 +132,9 @@ def error_interval(
         return ErrorInterval(reason="the equilibrium is not stable")
     try:
         with np.errstate(all="ignore"):  # non-finite values are detected
-            return _interval(problem.at(state.load_factor), conditions, solver, state)
+            of_state = problem.at(state.load_factor)
+            of_state.clock = Clock()  # that of the run goes on
+            return _interval(of_state, conditions, solver, state)
     except NoEquilibriumError as error:
         reason = f"a formulation with numerical stiffness has no state nearby: {error}"
     except MemoryError:
@@ -248,6 +254,8 @@ def _interval(
             theirs, half = changes.half_width(quantity)
             return value, abs(value - theirs) + half
 
+    if not changes.motions:
+        return ErrorInterval(reason=_TOO_COARSE)
     angle = max(angle, _rms_jump(ply, state.u))
     if not np.isfinite([load, angle]).all():
         return ErrorInterval(reason="its half-width is not finite")

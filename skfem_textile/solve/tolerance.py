@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..mesh.user_input import error_text
 from .interval import ErrorInterval
 from .result import Result, StepError
 from .states import State
@@ -158,7 +159,7 @@ class ToleranceStepper:
             )
         self._at, self.tolerance, self._density = stepper_at, tolerance, density
         self.most_unknowns, self.on_round = most_unknowns, on_round
-        self._stepper = stepper_at(density)
+        self._first = self._stepper = stepper_at(density)
         if most_unknowns < self._stepper.ply.basis.N:
             raise ValueError(
                 f"the ply has {self._stepper.ply.basis.N} unknowns, more than "
@@ -186,20 +187,20 @@ class ToleranceStepper:
             raise ValueError(
                 "a run to a tolerance writes no checkpoint and cannot be resumed"
             )
-        self._rounds, self._interval, density = [], None, self._density
-        stepper: LoadStepper | None = self._stepper
-        while stepper is not None:
-            self._run(stepper, density)
-            result = self.result
-            if result.tolerance_met:
-                return result
-            if result.error.load is None and result.error.shear_angle is not None:
-                raise self._error(
-                    "the tolerance is relative to the load, but there is no load: "
-                    f"{result.error.reason}"
-                )
-            density *= self._next(result)
-            stepper = self._finer(density)
+        self._rounds, self._interval = [], None
+        try:
+            self._run_all()
+        except StepError:
+            raise
+        except Exception as error:  # a user's function may raise anything
+            if not self._rounds:
+                raise
+            last = self._rounds[-1].density
+            why = f"after the mesh of density {last:.3g}: {error_text(error)}"
+            raise self._error(why) from error
+        result = self.result
+        if result.tolerance_met:
+            return result
         half, reason = result.error.load, result.error.reason
         found = f"has no interval ({reason})" if half is None else f"is ± {half:.2%}"
         raise self._error(
@@ -207,6 +208,22 @@ class ToleranceStepper:
             f"error of the load {found}, but ± {100 * self.tolerance:g} % was "
             "requested; increase most_unknowns or the tolerance"
         )
+
+    def _run_all(self) -> None:
+        """Runs on finer and finer meshes, as far as `most_unknowns` allows."""
+        density, stepper = self._density, self._first
+        while self.most_unknowns >= stepper.ply.basis.N:
+            self._run(stepper, density)
+            result = self.result
+            if result.tolerance_met:
+                return
+            if result.error.load is None and result.error.shear_angle is not None:
+                raise self._error(
+                    "the tolerance is relative to the load, but there is no load: "
+                    f"{result.error.reason}"
+                )
+            density *= self._next(result)
+            stepper = self._at(density)
 
     @property
     def states(self) -> tuple[State, ...]:
@@ -257,14 +274,6 @@ class ToleranceStepper:
             return _WITHOUT_INTERVAL
         step = _MARGIN * (half / self.tolerance) ** (1 / _ORDER)
         return float(np.clip(step, _LEAST_STEP, _MOST_STEP))
-
-    def _finer(self, density: float) -> LoadStepper | None:
-        """Load stepper on the next mesh; None if that has too many unknowns."""
-        try:
-            stepper = self._at(density)
-        except (MemoryError, ValueError) as error:
-            raise self._error(f"there is no finer mesh: {error}") from error
-        return stepper if self.most_unknowns >= stepper.ply.basis.N else None
 
     def _error(self, why: str) -> StepError:
         return StepError(why, self.result, np.empty(0, dtype=int))

@@ -213,6 +213,18 @@ def test_the_interval_changes_neither_ply_nor_states():
     assert 0 < earlier.load != result.error.load
 
 
+def test_an_interval_is_no_part_of_the_run():
+    scene = bias_extension("delaunay", (2, 4))
+    ply = Ply(scene.mesh, Fabric(1e4, 0.5, scene.warp, scene.weft))
+    stepper = LoadStepper(ply, scene.conditions, 2)
+    before = stepper.run()
+    assert before.error.load
+    after = stepper.result
+    assert after.linear_solves == before.linear_solves
+    assert after.factorisations == before.factorisations
+    assert after.solve_time_s == before.solve_time_s
+
+
 def test_an_interval_needs_one_factorisation(monkeypatch):
     result, made = pulled(), []
     first = interval.Tangent
@@ -429,6 +441,15 @@ def test_without_a_load_only_the_shear_angle_has_an_error(value, formulation):
         "by the numerical stiffness; none for the load: no moving condition carries a "
         "load"
     )
+
+
+@pytest.mark.parametrize("formulation", [OnePoint(), Full()], ids=repr)
+def test_a_single_element_has_no_interval(formulation):
+    """It has no interior edge, and therefore no stabilisation; its error is large."""
+    mesh = MeshQuad().scaled(50.0).with_defaults()
+    held = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 8.0))}
+    reason = reason_of(run_of(square(formulation, mesh), held, 1).error)
+    assert reason == "the mesh is too coarse to have a numerical stiffness: refine it"
 
 
 def test_a_mostly_numerical_resistance_has_no_interval():
