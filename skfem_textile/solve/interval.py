@@ -54,9 +54,6 @@ _NUMERICAL = "stabilisation", "deviation"
 #: Reason why a ply has no interval of the load.
 NO_LOAD = "no moving condition carries a load"
 
-# Reason for a mesh without interior edges, at which one-point elements are stabilised.
-_TOO_COARSE = "the mesh is too coarse to have a numerical stiffness: refine it"
-
 #: A quantity of the user: a number from a ply and its displacement.
 Quantity = Callable[[Ply, ndarray], float]
 
@@ -130,6 +127,8 @@ def error_interval(
         return ErrorInterval(reason="the ply is not loaded yet")
     if not state.verdict.stable:
         return ErrorInterval(reason="the equilibrium is not stable")
+    if not problem.constraints.free.size:
+        return ErrorInterval(reason="no node is free: refine the mesh")
     try:
         with np.errstate(all="ignore"):  # non-finite values are detected
             of_state = problem.at(state.load_factor)
@@ -254,8 +253,6 @@ def _interval(
             theirs, half = changes.half_width(quantity)
             return value, abs(value - theirs) + half
 
-    if not changes.motions:
-        return ErrorInterval(reason=_TOO_COARSE)
     angle = max(angle, _rms_jump(ply, state.u))
     if not np.isfinite([load, angle]).all():
         return ErrorInterval(reason="its half-width is not finite")

@@ -11,7 +11,7 @@ import pytest
 from skfem_textile import Fabric, Ply
 from skfem_textile.cli import main as cli
 from skfem_textile.cli import results
-from skfem_textile.cli.curve import DISPLACEMENT, FORCE, curve_of
+from skfem_textile.cli.curve import DISPLACEMENT, FORCE, HALF_WIDTH, curve_of
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes.bias_extension import WIDTH
 from tests.helpers.command_line import DRAWN, run
@@ -62,7 +62,10 @@ def test_the_load_is_plotted_against_the_driven_displacement(tmp_path, monkeypat
         assert file.name == "load.png"
         summary = json.loads((out / "summary.json").read_text())
         (lines,) = panels.values()
-        moved, force = lines["run"]
+        moved, force, half_width = lines["run"]
+        assert half_width[-1] == pytest.approx(
+            summary["load_half_width"] * abs(force[-1])
+        )
         assert force[-1] == pytest.approx(summary[f"reaction_{axis}"])
         assert moved[0] == 0
         assert moved[-1] > 5
@@ -87,6 +90,8 @@ def test_a_load_of_round_off_is_not_drawn(tmp_path):
     assert curve[DISPLACEMENT][-1] < -10
     assert scene.reaction(result.states[-1]).any()
     assert not curve[FORCE].any()
+    assert curve[HALF_WIDTH][0] == 0
+    assert np.isnan(curve[HALF_WIDTH][-1])
     results.draw_curves(curve, None, tmp_path)
     assert not list(tmp_path.iterdir())
     test = {DISPLACEMENT: np.array([0.0, -9.0]), FORCE: np.array([0.0, 2.0])}

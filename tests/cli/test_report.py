@@ -203,6 +203,10 @@ def test_the_curve_of_a_run_is_read_as_a_curve_of_a_test(tmp_path):
     digits = [re.sub(r"e.*|\D", "", x).strip("0") for x in numbers.split(",")]
     assert max(map(len, digits)) == 12
     assert curve["angle (deg)"] == pytest.approx([0, 20, 40])
+    half = curve["half-width of the force (N)"]
+    assert half[0] == 0
+    assert half[-1] == pytest.approx(summary["load_half_width"] * summary["reaction_y"])
+    assert 0 < half[1] < half[-1]
     moment = 0.5 * np.radians(curve["angle (deg)"])
     expected = moment / np.cos(np.radians(curve["angle (deg)"]))
     assert curve["normalised shear force (N/mm)"] == pytest.approx(expected, rel=0.2)

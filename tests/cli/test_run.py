@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -265,35 +266,98 @@ def read(end):
 
 
 BIAS = (
-    *("bias_extension", "--mesh", "delaunay", "--size", "4x8"),
-    *("--steps", "4", "--no-render"),
+    *("bias_extension", "--mesh", "delaunay", "--size", "2x4"),
+    *("--steps", "2", "--no-render"),
 )
 
 
+def run_to_tolerance(tmp_path, *options, of=BIAS):
+    return main(["run", *of, "--out", str(tmp_path / "out"), *options])
+
+
+def summary_in(tmp_path):
+    return json.loads((tmp_path / "out" / "summary.json").read_text())
+
+
 def test_a_run_to_a_tolerance_reports_that_it_is_met(tmp_path, capsys):
-    assert run_to_tolerance(tmp_path, "--tolerance", "0.08") == 0
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    """A mesh of another kind has more and more elements along each side."""
+    assert run_to_tolerance(tmp_path, "--tolerance", "0.15") == 0
+    summary = summary_in(tmp_path)
     assert summary["tolerance_met"] is True
-    assert summary["estimated_load_error"] < 0.08
+    assert summary["load_half_width"] < 0.15
+    assert len(summary["rounds"]) > 1
     assert summary["rounds"][-1]["unknowns"] == summary["n_dofs"]
-    assert summary["inputs"]["stepping"]["tolerance"] == 0.08
+    assert summary["rounds"][-1]["half_width"] == summary["load_half_width"]
+    assert summary["inputs"]["stepping"]["tolerance"] == 0.15
+    assert summary["inputs"]["mesh"]["size"] == [2, 4]
     printed = capsys.readouterr().out
     assert printed.count("\nrounds ") == len(summary["rounds"])
 
 
+def test_a_graded_mesh_is_made_denser(tmp_path):
+    graded = "bias_extension", "--mesh", "graded", "--steps", "2", "--no-render"
+    thin = "--set", "mesh.density=0.25"
+    assert run_to_tolerance(tmp_path, *thin, "--tolerance", "0.004", of=graded) == 0
+    summary = summary_in(tmp_path)
+    assert summary["tolerance_met"] is True
+    assert summary["formulation"] == "quadratic"
+    assert len(summary["rounds"]) > 1
+    unknowns = [one["unknowns"] for one in summary["rounds"]]
+    assert unknowns == sorted(set(unknowns))
+
+
+HOLE = Path(__file__).parents[2] / "examples" / "meshes" / "hole.msh"
+
+WITH_HOLE = (
+    *("specimen", "--mesh", str(HOLE), "--fibres", "45", "--no-render"),
+    *("--move", "bottom=0,0", "--move", "top=0,10", "--steps", "2"),
+)
+
+
+def test_graded_meshes_replace_the_mesh_of_a_file(tmp_path):
+    assert run_to_tolerance(tmp_path, "--tolerance", "0.5", of=WITH_HOLE) == 0
+    summary = summary_in(tmp_path)
+    assert summary["tolerance_met"] is True
+    assert summary["formulation"] == "quadratic"
+    formulation = summary["inputs"]["formulation"]
+    assert (formulation["deviation"], formulation["points"]) == (400, 6)
+    assert summary["inputs"]["mesh"]["source"].endswith("hole.msh")
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (("--set", "regions.all.shear.stiffness_N_per_mm=1"), "regions"),
+        (("--directions", "fibres.csv"), "mesh.directions"),
+    ],
+)
+def test_a_tolerance_with_fields_on_the_mesh_of_a_file_is_refused(
+    tmp_path, monkeypatch, capsys, options, reason
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fibres.csv").write_text("")
+    out = "--out", str(tmp_path / "out"), "--tolerance", "0.1"
+    line = rejected(capsys, "run", *WITH_HOLE, *out, *options)
+    assert f"not possible with {reason}: omit stepping.tolerance" in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_tolerance_in_space_on_the_mesh_of_a_file_is_refused(tmp_path, capsys):
+    cantilever = "cantilever", "--mesh", str(HOLE), "--no-render"
+    out = "--out", str(tmp_path / "out")
+    line = rejected(capsys, "run", *cantilever, *out, "--tolerance", "0.1")
+    assert "not possible with the scene cantilever, which is in space" in line
+
+
 def test_a_tolerance_that_is_not_met_gives_exit_code_1_and_the_result(tmp_path, capsys):
-    most = "--set", "stepping.most_unknowns=1500"
+    most = "--set", "stepping.most_unknowns=600"
     assert run_to_tolerance(tmp_path, "--tolerance", "0.0001", *most) == 1
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "the tolerance is not met with at most 1500 unknowns" in line
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    *_, line = capsys.readouterr().err.splitlines()
+    assert "the tolerance is not met with at most 600 unknowns" in line
+    summary = summary_in(tmp_path)
     assert summary["tolerance_met"] is False
     assert summary["converged"] is True
-    assert summary["n_dofs"] <= 1500
-
-
-def run_to_tolerance(tmp_path, *options):
-    return main(["run", *BIAS, "--out", str(tmp_path / "out"), *options])
+    assert summary["n_dofs"] <= 600
 
 
 @pytest.mark.parametrize(

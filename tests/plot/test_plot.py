@@ -249,6 +249,17 @@ def test_load_curves_have_their_labels(tmp_path):
     assert [line.get_ydata().tolist() for line in axes.lines] == [[0, 2], [0, 3]]
 
 
+def test_a_half_width_is_drawn_as_a_band_in_the_colour_of_its_curve():
+    half = np.array([0.0, 0.5, np.nan])
+    lines = {"plain": ([0, 1, 2], [0, 2, 3]), "run": ([0, 1, 2], [0, 1, 2], half)}
+    (axes,) = curves({"": lines}, "mm", "N").axes
+    (band,) = axes.collections
+    assert matplotlib.colors.same_color(band.get_facecolor()[0, :3], COLOURS[1])
+    corners = np.concatenate([path.vertices for path in band.get_paths()])
+    assert set(corners[corners[:, 0] == 1, 1]) == {0.5, 1.5}
+    assert corners[:, 0].max() == 1  # without a half-width there is no band
+
+
 def test_long_labels_of_load_curves_are_not_cut():
     """Three of them side by side would be wider than the figure."""
     lines = {f"{name} of two N/mm, glued": ([0, 1], [0, 1]) for name in "abc"}

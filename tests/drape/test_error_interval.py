@@ -1,0 +1,80 @@
+"""Errors of the shear angle of plies on surfaces."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, LoadStepper, Macro, OnePoint, drape, equilibrium_near
+from skfem_textile.scenes import Case, hemisphere
+from skfem_textile.scenes import drape as on_tool
+from studies.formulations.drape import chebyshev
+from tests.helpers import graph
+
+
+def skew_bump():
+    def height(x, y):
+        a, b = x - 15, y - 20
+        return 20 * np.exp(-(a**2 + 2 * b**2 + 0.7 * x * y) / 2500) - 0.001 * x**2
+
+    return drape.TriangleMesh(*graph(np.linspace(-100, 100, 29), height))
+
+
+def constant_angle_error(ply, u):
+    """Root-mean-square error in radians of the element-wise constant angle."""
+    xi = (np.indices((8, 8)).reshape(2, -1) + 0.5) / 8
+    exact = chebyshev.shear_angle(ply.basis.mapping.F(xi))
+    error = ply.shear_angle(u).mean(axis=1)[:, None] - exact
+    return float(np.sqrt(np.mean(error**2)))
+
+
+@pytest.mark.parametrize("cells", [4, 8, 16])
+@pytest.mark.parametrize("formulation", [Macro(), OnePoint()], ids=repr)
+def test_the_error_of_the_shear_angle_is_estimated_on_a_sphere(formulation, cells):
+    ply, conditions, start = chebyshev.problem(formulation, cells)
+    warn = ["stabilisation", "deviation"]
+    state = equilibrium_near(ply, conditions, start, warn_only=warn)
+    estimate = LoadStepper(ply, conditions, 1).interval("superlu", state)
+    error = constant_angle_error(ply, state.u)
+    assert 0.8 * error < estimate.shear_angle < 4 * error
+    assert estimate.load < 0.1
+
+
+@pytest.mark.parametrize("fibres", [0, 30, 45])
+def test_a_ply_without_loads_has_an_error_of_the_shear_angle(fibres):
+    """At every fibre angle, with symmetry planes or a constraint at the middle."""
+    scene = hemisphere(fibres=np.radians(fibres), tension=0.0, size=(4, 4))
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
+    result = Case(scene=scene, fabric=fabric, steps=1).run()
+    summary = result.summary()
+    assert summary["load_half_width"] is None
+    assert 0.1 < summary["shear_angle_error_deg"] < 20
+    assert summary["error_interval"] == (
+        "by the numerical stiffness; none for the load: no moving condition carries a "
+        "load"
+    )
+    low, high = result.error.of(lambda ply, u: float(ply.shear_angle(u).max()))
+    assert low < result.ply.shear_angle(result.u).max() < high
+
+
+def test_forces_at_constrained_nodes_are_not_reported(caplog):
+    """They depend on the tool; a point force affects the elements around it only."""
+    size = {"size": (6, 6), "width": 150.0, "height": 150.0}
+    scene = on_tool(skew_bump(), fibres=0.5, **size)
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
+    result = Case(scene=scene, fabric=fabric, steps=1).run()
+    assert result.states[-1].shares["turn_left_reaction"]["deviation"] > 0.25
+    assert "turn_left" not in caplog.text
+    assert "turn_right" not in caplog.text
+
+
+def test_forces_at_constrained_nodes_are_not_a_load():
+    """They depend on the tool, and do not vanish on a tool without symmetry."""
+    scene = on_tool(skew_bump(), tension=0.0, size=(4, 4), width=150.0, height=150.0)
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
+    result = Case(scene=scene, fabric=fabric, steps=1).run()
+    state = result.states[-1]
+    held = max(
+        np.abs(state.reactions[name]).max() for name in ("middle_x", "turn_left")
+    )
+    assert held > 1e3 * state.tolerance
+    assert result.error.load is None
+    assert result.error.shear_angle > 0
