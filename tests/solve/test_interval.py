@@ -126,15 +126,17 @@ def test_the_half_width_is_the_derivative_by_the_logarithm_of_the_stiffness(
 
 
 def test_the_half_width_is_the_difference_of_runs_with_other_stabilisations():
-    load, h = {}, 0.01
-    for factor in (1.0, 1 + h, 1 - h):
-        result = pulled("irregular", OnePoint(5.0 * factor), (6, 12))
-        load[factor] = result.states[-1].reactions["top"][1]
-        error = result.error if factor == 1 else error
-    ply = result.ply
-    slope = (load[1 + h] - load[1 - h]) / (2 * h * load[1.0])
-    expected = ply.formulation.log_range(ply.mesh) * slope
-    assert error.load == pytest.approx(expected, rel=1e-3)
+    h = 0.01
+    less, result, more = (
+        pulled("irregular", OnePoint(5.0 * factor), (6, 12))
+        for factor in (1 - h, 1.0, 1 + h)
+    )
+    before, load, after = (
+        one.states[-1].reactions["top"][1] for one in (less, result, more)
+    )
+    log_range = result.ply.formulation.log_range(result.ply.mesh)
+    expected = log_range * (after - before) / (2 * h * load)
+    assert result.error.load == pytest.approx(expected, rel=1e-3)
 
 
 def test_stiffnesses_other_than_the_calibrated_have_a_larger_range():
@@ -308,9 +310,7 @@ def test_without_numerical_stiffness_the_interval_contains_that_of_the_reference
     ).at(1.0)
     log_range = reference.log_range(ply.mesh)
     changes = interval._Changes.of(theirs, there)
-    load, other_load = (
-        s.reactions["top"][1] for s in (result.states[-1], there)
-    )
+    load, other_load = (s.reactions["top"][1] for s in (result.states[-1], there))
     half = changes.work / work_of(theirs, there) * other_load
     assert log_range > 0 < half
     assert error.load * load == pytest.approx(abs(load - other_load) + half, rel=1e-4)
@@ -414,9 +414,7 @@ def test_a_ply_at_rest_and_an_unstable_state_have_no_interval():
     mesh = MeshQuad.init_tensor(np.linspace(0, 1, 9), np.linspace(0, 0.1, 2))
     rods = Ply(mesh.with_defaults(), Fabric(100.0, 0.01), Full())
     squeezed = {"left": Condition("left"), "right": Condition("right", (-0.2, 0.0))}
-    buckled = run_of(
-        rods, squeezed, 1, method="plain", warn_only=["stability", "work"]
-    )
+    buckled = run_of(rods, squeezed, 1, method="plain", warn_only=["stability", "work"])
     assert reason_of(buckled.error) == "the equilibrium is not stable"
     summary = buckled.summary()
     assert summary["load_half_width"] is None

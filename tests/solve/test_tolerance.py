@@ -199,7 +199,7 @@ def stuck_at(monkeypatch, error, unknowns=0):
     advance = Run._step
 
     def step(run, t):
-        if t > 0.5 and run.problem.ply.basis.N > unknowns:
+        if t > 0.5 and unknowns < run.problem.ply.basis.N:
             raise error
         return advance(run, t)
 
