@@ -39,7 +39,7 @@ from tests.helpers import arguments_of
 
 MACRO = Macro()
 NUMERICAL = [MACRO, OnePoint(), OnePoint(5.0), Quadratic(20.0)]
-COMPARED = [Full(), Quadratic(), OnePoint(0.0), Macro(0.0, (0.0, 0.0))]
+COMPARED = [Full(), Quadratic(), OnePoint(0.0)]
 BIAS = Fabric(1e4, 0.5, (1, 1), (-1, 1))
 
 
@@ -148,6 +148,8 @@ def test_stiffnesses_other_than_the_calibrated_have_a_larger_range():
         (Quadratic(70.0), Quadratic(7.0)),
     ):
         assert other.log_range(mesh) > usual.log_range(mesh) + 0.9
+    for one in (Macro(0.0), Macro(deviation=(0.0, 700.0))):
+        assert one.reference(mesh) == Macro()
     assert Quadratic(700.0).log_range(mesh) == pytest.approx(
         Quadratic(7.0).log_range(mesh)
     )
@@ -350,7 +352,7 @@ def test_conditions_by_numbers_and_names_of_nodes_have_the_interval_of_the_edge(
     numbers = np.flatnonzero(np.isclose(plain.nodes[1], 50))
     errors = [
         run_of(
-            ply, {"bottom": Condition("bottom"), "top": Condition(top, (0.0, 8.0))}
+            ply, {"bottom": Condition("bottom"), "top": Condition(top, (0.0, 2.0))}
         ).error
         for ply, top in ((plain, "top"), (plain, numbers), (named, "upper"))
     ]
@@ -371,7 +373,7 @@ def test_pins_rollers_and_terms_of_the_user_have_an_interval():
     assert plain.load is not None
     assert stiffer.load is not None
     rate = pulled("irregular", OnePoint(5.0, kind="rate"))
-    assert 0 < rate.error.load < 0.5
+    assert rate.error.load > 0
 
 
 def rotated(X, t):
@@ -390,7 +392,7 @@ def test_the_load_of_a_rotated_edge_is_the_rate_of_the_energy():
     rate = (3 * end - 4 * middle + before) / 2 * n
     work = work_of(problem_of(result, held), result.states[-1])
     assert work == pytest.approx(rate, rel=1e-3)
-    assert 0 < result.error.load < 0.5
+    assert 0 < result.error.load < 1
 
 
 # States without an interval
