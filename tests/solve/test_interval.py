@@ -345,10 +345,10 @@ def square(formulation=MACRO, mesh=None):
 
 
 def test_conditions_by_numbers_and_names_of_nodes_have_the_interval_of_the_edge():
-    mesh = rectangle(50, 50, (4, 4), "delaunay")
+    mesh = rectangle(50, 50, (4, 4), "irregular")
     upper = np.flatnonzero(np.isclose(mesh.p[1], 50))
-    named = square(mesh=with_named_nodes(mesh, {"upper": upper}))
-    plain = square(mesh=mesh)
+    named = square(OnePoint(), with_named_nodes(mesh, {"upper": upper}))
+    plain = square(OnePoint(), mesh)
     numbers = np.flatnonzero(np.isclose(plain.nodes[1], 50))
     errors = [
         run_of(
