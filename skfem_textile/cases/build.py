@@ -199,7 +199,7 @@ def _forces(file: CaseFile, turn: np.ndarray) -> tuple[Force, ...]:
 def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
     """The scene on its mesh, rotated.
 
-    For a run to a tolerance a mesh along the singular fibres replaces that of a file.
+    For a run to a tolerance a mesh along the singular fibres replaces a file's mesh.
     """
     scene, options = file.scene, file.mesh
     _refuse_other_mesh_keys(file)

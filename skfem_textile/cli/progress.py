@@ -51,7 +51,7 @@ def _interrupted(stepper: "Stepper") -> str:
     at = stepper.states[-1].load_factor
     if hasattr(stepper, "tolerance"):
         return (
-            "interrupted on the way to the tolerance: the last converged state, "
+            "interrupted before the tolerance was met: the last converged state, "
             f"at load factor {at:.6g}, is written"
         )
     kept, lost = (

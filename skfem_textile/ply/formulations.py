@@ -538,7 +538,7 @@ class Quadratic(Pointwise):
 def _height_of_layer(mesh: Mesh) -> float:
     """Median of height over length of the triangles on singular fibres, at most 1.
 
-    The length is that of the edge on the fibre; 0 if there is no such triangle.
+    The length is the length of the edge on the fibre; 0 if there is no such triangle.
     """
     edges = np.asarray((mesh.boundaries or {}).get(SINGULAR, ()), dtype=int)
     if not edges.size:

@@ -77,7 +77,7 @@ class ErrorInterval:
     reactions
         Half-width of the reaction of each condition in N, shape (d,).
     reason
-        Reason why the interval, or that of the load, is not available; else empty.
+        Reason why the interval, or its load, is not available; else empty.
     """
 
     load: float | None = None
@@ -132,7 +132,7 @@ def error_interval(
     try:
         with np.errstate(all="ignore"):  # non-finite values are detected
             of_state = problem.at(state.load_factor)
-            of_state.clock = Clock()  # that of the run goes on
+            of_state.clock = Clock()  # the run's clock goes on
             return _interval(of_state, conditions, solver, state)
     except NoEquilibriumError as error:
         reason = f"a formulation with numerical stiffness has no state nearby: {error}"

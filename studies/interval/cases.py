@@ -51,6 +51,9 @@ TOLERANCE, CHOOSING, JUDGING, RUNS = 0.01, 41, 20261127, 20261128
 # Height of plies with holes in mm, and density of the references of `_plates`.
 _HEIGHT, _OF_PLATES = 115.0, 2.0
 
+# Last of the kinds of `_loaded`, from 0.
+_ROLLERS = 3
+
 _PLATES = Path(__file__).parent / "plates"
 
 
@@ -177,7 +180,7 @@ class ToTolerance:
         return self.case
 
     def rows(self) -> list[Row]:
-        """Whether the tolerance is met, and the true error."""
+        """Outcome of the run, and the true error."""
         problem = self.problem
         row: Row = {"case": self.case}
         if (reference := problem.reference()) is None:
@@ -217,7 +220,7 @@ class ToTolerance:
 def judged(seed: int, before: str) -> Iterator[Judged]:
     """Cases of every class."""
     for i, (draw, n) in enumerate(_CLASSES.items()):
-        kind = (draw.__doc__ or "").rstrip(".").lower()
+        kind = (draw.__doc__ or "").partition(".")[0].lower()
         random = np.random.default_rng([seed, i])
         for j, (problem, *more) in enumerate(islice(draw(random), n), start=1):
             options = more[0] if more else {}
@@ -307,19 +310,26 @@ def _unbalanced(random: Any) -> _Drawn:
 
 
 def _loaded(random: Any) -> _Drawn:
-    """Forces and rollers."""
+    """Forces and rollers.
+
+    A ply on rollers is half of a symmetric one, and twice as high, so that no fibre
+    connects the clamps.
+    """
     for i, case in enumerate(_specimens(random)):
+        if i % (_ROLLERS + 1) == _ROLLERS:
+            height, travel = 2 * case.polygon[2][1], 2 * case.travel
+            case = replace(case, polygon=box(height), travel=travel)
         outline, fabric, conditions = case.problem()
         force, clamp = random.uniform(2, 40), {"bottom": Condition("bottom")}
         loads: tuple[Any, ...] = (Force("top", (0, force)),)
-        match i % 4:
+        match i % (_ROLLERS + 1):
             case 0:
                 conditions = clamp
             case 1:
                 conditions = {**clamp, "top": Condition("top", 0.0, direction=(1, 0))}
             case 2:
                 loads = (Force("left", (-force / 3, 0)),)
-            case 3:
+            case _:
                 rollers = Condition("left", 0.0, direction=(1, 0))
                 conditions, loads = {**conditions, "left": rollers}, ()
         yield (Problem(outline, fabric, conditions, loads, 2),)

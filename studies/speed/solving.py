@@ -266,8 +266,7 @@ def scaling(settings: Settings) -> Row:
 
     The meshes have 10⁴ to 10⁶ jittered quadrilaterals.  The times are for the set-up
     (bases, pattern, ordering, symbolic factorisation), for one iteration and, in
-    another process, for the whole load in one step.  Exponents are those of power
-    laws.
+    another process, for the whole load in one step.  Exponents belong to power laws.
     """
     sizes = [size for size in _SIZES if size <= settings.most]
     names = ("rslab", *(n for n in _OPTIONAL if find_spec(LINEAR_SOLVERS[n].package)))
