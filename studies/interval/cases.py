@@ -217,12 +217,14 @@ class ToTolerance:
         ]
 
 
-def judged(seed: int, before: str) -> Iterator[Judged]:
-    """Cases of every class."""
+def judged(seed: int, before: str, share: float = 1.0) -> Iterator[Judged]:
+    """A share of the cases of every class."""
     for i, (draw, n) in enumerate(_CLASSES.items()):
         kind = (draw.__doc__ or "").partition(".")[0].lower()
         random = np.random.default_rng([seed, i])
-        for j, (problem, *more) in enumerate(islice(draw(random), n), start=1):
+        for j, (problem, *more) in enumerate(
+            islice(draw(random), round(share * n)), start=1
+        ):
             options = more[0] if more else {}
             yield Judged(f"{before}{kind} {j}", kind, problem, **options)
 

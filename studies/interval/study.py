@@ -176,7 +176,7 @@ class Interval(Study[Judged | ToTolerance]):
         }
 
     def cases(self, options: argparse.Namespace) -> Sequence[Judged | ToTolerance]:
-        chosen = judged(CHOOSING, "chosen: ")
+        chosen = judged(CHOOSING, "chosen: ", 1 / 3)
         drawn = [case for case in chosen if "gmsh" not in case.kind]
         return [*judged(JUDGING, "judged: "), *drawn, *runs_to_tolerance()]
 
