@@ -204,7 +204,7 @@ def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
     scene, options = file.scene, file.mesh
     _refuse_other_mesh_keys(file)
     mesh: str | SkfemMesh = options.source
-    size = options.size and tuple(max(1, round(density * n)) for n in options.size)
+    size = options.size and tuple(round(density * n) for n in options.size)
     of_grid = {"size": size, "jitter": options.jitter, "seed": options.seed}
     of_grid = {key: value for key, value in of_grid.items() if value is not None}
     if options.source == GRADED:

@@ -90,7 +90,8 @@ def curve_of(scene: Scene, result: Result) -> dict[str, ndarray]:
     displacement.
 
     Forces below the equilibrium tolerance are 0.  The half-width of the force follows
-    from the error interval of each state and is nan where there is none.
+    from the error interval of each state and is nan where there is none; there is no
+    such column if no state has one.
     """
     half = np.array([_relative_half_width(result, state) for state in result.states])
     moved = np.array([scene.driven_displacement(state) for state in result.states])
@@ -102,7 +103,9 @@ def curve_of(scene: Scene, result: Result) -> dict[str, ndarray]:
         displacement, pull = moved[:, axis], force[:, axis]
     else:
         displacement, pull = scene.shear_test.measured(moved, force)
-    curve = {DISPLACEMENT: displacement, FORCE: pull, HALF_WIDTH: half * np.abs(pull)}
+    curve = {DISPLACEMENT: displacement, FORCE: pull}
+    if not np.isnan(half[1:]).all():
+        curve[HALF_WIDTH] = half * np.abs(pull)
     return completed(curve, scene.shear_test)
 
 
