@@ -246,7 +246,7 @@ def test_the_printed_interval_has_no_arrays_of_the_ply():
     assert len(repr(pulled().error)) < 400
 
 
-# What it contains
+# Contents of the interval
 
 
 # Formulations and meshes, and the largest error over the half-width.  Triangles across
