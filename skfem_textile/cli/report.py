@@ -124,13 +124,10 @@ def _verdict(summary: Mapping[str, Any]) -> Iterator[_Row]:
             yield "Elements", "good", f"none folded, {smallest}"
         else:
             yield "Elements", "bad", smallest
-    error, reason = (
-        summary.get("estimated_load_error"),
-        summary.get("error_estimate", ""),
-    )
-    if isinstance(error, int | float):
-        reason = f"{100 * error:.2g} % {printable(reason)}".strip()
-    yield "Estimated error of the load", "", reason or "none"
+    half, how = summary.get("load_half_width"), summary.get("error_interval", "")
+    if isinstance(half, int | float):
+        how = f"± {100 * half:.2g} % {printable(how)}".strip()
+    yield "Error interval of the load", "", how or "none"
     if "exact_answer" in summary:
         yield "Exact solution", "", summary["exact_answer"]
 

@@ -89,6 +89,8 @@ def test_a_report_states_the_results_of_the_run(results):
         assert sentence in page.text
     whole = (results / "case.toml").read_text()
     assert whole in page.text
+    half = f"{100 * summary['load_half_width']:.2g} %"
+    assert f"± {half} by the numerical stiffness" in page.text
 
 
 def test_curves_of_run_and_test_are_drawn(results, monkeypatch, tmp_path):
