@@ -106,7 +106,7 @@ def test_a_first_mesh_that_is_fine_enough_is_the_last():
 
 
 def test_a_second_run_begins_on_the_first_mesh():
-    stepper = ToleranceStepper(on_squares(steps=1), 1e-3)
+    stepper = ToleranceStepper(on_nets(steps=1), 1e-3)
     first, second = stepper.run(), stepper.run()
     assert len(first.rounds) > 1
     assert second.rounds == first.rounds
