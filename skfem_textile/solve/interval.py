@@ -35,9 +35,9 @@ from .verdict import CHECKS
 #: belongs to the interval of the load: `python -m studies interval --case "chosen: *"`.
 SHEAR_ANGLE_OVER_CHANGE = 2.2
 
-# Half-width of the load, relative to the load, beyond which the change is not of first
-# order.
-_MOST = 1.0
+# Half-width of the load relative to it, beyond which the change is not of first order,
+# and numerical share of the energy, beyond which there is no interval.
+_MOST, _MOST_NUMERICAL = 1.0, 0.5
 
 # Relative steps of finite differences: of the load factor for the rate of the fixed
 # values, and along a motion for the derivative of a quantity.
@@ -51,8 +51,15 @@ _OF_A_LOAD = 0.01
 # Roles whose stiffness is numerical.
 _NUMERICAL = "stabilisation", "deviation"
 
-#: Reason why a ply has no interval of the load.
-NO_LOAD = "no moving condition carries a load"
+# Reasons why a ply has no interval of the load.
+_NO_LOAD = "no moving condition carries a load"
+_IN_SPACE = (
+    "intervals are measured for plies in the plane only; compare with a finer mesh"
+)
+_NUMERICAL_LOAD = (
+    "most of the resistance is numerical: refine the mesh, or use one that follows the "
+    "singular fibres"
+)
 
 #: A quantity of the user: a number from a ply and its displacement.
 Quantity = Callable[[Ply, ndarray], float]
@@ -100,7 +107,7 @@ class ErrorInterval:
         Raises
         ------
         ValueError
-            If there is no interval.
+            If there is no interval, or the quantity is not finite.
 
         Examples
         --------
@@ -116,6 +123,8 @@ class ErrorInterval:
         if self._half_width is None:
             raise ValueError(f"there is no interval: {self.reason}")
         value, half_width = self._half_width(quantity)
+        if not np.isfinite([value, half_width]).all():
+            raise ValueError("the quantity must be a finite number around the state")
         return value - half_width, value + half_width
 
 
@@ -256,14 +265,14 @@ def _interval(
     angle = max(angle, _rms_jump(ply, state.u))
     if not np.isfinite([load, angle]).all():
         return ErrorInterval(reason="its half-width is not finite")
+    if problem.in_space:
+        return ErrorInterval(None, angle, reason=_IN_SPACE if work else _NO_LOAD)
     if not work:
-        return ErrorInterval(None, angle, reactions, NO_LOAD, half_width)
+        return ErrorInterval(None, angle, reactions, _NO_LOAD, half_width)
     load /= abs(work)
-    if load > _MOST:
-        return ErrorInterval(
-            reason="the resistance is mostly numerical: refine the mesh, or use one "
-            "that follows the singular fibres"
-        )
+    numerical = sum(state.shares.get("energy", {}).values())
+    if load > _MOST or numerical > _MOST_NUMERICAL:
+        return ErrorInterval(reason=_NUMERICAL_LOAD)
     return ErrorInterval(load, angle, reactions, "", half_width)
 
 

@@ -268,7 +268,7 @@ def equilibrium_near(
     ply, conditions
         The ply, and its displacement conditions by name.
     u
-        Displacement, such as a result of `Refinement.carry`.
+        Displacement, such as one of the same ply with other laws or loads.
     load_factor
         Load factor.
     parameters

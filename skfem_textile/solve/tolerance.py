@@ -26,8 +26,8 @@ _LEAST_STEP, _MOST_STEP, _WITHOUT_INTERVAL = 1.2, 4.0, 2.0
 # Margin of the next density, because half-widths do not follow a power exactly.
 _MARGIN = 1.15
 
-# Largest share of stabilisation or deviations in energy, work and the reactions that
-# move, above which a tolerance is not met.
+# Largest share of stabilisation or deviations in energy and work, above which a
+# tolerance is not met.
 _MOST_NUMERICAL = 0.1
 
 
@@ -219,7 +219,7 @@ class ToleranceStepper:
                 return
             if result.error.load is None and result.error.shear_angle is not None:
                 raise self._error(
-                    "the tolerance is relative to the load, but there is no load: "
+                    "the tolerance is relative to the load, whose error is not known: "
                     f"{result.error.reason}"
                 )
             density *= self._next(result)
@@ -259,7 +259,9 @@ class ToleranceStepper:
                 str(error), self.result, error.elements, error.quantity
             ) from None
         self._stepper, found = stepper, result.error
-        self._interval = lambda _: found
+        self._interval = lambda state: (
+            found if state is result.states[-1] else result.interval(state)
+        )
         unknowns, solves = int(result.ply.basis.N), result.linear_solves
         one = Round(density, unknowns, solves, found.load)
         self._rounds.append(one)

@@ -455,7 +455,7 @@ def test_a_ply_without_free_nodes_has_no_interval(formulation):
 def test_a_mostly_numerical_resistance_has_no_interval():
     reason = reason_of(pulled("irregular", OnePoint(1e4), (2, 4)).error)
     assert reason == (
-        "the resistance is mostly numerical: refine the mesh, or use one that follows "
+        "most of the resistance is numerical: refine the mesh, or use one that follows "
         "the singular fibres"
     )
 

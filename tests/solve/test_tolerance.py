@@ -276,7 +276,7 @@ def there_and_back(X, t):
 
 @pytest.mark.parametrize("value", [0.0, there_and_back], ids=["still", "back"])
 def test_without_a_load_the_run_stops_on_the_first_mesh(value):
-    words = "the tolerance is relative to the load, but there is no load: no moving"
+    words = "the tolerance is relative to the load, whose error is not known: no moving"
     with pytest.raises(StepError, match=words) as error:
         ToleranceStepper(on_squares(value), 0.1).run()
     result = error.value.result
