@@ -11,7 +11,7 @@ from .pages import MARKED, ROOT
 SETTINGS = Path(__file__).with_name("settings.toml")
 
 _WITH_RESULTS = (
-    "index benchmarks case-files angles calibration drape error-time "
+    "index benchmarks case-files angles calibration drape error-interval error-time "
     "formulations hostile inf_sup laws paper singular-fibres space speed stability "
     "validation verification"
 )

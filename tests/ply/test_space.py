@@ -189,8 +189,8 @@ def test_a_bias_extension_held_in_its_plane_agrees_with_the_plane(formulation):
     )
     for name in names:
         assert space[name] == pytest.approx(plane[name], rel=1e-10), name
-    half_width = plane["load_half_width"]
-    assert space["load_half_width"] == pytest.approx(half_width, rel=1e-7)
+    assert plane["load_half_width"] > 0
+    assert space["load_half_width"] is None
     theirs, ours = (r.states[-1].reactions["top"] for r in results)
     np.testing.assert_allclose(ours, flat(theirs), atol=1e-10 * np.abs(theirs).max())
     np.testing.assert_allclose(results[1].u, flat(results[0].u), rtol=0, atol=1e-10)
