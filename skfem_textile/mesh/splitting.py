@@ -1,12 +1,9 @@
-"""Splitting into quadrilaterals, cutting into triangles, and refinement.
+"""Splitting into quadrilaterals, and cutting into triangles.
 
 Split: every triangle becomes three quadrilaterals, with corners at its edge midpoints
 and its centroid; in a mesh with triangles every quadrilateral becomes four.  There are
 then about as many unknowns as constraints on the fibre stretch, as in the continuum,
 whereas two triangles per quadrilateral lock.
-
-Refinement: a triangle with a bisected edge also has its longest edge bisected, which
-bounds the angles from below (Rivara 1984): it becomes two, three or four triangles.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +19,7 @@ from skfem.helpers import cross
 from .checks import MeshError, refuse_nodes
 from .progress import shown
 from .scikit_fem import with_names
-from .selection import NamedNodes, edge_numbers, named_nodes, with_named_nodes
+from .selection import NamedNodes, edge_numbers, named_nodes
 
 
 def edges_of(cells: Sequence[ndarray]) -> tuple[ndarray, ndarray]:
@@ -350,107 +347,6 @@ def triangles_of(mesh: MeshQuad) -> ndarray:
     """Nodes of the triangles: the first of every quadrilateral, then the second."""
     t = _with_diagonal(mesh)
     return np.hstack([t[[0, 1, 3]], t[[1, 2, 3]]])
-
-
-@dataclass(frozen=True, eq=False)
-class RefinedTriangles:
-    """Partially refined mesh of triangles.
-
-    Attributes
-    ----------
-    mesh
-        The refined mesh.  Nodes of the coarse mesh come first.
-    parent
-        Coarse element that contains each element of ``mesh``, shape (n_elements,).
-    ends
-        The two nodes between which each new node lies halfway, shape (2, n_new).
-    """
-
-    mesh: MeshTri
-    parent: ndarray
-    ends: ndarray
-
-
-def refine_triangles(mesh: MeshTri, elements: ndarray) -> RefinedTriangles:
-    """Bisect every edge of some elements, and further edges for conformity.
-
-    Names of boundaries, subdomains and nodes are kept.
-
-    Parameters
-    ----------
-    mesh
-        The mesh.
-    elements
-        Numbers of elements.
-    """
-    t, edges = _longest_first(mesh)
-    halved = np.zeros(mesh.nfacets, dtype=bool)
-    halved[edges[:, elements]] = True
-    while not halved[edges[0, halved[edges].any(axis=0)]].all():
-        halved[edges[0, halved[edges].any(axis=0)]] = True
-    ends = mesh.facets[:, halved]
-    middle = np.full(mesh.nfacets, -1)
-    middle[halved] = mesh.nvertices + np.arange(ends.shape[1])
-    cells, parent = _parts(t, middle[edges])
-    points = np.hstack([mesh.p, mesh.p[:, ends].mean(axis=1)])
-    subdomains = {
-        name: np.flatnonzero(np.isin(parent, numbers))
-        for name, numbers in (mesh.subdomains or {}).items()
-    }
-    cells = np.ascontiguousarray(cells)
-    refined = MeshTri(points, cells)
-    boundaries = {
-        name: _halves(mesh, numbers, middle, refined)
-        for name, numbers in (mesh.boundaries or {}).items()
-    }
-    named = MeshTri(points, cells, boundaries or None, subdomains or None)
-    nodes = named_nodes(mesh)
-    return RefinedTriangles(with_named_nodes(named, nodes), parent, ends)
-
-
-def _longest_first(mesh: MeshTri) -> tuple[ndarray, ndarray]:
-    """Corners of each triangle, the longest edge between the first two, and its edges.
-
-    The edges join corners 0 and 1, 1 and 2, 2 and 0.
-    """
-    x = mesh.p[:, mesh.t]
-    longest = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0).argmax(axis=0)
-    turned = (np.arange(3)[:, None] + longest) % 3
-    corners = np.take_along_axis(mesh.t, turned, axis=0)
-    return corners, np.take_along_axis(mesh.t2f, turned, axis=0)
-
-
-def _parts(t: ndarray, middle: ndarray) -> tuple[ndarray, ndarray]:
-    """Triangles between corners a, b, c and edge midpoints, and the parent of each.
-
-    ``middle`` are the midpoint nodes of ab, bc and ca; −1 if there is none.
-    """
-    (a, b, c), (ab, bc, ca) = t, middle
-    first, second, third = middle >= 0
-    cases = (
-        (~first, [(a, b, c)]),
-        (first & ~third, [(c, a, ab)]),
-        (first & ~second, [(b, c, ab)]),
-        (first & second & ~third, [(b, bc, ab), (bc, c, ab)]),
-        (first & third & ~second, [(c, ca, ab), (ca, a, ab)]),
-        (second & third, [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]),
-    )
-    cells, parent = [], []
-    for marked, triangles in cases:
-        for corners in triangles:
-            cells.append(np.stack(corners)[:, marked])
-            parent.append(np.flatnonzero(marked))
-    return np.hstack(cells), np.concatenate(parent)
-
-
-def _halves(
-    mesh: MeshTri, numbers: ndarray, middle: ndarray, refined: MeshTri
-) -> ndarray:
-    """Numbers in a refined mesh of some edges, or of both of their halves."""
-    ends, node = mesh.facets[:, numbers], middle[numbers]
-    unsplit = ends[:, node < 0]
-    halves = [np.stack([end, node])[:, node >= 0] for end in ends]
-    return edge_numbers(refined.facets, np.hstack([unsplit, *halves]))
 
 
 def original_elements(mesh: Mesh) -> tuple[tuple[ndarray, ...], ndarray]:

@@ -7,9 +7,11 @@ from typing import Literal
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
 from ..fabric.law import BiaxialLaw, Law, domain_of
@@ -25,6 +27,9 @@ _LEAST_HEIGHT = 2.5
 # Largest number of columns of a legend; widths of the line and gap before each label,
 # and of the gap after it, in font sizes (matplotlib's defaults).
 _MOST_COLUMNS, _LINE, _BETWEEN = 3, 2.8, 2.0
+
+# Opacity of a band, and its label.
+_PALE, _BAND = 0.25, "error interval"
 
 
 def curves(
@@ -77,16 +82,19 @@ def curves(
                 axes.plot(x, y, "o-", label=label, color=colour[label], markersize=2)
                 for half in map(np.asarray, bands):
                     low, high = np.asarray(y) - half, np.asarray(y) + half
-                    axes.fill_between(x, low, high, color=colour[label], alpha=0.25)
+                    axes.fill_between(x, low, high, color=colour[label], alpha=_PALE)
             axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
             axes.grid(alpha=0.3)
+        handles: list[Artist] = [
+            Line2D([], [], marker="o", markersize=4, color=c, label=k)
+            for k, c in colour.items()
+        ]
+        if any(len(line) > 2 for lines in panels.values() for line in lines.values()):
+            handles.append(Patch(color="grey", alpha=_PALE, label=_BAND))
         figure.legend(
-            handles=[
-                Line2D([], [], marker="o", markersize=4, color=c, label=k)
-                for k, c in colour.items()
-            ],
+            handles=handles,
             loc="outside lower center",
-            ncols=_columns(list(labels), width * 25.4),
+            ncols=_columns([str(one.get_label()) for one in handles], width * 25.4),
             frameon=False,
         )
         save(figure, path)

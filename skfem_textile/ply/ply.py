@@ -61,8 +61,8 @@ class Ply(SumOfTerms):
         they were split already; `OnePoint` and `Full` split triangles, and `Quadratic`
         cuts quadrilaterals (`cut`).  The user's nodes come first, with the same
         numbers, and the names of boundaries, subdomains and nodes are kept.
-    users_mesh, users_fabric
-        Mesh and fabric as passed by the user.
+    users_mesh
+        Mesh as passed by the user.
     cells
         The user's elements as node numbers, arrays of shape (3, n) and (4, n).
     parent
@@ -119,7 +119,7 @@ class Ply(SumOfTerms):
         fibre_ends: Mapping[str, FibreEnd] | None = None,
     ) -> None:
         _refuse_other_kinds(dimension, formulation, fabric)
-        self.users_mesh, self.users_fabric = mesh, fabric
+        self.users_mesh = mesh
         self.mesh = mesh = formulation.working_mesh(mesh)
         self.basis = formulation.basis(mesh, dimension)
         self.cells, self.parent = original_elements(mesh)
@@ -181,7 +181,7 @@ class Ply(SumOfTerms):
         further = (*self.user_terms, *terms)
         arguments = self.mesh, self.fabric, self.formulation, further
         ply = Ply(*arguments, **self.placement)
-        ply.users_mesh, ply.users_fabric = self.users_mesh, self.users_fabric
+        ply.users_mesh = self.users_mesh
         return ply
 
     @property

@@ -21,7 +21,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.selection import SINGULAR
-from ..mesh.user_input import error_text
+from ..mesh.user_input import error_text, real_numbers
 from ..ply import Ply
 from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
@@ -107,7 +107,7 @@ class ErrorInterval:
         Raises
         ------
         ValueError
-            If there is no interval, or the quantity is not finite.
+            If there is no interval, or the quantity is not a finite number.
 
         Examples
         --------
@@ -122,9 +122,14 @@ class ErrorInterval:
         """
         if self._half_width is None:
             raise ValueError(f"there is no interval: {self.reason}")
-        value, half_width = self._half_width(quantity)
-        if not np.isfinite([value, half_width]).all():
-            raise ValueError("the quantity must be a finite number around the state")
+
+        def number(ply: Ply, u: ndarray) -> float:
+            value = real_numbers("the quantity", quantity(ply, u))
+            if value.shape or not np.isfinite(value):
+                raise ValueError(f"the quantity must be a finite number, got {value}")
+            return float(value)
+
+        value, half_width = self._half_width(number)
         return value - half_width, value + half_width
 
 

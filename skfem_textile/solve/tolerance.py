@@ -38,7 +38,7 @@ class Round:
     Attributes
     ----------
     density
-        Density of the mesh.
+        Density of the mesh, the argument of ``stepper_at``.
     unknowns, linear_solves
         Number of unknowns, and of linear solves for the whole load path.
     half_width

@@ -24,6 +24,7 @@ from skfem_textile import (
     Ply,
     Quadratic,
     StepError,
+    Tabulated,
     TensionOnly,
     ToleranceStepper,
     mesh_outline,
@@ -31,6 +32,7 @@ from skfem_textile import (
 )
 from skfem_textile.io import read_mesh
 from skfem_textile.ply.terms import Formulation
+from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.singular.meshing import FINEST, irregular
 from skfem_textile.solve.interval import work_of
@@ -65,7 +67,7 @@ class Problem(NamedTuple):
 
     outline: Outline
     fabric: Fabric
-    conditions: dict[str, Condition]
+    conditions: dict[str, Any]
     loads: tuple[Any, ...] = ()
     steps: int = 1
     fine: float = nets.FINE
@@ -443,6 +445,24 @@ def _plates(random: Any) -> _Drawn:
         yield problem, {"formulation": Macro(), "mesh": mesh}
 
 
+def _examples(random: Any) -> _Drawn:
+    """Examples of the documentation."""
+    angles = np.radians([0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0])
+    moments = np.array([0.0, 0.008, 0.018, 0.034, 0.075, 0.21, 0.7])
+    fibres = CrimpToe(7e3, toe=0.003, initial_stiffness=10.0)
+    law = Tabulated(angles, moments, odd=True)
+    fabric = Fabric(fibres, law, (1, 1), (-1, 1))
+    conditions = {"clamp": Condition("bottom"), "pull": Condition("top", (0, 25))}
+    outline = Outline(np.transpose(box(3 * WIDTH)))
+    yield (Problem(outline, fabric, conditions, (), 5),)
+    scene = bias_extension(size=(24, 48))
+    crimped = TensionOnly(CrimpToe(5e4, toe=0.004, initial_stiffness=10.0))
+    fabric = Fabric(crimped, 0.2, scene.warp, scene.weft)
+    outline = Outline.of_mesh(scene.mesh)
+    problem = Problem(outline, fabric, dict(scene.conditions), (), 4, _OF_PLATES)
+    yield problem, {"formulation": Macro(), "mesh": scene.mesh}
+
+
 # Classes with the number of cases.
 _CLASSES: dict[Any, int] = {
     **dict.fromkeys((_linear, _sine, _locking, _table), 15),
@@ -452,4 +472,5 @@ _CLASSES: dict[Any, int] = {
     **dict.fromkeys((_quadrilaterals, _triangles, _conforming), 24),
     _others: 18,
     _plates: 5,
+    _examples: 2,
 }

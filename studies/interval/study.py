@@ -134,7 +134,7 @@ def draw(rows: Sequence[Row], file: File = None) -> Any:
         groups = {
             "nets, laws and holes": ("law", "fibres", "holes", "families"),
             "nets, loads and terms": ("forces", "terms"),
-            "free and conforming meshes": ("free", "conforming", "gmsh"),
+            "free and conforming meshes": ("free", "conforming", "gmsh", "examples"),
             "other formulations": ("other",),
         }
         known = _with_interval(rows)
@@ -188,7 +188,7 @@ class Interval(Study[Judged | ToTolerance]):
 
     def cases(self, options: argparse.Namespace) -> Sequence[Judged | ToTolerance]:
         chosen = judged(CHOOSING, "chosen: ", 1 / 3)
-        drawn = [case for case in chosen if "gmsh" not in case.kind]
+        drawn = [c for c in chosen if c.kind.split()[0] not in ("meshes", "examples")]
         return [*judged(JUDGING, "judged: "), *drawn, *runs_to_tolerance()]
 
 

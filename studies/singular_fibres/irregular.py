@@ -22,12 +22,12 @@ from skfem_textile import (
     singular_fibres,
 )
 from skfem_textile.fabric import kinematics
-from skfem_textile.mesh.splitting import refine_triangles
 from skfem_textile.singular.meshing import FINEST, SINGULAR, irregular
 
 from ..study import Row
 from . import cases
 from .cases import LAWS, WIDTH, Case, G, box, circle, specimens
+from .refinement import refined
 
 # Seed of the specimens.
 _SEED = 20261
@@ -198,7 +198,7 @@ class Curved:
         mesh: Any = self._mesh(across)
         for _ in range(2):
             beside = np.unique(mesh.f2t[:, mesh.boundaries[SINGULAR]])
-            mesh = refine_triangles(mesh, beside[beside >= 0]).mesh
+            mesh = refined(mesh, beside[beside >= 0])
         return self._load(mesh, FORMULATIONS[0], True)[0]
 
     def _load(self, mesh: Any, formulation: Any, mapped: bool) -> tuple[float, int]:

@@ -500,6 +500,12 @@ def test_a_reference_beyond_the_end_of_a_law_is_reported():
     assert error.load is not None or error.reason.startswith("a formulation with")
 
 
+@pytest.mark.parametrize("value", [np.zeros(2), np.nan, None, "1"], ids=repr)
+def test_a_quantity_must_be_a_finite_number(value):
+    with pytest.raises(ValueError, match="the quantity must be"):
+        pulled().error.of(lambda ply, u: value)
+
+
 def test_an_error_of_a_quantity_is_raised():
     error = pulled().error
     with pytest.raises(KeyError, match="mine"):
