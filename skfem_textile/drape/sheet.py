@@ -109,12 +109,24 @@ def edge_lengths(positions: ndarray, elements: ndarray) -> ndarray:
 
 def boundary_edges(cells: Sequence[ndarray]) -> ndarray:
     """Nodes of edges that belong to one element only, in its orientation, (2, n)."""
+    edges, first, count = edges_once(cells)
+    return edges[:, first[count == 1]]
+
+
+def edges_once(cells: Sequence[ndarray]) -> tuple[ndarray, ndarray, ndarray]:
+    """Edges of elements, shape (2, n), in their orientation, element by element.
+
+    The first edges are those that begin at the first corners of the elements of the
+    first block.  Also the first occurrence of each edge in either direction, by its
+    nodes, and how often it occurs.
+    """
     pairs = [[cell.ravel(), np.roll(cell, -1, axis=0).ravel()] for cell in cells]
     edges = np.hstack(pairs)
+    low, high = edges.min(axis=0).astype(np.int64), edges.max(axis=0)
     _, first, count = np.unique(
-        np.sort(edges, axis=0), axis=1, return_index=True, return_counts=True
+        low * (high.max(initial=0) + 1) + high, return_index=True, return_counts=True
     )
-    return edges[:, first[count == 1]]
+    return edges, first, count
 
 
 class ElementTree:
@@ -154,15 +166,18 @@ class ElementTree:
 
 
 def closest_on_triangles(
-    positions: ndarray, triangles: ndarray, points: ndarray
+    positions: ndarray,
+    triangles: ndarray,
+    points: ndarray,
+    tree: ElementTree | None = None,
 ) -> tuple[ndarray, ndarray]:
-    """Closest points of triangles to points in space, shape (3, n).
+    """Triangle of the closest point to each point in space, shape (3, n).
 
-    Also the triangle of each point, shape (n,), and its barycentric coordinates, (3,
-    n).
+    Shape (n,), and the barycentric coordinates of the closest point, (3, n).  ``tree``
+    is the search tree of the triangles if it is known.
     """
     corners = positions[:, triangles]
-    point, triangle = ElementTree(corners).pairs(points)
+    point, triangle = (tree or ElementTree(corners)).pairs(points)
     shares, distance = _closest(corners[:, :, triangle], points[:, point])
     order = np.lexsort([distance, point])
     first = order[np.flatnonzero(np.diff(point[order], prepend=-1))]

@@ -152,12 +152,9 @@ def test_invalid_surfaces_are_rejected(tmp_path):
         (lambda: drape.double_dome(waist=1.0), "waist at least 0 and less than 1"),
         (lambda: drape.TriangleMesh(p[:, :9], t[:, :0]), "triangles must be"),
         (lambda: drape.TriangleMesh(p, t + 1), "undefined vertex"),
-        (lambda: drape.TriangleMesh(p * np.nan, t), "finite"),
+        (lambda: drape.TriangleMesh(p * np.nan, t), "has a corner at"),
+        (lambda: drape.TriangleMesh(p[:2], t), "finite"),
         (lambda: drape.TriangleMesh(p, t[:, :2]), "vertices, but at least"),
-        (
-            lambda: drape.TriangleMesh(p, np.c_[t, t[::-1]]),
-            "orient the triangles consistently",
-        ),
     ):
         with pytest.raises(ValueError, match=message):
             build()

@@ -1,0 +1,305 @@
+"""Weighted mean of quadrics at points of a surface.
+
+A quadric q_i(x) = w − (c₀ + c₁u + … + c₅v²) belongs to each vertex x_i, with the
+coordinates u and v in its tangent plane and w along its normal.  φ is their mean with
+smooth weights of finite support (Ohtake, Belyaev, Alexa, Turk & Seidel 2003,
+Multi-level partition of unity implicits, ACM Trans.  Graph.  22:463).
+"""
+
+from copy import copy
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+# Number of points to which the six coefficients of a quadric are fitted: two rings of
+# neighbours and more on a regular mesh.
+FITTED = 18
+
+# Eigenvalue of the normal equations of a fit, relative to the largest, below which a
+# combination of coefficients is not determined by the neighbours and is zero: all of
+# them are on a conic, such as the edge of a hole.  Chosen: it is above 1e-3 for nearly
+# equilateral triangles; 1e-10 on a circle, which amplifies scatter of 1e-4 mm to 1 mm
+# in a hole.
+_DETERMINED = 1e-6
+
+# Cosine of the angle between normals below which a point belongs to the other side of a
+# thin part and is not a neighbour.
+_OTHER_SIDE = 0.0
+
+# Smallest support radius, relative to the distance of the nearest point.
+_FAR = 1.5
+
+# Distance beyond which a quadric straightens to its tangent plane: in reaches, and by
+# the angle in radians through which it has turned.  The error of a curvature grows with
+# the square of the distance, and the curvature of a fillet at an edge would roll up.
+# Chosen: holes of up to 16 edges are spanned by the curvature of their edges.
+_BENDS, _TURNS = 4.0, 0.5
+
+# Maximum number of vertices listed as neighbours of a vertex: sixty times the mean of
+# equal triangles.  Maximum number of pairs of position and vertex per block.
+_NEIGHBOURS, _PAIRS = 2500, 16384
+
+# Distances from the nearest vertex, relative to the reach, for which neighbours are
+# counted in advance.  Beyond them the reach grows with the distance.
+_LEVELS = np.linspace(0.0, 1 / _FAR, 9)
+
+
+class Derivatives(NamedTuple):
+    """φ, ∇φ and ∇²φ, shapes (n,), (3, n) and (3, 3, n)."""
+
+    level: ndarray
+    gradient: ndarray
+    hessian: ndarray
+
+
+class Quadrics:
+    """Quadrics q_i = a_i + b_i·d + ½ d·H_i d of the vector d from their points.
+
+    Points and unit normals have the shape (n, 3).  Weights vanish at the distance
+    ``reach`` in mm.  Beyond a distance, not smaller than this, a quadric straightens.
+    """
+
+    def __init__(self, points: ndarray, normals: ndarray, reach: float) -> None:
+        from scipy.spatial import KDTree  # not imported for other drapes
+
+        self._tree, self._reach = KDTree(points), reach
+        _, near = self._tree.query(points, FITTED)
+        u, v, c = _fitted(points, normals, near)
+        c_uu, c_uv, c_vv = c[:, 3:].T[:, :, None, None]
+        uv = u[:, :, None] * v[:, None]
+        H = -(
+            2 * c_uu * u[:, :, None] * u[:, None]
+            + c_uv * (uv + uv.swapaxes(1, 2))
+            + 2 * c_vv * v[:, :, None] * v[:, None]
+        )
+        b = normals - c[:, 1, None] * u - c[:, 2, None] * v
+        self._set(points, -c[:, 0], b, H)
+        turns = np.linalg.norm(H, axis=(1, 2))
+        self._straight = reach * np.clip(
+            _TURNS / np.maximum(reach * turns, 1e-9), 1.0, _BENDS
+        )
+        # Vertices near each vertex, nearest first, and how many of them can be within
+        # the reach of a position at most so far away: see `_LEVELS`.
+        within = reach * (1 + _LEVELS)
+        count = self._tree.query_ball_point(points, within[-1], return_length=True)
+        self._listed = count <= _NEIGHBOURS
+        count = np.where(self._listed, count, 0)
+        self._start = np.cumsum(count) - count
+        at = np.repeat(np.arange(len(points)), count)
+        near = _flat(self._tree.query_ball_point(points[self._listed], within[-1]))
+        away = np.linalg.norm(points[at] - points[near], axis=1)
+        self._near = near[np.lexsort([away, at])]
+        self._counts = np.array(
+            [np.bincount(at[away <= r], minlength=len(points)) for r in within]
+        )
+
+    def _set(self, points: ndarray, a: ndarray, b: ndarray, H: ndarray) -> None:
+        """Store quadrics of shapes (n, 3), (n,), (n, 3) and (n, 3, 3) as columns."""
+        self._quadrics = points, a, b, H
+        self._c = np.column_stack([a, b, H[:, *_UPPER]]).T.copy()
+        self._x = points.T.copy()
+
+    def moved(self, origin: ndarray, turn: ndarray) -> "Quadrics":
+        """The same quadrics in axes with an origin, (3,), and directions, (3, 3)."""
+        from scipy.spatial import KDTree
+
+        points, a, b, H = self._quadrics
+        moved = copy(self)
+        points = (points - origin) @ turn
+        moved._tree = KDTree(points)
+        moved._set(points, a, b @ turn, turn.T @ H @ turn)
+        return moved
+
+    def offsets(self) -> ndarray:
+        """Distances of the points above their quadrics in mm, shape (n,)."""
+        values: ndarray = self._quadrics[1]
+        return values
+
+    def mean(self, x: ndarray) -> Derivatives:
+        """φ = Σ w q / Σ w and its derivatives at positions, shape (3, n)."""
+        mean = Derivatives(*(np.full((*[3] * i, x.shape[1]), np.nan) for i in range(3)))
+        distance, nearest = self._tree.query(x.T)
+        # Squares of infinite distances overflow: these values remain NaN.
+        finite = np.isfinite(distance)
+        nearest = np.where(finite, nearest, 0)
+        # Far away only the nearest points contribute: the reach slightly exceeds
+        # their distance.
+        reach, levels = np.maximum(self._reach, _FAR * distance), self._reach * _LEVELS
+        listed = (distance <= levels[-1]) & self._listed[nearest]
+        level = np.searchsorted(levels, np.where(listed, distance, 0.0))
+        count = self._counts[level, nearest]
+        far = np.flatnonzero(finite & ~listed)
+        if far.size:
+            count[far] = self._tree.query_ball_point(
+                x[:, far].T, reach[far], return_length=True
+            )
+        for numbers in np.flatnonzero(listed), far:
+            for some in _blocks(numbers, count):
+                n, first, at = count[some], nearest[some], x[:, some]
+                if numbers is far:
+                    near = _flat(self._tree.query_ball_point(at.T, reach[some]))
+                else:
+                    shift = self._start[first] - (np.cumsum(n) - n)
+                    near = self._near[np.arange(n.sum()) + np.repeat(shift, n)]
+                block = self._mean(at, near, n, first, reach[some])
+                for values, part in zip(mean, block, strict=True):
+                    values[..., some] = part
+        for values in mean:
+            values.setflags(write=False)
+        return mean
+
+    def _mean(
+        self,
+        x: ndarray,
+        near: ndarray,
+        count: ndarray,
+        nearest: ndarray,
+        reach: ndarray,
+    ) -> Derivatives:
+        """Derivatives at n positions.
+
+        ``near`` contains all vertices within the reach of the positions, and possibly
+        others, ``count`` for each position.
+        """
+        at = np.repeat(np.arange(len(count)), count)
+        d = np.repeat(x, count, axis=1) - self._x.take(near, axis=1)
+        square = np.einsum("ip,ip->p", d, d)
+        inside = np.flatnonzero(square < (reach * reach).take(at))
+        at, near, d = at.take(inside), near.take(inside), d.take(inside, axis=1)
+        starts = np.searchsorted(at, np.arange(len(count)))
+
+        def total(values: ndarray) -> ndarray:
+            return np.add.reduceat(values, starts, axis=-1)
+
+        square = square.take(inside)
+        a, b, H = np.split(self._c.take(near, axis=1), [1, 4])
+        slope_of = [H[i] * d[0] + H[j] * d[1] + H[k] * d[2] for i, j, k in _SYMMETRIC]
+        bend = Derivatives(
+            0.5 * np.einsum("ip,ip->p", slope_of, d), np.array(slope_of), H
+        )
+        if (beyond := square > self._straight.take(near) ** 2).any():
+            bend = _straightened(bend, d, beyond, self._straight.take(near))
+        q = a[0] + np.einsum("ip,ip->p", b, d) + bend.level
+        dq = b + bend.gradient
+        # Wendland's C⁴ function w = (1 − s)⁶ (35 s² + 18 s + 3), slope = w′/s and bend
+        # = slope′/s. With m = s ∇s: ∇w = slope m, ∇²w = bend m m + slope ∇m, ∇m = I (1
+        # − s²R²/r₁²)/R² − 2 (m ρ + ρ m), r₁ to the nearest point.
+        over = (1 / reach).take(at)
+        s = np.sqrt(square) * over
+        rest = 1 - s
+        fourth = np.square(rest * rest)
+        w = fourth * rest * rest * ((35 * s + 18) * s + 3)
+        slope = fourth * rest * (-280 * s - 56)
+        m, weight = d * (over * over), total(w)
+        level = total(w * q) / weight
+        # Derivatives of Σ w (q − φ) = 0, whose terms in the derivatives of Σ w vanish.
+        off = q - level.take(at)
+        of_w = grown = slope * off
+        # If the reach depends on the nearest point: the gradient ρ of its logarithm.
+        follows = reach > self._reach
+        if far := bool(follows.any()):
+            rho = follows * (x - self._x[:, nearest]) * (_FAR / reach) ** 2
+            m -= s * s * rho.take(at, axis=1)
+            grown = of_w * (1 - follows.take(at) * (_FAR * s) ** 2)
+        gradient = total(of_w * m + w * dq) / weight
+        turned = (840 * fourth * off) * m + slope * (dq - gradient.take(at, axis=1))
+        if far:
+            turned -= (2 * of_w) * rho.take(at, axis=1)
+        hessian = np.array(
+            [
+                total(m[i] * turned[j] + m[j] * turned[i] + w * h)
+                for i, j, h in zip(*_UPPER, bend.hessian, strict=True)
+            ]
+        )
+        hessian[:3] += total(grown) / (reach * reach)
+        return Derivatives(level, gradient, (hessian / weight)[_SYMMETRIC])
+
+
+# Second derivatives xx, yy, zz, yz, xz, xy in a matrix, and their numbers in it.
+_UPPER = [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]
+_SYMMETRIC = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+
+
+def _flat(lists: ndarray) -> ndarray:
+    """Numbers in an array of lists, one after the other."""
+    return np.fromiter(chain.from_iterable(lists), dtype=np.int64)
+
+
+def _blocks(numbers: ndarray, count: ndarray) -> list[ndarray]:
+    """Blocks of positions with about `_PAIRS` pairs."""
+    if not numbers.size:
+        return []
+    ends = np.cumsum(count[numbers])
+    cuts = np.searchsorted(ends, np.arange(_PAIRS, ends[-1], _PAIRS))
+    return [block for block in np.split(numbers, np.unique(cuts)) if block.size]
+
+
+def _fitted(
+    points: ndarray, normals: ndarray, near: ndarray
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Unit vectors u and v at points, (n, 3), and coefficients of quadrics, (n, 6)."""
+    axis = np.eye(3)[np.abs(normals).argmin(axis=1)]
+    u = np.cross(normals, axis)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    v = np.cross(normals, u)
+    frames = np.stack([u, v, normals], axis=1)
+    local = np.einsum("nij,nkj->nki", frames, points[near] - points[:, None])
+    size = np.linalg.norm(local, axis=2).max(axis=1)
+    a, b, h = (local / size[:, None, None]).transpose(2, 0, 1)
+    rows = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=2)
+    facing = np.einsum("nkj,nj->nk", normals[near], normals) > _OTHER_SIDE
+    weight = facing * np.exp(-2 * (a * a + b * b))
+    normal = np.einsum("nki,nk,nkj->nij", rows, weight, rows)
+    right = np.einsum("nki,nk,nk->ni", rows, weight, h)
+    values, vectors = np.linalg.eigh(normal)
+    known = values > _DETERMINED * values[:, -1:]
+    shares = np.einsum("nij,ni->nj", vectors, right)
+    shares = np.divide(shares, values, out=np.zeros_like(shares), where=known)
+    c = np.einsum("nij,nj->ni", vectors, shares)
+    degrees = np.array([0, 1, 1, 2, 2, 2])
+    return u, v, c * size[:, None] ** (1 - degrees)
+
+
+def _straightened(
+    bend: Derivatives, d: ndarray, beyond: ndarray, limit: ndarray
+) -> Derivatives:
+    """Quadratic part of quadrics, whose growth becomes linear beyond a distance.
+
+    e = ½ d·H d is multiplied by ψ(t) = 2 f(t)/t² of t = |d|/L, where f″ falls from 1 at
+    t = 1 to 0 at t = 2, so that second derivatives are continuous.
+
+    Parameters
+    ----------
+    bend
+        e, shape (n,), its gradient, (3, n), and its Hessian, (6, n).
+    d
+        Vectors from the points, shape (3, n).
+    beyond
+        Which of them are beyond the distance, shape (n,).
+    limit
+        The distance L, shape (n,).
+    """
+    d, limit = d[:, beyond], limit[beyond]
+    e, slope, H = bend.level[beyond], bend.gradient[:, beyond], bend.hessian[:, beyond]
+    square = np.einsum("ip,ip->p", d, d)
+    t = np.sqrt(square) / limit
+    part = np.minimum(t - 1, 1.0)
+    f_tt = 1 - part**2 * (3 - 2 * part)
+    f_t = 1 + part - part**3 * (1 - part / 2)
+    f = 0.5 + part + part**2 / 2 - part**4 * (1 / 4 - part / 10)
+    f += 1.5 * np.maximum(t - 2, 0.0)
+    psi = 2 * f / t**2
+    # ψ′/t and (ψ″ − ψ′/t)/t².
+    one = 2 * (f_t - psi * t) / t**3
+    two = (2 * (f_tt - psi) / t**2 - 5 * one) / t**2
+    one, two = one / limit**2, two / limit**4
+    level, gradient, hessian = (np.array(part, copy=True) for part in bend)
+    level[beyond] = psi * e
+    gradient[:, beyond] = psi * slope + e * one * d
+    hessian[:, beyond] = psi * H + [
+        one * (d[i] * slope[j] + d[j] * slope[i] + (i == j) * e) + e * two * d[i] * d[j]
+        for i, j in zip(*_UPPER, strict=True)
+    ]
+    return Derivatives(level, gradient, hessian)
