@@ -162,7 +162,11 @@ def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") 
         elif FILE in get_args(hints[name]) and value is not None:
             if name == "source" and value in MESH_KINDS:
                 continue
-            changed[name] = path_of(path, value)
+            changed[name] = (
+                path_of(path, value)
+                if isinstance(value, str)
+                else tuple(path_of(path, one) for one in value)
+            )
     return msgspec.structs.replace(table, **changed)
 
 

@@ -372,9 +372,16 @@ class Drape(OnTool, tag="drape"):
     """a ply on a tool from a file, such as STL"""
 
     tool: Annotated[
-        str | None,
-        about("STL file, or another file of triangles that meshio reads"),
+        tuple[str, ...] | str | None,
+        about(
+            "file of triangles, or several that are sewn: STL, PLY, OBJ, 3MF, or "
+            "another that meshio reads"
+        ),
         FILE,
+    ] = None
+    unit: Annotated[
+        Literal["mm", "cm", "m", "in"] | None,
+        about("unit of length of the tool (default: the file's, else mm)"),
     ] = None
     point_mm: Annotated[
         tuple[float, float, float] | None,
@@ -391,7 +398,7 @@ class Drape(OnTool, tag="drape"):
 
         if self.tool is None:
             raise ValueError("scene.tool is missing: name an STL file of triangles")
-        tool = read_surface(self.tool)
+        tool = read_surface(self.tool, self.unit)
         return drape(tool, mesh, self.point_mm, **generated, **self.ply())
 
 

@@ -35,14 +35,14 @@ _LAW_ENDINGS = (".csv", ".json")
 _OF_MESH = ("mesh", "tool", "part_mesh")
 _WHOLE = (
     *OUTLINES,
-    *(".msh", ".inp", ".vtu", ".vtk", ".stl", ".obj", ".ply", ".off"),
+    *(".msh", ".inp", ".vtu", ".vtk", ".stl", ".obj", ".ply", ".3mf", ".off"),
 )
 
 #: Files that `WrittenCase.write` may write.
 WRITTEN_FILES = (
     CASE,
     *(f"{FILES}/{law}{end}" for law in ("*tension*", "*shear") for end in _LAW_ENDINGS),
-    *(f"{FILES}/{key}{end}" for key in _OF_MESH for end in _WHOLE),
+    *(f"{FILES}/{key}{end}" for key in (*_OF_MESH, "tool_*") for end in _WHOLE),
     *(f"{FILES}/fabric{end}" for end in (".json", ".inp", ".rad")),
     *(f"{FILES}/directions{end}" for end in (".vtu", ".csv", ".inp")),
     *(f"{FILES}/{key}*" for key in ("test_curve", "trim")),
@@ -129,7 +129,10 @@ class WrittenCase:
         ending = Path(name).suffix
         if key in _OF_MESH and ending.lower() not in _WHOLE:
             return os.path.abspath(name)
-        file = f"{FILES}/{key}{ending.lower()}"
+        file, number = f"{FILES}/{key}{ending.lower()}", 1
+        while file in self._files:  # a key with several files
+            number += 1
+            file = f"{FILES}/{key}_{number}{ending.lower()}"
         self._files[file] = Path(name).read_bytes()
         return file
 

@@ -3,8 +3,6 @@
 from .directions import OF_DIRECTIONS, read_directions, write_directions
 from .draping import (
     DRAPED,
-    read_surface,
-    read_tool_mesh,
     read_trimming_curve,
     write_draped,
     write_fibres,
@@ -13,6 +11,7 @@ from .draping import (
 from .fabrics import OF_FABRICS, read_fabric, write_fabric
 from .meshes import read_mesh
 from .results import FIELDS, write_fields, write_history, write_summary
+from .tools import read_surface, read_tool_mesh
 
 __all__ = [
     "DRAPED",

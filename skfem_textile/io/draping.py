@@ -1,4 +1,4 @@
-"""Tools from files, and output of draped fibres and flat patterns."""
+"""Output of draped fibres and flat patterns, and trimming curves."""
 
 import csv
 import os
@@ -16,19 +16,14 @@ from ..drape import (
     FibresInSpace,
     FlatPattern,
     ToolMesh,
-    TriangleMesh,
     fibres_on_ply,
 )
-from ..drape.tool_mesh import cut_in_two
 from ..fabric.directions import FibreDirections
 from ..fabric.laws.tabulated import read_lines
-from ..mesh.checks import MeshError
 from ..mesh.user_input import excerpt, number_of_text, printable
 from ..solve.result import Result
 from .abaqus import deck_of
 from .directions import write_directions
-from .file_numbers import errors_about
-from .meshes import read_raw
 from .results import cell_fields, on_users_elements
 from .vtk import write_grid
 
@@ -276,63 +271,6 @@ def _write_dxf(path: Path, curves: list[FlatPattern]) -> None:
         text = space.add_text(name, height=letters, dxfattribs={"layer": name})
         text.set_placement(end)
     file.saveas(path)
-
-
-def read_tool_mesh(path: str | os.PathLike[str]) -> ToolMesh:
-    """Read the triangles and quadrilaterals of a tool, in the order of the file.
-
-    Other cells are ignored.
-
-    Parameters
-    ----------
-    path
-        The file: STL or another format supported by meshio.
-
-    Raises
-    ------
-    MeshError
-        If the file cannot be read, or does not contain a surface in space.
-    """
-    with errors_about(path):
-        return ToolMesh(*_points_and_cells(path))
-
-
-def _points_and_cells(
-    path: str | os.PathLike[str],
-) -> tuple[ndarray, tuple[ndarray, ...]]:
-    """Points and cells of a file, as arguments of `ToolMesh`."""
-    raw, _ = read_raw(Path(path))
-    cells = tuple(
-        np.asarray(block.data, dtype=int).T
-        for block in raw.cells
-        if block.type in ("triangle", "quad")
-    )
-    if not any(map(np.size, cells)):
-        raise MeshError("the file contains no triangles or quadrilaterals")
-    if np.shape(raw.points)[1:] != (3,):
-        raise MeshError("the points must have three coordinates")
-    return np.asarray(raw.points).T, cells
-
-
-def read_surface(path: str | os.PathLike[str]) -> TriangleMesh:
-    """Read a smoothed tool surface: STL or another format supported by meshio.
-
-    Quadrilaterals are cut into triangles.  Other cells are ignored, and so are
-    triangles with coincident corners, as at the pole of a sphere.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Raises
-    ------
-    MeshError
-        If the file cannot be read, or does not contain a surface.
-    """
-    with errors_about(path):
-        points, cells = _points_and_cells(path)
-        return TriangleMesh(points, cut_in_two(cells))
 
 
 def read_trimming_curve(path: str | os.PathLike[str]) -> ndarray:

@@ -1,0 +1,242 @@
+"""Tools from files of triangles: STL, PLY, OBJ, 3MF, and formats of meshio."""
+
+import logging
+import os
+import re
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy import ndarray
+
+from ..drape import ToolMesh, TriangleMesh
+from ..drape.tool_mesh import cut_in_two
+from ..mesh.checks import MeshError
+from ..mesh.user_input import printable
+from .file_numbers import errors_about, from_words
+from .meshes import read_raw
+
+log = logging.getLogger(__name__)
+
+#: Units of length of a file.
+Unit: TypeAlias = Literal["mm", "cm", "m", "in"]
+
+_IN_MM: dict[str, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+
+# Extent of a tool in mm outside of which its unit is doubtful.  Chosen: a coin, and the
+# mould of half of the blade of a small wind turbine.
+_LEAST, _MOST = 5.0, 20e3
+
+# Bytes of the header and of a triangle of a binary STL file.
+_HEADER, _TRIANGLE = 84, 50
+
+_OF_TRIMESH = (".ply", ".obj", ".3mf")
+_EXACT = (".step", ".stp", ".iges", ".igs", ".brep", ".x_t", ".sat")
+
+# Maximum length of the message of another package.
+_LONGEST_REASON = 100
+
+_PathLike: TypeAlias = str | os.PathLike[str]
+
+
+def read_surface(
+    path: _PathLike | Sequence[_PathLike], unit: Unit | None = None
+) -> TriangleMesh:
+    """Read a smoothed tool surface: STL, PLY, OBJ, 3MF, or a format of meshio.
+
+    Quadrilaterals are cut into triangles.  Other cells are ignored, and so are
+    triangles with coincident corners, as at the pole of a sphere.  Several files, and
+    several solids of one file, are sewn.  The log ``skfem_textile`` has a warning for
+    each repair and for each property that affects results
+    (`skfem_textile.drape.TriangleMesh.remarks`).
+
+    Parameters
+    ----------
+    path
+        The file, or several.  PLY, OBJ and 3MF require trimesh.
+    unit
+        Unit of length of the files.  By default that of a 3MF file, else mm.
+
+    Raises
+    ------
+    MeshError
+        If a file cannot be read or does not contain a surface, or the triangles cannot
+        be repaired.
+    ValueError
+        If the unit is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import meshio
+    >>> s = np.linspace(0.0, 0.1, 5)  # in m
+    >>> x, y = (a.ravel() for a in np.meshgrid(s, s))
+    >>> k = np.add.outer(5 * np.arange(4), np.arange(4)).ravel()
+    >>> t = np.hstack([[k, k + 1, k + 6], [k, k + 6, k + 5]])
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "plate.stl"
+    ...     meshio.write_points_cells(
+    ...         file, np.column_stack([x, y, 0 * x]), [("triangle", t.T)]
+    ...     )
+    ...     plate = read_surface(file, unit="m")
+    >>> float(np.ptp(plate.facets.points))
+    100.0
+    """
+    if unit is not None and unit not in _IN_MM:
+        raise ValueError(f"the unit must be one of {', '.join(_IN_MM)}, got {unit!r}")
+    paths = [path] if isinstance(path, str | os.PathLike) else list(path)
+    if not paths:
+        raise ValueError("a tool requires at least one file")
+    name, parts, known = ", ".join(map(str, paths)), [], unit is not None
+    for one in paths:
+        with errors_about(one):
+            x, t, own = _triangles(Path(one))
+        known |= own is not None
+        parts.append((_IN_MM[unit] if unit else own or 1.0, x, t))
+    first = np.cumsum([0, *(x.shape[1] for _, x, _ in parts)])
+    with errors_about(name):
+        with np.errstate(over="ignore"):
+            x = np.hstack([scale * x for scale, x, _ in parts])
+        t = np.hstack([n + t for n, (*_, t) in zip(first, parts, strict=False)])
+        surface = TriangleMesh(x, t)
+    doubt = "" if known else _doubt(float(np.ptp(surface.facets.points, axis=1).max()))
+    for line in filter(None, (doubt, *surface.remarks)):
+        log.warning("%s: %s", printable(name), line)
+    return surface
+
+
+def _doubt(extent: float) -> str:
+    """Remark about an extent in mm that indicates another unit."""
+    if _LEAST <= extent <= _MOST:
+        return ""
+    fitting = [u for u in ("m", "in", "cm") if _LEAST <= extent * _IN_MM[u] <= _MOST]
+    advice = (
+        f"if the file is in {fitting[0]}, specify this unit"
+        if fitting
+        else ("export it in mm if this is not so")
+    )
+    return f"the tool is assumed in mm and extends over {extent:.3g} mm: {advice}"
+
+
+def _triangles(path: Path) -> tuple[ndarray, ndarray, float | None]:
+    """Points, (3, n), triangles, (3, m), and the unit of a file in mm if it has one."""
+    suffix = path.suffix.lower()
+    if suffix in _EXACT:
+        raise MeshError(
+            f"a {suffix} file contains exact surfaces: convert it to triangles, with "
+            "FreeCAD or by `gmsh -2 -clmax 5 FILE.step -o tool.stl`"
+        )
+    if suffix == ".stl":
+        if not path.is_file():
+            raise MeshError("no such file")
+        corners = _read_stl(path.read_bytes())
+        if not corners.size:
+            raise MeshError("the file contains no triangles")
+        return corners.T, np.arange(len(corners)).reshape(-1, 3).T, None
+    if suffix in _OF_TRIMESH:
+        return _read_with_trimesh(path)
+    points, cells = points_and_cells(path)
+    return points, cut_in_two(cells), None
+
+
+def _read_stl(content: bytes) -> ndarray:
+    """Corners of the triangles of all solids, shape (n, 3)."""
+    blocks, position = [], 0
+    while position + _HEADER <= len(content):
+        (count,) = np.frombuffer(content, "<u4", 1, position + _HEADER - 4)
+        begin, position = (
+            position + _HEADER,
+            position + _HEADER + _TRIANGLE * int(count),
+        )
+        if position > len(content):
+            break
+        rows = np.frombuffer(content, np.uint8, _TRIANGLE * int(count), begin)
+        floats = rows.reshape(-1, _TRIANGLE)[:, 12:48].copy().view("<f4")
+        blocks.append(floats.reshape(-1, 3).astype(float))
+    if blocks and position == len(content):
+        return np.vstack(blocks)
+    if not content.lstrip()[:5].lower() == b"solid":
+        raise MeshError(
+            "the file is neither an ASCII STL file nor a binary one with as many "
+            "triangles as its header declares"
+        )
+    found = re.findall(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", content, re.IGNORECASE)
+    facets = len(re.findall(rb"\bendfacet\b", content, re.IGNORECASE))
+    if len(found) != 3 * facets:
+        raise MeshError(
+            f"the file ends early or is damaged: {facets} complete triangles have "
+            f"{len(found)} corners"
+        )
+    return from_words([word for row in found for word in row], float).reshape(-1, 3)
+
+
+def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
+    if not path.is_file():
+        raise MeshError("no such file")
+    suffix = path.suffix.lower()
+    options: dict[str, Any] = {"skip_materials": True} if suffix == ".obj" else {}
+    try:
+        import trimesh
+
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            scene = trimesh.load_scene(path, process=False, **options)
+            mesh = scene.to_mesh()
+            points, faces = np.array(mesh.vertices), np.array(mesh.faces)
+            own = (
+                trimesh.units.unit_conversion(scene.units, "mm")
+                if (scene.units)
+                else None
+            )
+    except ImportError:
+        raise MeshError(
+            f"reading a {suffix} file requires trimesh: pip install "
+            "'skfem-textile[tools]', or export the tool as STL"
+        ) from None
+    except OSError:
+        raise
+    except Exception as error:
+        reason = printable(str(error).strip().partition("\n")[0][:_LONGEST_REASON])
+        message = f"the file is not a {suffix} file that trimesh can read: {reason}"
+        raise MeshError(message.removesuffix(": ")) from None
+    if not faces.size:
+        raise MeshError("the file contains no triangles")
+    return points.T.astype(float), faces.T.astype(int), own
+
+
+def read_tool_mesh(path: _PathLike) -> ToolMesh:
+    """Read the triangles and quadrilaterals of a tool, in the order of the file.
+
+    Other cells are ignored.
+
+    Parameters
+    ----------
+    path
+        The file: STL or another format supported by meshio.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read, or does not contain a surface in space.
+    """
+    with errors_about(path):
+        return ToolMesh(*points_and_cells(path))
+
+
+def points_and_cells(path: _PathLike) -> tuple[ndarray, tuple[ndarray, ...]]:
+    """Points and cells of a file that meshio reads, as arguments of `ToolMesh`."""
+    raw, _ = read_raw(Path(path))
+    cells = tuple(
+        np.asarray(block.data, dtype=int).T
+        for block in raw.cells
+        if block.type in ("triangle", "quad")
+    )
+    if not any(map(np.size, cells)):
+        raise MeshError("the file contains no triangles or quadrilaterals")
+    if np.shape(raw.points)[1:] != (3,):
+        raise MeshError("the points must have three coordinates")
+    return np.asarray(raw.points).T, cells
