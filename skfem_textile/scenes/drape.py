@@ -96,9 +96,13 @@ def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:
         f"{of_tool:.4g} mm2"
     )
     if of_ply > _MOST_AREA * of_tool:
-        raise ValueError(f"{areas}: use a smaller ply, or a tool file in mm")
+        raise ValueError(
+            f"{areas}: use a smaller ply, or specify the unit of the tool file"
+        )
     if of_ply < _LEAST_AREA * of_tool:
-        raise ValueError(f"{areas}: use a larger ply, or a tool file in mm")
+        raise ValueError(
+            f"{areas}: use a larger ply, or specify the unit of the tool file"
+        )
 
 
 def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:

@@ -190,34 +190,37 @@ EMPTY = "solid nothing\nendsolid nothing\n"
 
 
 def invalid_tools(folder):
-    """Invalid files of tools, and the expected messages."""
+    """Invalid files of tools, the expected messages, and the numbers of warnings."""
     x, t = plate()
-    facing = np.hstack([t, t[::-1]])
-    yield folder / "no.stl", "no.stl: no such file"
+    both = np.hstack([x, x - [[0], [0], [2]]])
+    shell = np.hstack([t, t[::-1] + x.shape[1]])
+    yield folder / "no.stl", "no.stl: no such file", 0
     empty = folder / "empty.stl"
     empty.write_text(EMPTY)
-    yield empty, "empty.stl: the file contains no triangles"
-    yield write(folder / "few.stl", x[:, :], t[:, :3]), "vertices, but at least"
-    yield write(folder / "facing.stl", x, facing), "orient the triangles consistently"
+    yield empty, "empty.stl: the file contains no triangles", 0
+    yield write(folder / "few.stl", x[:, :], t[:, :3]), "vertices, but at least", 0
+    yield write(folder / "shell.stl", both, shell), "only the side that is draped", 0
     bad = x.copy()
     bad[2, 5] = np.nan
-    yield write(folder / "nan.stl", bad, t), "must be finite"
+    yield write(folder / "nan.stl", bad, t), "far from all others", 0
     steep = plate(height=lambda x, y: 0.3 * x)
-    yield write(folder / "steep.stl", *steep), "is at its edge or on a slope"
+    yield write(folder / "steep.stl", *steep), "is at its edge or on a slope", 0
     hollow = plate(height=lambda x, y: -bump_height(x, y))
-    yield write(folder / "hollow.stl", *hollow), "is at its edge or on a slope"
+    yield write(folder / "hollow.stl", *hollow), "is at its edge or on a slope", 0
     yield (
         write(folder / "metres.stl", 1e-3 * x, t),
-        "a smaller ply, or a tool file in mm",
+        "use a smaller ply, or specify the unit of the tool file",
+        1,
     )
     for scale in (1e3, 1e30):
         large = write(folder / f"{scale:g}.stl", scale * x, t)
-        yield large, "use a larger ply, or a tool file in mm"
+        yield large, "use a larger ply, or specify the unit of the tool file", 1
 
 
 def test_invalid_tools_are_rejected_in_one_line(tmp_path, capsys):
-    for file, reason in invalid_tools(tmp_path):
-        assert reason in rejected(capsys, *run_words(tmp_path / "out", tool=file))
+    for file, reason, warnings in invalid_tools(tmp_path):
+        words = run_words(tmp_path / "out", tool=file)
+        assert reason in rejected(capsys, *words, warnings=warnings)
     assert not (tmp_path / "out").exists()
 
 
