@@ -1,0 +1,1 @@
+"""Tools as CAD systems export them: results of the clean tool, or one true line."""
