@@ -153,20 +153,26 @@ class ElementTree:
         return point[order], element[order]
 
 
-def closest_on_triangles(
-    positions: ndarray, triangles: ndarray, points: ndarray
-) -> tuple[ndarray, ndarray]:
-    """Closest points of triangles to points in space, shape (3, n).
+class ClosestTriangles:
+    """Triangles with a search tree for the closest one to a point.
 
-    Also the triangle of each point, shape (n,), and its barycentric coordinates, (3,
-    n).
+    Positions have the shape (3, n_nodes), node numbers (3, n_triangles).
     """
-    corners = positions[:, triangles]
-    point, triangle = ElementTree(corners).pairs(points)
-    shares, distance = _closest(corners[:, :, triangle], points[:, point])
-    order = np.lexsort([distance, point])
-    first = order[np.flatnonzero(np.diff(point[order], prepend=-1))]
-    return triangle[first], shares[:, first]
+
+    def __init__(self, positions: ndarray, triangles: ndarray) -> None:
+        self._corners = positions[:, triangles]
+        self._tree = ElementTree(self._corners)
+
+    def at(self, points: ndarray) -> tuple[ndarray, ndarray]:
+        """Triangle closest to each point in space, (3, n), and the foot on it.
+
+        The foot is given by barycentric coordinates, shape (3, n).
+        """
+        point, triangle = self._tree.pairs(points)
+        shares, distance = _closest(self._corners[:, :, triangle], points[:, point])
+        order = np.lexsort([distance, point])
+        first = order[np.flatnonzero(np.diff(point[order], prepend=-1))]
+        return triangle[first], shares[:, first]
 
 
 def _closest(corners: ndarray, points: ndarray) -> tuple[ndarray, ndarray]:

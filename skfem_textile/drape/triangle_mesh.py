@@ -10,6 +10,7 @@ Multi-level partition of unity implicits, ACM Trans.  Graph.  22:463).
 """
 
 from copy import copy
+from functools import cached_property
 from itertools import chain
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from .sheet import boundary_edges, closest_on_triangles
+from .sheet import ClosestTriangles, boundary_edges
 from .tool_mesh import ToolMesh
 
 # Number of points to which the six coefficients of a quadric are fitted: two rings of
@@ -301,7 +302,7 @@ class TriangleMesh:
         self._quadrics = Quadrics(self._x, normals, _REACH * self._edge)
         self._kept: list[tuple[ndarray, Derivatives]] = []
 
-    @property
+    @cached_property
     def facets(self) -> ToolMesh:
         """The triangles as elements of a tool, without degenerate ones."""
         a, b, c = self._x[self._triangles]
@@ -324,6 +325,8 @@ class TriangleMesh:
         moved = copy(self)
         moved._x = (self._x - origin) @ turn
         moved._quadrics, moved._kept = self._quadrics.moved(origin, turn), []
+        for derived in ("facets", "_closest", "_normals"):
+            moved.__dict__.pop(derived, None)
         return moved
 
     def beyond_edges(self, x: ndarray) -> ndarray:
@@ -358,23 +361,37 @@ class TriangleMesh:
         """Vectors to points from the closest points, and `beyond_edges`."""
         tool = self.facets
         (triangles,) = tool.cells
-        triangle, shares = closest_on_triangles(tool.points, triangles, x)
-        corners, normals = triangles[:, triangle], tool.normals()[:, triangle]
+        triangle, shares = self._closest.at(x)
+        corners, normals = triangles[:, triangle], self._normals[:, triangle]
         away = x - (shares * tool.points[:, corners]).sum(axis=1)
         along = np.linalg.norm(away - (away * normals).sum(axis=0) * normals, axis=0)
         # Ends of the edge on which the closest point lies; equal at a corner.
         edge = np.where(
             shares > 0, corners, corners[shares.argmax(axis=0), range(len(along))]
         )
-        ends = boundary_edges(tool.cells)
-        edges = np.hstack([np.sort(ends, axis=0), ends[[0, 0]]])
         weights = len(self._x), 1
         at_edge = np.isin(
-            weights @ np.array([edge.min(axis=0), edge.max(axis=0)]), weights @ edges
+            weights @ np.array([edge.min(axis=0), edge.max(axis=0)]), self._edge_keys
         )
         at_edge &= (shares == 0).any(axis=0)
         beyond = at_edge & (along > _BEYOND * self._edge)
         return away, np.where(beyond, along, 0.0)
+
+    @cached_property
+    def _closest(self) -> "ClosestTriangles":
+        tool = self.facets
+        return ClosestTriangles(tool.points, tool.cells[0])
+
+    @cached_property
+    def _normals(self) -> ndarray:
+        return self.facets.normals()
+
+    @cached_property
+    def _edge_keys(self) -> ndarray:
+        """Numbers of the boundary edges and of their ends, see `_away`."""
+        ends = boundary_edges(self.facets.cells)
+        edges = np.hstack([np.sort(ends, axis=0), ends[[0, 0]]])
+        return np.unique(np.array([len(self._x), 1]) @ edges)
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
