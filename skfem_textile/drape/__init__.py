@@ -9,7 +9,9 @@ from .fibres_in_space import (
     fibres_on_tool,
 )
 from .flat_pattern import FlatPattern, flat_pattern
-from .kinematic_net import Net, net
+from .guide_curve import edge_through
+from .kinematic_net import FoldedNetError, Net, NetError, NetStart, net, nets
+from .laying import Status
 from .risks import (
     beyond_edges,
     bridging,
@@ -39,13 +41,17 @@ __all__ = [
     "Cylinder",
     "FibresInSpace",
     "FlatPattern",
+    "FoldedNetError",
     "Height",
     "HeightField",
     "Net",
+    "NetError",
+    "NetStart",
     "Plane",
     "Sheet",
     "SheetPoints",
     "Sphere",
+    "Status",
     "ToolMesh",
     "Torus",
     "TriangleMesh",
@@ -54,11 +60,13 @@ __all__ = [
     "contact_pressure",
     "displacement",
     "double_dome",
+    "edge_through",
     "exponential_map",
     "fibres_on_ply",
     "fibres_on_tool",
     "flat_pattern",
     "net",
+    "nets",
     "off_triangles",
     "triangles_on",
     "turn_of_normal",

@@ -111,13 +111,17 @@ class Quadrics:
         moved._set(points, a, b @ turn, turn.T @ H @ turn)
         return moved
 
+    def nearest(self, x: ndarray) -> tuple[ndarray, ndarray]:
+        """Distances to the nearest points, and their numbers, shape (n,)."""
+        distance, nearest = self._tree.query(x.T)
+        return distance, np.where(np.isfinite(distance), nearest, 0)
+
     def mean(self, x: ndarray) -> Derivatives:
         """φ = Σ w q / Σ w and its derivatives at positions, shape (3, n)."""
         mean = Derivatives(*(np.full((*[3] * i, x.shape[1]), np.nan) for i in range(3)))
-        distance, nearest = self._tree.query(x.T)
+        distance, nearest = self.nearest(x)
         # Squares of infinite distances overflow: these values remain NaN.
         finite = np.isfinite(distance)
-        nearest = np.where(finite, nearest, 0)
         # Far away only the nearest points contribute: the reach slightly exceeds
         # their distance.
         reach, levels = np.maximum(self._reach, _FAR * distance), self._reach * _LEVELS
@@ -340,7 +344,14 @@ class TriangleMesh:
         x
             Points on the surface in mm, shape (3, n).
         """
-        return self._away(x)[1]
+        beyond = np.zeros(x.shape[1])
+        away, vertex = self._quadrics.nearest(x)
+        # A point is as far from a triangle as from its nearest vertex, at most, and as
+        # far from the boundary as that vertex less this distance, at least.
+        near = np.flatnonzero(self._to_boundary[vertex] <= 2 * away)
+        if near.size:
+            beyond[near] = self._away(x[:, near])[1]
+        return beyond
 
     def off_triangles(self, x: ndarray) -> ndarray:
         """Distances of points on the smoothed surface from the triangles in mm, (n,).
@@ -381,6 +392,17 @@ class TriangleMesh:
     def _closest(self) -> "ClosestTriangles":
         tool = self.facets
         return ClosestTriangles(tool.points, tool.cells[0])
+
+    @cached_property
+    def _to_boundary(self) -> ndarray:
+        """Lower bounds of the distances of the vertices from the boundary in mm."""
+        from scipy.spatial import KDTree
+
+        ends = boundary_edges(self.facets.cells)
+        if not ends.size:
+            return np.full(len(self._x), np.inf)
+        edges = np.linalg.norm(self._x[ends[1]] - self._x[ends[0]], axis=1)
+        return KDTree(self._x[ends[0]]).query(self._x)[0] - 0.5 * edges.max()
 
     @cached_property
     def _normals(self) -> ndarray:
