@@ -1,6 +1,7 @@
 """Draping: surfaces, kinematic nets, draped fibres, flat patterns and defects."""
 
 from ..solve.surface.surface import displacement, exponential_map
+from .crossings import FoldedNetError, Net, NetError
 from .fibres_in_space import (
     SAME_AXES,
     Axes,
@@ -10,7 +11,7 @@ from .fibres_in_space import (
 )
 from .flat_pattern import FlatPattern, flat_pattern
 from .guide_curve import edge_through
-from .kinematic_net import FoldedNetError, Net, NetError, NetStart, net, nets
+from .kinematic_net import NetStart, net, nets
 from .laying import Status
 from .risks import (
     beyond_edges,

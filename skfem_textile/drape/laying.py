@@ -199,7 +199,10 @@ class _Front:
         turn = (_cross(warp, weft) * self._gradient).sum(axis=0)
         self._sine = np.copysign(np.sqrt(1 - self._cosine**2), turn)
         self._guides = [
-            [s.guides[f] and s.guides[f].walk(s.point, int(q[f])) for f in (0, 1)]
+            [
+                g if g is None else g.walk(s.point, n)
+                for g, n in zip(s.guides, q, strict=True)
+            ]
             for s in starts
             for q in QUADRANTS
         ]
@@ -291,13 +294,15 @@ class _Front:
     def _lay(self, new: _Diagonal, parts: list[tuple]) -> None:
         d = new.on.shape[1] - 1
         places = [np.nonzero(mask) for mask, *_ in parts]
-        own = [self._owned(*place, d) for place in places]
-        row, i = (np.concatenate([p[k][o] for p, o in zip(places, own)]) for k in (0, 1))
+        own = [self._owned(row, i, d) for row, i in places]
+        row, i = np.hstack(
+            [np.array(place)[:, o] for place, o in zip(places, own, strict=True)]
+        )
         if not row.size:
             return
         guess, off, a, b, across = (
-            np.concatenate([part[k][:, o] for part, o in zip(parts, own)], axis=1)
-            for k in (1, 2, 3, 4, 5)
+            np.hstack([of[:, o] for of, o in zip(values, own, strict=True)])
+            for values in list(zip(*parts, strict=True))[1:]
         )
         crosses = np.arange(len(row)) < own[0].sum()
         x, gradient, done = _pinned(
@@ -390,12 +395,16 @@ def _assembled(diagonals: list[_Diagonal]) -> list[Quadrant]:
     """Quadrants of diagonals, up to the crossings behind the last that were laid."""
     rows, count = len(diagonals[0].on), len(diagonals)
     x = np.full((3, rows, count, count), np.nan)
-    status = np.full((rows, count, count), Status.BEHIND, dtype=np.int8)
+    status = np.full((rows, count, count), Status.EDGE, dtype=np.int8)
     on = np.zeros((rows, count, count), dtype=bool)
     for d, of in enumerate(diagonals):
         i = np.arange(d + 1)
         x[:, :, i, d - i] = of.x
         status[:, i, d - i], on[:, i, d - i] = of.status, of.on
+    stopped = np.isin(status, _STOPS)
+    for axis in (1, 2):
+        stopped = np.logical_or.accumulate(stopped, axis)
+    status[stopped & (status == Status.EDGE)] = Status.BEHIND
     laid = np.isfinite(x[0])
     quadrants = []
     for row in range(rows):

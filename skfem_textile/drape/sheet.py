@@ -12,7 +12,7 @@ from skfem import ElementH1, ElementQuad1, ElementTriP1
 
 from ..fabric import kinematics as kin
 from ..ply import Ply
-from .kinematic_net import Net
+from .crossings import Net
 
 # Number of iterations for the foot of a perpendicular on an element.  Chosen: on a
 # square twisted by 30° the error for a point at a tenth of a side is 1e-8 of the side.
