@@ -34,6 +34,7 @@ from .surfaces import (
 )
 from .tool_mesh import ToolMesh, triangles_on
 from .triangle_mesh import TriangleMesh
+from .trimming import TrimmedNet, trimmed
 
 __all__ = [
     "SAME_AXES",
@@ -56,6 +57,7 @@ __all__ = [
     "ToolMesh",
     "Torus",
     "TriangleMesh",
+    "TrimmedNet",
     "beyond_edges",
     "bridging",
     "contact_pressure",
@@ -70,6 +72,7 @@ __all__ = [
     "nets",
     "off_triangles",
     "triangles_on",
+    "trimmed",
     "turn_of_normal",
     "wrinkle_risk",
 ]

@@ -22,6 +22,11 @@ from .laying import FOLDED, QUADRANTS, Quadrant, Start, Status, lay
 from .surfaces import positive_length
 
 
+# Distance beyond the edges of a tool, relative to the cell, up to which a cell starts.
+# A corner of the tool inside a square cell is at most 0.71 cells from its crossings.
+_MARGIN = 0.8
+
+
 class NetStart(NamedTuple):
     """Start of a net.
 
@@ -54,7 +59,7 @@ def net(
 ) -> Net:
     """Lay a net on a surface.
 
-    The net of a triangulated tool ends one cell beyond the edges of the tool.  A thread
+    The net of a triangulated tool covers the tool, and ends beyond its edges.  A thread
     whose neighbour has ended there continues as a geodesic.  Crossings behind a fold
     are not laid: see `Net.folds`.
 
@@ -277,7 +282,7 @@ def _laid(
     def on_tool(x: ndarray, row: ndarray, i: ndarray, j: ndarray) -> ndarray:
         if beyond is None:
             return np.ones(x.shape[1], dtype=bool)
-        return np.asarray(beyond(x) == 0)
+        return np.asarray(beyond(x) <= _MARGIN * cell)
 
     return lay(surface, starts, cell, wanted, on_tool)
 
