@@ -21,7 +21,6 @@ from .guide_curve import GuideCurve
 from .laying import FOLDED, QUADRANTS, Quadrant, Start, Status, lay
 from .surfaces import positive_length
 
-
 # Distance beyond the edges of a tool, relative to the cell, up to which a cell starts.
 # A corner of the tool inside a square cell is at most 0.71 cells from its crossings.
 _MARGIN = 0.8

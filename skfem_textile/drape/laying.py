@@ -346,9 +346,12 @@ def _pinned(
     """
     x, gradient = x.copy(), np.full_like(x, np.nan)
     done, left = np.zeros(x.shape[1], dtype=bool), np.arange(x.shape[1])
+    first_order = getattr(surface, "first_order", None) or (
+        lambda x: (surface.level(x), surface.gradient(x))
+    )
     for _ in range(_MOST):
         at, meets, third = x[:, left], crosses[left], across[:, left]
-        g, level = surface.gradient(at), surface.level(at)
+        level, g = first_order(at)
         slope = np.sqrt((g * g).sum(axis=0))
         p, q = at - a[:, left], at - b[:, left]
         on_plane = (q * third).sum(axis=0)

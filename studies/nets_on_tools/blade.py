@@ -251,7 +251,10 @@ def draw_blade(rows: Sequence[Row], file: File = None) -> Any:
 
 
 def _image(fields: Sequence[Row], key: str) -> ndarray:
-    u, v = (np.array([row[k] for row in fields]) // n for k, n in zip("uv", _FIELD))
+    u, v = (
+        np.array([row[name] for row in fields]) // size
+        for name, size in zip("uv", _FIELD, strict=True)
+    )
     image = np.full((u.max() + 1, v.max() + 1), np.nan)
     image[u, v] = [row[key] for row in fields]
     return image

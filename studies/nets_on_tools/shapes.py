@@ -9,7 +9,7 @@ import numpy as np
 from skfem_textile import drape
 from tests.helpers import tool_shapes
 
-from ..common.tables import having, markdown_table
+from ..common.tables import markdown_table
 from ..study import Row
 
 #: Shapes by name, in tens of seconds at most.

@@ -32,7 +32,7 @@ class NetsOnTools(Study[Any]):
             type=Path,
             default=REFERENCE,
             metavar="DIR",
-            help="folder with the published drapes in blade_mold (default: %(default)s)",
+            help="folder with blade_mold (default: %(default)s)",
         )
 
     def cases(self, options: argparse.Namespace) -> Sequence[Any]:
