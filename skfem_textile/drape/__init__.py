@@ -22,6 +22,7 @@ from .risks import (
     wrinkle_risk,
 )
 from .sheet import Sheet, SheetPoints
+from .start_search import BestStart, best_start, shear_over
 from .surfaces import (
     Cone,
     Cylinder,
@@ -39,6 +40,7 @@ from .trimming import TrimmedNet, trimmed
 __all__ = [
     "SAME_AXES",
     "Axes",
+    "BestStart",
     "Cone",
     "Cylinder",
     "FibresInSpace",
@@ -58,6 +60,7 @@ __all__ = [
     "Torus",
     "TriangleMesh",
     "TrimmedNet",
+    "best_start",
     "beyond_edges",
     "bridging",
     "contact_pressure",
@@ -71,6 +74,7 @@ __all__ = [
     "net",
     "nets",
     "off_triangles",
+    "shear_over",
     "triangles_on",
     "trimmed",
     "turn_of_normal",
