@@ -241,7 +241,8 @@ class _Search:
         first = axis - self._normal * (axis @ self._normal)
         first /= np.linalg.norm(first)
         self._axes = np.array([first, np.cross(self._normal, first)])
-        self._tree = KDTree((self._axes @ points).T)
+        self._vertices = facets.points
+        self._tree = KDTree((self._axes @ self._vertices).T)
         low, high = (f(self._axes @ points, axis=1) for f in (np.min, np.max))
         # A net turned by 180°, and by 90° if the families are orthogonal, is the same.
         right = abs(np.cos(angles[1] - angles[0])) < 1e-9
@@ -272,7 +273,7 @@ class _Search:
     def _starts(self, x: ndarray) -> list[NetStart]:
         """Starts over places in the plane."""
         _, nearest = self._tree.query(x[:2].T)
-        vertex = self._points[:, nearest]
+        vertex = self._vertices[:, nearest]
         gradient = self._tool.gradient(vertex)
         gradient = gradient / np.linalg.norm(gradient, axis=0)
         step = x[:2] - self._axes @ vertex
