@@ -93,7 +93,7 @@ def test_arguments_of_the_search_are_checked(options, message):
 def test_a_part_that_no_net_covers_is_rejected():
     """Two plates side by side: a net ends at the edges of one of them."""
     x, t = tool_shapes.plate(100.0, 60.0, 10.0)
-    other = x + np.array([[150.0], [0.0], [0.0]])
+    other = x + np.array([[300.0], [0.0], [0.0]])
     tool = drape.TriangleMesh(np.hstack([x, other]), np.hstack([t, t + x.shape[1]]))
     with pytest.raises(ValueError, match=r"no net covers the part without a fold"):
         drape.best_start(tool, 20.0, trials=32)
