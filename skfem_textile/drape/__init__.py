@@ -1,6 +1,7 @@
 """Draping: surfaces, kinematic nets, draped fibres, flat patterns and defects."""
 
 from ..solve.surface.surface import displacement, exponential_map
+from .crossings import FoldedNetError, Net, NetError
 from .fibres_in_space import (
     SAME_AXES,
     Axes,
@@ -9,7 +10,9 @@ from .fibres_in_space import (
     fibres_on_tool,
 )
 from .flat_pattern import FlatPattern, flat_pattern
-from .kinematic_net import Net, net
+from .guide_curve import edge_through
+from .kinematic_net import NetStart, net, nets
+from .laying import Status
 from .risks import (
     beyond_edges,
     bridging,
@@ -19,6 +22,7 @@ from .risks import (
     wrinkle_risk,
 )
 from .sheet import Sheet, SheetPoints
+from .start_search import BestStart, best_start, shear_over
 from .surfaces import (
     Cone,
     Cylinder,
@@ -31,36 +35,48 @@ from .surfaces import (
 )
 from .tool_mesh import ToolMesh, triangles_on
 from .triangle_mesh import TriangleMesh
+from .trimming import TrimmedNet, trimmed
 
 __all__ = [
     "SAME_AXES",
     "Axes",
+    "BestStart",
     "Cone",
     "Cylinder",
     "FibresInSpace",
     "FlatPattern",
+    "FoldedNetError",
     "Height",
     "HeightField",
     "Net",
+    "NetError",
+    "NetStart",
     "Plane",
     "Sheet",
     "SheetPoints",
     "Sphere",
+    "Status",
     "ToolMesh",
     "Torus",
     "TriangleMesh",
+    "TrimmedNet",
+    "best_start",
     "beyond_edges",
     "bridging",
     "contact_pressure",
     "displacement",
     "double_dome",
+    "edge_through",
     "exponential_map",
     "fibres_on_ply",
     "fibres_on_tool",
     "flat_pattern",
     "net",
+    "nets",
     "off_triangles",
+    "shear_over",
     "triangles_on",
+    "trimmed",
     "turn_of_normal",
     "wrinkle_risk",
 ]

@@ -1,6 +1,7 @@
 """Flat pattern of a trimmed part: the outline to cut from the flat ply."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy import ndarray
@@ -41,31 +42,37 @@ class FlatPattern:
         The same points in space in mm, shape (3, n).
     warp, weft
         Unit directions of the fibres in the flat ply at these points, shape (2, n).
+    holes
+        Outlines of holes, inside the outline.
     """
 
     outline: ndarray
     on_tool: ndarray
     warp: ndarray
     weft: ndarray
+    holes: tuple["FlatPattern", ...] = ()
 
     @property
     def length(self) -> float:
-        """Length of the outline in mm."""
+        """Length of the outline in mm, without those of holes."""
         return curve_length(self.outline)
 
     @property
     def area(self) -> float:
-        """Area inside the outline in mm²."""
-        return abs(self.signed_area)
+        """Area inside the outline and outside the holes in mm²."""
+        return abs(self.signed_area) - sum(hole.area for hole in self.holes)
 
     @property
     def signed_area(self) -> float:
-        """Area in mm², negative for a clockwise outline."""
+        """Area in mm² inside the outline, negative for a clockwise one."""
         return float(signed_areas(*self.outline))
 
 
 def flat_pattern(
-    sheet: Sheet, curve: ArrayLike, spacing: float | None = None
+    sheet: Sheet,
+    curve: ArrayLike,
+    spacing: float | None = None,
+    holes: Sequence[ArrayLike] = (),
 ) -> FlatPattern:
     """Outline in the flat ply of a curve that trims the part on the tool.
 
@@ -80,12 +87,15 @@ def flat_pattern(
         Largest distance between points in mm.  Points are added on straight lines
         between points of the curve further apart; these lines must stay near the ply.
         By default half of the longest edge of the ply.
+    holes
+        Closed curves that are cut out, inside the outline.
 
     Raises
     ------
     ValueError
-        If an argument is not valid, a point of the curve is not covered by the ply or
-        covered twice, or the outline crosses itself.
+        If an argument is not valid, a point of a curve is not covered by the ply or
+        covered twice, an outline crosses itself, or a hole crosses the outline or
+        another hole.
 
     Examples
     --------
@@ -101,10 +111,20 @@ def flat_pattern(
     >>> round(pattern.length), round(pattern.area)
     (311, 7695)
     """
-    points = _closed(curve)
     if spacing is None:
         spacing = _SPACING * sheet.longest_edge
     spacing = positive_length("flat pattern: spacing", spacing)
+    outer = _outlined(sheet, curve, spacing)
+    if not len(holes):
+        return outer
+    inner = tuple(_outlined(sheet, hole, spacing) for hole in holes)
+    _refuse_holes(outer, inner)
+    return replace(outer, holes=inner)
+
+
+def _outlined(sheet: Sheet, curve: ArrayLike, spacing: float) -> FlatPattern:
+    """Outline of one curve."""
+    points = _closed(curve)
     _points_on_ply(sheet, points)  # refuses a distant curve before points are added
     points = _spaced(points, spacing)
     places = _points_on_ply(sheet, points)
@@ -127,6 +147,22 @@ def flat_pattern(
             "around the part and does not return along itself"
         )
     return pattern
+
+
+def _refuse_holes(outer: FlatPattern, holes: tuple[FlatPattern, ...]) -> None:
+    """Refuse holes that are not inside the outline, or that overlap."""
+    from shapely import Polygon
+
+    left = Polygon(outer.outline.T)
+    for hole in holes:
+        cut = Polygon(hole.outline.T)
+        if not left.contains(cut):
+            point = np.round(hole.on_tool[:, 0], 3).tolist()
+            raise ValueError(
+                f"flat pattern: the hole that passes {point} crosses the outline or "
+                "another hole: specify closed curves that do not meet"
+            )
+        left = left.difference(cut)
 
 
 def _points_on_ply(sheet: Sheet, points: ndarray) -> SheetPoints:

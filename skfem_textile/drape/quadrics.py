@@ -117,9 +117,12 @@ class Quadrics:
         values: ndarray = self._quadrics[1]
         return values
 
-    def mean(self, x: ndarray) -> Derivatives:
-        """φ = Σ w q / Σ w and its derivatives at positions, shape (3, n)."""
-        mean = Derivatives(*(np.full((*[3] * i, x.shape[1]), np.nan) for i in range(3)))
+    def mean(self, x: ndarray, order: int = 2) -> tuple[ndarray, ...]:
+        """φ = Σ w q / Σ w and its derivatives at positions, shape (3, n).
+
+        The order of the last derivative is 1 or 2.
+        """
+        mean = [np.full((*[3] * i, x.shape[1]), np.nan) for i in range(order + 1)]
         distance, nearest = self._tree.query(x.T)
         # Squares of infinite distances overflow: these values remain NaN.
         finite = np.isfinite(distance)
@@ -143,12 +146,12 @@ class Quadrics:
                 else:
                     shift = self._start[first] - (np.cumsum(n) - n)
                     near = self._near[np.arange(n.sum()) + np.repeat(shift, n)]
-                block = self._mean(at, near, n, first, reach[some])
+                block = self._mean(at, near, n, first, reach[some], order)
                 for values, part in zip(mean, block, strict=True):
                     values[..., some] = part
         for values in mean:
             values.setflags(write=False)
-        return mean
+        return tuple(mean)
 
     def _mean(
         self,
@@ -157,7 +160,8 @@ class Quadrics:
         count: ndarray,
         nearest: ndarray,
         reach: ndarray,
-    ) -> Derivatives:
+        order: int,
+    ) -> tuple[ndarray, ...]:
         """Derivatives at n positions.
 
         ``near`` contains all vertices within the reach of the positions, and possibly
@@ -204,6 +208,8 @@ class Quadrics:
             m -= s * s * rho.take(at, axis=1)
             grown = of_w * (1 - follows.take(at) * (_FAR * s) ** 2)
         gradient = total(of_w * m + w * dq) / weight
+        if order == 1:
+            return level, gradient
         turned = (840 * fourth * off) * m + slope * (dq - gradient.take(at, axis=1))
         if far:
             turned -= (2 * of_w) * rho.take(at, axis=1)
@@ -214,7 +220,7 @@ class Quadrics:
             ]
         )
         hessian[:3] += total(grown) / (reach * reach)
-        return Derivatives(level, gradient, (hessian / weight)[_SYMMETRIC])
+        return level, gradient, (hessian / weight)[_SYMMETRIC]
 
 
 # Second derivatives xx, yy, zz, yz, xz, xy in a matrix, and their numbers in it.

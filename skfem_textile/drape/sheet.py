@@ -12,7 +12,7 @@ from skfem import ElementH1, ElementQuad1, ElementTriP1
 
 from ..fabric import kinematics as kin
 from ..ply import Ply
-from .kinematic_net import Net
+from .crossings import Net
 
 # Number of iterations for the foot of a perpendicular on an element.  Chosen: on a
 # square twisted by 30° the error for a point at a tenth of a side is 1e-8 of the side.
@@ -302,12 +302,12 @@ class Sheet:
 
     @classmethod
     def of_net(cls, net: Net) -> "Sheet":
-        """Sheet of a kinematic net, one quadrilateral per cell."""
+        """Sheet of a kinematic net, one quadrilateral per cell that was laid."""
         s, t = np.meshgrid(*net.along, indexing="ij")
         flat = net.directions @ [s.ravel(), t.ravel()] + net.touch[:, None]
         n = np.arange(s.size).reshape(s.shape)
         corners = n[:-1, :-1], n[1:, :-1], n[1:, 1:], n[:-1, 1:]
-        elements = np.array([corner.ravel() for corner in corners])
+        elements = np.array([corner[net.cells] for corner in corners])
         warp, weft = (
             np.tile(a[:, None], (1, elements.shape[1])) for a in net.directions.T
         )

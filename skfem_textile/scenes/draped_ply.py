@@ -22,7 +22,6 @@ from numpy import ndarray
 from skfem import Mesh
 
 from ..drape import SAME_AXES, Axes, Net
-from ..drape.kinematic_net import FoldedNetError, NetError
 from ..fabric import Fabric
 from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..ply.terms import Load
@@ -65,18 +64,16 @@ def warn_of_net(lay: Callable[[], Net], X: ndarray, axes: Axes) -> None:
     axes
         Axes of the ply in the axes of the tool, for positions in messages.
     """
-    try:
-        net = lay().up_to(X)
-    except FoldedNetError as error:
+    net = lay()
+    if net.folds.size:
         log.warning(
             "drape: inextensible fibres cannot lie on this tool, because their net "
             "folds at (%s) mm. %s",
-            _xyz(axes, error.position),
+            _xyz(axes, net.folds[:, 0]),
             _ADVICE,
         )
         return
-    except NetError:  # leaves the surface, which is not a fold
-        return
+    net = net.up_to(X)
     shear = np.degrees(net.shear_angle())
     cell = np.ptp(X, axis=1).max() / CELLS
     element = np.sqrt(np.ptp(X, axis=1).prod() / X.shape[1])

@@ -63,6 +63,7 @@ def net_over(
         angles=angles,
         touch=touch,
         over=cell * flat @ over + np.array(touch)[:, None],
+        past_edges=True,
     )
 
 

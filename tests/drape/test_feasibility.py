@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from skfem_textile import Fabric, Newton, OnSurface, StepError, drape
-from skfem_textile.drape.kinematic_net import NetError
 from skfem_textile.scenes import Case, draped_ply
 from skfem_textile.scenes import drape as on_tool
 from skfem_textile.scenes.on_tool import net_over
@@ -85,11 +84,12 @@ def test_shear_of_smooth_curvature_is_not_reported(caplog, size, fibres):
     assert not messages
 
 
-def test_a_first_thread_that_leaves_the_tool_is_not_a_fold(caplog, monkeypatch):
-    def leaves(*_):
-        raise NetError("the first thread leaves the surface", np.zeros(3))
-
-    monkeypatch.setattr(draped_ply, "net_over", leaves)
+def test_a_thread_that_leaves_the_tool_is_not_a_fold(caplog, monkeypatch):
+    cone, start = drape.Cone(0.4, (0, 0, 0), (1, 0, 0)), (50.0, 0, 50 * np.tan(0.4))
+    ends = drape.net(cone, 4.0, (30, 0), (1, 1), point=start)
+    assert ends.leaves.shape[1]
+    assert not ends.folds.shape[1]
+    monkeypatch.setattr(draped_ply, "net_over", lambda *_: ends)
     _, messages = reported(caplog, box(89.0))
     assert not messages
 

@@ -1,0 +1,1 @@
+"""Nets on triangulated tools, against a commercial code, areas and exact lengths."""

@@ -1,0 +1,64 @@
+"""Nets on triangulated tools."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..common.tables import cell
+from ..study import Part, Row, Study
+from .blade import BLADE, REFERENCE, STEERED, Blade, blade_table, draw_blade, totals
+from .shapes import SHAPES, Shape, shape_table, shapes_in_words
+
+
+class NetsOnTools(Study[Any]):
+    """Nets on a published mould, and on shapes of the tests."""
+
+    parts = (
+        Part(
+            "blade.csv",
+            {"blade.md": blade_table},
+            {"blade.png": draw_blade},
+            cases=(f"{BLADE},*",),
+        ),
+        Part("shapes.csv", {"shapes.md": shape_table}, cases=("shape,*",)),
+    )
+    timed = True
+    sample = str(Shape("saddle", 0.0))
+
+    def add_options(self, parser: argparse.ArgumentParser) -> None:
+        parser.add_argument(
+            "--reference",
+            type=Path,
+            default=REFERENCE,
+            metavar="DIR",
+            help="folder with blade_mold (default: %(default)s)",
+        )
+
+    def cases(self, options: argparse.Namespace) -> Sequence[Any]:
+        blades = [Blade(name, options.reference) for name in STEERED]
+        shapes = [Shape(name, angle) for name in SHAPES for angle in (0.0, 30.0, 45.0)]
+        return [*blades, *shapes]
+
+    def line(self, rows: list[Row]) -> str:
+        row = rows[0]
+        if row["case"].startswith(BLADE):
+            text = "{away_largest:.2f} mm, {off_99:.2f}°, {seconds:.1f} s"
+        else:
+            text = "area {area_error:+.2%}, {seconds:.1f} s"
+        return f"{row['case']}: {cell(row, text)}"
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        words = {}
+        for name, row in totals(rows).items():
+            words |= {
+                f"{name}_position": f"{row['away_largest']:.2f} mm",
+                f"{name}_median": f"{row['off_median']:.2f}°",
+                f"{name}_angle": f"{row['off_largest']:.2f}°",
+                f"{name}_inside": f"{row['off_inside_99']:.2f}°",
+                f"{name}_cells": f"{row['off_cells_99']:.2f}°",
+            }
+        return words | shapes_in_words(rows)
+
+
+STUDY = NetsOnTools()

@@ -1,0 +1,73 @@
+"""Nets trimmed along curves on a tool, with holes."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import drape
+from tests.helpers import tool_shapes
+
+SPHERE = drape.Sphere(100.0, (0, 0, -100))
+
+
+def circle(polar, centre=(0.0, 0.0), n=240, radius=100.0):
+    """A small circle of the sphere about the pole, or a tilted one."""
+    t = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    x = np.array([np.sin(polar) * np.cos(t), np.sin(polar) * np.sin(t)])
+    z = np.cos(polar) + 0 * t
+    tilt = centre[0]
+    turned = np.cos(tilt) * x[0] + np.sin(tilt) * z
+    z = np.cos(tilt) * z - np.sin(tilt) * x[0]
+    return radius * np.array([turned, x[1], z - 1])
+
+
+def cap(polar, radius=100.0):
+    return 2 * np.pi * radius**2 * (1 - np.cos(polar))
+
+
+def test_the_area_of_a_trimmed_net_on_the_tool_is_exact():
+    """Areas of sheared cells: flat, they are larger."""
+    net = drape.net(SPHERE, 2.5, (32, 32), (32, 32))
+    part = drape.trimmed(net, circle(0.7))
+    assert part.area == pytest.approx(cap(0.7), rel=1e-3)
+    assert part.pattern.area > 1.004 * part.area
+    inside = part.shares > 0
+    assert np.isfinite(part.shear_angle()[inside]).all()
+    assert np.isnan(part.shear_angle()[~inside]).all()
+
+
+def test_holes_are_cut_out_of_net_and_pattern():
+    net = drape.net(SPHERE, 2.5, (32, 32), (32, 32))
+    outer, hole = circle(0.7), circle(0.2, (0.3, 0.0))
+    whole = drape.trimmed(net, outer)
+    part = drape.trimmed(net, outer, [hole])
+    cut = drape.trimmed(net, hole)
+    assert part.area == pytest.approx(cap(0.7) - cap(0.2), rel=1e-3)
+    assert len(part.pattern.holes) == 1
+    assert part.pattern.area == pytest.approx(whole.pattern.area - cut.pattern.area)
+
+
+@pytest.mark.parametrize("hole", [circle(0.2, (0.6, 0.0)), circle(0.1, (1.5, 0.0))])
+def test_holes_outside_the_outline_are_rejected(hole):
+    net = drape.net(SPHERE, 2.5, (40, 64), (32, 32))
+    with pytest.raises(ValueError, match=r"crosses the outline or another hole|lie on"):
+        drape.trimmed(net, circle(0.7), [hole])
+
+
+@pytest.mark.parametrize(
+    ("shape", "cell"),
+    [
+        (tool_shapes.hemisphere_with_flange, 4.0),
+        (tool_shapes.hat, 5.0),
+        (tool_shapes.saddle, 5.0),
+        (lambda: tool_shapes.bonnet(askew=True), 8.0),
+    ],
+)
+def test_a_net_up_to_the_boundary_covers_the_area_of_a_tool(shape, cell):
+    tool = drape.TriangleMesh(*shape())
+    points = tool.facets.points
+    a, b, c = points[:, tool.facets.triangles()].swapaxes(0, 1)
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
+    middle = points[:, np.hypot(*points[:2]).argmin()]
+    net = drape.net(tool, cell, angles=(0.5, 0.5 + np.pi / 2), point=middle)
+    (outline, *_) = tool.facets.boundary()
+    assert drape.trimmed(net, outline).area == pytest.approx(area, rel=5e-3)
