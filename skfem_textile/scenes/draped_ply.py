@@ -25,13 +25,14 @@ from ..drape import SAME_AXES, Axes, Net
 from ..drape.kinematic_net import FoldedNetError, NetError
 from ..fabric import Fabric
 from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..ply import Ply
 from ..ply.terms import Load
 from ..solve.conditions import Condition
 from ..solve.result import Result
-from ..solve.surface import OnSurface, Surface, onto
-from ..solve.surface.surface import Geodesics, geodesics
-from .edge_tension import EdgeTension, edge_net
-from .on_tool import CELLS, measured_on_tool, net_over
+from ..solve.surface import OffSurfaceError, OnSurface, Surface, onto
+from ..solve.surface.surface import Geodesics, displacement, geodesics
+from .edge_tension import AROUND, EdgeTension, edge_net
+from .on_tool import CELLS, measured_on_tool
 from .rectangle import misfit, rectangle
 from .scene import Scene, unknown
 
@@ -205,9 +206,18 @@ def draped_ply(
 
     @cache
     def lay() -> Net:
-        if tension:
-            return edge_net(flat, on_tool, angles, held)
-        return net_over(flat.p, on_tool, 1.0, angles)
+        beyond = {} if tension else {"beyond": AROUND}
+        return edge_net(flat, on_tool, angles, held, **beyond)
+
+    def in_net(ply: Ply) -> ndarray | None:
+        """Displacement to the places of the nodes in the net, if it covers the ply."""
+        try:
+            x = lay().at(ply.nodes)
+            if np.isfinite(x).all():  # else the net ends within the ply
+                return displacement(ply.nodes, onto(surface, x))
+        except (NetError, OffSurfaceError):
+            pass
+        return None
 
     def edge_tension(fabric: Fabric) -> Sequence[Load]:
         law = fabric.shear_law if fabric.at() is fabric else None
@@ -229,11 +239,10 @@ def draped_ply(
         fibre_ends=dict.fromkeys(held, "mirror"),
         loads_of=edge_tension,
         figures=partial(shear_errors, exact=exact),
-        measured=partial(
-            measured_on_tool, axes=axes, holding=() if held else tuple(held_at)
-        ),
+        measured=partial(measured_on_tool, axes=axes, holding={} if held else held_at),
         misfit=misfit(flat, held) or off_exact(flat.p),
         axes=axes,
+        initial_guess=in_net,
     )
 
 

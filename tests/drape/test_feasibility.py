@@ -80,7 +80,7 @@ def test_shear_of_smooth_curvature_is_not_reported(caplog, size, fibres):
     tool = drape.TriangleMesh(x, t)
     kwargs = {"width": 200.0, "height": 200.0, "size": size, "fibres": fibres}
     scene, messages = reported(caplog, tool, **kwargs)
-    net = net_over(scene.mesh.p, OnSurface(SPHERE), 1.0, (fibres, fibres + H))
+    net = net_over(scene.mesh.p, OnSurface(SPHERE), (fibres, fibres + H))
     assert np.degrees(np.nanmax(np.abs(net.shear_angle()))) > 45
     assert not messages
 
@@ -89,7 +89,7 @@ def test_a_first_thread_that_leaves_the_tool_is_not_a_fold(caplog, monkeypatch):
     def leaves(*_):
         raise NetError("the first thread leaves the surface", np.zeros(3))
 
-    monkeypatch.setattr(draped_ply, "net_over", leaves)
+    monkeypatch.setattr(draped_ply, "edge_net", leaves)
     _, messages = reported(caplog, box(89.0))
     assert not messages
 

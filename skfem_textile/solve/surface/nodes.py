@@ -173,9 +173,19 @@ class SurfaceNodes:
 
     def motion(self, u: ndarray, t: float, du: ndarray) -> ndarray:
         """Increment corrected so that nodes move onto surfaces to first order."""
+        return self._corrected(u, t, du, self.contact(u, t).level)
+
+    def along(self, u: ndarray, t: float, du: ndarray) -> ndarray:
+        """Increment corrected so that nodes move along surfaces."""
+        return self._corrected(u, t, du, 0.0)
+
+    def _corrected(
+        self, u: ndarray, t: float, du: ndarray, level: ndarray | float
+    ) -> ndarray:
+        """Increment that changes φ at the nodes by the negative ``level``."""
         contact, moved = self.contact(u, t), du.reshape(-1, 3).T.copy()
         nodes = contact.nodes
-        missing = contact.level + (contact.gradient * moved[:, nodes]).sum(axis=0)
+        missing = level + (contact.gradient * moved[:, nodes]).sum(axis=0)
         moved[:, nodes] -= missing / contact.slope * contact.across
         return moved.T.ravel()
 
