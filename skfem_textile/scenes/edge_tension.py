@@ -22,6 +22,7 @@ from skfem import BilinearForm, CellBasis, FacetBasis, LinearForm, Mesh, asm
 from skfem.helpers import dot
 
 from ..drape import Net
+from ..drape.kinematic_net import NetError
 from ..fabric.law import Law
 from ..ply.parameters import TermParameters, Values
 from ..ply.terms import Term
@@ -123,14 +124,21 @@ class EdgeTension:
                 net = edge_net(mesh, self.on_tool, self.angles, self.held)
             else:
                 net = self.net()
-            directions = net.tangents(X)
-        except ValueError as error:
-            raise ValueError(
-                f"edge tension: {error}; or omit the tension and give the fibres a "
-                "bending stiffness"
-            ) from None
+        except NetError as error:
+            raise ValueError(self._not_covered(error.position)) from None
+        directions = net.tangents(X)
+        if not np.isfinite(directions).all():
+            raise ValueError(self._not_covered(_end_of(net, X)))
         traction = self._traction(np.asarray(edges.normals), directions)
         return _Tractions(edges, traction, not self.held)
+
+    def _not_covered(self, position: ndarray) -> str:
+        return (
+            "edge tension: the kinematic net folds or leaves the tool at "
+            f"{self.on_tool.place(position)}, and does not reach all edges of the ply: "
+            "use a smaller ply, or omit the tension and give the fibres a bending "
+            "stiffness"
+        )
 
     def _traction(self, N: ndarray, e: ndarray) -> ndarray:
         """Force per reference length at points, shape (3, n_edges, n_points).
@@ -213,6 +221,16 @@ class _Balance(TermParameters):
     def at_rest(self) -> Values:
         """No correction."""
         return Values({"balance": np.zeros(self._n_unknowns)})
+
+
+def _end_of(net: Net, X: ndarray) -> ndarray:
+    """Position where a net ends, towards the first of the points that it lacks."""
+    lacking = X[:, ~np.isfinite(net.at(X)).all(axis=0)][:, :1]
+    s, t = np.meshgrid(*net.along, indexing="ij")
+    flat = net.directions @ [s.ravel(), t.ravel()] + net.touch[:, None]
+    away = np.linalg.norm(flat - lacking, axis=0)
+    x = net.positions.reshape(3, -1)
+    return x[:, np.where(np.isfinite(x).all(axis=0), away, np.inf).argmin()]
 
 
 def _cosine_and_sine(e: ndarray) -> tuple[ndarray, ndarray]:

@@ -386,6 +386,13 @@ class Run:
         values = problem.constraints.fixed_values(1.0)
         with np.errstate(all="ignore"):  # non-finite values are detected
             guess = problem.start(u, problem.ply.parameters_at_rest)
+            if not problem.in_domain(u, guess.parameters):
+                end = problem.ply.closest_end(u)
+                raise NoEquilibriumError(
+                    f"the initial guess is outside the domain of a law: {end}",
+                    end.elements if end else (),
+                    "a law with a larger domain",
+                )
         before = problem.clock.solves
         found = self._search(Target(1.0, 1.0, values, guess, None))
         state = found.trial.state(problem.clock.solves - before)

@@ -86,7 +86,7 @@ def test_shear_of_smooth_curvature_is_not_reported(caplog, size, fibres):
 
 
 def test_a_first_thread_that_leaves_the_tool_is_not_a_fold(caplog, monkeypatch):
-    def leaves(*_):
+    def leaves(*_, **options):
         raise NetError("the first thread leaves the surface", np.zeros(3))
 
     monkeypatch.setattr(draped_ply, "edge_net", leaves)

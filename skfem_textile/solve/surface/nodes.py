@@ -192,14 +192,17 @@ class SurfaceNodes:
     def onto(self, u: ndarray, t: float) -> ndarray:
         """Displacement with nodes projected onto surfaces; an error if this fails."""
         x, first = self._positions(u), 0
-        for surface, nodes in self._surfaces(t):
+        for (_, condition, _), (surface, nodes) in zip(
+            self._parts, self._surfaces(t), strict=True
+        ):
             free = self._projector[first : first + len(nodes)]
             first += len(nodes)
             try:
                 x[:, nodes] = onto(surface, x[:, nodes], free, self._X[:, nodes])
             except OffSurfaceError as error:
                 raise NoEquilibriumError(
-                    f"condition {surface.name!r}: {error}",
+                    f"condition {surface.name!r}: {error.what} at "
+                    f"{condition.place(error.position)}",
                     advice="more steps, or an initial guess closer to the surface",
                 ) from None
         return (x - self._X).T.ravel()
@@ -236,6 +239,10 @@ class SurfaceNodes:
     def gaps(self, u: ndarray, t: float, basis: CellBasis) -> SurfaceGaps:
         """Distance of elements from their surfaces between nodes."""
         return gaps(self._surfaces(t), self._positions(u), basis)
+
+    def place(self, position: ndarray) -> str:
+        """Position in a message, see `OnSurface.place`."""
+        return self._parts[0][1].place(position)
 
     def levels(self, t: float) -> ndarray:
         """φ and ∇φ of each surface at probe positions, which identify a surface."""
