@@ -59,10 +59,8 @@ def _interrupted(stepper: "Stepper") -> str:
         "only a run with --checkpoint can be resumed",
     )
     advice = kept if stepper.checkpoint else lost
-    return (
-        f"interrupted: the last converged state, at load factor {at:.6g}, is written; "
-        f"{advice}"
-    )
+    written = f"the last converged state, at load factor {at:.6g}, is written"
+    return f"interrupted: {stepper.result.not_on_tool or written}; {advice}"
 
 
 def log_to_stderr(verbose: int) -> None:

@@ -128,6 +128,8 @@ def _verdict(summary: Mapping[str, Any]) -> Iterator[_Row]:
     if isinstance(half, int | float):
         how = f"± {100 * half:.2g} % {printable(how)}".strip()
     yield "Error interval of the load", "", how or "none"
+    if "not_on_tool" in summary:
+        yield "Tool", "bad", summary["not_on_tool"]
     if "exact_answer" in summary:
         yield "Exact solution", "", summary["exact_answer"]
 

@@ -71,7 +71,7 @@ def draw(
         "shear_angle.png": (plot.shear_angle, result),
         "fibre_directions.png": (plot.fibre_directions, result),
     }
-    if result.tool(result.states[-1].load_factor) is not None:
+    if result.tool(1.0) is not None and not result.not_on_tool:
         pictures[DRAPED] = plot.draped, result
     if isinstance(run, StepError):
         pictures[REFUSED] = plot.verdict, run
@@ -160,7 +160,7 @@ class DrapeExport:
         for what, write in (("part", self._fibres), ("pattern", self._pattern)):
             try:
                 if not result.converged:
-                    raise ValueError("the run stopped early")
+                    raise ValueError(result.not_on_tool or "the run stopped early")
                 figures |= write(sheet, folder)
             except ValueError as error:
                 figures[what] = f"not written: {error}"

@@ -99,7 +99,8 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
                 write_curve(curve, folder / CURVE)
                 written.write(folder)
                 io.write_fields(result, folder / "fields", case.scene.axes)
-                io.write_draped(result, folder, case.scene.axes)
+                if not result.not_on_tool:
+                    io.write_draped(result, folder, case.scene.axes)
             complete = True
         if code != INTERRUPTED:
             # Include the error interval.

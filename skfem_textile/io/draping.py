@@ -105,9 +105,13 @@ def write_draped(
 
     Raises
     ------
+    ValueError
+        If the ply has not reached its tool, see `Result.not_on_tool`.
     OSError
         If a file cannot be written.
     """
+    if result.not_on_tool:
+        raise ValueError(f"fibres: {result.not_on_tool}")
     ply, moved = result.ply, result.ply.nodal(result.u)
     files = [Path(folder) / name for name in DRAPED]
     if len(moved) == 3:

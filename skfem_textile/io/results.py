@@ -129,11 +129,11 @@ def write_fields(
 
     The points belong to the undeformed ply; warping by ``displacement`` shows the
     deformed ply.  The fields come from `point_fields` and `cell_fields`, and from
-    `fields_on_tool` for a ply on a tool.  The .pvd file lists the steps by load factor
-    and opens in ParaView as one series.  If the user's elements were split or cut there
-    is a second series, ``own_steps.pvd``, with the mean of each field over them.
-    Existing steps in the folder are removed.  Points and vectors are converted to the
-    coordinates in which the ply has the ``axes``.
+    `fields_on_tool` for a ply on its tool, at the load factor 1.  The .pvd file lists
+    the steps by load factor and opens in ParaView as one series.  If the user's
+    elements were split or cut there is a second series, ``own_steps.pvd``, with the
+    mean of each field over them. Existing steps in the folder are removed.  Points and
+    vectors are converted to the coordinates in which the ply has the ``axes``.
     """
     folder = Path(folder)
     with _name_path(folder):
@@ -182,7 +182,7 @@ def _fields(
     ply, u = result.ply, state.u
     points, cells = point_fields(ply, u), cell_fields(ply, u, state.parameters)
     surface = result.tool(state.load_factor)
-    if surface is not None:
+    if surface is not None and state.load_factor == 1:
         on_points, on_cells = fields_on_tool(ply, surface, state)
         points, cells = points | on_points, cells | on_cells
     turned = [

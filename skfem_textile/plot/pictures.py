@@ -424,6 +424,11 @@ def _on_tool(result: Result, state: State) -> tuple[ndarray, ndarray]:
     ply, surface = result.ply, result.tool(state.load_factor)
     if surface is None:
         raise ValueError("a ply does not lie on a tool: add a condition OnSurface")
+    if state.load_factor != 1:
+        raise ValueError(
+            f"a ply does not lie on its tool at the load factor {state.load_factor:g}: "
+            "draw a state at the load factor 1"
+        )
     points, cells = fields_on_tool(ply, surface, state)
     pressure = points["contact_pressure"][ply.mesh.t].mean(axis=0)
     return pressure, np.flatnonzero(cells["wrinkle_risk"])

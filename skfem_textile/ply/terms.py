@@ -60,12 +60,15 @@ class Term(Protocol):
     line_search
         True if increments are shortened until the energy decreases: for energies with
         kinks or steep walls, such as contact, where full increments overshoot.
+    balances
+        True for a load that leaves the supports of the ply without reactions.
     """
 
     name: str
     role: Role
     parameters: TermParameters | None = None
     line_search: bool = False
+    balances: bool = False
 
     def energy(self, u: ndarray, t: float, p: Values) -> float:
         """Energy in N·mm; for a load its potential, −F·u for a constant force F."""
@@ -78,6 +81,20 @@ class Term(Protocol):
     def tangent(self, u: ndarray, t: float, p: Values) -> csr_matrix | None:
         """Derivative of the residual in N/mm, symmetric; None if it is zero."""
         ...
+
+    def balanced(self, p: Values, motions: ndarray, work: ndarray) -> Values:
+        """Parameter values of a load that does further work; see ``balances``.
+
+        Parameters
+        ----------
+        p
+            Previous values.
+        motions
+            Displacements of all nodes, shape (n_motions, n_unknowns).
+        work
+            Further work over each of them in N·mm, shape (n_motions,).
+        """
+        return p
 
     def couples(self) -> Sequence[ndarray] | None:
         """Pairs of nodes coupled by the tangent, besides those within elements.

@@ -83,13 +83,15 @@ class Case:
         ValueError
             See `Ply` and `LoadStepper`.
         """
+        ply = self.ply()
         return LoadStepper(
-            self.ply(),
+            ply,
             self.scene.conditions,
             self.steps,
             method=self.method,
             warn_only=self.warn_only,
             checkpoint=checkpoint,
+            initial_guess=self.scene.initial_guess(ply),
             solver=self.solver,
         )
 

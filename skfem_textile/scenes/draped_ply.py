@@ -1,15 +1,17 @@
-"""Ply on a tool that grows out of its plane.
+"""Ply on a tool, draped from its kinematic net.
 
+The equilibrium on the tool is found from the places of the nodes in the net.  Where a
+net folds or ends within the ply, the tool grows out of the plane of the ply instead.
 The tool touches the ply at its centre, the origin.  A quarter of the ply suffices if
 tool and fibres have planes of symmetry, with fibres along the sides or at 45° to them.
 Otherwise the whole ply is fixed along x at its centre, and along y at two nodes near
-its x axis, one on each side, at positions given by geodesics.  On a tool with a twofold
-axis these forces vanish.
+its x axis, one on each side, at positions given by geodesics.  Under edge tension
+these nodes have no reactions, see `EdgeTension`.
 
 Inextensible fibres lie on a tool like a kinematic net, whose shear is determined by the
 curvature of the tool.  At the corner of a box the total curvature of a right angle is
-concentrated in one point, and no net fits around it.  Load steps become very small
-there, of which `warn_of_net` warns before draping.
+concentrated in one point, and no net fits around it, of which `warn_of_net` warns
+before draping.
 """
 
 import logging
@@ -21,16 +23,17 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..drape import SAME_AXES, Axes, Net
+from ..drape import SAME_AXES, Axes, Net, NetError
 from ..fabric import Fabric
 from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..ply import Ply
 from ..ply.terms import Load
 from ..solve.conditions import Condition
 from ..solve.result import Result
-from ..solve.surface import OnSurface, Surface, onto
-from ..solve.surface.surface import Geodesics, geodesics
-from .edge_tension import EdgeTension, edge_net
-from .on_tool import CELLS, measured_on_tool, net_over
+from ..solve.surface import OffSurfaceError, OnSurface, Surface, onto
+from ..solve.surface.surface import Geodesics, displacement, geodesics
+from .edge_tension import AROUND, EdgeTension, edge_net
+from .on_tool import CELLS, measured_on_tool
 from .rectangle import misfit, rectangle
 from .scene import Scene, unknown
 
@@ -39,16 +42,16 @@ log = logging.getLogger(__name__)
 # Shear angle of a net in degrees, and its change over the length of an element, which
 # are reported if both are exceeded.  Measured with 6 to 32 elements along the ply:
 # beyond the corners of boxes with walls of 45°, 67° and 78° nets shear by 21°, 52° and
-# 72°, with changes of 11° to 24°, 33° to 54° and 51° to 77°.  Under tension, plies of
-# 16×16 elements pass the second corner in small load steps, and plies of 8×8 do not.
-# On a sphere nets shear by up to 72°; above 45° changes are at most 28°.
+# 72°, with changes of 11° to 24°, 33° to 54° and 51° to 77°.  From the net, plies pass
+# the second corner with up to five times as many solves as elsewhere.  On a sphere nets
+# shear by up to 72°; above 45° changes are at most 28°.
 _MOST_SHEAR, _MOST_CHANGE = 45.0, 30.0
 
 # Tension or stiffness does not help.  Rounding a corner distributes its curvature and
 # does not change the shear beyond it.
 _ADVICE = (
-    "The load steps may become very small and the run may stop: use a ply that ends "
-    "before that corner, or drape it in parts"
+    "The run may take long or stop: use a ply that ends before that corner, or drape "
+    "it in parts"
 )
 
 
@@ -189,7 +192,7 @@ def draped_ply(
     part = part or ("quarter" if symmetric else "whole")
     share, held = (0.5, tuple(_SYMMETRY)) if part == "quarter" else (1.0, ())
     angles = fibres, fibres + np.pi / 2
-    on_tool = OnSurface(surface)
+    on_tool = OnSurface(surface, stated=axes.of_tool)
     if isinstance(mesh, str):
         sides = share * width, share * height
         flat = rectangle(*sides, size, mesh, jitter, seed, *angles)
@@ -198,13 +201,18 @@ def draped_ply(
     else:
         check_mesh(mesh)
         flat = with_edges(mesh)
-    held_at = _in_planes(name, flat) if held else _at_middle(name, flat, on_tool)
 
     @cache
     def lay() -> Net:
-        if tension:
-            return edge_net(flat, on_tool, angles, held)
-        return net_over(flat.p, on_tool, 1.0, angles)
+        beyond = {} if tension else {"beyond": AROUND}
+        return edge_net(flat, on_tool, angles, held, **beyond)
+
+    def in_net(ply: Ply) -> ndarray | None:
+        """Displacement to the places of the nodes in the net, if it covers the ply."""
+        try:
+            return displacement(ply.nodes, onto(surface, lay().at(ply.nodes)))
+        except (NetError, OffSurfaceError):  # the net ends within the ply
+            return None
 
     def edge_tension(fabric: Fabric) -> Sequence[Load]:
         law = fabric.shear_law if fabric.at() is fabric else None
@@ -213,6 +221,7 @@ def draped_ply(
         return [EdgeTension(on_tool, tension, angles, law, held, lay)]
 
     check(flat, lay)
+    held_at = _in_planes(name, flat) if held else _at_middle(name, flat, on_tool)
     c, s = float(np.cos(fibres)), float(np.sin(fibres))
     return Scene(
         name=name,
@@ -226,11 +235,10 @@ def draped_ply(
         fibre_ends=dict.fromkeys(held, "mirror"),
         loads_of=edge_tension,
         figures=partial(shear_errors, exact=exact),
-        measured=partial(
-            measured_on_tool, axes=axes, holding=() if held else tuple(held_at)
-        ),
+        measured=partial(measured_on_tool, axes=axes, holding={} if held else held_at),
         misfit=misfit(flat, held) or off_exact(flat.p),
         axes=axes,
+        initial_guess=in_net,
     )
 
 
@@ -323,6 +331,14 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
     half = np.array([0.5 * float(high[0]), 0.0])
     right = nearest(half, others[mesh.p[0, others] > off])
     left = nearest(-mesh.p[:, right[0]], others[mesh.p[0, others] < -off])
+    try:
+        for node in (*middle, *left, *right):
+            end(*mesh.p[:, node].tolist(), 1.0)
+    except OffSurfaceError as error:
+        raise ValueError(
+            f"{name}: the ply leaves the tool at {on_tool.place(error.position)}: use "
+            "a smaller ply, or another contact point"
+        ) from None
     return {
         "middle_x": Condition(middle, moves(0), direction=x),
         "turn_left": Condition(left, moves(1), direction=y),

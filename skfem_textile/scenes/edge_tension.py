@@ -5,33 +5,35 @@ ply.  They equal the forces in a larger ply that continues in the net: T e + M_s
 each family, with e along its fibres and p = λ ∂Γ/∂a normal to them, times the cosine of
 the angle between the fibres and the normal of the edge at rest.
 
-They follow the nets of the growing surface.  The surface at the load factor t is the
-tool enlarged by 1/t about the point X₀ where it touches the ply, and so is its net. The
-net of the tool at X₀ + t(X − X₀) has the directions at X: one net suffices.
+These tractions are in equilibrium only if the net is.  Else they displace a whole ply
+along the tool, and the nodes that prevent this have a reaction.  The smallest traction
+without reactions, in the mean square over the edges, is added: a sum of the motions of
+the edges that belong to displacements of these nodes (`_Tractions.balanced`).
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy import ndarray
-from skfem import CellBasis, FacetBasis, LinearForm, Mesh, asm
+from scipy.sparse import csr_matrix
+from skfem import BilinearForm, CellBasis, FacetBasis, LinearForm, Mesh, asm
 from skfem.helpers import dot
 
 from ..drape import Net
+from ..drape.kinematic_net import NetError
 from ..fabric.law import Law
-from ..ply.parameters import Values
+from ..ply.parameters import TermParameters, Values
 from ..ply.terms import Term
 from ..solve.surface import OnSurface
 from .on_tool import CELLS, net_over
 
-# Number of cells of the net beyond the ply.
+# Number of cells of the net beyond the ply, from which directions at its edges follow.
 _BEYOND = 2
 
-# Load factors for which the net covers the points of the edges, in steps of at most 1.5
-# cells apart, and at which the shear law is checked before draping.
-_LOAD_FACTORS = np.linspace(0.0, 1.0, CELLS + 1)
+#: Number of cells beyond the ply that contain every point between two of its edge.
+AROUND = 1
 
 # Shear angle of a net in radians below which it is round-off.
 _ROUNDING = 1e-9
@@ -42,8 +44,9 @@ def edge_net(
     on_tool: OnSurface,
     angles: tuple[float, float],
     held: tuple[str, ...] = (),
+    beyond: int = _BEYOND,
 ) -> Net:
-    """Net of the tool over a ply and beyond it, for all load factors.
+    """Net of the tool over a ply and beyond it.
 
     Parameters
     ----------
@@ -51,6 +54,8 @@ def edge_net(
         Mesh of the ply.
     on_tool, angles, held
         See `EdgeTension`.
+    beyond
+        Number of cells beyond the ply.
 
     Raises
     ------
@@ -61,9 +66,7 @@ def edge_net(
     most = np.hypot(*(end - start)).max() / np.ptp(mesh.p, axis=1).max()
     shares = np.linspace(0.0, 1.0, 1 + int(np.ceil(CELLS * most)))[:, None, None]
     X = np.hstack([*(start + shares * (end - start))])
-    touch = np.array(on_tool.touch)[:, None]
-    path = np.hstack([touch + t * (X - touch) for t in _LOAD_FACTORS])
-    return net_over(path, on_tool, 1.0, angles, _BEYOND)
+    return net_over(np.hstack([mesh.p, X]), on_tool, angles, beyond)
 
 
 def _free_edges(mesh: Mesh, held: tuple[str, ...]) -> ndarray:
@@ -75,7 +78,7 @@ def _free_edges(mesh: Mesh, held: tuple[str, ...]) -> ndarray:
 
 @dataclass(frozen=True, eq=False)
 class EdgeTension:
-    """Tension on the edges of a ply, acting from the start.
+    """Tension on the edges of a ply on its tool, in proportion to the load factor.
 
     Parameters
     ----------
@@ -121,41 +124,39 @@ class EdgeTension:
                 net = edge_net(mesh, self.on_tool, self.angles, self.held)
             else:
                 net = self.net()
-            path = [self._in_net(X, t) for t in _LOAD_FACTORS]
-            directions = net.tangents(np.hstack(path))
-        except ValueError as error:
-            raise ValueError(
-                f"edge tension: {error}; or omit the tension and give the fibres a "
-                "bending stiffness"
-            ) from None
-        self._moment(*_cosine_and_sine(directions))
-        return _Tractions(self, edges, net)
+        except NetError as error:
+            raise ValueError(self._not_covered(error.position)) from None
+        directions = net.tangents(X)
+        if not np.isfinite(directions).all():
+            raise ValueError(self._not_covered(_end_of(net, X)))
+        traction = self._traction(np.asarray(edges.normals), directions)
+        return _Tractions(edges, traction, not self.held)
 
-    def traction(self, X: ndarray, N: ndarray, net: Net, t: float) -> ndarray:
+    def _not_covered(self, position: ndarray) -> str:
+        return (
+            "edge tension: the kinematic net folds or leaves the tool at "
+            f"{self.on_tool.place(position)}, and does not reach all edges of the ply: "
+            "use a smaller ply, or omit the tension and give the fibres a bending "
+            "stiffness"
+        )
+
+    def _traction(self, N: ndarray, e: ndarray) -> ndarray:
         """Force per reference length at points, shape (3, n_edges, n_points).
 
         Parameters
         ----------
-        X, N
-            Points of the edges in mm and normals there, shape (2, n_edges, n_points).
-        net
-            Net of the tool.
-        t
-            The load factor.
+        N
+            Normals of the edges at points, shape (2, n_edges, n_points).
+        e
+            Directions of warp and weft in space there, shape (2, 3, n).
         """
-        e = net.tangents(self._in_net(X.reshape(2, -1), t))
         c, s = _cosine_and_sine(e)
         moment = self._moment(c, s)
         force = np.zeros_like(e[0])
         for a, other, angle in zip(e, e[::-1], self.angles, strict=True):
             across = np.cos(angle) * N[0].ravel() + np.sin(angle) * N[1].ravel()
-            force += across * (t * self.tension * a + moment * (other - c * a) / s)
-        return force.reshape(3, *X.shape[1:])
-
-    def _in_net(self, X: ndarray, t: float) -> ndarray:
-        """The points X₀ + t(X − X₀) of the net of the tool, shape (2, n)."""
-        touch = np.array(self.on_tool.touch)[:, None]
-        return touch + t * (X - touch)
+            force += across * (self.tension * a + moment * (other - c * a) / s)
+        return force.reshape(3, *N.shape[1:])
 
     def _moment(self, c: ndarray, s: ndarray) -> ndarray:
         """M_s for fibres at an angle of given cosine and sine."""
@@ -175,30 +176,61 @@ class EdgeTension:
 
 
 class _Tractions(Term):
-    """Forces of the tractions at a load factor, cached for the last one."""
+    """Forces of the tractions, and of the correction that balances them.
+
+    The correction is a parameter, the nodal forces ``balance`` in N.  It is zero in
+    planes of symmetry, whose reactions are forces of the other half.
+    """
 
     name, role = "edge tension", "load"
 
-    def __init__(self, tension: EdgeTension, edges: FacetBasis, net: Net) -> None:
-        X = np.asarray(edges.global_coordinates())
-        N = np.asarray(edges.normals)
+    def __init__(self, edges: FacetBasis, traction: ndarray, balances: bool) -> None:
+        self._edges, self.balances = edges, balances
+        self._force = asm(_WORK, edges, force=traction)
+        self.parameters = _Balance(edges.N)
 
-        @lru_cache(maxsize=1)
-        def at(t: float) -> ndarray:
-            return asm(_WORK, edges, force=tension.traction(X, N, net, t))
+    def balanced(self, p: Values, motions: ndarray, work: ndarray) -> Values:
+        """See `Term`; the smallest traction in the mean square over the edges."""
+        along_edges = self._mass @ motions.T
+        share = np.linalg.solve(motions @ along_edges, work)
+        return Values({"balance": p["balance"] + along_edges @ share})
 
-        self._at = at
+    @cached_property
+    def _mass(self) -> csr_matrix:
+        """Matrix of the scalar product of displacements over the edges."""
+        return asm(_PRODUCT, self._edges).tocsr()
 
     def energy(self, u: ndarray, t: float, p: Values) -> float:
-        """−F(t)·u."""
-        return -float(self._at(t) @ u)
+        """−F·u."""
+        return float(self.residual(u, t, p) @ u)
 
     def residual(self, u: ndarray, t: float, p: Values) -> ndarray:
-        """−F(t)."""
-        return -self._at(t)
+        """−F."""
+        return -(t * self._force + p["balance"])
 
     def tangent(self, u: ndarray, t: float, p: Values) -> None:
         """None."""
+
+
+class _Balance(TermParameters):
+    """Correction of the tractions, zero until it is computed."""
+
+    def __init__(self, n_unknowns: int) -> None:
+        self._n_unknowns = n_unknowns
+
+    def at_rest(self) -> Values:
+        """No correction."""
+        return Values({"balance": np.zeros(self._n_unknowns)})
+
+
+def _end_of(net: Net, X: ndarray) -> ndarray:
+    """Position where a net ends, towards the first of the points that it lacks."""
+    lacking = X[:, ~np.isfinite(net.at(X)).all(axis=0)][:, :1]
+    s, t = np.meshgrid(*net.along, indexing="ij")
+    flat = net.directions @ [s.ravel(), t.ravel()] + net.touch[:, None]
+    away = np.linalg.norm(flat - lacking, axis=0)
+    x = net.positions.reshape(3, -1)
+    return x[:, np.where(np.isfinite(x).all(axis=0), away, np.inf).argmin()]
 
 
 def _cosine_and_sine(e: ndarray) -> tuple[ndarray, ndarray]:
@@ -210,3 +242,8 @@ def _cosine_and_sine(e: ndarray) -> tuple[ndarray, ndarray]:
 @LinearForm
 def _WORK(v, w):
     return dot(w["force"], v)
+
+
+@BilinearForm
+def _PRODUCT(u, v, w):
+    return dot(u, v)

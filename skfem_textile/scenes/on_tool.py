@@ -1,6 +1,6 @@
 """Results of a ply on a tool."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from ..drape import (
     wrinkle_risk,
 )
 from ..ply import Ply
+from ..solve.conditions import Condition
 from ..solve.result import Result
 from ..solve.surface import OnSurface, Surface
 
@@ -29,7 +30,6 @@ CELLS = 64
 def net_over(
     points: ndarray,
     on_tool: OnSurface,
-    t: float,
     angles: tuple[float, float],
     beyond: int = 0,
 ) -> Net:
@@ -39,8 +39,8 @@ def net_over(
     ----------
     points
         Points of the flat ply in mm, shape (2, n).
-    on_tool, t
-        The surface, and its load factor.
+    on_tool
+        The surface.
     angles
         Inclination of warp and weft at rest in radians.
     beyond
@@ -59,7 +59,7 @@ def net_over(
     reach = np.array([np.maximum(-over.min(axis=1), 0), over.max(axis=1)])
     warp, weft = np.ceil(reach).astype(int).T.tolist()
     return net(
-        *(on_tool.at("tool", t), cell, tuple(warp), tuple(weft)),
+        *(on_tool.surface, cell, tuple(warp), tuple(weft)),
         angles=angles,
         touch=touch,
         over=cell * flat @ over + np.array(touch)[:, None],
@@ -80,34 +80,28 @@ _NO_NET = (
 _COARSE = 30.0
 
 
-# Force of a supported node, relative to all forces on the edges of a ply, above which
-# it is reported.  Measured with 8×8 elements: up to 0.008 where tool and fibres have
-# planes of symmetry, 0.012 to 0.047 elsewhere.
-_HOLDS = 0.01
-
-
 def measured_on_tool(
-    result: Result, axes: Axes, holding: Sequence[str] = ()
+    result: Result, axes: Axes, holding: Mapping[str, Condition]
 ) -> dict[str, float | str]:
     """Largest shear, contact pressures, area fractions of defects, and advice.
 
     Positions are in the axes of the tool; ``axes`` are the axes of the ply relative to
     the tool; ``holding`` are conditions on single nodes that prevent sliding.  Empty
-    for a ply that is not on a tool.
+    for a ply that is not on its tool.
     """
     ply, state = result.ply, result.states[-1]
-    u, t = state.u, state.load_factor
-    surface = result.tool(t)
-    if surface is None:
+    u, surface = state.u, result.tool(1.0)
+    if surface is None or result.not_on_tool:
         return {}
     measured = _Measured(
-        contact_pressure(ply, surface, u, t, state.parameters),
+        contact_pressure(ply, surface, u, 1.0, state.parameters),
         np.degrees(turn_of_normal(ply, surface, u)),
         beyond_edges(ply, surface, u),
     )
     figures, advice = _figures(result, measured), _advice(result, surface, measured)
-    held = _holding_forces(result, holding) if holding else {}
-    return {**_positions(result, axes), **figures, **held, **advice}
+    if holding:
+        figures["max_holding_force_N"] = _holding_force(result, surface, holding)
+    return {**_positions(result, axes), **figures, **advice}
 
 
 class _Measured(NamedTuple):
@@ -188,21 +182,17 @@ def _advice(result: Result, surface: Surface, measured: _Measured) -> dict[str, 
     return advice
 
 
-def _holding_forces(result: Result, holding: Sequence[str]) -> dict[str, float | str]:
-    """Largest force of a node that supports the ply, and advice."""
+def _holding_force(
+    result: Result, surface: Surface, holding: Mapping[str, Condition]
+) -> float:
+    """Largest force along the tool of a node that prevents the ply from sliding."""
     state, ply = result.states[-1], result.ply
-    force = max(float(np.linalg.norm(state.reactions[name])) for name in holding)
-    held: dict[str, float | str] = {"max_holding_force_N": force}
-    load = ply.nodal(_load(result))
-    if 0 < _HOLDS * np.linalg.norm(load, axis=0).sum() < force:
-        held["held_askew"] = (
-            f"the reaction of a node that prevents the ply from sliding is {force:.3g} "
-            "N, because the edge tensions are not in equilibrium on this tool. The "
-            "shear near this node is caused by its reaction, and increases under mesh "
-            "refinement: let the ply touch the tool at a point of symmetry, or use "
-            "fibres with bending stiffness and no edge tension"
-        )
-    return held
+    forces = np.array([state.reactions[name] for name in holding]).T
+    nodes = [at.nodes(name, ply.basis)[0] for name, at in holding.items()]
+    x = np.pad(ply.nodes[:, nodes], ((0, 1), (0, 0))) + ply.nodal(state.u)[:, nodes]
+    normal = surface.gradient(x) / np.linalg.norm(surface.gradient(x), axis=0)
+    along = forces - (forces * normal).sum(axis=0) * normal
+    return float(np.linalg.norm(along, axis=0).max())
 
 
 def _load(result: Result) -> ndarray:

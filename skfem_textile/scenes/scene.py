@@ -17,6 +17,7 @@ from ..solve.surface import OnSurface
 from .shear_test import BiasTest, FrameTest
 
 if TYPE_CHECKING:
+    from ..ply import Ply
     from ..ply.builtin_terms import FibreEnd
     from ..ply.terms import Load
     from ..singular import Outline
@@ -83,6 +84,9 @@ class Scene:
         Further figures of a result that need no exact solution.
     axes
         Axes of the scene in the axes of the tool on which the ply lies.
+    initial_guess
+        Displacement of a ply near the equilibrium under the whole load, or None, see
+        `LoadStepper`.
     """
 
     name: str
@@ -106,6 +110,7 @@ class Scene:
     figures: Callable[[Result], Mapping[str, float]] = lambda result: {}
     measured: Callable[[Result], Mapping[str, float | str]] = lambda result: {}
     axes: Axes = SAME_AXES
+    initial_guess: "Callable[[Ply], ndarray | None]" = lambda ply: None
 
     def rotated(self, angle: float) -> "Scene":
         """The same problem with mesh, fibres and conditions rotated together.

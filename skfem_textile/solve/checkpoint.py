@@ -321,19 +321,20 @@ class Checkpoint:
 class Replay:
     """Sequential validation of the states of a checkpoint.
 
-    ``last`` is the trial of the last state.
+    ``last`` is the trial of the last state.  ``in_steps`` is True for states that
+    follow from one another in load steps.
     """
 
     last: Trial
 
-    def __init__(self, problem: Problem) -> None:
-        self._problem = problem
+    def __init__(self, problem: Problem, in_steps: bool = True) -> None:
+        self._problem, self._in_steps = problem, in_steps
 
     def trial(self, state: State) -> tuple[Trial, ndarray]:
         """Trial of the displacement of a state, and its fixed values."""
         t, u, p = state.load_factor, state.u, state.parameters
         problem = self._problem.at(t)
-        before = self.last.next_guess() if t > 0 else None
+        before = self.last.next_guess() if t > 0 and self._in_steps else None
         equilibrium = Equilibrium(u, problem.residual(u, p), p, (), state.tolerance)
         trial = Trial.of(problem, equilibrium, before)
         return trial, problem.constraints.fixed_values(t)

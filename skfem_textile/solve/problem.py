@@ -192,6 +192,20 @@ class Problem:
             return u + du
         return self.surfaces.onto(u + du, self.load_factor)
 
+    def motions_of_supports(self, u: ndarray) -> ndarray:
+        """Unit motion of each prescribed unknown, along the surfaces of its node.
+
+        Shape (n_prescribed, n_unknowns).
+        """
+        turn, prescribed = self.constraints.turn, self.constraints.prescribed
+        units = np.zeros((len(prescribed), len(u)))
+        units[np.arange(len(prescribed)), prescribed] = 1.0
+        motions = [plain(unit, turn) for unit in units]
+        if self.surfaces:
+            along = [self.surfaces.along(u, self.load_factor, x) for x in motions]
+            motions = along
+        return np.array(motions)
+
     def unfixed(self, f: ndarray, u: ndarray) -> ndarray:
         """DOF vector without its components along the fixed directions at ``u``."""
         turn = self.turn(u)
@@ -249,6 +263,23 @@ class Problem:
         forces = self.nodal(u)
         dof = len(forces) * np.linalg.norm(forces, axis=0).argmax()
         return np.flatnonzero((self.ply.basis.element_dofs == dof).any(axis=0))
+
+
+def balanced(
+    problem: Problem, u: ndarray, f: ndarray, parameters: PlyParameters, tangent: Any
+) -> PlyParameters:
+    """Parameters with loads that leave the supports without reactions.
+
+    The reactions are the work of the nodal forces ``f`` over the motions of the ply
+    that accompany unit motions of the supports.
+    """
+    changed = [term for term in problem.ply.terms if term.balances]
+    if not changed:
+        return parameters
+    motions = tangent.motions()
+    work = motions @ f
+    values = {x.name: x.balanced(parameters[x.name], motions, work) for x in changed}
+    return Frozen({**parameters, **values})
 
 
 def between(before: PlyParameters, after: PlyParameters, share: float) -> PlyParameters:
@@ -339,6 +370,20 @@ class Tangent:
         b = -(turned(f, turn)[free] + self._matrix.coupling @ dq[constraints.fixed])
         dq[free] = self._solve(b)
         return plain(dq, turn)
+
+    def motions(self) -> ndarray:
+        """Motions of the ply that accompany those of its supports.
+
+        Shape (n_prescribed, n_unknowns); see `Problem.motions_of_supports`.
+        """
+        problem, turn = self._problem, self._turn
+        motions = problem.motions_of_supports(self._u)
+        for i, motion in enumerate(motions):
+            dq = turned(motion, turn)
+            fixed = dq[problem.constraints.fixed]
+            dq[problem.constraints.free] = self._solve(-self._matrix.coupling @ fixed)
+            motions[i] = plain(dq, turn)
+        return motions
 
     def contact(self, f: ndarray, du: ndarray) -> ndarray | None:
         """Multipliers λ of nodes on surfaces after an increment, to first order.

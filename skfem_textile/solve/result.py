@@ -112,6 +112,19 @@ class Result:
         return None
 
     @property
+    def not_on_tool(self) -> str:
+        """Reason why the last state is not on its tool; empty if it is, or without one.
+
+        A surface that grows has its own size at the load factor 1 only.
+        """
+        t = self.states[-1].load_factor
+        if not self.surfaces or t == 1:
+            return ""
+        if t == 0:
+            return "the ply is flat: no state on the tool was found"
+        return f"the ply lies on the tool enlarged by {1 / t:.4g}, not on the tool"
+
+    @property
     def u(self) -> ndarray:
         """Displacement of the last converged state."""
         return self.states[-1].u
@@ -205,6 +218,7 @@ class Result:
             "solve_time_s": self.solve_time_s,
             "solver": self.solver.name,
             "solver_reason": self.solver.reason,
+            **({"not_on_tool": self.not_on_tool} if self.not_on_tool else {}),
         }
 
     def __repr__(self) -> str:
@@ -265,13 +279,13 @@ class StepError(RuntimeError):
             if name not in result.surfaces
         }
         name = max(lengths, key=lengths.__getitem__, default="")
-        moved = (
-            f" ({name} moved by {lengths[name]:.4g} mm)" if lengths.get(name) else ""
-        )
+        far = f"{name} moved by {lengths[name]:.4g} mm" if lengths.get(name) else ""
+        far = result.not_on_tool or far
+        where = f" ({far})" if far else ""
         first = ", ".join(map(str, elements[:_ELEMENTS]))
         more = ", ..." if elements.size > _ELEMENTS else ""
         return cls(
-            f"stopped at load factor {state.load_factor:.6g}{moved}: {error}"
+            f"stopped at load factor {state.load_factor:.6g}{where}: {error}"
             + (f" (element {first}{more})" if elements.size else "")
             + (f"; try {advice}" if advice else ""),
             result,

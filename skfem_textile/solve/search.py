@@ -14,7 +14,7 @@ from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, loads_drive
 from .linear import ChosenSolver
 from .newton import LESS_ROUNDING, METHODS, MOST_UPDATES, SETTLED, Method
-from .problem import InitialGuess, Problem, between
+from .problem import InitialGuess, Problem, balanced, between
 from .states import Iteration, NoEquilibriumError, State
 from .verdict import Trial
 
@@ -31,6 +31,12 @@ _SHORTEST_AT_REST = 2.0**-12, 2.0**-6
 # Share of `SETTLED` below which the change of nodal forces by a parameter update
 # implies, without a linear solve, that the reactions change by less than `SETTLED`.
 _CERTAINLY = 0.1
+
+
+# Reaction of a support, relative to the sum of all loads, below which there is none.
+# Chosen: of a hundredth of the tolerance of parameters, reached by one or two
+# corrections.
+_IN_BALANCE = 1e-5
 
 
 class Target(NamedTuple):
@@ -103,28 +109,31 @@ class EquilibriumSearch:
         """State that passes all checks, with converged parameters where possible.
 
         Parameters that would change the state are updated, and equilibrium is restored.
-        An update is halved if the changes do not decrease by half.  Raises a
-        `NoEquilibriumError` if there is no such state.
+        An update is halved if the changes do not decrease by half.  Loads that leave
+        the supports without reactions are corrected together with the parameters.
+        Raises a `NoEquilibriumError` if there is no such state.
         """
         trial, share, last = self._first(target), 1.0, np.inf
         most = min(target.most_projected, MOST_PROJECTED)
         target = target._replace(most_projected=most)
         for _ in range(MOST_UPDATES):
-            problem, (u, _, p, *_) = trial.trial.problem, trial.trial.equilibrium
+            problem, (u, f, p, *_) = trial.trial.problem, trial.trial.equilibrium
+            tangent, balance = trial.trial.equilibrium.tangent, _balances(trial.trial)
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
                     after = problem.ply.updated(p, u, target.load_factor)
-                    if after is p:
-                        return trial._replace(settled=True)
-                    start, change = _updated(trial.trial, after)
+                    change = 0.0 if after is p else _change(trial.trial, after)
                     # Further changes form a geometric series of this ratio.
-                    rate = change / last
-                    if change <= SETTLED * (1.0 - rate):
+                    rate = change / last if change else 0.0
+                    settled = change <= SETTLED * (1.0 - rate)
+                    if settled and balance:
                         return trial._replace(settled=True)
-                    share, last = share if rate <= 0.5 else share / 2, change
-                    if share < 1.0:
-                        p = between(p, after, share)
-                        start = problem.start(u, p, start.tangent)
+                    if not settled:
+                        share, last = share if rate <= 0.5 else share / 2, change
+                        after = after if share == 1.0 else between(p, after, share)
+                    if not balance:
+                        after = balanced(problem, u, f, after, tangent)
+                    start = problem.start(u, after, tangent)
                 again = self._first(target._replace(start=start))
             except NoEquilibriumError:
                 break
@@ -198,10 +207,20 @@ class EquilibriumSearch:
         return AcceptedEquilibrium(trial, equilibrium.projected, settled=False)
 
 
-def _updated(trial: Trial, parameters: PlyParameters) -> tuple[InitialGuess, float]:
-    """The equilibrium with updated parameters, and how much the update changes it.
+def _balances(trial: Trial) -> bool:
+    """True if the supports have no reactions, or no load is to balance them."""
+    problem, (u, f, p, *_) = trial.problem, trial.equilibrium
+    tangent = trial.equilibrium.tangent
+    if tangent is None or not any(term.balances for term in problem.ply.terms):
+        return True
+    allowed = _IN_BALANCE * np.abs(problem.load(u, p)).sum()
+    return bool(np.abs(problem.motions_of_supports(u) @ f).max() <= allowed)
 
-    The change is the larger relative change of energy and reactions, to first order;
+
+def _change(trial: Trial, parameters: PlyParameters) -> float:
+    """Change of an equilibrium by an update of its parameters.
+
+    It is the larger relative change of energy and reactions, to first order;
     zero if within the tolerance of the equilibrium.
     """
     problem, (u, f, *_) = trial.problem, trial.equilibrium
@@ -210,23 +229,23 @@ def _updated(trial: Trial, parameters: PlyParameters) -> tuple[InitialGuess, flo
     if not np.isfinite(start.f).all():
         raise NoEquilibriumError("the parameters of a term are not finite")
     if problem.unbalanced(start.f, u) <= tolerance:
-        return start, 0.0
+        return 0.0
     before, end = (sum(x.energies.values()) for x in (trial, start))
     ours = np.array([*problem.reactions(f).values()])
     largest = np.linalg.norm(ours, axis=1).max()
     if abs(end - before) <= SETTLED * abs(before) and (
         np.abs(start.f - f).sum() <= _CERTAINLY * SETTLED * largest
     ):
-        return start, 0.0
+        return 0.0
     if tangent is None or tangent.negative_pivots is None:
-        return start, np.inf
+        return np.inf
     du, after = tangent.settled(start.f)
     theirs = np.array([*problem.reactions(after).values()])
     force = np.linalg.norm(ours - theirs, axis=1).max() - tolerance * u.size
     energy = abs(end + (0.5 * start.f + start.load) @ du - before)
     energy -= tolerance * np.abs(u).sum()
     of_force = max(force, 0.0) / largest if largest else 0.0
-    return start, float(max(of_force, max(energy, 0.0) / abs(before)))
+    return float(max(of_force, max(energy, 0.0) / abs(before)))
 
 
 def method_of(method: str | Method) -> Method:

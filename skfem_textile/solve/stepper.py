@@ -10,8 +10,10 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
 
 from ..mesh.progress import clear, shown
+from ..mesh.user_input import real_numbers
 from ..ply import Ply
 from .checkpoint import Checkpoint, CheckpointError, Progress, Replay
 from .conditions import Conditions, Constraints
@@ -78,6 +80,10 @@ class LoadStepper:
         Callbacks for each `Iteration` and each converged `State`.
     checkpoint
         Folder to which every converged state is written.
+    initial_guess
+        Displacement near the equilibrium at the load factor 1, DOF vector.  The run
+        then has one state after the undeformed ply: this equilibrium, without load
+        steps.
     solver
         Linear solver: ``superlu``, ``cholmod`` (needs cvxopt), ``pardiso`` (needs
         pypardiso), or ``auto`` for the fastest installed one, which is measured once
@@ -124,6 +130,7 @@ class LoadStepper:
         on_iteration: Callable[[Iteration], None] | None = None,
         on_step: Callable[[State], None] | None = None,
         checkpoint: str | os.PathLike[str] | None = None,
+        initial_guess: ndarray | None = None,
         solver: str = "auto",
     ) -> None:
         callbacks = {"on_iteration": on_iteration, "on_step": on_step}
@@ -132,7 +139,9 @@ class LoadStepper:
         constraints = Constraints(ply.basis, conditions)
         self.ply = ply
         self.problem = Problem(ply, constraints, partial(ChosenSolver, solver))
-        self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
+        steps = int(steps) if initial_guess is None else 1
+        self.load_factors = np.linspace(0.0, 1.0, steps + 1)[1:].tolist()
+        self.initial_guess = _checked_guess(initial_guess, ply)
         moved = moves(self.problem, (0.0, *self.load_factors))
         self.search = EquilibriumSearch(
             self.problem,
@@ -149,6 +158,7 @@ class LoadStepper:
             "method": repr(self.search.method),
             "max_halvings": max_halvings,
             "warn_only": sorted(warn_only),
+            "initial_guess": initial_guess is not None,
         }
         self.checkpoint = (
             Checkpoint(checkpoint, self.problem, settings) if checkpoint else None
@@ -240,6 +250,8 @@ class Run:
                 with np.errstate(all="ignore"):  # non-finite values are detected
                     self._start_at_rest(nothing_to_resume=resume)
             self._loaded_from = self.states[-1].load_factor, perf_counter()
+            if self._stepper.initial_guess is not None and len(self.states) == 1:
+                self._reach(self._stepper.initial_guess)
             for t_end in self._stepper.load_factors:
                 while self.states[-1].load_factor < t_end:
                     self._step(t_end)
@@ -309,7 +321,7 @@ class Run:
     def _resume(self) -> bool:
         """Start from the end of the checkpoint; False if it contains no state."""
         problem, checkpoint = self.problem, self._stepper.checkpoint
-        replay = Replay(problem)
+        replay = Replay(problem, self._stepper.initial_guess is None)
         if checkpoint is None or not (saved := checkpoint.load(replay)):
             return False
         self.states, self.continuation = saved.states, saved.progress.continuation
@@ -368,6 +380,26 @@ class Run:
         self.states = []
         self._append(state, equilibrium.trial)
 
+    def _reach(self, u: ndarray) -> None:
+        """Find the equilibrium at the load factor 1 near a displacement."""
+        problem = self.problem.at(1.0)
+        values = problem.constraints.fixed_values(1.0)
+        with np.errstate(all="ignore"):  # non-finite values are detected
+            guess = problem.start(u, problem.ply.parameters_at_rest)
+            if not problem.in_domain(u, guess.parameters):
+                end = problem.ply.closest_end(u)
+                raise NoEquilibriumError(
+                    f"the initial guess is outside the domain of a law: {end}",
+                    end.elements if end else (),
+                    "a law with a larger domain",
+                )
+        before = problem.clock.solves
+        found = self._search(Target(1.0, 1.0, values, guess, None))
+        state = found.trial.state(problem.clock.solves - before)
+        if not found.settled or self._depends_on_steps(state):
+            self.continuation.mark(1.0)
+        self._append(state, found.trial)
+
     def _step(self, t_end: float) -> None:
         """Take a step towards a requested load factor, or prepare a shorter one."""
         last, start, problem = self.states[-1], self._start, self.problem
@@ -389,7 +421,9 @@ class Run:
         try:
             trial = self._search(Target(t, step, values, guess, start, most_projected))
         except NoEquilibriumError as failure:
-            growth = load_growth(problem, last, t) if driven else 0.0
+            # A growing surface has no limit load.
+            loaded = driven and problem.surfaces is None
+            growth = load_growth(problem, last, t) if loaded else 0.0
             self.continuation.failed(failure, last.load_factor, t, t_end, growth)
             return
         before = sum(state.linear_solves for state in self.states)
@@ -468,6 +502,19 @@ def _check_arguments(
     for name, function in callbacks.items():
         if function is not None and not callable(function):
             raise ValueError(f"{name} must be a function, not {function!r}")
+
+
+def _checked_guess(guess: Any, ply: Ply) -> ndarray | None:
+    """Validated initial guess of a ply, if there is one."""
+    if guess is None:
+        return None
+    u = real_numbers("initial_guess", guess)
+    if u.shape != (ply.basis.N,) or not np.isfinite(u).all():
+        raise ValueError(
+            f"initial_guess must be {ply.basis.N} finite numbers, one for each unknown "
+            f"of the ply, got an array of shape {u.shape}"
+        )
+    return u
 
 
 def _is_whole(number: Any, least: int, most: int) -> bool:

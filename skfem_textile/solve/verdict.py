@@ -340,10 +340,10 @@ def _surface_check(trial: Trial) -> _Failures:
         area = basis.dx.sum(axis=1)
         share = 100 * area[off].sum() / area.sum()
         worst = off[gaps.share[off].argmax()]
-        point = ", ".join(f"{x:.3g}" for x in gaps.position[:, worst])
+        place = problem.surfaces.place(gaps.position[:, worst])
         error = NoEquilibriumError(
             f"{off.size} element(s), {share:.2g} % of the area, deviate from the "
-            f"surface between nodes, by up to {gaps.gap[worst]:.2g} mm at ({point}): "
+            f"surface between nodes, by up to {gaps.gap[worst]:.2g} mm at {place}: "
             "the elements are large compared with the radius of the surface; refine "
             "the mesh there",
             off,

@@ -79,7 +79,7 @@ def test_shear_of_smooth_curvature_is_not_reported(caplog, size, fibres):
     tool = drape.TriangleMesh(x, t)
     kwargs = {"width": 200.0, "height": 200.0, "size": size, "fibres": fibres}
     scene, messages = reported(caplog, tool, **kwargs)
-    net = net_over(scene.mesh.p, OnSurface(SPHERE), 1.0, (fibres, fibres + H))
+    net = net_over(scene.mesh.p, OnSurface(SPHERE), (fibres, fibres + H))
     assert np.degrees(np.nanmax(np.abs(net.shear_angle()))) > 45
     assert not messages
 
@@ -89,7 +89,7 @@ def test_a_thread_that_leaves_the_tool_is_not_a_fold(caplog, monkeypatch):
     ends = drape.net(cone, 4.0, (30, 0), (1, 1), point=start)
     assert ends.leaves.shape[1]
     assert not ends.folds.shape[1]
-    monkeypatch.setattr(draped_ply, "net_over", lambda *_: ends)
+    monkeypatch.setattr(draped_ply, "edge_net", lambda *_, **options: ends)
     _, messages = reported(caplog, box(89.0))
     assert not messages
 

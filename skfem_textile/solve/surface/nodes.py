@@ -173,23 +173,36 @@ class SurfaceNodes:
 
     def motion(self, u: ndarray, t: float, du: ndarray) -> ndarray:
         """Increment corrected so that nodes move onto surfaces to first order."""
+        return self._corrected(u, t, du, self.contact(u, t).level)
+
+    def along(self, u: ndarray, t: float, du: ndarray) -> ndarray:
+        """Increment corrected so that nodes move along surfaces."""
+        return self._corrected(u, t, du, 0.0)
+
+    def _corrected(
+        self, u: ndarray, t: float, du: ndarray, level: ndarray | float
+    ) -> ndarray:
+        """Increment that changes φ at the nodes by the negative ``level``."""
         contact, moved = self.contact(u, t), du.reshape(-1, 3).T.copy()
         nodes = contact.nodes
-        missing = contact.level + (contact.gradient * moved[:, nodes]).sum(axis=0)
+        missing = level + (contact.gradient * moved[:, nodes]).sum(axis=0)
         moved[:, nodes] -= missing / contact.slope * contact.across
         return moved.T.ravel()
 
     def onto(self, u: ndarray, t: float) -> ndarray:
         """Displacement with nodes projected onto surfaces; an error if this fails."""
         x, first = self._positions(u), 0
-        for surface, nodes in self._surfaces(t):
+        for (_, condition, _), (surface, nodes) in zip(
+            self._parts, self._surfaces(t), strict=True
+        ):
             free = self._projector[first : first + len(nodes)]
             first += len(nodes)
             try:
                 x[:, nodes] = onto(surface, x[:, nodes], free, self._X[:, nodes])
             except OffSurfaceError as error:
                 raise NoEquilibriumError(
-                    f"condition {surface.name!r}: {error}",
+                    f"condition {surface.name!r}: {error.what} at "
+                    f"{condition.place(error.position)}",
                     advice="more steps, or an initial guess closer to the surface",
                 ) from None
         return (x - self._X).T.ravel()
@@ -226,6 +239,10 @@ class SurfaceNodes:
     def gaps(self, u: ndarray, t: float, basis: CellBasis) -> SurfaceGaps:
         """Distance of elements from their surfaces between nodes."""
         return gaps(self._surfaces(t), self._positions(u), basis)
+
+    def place(self, position: ndarray) -> str:
+        """Position in a message, see `OnSurface.place`."""
+        return self._parts[0][1].place(position)
 
     def levels(self, t: float) -> ndarray:
         """φ and ∇φ of each surface at probe positions, which identify a surface."""

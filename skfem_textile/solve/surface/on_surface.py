@@ -6,6 +6,7 @@ derivative jumps.  This may fail where the derivative has an extremum, but a fai
 three consecutive intervals is a contradiction.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from ...mesh.bases import node_positions
 from ...mesh.selection import Where, selected_nodes
 from ...mesh.user_input import call_user_function
 from ..states import NoEquilibriumError
-from .surface import GrowingSurface, Surface
+from .surface import GrowingSurface, Surface, place
 
 # Tolerances for contact of the surface with the plane of the ply: distance, relative to
 # the largest coordinate, and sine of the angle between them.  Chosen: above the
@@ -59,6 +60,8 @@ class OnSurface:
         The nodes, see `Condition`; all nodes if not given.
     touch
         Coordinates x and y in mm of the point where the surface touches the ply.
+    stated
+        Function that converts positions, shape (3, n), to the axes of messages.
 
     Examples
     --------
@@ -84,6 +87,11 @@ class OnSurface:
     surface: Surface
     where: Where | None = None
     touch: tuple[float, float] = (0.0, 0.0)
+    stated: Callable[[ndarray], ndarray] = lambda x: x
+
+    def place(self, position: ndarray) -> str:
+        """Position in a message, given in the axes of the ply, shape (3,)."""
+        return place(self.stated(position[:, None])[:, 0])
 
     def nodes(self, name: str, basis: CellBasis) -> ndarray:
         """Numbers of the nodes on the surface, ascending.

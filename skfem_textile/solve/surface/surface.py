@@ -56,7 +56,24 @@ class Surface(Protocol):
 
 
 class OffSurfaceError(ValueError):
-    """Point that cannot be projected onto a surface."""
+    """Point or geodesic that leaves a surface.
+
+    Parameters
+    ----------
+    what
+        What leaves it.
+    position
+        Position in mm, shape (3,).
+    """
+
+    def __init__(self, what: str, position: ndarray) -> None:
+        super().__init__(f"{what} at {place(position)}")
+        self.what, self.position = what, position
+
+
+def place(position: ndarray) -> str:
+    """Position in a message."""
+    return f"({', '.join(f'{x:.4g}' for x in position)}) mm"
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,10 +173,9 @@ def onto(
             x = origin + (x - origin)
         if not np.isfinite(x).all():
             break
-    position = np.round(x[:, np.flatnonzero(off)[0]], 6).tolist()
     raise OffSurfaceError(
-        f"{off.sum()} point(s) cannot be projected onto the surface, the first at "
-        f"{position}"
+        f"{off.sum()} point(s) cannot be projected onto the surface, the first",
+        x[:, np.flatnonzero(off)[0]],
     )
 
 
@@ -408,6 +424,5 @@ def _bending(surface: Surface, x: ndarray) -> Callable[[ndarray], ndarray]:
         along = g / (g * g).sum(axis=0)
     off = ~np.isfinite(H.sum(axis=(0, 1)) + along.sum(axis=0))
     if off.any():
-        position = np.round(x[:, off.argmax()], 3).tolist()
-        raise OffSurfaceError(f"a geodesic leaves the surface at {position}")
+        raise OffSurfaceError("a geodesic leaves the surface", x[:, off.argmax()])
     return lambda v: -np.einsum("ijn,in,jn->n", H, v, v) * along
