@@ -1,7 +1,7 @@
 """The command ``net``: lay a kinematic net on a tool."""
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
@@ -64,8 +64,12 @@ def add_net(commands: Any) -> None:
         help="point of the tool in mm at which the first threads cross (default: the "
         "highest point)",
     )
-    add("--cell", type=words.length, metavar="MM", help="length of a cell (default: a "
-        "hundredth of the diagonal of the tool)")
+    add(
+        "--cell",
+        type=words.length,
+        metavar="MM",
+        help="length of a cell (default: a hundredth of the diagonal of the tool)",
+    )
     add(
         "--locking-angle",
         type=words.degrees,
@@ -92,7 +96,7 @@ def add_net(commands: Any) -> None:
 
 
 class _Part(NamedTuple):
-    """Net on a tool, its sheet, and the flat pattern or the reason why there is none."""
+    """Net on a tool, its sheet, and its flat pattern, or why there is none."""
 
     tool: "TriangleMesh"
     net: "Net"
@@ -156,12 +160,11 @@ def _laid(options: argparse.Namespace) -> _Part:
     from ..scenes.drape import contact_point
 
     tool = io.read_surface(options.tool)
-    given = options.trim and [io.read_trimming_curve(file) for file in options.trim]
-    along = {
-        f"{family}_along": io.read_curve(file)
-        for family in ("warp", "weft")
-        if (file := getattr(options, f"{family}_along"))
-    }
+    given = options.trim and [io.read_curve(file, 3) for file in options.trim]
+    along = [
+        file and io.read_curve(file)
+        for file in (options.warp_along, options.weft_along)
+    ]
     start = contact_point(tool, options.point)
     axes = drape.Axes.at(tool, start)
     warp = np.radians(options.fibres)
@@ -172,7 +175,8 @@ def _laid(options: argparse.Namespace) -> _Part:
         angles=(warp, warp + np.pi / 2),
         point=start,
         first=axes.turn[:, 0],
-        **along,
+        warp_along=along[0],
+        weft_along=along[1],
     )
     sheet = drape.Sheet.of_net(net)
     try:
@@ -249,7 +253,9 @@ def _verdict(part: _Part, options: argparse.Namespace) -> Iterator[Row]:
         yield "Shear angle", "good" if good else "bad", text
     if part.pattern:
         area = abs(sum(p.signed_area for p in part.pattern))
-        yield "Flat pattern", "good", f"{len(part.pattern)} curves, {area:.6g} mm²"
+        length = sum(p.length for p in part.pattern)
+        text = f"{area:.0f} mm² of fabric, {length:.0f} mm to cut"
+        yield "Flat pattern", "good", text
     else:
         yield "Flat pattern", "bad", part.no_pattern
 

@@ -141,7 +141,7 @@ class DrapeExport:
 
         mesh = None if part is None else io.read_tool_mesh(part)
         if curve is not None:
-            return cls(mesh, [io.read_trimming_curve(curve)], trimmed=True)
+            return cls(mesh, [io.read_curve(curve, 3)], trimmed=True)
         try:
             return cls(mesh, mesh.boundary() if mesh else ())
         except MeshError as error:

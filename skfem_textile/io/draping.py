@@ -15,6 +15,8 @@ from ..drape import (
     Axes,
     FibresInSpace,
     FlatPattern,
+    Net,
+    Sheet,
     ToolMesh,
     TriangleMesh,
     fibres_on_ply,
@@ -132,6 +134,27 @@ def write_draped(
         write_directions(file, ply.mesh, directions, points)
 
 
+def write_net(path: str | os.PathLike[str], net: Net) -> None:
+    """Write the cells of a net as quadrilaterals with their shear angle: a VTU file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    net
+        The net.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    sheet = Sheet.of_net(net)
+    angle = np.degrees(net.shear_angle()[net.cells])
+    fields = {"shear_angle_deg": angle}
+    write_grid(Path(path), sheet.positions, (sheet.elements,), fields)
+
+
 # Length of an axis, and height of letters, relative to the smaller extent of the
 # pattern.
 _AXIS, _LETTERS = 0.25, 0.04
@@ -139,8 +162,8 @@ _AXIS, _LETTERS = 0.25, 0.04
 # Margin and line width of an SVG, relative to the larger extent.
 _MARGIN, _LINE = 0.05, 0.002
 
-# Colours of both families in an SVG.
-_COLOURS = {"warp": "#c0392b", "weft": "#2464a4"}
+# Colours of both families in an SVG, as in pictures.
+_COLOURS = {"warp": "#0072B2", "weft": "#D55E00"}
 
 _MILLIMETRES = 4  # of the variable $INSUNITS of a DXF
 
@@ -335,13 +358,15 @@ def read_surface(path: str | os.PathLike[str]) -> TriangleMesh:
         return TriangleMesh(points, cut_in_two(cells))
 
 
-def read_trimming_curve(path: str | os.PathLike[str]) -> ndarray:
-    """Read a closed curve: the columns ``x``, ``y`` and ``z`` of a CSV file, in mm.
+def read_curve(path: str | os.PathLike[str], least: int = 2) -> ndarray:
+    """Read a curve: the columns ``x``, ``y`` and ``z`` of a CSV file, in mm.
 
     Parameters
     ----------
     path
         The file, in UTF-8.  Its first row names the columns; other columns are ignored.
+    least
+        Least number of different points: three for a closed curve.
 
     Returns
     -------
@@ -371,8 +396,9 @@ def read_trimming_curve(path: str | os.PathLike[str]) -> ndarray:
                 f"{file}, row {number}: expected three finite coordinates, got "
                 f"'{shown}'"
             ) from None
-    if len(np.unique(points, axis=0)) < 3:
+    if (n := len(np.unique(points, axis=0))) < least:
         raise ValueError(
-            f"{file}: a closed curve requires at least three different points"
+            f"{file}: the curve has {n} different points, but at least {least} are "
+            "required"
         )
     return np.transpose(points)

@@ -77,9 +77,7 @@ def drape(
     return draped_ply("drape", surface, mesh, **options, axes=axes, check=check)
 
 
-def contact_point(
-    tool: TriangleMesh, point: Sequence[float] | None = None
-) -> ndarray:
+def contact_point(tool: TriangleMesh, point: Sequence[float] | None = None) -> ndarray:
     """Point of a tool nearest to a given point in mm; the highest one by default.
 
     Raises
