@@ -19,7 +19,7 @@ from .progress import log_to_stderr, shown
 from .result_folder import ResultFolder
 
 if TYPE_CHECKING:
-    from ..drape import FlatPattern, Net, Sheet, TriangleMesh
+    from ..drape import FibresInSpace, Net, TriangleMesh, TrimmedNet
 
 # Files of the command.
 _FIBRES = ("fibres.vtu", "fibres.csv", "fibres.inp")
@@ -96,13 +96,24 @@ def add_net(commands: Any) -> None:
 
 
 class _Part(NamedTuple):
-    """Net on a tool, its sheet, and its flat pattern, or why there is none."""
+    """Net on a tool, and its trimmed part, or why there is none."""
 
     tool: "TriangleMesh"
     net: "Net"
-    sheet: "Sheet"
-    pattern: "list[FlatPattern]"
+    trimmed: "TrimmedNet | None"
     no_pattern: str
+
+    @property
+    def angle_deg(self) -> ndarray:
+        """Sizes of shear angles of the part, or else of all cells, NaN elsewhere."""
+        of = self.net if self.trimmed is None else self.trimmed
+        return np.degrees(np.abs(of.shear_angle()))
+
+    @property
+    def areas(self) -> ndarray:
+        """Areas of the cells on the tool in mm², 0 outside the part."""
+        areas = np.nan_to_num(self.net.areas())
+        return areas if self.trimmed is None else areas * self.trimmed.shares
 
 
 def run_net(options: argparse.Namespace) -> int:
@@ -131,9 +142,10 @@ def run_net(options: argparse.Namespace) -> int:
         for name in _FIBRES:
             io.write_fibres(folder / name, fibres)
         io.write_net(folder / _NET, part.net)
-        for name in _PATTERN if part.pattern else ():
-            if not name.endswith("dxf") or find_spec("ezdxf"):
-                io.write_pattern(folder / name, part.pattern)
+        if part.trimmed:
+            for name in _PATTERN:
+                if not name.endswith("dxf") or find_spec("ezdxf"):
+                    io.write_pattern(folder / name, part.trimmed.pattern)
         if not options.no_render:
             _draw(part, options, folder)
         figures["time_s"] = perf_counter() - began
@@ -178,50 +190,44 @@ def _laid(options: argparse.Namespace) -> _Part:
         warp_along=along[0],
         weft_along=along[1],
     )
-    sheet = drape.Sheet.of_net(net)
     try:
-        curves = given or tool.facets.boundary()
-        pattern, reason = [drape.flat_pattern(sheet, c) for c in curves], ""
+        outline, *holes = given or tool.facets.boundary()
+        return _Part(tool, net, drape.trimmed(net, outline, holes), "")
     except ValueError as error:
-        pattern, reason = [], str(error)
-    return _Part(tool, net, sheet, pattern, reason)
+        return _Part(tool, net, None, str(error))
 
 
-def _fibres(part: _Part) -> Any:
+def _fibres(part: _Part) -> "FibresInSpace":
     """Fibres in the triangles of the tool."""
-    from ..drape import fibres_on_tool
+    from ..drape import Sheet, fibres_on_tool
 
-    return fibres_on_tool(part.sheet, part.tool.facets)
+    return fibres_on_tool(Sheet.of_net(part.net), part.tool.facets)
 
 
 def _figures(part: _Part, options: argparse.Namespace) -> dict[str, Any]:
     """Figures of the summary."""
-    net, angle = part.net, np.degrees(np.abs(part.net.shear_angle()[part.net.cells]))
-    area = net.areas()[net.cells]
-    worst = np.argwhere(net.cells)[angle.argmax()]
-    i, j = worst
-    at = net.positions[:, i : i + 2, j : j + 2].mean(axis=(1, 2))
-    start = net.positions[:, *net.start]
+    net, angle, areas = part.net, part.angle_deg, part.areas
+    i, j = np.unravel_index(np.nanargmax(angle), angle.shape)
+    worst = net.positions[:, i : i + 2, j : j + 2].mean(axis=(1, 2))
     figures: dict[str, Any] = {
         "tool": str(options.tool),
         "fibres_deg": options.fibres,
         "cell_mm": net.cell,
         "n_cells": int(net.cells.sum()),
-        **_xyz("start", start),
-        "max_shear_angle_deg": float(angle.max()),
-        **_xyz("max_shear_angle", at),
-        "mean_shear_angle_deg": float(np.average(angle, weights=area)),
-        "area_of_net_mm2": float(area.sum()),
+        **_xyz("start", net.positions[:, *net.start]),
+        "max_shear_angle_deg": float(np.nanmax(angle)),
+        **_xyz("max_shear_angle", worst),
+        "mean_shear_angle_deg": float(np.average(np.nan_to_num(angle), weights=areas)),
         "area_of_tool_mm2": part.tool.facets.area,
+        "area_of_part_mm2": float(areas.sum()),
     }
     if options.locking_angle is not None:
-        locked = angle > options.locking_angle
         figures["locking_angle_deg"] = options.locking_angle
-        figures["area_above_locking_angle_mm2"] = float(area[locked].sum())
-    if part.pattern:
-        # Holes have the opposite orientation.
-        figures["pattern_area_mm2"] = abs(sum(p.signed_area for p in part.pattern))
-        figures["pattern_length_mm"] = sum(p.length for p in part.pattern)
+        locked = angle > options.locking_angle
+        figures["area_above_locking_angle_mm2"] = float(areas[locked].sum())
+    if part.trimmed:
+        figures["pattern_area_mm2"] = part.trimmed.pattern.area
+        figures["pattern_length_mm"] = part.trimmed.pattern.length
     else:
         figures["pattern"] = f"not written: {part.no_pattern}"
     return figures
@@ -242,7 +248,7 @@ def _verdict(part: _Part, options: argparse.Namespace) -> Iterator[Row]:
         yield "Net", "bad", f"leaves the tool at {_places(net.leaves)}"
     else:
         yield "Net", "good", "reaches all edges of the tool without folding"
-    angle = np.degrees(np.abs(net.shear_angle()[net.cells])).max()
+    angle = float(np.nanmax(part.angle_deg))
     largest, limit = f"at most {angle:.1f}°", options.locking_angle
     if limit is None:
         yield "Shear angle", "", f"{largest}; no locking angle is given"
@@ -251,10 +257,9 @@ def _verdict(part: _Part, options: argparse.Namespace) -> Iterator[Row]:
         word = "within" if good else "above"
         text = f"{largest}, {word} the locking angle of {limit:g}°"
         yield "Shear angle", "good" if good else "bad", text
-    if part.pattern:
-        area = abs(sum(p.signed_area for p in part.pattern))
-        length = sum(p.length for p in part.pattern)
-        text = f"{area:.0f} mm² of fabric, {length:.0f} mm to cut"
+    if part.trimmed:
+        pattern = part.trimmed.pattern
+        text = f"{pattern.area:.0f} mm² of fabric, {pattern.length:.0f} mm to cut"
         yield "Flat pattern", "good", text
     else:
         yield "Flat pattern", "bad", part.no_pattern

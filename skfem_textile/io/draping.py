@@ -171,7 +171,7 @@ _MILLIMETRES = 4  # of the variable $INSUNITS of a DXF
 def write_pattern(
     path: str | os.PathLike[str], patterns: FlatPattern | Sequence[FlatPattern]
 ) -> None:
-    """Write the outlines of a flat pattern.
+    """Write the outlines of a flat pattern and of its holes.
 
     A .csv has the points of each curve, the arc length up to each point, the angles of
     the fibres in the flat ply to its x axis, and the point on the tool.  A .svg and a
@@ -183,7 +183,7 @@ def write_pattern(
     path
         The file.
     patterns
-        The outline, or the outline and holes.
+        The pattern, or several.
 
     Raises
     ------
@@ -195,7 +195,8 @@ def write_pattern(
         If the file cannot be written.
     """
     path = Path(path)
-    curves = [patterns] if isinstance(patterns, FlatPattern) else list(patterns)
+    several = [patterns] if isinstance(patterns, FlatPattern) else patterns
+    curves = [curve for pattern in several for curve in (pattern, *pattern.holes)]
     writers = {".csv": _write_outline_csv, ".svg": _write_svg, ".dxf": _write_dxf}
     if path.suffix.lower() not in writers:
         raise ValueError(
