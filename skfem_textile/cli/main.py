@@ -61,6 +61,10 @@ def _run(arguments: Sequence[str]) -> int:
             from .fit import run_fit
 
             return run_fit(options)
+        if options.command == "net":
+            from .net import run_net
+
+            return run_net(options)
         if options.command == "init":
             return _init(options.scene, options.file)
         if options.command == "report":

@@ -27,6 +27,7 @@ from ..cases.table import FILE, summary_of
 from ..cases.write import key_help, meaning, tables_of
 from ..mesh.user_input import printable
 from .fit import TESTS
+from .net import add_net
 from .output import complain, say
 from .show import add_show
 
@@ -148,6 +149,7 @@ def command_parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
     _add_fits(commands)
     _add_init(commands)
     _add_report(commands)
+    add_net(commands)
     return parser
 
 

@@ -3,18 +3,16 @@
 import json
 import tempfile
 import tomllib
-from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from .. import __version__
 from ..cases.write import CASE
 from ..mesh.user_input import printable
 from ..scenes.shear_test import ShearTest
 from .curve import CURVE, completed, read_test_curve
 from .output import say
+from .page import Row, formatted, page, rows, sources
 from .result_folder import ResultFolder
 from .results import CURVES, draw_curves
 
@@ -62,9 +60,6 @@ _PICTURES = {
     "animation.gif": "Shear angle during loading",
 }
 
-# Row of a table: name, CSS class or empty, and value.
-_Row: TypeAlias = tuple[str, str, Any]
-
 
 def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf) -> int:
     """Write ``report.html`` into the folder of a run; returns the exit code.
@@ -72,20 +67,14 @@ def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf)
     The page contains all pictures and has no external references. Curves are redrawn,
     with a test curve if one is given or named in the case. Damaged results are refused.
     """
-    import jinja2
-
     summary = _summary(folder)
     text = _text_of_file(folder / CASE)
     test = test_curve or _named_test(folder, text)
     curves, no_curves = _drawn_curves(folder, test, shear_test)
     scene = printable(summary.get("scene", "run")).replace("_", " ").capitalize()
     figures = {k: v for k, v in summary.items() if k not in ("inputs", "versions")}
-    environment = jinja2.Environment(
-        autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined
-    )
-    environment.filters["shown"] = _formatted
-    template = files(__package__).joinpath(REPORT).read_text(encoding="utf-8")
-    page = environment.from_string(template).render(
+    text_of_page = page(
+        REPORT,
         title=f"{scene}, {printable(summary.get('formulation', 'unknown'))}",
         converged=summary.get("converged") is True,
         load_factor=summary.get("load_factor"),
@@ -97,19 +86,18 @@ def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf)
         ],
         curves=curves,
         no_curves=no_curves,
-        pictures=_sources(folder, _PICTURES),
+        pictures=sources(folder, _PICTURES),
         case=text,
-        every_figure=_rows(figures),
-        versions=_rows(summary.get("versions")),
-        version=__version__,
+        every_figure=rows(figures),
+        versions=rows(summary.get("versions")),
     )
     with ResultFolder(folder, (REPORT,)) as scratch:
-        (scratch / REPORT).write_text(page, encoding="utf-8")
+        (scratch / REPORT).write_text(text_of_page, encoding="utf-8")
     say(f"report written to {printable(folder / REPORT)}")
     return 0
 
 
-def _verdict(summary: Mapping[str, Any]) -> Iterator[_Row]:
+def _verdict(summary: Mapping[str, Any]) -> Iterator[Row]:
     """Rows for the acceptance checks of the last state."""
     for key, (name, good, bad) in _CHECKS.items():
         holds = summary.get(key)
@@ -119,7 +107,7 @@ def _verdict(summary: Mapping[str, Any]) -> Iterator[_Row]:
             yield (name, "good", good) if holds is True else (name, "bad", bad)
     folding = summary.get("min_det_F")
     if isinstance(folding, int | float):
-        smallest = f"smallest det F {_formatted(folding)}"
+        smallest = f"smallest det F {formatted(folding)}"
         if folding > 0:
             yield "Elements", "good", f"none folded, {smallest}"
         else:
@@ -132,31 +120,6 @@ def _verdict(summary: Mapping[str, Any]) -> Iterator[_Row]:
         yield "Tool", "bad", summary["not_on_tool"]
     if "exact_answer" in summary:
         yield "Exact solution", "", summary["exact_answer"]
-
-
-def _rows(values: Any) -> list[_Row]:
-    """Rows of a mapping; empty for anything else."""
-    if not isinstance(values, Mapping):
-        return []
-    return [(printable(name), "", value) for name, value in values.items()]
-
-
-def _formatted(value: Any) -> str:
-    """Format a value in one line, numbers with six digits."""
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    return "" if value is None else printable(value)
-
-
-def _sources(folder: Path, captions: Mapping[str, str]) -> dict[str, str]:
-    """Pictures of a folder as data URLs by caption."""
-    sources = {}
-    for name, caption in captions.items():
-        if (folder / name).is_file():
-            data = b64encode((folder / name).read_bytes()).decode()
-            kind = "gif" if name.endswith(".gif") else "png"
-            sources[caption] = f"data:image/{kind};base64,{data}"
-    return sources
 
 
 def _summary(folder: Path) -> dict[str, Any]:
@@ -215,6 +178,6 @@ def _drawn_curves(
         except ImportError:
             return {}, "Curves require matplotlib: pip install 'skfem-textile[plot]'."
         titles = {name: title for name, (title, *_) in CURVES.items()}
-        return _sources(
+        return sources(
             Path(scratch), titles
         ), "No curve is drawn, because the reported force is zero."

@@ -141,7 +141,7 @@ class DrapeExport:
 
         mesh = None if part is None else io.read_tool_mesh(part)
         if curve is not None:
-            return cls(mesh, [io.read_trimming_curve(curve)], trimmed=True)
+            return cls(mesh, [io.read_curve(curve, 3)], trimmed=True)
         try:
             return cls(mesh, mesh.boundary() if mesh else ())
         except MeshError as error:
@@ -188,12 +188,12 @@ class DrapeExport:
             raise ValueError(self.no_curves)
         if not self.curves:
             return {}
-        patterns = [flat_pattern(sheet, curve) for curve in self.curves]
+        outline, *holes = self.curves
+        pattern = flat_pattern(sheet, outline, holes=holes)
         for name in _PATTERN:
             if not name.endswith("dxf") or find_spec("ezdxf"):
-                io.write_pattern(folder / name, patterns)
-        # Holes have the opposite orientation.
+                io.write_pattern(folder / name, pattern)
         return {
-            "pattern_area_mm2": abs(sum(one.signed_area for one in patterns)),
-            "pattern_length_mm": sum(pattern.length for pattern in patterns),
+            "pattern_area_mm2": pattern.area,
+            "pattern_length_mm": pattern.length,
         }

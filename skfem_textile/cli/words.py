@@ -18,6 +18,17 @@ def degrees(word: str) -> float:
     return angle
 
 
+def length(word: str) -> float:
+    """Positive length in mm."""
+    try:
+        size = float(word)
+    except ValueError:
+        size = float("nan")
+    if not 0 < size < float("inf"):
+        raise ArgumentTypeError(f"expected a positive length in mm, got {word!r}")
+    return size
+
+
 def unit(word: str) -> tuple[str, str]:
     """Column and unit of ``COLUMN=UNIT``."""
     name, _, unit = word.partition("=")

@@ -54,8 +54,8 @@ class FlatPattern:
 
     @property
     def length(self) -> float:
-        """Length of the outline in mm, without those of holes."""
-        return curve_length(self.outline)
+        """Length of the outline and of the holes in mm."""
+        return curve_length(self.outline) + sum(hole.length for hole in self.holes)
 
     @property
     def area(self) -> float:

@@ -308,10 +308,13 @@ class Sheet:
         n = np.arange(s.size).reshape(s.shape)
         corners = n[:-1, :-1], n[1:, :-1], n[1:, 1:], n[:-1, 1:]
         elements = np.array([corner[net.cells] for corner in corners])
+        nodes, numbers = np.unique(elements, return_inverse=True)
         warp, weft = (
             np.tile(a[:, None], (1, elements.shape[1])) for a in net.directions.T
         )
-        return cls(flat, net.positions.reshape(3, -1), elements, warp, weft)
+        positions = net.positions.reshape(3, -1)[:, nodes]
+        elements = numbers.reshape(elements.shape)
+        return cls(flat[:, nodes], positions, elements, warp, weft)
 
     @property
     def _elements(self) -> Elements:

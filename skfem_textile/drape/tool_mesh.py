@@ -60,6 +60,11 @@ class ToolMesh:
         """Number of elements."""
         return sum(np.shape(cell)[1] for cell in self.cells)
 
+    @property
+    def area(self) -> float:
+        """Area in mm²."""
+        return float(0.5 * np.linalg.norm(self._area_vectors(), axis=0).sum())
+
     def centres(self) -> ndarray:
         """Means of the corners, shape (3, n_elements)."""
         return np.hstack([self.points[:, cell].mean(axis=1) for cell in self.cells])

@@ -3,9 +3,10 @@
 from .directions import OF_DIRECTIONS, read_directions, write_directions
 from .draping import (
     DRAPED,
-    read_trimming_curve,
+    read_curve,
     write_draped,
     write_fibres,
+    write_net,
     write_pattern,
 )
 from .fabrics import OF_FABRICS, read_fabric, write_fabric
@@ -18,18 +19,19 @@ __all__ = [
     "FIELDS",
     "OF_DIRECTIONS",
     "OF_FABRICS",
+    "read_curve",
     "read_directions",
     "read_fabric",
     "read_mesh",
     "read_surface",
     "read_tool_mesh",
-    "read_trimming_curve",
     "write_directions",
     "write_draped",
     "write_fabric",
     "write_fibres",
     "write_fields",
     "write_history",
+    "write_net",
     "write_pattern",
     "write_summary",
 ]

@@ -15,6 +15,8 @@ from ..drape import (
     Axes,
     FibresInSpace,
     FlatPattern,
+    Net,
+    Sheet,
     ToolMesh,
     fibres_on_ply,
 )
@@ -131,6 +133,27 @@ def write_draped(
         write_directions(file, ply.mesh, directions, points)
 
 
+def write_net(path: str | os.PathLike[str], net: Net) -> None:
+    """Write the cells of a net as quadrilaterals with their shear angle: a VTU file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    net
+        The net.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    sheet = Sheet.of_net(net)
+    angle = np.degrees(net.shear_angle()[net.cells])
+    fields = {"shear_angle_deg": angle}
+    write_grid(Path(path), sheet.positions, (sheet.elements,), fields)
+
+
 # Length of an axis, and height of letters, relative to the smaller extent of the
 # pattern.
 _AXIS, _LETTERS = 0.25, 0.04
@@ -138,8 +161,8 @@ _AXIS, _LETTERS = 0.25, 0.04
 # Margin and line width of an SVG, relative to the larger extent.
 _MARGIN, _LINE = 0.05, 0.002
 
-# Colours of both families in an SVG.
-_COLOURS = {"warp": "#c0392b", "weft": "#2464a4"}
+# Colours of both families in an SVG, as in pictures.
+_COLOURS = {"warp": "#0072B2", "weft": "#D55E00"}
 
 _MILLIMETRES = 4  # of the variable $INSUNITS of a DXF
 
@@ -147,7 +170,7 @@ _MILLIMETRES = 4  # of the variable $INSUNITS of a DXF
 def write_pattern(
     path: str | os.PathLike[str], patterns: FlatPattern | Sequence[FlatPattern]
 ) -> None:
-    """Write the outlines of a flat pattern.
+    """Write the outlines of a flat pattern and of its holes.
 
     A .csv has the points of each curve, the arc length up to each point, the angles of
     the fibres in the flat ply to its x axis, and the point on the tool.  A .svg and a
@@ -159,7 +182,7 @@ def write_pattern(
     path
         The file.
     patterns
-        The outline, or the outline and holes.
+        The pattern, or several.
 
     Raises
     ------
@@ -171,7 +194,8 @@ def write_pattern(
         If the file cannot be written.
     """
     path = Path(path)
-    curves = [patterns] if isinstance(patterns, FlatPattern) else list(patterns)
+    several = [patterns] if isinstance(patterns, FlatPattern) else patterns
+    curves = [curve for pattern in several for curve in (pattern, *pattern.holes)]
     writers = {".csv": _write_outline_csv, ".svg": _write_svg, ".dxf": _write_dxf}
     if path.suffix.lower() not in writers:
         raise ValueError(
@@ -277,13 +301,15 @@ def _write_dxf(path: Path, curves: list[FlatPattern]) -> None:
     file.saveas(path)
 
 
-def read_trimming_curve(path: str | os.PathLike[str]) -> ndarray:
-    """Read a closed curve: the columns ``x``, ``y`` and ``z`` of a CSV file, in mm.
+def read_curve(path: str | os.PathLike[str], least: int = 2) -> ndarray:
+    """Read a curve: the columns ``x``, ``y`` and ``z`` of a CSV file, in mm.
 
     Parameters
     ----------
     path
         The file, in UTF-8.  Its first row names the columns; other columns are ignored.
+    least
+        Least number of different points: three for a closed curve.
 
     Returns
     -------
@@ -313,8 +339,9 @@ def read_trimming_curve(path: str | os.PathLike[str]) -> ndarray:
                 f"{file}, row {number}: expected three finite coordinates, got "
                 f"'{shown}'"
             ) from None
-    if len(np.unique(points, axis=0)) < 3:
+    if (n := len(np.unique(points, axis=0))) < least:
         raise ValueError(
-            f"{file}: a closed curve requires at least three different points"
+            f"{file}: the curve has {n} different points, but at least {least} are "
+            "required"
         )
     return np.transpose(points)

@@ -3,6 +3,7 @@
 try:
     from .curves import curves, plot_law, plot_tensions
     from .fields import FIELDS, Field
+    from .nets import net_on_tool
     from .outlines import singular_fibres
     from .pictures import (
         animation,
@@ -31,6 +32,7 @@ __all__ = [
     "fibre_strain",
     "field",
     "mesh_and_fibres",
+    "net_on_tool",
     "plot_law",
     "plot_tensions",
     "shear_angle",

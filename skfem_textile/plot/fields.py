@@ -122,11 +122,16 @@ def tool_under(points: ndarray, surface: Surface) -> Tool:
     low, high = points.min(axis=0), points.max(axis=0)
     beyond = _BEYOND * np.linalg.norm(high - low)
     x, triangles, normal = _triangles(surface, low - beyond, high + beyond)
+    return Tool(x.T, triangles, shades_of(normal))
+
+
+def shades_of(normal: ndarray) -> ndarray:
+    """Grey levels of facets with normals of any length, shape (3, n)."""
     normal = eye_axes(on_tool=True) @ normal
     normal = normal / np.linalg.norm(normal, axis=0)
     light = np.array(_LIGHT) / np.linalg.norm(_LIGHT)
     lit = np.clip(light @ (normal * np.copysign(1.0, normal[2])), 0.0, 1.0)
-    return Tool(x.T, triangles, _GREYS[0] + (_GREYS[1] - _GREYS[0]) * lit)
+    return _GREYS[0] + (_GREYS[1] - _GREYS[0]) * lit
 
 
 def _triangles(

@@ -26,9 +26,8 @@ from .fields import (
 from .layout import PAGE, lay_out
 from .picture_files import atomic_file, picture_path
 from .sheet import (
+    FAMILIES,
     REFUSED,
-    WARP,
-    WEFT,
     Fibres,
     Legend,
     Panel,
@@ -41,9 +40,6 @@ from .sheet import (
 if TYPE_CHECKING:
     import pyvista as pv
     from matplotlib.figure import Figure
-
-# Names and colours of families.
-_FAMILIES = [("Warp", WARP), ("Weft", WEFT)]
 
 
 class View(TypedDict, total=False):
@@ -265,7 +261,7 @@ def fibre_directions(
         names = "warp_direction", "weft_direction"
         fibres = Fibres(*(shape.seen(fields[name]) for name in names))
         row.append(Panel(title or "Fibre directions", shape, fibres=fibres))
-    return picture.drawn([row], Legend(0, len(row), keys=_FAMILIES))
+    return picture.drawn([row], Legend(0, len(row), keys=FAMILIES))
 
 
 def verdict(
@@ -381,9 +377,7 @@ def mesh_and_fibres(
     families = directions.warp, directions.weft
     fibres = Fibres(*(np.pad(v / np.hypot(*v), ((0, 1), (0, 0))).T for v in families))
     panel = Panel(f"Mesh and fibres, {n} elements", shape, fibres=fibres)
-    sheet = Sheet(
-        [[panel]], [Legend(0, 1, keys=_FAMILIES)], extent([shape]), show_edges
-    )
+    sheet = Sheet([[panel]], [Legend(0, 1, keys=FAMILIES)], extent([shape]), show_edges)
     return draw(sheet, filename, plotter, size)
 
 

@@ -298,6 +298,9 @@ _PALE_EDGE, _DARK_EDGE, _OUTER = "#B8B8B8", "#404040", "#202020"
 #: Blue and vermilion of Okabe & Ito (2008), distinct for any kind of colour vision.
 WARP, WEFT = "#0072B2", "#D55E00"
 
+#: Names and colours of the families.
+FAMILIES = [("Warp", WARP), ("Weft", WEFT)]
+
 #: Magenta, which common colour maps do not contain.
 REFUSED = "#E6007E"
 
@@ -368,7 +371,10 @@ def fibre_positions(shape: Shape, scale: float) -> tuple[ndarray, ndarray, ndarr
 
 
 def holding(shape: Shape, points: ndarray) -> ndarray:
-    """Number of the element above or below each point; -1 if there is none."""
+    """Number of the element above or below each point; -1 if there is none.
+
+    Of several, the one nearest to the viewer.
+    """
     corners = np.vstack(
         [shape.points[cell[[*range(len(cell)), -1][:4]].T] for cell in shape.cells]
     )[..., :2]
@@ -379,7 +385,8 @@ def holding(shape: Shape, points: ndarray) -> ndarray:
     to = points[:, None, None, :2] - start
     turn = edge[..., 0] * to[..., 1] - edge[..., 1] * to[..., 0]
     inside = (turn >= 0).all(axis=-1) | (turn <= 0).all(axis=-1)
-    first = near[np.arange(len(near)), inside.argmax(axis=1)]
+    depth = np.where(inside, shape.centres[near, 2], -np.inf)
+    first = near[np.arange(len(near)), depth.argmax(axis=1)]
     return np.where(inside.any(axis=1), first, -1)
 
 

@@ -66,6 +66,25 @@ def drape(
         there, if it is much smaller than the ply, or if its triangles are much larger.
     """
     facets = tool.facets
+    axes = Axes.at(tool, contact_point(tool, point))
+    surface = tool.moved(*axes)
+    options: PlyOptions = {**ply, "part": "whole"}
+
+    def check(flat: Mesh, lay: Callable[[], Net]) -> None:
+        _refuse_sizes(facets, flat)
+        warn_of_net(lay, flat.p, axes)
+
+    return draped_ply("drape", surface, mesh, **options, axes=axes, check=check)
+
+
+def contact_point(tool: TriangleMesh, point: Sequence[float] | None = None) -> ndarray:
+    """Point of a tool nearest to a given point in mm; the highest one by default.
+
+    Raises
+    ------
+    ValueError
+        If the tool has no such point.
+    """
     if point is None:
         foot = _highest(tool)
     else:
@@ -75,15 +94,7 @@ def drape(
             f"drape: the contact point of the ply, ({_xyz(foot)}) mm, is outside all "
             "triangles of the tool: specify another point"
         )
-    axes = Axes.at(tool, foot)
-    surface = tool.moved(*axes)
-    options: PlyOptions = {**ply, "part": "whole"}
-
-    def check(flat: Mesh, lay: Callable[[], Net]) -> None:
-        _refuse_sizes(facets, flat)
-        warn_of_net(lay, flat.p, axes)
-
-    return draped_ply("drape", surface, mesh, **options, axes=axes, check=check)
+    return foot
 
 
 def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:

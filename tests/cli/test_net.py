@@ -1,0 +1,88 @@
+"""The command ``net``."""
+
+import json
+
+import meshio
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+from skfem_textile import drape
+from skfem_textile.cli import main as cli
+from tests.helpers import tool_shapes
+from tests.helpers.command_line import rejected
+
+
+@pytest.fixture(scope="module")
+def tool(tmp_path_factory):
+    """A cap of a sphere of 100 mm with its pole at the origin."""
+    x, triangles = tool_shapes.height_field(
+        lambda x, y: np.sqrt(100.0**2 - x**2 - y**2) - 100.0, 100.0, 100.0, 6.0
+    )
+    path = tmp_path_factory.mktemp("tool") / "cap.stl"
+    meshio.write_points_cells(path, x.T, [("triangle", triangles.T)])
+    return path
+
+
+def laid(out, tool, *words):
+    common = ("net", "--tool", str(tool), "--out", str(out))
+    assert cli.main([*common, *map(str, words)]) == 0
+    return json.loads((out / "summary.json").read_text())
+
+
+def test_shear_on_a_cap_agrees_with_the_exact_sphere(tmp_path, tool):
+    laid(tmp_path, tool, "--no-render", "--point", 0, 0, 0, "--cell", 2.0)
+    cells = meshio.read(tmp_path / "net.vtu")
+    centres = cells.points[cells.cells[0].data].mean(axis=1)
+    sphere = drape.Sphere(100.0, (0.0, 0.0, -100.0))
+    exact = drape.net(sphere, 2.0, (30, 30), (30, 30))
+    corners = exact.positions[:, :-1, :-1], exact.positions[:, 1:, 1:]
+    places = (0.5 * (corners[0] + corners[1])).reshape(3, -1).T
+    away, nearest = KDTree(places).query(centres)
+    expected = np.degrees(exact.shear_angle()).ravel()[nearest]
+    assert away.max() < 0.2
+    assert cells.cell_data["shear_angle_deg"][0] == pytest.approx(expected, abs=0.3)
+    assert np.abs(expected).max() > 14.0
+
+
+def test_net_covers_the_cap_and_the_pattern_is_larger(tmp_path, tool):
+    summary = laid(tmp_path, tool, "--no-render", "--point", 0, 0, 0)
+    of_tool = summary["area_of_tool_mm2"]
+    assert summary["area_of_part_mm2"] == pytest.approx(of_tool, rel=1e-3)
+    assert 1.0 < summary["pattern_area_mm2"] / of_tool < 1.03
+
+
+def test_files_and_page_are_written(tmp_path, tool):
+    laid(tmp_path, tool, "--cell", 8, "--locking-angle", 5)
+    assert {p.name for p in tmp_path.iterdir()} >= {
+        *("fibres.vtu", "fibres.csv", "fibres.inp", "net.vtu", "net.png"),
+        *("net.html", "pattern.csv", "pattern.svg", "summary.json"),
+    }
+    page = (tmp_path / "net.html").read_text(encoding="utf-8")
+    assert "above the locking angle of 5°" in page
+    assert page.count("data:image/") == 2
+    cells = meshio.read(tmp_path / "net.vtu")
+    assert np.isfinite(cells.points).all()
+    assert cells.cell_data["shear_angle_deg"][0].size == len(cells.cells[0].data)
+
+
+def test_fibres_turn_with_the_angle(tmp_path, tool):
+    laid(tmp_path, tool, "--no-render", "--cell", 8, "--fibres", 30)
+    rows = np.genfromtxt(tmp_path / "fibres.csv", delimiter=",", names=True)
+    middle = np.hypot(rows["x"], rows["y"]) < 8
+    assert middle.any()
+    assert rows["warp_angle_deg"][middle] == pytest.approx(30.0, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--cell", "-1"), "expected a positive length in mm, got '-1'"),
+        (("--point", "0", "0", "90"), "is further from the tool than"),
+        (("--warp-along", "none.csv"), "none.csv"),
+    ],
+)
+def test_wrong_input_is_refused_in_one_line(tmp_path, tool, words, message, capsys):
+    arguments = ["net", "--tool", str(tool), "--out", str(tmp_path / "out"), *words]
+    assert message in rejected(capsys, *arguments)
+    assert not (tmp_path / "out").exists()
