@@ -32,6 +32,9 @@ _CAPTIONS = {
     "pattern.svg": "Flat pattern",
 }
 
+#: Units of tool files.
+UNITS = ("mm", "cm", "m", "in")
+
 # Default length of a cell relative to the diagonal of the tool.
 _CELL = 0.01
 
@@ -43,10 +46,12 @@ def add_net(commands: Any) -> None:
     add = net.add_argument
     add(
         "--tool",
+        nargs="+",
         required=True,
         metavar="FILE",
-        help="STL file, or another file of triangles",
+        help="STL, PLY, OBJ or 3MF files, or other files of triangles",
     )
+    add("--unit", choices=UNITS, help="unit of the tool files (default: mm)")
     add("--out", type=Path, required=True, metavar="DIR", help="folder for results")
     add(
         "--fibres",
@@ -153,7 +158,7 @@ def run_net(options: argparse.Namespace) -> int:
         (folder / _PAGE).write_text(
             page(
                 _PAGE,
-                title=f"Net on {printable(Path(options.tool).name)}",
+                title=f"Net on {printable(Path(options.tool[0]).name)}",
                 verdict=verdict,
                 figures=rows(figures),
                 pictures=sources(folder, _CAPTIONS),
@@ -171,7 +176,7 @@ def _laid(options: argparse.Namespace) -> _Part:
     from .. import drape, io
     from ..scenes.drape import contact_point
 
-    tool = io.read_surface(options.tool)
+    tool = io.read_surface(options.tool, options.unit)
     given = options.trim and [io.read_curve(file, 3) for file in options.trim]
     along = [
         file and io.read_curve(file)
@@ -210,7 +215,7 @@ def _figures(part: _Part, options: argparse.Namespace) -> dict[str, Any]:
     i, j = np.unravel_index(np.nanargmax(angle), angle.shape)
     worst = net.positions[:, i : i + 2, j : j + 2].mean(axis=(1, 2))
     figures: dict[str, Any] = {
-        "tool": str(options.tool),
+        "tool": ", ".join(options.tool),
         "fibres_deg": options.fibres,
         "cell_mm": net.cell,
         "n_cells": int(net.cells.sum()),

@@ -21,8 +21,7 @@ from scipy.sparse import csr_matrix
 from skfem import BilinearForm, CellBasis, FacetBasis, LinearForm, Mesh, asm
 from skfem.helpers import dot
 
-from ..drape import Net
-from ..drape.kinematic_net import NetError
+from ..drape import Net, NetError
 from ..fabric.law import Law
 from ..ply.parameters import TermParameters, Values
 from ..ply.terms import Term
