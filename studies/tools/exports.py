@@ -12,6 +12,7 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from skfem_textile import drape
+from skfem_textile.drape.kinematic_net import NetError
 from skfem_textile.drape.sheet import boundary_edges
 from skfem_textile.io import read_surface
 from skfem_textile.mesh.checks import MeshError
@@ -160,9 +161,9 @@ class Export:
             a, b = boundary_edges([t])
             parts.append(np.hstack([[b, a, a + n], [b, a + n, b + n]]))
             faces.append(np.full(2 * len(a), 2 * self.faces))
-        faces = np.concatenate(faces)
-        reverse = np.pad(reverse, (0, len(faces) - len(reverse)))
-        return np.hstack([x, inside]), np.hstack(parts), faces, reverse
+        face = np.concatenate(faces)
+        reverse = np.pad(reverse, (0, len(face) - len(reverse)))
+        return np.hstack([x, inside]), np.hstack(parts), face, reverse
 
     def rows(self) -> list[dict[str, object]]:
         """Read the export from an STL file, and judge the result."""
@@ -247,7 +248,7 @@ def _errors(tool: drape.TriangleMesh, shape: str) -> dict[str, float]:
     try:
         of_net = np.degrees(np.abs(_net(tool, shape) - shear).max())
         energy = float((_net(tool, shape) ** 2).sum() / max((shear**2).sum(), 1e-6))
-    except drape.NetError:
+    except NetError:
         of_net, energy = 90.0, 0.0
     return {
         "level_error": float(level / edge),
