@@ -9,7 +9,7 @@ from .tool_mesh import curve_length, loops_of_edges
 # Distance of the vertices of a patch from its edge, relative to their spacing.
 _INSIDE = 0.7
 
-# Number of linear systems: cotangents are those of the position before.
+# Number of linear systems, with the cotangents of the previous position.
 _ROUNDS = 3
 
 
@@ -17,7 +17,7 @@ def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     """Vertices and triangles with patches over all holes.
 
     The outer edge is the longest.  The vertices of a patch minimise ∫|Δx|², and with it
-    the bending at its edge, which continues that of the surface.
+    the bending at its edge.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def _flat_patch(x: ndarray, loop: ndarray) -> tuple[ndarray, ndarray]:
     steps = np.linalg.norm(np.roll(x[:, loop], -1, axis=1) - x[:, loop], axis=0)
     length, spacing = steps.sum(), steps.mean()
     radius = length / (2 * np.pi)
-    # The edges of the patch run against those of its neighbours.
+    # The patch runs along its edge in the opposite direction to its neighbours.
     around = -2 * np.pi * (np.cumsum(steps) - steps) / length
     rim = radius * np.array([np.cos(around), np.sin(around)])
     n = int(radius / spacing) + 1
@@ -74,7 +74,7 @@ def _flat_patch(x: ndarray, loop: ndarray) -> tuple[ndarray, ndarray]:
 def _relaxed(x: ndarray, triangles: ndarray, loop: ndarray, free: ndarray) -> ndarray:
     """Vertices, of which the free ones minimise ∫|Δx|².
 
-    Triangles are those of the patch and those around it.
+    Triangles are the patch and its neighbours.
     """
     from scipy.sparse import diags_array
     from scipy.sparse.linalg import spsolve

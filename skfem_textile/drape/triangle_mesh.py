@@ -13,7 +13,7 @@ from numpy import ndarray
 from ..mesh.checks import MeshError
 from .holes import filled
 from .quadrics import FITTED, Derivatives, Quadrics
-from .repair import repaired, xyz
+from .repair import mean_edge, repaired, xyz
 from .sheet import ElementTree, boundary_edges, closest_on_triangles
 from .tool_mesh import ToolMesh
 
@@ -94,8 +94,7 @@ class TriangleMesh:
     def __init__(self, vertices: ndarray, triangles: ndarray) -> None:
         vertices, triangles, remarks = repaired(vertices, triangles, FITTED)
         self._x, self._triangles = vertices.T, triangles
-        edges = self._x[triangles] - self._x[np.roll(triangles, 1, axis=0)]
-        self._edge = float(np.linalg.norm(edges, axis=2).mean())
+        self._edge = mean_edge(self._x, triangles)
         normals = _vertex_normals(self._x, triangles)
         self._quadrics = Quadrics(self._x, normals, _REACH * self._edge)
         self._kept: list[tuple[ndarray, Derivatives]] = []
@@ -124,8 +123,8 @@ class TriangleMesh:
         if abs(offset[worst]) > _OFF * self._edge:
             return (
                 f"the vertex at ({xyz(self._x[worst])}) mm is {abs(offset[worst]):.2g} "
-                "mm away from the smooth surface through its neighbours: correct the "
-                "vertex, or use smaller triangles there"
+                "mm away from the smooth surface through its neighbours: sharp edges "
+                "are rounded there, unless the vertex is wrong"
             )
         return ""
 
@@ -160,7 +159,7 @@ class TriangleMesh:
         """The surface with smooth patches over its holes.
 
         For nets that are laid over a hole and trimmed by it.  The outer edge is the
-        longest; the triangles of a patch have the size of those at its edge.
+        longest; the triangles of a patch have the size of its edges.
 
         Raises
         ------
@@ -262,7 +261,7 @@ class _Edges:
     """Search trees of the elements of a tool, and of its open edges.
 
     ``codes`` are the numbers low · n + high of the end nodes of these edges, and of the
-    nodes themselves, ``normals`` those of the elements.
+    nodes themselves, ``normals`` the normals of the elements.
     """
 
     def __init__(self, tool: ToolMesh) -> None:

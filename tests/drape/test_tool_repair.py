@@ -22,7 +22,7 @@ EDGE = 10.0
 
 
 def soup(x, t, scatter=0.0, seed=0):
-    """Triangles with corners of their own, which scatter."""
+    """Triangles with separate corners, which scatter."""
     corners = x[:, t.T.ravel()]
     noise = np.random.default_rng(seed).uniform(-scatter, scatter, corners.shape)
     return corners + noise, np.arange(corners.shape[1]).reshape(-1, 3).T
