@@ -17,8 +17,8 @@ from .sheet import edges_once
 _ONE = 1e-6
 
 # Distance, relative to the shorter of the shortest edges at two vertices, below which
-# they are copies of each other: of vertices at open edges, and of others, such as those
-# of a face that the file contains twice.  Chosen: three copies in a row are closer than
+# they are copies of each other: of vertices at open edges, and of others, as in a face
+# that the file contains twice.  Chosen: three copies in a row are closer than
 # an edge; both sides of a shell of a tenth of an edge remain apart.
 _COPIES, _TWICE = 0.3, 0.02
 
@@ -37,17 +37,18 @@ _ON_EDGE, _END = 0.1, 0.01
 
 
 class Sewing(NamedTuple):
-    """What was sewn: numbers of vertices, and the largest gap in mm."""
+    """Numbers of sewn vertices and of removed triangles, and the largest gap in mm."""
 
     merged: int = 0
     on_edges: int = 0
+    duplicates: int = 0
     gap: float = 0.0
 
 
 def sewn(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray, Sewing]:
-    """Vertices without copies, shape (n, 3), triangles, (3, m), and what was sewn.
+    """Vertices without copies, shape (n, 3), triangles, (3, m), and the sewing.
 
-    Triangles with coincident corners are removed.
+    Triangles with coincident corners are removed, and so are duplicates.
 
     Parameters
     ----------
@@ -62,6 +63,7 @@ def sewn(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray, Sewing]:
         If no triangle remains.
     """
     x, triangles = _without_repetition(x, triangles)
+    triangles, duplicates = _without_duplicates(triangles)
     merged, gap = 0, 0.0
     for _ in range(_PASSES):
         groups, distance = _copies(x, triangles)
@@ -70,8 +72,8 @@ def sewn(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray, Sewing]:
             break
         size = np.bincount(groups)
         x = np.array([np.bincount(groups, own) / size for own in x.T]).T
-        triangles = _with_corners(groups[triangles])
-        merged, gap = merged + count, max(gap, distance)
+        triangles, twice = _without_duplicates(_with_corners(groups[triangles]))
+        merged, gap, duplicates = merged + count, max(gap, distance), duplicates + twice
     on_edges = 0
     while True:
         triangles, count, distance = _cut_at_vertices(x, triangles)
@@ -79,7 +81,17 @@ def sewn(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray, Sewing]:
             break
         on_edges, gap = on_edges + count, max(gap, distance)
     used, numbers = np.unique(triangles, return_inverse=True)
-    return x[used], numbers.reshape(triangles.shape), Sewing(merged, on_edges, gap)
+    sewing = Sewing(merged, on_edges, duplicates, gap)
+    return x[used], numbers.reshape(triangles.shape), sewing
+
+
+def _without_duplicates(triangles: ndarray) -> tuple[ndarray, int]:
+    """Triangles of different vertices, and the number of the others."""
+    n = int(triangles.max()) + 1
+    corners = np.sort(triangles, axis=0).astype(np.int64)
+    _, pair = np.unique(corners[0] * n + corners[1], return_inverse=True)
+    _, first = np.unique(pair.reshape(-1) * n + corners[2], return_index=True)
+    return triangles[:, np.sort(first)], triangles.shape[1] - len(first)
 
 
 def _without_repetition(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:

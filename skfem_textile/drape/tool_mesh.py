@@ -96,27 +96,12 @@ class ToolMesh:
         MeshError
             If there is no such edge, or more than two of them meet at a node.
         """
-        start, end = boundary_edges(self.cells)
-        if not start.size:
+        edges = boundary_edges(self.cells)
+        if not edges.size:
             raise MeshError(
                 "tool mesh: the surface is closed and has no boundary to trim along"
             )
-        after = dict(zip(start.tolist(), end.tolist(), strict=True))
-        if len(after) < len(start) or len(set(after.values())) < len(end):
-            raise MeshError(
-                "tool mesh: the boundary crosses itself, or the elements are oriented "
-                "inconsistently"
-            )
-        curves = []
-        while after:
-            begin = at = next(iter(after))
-            nodes = []
-            while at in after:
-                nodes.append(at)
-                at = after.pop(at)
-            if at != begin:
-                raise MeshError("tool mesh: the boundary is not a closed curve")
-            curves.append(self.points[:, nodes])
+        curves = [self.points[:, nodes] for nodes in loops_of_edges(edges)]
         return sorted(curves, key=curve_length, reverse=True)
 
     def _area_vectors(self) -> ndarray:
@@ -130,6 +115,34 @@ def cut_in_two(cells: tuple[ndarray, ...]) -> ndarray:
     """Nodes of triangles, with quadrilaterals cut in two, shape (3, n)."""
     cuts = {3: ([0, 1, 2],), 4: ([0, 1, 2], [0, 2, 3])}
     return np.hstack([cell[cut] for cell in cells for cut in cuts[len(cell)]])
+
+
+def loops_of_edges(edges: ndarray) -> list[ndarray]:
+    """Nodes of the closed curves along directed edges, shape (2, n).
+
+    Raises
+    ------
+    MeshError
+        If more than two of them meet at a node.
+    """
+    start, end = edges.tolist()
+    after = dict(zip(start, end, strict=True))
+    if len(after) < len(start) or len(set(after.values())) < len(end):
+        raise MeshError(
+            "tool mesh: the boundary crosses itself, or the elements are oriented "
+            "inconsistently"
+        )
+    loops = []
+    while after:
+        begin = at = next(iter(after))
+        nodes = []
+        while at in after:
+            nodes.append(at)
+            at = after.pop(at)
+        if at != begin:
+            raise MeshError("tool mesh: the boundary is not a closed curve")
+        loops.append(np.array(nodes))
+    return loops
 
 
 def curve_length(curve: ndarray) -> float:

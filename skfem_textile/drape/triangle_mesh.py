@@ -11,8 +11,9 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
+from .holes import filled
 from .quadrics import FITTED, Derivatives, Quadrics
-from .repair import repaired, xyz
+from .repair import mean_edge, repaired, xyz
 from .sheet import ElementTree, boundary_edges, closest_on_triangles
 from .tool_mesh import ToolMesh
 
@@ -81,18 +82,19 @@ class TriangleMesh:
     --------
     >>> import numpy as np
     >>> from skfem_textile import drape
-    >>> x, t = drape.triangles_on(
-    ...     drape.Sphere(1.0), np.full(3, -1.1), np.full(3, 1.1), 12
-    ... )
-    >>> drape.TriangleMesh(x, t).remarks
-    ('the tool is closed: the ply is draped on its outside',)
+    >>> s = np.linspace(-50.0, 50.0, 21)
+    >>> x, y = (a.ravel() for a in np.meshgrid(s, s))
+    >>> k = np.add.outer(21 * np.arange(20), np.arange(20)).ravel()
+    >>> t = np.hstack([[k, k + 1, k + 22], [k, k + 22, k + 21]])
+    >>> t[:, 7] = t[::-1, 7]
+    >>> drape.TriangleMesh(np.array([x, y, 0 * x]), t).remarks
+    ('1 of 800 triangles turned to the side of the others',)
     """
 
     def __init__(self, vertices: ndarray, triangles: ndarray) -> None:
         vertices, triangles, remarks = repaired(vertices, triangles, FITTED)
         self._x, self._triangles = vertices.T, triangles
-        edges = self._x[triangles] - self._x[np.roll(triangles, 1, axis=0)]
-        self._edge = float(np.linalg.norm(edges, axis=2).mean())
+        self._edge = mean_edge(self._x, triangles)
         normals = _vertex_normals(self._x, triangles)
         self._quadrics = Quadrics(self._x, normals, _REACH * self._edge)
         self._kept: list[tuple[ndarray, Derivatives]] = []
@@ -121,8 +123,8 @@ class TriangleMesh:
         if abs(offset[worst]) > _OFF * self._edge:
             return (
                 f"the vertex at ({xyz(self._x[worst])}) mm is {abs(offset[worst]):.2g} "
-                "mm away from the smooth surface through its neighbours: correct the "
-                "vertex, or use smaller triangles there"
+                "mm away from the smooth surface through its neighbours: sharp edges "
+                "are rounded there, unless the vertex is wrong"
             )
         return ""
 
@@ -152,6 +154,32 @@ class TriangleMesh:
         moved._x = (self._x - origin) @ turn
         moved._quadrics, moved._kept = self._quadrics.moved(origin, turn), []
         return moved
+
+    def without_holes(self) -> "TriangleMesh":
+        """The surface with smooth patches over its holes.
+
+        For nets that are laid over a hole and trimmed by it.  The outer edge is the
+        longest; the triangles of a patch have the size of its edges.
+
+        Raises
+        ------
+        MeshError
+            If edges of holes meet at a vertex.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from skfem_textile import drape
+        >>> s = np.linspace(-50.0, 50.0, 21)
+        >>> x, y = (a.ravel() for a in np.meshgrid(s, s))
+        >>> k = np.add.outer(21 * np.arange(20), np.arange(20)).ravel()
+        >>> t = np.hstack([[k, k + 1, k + 22], [k, k + 22, k + 21]])
+        >>> outside = np.hypot(x, y)[t].min(axis=0) > 20
+        >>> ring = drape.TriangleMesh(np.array([x, y, 0 * x]), t[:, outside])
+        >>> len(ring.facets.boundary()), len(ring.without_holes().facets.boundary())
+        (2, 1)
+        """
+        return TriangleMesh(*filled(self._x.T, self._triangles))
 
     def beyond_edges(self, x: ndarray) -> ndarray:
         """Distances of points beyond the edges of the triangles in mm, shape (n,).
@@ -238,7 +266,7 @@ class _Edges:
     """Search trees of the elements of a tool, and of its open edges.
 
     ``codes`` are the numbers low · n + high of the end nodes of these edges, and of the
-    nodes themselves, ``normals`` those of the elements.
+    nodes themselves, ``normals`` the normals of the elements.
     """
 
     def __init__(self, tool: ToolMesh) -> None:

@@ -57,7 +57,7 @@ def read_surface(
     path
         The file, or several.  PLY, OBJ and 3MF require trimesh.
     unit
-        Unit of length of the files.  By default that of a 3MF file, else mm.
+        Unit of length of the files.  By default the unit of a 3MF file, else mm.
 
     Raises
     ------

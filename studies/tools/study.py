@@ -47,7 +47,7 @@ class Tools(Study[Export]):
     """Exports drawn by recorded seeds; fails if a result or a line is wrong."""
 
     parts = (Part("exports.csv", {"outcomes.md": outcomes}),)
-    shown = "outcome"
+    shown = "{outcome}"
     sample = "saddle 45"
 
     def cases(self, options: argparse.Namespace) -> Sequence[Export]:

@@ -22,7 +22,7 @@ EDGE = 10.0
 
 
 def soup(x, t, scatter=0.0, seed=0):
-    """Triangles with corners of their own, which scatter."""
+    """Triangles with separate corners, which scatter."""
     corners = x[:, t.T.ravel()]
     noise = np.random.default_rng(seed).uniform(-scatter, scatter, corners.shape)
     return corners + noise, np.arange(corners.shape[1]).reshape(-1, 3).T
@@ -269,3 +269,34 @@ def test_a_rough_surface_is_rejected():
     rough = x + 0.15 * EDGE * rng.standard_normal(x.shape)
     with pytest.raises(MeshError, match=r"scatter by 1.* of the mean edge"):
         drape.TriangleMesh(*facing_up(rough, t))
+
+
+# Holes
+
+
+@pytest.mark.parametrize("name", ["ring", "curved ring"])
+def test_a_patch_over_a_hole_continues_the_surface(name):
+    """A plane exactly; a sphere of R 120 over a hole of R 40 to 0.5 mm."""
+    tool = drape.TriangleMesh(*SHAPES[name]())
+    whole = tool.without_holes()
+    assert not any("hole" in line for line in whole.remarks)
+    assert len(whole.facets.boundary()) == 1
+    patch = whole.facets.points[:, np.hypot(*whole.facets.points[:2]) < 39]
+    assert patch.shape[1] > 100
+    if name == "ring":
+        np.testing.assert_allclose(patch[2], 0, atol=1e-9)
+    else:
+        np.testing.assert_allclose(np.linalg.norm(patch, axis=0), 120, atol=0.5)
+    edges = whole.facets.longest_edges()
+    assert edges.max() < 2 * tool.facets.longest_edges().max()
+    assert not whole.beyond_edges(patch).any()
+    normal = whole.gradient(patch)
+    assert (normal[2] > 0).all()
+
+
+def test_missing_triangles_are_filled():
+    x, t = BONNET
+    tool = drape.TriangleMesh(x, np.delete(t, [500, 1200], axis=1))
+    whole = tool.without_holes()
+    assert whole.facets.n_elements == t.shape[1]
+    assert len(whole.facets.boundary()) == 1

@@ -1,0 +1,115 @@
+"""Smooth patches over the holes of a triangulated surface."""
+
+import numpy as np
+from numpy import ndarray
+
+from .sheet import boundary_edges
+from .tool_mesh import curve_length, loops_of_edges
+
+# Distance of the vertices of a patch from its edge, relative to their spacing.
+_INSIDE = 0.7
+
+# Number of linear systems, with the cotangents of the previous position.
+_ROUNDS = 3
+
+
+def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
+    """Vertices and triangles with patches over all holes.
+
+    The outer edge is the longest.  The vertices of a patch minimise ∫|Δx|², and with it
+    the bending at its edge.
+
+    Parameters
+    ----------
+    x
+        Vertices in mm, shape (3, n).
+    triangles
+        Their numbers, shape (3, m), consistently oriented.
+
+    Raises
+    ------
+    MeshError
+        See `loops_of_edges`.
+    """
+    loops = loops_of_edges(boundary_edges([triangles]))
+    loops.sort(key=lambda loop: curve_length(x[:, loop]))
+    for loop in loops[:-1]:
+        x, patch = _flat_patch(x, loop)
+        around = triangles[:, np.isin(triangles, loop).any(axis=0)]
+        free = np.setdiff1d(patch, loop)
+        if free.size:
+            x = _relaxed(x, np.hstack([patch, around]), loop, free)
+        triangles = np.hstack([triangles, patch])
+    return x, triangles
+
+
+def _flat_patch(x: ndarray, loop: ndarray) -> tuple[ndarray, ndarray]:
+    """Vertices, and the triangles of a patch in a loop.
+
+    They are triangles of a disk with the circumference of the loop.  New vertices are
+    the last, in the middle of the loop.
+    """
+    from scipy.spatial import Delaunay
+
+    steps = np.linalg.norm(np.roll(x[:, loop], -1, axis=1) - x[:, loop], axis=0)
+    length, spacing = steps.sum(), steps.mean()
+    radius = length / (2 * np.pi)
+    # The patch runs along its edge in the opposite direction to its neighbours.
+    around = -2 * np.pi * (np.cumsum(steps) - steps) / length
+    rim = radius * np.array([np.cos(around), np.sin(around)])
+    n = int(radius / spacing) + 1
+    i, j = (a.ravel() for a in np.meshgrid(*[np.arange(-2 * n, 2 * n + 1)] * 2))
+    lattice = spacing * np.array([i + j / 2, np.sqrt(0.75) * j])
+    lattice = lattice[:, np.hypot(*lattice) < radius - _INSIDE * spacing]
+    flat = np.hstack([rim, lattice])
+    corners = Delaunay(flat.T).simplices.T
+    a, b, c = flat[:, corners].swapaxes(0, 1)
+    turn = (b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0]
+    corners = np.where(turn > 0, corners, corners[::-1])
+    new = x.shape[1] + np.arange(lattice.shape[1])
+    middle = np.repeat(x[:, loop].mean(axis=1, keepdims=True), len(new), axis=1)
+    return np.hstack([x, middle]), np.concatenate([loop, new])[corners]
+
+
+def _relaxed(x: ndarray, triangles: ndarray, loop: ndarray, free: ndarray) -> ndarray:
+    """Vertices, of which the free ones minimise ∫|Δx|².
+
+    Triangles are the patch and its neighbours.
+    """
+    from scipy.sparse import diags_array
+    from scipy.sparse.linalg import spsolve
+
+    nodes, local = np.unique(triangles, return_inverse=True)
+    local = local.reshape(triangles.shape)
+    own, rows = np.isin(nodes, free), np.isin(nodes, np.concatenate([free, loop]))
+    position = x[:, nodes].T
+    uniform, _ = _laplacian(position, local, False)
+    inside = uniform[own].tocsc()
+    position[own] = -spsolve(inside[:, own], inside[:, ~own] @ position[~own])
+    for _ in range(_ROUNDS):
+        stiffness, area = _laplacian(position, local, True)
+        bend = (diags_array(1 / np.sqrt(area[rows])) @ stiffness[rows]).tocsc()
+        right = bend[:, own].T @ (bend[:, ~own] @ position[~own])
+        position[own] = -spsolve((bend[:, own].T @ bend[:, own]).tocsc(), right)
+    x = x.copy()
+    x[:, nodes] = position.T
+    return x
+
+
+def _laplacian(x: ndarray, t: ndarray, cotangents: bool) -> tuple:
+    """Laplacian with weights of one or by cotangents, and areas of the vertices."""
+    from scipy.sparse import coo_array, diags_array
+
+    weights, rows, columns = [], [], []
+    for k in range(3):
+        a, b, c = x[t[k]], x[t[(k + 1) % 3]], x[t[(k + 2) % 3]]
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        cotangent = ((b - a) * (c - a)).sum(axis=1) / np.maximum(area, 1e-12)
+        weight = 0.5 * cotangent if cotangents else np.ones(t.shape[1])
+        weights += [weight, weight]
+        rows += [t[(k + 1) % 3], t[(k + 2) % 3]]
+        columns += [t[(k + 2) % 3], t[(k + 1) % 3]]
+    pairs = np.concatenate(rows), np.concatenate(columns)
+    matrix = coo_array((np.concatenate(weights), pairs), shape=(len(x),) * 2).tocsr()
+    around = np.bincount(t.ravel(), np.tile(area / 6, 3), minlength=len(x))
+    return (diags_array(matrix.sum(axis=1)) - matrix).tocsr(), around
