@@ -2,6 +2,13 @@
 
 from ..solve.surface.surface import displacement, exponential_map
 from .crossings import FoldedNetError, Net, NetError
+from .darts import (
+    Dart,
+    NetWithDarts,
+    PatternWithDarts,
+    net_with_darts,
+    pattern_with_darts,
+)
 from .fibres_in_space import (
     SAME_AXES,
     Axes,
@@ -43,6 +50,7 @@ __all__ = [
     "BestStart",
     "Cone",
     "Cylinder",
+    "Dart",
     "FibresInSpace",
     "FlatPattern",
     "FoldedNetError",
@@ -51,6 +59,8 @@ __all__ = [
     "Net",
     "NetError",
     "NetStart",
+    "NetWithDarts",
+    "PatternWithDarts",
     "Plane",
     "Sheet",
     "SheetPoints",
@@ -72,8 +82,10 @@ __all__ = [
     "fibres_on_tool",
     "flat_pattern",
     "net",
+    "net_with_darts",
     "nets",
     "off_triangles",
+    "pattern_with_darts",
     "shear_over",
     "triangles_on",
     "trimmed",

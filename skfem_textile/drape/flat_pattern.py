@@ -139,7 +139,7 @@ def _outlined(sheet: Sheet, curve: ArrayLike, spacing: float) -> FlatPattern:
             "specify another curve"
         )
     if steps.any():
-        _refuse_crossing(outline[:, steps > 0], points[:, steps > 0])
+        refuse_crossing(outline[:, steps > 0], points[:, steps > 0])
     pattern = FlatPattern(outline, points, warp, weft)
     if not pattern.area > _NOTHING * pattern.length**2:
         raise ValueError(
@@ -179,7 +179,7 @@ def _points_on_ply(sheet: Sheet, points: ndarray) -> SheetPoints:
     return places
 
 
-def _refuse_crossing(outline: ndarray, points: ndarray) -> None:
+def refuse_crossing(outline: ndarray, points: ndarray) -> None:
     """Refuse an outline with crossing or touching edges; ``points`` in space.
 
     Its area would have parts of different signs.
@@ -211,6 +211,11 @@ def _closed(curve: ArrayLike) -> ndarray:
     if points.shape[1] < 3:
         raise ValueError("flat pattern: curve must have at least three distinct points")
     return points
+
+
+def spaced_curve(curve: ArrayLike, spacing: float) -> ndarray:
+    """Points of a closed curve without duplicates, at most a spacing apart."""
+    return _spaced(_closed(curve), spacing)
 
 
 def _spaced(points: ndarray, spacing: float) -> ndarray:

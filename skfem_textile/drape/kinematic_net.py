@@ -17,8 +17,9 @@ from ..mesh.user_input import real_numbers
 from ..solve.surface import Surface, onto
 from ..solve.surface.surface import tangents
 from .crossings import Net, up_to
+from .cuts import Cut, with_cuts
 from .guide_curve import GuideCurve
-from .laying import FOLDED, QUADRANTS, Quadrant, Start, Status, lay
+from .laying import FOLDED, QUADRANTS, Quadrant, Start, Status, Wanted, lay
 from .surfaces import positive_length
 
 # Distance beyond the edges of a tool, relative to the cell, up to which a cell starts.
@@ -55,6 +56,7 @@ def net(
     weft_along: ArrayLike | None = None,
     over: ndarray | None = None,
     past_edges: bool = False,
+    cuts: Sequence[Cut] = (),
 ) -> Net:
     """Lay a net on a surface.
 
@@ -89,6 +91,9 @@ def net(
         crossings beyond all of them are omitted.  By default all are laid.
     past_edges
         Continue beyond the edges of the tool, where its surface is extrapolated.
+    cuts
+        Sides of darts on which the net is laid, at most one in each quadrant; see
+        `net_with_darts`.
 
     Raises
     ------
@@ -119,7 +124,7 @@ def net(
     if over is not None:
         ends = np.linalg.solve(flat, over - np.array(touch)[:, None]) / cell
         masks = _masks(ends, limits)
-    (laid,) = _laid(surface, [start], cell, limits, masks, past_edges)
+    (laid,) = _laid(surface, [start], cell, limits, masks, past_edges, cuts)
     counts = [n if n is None else _counts("", n) for n in (warp, weft)]
     return _joined(laid, cell, flat, np.array(touch, dtype=float), counts)
 
@@ -259,6 +264,7 @@ def _laid(
     limits: ndarray,
     masks: list[ndarray] | None,
     past_edges: bool,
+    cuts: Sequence[Cut] = (),
 ) -> list[list[Quadrant]]:
     """Quadrants of nets from starts on a surface."""
     beyond = None if past_edges else getattr(surface, "beyond_edges", None)
@@ -270,18 +276,25 @@ def _laid(
                     "edges of the tool: start on the tool"
                 )
 
-    def wanted(row: ndarray, i: ndarray, j: ndarray) -> ndarray:
+    def wanted(row: ndarray, i: ndarray, j: ndarray) -> Wanted:
         m, n = limits[row % 4].transpose(2, 0, 1)
         inside = (i <= m) & (j <= n)
         for quadrant, mask in enumerate(masks or []):
             m, n = limits[quadrant]
             inside[quadrant] &= mask[np.minimum(i, m), np.minimum(j, n)]
-        return np.where(inside, Status.LAID, Status.OMITTED)
+        status = np.where(inside, Status.LAID, Status.OMITTED)
+        return Wanted(status) if not cuts else with_cuts(cuts, status, i, j)
 
-    def on_tool(x: ndarray, row: ndarray, i: ndarray, j: ndarray) -> ndarray:
-        if beyond is None:
-            return np.ones(x.shape[1], dtype=bool)
-        return np.asarray(beyond(x) <= _MARGIN * cell)
+    def on_tool(
+        x: ndarray, row: ndarray, i: ndarray, j: ndarray
+    ) -> tuple[ndarray, ndarray]:
+        on = own = np.ones(x.shape[1], dtype=bool)
+        if beyond is not None:
+            on = np.asarray(beyond(x) <= _MARGIN * cell)
+        for cut in cuts:
+            beyond_seam = cut.beyond_seam(x, row, i, j)
+            on, own = on & (beyond_seam <= _MARGIN * cell), own & (beyond_seam <= 0)
+        return on, own
 
     return lay(surface, starts, cell, wanted, on_tool)
 

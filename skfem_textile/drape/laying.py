@@ -9,6 +9,7 @@ continues as a geodesic.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -91,14 +92,35 @@ class Quadrant:
     on: ndarray
 
 
-#: Mask of the crossings to lay: function of quadrant numbers, (r, 1), and of numbers of
-#: cells along warp and weft, (k,), that returns the `Status` LAID, OMITTED or CUT, (r,
-#: k).
-Wanted = Callable[[ndarray, ndarray, ndarray], ndarray]
+class Wanted(NamedTuple):
+    """Crossings to lay, shapes (r, k).
 
-#: Mask of points on the part of the tool to cover: function of points in mm, (3, p),
-#: and their quadrant numbers and numbers of cells, (p,).
-OnTool = Callable[[ndarray, ndarray, ndarray, ndarray], ndarray]
+    Attributes
+    ----------
+    status
+        `Status` LAID, OMITTED or CUT.
+    without_warp, without_weft
+        Masks of the crossings that do not depend on the neighbour along the warp, or
+        along the weft, which is on the other side of a dart.
+    side
+        1 for the side of a dart at the first warp thread, −1 at the first weft thread,
+        0 without a dart: a thread from beyond the seam does not fix a crossing.
+    """
+
+    status: ndarray
+    without_warp: ndarray | bool = False
+    without_weft: ndarray | bool = False
+    side: ndarray | int = 0
+
+
+#: Crossings to lay, as a function of quadrant numbers, (r, 1), and numbers of cells
+#: along warp and weft, (k,).
+Wants = Callable[[ndarray, ndarray, ndarray], Wanted]
+
+#: Masks of points on the part of the tool to cover, and on their side of a dart: a
+#: function of points in mm, (3, p), and their quadrant numbers and numbers of cells,
+#: (p,).
+OnTool = Callable[[ndarray, ndarray, ndarray, ndarray], tuple[ndarray, ndarray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,17 +128,20 @@ class _Diagonal:
     """Crossings with the same sum of cells, r quadrants and k crossings.
 
     Positions, gradients there, and differences of the positions from linear
-    extrapolation, (3, 3, r, k), NaN if not laid; masks and statuses, (r, k).
+    extrapolation, (3, 3, r, k), NaN if not laid; masks and statuses, (r, k).  Others
+    follow from crossings that are ``own``, on their side of a dart.
     """
 
     values: ndarray
     on: ndarray
+    own: ndarray
     status: ndarray
 
     @classmethod
     def empty(cls, rows: int, count: int) -> "_Diagonal":
         return cls(
             np.full((3, 3, rows, count), np.nan),
+            np.zeros((rows, count), dtype=bool),
             np.zeros((rows, count), dtype=bool),
             np.full((rows, count), Status.BEHIND, dtype=np.int8),
         )
@@ -132,6 +157,7 @@ class _Diagonal:
         wide = _Diagonal.empty(len(self.on), before + count + after)
         wide.values[..., before : before + count] = self.values
         wide.on[:, before : before + count] = self.on
+        wide.own[:, before : before + count] = self.own
         wide.status[:, before : before + count] = self.status
         return wide
 
@@ -140,7 +166,7 @@ def lay(
     surface: Surface,
     starts: Sequence[Start],
     cell: float,
-    wanted: Wanted,
+    wanted: Wants,
     on_tool: OnTool,
 ) -> list[list[Quadrant]]:
     """Lay nets from several starts at once.
@@ -182,7 +208,7 @@ class _Front:
         surface: Surface,
         starts: Sequence[Start],
         cell: float,
-        wanted: Wanted,
+        wanted: Wants,
         on_tool: OnTool,
     ) -> None:
         self._surface, self._cell = surface, cell
@@ -210,10 +236,10 @@ class _Front:
     def first(self) -> _Diagonal:
         """The starts."""
         rows, none = self._rows, np.zeros(len(self._rows), dtype=int)
-        on = self._on_tool(self._start, rows, none, none)
+        on, own = self._on_tool(self._start, rows, none, none)
         status = np.full((len(rows), 1), Status.LAID, dtype=np.int8)
         values = np.array([self._start, self._gradient, np.zeros_like(self._start)])
-        return _Diagonal(values[..., None], on[:, None], status)
+        return _Diagonal(values[..., None], on[:, None], own[:, None], status)
 
     def after(self, before: _Diagonal, last: _Diagonal) -> _Diagonal:
         """The diagonal after two others, of which the first may be empty."""
@@ -227,11 +253,15 @@ class _Front:
             corner = before.shifted(1, 1)
             a_0, b_0 = before.shifted(2, 0), before.shifted(0, 2)
         new = _Diagonal.empty(len(self._rows), d + 1)
-        new.status[:] = self._wanted(self._rows[:, None], i, d - i)
+        wanted = self._wanted(self._rows[:, None], i, d - i)
+        new.status[:] = wanted.status
         has_a, has_b, has_c = (np.isfinite(of.x[0]) for of in (a, b, corner))
-        stopped = np.zeros_like(has_a)
-        stopped[:, 1:] |= np.isin(a.status[:, 1:], _STOPS)
-        stopped[:, :-1] |= np.isin(b.status[:, :-1], _STOPS)
+        has_a &= ~np.asarray(wanted.without_warp) & (a.own | (wanted.side != 1))
+        has_b &= ~np.asarray(wanted.without_weft) & (b.own | (wanted.side != -1))
+        stops = [np.isin(of.status, _STOPS) for of in (a, b)]
+        stops[0][:, 0], stops[1][:, -1] = False, False  # there is no such neighbour
+        stopped = stops[0] & ~np.asarray(wanted.without_warp)
+        stopped |= stops[1] & ~np.asarray(wanted.without_weft)
         open_ = (new.status == Status.LAID) & ~stopped
         crosses = open_ & has_a & has_b & has_c & (a.on | b.on | corner.on)
         warp = open_ & has_a & ~has_b & a.on
@@ -314,7 +344,7 @@ class _Front:
         row, i, x = row[laid], i[laid], x[:, laid]
         new.values[:, :, row, i] = x, gradient[:, laid], x - guess[:, laid]
         if row.size:
-            new.on[row, i] = self._on_tool(x, row, i, d - i)
+            new.on[row, i], new.own[row, i] = self._on_tool(x, row, i, d - i)
 
     def _owned(self, row: ndarray, i: ndarray, d: int) -> ndarray:
         """Mask of crossings that are not copied from another quadrant."""
@@ -326,7 +356,7 @@ class _Front:
     def _share(self, new: _Diagonal) -> None:
         for pairs, i in ((_SHARED_WARP, -1), (_SHARED_WEFT, 0)):
             for one, other in pairs:
-                for values in (new.values, new.on, new.status):
+                for values in (new.values, new.on, new.own, new.status):
                     values[..., other::4, i] = values[..., one::4, i]
 
 

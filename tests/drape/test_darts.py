@@ -1,0 +1,95 @@
+"""Darts at the corners of a deep box."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import drape
+from tests.helpers import tool_shapes
+
+LENGTH, WIDTH, DEPTH, FLANGE = 100.0, 70.0, 40.0, 20.0
+LOCKING = np.radians(55)
+BOX = drape.TriangleMesh(
+    *tool_shapes.deep_box(LENGTH, WIDTH, DEPTH, flange=FLANGE, size=2.5)
+)
+TOP = (0.0, 0.0, DEPTH)
+
+
+@pytest.fixture(scope="module")
+def laid():
+    return drape.net_with_darts(BOX, 4.0, LOCKING, point=TOP)
+
+
+@pytest.fixture(scope="module")
+def pattern(laid):
+    (outline,) = BOX.facets.boundary()
+    return drape.pattern_with_darts(laid, outline)
+
+
+def test_a_deep_box_without_darts_locks_at_its_corners():
+    net = drape.net(BOX, 4.0, point=TOP)
+    assert np.degrees(np.nanmax(np.abs(net.shear_angle()))) > 70
+
+
+def test_a_deep_box_has_a_dart_at_each_corner(laid):
+    assert sorted(dart.quadrant for dart in laid.darts) == [0, 1, 2, 3]
+    for dart in laid.darts:
+        tip, end = np.abs(dart.seam.points[:, [0, -1]].T)
+        np.testing.assert_allclose(tip[:2], [LENGTH / 2, WIDTH / 2], atol=8)
+        assert end[2] < 1
+        assert BOX.beyond_edges(dart.seam.points[:, -1:])[0] > 0
+        # Down the edge between the walls, and on along the diagonal of the flange.
+        corner = np.abs(dart.seam.points[:2]) - [[LENGTH / 2], [WIDTH / 2]]
+        assert np.abs(corner[0] - corner[1]).max() < 3
+
+
+def test_nets_on_both_sides_of_darts_do_not_lock(laid):
+    assert laid.locked(BOX).shape == (3, 0)
+    for net, mask in zip(laid.sides, laid.cells(), strict=True):
+        assert not net.folds.size
+        assert np.degrees(np.abs(net.shear_angle()[mask]).max()) < 25
+        # Only cells on the diagonal behind a tip, which are cut, have a free side.
+        x, lengths = net.positions, []
+        for one, two in ((x[:, 1:], x[:, :-1]), (x[:, :, 1:], x[:, :, :-1])):
+            rods = np.linalg.norm(one - two, axis=0)
+            lengths.append(rods[np.isfinite(rods)])
+        off = np.abs(np.concatenate(lengths) - 4.0) > 1e-8
+        assert 0 < off.sum() < 4 * 2 * (DEPTH + 2 * FLANGE) / 4.0
+
+
+def test_the_pattern_with_darts_has_the_area_of_the_tool(laid, pattern):
+    """Chords on fillets of 5 mm shorten the walls by 0.4 % with cells of 4 mm."""
+    points = BOX.facets.points
+    a, b, c = points[:, BOX.facets.triangles()].swapaxes(0, 1)
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
+    assert pattern.area_on_tool == pytest.approx(area, rel=5e-3)
+    assert pattern.pattern.area == pytest.approx(area, rel=1e-2)
+    assert pattern.shear_angle < LOCKING
+
+
+def test_both_edges_of_a_dart_have_one_length(pattern):
+    """The length of the seam differs, because sheared cells change their diagonals."""
+    assert len(pattern.darts) == 4
+    for dart in pattern.darts:
+        seam = np.linalg.norm(np.diff(dart.seam), axis=0).sum()
+        one, other = dart.lengths
+        assert one == pytest.approx(other, rel=0.02)
+        assert one == pytest.approx(seam, rel=0.1)
+        # The walls are taken out twice, and the flange around its corner.
+        assert DEPTH**2 < dart.area < (DEPTH + FLANGE) ** 2
+    whole = np.prod(np.ptp(pattern.pattern.outline, axis=1))
+    assert pattern.pattern.area < whole - 3 * DEPTH**2
+
+
+def test_a_tool_that_does_not_lock_has_no_darts():
+    tool = drape.TriangleMesh(*tool_shapes.plate())
+    laid = drape.net_with_darts(tool, 15.0, LOCKING)
+    assert laid.darts == ()
+    (outline,) = tool.facets.boundary()
+    pattern = drape.pattern_with_darts(laid, outline)
+    assert pattern.pattern.area == pytest.approx(200 * 150, rel=1e-6)
+    assert pattern.area_on_tool == pytest.approx(200 * 150, rel=1e-6)
+
+
+def test_a_locking_angle_is_an_angle():
+    with pytest.raises(ValueError, match="locking angle must be between 0 and 90"):
+        drape.net_with_darts(BOX, 4.0, 50.0, point=TOP)
