@@ -204,6 +204,7 @@ def draped_ply(
     else:
         check_mesh(mesh)
         flat = with_edges(mesh)
+
     @cache
     def lay() -> Net:
         beyond = {} if tension else {"beyond": AROUND}
