@@ -16,8 +16,8 @@ from skfem_textile.scenes import Case, double_dome
 FIBRES = np.radians(45)
 
 # %%
-# Tool and fibres have two planes of symmetry; a quarter is computed. The tool grows out
-# of the plane of the ply with the load factor. The edge tension is 2 N/mm.
+# Tool and fibres have two planes of symmetry; a quarter is computed. The ply is draped
+# from its kinematic net. The edge tension is 2 N/mm.
 
 pulled = double_dome(fibres=FIBRES, tension=2.0, size=(24, 14))
 fabric = Fabric(1e4, 0.1, pulled.warp, pulled.weft)

@@ -95,7 +95,7 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
             with out as folder:
                 exported = export.write(result, case.scene.axes, folder)
                 io.write_summary(summary | exported, folder / "summary.json")
-                io.write_history(result, folder / "history.csv")
+                io.write_history(result, folder / "history.csv", case.scene.axes)
                 write_curve(curve, folder / CURVE)
                 written.write(folder)
                 io.write_fields(result, folder / "fields", case.scene.axes)

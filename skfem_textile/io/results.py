@@ -192,12 +192,17 @@ def _fields(
     return turned[0], turned[1]
 
 
-def write_history(result: Result, path: str | os.PathLike[str]) -> None:
+def write_history(
+    result: Result, path: str | os.PathLike[str], axes: Axes = SAME_AXES
+) -> None:
     """Write the history of a run as CSV, one row per converged state.
 
+    Vectors of a ply in space are converted to the coordinates in which the ply has the
+    ``axes``.
     Numbers have 12 significant digits; `Result.history` has full precision.
     """
-    rows = result.history()
+    in_space = len(result.ply.nodal(result.u)) == 3
+    rows = result.history(axes.turn if in_space else None)
     with _name_path(path), open(path, "w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]))
         writer.writeheader()

@@ -189,10 +189,13 @@ class _Tractions(Term):
         self.parameters = _Balance(edges.N)
 
     def balanced(self, p: Values, motions: ndarray, work: ndarray) -> Values:
-        """See `Term`; the smallest traction in the mean square over the edges."""
-        along_edges = self._mass @ motions.T
+        """See `Term`; the smallest correction in the mean square over the edges.
+
+        It is independent of the previous one.
+        """
+        along_edges, work = self._mass @ motions.T, work + motions @ p["balance"]
         share = np.linalg.solve(motions @ along_edges, work)
-        return Values({"balance": p["balance"] + along_edges @ share})
+        return Values({"balance": along_edges @ share})
 
     @cached_property
     def _mass(self) -> csr_matrix:

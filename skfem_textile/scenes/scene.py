@@ -199,18 +199,22 @@ class Scene:
         return _rotation(self.rotation)
 
     def reaction(self, state: State) -> ndarray:
-        """Force on the driven edge in N, shape (d,), along the unrotated axes."""
+        """Force on the driven edge in N, shape (d,), along the unrotated axes.
+
+        For a ply on a tool along the axes of the tool.
+        """
         return self._unrotated(state.reactions[self.reacting or self.driven])
 
     def driven_displacement(self, state: State) -> ndarray:
         """Mean displacement of the nodes of the driven edge in mm, shape (d,).
 
-        Along the unrotated axes.
+        Along the axes of `reaction`.
         """
         return self._unrotated(state.displacements[self.driven])
 
     def _unrotated(self, vector: ndarray) -> ndarray:
-        return self.turn.T @ vector if len(vector) == 2 else vector
+        turn = self.turn.T if len(vector) == 2 else self.axes.turn
+        return turn @ vector
 
     def errors(self, result: Result) -> dict[str, float]:
         """Errors of the last state relative to the exact solution; see `distance`.

@@ -134,9 +134,10 @@ class Result:
         """Interval of the error of the last state, computed at first access."""
         return self.interval(self.states[-1])
 
-    def history(self) -> list[dict[str, float | None]]:
+    def history(self, turn: ndarray | None = None) -> list[dict[str, float | None]]:
         """Table with one row per converged state.
 
+        Displacements and reactions are multiplied by the matrix ``turn``, if given.
         Columns: load_factor, linear_solves, residual (N), tolerance (N),
         negative_pivots, min_det_F, max_fibre_strain, mesh_fibre_strain; for each
         condition displacement_x and displacement_y, the mean over its nodes (mm), and
@@ -158,6 +159,7 @@ class Result:
             for name, reaction in state.reactions.items():
                 vectors = {"displacement": state.displacements[name]}
                 for what, vector in (vectors | {"reaction": reaction}).items():
+                    vector = vector if turn is None else turn @ vector
                     components = zip("xyz", vector.tolist(), strict=False)
                     row |= {f"{name}_{what}_{axis}": x for axis, x in components}
             row |= _columns(state.shares) | _energies(state) | {"work": work}

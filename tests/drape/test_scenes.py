@@ -290,7 +290,10 @@ def test_settings_that_do_not_fit_a_tool_are_rejected(make, reason):
         (("hemisphere", "--fibres", "nan"), "scene.fibres_deg must be a finite number"),
         (("hemisphere", "--fibres", "20", "--part", "quarter"), "use the whole ply"),
         (("hemisphere", "--part", "half"), "invalid choice: 'half'"),
-        (("hemisphere", "--width", "320", "--height", "320"), "the kinematic net folds"),
+        (
+            ("hemisphere", "--width", "320", "--height", "320"),
+            "the kinematic net folds",
+        ),
         (("saddle", "--rotate", "10"), "unrecognized arguments: --rotate 10"),
         (("cylinder", "--tension", "-1"), "edge tension must be 0 or positive"),
     ],

@@ -1,0 +1,1 @@
+"""Plies draped from the kinematic net, and by growth of the tool."""

@@ -1,0 +1,218 @@
+"""Plies are draped from their kinematic net, on the tool at its full size."""
+
+import csv
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, LoadStepper, Macro, Quadratic, drape, plot
+from skfem_textile.cli import main as cli
+from skfem_textile.cli.results import DrapeExport
+from skfem_textile.io import read_surface, write_draped, write_history
+from skfem_textile.scenes import Case, hemisphere, saddle
+from skfem_textile.scenes import drape as on_tool
+from skfem_textile.solve.states import NoEquilibriumError
+from skfem_textile.solve.stepper import Run
+from skfem_textile.solve.surface import distance
+from tests.drape.test_feasibility import box
+from tests.helpers import tool_shapes
+from tests.helpers.tools import SMALL, plate, positions, square, summary, write_sphere
+
+pytestmark = pytest.mark.usefixtures("no_interval")
+
+
+def case_of(scene, bending=0.0, **options):
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(bending, bending))
+    return Case(scene=scene, fabric=fabric, **options)
+
+
+# Equilibrium from the net
+
+
+def test_a_hemisphere_with_a_flange_is_draped_at_once():
+    """Growth stops below a third of the load."""
+    shape = tool_shapes.hemisphere_with_flange(radius=50.0, fillet=8.0, flange=160.0)
+    tool = drape.TriangleMesh(*shape)
+    scene = on_tool(tool, width=300.0, height=300.0, size=(12, 12))
+    result = case_of(scene, steps=2).run()
+    assert [state.load_factor for state in result.states] == [0, 1]
+    assert result.states[-1].verdict.stable
+    x = positions(result.ply, result.u)
+    assert np.abs(distance(scene.conditions["tool"].surface, x)).max() < 1e-8
+    assert 40 < scene.summary(result)["max_shear_angle_deg"] < 52
+
+
+@pytest.mark.parametrize(
+    ("build", "hold"),
+    [
+        (saddle, {"tension": 2.0}),
+        (hemisphere, {"tension": 2.0, "fibres": 0.5}),
+        (hemisphere, {"tension": 0.0, "fibres": 0.5}),
+    ],
+)
+def test_the_state_from_the_net_is_that_of_growth_with_half_of_the_solves(build, hold):
+    scene = build(size=(8, 8), **hold)
+    case = case_of(scene, bending=0.0 if hold["tension"] else 5.0)
+    begun, ply = case.run(), case.ply()
+    grown = LoadStepper(ply, scene.conditions, 4).run()
+    off = ply.shear_angle(grown.u) - ply.shear_angle(begun.u)
+    assert np.degrees(np.abs(off).max()) < 0.01
+    assert begun.linear_solves <= grown.linear_solves / 2
+
+
+@pytest.mark.parametrize("formulation", [Macro(), Quadratic()])
+def test_every_node_starts_on_the_tool_in_the_net(formulation):
+    """Also nodes at the centres and edge midpoints of elements."""
+    scene = hemisphere("delaunay", size=(4, 4), fibres=np.pi / 4)
+    ply = case_of(scene, formulation=formulation).ply()
+    x = positions(ply, scene.initial_guess(ply))
+    surface = scene.conditions["tool"].surface
+    assert np.abs(distance(surface, x)).max() < 1e-8
+    c = np.sqrt(0.5)
+    net = drape.net(surface, 1.0, (0, 150), (-0 + 70, 70), angles=(c, c + np.pi / 2))
+    assert net.positions.shape[0] == len(x)
+    middle = np.hypot(*ply.nodes) < 30
+    radius = np.linalg.norm(x[:, middle], axis=0)
+    flat = np.hypot(*ply.nodes[:, middle])
+    assert np.abs(radius - flat).max() < 0.05 * 30
+
+
+def test_a_ply_without_a_net_grows_with_the_tool():
+    scene = on_tool(box(89.0), width=160.0, height=160.0, tension=0.0, size=(6, 6))
+    case = case_of(scene)
+    assert scene.initial_guess(case.ply()) is None
+    assert case.stepper().load_factors[-1] == 1
+    assert len(case.stepper().load_factors) == case.steps
+
+
+@pytest.mark.parametrize("guess", [[0.0], "net", np.full(75, np.nan)])
+def test_initial_guesses_of_another_ply_are_rejected(guess):
+    ply = square()
+    assert ply.basis.N == 75
+    with pytest.raises(ValueError, match="initial_guess must be"):
+        LoadStepper(ply, hemisphere().conditions, initial_guess=guess)
+
+
+# States that are not on the tool
+
+
+def test_a_state_on_the_enlarged_tool_is_not_written_as_if_on_the_tool(tmp_path):
+    scene = on_tool(drape.TriangleMesh(*plate()), size=(4, 4), width=120.0, height=90.0)
+    case = case_of(scene)
+    grown = LoadStepper(case.ply(), scene.conditions, 2).run()
+    assert not grown.not_on_tool
+    stopped = replace(grown, states=grown.states[:2], converged=False)
+    reason = "the ply lies on the tool enlarged by 2, not on the tool"
+    figures = scene.summary(stopped)
+    assert figures["not_on_tool"] == reason
+    of_tool = "contact", "bridging", "beyond", "touches", "turn_of_normal", "_at_"
+    assert not [key for key in figures if any(word in key for word in of_tool)]
+    with pytest.raises(ValueError, match=reason):
+        write_draped(stopped, tmp_path, scene.axes)
+    export = DrapeExport(drape.ToolMesh(*_part()))
+    written = export.write(stopped, scene.axes, tmp_path)
+    assert written["part"] == f"not written: {reason}"
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(ValueError, match="does not lie on its tool at the load factor"):
+        plot.draped(stopped)
+
+
+def _part():
+    x, t = plate(40.0, 5)
+    return x, (t,)
+
+
+def stops(*_):
+    raise NoEquilibriumError("the forces do not balance", advice="another fabric")
+
+
+def interrupts(*_):
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(("end", "code"), [(stops, 1), (interrupts, 130)])
+def test_a_drape_that_ends_early_leaves_nothing_beside_its_tool(
+    end, code, tool, tmp_path, monkeypatch, capsys
+):
+    out, part = tmp_path / "out", ("--part-mesh", str(tool))
+    words = "run", "drape", "--tool", str(tool), *SMALL, *part, "--out", str(out)
+    assert cli.main(list(words)) == 0
+    assert (out / "fibres.vtu").exists()
+    capsys.readouterr()
+    monkeypatch.setattr(Run, "_reach", end)
+    assert cli.main(list(words)) == code
+    assert not [
+        file.name for file in out.iterdir() if file.name[:4] in ("fibr", "part")
+    ]
+    figures = summary(out)
+    assert figures["not_on_tool"] == "the ply is flat: no state on the tool was found"
+    assert not figures["converged"]
+    message = capsys.readouterr().err
+    assert "the ply is flat: no state on the tool was found" in message
+    assert "turn_left" not in message
+    assert "instead of the load" not in message
+    assert cli.main(["report", str(out)]) == 0
+    assert figures["not_on_tool"] in (out / "report.html").read_text()
+
+
+# Axes of messages
+
+
+CENTRE = np.array([13.0, -7.0, 40.0])
+
+
+def place_in(text):
+    """The first position in a message."""
+    found = re.search(r"at \(([^)]*)\) mm", text)
+    return np.array(found[1].split(","), dtype=float)
+
+
+@pytest.fixture
+def ball(tmp_path):
+    """A sphere far from the origin, touched by the ply on its side."""
+    return write_sphere(tmp_path / "ball.stl", centre=CENTRE)
+
+
+SIDE = (112.8, -7.0, 40.0)
+
+
+def test_the_end_of_a_net_is_in_the_axes_of_the_file(ball):
+    scene = on_tool(read_surface(ball), point=SIDE, width=330.0, height=330.0)
+    with pytest.raises(ValueError, match="does not reach all edges") as error:
+        case_of(scene).ply()
+    assert "fewer cells" not in str(error.value)
+    at = place_in(str(error.value))
+    assert np.linalg.norm(at - CENTRE) == pytest.approx(100.0, abs=2)
+
+
+def test_gaps_between_nodes_are_in_the_axes_of_the_file(tmp_path, caplog):
+    ball = write_sphere(tmp_path / "ball.stl", radius=60.0, centre=CENTRE)
+    options = {"size": (2, 2), "width": 150.0, "height": 150.0}
+    scene = on_tool(read_surface(ball), point=(72.8, -7.0, 40.0), **options)
+    case_of(scene).run()
+    (line,) = [m for m in map(str, caplog.messages) if "deviate from the surface" in m]
+    assert np.linalg.norm(place_in(line) - CENTRE) == pytest.approx(60.0, abs=12)
+
+
+def test_places_are_converted_to_the_axes_of_the_file(ball):
+    scene = on_tool(read_surface(ball), point=SIDE, size=(4, 4))
+    place = scene.conditions["tool"].place(np.zeros(3))
+    np.testing.assert_allclose(place_in(f"at {place}"), scene.axes.origin, atol=0.1)
+    assert np.linalg.norm(place_in(f"at {place}") - SIDE) < 1
+
+
+def test_reactions_are_in_the_axes_of_the_file(ball, tmp_path):
+    """A ply without further loads is in equilibrium: the tool pushes it outwards."""
+    scene = on_tool(
+        read_surface(ball), point=SIDE, size=(4, 4), width=80.0, height=80.0
+    )
+    case = case_of(scene)
+    result = case.run()
+    pushed = scene.reaction(result.states[-1])
+    assert pushed @ (1, 0, 0) == pytest.approx(np.linalg.norm(pushed), rel=1e-2)
+    write_history(result, tmp_path / "history.csv", scene.axes)
+    (*_, last) = csv.DictReader((tmp_path / "history.csv").read_text().splitlines())
+    written = [float(last[f"tool_reaction_{axis}"]) for axis in "xyz"]
+    np.testing.assert_allclose(written, pushed, rtol=1e-6, atol=1e-6)
