@@ -474,11 +474,12 @@ def animation(
     ]
     layouts = [lay_out(sheet, size) for sheet in sheets]
     renderer, frames = pyvista_drawing(), []
+    plotter = renderer.new_plotter(layouts[0], _DOTS)
     for sheet, layout in zip(sheets, layouts, strict=True):
-        plotter = renderer.new_plotter(layout, _DOTS)  # a reused plotter loses its text
+        plotter.clear()
         renderer.draw_new(plotter, sheet, layout)
         frames.append(Image.fromarray(plotter.screenshot(return_img=True)))
-        plotter.close()
+    plotter.close()
     first, *others = [frame.quantize(dither=Image.Dither.NONE) for frame in frames]
     with atomic_file(path, ".gif") as file:
         first.save(

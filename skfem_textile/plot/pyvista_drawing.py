@@ -27,6 +27,9 @@ from .sheet import PLY, Legend, Sheet, lines_of
 
 _CELLS = {3: pv.CellType.TRIANGLE, 4: pv.CellType.QUAD}
 
+# Drawing in the given colours, rendered once a picture is complete.
+_FLAT: dict[str, Any] = {"lighting": False, "reset_camera": False, "render": False}
+
 # Colours of a scale.
 _COLOURS = 256
 
@@ -85,6 +88,7 @@ def draw_new(plotter: pv.Plotter, sheet: Sheet, layout: Layout) -> None:
     for legend in layout.legends:
         plotter.subplot(len(layout.panels), round(legend.box.x / cell))
         _draw_legend(plotter, legend, Frame(legend.box, dots))
+    plotter.render()  # screenshots render a plotter only once
 
 
 def draw_into(plotter: pv.Plotter, sheet: Sheet, width: float) -> None:
@@ -116,6 +120,7 @@ def draw_into(plotter: pv.Plotter, sheet: Sheet, width: float) -> None:
         ((slot,),), (placed,) = layout.panels, layout.legends
         _draw_panel(plotter, slot, one, frame)
         _draw_legend(plotter, placed, frame)
+    plotter.render()  # screenshots render a plotter only once
 
 
 def _draw_panel(plotter: pv.Plotter, slot: Slot, sheet: Sheet, frame: Frame) -> None:
@@ -129,9 +134,7 @@ def _draw_panel(plotter: pv.Plotter, slot: Slot, sheet: Sheet, frame: Frame) -> 
         greys = {"scalars": tool.shades, "clim": (0.0, 1.0), "cmap": "gray"}
         meshes.append((_grid(tool.points, (tool.triangles,)), greys))
     for grid, look in meshes:
-        plotter.add_mesh(
-            grid, lighting=False, show_scalar_bar=False, reset_camera=False, **look
-        )
+        plotter.add_mesh(grid, show_scalar_bar=False, **_FLAT, **look)
     lift = (_LIFT_ON_TOOL if panel.shape.tool else _LIFT) / scale
     for i, lines in enumerate(lines_of(panel, scale, sheet.show_edges), start=1):
         ends, colour, width = lines
@@ -140,8 +143,7 @@ def _draw_panel(plotter: pv.Plotter, slot: Slot, sheet: Sheet, frame: Frame) -> 
             pv.line_segments_from_points(in_front),
             color=colour,
             line_width=max(1.0, width * frame.dots),
-            lighting=False,
-            reset_camera=False,
+            **_FLAT,
         )
     for writing in slot.title:
         _write(plotter, writing, frame)

@@ -1,6 +1,7 @@
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -221,9 +222,14 @@ def test_fibres_are_drawn_along_their_directions(results):
         np.testing.assert_allclose(unit, direction, atol=1e-5)
 
 
-def test_an_animation_has_a_frame_per_state(results, tmp_path):
-    """Each frame has its title above the ply and the scale below."""
+def test_an_animation_has_a_frame_per_state(results, tmp_path, monkeypatch):
+    """Each frame has its title above the ply and the scale below, in one window."""
+    windows, new_plotter = [], offscreen.new_plotter
+    monkeypatch.setattr(
+        offscreen, "new_plotter", lambda *a: windows.append(a) or new_plotter(*a)
+    )
     plot.animation(results[0], tmp_path / "motion.gif")
+    assert len(windows) == 1
     assert [p.name for p in tmp_path.iterdir()] == ["motion.gif"]
     with Image.open(tmp_path / "motion.gif") as moving:
         assert moving.n_frames == len(results[0].states)
@@ -232,6 +238,37 @@ def test_an_animation_has_a_frame_per_state(results, tmp_path):
             grey = np.asarray(moving.convert("L"))
             assert (grey[:30] < 100).any()
             assert (grey[-70:] < 100).any()
+
+
+def frames_of(file):
+    with Image.open(file) as moving:
+        for frame in range(moving.n_frames):
+            moving.seek(frame)
+            yield moving.convert("RGB").tobytes()
+
+
+def test_nothing_of_a_frame_remains_in_the_next_ones(results, tmp_path):
+    """An animation of the states in reverse order has the same frames."""
+    backwards = replace(results[0], states=results[0].states[::-1])
+    files = tmp_path / "there.gif", tmp_path / "back.gif"
+    for result, file in zip((results[0], backwards), files, strict=True):
+        plot.animation(result, file)
+    there, back = map(list, map(frames_of, files))
+    assert there == back[::-1]
+    assert len(set(there)) == len(there)
+
+
+def test_a_plotter_that_was_saved_is_drawn_into_again(results, tmp_path):
+    """The second file is the same without the first one."""
+    pixels = []
+    for first in (tmp_path / "first.png", None):
+        plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=(600, 400))
+        for column, file in enumerate((first, tmp_path / "both.png")):
+            plotter.subplot(0, column)
+            plot.shear_angle(results[0], plotter=plotter, filename=file)
+        with Image.open(tmp_path / "both.png") as picture:
+            pixels.append(np.asarray(picture))
+    np.testing.assert_array_equal(*pixels)
 
 
 def test_load_curves_have_their_labels(tmp_path):
