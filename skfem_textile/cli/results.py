@@ -188,12 +188,12 @@ class DrapeExport:
             raise ValueError(self.no_curves)
         if not self.curves:
             return {}
-        outline, *holes = self.curves
-        pattern = flat_pattern(sheet, outline, holes=holes)
+        patterns = [flat_pattern(sheet, curve) for curve in self.curves]
         for name in _PATTERN:
             if not name.endswith("dxf") or find_spec("ezdxf"):
-                io.write_pattern(folder / name, pattern)
+                io.write_pattern(folder / name, patterns)
+        # Holes have the opposite orientation.
         return {
-            "pattern_area_mm2": pattern.area,
-            "pattern_length_mm": pattern.length,
+            "pattern_area_mm2": abs(sum(one.signed_area for one in patterns)),
+            "pattern_length_mm": sum(pattern.length for pattern in patterns),
         }

@@ -167,7 +167,8 @@ def _on_warp_side(laid: Net, dart: Cut) -> ndarray:
     part = _quadrant(side, laid, dart.quadrant, cells=True)
     i, j = np.indices(part.shape)
     behind = (i >= dart.tip[0]) & (j >= dart.tip[1])
-    part[behind] = (i - dart.tip[0] >= j - dart.tip[1])[behind]
+    on_side = np.asarray(i - dart.tip[0] >= j - dart.tip[1])
+    part[behind] = on_side[behind]
     return side
 
 

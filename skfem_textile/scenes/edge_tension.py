@@ -123,11 +123,9 @@ class EdgeTension:
                 net = edge_net(mesh, self.on_tool, self.angles, self.held)
             else:
                 net = self.net()
+            directions = net.tangents(X)
         except NetError as error:
             raise ValueError(self._not_covered(error.position)) from None
-        directions = net.tangents(X)
-        if not np.isfinite(directions).all():
-            raise ValueError(self._not_covered(_end_of(net, X)))
         traction = self._traction(np.asarray(edges.normals), directions)
         return _Tractions(edges, traction, not self.held)
 
@@ -223,16 +221,6 @@ class _Balance(TermParameters):
     def at_rest(self) -> Values:
         """No correction."""
         return Values({"balance": np.zeros(self._n_unknowns)})
-
-
-def _end_of(net: Net, X: ndarray) -> ndarray:
-    """Position where a net ends, towards the first of the points that it lacks."""
-    lacking = X[:, ~np.isfinite(net.at(X)).all(axis=0)][:, :1]
-    s, t = np.meshgrid(*net.along, indexing="ij")
-    flat = net.directions @ [s.ravel(), t.ravel()] + net.touch[:, None]
-    away = np.linalg.norm(flat - lacking, axis=0)
-    x = net.positions.reshape(3, -1)
-    return x[:, np.where(np.isfinite(x).all(axis=0), away, np.inf).argmin()]
 
 
 def _cosine_and_sine(e: ndarray) -> tuple[ndarray, ndarray]:

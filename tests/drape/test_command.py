@@ -251,7 +251,7 @@ def test_bad_options_are_rejected_in_one_line(tool, options, reason, tmp_path, c
             "row 4: expected three finite coordinates, got '1,nan,0'",
         ),
         ("x,y,z\n0,0,0\n1,0\n", "row 3: expected three finite coordinates, got '1,0'"),
-        ("x,y,z\n0,0,0\n1,0,0\n0,0,0\n", "requires at least three different points"),
+        ("x,y,z\n0,0,0\n1,0,0\n0,0,0\n", "at least 3 are required"),
         ("", "the file is empty"),
     ],
 )
