@@ -1,7 +1,6 @@
 """The command ``net``: lay a kinematic net on a tool."""
 
 import argparse
-from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
@@ -19,7 +18,14 @@ from .progress import log_to_stderr, shown
 from .result_folder import ResultFolder
 
 if TYPE_CHECKING:
-    from ..drape import FibresInSpace, Net, TriangleMesh, TrimmedNet
+    from ..drape import (
+        Dart,
+        FibresInSpace,
+        FlatPattern,
+        Net,
+        NetWithDarts,
+        TriangleMesh,
+    )
 
 # Files of the command.
 _FIBRES = ("fibres.vtu", "fibres.csv", "fibres.inp")
@@ -97,28 +103,58 @@ def add_net(commands: Any) -> None:
         help="closed curves along which the pattern is trimmed: the outline, then "
         "holes (default: the edges of the tool)",
     )
+    add(
+        "--best",
+        choices=("largest", "mean"),
+        help="search for the point and the direction with the smallest largest, or "
+        "mean, shear angle",
+    )
+    add(
+        "--darts",
+        action="store_true",
+        help="cut darts where the net folds or shears beyond the locking angle",
+    )
     add("--no-render", action="store_true", help="do not draw a picture")
 
 
 class _Part(NamedTuple):
-    """Net on a tool, and its trimmed part, or why there is none."""
+    """Net on a tool, and its flat pattern, or why there is none."""
 
     tool: "TriangleMesh"
-    net: "Net"
-    trimmed: "TrimmedNet | None"
+    net: "Net | NetWithDarts"
+    pattern: "FlatPattern | None"
+    darts: "tuple[Dart, ...]"
     no_pattern: str
 
     @property
-    def angle_deg(self) -> ndarray:
-        """Sizes of shear angles of the part, or else of all cells, NaN elsewhere."""
-        of = self.net if self.trimmed is None else self.trimmed
-        return np.degrees(np.abs(of.shear_angle()))
+    def first(self) -> "Net":
+        """The net, or the first of a net with darts."""
+        return self.net.pieces[0][0]
 
-    @property
-    def areas(self) -> ndarray:
-        """Areas of the cells on the tool in mm², 0 outside the part."""
-        areas = np.nan_to_num(self.net.areas())
-        return areas if self.trimmed is None else areas * self.trimmed.shares
+    def cells(self) -> "_Cells":
+        """Cells of the part, or of the whole net without a pattern."""
+        from ..drape.trimming import shares_inside
+
+        angles, areas, centres = [], [], []
+        for net, mask in self.net.pieces:
+            shares = mask if self.pattern is None else shares_inside(net, self.pattern)
+            inside = mask & (shares > 0)
+            x = net.positions
+            middle = 0.25 * (
+                x[:, 1:, 1:] + x[:, 1:, :-1] + x[:, :-1, 1:] + x[:, :-1, :-1]
+            )
+            angles.append(np.degrees(np.abs(net.shear_angle()[inside])))
+            areas.append((net.areas() * shares)[inside])
+            centres.append(middle[:, inside])
+        return _Cells(np.concatenate(angles), np.concatenate(areas), np.hstack(centres))
+
+
+class _Cells(NamedTuple):
+    """Sizes of shear angles in degrees, areas on the tool in mm², and centres."""
+
+    angles: ndarray
+    areas: ndarray
+    centres: ndarray
 
 
 def run_net(options: argparse.Namespace) -> int:
@@ -133,24 +169,25 @@ def run_net(options: argparse.Namespace) -> int:
     """
     from .. import io
 
+    _refuse_combinations(options)
     began = perf_counter()
     log_to_stderr(0)
     with shown("laying the net"):
         part = _laid(options)
         fibres = _fibres(part)
-    figures = _figures(part, options)
+        cells = part.cells()
+    figures, verdict = _figures(part, cells, options), _verdict(part, cells, options)
     out = ResultFolder(
         options.out, (_SUMMARY, _NET, *_FIBRES, *_PATTERN, _PICTURE, _PAGE)
     )
-    verdict = list(_verdict(part, options))
     with held(), out as folder:
         for name in _FIBRES:
             io.write_fibres(folder / name, fibres)
         io.write_net(folder / _NET, part.net)
-        if part.trimmed:
+        if part.pattern:
             for name in _PATTERN:
                 if not name.endswith("dxf") or find_spec("ezdxf"):
-                    io.write_pattern(folder / name, part.trimmed.pattern)
+                    io.write_pattern(folder / name, part.pattern)
         if not options.no_render:
             _draw(part, options, folder)
         figures["time_s"] = perf_counter() - began
@@ -171,6 +208,19 @@ def run_net(options: argparse.Namespace) -> int:
     return 0
 
 
+def _refuse_combinations(options: argparse.Namespace) -> None:
+    """Refuse options that contradict each other."""
+    if options.darts and options.locking_angle is None:
+        raise ValueError("--darts requires --locking-angle")
+    fixed = [
+        f"--{name.replace('_', '-')}"
+        for name in ("point", "warp_along", "weft_along")
+        if getattr(options, name) is not None
+    ]
+    if options.best and fixed:
+        raise ValueError(f"--best cannot be combined with {' and '.join(fixed)}")
+
+
 def _laid(options: argparse.Namespace) -> _Part:
     """Read the tool, lay the net and trim its pattern."""
     from .. import drape, io
@@ -182,24 +232,36 @@ def _laid(options: argparse.Namespace) -> _Part:
         file and io.read_curve(file)
         for file in (options.warp_along, options.weft_along)
     ]
-    start = contact_point(tool, options.point)
-    axes = drape.Axes.at(tool, start)
     warp = np.radians(options.fibres)
+    angles = warp, warp + np.pi / 2
     size = float(np.linalg.norm(np.ptp(tool.facets.points, axis=1)))
-    net = drape.net(
-        tool,
-        options.cell or _CELL * size,
-        angles=(warp, warp + np.pi / 2),
-        point=start,
-        first=axes.turn[:, 0],
-        warp_along=along[0],
-        weft_along=along[1],
-    )
+    cell = options.cell or _CELL * size
+    if options.best:
+        start = drape.best_start(tool, cell, angles=angles, measure=options.best).start
+    else:
+        point = contact_point(tool, options.point)
+        start = drape.NetStart(point, drape.Axes.at(tool, point).turn[:, 0])
+    settings: dict[str, Any] = {
+        **start._asdict(),
+        "angles": angles,
+        "warp_along": along[0],
+        "weft_along": along[1],
+    }
+    outline, *holes = given or tool.facets.boundary()
+    if options.darts:
+        limit = float(np.radians(options.locking_angle))
+        cut = drape.net_with_darts(tool, cell, limit, **settings)
+        try:
+            found = drape.pattern_with_darts(cut, outline)
+            return _Part(tool, cut, found.pattern, found.darts, "")
+        except ValueError as error:
+            return _Part(tool, cut, None, (), str(error))
+    net = drape.net(tool, cell, **settings)
     try:
-        outline, *holes = given or tool.facets.boundary()
-        return _Part(tool, net, drape.trimmed(net, outline, holes), "")
+        pattern = drape.flat_pattern(drape.Sheet.of_net(net), outline, holes=holes)
+        return _Part(tool, net, pattern, (), "")
     except ValueError as error:
-        return _Part(tool, net, None, str(error))
+        return _Part(tool, net, None, (), str(error))
 
 
 def _fibres(part: _Part) -> "FibresInSpace":
@@ -209,32 +271,34 @@ def _fibres(part: _Part) -> "FibresInSpace":
     return fibres_on_tool(Sheet.of_net(part.net), part.tool.facets)
 
 
-def _figures(part: _Part, options: argparse.Namespace) -> dict[str, Any]:
+def _figures(part: _Part, cells: _Cells, options: argparse.Namespace) -> dict[str, Any]:
     """Figures of the summary."""
-    net, angle, areas = part.net, part.angle_deg, part.areas
-    i, j = np.unravel_index(np.nanargmax(angle), angle.shape)
-    worst = net.positions[:, i : i + 2, j : j + 2].mean(axis=(1, 2))
+    net, worst = part.first, cells.angles.argmax()
     figures: dict[str, Any] = {
         "tool": ", ".join(options.tool),
         "fibres_deg": options.fibres,
         "cell_mm": net.cell,
-        "n_cells": int(net.cells.sum()),
+        "n_cells": int(cells.angles.size),
         **_xyz("start", net.positions[:, *net.start]),
-        "max_shear_angle_deg": float(np.nanmax(angle)),
-        **_xyz("max_shear_angle", worst),
-        "mean_shear_angle_deg": float(np.average(np.nan_to_num(angle), weights=areas)),
+        "max_shear_angle_deg": float(cells.angles[worst]),
+        **_xyz("max_shear_angle", cells.centres[:, worst]),
+        "mean_shear_angle_deg": float(np.average(cells.angles, weights=cells.areas)),
         "area_of_tool_mm2": part.tool.facets.area,
-        "area_of_part_mm2": float(areas.sum()),
+        "area_of_part_mm2": float(cells.areas.sum()),
     }
     if options.locking_angle is not None:
         figures["locking_angle_deg"] = options.locking_angle
-        locked = angle > options.locking_angle
-        figures["area_above_locking_angle_mm2"] = float(areas[locked].sum())
-    if part.trimmed:
-        figures["pattern_area_mm2"] = part.trimmed.pattern.area
-        figures["pattern_length_mm"] = part.trimmed.pattern.length
+        locked = cells.angles > options.locking_angle
+        figures["area_above_locking_angle_mm2"] = float(cells.areas[locked].sum())
+    if part.pattern:
+        figures["pattern_area_mm2"] = part.pattern.area
+        figures["pattern_length_mm"] = part.pattern.length
     else:
         figures["pattern"] = f"not written: {part.no_pattern}"
+    if options.darts:
+        figures["darts"] = len(part.darts)
+        figures["dart_areas_mm2"] = [dart.area for dart in part.darts]
+        figures["dart_lengths_mm"] = [dart.lengths[0] for dart in part.darts]
     return figures
 
 
@@ -244,30 +308,42 @@ def _xyz(what: str, point: ndarray) -> dict[str, float]:
     }
 
 
-def _verdict(part: _Part, options: argparse.Namespace) -> Iterator[Row]:
+def _verdict(part: _Part, cells: _Cells, options: argparse.Namespace) -> list[Row]:
     """Rows: whether the net is whole, the shear within the limit, the pattern cut."""
-    net = part.net
-    if net.folds.size:
-        yield "Net", "bad", f"folds at {_places(net.folds)}: threads lie on one another"
-    elif net.leaves.size:
-        yield "Net", "bad", f"leaves the tool at {_places(net.leaves)}"
+    folds, leaves = (
+        np.hstack([getattr(net, what) for net, _ in part.net.pieces])
+        for what in ("folds", "leaves")
+    )
+    verdict: list[Row] = []
+    if folds.size:
+        text = f"folds at {_places(folds)}: threads lie on one another"
+        verdict.append(("Net", "bad", text))
+    elif leaves.size:
+        verdict.append(("Net", "bad", f"leaves the tool at {_places(leaves)}"))
     else:
-        yield "Net", "good", "reaches all edges of the tool without folding"
-    angle = float(np.nanmax(part.angle_deg))
-    largest, limit = f"at most {angle:.1f}°", options.locking_angle
+        text = "reaches all edges of the tool without folding"
+        verdict.append(("Net", "good", text))
+    largest, limit = f"at most {cells.angles.max():.1f}°", options.locking_angle
     if limit is None:
-        yield "Shear angle", "", f"{largest}; no locking angle is given"
+        text = f"{largest}; no locking angle is given"
+        verdict.append(("Shear angle", "", text))
     else:
-        good = angle <= limit
+        good = cells.angles.max() <= limit
         word = "within" if good else "above"
         text = f"{largest}, {word} the locking angle of {limit:g}°"
-        yield "Shear angle", "good" if good else "bad", text
-    if part.trimmed:
-        pattern = part.trimmed.pattern
-        text = f"{pattern.area:.0f} mm² of fabric, {pattern.length:.0f} mm to cut"
-        yield "Flat pattern", "good", text
+        verdict.append(("Shear angle", "good" if good else "bad", text))
+    if part.darts:
+        areas = ", ".join(f"{dart.area:.0f}" for dart in part.darts)
+        verdict.append(("Darts", "", f"{len(part.darts)}, of {areas} mm²"))
+    if part.pattern:
+        text = (
+            f"{part.pattern.area:.0f} mm² of fabric, {part.pattern.length:.0f} mm to "
+            "cut"
+        )
+        verdict.append(("Flat pattern", "good", text))
     else:
-        yield "Flat pattern", "bad", part.no_pattern
+        verdict.append(("Flat pattern", "bad", part.no_pattern))
+    return verdict
 
 
 def _places(points: ndarray) -> str:

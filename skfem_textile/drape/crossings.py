@@ -70,6 +70,11 @@ class Net:
         return laid[1:, 1:] & laid[:-1, 1:] & laid[1:, :-1] & laid[:-1, :-1]
 
     @property
+    def pieces(self) -> list[tuple["Net", ndarray]]:
+        """The net and its cells, as the pieces of a net with darts."""
+        return [(self, self.cells)]
+
+    @property
     def folds(self) -> ndarray:
         """Positions at which threads fold onto one another in mm, shape (3, n)."""
         return self._before(Status.FOLDED)

@@ -80,6 +80,11 @@ class NetWithDarts:
         masks[1][rows, columns] = ~masks[0][rows + i, columns + j]
         return masks
 
+    @property
+    def pieces(self) -> list[tuple[Net, ndarray]]:
+        """Nets, each with the mask of its cells."""
+        return list(zip(self.sides, self.cells(), strict=True))
+
     def locked(self, tool: TriangleMesh) -> ndarray:
         """Centres of cells on the tool beyond the locking angle in mm, shape (3, n).
 

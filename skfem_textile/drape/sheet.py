@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -247,6 +247,15 @@ class SheetPoints(NamedTuple):
         return self.element >= 0
 
 
+class Pieces(Protocol):
+    """A net, or a net with darts."""
+
+    @property
+    def pieces(self) -> Sequence[tuple[Net, ndarray]]:
+        """Nets, each with the mask of its cells."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Sheet:
     """Ply in space with the position of each of its points in the flat ply.
@@ -301,20 +310,29 @@ class Sheet:
         return cls(flat, positions, mesh.t, warp, weft)
 
     @classmethod
-    def of_net(cls, net: Net) -> "Sheet":
-        """Sheet of a kinematic net, one quadrilateral per cell that was laid."""
-        s, t = np.meshgrid(*net.along, indexing="ij")
-        flat = net.directions @ [s.ravel(), t.ravel()] + net.touch[:, None]
-        n = np.arange(s.size).reshape(s.shape)
-        corners = n[:-1, :-1], n[1:, :-1], n[1:, 1:], n[:-1, 1:]
-        elements = np.array([corner[net.cells] for corner in corners])
-        nodes, numbers = np.unique(elements, return_inverse=True)
+    def of_net(cls, net: Pieces) -> "Sheet":
+        """Sheet of a kinematic net, one quadrilateral per cell that was laid.
+
+        The pieces of a net with darts have nodes of their own.
+        """
+        flat, positions, elements, first = [], [], [], 0
+        for piece, cells in net.pieces:
+            s, t = np.meshgrid(*piece.along, indexing="ij")
+            n = np.arange(s.size).reshape(s.shape)
+            corners = n[:-1, :-1], n[1:, :-1], n[1:, 1:], n[:-1, 1:]
+            nodes, numbers = np.unique(
+                [corner[cells] for corner in corners], return_inverse=True
+            )
+            along = np.array([s.ravel()[nodes], t.ravel()[nodes]])
+            flat.append(piece.directions @ along + piece.touch[:, None])
+            positions.append(piece.positions.reshape(3, -1)[:, nodes])
+            elements.append(first + numbers.reshape(4, -1))
+            first += nodes.size
+        joined = np.hstack(elements)
         warp, weft = (
-            np.tile(a[:, None], (1, elements.shape[1])) for a in net.directions.T
+            np.tile(a[:, None], (1, joined.shape[1])) for a in piece.directions.T
         )
-        positions = net.positions.reshape(3, -1)[:, nodes]
-        elements = numbers.reshape(elements.shape)
-        return cls(flat[:, nodes], positions, elements, warp, weft)
+        return cls(np.hstack(flat), np.hstack(positions), joined, warp, weft)
 
     @property
     def _elements(self) -> Elements:

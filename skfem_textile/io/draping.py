@@ -16,6 +16,7 @@ from ..drape import (
     FibresInSpace,
     FlatPattern,
     Net,
+    NetWithDarts,
     Sheet,
     ToolMesh,
     fibres_on_ply,
@@ -133,7 +134,7 @@ def write_draped(
         write_directions(file, ply.mesh, directions, points)
 
 
-def write_net(path: str | os.PathLike[str], net: Net) -> None:
+def write_net(path: str | os.PathLike[str], net: Net | NetWithDarts) -> None:
     """Write the cells of a net as quadrilaterals with their shear angle: a VTU file.
 
     Parameters
@@ -149,7 +150,8 @@ def write_net(path: str | os.PathLike[str], net: Net) -> None:
         If the file cannot be written.
     """
     sheet = Sheet.of_net(net)
-    angle = np.degrees(net.shear_angle()[net.cells])
+    angles = [piece.shear_angle()[cells] for piece, cells in net.pieces]
+    angle = np.degrees(np.concatenate(angles))
     fields = {"shear_angle_deg": angle}
     write_grid(Path(path), sheet.positions, (sheet.elements,), fields)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 
-from ..drape import Axes, Net, Sheet, TriangleMesh
+from ..drape import Axes, Net, NetWithDarts, Sheet, TriangleMesh
 from ..drape.sheet import unit
 from .drawing import draw
 from .fields import reach, shades_of, tool_under
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def net_on_tool(
-    net: Net,
+    net: Net | NetWithDarts,
     tool: TriangleMesh,
     locking_angle: float | None = None,
     filename: str | os.PathLike[str] | None = None,
@@ -52,12 +52,14 @@ def net_on_tool(
 
     Other parameters, returned value and exceptions as for `field`.
     """
-    axes = Axes.at(tool, net.positions[:, *net.start])
+    (first, _), *_ = pieces = net.pieces
+    axes = Axes.at(tool, first.positions[:, *first.start])
     sheet = Sheet.of_net(net)
     points = axes.of_ply(sheet.positions).T
     on = Shape(points, (sheet.elements,), tool=tool_under(points, tool.moved(*axes)))
     (shape,) = in_perspective([on])
-    angle = np.degrees(np.abs(net.shear_angle()[net.cells]))
+    angles = [piece.shear_angle()[cells] for piece, cells in pieces]
+    angle = np.degrees(np.abs(np.concatenate(angles)))
     scale = Scale.of(
         "Shear angle (°)", reach([angle], symmetric=False), "viridis", None
     )
