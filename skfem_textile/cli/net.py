@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         FibresInSpace,
         FlatPattern,
         Net,
-        NetWithDarts,
+        Pieces,
         TriangleMesh,
     )
 
@@ -121,40 +121,42 @@ class _Part(NamedTuple):
     """Net on a tool, and its flat pattern, or why there is none."""
 
     tool: "TriangleMesh"
-    net: "Net | NetWithDarts"
+    net: "Pieces"
     pattern: "FlatPattern | None"
     darts: "tuple[Dart, ...]"
     no_pattern: str
 
-    @property
-    def first(self) -> "Net":
-        """The net, or the first of a net with darts."""
-        return self.net.pieces[0][0]
 
-    def cells(self) -> "_Cells":
-        """Cells of the part, or of the whole net without a pattern."""
+class _Cells(NamedTuple):
+    """Cells of the part, or of the whole net without a pattern.
+
+    ``pieces`` are nets with masks of these cells; sizes of shear angles in degrees,
+    areas on the tool in mm², and centres.
+    """
+
+    pieces: "list[tuple[Net, ndarray]]"
+    angles: ndarray
+    areas: ndarray
+    centres: ndarray
+
+    @classmethod
+    def of(cls, part: _Part) -> "_Cells":
         from ..drape.trimming import shares_inside
 
-        angles, areas, centres = [], [], []
-        for net, mask in self.net.pieces:
-            shares = mask if self.pattern is None else shares_inside(net, self.pattern)
+        pieces, angles, areas, centres = [], [], [], []
+        for net, mask in part.net.pieces:
+            shares = mask if part.pattern is None else shares_inside(net, part.pattern)
             inside = mask & (shares > 0)
             x = net.positions
             middle = 0.25 * (
                 x[:, 1:, 1:] + x[:, 1:, :-1] + x[:, :-1, 1:] + x[:, :-1, :-1]
             )
+            pieces.append((net, inside))
             angles.append(np.degrees(np.abs(net.shear_angle()[inside])))
             areas.append((net.areas() * shares)[inside])
             centres.append(middle[:, inside])
-        return _Cells(np.concatenate(angles), np.concatenate(areas), np.hstack(centres))
-
-
-class _Cells(NamedTuple):
-    """Sizes of shear angles in degrees, areas on the tool in mm², and centres."""
-
-    angles: ndarray
-    areas: ndarray
-    centres: ndarray
+        numbers = np.concatenate(angles), np.concatenate(areas), np.hstack(centres)
+        return cls(pieces, *numbers)
 
 
 def run_net(options: argparse.Namespace) -> int:
@@ -175,7 +177,7 @@ def run_net(options: argparse.Namespace) -> int:
     with shown("laying the net"):
         part = _laid(options)
         fibres = _fibres(part)
-        cells = part.cells()
+        cells = _Cells.of(part)
     figures, verdict = _figures(part, cells, options), _verdict(part, cells, options)
     out = ResultFolder(
         options.out, (_SUMMARY, _NET, *_FIBRES, *_PATTERN, _PICTURE, _PAGE)
@@ -183,13 +185,13 @@ def run_net(options: argparse.Namespace) -> int:
     with held(), out as folder:
         for name in _FIBRES:
             io.write_fibres(folder / name, fibres)
-        io.write_net(folder / _NET, part.net)
+        io.write_net(folder / _NET, cells)
         if part.pattern:
             for name in _PATTERN:
                 if not name.endswith("dxf") or find_spec("ezdxf"):
                     io.write_pattern(folder / name, part.pattern)
         if not options.no_render:
-            _draw(part, options, folder)
+            _draw(part.tool, cells, options, folder)
         figures["time_s"] = perf_counter() - began
         io.write_summary(figures, folder / _SUMMARY)
         (folder / _PAGE).write_text(
@@ -236,8 +238,12 @@ def _laid(options: argparse.Namespace) -> _Part:
     angles = warp, warp + np.pi / 2
     size = float(np.linalg.norm(np.ptp(tool.facets.points, axis=1)))
     cell = options.cell or _CELL * size
+    outline, *holes = given or tool.facets.boundary()
+    spanned = tool.without_holes() if len(tool.facets.boundary()) > 1 else tool
     if options.best:
-        start = drape.best_start(tool, cell, angles=angles, measure=options.best).start
+        start = drape.best_start(
+            spanned, cell, angles=angles, measure=options.best
+        ).start
     else:
         point = contact_point(tool, options.point)
         start = drape.NetStart(point, drape.Axes.at(tool, point).turn[:, 0])
@@ -247,16 +253,15 @@ def _laid(options: argparse.Namespace) -> _Part:
         "warp_along": along[0],
         "weft_along": along[1],
     }
-    outline, *holes = given or tool.facets.boundary()
     if options.darts:
         limit = float(np.radians(options.locking_angle))
-        cut = drape.net_with_darts(tool, cell, limit, **settings)
+        cut = drape.net_with_darts(spanned, cell, limit, **settings)
         try:
             found = drape.pattern_with_darts(cut, outline)
             return _Part(tool, cut, found.pattern, found.darts, "")
         except ValueError as error:
             return _Part(tool, cut, None, (), str(error))
-    net = drape.net(tool, cell, **settings)
+    net = drape.net(spanned, cell, **settings)
     try:
         pattern = drape.flat_pattern(drape.Sheet.of_net(net), outline, holes=holes)
         return _Part(tool, net, pattern, (), "")
@@ -273,7 +278,7 @@ def _fibres(part: _Part) -> "FibresInSpace":
 
 def _figures(part: _Part, cells: _Cells, options: argparse.Namespace) -> dict[str, Any]:
     """Figures of the summary."""
-    net, worst = part.first, cells.angles.argmax()
+    (net, _), worst = part.net.pieces[0], cells.angles.argmax()
     figures: dict[str, Any] = {
         "tool": ", ".join(options.tool),
         "fibres_deg": options.fibres,
@@ -353,15 +358,17 @@ def _places(points: ndarray) -> str:
     return f"({x}) mm" + (f" and {more} other places" if more else "")
 
 
-def _draw(part: _Part, options: argparse.Namespace, folder: Path) -> None:
+def _draw(
+    tool: "TriangleMesh", cells: _Cells, options: argparse.Namespace, folder: Path
+) -> None:
     """Draw the picture, or print the reason why not."""
     try:
         from ..plot import net_on_tool
 
         limit = options.locking_angle
         net_on_tool(
-            part.net,
-            part.tool,
+            cells,
+            tool,
             None if limit is None else float(np.radians(limit)),
             filename=folder / _PICTURE,
         )

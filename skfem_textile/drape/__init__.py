@@ -28,7 +28,7 @@ from .risks import (
     turn_of_normal,
     wrinkle_risk,
 )
-from .sheet import Sheet, SheetPoints
+from .sheet import Pieces, Sheet, SheetPoints
 from .start_search import BestStart, best_start, shear_over
 from .surfaces import (
     Cone,
@@ -61,6 +61,7 @@ __all__ = [
     "NetStart",
     "NetWithDarts",
     "PatternWithDarts",
+    "Pieces",
     "Plane",
     "Sheet",
     "SheetPoints",

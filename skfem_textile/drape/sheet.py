@@ -248,7 +248,7 @@ class SheetPoints(NamedTuple):
 
 
 class Pieces(Protocol):
-    """A net, or a net with darts."""
+    """A net, a net with darts, or a part of one."""
 
     @property
     def pieces(self) -> Sequence[tuple[Net, ndarray]]:

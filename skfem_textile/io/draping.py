@@ -15,8 +15,7 @@ from ..drape import (
     Axes,
     FibresInSpace,
     FlatPattern,
-    Net,
-    NetWithDarts,
+    Pieces,
     Sheet,
     ToolMesh,
     fibres_on_ply,
@@ -134,7 +133,7 @@ def write_draped(
         write_directions(file, ply.mesh, directions, points)
 
 
-def write_net(path: str | os.PathLike[str], net: Net | NetWithDarts) -> None:
+def write_net(path: str | os.PathLike[str], net: Pieces) -> None:
     """Write the cells of a net as quadrilaterals with their shear angle: a VTU file.
 
     Parameters
@@ -142,7 +141,7 @@ def write_net(path: str | os.PathLike[str], net: Net | NetWithDarts) -> None:
     path
         The file.
     net
-        The net.
+        The net, a net with darts, or a part of one.
 
     Raises
     ------

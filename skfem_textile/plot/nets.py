@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 
-from ..drape import Axes, Net, NetWithDarts, Sheet, TriangleMesh
+from ..drape import Axes, Pieces, Sheet, TriangleMesh
 from ..drape.sheet import unit
 from .drawing import draw
 from .fields import reach, shades_of, tool_under
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def net_on_tool(
-    net: Net | NetWithDarts,
+    net: Pieces,
     tool: TriangleMesh,
     locking_angle: float | None = None,
     filename: str | os.PathLike[str] | None = None,
@@ -44,7 +44,7 @@ def net_on_tool(
     Parameters
     ----------
     net
-        The net.
+        The net, a net with darts, or a part of one.
     tool
         The tool.
     locking_angle

@@ -86,3 +86,38 @@ def test_wrong_input_is_refused_in_one_line(tmp_path, tool, words, message, caps
     arguments = ["net", "--tool", str(tool), "--out", str(tmp_path / "out"), *words]
     assert message in rejected(capsys, *arguments)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_hole_is_cut_out_of_the_pattern_and_of_the_part(tmp_path):
+    x, triangles = tool_shapes.ring(inner=40.0, outer=100.0)
+    path = tmp_path / "ring.stl"
+    meshio.write_points_cells(path, x.T, [("triangle", triangles.T)])
+    summary = laid(
+        tmp_path / "out", path, "--no-render", "--cell", 5, "--point", 70, 0, 0
+    )
+    area = np.pi * (100.0**2 - 40.0**2)
+    for what in ("pattern_area_mm2", "area_of_part_mm2", "area_of_tool_mm2"):
+        assert summary[what] == pytest.approx(area, rel=5e-3)
+    assert summary["pattern_length_mm"] == pytest.approx(2 * np.pi * 140.0, rel=5e-3)
+
+
+def test_a_box_gets_darts_at_its_corners(tmp_path):
+    x, triangles = tool_shapes.deep_box(100.0, 80.0, 30.0, flange=20.0, size=4.0)
+    path = tmp_path / "box.stl"
+    meshio.write_points_cells(path, x.T, [("triangle", triangles.T)])
+    words = ("--no-render", "--cell", 4, "--locking-angle", 50)
+    without = laid(tmp_path / "without", path, *words)
+    summary = laid(tmp_path / "darts", path, "--darts", *words)
+    assert without["max_shear_angle_deg"] > 50 or "pattern" in without
+    assert summary["max_shear_angle_deg"] < 50
+    assert summary["darts"] == 4
+    assert summary["area_of_part_mm2"] == pytest.approx(
+        summary["area_of_tool_mm2"], rel=0.01
+    )
+
+
+def test_options_that_contradict_each_other_are_refused(tmp_path, tool, capsys):
+    common = ("net", "--tool", str(tool), "--out", str(tmp_path / "out"))
+    assert "--darts requires --locking-angle" in rejected(capsys, *common, "--darts")
+    words = ("--best", "mean", "--point", "0", "0", "0")
+    assert "--best cannot be combined with --point" in rejected(capsys, *common, *words)
