@@ -21,8 +21,8 @@ _LOOSE = 0.05
 
 # Gap between faces, relative to the mean edge, above which its effect is reported, and
 # the largest error of shear angles in degrees per gap.  Measured with 12 shapes and
-# nets of 24×24 cells: at most 14 (`python -m studies tools`).
-_STEP, _SHEAR_ERROR = 0.02, 15.0
+# nets of 24×24 cells: at most 16 (`python -m studies tools`).
+_STEP, _SHEAR_ERROR = 0.02, 20.0
 
 # Share of edges of more than two triangles above which a tool is not a surface.
 # Chosen: slivers along a seam fold in a few places.

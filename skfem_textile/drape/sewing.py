@@ -16,14 +16,12 @@ from .sheet import edges_once
 # Distance, relative to the extent, below which vertices coincide: single precision.
 _ONE = 1e-6
 
-# Distance, relative to the shorter of the shortest edges at two vertices, below which
-# they are copies of each other: of vertices at open edges, and of others, as in a face
-# that the file contains twice.  Chosen: three copies in a row are closer than
-# an edge; both sides of a shell of a tenth of an edge remain apart.
-_COPIES, _TWICE = 0.3, 0.02
-
-# Copies are merged at their mean, which brings others within the tolerance.
-_PASSES = 4
+# Distances, relative to the shorter of the shortest edges at two vertices, below which
+# they are copies of each other: of vertices at open edges, one after the other, and of
+# others, as in a face that the file contains twice.  Chosen: three copies in a row are
+# closer than an edge.  Sides of a thin shell of separate triangles remain apart: their
+# edges are not open after the first of these.
+_COPIES, _TWICE = (0.01, 0.1, 0.3, 0.3), 0.02
 
 # Smallest ratio of successive distances between scattered copies and the shortest
 # edges, and the share of the median edge below which it is sought.  Chosen: copies
@@ -65,11 +63,11 @@ def sewn(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray, Sewing]:
     x, triangles = _without_repetition(x, triangles)
     triangles, duplicates = _without_duplicates(triangles)
     merged, gap = 0, 0.0
-    for _ in range(_PASSES):
-        groups, distance = _copies(x, triangles)
-        count = len(x) - int(groups.max() + 1)
-        if not count:
+    for share in _COPIES:
+        groups, distance, is_sewn = _copies(x, triangles, share)
+        if is_sewn:
             break
+        count = len(x) - int(groups.max() + 1)
         size = np.bincount(groups)
         x = np.array([np.bincount(groups, own) / size for own in x.T]).T
         triangles, twice = _without_duplicates(_with_corners(groups[triangles]))
@@ -114,8 +112,13 @@ def _with_corners(triangles: ndarray) -> ndarray:
     return triangles
 
 
-def _copies(x: ndarray, triangles: ndarray) -> tuple[ndarray, float]:
-    """Group of each vertex, and the largest distance between two copies in mm."""
+def _copies(
+    x: ndarray, triangles: ndarray, share: float
+) -> tuple[ndarray, float, bool]:
+    """Group of each vertex, and the largest distance between two copies in mm.
+
+    Also True if no vertices are closer than the largest share of an edge.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
@@ -123,7 +126,10 @@ def _copies(x: ndarray, triangles: ndarray) -> tuple[ndarray, float]:
     ends, first, count = edges_once([triangles])
     length = np.linalg.norm(x[ends[0]] - x[ends[1]], axis=1)
     typical = float(np.median(length))
-    one, other = KDTree(x).query_pairs(_COPIES * typical, output_type="ndarray").T
+    reach = max(_COPIES) * typical
+    one, other = KDTree(x).query_pairs(reach, output_type="ndarray").T
+    if not one.size:
+        return np.arange(len(x)), 0.0, True
     distance = np.linalg.norm(x[one] - x[other], axis=1)
     true = length > _largest_scatter(np.concatenate([distance, length]), typical)
     shortest = np.full(len(x), np.inf)
@@ -132,12 +138,12 @@ def _copies(x: ndarray, triangles: ndarray) -> tuple[ndarray, float]:
     shortest = np.minimum(shortest, typical, where=np.isinf(shortest), out=shortest)
     is_open = np.zeros(len(x), dtype=bool)
     is_open[ends[:, first[count == 1]]] = True
-    share = np.where(is_open[one] & is_open[other], _COPIES, _TWICE)
-    copies = distance < share * np.minimum(shortest[one], shortest[other])
+    limit = np.where(is_open[one] & is_open[other], share, min(share, _TWICE))
+    copies = distance < limit * np.minimum(shortest[one], shortest[other])
     one, other, distance = one[copies], other[copies], distance[copies]
     graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(x), len(x)))
     groups = connected_components(graph, directed=False)[1]
-    return groups, float(distance.max(initial=0.0))
+    return groups, float(distance.max(initial=0.0)), False
 
 
 def _largest_scatter(distances: ndarray, typical: float) -> float:

@@ -6,11 +6,13 @@ import pytest
 from skfem_textile import drape
 from skfem_textile.drape.sheet import boundary_edges
 from skfem_textile.mesh.checks import MeshError
+from skfem_textile.solve.surface import onto
 from tests.helpers import sphere
 from tests.helpers.tool_shapes import (
     SHAPES,
     bonnet,
     facing_up,
+    hat,
     patch,
     plate,
     ring,
@@ -261,6 +263,25 @@ def test_the_standard_deviation_of_noise_is_measured(name, noise):
     words = remark(tool, "scatter by").split()
     assert float(words[4]) == pytest.approx(noise * edge, rel=0.25)
     assert float(words[6]) == pytest.approx(noise, rel=0.25)
+
+
+def shear(tool):
+    """Shear angles of a net from the top of a hat, in degrees."""
+    foot = onto(tool, np.array([[0.0], [0.0], [40.0]]))[:, 0]
+    surface = tool.moved(*drape.Axes.at(tool, foot))
+    return np.degrees(drape.net(surface, 70 / 16, (16, 16), (16, 16)).shear_angle())
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.03])
+def test_noise_changes_shear_angles_by_less_than_reported(noise):
+    """By 150° times the noise relative to the mean edge; up to 125° here."""
+    x, t = hat(bow=400.0, size=4.0)
+    edge = np.linalg.norm(x[:, t[0]] - x[:, t[1]], axis=0).mean()
+    rng = np.random.default_rng(0)
+    tool = drape.TriangleMesh(x + noise * edge * rng.standard_normal(x.shape), t)
+    reported = float(remark(tool, "scatter by").split()[-2])
+    error = np.abs(shear(tool) - shear(drape.TriangleMesh(x, t))).max()
+    assert 0.2 * reported < error < 1.1 * reported  # it has one digit
 
 
 def test_a_rough_surface_is_rejected():
