@@ -77,7 +77,8 @@ def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf)
     summary = _summary(folder)
     text = _text_of_file(folder / CASE)
     test = test_curve or _named_test(folder, text)
-    curves, no_curves = {}, "No curve is drawn, because no load step was completed."
+    curves: dict[str, str] = {}
+    no_curves = "No curve is drawn, because no load step was completed."
     if summary.get("load_steps") != 0:
         curves, no_curves = _drawn_curves(folder, test, shear_test)
     scene = printable(summary.get("scene", "run")).replace("_", " ").capitalize()
