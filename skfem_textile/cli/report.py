@@ -60,12 +60,6 @@ _PICTURES = {
     "animation.gif": "Shear angle during loading",
 }
 
-# Curves of a run without a load step, and the reason.
-_NO_CURVES: tuple[dict[str, str], str] = (
-    {},
-    "No curve is drawn, because no load step was completed.",
-)
-
 
 def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf) -> int:
     """Write ``report.html`` into the folder of a run; returns the exit code.
@@ -76,9 +70,9 @@ def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf)
     summary = _summary(folder)
     text = _text_of_file(folder / CASE)
     test = test_curve or _named_test(folder, text)
-    if summary.get("load_steps") == 0:
-        curves, no_curves = _NO_CURVES
-    else:
+    curves: dict[str, str] = {}
+    no_curves = "No curve is drawn, because no load step was completed."
+    if summary.get("load_steps") != 0:
         curves, no_curves = _drawn_curves(folder, test, shear_test)
     scene = printable(summary.get("scene", "run")).replace("_", " ").capitalize()
     figures = {k: v for k, v in summary.items() if k not in ("inputs", "versions")}

@@ -187,7 +187,7 @@ class _Tractions(Term):
         self.parameters = _Balance(edges.N)
 
     def balanced(self, p: Values, motions: ndarray, work: ndarray) -> Values:
-        """See `Term`; the smallest correction in the mean square over the edges.
+        """See `Term`; the correction with the smallest root mean square over the edges.
 
         It is independent of the previous one.
         """

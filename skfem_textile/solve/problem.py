@@ -372,7 +372,7 @@ class Tangent:
         return plain(dq, turn)
 
     def motions(self) -> ndarray:
-        """Motions of the ply that accompany those of its supports.
+        """Motions of the ply that accompany unit motions of its supports.
 
         Shape (n_prescribed, n_unknowns); see `Problem.motions_of_supports`.
         """

@@ -61,7 +61,7 @@ class OffSurfaceError(ValueError):
     Parameters
     ----------
     what
-        What leaves it.
+        Point or geodesic, in words.
     position
         Position in mm, shape (3,).
     """
