@@ -313,7 +313,7 @@ class Sheet:
     def of_net(cls, net: Pieces) -> "Sheet":
         """Sheet of a kinematic net, one quadrilateral per cell that was laid.
 
-        The pieces of a net with darts have nodes of their own.
+        The pieces of a net with darts have separate nodes.
         """
         flat, positions, elements, first = [], [], [], 0
         for piece, cells in net.pieces:

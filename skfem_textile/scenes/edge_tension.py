@@ -7,7 +7,7 @@ the angle between the fibres and the normal of the edge at rest.
 
 These tractions are in equilibrium only if the net is.  Else they displace a whole ply
 along the tool, and the nodes that prevent this have a reaction.  The smallest traction
-without reactions, in the mean square over the edges, is added: a sum of the motions of
+without reactions, on average square over the edges, is added: a sum of the motions of
 the edges that belong to displacements of these nodes (`_Tractions.balanced`).
 """
 
