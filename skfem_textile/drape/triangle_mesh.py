@@ -46,8 +46,8 @@ _OF_OFFSETS = 1.3
 
 # Noise, relative to the mean edge, that is reported, and that is refused; the largest
 # error of shear angles in degrees per noise.  Measured with nets of 24×24 and 32×32
-# cells: at most 75 with scattered triangles of 12 shapes (`python -m studies tools`), at
-# most 125 with white noise on a bent hat (`pytest tests/drape/test_tool_repair.py`).
+# cells: at most 75 with scattered triangles of 12 shapes (`python -m studies tools`),
+# at most 125 with white noise on a hat (`pytest tests/drape/test_tool_repair.py`).
 _NOISE, _MOST_NOISE, _SHEAR_ERROR = 0.007, 0.1, 150.0
 
 
