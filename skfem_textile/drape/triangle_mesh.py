@@ -47,7 +47,7 @@ _OF_OFFSETS = 1.3
 # Noise, relative to the mean edge, that is reported, and that is refused; the largest
 # error of shear angles in degrees per noise.  Measured with nets of 24×24 and 32×32
 # cells: at most 75 with scattered triangles of 12 shapes (`python -m studies tools`),
-# at most 125 with white noise on a bent hat (`pytest tests/drape/test_tool_repair.py`).
+# at most 125 with white noise on a hat (`pytest tests/drape/test_tool_repair.py`).
 _NOISE, _MOST_NOISE, _SHEAR_ERROR = 0.007, 0.1, 150.0
 
 
@@ -248,17 +248,12 @@ class TriangleMesh:
         """∇²φ, shape (3, 3, n)."""
         return self._mean(x).hessian
 
-    def first_order(self, x: ndarray) -> tuple[ndarray, ndarray]:
-        """φ and ∇φ, shapes (n,) and (3, n), in less time than with ∇²φ."""
-        level, gradient = self._quadrics.mean(x, order=1)
-        return level, gradient
-
     def _mean(self, x: ndarray) -> Derivatives:
         """φ and its derivatives, which an iteration uses one after the other."""
         for at, mean in self._kept:
             if np.array_equal(at, x):
                 return mean
-        mean = Derivatives(*self._quadrics.mean(x))
+        mean = self._quadrics.mean(x)
         self._kept = [(x.copy(), mean), *self._kept[: _KEPT - 1]]
         return mean
 
