@@ -54,7 +54,7 @@ class FlatPattern:
 
     @property
     def length(self) -> float:
-        """Length of the outline in mm, without those of holes."""
+        """Length of the outline in mm, without the holes."""
         return curve_length(self.outline)
 
     @property

@@ -91,7 +91,7 @@ def best_start(
     points
         Points of the part on the tool in mm, shape (3, n), equally distributed, at
         which shear angles are compared, such as the corners of its triangles.  By
-        default those of the whole tool.
+        default the corners of all triangles.
     measure
         The largest magnitude of the shear angle, or its mean.
     trials
