@@ -7,7 +7,7 @@ without the dart, and goes on as a geodesic where this net ends.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -29,8 +29,8 @@ from .trimming import shares_inside
 # below the locking angle on both sides.
 _MOVES = 6
 
-# Number of diagonals of cells, from the first that lock, among which the tip is chosen.
-_NEAR = 4
+# Number of diagonals of cells, from the first that lock, which determine the seam.
+_NEAR = 8
 
 # Spacing of the points of a seam that continues as a geodesic, relative to the cell.
 _STEP = 0.5
@@ -128,16 +128,17 @@ def net_with_darts(
         )
     cell = positive_length("net with darts: cell", cell)
     uncut = net(tool, cell, **start)
+    locked = _locked(tool, uncut, uncut.cells, locking_angle)
     tips = {
         quadrant: tip
         for quadrant in range(len(QUADRANTS))
-        if (tip := _tip(tool, uncut, quadrant, locking_angle)) is not None
+        if (tip := _tip(uncut, quadrant, locked, locking_angle)) is not None
     }
     best = NetWithDarts((uncut, uncut), (), locking_angle)
     fewest = np.inf
     for _ in range(_MOVES if tips else 0):
         darts = tuple(
-            Cut(quadrant, tip, True, _seam(tool, uncut, quadrant, tip))
+            Cut(quadrant, (tip.i, tip.j), True, _seam(tool, uncut, quadrant, tip))
             for quadrant, tip in tips.items()
         )
         sides = (
@@ -149,9 +150,9 @@ def net_with_darts(
         if count >= fewest:
             break
         best, fewest = moved, count
-        if not count or min(min(tip) for tip in tips.values()) <= 1:
+        if not count or min(min(tip[:2]) for tip in tips.values()) <= 1:
             break
-        tips = {q: (i - 1, j - 1) for q, (i, j) in tips.items()}
+        tips = {q: tip._replace(i=tip.i - 1, j=tip.j - 1) for q, tip in tips.items()}
     return best
 
 
@@ -172,41 +173,51 @@ def _on_warp_side(laid: Net, dart: Cut) -> ndarray:
     part = _quadrant(side, laid, dart.quadrant, cells=True)
     i, j = np.indices(part.shape)
     behind = (i >= dart.tip[0]) & (j >= dart.tip[1])
-    on_side = np.asarray(i - dart.tip[0] >= j - dart.tip[1])
-    part[behind] = on_side[behind]
+    part[...] = np.where(behind, i - dart.tip[0] >= j - dart.tip[1], part)
     return side
 
 
+class _Tip(NamedTuple):
+    """Tip of a dart: numbers of cells from the start along warp and weft.
+
+    ``shift`` is the number of cells along the warp, and against the weft, by which the
+    seam is off the diagonal of the tip.
+    """
+
+    i: int
+    j: int
+    shift: float
+
+
 def _tip(
-    tool: TriangleMesh,
-    laid: Net,
-    quadrant: int,
-    locking_angle: float,
-) -> tuple[int, int] | None:
+    laid: Net, quadrant: int, locked: ndarray, locking_angle: float
+) -> _Tip | None:
     """Crossing of a quadrant before the cells that lock or fold; None without them.
 
-    It is on the diagonal of the first fold, or of the cell with the largest angle among
-    the first ones.
+    It is on the diagonal of the first fold, or on the mean one of the first cells that
+    lock.
     """
-    locks = _quadrant(
-        _locked(tool, laid, laid.cells, locking_angle), laid, quadrant, cells=True
-    )
+    locks = _quadrant(locked, laid, quadrant, cells=True)
     folds = np.argwhere(
         _quadrant(laid.status == Status.FOLDED, laid, quadrant, cells=False)
     )
     if folds.size:
         i, j = folds[folds.sum(axis=1).argmin()] - 1
+        offset = float(i - j)
     elif locks.any():
         angle = np.abs(_quadrant(laid.shear_angle(), laid, quadrant, cells=True))
-        away = np.add.outer(np.arange(locks.shape[0]), np.arange(locks.shape[1]))
-        near = locks & (away < away[locks].min() + _NEAR)
-        i, j = np.unravel_index(np.where(near, angle, 0.0).argmax(), angle.shape)
+        i, j = np.nonzero(locks)
+        near = i + j < (i + j).min() + _NEAR
+        weights = angle[i[near], j[near]] - locking_angle
+        offset = float(np.average((i - j)[near], weights=weights))
     else:
         return None
-    diagonal = np.arange(1 - min(i, j), 1)
-    chain = locks[i + diagonal, j + diagonal] if locks.size else np.zeros(0, bool)
-    first = diagonal[chain.argmax()] if chain.any() else 0
-    return max(int(i + first), 1), max(int(j + first), 1)
+    whole = round(offset)
+    i, j = max(whole, 0), max(-whole, 0)
+    chain = np.diagonal(locks, -whole)
+    first = int(chain.argmax()) if chain.any() else int(folds[0].min()) - 1
+    shift = 0.5 * (offset - whole)
+    return _Tip(max(i + first, 1), max(j + first, 1), shift)
 
 
 def _centres(laid: Net) -> ndarray:
@@ -226,15 +237,21 @@ def _locked(
     return high
 
 
-def _seam(tool: TriangleMesh, laid: Net, quadrant: int, tip: tuple[int, int]) -> Seam:
+def _seam(tool: TriangleMesh, laid: Net, quadrant: int, tip: _Tip) -> Seam:
     """Seam from a tip to the edges of a tool."""
     x = _quadrant(laid.positions, laid, quadrant, cells=False)
-    n = min(x.shape[1] - tip[0], x.shape[2] - tip[1])
-    points = x[:, tip[0] + np.arange(n), tip[1] + np.arange(n)]
+    warp = x[:, tip.i, tip.j] - x[:, tip.i - 1, tip.j]
+    weft = x[:, tip.i, tip.j] - x[:, tip.i, tip.j - 1]
+    # The diagonals of two neighbouring rows of cells, and a mean of them.
+    share, other = abs(2 * tip.shift), int(tip.shift < 0)
+    n = min(x.shape[1] - tip.i, x.shape[2] - tip.j) - 1
+    k = np.arange(n)
+    points = (1 - share) * x[:, tip.i + k, tip.j + k] + 0.5 * share * (
+        x[:, tip.i + k + 1 - other, tip.j + k + other] + x[:, tip.i + k, tip.j + k]
+    )
+    points[:, 0] = x[:, tip.i, tip.j]
     ends = np.flatnonzero(~np.isfinite(points[0]))
     points = points[:, : ends[0]] if ends.size else points
-    warp = x[:, tip[0], tip[1]] - x[:, tip[0] - 1, tip[1]]
-    weft = x[:, tip[0], tip[1]] - x[:, tip[0], tip[1] - 1]
     limit = int(np.ceil(np.ptp(tool.facets.points, axis=1).sum() / laid.cell / _STEP))
     if points.shape[1] == 1:
         points = np.column_stack([points, points[:, 0] + _STEP * (warp + weft) / 2])

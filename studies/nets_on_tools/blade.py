@@ -129,10 +129,9 @@ class Blade:
         of_net *= _sign(of_net, _mean(reference.angles))
         off = np.abs(of_net - _mean(reference.angles))
         # Angles of the cells of the reference, from its own positions.
-        own = drape.Net(
-            *(reference.positions, np.zeros((n, m), dtype=np.int8)),
-            *((CELL * np.arange(n), CELL * np.arange(m)), np.eye(2), np.zeros(2)),
-        )
+        along = CELL * np.arange(n), CELL * np.arange(m)
+        laid_there = np.zeros((n, m), dtype=np.int8)
+        own = drape.Net(reference.positions, laid_there, along, np.eye(2), np.zeros(2))
         of_own = np.degrees(own.shear_angle())
         of_own *= _sign(of_own, of_net)
         total = {

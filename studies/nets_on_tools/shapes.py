@@ -1,8 +1,9 @@
 """Nets and flat patterns on shapes of the tests."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import process_time
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +13,16 @@ from tests.helpers import tool_shapes
 from ..common.tables import markdown_table
 from ..study import Row
 
-#: Shapes by name, in tens of seconds at most.
-SHAPES = {
+SHAPE, BOX = "shape", "box"
+
+#: Cells of the nets on the deep box, in mm.
+CELLS_OF_BOX = (5.0, 3.0, 2.0)
+
+# Locking angle on the box in degrees.
+_LOCKING = 55.0
+
+#: Shapes by name.
+SHAPES: dict[str, Callable[[], Any]] = {
     "hemisphere with flange": tool_shapes.hemisphere_with_flange,
     "hat": tool_shapes.hat,
     "saddle": tool_shapes.saddle,
@@ -33,14 +42,12 @@ class Shape:
     angle: float
 
     def __str__(self) -> str:
-        return f"shape, {self.name}, {self.angle:g}°"
+        return f"{SHAPE}, {self.name}, {self.angle:g}°"
 
     def rows(self) -> list[Row]:
         """One row: covered area against the area of the triangles."""
         tool = drape.TriangleMesh(*SHAPES[self.name]())
-        points = tool.facets.points
-        a, b, c = points[:, tool.facets.triangles()].swapaxes(0, 1)
-        area = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
+        points, area = tool.facets.points, _area(tool)
         middle = points[:, np.hypot(*points[:2]).argmin()]
         angles = np.radians(self.angle) + np.array([0.0, 0.5 * np.pi])
         begin = process_time()
@@ -61,13 +68,81 @@ class Shape:
                 "cells": int(net.cells.sum()),
                 "folds": net.folds.shape[1],
                 "shear_angle": float(np.degrees(np.nanmax(np.abs(part.shear_angle())))),
-                "area": float(area),
-                "area_error": part.area / float(area) - 1,
+                "area": area,
+                "area_error": part.area / area - 1,
                 "pattern_area": part.pattern.area,
                 "seconds": round(laid - begin, 2),
                 "pattern_seconds": round(done - laid, 2),
             }
         ]
+
+
+def _area(tool: drape.TriangleMesh) -> float:
+    """Area of the triangles in mm²."""
+    points = tool.facets.points
+    a, b, c = points[:, tool.facets.triangles()].swapaxes(0, 1)
+    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum())
+
+
+@dataclass(frozen=True)
+class Box:
+    """A deep box with fillets of 5 mm, and the cell of its net in mm."""
+
+    cell: float
+
+    def __str__(self) -> str:
+        return f"{BOX}, {self.cell:g} mm"
+
+    def rows(self) -> list[Row]:
+        """One row: net and pattern with darts at the corners."""
+        tool = drape.TriangleMesh(*tool_shapes.deep_box())
+        area = _area(tool)
+        top = np.array([0.0, 0.0, float(tool.facets.points[2].max())])
+        without = drape.net(tool, self.cell, point=top).shear_angle()
+        begin = process_time()
+        laid = drape.net_with_darts(
+            tool, self.cell, float(np.radians(_LOCKING)), point=top
+        )
+        (outline,) = tool.facets.boundary()
+        pattern = drape.pattern_with_darts(laid, outline)
+        seconds = process_time() - begin
+        lengths = np.array([dart.lengths for dart in pattern.darts])
+        edges = np.abs(lengths[:, 0] - lengths[:, 1]) / lengths.mean(axis=1)
+        return [
+            {
+                "cell": self.cell,
+                "darts": len(pattern.darts),
+                "without_darts": float(np.degrees(np.nanmax(np.abs(without)))),
+                "shear_angle": float(np.degrees(pattern.shear_angle)),
+                "area": area,
+                "area_error": pattern.area_on_tool / area - 1,
+                "pattern_area": pattern.pattern.area,
+                "dart_area": float(np.mean([dart.area for dart in pattern.darts])),
+                "edges_differ": float(edges.max()),
+                "seconds": round(seconds, 1),
+            }
+        ]
+
+
+def box_table(rows: list[Row]) -> str:
+    """A line for each cell."""
+    head = [
+        *("cell, mm", "darts", "largest angle without darts", "with darts"),
+        *("area covered", "flat pattern, mm²", "area of a dart, mm²"),
+        *("difference of its edges", "seconds"),
+    ]
+    return markdown_table(
+        head,
+        [
+            [
+                *(f"{row['cell']:g}", row["darts"], f"{row['without_darts']:.0f}°"),
+                *(f"{row['shear_angle']:.0f}°", f"{1 + row['area_error']:.2%}"),
+                *(f"{row['pattern_area']:.5g}", f"{row['dart_area']:.4g}"),
+                *(f"{row['edges_differ']:.1%}", f"{row['seconds']:.1f}"),
+            ]
+            for row in rows
+        ],
+    )
 
 
 def shape_table(rows: list[Row]) -> str:
@@ -91,7 +166,12 @@ def shape_table(rows: list[Row]) -> str:
 
 
 def shapes_in_words(rows: Sequence[Row]) -> dict[str, str]:
-    """The largest error of an area, for prose."""
-    errors = [abs(row["area_error"]) for row in rows if "area_error" in row]
-    known = [e for e in errors if e is not None]
-    return {"areas": f"{max(known):.1%}"} if known else {}
+    """The largest errors of areas, for prose."""
+    words = {}
+    for name, kind in (("areas", SHAPE), ("areas_of_boxes", BOX)):
+        errors = [
+            abs(row["area_error"]) for row in rows if row["case"].startswith(kind)
+        ]
+        if errors:
+            words[name] = f"{max(errors):.1%}"
+    return words

@@ -8,7 +8,18 @@ from typing import Any
 from ..common.tables import cell
 from ..study import Part, Row, Study
 from .blade import BLADE, REFERENCE, STEERED, Blade, blade_table, draw_blade, totals
-from .shapes import SHAPES, Shape, shape_table, shapes_in_words
+from .shapes import (
+    BOX,
+    CELLS_OF_BOX,
+    SHAPE,
+    SHAPES,
+    Box,
+    Shape,
+    box_table,
+    shape_table,
+    shapes_in_words,
+)
+from .starts import START, TOOLS, BestOfRandom, start_table, starts_in_words
 
 
 class NetsOnTools(Study[Any]):
@@ -21,7 +32,9 @@ class NetsOnTools(Study[Any]):
             {"blade.png": draw_blade},
             cases=(f"{BLADE},*",),
         ),
-        Part("shapes.csv", {"shapes.md": shape_table}, cases=("shape,*",)),
+        Part("shapes.csv", {"shapes.md": shape_table}, cases=(f"{SHAPE},*",)),
+        Part("darts.csv", {"darts.md": box_table}, cases=(f"{BOX},*",)),
+        Part("starts.csv", {"starts.md": start_table}, cases=(f"{START},*",)),
     )
     timed = True
     sample = str(Shape("saddle", 0.0))
@@ -38,18 +51,21 @@ class NetsOnTools(Study[Any]):
     def cases(self, options: argparse.Namespace) -> Sequence[Any]:
         blades = [Blade(name, options.reference) for name in STEERED]
         shapes = [Shape(name, angle) for name in SHAPES for angle in (0.0, 30.0, 45.0)]
-        return [*blades, *shapes]
+        boxes = [Box(cell) for cell in CELLS_OF_BOX]
+        return [*blades, *shapes, *boxes, *(BestOfRandom(name) for name in TOOLS)]
 
     def line(self, rows: list[Row]) -> str:
         row = rows[0]
         if row["case"].startswith(BLADE):
             text = "{away_largest:.2f} mm, {off_99:.2f}°, {seconds:.1f} s"
+        elif row["case"].startswith(START):
+            text = "{best:.2f}°, of random ones {random:.2f}°, {seconds:.0f} s"
         else:
             text = "area {area_error:+.2%}, {seconds:.1f} s"
         return f"{row['case']}: {cell(row, text)}"
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        words = {}
+        words: dict[str, str] = {}
         for name, row in totals(rows).items():
             words |= {
                 f"{name}_position": f"{row['away_largest']:.2f} mm",
@@ -58,7 +74,7 @@ class NetsOnTools(Study[Any]):
                 f"{name}_inside": f"{row['off_inside_99']:.2f}°",
                 f"{name}_cells": f"{row['off_cells_99']:.2f}°",
             }
-        return words | shapes_in_words(rows)
+        return words | shapes_in_words(rows) | starts_in_words(rows)
 
 
 STUDY = NetsOnTools()

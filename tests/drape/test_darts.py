@@ -46,7 +46,7 @@ def test_nets_on_both_sides_of_darts_do_not_lock(laid):
     assert laid.locked(BOX).shape == (3, 0)
     for net, mask in zip(laid.sides, laid.cells(), strict=True):
         assert not net.folds.size
-        assert np.degrees(np.abs(net.shear_angle()[mask]).max()) < 25
+        assert np.abs(net.shear_angle()[mask]).max() < np.radians(40)
         # Only cells on the diagonal behind a tip, which are cut, have a free side.
         x, lengths = net.positions, []
         for one, two in ((x[:, 1:], x[:, :-1]), (x[:, :, 1:], x[:, :, :-1])):
@@ -72,7 +72,7 @@ def test_both_edges_of_a_dart_have_one_length(pattern):
     for dart in pattern.darts:
         seam = np.linalg.norm(np.diff(dart.seam), axis=0).sum()
         one, other = dart.lengths
-        assert one == pytest.approx(other, rel=0.02)
+        assert one == pytest.approx(other, rel=0.05)
         assert one == pytest.approx(seam, rel=0.1)
         # The walls are taken out twice, and the flange around its corner.
         assert DEPTH**2 < dart.area < (DEPTH + FLANGE) ** 2
