@@ -12,7 +12,7 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from skfem_textile import drape
-from skfem_textile.drape.kinematic_net import NetError
+from skfem_textile.drape import NetError
 from skfem_textile.drape.sheet import boundary_edges
 from skfem_textile.io import read_surface
 from skfem_textile.mesh.checks import MeshError

@@ -1,4 +1,5 @@
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -47,16 +48,25 @@ def test_a_step_with_kinks_needs_4_iterations(formulation, size, made, E, monkey
     assert case.run().linear_solves <= 18
 
 
+class Found(NamedTuple):
+    """Equilibrium of `test_an_updated_state_keeps_its_difficulty`."""
+
+    u: str = "u"
+    f: str = "f"
+    p: str = "p"
+    tangent: None = None
+
+
 def test_an_updated_state_keeps_its_difficulty(monkeypatch):
-    ply = SimpleNamespace(updated=lambda p, u, t: "after")
-    problem = SimpleNamespace(ply=ply)
-    trial = SimpleNamespace(problem=problem, equilibrium=("u", "f", "p"))
+    ply = SimpleNamespace(updated=lambda p, u, t: "after", terms=())
+    problem = SimpleNamespace(ply=ply, start=lambda u, p, tangent: p)
+    trial = SimpleNamespace(problem=problem, equilibrium=Found())
     states = iter(
         [AcceptedEquilibrium(trial, 9, False), AcceptedEquilibrium(trial, 0, False)]
     )
     changes = iter([1.0, 0.0])
     monkeypatch.setattr(EquilibriumSearch, "_first", lambda *_: next(states))
-    monkeypatch.setattr(search, "_updated", lambda *_: ("start", next(changes)))
+    monkeypatch.setattr(search, "_change", lambda *_: next(changes))
     again = EquilibriumSearch(None, None, (), None)(Target(1.0, 1.0, None, None, None))
     assert again == AcceptedEquilibrium(trial, 9, True)
 
