@@ -321,20 +321,24 @@ class Checkpoint:
 class Replay:
     """Sequential validation of the states of a checkpoint.
 
-    ``last`` is the trial of the last state.  ``in_steps`` is True for states that
-    follow from one another in load steps.
+    ``last`` is the trial of the last state.  ``guessed`` is True if the state at the
+    load factor 1 may follow the ply at rest without load steps.
     """
 
     last: Trial
 
-    def __init__(self, problem: Problem, in_steps: bool = True) -> None:
-        self._problem, self._in_steps = problem, in_steps
+    def __init__(self, problem: Problem, guessed: bool = False) -> None:
+        self._problem, self._guessed = problem, guessed
 
     def trial(self, state: State) -> tuple[Trial, ndarray]:
         """Trial of the displacement of a state, and its fixed values."""
         t, u, p = state.load_factor, state.u, state.parameters
         problem = self._problem.at(t)
-        before = self.last.next_guess() if t > 0 and self._in_steps else None
+        before = None
+        if t > 0 and not (
+            self._guessed and t == 1 and not self.last.problem.load_factor
+        ):
+            before = self.last.next_guess()
         equilibrium = Equilibrium(u, problem.residual(u, p), p, (), state.tolerance)
         trial = Trial.of(problem, equilibrium, before)
         return trial, problem.constraints.fixed_values(t)

@@ -83,7 +83,7 @@ class LoadStepper:
     initial_guess
         Displacement near the equilibrium at the load factor 1, DOF vector.  The run
         then has one state after the undeformed ply: this equilibrium, without load
-        steps.
+        steps.  If it is not found, the load is applied in steps.
     solver
         Linear solver: ``superlu``, ``cholmod`` (needs cvxopt), ``pardiso`` (needs
         pypardiso), or ``auto`` for the fastest installed one, which is measured once
@@ -139,8 +139,7 @@ class LoadStepper:
         constraints = Constraints(ply.basis, conditions)
         self.ply = ply
         self.problem = Problem(ply, constraints, partial(ChosenSolver, solver))
-        steps = int(steps) if initial_guess is None else 1
-        self.load_factors = np.linspace(0.0, 1.0, steps + 1)[1:].tolist()
+        self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         self.initial_guess = _checked_guess(initial_guess, ply)
         moved = moves(self.problem, (0.0, *self.load_factors))
         self.search = EquilibriumSearch(
@@ -251,7 +250,10 @@ class Run:
                     self._start_at_rest(nothing_to_resume=resume)
             self._loaded_from = self.states[-1].load_factor, perf_counter()
             if self._stepper.initial_guess is not None and len(self.states) == 1:
-                self._reach(self._stepper.initial_guess)
+                try:
+                    self._reach(self._stepper.initial_guess)
+                except NoEquilibriumError as failure:
+                    log.info("no equilibrium near the initial guess: %s", failure)
             for t_end in self._stepper.load_factors:
                 while self.states[-1].load_factor < t_end:
                     self._step(t_end)
@@ -321,7 +323,7 @@ class Run:
     def _resume(self) -> bool:
         """Start from the end of the checkpoint; False if it contains no state."""
         problem, checkpoint = self.problem, self._stepper.checkpoint
-        replay = Replay(problem, self._stepper.initial_guess is None)
+        replay = Replay(problem, self._stepper.initial_guess is not None)
         if checkpoint is None or not (saved := checkpoint.load(replay)):
             return False
         self.states, self.continuation = saved.states, saved.progress.continuation
