@@ -23,7 +23,7 @@ from ..common.running import errors_only
 from ..common.tables import Row
 
 #: Seed of the first export, and number of exports of each shape.
-SEED, EACH = 1000, 16
+SEED, EACH = 5000, 16
 
 # Cells of a net to each side of its first point.
 _CELLS = 12
@@ -203,14 +203,15 @@ class Export:
             "duplicate": self.twice,
             "turned": flipped,
             "hole(s)": self.hole or of_single,
-            "separate parts": self.thickness > 0 and not self.rim,
+            "separate parts": (self.thickness > 0 and not self.rim)
+            or (self.of == "faces" and self.scatter > 0.1),
             "is closed": self.rim,
             "opposite sides": 0 < self.thickness < 2,
             "do not meet": self.scatter > 0.05 and self.of != "vertices",
             "scatter by": self.scatter > 0.01,
             "away from the smooth": self.scatter > 0.05 or self.rim,
             "more than two triangles": self.scatter > 0.05,
-        }[next(word for word in _WORDS if word in line)]
+        }.get(next((word for word in _WORDS if word in line), ""), False)
 
 
 # Words of the lines, the more specific first.
