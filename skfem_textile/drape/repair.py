@@ -24,9 +24,9 @@ _LOOSE = 0.05
 # nets of 24×24 cells: at most 16 (`python -m studies tools`).
 _STEP, _SHEAR_ERROR = 0.02, 20.0
 
-# Gap between sewn triangles, relative to the mean edge, above which a twist, or a hole of
-# at most this circumference, relative to the same edge, is a gap that was not sewn, or
-# sewn wrongly.  Measured with scattered triangles of 12 shapes: 0.06 to 0.18
+# Gap between sewn triangles, relative to the mean edge, above which a twist, or a hole
+# of at most this circumference, relative to the same edge, is a gap that was not sewn,
+# or sewn wrongly.  Measured with scattered triangles of 12 shapes: 0.06 to 0.18
 # (`python -m studies tools`); a hole where one triangle is missing has three edges.
 _WIDE, _SMALL = 0.05, 6.0
 
@@ -81,6 +81,7 @@ def repaired(
         )
     _refuse_loose(x, triangles)
     if sewing.gap > _WIDE * mean_edge(x, triangles):
+        _of_shell(x, triangles)  # its sides may be sewn to each other
         _refuse_gaps(x, triangles, sewing.gap)
     triangles, turned = _oriented(x, triangles)
     shell = _of_shell(x, triangles)
