@@ -191,7 +191,7 @@ class Export:
         outcome = "right"
         limits = {**TOLERANCE}
         limits["level_error"] += float(np.sqrt(3)) * self.scatter
-        if any(errors[key] > limit for key, limit in limits.items()):
+        if not all(errors[key] <= limit for key, limit in limits.items()):
             outcome = "warned" if "errors of shear angles" in lines else "silent"
         return [{**row, **errors, "outcome": outcome, "lines": lines}]
 
@@ -275,7 +275,8 @@ def _net(tool: drape.TriangleMesh, shape: str) -> ndarray:
     foot = onto(tool, np.array(point, dtype=float)[:, None])[:, 0]
     surface = tool.moved(*drape.Axes.at(tool, foot))
     cells = _CELLS, _CELLS
-    return drape.net(surface, reach / _CELLS, cells, cells).shear_angle()
+    net = drape.net(surface, reach / _CELLS, cells, cells, past_edges=True)
+    return net.shear_angle()
 
 
 def _around(x: ndarray, t: ndarray, shape: str) -> ndarray:

@@ -48,7 +48,7 @@ class Tools(Study[Export]):
 
     parts = (Part("exports.csv", {"outcomes.md": outcomes}),)
     shown = "{outcome}"
-    sample = "saddle 45"
+    sample = f"saddle {SEED + list(SHAPES).index('saddle')}"
 
     def cases(self, options: argparse.Namespace) -> Sequence[Export]:
         return [
