@@ -1,6 +1,7 @@
 """The command ``net``: lay a kinematic net on a tool."""
 
 import argparse
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
         FibresInSpace,
         FlatPattern,
         Net,
-        Pieces,
         TriangleMesh,
     )
 
@@ -114,17 +114,33 @@ def add_net(commands: Any) -> None:
         action="store_true",
         help="cut darts where the net folds or shears beyond the locking angle",
     )
+    add(
+        "--roll-width",
+        type=words.length,
+        metavar="MM",
+        help="cover the tool with courses of this width, side by side",
+    )
+    add(
+        "--overlap",
+        type=float,
+        default=0.0,
+        metavar="MM",
+        help="overlap of neighbouring courses (default: 0)",
+    )
     add("--no-render", action="store_true", help="do not draw a picture")
 
 
 class _Part(NamedTuple):
-    """Net on a tool, and its flat pattern, or why there is none."""
+    """Nets on a tool, and their flat pattern, or why there is none.
+
+    Courses have one pattern for each net.
+    """
 
     tool: "TriangleMesh"
-    net: "Pieces"
-    pattern: "FlatPattern | None"
-    darts: "tuple[Dart, ...]"
-    no_pattern: str
+    pieces: "Sequence[tuple[Net, ndarray]]"
+    patterns: "Sequence[FlatPattern]" = ()
+    darts: "Sequence[Dart]" = ()
+    no_pattern: str = ""
 
 
 class _Cells(NamedTuple):
@@ -144,8 +160,11 @@ class _Cells(NamedTuple):
         from ..drape.trimming import shares_inside
 
         pieces, angles, areas, centres = [], [], [], []
-        for net, mask in part.net.pieces:
-            shares = mask if part.pattern is None else shares_inside(net, part.pattern)
+        for k, (net, mask) in enumerate(part.pieces):
+            shares = mask
+            if part.patterns:
+                one = part.patterns[min(k, len(part.patterns) - 1)]
+                shares = shares_inside(net, one)
             inside = mask & (shares > 0)
             x = net.positions
             middle = 0.25 * (
@@ -186,10 +205,10 @@ def run_net(options: argparse.Namespace) -> int:
         for name in _FIBRES:
             io.write_fibres(folder / name, fibres)
         io.write_net(folder / _NET, cells)
-        if part.pattern:
+        if part.patterns:
             for name in _PATTERN:
                 if not name.endswith("dxf") or find_spec("ezdxf"):
-                    io.write_pattern(folder / name, part.pattern)
+                    io.write_pattern(folder / name, _to_cut(part))
         if not options.no_render:
             _draw(part.tool, cells, options, folder)
         figures["time_s"] = perf_counter() - began
@@ -214,6 +233,10 @@ def _refuse_combinations(options: argparse.Namespace) -> None:
     """Refuse options that contradict each other."""
     if options.darts and options.locking_angle is None:
         raise ValueError("--darts requires --locking-angle")
+    if options.darts and options.roll_width is not None:
+        raise ValueError("--darts cannot be combined with --roll-width")
+    if options.overlap and options.roll_width is None:
+        raise ValueError("--overlap requires --roll-width")
     fixed = [
         f"--{name.replace('_', '-')}"
         for name in ("point", "warp_along", "weft_along")
@@ -253,32 +276,45 @@ def _laid(options: argparse.Namespace) -> _Part:
         "warp_along": along[0],
         "weft_along": along[1],
     }
+    if options.roll_width is not None:
+        strips = drape.courses(
+            spanned, cell, options.roll_width, options.overlap, **settings
+        )
+        pieces = [piece for strip in strips for piece in strip.pieces]
+        return _Part(tool, pieces, [strip.pattern for strip in strips])
     if options.darts:
         limit = float(np.radians(options.locking_angle))
         cut = drape.net_with_darts(spanned, cell, limit, **settings)
         try:
             found = drape.pattern_with_darts(cut, outline)
-            return _Part(tool, cut, found.pattern, found.darts, "")
+            return _Part(tool, cut.pieces, [found.pattern], found.darts)
         except ValueError as error:
-            return _Part(tool, cut, None, (), str(error))
+            return _Part(tool, cut.pieces, no_pattern=str(error))
     net = drape.net(spanned, cell, **settings)
     try:
         pattern = drape.flat_pattern(drape.Sheet.of_net(net), outline, holes=holes)
-        return _Part(tool, net, pattern, (), "")
+        return _Part(tool, net.pieces, [pattern])
     except ValueError as error:
-        return _Part(tool, net, None, (), str(error))
+        return _Part(tool, net.pieces, no_pattern=str(error))
+
+
+def _to_cut(part: _Part) -> "Sequence[FlatPattern]":
+    """Patterns in one plane; courses side by side."""
+    from ..drape import side_by_side
+
+    return part.patterns if len(part.patterns) == 1 else side_by_side(part.patterns)
 
 
 def _fibres(part: _Part) -> "FibresInSpace":
     """Fibres in the triangles of the tool."""
     from ..drape import Sheet, fibres_on_tool
 
-    return fibres_on_tool(Sheet.of_net(part.net), part.tool.facets)
+    return fibres_on_tool(Sheet.of_net(part), part.tool.facets)
 
 
 def _figures(part: _Part, cells: _Cells, options: argparse.Namespace) -> dict[str, Any]:
     """Figures of the summary."""
-    (net, _), worst = part.net.pieces[0], cells.angles.argmax()
+    (net, _), worst = part.pieces[0], cells.angles.argmax()
     figures: dict[str, Any] = {
         "tool": ", ".join(options.tool),
         "fibres_deg": options.fibres,
@@ -289,17 +325,20 @@ def _figures(part: _Part, cells: _Cells, options: argparse.Namespace) -> dict[st
         **_xyz("max_shear_angle", cells.centres[:, worst]),
         "mean_shear_angle_deg": float(np.average(cells.angles, weights=cells.areas)),
         "area_of_tool_mm2": part.tool.facets.area,
-        "area_of_part_mm2": float(cells.areas.sum()),
     }
+    covered = "part" if options.roll_width is None else "courses"
+    figures[f"area_of_{covered}_mm2"] = float(cells.areas.sum())
     if options.locking_angle is not None:
         figures["locking_angle_deg"] = options.locking_angle
         locked = cells.angles > options.locking_angle
         figures["area_above_locking_angle_mm2"] = float(cells.areas[locked].sum())
-    if part.pattern:
-        figures["pattern_area_mm2"] = part.pattern.area
-        figures["pattern_length_mm"] = part.pattern.length
+    if part.patterns:
+        figures["pattern_area_mm2"] = sum(one.area for one in part.patterns)
+        figures["pattern_length_mm"] = sum(one.length for one in part.patterns)
     else:
         figures["pattern"] = f"not written: {part.no_pattern}"
+    if options.roll_width is not None:
+        figures["courses"] = len(part.patterns)
     if options.darts:
         figures["darts"] = len(part.darts)
         figures["dart_areas_mm2"] = [dart.area for dart in part.darts]
@@ -316,7 +355,7 @@ def _xyz(what: str, point: ndarray) -> dict[str, float]:
 def _verdict(part: _Part, cells: _Cells, options: argparse.Namespace) -> list[Row]:
     """Rows: whether the net is whole, the shear within the limit, the pattern cut."""
     folds, leaves = (
-        np.hstack([getattr(net, what) for net, _ in part.net.pieces])
+        np.hstack([getattr(net, what) for net, _ in part.pieces])
         for what in ("folds", "leaves")
     )
     verdict: list[Row] = []
@@ -340,11 +379,15 @@ def _verdict(part: _Part, cells: _Cells, options: argparse.Namespace) -> list[Ro
     if part.darts:
         areas = ", ".join(f"{dart.area:.0f}" for dart in part.darts)
         verdict.append(("Darts", "", f"{len(part.darts)}, of {areas} mm²"))
-    if part.pattern:
-        text = (
-            f"{part.pattern.area:.0f} mm² of fabric, {part.pattern.length:.0f} mm to "
-            "cut"
+    if options.roll_width is not None:
+        text = f"{len(part.patterns)}, each {options.roll_width:g} mm wide"
+        verdict.append(("Courses", "", text))
+    if part.patterns:
+        area, length = (
+            sum(getattr(one, what) for one in part.patterns)
+            for what in ("area", "length")
         )
+        text = f"{area:.0f} mm² of fabric, {length:.0f} mm to cut"
         verdict.append(("Flat pattern", "good", text))
     else:
         verdict.append(("Flat pattern", "bad", part.no_pattern))

@@ -1,6 +1,7 @@
 """Draping: surfaces, kinematic nets, draped fibres, flat patterns and defects."""
 
 from ..solve.surface.surface import displacement, exponential_map
+from .course import Course, courses, side_by_side
 from .crossings import FoldedNetError, Net, NetError
 from .darts import (
     Dart,
@@ -49,6 +50,7 @@ __all__ = [
     "Axes",
     "BestStart",
     "Cone",
+    "Course",
     "Cylinder",
     "Dart",
     "FibresInSpace",
@@ -75,6 +77,7 @@ __all__ = [
     "beyond_edges",
     "bridging",
     "contact_pressure",
+    "courses",
     "displacement",
     "double_dome",
     "edge_through",
@@ -88,6 +91,7 @@ __all__ = [
     "off_triangles",
     "pattern_with_darts",
     "shear_over",
+    "side_by_side",
     "triangles_on",
     "trimmed",
     "turn_of_normal",

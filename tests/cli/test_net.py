@@ -121,3 +121,12 @@ def test_options_that_contradict_each_other_are_refused(tmp_path, tool, capsys):
     assert "--darts requires --locking-angle" in rejected(capsys, *common, "--darts")
     words = ("--best", "mean", "--point", "0", "0", "0")
     assert "--best cannot be combined with --point" in rejected(capsys, *common, *words)
+
+
+def test_courses_cover_the_tool(tmp_path, tool):
+    words = ("--no-render", "--cell", 5, "--roll-width", 40, "--overlap", 10)
+    summary = laid(tmp_path, tool, *words)
+    assert summary["courses"] == 5
+    assert summary["area_of_courses_mm2"] > summary["area_of_tool_mm2"]
+    rows = np.genfromtxt(tmp_path / "pattern.csv", delimiter=",", names=True)
+    assert set(rows["curve"]) == {1, 2, 3, 4, 5}
