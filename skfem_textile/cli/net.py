@@ -32,6 +32,10 @@ _FIBRES = ("fibres.vtu", "fibres.csv", "fibres.inp")
 _PATTERN = ("pattern.svg", "pattern.csv", "pattern.dxf")
 _NET, _PICTURE, _PAGE, _SUMMARY = "net.vtu", "net.png", "net.html", "summary.json"
 
+# Least length of a cell in the search for the best start, relative to the diagonal:
+# about forty cells along either side of the tool.
+_SEARCHED = 0.018
+
 # Pictures on the page, and their captions.
 _CAPTIONS = {
     _PICTURE: "Shear angle of the net on the tool",
@@ -83,7 +87,7 @@ def add_net(commands: Any) -> None:
     )
     add(
         "--locking-angle",
-        type=words.degrees,
+        type=words.acute_degrees,
         metavar="DEG",
         help="shear angle of the fabric above which it wrinkles",
     )
@@ -107,7 +111,7 @@ def add_net(commands: Any) -> None:
         "--best",
         choices=("largest", "mean"),
         help="search for the point and the direction with the smallest largest, or "
-        "mean, shear angle",
+        "mean, shear angle over the whole tool",
     )
     add(
         "--darts",
@@ -239,9 +243,11 @@ def _refuse_combinations(options: argparse.Namespace) -> None:
         raise ValueError("--overlap requires --roll-width")
     fixed = [
         f"--{name.replace('_', '-')}"
-        for name in ("point", "warp_along", "weft_along")
+        for name in ("point", "warp_along", "weft_along", "trim")
         if getattr(options, name) is not None
     ]
+    if options.fibres:
+        fixed.append("--fibres")
     if options.best and fixed:
         raise ValueError(f"--best cannot be combined with {' and '.join(fixed)}")
 
@@ -265,7 +271,7 @@ def _laid(options: argparse.Namespace) -> _Part:
     spanned = tool.without_holes() if len(tool.facets.boundary()) > 1 else tool
     if options.best:
         start = drape.best_start(
-            spanned, cell, angles=angles, measure=options.best
+            spanned, max(cell, _SEARCHED * size), angles=angles, measure=options.best
         ).start
     else:
         point = contact_point(tool, options.point)
@@ -286,7 +292,7 @@ def _laid(options: argparse.Namespace) -> _Part:
         limit = float(np.radians(options.locking_angle))
         cut = drape.net_with_darts(spanned, cell, limit, **settings)
         try:
-            found = drape.pattern_with_darts(cut, outline)
+            found = drape.pattern_with_darts(cut, outline, holes=holes)
             return _Part(tool, cut.pieces, [found.pattern], found.darts)
         except ValueError as error:
             return _Part(tool, cut.pieces, no_pattern=str(error))
@@ -317,7 +323,7 @@ def _figures(part: _Part, cells: _Cells, options: argparse.Namespace) -> dict[st
     (net, _), worst = part.pieces[0], cells.angles.argmax()
     figures: dict[str, Any] = {
         "tool": ", ".join(options.tool),
-        "fibres_deg": options.fibres,
+        "fibres_deg": _warp_deg(part.tool, net),
         "cell_mm": net.cell,
         "n_cells": int(cells.angles.size),
         **_xyz("start", net.positions[:, *net.start]),
@@ -340,10 +346,22 @@ def _figures(part: _Part, cells: _Cells, options: argparse.Namespace) -> dict[st
     if options.roll_width is not None:
         figures["courses"] = len(part.patterns)
     if options.darts:
-        figures["darts"] = len(part.darts)
+        if part.patterns:
+            figures["darts"] = len(part.darts)
         figures["dart_areas_mm2"] = [dart.area for dart in part.darts]
-        figures["dart_lengths_mm"] = [dart.lengths[0] for dart in part.darts]
+        figures["dart_lengths_mm"] = [list(dart.lengths) for dart in part.darts]
     return figures
+
+
+def _warp_deg(tool: "TriangleMesh", net: "Net") -> float:
+    """Angle of the first warp thread to the x axis of the tool at the start."""
+    from ..drape import Axes
+
+    i, j = net.start
+    x = net.positions
+    ahead = x[:, min(i + 1, x.shape[1] - 1), j] - x[:, max(i - 1, 0), j]
+    along, across = Axes.at(tool, x[:, i, j]).turn[:, :2].T @ ahead
+    return float(np.degrees(np.arctan2(across, along)))
 
 
 def _xyz(what: str, point: ndarray) -> dict[str, float]:
@@ -359,14 +377,18 @@ def _verdict(part: _Part, cells: _Cells, options: argparse.Namespace) -> list[Ro
         for what in ("folds", "leaves")
     )
     verdict: list[Row] = []
-    if folds.size:
+    if part.patterns and options.roll_width is None:
+        text = "covers the part without folding"
+        verdict.append(("Net", "good", text))
+    elif folds.size:
         text = f"folds at {_places(folds)}: threads lie on one another"
         verdict.append(("Net", "bad", text))
     elif leaves.size:
         verdict.append(("Net", "bad", f"leaves the tool at {_places(leaves)}"))
+    elif part.patterns:
+        verdict.append(("Net", "good", "the courses cover the tool without folding"))
     else:
-        text = "reaches all edges of the tool without folding"
-        verdict.append(("Net", "good", text))
+        verdict.append(("Net", "bad", "does not cover the part"))
     largest, limit = f"at most {cells.angles.max():.1f}°", options.locking_angle
     if limit is None:
         text = f"{largest}; no locking angle is given"

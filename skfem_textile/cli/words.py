@@ -18,6 +18,19 @@ def degrees(word: str) -> float:
     return angle
 
 
+def acute_degrees(word: str) -> float:
+    """Angle in degrees between 0 and 90."""
+    try:
+        angle = float(word)
+    except ValueError:
+        angle = float("nan")
+    if not 0 < angle < 90:
+        raise ArgumentTypeError(
+            f"expected an angle between 0 and 90 degrees, got {word!r}"
+        )
+    return angle
+
+
 def length(word: str) -> float:
     """Positive length in mm."""
     try:

@@ -107,6 +107,11 @@ class Net:
         at_rest = np.abs(np.arctan2(np.linalg.det([a, b]), a @ b))
         return self.cell**2 * np.sin(at_rest - self.shear_angle())
 
+    def middles(self) -> ndarray:
+        """Centres of the cells on the surface in mm, shape (3, n_warp, n_weft)."""
+        x = self.positions
+        return 0.25 * (x[:, 1:, 1:] + x[:, 1:, :-1] + x[:, :-1, 1:] + x[:, :-1, :-1])
+
     def centres(self) -> ndarray:
         """Centres of the cells in the flat ply in mm, shape (2, n_warp, n_weft)."""
         mid = [0.5 * (s[1:] + s[:-1]) for s in self.along]
@@ -124,11 +129,10 @@ class Net:
             )
             part = wanted[quadrant]
             part |= up_to(ends * np.array(signs)[:, None], part.shape)
-        omitted = ~wanted & (self.status == Status.LAID)
         return replace(
             self,
             positions=np.where(wanted, self.positions, np.nan),
-            status=np.where(omitted | ~wanted, Status.OMITTED, self.status),
+            status=np.where(wanted, self.status, Status.OMITTED),
         )
 
     def at(self, X: ndarray) -> ndarray:
@@ -213,8 +217,13 @@ class Net:
         place = np.argwhere(self.status == status).T
         away = place - np.array(self.start)[:, None]
         order = np.abs(away).sum(axis=0).argsort(kind="stable")
-        i, j = (place - np.sign(away))[:, order]
-        return self.positions[:, i, j]
+        towards = -np.sign(away)[:, order]
+        # Of three neighbours towards the start, the first that was laid.
+        x = np.full((3, len(order)), np.nan)
+        for share in ([[1], [1]], [[1], [0]], [[0], [1]]):
+            i, j = place[:, order] + share * towards
+            x = np.where(np.isfinite(x), x, self.positions[:, i, j])
+        return x[:, np.isfinite(x[0])]
 
 
 def up_to(ends: ndarray, shape: tuple[int, ...]) -> ndarray:

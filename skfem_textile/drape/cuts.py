@@ -25,11 +25,6 @@ class Seam:
     points: ndarray
     side: ndarray
 
-    @property
-    def length(self) -> float:
-        """Length in mm."""
-        return float(np.linalg.norm(np.diff(self.points), axis=0).sum())
-
     def nearest(self, x: ndarray) -> tuple[ndarray, ndarray]:
         """Distances from the seam in mm, and distances towards the warp, shape (n,)."""
         begin, along = self.points[:, :-1, None], np.diff(self.points)[:, :, None]

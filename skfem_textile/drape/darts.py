@@ -6,6 +6,7 @@ follows the diagonals of the cells behind the tip, which bisect the fibres of th
 without the dart, and goes on as a geodesic where this net ends.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -17,7 +18,13 @@ from ..mesh.contact import signed_areas
 from ..solve.surface import OffSurfaceError, onto
 from .crossings import Net
 from .cuts import Cut, Seam
-from .flat_pattern import FlatPattern, refuse_crossing, spaced_curve
+from .flat_pattern import (
+    JUMP,
+    FlatPattern,
+    refuse_crossing,
+    refuse_holes,
+    spaced_curve,
+)
 from .kinematic_net import net
 from .laying import QUADRANTS, Status
 from .sheet import Sheet, unit
@@ -93,7 +100,7 @@ class NetWithDarts:
         found = []
         for of, mask in zip(self.sides, self.cells(), strict=True):
             high = _locked(tool, of, mask, self.locking_angle)
-            found += [_centres(of)[:, high], of.folds]
+            found += [of.middles()[:, high], of.folds]
         return np.hstack(found)
 
 
@@ -204,26 +211,26 @@ def _tip(
     if folds.size:
         i, j = folds[folds.sum(axis=1).argmin()] - 1
         offset = float(i - j)
+        before = int(min(i, j))
     elif locks.any():
         angle = np.abs(_quadrant(laid.shear_angle(), laid, quadrant, cells=True))
         i, j = np.nonzero(locks)
         near = i + j < (i + j).min() + _NEAR
         weights = angle[i[near], j[near]] - locking_angle
-        offset = float(np.average((i - j)[near], weights=weights))
+        mean = np.average((i - j)[near], weights=weights)
+        # The nearest diagonal with a cell that locks, if the mean one has none.
+        lines = np.unique(i - j)
+        line = lines[np.abs(lines - mean).argmin()]
+        offset = float(mean if abs(line - mean) <= 0.5 else line)
+        before = 0
     else:
         return None
     whole = round(offset)
     i, j = max(whole, 0), max(-whole, 0)
     chain = np.diagonal(locks, -whole)
-    first = int(chain.argmax()) if chain.any() else int(folds[0].min()) - 1
+    first = int(chain.argmax()) if chain.any() else before
     shift = 0.5 * (offset - whole)
     return _Tip(max(i + first, 1), max(j + first, 1), shift)
-
-
-def _centres(laid: Net) -> ndarray:
-    """Centres of the cells in space in mm, shape (3, n_warp, n_weft)."""
-    x = laid.positions
-    return 0.25 * (x[:, 1:, 1:] + x[:, 1:, :-1] + x[:, :-1, 1:] + x[:, :-1, :-1])
 
 
 def _locked(
@@ -233,7 +240,7 @@ def _locked(
     angle = np.nan_to_num(np.abs(laid.shear_angle()))
     i, j = np.nonzero(mask & laid.cells & (angle > locking_angle))
     high = np.zeros(mask.shape, dtype=bool)
-    high[i, j] = tool.beyond_edges(_centres(laid)[:, i, j]) == 0
+    high[i, j] = tool.beyond_edges(laid.middles()[:, i, j]) == 0
     return high
 
 
@@ -338,7 +345,10 @@ class PatternWithDarts:
 
 
 def pattern_with_darts(
-    laid: NetWithDarts, curve: ArrayLike, spacing: float | None = None
+    laid: NetWithDarts,
+    curve: ArrayLike,
+    spacing: float | None = None,
+    holes: Sequence[ArrayLike] = (),
 ) -> PatternWithDarts:
     """Flat pattern of a net with darts, trimmed along a curve on the tool.
 
@@ -346,14 +356,14 @@ def pattern_with_darts(
     ----------
     laid
         The net, which covers the curve.
-    curve, spacing
+    curve, spacing, holes
         See `flat_pattern`.
 
     Raises
     ------
     ValueError
-        If an argument is not valid, a point of the curve or of a seam is not covered,
-        or the outline crosses itself.
+        If an argument is not valid, a point of a curve or of a seam is not covered, the
+        outline crosses itself, or a hole crosses it or a seam.
     """
     spacing = 0.5 * laid.sides[0].cell if spacing is None else spacing
     spacing = positive_length("flat pattern: spacing", spacing)
@@ -365,6 +375,10 @@ def pattern_with_darts(
     flat, warp, weft = _flat(laid, x, number)
     refuse_crossing(flat, x)
     pattern = FlatPattern(flat, x, warp, weft)
+    if len(holes):
+        inner = tuple(_hole(laid, hole, spacing) for hole in holes)
+        refuse_holes(pattern, inner)
+        pattern = replace(pattern, holes=inner)
     darts = []
     for seam in seams:
         edges = [_flat(laid, seam, np.full(seam.shape[1], k))[0] for k in (0, 1)]
@@ -377,6 +391,19 @@ def pattern_with_darts(
         area += float((of.areas()[inside] * shares[inside]).sum())
         largest = max(largest, np.abs(of.shear_angle()[inside]).max(initial=0.0))
     return PatternWithDarts(pattern, tuple(darts), area, float(largest))
+
+
+def _hole(laid: NetWithDarts, curve: ArrayLike, spacing: float) -> FlatPattern:
+    """Outline of a hole, which must not cross a seam."""
+    points = spaced_curve(curve, spacing)
+    flat, warp, weft = _flat(laid, points, laid.side_of(points))
+    steps = np.linalg.norm(flat - np.roll(flat, -1, axis=1), axis=0)
+    if steps.max() > JUMP * spacing:
+        place = np.round(points[:, steps.argmax()], 3).tolist()
+        raise ValueError(
+            f"net with darts: a hole crosses the seam of a dart at {place}"
+        )
+    return FlatPattern(flat, points, warp, weft)
 
 
 def _only(laid: Net, mask: ndarray) -> ndarray:
@@ -404,20 +431,19 @@ def _with_seams(
         trimmed = np.column_stack([seam[:, : last + 1], end])
         cuts.append((k, _spaced(trimmed, spacing)))
     parts: list[tuple[ndarray, int]] = []
-    begin = 0
+    used, begin = [], 0
     n = points.shape[1]
     for k, seam in sorted(cuts, key=lambda cut: cut[0]):
         parts += _runs(points[:, begin:k], side[begin:k])
         before, after = side[k - 2 if k > 1 else k - 2 + n], side[(k + 2) % n]
-        if before == after:
-            raise ValueError(
-                "net with darts: the outline does not cross the seam at "
-                f"{np.round(points[:, k], 3).tolist()}: specify another curve"
-            )
+        if before == after:  # the dart is outside the outline
+            begin = k
+            continue
         parts += [(seam[:, ::-1], int(before)), (seam[:, 1:], int(after))]
+        used.append(seam)
         begin = k + 1
     parts += _runs(points[:, begin:], side[begin:])
-    return parts, [seam for _, seam in cuts]
+    return parts, used
 
 
 def _runs(points: ndarray, side: ndarray) -> list[tuple[ndarray, int]]:

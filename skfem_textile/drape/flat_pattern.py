@@ -17,10 +17,10 @@ from .tool_mesh import curve_length
 # the pattern has kinks only at nodes of the ply.
 _SPACING = 0.5
 
-# Distance between neighbours in the outline, relative to the largest one on the tool,
-# above which the ply overlaps itself.  Chosen: the short diagonal of a cell sheared by
-# 80° is 8 times as long in the flat ply.
-_JUMP = 10.0
+#: Distance between neighbours in the outline, relative to the largest one on the tool,
+#: above which the ply overlaps itself.  Chosen: the short diagonal of a cell sheared by
+#: 80° is 8 times as long in the flat ply.
+JUMP = 10.0
 
 # Maximum number of points of an outline.  Chosen: locating them takes a minute.
 _MOST = 1_000_000
@@ -118,7 +118,7 @@ def flat_pattern(
     if not len(holes):
         return outer
     inner = tuple(_outlined(sheet, hole, spacing) for hole in holes)
-    _refuse_holes(outer, inner)
+    refuse_holes(outer, inner)
     return replace(outer, holes=inner)
 
 
@@ -131,7 +131,7 @@ def _outlined(sheet: Sheet, curve: ArrayLike, spacing: float) -> FlatPattern:
     warp, weft = (A[:, places.element] for A in (sheet.warp, sheet.weft))
     outline = sheet.flat_at(places)
     steps = np.linalg.norm(outline - np.roll(outline, -1, axis=1), axis=0)
-    if steps.max() > _JUMP * spacing:
+    if steps.max() > JUMP * spacing:
         point = np.round(points[:, steps.argmax()], 3).tolist()
         raise ValueError(
             f"flat pattern: the outline jumps by {steps.max():.3g} mm at {point}, "
@@ -149,7 +149,7 @@ def _outlined(sheet: Sheet, curve: ArrayLike, spacing: float) -> FlatPattern:
     return pattern
 
 
-def _refuse_holes(outer: FlatPattern, holes: tuple[FlatPattern, ...]) -> None:
+def refuse_holes(outer: FlatPattern, holes: tuple[FlatPattern, ...]) -> None:
     """Refuse holes that are not inside the outline, or that overlap."""
     from shapely import Polygon
 

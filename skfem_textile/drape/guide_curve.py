@@ -91,8 +91,14 @@ class Walk:
         """
         away = np.linalg.norm(self.points - x[:, None], axis=0)
         beyond = np.flatnonzero(away >= chord)
-        if not beyond.size or not beyond[0]:
-            self.points = self.points[:, -1:]
+        if beyond.size and not beyond[0]:
+            raise ValueError(
+                f"net: the curve of a first thread is {away[0]:.3g} mm away from the "
+                f"tool at {np.round(self.points[:, 0], 3).tolist()}: specify a curve "
+                "on the tool"
+            )
+        if not beyond.size:
+            self.points = self.points[:, :0]
             return None
         k = beyond[0]
         begin, end = self.points[:, k - 1], self.points[:, k]

@@ -16,8 +16,8 @@ _ROUNDS = 3
 def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     """Vertices and triangles with patches over all holes.
 
-    The outer edge is the longest.  The vertices of a patch minimise ∫|Δx|², and with it
-    the bending at its edge.
+    The longest edge of each part is its outer edge.  The vertices of a patch minimise
+    ∫|Δx|², and with it the bending at its edge.
 
     Parameters
     ----------
@@ -32,8 +32,10 @@ def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
         See `loops_of_edges`.
     """
     loops = loops_of_edges(boundary_edges([triangles]))
-    loops.sort(key=lambda loop: curve_length(x[:, loop]))
-    for loop in loops[:-1]:
+    loops.sort(key=lambda loop: curve_length(x[:, loop]), reverse=True)
+    part = _parts(x.shape[1], triangles)
+    _, outer = np.unique([part[loop[0]] for loop in loops], return_index=True)
+    for loop in (loop for k, loop in enumerate(loops) if k not in outer):
         x, patch = _flat_patch(x, loop)
         around = triangles[:, np.isin(triangles, loop).any(axis=0)]
         free = np.setdiff1d(patch, loop)
@@ -41,6 +43,17 @@ def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
             x = _relaxed(x, np.hstack([patch, around]), loop, free)
         triangles = np.hstack([triangles, patch])
     return x, triangles
+
+
+def _parts(n: int, triangles: ndarray) -> ndarray:
+    """Number of the connected part of each of n vertices, shape (n,)."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    ends = np.hstack([triangles[:2], triangles[1:]])
+    graph = coo_array((np.ones(ends.shape[1]), tuple(ends)), shape=(n, n))
+    labels: ndarray = connected_components(graph, directed=False)[1]
+    return labels
 
 
 def _flat_patch(x: ndarray, loop: ndarray) -> tuple[ndarray, ndarray]:

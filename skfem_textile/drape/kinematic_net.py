@@ -117,7 +117,11 @@ def net(
     curves = [
         c if c is None else GuideCurve(np.asarray(c)) for c in (warp_along, weft_along)
     ]
-    guess = np.array([*touch, 0.0]) if point is None else np.asarray(point, dtype=float)
+    origin = real_numbers("net: touch", touch)
+    guess = np.array([*origin, 0.0]) if point is None else point
+    guess = real_numbers("net: point", guess)
+    if guess.shape != (3,) or not np.isfinite(guess).all():
+        raise ValueError(f"net: the start must be three finite numbers, got {point!r}")
     start = _start(surface, cell, guess, np.asarray(first), flat, curves)
     limits = _limits(surface, cell, (warp, weft), past_edges)
     masks = None
@@ -207,6 +211,11 @@ def _start(
         if curves[1 - family] is None:
             turn = np.array([cosine, -sine if family else sine])
             directions[:, 1 - family] = along @ turn
+    if not np.linalg.norm(np.cross(*directions.T)) > FOLDED:
+        raise ValueError(
+            "net: the first threads are parallel at their crossing: specify curves "
+            "that cross"
+        )
     return Start(start, directions, (curves[0], curves[1]))
 
 

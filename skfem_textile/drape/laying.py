@@ -312,7 +312,8 @@ class _Front:
                 through[:, k], tangent = place
                 step[:, k] = through[:, k] - x[:, k]
                 across[:, k] = np.cross(tangent, gradient[:, k])
-        across /= np.linalg.norm(across, axis=0)
+        with np.errstate(invalid="ignore"):  # a curve along the normal ends the thread
+            across /= np.linalg.norm(across, axis=0)
         return x + step, off, x, through, across
 
     def _guided(self, family: int, row: ndarray, i: ndarray, count: int) -> ndarray:

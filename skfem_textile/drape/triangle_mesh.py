@@ -159,8 +159,8 @@ class TriangleMesh:
     def without_holes(self) -> "TriangleMesh":
         """The surface with smooth patches over its holes.
 
-        For nets that are laid over a hole and trimmed by it.  The outer edge is the
-        longest; the triangles of a patch have the size of its edges.
+        For nets that are laid over a hole and trimmed by it.  The outer edge of a part
+        is its longest; the triangles of a patch have the size of its edges.
 
         Raises
         ------

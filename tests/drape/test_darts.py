@@ -93,3 +93,13 @@ def test_a_tool_that_does_not_lock_has_no_darts():
 def test_a_locking_angle_is_an_angle():
     with pytest.raises(ValueError, match="locking angle must be between 0 and 90"):
         drape.net_with_darts(BOX, 4.0, 50.0, point=TOP)
+
+
+def test_a_hole_is_cut_out_on_its_side_of_the_darts(laid):
+    (outline,) = BOX.facets.boundary()
+    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    hole = np.array([8 * np.cos(turn), 8 * np.sin(turn), np.full(24, DEPTH)])
+    found = drape.pattern_with_darts(laid, outline, holes=[hole])
+    without = drape.pattern_with_darts(laid, outline)
+    area = 12 * 8**2 * np.sin(2 * np.pi / 24)
+    assert without.pattern.area - found.pattern.area == pytest.approx(area, rel=1e-3)

@@ -154,3 +154,24 @@ def test_edges_of_an_outline_end_at_its_corners():
     circle = np.array([np.cos(t), np.sin(t), 0 * t])
     closed = drape.edge_through(circle, (1, 0, 0))
     np.testing.assert_allclose(closed[:, [0, -1]], circle[:, [0, 0]])
+
+
+def test_first_threads_along_one_curve_are_refused():
+    tool = drape.TriangleMesh(*tool_shapes.plate())
+    curve = np.array([[-50.0, 0.0, 50.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    with pytest.raises(ValueError, match="the first threads are parallel"):
+        drape.net(tool, 5.0, point=(0, 0, 0), warp_along=curve, weft_along=curve)
+
+
+def test_a_curve_that_leaves_the_tool_is_refused():
+    tool = drape.TriangleMesh(*tool_shapes.plate())
+    curve = np.array([[0.0, 20.0, 80.0], [0.0, 0.0, 0.0], [0.0, 0.0, 40.0]])
+    with pytest.raises(ValueError, match="mm away from the tool"):
+        drape.net(tool, 5.0, point=(0, 0, 0), warp_along=curve)
+
+
+@pytest.mark.parametrize("point", [(0, 0), (0, 0, np.nan)])
+def test_a_start_that_is_not_a_point_is_refused(point):
+    tool = drape.TriangleMesh(*tool_shapes.plate())
+    with pytest.raises(ValueError, match="net: the start must be three finite"):
+        drape.net(tool, 5.0, point=point)

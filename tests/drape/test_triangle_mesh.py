@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from skfem_textile import drape
+from tests.helpers import tool_shapes
 from tests.helpers.tool_shapes import (
     curved_ring,
     facing_up,
@@ -160,3 +161,12 @@ def test_points_beyond_edges_are_the_same_one_by_one_and_after_a_move():
     moved = tool.moved(shift, np.eye(3)[:, [1, 2, 0]])
     there = np.eye(3)[[1, 2, 0]] @ (points - shift[:, None])
     np.testing.assert_allclose(moved.beyond_edges(there), beyond, atol=1e-9)
+
+
+def test_separate_parts_keep_their_outlines():
+    x, t = tool_shapes.plate(100.0, 100.0)
+    beside = x + [[200.0], [0.0], [0.0]]
+    both = np.hstack([x, beside]), np.hstack([t, t + x.shape[1]])
+    tool = drape.TriangleMesh(*both)
+    area = tool.without_holes().facets.area
+    assert area == pytest.approx(tool.facets.area)
