@@ -165,7 +165,7 @@ def test_points_beyond_edges_are_the_same_one_by_one_and_after_a_move():
 
 def test_separate_parts_keep_their_outlines():
     x, t = tool_shapes.plate(100.0, 100.0)
-    beside = x + [[200.0], [0.0], [0.0]]
+    beside = x + np.array([[200.0], [0.0], [0.0]])
     both = np.hstack([x, beside]), np.hstack([t, t + x.shape[1]])
     tool = drape.TriangleMesh(*both)
     area = tool.without_holes().facets.area
