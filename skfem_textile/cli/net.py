@@ -15,7 +15,7 @@ from . import words
 from .interruption import held
 from .output import complain, say
 from .page import Row, page, rows, sources
-from .progress import log_to_stderr, shown
+from .progress import STOPPED_EARLY, log_to_stderr, shown
 from .result_folder import ResultFolder
 
 if TYPE_CHECKING:
@@ -36,6 +36,14 @@ _NET, _PICTURE, _PAGE, _SUMMARY = "net.vtu", "net.png", "net.html", "summary.jso
 # about forty cells along either side of the tool.
 _SEARCHED = 0.018
 
+# Smallest and largest length of a cell, relative to the diagonal of the tool.  Chosen:
+# half a million cells take a minute; the area of a pattern of coarser cells is wrong by
+# more than a percent.
+_FINEST, _COARSEST = 1e-3, 0.06
+
+# Share of a cell inside the part above which its shear counts.
+_HALF = 0.5
+
 # Pictures on the page, and their captions.
 _CAPTIONS = {
     _PICTURE: "Shear angle of the net on the tool",
@@ -45,6 +53,12 @@ _CAPTIONS = {
 #: Units of tool files.
 UNITS = ("mm", "cm", "m", "in")
 
+_EXIT_CODES = (
+    "exit code: 0 if there is a flat pattern; 1 if there is none, because the net does "
+    "not cover the part (all other results are written); 2 for invalid input; 130 if "
+    "interrupted"
+)
+
 # Default length of a cell relative to the diagonal of the tool.
 _CELL = 0.01
 
@@ -52,7 +66,7 @@ _CELL = 0.01
 def add_net(commands: Any) -> None:
     """Add the command to a parser."""
     about = "lay a kinematic net on a tool: shear angles, fibres and flat pattern"
-    net = commands.add_parser("net", help=about, description=about)
+    net = commands.add_parser("net", help=about, description=about, epilog=_EXIT_CODES)
     add = net.add_argument
     add(
         "--tool",
@@ -77,7 +91,7 @@ def add_net(commands: Any) -> None:
         nargs=3,
         metavar=("X", "Y", "Z"),
         help="point of the tool in mm at which the first threads cross (default: the "
-        "highest point)",
+        "highest point, or a point near the middle)",
     )
     add(
         "--cell",
@@ -150,26 +164,29 @@ class _Part(NamedTuple):
 class _Cells(NamedTuple):
     """Cells of the part, or of the whole net without a pattern.
 
-    ``pieces`` are nets with masks of these cells; sizes of shear angles in degrees,
-    areas on the tool in mm², and centres.
+    ``pieces`` are nets with masks of the cells of which at least half is in the part;
+    sizes of their shear angles in degrees, areas on the tool in mm², and centres.
+    ``area`` is the area of the part.
     """
 
     pieces: "list[tuple[Net, ndarray]]"
     angles: ndarray
     areas: ndarray
     centres: ndarray
+    area: float
 
     @classmethod
     def of(cls, part: _Part) -> "_Cells":
         from ..drape.trimming import shares_inside
 
-        pieces, angles, areas, centres = [], [], [], []
+        pieces, angles, areas, centres, whole = [], [], [], [], 0.0
         for k, (net, mask) in enumerate(part.pieces):
             shares = mask
             if part.patterns:
                 one = part.patterns[min(k, len(part.patterns) - 1)]
                 shares = shares_inside(net, one)
-            inside = mask & (shares > 0)
+            inside = mask & (shares >= _HALF)
+            whole += float((np.nan_to_num(net.areas()) * shares * mask).sum())
             x = net.positions
             middle = 0.25 * (
                 x[:, 1:, 1:] + x[:, 1:, :-1] + x[:, :-1, 1:] + x[:, :-1, :-1]
@@ -178,8 +195,10 @@ class _Cells(NamedTuple):
             angles.append(np.degrees(np.abs(net.shear_angle()[inside])))
             areas.append((net.areas() * shares)[inside])
             centres.append(middle[:, inside])
+        if not any(one.size for one in angles):
+            raise ValueError("the net has no cell on the tool: use smaller cells")
         numbers = np.concatenate(angles), np.concatenate(areas), np.hstack(centres)
-        return cls(pieces, *numbers)
+        return cls(pieces, *numbers, whole)
 
 
 def run_net(options: argparse.Namespace) -> int:
@@ -230,7 +249,7 @@ def run_net(options: argparse.Namespace) -> int:
     for name, _, text in verdict:
         say(f"{name:24}{text}")
     say(f"results written to {printable(options.out)}: open {_PAGE}")
-    return 0
+    return 0 if part.patterns else STOPPED_EARLY
 
 
 def _refuse_combinations(options: argparse.Namespace) -> None:
@@ -255,7 +274,6 @@ def _refuse_combinations(options: argparse.Namespace) -> None:
 def _laid(options: argparse.Namespace) -> _Part:
     """Read the tool, lay the net and trim its pattern."""
     from .. import drape, io
-    from ..scenes.drape import contact_point
 
     tool = io.read_surface(options.tool, options.unit)
     given = options.trim and [io.read_curve(file, 3) for file in options.trim]
@@ -267,14 +285,21 @@ def _laid(options: argparse.Namespace) -> _Part:
     angles = warp, warp + np.pi / 2
     size = float(np.linalg.norm(np.ptp(tool.facets.points, axis=1)))
     cell = options.cell or _CELL * size
-    outline, *holes = given or tool.facets.boundary()
-    spanned = tool.without_holes() if len(tool.facets.boundary()) > 1 else tool
+    if not _FINEST <= cell / size <= _COARSEST:
+        raise ValueError(
+            f"the length of a cell must be between {_FINEST * size:.3g} and "
+            f"{_COARSEST * size:.3g} mm on a tool with a diagonal of {size:.4g} mm, "
+            f"got {cell:g} mm"
+        )
+    loops = tool.facets.boundary()
+    outline, *holes = given or loops
+    spanned = tool.without_holes() if len(loops) > 1 else tool
     if options.best:
         start = drape.best_start(
             spanned, max(cell, _SEARCHED * size), angles=angles, measure=options.best
         ).start
     else:
-        point = contact_point(tool, options.point)
+        point = _start(tool, options.point)
         start = drape.NetStart(point, drape.Axes.at(tool, point).turn[:, 0])
     settings: dict[str, Any] = {
         **start._asdict(),
@@ -302,6 +327,21 @@ def _laid(options: argparse.Namespace) -> _Part:
         return _Part(tool, net.pieces, [pattern])
     except ValueError as error:
         return _Part(tool, net.pieces, no_pattern=str(error))
+
+
+def _start(tool: "TriangleMesh", point: "Sequence[float] | None") -> ndarray:
+    """Given point of a tool, else the highest, or one near its middle."""
+    from ..scenes.drape import contact_point
+
+    try:
+        return contact_point(tool, point)
+    except ValueError:
+        if point is not None:
+            raise
+    centres, areas = tool.facets.centres(), tool.facets.areas()
+    middle = np.average(centres, axis=1, weights=areas)
+    near = np.linalg.norm(centres - middle[:, None], axis=0).argmin()
+    return contact_point(tool, centres[:, near].tolist())
 
 
 def _to_cut(part: _Part) -> "Sequence[FlatPattern]":
@@ -333,7 +373,7 @@ def _figures(part: _Part, cells: _Cells, options: argparse.Namespace) -> dict[st
         "area_of_tool_mm2": part.tool.facets.area,
     }
     covered = "part" if options.roll_width is None else "courses"
-    figures[f"area_of_{covered}_mm2"] = float(cells.areas.sum())
+    figures[f"area_of_{covered}_mm2"] = cells.area
     if options.locking_angle is not None:
         figures["locking_angle_deg"] = options.locking_angle
         locked = cells.angles > options.locking_angle

@@ -63,7 +63,11 @@ class ToolMesh:
     @property
     def area(self) -> float:
         """Area in mm²."""
-        return float(0.5 * np.linalg.norm(self._area_vectors(), axis=0).sum())
+        return float(self.areas().sum())
+
+    def areas(self) -> ndarray:
+        """Area of each element in mm², shape (n_elements,)."""
+        return 0.5 * np.linalg.norm(self._area_vectors(), axis=0)
 
     def centres(self) -> ndarray:
         """Means of the corners, shape (3, n_elements)."""

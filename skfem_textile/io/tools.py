@@ -124,6 +124,8 @@ def _doubt(extent: float) -> str:
 
 def _triangles(path: Path) -> tuple[ndarray, ndarray, float | None]:
     """Points, (3, n), triangles, (3, m), and the unit of a file in mm if it has one."""
+    if path.is_dir():
+        raise MeshError("this is a folder")
     suffix = path.suffix.lower()
     if suffix in _EXACT:
         raise MeshError(
@@ -166,7 +168,8 @@ def _read_stl(content: bytes) -> ndarray:
         )
     found = re.findall(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", content, re.IGNORECASE)
     facets = len(re.findall(rb"\bendfacet\b", content, re.IGNORECASE))
-    if len(found) != 3 * facets:
+    whole = re.search(rb"\bendsolid\b[^\n]*\s*\Z", content, re.IGNORECASE)
+    if len(found) != 3 * facets or not whole:
         raise MeshError(
             f"the file ends early or is damaged: {facets} complete triangles have "
             f"{len(found)} corners"

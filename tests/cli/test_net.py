@@ -130,3 +130,39 @@ def test_courses_cover_the_tool(tmp_path, tool):
     assert summary["area_of_courses_mm2"] > summary["area_of_tool_mm2"]
     rows = np.genfromtxt(tmp_path / "pattern.csv", delimiter=",", names=True)
     assert set(rows["curve"]) == {1, 2, 3, 4, 5}
+
+
+@pytest.mark.parametrize("cell", [0.01, 50.0])
+def test_cells_that_are_too_small_or_too_large_are_refused(
+    tmp_path, tool, cell, capsys
+):
+    words = ("net", "--tool", str(tool), "--out", str(tmp_path / "out"))
+    message = rejected(capsys, *words, "--cell", str(cell))
+    assert "the length of a cell must be between" in message
+
+
+def test_largest_shear_is_on_the_part(tmp_path, tool):
+    """Cells that overhang the edge shear more."""
+    summary = laid(tmp_path, tool, "--no-render", "--cell", 5, "--point", 0, 0, 0)
+    at = [abs(summary[f"max_shear_angle_at_{axis}_mm"]) for axis in "xy"]
+    assert max(at) <= 50.0 + 2.5
+
+
+def test_without_a_pattern_the_exit_code_is_one(tmp_path, tool):
+    curve = tmp_path / "trim.csv"
+    curve.write_text("x,y,z\n60,0,-20\n0,60,-20\n-60,0,-20\n")
+    words = ("net", "--tool", str(tool), "--out", str(tmp_path / "out"), "--no-render")
+    assert cli.main([*words, "--trim", str(curve)]) == 1
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert "not written" in summary["pattern"]
+
+
+def test_a_concave_tool_has_a_start_near_its_middle(tmp_path):
+    bowl = tmp_path / "bowl.stl"
+    x, triangles = tool_shapes.height_field(
+        lambda x, y: (x**2 + y**2) / 200.0, 100.0, 100.0, 6.0
+    )
+    meshio.write_points_cells(bowl, x.T, [("triangle", triangles.T)])
+    summary = laid(tmp_path / "out", bowl, "--no-render", "--cell", 5)
+    start = [summary[f"start_at_{axis}_mm"] for axis in "xy"]
+    assert np.hypot(*start) < 10

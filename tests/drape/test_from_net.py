@@ -141,7 +141,8 @@ def test_a_drape_that_ends_early_leaves_nothing_beside_its_tool(
     assert cli.main(list(words)) == 0
     assert (out / "fibres.vtu").exists()
     capsys.readouterr()
-    monkeypatch.setattr(Run, "_reach", end)
+    for way in ("_reach", "_step"):
+        monkeypatch.setattr(Run, way, end)
     assert cli.main(list(words)) == code
     assert not [
         file.name for file in out.iterdir() if file.name[:4] in ("fibr", "part")
