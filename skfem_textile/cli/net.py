@@ -401,7 +401,7 @@ def _warp_deg(tool: "TriangleMesh", net: "Net") -> float:
     x = net.positions
     ahead = x[:, min(i + 1, x.shape[1] - 1), j] - x[:, max(i - 1, 0), j]
     along, across = Axes.at(tool, x[:, i, j]).turn[:, :2].T @ ahead
-    return float(np.degrees(np.arctan2(across, along)))
+    return round(float(np.degrees(np.arctan2(across, along))), 9)
 
 
 def _xyz(what: str, point: ndarray) -> dict[str, float]:
