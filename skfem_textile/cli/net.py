@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,6 +16,7 @@ from .output import complain, say
 from .page import Row, page, rows, sources
 from .progress import STOPPED_EARLY, log_to_stderr, shown
 from .result_folder import ResultFolder
+from .results import PATTERN, write_patterns
 
 if TYPE_CHECKING:
     from ..drape import (
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 # Files of the command.
 _FIBRES = ("fibres.vtu", "fibres.csv", "fibres.inp")
-_PATTERN = ("pattern.svg", "pattern.csv", "pattern.dxf")
 _NET, _PICTURE, _PAGE, _SUMMARY = "net.vtu", "net.png", "net.html", "summary.json"
 
 # Least length of a cell in the search for the best start, relative to the diagonal:
@@ -222,16 +221,14 @@ def run_net(options: argparse.Namespace) -> int:
         cells = _Cells.of(part)
     figures, verdict = _figures(part, cells, options), _verdict(part, cells, options)
     out = ResultFolder(
-        options.out, (_SUMMARY, _NET, *_FIBRES, *_PATTERN, _PICTURE, _PAGE)
+        options.out, (_SUMMARY, _NET, *_FIBRES, *PATTERN, _PICTURE, _PAGE)
     )
     with held(), out as folder:
         for name in _FIBRES:
             io.write_fibres(folder / name, fibres)
         io.write_net(folder / _NET, cells)
         if part.patterns:
-            for name in _PATTERN:
-                if not name.endswith("dxf") or find_spec("ezdxf"):
-                    io.write_pattern(folder / name, _to_cut(part))
+            write_patterns(folder, _to_cut(part))
         if not options.no_render:
             _draw(part.tool, cells, options, folder)
         figures["time_s"] = perf_counter() - began

@@ -10,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..cases.schema import Output
-from ..drape import Axes, Sheet, ToolMesh, fibres_on_tool, flat_pattern
+from ..drape import Axes, FlatPattern, Sheet, ToolMesh, fibres_on_tool, flat_pattern
 from ..mesh.checks import MeshError
 from ..mesh.user_input import printable
 from ..scenes import Scene
@@ -114,7 +114,18 @@ def _axis(heading: str) -> str:
 
 
 _PART = ("part.vtu", "part.csv", "part.inp")
-_PATTERN = ("pattern.csv", "pattern.svg", "pattern.dxf")
+
+#: Files of flat patterns.
+PATTERN = ("pattern.csv", "pattern.svg", "pattern.dxf")
+
+
+def write_patterns(folder: Path, patterns: Sequence[FlatPattern]) -> None:
+    """Write flat patterns to all `PATTERN` files; a .dxf only if ezdxf is installed."""
+    from .. import io
+
+    for name in PATTERN:
+        if not name.endswith("dxf") or find_spec("ezdxf"):
+            io.write_pattern(folder / name, patterns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +140,7 @@ class DrapeExport:
     curves: Sequence[ndarray] = ()
     no_curves: str = ""
     trimmed: bool = False
-    files: ClassVar[tuple[str, ...]] = (*_PART, *_PATTERN)
+    files: ClassVar[tuple[str, ...]] = (*_PART, *PATTERN)
 
     @classmethod
     def read(cls, output: Output) -> "DrapeExport":
@@ -182,16 +193,12 @@ class DrapeExport:
         return {"part_covered_share_of_elements": float(fibres.covered.mean())}
 
     def _pattern(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
-        from .. import io
-
         if self.no_curves:
             raise ValueError(self.no_curves)
         if not self.curves:
             return {}
         patterns = [flat_pattern(sheet, curve) for curve in self.curves]
-        for name in _PATTERN:
-            if not name.endswith("dxf") or find_spec("ezdxf"):
-                io.write_pattern(folder / name, patterns)
+        write_patterns(folder, patterns)
         # Holes have the opposite orientation.
         return {
             "pattern_area_mm2": abs(sum(one.signed_area for one in patterns)),

@@ -7,39 +7,32 @@ from ..mesh.user_input import MOST_DEGREES
 
 def degrees(word: str) -> float:
     """Angle in degrees, at most a hundred turns."""
-    try:
-        angle = float(word)
-    except ValueError:
-        angle = float("nan")
-    if not abs(angle) <= MOST_DEGREES:
-        raise ArgumentTypeError(
-            f"expected an angle of at most {MOST_DEGREES:g} degrees, got {word!r}"
-        )
-    return angle
+    expected = f"an angle of at most {MOST_DEGREES:g} degrees"
+    return _number(word, -MOST_DEGREES, MOST_DEGREES, expected)
 
 
 def acute_degrees(word: str) -> float:
     """Angle in degrees between 0 and 90."""
-    try:
-        angle = float(word)
-    except ValueError:
-        angle = float("nan")
-    if not 0 < angle < 90:
-        raise ArgumentTypeError(
-            f"expected an angle between 0 and 90 degrees, got {word!r}"
-        )
-    return angle
+    return _number(word, _LEAST, 90 - _LEAST, "an angle between 0 and 90 degrees")
 
 
 def length(word: str) -> float:
     """Positive length in mm."""
+    return _number(word, _LEAST, 1 / _LEAST, "a positive length in mm")
+
+
+# Smallest positive number of an option, and the inverse of the largest.
+_LEAST = 1e-12
+
+
+def _number(word: str, low: float, high: float, expected: str) -> float:
     try:
-        size = float(word)
+        number = float(word)
     except ValueError:
-        size = float("nan")
-    if not 0 < size < float("inf"):
-        raise ArgumentTypeError(f"expected a positive length in mm, got {word!r}")
-    return size
+        number = float("nan")
+    if not low <= number <= high:
+        raise ArgumentTypeError(f"expected {expected}, got {word!r}")
+    return number
 
 
 def unit(word: str) -> tuple[str, str]:

@@ -83,13 +83,10 @@ class Quadrant:
         In mm, shape (3, m, n), NaN for crossings that were not laid.
     status
         `Status`, shape (m, n).
-    on
-        Mask of the crossings on the tool, shape (m, n).
     """
 
     positions: ndarray
     status: ndarray
-    on: ndarray
 
 
 class Wanted(NamedTuple):
@@ -430,11 +427,10 @@ def _assembled(diagonals: list[_Diagonal]) -> list[Quadrant]:
     rows, count = len(diagonals[0].on), len(diagonals)
     x = np.full((3, rows, count, count), np.nan)
     status = np.full((rows, count, count), Status.EDGE, dtype=np.int8)
-    on = np.zeros((rows, count, count), dtype=bool)
     for d, of in enumerate(diagonals):
         i = np.arange(d + 1)
         x[:, :, i, d - i] = of.x
-        status[:, i, d - i], on[:, i, d - i] = of.status, of.on
+        status[:, i, d - i] = of.status
     stopped = np.isin(status, _STOPS)
     for axis in (1, 2):
         stopped = np.logical_or.accumulate(stopped, axis)
@@ -444,7 +440,7 @@ def _assembled(diagonals: list[_Diagonal]) -> list[Quadrant]:
     for row in range(rows):
         m, n = (np.flatnonzero(laid[row].any(axis=k))[-1] + 2 for k in (1, 0))
         part = np.s_[..., row, :m, :n]
-        quadrants.append(Quadrant(x[part], status[part], on[part]))
+        quadrants.append(Quadrant(x[part], status[part]))
     return quadrants
 
 
