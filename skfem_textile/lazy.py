@@ -1,4 +1,7 @@
-"""Names of the package that are imported on first use, because shapely is slow."""
+"""Names of the package that are imported on first use.
+
+Shapely is slow, and few scenes have tools that move.
+"""
 
 from importlib import import_module
 from typing import Any
@@ -14,7 +17,7 @@ _MODULES = dict.fromkeys(
         "singular_fibres",
     ),
     "singular",
-)
+) | dict.fromkeys(("Holder", "Tool"), "forming")
 
 
 def __getattr__(name: str) -> Any:

@@ -124,6 +124,35 @@ class ElementTerm(Term):
         raise NotImplementedError
 
 
+class ContactTerm(ElementTerm):
+    """Contact of nodes with a tool that moves with the load factor.
+
+    Contact forces λ ≥ 0 and gaps g ≥ 0 with λ g = 0 satisfy λ = max(λ − κ g, 0) for any
+    κ > 0: they are a stationary point of the augmented Lagrangian Σ (max(λ − κ g, 0)² −
+    λ²)/2κ.  A derived class defines the gaps, and the parameter values ``force`` and
+    ``stiffness``, λ in N and κ in N/mm of each node, shape (n_nodes,).  There is no
+    contact with κ = 0.
+    """
+
+    role = "load"
+    line_search = True
+
+    def gaps(self, u: ndarray, t: float) -> ndarray:
+        """Distances g of the nodes from the tool in mm, shape (n_nodes,).
+
+        Infinite for nodes that the tool cannot touch.
+        """
+        raise NotImplementedError
+
+    def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
+        """Contact forces max(λ − κ g, 0) in N, shape (n_nodes,)."""
+        raise NotImplementedError
+
+    def travel(self, t: float) -> ndarray:
+        """Translation of the tool in mm, shape (3,)."""
+        raise NotImplementedError
+
+
 class Load(Protocol):
     """Object from which a term is built on a displacement basis of a ply."""
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..ply.parameters import PlyParameters
+from . import contact
 from .problem import InitialGuess, Problem
 from .states import NoEquilibriumError, State
 
@@ -232,12 +233,12 @@ class Continuation:
 
 
 def moves(problem: Problem, load_factors: Iterable[float]) -> bool:
-    """True if conditions prescribe a motion or keep nodes on surfaces.
+    """True if tools or conditions prescribe a motion, or nodes are on surfaces.
 
     Raises an error if a condition has no valid value at one of the load factors.
     """
     values = [problem.constraints.fixed_values(t).any() for t in load_factors]
-    return problem.surfaces is not None or any(values)
+    return bool(problem.surfaces or problem.contacts or any(values))
 
 
 def loads_drive(
@@ -257,6 +258,7 @@ def loads_drive(
         return False
     if not t:  # no displacement yet, so no work to compare
         return not moved
+    parameters = contact.without(problem, parameters)
     growth = ply.load(u, t, parameters) - ply.load(u, 0.0, parameters)
     if not moved:
         return bool(growth.any())
@@ -270,7 +272,8 @@ def load_growth(problem: Problem, state: State, beyond: float) -> float:
     """
     if state.verdict.negative_pivots is None:
         return 0.0
-    u, p, factors = state.u, state.parameters, (0.0, state.load_factor, beyond)
+    u, p = state.u, contact.without(problem, state.parameters)
+    factors = 0.0, state.load_factor, beyond
     none, least, most = (problem.ply.load(u, t, p) for t in factors)
     largest = max(np.abs(least - none).max(), np.abs(most - none).max())
     return float(np.abs(most - least).max() / largest) if largest else 0.0

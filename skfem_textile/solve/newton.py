@@ -1,13 +1,14 @@
 """Newton's method for an equilibrium at one load factor."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy import ndarray
 
 from ..ply.parameters import PlyParameters
+from . import contact
 from .problem import EPSILON, InitialGuess, Problem, Tangent, between, tangent_at
 from .states import Equilibrium, NoEquilibriumError
 
@@ -51,6 +52,13 @@ _ON_SURFACE = (
 # or the energy decreases.  Chosen: the last, 2⁻¹¹, is shorter than any in a converging
 # iteration.
 _HALVINGS = 12
+
+# Unbalanced share of the largest force up to which soft contact is iterated.  Chosen:
+# the nodes that touch then hardly change.
+_NEARLY = 1e-3
+
+# Smallest force by which others are divided, in N.
+_TINY = 1e-300
 
 # Maximum number of iterations with the line search, as a multiple of the maximum before
 # it.
@@ -163,11 +171,15 @@ class Newton:
         report: Report,
     ) -> Equilibrium:
         """See `Method`."""
-        tangent, p = _first_tangent(problem, start)
-        changed = problem.surfaces or problem.ply.follows_load_factor
-        f = problem.residual(start.u, p) if changed else start.f
         progress = _Progress(problem, fixed_values, most_projected, report)
-        end = self._iterate(progress, _Iterate(start.u, f, p, tangent), self.most)
+        if problem.contacts and not contact.is_set(problem, start.parameters):
+            first = self._touching(progress, start)
+        else:
+            tangent, p = _first_tangent(problem, start)
+            changed = problem.surfaces or problem.ply.follows_load_factor
+            f = problem.residual(start.u, p) if changed else start.f
+            first = _Iterate(start.u, f, p, tangent)
+        end = self._iterate(progress, first, self.most)
         leave = not np.isfinite(most_projected) and end.unstable
         if leave:
             motion = self.imperfection * problem.element_size * end.tangent.softest()
@@ -179,14 +191,37 @@ class Newton:
             end = self._iterate(progress, end, _DESCENT * self.most, descend=True)
         return progress.equilibrium(end)
 
+    def _touching(self, progress: "_Progress", start: InitialGuess) -> "_Iterate":
+        """Find the nodes that touch tools, with a soft contact.
+
+        Projected tangents do not count, as these iterations do not follow the path.
+        """
+        problem, u = progress.problem, start.u
+        tension = problem.ply.geometric_tension(u, np.zeros_like(u), start.parameters)
+        tension = np.maximum(tension, _FIRST_TENSION)
+        p = contact.soft(problem, u, start.parameters, tension)
+        tangent = definite(problem, u, p, tension)
+        rough = replace(progress, most_projected=np.inf)
+        at = _Iterate(u, problem.residual(u, p), p, tangent)
+        at = self._iterate(rough, at, _DESCENT * self.most, until=_NEARLY)
+        u = at.u
+        tension = problem.ply.geometric_tension(u, np.zeros_like(u), at.parameters)
+        p = contact.stiff(problem, u, at.parameters, tension)
+        tangent = definite(problem, u, p, tension)
+        return _Iterate(u, problem.residual(u, p), p, tangent)
+
     def _iterate(
         self,
         progress: "_Progress",
         at: "_Iterate",
         most: int,
         descend: bool = False,
+        until: float = 0.0,
     ) -> "_Iterate":
-        """Iterate until the forces balance, or ``most`` times."""
+        """Iterate until the forces balance, or ``most`` times.
+
+        Or until the unbalanced share of the largest force is below ``until``.
+        """
         problem, near, last = progress.problem, _NEAR, np.inf
         u, f, p, tangent = at
         descend = descend or problem.line_search
@@ -195,13 +230,14 @@ class Newton:
             if progress.residuals or problem.in_space:
                 du = du / max(1.0, problem.ply.largest_gradient(du) / self.longest)
             du = within_laws(problem, u, du, p)
-            if progress.residuals and descend:
+            if descend and (progress.residuals or problem.contacts):
                 du = descending(problem, u, du, f, p)
             tension = problem.ply.geometric_tension(u, du, p)
             contact = tangent.contact(f, du)
             u = problem.moved(u, du)
             f = problem.residual(u, p)
-            if problem.unbalanced(f, u) <= near * np.abs(f).max():
+            unbalanced = problem.unbalanced(f, u) / np.abs(f).max(initial=_TINY)
+            if not until and unbalanced <= near:
                 after = problem.ply.updated(p, u, problem.load_factor, tension)
                 change = 0.0
                 if after is not p:
@@ -216,6 +252,8 @@ class Newton:
                 last = change
             if progress.balanced(tangent, u, f):
                 return _Iterate(u, f, p, tangent_at(problem, u, p))
+            if unbalanced <= until:
+                break
             tangent = definite(problem, u, p, tension, contact)
         return _Iterate(u, f, p, tangent)
 

@@ -16,6 +16,7 @@ from scipy.sparse import csr_matrix
 from ..mesh.bases import components, node_positions
 from ..ply import Ply
 from ..ply.parameters import Frozen, PlyParameters, Values
+from ..ply.terms import ContactTerm
 from .conditions import Constraints, plain, turned
 from .linear.solver import Clock, SingularMatrixError, SolverOfPattern
 from .linear.system import System
@@ -96,6 +97,8 @@ class Problem:
         Nodes on surfaces; None if there are none.
     loaded, line_search
         True if there are loads, or a term with a ``line_search``, respectively.
+    contacts
+        Terms of contact with tools.
 
     Raises
     ------
@@ -121,7 +124,8 @@ class Problem:
             if reason := getattr(term, "unsupported", lambda _: "")(constraints):
                 raise ValueError(f"load {term.name!r}: {reason}")
         self._loads = [term.name for term in ply.terms if term.role == "load"]
-        self.loaded = bool(self._loads)
+        self.contacts = [x for x in ply.terms if isinstance(x, ContactTerm)]
+        self.loaded = len(self._loads) > len(self.contacts)
         self.converged = _UNBALANCED_LOADED if self.loaded else _UNBALANCED
 
     @cached_property
@@ -153,7 +157,7 @@ class Problem:
         return every, potentials
 
     def load(self, u: ndarray, parameters: PlyParameters) -> ndarray:
-        """Nodal forces of the loads."""
+        """Nodal forces of the loads and tools."""
         return self.ply.load(u, self.load_factor, parameters) + self.held
 
     def start(

@@ -10,6 +10,7 @@ from numpy import ndarray
 
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
+from . import contact
 from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, loads_drive
 from .linear import ChosenSolver
@@ -119,6 +120,7 @@ class EquilibriumSearch:
         for _ in range(MOST_UPDATES):
             problem, (u, f, p, *_) = trial.trial.problem, trial.trial.equilibrium
             tangent, balance = trial.trial.equilibrium.tangent, _balances(trial.trial)
+            closed = _is_closed(trial.trial)
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
                     after = problem.ply.updated(p, u, target.load_factor)
@@ -126,7 +128,7 @@ class EquilibriumSearch:
                     # Further changes form a geometric series of this ratio.
                     rate = change / last if change else 0.0
                     settled = change <= SETTLED * (1.0 - rate)
-                    if settled and balance:
+                    if settled and balance and closed:
                         return trial._replace(settled=True)
                     if not settled:
                         share, last = share if rate <= 0.5 else share / 2, change
@@ -136,8 +138,14 @@ class EquilibriumSearch:
                     start = problem.start(u, after, tangent)
                 again = self._first(target._replace(start=start))
             except NoEquilibriumError:
+                if not closed:
+                    raise
                 break
             trial = again._replace(projected=max(trial.projected, again.projected))
+        if not _is_closed(trial.trial):
+            raise NoEquilibriumError(
+                "the contact forces do not converge", advice="more steps"
+            )
         return trial
 
     def at_rest(self, start: InitialGuess, values: ndarray) -> AcceptedEquilibrium:
@@ -215,6 +223,13 @@ def _balances(trial: Trial) -> bool:
         return True
     allowed = _IN_BALANCE * np.abs(problem.load(u, p)).sum()
     return bool(np.abs(problem.motions_of_supports(u) @ f).max() <= allowed)
+
+
+def _is_closed(trial: Trial) -> bool:
+    """True if contact is a constraint: no penetration, no force without contact."""
+    problem, (u, _, p, *_) = trial.problem, trial.equilibrium
+    size = float(np.ptp(problem.nodes, axis=1).max())
+    return contact.error(problem, u, p) <= contact.CLOSED * size
 
 
 def _change(trial: Trial, parameters: PlyParameters) -> float:

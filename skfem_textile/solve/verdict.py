@@ -21,6 +21,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import printable
+from . import contact
 from .conditions import turned
 from .problem import InitialGuess, Problem
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
@@ -201,11 +202,14 @@ class Trial:
         u.flags.writeable = False  # the run continues from it
         mesh_strain = ply.fibre_strain(u, ply.fine_points)
         moved, nodes = problem.nodal(u), problem.constraints.nodes.items()
+        tools = contact.resultants(problem, u, equilibrium.parameters)
         return State(
             load_factor=problem.load_factor,
             u=u,
-            reactions=problem.reactions(equilibrium.f),
-            displacements={name: moved[:, n].mean(axis=1) for name, n in nodes},
+            reactions=problem.reactions(equilibrium.f)
+            | {name: force for name, (force, _) in tools.items()},
+            displacements={name: moved[:, n].mean(axis=1) for name, n in nodes}
+            | {name: travel for name, (_, travel) in tools.items()},
             energies=dict(self.energies),
             potentials=dict(self.potentials),
             shares=self.shares,

@@ -15,7 +15,7 @@ from scipy.sparse import bsr_matrix, csr_matrix, identity
 from skfem import CellBasis
 
 from ..states import NoEquilibriumError
-from .on_surface import CheckedSurface, OnSurface, SurfaceError
+from .on_surface import CheckedSurface, OnSurface, SurfaceError, check_surface
 from .surface import OffSurfaceError, SurfaceGaps, exponential_map, gaps, is_on, onto
 
 # Sine of the angle between a normal and the directions fixed by conditions below which
@@ -94,7 +94,8 @@ class SurfaceNodes:
         free[prescribed] = False
         self._free = free.reshape(-1, 3)
         for name, condition in conditions.items():
-            condition.check(name, self._X[:, nodes[name]])
+            at = self._X[:, nodes[name]]
+            check_surface(f"condition {name!r}", condition.surface, at)
         self._parts, is_assigned = [], np.zeros(n_nodes, dtype=bool)
         for name, condition in conditions.items():
             free_nodes = nodes[name][self._free[nodes[name]].any(axis=1)]
@@ -201,7 +202,7 @@ class SurfaceNodes:
                 x[:, nodes] = onto(surface, x[:, nodes], free, self._X[:, nodes])
             except OffSurfaceError as error:
                 raise NoEquilibriumError(
-                    f"condition {surface.name!r}: {error.what} at "
+                    f"{surface.what}: {error.what} at "
                     f"{condition.place(error.position)}",
                     advice="more steps, or an initial guess closer to the surface",
                 ) from None
@@ -222,7 +223,9 @@ class SurfaceNodes:
                 s: self._laid[s]
                 if s in self._laid
                 else exponential_map(
-                    CheckedSurface(name, condition.at(name, s)), X, touch, steps=_STEPS
+                    CheckedSurface(f"condition {name!r}", condition.at(name, s)),
+                    *(X, touch),
+                    steps=_STEPS,
                 )
                 for s in (before, t)
             }
@@ -269,7 +272,10 @@ class SurfaceNodes:
 
     def _surfaces(self, t: float) -> list[tuple[CheckedSurface, ndarray]]:
         """Surfaces at a load factor, and the nodes on each."""
-        return [(CheckedSurface(name, c.at(name, t)), n) for name, c, n in self._parts]
+        return [
+            (CheckedSurface(f"condition {name!r}", c.at(name, t)), nodes)
+            for name, c, nodes in self._parts
+        ]
 
     def _positions(self, u: ndarray) -> ndarray:
         return self._X + u.reshape(-1, 3).T

@@ -105,32 +105,6 @@ class OnSurface:
             return np.arange(node_positions(basis).shape[1])
         return np.unique(selected_nodes(f"condition {name!r}", self.where, basis))
 
-    def check(self, name: str, x: ndarray) -> None:
-        """Refuse an invalid surface at some of the points, shape (3, n).
-
-        Raises
-        ------
-        ValueError
-            If a method is missing, fails, returns an array of another shape, or
-            contradicts another.
-        """
-        methods = "level", "gradient", "hessian"
-        if isinstance(self.surface, type) or not all(
-            hasattr(self.surface, method) for method in methods
-        ):
-            raise ValueError(
-                f"condition {name!r}: surface must have the methods "
-                f"{', '.join(methods)}, as drape.Sphere(100.0) has, not "
-                f"{self.surface!r}"
-            )
-        surface = CheckedSurface(name, self.surface)
-        h = _INTERVAL * float(np.ptp(x, axis=1).max())
-        x = x[:, np.unique(np.linspace(0, x.shape[1] - 1, _NODES).astype(int))]
-        for method in methods:
-            getattr(surface, method)(x)
-        if h:
-            _check_derivatives(surface, x, h)
-
     def at(self, name: str, t: float) -> Surface:
         """Surface at a load factor.
 
@@ -142,7 +116,8 @@ class OnSurface:
         if t == 1:
             return self.surface
         point = np.array([*self.touch, 0.0])
-        surface = CheckedSurface(name, self.surface)
+        what = f"condition {name!r}"
+        surface = CheckedSurface(what, self.surface)
         level = float(surface.level(point[:, None])[0])
         normal = surface.gradient(point[:, None])[:, 0]
         length = float(np.linalg.norm(normal))
@@ -155,7 +130,7 @@ class OnSurface:
         else:
             return GrowingSurface(self.surface, point, t)
         raise ValueError(
-            f"condition {name!r}: the surface cannot be scaled with the load factor, "
+            f"{what}: the surface cannot be scaled with the load factor, "
             f"because it does not touch the plane z = 0 at {self.touch}, where it "
             f"{off}: move it, specify another point as touch, or start from positions "
             "on it with equilibrium_near"
@@ -168,13 +143,13 @@ class SurfaceError(NoEquilibriumError, ValueError):
 
 @dataclass(frozen=True, eq=False)
 class CheckedSurface:
-    """Surface of a condition, with the name of the condition in its errors.
+    """Surface of a condition or tool, whose errors begin with ``what`` it is.
 
     Its methods raise a `SurfaceError` if an array has another shape, or if the user's
     function fails, with that exception as the cause.
     """
 
-    name: str
+    what: str
     surface: Surface
 
     def level(self, x: ndarray) -> ndarray:
@@ -190,7 +165,7 @@ class CheckedSurface:
         return self._value("hessian", x, (3, 3))
 
     def _value(self, method: str, x: ndarray, rows: tuple[int, ...]) -> ndarray:
-        what = f"condition {self.name!r}: {method} of the surface"
+        what = f"{self.what}: {method} of the surface"
         try:
             value = call_user_function(what, getattr(self.surface, method), x)
         except ValueError as error:
@@ -202,6 +177,39 @@ class CheckedSurface:
                 f"{what} must have the shape {shape}, not {np.shape(value)}"
             )
         return np.asarray(value)
+
+
+def check_surface(what: str, surface: Surface, x: ndarray) -> None:
+    """Refuse an invalid surface of a condition or tool.
+
+    Parameters
+    ----------
+    what
+        Condition or tool, at the beginning of messages.
+    surface
+        The surface.
+    x
+        Points in mm, shape (3, n), near some of which the surface is checked.
+
+    Raises
+    ------
+    ValueError
+        If a method is missing, fails, returns an array of another shape, or contradicts
+        another.
+    """
+    methods = "level", "gradient", "hessian"
+    if isinstance(surface, type) or not all(hasattr(surface, m) for m in methods):
+        raise ValueError(
+            f"{what}: surface must have the methods {', '.join(methods)}, as "
+            f"drape.Sphere(100.0) has, not {surface!r}"
+        )
+    checked = CheckedSurface(what, surface)
+    h = _INTERVAL * float(np.ptp(x, axis=1).max())
+    x = x[:, np.unique(np.linspace(0, x.shape[1] - 1, _NODES).astype(int))]
+    for method in methods:
+        getattr(checked, method)(x)
+    if h:
+        _check_derivatives(checked, x, h)
 
 
 def _check_derivatives(surface: CheckedSurface, x: ndarray, h: float) -> None:
@@ -241,7 +249,7 @@ def _check_derivatives(surface: CheckedSurface, x: ndarray, h: float) -> None:
         changing = f"the {'xyz'[row]} component of gradient"
         derivative = f"hessian[{row}, {i}]"
     raise ValueError(
-        f"condition {surface.name!r}: {part} of the surface differs from the slope of "
+        f"{surface.what}: {part} of the surface differs from the slope of "
         f"{of} at ({', '.join(f'{c:.6g}' for c in point)}): along {'xyz'[i]} "
         f"{changing} changes by {slope:.4g} per mm, and {derivative} is {value:.4g}; "
         f"slopes are over {h:.3g} mm: correct the derivative, or smooth undulations "

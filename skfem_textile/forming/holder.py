@@ -1,0 +1,166 @@
+"""Holders, which press a ply on a surface."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+from scipy.sparse import bsr_matrix, csr_matrix
+from skfem import CellBasis
+
+from ..mesh.user_input import call_user_function, real_numbers
+from ..ply.parameters import NO_VALUES, TermParameters, Values
+from ..ply.terms import ElementTerm
+from ..solve.surface import Surface
+from .tool import Motion, Obstacle, ToolContact, node_areas
+
+#: A number, or a function of the load factor that returns one.
+Amount: TypeAlias = float | Callable[[float], float]
+
+
+@dataclass(frozen=True, eq=False)
+class Holder:
+    """Blank holder, which keeps a ply near a surface or presses it there.
+
+    Several holders with outlines of their own are the segments of one.
+
+    Parameters
+    ----------
+    surface
+        Surface towards which the holder presses, usually the flange of a die.
+    gap
+        Distance in mm between holder and surface; or a function of the load factor.
+    pressure
+        Pressure in N/mm² towards the surface, uniform over the part of the ply within
+        the outline; or a function of the load factor.  Either a gap or a pressure is
+        given.
+    motion, side, thickness, outline, name
+        See `Tool`.
+
+    Examples
+    --------
+    A holder that presses with 0.01 N/mm² on the flange of a die above the ply, outside
+    a circle:
+
+    >>> import numpy as np
+    >>> from skfem_textile import Holder, drape
+    >>> t = np.linspace(0, 2 * np.pi, 41)
+    >>> ring = np.hstack([r * np.array([np.cos(t), np.sin(t)]) for r in (200, 90)])
+    >>> die = drape.Plane((0, 0, 0.15))
+    >>> holder = Holder(die, pressure=0.01, side=-1, outline=ring, name="holder")
+    """
+
+    surface: Surface
+    gap: Amount | None = None
+    pressure: Amount | None = None
+    motion: Motion | None = None
+    side: int | None = None
+    thickness: float = 0.0
+    outline: ArrayLike | None = None
+    name: str = "holder"
+
+    def on(self, basis: CellBasis) -> "ToolContact | HolderPressure":
+        """Term on a basis of the displacement.
+
+        Raises
+        ------
+        ValueError
+            See `Tool.on`; also if not exactly one of gap and pressure is given, or it
+            is negative.
+        """
+        what = f"holder {self.name!r}"
+        if (self.gap is None) == (self.pressure is None):
+            raise ValueError(f"{what}: specify either a gap or a pressure")
+        if self.gap is None:
+            pressure = _amount(f"{what}: pressure", self.pressure, 0.0, "N/mm2")
+            return HolderPressure(self.name, pressure, Obstacle.of(self, basis), basis)
+        reach = _amount(f"{what}: gap", self.gap, self.thickness, "mm")
+        return ToolContact(self.name, Obstacle.of(self, basis, reach), basis)
+
+
+class _Covered(TermParameters):
+    """Share 1 of nodes under a holder, 0 of others."""
+
+    def __init__(self, obstacle: Obstacle) -> None:
+        self._obstacle = obstacle
+
+    def at_rest(self) -> Values:
+        """Nodes under the holder before the run."""
+        return self.updated(NO_VALUES, np.zeros(self._obstacle.X.size), 0.0)
+
+    def updated(
+        self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
+    ) -> Values:
+        """Nodes under the holder."""
+        x = self._obstacle.X + u.reshape(-1, 3).T
+        return Values({"covered": np.isfinite(self._obstacle.gaps(x, t).gap) * 1.0})
+
+
+class HolderPressure(ElementTerm):
+    """Uniform pressure of a holder towards a surface; see `Holder`."""
+
+    role = "load"
+
+    def __init__(
+        self,
+        name: str,
+        pressure: Callable[[float], float],
+        obstacle: Obstacle,
+        basis: CellBasis,
+    ) -> None:
+        self.name, self._pressure, self._obstacle = name, pressure, obstacle
+        self.nodes = np.arange(obstacle.X.shape[1])[None]
+        self._areas = node_areas(basis)
+        self.parameters = _Covered(obstacle)
+
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
+        """Pressure times the volume between the ply and the surface."""
+        x = self._obstacle.X + u.reshape(-1, 3).T
+        gaps = self._obstacle.gaps(x, t)
+        return float(self._forces(t, p) @ (self._obstacle.side * gaps.distance))
+
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """Forces towards the surface."""
+        return (self._forces(t, p) * self._derivatives(u, t)[0]).T.ravel()
+
+    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray | None:
+        """Their derivative: nodal blocks, shape (1, 3, 3, n_nodes)."""
+        return (self._forces(t, p) * self._derivatives(u, t)[1])[None]
+
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
+        """Derivative of the residual."""
+        blocks = self.matrices(u, t, p)[0]
+        n = blocks.shape[-1]
+        data = np.ascontiguousarray(np.moveaxis(blocks, 2, 0)), np.arange(n)
+        return bsr_matrix((*data, np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
+
+    def _forces(self, t: float, p: Values) -> ndarray:
+        return self._pressure(t) * self._areas * p["covered"]
+
+    def _derivatives(self, u: ndarray, t: float) -> tuple[ndarray, ndarray]:
+        """Derivatives of the distance at all nodes."""
+        obstacle, every = self._obstacle, np.arange(self.nodes.size)
+        gaps = obstacle.gaps(obstacle.X + u.reshape(-1, 3).T, t)
+        return obstacle.derivatives(gaps, every, t)
+
+
+def _amount(
+    what: str, amount: Amount | None, least: float, unit: str
+) -> Callable[[float], float]:
+    """Function of the load factor, validated at each of its values."""
+
+    def at(t: float) -> float:
+        value = call_user_function(what, amount, t) if callable(amount) else amount
+        number = real_numbers(what, value)
+        if number.shape or not least <= number < np.inf:
+            raise ValueError(
+                f"{what} must be a number of at least {least:g} {unit}, got {value!r} "
+                f"at load factor {t:g}"
+            )
+        return float(number)
+
+    for t in (0.0, 1.0):
+        at(t)
+    return at

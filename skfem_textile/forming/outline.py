@@ -1,0 +1,21 @@
+"""Outlines of tools in the plane."""
+
+import numpy as np
+from numpy import ndarray
+
+
+def inside(corners: ndarray, x: ndarray) -> ndarray:
+    """True for points inside a polygon, by the number of edges to their right.
+
+    Parameters
+    ----------
+    corners
+        Corners of the polygon in order, shape (2, n_corners).
+    x
+        Points, shape (2, n).
+    """
+    begin, end = corners[:, :, None], np.roll(corners, -1, axis=1)[:, :, None]
+    crosses = (begin[1] > x[1]) != (end[1] > x[1])
+    rise = np.where(crosses, end[1] - begin[1], 1.0)
+    at = begin[0] + (x[1] - begin[1]) / rise * (end[0] - begin[0])
+    return (crosses & (x[0] < at)).sum(axis=0) % 2 == 1

@@ -1,0 +1,422 @@
+"""Rigid tools that move with the load factor, in frictionless contact with a ply.
+
+A tool is an obstacle: a surface φ = 0, moved rigidly, and the side of it on which the
+ply lies.  The gap of a node at x is g = ±φ/‖∇φ‖ less half the thickness, the distance
+to first order.  Contact is enforced at the nodes, by forces that are multipliers of g ≥
+0, see `ContactTerm`.  Each node counts with the integral of its shape function: the
+corners of quadratic triangles, whose integral vanishes, touch no tool.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+from scipy.sparse import bsr_matrix, csr_matrix
+from skfem import CellBasis, LinearForm, asm
+
+from ..mesh.bases import components, node_positions
+from ..mesh.user_input import call_user_function, real_numbers
+from ..ply.parameters import NO_VALUES, TermParameters, Values
+from ..ply.terms import ContactTerm
+from ..solve.surface import Surface
+from ..solve.surface.on_surface import CheckedSurface, check_surface
+from ..solve.surface.surface import place
+from .outline import inside
+
+#: Translation in mm that is reached in proportion to the load factor, or a function of
+#: the load factor: it returns the translation, or a rotation matrix and the translation.
+Motion: TypeAlias = ArrayLike | Callable[[float], Any]
+
+# Share of the area of an element below which the integral of a shape function is zero.
+_NO_AREA = 1e-9
+
+# Penetration of the undeformed ply, relative to its extent, that is round-off.
+_ROUND_OFF = 1e-9
+
+# Stiffness of a gap in the tangent, relative to that of contact.  It holds a ply that
+# nothing touches, has no force, and is far below every stiffness of the ply.
+_OF_GAP = 1e-9
+
+# Deviation of a rotation matrix from orthogonality that is round-off.
+_ORTHOGONAL = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """Rigid tool that a ply in space cannot penetrate; a term of a `Ply`.
+
+    Parameters
+    ----------
+    surface
+        The surface at the load factor 0, in the axes of the ply.  A surface with a
+        method ``beyond_edges``, such as `drape.TriangleMesh`, ends at its edges.
+    motion
+        Final translation (3,) in mm, which grows in proportion to the load factor; or a
+        function of the load factor that returns the translation, or a pair of a
+        rotation matrix (3, 3) about the origin and a translation.  By default the tool
+        does not move.
+    side
+        1 if the ply lies where φ is positive, −1 where it is negative.  By default the
+        side of the undeformed ply.
+    thickness
+        Thickness of the ply in mm: its nodes keep half of it from the tool.
+    outline
+        Corners of a polygon in mm, shape (2, n), in the x-y plane of the surface: nodes
+        outside do not touch the tool.  None for no outline.
+    name
+        Name of the term, of the force of the tool, and of its travel.
+
+    Examples
+    --------
+    A punch pushes the centre of a square ply 20 mm up; its edges are held:
+
+    >>> from skfem import MeshQuad
+    >>> from skfem_textile import Condition, Fabric, LoadStepper, Ply, Tool, drape
+    >>> mesh = MeshQuad().refined(3).translated((-0.5, -0.5)).scaled(100.0)
+    >>> punch = Tool(drape.Sphere(30.0, (0, 0, -30)), motion=(0, 0, 20), name="punch")
+    >>> fabric = Fabric(10.0, shear=0.5, bending=(1.0, 1.0))
+    >>> ply = Ply(mesh.with_defaults(), fabric, terms=[punch], dimension=3)
+    >>> edges = {name: Condition(name) for name in ("left", "right", "top", "bottom")}
+    >>> state = LoadStepper(ply, edges, steps=1).run().states[-1]
+    >>> bool(state.reactions["punch"][2] > 0)
+    True
+    """
+
+    surface: Surface
+    motion: Motion | None = None
+    side: int | None = None
+    thickness: float = 0.0
+    outline: ArrayLike | None = None
+    name: str = "tool"
+
+    def on(self, basis: CellBasis) -> "ToolContact":
+        """Term on a basis of the displacement.
+
+        Raises
+        ------
+        ValueError
+            If the ply is in its plane, the surface is not valid or crosses the
+            undeformed ply, or another argument is not valid.
+        """
+        obstacle = Obstacle.of(self, basis)
+        return ToolContact(self.name, obstacle, basis)
+
+
+def placement(what: str, motion: Motion | None, t: float) -> tuple[ndarray, ndarray]:
+    """Rotation matrix and translation of a motion at a load factor.
+
+    Raises
+    ------
+    ValueError
+        If the motion returns something else; the message begins with ``what``.
+    """
+    what = f"{what}: motion"
+    if motion is None:
+        return np.eye(3), np.zeros(3)
+    if callable(motion):
+        moved = call_user_function(what, motion, t)
+    else:
+        moved = t * real_numbers(what, motion)
+    pair = isinstance(moved, tuple) and len(moved) == 2
+    rotation, translation = moved if pair else (np.eye(3), moved)
+    rotation = real_numbers(what, rotation)
+    translation = real_numbers(what, translation)
+    if rotation.shape != (3, 3) or translation.shape != (3,):
+        raise ValueError(
+            f"{what} must be a translation of three components, or a rotation "
+            f"matrix and a translation, got {moved!r}"
+        )
+    if not np.isfinite(translation).all():
+        raise ValueError(f"{what} is not finite at load factor {t:g}")
+    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    if not (off <= _ORTHOGONAL and np.linalg.det(rotation) > 0):
+        raise ValueError(
+            f"{what}: the matrix at load factor {t:g} is not a rotation"
+        )
+    return rotation, translation
+
+
+class Gaps(NamedTuple):
+    """Gaps at points, infinite out of reach, shape (n,), and their gradients, (3, n).
+
+    ``distance`` is φ/‖∇φ‖, ``local`` are the points in the axes of the surface, and
+    ``slope`` is ‖∇φ‖.
+    """
+
+    gap: ndarray
+    normal: ndarray
+    distance: ndarray
+    local: ndarray
+    slope: ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """Moving surface with the side of the ply, and the gap of points from it.
+
+    Attributes
+    ----------
+    what, surface, motion
+        Name in messages, surface and motion of a tool.
+    X
+        Nodes of the undeformed ply in mm, shape (3, n_nodes).
+    side
+        Side of the surface on which the ply lies.
+    half
+        Half of the thickness in mm.
+    outline
+        See `Tool`.
+    reach
+        Function of the load factor: largest distance of the ply from the surface, for a
+        holder; None for a tool, which keeps the ply away from the surface.
+    """
+
+    what: str
+    surface: Surface
+    motion: Motion | None
+    X: ndarray
+    side: int
+    half: float
+    outline: ndarray | None
+    reach: Callable[[float], float] | None = None
+
+    @classmethod
+    def of(
+        cls, tool: Any, basis: CellBasis, reach: Callable[[float], float] | None = None
+    ) -> "Obstacle":
+        """Obstacle of a tool or holder; a ValueError if it is not valid."""
+        what = f"tool {tool.name!r}"
+        if components(basis) != 3:
+            raise ValueError(
+                f"{what}: a tool requires a ply in space: use Ply(..., dimension=3)"
+            )
+        if tool.side not in (None, 1, -1):
+            raise ValueError(f"{what}: side must be 1, -1 or None, got {tool.side!r}")
+        half = 0.5 * float(real_numbers(f"{what}: thickness", tool.thickness))
+        if not 0 <= half < np.inf:
+            raise ValueError(
+                f"{what}: the thickness must not be negative, got {2 * half:g} mm"
+            )
+        X = np.pad(node_positions(basis), ((0, 1), (0, 0)))
+        check_surface(what, tool.surface, X)
+        for t in (0.0, 1.0):
+            placement(what, tool.motion, t)
+        outline = _corners(what, tool.outline)
+        obstacle = cls(what, tool.surface, tool.motion, X, 1, half, outline, reach)
+        side = tool.side or obstacle._side_at_rest()
+        return replace(obstacle, side=side)
+
+    def gaps(self, x: ndarray, t: float) -> Gaps:
+        """Gaps of points, shape (3, n)."""
+        rotation, translation = placement(self.what, self.motion, t)
+        local = rotation.T @ (x - translation[:, None])
+        level, gradient = self._first_order(local)
+        slope = np.linalg.norm(gradient, axis=0)
+        regular = slope > 0  # it vanishes where a point has no closest one
+        slope = np.where(regular, slope, 1.0)
+        distance, normal = level / slope, rotation @ (gradient / slope)
+        gap = self._sign * distance + self._offset(t)
+        gap = np.where(regular & self._within(local), gap, np.inf)
+        return Gaps(gap, self._sign * normal, distance, local, slope)
+
+    def derivatives(
+        self, at: Gaps, nodes: ndarray, t: float
+    ) -> tuple[ndarray, ndarray]:
+        """∇g and ∇²g at some points, to leading order in the distance.
+
+        Shapes (3, n) and (3, 3, n).
+        """
+        rotation, _ = placement(self.what, self.motion, t)
+        surface = CheckedSurface(self.what, self.surface)
+        H = surface.hessian(at.local[:, nodes]) * (self._sign / at.slope[nodes])
+        H = np.einsum("ai,ijn,bj->abn", rotation, H, rotation)
+        n = at.normal[:, nodes]
+        turn = np.einsum("ijn,jn->in", H, n)  # zero if φ is a distance
+        both = n[:, None] * turn + turn[:, None] * n
+        along = turn - n * (n * turn).sum(axis=0)
+        return n - self._sign * at.distance[nodes] * along, H - both
+
+    @property
+    def _sign(self) -> int:
+        return self.side if self.reach is None else -self.side
+
+    def _offset(self, t: float) -> float:
+        return (0.0 if self.reach is None else self.reach(t)) - self.half
+
+    def _first_order(self, x: ndarray) -> tuple[ndarray, ndarray]:
+        if hasattr(self.surface, "first_order"):
+            return self.surface.first_order(x)
+        surface = CheckedSurface(self.what, self.surface)
+        return surface.level(x), surface.gradient(x)
+
+    def _within(self, x: ndarray) -> ndarray:
+        """True for points that the tool may touch."""
+        within = np.ones(x.shape[1], dtype=bool)
+        if self.outline is not None:
+            within &= inside(self.outline, x[:2])
+        beyond = getattr(self.surface, "beyond_edges", None)
+        if beyond is not None and within.any():
+            within[within] = beyond(x[:, within]) == 0
+        return within
+
+    def _side_at_rest(self) -> int:
+        """Side of the surface on which the undeformed ply lies."""
+        at = self.gaps(self.X, 0.0)
+        distance = np.where(np.isfinite(at.gap), at.distance, 0.0)
+        size = float(np.ptp(self.X, axis=1).max())
+        above, below = float(distance.max()), -float(distance.min())
+        if max(above, below) <= _ROUND_OFF * size:
+            raise ValueError(
+                f"{self.what}: the surface is in the plane of the undeformed ply, so "
+                "that its side is not known: specify side=1 or side=-1"
+            )
+        if min(above, below) > _ROUND_OFF * size:
+            depth = np.maximum(-distance if above > below else distance, 0.0)
+            node = int(depth.argmax())
+            raise ValueError(
+                f"{self.what} crosses the undeformed ply: node {node} at "
+                f"{place(self.X[:, node])} is {depth[node]:.3g} mm inside it: move the "
+                "tool, or specify its side"
+            )
+        return 1 if above > below else -1
+
+
+def _corners(what: str, outline: ArrayLike | None) -> ndarray | None:
+    """Validated corners of an outline."""
+    if outline is None:
+        return None
+    corners = real_numbers(f"{what}: outline", outline)
+    if corners.ndim != 2 or corners.shape[0] != 2 or corners.shape[1] < 3:
+        raise ValueError(
+            f"{what}: outline must have the shape (2, n) with at least three corners, "
+            f"not {corners.shape}"
+        )
+    return corners
+
+
+def node_areas(basis: CellBasis) -> ndarray:
+    """Integral of the shape function of each node in mm², shape (n_nodes,)."""
+    return asm(LinearForm(lambda v, w: v[0]), basis)[:: components(basis)]
+
+
+class _ContactForces(TermParameters):
+    """Contact forces and stiffnesses; no contact at rest and after each step."""
+
+    def __init__(self, contact: "ToolContact") -> None:
+        self._contact = contact
+
+    def at_rest(self) -> Values:
+        """No contact."""
+        zero = np.zeros(self._contact.nodes.size)
+        return Values({"force": zero, "stiffness": zero})
+
+    def updated(
+        self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
+    ) -> Values:
+        """Multipliers max(λ − κ g, 0)."""
+        force = self._contact.forces(u, t, values)
+        return Values({**values, "force": force})
+
+    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
+        """No contact, until a step has found which nodes touch."""
+        return self.at_rest()
+
+
+class ToolContact(ContactTerm):
+    """Contact of the nodes of a ply with a `Tool`.
+
+    Attributes
+    ----------
+    nodes
+        Numbers of all nodes, shape (1, n_nodes).
+    areas
+        Integral of the shape function of each node in mm², shape (n_nodes,).
+    """
+
+    def __init__(self, name: str, obstacle: Obstacle, basis: CellBasis) -> None:
+        self.name, self._obstacle = name, obstacle
+        self.nodes = np.arange(obstacle.X.shape[1])[None]
+        self.areas = node_areas(basis)
+        self._takes_part = self.areas > _NO_AREA * self.areas.max()
+        self.parameters = _ContactForces(self)
+        self._last: tuple[ndarray, float, Gaps | None] = np.empty(0), 0.0, None
+
+    def travel(self, t: float) -> ndarray:
+        """Translation of the tool in mm, shape (3,)."""
+        return placement(self._obstacle.what, self._obstacle.motion, t)[1]
+
+    def gaps(self, u: ndarray, t: float) -> ndarray:
+        """See `ContactTerm.gaps`."""
+        return np.where(self._takes_part, self._at(u, t).gap, np.inf)
+
+    def gaps_at(self, x: ndarray, t: float) -> ndarray:
+        """Distances of points from the tool in mm, shape (n,)."""
+        return self._obstacle.gaps(x, t).gap
+
+    def normals(self, u: ndarray, t: float) -> ndarray:
+        """Unit normals of the tool at the nodes, towards the ply, shape (3, n_nodes)."""
+        return self._at(u, t).normal
+
+    def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
+        """See `ContactTerm.forces`."""
+        kappa = p["stiffness"]
+        if not kappa.any():
+            return np.zeros(len(kappa))
+        gap = self.gaps(u, t)
+        reached = np.isfinite(gap)
+        return np.where(
+            reached, np.maximum(p["force"] - kappa * np.where(reached, gap, 0), 0), 0.0
+        )
+
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
+        """Σ (max(λ − κ g, 0)² − λ²)/2κ."""
+        kappa = p["stiffness"]
+        if not kappa.any():
+            return 0.0
+        force = self.forces(u, t, p)
+        return float(((force**2 - p["force"] ** 2) / (2 * kappa)).sum())
+
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """−max(λ − κ g, 0) ∇g."""
+        force = self.forces(u, t, p)
+        f = np.zeros((len(force), 3))
+        if force.any():
+            nodes = np.flatnonzero(force)
+            normal, _ = self._obstacle.derivatives(self._at(u, t), nodes, t)
+            f[nodes] = -(force[nodes] * normal).T
+        return f.ravel()
+
+    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray | None:
+        """κ ∇g∇gᵀ − λ∇²g of the nodes that touch, shape (1, 3, 3, n_nodes)."""
+        kappa = p["stiffness"]
+        if not kappa.any():
+            return None
+        force, gap = self.forces(u, t, p), self.gaps(u, t)
+        n = np.where(np.isfinite(gap), self._at(u, t).normal, 0.0)
+        K = _OF_GAP * kappa * n[:, None] * n
+        if (nodes := np.flatnonzero(force)).size:
+            normal, H = self._obstacle.derivatives(self._at(u, t), nodes, t)
+            K[..., nodes] = kappa[nodes] * normal[:, None] * normal
+            K[..., nodes] -= p["force"][nodes] * H
+        return K[None]
+
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
+        """Derivative of the residual at forces λ."""
+        blocks = self.matrices(u, t, p)
+        if blocks is None:
+            return None
+        n = blocks.shape[-1]
+        data = np.ascontiguousarray(np.moveaxis(blocks[0], 2, 0)), np.arange(n)
+        return bsr_matrix((*data, np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
+
+    def _at(self, u: ndarray, t: float) -> Gaps:
+        """Gaps at the nodes of a displacement, which an iteration uses repeatedly."""
+        last_u, last_t, last = self._last
+        if last is not None and t == last_t and np.array_equal(u, last_u):
+            return last
+        gaps = self._obstacle.gaps(self._obstacle.X + u.reshape(-1, 3).T, t)
+        self._last = u.copy(), t, gaps
+        return gaps
