@@ -1,7 +1,7 @@
 """Newton's method for an equilibrium at one load factor."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -63,6 +63,10 @@ _TINY = 1e-300
 # Maximum number of iterations with the line search, as a multiple of the maximum before
 # it.
 _DESCENT = 3
+
+# Slope of the energy, relative to its value before an increment, that has nearly
+# vanished; and shortest part by which regula falsi reduces an interval.
+_FLAT, _MARGIN = 0.5, 0.1
 
 # Share of the predicted decrease of the energy that an increment must reach (Armijo's
 # rule, with the constant of Nocedal & Wright, Numerical Optimization, 2006, section
@@ -142,6 +146,10 @@ class Newton:
     Near the equilibrium the parameters of the terms are updated with the predicted
     tensions, until an update changes the energy by less than `SETTLED`.
 
+    Where tools touch the ply, the first iterations find the nodes that touch with a
+    soft contact, see `contact`.  They do not follow the load path, so that their
+    projected tangents do not count.
+
     The iteration leaves an unstable equilibrium along its softest mode, and continues
     with the line search, except where the load path is followed, which avoids it.
 
@@ -172,14 +180,18 @@ class Newton:
     ) -> Equilibrium:
         """See `Method`."""
         progress = _Progress(problem, fixed_values, most_projected, report)
+        most = self.most
         if problem.contacts and not contact.is_set(problem, start.parameters):
+            progress.most_projected, most = np.inf, _DESCENT * most
             first = self._touching(progress, start)
         else:
             tangent, p = _first_tangent(problem, start)
             changed = problem.surfaces or problem.ply.follows_load_factor
             f = problem.residual(start.u, p) if changed else start.f
             first = _Iterate(start.u, f, p, tangent)
-        end = self._iterate(progress, first, self.most)
+        end = self._iterate(progress, first, most)
+        if most > self.most:
+            progress.projected = 0
         leave = not np.isfinite(most_projected) and end.unstable
         if leave:
             motion = self.imperfection * problem.element_size * end.tangent.softest()
@@ -192,18 +204,14 @@ class Newton:
         return progress.equilibrium(end)
 
     def _touching(self, progress: "_Progress", start: InitialGuess) -> "_Iterate":
-        """Find the nodes that touch tools, with a soft contact.
-
-        Projected tangents do not count, as these iterations do not follow the path.
-        """
+        """Find the nodes that touch tools, with a soft contact."""
         problem, u = progress.problem, start.u
         tension = problem.ply.geometric_tension(u, np.zeros_like(u), start.parameters)
         tension = np.maximum(tension, _FIRST_TENSION)
         p = contact.soft(problem, u, start.parameters, tension)
         tangent = definite(problem, u, p, tension)
-        rough = replace(progress, most_projected=np.inf)
         at = _Iterate(u, problem.residual(u, p), p, tangent)
-        at = self._iterate(rough, at, _DESCENT * self.most, until=_NEARLY)
+        at = self._iterate(progress, at, _DESCENT * self.most, until=_NEARLY)
         u = at.u
         tension = problem.ply.geometric_tension(u, np.zeros_like(u), at.parameters)
         p = contact.stiff(problem, u, at.parameters, tension)
@@ -230,7 +238,9 @@ class Newton:
             if progress.residuals or problem.in_space:
                 du = du / max(1.0, problem.ply.largest_gradient(du) / self.longest)
             du = within_laws(problem, u, du, p)
-            if descend and (progress.residuals or problem.contacts):
+            if problem.contacts:
+                du = settling(problem, u, du, f, p)
+            elif progress.residuals and descend:
                 du = descending(problem, u, du, f, p)
             tension = problem.ply.geometric_tension(u, du, p)
             contact = tangent.contact(f, du)
@@ -476,3 +486,33 @@ def descending(
             if fall <= _ARMIJO * share * slope + round_off:
                 return share * du
     return du
+
+
+def settling(
+    problem: Problem, u: ndarray, du: ndarray, f: ndarray, parameters: PlyParameters
+) -> ndarray:
+    """The part of an increment along which the energy stops to decrease.
+
+    The slope of the energy is the work of the nodal forces over the increment. It
+    increases where nodes touch a tool; its root is found by regula falsi.  Near a
+    state differences of the energy are round-off, but slopes are not.
+    """
+
+    def slope_at(share: float) -> float:
+        return float(problem.residual(problem.moved(u, share * du), parameters) @ du)
+
+    before, after = float(f @ du), slope_at(1.0)
+    flat = _FLAT * abs(before)
+    if before >= 0 or after <= flat:
+        return du
+    low, high, share = (0.0, before), (1.0, after), 1.0
+    for _ in range(_HALVINGS):
+        (a, at_a), (b, at_b) = low, high
+        root = (a * at_b - b * at_a) / (at_b - at_a) if np.isfinite(at_b) else 0.5 * a
+        margin = _MARGIN * (b - a)
+        share = min(max(root, a + margin), b - margin)
+        slope = slope_at(share)
+        if abs(slope) <= flat:
+            break
+        low, high = ((share, slope), high) if slope < 0 else (low, (share, slope))
+    return share * du
