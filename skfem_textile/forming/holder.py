@@ -125,11 +125,11 @@ class HolderPressure(ElementTerm):
         """Forces towards the surface."""
         return (self._forces(t, p) * self._derivatives(u, t)[0]).T.ravel()
 
-    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray | None:
+    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Their derivative: nodal blocks, shape (1, 3, 3, n_nodes)."""
         return (self._forces(t, p) * self._derivatives(u, t)[1])[None]
 
-    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
         """Derivative of the residual."""
         blocks = self.matrices(u, t, p)[0]
         n = blocks.shape[-1]

@@ -27,7 +27,7 @@ from ..solve.surface.surface import place
 from .outline import inside
 
 #: Translation in mm that is reached in proportion to the load factor, or a function of
-#: the load factor: it returns the translation, or a rotation matrix and the translation.
+#: the load factor that returns the translation, or a rotation matrix and it.
 Motion: TypeAlias = ArrayLike | Callable[[float], Any]
 
 # Share of the area of an element below which the integral of a shape function is zero.
@@ -39,6 +39,9 @@ _ROUND_OFF = 1e-9
 # Stiffness of a gap in the tangent, relative to that of contact.  It holds a ply that
 # nothing touches, has no force, and is far below every stiffness of the ply.
 _OF_GAP = 1e-9
+
+# Number of points on the way of a node at which it may be inside a tool.
+_ON_THE_WAY = 8
 
 # Deviation of a rotation matrix from orthogonality that is round-off.
 _ORTHOGONAL = 1e-9
@@ -133,9 +136,7 @@ def placement(what: str, motion: Motion | None, t: float) -> tuple[ndarray, ndar
         raise ValueError(f"{what} is not finite at load factor {t:g}")
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if not (off <= _ORTHOGONAL and np.linalg.det(rotation) > 0):
-        raise ValueError(
-            f"{what}: the matrix at load factor {t:g} is not a rotation"
-        )
+        raise ValueError(f"{what}: the matrix at load factor {t:g} is not a rotation")
     return rotation, translation
 
 
@@ -346,7 +347,7 @@ class ToolContact(ContactTerm):
 
     def travel(self, t: float) -> ndarray:
         """Translation of the tool in mm, shape (3,)."""
-        return placement(self._obstacle.what, self._obstacle.motion, t)[1]
+        return self._placement(t)[1]
 
     def gaps(self, u: ndarray, t: float) -> ndarray:
         """See `ContactTerm.gaps`."""
@@ -357,7 +358,7 @@ class ToolContact(ContactTerm):
         return self._obstacle.gaps(x, t).gap
 
     def normals(self, u: ndarray, t: float) -> ndarray:
-        """Unit normals of the tool at the nodes, towards the ply, shape (3, n_nodes)."""
+        """Unit normals of the tool at the nodes, shape (3, n_nodes)."""
         return self._at(u, t).normal
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
@@ -411,6 +412,29 @@ class ToolContact(ContactTerm):
         n = blocks.shape[-1]
         data = np.ascontiguousarray(np.moveaxis(blocks[0], 2, 0)), np.arange(n)
         return bsr_matrix((*data, np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
+
+    def passed(self, u_0: ndarray, t_0: float, u: ndarray, t: float) -> ndarray:
+        """See `ContactTerm.passed`.
+
+        Seen from the tool, a node moves straight from one side of it to another, with
+        an opposite normal, and penetrates it on the way.
+        """
+        before, after = self._at(u_0, t_0), self._at(u, t)
+        (turned, _), (rotation, translation) = map(self._placement, (t_0, t))
+        normals = rotation @ turned.T @ before.normal, after.normal
+        opposite = (normals[0] * normals[1]).sum(axis=0) < 0
+        nodes = np.flatnonzero(opposite & self._takes_part)
+        if not nodes.size:
+            return nodes
+        depth = np.zeros(nodes.size)
+        for share in np.linspace(0, 1, _ON_THE_WAY + 2)[1:-1]:
+            local = (1 - share) * before.local + share * after.local
+            x = rotation @ local[:, nodes] + translation[:, None]
+            depth = np.maximum(depth, -self._obstacle.gaps(x, t).gap)
+        return nodes[depth > _ROUND_OFF * np.ptp(self._obstacle.X)]
+
+    def _placement(self, t: float) -> tuple[ndarray, ndarray]:
+        return placement(self._obstacle.what, self._obstacle.motion, t)
 
     def _at(self, u: ndarray, t: float) -> Gaps:
         """Gaps at the nodes of a displacement, which an iteration uses repeatedly."""

@@ -152,6 +152,10 @@ class ContactTerm(ElementTerm):
         """Translation of the tool in mm, shape (3,)."""
         raise NotImplementedError
 
+    def passed(self, u_0: ndarray, t_0: float, u: ndarray, t: float) -> ndarray:
+        """Numbers of nodes that pass through the tool between two states."""
+        raise NotImplementedError
+
 
 class Load(Protocol):
     """Object from which a term is built on a displacement basis of a ply."""

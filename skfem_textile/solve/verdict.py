@@ -171,6 +171,7 @@ class Trial:
                     f"the energy of {name} is not finite",
                     advice="a smaller load, or a law that is finite there",
                 )
+        self._refuse_passed()
         if not self.problem.in_domain(self.equilibrium.u, self.equilibrium.parameters):
             end = self.problem.ply.closest_end(self.equilibrium.u)
             raise NoEquilibriumError(
@@ -184,6 +185,20 @@ class Trial:
             if name not in warn_only:
                 raise failure
             self.warnings[name] = str(failure)
+
+    def _refuse_passed(self) -> None:
+        """Refuse a ply that passed through a tool in the step."""
+        problem, start, u = self.problem, self.start, self.equilibrium.u
+        if start is None:
+            return
+        for tool in problem.contacts:
+            passed = tool.passed(start.u, start.load_factor, u, problem.load_factor)
+            if passed.size:
+                raise NoEquilibriumError(
+                    f"{passed.size} node(s) passed through tool {tool.name!r}, the "
+                    f"first is node {passed[0]}",
+                    advice="more steps",
+                )
 
     def next_guess(self) -> InitialGuess:
         """The equilibrium as the start of a step, with advanced parameters."""

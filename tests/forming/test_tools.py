@@ -1,0 +1,275 @@
+"""Tools that move: contact is a constraint, and no state depends on its stiffness."""
+
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Holder,
+    LoadStepper,
+    OnePoint,
+    Ply,
+    Quadratic,
+    StepError,
+    Tool,
+    Traction,
+    Values,
+    drape,
+)
+
+SIDE, RADIUS, GAP, TRAVEL = 60.0, 40.0, 0.3, 25.0
+
+
+def blank(cells=6, fibres=0.0, terms=(), formulation=None, bending=5.0, tension=0.2):
+    """Quarter of a blank with two planes of symmetry."""
+    s = np.linspace(0, SIDE, cells + 1)
+    mesh = MeshQuad.init_tensor(s, s).with_defaults()
+    c, n = np.cos(fibres), np.sin(fibres)
+    fabric = Fabric(1e4, 0.1, (c, n), (-n, c), bending=(bending, bending))
+    loads = [
+        Traction("right", (tension, 0, 0), factor=1.0),
+        Traction("top", (0, tension, 0), factor=1.0),
+    ]
+    return Ply(
+        *(mesh, fabric),
+        *(() if formulation is None else (formulation,)),
+        terms=[*loads, *terms],
+        dimension=3,
+        fibre_ends={"left": "mirror", "bottom": "mirror"},
+    )
+
+
+SYMMETRY = {
+    "x": Condition("left", (0.0, None, None)),
+    "y": Condition("bottom", (None, 0.0, None)),
+}
+
+
+def punch(motion=(0, 0, TRAVEL), **options):
+    sphere = drape.Sphere(RADIUS, (0, 0, -RADIUS - GAP / 2))
+    return Tool(sphere, motion=motion, name="punch", **options)
+
+
+def ring(z, **options):
+    """Torus above the ply: an edge of the die over which it is drawn."""
+    torus = drape.Torus(RADIUS + 10.0, 8.0, (0, 0, z + 8.0))
+    return Tool(torus, name="die", **options)
+
+
+def formed(steps=2, **options):
+    ply = blank(terms=[punch(), ring(GAP / 2)], **options)
+    return LoadStepper(ply, SYMMETRY, steps=steps).run()
+
+
+@pytest.fixture(scope="module")
+def state():
+    return formed()
+
+
+@pytest.mark.parametrize("steps", [1, 5])
+def test_number_of_steps_does_not_change_the_state(state, steps):
+    other = formed(steps)
+    assert other.converged
+    assert state.path_resolved
+    angles = [np.degrees(x.ply.shear_angle(x.u)) for x in (state, other)]
+    assert np.abs(angles[0] - angles[1]).max() < 0.01
+    forces = [x.states[-1].reactions["punch"][2] for x in (state, other)]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-3)
+
+
+def test_contact_is_a_constraint(state):
+    """No penetration, no tensile contact force, no force without contact."""
+    last = state.states[-1]
+    for tool in (x for x in state.ply.terms if x.name in ("punch", "die")):
+        gap = tool.gaps(last.u, 1.0)
+        force = last.parameters[tool.name]["force"]
+        assert gap.min() >= -1e-9 * SIDE
+        assert force.min() >= 0
+        assert np.abs(gap[force > 1e-6 * force.max()]).max() <= 1e-9 * SIDE
+        assert (force > 0).sum() > 4
+    assert last.verdict.negative_pivots == 0
+
+
+def test_forces_balance(state):
+    """Tools carry each other along z; tension and symmetry planes balance along x."""
+    reactions = state.states[-1].reactions
+    assert reactions["punch"][2] > 1
+    off = reactions["punch"] + reactions["die"]
+    off += [reactions["x"][0] + 0.2 * SIDE, reactions["y"][1] + 0.2 * SIDE, 0.0]
+    assert np.abs(off).max() < 1e-6 * reactions["punch"][2]
+
+
+def test_force_is_the_derivative_of_the_energy(state):
+    """The work of the punch over a small travel is the change of all energies."""
+    h = 1e-3
+    energies = []
+    for travel in (TRAVEL - h, TRAVEL + h):
+        ply = blank(terms=[punch((0, 0, travel)), ring(GAP / 2)])
+        last = LoadStepper(ply, SYMMETRY, steps=1).run().states[-1]
+        loads = sum(v for k, v in last.potentials.items() if k.startswith("traction"))
+        energies.append(sum(last.energies.values()) + loads)
+    force = (energies[1] - energies[0]) / (2 * h)
+    assert force == pytest.approx(state.states[-1].reactions["punch"][2], rel=1e-3)
+
+
+def test_tools_turn_with_the_problem():
+    """Fibres at 45° and at 135° to a quarter are the same ply."""
+    one, other = (formed(1, fibres=np.radians(angle)) for angle in (45, 135))
+    shear = [np.abs(x.ply.shear_angle(x.u)).max() for x in (one, other)]
+    assert shear[0] == pytest.approx(shear[1], rel=1e-5)
+
+
+@pytest.mark.parametrize(("cells", "formulation"), [(12, OnePoint()), (6, Quadratic())])
+def test_formulations_agree(state, cells, formulation):
+    other = formed(cells=cells, formulation=formulation)
+    assert other.converged
+    forces = [x.states[-1].reactions["punch"][2] for x in (state, other)]
+    assert forces[0] == pytest.approx(forces[1], rel=0.1)
+
+
+def test_triangles_form_like_the_surface(state):
+    """A punch of triangles of 2 mm, open at its rim."""
+    n = 50
+    s = np.linspace(-45.0, 45.0, n + 1)
+    x, y = (a.ravel() for a in np.meshgrid(s, s))
+    z = np.sqrt(np.maximum(RADIUS**2 - x**2 - y**2, 0)) - RADIUS - GAP / 2
+    k = np.add.outer((n + 1) * np.arange(n), np.arange(n)).ravel()
+    t = np.hstack([[k, k + 1, k + n + 2], [k, k + n + 2, k + n + 1]])
+    t = t[:, (np.hypot(x, y)[t] < RADIUS - 4).all(axis=0)]
+    tool = Tool(
+        drape.TriangleMesh(np.array([x, y, z]), t),
+        motion=(0, 0, TRAVEL),
+        name="punch",
+    )
+    result = LoadStepper(blank(terms=[tool, ring(GAP / 2)]), SYMMETRY, steps=2).run()
+    forces = [x.states[-1].reactions["punch"][2] for x in (state, result)]
+    assert forces[0] == pytest.approx(forces[1], rel=0.01)
+    angles = [np.degrees(x.ply.shear_angle(x.u)) for x in (state, result)]
+    assert np.abs(angles[0] - angles[1]).max() < 0.1
+
+
+def test_thickness_keeps_the_nodes_away():
+    ply = blank(terms=[punch(thickness=1.0), ring(1.0, thickness=1.0)])
+    last = LoadStepper(ply, SYMMETRY, steps=1).run().states[-1]
+    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(last.u)
+    centre = np.array([[0.0], [0.0], [TRAVEL - RADIUS - GAP / 2]])
+    distance = np.linalg.norm(x - centre, axis=0)
+    assert distance.min() == pytest.approx(RADIUS + 0.5, abs=1e-6)
+
+
+def test_gravity_rests_on_a_plane():
+    """The plane carries the weight."""
+    from skfem_textile import BodyForce
+
+    weight = BodyForce((0, 0, -1e-5), factor=1.0)
+    ply = blank(terms=[weight, Tool(drape.Plane(), side=1, name="table")])
+    last = LoadStepper(ply, SYMMETRY, steps=1).run().states[-1]
+    assert last.reactions["table"][2] == pytest.approx(1e-5 * SIDE**2, rel=1e-6)
+
+
+def test_holder_presses_within_its_outline():
+    """A pressure on a part of the ply is carried by the plane beneath it."""
+    outline = [[20.0, 70.0, 70.0, 20.0], [-5.0, -5.0, 70.0, 70.0]]
+    table = Tool(drape.Plane(), side=1, name="table")
+    holder = Holder(drape.Plane(), pressure=0.01, side=1, outline=outline)
+    ply = blank(terms=[table, holder])
+    last = LoadStepper(ply, SYMMETRY, steps=1).run().states[-1]
+    area = 60.0 * 42.5  # nodes on the outline are within it
+    assert last.reactions["table"][2] == pytest.approx(0.01 * area, rel=0.02)
+
+
+def test_holder_keeps_its_gap():
+    """Beyond the punch the ply lifts from the plane by up to the gap."""
+    outline = [[45.0, 70.0, 70.0, 45.0], [-5.0, -5.0, 70.0, 70.0]]
+    holder = Holder(drape.Plane(), gap=5.0, side=1, outline=outline)
+    ply = blank(terms=[punch(), holder])
+    last = LoadStepper(ply, SYMMETRY, steps=2).run().states[-1]
+    x = ply.nodes + ply.nodal(last.u)[:2]
+    height = ply.nodal(last.u)[2, (x[0] > 46) & (x[0] < 69)]
+    assert height.max() == pytest.approx(5.0, abs=1e-6)
+    assert last.reactions["holder"][2] < 0
+
+
+def test_derivatives():
+    """Energy, residual and tangent agree where nodes touch, also with rotations."""
+    rng = np.random.default_rng(3)
+    c, s = np.cos(0.3), np.sin(0.3)
+    turn = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    tools = [
+        punch(lambda t: (turn, np.array([12.0, 0.0, -1.6])), side=1, thickness=0.4),
+        Tool(drape.double_dome(), motion=(0, 0, 0.05), name="dome", side=1),
+        Holder(drape.Sphere(300.0, (0, 0, -300.5)), gap=0.2, name="holder"),
+        Holder(drape.Sphere(300.0, (0, 0, -300.5)), pressure=0.1, name="pressed"),
+    ]
+    ply = blank(terms=tools)
+    u = rng.normal(0, 0.02, ply.basis.N)
+    du = rng.normal(0, 1, ply.basis.N)
+    for term in ply.terms[-4:]:
+        values = term.parameters.at_rest()
+        if "force" in values:
+            n = len(values["force"])
+            values = Values({"force": np.zeros(n), "stiffness": np.full(n, 2.0)})
+            values = term.parameters.updated(values, u, 1.0)
+        h = 1e-6
+        energy = [term.energy(u + k * h * du, 1.0, values) for k in (-1, 1)]
+        f = [term.residual(u + k * h * du, 1.0, values) for k in (-1, 1)]
+        slope = (energy[1] - energy[0]) / (2 * h)
+        residual = term.residual(u, 1.0, values)
+        assert np.abs(residual).max() > 1e-3
+        assert slope == pytest.approx(residual @ du, rel=1e-4)
+        change = (f[1] - f[0]) / (2 * h)
+        K = term.tangent(u, 1.0, values)
+        assert np.abs(K @ du - change).max() < 0.03 * np.abs(change).max()
+
+
+def test_resumed_run_is_the_same(tmp_path, state):
+    """A run that is killed after its first step and resumed, bit for bit."""
+
+    class KilledError(Exception):
+        pass
+
+    def kill(_):
+        raise KilledError
+
+    def stepper(**options):
+        ply = blank(terms=[punch(), ring(GAP / 2)])
+        return LoadStepper(ply, SYMMETRY, steps=2, checkpoint=tmp_path, **options)
+
+    with pytest.raises(StepError):
+        stepper(on_step=kill).run()
+    resumed = stepper().run(resume=True)
+    assert np.array_equal(resumed.u, state.u)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: punch(side=2), "side must be 1, -1 or None"),
+        (lambda: punch(thickness=-1.0), "thickness must not be negative"),
+        (lambda: punch(motion=(0, 1)), "translation of three components"),
+        (
+            lambda: punch(motion=lambda t: (2 * np.eye(3), np.zeros(3))),
+            "not a rotation",
+        ),
+        (lambda: punch(outline=[[0, 1], [0, 1]]), "at least three corners"),
+        (lambda: Tool(drape.Plane()), "in the plane of the undeformed ply"),
+        (
+            lambda: Tool(drape.Sphere(20.0, (30, 30, -19))),
+            r"crosses the undeformed ply: node \d+ at .* is 1 mm inside",
+        ),
+        (lambda: Holder(drape.Plane(), side=1), "either a gap or a pressure"),
+        (lambda: Holder(drape.Plane(), gap=-0.1, side=1), "at least 0 mm"),
+        (lambda: Tool(3.0), "surface must have the methods"),
+    ],
+)
+def test_invalid_tools(make, message):
+    with pytest.raises(ValueError, match=message):
+        blank(cells=2, terms=[make()])
+
+
+def test_a_tool_needs_a_ply_in_space():
+    mesh = MeshQuad().with_defaults()
+    with pytest.raises(ValueError, match="requires a ply in space"):
+        Ply(mesh, Fabric(1e4), terms=[punch()])
