@@ -21,6 +21,7 @@ from .flat_pattern import FlatPattern, flat_pattern
 from .guide_curve import edge_through
 from .kinematic_net import NetStart, net, nets
 from .laying import Status
+from .part import points_of_part
 from .risks import (
     beyond_edges,
     bridging,
@@ -90,6 +91,7 @@ __all__ = [
     "nets",
     "off_triangles",
     "pattern_with_darts",
+    "points_of_part",
     "shear_over",
     "side_by_side",
     "triangles_on",
