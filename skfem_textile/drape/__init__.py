@@ -17,7 +17,7 @@ from .fibres_in_space import (
     fibres_on_ply,
     fibres_on_tool,
 )
-from .flat_pattern import FlatPattern, flat_pattern
+from .flat_pattern import FlatPattern, SeamLine, flat_pattern
 from .guide_curve import edge_through
 from .kinematic_net import NetStart, net, nets
 from .laying import Status
@@ -66,6 +66,7 @@ __all__ = [
     "PatternWithDarts",
     "Pieces",
     "Plane",
+    "SeamLine",
     "Sheet",
     "SheetPoints",
     "Sphere",

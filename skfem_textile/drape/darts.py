@@ -21,6 +21,7 @@ from .cuts import Cut, Seam
 from .flat_pattern import (
     JUMP,
     FlatPattern,
+    SeamLine,
     refuse_crossing,
     refuse_holes,
     spaced_curve,
@@ -383,6 +384,12 @@ def pattern_with_darts(
     for seam in seams:
         edges = [_flat(laid, seam, np.full(seam.shape[1], k))[0] for k in (0, 1)]
         darts.append(Dart(seam, (edges[0], edges[1])))
+    lines = [
+        SeamLine(number, edge, dart.seam)
+        for number, dart in enumerate(darts, 1)
+        for edge in dart.edges
+    ]
+    pattern = replace(pattern, seams=tuple(lines))
     area, largest = 0.0, 0.0
     for of, mask in zip(laid.sides, laid.cells(), strict=True):
         part = replace(of, status=_only(of, mask))
