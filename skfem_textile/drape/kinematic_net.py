@@ -16,11 +16,13 @@ from numpy.typing import ArrayLike
 from ..mesh.user_input import real_numbers
 from ..solve.surface import Surface, onto
 from ..solve.surface.surface import tangents
+from .corners import with_corners
 from .crossings import Net, up_to
 from .cuts import Cut, with_cuts
 from .guide_curve import GuideCurve
 from .laying import FOLDED, QUADRANTS, Quadrant, Start, Status, Wanted, lay
 from .surfaces import positive_length
+from .triangle_mesh import TriangleMesh
 
 # Distance beyond the edges of a tool, relative to the cell, up to which a cell starts.
 # A corner of the tool inside a square cell is at most 0.71 cells from its crossings.
@@ -130,7 +132,10 @@ def net(
         masks = _masks(ends, limits)
     (laid,) = _laid(surface, [start], cell, limits, masks, past_edges, cuts)
     counts = [n if n is None else _counts("", n) for n in (warp, weft)]
-    return _joined(laid, cell, flat, np.array(touch, dtype=float), counts)
+    joined = _joined(laid, cell, flat, np.array(touch, dtype=float), counts)
+    if past_edges or cuts or not isinstance(surface, TriangleMesh):
+        return joined
+    return with_corners(surface, joined, _MARGIN * cell)
 
 
 def nets(
@@ -167,7 +172,10 @@ def nets(
     ]
     limits = _limits(surface, cell, (None, None), False)
     laid = _laid(surface, found, cell, limits, None, False)
-    return [_joined(of, cell, flat, np.zeros(2), (None, None)) for of in laid]
+    joined = [_joined(of, cell, flat, np.zeros(2), (None, None)) for of in laid]
+    if not isinstance(surface, TriangleMesh):
+        return joined
+    return [with_corners(surface, of, _MARGIN * cell) for of in joined]
 
 
 def _flat(angles: tuple[float, float]) -> ndarray:

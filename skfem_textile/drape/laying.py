@@ -358,6 +358,18 @@ class _Front:
                     values[..., other::4, i] = values[..., one::4, i]
 
 
+def crossing(
+    surface: Surface, a: ndarray, b: ndarray, corner: ndarray, cell: float
+) -> tuple[ndarray, ndarray]:
+    """Crossings opposite to corners of cells, shape (3, n), and their `Status`.
+
+    ``a`` and ``b`` are the crossings at the distance of one cell.
+    """
+    guess, crosses = a + b - corner, np.ones(a.shape[1], dtype=bool)
+    x, _, done = _pinned(surface, guess, a, b, np.zeros_like(a), crosses, cell)
+    return x, _judged(x, guess, a, b, done, crosses, cell)
+
+
 def _pinned(
     surface: Surface,
     x: ndarray,
