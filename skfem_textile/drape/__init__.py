@@ -3,13 +3,8 @@
 from ..solve.surface.surface import displacement, exponential_map
 from .course import Course, courses, side_by_side
 from .crossings import FoldedNetError, Net, NetError
-from .darts import (
-    Dart,
-    NetWithDarts,
-    PatternWithDarts,
-    net_with_darts,
-    pattern_with_darts,
-)
+from .dart_pattern import Dart, PatternWithDarts, pattern_with_darts
+from .darts import NetWithDarts, net_with_darts
 from .fibres_in_space import (
     SAME_AXES,
     Axes,

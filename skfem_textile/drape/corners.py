@@ -5,19 +5,23 @@ start, the last corner of a cell follows from three others in another order.
 """
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from numpy import ndarray
 
 from .crossings import Net
 from .laying import Status, crossing
+from .seams import Seams
 from .triangle_mesh import TriangleMesh
 
 # Steps from the opposite corner of a cell to a missing one.
 _STEPS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 
 
-def with_corners(tool: TriangleMesh, net: Net, margin: float) -> Net:
+def with_corners(
+    tool: TriangleMesh, net: Net, margin: float, seams: Seams | None = None
+) -> Net:
     """Net with the missing corners of cells that have another corner on the tool.
 
     Parameters
@@ -28,25 +32,38 @@ def with_corners(tool: TriangleMesh, net: Net, margin: float) -> Net:
         The net.
     margin
         Distance beyond the edges in mm up to which a crossing counts as on the tool.
+    seams
+        Seams of darts.
     """
     x, status = net.positions.copy(), net.status.copy()
+    labels = (
+        np.zeros(status.shape, dtype=int) if net.seams is None else net.seams.copy()
+    )
     while True:
-        corner, one, other, missing = _missing(status)
-        near = np.array(
-            [tool.beyond_edges(x[:, *of]) <= margin for of in (corner, one, other)]
-        ).any(axis=0)
-        corner, one, other, missing = (
-            of[:, near] for of in (corner, one, other, missing)
-        )
+        corners = _missing(status)
+        near = np.zeros(corners[0].shape[1], dtype=bool)
+        for of in corners[:3]:
+            on = tool.beyond_edges(x[:, *of]) <= margin
+            if seams is not None:
+                _, beyond = seams.labels(x[:, *of], labels[None, *of])
+                on &= beyond <= 0
+            near |= on
+        for one, other in combinations([labels[*of] for of in corners[:3]], 2):
+            near &= (one != -other) | (one == 0)
+        corner, one, other, missing = (of[:, near] for of in corners)
         if not missing.size:
-            return replace(net, positions=x, status=status)
+            known = labels if labels.any() else None
+            return replace(net, positions=x, status=status, seams=known)
         found, result = crossing(
             tool, x[:, *one], x[:, *other], x[:, *corner], net.cell
         )
-        # A corner that cannot be laid is not tried again.
-        status[*missing] = np.where(result == Status.LAID, result, Status.BEHIND)
         laid = result == Status.LAID
+        # A corner that cannot be laid is not tried again.
+        status[*missing] = np.where(laid, Status.LAID, Status.BEHIND)
         x[:, *missing[:, laid]] = found[:, laid]
+        if seams is not None:
+            before = np.array([labels[*one], labels[*other]])
+            labels[*missing] = seams.labels(found, before)[0]
 
 
 def _missing(status: ndarray) -> list[ndarray]:

@@ -23,7 +23,8 @@ def hemisphere_across(radius=50.0, fillet=8.0, flange=60.0):
     return 2 * ((radius + fillet) * np.arccos(fillet / (radius + fillet)) + flange)
 
 
-def hat_across(top=50.0, height=40.0, flange=50.0, fillet=8.0, draft=np.radians(20)):
+def hat_across(top=50.0, height=40.0, flange=50.0, fillet=8.0, degrees=20.0):
+    draft = np.radians(degrees)
     around = 2 * fillet * (np.pi / 2 - draft)
     wall = (height - 2 * fillet * (1 - np.sin(draft))) / np.cos(draft)
     return 2 * (top / 2 - fillet + around + wall + flange)
