@@ -165,8 +165,8 @@ def lay(
         Points on the tool, beyond which threads end.
     seams
         Seams of darts, at which threads end too.  Where threads from both sides of a
-        seam meet, the nets with even numbers continue that of the left side, the others
-        that of the right side.
+        seam meet, nets with even numbers continue the one on the left, and the others
+        the one on the right.
 
     Returns
     -------
