@@ -32,7 +32,7 @@ _FIBRES = ("fibres.vtu", "fibres.csv", "fibres.inp")
 _NET, _PICTURE, _PAGE, _SUMMARY = "net.vtu", "net.png", "net.html", "summary.json"
 
 # Least length of a cell in the search for the best start, relative to the diagonal:
-# about forty cells along either side of the tool.
+# about forty cells along either side of the part.
 _SEARCHED = 0.018
 
 # Smallest and largest length of a cell, relative to the diagonal of the tool.  Chosen:
@@ -124,7 +124,7 @@ def add_net(commands: Any) -> None:
         "--best",
         choices=("largest", "mean"),
         help="search for the point and the direction with the smallest largest, or "
-        "mean, shear angle over the whole tool",
+        "mean, shear angle over the part",
     )
     add(
         "--darts",
@@ -259,7 +259,7 @@ def _refuse_combinations(options: argparse.Namespace) -> None:
         raise ValueError("--overlap requires --roll-width")
     fixed = [
         f"--{name.replace('_', '-')}"
-        for name in ("point", "warp_along", "weft_along", "trim")
+        for name in ("point", "warp_along", "weft_along")
         if getattr(options, name) is not None
     ]
     if options.fibres:
@@ -292,8 +292,14 @@ def _laid(options: argparse.Namespace) -> _Part:
     outline, *holes = given or loops
     spanned = tool.without_holes() if len(loops) > 1 else tool
     if options.best:
+        points = drape.points_of_part(spanned, outline, holes)
+        of_part = float(np.linalg.norm(np.ptp(points, axis=1)))
         start = drape.best_start(
-            spanned, max(cell, _SEARCHED * size), angles=angles, measure=options.best
+            spanned,
+            max(cell, _SEARCHED * of_part),
+            angles=angles,
+            points=points,
+            measure=options.best,
         ).start
     else:
         point = _start(tool, options.point)

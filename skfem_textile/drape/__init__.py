@@ -3,13 +3,8 @@
 from ..solve.surface.surface import displacement, exponential_map
 from .course import Course, courses, side_by_side
 from .crossings import FoldedNetError, Net, NetError
-from .darts import (
-    Dart,
-    NetWithDarts,
-    PatternWithDarts,
-    net_with_darts,
-    pattern_with_darts,
-)
+from .dart_pattern import Dart, PatternWithDarts, pattern_with_darts
+from .darts import NetWithDarts, net_with_darts
 from .fibres_in_space import (
     SAME_AXES,
     Axes,
@@ -17,10 +12,11 @@ from .fibres_in_space import (
     fibres_on_ply,
     fibres_on_tool,
 )
-from .flat_pattern import FlatPattern, flat_pattern
+from .flat_pattern import FlatPattern, SeamLine, flat_pattern
 from .guide_curve import edge_through
 from .kinematic_net import NetStart, net, nets
 from .laying import Status
+from .part import points_of_part
 from .risks import (
     beyond_edges,
     bridging,
@@ -65,6 +61,7 @@ __all__ = [
     "PatternWithDarts",
     "Pieces",
     "Plane",
+    "SeamLine",
     "Sheet",
     "SheetPoints",
     "Sphere",
@@ -90,6 +87,7 @@ __all__ = [
     "nets",
     "off_triangles",
     "pattern_with_darts",
+    "points_of_part",
     "shear_over",
     "side_by_side",
     "triangles_on",

@@ -13,7 +13,7 @@ from numpy import ndarray
 
 from ..solve.surface import onto
 from .crossings import Net
-from .flat_pattern import FlatPattern
+from .flat_pattern import FlatPattern, SeamLine
 from .kinematic_net import net
 from .laying import Status
 from .surfaces import positive_length
@@ -37,7 +37,8 @@ class Course:
         Its net.
     pattern
         Its outline in the flat strip: the ends of the warp threads at the edges of the
-        tool, and the sides of the strip.
+        tool, and the sides of the strip.  Its seams are the lines at which a side
+        of a neighbour lies.
     """
 
     net: Net
@@ -123,7 +124,17 @@ def courses(
                 laid.append(last)
             else:
                 laid.insert(0, last)
-    return [Course(strip, _outline(tool, strip)) for strip in laid]
+    patterns = [_outline(tool, strip) for strip in laid]
+    # A strip with one thread on the tool covers nothing but the tolerance of its edge.
+    kept = [k for k, of in enumerate(patterns) if of.outline.shape[1] > 2]
+    laid, patterns = [laid[k] for k in kept], [patterns[k] for k in kept]
+    begin = next(k for k, strip in enumerate(laid) if strip is middle)
+    for k in range(len(laid) - 1):
+        lines = (-1 - inside, 0) if k >= begin else (-1, inside)
+        for n, line in zip((k, k + 1), lines, strict=True):
+            seam = SeamLine(k + 1, *_on_tool(tool, laid[n], line))
+            patterns[n] = replace(patterns[n], seams=(*patterns[n].seams, seam))
+    return [Course(*of) for of in zip(laid, patterns, strict=True)]
 
 
 # Options of `net` for the middle course alone.
@@ -167,6 +178,27 @@ def _outline(tool: TriangleMesh, laid: Net) -> FlatPattern:
     )
     warp, weft = (np.tile(a[:, None], (1, flat.shape[1])) for a in laid.directions.T)
     return FlatPattern(flat, on_tool, warp, weft)
+
+
+def _on_tool(tool: TriangleMesh, laid: Net, thread: int) -> tuple[ndarray, ndarray]:
+    """Points of a warp thread on the tool, in the flat strip and in space."""
+    x = laid.positions[:, :, thread]
+    known = np.flatnonzero(np.isfinite(x[0]))
+    on = known[tool.beyond_edges(x[:, known]) == 0]
+    s, t = laid.along[0][on], np.full(len(on), laid.along[1][thread])
+    flat = laid.directions @ np.array([s, t]) + laid.touch[:, None]
+    ends = [
+        _end(tool, laid, np.array([thread]), at, step)
+        for at, step in ((on[:1], -1), (on[-1:], 1))
+    ]
+    # Crossings within the tolerance of the edges are beyond them.
+    along, begin, end = (
+        laid.directions[:, 0] @ of for of in (flat, *(one for one, _ in ends))
+    )
+    inside = (along > begin) & (along < end)
+    parts = zip(*(ends[0], (flat[:, inside], x[:, on[inside]]), ends[1]), strict=True)
+    one, other = (np.hstack(part) for part in parts)
+    return one, other
 
 
 def _end(
@@ -243,7 +275,6 @@ def side_by_side(
     for pattern in patterns:
         weft = pattern.weft[:, 0]
         along = weft @ pattern.outline
-        shift = (begin - along.min()) * weft
-        moved.append(replace(pattern, outline=pattern.outline + shift[:, None]))
+        moved.append(pattern.moved((begin - along.min()) * weft))
         begin += np.ptp(along) + gap
     return moved

@@ -7,6 +7,12 @@ from numpy import ndarray
 
 from .laying import QUADRANTS, Status
 
+# Rounding of the length of a rod, relative to it.
+_ROUNDING = 1e-6
+
+# Longest side of a cell at the tip of a dart relative to the rods; others are open.
+_OPEN = 1.5
+
 
 class NetError(ValueError):
     """Net that does not reach a point.
@@ -44,6 +50,9 @@ class Net:
         Unit vectors of warp and weft in the flat ply, columns of shape (2, 2).
     touch
         Origin of these coordinates in the flat ply, shape (2,).
+    seams
+        Numbers of the seams of darts at crossings behind their tips, negative on the
+        right of a seam, shape (n_warp + 1, n_weft + 1); None without darts.
     """
 
     positions: ndarray
@@ -51,6 +60,7 @@ class Net:
     along: tuple[ndarray, ndarray]
     directions: ndarray
     touch: ndarray
+    seams: ndarray | None = None
 
     @property
     def cell(self) -> float:
@@ -65,9 +75,25 @@ class Net:
 
     @property
     def cells(self) -> ndarray:
-        """Mask of the cells with four crossings, shape (n_warp, n_weft)."""
-        laid = self.status == Status.LAID
-        return laid[1:, 1:] & laid[:-1, 1:] & laid[1:, :-1] & laid[:-1, :-1]
+        """Mask of the cells with four crossings, shape (n_warp, n_weft).
+
+        Between the edges of a dart there is none, but at its tip.
+        """
+        laid = np.all(_corners(self.status == Status.LAID), axis=0)
+        cut = laid & self.cut
+        sides = np.linalg.norm(self._sides(cut), axis=1)
+        laid[cut] = sides.max(axis=0) <= _OPEN * self.cell
+        return np.asarray(laid)
+
+    @property
+    def cut(self) -> ndarray:
+        """Mask of the cells at tips and seams of darts, which have a free side."""
+        mask = np.zeros(tuple(n - 1 for n in self.status.shape), dtype=bool)
+        if self.seams is not None:
+            lengths = np.linalg.norm(self._sides(~mask), axis=1)
+            off = np.nan_to_num(np.abs(lengths - self.cell)).max(axis=0)
+            mask |= (off > _ROUNDING * self.cell).reshape(mask.shape)
+        return mask
 
     @property
     def pieces(self) -> list[tuple["Net", ndarray]]:
@@ -93,9 +119,35 @@ class Net:
         x = self.positions
         one = np.linalg.norm(x[:, 1:, 1:] - x[:, :-1, :-1], axis=0)
         other = np.linalg.norm(x[:, 1:, :-1] - x[:, :-1, 1:], axis=0)
+        angle = 2 * np.arctan2(other, one)
+        angle[self.cut] = self._of_cut_cells()
+        return self._at_rest - angle
+
+    @property
+    def _at_rest(self) -> float:
+        """Angle between warp and weft in the flat ply in radians."""
         a, b = self.directions.T
-        at_rest = np.arctan2(np.linalg.det([a, b]), a @ b)
-        return np.abs(at_rest) - 2 * np.arctan2(other, one)
+        return float(np.abs(np.arctan2(np.linalg.det([a, b]), a @ b)))
+
+    def _sides(self, mask: ndarray) -> ndarray:
+        """Sides of some cells along warp, weft, warp, weft in mm, shape (4, 3, n)."""
+        a, b, c, d = (of[:, mask] for of in _corners(self.positions))
+        return np.array([a - b, a - c, c - d, b - d])
+
+    def _of_cut_cells(self) -> ndarray:
+        """Angles between the rods of cells with a free side in radians, shape (n,)."""
+        sides = self._sides(self.cut)
+        lengths = np.linalg.norm(sides, axis=1)
+        pairs = ((0, 1), (0, 3), (2, 1), (2, 3))
+        cosines = np.array(
+            [
+                (sides[i] * sides[j]).sum(axis=0) / (lengths[i] * lengths[j])
+                for i, j in pairs
+            ]
+        )
+        off = np.abs(lengths - self.cell)
+        best = np.argmin([off[i] + off[j] for i, j in pairs], axis=0)
+        return np.arccos(np.clip(cosines[best, np.arange(len(best))], -1.0, 1.0))
 
     def areas(self) -> ndarray:
         """Area of each cell on the surface in mm², shape (n_warp, n_weft).
@@ -103,9 +155,12 @@ class Net:
         It is cos Γ times the square of its sides for warp and weft at right angles at
         rest.  NaN if a corner was not laid.
         """
-        a, b = self.directions.T
-        at_rest = np.abs(np.arctan2(np.linalg.det([a, b]), a @ b))
-        return self.cell**2 * np.sin(at_rest - self.shear_angle())
+        area = self.cell**2 * np.sin(self._at_rest - self.shear_angle())
+        if self.seams is not None:
+            a, b, c, d = (of[:, self.cut] for of in _corners(self.positions))
+            across = np.cross(a - d, b - c, axis=0)
+            area[self.cut] = 0.5 * np.linalg.norm(across, axis=0)
+        return np.asarray(area)
 
     def middles(self) -> ndarray:
         """Centres of the cells on the surface in mm, shape (3, n_warp, n_weft)."""
@@ -224,6 +279,12 @@ class Net:
             i, j = place[:, order] + share * towards
             x = np.where(np.isfinite(x), x, self.positions[:, i, j])
         return x[:, np.isfinite(x[0])]
+
+
+def _corners(values: ndarray) -> list[ndarray]:
+    """Values at the four corners of each cell, shape (..., n_warp, n_weft)."""
+    ends = np.s_[..., 1:, 1:], np.s_[..., :-1, 1:], np.s_[..., 1:, :-1]
+    return [values[at] for at in (*ends, np.s_[..., :-1, :-1])]
 
 
 def up_to(ends: ndarray, shape: tuple[int, ...]) -> ndarray:

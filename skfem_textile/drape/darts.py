@@ -1,46 +1,40 @@
 """Darts: cuts of a ply from where its net folds or locks to the edge of the part.
 
-The net is laid up to the tip of a dart, and beyond it on both sides independently: on
-each side the threads that come from the other side continue as geodesics.  The seam
-follows the diagonals of the cells behind the tip, which bisect the fibres of the net
-without the dart, and goes on as a geodesic where this net ends.
+A dart begins at a place of the tool where the net locks, whatever the direction of the
+fibres, and its seam is an edge of the tool: threads end there, and their neighbours
+continue as geodesics.  Nets with several darts are laid twice, with the threads of the
+left and of the right side of each seam where both meet next to a tip.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
-from numpy.typing import ArrayLike
 
-from ..mesh.contact import signed_areas
-from ..solve.surface import OffSurfaceError, onto
+from ..solve.surface import onto
 from .crossings import Net
-from .cuts import Cut, Seam
-from .flat_pattern import (
-    JUMP,
-    FlatPattern,
-    refuse_crossing,
-    refuse_holes,
-    spaced_curve,
-)
-from .kinematic_net import net
-from .laying import QUADRANTS, Status
-from .sheet import Sheet, unit
+from .kinematic_net import net, nets_at_seams
+from .laying import Status
+from .seam_path import seam_from
+from .seams import Seam, Seams
+from .sheet import Sheet, boundary_edges, unit
 from .surfaces import positive_length
 from .triangle_mesh import TriangleMesh
-from .trimming import shares_inside
 
-# Largest number of cells by which a tip is moved towards the start until the net is
-# below the locking angle on both sides.
-_MOVES = 6
+# Maximum number of rounds in which darts are added where the net still locks.
+_ROUNDS = 6
 
-# Number of diagonals of cells, from the first that lock, which determine the seam.
-_NEAR = 8
+# Distance of a place that locks from the start, relative to the nearest one, above
+# which darts are added in a later round.
+_LATER = 1.15
 
-# Spacing of the points of a seam that continues as a geodesic, relative to the cell.
-_STEP = 0.5
+# Radius in cells of the vicinity of a place that locks in which curvature causes it,
+# and number of shifts to the middle of the curvature.
+_CURVED, _SHIFTS = 4.0, 4
+
+# Distance of a place that locks from a seam, in cells, within which it belongs to it.
+_NEAR = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,47 +44,45 @@ class NetWithDarts:
     Attributes
     ----------
     sides
-        The net on the side of the first warp threads of all darts, and on the side of
-        the first weft threads.  Before the tips they are the same.
+        The net on the left and on the right of the darts, seen from their tips.  Before
+        the tips they are the same.
     darts
-        Sides of the darts on which the first net lies, one for each quadrant at most.
+        The seams of the darts.
     locking_angle
         The locking angle in radians.
     """
 
     sides: tuple[Net, Net]
-    darts: tuple[Cut, ...]
+    darts: tuple[Seam, ...]
     locking_angle: float
 
     def side_of(self, x: ndarray) -> ndarray:
         """Number of the side of points of the tool, (3, n): 0 or 1, shape (n,)."""
         if not self.darts:
             return np.zeros(x.shape[1], dtype=int)
-        found = [dart.seam.nearest(x) for dart in self.darts]
-        distance, towards = np.array(found).swapaxes(0, 1)
-        nearest = distance.argmin(axis=0)
-        return np.asarray(towards[nearest, np.arange(x.shape[1])] < 0).astype(int)
+        _, left, _ = Seams(self.darts).nearest(x)
+        return np.asarray(left < 0).astype(int)
 
     def cells(self) -> tuple[ndarray, ndarray]:
         """Masks of the cells of each side, of which none is in both."""
-        one, other = self.sides
-        masks = one.cells.copy(), other.cells.copy()
-        for dart in self.darts:
-            masks[0][_on_warp_side(one, dart) == 0] = False
-            masks[1][_on_warp_side(other, dart) == 1] = False
-        # Both nets have the cells before the tips: they count on the first side.
-        i, j = (n - m for n, m in zip(one.start, other.start, strict=True))
-        rows, columns = np.nonzero(masks[1])
-        inside = (rows + i >= 0) & (rows + i < masks[0].shape[0])
-        inside &= (columns + j >= 0) & (columns + j < masks[0].shape[1])
-        rows, columns = rows[inside], columns[inside]
-        masks[1][rows, columns] = ~masks[0][rows + i, columns + j]
-        return masks
+        left, right = self.sides
+        if left.seams is None or right.seams is None:
+            return left.cells, np.zeros_like(right.cells)
+        on_left, on_right = ~_any_corner(left.seams < 0), _any_corner(right.seams < 0)
+        return left.cells & on_left, right.cells & on_right
 
     @property
     def pieces(self) -> list[tuple[Net, ndarray]]:
         """Nets, each with the mask of its cells."""
         return list(zip(self.sides, self.cells(), strict=True))
+
+    def sheet(self, side: int) -> Sheet:
+        """Net on one side as a ply, without the cells on the other side of seams."""
+        of, sign = self.sides[side], 1 - 2 * side
+        cells = of.cells
+        if of.seams is not None:
+            cells = cells & _any_corner(sign * of.seams >= 0)
+        return Sheet.of_net(_Piece([(of, cells)]))
 
     def locked(self, tool: TriangleMesh) -> ndarray:
         """Centres of cells on the tool beyond the locking angle in mm, shape (3, n).
@@ -98,7 +90,7 @@ class NetWithDarts:
         They include the last crossings before folds.
         """
         found = []
-        for of, mask in zip(self.sides, self.cells(), strict=True):
+        for of, mask in self.pieces:
             high = _locked(tool, of, mask, self.locking_angle)
             found += [of.middles()[:, high], of.folds]
         return np.hstack(found)
@@ -108,8 +100,6 @@ def net_with_darts(
     tool: TriangleMesh, cell: float, locking_angle: float, **start: Any
 ) -> NetWithDarts:
     """Lay a net with darts where it folds, or shears beyond a locking angle.
-
-    Each quadrant of the net has at most one dart.
 
     Parameters
     ----------
@@ -135,102 +125,94 @@ def net_with_darts(
         )
     cell = positive_length("net with darts: cell", cell)
     uncut = net(tool, cell, **start)
-    locked = _locked(tool, uncut, uncut.cells, locking_angle)
-    tips = {
-        quadrant: tip
-        for quadrant in range(len(QUADRANTS))
-        if (tip := _tip(uncut, quadrant, locked, locking_angle)) is not None
-    }
-    best = NetWithDarts((uncut, uncut), (), locking_angle)
-    fewest = np.inf
-    for _ in range(_MOVES if tips else 0):
-        darts = tuple(
-            Cut(quadrant, (tip.i, tip.j), True, _seam(tool, uncut, quadrant, tip))
-            for quadrant, tip in tips.items()
-        )
-        sides = (
-            net(tool, cell, cuts=darts, **start),
-            net(tool, cell, cuts=[dart.other() for dart in darts], **start),
-        )
-        moved = NetWithDarts(sides, darts, locking_angle)
-        count = moved.locked(tool).shape[1]
-        if count >= fewest:
+    laid = NetWithDarts((uncut, uncut), (), locking_angle)
+    for _ in range(_ROUNDS):
+        places = [_most_curved(tool, x, _CURVED * cell) for x in _locking(tool, laid)]
+        more = [seam_from(tool, tip, cell) for tip in places]
+        if not more:
             break
-        best, fewest = moved, count
-        if not count or min(min(tip[:2]) for tip in tips.values()) <= 1:
+        darts = (*laid.darts, *more)
+        sides = nets_at_seams(tool, cell, Seams(darts), **start)
+        laid = NetWithDarts(sides, darts, locking_angle)
+    return laid
+
+
+class _Piece(NamedTuple):
+    """One net with some of its cells."""
+
+    pieces: list[tuple[Net, ndarray]]
+
+
+def _any_corner(mask: ndarray) -> ndarray:
+    """Mask of the cells of which any corner is in a mask of crossings."""
+    return np.asarray(mask[1:, 1:] | mask[:-1, 1:] | mask[1:, :-1] | mask[:-1, :-1])
+
+
+def _locking(tool: TriangleMesh, laid: NetWithDarts) -> list[ndarray]:
+    """Places that fold or lock and have no dart, next to the start, shape (3,)."""
+    from scipy.ndimage import label  # type: ignore[attr-defined]
+
+    found: list[tuple[float, ndarray]] = []
+    for of, mask in laid.pieces:
+        high = _locked(tool, of, mask, laid.locking_angle)
+        places, count = label(high | _before_folds(tool, of, mask), np.ones((3, 3)))
+        away = [
+            np.arange(n) + 0.5 - at for n, at in zip(high.shape, of.start, strict=True)
+        ]
+        order = np.abs(away[0])[:, None] + np.abs(away[1])
+        for number in range(1, count + 1):
+            rows, columns = np.nonzero(places == number)
+            k = order[rows, columns].argmin()
+            cell = rows[k], columns[k]
+            found.append((float(order[cell]), of.middles()[:, *cell]))
+    reach = _NEAR * laid.sides[0].cell
+    chosen: list[ndarray] = []
+    free = [
+        one
+        for one in sorted(found, key=lambda one: one[0])
+        if all(seam.nearest(one[1][:, None])[0][0] > reach for seam in laid.darts)
+    ]
+    for away_from_start, place in free:
+        # Places further away may be the consequence of those next to the start.
+        if away_from_start > _LATER * free[0][0]:
             break
-        tips = {q: tip._replace(i=tip.i - 1, j=tip.j - 1) for q, tip in tips.items()}
-    return best
+        if all(np.linalg.norm(place - x) > 2 * reach for x in chosen):
+            chosen.append(place)
+    return chosen
 
 
-def _quadrant(values: ndarray, laid: Net, quadrant: int, cells: bool) -> ndarray:
-    """Values of the crossings or cells of a quadrant, from the start."""
-    (i, j), (s, t) = laid.start, QUADRANTS[quadrant]
-    back = 1 if cells else 0
-    rows = slice(i, None) if s > 0 else slice(i - back, None, -1)
-    columns = slice(j, None) if t > 0 else slice(j - back, None, -1)
-    if (s < 0 and i - back < 0) or (t < 0 and j - back < 0):
-        return values[..., :0, :0]
-    return values[..., rows, columns]
+def _most_curved(tool: TriangleMesh, x: ndarray, radius: float) -> ndarray:
+    """Middle of the positive curvature around a place, which causes its shear, (3,)."""
+    points, triangles = tool.facets.points, tool.facets.triangles()
+    defect = np.maximum(_defects(points, triangles), 0.0)
+    for _ in range(_SHIFTS):
+        weights = defect * (np.linalg.norm(points - x[:, None], axis=0) < radius)
+        if weights.sum() > 0:
+            x = onto(tool, (points @ weights / weights.sum())[:, None])[:, 0]
+    return x
 
 
-def _on_warp_side(laid: Net, dart: Cut) -> ndarray:
-    """1 for cells on the warp side of a dart, 0 on the other, −1 before its tip."""
-    side = np.full(laid.cells.shape, -1)
-    part = _quadrant(side, laid, dart.quadrant, cells=True)
-    i, j = np.indices(part.shape)
-    behind = (i >= dart.tip[0]) & (j >= dart.tip[1])
-    part[...] = np.where(behind, i - dart.tip[0] >= j - dart.tip[1], part)
-    return side
+def _defects(points: ndarray, triangles: ndarray) -> ndarray:
+    """Curvature of vertices: 2π minus their angles in radians, shape (n,)."""
+    angles = np.zeros(points.shape[1])
+    for k in range(3):
+        a, b, c = (points[:, triangles[(k + m) % 3]] for m in range(3))
+        cosine = (unit(b - a) * unit(c - a)).sum(axis=0)
+        np.add.at(angles, triangles[k], np.arccos(np.clip(cosine, -1.0, 1.0)))
+    defect = 2 * np.pi - angles
+    defect[np.unique(boundary_edges([triangles]))] = 0.0
+    return defect
 
 
-class _Tip(NamedTuple):
-    """Tip of a dart: numbers of cells from the start along warp and weft.
+def _before_folds(tool: TriangleMesh, laid: Net, mask: ndarray) -> ndarray:
+    """Mask of the cells on the tool next to folded threads."""
+    from scipy.ndimage import binary_dilation  # type: ignore[attr-defined]
 
-    ``shift`` is the number of cells along the warp, and against the weft, by which the
-    seam is off the diagonal of the tip.
-    """
-
-    i: int
-    j: int
-    shift: float
-
-
-def _tip(
-    laid: Net, quadrant: int, locked: ndarray, locking_angle: float
-) -> _Tip | None:
-    """Crossing of a quadrant before the cells that lock or fold; None without them.
-
-    It is on the diagonal of the first fold, or on the mean one of the first cells that
-    lock.
-    """
-    locks = _quadrant(locked, laid, quadrant, cells=True)
-    folds = np.argwhere(
-        _quadrant(laid.status == Status.FOLDED, laid, quadrant, cells=False)
-    )
-    if folds.size:
-        i, j = folds[folds.sum(axis=1).argmin()] - 1
-        offset = float(i - j)
-        before = int(min(i, j))
-    elif locks.any():
-        angle = np.abs(_quadrant(laid.shear_angle(), laid, quadrant, cells=True))
-        i, j = np.nonzero(locks)
-        near = i + j < (i + j).min() + _NEAR
-        weights = angle[i[near], j[near]] - locking_angle
-        mean = np.average((i - j)[near], weights=weights)
-        # The nearest diagonal with a cell that locks, if the mean one has none.
-        lines = np.unique(i - j)
-        line = lines[np.abs(lines - mean).argmin()]
-        offset = float(mean if abs(line - mean) <= 0.5 else line)
-        before = 0
-    else:
-        return None
-    whole = round(offset)
-    i, j = max(whole, 0), max(-whole, 0)
-    chain = np.diagonal(locks, -whole)
-    first = int(chain.argmax()) if chain.any() else before
-    shift = 0.5 * (offset - whole)
-    return _Tip(max(i + first, 1), max(j + first, 1), shift)
+    folded = binary_dilation(_any_corner(laid.status == Status.FOLDED), np.ones((3, 3)))
+    i, j = np.nonzero(folded & mask)
+    found = np.zeros(mask.shape, dtype=bool)
+    found[i, j] = tool.beyond_edges(laid.middles()[:, i, j]) == 0
+    return found
 
 
 def _locked(
@@ -242,252 +224,3 @@ def _locked(
     high = np.zeros(mask.shape, dtype=bool)
     high[i, j] = tool.beyond_edges(laid.middles()[:, i, j]) == 0
     return high
-
-
-def _seam(tool: TriangleMesh, laid: Net, quadrant: int, tip: _Tip) -> Seam:
-    """Seam from a tip to the edges of a tool."""
-    x = _quadrant(laid.positions, laid, quadrant, cells=False)
-    warp = x[:, tip.i, tip.j] - x[:, tip.i - 1, tip.j]
-    weft = x[:, tip.i, tip.j] - x[:, tip.i, tip.j - 1]
-    # The diagonals of two neighbouring rows of cells, and a mean of them.
-    share, other = abs(2 * tip.shift), int(tip.shift < 0)
-    n = min(x.shape[1] - tip.i, x.shape[2] - tip.j) - 1
-    k = np.arange(n)
-    points = (1 - share) * x[:, tip.i + k, tip.j + k] + 0.5 * share * (
-        x[:, tip.i + k + 1 - other, tip.j + k + other] + x[:, tip.i + k, tip.j + k]
-    )
-    points[:, 0] = x[:, tip.i, tip.j]
-    ends = np.flatnonzero(~np.isfinite(points[0]))
-    points = points[:, : ends[0]] if ends.size else points
-    limit = int(np.ceil(np.ptp(tool.facets.points, axis=1).sum() / laid.cell / _STEP))
-    if points.shape[1] == 1:
-        points = np.column_stack([points, points[:, 0] + _STEP * (warp + weft) / 2])
-        points = onto(tool, points)
-    points = _up_to_edge(tool, points, _STEP * laid.cell, limit)
-    points = onto(tool, _spaced(points, 0.5 * _STEP * laid.cell))
-    gradient = unit(tool.gradient(points))
-    along = np.diff(points)
-    side = unit(np.cross(along, gradient[:, 1:] + gradient[:, :-1], axis=0))
-    return Seam(points, side * np.sign(side[:, 0] @ (warp - weft)))
-
-
-def _up_to_edge(
-    tool: TriangleMesh, points: ndarray, step: float, limit: int
-) -> ndarray:
-    """Polyline that ends at the first point beyond the edges, or goes on to it."""
-    beyond = np.flatnonzero(tool.beyond_edges(points) > 0)
-    if beyond.size:
-        return points[:, : beyond[0] + 1]
-    chain = list(points.T)
-    for _ in range(limit):
-        along = chain[-1] - chain[-2]
-        ahead = chain[-1] + step * along / np.linalg.norm(along)
-        try:
-            chain.append(onto(tool, ahead[:, None])[:, 0])
-        except OffSurfaceError:
-            break
-        if tool.beyond_edges(chain[-1][:, None])[0] > 0:
-            break
-    return np.array(chain).T
-
-
-@dataclass(frozen=True, eq=False)
-class Dart:
-    """Dart of a flat pattern.
-
-    Attributes
-    ----------
-    seam
-        The seam on the tool in mm, shape (3, n), from the tip.
-    edges
-        Its two edges in the flat ply, shape (2, n) each.
-    """
-
-    seam: ndarray
-    edges: tuple[ndarray, ndarray]
-
-    @property
-    def area(self) -> float:
-        """Area between the edges in mm²."""
-        one, other = self.edges
-        around = np.column_stack([one, other[:, ::-1]])
-        return float(abs(signed_areas(*around)))
-
-    @property
-    def lengths(self) -> tuple[float, float]:
-        """Lengths of the edges in mm."""
-        one, other = (
-            float(np.linalg.norm(np.diff(edge), axis=0).sum()) for edge in self.edges
-        )
-        return one, other
-
-
-@dataclass(frozen=True, eq=False)
-class PatternWithDarts:
-    """Flat pattern of a net with darts.
-
-    Attributes
-    ----------
-    pattern
-        The outline, which contains the edges of the darts.
-    darts
-        The darts.
-    area_on_tool
-        Area of the part on the tool in mm².
-    shear_angle
-        Largest magnitude of the shear angle inside the outline in radians.
-    """
-
-    pattern: FlatPattern
-    darts: tuple[Dart, ...]
-    area_on_tool: float
-    shear_angle: float
-
-
-def pattern_with_darts(
-    laid: NetWithDarts,
-    curve: ArrayLike,
-    spacing: float | None = None,
-    holes: Sequence[ArrayLike] = (),
-) -> PatternWithDarts:
-    """Flat pattern of a net with darts, trimmed along a curve on the tool.
-
-    Parameters
-    ----------
-    laid
-        The net, which covers the curve.
-    curve, spacing, holes
-        See `flat_pattern`.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not valid, a point of a curve or of a seam is not covered, the
-        outline crosses itself, or a hole crosses it or a seam.
-    """
-    spacing = 0.5 * laid.sides[0].cell if spacing is None else spacing
-    spacing = positive_length("flat pattern: spacing", spacing)
-    points = spaced_curve(curve, spacing)
-    side = laid.side_of(points)
-    order, seams = _with_seams(laid, points, side, spacing)
-    x = np.hstack([part for part, _ in order])
-    number = np.concatenate([np.full(part.shape[1], s) for part, s in order])
-    flat, warp, weft = _flat(laid, x, number)
-    refuse_crossing(flat, x)
-    pattern = FlatPattern(flat, x, warp, weft)
-    if len(holes):
-        inner = tuple(_hole(laid, hole, spacing) for hole in holes)
-        refuse_holes(pattern, inner)
-        pattern = replace(pattern, holes=inner)
-    darts = []
-    for seam in seams:
-        edges = [_flat(laid, seam, np.full(seam.shape[1], k))[0] for k in (0, 1)]
-        darts.append(Dart(seam, (edges[0], edges[1])))
-    area, largest = 0.0, 0.0
-    for of, mask in zip(laid.sides, laid.cells(), strict=True):
-        part = replace(of, status=_only(of, mask))
-        shares = np.where(mask, shares_inside(part, pattern), 0.0)
-        inside = shares > 0
-        area += float((of.areas()[inside] * shares[inside]).sum())
-        largest = max(largest, np.abs(of.shear_angle()[inside]).max(initial=0.0))
-    return PatternWithDarts(pattern, tuple(darts), area, float(largest))
-
-
-def _hole(laid: NetWithDarts, curve: ArrayLike, spacing: float) -> FlatPattern:
-    """Outline of a hole, which must not cross a seam."""
-    points = spaced_curve(curve, spacing)
-    flat, warp, weft = _flat(laid, points, laid.side_of(points))
-    steps = np.linalg.norm(flat - np.roll(flat, -1, axis=1), axis=0)
-    if steps.max() > JUMP * spacing:
-        place = np.round(points[:, steps.argmax()], 3).tolist()
-        raise ValueError(
-            f"net with darts: a hole crosses the seam of a dart at {place}"
-        )
-    return FlatPattern(flat, points, warp, weft)
-
-
-def _only(laid: Net, mask: ndarray) -> ndarray:
-    """Statuses with the crossings of some cells only."""
-    keep = np.zeros(laid.status.shape, dtype=bool)
-    for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        keep[i : i + mask.shape[0], j : j + mask.shape[1]] |= mask
-    return np.where(keep, laid.status, Status.OMITTED)
-
-
-def _with_seams(
-    laid: NetWithDarts, points: ndarray, side: ndarray, spacing: float
-) -> tuple[list[tuple[ndarray, int]], list[ndarray]]:
-    """Parts of an outline with the number of their side, and seams up to it."""
-    cuts: list[tuple[int, ndarray]] = []
-    for dart in laid.darts:
-        away, _ = dart.seam.nearest(points)
-        k = int(away.argmin())
-        end = points[:, k]
-        seam = dart.seam.points
-        last = int(np.linalg.norm(seam - end[:, None], axis=0).argmin())
-        along = seam[:, last] - seam[:, last - 1]
-        if (end - seam[:, last]) @ along < 0:
-            last -= 1
-        trimmed = np.column_stack([seam[:, : last + 1], end])
-        cuts.append((k, _spaced(trimmed, spacing)))
-    parts: list[tuple[ndarray, int]] = []
-    used, begin = [], 0
-    n = points.shape[1]
-    for k, seam in sorted(cuts, key=lambda cut: cut[0]):
-        parts += _runs(points[:, begin:k], side[begin:k])
-        before, after = side[k - 2 if k > 1 else k - 2 + n], side[(k + 2) % n]
-        if before == after:  # the dart is outside the outline
-            begin = k
-            continue
-        parts += [(seam[:, ::-1], int(before)), (seam[:, 1:], int(after))]
-        used.append(seam)
-        begin = k + 1
-    parts += _runs(points[:, begin:], side[begin:])
-    return parts, used
-
-
-def _runs(points: ndarray, side: ndarray) -> list[tuple[ndarray, int]]:
-    """Parts of an outline on one side each."""
-    ends = np.flatnonzero(np.diff(side)) + 1
-    return [
-        (part, int(of[0]))
-        for part, of in zip(
-            np.split(points, ends, axis=1), np.split(side, ends), strict=True
-        )
-        if len(of)
-    ]
-
-
-def _spaced(points: ndarray, spacing: float) -> ndarray:
-    """Open polyline with points at most a spacing apart."""
-    lengths = np.linalg.norm(np.diff(points), axis=0)
-    at = np.concatenate([[0.0], np.cumsum(lengths)])
-    more = np.linspace(0.0, at[-1], int(np.ceil(at[-1] / spacing)) + 1)
-    s = np.unique(np.concatenate([at, more]))
-    return np.array([np.interp(s, at, x) for x in points])
-
-
-def _flat(
-    laid: NetWithDarts, x: ndarray, number: ndarray
-) -> tuple[ndarray, ndarray, ndarray]:
-    """Points in the flat ply at points on the tool on numbered sides, and fibres."""
-    flat = np.full((2, x.shape[1]), np.nan)
-    for side, of in enumerate(laid.sides):
-        own = np.flatnonzero(number == side)
-        if not own.size:
-            continue
-        sheet = Sheet.of_net(of)
-        places = sheet.at(x[:, own])
-        off = np.flatnonzero(~places.found)
-        if off.size:
-            point = ", ".join(f"{c:.7g}" for c in x[:, own[off[0]]])
-            raise ValueError(
-                f"net with darts: the net does not cover {off.size} points of the "
-                f"outline or a seam, the first at [{point}]: start elsewhere, or trim "
-                "inside"
-            )
-        flat[:, own] = sheet.flat_at(places)
-    warp, weft = (
-        np.tile(a[:, None], (1, x.shape[1])) for a in laid.sides[0].directions.T
-    )
-    return flat, warp, weft

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -30,6 +31,26 @@ _MOST = 1_000_000
 _NOTHING = 1e-9
 
 
+class SeamLine(NamedTuple):
+    """Line of a flat pattern that lies on another one with the same number.
+
+    Both edges of a dart have one number, and both sides of the seam of two courses.
+
+    Parameters
+    ----------
+    number
+        Number of the seam, from 1 on.
+    flat
+        Points in the flat ply in mm, shape (2, n).
+    on_tool
+        The same points in space in mm, shape (3, n).
+    """
+
+    number: int
+    flat: ndarray
+    on_tool: ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class FlatPattern:
     """Closed outline in the flat ply, and its position on the tool.
@@ -44,6 +65,8 @@ class FlatPattern:
         Unit directions of the fibres in the flat ply at these points, shape (2, n).
     holes
         Outlines of holes, inside the outline.
+    seams
+        Lines that are joined to others.
     """
 
     outline: ndarray
@@ -51,6 +74,7 @@ class FlatPattern:
     warp: ndarray
     weft: ndarray
     holes: tuple["FlatPattern", ...] = ()
+    seams: tuple[SeamLine, ...] = ()
 
     @property
     def length(self) -> float:
@@ -66,6 +90,16 @@ class FlatPattern:
     def signed_area(self) -> float:
         """Area in mm² inside the outline, negative for a clockwise one."""
         return float(signed_areas(*self.outline))
+
+    def moved(self, shift: ndarray) -> "FlatPattern":
+        """The pattern at another place of the plane, moved by ``shift``, (2,)."""
+        by = shift[:, None]
+        return replace(
+            self,
+            outline=self.outline + by,
+            holes=tuple(hole.moved(shift) for hole in self.holes),
+            seams=tuple(seam._replace(flat=seam.flat + by) for seam in self.seams),
+        )
 
 
 def flat_pattern(

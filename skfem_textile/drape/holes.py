@@ -33,7 +33,7 @@ def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     """
     loops = loops_of_edges(boundary_edges([triangles]))
     loops.sort(key=lambda loop: curve_length(x[:, loop]), reverse=True)
-    part = _parts(x.shape[1], triangles)
+    part = parts_of(x.shape[1], triangles)
     _, outer = np.unique([part[loop[0]] for loop in loops], return_index=True)
     for loop in (loop for k, loop in enumerate(loops) if k not in outer):
         x, patch = _flat_patch(x, loop)
@@ -45,7 +45,7 @@ def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     return x, triangles
 
 
-def _parts(n: int, triangles: ndarray) -> ndarray:
+def parts_of(n: int, triangles: ndarray) -> ndarray:
     """Number of the connected part of each of n vertices, shape (n,)."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -96,11 +96,11 @@ def _relaxed(x: ndarray, triangles: ndarray, loop: ndarray, free: ndarray) -> nd
     local = local.reshape(triangles.shape)
     own, rows = np.isin(nodes, free), np.isin(nodes, np.concatenate([free, loop]))
     position = x[:, nodes].T
-    uniform, _ = _laplacian(position, local, False)
+    uniform, _ = laplacian(position, local, False)
     inside = uniform[own].tocsc()
     position[own] = -spsolve(inside[:, own], inside[:, ~own] @ position[~own])
     for _ in range(_ROUNDS):
-        stiffness, area = _laplacian(position, local, True)
+        stiffness, area = laplacian(position, local, True)
         bend = (diags_array(1 / np.sqrt(area[rows])) @ stiffness[rows]).tocsc()
         right = bend[:, own].T @ (bend[:, ~own] @ position[~own])
         position[own] = -spsolve((bend[:, own].T @ bend[:, own]).tocsc(), right)
@@ -109,7 +109,7 @@ def _relaxed(x: ndarray, triangles: ndarray, loop: ndarray, free: ndarray) -> nd
     return x
 
 
-def _laplacian(x: ndarray, t: ndarray, cotangents: bool) -> tuple:
+def laplacian(x: ndarray, t: ndarray, cotangents: bool) -> tuple:
     """Laplacian with weights of one or by cotangents, and areas of the vertices."""
     from scipy.sparse import coo_array, diags_array
 

@@ -16,11 +16,13 @@ from numpy.typing import ArrayLike
 from ..mesh.user_input import real_numbers
 from ..solve.surface import Surface, onto
 from ..solve.surface.surface import tangents
+from .corners import with_corners
 from .crossings import Net, up_to
-from .cuts import Cut, with_cuts
 from .guide_curve import GuideCurve
-from .laying import FOLDED, QUADRANTS, Quadrant, Start, Status, Wanted, lay
+from .laying import FOLDED, QUADRANTS, Quadrant, Start, Status, lay
+from .seams import Seams
 from .surfaces import positive_length
+from .triangle_mesh import TriangleMesh
 
 # Distance beyond the edges of a tool, relative to the cell, up to which a cell starts.
 # A corner of the tool inside a square cell is at most 0.71 cells from its crossings.
@@ -56,7 +58,6 @@ def net(
     weft_along: ArrayLike | None = None,
     over: ndarray | None = None,
     past_edges: bool = False,
-    cuts: Sequence[Cut] = (),
 ) -> Net:
     """Lay a net on a surface.
 
@@ -91,9 +92,6 @@ def net(
         crossings beyond all of them are omitted.  By default all are laid.
     past_edges
         Continue beyond the edges of the tool, where its surface is extrapolated.
-    cuts
-        Sides of darts on which the net is laid, at most one in each quadrant; see
-        `net_with_darts`.
 
     Raises
     ------
@@ -113,24 +111,20 @@ def net(
     53.6
     """
     cell = positive_length("net: cell", cell)
-    flat = _flat(angles)
-    curves = [
-        c if c is None else GuideCurve(np.asarray(c)) for c in (warp_along, weft_along)
-    ]
-    origin = real_numbers("net: touch", touch)
+    flat, origin = _flat(angles), real_numbers("net: touch", touch)
     guess = np.array([*origin, 0.0]) if point is None else point
-    guess = real_numbers("net: point", guess)
-    if guess.shape != (3,) or not np.isfinite(guess).all():
-        raise ValueError(f"net: the start must be three finite numbers, got {point!r}")
-    start = _start(surface, cell, guess, np.asarray(first), flat, curves)
+    start = start_of(surface, cell, guess, first, flat, (warp_along, weft_along))
     limits = _limits(surface, cell, (warp, weft), past_edges)
     masks = None
     if over is not None:
         ends = np.linalg.solve(flat, over - np.array(touch)[:, None]) / cell
         masks = _masks(ends, limits)
-    (laid,) = _laid(surface, [start], cell, limits, masks, past_edges, cuts)
+    (laid,) = _laid(surface, [start], cell, limits, masks, past_edges)
     counts = [n if n is None else _counts("", n) for n in (warp, weft)]
-    return _joined(laid, cell, flat, np.array(touch, dtype=float), counts)
+    joined = _joined(laid, cell, flat, np.array(touch, dtype=float), counts)
+    if past_edges or not isinstance(surface, TriangleMesh):
+        return joined
+    return with_corners(surface, joined, _MARGIN * cell)
 
 
 def nets(
@@ -167,7 +161,41 @@ def nets(
     ]
     limits = _limits(surface, cell, (None, None), False)
     laid = _laid(surface, found, cell, limits, None, False)
-    return [_joined(of, cell, flat, np.zeros(2), (None, None)) for of in laid]
+    joined = [_joined(of, cell, flat, np.zeros(2), (None, None)) for of in laid]
+    if not isinstance(surface, TriangleMesh):
+        return joined
+    return [with_corners(surface, of, _MARGIN * cell) for of in joined]
+
+
+def nets_at_seams(
+    tool: TriangleMesh,
+    cell: float,
+    seams: Seams,
+    *,
+    point: ArrayLike = (0.0, 0.0, 0.0),
+    first: ArrayLike = (1.0, 0.0, 0.0),
+    angles: tuple[float, float] = (0.0, np.pi / 2),
+    warp_along: ArrayLike | None = None,
+    weft_along: ArrayLike | None = None,
+) -> tuple[Net, Net]:
+    """Nets on the left and on the right of seams, which are edges of a tool.
+
+    Both are laid everywhere.  They differ where threads from both sides of a seam meet.
+
+    Parameters
+    ----------
+    tool, cell, seams
+        The tool, the length of the rods in mm, and the seams.
+    point, first, angles, warp_along, weft_along
+        See `net`.
+    """
+    flat = _flat(angles)
+    start = start_of(tool, cell, point, first, flat, (warp_along, weft_along))
+    limits = _limits(tool, cell, (None, None), False)
+    laid = _laid(tool, [start, start], cell, limits, None, False, seams)
+    joined = [_joined(of, cell, flat, np.zeros(2), (None, None)) for of in laid]
+    left, right = (with_corners(tool, of, _MARGIN * cell, seams) for of in joined)
+    return left, right
 
 
 def _flat(angles: tuple[float, float]) -> ndarray:
@@ -178,39 +206,43 @@ def _flat(angles: tuple[float, float]) -> ndarray:
     return flat
 
 
-def _start(
+def start_of(
     surface: Surface,
     cell: float,
-    point: ndarray,
-    first: ndarray,
+    point: ArrayLike,
+    first: ArrayLike,
     flat: ndarray,
-    curves: list[GuideCurve | None],
+    along: tuple[ArrayLike | None, ArrayLike | None],
 ) -> Start:
     """Start of a net on a surface, and on the curves of its first threads."""
+    curves = [c if c is None else GuideCurve(np.asarray(c)) for c in along]
+    place = real_numbers("net: point", point)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise ValueError(f"net: the start must be three finite numbers, got {point!r}")
     for curve in curves:
         if curve is None:
             continue
-        on_curve = curve.closest(point).position
-        if not np.linalg.norm(on_curve - point) <= cell:
+        on_curve = np.asarray(curve.closest(place).position)
+        if not np.linalg.norm(on_curve - place) <= cell:
             raise ValueError(
                 f"net: the curve of a first thread passes the start "
-                f"{np.round(point, 3).tolist()} at a distance of "
-                f"{np.linalg.norm(on_curve - point):.3g} mm: specify a start on it"
+                f"{np.round(place, 3).tolist()} at a distance of "
+                f"{np.linalg.norm(on_curve - place):.3g} mm: specify a start on it"
             )
-        point = on_curve
-    start = onto(surface, point[:, None])[:, 0]
-    directions = tangents(surface, start, first) @ flat
+        place = on_curve
+    start = onto(surface, place[:, None])[:, 0]
+    directions = tangents(surface, start, np.asarray(first)) @ flat
     # The angle at rest to the curve of the other family, unless there are two curves.
     cosine, sine = float(flat[:, 0] @ flat[:, 1]), float(np.linalg.det(flat))
     for family in (1, 0) if curves[0] is None else (0, 1):
         curve = curves[family]
         if curve is None:
             continue
-        along = tangents(surface, start, curve.tangent(curve.closest(start)))
-        directions[:, family] = along[:, 0]
+        plane = tangents(surface, start, curve.tangent(curve.closest(start)))
+        directions[:, family] = plane[:, 0]
         if curves[1 - family] is None:
             turn = np.array([cosine, -sine if family else sine])
-            directions[:, 1 - family] = along @ turn
+            directions[:, 1 - family] = plane @ turn
     if not np.linalg.norm(np.cross(*directions.T)) > FOLDED:
         raise ValueError(
             "net: the first threads are parallel at their crossing: specify curves "
@@ -273,7 +305,7 @@ def _laid(
     limits: ndarray,
     masks: list[ndarray] | None,
     past_edges: bool,
-    cuts: Sequence[Cut] = (),
+    seams: Seams | None = None,
 ) -> list[list[Quadrant]]:
     """Quadrants of nets from starts on a surface."""
     beyond = None if past_edges else getattr(surface, "beyond_edges", None)
@@ -285,27 +317,20 @@ def _laid(
                     "edges of the tool: start on the tool"
                 )
 
-    def wanted(row: ndarray, i: ndarray, j: ndarray) -> Wanted:
+    def wanted(row: ndarray, i: ndarray, j: ndarray) -> ndarray:
         m, n = limits[row % 4].transpose(2, 0, 1)
         inside = (i <= m) & (j <= n)
         for quadrant, mask in enumerate(masks or []):
             m, n = limits[quadrant]
             inside[quadrant] &= mask[np.minimum(i, m), np.minimum(j, n)]
-        status = np.where(inside, Status.LAID, Status.OMITTED)
-        return Wanted(status) if not cuts else with_cuts(cuts, status, i, j)
+        return np.where(inside, Status.LAID, Status.OMITTED)
 
-    def on_tool(
-        x: ndarray, row: ndarray, i: ndarray, j: ndarray
-    ) -> tuple[ndarray, ndarray]:
-        on = own = np.ones(x.shape[1], dtype=bool)
-        if beyond is not None:
-            on = np.asarray(beyond(x) <= _MARGIN * cell)
-        for cut in cuts:
-            beyond_seam = cut.beyond_seam(x, row, i, j)
-            on, own = on & (beyond_seam <= _MARGIN * cell), own & (beyond_seam <= 0)
-        return on, own
+    def on_tool(x: ndarray) -> ndarray:
+        if beyond is None:
+            return np.ones(x.shape[1], dtype=bool)
+        return np.asarray(beyond(x) <= _MARGIN * cell)
 
-    return lay(surface, starts, cell, wanted, on_tool)
+    return lay(surface, starts, cell, wanted, on_tool, seams)
 
 
 def _joined(
@@ -327,6 +352,7 @@ def _joined(
     shape = tuple(sum(sides) + 1 for sides in reach)
     x = np.full((3, *shape), np.nan)
     status = np.full(shape, Status.BEHIND, dtype=np.int8)
+    seams = np.zeros(shape, dtype=int)
     for quadrant_signs, quadrant in zip(QUADRANTS, quadrants, strict=True):
         place, size = [], []
         for (before, after), s, n in zip(
@@ -337,5 +363,7 @@ def _joined(
         i, j = place[0][:, None], place[1]
         part = np.s_[..., : size[0], : size[1]]
         x[:, i, j], status[i, j] = quadrant.positions[part], quadrant.status[part]
+        seams[i, j] = quadrant.seams[part]
     along = [cell * np.arange(-before, after + 1) for before, after in reach]
-    return Net(x, status, (along[0], along[1]), flat, touch)
+    labels = seams if seams.any() else None
+    return Net(x, status, (along[0], along[1]), flat, touch, labels)

@@ -9,13 +9,13 @@ continues as a geodesic.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
 from ..solve.surface import Surface
 from .guide_curve import GuideCurve
+from .seams import Seams
 
 # Maximum number of Newton iterations for a crossing, and last step relative to the
 # cell.  Chosen: convergence is quadratic, so that the error after this step is below
@@ -39,8 +39,7 @@ class Status(IntEnum):
     FOLDED = 2  # the threads do not meet, or fold onto one another
     EDGE = 3  # beyond the edges of the tool
     OFF = 4  # a thread leaves the surface
-    CUT = 5  # on the other side of a dart
-    BEHIND = 6  # depends on a crossing that is missing for another reason
+    BEHIND = 5  # depends on a crossing that is missing for another reason
 
 
 #: Reasons that stop all crossings behind.
@@ -83,41 +82,21 @@ class Quadrant:
         In mm, shape (3, m, n), NaN for crossings that were not laid.
     status
         `Status`, shape (m, n).
+    seams
+        Numbers of seams, negative on their right, see `Seams.labels`; shape (m, n).
     """
 
     positions: ndarray
     status: ndarray
+    seams: ndarray
 
 
-class Wanted(NamedTuple):
-    """Crossings to lay, shapes (r, k).
+#: `Status` of crossings to lay, LAID or OMITTED, shape (r, k): a function of quadrant
+#: numbers, (r, 1), and numbers of cells along warp and weft, (k,).
+Wants = Callable[[ndarray, ndarray, ndarray], ndarray]
 
-    Attributes
-    ----------
-    status
-        `Status` LAID, OMITTED or CUT.
-    without_warp, without_weft
-        Masks of the crossings that do not depend on the neighbour along the warp, or
-        along the weft, which is on the other side of a dart.
-    side
-        1 for the side of a dart at the first warp thread, −1 at the first weft thread,
-        0 without a dart: a thread from beyond the seam does not fix a crossing.
-    """
-
-    status: ndarray
-    without_warp: ndarray | bool = False
-    without_weft: ndarray | bool = False
-    side: ndarray | int = 0
-
-
-#: Crossings to lay, as a function of quadrant numbers, (r, 1), and numbers of cells
-#: along warp and weft, (k,).
-Wants = Callable[[ndarray, ndarray, ndarray], Wanted]
-
-#: Masks of points on the part of the tool to cover, and on their side of a dart: a
-#: function of points in mm, (3, p), and their quadrant numbers and numbers of cells,
-#: (p,).
-OnTool = Callable[[ndarray, ndarray, ndarray, ndarray], tuple[ndarray, ndarray]]
+#: Mask of points near the tool, as a function of points in mm, (3, p).
+OnTool = Callable[[ndarray], ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,13 +104,14 @@ class _Diagonal:
     """Crossings with the same sum of cells, r quadrants and k crossings.
 
     Positions, gradients there, and differences of the positions from linear
-    extrapolation, (3, 3, r, k), NaN if not laid; masks and statuses, (r, k).  Others
-    follow from crossings that are ``own``, on their side of a dart.
+    extrapolation, (3, 3, r, k), NaN if not laid; masks, labels of seams, and statuses,
+    (r, k).  Crossings that are ``own`` are on their side of a seam.
     """
 
     values: ndarray
     on: ndarray
     own: ndarray
+    seams: ndarray
     status: ndarray
 
     @classmethod
@@ -140,6 +120,7 @@ class _Diagonal:
             np.full((3, 3, rows, count), np.nan),
             np.zeros((rows, count), dtype=bool),
             np.zeros((rows, count), dtype=bool),
+            np.zeros((rows, count), dtype=int),
             np.full((rows, count), Status.BEHIND, dtype=np.int8),
         )
 
@@ -155,6 +136,7 @@ class _Diagonal:
         wide.values[..., before : before + count] = self.values
         wide.on[:, before : before + count] = self.on
         wide.own[:, before : before + count] = self.own
+        wide.seams[:, before : before + count] = self.seams
         wide.status[:, before : before + count] = self.status
         return wide
 
@@ -165,6 +147,7 @@ def lay(
     cell: float,
     wanted: Wants,
     on_tool: OnTool,
+    seams: Seams | None = None,
 ) -> list[list[Quadrant]]:
     """Lay nets from several starts at once.
 
@@ -180,13 +163,17 @@ def lay(
         Crossings to lay; the quadrant 4k + q belongs to the start k.
     on_tool
         Points on the tool, beyond which threads end.
+    seams
+        Seams of darts, at which threads end too.  Where threads from both sides of a
+        seam meet, nets with even numbers continue the one on the left, and the others
+        the one on the right.
 
     Returns
     -------
     list
         The four `QUADRANTS` of each start.
     """
-    front = _Front(surface, starts, cell, wanted, on_tool)
+    front = _Front(surface, starts, cell, wanted, on_tool, seams)
     diagonals = [front.first()]
     before = _Diagonal.empty(4 * len(starts), 0)
     while np.isfinite(diagonals[-1].x[0]).any():
@@ -207,10 +194,12 @@ class _Front:
         cell: float,
         wanted: Wants,
         on_tool: OnTool,
+        seams: Seams | None,
     ) -> None:
         self._surface, self._cell = surface, cell
-        self._wanted, self._on_tool = wanted, on_tool
+        self._wanted, self._on_tool, self._seams = wanted, on_tool, seams
         self._rows = np.arange(4 * len(starts))
+        self._preferred = 1 - 2 * (self._rows[:, None] // 4 % 2)  # left is 1
         self._start = np.repeat([s.point for s in starts], 4, axis=0).T
         signs = np.array(QUADRANTS, dtype=float)
         directions = np.array([s.directions for s in starts])  # (start, 3, 2)
@@ -232,11 +221,11 @@ class _Front:
 
     def first(self) -> _Diagonal:
         """The starts."""
-        rows, none = self._rows, np.zeros(len(self._rows), dtype=int)
-        on, own = self._on_tool(self._start, rows, none, none)
-        status = np.full((len(rows), 1), Status.LAID, dtype=np.int8)
+        on = self._on_tool(self._start)[:, None]
+        status = np.full(on.shape, Status.LAID, dtype=np.int8)
         values = np.array([self._start, self._gradient, np.zeros_like(self._start)])
-        return _Diagonal(values[..., None], on[:, None], own[:, None], status)
+        none = np.zeros(on.shape, dtype=int)
+        return _Diagonal(values[..., None], on, none == 0, none, status)
 
     def after(self, before: _Diagonal, last: _Diagonal) -> _Diagonal:
         """The diagonal after two others, of which the first may be empty."""
@@ -250,15 +239,13 @@ class _Front:
             corner = before.shifted(1, 1)
             a_0, b_0 = before.shifted(2, 0), before.shifted(0, 2)
         new = _Diagonal.empty(len(self._rows), d + 1)
-        wanted = self._wanted(self._rows[:, None], i, d - i)
-        new.status[:] = wanted.status
+        new.status[:] = self._wanted(self._rows[:, None], i, d - i)
+        stopped = np.zeros(new.on.shape, dtype=bool)
+        stopped[:, 1:] |= np.isin(a.status[:, 1:], _STOPS)
+        stopped[:, :-1] |= np.isin(b.status[:, :-1], _STOPS)
         has_a, has_b, has_c = (np.isfinite(of.x[0]) for of in (a, b, corner))
-        has_a &= ~np.asarray(wanted.without_warp) & (a.own | (wanted.side != 1))
-        has_b &= ~np.asarray(wanted.without_weft) & (b.own | (wanted.side != -1))
-        stops = [np.isin(of.status, _STOPS) for of in (a, b)]
-        stops[0][:, 0], stops[1][:, -1] = False, False  # there is no such neighbour
-        stopped = stops[0] & ~np.asarray(wanted.without_warp)
-        stopped |= stops[1] & ~np.asarray(wanted.without_weft)
+        if self._seams is not None:
+            self._part(a, b, corner, has_a, has_b)
         open_ = (new.status == Status.LAID) & ~stopped
         crosses = open_ & has_a & has_b & has_c & (a.on | b.on | corner.on)
         warp = open_ & has_a & ~has_b & a.on
@@ -270,16 +257,45 @@ class _Front:
             (warp, *self._straight(0, warp, a, a_0, corner)),
             (weft, *self._straight(1, weft, b, b_0, corner)),
         ]
-        # First threads are laid in one quadrant and copied to the neighbour.
         self._lay(new, parts)
+        if self._seams is not None:
+            # A thread that passes ahead of a tip continues on its side of the seam.
+            past = crosses & ~new.own & (np.sign(new.seams) != self._preferred)
+            warp, weft = past & (a.seams == 0), past & (b.seams == 0) & (a.seams != 0)
+            none = (np.zeros_like(past), *self._crossing(past & False, a, b, corner))
+            straight = [
+                (warp, *self._straight(0, warp, a, a_0, corner)),
+                (weft, *self._straight(1, weft, b, b_0, corner)),
+            ]
+            self._lay(new, [none, *straight])
+        # First threads are laid in one quadrant and copied to the neighbour.
         self._share(new)
         return new
+
+    def _part(
+        self, a: _Diagonal, b: _Diagonal, c: _Diagonal, has_a: ndarray, has_b: ndarray
+    ) -> None:
+        """Change masks of neighbours on which crossings at seams depend.
+
+        Threads from both sides of a seam do not fix a crossing, and a thread from
+        beyond a seam does not if the other is before it.
+        """
+        both = has_a & has_b
+        apart = both & (a.seams == -b.seams) & (a.seams != 0)
+        first = np.where(a.on == b.on, np.sign(a.seams) == self._preferred, a.on)
+        across = both & ~apart & (c.seams != 0)
+        across &= (c.seams == -a.seams) | (c.seams == -b.seams)
+        away = both & ~apart & (a.own != b.own)
+        has_a &= ~(apart & ~first) & ~(away & ~a.own)
+        has_b &= ~(apart & first) & ~(away & a.own)
+        has_b &= ~(across & has_a)
 
     def _crossing(self, at: ndarray, a: _Diagonal, b: _Diagonal, c: _Diagonal) -> tuple:
         """Guess, its correction, and rod ends for crossings of two threads."""
         p, q, corner = a.x[:, at], b.x[:, at], c.x[:, at]
         off = 0.5 * (a.values[2][:, at] + b.values[2][:, at])
-        return p + q - corner, off, p, q, np.zeros_like(p)
+        of_seams = np.array([a.seams[at], b.seams[at]])
+        return p + q - corner, off, p, q, np.zeros_like(p), of_seams
 
     def _straight(
         self, family: int, at: ndarray, a: _Diagonal, a_0: _Diagonal, c: _Diagonal
@@ -311,7 +327,7 @@ class _Front:
                 across[:, k] = np.cross(tangent, gradient[:, k])
         with np.errstate(invalid="ignore"):  # a curve along the normal ends the thread
             across /= np.linalg.norm(across, axis=0)
-        return x + step, off, x, through, across
+        return x + step, off, x, through, across, np.array([a.seams[at]] * 2)
 
     def _guided(self, family: int, row: ndarray, i: ndarray, count: int) -> ndarray:
         """Places of the first threads that follow a curve."""
@@ -328,7 +344,7 @@ class _Front:
         )
         if not row.size:
             return
-        guess, off, a, b, across = (
+        guess, off, a, b, across, seams = (
             np.hstack([of[:, o] for of, o in zip(values, own, strict=True)])
             for values in list(zip(*parts, strict=True))[1:]
         )
@@ -341,8 +357,13 @@ class _Front:
         laid = status == Status.LAID
         row, i, x = row[laid], i[laid], x[:, laid]
         new.values[:, :, row, i] = x, gradient[:, laid], x - guess[:, laid]
+        new.own[row, i] = True
         if row.size:
-            new.on[row, i], new.own[row, i] = self._on_tool(x, row, i, d - i)
+            new.on[row, i] = self._on_tool(x)
+        if row.size and self._seams is not None:
+            label, beyond = self._seams.labels(x, seams[:, laid])
+            new.seams[row, i], new.own[row, i] = label, beyond <= 0
+            new.on[row, i] &= beyond <= 0
 
     def _owned(self, row: ndarray, i: ndarray, d: int) -> ndarray:
         """Mask of crossings that are not copied from another quadrant."""
@@ -354,8 +375,20 @@ class _Front:
     def _share(self, new: _Diagonal) -> None:
         for pairs, i in ((_SHARED_WARP, -1), (_SHARED_WEFT, 0)):
             for one, other in pairs:
-                for values in (new.values, new.on, new.own, new.status):
+                for values in (new.values, new.on, new.own, new.seams, new.status):
                     values[..., other::4, i] = values[..., one::4, i]
+
+
+def crossing(
+    surface: Surface, a: ndarray, b: ndarray, corner: ndarray, cell: float
+) -> tuple[ndarray, ndarray]:
+    """Crossings opposite to corners of cells, shape (3, n), and their `Status`.
+
+    ``a`` and ``b`` are the crossings at the distance of one cell.
+    """
+    guess, crosses = a + b - corner, np.ones(a.shape[1], dtype=bool)
+    x, _, done = _pinned(surface, guess, a, b, np.zeros_like(a), crosses, cell)
+    return x, _judged(x, guess, a, b, done, crosses, cell)
 
 
 def _pinned(
@@ -427,10 +460,12 @@ def _assembled(diagonals: list[_Diagonal]) -> list[Quadrant]:
     rows, count = len(diagonals[0].on), len(diagonals)
     x = np.full((3, rows, count, count), np.nan)
     status = np.full((rows, count, count), Status.EDGE, dtype=np.int8)
+    seams = np.zeros((rows, count, count), dtype=int)
     for d, of in enumerate(diagonals):
         i = np.arange(d + 1)
         x[:, :, i, d - i] = of.x
         status[:, i, d - i] = of.status
+        seams[:, i, d - i] = of.seams
     stopped = np.isin(status, _STOPS)
     for axis in (1, 2):
         stopped = np.logical_or.accumulate(stopped, axis)
@@ -440,7 +475,7 @@ def _assembled(diagonals: list[_Diagonal]) -> list[Quadrant]:
     for row in range(rows):
         m, n = (np.flatnonzero(laid[row].any(axis=k))[-1] + 2 for k in (1, 0))
         part = np.s_[..., row, :m, :n]
-        quadrants.append(Quadrant(x[part], status[part]))
+        quadrants.append(Quadrant(x[part], status[part], seams[part]))
     return quadrants
 
 

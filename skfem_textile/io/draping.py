@@ -16,6 +16,7 @@ from ..drape import (
     FibresInSpace,
     FlatPattern,
     Pieces,
+    SeamLine,
     Sheet,
     ToolMesh,
     fibres_on_ply,
@@ -165,18 +166,22 @@ _MARGIN, _LINE = 0.05, 0.002
 # Colours of both families in an SVG, as in pictures.
 _COLOURS = {"warp": "#0072B2", "weft": "#D55E00"}
 
+# Colour of seam lines.
+_SEAM = "#009E73"
+
 _MILLIMETRES = 4  # of the variable $INSUNITS of a DXF
 
 
 def write_pattern(
     path: str | os.PathLike[str], patterns: FlatPattern | Sequence[FlatPattern]
 ) -> None:
-    """Write the outlines of a flat pattern and of its holes.
+    """Write the outlines of a flat pattern and of its holes, and its seam lines.
 
     A .csv has the points of each curve, the arc length up to each point, the angles of
-    the fibres in the flat ply to its x axis, and the point on the tool.  A .svg and a
-    .dxf have the outlines at full size and the mean directions of warp and weft.  A
-    .dxf has them on the layers ``CUT``, ``WARP`` and ``WEFT``.
+    the fibres in the flat ply to its x axis, the point on the tool, and for seam lines
+    the number of the seam.  A .svg and a .dxf have the outlines and numbered seam lines
+    at full size, and the mean directions of warp and weft.  A .dxf has them on the
+    layers ``CUT``, ``SEAM``, ``WARP`` and ``WEFT``.
 
     Parameters
     ----------
@@ -205,27 +210,40 @@ def write_pattern(
         )
     if not curves:
         raise ValueError(f"{printable(path)}: there is no pattern to write")
-    writers[path.suffix.lower()](path, curves)
+    seams = [seam for pattern in several for seam in pattern.seams]
+    writers[path.suffix.lower()](path, curves, seams)
 
 
-def _write_outline_csv(path: Path, curves: list[FlatPattern]) -> None:
+def _write_outline_csv(
+    path: Path, curves: list[FlatPattern], seams: list[SeamLine]
+) -> None:
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(
             (
-                *("curve", "point", "x", "y", "along"),
-                *("warp_angle_deg", "weft_angle_deg", "tool_x", "tool_y", "tool_z"),
+                *("curve", "point", "x", "y", "along", "warp_angle_deg"),
+                *("weft_angle_deg", "tool_x", "tool_y", "tool_z", "seam"),
             )
         )
-        for number, curve in enumerate(curves, 1):
-            steps = np.linalg.norm(np.diff(curve.outline, axis=1), axis=0)
+        warp, weft = (way[:, :1] for way in (curves[0].warp, curves[0].weft))
+        lines = [
+            *(
+                (curve.outline, curve.on_tool, curve.warp, curve.weft, "")
+                for curve in curves
+            ),
+            *((seam.flat, seam.on_tool, warp, weft, seam.number) for seam in seams),
+        ]
+        for number, (flat, on_tool, *fibres, seam) in enumerate(lines, 1):
+            n = flat.shape[1]
+            steps = np.linalg.norm(np.diff(flat, axis=1), axis=0)
             along = np.concatenate([[0.0], np.cumsum(steps)])
             angles = [
-                np.degrees(np.arctan2(y, x)) + 0.0 for x, y in (curve.warp, curve.weft)
+                np.broadcast_to(np.degrees(np.arctan2(y, x)) + 0.0, n)
+                for x, y in fibres
             ]
-            table = np.vstack([curve.outline, along, *angles, curve.on_tool])
+            table = np.vstack([flat, along, *angles, on_tool])
             writer.writerows(
-                [number, i, *row] for i, row in enumerate(table.T.tolist(), 1)
+                [number, i, *row, seam] for i, row in enumerate(table.T.tolist(), 1)
             )
 
 
@@ -249,7 +267,7 @@ class _Drawing(NamedTuple):
         return cls(low, high, curves[0].outline.mean(axis=1), arrows)
 
 
-def _write_svg(path: Path, curves: list[FlatPattern]) -> None:
+def _write_svg(path: Path, curves: list[FlatPattern], seams: list[SeamLine]) -> None:
     low, high, (x, y), arrows = _Drawing.of(curves)
     size = high - low
     margin, line = _MARGIN * size.max(), _LINE * size.max()
@@ -266,18 +284,28 @@ def _write_svg(path: Path, curves: list[FlatPattern]) -> None:
             f'<polygon points="{points}" fill="none" stroke="black" '
             f'stroke-width="{line:g}"/>'
         )
+    letters = _LETTERS * size.min()
+    for seam in seams:
+        points = " ".join(f"{x:.6g},{-y:.6g}" for x, y in seam.flat.T)
+        left, top = seam.flat[:, seam.flat.shape[1] // 2]
+        lines += [
+            f'<polyline points="{points}" fill="none" stroke="{_SEAM}" '
+            f'stroke-width="{2 * line:g}" stroke-dasharray="{6 * line:g}"/>',
+            f'<text x="{left:g}" y="{-top:g}" font-size="{letters:g}" '
+            f'font-family="sans-serif" fill="{_SEAM}">{seam.number}</text>',
+        ]
     for name, arrow in arrows.items():
         x_end, y_end = x + arrow[0], y + arrow[1]
         lines += [
             f'<line x1="{x:g}" y1="{-y:g}" x2="{x_end:g}" y2="{-y_end:g}" '
             f'stroke="{_COLOURS[name]}" stroke-width="{2 * line:g}"/>',
-            f'<text x="{x_end:g}" y="{-y_end:g}" font-size="{_LETTERS * size.min():g}" '
+            f'<text x="{x_end:g}" y="{-y_end:g}" font-size="{letters:g}" '
             f'font-family="sans-serif" fill="{_COLOURS[name]}">{name}</text>',
         ]
     path.write_text("\n".join([*lines, "</svg>", ""]), encoding="utf-8")
 
 
-def _write_dxf(path: Path, curves: list[FlatPattern]) -> None:
+def _write_dxf(path: Path, curves: list[FlatPattern], seams: list[SeamLine]) -> None:
     try:
         import ezdxf
     except ImportError:
@@ -288,12 +316,17 @@ def _write_dxf(path: Path, curves: list[FlatPattern]) -> None:
     low, high, middle, arrows = _Drawing.of(curves)
     file = ezdxf.new("R2000", units=_MILLIMETRES)
     space = file.modelspace()
-    for name in ("CUT", "WARP", "WEFT"):
+    for name in ("CUT", "SEAM", "WARP", "WEFT"):
         file.layers.add(name)
     for curve in curves:
         layer = {"layer": "CUT"}
         space.add_lwpolyline(curve.outline.T.tolist(), close=True, dxfattribs=layer)
     letters = _LETTERS * (high - low).min()
+    layer = {"layer": "SEAM"}
+    for seam in seams:
+        space.add_lwpolyline(seam.flat.T.tolist(), dxfattribs=layer)
+        text = space.add_text(str(seam.number), height=letters, dxfattribs=layer)
+        text.set_placement(seam.flat[:, seam.flat.shape[1] // 2].tolist())
     for family, arrow in arrows.items():
         name, end = family.upper(), (middle + arrow).tolist()
         space.add_line(middle.tolist(), end, dxfattribs={"layer": name})

@@ -145,12 +145,9 @@ def _highest(tool: TriangleMesh) -> ndarray:
     top.
     """
     facets = tool.facets
-    x, near = facets.points, facets.longest_edges().max()
-    high = np.flatnonzero(x[2] >= x[2].max() - _AS_HIGH * np.ptp(x))
-    middle = 0.5 * (x.min(axis=1) + x.max(axis=1))
-    vertex = high[np.hypot(*(x[:, high] - middle[:, None])[:2]).argmin()]
-    start = position = x[:, vertex]
-    mu, inside = 0.0, vertex not in boundary_edges(facets.cells)
+    near = facets.longest_edges().max()
+    start, inside = _middle_of_top(tool)
+    position, mu = start, 0.0
     for _ in range(_MOST):
         at = position[:, None]
         g, level = tool.gradient(at)[:, 0], tool.level(at)[0]
@@ -170,6 +167,45 @@ def _highest(tool: TriangleMesh) -> ndarray:
         f"drape: the highest point of the tool, ({_xyz(start)}) mm, is at its edge or "
         "on a slope: specify the contact point of the ply"
     )
+
+
+def _middle_of_top(tool: TriangleMesh) -> tuple[ndarray, bool]:
+    """Middle of the highest vertices of a tool, and whether it is not at its edge.
+
+    It is the centroid of a flat top or of a ridge; the vertex nearest to the middle of
+    the tool if the top is one vertex, or does not contain its centroid.
+    """
+    facets = tool.facets
+    x, triangles = facets.points, facets.triangles()
+    is_high = x[2] >= x[2].max() - _AS_HIGH * np.ptp(x)
+    high = np.flatnonzero(is_high)
+    middle = 0.5 * (x.min(axis=1) + x.max(axis=1))
+    vertex = high[np.hypot(*(x[:, high] - middle[:, None])[:2]).argmin()]
+    edges = np.hstack([triangles[:2], triangles[1:], triangles[::2]])
+    edges = edges[:, is_high[edges].all(axis=0)]
+    top = _connected(edges, x.shape[1], vertex)
+    for parts in (triangles, edges):
+        parts = parts[:, top[parts].all(axis=0)]
+        corners = x[:, parts]
+        along = corners[:, 1:] - corners[:, :1]
+        size = np.sqrt(np.linalg.det(np.einsum("kin,kjn->nij", along, along)))
+        if size.any():
+            centroid = np.average(corners.mean(axis=1), axis=1, weights=size)
+            foot = onto(tool, centroid[:, None])
+            away = np.linalg.norm(foot[:, 0] - centroid)
+            if away <= _LEVEL * np.ptp(x) and not tool.beyond_edges(foot)[0]:
+                return foot[:, 0], True
+    return x[:, vertex], vertex not in boundary_edges(facets.cells)
+
+
+def _connected(edges: ndarray, n: int, vertex: int) -> ndarray:
+    """Mask of n vertices that edges connect with one of them."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(edges.shape[1]), tuple(edges)), shape=(n, n))
+    part = connected_components(graph, directed=False)[1]
+    return np.asarray(part == part[vertex])
 
 
 def _xyz(point: ndarray) -> str:

@@ -129,7 +129,9 @@ def test_courses_cover_the_tool(tmp_path, tool):
     assert summary["courses"] == 5
     assert summary["area_of_courses_mm2"] > summary["area_of_tool_mm2"]
     rows = np.genfromtxt(tmp_path / "pattern.csv", delimiter=",", names=True)
-    assert set(rows["curve"]) == {1, 2, 3, 4, 5}
+    cut = np.isnan(rows["seam"])
+    assert set(rows["curve"][cut]) == {1, 2, 3, 4, 5}
+    assert set(rows["seam"][~cut]) == {1, 2, 3, 4}
 
 
 @pytest.mark.parametrize("cell", [0.01, 50.0])
@@ -166,3 +168,24 @@ def test_a_concave_tool_has_a_start_near_its_middle(tmp_path):
     summary = laid(tmp_path / "out", bowl, "--no-render", "--cell", 5)
     start = [summary[f"start_at_{axis}_mm"] for axis in "xy"]
     assert np.hypot(*start) < 10
+
+
+def test_the_best_start_of_a_trimmed_part_is_on_it(tmp_path):
+    """A high bump beside the part folds nets and does not count."""
+    x, triangles = tool_shapes.height_field(
+        lambda x, y: (
+            15 * np.exp(-(((x + 60) / 30) ** 2) - (y / 30) ** 2)
+            + 70 * np.exp(-(((x - 70) / 20) ** 2) - (y / 20) ** 2)
+        ),
+        *(260.0, 140.0, 7.0),
+    )
+    path, curve = tmp_path / "bumps.stl", tmp_path / "trim.csv"
+    meshio.write_points_cells(path, x.T, [("triangle", triangles.T)])
+    lines = [f"{x},{y},0" for x, y in ((-115, -55), (0, -55), (0, 55), (-115, 55))]
+    curve.write_text("\n".join(["x,y,z", *lines]))
+    words = ("--no-render", "--trim", curve, "--cell", 6)
+    best = laid(tmp_path / "best", path, *words, "--best", "largest")
+    other = laid(tmp_path / "other", path, *words, "--point", -20, 40, 0)
+    assert best["max_shear_angle_deg"] < 0.6 * other["max_shear_angle_deg"]
+    assert -115 <= best["start_at_x_mm"] <= 0
+    assert best["area_of_part_mm2"] == pytest.approx(115 * 110 * 1.05, rel=0.05)

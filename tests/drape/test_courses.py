@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import shapely
 
 from skfem_textile import drape
 from tests.helpers import tool_shapes
@@ -36,6 +37,32 @@ def test_a_strip_starts_at_the_overlap_from_the_edge_of_its_neighbour():
     for x in start.T[np.isfinite(start[0])]:
         assert np.nanmin(np.linalg.norm(edge - x[:, None], axis=0)) < 2.6
     assert np.ptp(other.net.along[1]) == pytest.approx(60.0)
+
+
+@pytest.mark.parametrize("overlap", [0.0, 20.0])
+def test_both_sides_of_a_seam_are_one_line_on_the_tool(overlap):
+    bonnet = drape.TriangleMesh(*tool_shapes.bonnet())
+    strips = laid(bonnet, 60.0, overlap, 20.0)
+    lines = {}
+    for strip in strips:
+        for seam in strip.pattern.seams:
+            lines.setdefault(seam.number, []).append(seam)
+    assert sorted(lines) == list(range(1, len(strips)))
+    for one, other in lines.values():
+        lengths = [
+            np.linalg.norm(np.diff(of), axis=0).sum()
+            for line in (one, other)
+            for of in (line.flat, line.on_tool)
+        ]
+        np.testing.assert_allclose(lengths, lengths[0], rtol=5e-3)
+        for x in other.on_tool.T:
+            away = np.linalg.norm(one.on_tool - x[:, None], axis=0)
+            assert away.min() < 2.6
+    moved = drape.side_by_side([strip.pattern for strip in strips])
+    for pattern in moved:
+        for seam in pattern.seams:  # on the pattern, which has moved
+            inside = shapely.Polygon(pattern.outline.T).buffer(0.1)
+            assert shapely.contains_xy(inside, *seam.flat).all()
 
 
 def test_patterns_side_by_side_do_not_overlap():

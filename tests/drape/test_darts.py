@@ -31,29 +31,52 @@ def test_a_deep_box_without_darts_locks_at_its_corners():
 
 
 def test_a_deep_box_has_a_dart_at_each_corner(laid):
-    assert sorted(dart.quadrant for dart in laid.darts) == [0, 1, 2, 3]
+    assert len(laid.darts) == 4
     for dart in laid.darts:
-        tip, end = np.abs(dart.seam.points[:, [0, -1]].T)
+        tip, end = np.abs(dart.points[:, [0, -1]].T)
         np.testing.assert_allclose(tip[:2], [LENGTH / 2, WIDTH / 2], atol=8)
         assert end[2] < 1
-        assert BOX.beyond_edges(dart.seam.points[:, -1:])[0] > 0
+        assert BOX.beyond_edges(dart.points[:, -1:])[0] > 0
         # Down the edge between the walls, and on along the diagonal of the flange.
-        corner = np.abs(dart.seam.points[:2]) - [[LENGTH / 2], [WIDTH / 2]]
+        corner = np.abs(dart.points[:2]) - [[LENGTH / 2], [WIDTH / 2]]
         assert np.abs(corner[0] - corner[1]).max() < 3
 
 
 def test_nets_on_both_sides_of_darts_do_not_lock(laid):
     assert laid.locked(BOX).shape == (3, 0)
-    for net, mask in zip(laid.sides, laid.cells(), strict=True):
+    for net, mask in laid.pieces:
         assert not net.folds.size
-        assert np.abs(net.shear_angle()[mask]).max() < np.radians(40)
-        # Only cells on the diagonal behind a tip, which are cut, have a free side.
-        x, lengths = net.positions, []
-        for one, two in ((x[:, 1:], x[:, :-1]), (x[:, :, 1:], x[:, :, :-1])):
-            rods = np.linalg.norm(one - two, axis=0)
-            lengths.append(rods[np.isfinite(rods)])
-        off = np.abs(np.concatenate(lengths) - 4.0) > 1e-8
-        assert 0 < off.sum() < 4 * 2 * (DEPTH + 2 * FLANGE) / 4.0
+        assert np.abs(net.shear_angle()[mask]).max() < LOCKING
+        # Only cells at the tips, which are cut, have a free side.
+        x, whole = net.positions, mask & ~net.cut
+        sides = x[:, 1:, :-1] - x[:, :-1, :-1], x[:, :-1, 1:] - x[:, :-1, :-1]
+        for side in sides:
+            rods = np.linalg.norm(side[:, whole], axis=0)
+            np.testing.assert_allclose(rods, 4.0, rtol=1e-6)
+        assert (mask & net.cut).sum() < 4 * (DEPTH + 2 * FLANGE) / 4.0
+
+
+@pytest.mark.parametrize("degrees", [30, 45])
+def test_turned_fibres_have_darts_at_the_same_places(laid, degrees):
+    """A dart belongs to a place of the tool, not to the direction of the fibres.
+
+    The edges of a dart differ by up to a tenth: cells next to the tip are sheared.
+    """
+    angles = np.radians([degrees, degrees + 90])
+    turned = drape.net_with_darts(BOX, 4.0, LOCKING, point=TOP, angles=tuple(angles))
+    assert len(turned.darts) == 4
+    for dart in turned.darts:
+        tip = dart.points[:, 0]
+        away = [np.linalg.norm(tip - other.points[:, 0]) for other in laid.darts]
+        assert min(away) < 1.5
+    pattern = drape.pattern_with_darts(turned, BOX.facets.boundary()[0])
+    assert pattern.area_on_tool == pytest.approx(BOX.facets.area, rel=5e-3)
+    assert len(pattern.darts) == 4
+    for dart in pattern.darts:
+        one, other = dart.lengths
+        assert one == pytest.approx(other, rel=0.1)
+    numbers = [seam.number for seam in pattern.pattern.seams]
+    assert numbers == [1, 1, 2, 2, 3, 3, 4, 4]
 
 
 def test_the_pattern_with_darts_has_the_area_of_the_tool(laid, pattern):
@@ -67,12 +90,12 @@ def test_the_pattern_with_darts_has_the_area_of_the_tool(laid, pattern):
 
 
 def test_both_edges_of_a_dart_have_one_length(pattern):
-    """The length of the seam differs, because sheared cells change their diagonals."""
+    """Nearly, because cells next to the tip are sheared."""
     assert len(pattern.darts) == 4
     for dart in pattern.darts:
         seam = np.linalg.norm(np.diff(dart.seam), axis=0).sum()
         one, other = dart.lengths
-        assert one == pytest.approx(other, rel=0.05)
+        assert one == pytest.approx(other, rel=0.07)
         assert one == pytest.approx(seam, rel=0.1)
         # The walls are taken out twice, and the flange around its corner.
         assert DEPTH**2 < dart.area < (DEPTH + FLANGE) ** 2

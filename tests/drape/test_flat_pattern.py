@@ -2,6 +2,7 @@
 
 import csv
 import sys
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -232,6 +233,40 @@ def test_a_dxf_has_outlines_and_fibres_on_separate_layers(tmp_path, patterns):
     (warp,) = drawing.modelspace().query("LINE[layer=='WARP']")
     along = warp.dxf.end - warp.dxf.start
     assert np.arctan2(along.y, along.x) == pytest.approx(0.4)
+
+
+def test_seam_lines_are_in_all_files_with_their_numbers(tmp_path, patterns):
+    ezdxf = pytest.importorskip("ezdxf")
+    lines = [
+        drape.SeamLine(7, patterns[0].outline[:, k : k + 5], np.full((3, 5), 2.0 * k))
+        for k in (0, 9)
+    ]
+    files = [tmp_path / f"pattern.{kind}" for kind in ("csv", "svg", "dxf")]
+    for file in files:
+        write_pattern(file, replace(patterns[0], seams=tuple(lines)))
+    with open(files[0], newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["seam"] == "7"]
+    assert [row["curve"] for row in rows] == ["2"] * 5 + ["3"] * 5
+    x = [float(row["x"]) for row in rows]
+    np.testing.assert_array_equal(x, np.hstack([line.flat[0] for line in lines]))
+    assert float(rows[-1]["tool_z"]) == 18.0
+    name = "{http://www.w3.org/2000/svg}"
+    root = ElementTree.parse(files[1]).getroot()
+    drawn = root.findall(f"{name}polyline")
+    for polyline, line in zip(drawn, lines, strict=True):
+        points = [p.split(",") for p in polyline.get("points").split()]
+        np.testing.assert_allclose(
+            np.array(points, dtype=float).T * [[1], [-1]], line.flat, atol=1e-3
+        )
+    assert [text.text for text in root.findall(f"{name}text")][:2] == ["7", "7"]
+    space = ezdxf.readfile(files[2]).modelspace()
+    for polyline, line in zip(
+        space.query("LWPOLYLINE[layer=='SEAM']"), lines, strict=True
+    ):
+        assert not polyline.closed
+        points = np.array([p[:2] for p in polyline.get_points()]).T
+        np.testing.assert_array_equal(points, line.flat)
+    assert [t.dxf.text for t in space.query("TEXT[layer=='SEAM']")] == ["7", "7"]
 
 
 def test_a_dxf_without_its_package_is_rejected(tmp_path, patterns, monkeypatch):

@@ -52,6 +52,31 @@ def test_a_net_from_any_start_covers_a_plate_up_to_its_edges(angle, point):
     )
 
 
+BONNET = drape.TriangleMesh(*tool_shapes.bonnet())
+CYLINDER = drape.TriangleMesh(*tool_shapes.cylinder())
+SADDLE = drape.TriangleMesh(*tool_shapes.saddle())
+
+
+@pytest.mark.parametrize(
+    ("tool", "turn", "between", "cell"),
+    [
+        (BONNET, 45, 45, 8.0),
+        (BONNET, 70, 45, 8.0),
+        (BONNET, 45, 60, 5.0),
+        (CYLINDER, 20, 135, 5.0),
+        (SADDLE, 20, 135, 5.0),
+    ],
+)
+def test_a_net_with_any_angle_between_fibres_covers_a_tool(tool, turn, between, cell):
+    """An edge that turns back towards the start cuts cells at their last corner."""
+    points = tool.facets.points
+    middle = points[:, np.hypot(*points[:2]).argmin()]
+    warp, weft = np.radians([turn, turn + between])
+    net = drape.net(tool, cell, point=middle, angles=(warp, weft))
+    assert not net.folds.size
+    assert drape.Sheet.of_net(net).at(points).found.all()
+
+
 def test_a_net_past_the_edges_of_a_tool_does_not_end_there():
     ends = drape.net(PLATE, 7.0, (20, 20), (5, 5))
     goes_on = drape.net(PLATE, 7.0, (20, 20), (5, 5), past_edges=True)

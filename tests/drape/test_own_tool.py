@@ -7,6 +7,8 @@ from skfem_textile import Fabric, drape
 from skfem_textile.io import read_surface, read_tool_mesh
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
+from skfem_textile.scenes.drape import contact_point
+from tests.helpers import tool_shapes
 from tests.helpers.tools import bump_height, plate, write, write_sphere
 
 pytestmark = pytest.mark.usefixtures("no_interval")
@@ -106,6 +108,24 @@ def test_a_ply_first_touches_the_highest_point_nearest_to_the_middle(height, top
     point = scene.axes.origin * (np.sign(scene.axes.origin[0]), 1, 1)
     assert point == pytest.approx(top, abs=0.1)
     np.testing.assert_allclose(scene.axes.turn, np.eye(3), atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("tool", "top"),
+    [
+        (tool_shapes.deep_box(size=3.0), (0, 0, 60)),
+        (tool_shapes.hat(size=7.0), (0, 0, 40)),
+        (tool_shapes.ring(), None),
+    ],
+)
+def test_the_middle_of_a_flat_top_is_its_centroid(tool, top):
+    """Whatever its triangles are; a ring does not contain its centroid."""
+    tool = drape.TriangleMesh(*tool)
+    if top is None:
+        with pytest.raises(ValueError, match="is at its edge or on a slope"):
+            contact_point(tool)
+    else:
+        np.testing.assert_allclose(contact_point(tool), top, atol=1e-3)
 
 
 @unpulled

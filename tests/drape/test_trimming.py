@@ -71,3 +71,23 @@ def test_a_net_up_to_the_boundary_covers_the_area_of_a_tool(shape, cell):
     net = drape.net(tool, cell, angles=(0.5, 0.5 + np.pi / 2), point=middle)
     (outline, *_) = tool.facets.boundary()
     assert drape.trimmed(net, outline).area == pytest.approx(area, rel=5e-3)
+
+
+def test_points_of_a_part_on_vertical_walls_and_around_a_hole():
+    """A curve around the walls of a box at half of their height."""
+    box = drape.TriangleMesh(
+        *tool_shapes.deep_box(60.0, 40.0, 30.0, fillet=5.0, draft=0.0, flange=10.0)
+    )
+    t = np.array([[-30, 30, 30, -30], [-20, -20, 20, 20]], dtype=float)
+    turn = np.linspace(0, 2 * np.pi, 30, endpoint=False)
+    hole = np.array([8 * np.cos(turn), 8 * np.sin(turn), 0 * turn + 30])
+    points = drape.points_of_part(box, np.vstack([t, 4 * [15.0]]), [hole])
+    vertices = box.facets.points
+    z, r = vertices[2], np.hypot(*vertices[:2])
+    expected = (z > 16) & ((z < 29) | (r > 10))
+    own = points[:, np.abs(points[2] - 15) > 1e-9]
+    assert own[2].min() > 14
+    top = own[2] > 29
+    assert np.hypot(*own[:2, top]).min() > 6.5
+    known = {tuple(x) for x in own.T}
+    assert {tuple(x) for x in vertices[:, expected].T} <= known

@@ -1,0 +1,97 @@
+"""Points of the part of a tool inside a trimming curve."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from .flat_pattern import spaced_curve
+from .holes import laplacian, parts_of
+from .sheet import boundary_edges, closest_on_triangles
+from .tool_mesh import curve_length, loops_of_edges
+from .triangle_mesh import TriangleMesh
+
+
+def points_of_part(
+    tool: TriangleMesh, curve: ArrayLike, holes: Sequence[ArrayLike] = ()
+) -> ndarray:
+    """Vertices of a tool inside a closed curve and outside of holes, and the curve.
+
+    The tool is mapped to a disk (Tutte 1963, How to draw a graph, Proc. London Math.
+    Soc. 13:743), in which the inside of a curve is the inside of a polygon: also on
+    vertical walls and undercuts.
+
+    Parameters
+    ----------
+    tool
+        The tool, whose holes are spanned, see `TriangleMesh.without_holes`.
+    curve, holes
+        Points of closed curves on the tool in mm, shape (3, n).
+
+    Returns
+    -------
+    ndarray
+        Positions in mm, shape (3, n).
+
+    Raises
+    ------
+    MeshError
+        If the tool has no edge.
+    ValueError
+        If a curve is not valid, or no vertex is inside.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skfem_textile import drape
+    >>> x, y = (a.ravel() for a in np.meshgrid(*2 * [np.linspace(-50, 50, 21)]))
+    >>> k = np.add.outer(21 * np.arange(20), np.arange(20)).ravel()
+    >>> t = np.hstack([[k, k + 1, k + 22], [k, k + 22, k + 21]])
+    >>> tool = drape.TriangleMesh(np.array([x, y, x**2 / 200]), t)
+    >>> square = np.array([[-22, 22, 22, -22], [-22, -22, 22, 22], 4 * [2.42]])
+    >>> points = drape.points_of_part(tool, square)
+    >>> bool(np.abs(points[:2]).max() == 22)
+    True
+    """
+    import shapely
+
+    facets = tool.facets
+    x, triangles = facets.points, facets.triangles()
+    spacing = float(facets.longest_edges().mean())
+    curves = [spaced_curve(one, spacing) for one in (curve, *holes)]
+    disk = _on_disk(x, triangles)
+    outer, *inner = (_mapped(x, triangles, disk, points) for points in curves)
+    region = shapely.Polygon(outer.T).buffer(0)
+    for hole in inner:
+        region = region.difference(shapely.Polygon(hole.T).buffer(0))
+    inside = shapely.contains_xy(region, *disk)
+    if not inside.any():
+        raise ValueError("part: no vertex of the tool is inside the curve")
+    return np.hstack([x[:, inside], curves[0]])
+
+
+def _mapped(x: ndarray, triangles: ndarray, disk: ndarray, points: ndarray) -> ndarray:
+    """Points of a tool on the disk, shape (2, n)."""
+    triangle, shares = closest_on_triangles(x, triangles, points)
+    return np.asarray((shares * disk[:, triangles[:, triangle]]).sum(axis=1))
+
+
+def _on_disk(x: ndarray, triangles: ndarray) -> ndarray:
+    """Vertices on the unit disk, shape (2, n); NaN in smaller parts of the tool."""
+    from scipy.sparse.linalg import spsolve
+
+    loops = loops_of_edges(boundary_edges([triangles]))
+    rim = max(loops, key=lambda loop: curve_length(x[:, loop]))
+    parts = parts_of(x.shape[1], triangles)
+    own = np.flatnonzero(parts == parts[rim[0]])
+    steps = np.linalg.norm(np.roll(x[:, rim], -1, axis=1) - x[:, rim], axis=0)
+    around = 2 * np.pi * (np.cumsum(steps) - steps) / steps.sum()
+    disk = np.full((2, x.shape[1]), np.nan)
+    disk[:, rim] = np.cos(around), np.sin(around)
+    free = np.setdiff1d(own, rim)
+    if free.size:
+        matrix, _ = laplacian(x.T, triangles, cotangents=False)
+        right = matrix[free][:, rim] @ disk[:, rim].T
+        disk[:, free] = -spsolve(matrix[free][:, free].tocsc(), right).T
+    return disk

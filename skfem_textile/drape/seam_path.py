@@ -1,0 +1,111 @@
+"""Paths of the seams of darts on a tool."""
+
+import numpy as np
+from numpy import ndarray
+
+from ..solve.surface import OffSurfaceError, onto
+from .seams import Seam
+from .sheet import boundary_edges, unit
+from .triangle_mesh import TriangleMesh
+
+# Step of a seam relative to a cell, and half of the width, in cells, over which the
+# turning of the surface on both sides is compared.
+_STEP, _WIDTH = 0.5, 2.0
+
+# Turning of the surface over this width in radians above which a seam follows an edge.
+_TURNS = 0.2
+
+# Largest sideways correction of a step, relative to the step.
+_SIDEWAYS = 0.5
+
+# Number of steps over which the direction of a seam is averaged.
+_MEAN = 4
+
+
+def seam_from(tool: TriangleMesh, tip: ndarray, cell: float) -> Seam:
+    """Seam from a tip to the edge of a tool.
+
+    It begins in the direction of the shortest way to the edge, goes on as a geodesic,
+    and is moved sideways to where the surface turns equally on both sides: along the
+    edge between two walls.
+
+    Parameters
+    ----------
+    tool
+        The tool.
+    tip
+        Position in mm, shape (3,).
+    cell
+        Length of the rods in mm.
+    """
+    step, along = _STEP * cell, _to_edge(tool, tip, 2 * _WIDTH * cell)
+    begin = onto(tool, tip[:, None])[:, 0]
+    for _ in range(_MEAN):
+        begin = _moved(tool, begin, along, cell, step)
+    chain = [begin]
+    limit = int(np.ceil(np.ptp(tool.facets.points, axis=1).sum() / step))
+    for _ in range(limit):
+        if len(chain) > _MEAN:
+            along = chain[-1] - chain[-1 - _MEAN]
+        along = _in_plane(tool, chain[-1], along)
+        try:
+            ahead = onto(tool, (chain[-1] + step * along)[:, None])[:, 0]
+            chain.append(_moved(tool, ahead, along, cell, _SIDEWAYS * step))
+        except OffSurfaceError:
+            break
+        if tool.beyond_edges(chain[-1][:, None])[0] > 0:
+            break
+    points = np.array(chain).T
+    normal = unit(tool.gradient(points))
+    mean = normal[:, 1:] + normal[:, :-1]
+    return Seam(points, unit(np.cross(mean, np.diff(points), axis=0)))
+
+
+def _to_edge(tool: TriangleMesh, x: ndarray, reach: float) -> ndarray:
+    """Direction of the shortest way along triangles to the edge of a tool, (3,)."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import dijkstra
+
+    points, triangles = tool.facets.points, tool.facets.triangles()
+    ends = np.hstack([triangles[:2], triangles[1:], triangles[::2]])
+    lengths = np.linalg.norm(points[:, ends[0]] - points[:, ends[1]], axis=0)
+    n = points.shape[1]
+    graph = coo_array((lengths, tuple(ends)), shape=(n, n)).tocsr()
+    graph = graph.maximum(graph.T)
+    rim = np.unique(boundary_edges([triangles]))
+    distance, before, _ = dijkstra(
+        graph, directed=False, indices=rim, min_only=True, return_predecessors=True
+    )
+    near = np.linalg.norm(points - x[:, None], axis=0)
+    at = int(near.argmin())
+    end = distance[at] - reach
+    while before[at] >= 0 and distance[at] > end:
+        at = int(before[at])
+    return np.asarray(points[:, at] - x)
+
+
+def _moved(
+    tool: TriangleMesh, x: ndarray, along: ndarray, cell: float, most: float
+) -> ndarray:
+    """Point moved to the middle of an edge, by at most a distance in mm."""
+    shift = _to_middle(tool, x, _in_plane(tool, x, along), cell)
+    shift *= min(1.0, most / max(float(np.linalg.norm(shift)), 1e-12))
+    return np.asarray(onto(tool, (x + shift)[:, None])[:, 0])
+
+
+def _in_plane(tool: TriangleMesh, x: ndarray, along: ndarray) -> ndarray:
+    """Unit vector in the tangent plane of a tool, shape (3,)."""
+    normal = unit(tool.gradient(x[:, None]))[:, 0]
+    return np.asarray(unit(along - normal * (normal @ along)))
+
+
+def _to_middle(tool: TriangleMesh, x: ndarray, along: ndarray, cell: float) -> ndarray:
+    """Shift in mm, (3,), to where the surface turns equally on both sides."""
+    left = np.cross(unit(tool.gradient(x[:, None]))[:, 0], along)
+    width = _WIDTH * cell
+    beside = x[:, None] + width * np.outer(left, [1.0, -1.0])
+    normals = unit(tool.gradient(np.column_stack([onto(tool, beside), x])))
+    turns = np.arccos(np.clip(normals[:, :2].T @ normals[:, 2], -1.0, 1.0))
+    if not turns.sum() > _TURNS:
+        return np.zeros(3)
+    return np.asarray(0.5 * width * left * (turns[0] - turns[1]) / turns.sum())
