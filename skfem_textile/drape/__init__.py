@@ -34,6 +34,7 @@ from .start_search import BestStart, best_start, shear_over
 from .surfaces import (
     Cone,
     Cylinder,
+    Die,
     Height,
     HeightField,
     Plane,
@@ -53,6 +54,7 @@ __all__ = [
     "Course",
     "Cylinder",
     "Dart",
+    "Die",
     "FibresInSpace",
     "FlatPattern",
     "FoldedNetError",
