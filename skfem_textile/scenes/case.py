@@ -65,7 +65,7 @@ class Case:
         scene = self.scene
         loads = *scene.loads, *scene.loads_of(self.fabric), *self.loads
         return Ply(
-            *(scene.mesh, self.fabric, self.formulation, loads),
+            *(scene.mesh, self.fabric, self.formulation, (*loads, *scene.tools)),
             dimension=scene.dimension,
             fibre_ends=scene.fibre_ends,
         )
