@@ -11,10 +11,10 @@ turning, along y at a second node.  These nodes have no reactions if tools and p
 symmetric under half a turn about z.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple, Unpack
+from typing import Unpack
 
 import numpy as np
 from numpy import ndarray
@@ -81,53 +81,35 @@ class ConstantTension:
         return VectorTerm("edge tension", asm(work, edges), 1.0)
 
 
-class Tools(NamedTuple):
-    """Surfaces of punch and die, final travel of the punch along z, and holder gap.
-
-    The travel is negative for a punch that moves down.  Lengths are in mm.
-    """
-
-    punch: Surface
-    die: Surface
-    travel: float
-    gap: float
-
-
 def formed_ply(
     name: str,
-    tools: Tools,
+    tools: Sequence[Tool | Holder],
     mesh: str | Mesh,
     axes: Axes = SAME_AXES,
     **ply: Unpack[PlyOptions],
 ) -> Scene:
-    """Scene of a ply between a punch, a die and a holder.
+    """Scene of a ply between tools.
 
     Parameters
     ----------
     name
         Name of the scene.
     tools
-        The tools.  For a quarter they must be symmetric about the planes x = 0 and y =
-        0.
+        The tools, first the one whose force is reported.  For a quarter they must be
+        symmetric about the planes x = 0 and y = 0.
     mesh, **ply
-        See `flat_ply`.
+        See `flat_ply`, with other defaults: a size of 12 × 12, sides of 300 mm, and an
+        edge tension of 0.2 N/mm.
     axes
         Axes of the scene in the axes of the user's tools.
 
     Raises
     ------
     ValueError
-        If mesh or tools are not valid or do not fit, or a number is not.
+        If the mesh is not valid or does not fit, or a number is not.
     """
-    travel = float(real_numbers(f"{name}: travel", tools.travel))
-    if not (np.isfinite(travel) and travel):
-        raise ValueError(
-            f"{name}: the travel of the punch must be a length in mm other than 0, "
-            f"got {tools.travel!r}"
-        )
-    flat, angles, tension, held = flat_ply(name, mesh, **ply)
-    up = float(np.sign(travel))
-    flange = Plane((0.0, 0.0, 0.5 * up * tools.gap), (0.0, 0.0, up))
+    options: PlyOptions = {**_BLANK, **ply}
+    flat, angles, tension, held = flat_ply(name, mesh, **options)
     held_at = in_planes(name, flat) if held else _at_centre(name, flat, not tension)
     c, s = float(np.cos(angles[0])), float(np.sin(angles[0]))
     return Scene(
@@ -136,19 +118,42 @@ def formed_ply(
         warp=(c, s),
         weft=(-s, c),
         conditions=held_at,
-        driven="punch",
+        driven=tools[0].name if tools else "",
         dimension=3,
         fibre_ends=dict.fromkeys(held, "mirror"),
         loads=(ConstantTension(tension, held),) if tension else (),
-        tools=(
-            Tool(tools.punch, motion=(0.0, 0.0, travel), name="punch"),
-            Tool(tools.die, name="die"),
-            Holder(flange, gap=tools.gap, side=-1, name="holder"),
-        ),
+        tools=tuple(tools),
         measured=partial(_measured, holding=() if held else tuple(held_at)),
         misfit=_NO_EXACT,
         axes=axes,
     )
+
+
+# Defaults of the plies of all scenes.
+_BLANK: PlyOptions = {
+    "size": (12, 12),
+    "width": 300.0,
+    "height": 300.0,
+    "tension": 0.2,
+}
+
+
+def _pressed(
+    name: str, punch: Surface, die: Surface, travel: float, gap: float
+) -> list[Tool | Holder]:
+    """Tools of a ply in the middle of the gap between holder and die."""
+    if not (np.isfinite(travel) and travel):
+        raise ValueError(
+            f"{name}: the travel of the punch must be a length in mm other than 0, "
+            f"got {travel:g}"
+        )
+    up = float(np.sign(travel))
+    flange = Plane((0.0, 0.0, 0.5 * up * gap), (0.0, 0.0, up))
+    return [
+        Tool(punch, motion=(0.0, 0.0, travel), name="punch"),
+        Tool(die, name="die"),
+        Holder(flange, gap=gap, side=-1, name="holder"),
+    ]
 
 
 def _at_centre(name: str, mesh: Mesh, turns: bool) -> dict[str, Condition]:
@@ -193,8 +198,7 @@ def hemisphere_forming(
     Parameters
     ----------
     mesh, **ply
-        See `flat_ply`, with other defaults: a ply of 300 mm × 300 mm, and an edge
-        tension of 0.2 N/mm.
+        See `formed_ply`.
     radius
         Radius of the punch in mm.
     fillet
@@ -220,20 +224,11 @@ def hemisphere_forming(
     True
     """
     name = "hemisphere_forming"
-    radius = positive_length(f"{name}: radius", radius)
-    height = 0.5 * _gap(name, gap)
-    tools = Tools(
-        punch=Sphere(radius, (0.0, 0.0, -radius - height)),
-        die=Die(radius + CLEARANCE, fillet, (0.0, 0.0, height)),
-        travel=_upwards(name, travel),
-        gap=gap,
-    )
-    options: PlyOptions = {**_BLANK, "width": 300.0, **ply}
-    return formed_ply(name, tools, mesh, **options)
-
-
-# Defaults of the plies of all scenes.
-_BLANK: PlyOptions = {"size": (12, 12), "height": 300.0, "tension": 0.2}
+    radius, middle = positive_length(f"{name}: radius", radius), 0.5 * _gap(name, gap)
+    punch = Sphere(radius, (0.0, 0.0, -radius - middle))
+    die = Die(radius + CLEARANCE, fillet, (0.0, 0.0, middle))
+    tools = _pressed(name, punch, die, _upwards(name, travel), gap)
+    return formed_ply(name, tools, mesh, **ply)
 
 
 def double_dome_forming(
@@ -251,8 +246,7 @@ def double_dome_forming(
     Parameters
     ----------
     mesh, **ply
-        See `flat_ply`, with other defaults: a ply of 470 mm × 300 mm, and an edge
-        tension of 0.2 N/mm.
+        See `formed_ply`; the size is 24 × 16 and the width 470 mm by default.
     travel
         Final travel of the punch in mm, at most the height of the dome.
     gap
@@ -271,14 +265,10 @@ def double_dome_forming(
             f"{name}: the travel must be at most the height of the dome, {height:g} "
             f"mm, got {travel:g} mm"
         )
+    punch = _raised(dome(height, length, width), -middle)
     cavity = dome(height, length + CLEARANCE, width + CLEARANCE)
-    tools = Tools(
-        punch=_raised(dome(height, length, width), -middle),
-        die=_raised(cavity, height + middle),
-        travel=travel,
-        gap=gap,
-    )
-    options: PlyOptions = {**_BLANK, "size": (24, 16), "width": 470.0, **ply}
+    tools = _pressed(name, punch, _raised(cavity, height + middle), travel, gap)
+    options: PlyOptions = {"size": (24, 16), "width": 470.0, **ply}
     return formed_ply(name, tools, mesh, **options)
 
 
@@ -310,8 +300,7 @@ def forming(
     punch, die
         Triangulated tools, see `skfem_textile.io.read_surface`.
     mesh, **ply
-        See `flat_ply`, with other defaults: a whole ply of 300 mm × 300 mm, and an
-        edge tension of 0.2 N/mm.
+        See `formed_ply`; the part is the whole ply by default.
     travel
         Final travel of the punch along z in mm, negative if it moves down.
     gap
@@ -325,15 +314,13 @@ def forming(
         See `formed_ply`; also if a tool is smaller than an element of the ply, or the
         punch begins beyond the holder.
     """
-    _gap("forming", gap)
-    up = float(np.sign(travel))
+    middle, up = 0.5 * _gap("forming", gap), float(np.sign(travel))
     lowest = float((up * die.facets.points[2]).min())
-    axes = Axes(np.array([*centre, up * (lowest - 0.5 * gap)]))
+    axes = Axes(np.array([*centre, up * (lowest - middle)]))
     parts = {"punch": punch.moved(*axes), "die": die.moved(*axes)}
-    options: PlyOptions = {**_BLANK, "width": 300.0, "part": "whole", **ply}
-    scene = formed_ply(
-        "forming", Tools(**parts, travel=travel, gap=gap), mesh, axes, **options
-    )
+    tools = _pressed("forming", **parts, travel=travel, gap=gap)
+    options: PlyOptions = {"part": "whole", **ply}
+    scene = formed_ply("forming", tools, mesh, axes, **options)
     _refuse_tiny(parts, scene.mesh)
     highest = float((up * parts["punch"].facets.points[2]).max())
     if highest > 0:

@@ -17,6 +17,7 @@ from ..solve.surface import OnSurface
 from .shear_test import BiasTest, FrameTest
 
 if TYPE_CHECKING:
+    from ..forming import Holder, Tool
     from ..ply import Ply
     from ..ply.builtin_terms import FibreEnd
     from ..ply.terms import Load
@@ -107,7 +108,7 @@ class Scene:
     dimension: int = 2
     fibre_ends: "Mapping[str, FibreEnd]" = field(default_factory=dict)
     loads: "tuple[Load, ...]" = ()
-    tools: "tuple[Load, ...]" = ()
+    tools: "tuple[Tool | Holder, ...]" = ()
     reacting: str = ""
     loads_of: "Callable[[Fabric], Sequence[Load]]" = lambda fabric: ()
     figures: Callable[[Result], Mapping[str, float]] = lambda result: {}
