@@ -5,6 +5,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from ..fabric import Fabric
+from ..forming.checks import check_tools
 from ..ply import Ply
 from ..ply.formulations import DEFAULT
 from ..ply.terms import Formulation, Load
@@ -81,9 +82,10 @@ class Case:
         Raises
         ------
         ValueError
-            See `Ply` and `LoadStepper`.
+            See `Ply`, `check_tools` and `LoadStepper`.
         """
         ply = self.ply()
+        check_tools(ply, self.scene.conditions)
         return LoadStepper(
             ply,
             self.scene.conditions,
