@@ -20,6 +20,7 @@ def test_list_names_the_scenes(capsys):
         *("strip", "picture_frame", "trellis", "bias_extension", "specimen"),
         *("cantilever", "buckling"),
         *("hemisphere", "cylinder", "double_dome", "saddle", "drape"),
+        *("hemisphere_forming", "double_dome_forming", "forming"),
     ]
     assert [line.split()[0] for line in lines] == names
 
