@@ -17,6 +17,10 @@ from .tool import ToolContact
 # ratio of 0.71; between tools that cross they have a limit.
 _FIRST, _SECOND, _NO_LESS, _FREE = 50, 100, 0.9, 1e-6
 
+# Number of intervals in which tools push points along.  Chosen: tools pass over no
+# point if they move by less than their size in an interval.
+_PUSHES = 4
+
 # Number of intervals between the load factors of which contact is checked.  Chosen:
 # tools that touch the ply move through its plane, and stay beyond it for longer.
 _INTERVALS = 40
@@ -32,9 +36,9 @@ def check_tools(
 ) -> None:
     """Refuse tools that leave no room for a ply, or that never touch it.
 
-    For each node a point outside all tools is searched by projections onto one tool
-    after the other, at both load factors.  Tools that cross, but have room for every
-    node elsewhere, are not found.
+    The tools push each node along from the first load factor to the second, by
+    projections out of one tool after the other.  Tools that cross, but have room for
+    every node beside, are not found.
 
     Parameters
     ----------
@@ -71,13 +75,32 @@ def check_tools(
     if not tools:
         return
     for tool in tools:
-        _refuse_behind(ply, tool, load_factors[0])
-    for t in load_factors:
-        _refuse_no_room(ply, tools, t)
+        if tool._obstacle.reach is None:  # holders may close from far away
+            _refuse_behind(ply, tool, load_factors[0])
+    touched = _pushed(ply, tools, load_factors)
     end = load_factors[1]
     moved = conditions is not None and _moves(ply, conditions, end)
-    if not (moved or _has_normal_load(ply, end)):
+    if not (touched or moved or _has_normal_load(ply, end)):
         _refuse_untouched(ply, tools, load_factors)
+
+
+def _pushed(
+    ply: Ply, tools: Sequence[ToolContact], load_factors: tuple[float, float]
+) -> bool:
+    """Refuse tools without room for a node; returns True if they push one.
+
+    Raises
+    ------
+    ValueError
+        If there is no room for a node.
+    """
+    X, free, touched = np.pad(ply.nodes, ((0, 1), (0, 0))), _FREE * _size(ply), False
+    x = X
+    for t in np.linspace(*load_factors, _PUSHES + 1).tolist():
+        after = _with_room(tools, X, x, t, free)
+        touched |= bool((after != x).any())
+        x = after
+    return touched
 
 
 def _refuse_untouched(
@@ -130,68 +153,61 @@ def _refuse_behind(ply: Ply, tool: ToolContact, t: float) -> None:
         )
 
 
-def _refuse_no_room(ply: Ply, tools: Sequence[ToolContact], t: float) -> None:
-    """Refuse tools without a point outside all of them for some node."""
-    X = np.pad(ply.nodes, ((0, 1), (0, 0)))
-    free, x = _FREE * _size(ply), X
-    depths = []
-    for count in (_FIRST, _SECOND - _FIRST):
-        x, depth = _projected(X, x, tools, t, free, count)
-        if depth.max() <= free:
-            return
-        depths.append(depth)
-    stuck = (depths[1] > free) & (depths[1] > _NO_LESS * depths[0])
+def _with_room(
+    tools: Sequence[ToolContact], X: ndarray, x: ndarray, t: float, free: float
+) -> ndarray:
+    """Points outside all tools, of nodes X; an error if there is none for some node."""
+    x, before = _projected(tools, x, t, free, _FIRST)
+    if before.max() <= free:
+        return x
+    x, depth = _projected(tools, x, t, free, _SECOND - _FIRST)
+    stuck = (depth > free) & (depth > _NO_LESS * before)
     if not stuck.any():
-        return
-    node = int(np.where(stuck, depths[1], 0.0).argmax())
-    gaps = _gaps(X, x, tools, t)[:, node]
-    _, after = _step(X, x, tools, t)
-    between = (gaps < -free) | (after[:, node] < -free)
-    names = " and ".join(
-        repr(tool.name) for tool, one in zip(tools, between, strict=True) if one
-    )
+        return x
+    node = int(np.where(stuck, depth, 0.0).argmax())
+    names = " and ".join(repr(name) for name in _around(tools, x[:, [node]], t, free))
     raise ValueError(
         f"tools {names} leave no room for the ply at load factor {t:g}: node {node}, "
         f"at {place(X[:, node])} in the undeformed ply, is at least "
-        f"{depths[1][node]:.3g} mm inside one of them: reduce the travel, or move the "
+        f"{depth[node]:.3g} mm inside one of them: reduce the travel, or move the "
         "tools apart"
     )
 
 
 def _projected(
-    X: ndarray,
-    x: ndarray,
-    tools: Sequence[ToolContact],
-    t: float,
-    free: float,
-    count: int,
+    tools: Sequence[ToolContact], x: ndarray, t: float, free: float, most: int
 ) -> tuple[ndarray, ndarray]:
     """Points after projections, and their penetrations in mm, shape (n,)."""
-    depth = -_gaps(X, x, tools, t).min(axis=0)
-    for _ in range(count):
-        if depth.max() <= free:
+    x, depth = x.copy(), _depth(tools, x, t)
+    for _ in range(most):
+        inside = np.flatnonzero(depth > free)
+        if not inside.size:
             break
-        x, _ = _step(X, x, tools, t)
-        depth = -_gaps(X, x, tools, t).min(axis=0)
-    return x, np.maximum(depth, 0.0)
+        for tool in tools:
+            x[:, inside] = _outside(tool, x[:, inside], t)
+        depth[inside] = _depth(tools, x[:, inside], t)
+    return x, depth
 
 
-def _step(
-    X: ndarray, x: ndarray, tools: Sequence[ToolContact], t: float
-) -> tuple[ndarray, ndarray]:
-    """Points projected out of each tool in turn, and the gaps before that."""
-    met = []
+def _outside(tool: ToolContact, x: ndarray, t: float) -> ndarray:
+    """Points projected out of a tool, to first order."""
+    at = tool._obstacle.gaps(x, t)
+    return x - np.where(at.gap < 0, at.gap, 0.0) * at.normal
+
+
+def _depth(tools: Sequence[ToolContact], x: ndarray, t: float) -> ndarray:
+    """Largest penetration of points into a tool in mm, shape (n,)."""
+    gap = np.min([tool.gaps_at(x, t) for tool in tools], axis=0)
+    return np.maximum(-gap, 0.0)
+
+
+def _around(
+    tools: Sequence[ToolContact], x: ndarray, t: float, free: float
+) -> list[str]:
+    """Names of the tools between which a point, shape (3, 1), is projected."""
+    names = []
     for tool in tools:
-        u = (x - X).T.ravel()
-        gap = tool.gaps(u, t)
-        met.append(gap)
-        inside = gap < 0
-        out = np.where(inside, gap, 0.0) * np.where(inside, tool.normals(u, t), 0.0)
-        x = x - out
-    return x, np.array(met)
-
-
-def _gaps(X: ndarray, x: ndarray, tools: Sequence[ToolContact], t: float) -> ndarray:
-    """Gaps of points from the tools, shape (n_tools, n)."""
-    u = (x - X).T.ravel()
-    return np.array([tool.gaps(u, t) for tool in tools])
+        if tool.gaps_at(x, t)[0] < -free:
+            names.append(tool.name)
+        x = _outside(tool, x, t)
+    return names

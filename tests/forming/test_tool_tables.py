@@ -124,7 +124,7 @@ def test_rows_are_interpolated():
         ([{**PUNCH, "side": -1}], "'punch': the whole undeformed ply is behind its"),
         (
             [PUNCH, {"surface": "plane", "point_mm": [0, 0, 2], "name": "lid"}],
-            "tools 'punch' and 'lid' leave no room for the ply at load factor 1: node ",
+            "tools 'punch' and 'lid' leave no room for the ply at load factor 0.75: ",
         ),
     ],
 )
