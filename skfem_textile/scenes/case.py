@@ -5,7 +5,6 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from ..fabric import Fabric
-from ..forming.checks import check_tools
 from ..ply import Ply
 from ..ply.formulations import DEFAULT
 from ..ply.terms import Formulation, Load
@@ -85,7 +84,10 @@ class Case:
             See `Ply`, `check_tools` and `LoadStepper`.
         """
         ply = self.ply()
-        check_tools(ply, self.scene.conditions)
+        if self.scene.tools:
+            from ..forming.checks import check_tools  # needed with tools only
+
+            check_tools(ply, self.scene.conditions)
         return LoadStepper(
             ply,
             self.scene.conditions,

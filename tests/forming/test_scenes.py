@@ -8,6 +8,7 @@ import pytest
 
 from skfem_textile import Fabric, MeshError
 from skfem_textile.cli import main as cli
+from skfem_textile.drape import TriangleMesh
 from skfem_textile.io import read_surface
 from skfem_textile.scenes import (
     Case,
@@ -127,6 +128,22 @@ def test_a_punch_that_moves_down_mirrors_one_that_moves_up(files):
     assert other["reaction_z"] == pytest.approx(-one["reaction_z"], rel=1e-3)
 
 
+def test_the_side_of_the_triangles_does_not_matter(files):
+    punch, die = map(read_surface, files)
+    scene = forming(punch, die, travel=20.0, gap=1.0, **SMALL)
+    x, (triangles,) = punch.facets.points, punch.facets.cells
+    other = forming(
+        TriangleMesh(x, triangles[::-1]), die, travel=20.0, gap=1.0, **SMALL
+    )
+    gaps = []
+    for one in (scene, other):
+        ply = case(one).ply()
+        (contact,) = [term for term in ply.terms if term.name == "punch"]
+        gaps.append(contact.gaps(ply.basis.zeros(), 0.5))
+    np.testing.assert_allclose(*gaps, atol=1e-9)
+    assert gaps[0].min() < -9
+
+
 def test_bad_input_is_one_line(files, tmp_path):
     punch, die = map(read_surface, files)
     tiny = read_surface(bowl(tmp_path / "tiny.stl", 2.0, 490.0, side=9.0))
@@ -167,6 +184,33 @@ def test_forming_runs_from_the_command_line(files, tmp_path):
     assert run(out / "case.toml", "--out", again, "--no-render") == 0
     same = json.loads((again / "summary.json").read_text())
     assert same["reaction_z"] == figures["reaction_z"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--punch", "none.stl"], "scene.punch none.stl: no such file"),
+        (["--travel", "0"], "travel of the punch must be a length in mm other than"),
+        (["--holder-gap=-1"], "the holder gap must be a length of at least 0 mm"),
+        (["--travel", "45"], "'punch' and 'die' leave no room for the ply at load"),
+        (["--travel=-2"], "mm beyond the plane of the ply, z = 532.5 mm"),
+    ],
+)
+def test_bad_files_and_numbers_are_refused_before_the_run(
+    files, tmp_path, capsys, words, message
+):
+    punch, die = files
+    ply = "--width", 100, "--height", 100, "--size", "6x6", "--part", "quarter"
+    tools = "--punch", punch, "--die", die, "--holder-gap", 1, "--travel", 15
+    options = [str(word) for word in (*ply, *tools)]
+    for flag in {word.partition("=")[0] for word in words} & {*options}:
+        at = options.index(flag)
+        del options[at : at + 2]
+    out = tmp_path / "out"
+    assert run("forming", *options, *words, "--out", out) == 2
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert message in error
+    assert not out.exists()
 
 
 def test_hemisphere_forming_runs_from_the_command_line(tmp_path):
