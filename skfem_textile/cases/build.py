@@ -19,7 +19,7 @@ from ..ply.loads import Force
 from ..scenes.case import Case
 from ..solve.surface import OnSurface
 from .read import CaseFileError, declared, name_of_tool, read_tables, with_files
-from .scenes import OnTool, PlaneScene, Specimen
+from .scenes import Formed, OnTool, PlaneScene, Specimen
 from .schema import (
     MESH_KINDS,
     OUTLINES,
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
 
     from ..scenes import Scene
+    from ..solve.result import Result
 
 log = logging.getLogger(__name__)
 
@@ -244,9 +245,21 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
             raise ValueError(
                 f"two tools have the name {printable(name)!r}: rename one of them"
             )
-    driven = scene.driven or names[0]
-    misfit = scene.misfit or ("tools act on the ply" if tools else "")
-    return replace(scene, tools=all_tools, driven=driven, misfit=misfit)
+    if tools and not isinstance(file.scene, Formed):
+        scene = replace(
+            scene,
+            measured=partial(_with_figures_of_tools, scene.measured),
+            misfit=scene.misfit or "tools act on the ply",
+        )
+    return replace(scene, tools=all_tools, driven=scene.driven or names[0])
+
+
+def _with_figures_of_tools(
+    measured: "Callable[[Result], Mapping[str, float | str]]", result: "Result"
+) -> dict[str, float | str]:
+    from ..forming.figures import formed
+
+    return {**measured(result), **formed(result)}
 
 
 def _refuse_other_mesh_keys(file: CaseFile) -> None:

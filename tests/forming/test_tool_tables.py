@@ -74,6 +74,7 @@ def test_tools_apply_to_any_scene_in_space():
     assert result.ply.nodal(result.u)[2].min() > -20.0 - 1e-6
     assert result.states[-1].reactions["table"][2] > 0
     assert "tip_error_over_length" not in figures
+    assert {"table_gap_mm", "table_force_N"} & figures.keys()
     assert figures["exact_answer"] == "none: tools act on the ply"
 
 
