@@ -18,8 +18,8 @@ from ..mesh.user_input import printable
 from ..ply.loads import Force
 from ..scenes.case import Case
 from ..solve.surface import OnSurface
-from .read import CaseFileError, declared, read_tables, with_files
-from .scenes import OnTool, PlaneScene, Specimen
+from .read import CaseFileError, declared, name_of_tool, read_tables, with_files
+from .scenes import Formed, OnTool, PlaneScene, Specimen
 from .schema import (
     MESH_KINDS,
     OUTLINES,
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
 
     from ..scenes import Scene
+    from ..solve.result import Result
 
 log = logging.getLogger(__name__)
 
@@ -130,7 +131,7 @@ def built(file: CaseFile, density: float = 1.0) -> Case:
         if file.fabric.file is None
         else _fabric_of_file(file.fabric.file, file.fabric)
     )
-    scene = _scene(file, laws, density)
+    scene = _with_tools(_scene(file, laws, density), file)
     fabric = replace(laws, warp=scene.warp, weft=scene.weft)
     if file.mesh.directions is not None:
         scene, fabric = _with_directions(file.mesh.directions, scene, fabric)
@@ -218,6 +219,47 @@ def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
             _refuse_fields(file, built)
             built = built.graded(laws, density, _forces(file, np.eye(2)))
     return built.rotated(np.radians(getattr(scene, "rotate_deg", 0.0)))
+
+
+def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
+    """Scene with the tools of the case."""
+    if file.tools and (scene.dimension == 2 or isinstance(file.scene, OnTool)):
+        where = "is in its plane" if scene.dimension == 2 else "lies on a surface"
+        raise ValueError(
+            f"[[tools]] do not apply to the scene {scene.name}, whose ply {where}: use "
+            "the scene forming"
+        )
+    tools = tuple(
+        tool.build(name_of_tool(number), number, scene.axes)
+        for number, tool in enumerate(file.tools, 1)
+    )
+    all_tools = *scene.tools, *tools
+    if not (scene.driven or all_tools):
+        raise ValueError(
+            "scene.punch is missing: name STL files of punch and die, or describe "
+            "tools in [[tools]]"
+        )
+    names = [tool.name for tool in all_tools]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(
+                f"two tools have the name {printable(name)!r}: rename one of them"
+            )
+    if tools and not isinstance(file.scene, Formed):
+        scene = replace(
+            scene,
+            measured=partial(_with_figures_of_tools, scene.measured),
+            misfit=scene.misfit or "tools act on the ply",
+        )
+    return replace(scene, tools=all_tools, driven=scene.driven or names[0])
+
+
+def _with_figures_of_tools(
+    measured: "Callable[[Result], Mapping[str, float | str]]", result: "Result"
+) -> dict[str, float | str]:
+    from ..forming.figures import formed
+
+    return {**measured(result), **formed(result)}
 
 
 def _refuse_other_mesh_keys(file: CaseFile) -> None:

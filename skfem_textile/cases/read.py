@@ -26,6 +26,7 @@ from .schema import (
     Weft,
 )
 from .table import FILE, GRADED, named, tag_of
+from .tools import AnyTool
 
 # Limit on the size of a case file; larger ones take long to read.
 _MOST_BYTES = 1_000_000
@@ -115,11 +116,20 @@ def declared(
         regions = tables.get("regions", {})
         if not isinstance(regions, dict):
             raise ValueError(f"regions must be a table, not {_quoted(regions)}")
+        tools = tables.get("tools", [])
+        if not isinstance(tools, list | tuple):
+            raise ValueError(
+                f"tools must be an array of tables, [[tools]], not {_quoted(tools)}"
+            )
         case = _converted(
-            "", {**_with_defaults(tables, scene), "regions": {}}, CaseFile
+            "", {**_with_defaults(tables, scene), "tools": (), "regions": {}}, CaseFile
         )
         case = msgspec.structs.replace(
             case,
+            tools=tuple(
+                _converted(name_of_tool(number), tool, AnyTool)
+                for number, tool in enumerate(tools, 1)
+            ),
             regions={
                 name: _converted(
                     f"regions.{printable(name)}", _laws_nested(region, scene), Region
@@ -154,6 +164,11 @@ def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") 
         path = f"{where}.{name}" if where and name != "law" else where or name
         if isinstance(value, Struct):
             changed[name] = with_files(value, path_of, path)
+        elif name == "tools":
+            changed[name] = tuple(
+                with_files(tool, path_of, name_of_tool(number))
+                for number, tool in enumerate(value, 1)
+            )
         elif name == "regions":
             changed[name] = {
                 region: with_files(table_of_region, path_of, f"region_{number}")
@@ -168,6 +183,11 @@ def with_files(table: Any, path_of: Callable[[str, str], str], where: str = "") 
                 else tuple(path_of(path, one) for one in value)
             )
     return msgspec.structs.replace(table, **changed)
+
+
+def name_of_tool(number: int) -> str:
+    """Name in messages of a table of ``[[tools]]``, numbered from 1."""
+    return f"tool_{number}"
 
 
 def _refuse_values(where: str, value: Any) -> None:
@@ -292,7 +312,7 @@ def _keys_beside_law(kind: type[Struct]) -> set[str]:
 # ------------------------------------------------------------------------------ checks
 
 
-def _converted(where: str, value: Any, kind: type[Any]) -> Any:
+def _converted(where: str, value: Any, kind: Any) -> Any:
     """Validated table; an error names the path of the key."""
     try:
         return msgspec.convert(value, kind)
@@ -300,7 +320,7 @@ def _converted(where: str, value: Any, kind: type[Any]) -> Any:
         raise ValueError(_message(where, str(error), value, kind)) from None
 
 
-def _message(where: str, message: str, value: Any, kind: type[Any]) -> str:
+def _message(where: str, message: str, value: Any, kind: Any) -> str:
     """Message of msgspec in terms of the file, with the path first."""
     text, at, json_path = message.rpartition(" - at ")
     text, json_path = (text, json_path) if at else (message, "")

@@ -264,13 +264,14 @@ class Buckling(StripInSpace, tag="buckling"):
         )
 
 
-class OnTool(Scene):
-    """Ply on a tool."""
+Part: TypeAlias = Literal["quarter", "whole"]
 
-    size = (16, 16)
+
+class WithTools(Scene):
+    """Ply in space with tools."""
+
     jitter = 0.0
     shear_stiffness = 0.1
-    steps = 4
 
     fibres_deg: Annotated[
         Degrees, about("inclination of the warp; the weft is at right angles")
@@ -295,11 +296,18 @@ class OnTool(Scene):
         }
 
 
+class OnTool(WithTools):
+    """Ply draped on a tool."""
+
+    size = (16, 16)
+    steps = 4
+
+
 class OnSymmetricTool(OnTool):
     """Ply on a tool with two planes of symmetry."""
 
     part: Annotated[
-        Literal["quarter", "whole"] | None,
+        Part | None,
         about(
             "computed part (default: quarter if the fibres are along the sides or at "
             "45 degrees to them, else whole)"
@@ -402,6 +410,140 @@ class Drape(OnTool, tag="drape"):
         return drape(tool, mesh, self.point_mm, **generated, **self.ply())
 
 
+class Formed(WithTools):
+    """Ply between punch, die and holder."""
+
+    size = (12, 12)
+    bending = 5.0
+    steps = 5
+
+    width_mm: Annotated[
+        float, about("length of the whole ply along x, for a generated mesh")
+    ] = 300.0
+    height_mm: Annotated[
+        float, about("length of the whole ply along y, for a generated mesh")
+    ] = 300.0
+    tension_N_per_mm: Annotated[
+        float, about("constant tension along the fibres on free edges; 0 for none")
+    ] = 0.2
+    holder_gap_mm: Annotated[float, about("distance between die and holder")] = 0.3
+
+
+class FormedBySymmetricTools(Formed):
+    """Ply between tools with two planes of symmetry."""
+
+    part: Annotated[
+        Part | None,
+        about(
+            "computed part (default: quarter if the fibres are along the sides or at "
+            "45 degrees to them, else whole)"
+        ),
+    ] = None
+
+    def ply(self) -> dict[str, Any]:
+        """Parameters of the ply."""
+        return {**super().ply(), "part": self.part}
+
+
+class HemisphereForming(FormedBySymmetricTools, tag="hemisphere_forming"):
+    """a ply that a sphere forms through a die with a round hole"""
+
+    radius_mm: Annotated[float, about("radius of the punch")] = 75.0
+    fillet_mm: Annotated[float, about("radius of the fillet of the die")] = 10.0
+    travel_mm: Annotated[float, about("final travel of the punch")] = 75.0
+
+    def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
+        """See `Scene.build`."""
+        from ..scenes.forming import hemisphere_forming
+
+        return hemisphere_forming(
+            mesh,
+            self.radius_mm,
+            self.fillet_mm,
+            self.travel_mm,
+            self.holder_gap_mm,
+            **generated,
+            **self.ply(),
+        )
+
+
+class DoubleDomeForming(FormedBySymmetricTools, tag="double_dome_forming"):
+    """a ply that a double dome forms in a die of the same shape"""
+
+    size = (24, 16)
+
+    width_mm: Annotated[
+        float, about("length of the whole ply along x, for a generated mesh")
+    ] = 470.0
+    travel_mm: Annotated[float, about("final travel of the punch, at most 60 mm")] = (
+        60.0
+    )
+
+    def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
+        """See `Scene.build`."""
+        from ..scenes.forming import double_dome_forming
+
+        return double_dome_forming(
+            mesh, self.travel_mm, self.holder_gap_mm, **generated, **self.ply()
+        )
+
+
+class Forming(Formed, tag="forming"):
+    """a ply that a punch forms through a die, both from files, or tools of [[tools]]"""
+
+    size = (24, 24)
+
+    punch: Annotated[
+        tuple[str, ...] | str | None,
+        about("file of triangles of the punch, or several that are sewn, such as STL"),
+        FILE,
+    ] = None
+    die: Annotated[
+        tuple[str, ...] | str | None,
+        about("file of triangles of the die, in the same axes"),
+        FILE,
+    ] = None
+    unit: Annotated[
+        Literal["mm", "cm", "m", "in"] | None,
+        about("unit of length of the files (default: the file's, else mm)"),
+    ] = None
+    travel_mm: Annotated[
+        float, about("final travel of the punch along z, negative if it moves down")
+    ] = 50.0
+    centre_mm: Annotated[
+        tuple[float, float],
+        about("centre of the ply, x and y in the axes of the tools"),
+    ] = (0.0, 0.0)
+    part: Annotated[
+        Part,
+        about(
+            "whole, or quarter: the quarter with positive x and y, if tools and fibres "
+            "have two planes of symmetry"
+        ),
+    ] = "whole"
+
+    def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
+        """See `Scene.build`."""
+        from ..io import read_surface
+        from ..scenes.forming import formed_ply, forming
+
+        options = {**generated, **self.ply(), "part": self.part}
+        if self.punch is None and self.die is None:
+            return formed_ply("forming", (), mesh, **options)
+        if self.punch is None or self.die is None:
+            missing = "punch" if self.punch is None else "die"
+            raise ValueError(f"scene.{missing} is missing: name an STL file")
+        return forming(
+            read_surface(self.punch, self.unit),
+            read_surface(self.die, self.unit),
+            mesh,
+            self.travel_mm,
+            self.holder_gap_mm,
+            self.centre_mm,
+            **options,
+        )
+
+
 AnyScene: TypeAlias = (
     Strip
     | PictureFrame
@@ -415,6 +557,9 @@ AnyScene: TypeAlias = (
     | DoubleDome
     | Saddle
     | Drape
+    | HemisphereForming
+    | DoubleDomeForming
+    | Forming
 )
 
 #: Scenes by name.

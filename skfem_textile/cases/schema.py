@@ -13,6 +13,7 @@ from msgspec import Meta, field
 
 from .scenes import AnyScene
 from .table import FILE, Degrees, Table, about
+from .tools import AnyTool
 
 if TYPE_CHECKING:
     from ..fabric.law import Resistance
@@ -545,4 +546,5 @@ class CaseFile(Table):
     loads: Loads
     stepping: Stepping
     output: Output
+    tools: tuple[AnyTool, ...]
     regions: dict[str, Region]

@@ -22,6 +22,7 @@ from .read import with_files
 from .scenes import SCENES
 from .schema import OUTLINES, CaseFile, Region
 from .table import FILE, named, summary_of
+from .tools import AnyTool
 
 #: First line of a case file that a run has written.
 WRITTEN = "# The case of this folder, with every default, written by skfem-textile."
@@ -32,7 +33,7 @@ CASE, FILES = "case.toml", "case_files"
 _LAW_ENDINGS = (".csv", ".json")
 
 # Meshes in these formats, with the whole mesh in one file, are copied.
-_OF_MESH = ("mesh", "tool", "part_mesh")
+_OF_MESH = ("mesh", "tool", "punch", "die", "part_mesh")
 _WHOLE = (
     *OUTLINES,
     *(".msh", ".inp", ".vtu", ".vtk", ".stl", ".obj", ".ply", ".3mf", ".off"),
@@ -42,7 +43,11 @@ _WHOLE = (
 WRITTEN_FILES = (
     CASE,
     *(f"{FILES}/{law}{end}" for law in ("*tension*", "*shear") for end in _LAW_ENDINGS),
-    *(f"{FILES}/{key}{end}" for key in (*_OF_MESH, "tool_*") for end in _WHOLE),
+    *(
+        f"{FILES}/{key}{end}"
+        for key in (*_OF_MESH, "tool_*", "punch_*", "die_*")
+        for end in _WHOLE
+    ),
     *(f"{FILES}/fabric{end}" for end in (".json", ".inp", ".rad")),
     *(f"{FILES}/directions{end}" for end in (".vtu", ".csv", ".inp")),
     *(f"{FILES}/{key}*" for key in ("test_curve", "trim")),
@@ -67,6 +72,9 @@ def tables_of(table: Struct) -> dict[str, Any]:
     for name, value, _ in _keys(table):
         if isinstance(value, Struct):
             tables[name] = tables_of(value)
+        elif name == "tools":
+            if value:
+                tables[name] = [tables_of(tool) for tool in value]
         elif name == "regions":
             tables[name] = {region: tables_of(part) for region, part in value.items()}
         elif value is not None:
@@ -88,7 +96,9 @@ def case_text(case: CaseFile, head: str) -> str:
     for name, value, _ in _keys(case):
         if name in ("tension", "shear", "bending") and case.fabric.file is not None:
             continue  # the file of the fabric contains all laws
-        if name == "regions":
+        if name == "tools":
+            parts += [_block("[tools]", tool, _described(AnyTool)) for tool in value]
+        elif name == "regions":
             for region, entries in value.items():
                 parts.append(_block(f"regions.{_toml_key(region)}", entries))
         else:
@@ -127,7 +137,8 @@ class WrittenCase:
         if key in ("file", "source"):
             key = "_".join(tables)
         ending = Path(name).suffix
-        if key in _OF_MESH and ending.lower() not in _WHOLE:
+        is_mesh = key in _OF_MESH or key.startswith("tool_")
+        if is_mesh and ending.lower() not in _WHOLE:
             return os.path.abspath(name)
         file, number = f"{FILES}/{key}{ending.lower()}", 1
         while file in self._files:  # a key with several files
@@ -274,6 +285,8 @@ def reference() -> Iterator[Entry]:
     for name, hint in get_type_hints(CaseFile, include_extras=True).items():
         if name == "regions":
             yield from _entries("regions.NAME", Region)
+        elif name == "tools":
+            yield from _entries("[tools]", AnyTool)
         else:
             yield from _entries(name, hint)
 

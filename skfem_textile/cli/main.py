@@ -113,6 +113,7 @@ def _init(scene: str, file: Path) -> int:
 
 
 def _list() -> int:
+    width = max(map(len, SCENES)) + 2
     for name, scene in SCENES.items():
-        say(f"{name:16}{summary_of(scene)}")
+        say(f"{name:{width}}{summary_of(scene)}")
     return 0

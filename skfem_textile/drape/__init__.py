@@ -30,6 +30,7 @@ from .start_search import BestStart, best_start, shear_over
 from .surfaces import (
     Cone,
     Cylinder,
+    Die,
     Height,
     HeightField,
     Plane,
@@ -49,6 +50,7 @@ __all__ = [
     "Course",
     "Cylinder",
     "Dart",
+    "Die",
     "FibresInSpace",
     "FlatPattern",
     "FoldedNetError",

@@ -1,4 +1,4 @@
-"""Analytical surfaces: plane, cylinder, sphere, cone, torus, height field.
+"""Analytical surfaces: plane, cylinder, sphere, cone, torus, die, height field.
 
 Except for the plane, φ is positive outside.  Each is a function of the position
 relative to a point and, except for the sphere, of the distance r from an axis and the
@@ -22,6 +22,10 @@ _ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 # Lower bound in mm of a distance from an axis or a centre used as a divisor.
 _TINY = 1e-300
+
+# Slope of the level of a die along the axis of its hole, where it enters the hole.
+# Chosen: the level remains above 0.7 of the radius.
+_SLOPE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,6 +272,104 @@ class Torus(_OfRevolution):
         away = np.maximum(np.hypot(r - self.radius, z), _TINY)
         c, s = self._df(r, z)
         return s * s / away, -c * s / away, c * c / away
+
+
+@dataclass(frozen=True, eq=False)
+class Die(_OfRevolution):
+    """Plane with a round hole and a fillet; φ is the distance, positive outside.
+
+    Within half of the radius from the axis of the hole, where the wall has no closest
+    point, φ is a smooth function instead of the distance.
+
+    Parameters
+    ----------
+    radius
+        Radius of the hole in mm.
+    fillet
+        Radius of the fillet between plane and hole in mm.
+    point
+        Centre of the hole in the plane, in mm.
+    axis
+        Direction from the plane into the hole.
+
+    Examples
+    --------
+    The distances of a point below the plane, and of one beside the fillet:
+
+    >>> import numpy as np
+    >>> from skfem_textile import drape
+    >>> die = drape.Die(80.0, 10.0)
+    >>> die.level(np.array([[120.0, 82.0], [0.0, 0.0], [-2.0, 2.0]])).round(4)
+    array([2.    , 1.3137])
+    """
+
+    radius: float
+    fillet: float
+    point: Vector = _ORIGIN
+    axis: Vector = _UP
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "fillet"):
+            value = positive_length(f"die: {name}", getattr(self, name))
+            object.__setattr__(self, name, value)
+        self._prepare("die")
+
+    def _f(self, r: ndarray, z: ndarray) -> ndarray:
+        inside, _, _ = self._core(r)
+        depth, _, _ = self._depth(z)
+        return self._section(r, z)[0] - inside * depth
+
+    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
+        _, n_r, n_z, _ = self._section(r, z)
+        _, slope, _ = self._rounded(r)
+        inside, inside_r, _ = self._core(r)
+        depth, depth_z, _ = self._depth(z)
+        return n_r * slope - inside_r * depth, n_z - inside * depth_z
+
+    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        _, n_r, n_z, curved = self._section(r, z)
+        _, slope, bend = self._rounded(r)
+        inside, inside_r, inside_rr = self._core(r)
+        depth, depth_z, depth_zz = self._depth(z)
+        return (
+            curved * (n_z * slope) ** 2 + n_r * bend - inside_rr * depth,
+            -curved * n_r * n_z * slope - inside_r * depth_z,
+            curved * n_r**2 - inside * depth_zz,
+        )
+
+    def _section(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
+        """Distance in the section, its derivatives by r and z, and its curvature."""
+        r, z = self._rounded(r)[0] - (self.radius + self.fillet), z - self.fillet
+        plane, wall = (r >= 0) & (z <= r), (z >= 0) & (r < z)
+        away = np.maximum(np.hypot(r, z), _TINY)
+        distance = np.where(plane, -z, np.where(wall, -r, away)) - self.fillet
+        n_r = np.where(plane, 0.0, np.where(wall, -1.0, r / away))
+        n_z = np.where(plane, -1.0, np.where(wall, 0.0, z / away))
+        return distance, n_r, n_z, np.where(plane | wall, 0.0, 1 / away)
+
+    def _rounded(self, r: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        """Distance r from the axis, rounded to an even polynomial near it."""
+        half = 0.5 * self.radius
+        s = np.minimum(r / half, 1.0)
+        even = half * (3 + 6 * s**2 - s**4) / 8
+        return np.where(s < 1, even, r), 1.5 * s - 0.5 * s**3, 1.5 * (1 - s**2) / half
+
+    def _core(self, r: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        """Weight of `_depth` and its derivatives: 1 on the axis, 0 at half radius."""
+        half = 0.5 * self.radius
+        s = np.minimum(r / half, 1.0)
+        c = 1 - s**2
+        return c**3, -6 * s * c**2 / half, (24 * s**2 * c - 6 * c**2) / half**2
+
+    def _depth(self, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        """Bounded function of the depth and its derivatives.
+
+        It is so small that φ is positive on the axis, and its slope is not zero there.
+        """
+        s = z / self.radius
+        slope = _SLOPE / (1 + s**2)
+        bend = -2 * slope * s / (1 + s**2) / self.radius
+        return _SLOPE * self.radius * np.arctan(s), slope, bend
 
 
 def _vector(what: str, value: Vector) -> ndarray:

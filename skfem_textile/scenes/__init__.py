@@ -3,6 +3,7 @@
 from .bias_extension import bias_extension
 from .case import Case
 from .drape import drape
+from .forming import double_dome_forming, forming, hemisphere_forming
 from .scene import Scene
 from .specimen import specimen
 from .strip import strip
@@ -18,8 +19,11 @@ __all__ = [
     "cantilever",
     "cylinder",
     "double_dome",
+    "double_dome_forming",
     "drape",
+    "forming",
     "hemisphere",
+    "hemisphere_forming",
     "picture_frame",
     "saddle",
     "specimen",

@@ -65,7 +65,7 @@ class Case:
         scene = self.scene
         loads = *scene.loads, *scene.loads_of(self.fabric), *self.loads
         return Ply(
-            *(scene.mesh, self.fabric, self.formulation, loads),
+            *(scene.mesh, self.fabric, self.formulation, (*loads, *scene.tools)),
             dimension=scene.dimension,
             fibre_ends=scene.fibre_ends,
         )
@@ -81,9 +81,13 @@ class Case:
         Raises
         ------
         ValueError
-            See `Ply` and `LoadStepper`.
+            See `Ply`, `check_tools` and `LoadStepper`.
         """
         ply = self.ply()
+        if self.scene.tools:
+            from ..forming.checks import check_tools  # needed with tools only
+
+            check_tools(ply, self.scene.conditions)
         return LoadStepper(
             ply,
             self.scene.conditions,

@@ -16,7 +16,8 @@ from ..drape import Axes, Net, ToolMesh, TriangleMesh
 from ..drape.sheet import boundary_edges
 from ..mesh.contact import signed_areas
 from ..solve.surface import OffSurfaceError, onto
-from .draped_ply import PlyOptions, draped_ply, warn_of_net
+from .draped_ply import draped_ply, warn_of_net
+from .flat_ply import PlyOptions
 from .scene import Scene
 
 # Height difference, relative to the extent of the tool, within which vertices are

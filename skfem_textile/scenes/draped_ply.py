@@ -17,7 +17,7 @@ before draping.
 import logging
 from collections.abc import Callable, Sequence
 from functools import cache, lru_cache, partial
-from typing import Literal, TypeAlias, TypedDict, get_args
+from typing import Unpack
 
 import numpy as np
 from numpy import ndarray
@@ -25,7 +25,7 @@ from skfem import Mesh
 
 from ..drape import SAME_AXES, Axes, Net, NetError
 from ..fabric import Fabric
-from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..mesh.checks import MeshError
 from ..ply import Ply
 from ..ply.terms import Load
 from ..solve.conditions import Condition
@@ -33,8 +33,9 @@ from ..solve.result import Result
 from ..solve.surface import OffSurfaceError, OnSurface, Surface, onto
 from ..solve.surface.surface import Geodesics, displacement, geodesics
 from .edge_tension import AROUND, EdgeTension, edge_net
+from .flat_ply import PlyOptions, flat_ply, in_planes
 from .on_tool import CELLS, measured_on_tool
-from .rectangle import misfit, rectangle
+from .rectangle import misfit
 from .scene import Scene, unknown
 
 log = logging.getLogger(__name__)
@@ -102,28 +103,8 @@ def _xyz(axes: Axes, point: ndarray) -> str:
     return ", ".join(f"{x:.4g}" for x in axes.of_tool(point[:, None])[:, 0])
 
 
-Part: TypeAlias = Literal["quarter", "whole"]
-
-PARTS: tuple[str, ...] = get_args(Part)
-
-#: Sides in planes of symmetry, and their normals.
-_SYMMETRY = {"left": (0.0, None, None), "bottom": (None, 0.0, None)}
-
-# Tolerances of angles in radians, and of lengths relative to the ply.
+# Tolerance of lengths relative to the ply.
 _OFF = 1e-6
-
-
-class PlyOptions(TypedDict, total=False):
-    """Common parameters of all plies on tools; see `draped_ply`."""
-
-    size: tuple[int, int]
-    jitter: float
-    seed: int
-    fibres: float
-    width: float
-    height: float
-    tension: float
-    part: Part | None
 
 
 def draped_ply(
@@ -131,18 +112,11 @@ def draped_ply(
     surface: Surface,
     mesh: str | Mesh,
     *,
-    size: tuple[int, int] = (16, 16),
-    jitter: float = 0.0,
-    seed: int = 1,
-    fibres: float = 0.0,
-    width: float = 180.0,
-    height: float = 180.0,
-    tension: float = 2.0,
-    part: Part | None = None,
     exact: Callable[[ndarray, float], ndarray] = unknown,
     off_exact: Callable[[ndarray], str] = lambda X: "no exact solution is known",
     axes: Axes = SAME_AXES,
     check: Callable[[Mesh, Callable[[], Net]], None] = lambda mesh, lay: None,
+    **ply: Unpack[PlyOptions],
 ) -> Scene:
     """Scene of a ply on a tool.
 
@@ -153,19 +127,8 @@ def draped_ply(
     surface
         The tool, which touches the plane z = 0 at the origin.  For a quarter it must be
         symmetric about the planes x = 0 and y = 0.
-    mesh
-        A mesh of the ply centred at the origin, or of its quarter with the lower left
-        corner there; or the kind of `rectangle` to generate.
-    size, jitter, seed
-        See `rectangle`; they apply to the computed part.
-    fibres
-        Inclination of the warp in radians; the weft is normal to it.
-    width, height
-        Sides of the whole ply in mm, if its mesh is generated.
-    tension
-        Tension in N/mm on free edges along the fibres, see `EdgeTension`.
-    part
-        Computed part; by default a quarter if the fibres permit it.
+    mesh, **ply
+        See `flat_ply`.
     exact
         Exact shear angle ``(X, t) -> (n,)`` in radians, or `unknown`.
     off_exact
@@ -179,28 +142,10 @@ def draped_ply(
     Raises
     ------
     ValueError
-        If the mesh is not valid or does not fit, a number is not positive, or the part
-        does not match the fibres.
+        See `flat_ply`; also if a whole ply cannot be held on the tool.
     """
-    _refuse_numbers(name, width, height, tension, fibres)
-    symmetric = abs(fibres / (np.pi / 4) - round(fibres / (np.pi / 4))) < _OFF
-    if part == "quarter" and not symmetric:
-        raise ValueError(
-            f"{name}: fibres at {np.degrees(fibres):g} degrees have no planes of "
-            "symmetry: use the whole ply"
-        )
-    part = part or ("quarter" if symmetric else "whole")
-    share, held = (0.5, tuple(_SYMMETRY)) if part == "quarter" else (1.0, ())
-    angles = fibres, fibres + np.pi / 2
+    flat, angles, tension, held = flat_ply(name, mesh, **ply)
     on_tool = OnSurface(surface, stated=axes.of_tool)
-    if isinstance(mesh, str):
-        sides = share * width, share * height
-        flat = rectangle(*sides, size, mesh, jitter, seed, *angles)
-        if part == "whole":
-            flat = flat.translated((-0.5 * width, -0.5 * height))
-    else:
-        check_mesh(mesh)
-        flat = with_edges(mesh)
 
     @cache
     def lay() -> Net:
@@ -221,8 +166,8 @@ def draped_ply(
         return [EdgeTension(on_tool, tension, angles, law, held, lay)]
 
     check(flat, lay)
-    held_at = _in_planes(name, flat) if held else _at_middle(name, flat, on_tool)
-    c, s = float(np.cos(fibres)), float(np.sin(fibres))
+    held_at = in_planes(name, flat) if held else _at_middle(name, flat, on_tool)
+    c, s = float(np.cos(angles[0])), float(np.sin(angles[0]))
     return Scene(
         name=name,
         mesh=flat,
@@ -256,38 +201,6 @@ def shear_errors(
         "shear_angle_error_max_deg": float(np.abs(off).max()),
         "shear_angle_error_rms_deg": float(np.sqrt(np.average(off**2, weights=area))),
     }
-
-
-def _refuse_numbers(
-    name: str, width: float, height: float, tension: float, fibres: float
-) -> None:
-    for what, side in (("width", width), ("height", height)):
-        if not 0 < side < np.inf:
-            raise ValueError(f"{name}: the {what} must be positive, got {side:g} mm")
-    if not 0 <= tension < np.inf:
-        raise ValueError(
-            f"{name}: the edge tension must be 0 or positive, got {tension:g} N/mm"
-        )
-    if not np.isfinite(fibres):
-        raise ValueError(
-            f"{name}: the angle of the fibres must be finite, got {fibres:g}"
-        )
-
-
-def _in_planes(name: str, mesh: Mesh) -> dict[str, Condition]:
-    """Conditions of a quarter on its planes of symmetry."""
-    for side in _SYMMETRY:
-        if side not in mesh.boundaries:
-            raise MeshError(
-                f"{name}: the mesh of a quarter has no straight {side} edge: name a "
-                f"boundary {side!r}"
-            )
-    if np.abs(mesh.p.min(axis=1)).max() > _OFF * np.ptp(mesh.p):
-        raise MeshError(
-            f"{name}: the lower left corner of the mesh of a quarter must be at the "
-            "origin: for a whole ply set part to 'whole'"
-        )
-    return {side: Condition(side, value) for side, value in _SYMMETRY.items()}
 
 
 def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition]:

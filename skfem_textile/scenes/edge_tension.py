@@ -26,6 +26,7 @@ from ..fabric.law import Law
 from ..ply.parameters import TermParameters, Values
 from ..ply.terms import Term
 from ..solve.surface import OnSurface
+from .flat_ply import free_edges
 from .on_tool import CELLS, net_over
 
 # Number of cells of the net beyond the ply, from which directions at its edges follow.
@@ -61,18 +62,11 @@ def edge_net(
     ValueError
         If the net folds or leaves the surface.
     """
-    start, end = mesh.p[:, mesh.facets[:, _free_edges(mesh, held)]].swapaxes(0, 1)
+    start, end = mesh.p[:, mesh.facets[:, free_edges(mesh, held)]].swapaxes(0, 1)
     most = np.hypot(*(end - start)).max() / np.ptp(mesh.p, axis=1).max()
     shares = np.linspace(0.0, 1.0, 1 + int(np.ceil(CELLS * most)))[:, None, None]
     X = np.hstack([*(start + shares * (end - start))])
     return net_over(np.hstack([mesh.p, X]), on_tool, angles, beyond)
-
-
-def _free_edges(mesh: Mesh, held: tuple[str, ...]) -> ndarray:
-    """Numbers of the edges of a ply on none of the held boundaries."""
-    fixed = [mesh.boundaries[name] for name in held]
-    free = np.setdiff1d(mesh.boundary_facets(), np.concatenate([[], *fixed]))
-    return free.astype(int)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +107,7 @@ class EdgeTension:
             law.
         """
         mesh = basis.mesh
-        free = _free_edges(mesh, self.held)
+        free = free_edges(mesh, self.held)
         edges = FacetBasis(
             *(mesh, basis.elem, basis.mapping), facets=free, dofs=basis.dofs
         )

@@ -17,6 +17,7 @@ from ..solve.surface import OnSurface
 from .shear_test import BiasTest, FrameTest
 
 if TYPE_CHECKING:
+    from ..forming import Holder, Tool
     from ..ply import Ply
     from ..ply.builtin_terms import FibreEnd
     from ..ply.terms import Load
@@ -50,7 +51,7 @@ class Scene:
     conditions
         Conditions by name.
     driven
-        Name of the condition with the reported reaction.
+        Name of the condition or tool with the reported reaction.
     displacement
         Exact displacement ``(X, t) -> (2, n)`` at the load factor t; `unknown` if
         ``figures`` have the exact values.
@@ -76,6 +77,8 @@ class Scene:
         Loads that are part of the problem.
     reacting
         Name of the condition with the reported reaction, if it is not the driven one.
+    tools
+        Tools and holders of a ply in space.
     loads_of
         Further loads, as a function of the fabric.
     figures
@@ -105,6 +108,7 @@ class Scene:
     dimension: int = 2
     fibre_ends: "Mapping[str, FibreEnd]" = field(default_factory=dict)
     loads: "tuple[Load, ...]" = ()
+    tools: "tuple[Tool | Holder, ...]" = ()
     reacting: str = ""
     loads_of: "Callable[[Fabric], Sequence[Load]]" = lambda fabric: ()
     figures: Callable[[Result], Mapping[str, float]] = lambda result: {}
@@ -273,7 +277,7 @@ class Scene:
         """
         state = result.states[-1]
         reaction = self.reaction(state).tolist()
-        carried = state.shares[f"{self.reacting or self.driven}_reaction"]
+        carried = state.shares.get(f"{self.reacting or self.driven}_reaction", {})
         return {
             "scene": self.name,
             **result.summary(),

@@ -10,7 +10,8 @@ from skfem import Mesh
 
 from ..drape import Cylinder, Height, HeightField, Sphere
 from ..drape import double_dome as tool
-from .draped_ply import PlyOptions, draped_ply
+from .draped_ply import draped_ply
+from .flat_ply import PlyOptions
 from .scene import Scene
 
 #: Argument at which the net folds, ω = 0.

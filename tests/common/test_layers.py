@@ -27,10 +27,14 @@ LAYERS = {
     "solve.sweep": ("solve", "mesh"),
     "singular": ("solve", "ply", "fabric", "mesh"),
     "drape": ("solve", "ply", "fabric", "mesh"),
-    "scenes": ("drape", "singular", "solve", "ply", "fabric", "mesh"),
-    "io": ("drape", "solve", "ply", "fabric", "mesh"),
-    "cases": ("io", "scenes", "singular", "solve", "ply", "fabric", "mesh"),
-    "plot": ("io", "drape", "singular", "solve", "ply", "fabric", "mesh"),
+    "forming": ("drape", "solve", "ply", "fabric", "mesh"),
+    "scenes": ("forming", "drape", "singular", "solve", "ply", "fabric", "mesh"),
+    "io": ("forming", "drape", "solve", "ply", "fabric", "mesh"),
+    "cases": (
+        *("io", "scenes", "forming", "drape", "singular", "solve"),
+        *("ply", "fabric", "mesh"),
+    ),
+    "plot": ("io", "forming", "drape", "singular", "solve", "ply", "fabric", "mesh"),
     "calibration": ("plot", "scenes", "solve", "ply", "fabric", "mesh"),
     "cli": (
         *("calibration", "plot", "cases", "io", "scenes", "solve"),

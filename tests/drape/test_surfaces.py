@@ -34,6 +34,7 @@ SURFACES = {
     "sphere": drape.Sphere(4.0, (1, 2, 0)),
     "cone": drape.Cone(0.6, (1, 1, -9), (0.2, 0.1, 1)),
     "torus": drape.Torus(9.0, 2.0, (0, 1, 0), (0.3, 0, 1)),
+    "die": drape.Die(3.0, 1.5, (3, 2, 4), (0.2, 0.1, 1)),
     "double dome": drape.double_dome(6.0, 18.0, 7.5, 0.25, 6.0),
     "triangles": drape.TriangleMesh(*[sphere(600)[0] * 5, sphere(600)[1]]),
     "grown": GrowingSurface(drape.Sphere(4.0, (0, 0, -4)), np.zeros(3), 0.3),
@@ -105,6 +106,40 @@ def test_curvatures_of_sphere_cylinder_and_torus():
     np.testing.assert_allclose(cylinder[..., 0], np.diag([0, 0, 0.25]))
 
 
+def test_the_level_of_a_die_is_the_distance_from_its_section():
+    """The distance outside is computed from points along plane, fillet and wall."""
+    die, turn = drape.Die(80.0, 10.0, (0, 0, 1)), np.linspace(0, np.pi / 2, 2001)
+    r, z = 90 - 10 * np.sin(turn), 11 - 10 * np.cos(turn)
+    far = np.linspace(0, 100, 20001)
+    section = np.array(
+        [[*r, *(90 + far), *(80 + 0 * far)], [*z, *(1 + 0 * far), *(11 + far)]]
+    )
+    x = np.array(
+        [RNG.uniform(41, 150, 300), 0 * np.ones(300), RNG.uniform(-40, 60, 300)]
+    )
+    away = np.hypot(*(x[::2, :, None] - section[:, None])).min(axis=1)
+    level = die.level(x)
+    np.testing.assert_allclose(np.abs(level), away, atol=2e-3)
+    inside = (x[2] > 1) & (x[0] > 90) | (x[2] > 11) & (x[0] > 80)
+    assert (level[inside] < 0).all()
+    assert (level[x[0] < 80] > 0).all()
+
+
+def test_a_die_has_a_gradient_and_no_singular_curvature_on_its_axis():
+    die, h = drape.Die(80.0, 10.0), 1e-4
+    axis = np.array([0, 0, 1.0])[:, None] * np.linspace(-400, 400, 801)
+    x = axis + 1e-6 * np.eye(3)[:, :1]
+    for at in (x, axis):
+        assert (die.level(at) > 50).all()
+        assert (np.linalg.norm(die.gradient(at), axis=0) > 1e-3).all()
+        assert np.abs(die.hessian(at)).max() < 0.1
+    for d in np.eye(3)[:, :, None]:
+        bend = (die.gradient(x + h * d) - die.gradient(x - h * d)) / (2 * h)
+        off = np.abs(bend - np.einsum("ijn,jk->in", die.hessian(x), d))
+        assert np.median(off) < 1e-8
+        assert (off > 1e-6).sum() <= 3  # the curvature jumps where the wall begins
+
+
 def test_a_surface_grows_out_of_its_tangent_plane():
     x, sphere = RNG.uniform(-1, 1, (3, 9)), drape.Sphere(4.0, (0, 0, -4))
     np.testing.assert_allclose(GrowingSurface(sphere, np.zeros(3), 0.0).level(x), x[2])
@@ -149,6 +184,7 @@ def test_invalid_surfaces_are_rejected(tmp_path):
         (lambda: drape.Cylinder(1.0, (0, 0)), "must be three finite numbers"),
         (lambda: drape.Cone(2.0), "between 0 and"),
         (lambda: drape.Torus(1.0, 2.0), "must be smaller"),
+        (lambda: drape.Die(3.0, 0.0), "fillet must be a positive length"),
         (lambda: drape.double_dome(waist=1.0), "waist at least 0 and less than 1"),
         (lambda: drape.TriangleMesh(p[:, :9], t[:, :0]), "triangles must be"),
         (lambda: drape.TriangleMesh(p, t + 1), "undefined vertex"),

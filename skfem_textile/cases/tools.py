@@ -1,0 +1,286 @@
+"""Declaration of tools and holders: keys of ``[[tools]]``, types and defaults.
+
+Each struct builds its surface and imports the modules for it only then.
+"""
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+
+import numpy as np
+
+from .table import FILE, Degrees, Table, about
+
+if TYPE_CHECKING:
+    from ..drape import Axes
+    from ..forming import Holder, Tool
+    from ..solve.surface import Surface
+
+Vector: TypeAlias = tuple[float, float, float]
+
+#: A number, or rows of load factor and number.
+Amount: TypeAlias = float | tuple[tuple[float, float], ...]
+
+_ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+_ROWS = "rows of load factor and value, linear between them"
+
+
+class ToolTable(Table, tag_field="surface"):
+    """Rigid tool that a ply in space cannot penetrate, or a holder.
+
+    Positions are in mm in the axes of the tools of the scene.
+    """
+
+    name: Annotated[
+        str | None, about("name of the tool (default: tool_1, tool_2, ...)")
+    ] = None
+    motion_mm: Annotated[
+        tuple[float | tuple[float, float, float, float], ...],
+        about(
+            "final translation x, y, z, in proportion to the load factor; or rows of "
+            "load factor, x, y, z, linear between them"
+        ),
+    ] = _ORIGIN
+    side: Annotated[
+        Literal[-1, 1] | None,
+        about(
+            "side of the surface on which the ply lies (default: the side of the "
+            "undeformed ply)"
+        ),
+    ] = None
+    thickness_mm: Annotated[
+        float, about("thickness of the ply, half of which is kept from the tool")
+    ] = 0.0
+    outline_mm: Annotated[
+        tuple[tuple[float, float], ...] | None,
+        about(
+            "corners x, y of a polygon in the initial position, outside which the tool "
+            "does not touch the ply"
+        ),
+    ] = None
+    gap_mm: Annotated[
+        Amount | None,
+        about(
+            f"for a holder: largest distance of the ply from the surface; or {_ROWS}"
+        ),
+    ] = None
+    pressure_N_per_mm2: Annotated[
+        Amount | None,
+        about(f"for a holder: pressure towards the surface; or {_ROWS}"),
+    ] = None
+
+    def build(self, what: str, number: int, axes: "Axes") -> "Tool | Holder":
+        """Build the tool.
+
+        Parameters
+        ----------
+        what
+            Its name in messages.
+        number
+            Its number in the default of its name.
+        axes
+            Axes of the ply in the axes of the tool.
+
+        Raises
+        ------
+        ValueError
+            If a value is not valid.
+        """
+        from ..forming import Holder, Tool
+
+        outline = None
+        if self.outline_mm is not None:
+            outline = np.array(self.outline_mm).reshape(-1, 2).T - axes.origin[:2, None]
+        common: dict[str, Any] = {
+            "surface": self.surface_in(axes),
+            "motion": self._motion(what),
+            "side": self.side,
+            "thickness": self.thickness_mm,
+            "outline": outline,
+            "name": self.name or f"tool_{number}",
+        }
+        if self.gap_mm is None and self.pressure_N_per_mm2 is None:
+            return Tool(**common)
+        gap = _amount(f"{what}.gap_mm", self.gap_mm)
+        pressure = _amount(f"{what}.pressure_N_per_mm2", self.pressure_N_per_mm2)
+        return Holder(**common, gap=gap, pressure=pressure)
+
+    def surface_in(self, axes: "Axes") -> "Surface":
+        """Build the surface in the axes of the ply, which are parallel."""
+        raise NotImplementedError
+
+    def _motion(self, what: str) -> Any:
+        rows = self.motion_mm
+        if not any(isinstance(row, tuple) for row in rows):
+            if len(rows) != 3:
+                raise ValueError(
+                    f"{what}.motion_mm must be three numbers, or rows of a load factor "
+                    f"and three numbers, got {len(rows)} numbers"
+                )
+            return rows
+        if not all(isinstance(row, tuple) for row in rows):
+            raise ValueError(f"{what}.motion_mm contains both rows and numbers")
+        return Rows(f"{what}.motion_mm", rows)
+
+
+class Rows:
+    """Piecewise linear function of the load factor, constant beyond its rows.
+
+    Parameters
+    ----------
+    what
+        Its name in messages.
+    rows
+        Load factor and values of each row.
+
+    Raises
+    ------
+    ValueError
+        If the load factors do not increase from 0 to 1.
+    """
+
+    def __init__(self, what: str, rows: Any) -> None:
+        self._t, *self._values = np.array(rows, dtype=float).T
+        if (np.diff(self._t) <= 0).any() or self._t[0] != 0 or self._t[-1] != 1:
+            raise ValueError(
+                f"{what}: the load factors of the rows must increase from 0 to 1, got "
+                f"{', '.join(f'{t:g}' for t in self._t)}"
+            )
+
+    def __call__(self, t: float) -> Any:
+        """Value, or vector of values, at a load factor."""
+        at = [float(np.interp(t, self._t, value)) for value in self._values]
+        return np.array(at) if len(at) > 1 else at[0]
+
+
+def _amount(what: str, amount: Any) -> Any:
+    return Rows(what, amount) if isinstance(amount, tuple) else amount
+
+
+Point: TypeAlias = Annotated[Vector, about("point of the surface or of its axis")]
+
+Axis: TypeAlias = Annotated[Vector, about("direction of the axis")]
+
+Radius: TypeAlias = Annotated[float, about("radius")]
+
+
+class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
+    """triangles of a file, such as STL"""
+
+    source: Annotated[
+        tuple[str, ...] | str,
+        about("file of triangles, or several that are sewn, as for the scene drape"),
+        FILE,
+    ]
+    unit: Annotated[
+        Literal["mm", "cm", "m", "in"] | None,
+        about("unit of length of the file (default: the file's, else mm)"),
+    ] = None
+
+    def surface_in(self, axes: "Axes") -> "Surface":
+        """See `ToolTable.surface_in`."""
+        from ..io import read_surface
+
+        return read_surface(self.source, self.unit).moved(*axes)
+
+
+class PlaneTool(ToolTable, tag="plane", kw_only=True):
+    """plane"""
+
+    point_mm: Point = _ORIGIN
+    normal: Annotated[Vector, about("normal of any length")] = _UP
+
+    def surface_in(self, axes: "Axes") -> "Surface":
+        """See `ToolTable.surface_in`."""
+        from ..drape import Plane
+
+        return Plane(_moved(self.point_mm, axes), self.normal)
+
+
+class SphereTool(ToolTable, tag="sphere", kw_only=True):
+    """sphere"""
+
+    radius_mm: Radius
+    centre_mm: Annotated[Vector, about("centre of the sphere")]
+
+    def surface_in(self, axes: "Axes") -> "Surface":
+        """See `ToolTable.surface_in`."""
+        from ..drape import Sphere
+
+        return Sphere(self.radius_mm, _moved(self.centre_mm, axes))
+
+
+class CylinderTool(ToolTable, tag="cylinder", kw_only=True):
+    """cylinder"""
+
+    radius_mm: Radius
+    point_mm: Point
+    axis: Axis = (0.0, 1.0, 0.0)
+
+    def surface_in(self, axes: "Axes") -> "Surface":
+        """See `ToolTable.surface_in`."""
+        from ..drape import Cylinder
+
+        return Cylinder(self.radius_mm, _moved(self.point_mm, axes), self.axis)
+
+
+class ConeTool(ToolTable, tag="cone", kw_only=True):
+    """cone"""
+
+    angle_deg: Annotated[Degrees, about("angle between axis and surface")]
+    point_mm: Annotated[Vector, about("apex")]
+    axis: Annotated[Vector, about("direction from the apex into the cone")] = _UP
+
+    def surface_in(self, axes: "Axes") -> "Surface":
+        """See `ToolTable.surface_in`."""
+        from ..drape import Cone
+
+        angle = float(np.radians(self.angle_deg))
+        return Cone(angle, _moved(self.point_mm, axes), self.axis)
+
+
+class TorusTool(ToolTable, tag="torus", kw_only=True):
+    """torus"""
+
+    radius_mm: Annotated[float, about("radius of the centre line of the tube")]
+    tube_mm: Annotated[float, about("radius of the tube")]
+    point_mm: Annotated[Vector, about("centre")]
+    axis: Axis = _UP
+
+    def surface_in(self, axes: "Axes") -> "Surface":
+        """See `ToolTable.surface_in`."""
+        from ..drape import Torus
+
+        point = _moved(self.point_mm, axes)
+        return Torus(self.radius_mm, self.tube_mm, point, self.axis)
+
+
+class DieTool(ToolTable, tag="die", kw_only=True):
+    """plane with a round hole and a fillet"""
+
+    radius_mm: Annotated[float, about("radius of the hole")]
+    fillet_mm: Annotated[float, about("radius of the fillet")]
+    point_mm: Annotated[Vector, about("centre of the hole in the plane")] = _ORIGIN
+    axis: Annotated[Vector, about("direction from the plane into the hole")] = _UP
+
+    def surface_in(self, axes: "Axes") -> "Surface":
+        """See `ToolTable.surface_in`."""
+        from ..drape import Die
+
+        point = _moved(self.point_mm, axes)
+        return Die(self.radius_mm, self.fillet_mm, point, self.axis)
+
+
+AnyTool: TypeAlias = (
+    TrianglesTool
+    | PlaneTool
+    | SphereTool
+    | CylinderTool
+    | ConeTool
+    | TorusTool
+    | DieTool
+)
+
+
+def _moved(point: Vector, axes: "Axes") -> np.ndarray:
+    """Point in the axes of the ply."""
+    return np.array(point) - axes.origin

@@ -1,0 +1,358 @@
+"""Scenes of plies that a punch forms through a die, above the plane of a holder.
+
+The ply lies in the plane z = 0, in the middle of the gap between die and holder, and
+the punch touches the plane of the holder from below.  Free edges have a constant
+tension along the fibres: fibres at right angles transmit the same tension across an
+edge of any direction.
+
+A quarter suffices if tools and fibres have planes of symmetry.  Otherwise the whole
+ply is fixed in its plane at its centre, and without edge tension, which keeps it from
+turning, along y at a second node.  These nodes have no reactions if tools and ply are
+symmetric under half a turn about z.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Unpack
+
+import numpy as np
+from numpy import ndarray
+from skfem import CellBasis, FacetBasis, LinearForm, Mesh, asm
+
+from ..drape import (
+    SAME_AXES,
+    Axes,
+    Die,
+    Height,
+    HeightField,
+    Plane,
+    Sphere,
+    TriangleMesh,
+)
+from ..drape import double_dome as dome
+from ..drape.surfaces import positive_length
+from ..forming import Holder, Tool
+from ..forming.figures import formed
+from ..mesh.checks import MeshError
+from ..mesh.user_input import real_numbers
+from ..ply.terms import VectorTerm
+from ..solve.conditions import Condition
+from ..solve.result import Result
+from ..solve.surface import Surface
+from .flat_ply import PlyOptions, flat_ply, free_edges, in_planes
+from .scene import Scene
+
+#: Distance between punch and die in the plane of a ply, in mm.
+CLEARANCE = 5.0
+
+# Tolerance of lengths relative to the ply.
+_OFF = 1e-6
+
+_NO_EXACT = "no exact solution is known"
+
+
+@dataclass(frozen=True, eq=False)
+class ConstantTension:
+    """Constant tension along the fibres on the free edges of a flat ply.
+
+    Parameters
+    ----------
+    tension
+        Tension in N/mm of fibres at right angles.
+    held
+        Names of boundaries without tension.
+    """
+
+    tension: float
+    held: tuple[str, ...]
+
+    def on(self, basis: CellBasis) -> VectorTerm:
+        """Term on a basis of the displacement."""
+        facets = free_edges(basis.mesh, self.held)
+        edges = FacetBasis(
+            *(basis.mesh, basis.elem, basis.mapping), facets=facets, dofs=basis.dofs
+        )
+
+        @LinearForm
+        def work(v, w):
+            return self.tension * (w.n[0] * v[0] + w.n[1] * v[1])
+
+        return VectorTerm("edge tension", asm(work, edges), 1.0)
+
+
+def formed_ply(
+    name: str,
+    tools: Sequence[Tool | Holder],
+    mesh: str | Mesh,
+    axes: Axes = SAME_AXES,
+    **ply: Unpack[PlyOptions],
+) -> Scene:
+    """Scene of a ply between tools.
+
+    Parameters
+    ----------
+    name
+        Name of the scene.
+    tools
+        The tools, first the one whose force is reported.  For a quarter they must be
+        symmetric about the planes x = 0 and y = 0.
+    mesh, **ply
+        See `flat_ply`, with other defaults: a size of 12 × 12, sides of 300 mm, and an
+        edge tension of 0.2 N/mm.
+    axes
+        Axes of the scene in the axes of the user's tools.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is not valid or does not fit, or a number is not.
+    """
+    options: PlyOptions = {**_BLANK, **ply}
+    flat, angles, tension, held = flat_ply(name, mesh, **options)
+    held_at = in_planes(name, flat) if held else _at_centre(name, flat, not tension)
+    c, s = float(np.cos(angles[0])), float(np.sin(angles[0]))
+    return Scene(
+        name=name,
+        mesh=flat,
+        warp=(c, s),
+        weft=(-s, c),
+        conditions=held_at,
+        driven=tools[0].name if tools else "",
+        dimension=3,
+        fibre_ends=dict.fromkeys(held, "mirror"),
+        loads=(ConstantTension(tension, held),) if tension else (),
+        tools=tuple(tools),
+        measured=partial(_measured, holding=() if held else tuple(held_at)),
+        misfit=_NO_EXACT,
+        axes=axes,
+    )
+
+
+# Defaults of the plies of all scenes.
+_BLANK: PlyOptions = {
+    "size": (12, 12),
+    "width": 300.0,
+    "height": 300.0,
+    "tension": 0.2,
+}
+
+
+def _pressed(
+    name: str, punch: Surface, die: Surface, travel: float, gap: float
+) -> list[Tool | Holder]:
+    """Tools of a ply in the middle of the gap between holder and die."""
+    if not (np.isfinite(travel) and travel):
+        raise ValueError(
+            f"{name}: the travel of the punch must be a length in mm other than 0, "
+            f"got {travel:g}"
+        )
+    up = float(np.sign(travel))
+    flange = Plane((0.0, 0.0, 0.5 * up * gap), (0.0, 0.0, up))
+    return [
+        Tool(punch, motion=(0.0, 0.0, travel), name="punch"),
+        Tool(die, name="die"),
+        Holder(flange, gap=gap, side=-1, name="holder"),
+    ]
+
+
+def _at_centre(name: str, mesh: Mesh, turns: bool) -> dict[str, Condition]:
+    """Conditions of a whole ply against motions in its plane."""
+    low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
+    if (low >= 0).any() or (high <= 0).any():
+        raise MeshError(
+            f"{name}: the origin must be inside the mesh of a whole ply: move the mesh"
+        )
+    centre = int(np.hypot(*mesh.p).argmin())
+    held = {"centre": Condition([centre], (0.0, 0.0, None))}
+    if turns:
+        half = 0.5 * np.array([float(high[0]), 0.0])
+        away = np.hypot(*(mesh.p - half[:, None]))
+        away[centre] = np.inf
+        held["turn"] = Condition([int(away.argmin())], (None, 0.0, None))
+    return held
+
+
+def _measured(result: Result, holding: Collection[str]) -> dict[str, float | str]:
+    """Figures of a formed ply, with the largest force of a node that holds it."""
+    figures = dict(formed(result))
+    forces = [result.states[-1].reactions[name] for name in holding]
+    if forces:
+        largest = float(np.linalg.norm(forces, axis=1).max())
+        figures["max_holding_force_N"] = largest
+    return figures
+
+
+def hemisphere_forming(
+    mesh: str | Mesh = "irregular",
+    radius: float = 75.0,
+    fillet: float = 10.0,
+    travel: float = 75.0,
+    gap: float = 0.3,
+    **ply: Unpack[PlyOptions],
+) -> Scene:
+    """Ply that a sphere forms through a die with a round hole.
+
+    The radius of the hole is larger than the punch by `CLEARANCE`.
+
+    Parameters
+    ----------
+    mesh, **ply
+        See `formed_ply`.
+    radius
+        Radius of the punch in mm.
+    fillet
+        Radius of the fillet of the die in mm.
+    travel
+        Final travel of the punch in mm.
+    gap
+        Distance between die and holder in mm.
+
+    Raises
+    ------
+    ValueError
+        See `formed_ply`.
+
+    Examples
+    --------
+    >>> from skfem_textile import Fabric
+    >>> from skfem_textile.scenes import Case, hemisphere_forming
+    >>> scene = hemisphere_forming("aligned", travel=20.0, size=(6, 6))
+    >>> fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
+    >>> summary = Case(scene=scene, fabric=fabric, steps=1).run().summary()
+    >>> summary["converged"]
+    True
+    """
+    name = "hemisphere_forming"
+    radius, middle = positive_length(f"{name}: radius", radius), 0.5 * _gap(name, gap)
+    punch = Sphere(radius, (0.0, 0.0, -radius - middle))
+    die = Die(radius + CLEARANCE, fillet, (0.0, 0.0, middle))
+    tools = _pressed(name, punch, die, _upwards(name, travel), gap)
+    return formed_ply(name, tools, mesh, **ply)
+
+
+def double_dome_forming(
+    mesh: str | Mesh = "irregular",
+    travel: float = 60.0,
+    gap: float = 0.3,
+    **ply: Unpack[PlyOptions],
+) -> Scene:
+    """Ply that a double dome forms in a die of the same shape.
+
+    The punch is `skfem_textile.drape.double_dome`, its long side along x.  The cavity
+    of the die has the same height, 60 mm, and is longer and wider by `CLEARANCE` on
+    each side.
+
+    Parameters
+    ----------
+    mesh, **ply
+        See `formed_ply`; the size is 24 × 16 and the width 470 mm by default.
+    travel
+        Final travel of the punch in mm, at most the height of the dome.
+    gap
+        Distance between die and holder in mm.
+
+    Raises
+    ------
+    ValueError
+        See `formed_ply`.
+    """
+    name = "double_dome_forming"
+    height, length, width = 60.0, 180.0, 75.0
+    middle = 0.5 * _gap(name, gap)
+    if _upwards(name, travel) > height:
+        raise ValueError(
+            f"{name}: the travel must be at most the height of the dome, {height:g} "
+            f"mm, got {travel:g} mm"
+        )
+    punch = _raised(dome(height, length, width), -middle)
+    cavity = dome(height, length + CLEARANCE, width + CLEARANCE)
+    tools = _pressed(name, punch, _raised(cavity, height + middle), travel, gap)
+    options: PlyOptions = {"size": (24, 16), "width": 470.0, **ply}
+    return formed_ply(name, tools, mesh, **options)
+
+
+def _raised(surface: HeightField, rise: float) -> HeightField:
+    def at(x: ndarray, y: ndarray) -> Height:
+        height = surface.height(x, y)
+        return height._replace(h=height.h + rise)
+
+    return HeightField(at)
+
+
+def forming(
+    punch: TriangleMesh,
+    die: TriangleMesh,
+    mesh: str | Mesh = "irregular",
+    travel: float = 50.0,
+    gap: float = 0.3,
+    centre: tuple[float, float] = (0.0, 0.0),
+    **ply: Unpack[PlyOptions],
+) -> Scene:
+    """Ply that a punch from a file forms through a die from a file.
+
+    Punch and die are in their initial positions, in the same axes.  The ply lies
+    between the holder and the lowest point of the die, or the highest one of a punch
+    that moves down.
+
+    Parameters
+    ----------
+    punch, die
+        Triangulated tools, see `skfem_textile.io.read_surface`.
+    mesh, **ply
+        See `formed_ply`; the part is the whole ply by default.
+    travel
+        Final travel of the punch along z in mm, negative if it moves down.
+    gap
+        Distance between die and holder in mm.
+    centre
+        Centre of the ply, x and y in the axes of the tools in mm.
+
+    Raises
+    ------
+    ValueError
+        See `formed_ply`; also if a tool is smaller than an element of the ply, or the
+        punch begins beyond the holder.
+    """
+    middle, up = 0.5 * _gap("forming", gap), float(np.sign(travel))
+    lowest = float((up * die.facets.points[2]).min())
+    axes = Axes(np.array([*centre, up * (lowest - middle)]))
+    parts = {"punch": punch.moved(*axes), "die": die.moved(*axes)}
+    tools = _pressed("forming", **parts, travel=travel, gap=gap)
+    options: PlyOptions = {"part": "whole", **ply}
+    scene = formed_ply("forming", tools, mesh, axes, **options)
+    _refuse_tiny(parts, scene.mesh)
+    highest = float((up * parts["punch"].facets.points[2]).max())
+    if highest > 0:
+        raise ValueError(
+            f"forming: the punch begins {highest:.4g} mm beyond the plane of the ply, "
+            f"z = {axes.origin[2]:.6g} mm: move it back along z"
+        )
+    return scene
+
+
+def _refuse_tiny(tools: dict[str, TriangleMesh], mesh: Mesh) -> None:
+    """Refuse tools that pass between the nodes of the ply."""
+    longest = mesh.p[:, mesh.facets]
+    element = float(np.hypot(*(longest[:, 0] - longest[:, 1])).max())
+    for name, tool in tools.items():
+        extent = float(np.ptp(tool.facets.points, axis=1)[:2].max())
+        if extent < 2 * element:
+            raise ValueError(
+                f"forming: the {name} extends over {extent:.3g} mm, less than two "
+                f"elements of the ply, {element:.3g} mm each: specify the unit of its "
+                "file, or use smaller elements"
+            )
+
+
+def _gap(name: str, gap: float) -> float:
+    number = real_numbers(f"{name}: holder gap", gap)
+    if number.shape or not 0 <= number < np.inf:
+        raise ValueError(
+            f"{name}: the holder gap must be a length of at least 0 mm, got {gap!r}"
+        )
+    return float(number)
+
+
+def _upwards(name: str, travel: float) -> float:
+    return positive_length(f"{name}: travel", travel)

@@ -1,0 +1,122 @@
+"""Checks of tools before a run: room between them, sides, contact."""
+
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import BodyForce, Condition, Fabric, Holder, Ply, Tool, drape
+from skfem_textile.forming.checks import check_tools
+from skfem_textile.scenes import (
+    Case,
+    double_dome_forming,
+    hemisphere_forming,
+)
+
+SIDE = np.linspace(-60.0, 60.0, 9)
+MESH = MeshQuad.init_tensor(SIDE, SIDE).with_defaults()
+
+
+def ply(*terms):
+    fabric = Fabric(1e4, 0.1, bending=(5.0, 5.0))
+    return Ply(MESH, fabric, terms=terms, dimension=3)
+
+
+def punch(travel, radius=30.0, **options):
+    sphere = drape.Sphere(radius, (0, 0, -radius - 0.2))
+    return Tool(sphere, motion=(0, 0, travel), name="punch", **options)
+
+
+def lid(height):
+    return Tool(drape.Plane((0, 0, height)), name="lid")
+
+
+DIE = Tool(drape.Die(34.0, 6.0, (0, 0, 0.2)), name="die")
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        hemisphere_forming(),
+        hemisphere_forming(radius=40.0, travel=90.0),  # deeper than the sphere
+        hemisphere_forming(radius=120.0, fillet=5.0, width=500.0, height=500.0),
+        hemisphere_forming(gap=0.0),
+        double_dome_forming(gap=0.05),
+    ],
+)
+def test_tools_of_scenes_have_room_for_the_ply(scene):
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
+    check_tools(Case(scene=scene, fabric=fabric).ply(), scene.conditions)
+
+
+def test_a_ply_without_tools_is_accepted():
+    check_tools(ply())
+
+
+@pytest.mark.parametrize("travel", [20.0, 60.0])
+def test_no_room_at_the_end_is_refused_with_the_depth(travel):
+    """A sphere and a plane overlap by the travel beyond the plane."""
+    place = r"node \d+, at \(0, 0, 0\) mm in the undeformed ply, is at least "
+    message = f"^tools 'punch' and 'lid' leave no room .* at load factor .*: {place}"
+    with pytest.raises(ValueError, match=message) as error:
+        check_tools(ply(punch(travel), lid(10.0)))
+    t = float(str(error.value).partition("load factor ")[2].partition(":")[0])
+    depth = t * travel - 0.2 - 10.0
+    assert f"{depth:.3g} mm inside one of them" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_tools_that_just_fit_are_accepted():
+    check_tools(ply(punch(10.2), lid(10.0)))
+    dome = drape.double_dome(20.0, 40.0, 30.0)
+    cavity = drape.HeightField(
+        lambda x, y: dome.height(x, y)._replace(h=dome.height(x, y).h + 20.0)
+    )
+    tools = (
+        Tool(dome, motion=(0, 0, 20.0), name="punch"),
+        Tool(cavity, side=-1, name="die"),
+    )
+    check_tools(ply(*tools))
+    further = Tool(dome, motion=(0, 0, 22.0), name="punch")
+    with pytest.raises(ValueError, match="'punch' and 'die' leave no room"):
+        check_tools(ply(further, tools[1]))
+
+
+def test_no_room_at_the_beginning_is_refused():
+    holder = Holder(drape.Plane((0, 0, 0.2)), gap=0.1, side=-1)
+    low = Tool(drape.Plane((0, 0, 0.05)), side=-1, name="low")
+    with pytest.raises(ValueError, match=r"'low' and 'holder' .* at load factor 0: "):
+        check_tools(ply(low, holder))
+
+
+def test_a_ply_behind_a_surface_is_refused():
+    message = "tool 'punch': the whole undeformed ply is behind its surface, by up to"
+    with pytest.raises(ValueError, match=message):
+        check_tools(ply(punch(20.0, side=-1)))
+
+
+def test_tools_that_never_touch_are_refused():
+    message = "nothing touches the ply at any load factor: the nearest is 'punch', 0.2"
+    with pytest.raises(ValueError, match=message):
+        check_tools(ply(punch(-10.0), lid(50.0)))
+    corner = np.array([[54.0, 55.0, 55.0], [54.0, 54.0, 55.0]])
+    message = "all its nodes are beyond the edges or outlines of the tools"
+    with pytest.raises(ValueError, match=message):
+        check_tools(ply(punch(10.0, outline=corner, side=1)))
+
+
+def test_a_ply_that_a_load_or_support_moves_may_touch_later():
+    check_tools(ply(punch(-10.0), BodyForce((0, 0, -1e-6))))
+    edges = {"left": Condition("left", (0.0, 0.0, -20.0))}
+    check_tools(ply(punch(-10.0)), edges)
+    still = {"left": Condition("left", (0.0, 0.0, 0.0))}
+    with pytest.raises(ValueError, match="nothing touches the ply"):
+        check_tools(ply(punch(-10.0)), still)
+
+
+def test_a_tool_in_the_middle_of_its_motion_is_found():
+    """It touches the ply from 0.45 to 0.55 of the load only."""
+
+    def motion(t):
+        return 0.0, 0.0, 2.0 - 40 * abs(t - 0.5)
+
+    check_tools(ply(Tool(punch(0.0).surface, motion, name="punch")))

@@ -1,0 +1,227 @@
+"""Scenes of forming: figures of the hemisphere, symmetry, files, bad input."""
+
+import json
+
+import meshio
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, MeshError
+from skfem_textile.cli import main as cli
+from skfem_textile.drape import TriangleMesh
+from skfem_textile.io import read_surface
+from skfem_textile.scenes import (
+    Case,
+    double_dome_forming,
+    forming,
+    hemisphere_forming,
+)
+from tests.helpers import graph
+
+CELLS = {"size": (6, 6)}
+
+
+def case(scene, steps=1, bending=5.0):
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(bending, bending))
+    return Case(scene=scene, fabric=fabric, steps=steps)
+
+
+def summary(scene, steps=1, bending=5.0):
+    run = case(scene, steps, bending)
+    return run.summary(run.run())
+
+
+def smallest_gap(result, tool):
+    (contact,) = [term for term in result.ply.terms if term.name == tool]
+    return contact.gaps(result.u, 1.0).min()
+
+
+def test_the_tools_push_the_ply_to_the_full_travel():
+    scene = hemisphere_forming(travel=40.0, **CELLS)
+    result = case(scene).run()
+    state, figures = result.states[-1], case(scene).summary(result)
+    assert figures["converged"]
+    assert scene.driven_displacement(state).tolist() == [0, 0, 40.0]
+    assert scene.reaction(state)[2] == pytest.approx(figures["reaction_z"])
+    assert figures["reaction_z"] > 5
+    u = result.ply.nodal(state.u)
+    centre = np.hypot(*result.ply.nodes).argmin()
+    assert u[2, centre] == pytest.approx(40.0 - 0.15, abs=1e-6)
+
+
+def test_the_ply_is_pulled_along_the_fibres_at_any_angle():
+    """The resultant on an edge is the tension times its length, for ±45° too."""
+    for fibres in (0.0, np.pi / 4):
+        scene = hemisphere_forming(fibres=fibres, **CELLS)
+        ply = case(scene).ply()
+        (tension,) = [term for term in ply.terms if term.name == "edge tension"]
+        force = -ply.nodal(tension.residual(ply.basis.zeros(), 0.5, {}))
+        right = ply.nodes[0] > 150 - 1e-9
+        inner = right & (ply.nodes[1] < 150 - 1e-9)
+        assert force[0, right].sum() == pytest.approx(0.2 * 150)
+        assert np.abs(force[1, inner]).max() < 1e-12
+
+
+def test_a_quarter_agrees_with_the_whole_ply():
+    """To round-off without bending, which differs at the planes of symmetry."""
+    quarter = summary(hemisphere_forming(travel=25.0, size=(4, 4)), bending=0.0)
+    scene = hemisphere_forming(travel=25.0, size=(8, 8), part="whole")
+    whole = summary(scene, bending=0.0)
+    assert whole["reaction_z"] == pytest.approx(4 * quarter["reaction_z"], rel=1e-5)
+    for name in ("max_shear_angle_deg", "max_fibre_strain"):
+        assert whole[name] == pytest.approx(quarter[name], rel=1e-4)
+    assert whole["max_holding_force_N"] < 1e-6
+    assert "max_holding_force_N" not in quarter
+
+
+def test_fibres_at_any_angle_have_no_holding_force():
+    scene = hemisphere_forming(travel=25.0, size=(8, 8), fibres=0.3)
+    figures = summary(scene)
+    assert scene.fibre_ends == {}
+    assert figures["max_holding_force_N"] < 1e-6
+
+
+def test_a_double_dome_is_formed_to_its_full_travel():
+    result = case(double_dome_forming(size=(8, 5)), 2).run()
+    assert result.converged
+    assert smallest_gap(result, "punch") == pytest.approx(0.0, abs=1e-6)
+    assert result.states[-1].displacements["punch"].tolist() == [0, 0, 60]
+    assert result.states[-1].reactions["punch"][2] > 10
+
+
+def bowl(path, height, offset=0.0, side=60.0, n=21):
+    """Write a shallow dome as STL, its top at the offset."""
+    s = np.linspace(-side, side, n)
+
+    def shape(x, y):
+        return offset - height * (1 - np.exp(-(x**2 + y**2) / 900))
+
+    x, t = graph(s, shape)
+    meshio.Mesh(x.T, [("triangle", t.T)]).write(path)
+    return path
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Punch and die with z = 500 as the lowest point of the die."""
+    punch = bowl(tmp_path / "P.stl", 30.0, 499.5)
+    die = bowl(tmp_path / "D.stl", 32.0, 532.0)
+    return str(punch), str(die)
+
+
+SMALL = {"width": 100.0, "height": 100.0, "size": (5, 5)}
+
+
+def test_tools_from_files_stay_in_their_axes(files):
+    punch, die = map(read_surface, files)
+    scene = forming(punch, die, travel=20.0, gap=1.0, part="quarter", **SMALL)
+    lowest = die.facets.points[2].min()
+    assert scene.axes.origin[2] == pytest.approx(lowest - 0.5)
+    result = case(scene).run()
+    assert result.converged
+    assert smallest_gap(result, "punch") == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_punch_that_moves_down_mirrors_one_that_moves_up(files):
+    punch, die = map(read_surface, files)
+    up = forming(punch, die, travel=20.0, gap=1.0, part="quarter", **SMALL)
+    turned = np.diag([1.0, -1.0, -1.0])
+    punch, die = (tool.moved(np.zeros(3), turned) for tool in (punch, die))
+    down = forming(punch, die, travel=-20.0, gap=1.0, part="quarter", **SMALL)
+    one, other = summary(up), summary(down)
+    # The triangles are not symmetric about y = 0.
+    assert other["reaction_z"] == pytest.approx(-one["reaction_z"], rel=1e-3)
+
+
+def test_the_side_of_the_triangles_does_not_matter(files):
+    punch, die = map(read_surface, files)
+    scene = forming(punch, die, travel=20.0, gap=1.0, **SMALL)
+    x, (triangles,) = punch.facets.points, punch.facets.cells
+    other = forming(
+        TriangleMesh(x, triangles[::-1]), die, travel=20.0, gap=1.0, **SMALL
+    )
+    gaps = []
+    for one in (scene, other):
+        ply = case(one).ply()
+        (contact,) = [term for term in ply.terms if term.name == "punch"]
+        gaps.append(contact.gaps(ply.basis.zeros(), 0.5))
+    np.testing.assert_allclose(*gaps, atol=1e-9)
+    assert gaps[0].min() < -9
+
+
+def test_bad_input_is_one_line(files, tmp_path):
+    punch, die = map(read_surface, files)
+    tiny = read_surface(bowl(tmp_path / "tiny.stl", 2.0, 490.0, side=9.0))
+    for build, message in (
+        (lambda: hemisphere_forming(gap=-0.1), "holder gap must be a length of at"),
+        (lambda: hemisphere_forming(travel=0.0), "travel must be a positive length"),
+        (lambda: hemisphere_forming(radius=-1.0), "radius must be a positive length"),
+        (lambda: hemisphere_forming(fibres=0.3, part="quarter"), "no planes of symm"),
+        (lambda: double_dome_forming(travel=61.0), "at most the height of the dome"),
+        (lambda: forming(punch, die, travel=0.0, **SMALL), "length in mm other than"),
+        (lambda: forming(die, punch, travel=9.0, **SMALL), "beyond the plane of the"),
+        (lambda: forming(tiny, die, travel=9.0, **SMALL), "less than two elements"),
+    ):
+        with pytest.raises((ValueError, MeshError), match=message) as error:
+            build()
+        assert "\n" not in str(error.value)
+
+
+def run(*words):
+    return cli.main(["run", *map(str, words)])
+
+
+def test_forming_runs_from_the_command_line(files, tmp_path):
+    out = tmp_path / "out"
+    punch, die = files
+    ply = "--width", 100, "--height", 100, "--size", "4x4", "--part", "quarter"
+    tools = "--punch", punch, "--die", die, "--travel", 15, "--holder-gap", 1
+    assert run("forming", *tools, *ply, "--steps", 1, "--out", out) == 0
+    figures = json.loads((out / "summary.json").read_text())
+    assert figures["converged"]
+    assert figures["inputs"]["scene"]["punch"] == [punch]
+    history = (out / "history.csv").read_text().splitlines()
+    assert "punch_reaction_z" in history[0]
+    written = {file.name for file in out.rglob("*")}
+    assert {"load.png", "animation.gif", "shear_angle.png", "curve.csv"} <= written
+    assert {"punch.stl", "die.stl", "steps.pvd"} <= written
+    again = tmp_path / "again"
+    assert run(out / "case.toml", "--out", again, "--no-render") == 0
+    same = json.loads((again / "summary.json").read_text())
+    assert same["reaction_z"] == figures["reaction_z"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--punch", "none.stl"], "scene.punch none.stl: no such file"),
+        (["--travel", "0"], "travel of the punch must be a length in mm other than"),
+        (["--holder-gap=-1"], "the holder gap must be a length of at least 0 mm"),
+        (["--travel", "45"], "'punch' and 'die' leave no room for the ply at load"),
+        (["--travel=-2"], "mm beyond the plane of the ply, z = 532.5 mm"),
+    ],
+)
+def test_bad_files_and_numbers_are_refused_before_the_run(
+    files, tmp_path, capsys, words, message
+):
+    punch, die = files
+    ply = "--width", 100, "--height", 100, "--size", "6x6", "--part", "quarter"
+    tools = "--punch", punch, "--die", die, "--holder-gap", 1, "--travel", 15
+    options = [str(word) for word in (*ply, *tools)]
+    for flag in {word.partition("=")[0] for word in words} & {*options}:
+        at = options.index(flag)
+        del options[at : at + 2]
+    out = tmp_path / "out"
+    assert run("forming", *options, *words, "--out", out) == 2
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert message in error
+    assert not out.exists()
+
+
+def test_hemisphere_forming_runs_from_the_command_line(tmp_path):
+    out = tmp_path / "out"
+    quick = "--size", "4x4", "--travel", 15, "--steps", 1, "--no-render"
+    assert run("hemisphere_forming", *quick, "--out", out) == 0
+    last = (out / "curve.csv").read_text().splitlines()[-1].split(",")
+    assert float(last[0]) == 15.0
+    assert float(last[1]) > 0

@@ -1,0 +1,143 @@
+"""Tools in case files: surfaces, motions, holders, round trip and bad input."""
+
+import numpy as np
+import pytest
+
+from skfem_textile.cases import case_from_file, case_from_tables, declared
+from skfem_textile.cases.tools import Rows
+from skfem_textile.cases.write import case_text, reference
+from skfem_textile.drape import Die
+from skfem_textile.forming import Holder
+
+PUNCH = {
+    "surface": "sphere",
+    "name": "punch",
+    "radius_mm": 30.0,
+    "centre_mm": [0, 0, -30.2],
+    "motion_mm": [[0, 0, 0, 0], [0.5, 0, 0, 2], [1, 0, 0, 10]],
+}
+DIE = {"surface": "die", "radius_mm": 34.0, "fillet_mm": 6.0, "point_mm": [0, 0, 0.2]}
+HOLDER = {
+    "surface": "plane",
+    "point_mm": [0, 0, 0.2],
+    "side": -1,
+    "gap_mm": [[0, 3.0], [0.5, 0.4], [1, 0.4]],
+    "outline_mm": [[40, -90], [90, -90], [90, 90], [40, 90]],
+}
+SCENE = {
+    "name": "forming",
+    "width_mm": 120.0,
+    "height_mm": 120.0,
+    "part": "quarter",
+}
+
+
+def tables(*tools, scene=SCENE, **others):
+    return {"scene": scene, "mesh": {"size": [4, 4]}, "tools": [*tools], **others}
+
+
+def test_tools_of_a_case_move_with_the_load_factor():
+    case = case_from_tables(tables(PUNCH, DIE, HOLDER, stepping={"steps": 2}))
+    punch, die, holder = case.scene.tools
+    assert punch.motion(0.5).tolist() == [0, 0, 2]
+    assert punch.motion(0.75).tolist() == [0, 0, 6]
+    assert isinstance(die.surface, Die)
+    assert (die.name, holder.name) == ("tool_2", "tool_3")
+    assert isinstance(holder, Holder)
+    assert holder.gap(0.25) == pytest.approx(1.7)
+    assert np.shape(holder.outline) == (2, 4)
+    result = case.run()
+    half = next(state for state in result.states if state.load_factor == 0.5)
+    end = result.states[-1]
+    assert half.displacements["punch"].tolist() == [0, 0, 2]
+    assert end.displacements["punch"].tolist() == [0, 0, 10]
+    assert end.reactions["punch"][2] > half.reactions["punch"][2] > 0
+
+
+def test_a_case_with_tools_is_written_and_read_again(tmp_path):
+    case = declared(tables(PUNCH, DIE, HOLDER))
+    file = tmp_path / "case.toml"
+    file.write_text(case_text(case, "# A case."), encoding="utf-8")
+    again = case_from_file(file)
+    assert [tool.name for tool in again.scene.tools] == ["punch", "tool_2", "tool_3"]
+    assert "\n[[tools]]" not in case_text(declared(tables()), "# A case.")
+
+
+def test_tools_apply_to_any_scene_in_space():
+    plate = {"surface": "plane", "point_mm": [0, 0, -20.0], "name": "table"}
+    scene = {"name": "cantilever"}
+    case = case_from_tables(
+        {"scene": scene, "mesh": {"size": [8, 1]}, "tools": [plate]}
+    )
+    result = case.run()
+    figures = case.summary(result)
+    assert result.ply.nodal(result.u)[2].min() > -20.0 - 1e-6
+    assert result.states[-1].reactions["table"][2] > 0
+    assert "tip_error_over_length" not in figures
+    assert {"table_gap_mm", "table_force_N"} & figures.keys()
+    assert figures["exact_answer"] == "none: tools act on the ply"
+
+
+def test_every_surface_is_in_the_reference():
+    listed = {entry.choice for entry in reference() if entry.table == "[tools]"}
+    assert listed >= {
+        "triangles",
+        "plane",
+        "sphere",
+        "cylinder",
+        "cone",
+        "torus",
+        "die",
+    }
+
+
+def test_rows_are_interpolated():
+    rows = Rows("x", [(0.0, 1.0), (0.25, 3.0), (1.0, 0.0)])
+    assert [rows(t) for t in (0.0, 0.125, 0.25, 1.0)] == [1.0, 2.0, 3.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("tools", "message"),
+    [
+        ([{**PUNCH, "radius": 3}], "tool_1 has no key 'radius'; did you mean 'radius_"),
+        (
+            [PUNCH, {**DIE, "surface": "dice"}],
+            "tool_2.surface is 'dice': expected one of",
+        ),
+        ([{**PUNCH, "radius_mm": "x"}], "tool_1.radius_mm must be a number"),
+        ([{**PUNCH, "radius_mm": -1}], "radius must be a positive length"),
+        ([{"surface": "sphere", "radius_mm": 3}], "tool_1.centre_mm is missing"),
+        ([{**PUNCH, "motion_mm": [1, 2]}], "tool_1.motion_mm must be three numbers"),
+        ([{**PUNCH, "motion_mm": [0, [1, 0, 0, 0]]}], "both rows and numbers"),
+        ([{**PUNCH, "motion_mm": [[0.5, 0, 0, 0], [1, 0, 0, 1]]}], "from 0 to 1"),
+        ([{**PUNCH, "motion_mm": [[0, 0, 0], [1, 0, 1]]}], "tool_1.motion_mm"),
+        ([PUNCH, PUNCH], "two tools have the name 'punch'"),
+        ([{**HOLDER, "gap_mm": [[0, 1], [1, -1]]}], "gap must be a number of at least"),
+        ([{**HOLDER, "pressure_N_per_mm2": 0.1}], "either a gap or a pressure"),
+        ([{**HOLDER, "outline_mm": [[0, 0], [1, 1]]}], "at least three corners"),
+        ([{"surface": "triangles", "source": "none.stl"}], "none.stl: no such file"),
+        ([], "scene.punch is missing: name STL files of punch and die, or describe"),
+        ({"surface": "plane"}, r"tools must be an array of tables, \[\[tools\]\]"),
+        (
+            [{**PUNCH, "motion_mm": [0, 0, -5.0]}],
+            "nothing touches the ply at any load factor: the nearest is 'punch', 0.2 ",
+        ),
+        ([{**PUNCH, "side": -1}], "'punch': the whole undeformed ply is behind its"),
+        (
+            [PUNCH, {"surface": "plane", "point_mm": [0, 0, 2], "name": "lid"}],
+            "tools 'punch' and 'lid' leave no room for the ply at load factor 0.75: ",
+        ),
+    ],
+)
+def test_bad_tools_are_named_in_one_line(tools, message):
+    case = tables() | {"tools": tools}
+    with pytest.raises(ValueError, match=message) as error:
+        case_from_tables(case).stepper()
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["specimen", "hemisphere"])
+def test_tools_do_not_apply_to_plane_and_draped_plies(name):
+    case = tables(PUNCH, scene={"name": name})
+    with pytest.raises(ValueError, match=f"do not apply to the scene {name}"):
+        case_from_tables(case)
