@@ -1,7 +1,5 @@
 """The hemisphere in this library, with penalty tools."""
 
-from time import perf_counter
-
 import numpy as np
 from numpy import ndarray
 from skfem import MeshQuad
@@ -12,7 +10,8 @@ from skfem_textile.solve.search import equilibrium_near
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
 
-from ..common.rivals.forming import SHORTEST, Course, Forming
+from ..common.rivals.course import Course, Force, formed
+from ..common.rivals.forming import Forming
 from ..common.running import errors_only
 from .penalty import Die, Penalty, PenaltyTerm, Spring
 
@@ -45,45 +44,38 @@ def ply_of(case: Forming) -> Ply:
     )
 
 
+def held() -> dict[str, Condition]:
+    """Planes of symmetry."""
+    return {
+        "x = 0": Condition("left", (0.0, None, None)),
+        "y = 0": Condition("bottom", (None, 0.0, None)),
+    }
+
+
+def punch_force(ply: Ply) -> Force:
+    """Force of the punch on the ply."""
+    punch = next(term for term in ply.terms if isinstance(term, PenaltyTerm))
+    return lambda u, travel: float(punch.forces(u, travel)[2].sum())
+
+
 def ours(case: Forming, travels: ndarray) -> Course:
-    """Form a ply with this library; a step that fails is halved.
+    """Form a ply with this library.
 
     Parameters
     ----------
     case, travels
         See `forming.dolfinx`.
     """
-    start = perf_counter()
     ply = ply_of(case)
-    held = {
-        "x = 0": Condition("left", (0.0, None, None)),
-        "y = 0": Condition("bottom", (None, 0.0, None)),
-    }
-    (punch,) = (term for term in ply.terms if term.name == "punch")
-    assert isinstance(punch, PenaltyTerm)
-    ends = [
-        np.isclose(ply.nodes.T, end).all(axis=1)
-        for end in ((case.side, 0.0), (case.side, case.side))
-    ]
-    u, at, solves, failure, rows = ply.basis.zeros(), 0.0, 0, "", []
-    for travel in travels:
-        whole = step = travel - at
-        while at < travel and not failure:
-            to = min(at + step, travel)
-            try:
-                with errors_only():
-                    state = equilibrium_near(
-                        ply, held, u, to, warn_only=DEFAULT_WARN_ONLY
-                    )
-            except NoEquilibriumError as error:
-                step /= 2
-                if step < SHORTEST * whole:
-                    failure = str(error)
-            else:
-                u, at, solves = state.u, to, solves + state.linear_solves
-        if failure:
-            break
-        force = punch.forces(u, at)[2].sum()
-        draw_in = [np.hypot(*ply.nodal(u)[:2, end][:, 0]) for end in ends]
-        rows.append([at, force, *draw_in, solves, perf_counter() - start])
-    return Course.of(np.reshape(rows, (-1, 6)), failure)
+
+    def search(u: ndarray, travel: float) -> tuple[ndarray | None, int]:
+        try:
+            with errors_only():
+                state = equilibrium_near(
+                    ply, held(), u, travel, warn_only=DEFAULT_WARN_ONLY
+                )
+        except NoEquilibriumError:
+            return None, 0
+        return state.u, state.linear_solves
+
+    return Course.of(*formed(ply.nodes.T, search, punch_force(ply), travels))

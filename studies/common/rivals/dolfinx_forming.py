@@ -13,10 +13,10 @@ their areas W, as in `skfem_textile.forms.bending`.
 
 import sys
 from functools import partial
-from time import perf_counter
 
 import numpy as np
 import ufl
+from course import formed
 from dolfinx import fem, mesh
 from dolfinx.fem import petsc
 from mpi4py import MPI
@@ -187,17 +187,9 @@ class Ply:
         entries[self.diagonal[self.fixed]] = 1.0
         return entries
 
-    def punch_force(self, u):
+    def punch_force(self, u, travel):
         self.u.x.array[:] = u
         return fem.assemble_scalar(self._force)
-
-    def draw_in(self, u):
-        """Motion of the middle of an edge and of the corner."""
-        side = self.nodes.max()
-        ends = [
-            np.isclose(self.nodes, at).all(axis=1) for at in ([side, 0], [side, side])
-        ]
-        return [np.hypot(*u.reshape(-1, 3)[end, :2][0]) for end in ends]
 
 
 def crossing(a, b):
@@ -347,33 +339,17 @@ class Descent:
 METHODS = {"snes": Snes, "descent": Descent}
 
 
-def course(ply, solve, travels, shortest):
-    """States at the travels; a step that fails is halved."""
-    start = perf_counter()
-    u, at, solves, rows, failure = np.zeros(ply.size), 0.0, 0, [], ""
-    for travel in travels:
-        whole = step = travel - at
-        while at < travel and not failure:
-            ply.travel.value = to = min(at + step, travel)
-            found, taken = solve(u)
-            solves += taken
-            if found is not None:
-                u, at = found, to
-            elif (step := step / 2) < shortest * whole:
-                failure = f"no state at a travel of {to:.4g} mm"
-        if failure:
-            break
-        seconds = perf_counter() - start
-        rows.append([at, ply.punch_force(u), *ply.draw_in(u), solves, seconds])
-    return np.reshape(rows, (-1, 6)), failure
-
-
 def main(source, target):
     """Form the ply of the input file and write its course."""
     case = {name: value[()] for name, value in np.load(source).items()}
     ply = Ply(case)
     solve = METHODS[str(case["method"])](ply)
-    rows, failure = course(ply, solve, case["travels"], case["shortest"])
+
+    def search(u, travel):
+        ply.travel.value = travel
+        return solve(u)
+
+    rows, failure = formed(ply.nodes, search, ply.punch_force, case["travels"])
     np.savez(target, rows=rows, failure=failure)
 
 

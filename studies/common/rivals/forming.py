@@ -12,9 +12,7 @@ import numpy as np
 from numpy import ndarray
 
 from .codes import in_dolfinx
-
-#: Share of a step of the travels below which a course ends.
-SHORTEST = 2.0**-10
+from .course import Course
 
 _CHILD = Path(__file__).with_name("dolfinx_forming.py")
 
@@ -72,39 +70,6 @@ class Forming:
         return np.linspace(0.0, self.depth, steps + 1)[1:]
 
 
-@dataclass(frozen=True, eq=False)
-class Course:
-    """States of a ply over the travel of the punch, as far as they were found.
-
-    Attributes
-    ----------
-    travels
-        Travel of the punch in mm, shape (n,).
-    forces
-        Force of the punch on the quarter in N, shape (n,).
-    draw_in
-        Motion of the middle of an edge and of the corner of the ply in mm, (n, 2).
-    iterations, seconds
-        Linear solves and time up to each state, shape (n,).
-    failure
-        Why the course ends early; empty if it does not.
-    """
-
-    travels: ndarray
-    forces: ndarray
-    draw_in: ndarray
-    iterations: ndarray
-    seconds: ndarray
-    failure: str = ""
-
-    @classmethod
-    def of(cls, rows: ndarray, failure: str) -> "Course":
-        """Course from rows of travel, force, draw-in (2), iterations and seconds."""
-        travels, forces, *draw_in, iterations, seconds = rows.T
-        solves = iterations.astype(int)
-        return cls(travels, forces, np.array(draw_in).T, solves, seconds, failure)
-
-
 def dolfinx(case: Forming, travels: ndarray, method: str = "descent") -> Course:
     """Form a ply with DOLFINx.
 
@@ -116,7 +81,7 @@ def dolfinx(case: Forming, travels: ndarray, method: str = "descent") -> Course:
     case
         Ply and tools.
     travels
-        Travels of the punch in mm, ascending.  A step that fails is halved.
+        Travels of the punch in mm, ascending; see `course.formed`.
     method
         ``snes``: PETSc's Newton method with its l2 line search; ``descent``: Newton's
         method with a positive definite tangent and a line search on the energy.
@@ -126,6 +91,5 @@ def dolfinx(case: Forming, travels: ndarray, method: str = "descent") -> Course:
     DolfinxError
         If the DOLFINx process fails.
     """
-    case_and_search = asdict(case) | {"method": method, "shortest": SHORTEST}
-    data = in_dolfinx(_CHILD, travels=travels, **case_and_search)
+    data = in_dolfinx(_CHILD, travels=travels, method=method, **asdict(case))
     return Course.of(data["rows"], str(data["failure"]))
