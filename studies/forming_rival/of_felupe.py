@@ -1,8 +1,7 @@
 """The hemisphere in FElupe: Newton's method with its line search on the residual.
 
-FElupe assembles fibres, shear and stabilisation.  The other terms are those of this
-library: bending, edges, spring and penalty tools.  The stabilisation across the ply is
-left out; it changes the force by less than 0.02 %.
+FElupe assembles fibres, shear and the stabilisation of shear.  This library supplies
+the other terms: bending, stabilisation across the ply, edges, spring and tools.
 """
 
 from types import SimpleNamespace
@@ -14,18 +13,19 @@ from scipy.sparse import csr_matrix
 
 from skfem_textile.fabric import kinematics as kin
 from skfem_textile.ply import Ply
+from skfem_textile.ply.parameters import NO_VALUES
 from skfem_textile.ply.terms import Term
 from skfem_textile.solve.conditions import Constraints
 
 from ..common.rivals.course import Course, formed
 from ..common.rivals.forming import Forming
-from .ours import held, ply_of, punch_force
+from .ours import held, ply_of, punch_of
 
 # Relative residual of a state, and largest number of iterations of a step.
 _TOLERANCE, _MOST = 1e-8, 150
 
-#: Terms that FElupe assembles, or that are left out.
-OF_FELUPE = "tension", "shear", "corners", "stabilisation", "out_of_plane"
+#: Terms that FElupe assembles.
+OF_FELUPE = "tension", "shear", "stabilisation"
 
 
 class Membrane:
@@ -54,9 +54,7 @@ class Membrane:
     def _gradients(self) -> list[ndarray]:
         for other in self._fields[1:]:
             other[0].values[:] = self.field[0].values
-        return [
-            kin.deformation_gradient(field[0].grad()) for field in self._fields
-        ]
+        return [kin.deformation_gradient(field[0].grad()) for field in self._fields]
 
     def _vector(self, field: Any = None, parallel: bool = False) -> csr_matrix:
         at_one, *at_four = self._gradients()
@@ -79,7 +77,7 @@ class Membrane:
         self.tangents += 1
         at_one, *at_four = self._gradients()
         E, G, C_s = self._case.E, self._case.G, self._case.C_s
-        K = G * (
+        K: Any = G * (
             _outer(_angle_d(at_one), _angle_d(at_one))
             + _angle(at_one) * kin.shear_angle_dd(at_one, *_FIBRES)
         )
@@ -89,10 +87,10 @@ class Membrane:
             K = K + E * kin.fibre_strain(at_one, a) * kin.fibre_strain_dd(at_one, a)
         total = self._of(K, 0, 0)
         moment = C_s * _difference(at_four)
-        d = [_angle_d(at_four[0]), -_angle_d(at_four[1])]
+        turns = [_angle_d(at_four[0]), -_angle_d(at_four[1])]
         for i in range(2):
             for j in range(2):
-                K = C_s * _outer(d[i], d[j])
+                K = C_s * _outer(turns[i], turns[j])
                 if i == j:
                     second = kin.shear_angle_dd(at_four[i], *_FIBRES)
                     K = K + (-1) ** i * moment * second
@@ -135,13 +133,13 @@ class Terms:
 
     def _vector(self, field: Any = None, parallel: bool = False) -> csr_matrix:
         u, t = self.field[0].values.ravel(), self.load_factor
-        f = np.sum([term.residual(u, t, {}) for term in self._terms], axis=0)
+        f = np.sum([term.residual(u, t, NO_VALUES) for term in self._terms], axis=0)
         return csr_matrix(f[:, None])
 
     def _matrix(self, field: Any = None, parallel: bool = False) -> csr_matrix:
         u, t = self.field[0].values.ravel(), self.load_factor
-        tangents = (term.tangent(u, t, {}) for term in self._terms)
-        return sum(K for K in tangents if K is not None)
+        tangents = (term.tangent(u, t, NO_VALUES) for term in self._terms)
+        return csr_matrix(sum(K for K in tangents if K is not None))
 
 
 def _solver() -> Any:
@@ -192,4 +190,4 @@ def felupe(case: Forming, travels: ndarray) -> Course:
             return None, membrane.tangents - before
         return result.x[0].values.ravel(), result.iterations
 
-    return Course.of(*formed(ply.nodes.T, search, punch_force(ply), travels))
+    return Course.of(*formed(ply.nodes.T, search, punch_of(ply).push, travels))

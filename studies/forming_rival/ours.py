@@ -10,7 +10,7 @@ from skfem_textile.solve.search import equilibrium_near
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
 
-from ..common.rivals.course import Course, Force, formed
+from ..common.rivals.course import Course, formed
 from ..common.rivals.forming import Forming
 from ..common.running import errors_only
 from .penalty import Die, Penalty, PenaltyTerm, Spring
@@ -52,10 +52,9 @@ def held() -> dict[str, Condition]:
     }
 
 
-def punch_force(ply: Ply) -> Force:
-    """Force of the punch on the ply."""
-    punch = next(term for term in ply.terms if isinstance(term, PenaltyTerm))
-    return lambda u, travel: float(punch.forces(u, travel)[2].sum())
+def punch_of(ply: Ply) -> PenaltyTerm:
+    """The punch, which is the first of the tools."""
+    return next(term for term in ply.terms if isinstance(term, PenaltyTerm))
 
 
 def ours(case: Forming, travels: ndarray) -> Course:
@@ -67,15 +66,17 @@ def ours(case: Forming, travels: ndarray) -> Course:
         See `forming.dolfinx`.
     """
     ply = ply_of(case)
+    punch = punch_of(ply)
 
     def search(u: ndarray, travel: float) -> tuple[ndarray | None, int]:
+        before = punch.tangents
         try:
             with errors_only():
                 state = equilibrium_near(
                     ply, held(), u, travel, warn_only=DEFAULT_WARN_ONLY
                 )
         except NoEquilibriumError:
-            return None, 0
+            return None, punch.tangents - before
         return state.u, state.linear_solves
 
-    return Course.of(*formed(ply.nodes.T, search, punch_force(ply), travels))
+    return Course.of(*formed(ply.nodes.T, search, punch.push, travels))

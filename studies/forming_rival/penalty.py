@@ -57,7 +57,7 @@ class Penalty:
 
 
 class PenaltyTerm(Term):
-    """Term of `Penalty`."""
+    """Term of `Penalty`; ``tangents`` counts its evaluations."""
 
     role: Role = "internal"
     line_search = True
@@ -66,6 +66,7 @@ class PenaltyTerm(Term):
         self.name, self._tool = tool.name, tool
         self._rest = np.pad(basis.mesh.p, ((0, 1), (0, 0)))
         self._area = nodal_areas(basis)
+        self.tangents = 0
 
     def energy(self, u: ndarray, t: float, p: Any = None) -> float:
         """½ k Σ A φ²."""
@@ -78,6 +79,7 @@ class PenaltyTerm(Term):
 
     def tangent(self, u: ndarray, t: float, p: Any = None) -> csr_matrix:
         """Second derivative of the energy."""
+        self.tangents += 1
         surface, depth, x = self._surface(u, t)
         n = surface.gradient(x)
         blocks = (depth > 0) * n[:, None] * n[None] - depth * surface.hessian(x)
@@ -94,6 +96,10 @@ class PenaltyTerm(Term):
         """Forces of the tool on the nodes in N, shape (3, n_nodes)."""
         surface, depth, x = self._surface(u, t)
         return self._tool.stiffness * self._area * depth * surface.gradient(x)
+
+    def push(self, u: ndarray, t: float) -> float:
+        """Sum of the forces along z in N."""
+        return float(self.forces(u, t)[2].sum())
 
     def _surface(self, u: ndarray, t: float) -> tuple[Any, ndarray, ndarray]:
         """Surface, depths of the nodes in it, and their positions."""
@@ -116,6 +122,6 @@ class Spring:
 
 
 def nodal_areas(basis: CellBasis) -> ndarray:
-    """Area of each node, a quarter of that of its elements, shape (n_nodes,)."""
+    """A quarter of the area of the elements at each node, shape (n_nodes,)."""
     quarter = np.tile(basis.dx.sum(axis=1) / 4, 4)
     return np.bincount(basis.mesh.t.ravel(), quarter)

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 from numpy import ndarray
 
-#: State near a displacement at a travel in mm, None if there is none, and linear solves.
+#: State near a displacement at a travel in mm, or None, and number of linear solves.
 Search = Callable[[ndarray, float], tuple[ndarray | None, int]]
 
 #: Force of the punch on the ply in N at a displacement and a travel.
@@ -28,9 +28,11 @@ class Course:
     forces
         Force of the punch on the ply in N, shape (n,).
     draw_in
-        Motion of the end of the x axis and of the far corner in the plane in mm, (n, 2).
+        In-plane motion in mm of the ply at the end of the x axis and at the far corner,
+        shape (n, 2).
     solves, seconds
-        Linear solves, failed steps included, and time up to each state, shape (n,).
+        Linear solves and processor time up to each state, failed steps included, shape
+        (n,).
     failure
         Why the course ends early; empty if it does not.
     """
@@ -69,15 +71,16 @@ def formed(
     -------
     tuple
         Rows of travel, force, both draw-ins, solves and seconds, shape (n, 6); the
-        reason why the course ends early.
+        reason why the course ends early, or an empty text.
     """
-    start = perf_counter()
+    start = process_time()
     side = nodes.max()
     ends = [
         int(np.flatnonzero(np.isclose(nodes, end).all(axis=1))[0])
         for end in ((side, 0.0), (side, side))
     ]
-    u, at, solves, rows = np.zeros(3 * len(nodes)), 0.0, 0, []
+    u, at, solves = np.zeros(3 * len(nodes)), 0.0, 0
+    rows: list[list[float]] = []
     for travel in travels:
         whole = step = travel - at
         while at < travel:
@@ -87,7 +90,11 @@ def formed(
             if found is not None:
                 u, at = found, to
             elif (step := step / 2) < _SHORTEST * whole:
-                return np.reshape(rows, (-1, 6)), f"no state at a travel of {to:.4g} mm"
+                return _table(rows), f"no state at a travel of {to:.4g} mm"
         drawn = np.hypot(*u.reshape(-1, 3)[ends, :2].T)
-        rows.append([at, force(u, at), *drawn, solves, perf_counter() - start])
-    return np.reshape(rows, (-1, 6)), ""
+        rows.append([at, force(u, at), *drawn, solves, process_time() - start])
+    return _table(rows), ""
+
+
+def _table(rows: list[list[float]]) -> ndarray:
+    return np.array(rows).reshape(-1, 6)

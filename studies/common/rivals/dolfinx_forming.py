@@ -133,7 +133,9 @@ class Ply:
         ]
         numbers = np.concatenate(edges)
         order = np.argsort(numbers)
-        marks = np.repeat(np.int32([0, 1]), [len(edge) for edge in edges])
+        marks = np.repeat(
+            np.array([0, 1], dtype=np.int32), [len(edge) for edge in edges]
+        )
         tags = mesh.meshtags(self.mesh, 1, numbers[order], marks[order])
         ds = ufl.Measure("ds", self.mesh, subdomain_data=tags)
         return case["edge_tension"] * sum(self.u[i] * ds(i) for i in range(2))
@@ -154,19 +156,21 @@ class Ply:
         self._of_forms = places(_csr(self._matrix))
         self._of_bending = np.zeros(len(numbers.data))
         self._of_bending[places(self._bending)] = self._bending.data
-        self.fixed = np.zeros((len(self.nodes), 3), dtype=bool)
-        self.fixed[:, :2] = np.isclose(self.nodes, 0.0)
-        self.fixed = self.fixed.ravel()
+        fixed = np.zeros((len(self.nodes), 3), dtype=bool)
+        fixed[:, :2] = np.isclose(self.nodes, 0.0)
+        self.fixed = fixed.ravel()
         row = np.repeat(np.arange(self.size), np.diff(self.pattern.indptr))
         self.diagonal = np.flatnonzero(row == self.pattern.indices)
         self._off = self.fixed[row] | self.fixed[self.pattern.indices]
         self.area = (side / parts) ** 2
 
     def energy(self, u):
+        """Energy at a displacement."""
         self.u.x.array[:] = u
         return fem.assemble_scalar(self._energy) + 0.5 * u @ (self._bending @ u)
 
     def forces(self, u):
+        """Derivative of the energy, zero at fixed unknowns."""
         self.u.x.array[:] = u
         with self._vector.localForm() as local:
             local.set(0.0)
@@ -188,6 +192,7 @@ class Ply:
         return entries
 
     def punch_force(self, u, travel):
+        """Force of the punch on the ply at the current travel."""
         self.u.x.array[:] = u
         return fem.assemble_scalar(self._force)
 
@@ -254,11 +259,13 @@ class Mumps:
         options.setValue("mat_mumps_icntl_7", 4)
 
     def configure(self, ksp):
+        """Select MUMPS as a direct solver."""
         ksp.setType("preonly")
         ksp.getPC().setType("cholesky")
         ksp.getPC().setFactorSolverType("mumps")
 
     def set(self, entries):
+        """Set the entries, in the order of the pattern."""
         self.matrix.setValuesCSR(*self.pattern, entries)
         self.matrix.assemble()
 
@@ -336,7 +343,7 @@ class Descent:
         return None, _MOST
 
 
-METHODS = {"snes": Snes, "descent": Descent}
+METHODS: dict[str, type] = {"snes": Snes, "descent": Descent}
 
 
 def main(source, target):
