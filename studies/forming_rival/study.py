@@ -2,7 +2,6 @@
 
 A quarter of a ply of 300 × 300 mm is formed by a hemispherical punch through a die,
 with the same energy and the same penalty tools in every code, on the same squares.
-The codes run by turns.
 """
 
 import argparse
@@ -36,14 +35,10 @@ CODES: dict[str, Callable[[Forming, ndarray], Course]] = {
 
 @dataclass(frozen=True)
 class Case:
-    """A ply with penalty tools, formed in equal steps by the codes that are installed.
-
-    The times are the smallest of ``turns`` runs.
-    """
+    """A ply with penalty tools, formed in equal steps by the codes that are installed."""
 
     forming: Forming
     steps: int = 10
-    turns: int = 2
     codes: tuple[str, ...] = tuple(CODES)
 
     def __str__(self) -> str:
@@ -53,19 +48,14 @@ class Case:
     def rows(self) -> list[Row]:
         """Forces, draw-in, solves and times of each code, a row for each travel."""
         travels = self.forming.travels(self.steps)
-        names = [name for name in self.codes if name not in missing()]
-        turns = [
-            {name: CODES[name](self.forming, travels) for name in names}
-            for _ in range(self.turns)
+        return [
+            row
+            for name in self.codes
+            if name not in missing()
+            for row in self._of(name, CODES[name](self.forming, travels))
         ]
-        rows: list[Row] = []
-        for name in names:
-            courses = [turn[name] for turn in turns]
-            seconds = np.min([course.seconds for course in courses], axis=0)
-            rows += self._of(name, courses[0], seconds)
-        return rows
 
-    def _of(self, name: str, course: Course, seconds: ndarray) -> list[Row]:
+    def _of(self, name: str, course: Course) -> list[Row]:
         last = len(course.travels) - 1
         return [
             {
@@ -78,7 +68,7 @@ class Case:
                 "draw_in": float(course.draw_in[i, 0]),
                 "draw_in_of_corner": float(course.draw_in[i, 1]),
                 "solves": int(course.solves[i]),
-                "seconds": float(seconds[i]),
+                "seconds": float(course.seconds[i]),
                 "failure": course.failure if i == last else "",
             }
             for i, travel in enumerate(course.travels)
@@ -150,7 +140,7 @@ class FormingRival(Study[Case]):
             # Close to tools as constraints, and beyond what Newton's method of this
             # library solves with a penalty.
             Case(Forming(penalty=50.0), codes=(DESCENT,)),
-            Case(Forming(parts=6, depth=30.0), steps=2, turns=1),
+            Case(Forming(parts=6, depth=30.0), steps=2),
         ]
 
     def line(self, rows: list[Row]) -> str:
@@ -167,17 +157,22 @@ class FormingRival(Study[Case]):
         known = [off for row, off in ends if row["code"] != OURS and np.isfinite(off)]
         ours = {row["penalty"]: row for row, _ in ends if row["code"] == OURS}
         ratios = {
-            f"{short}_{k:g}": row["seconds"] / ours[k]["seconds"]
+            f"{short}_{1 + [*ours].index(k)}": row["seconds"] / ours[k]["seconds"]
             for short, code in (("descent", DESCENT), ("felupe", "FElupe"))
             for row, _ in ends
             if row["code"] == code and (k := row["penalty"]) in ours
         }
+        penalties = {f"penalty_{i}": f"{k:g} N/mm³" for i, k in enumerate(ours, 1)}
         stiffest = max((row for row, _ in ends), key=lambda row: row["penalty"])
-        return {
-            "difference": percent(max(known), ".2f"),
-            "stiff_penalty": f"{stiffest['penalty']:g} N/mm³",
-            "stiff_force": f"{stiffest['force']:.2f} N",
-        } | {name: f"{ratio:.2g}" for name, ratio in ratios.items()}
+        return (
+            {
+                "difference": percent(max(known), ".2f"),
+                "stiff_penalty": f"{stiffest['penalty']:g} N/mm³",
+                "stiff_force": f"{stiffest['force']:.2f} N",
+            }
+            | {name: f"{ratio:.2g}" for name, ratio in ratios.items()}
+            | penalties
+        )
 
 
 STUDY = FormingRival()
