@@ -35,7 +35,7 @@ CODES: dict[str, Callable[[Forming, ndarray], Course]] = {
 
 @dataclass(frozen=True)
 class Case:
-    """A ply with penalty tools, formed in equal steps by the codes that are installed."""
+    """A ply with penalty tools, formed in equal steps by the installed codes."""
 
     forming: Forming
     steps: int = 10
