@@ -261,7 +261,7 @@ class Dolfinx(Rival):
         DolfinxError
             If the DOLFINx process fails.
         """
-        data = _child(task, values=task.values(steps), repeats=repeats)
+        data = _loaded(task, values=task.values(steps), repeats=repeats)
         if "failure" in data:
             raise NotConvergedError(str(data["failure"]))
         linear_solves, seconds = int(data["linear_solves"]), data["seconds"].tolist()
@@ -271,7 +271,7 @@ class Dolfinx(Rival):
         self, task: Task, u: ndarray, repeats: int
     ) -> list[tuple[float, float]]:
         """Time Newton iterations; see `Rival`."""
-        return _child(task, u=u, repeats=repeats)["iterations"].tolist()
+        return _loaded(task, u=u, repeats=repeats)["iterations"].tolist()
 
 
 @cache
@@ -279,40 +279,53 @@ def interpreter() -> tuple[str, str] | None:
     """The first interpreter that can import DOLFINx, with its version and BLAS."""
     for python in (sys.executable, "/usr/bin/python3"):
         try:
-            return python, _run(python, timeout=60)
+            return python, _run(python, _CHILD, timeout=60)
         except (OSError, DolfinxError, subprocess.TimeoutExpired):
             continue
     return None
 
 
-def _child(task: Task, **more: Any) -> dict[str, ndarray]:
+def _loaded(task: Task, **more: Any) -> dict[str, ndarray]:
     """Results of the DOLFINx process for a task."""
+    return in_dolfinx(
+        _CHILD,
+        nodes=task.nodes,
+        cells=task.cells,
+        warp=task.scene.warp,
+        weft=task.scene.weft,
+        E=task.E,
+        G=task.G,
+        fixed=task.fixed,
+        **more,
+    )
+
+
+def in_dolfinx(script: Path, **data: Any) -> dict[str, ndarray]:
+    """Results of a script that reads its data from one .npz file and writes another.
+
+    Raises
+    ------
+    DolfinxError
+        If no interpreter can import DOLFINx, or the script fails.
+    """
     if (python := interpreter()) is None:
         raise DolfinxError("DOLFINx: no Python interpreter can import it")
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder, "task.npz"), Path(folder, "results.npz")
-        np.savez(
-            source,
-            nodes=task.nodes,
-            cells=task.cells,
-            warp=task.scene.warp,
-            weft=task.scene.weft,
-            E=task.E,
-            G=task.G,
-            fixed=task.fixed,
-            **more,
-        )
-        _run(python[0], str(source), str(target))
-        with np.load(target) as data:
-            return dict(data)
+        np.savez(source, **data)
+        _run(python[0], script, str(source), str(target))
+        with np.load(target) as results:
+            return dict(results)
 
 
-def _run(python: str, *arguments: str, timeout: float | None = None) -> str:
-    """Output of the script."""
+def _run(
+    python: str, script: Path, *arguments: str, timeout: float | None = None
+) -> str:
+    """Output of a script."""
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
     environment |= ONE_THREAD
     child = subprocess.run(
-        [python, str(_CHILD), *arguments],
+        [python, str(script), *arguments],
         capture_output=True,
         text=True,
         env=environment,

@@ -1,0 +1,1 @@
+"""A ply formed by a hemispherical punch, in this library and other codes."""
