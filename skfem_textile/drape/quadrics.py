@@ -117,6 +117,16 @@ class Quadrics:
         values: ndarray = self._quadrics[1]
         return values
 
+    def heights(self, x: ndarray) -> tuple[ndarray, ndarray]:
+        """Heights over the tangent plane at the nearest point, and its normal.
+
+        For positions of the shape (3, n), shapes (n,) and (3, n).
+        """
+        points, _, b, _ = self._quadrics
+        nearest = self._tree.query(x.T)[1]
+        normals = b[nearest] / np.linalg.norm(b[nearest], axis=1)[:, None]
+        return ((x.T - points[nearest]) * normals).sum(axis=1), normals.T
+
     def mean(self, x: ndarray, order: int = 2) -> tuple[ndarray, ...]:
         """φ = Σ w q / Σ w and its derivatives at positions, shape (3, n).
 

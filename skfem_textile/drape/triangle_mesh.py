@@ -50,6 +50,9 @@ _OF_OFFSETS = 1.3
 # at most 125 with white noise on a hat (`pytest tests/drape/test_tool_repair.py`).
 _NOISE, _MOST_NOISE, _SHEAR_ERROR = 0.007, 0.1, 150.0
 
+# Height over a vertex, in mean edges, from which the side of the surface is certain.
+_FAR_AWAY = 2.0
+
 
 class TriangleMesh:
     """Smooth surface through triangles.
@@ -235,6 +238,16 @@ class TriangleMesh:
     @cached_property
     def _edges(self) -> "_Edges":
         return _Edges(self.facets)
+
+    def far_away(self, x: ndarray) -> tuple[ndarray, ndarray]:
+        """Side of the tool on which points certainly lie, and the normal there.
+
+        Without evaluating φ: the sign of the height over the nearest vertex, 0 for
+        heights up to twice the mean edge; and its normal, shapes (n,) and (3, n).
+        """
+        heights, normals = self._quadrics.heights(x)
+        far = np.abs(heights) > _FAR_AWAY * self._edge
+        return np.where(far, np.sign(heights), 0.0), normals
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""

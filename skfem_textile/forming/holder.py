@@ -14,7 +14,7 @@ from ..mesh.user_input import call_user_function, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ElementTerm
 from ..solve.surface import Surface
-from .tool import Motion, Obstacle, ToolContact, node_areas
+from .tool import Gaps, Motion, Obstacle, ToolContact, node_areas
 
 #: A number, or a function of the load factor that returns one.
 Amount: TypeAlias = float | Callable[[float], float]
@@ -75,7 +75,8 @@ class Holder:
             raise ValueError(f"{what}: specify either a gap or a pressure")
         if self.gap is None:
             pressure = _amount(f"{what}: pressure", self.pressure, 0.0, "N/mm2")
-            return HolderPressure(self.name, pressure, Obstacle.of(self, basis), basis)
+            obstacle = Obstacle.of(self, basis, lambda t: 0.0)
+            return HolderPressure(self.name, pressure, obstacle, basis)
         reach = _amount(f"{what}: gap", self.gap, self.thickness, "mm")
         return ToolContact(self.name, Obstacle.of(self, basis, reach), basis)
 
@@ -117,17 +118,16 @@ class HolderPressure(ElementTerm):
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Pressure times the volume between the ply and the surface."""
-        x = self._obstacle.X + u.reshape(-1, 3).T
-        gaps = self._obstacle.gaps(x, t)
-        return float(self._forces(t, p) @ (self._obstacle.side * gaps.distance))
+        distance = self._obstacle.side * self._gaps(u, t).distance
+        return float(self._forces(t, p) @ distance)
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Forces towards the surface."""
-        return (self._forces(t, p) * self._derivatives(u, t)[0]).T.ravel()
+        return -(self._forces(t, p) * self._derivatives(u, t)[0]).T.ravel()
 
     def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Their derivative: nodal blocks, shape (1, 3, 3, n_nodes)."""
-        return (self._forces(t, p) * self._derivatives(u, t)[1])[None]
+        return -(self._forces(t, p) * self._derivatives(u, t)[1])[None]
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
         """Derivative of the residual."""
@@ -139,11 +139,13 @@ class HolderPressure(ElementTerm):
     def _forces(self, t: float, p: Values) -> ndarray:
         return self._pressure(t) * self._areas * p["covered"]
 
+    def _gaps(self, u: ndarray, t: float) -> Gaps:
+        return self._obstacle.gaps(self._obstacle.X + u.reshape(-1, 3).T, t)
+
     def _derivatives(self, u: ndarray, t: float) -> tuple[ndarray, ndarray]:
-        """Derivatives of the distance at all nodes."""
-        obstacle, every = self._obstacle, np.arange(self.nodes.size)
-        gaps = obstacle.gaps(obstacle.X + u.reshape(-1, 3).T, t)
-        return obstacle.derivatives(gaps, every, t)
+        """Derivatives of the gap at all nodes."""
+        every = np.arange(self.nodes.size)
+        return self._obstacle.derivatives(self._gaps(u, t), every, t)
 
 
 def _amount(

@@ -214,14 +214,26 @@ class Obstacle:
         """Gaps of points, shape (3, n)."""
         rotation, translation = placement(self.what, self.motion, t)
         local = rotation.T @ (x - translation[:, None])
-        level, gradient = self._first_order(local)
+        near, unit = self._near(local)
+        level, gradient = self._first_order(local[:, near])
         slope = np.linalg.norm(gradient, axis=0)
         regular = slope > 0  # it vanishes where a point has no closest one
-        slope = np.where(regular, slope, 1.0)
-        distance, normal = level / slope, rotation @ (gradient / slope)
-        gap = self._sign * distance + self._offset(t)
-        gap = np.where(regular & self._within(local), gap, np.inf)
-        return Gaps(gap, self._sign * normal, distance, local, slope)
+        near, slope = near[regular], slope[regular]
+        distance, slopes = np.full((2, x.shape[1]), np.inf)
+        distance[near], slopes[near] = level[regular] / slope, slope
+        unit[:, near] = gradient[:, regular] / slope
+        touched = near[self._within(local[:, near])]
+        gap = np.full(x.shape[1], np.inf)
+        gap[touched] = self._sign * distance[touched] + self._offset(t)
+        return Gaps(gap, self._sign * rotation @ unit, distance, local, slopes)
+
+    def _near(self, x: ndarray) -> tuple[ndarray, ndarray]:
+        """Numbers of points that may touch the surface, and normals at the others."""
+        far_away = getattr(self.surface, "far_away", None)
+        if far_away is None or self.reach is not None:
+            return np.arange(x.shape[1]), np.zeros(x.shape)
+        side, normals = far_away(x)
+        return np.flatnonzero(side != self.side), normals.copy()
 
     def derivatives(
         self, at: Gaps, nodes: ndarray, t: float
@@ -265,7 +277,7 @@ class Obstacle:
 
     def _side_at_rest(self) -> int:
         """Side of the surface on which the undeformed ply lies."""
-        at = self.gaps(self.X, 0.0)
+        at = replace(self, reach=lambda t: 0.0).gaps(self.X, 0.0)
         distance = np.where(np.isfinite(at.gap), at.distance, 0.0)
         size = float(np.ptp(self.X, axis=1).max())
         above, below = float(distance.max()), -float(distance.min())

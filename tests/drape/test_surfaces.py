@@ -20,6 +20,7 @@ from skfem_textile import (
 )
 from skfem_textile.io import read_surface
 from skfem_textile.solve.surface import GrowingSurface, OffSurfaceError, is_on, onto
+from skfem_textile.solve.surface.on_surface import check_surface
 from tests.helpers import facing_outwards, graph, sphere
 
 # Surfaces: derivatives, curvatures that are known, growth, smoothed triangles
@@ -449,7 +450,7 @@ SOUND = {
 def test_consistent_surfaces_are_accepted(surface, cells):
     with np.errstate(all="ignore"):
         body = ply(cells=cells)
-        OnSurface(surface).check("tool", np.pad(body.nodes, ((0, 1), (0, 0))))
+        check_surface("tool", surface, np.pad(body.nodes, ((0, 1), (0, 0))))
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
@@ -463,10 +464,10 @@ def test_scale_and_position_have_no_effect(scale, away):
         level = {
             part: lambda v, f=factor: f * v for part in ("level", "gradient", "hessian")
         }
-        OnSurface(Changed(sphere, **level)).check("tool", x)
+        check_surface("tool", Changed(sphere, **level), x)
         wrong = level | {"hessian": lambda v, f=factor: 0.9 * f * v}
         with pytest.raises(ValueError, match="hessian of the surface differs"):
-            OnSurface(Changed(sphere, **wrong)).check("tool", x)
+            check_surface("tool", Changed(sphere, **wrong), x)
 
 
 @pytest.mark.parametrize("side", [20.0, 60.0, 150.0, 400.0])
@@ -476,9 +477,9 @@ def test_triangles_are_consistent_up_to_their_edges_and_beyond(side):
     waves = graph(s, lambda x, y: 20 * np.cos(x / 20) * np.cos(y / 25))
     tool = drape.TriangleMesh(*waves)
     nodes = np.pad(body.nodes, ((0, 1), (0, 0)))
-    OnSurface(tool).check("tool", nodes)
+    check_surface("tool", tool, nodes)
     with pytest.raises(ValueError, match="gradient of the surface differs"):
-        OnSurface(Changed(tool, gradient=lambda g: 1.05 * g)).check("tool", nodes)
+        check_surface("tool", Changed(tool, gradient=lambda g: 1.05 * g), nodes)
 
 
 def limited(error, lowest=-np.inf, furthest=100.0):
@@ -499,7 +500,7 @@ def limited(error, lowest=-np.inf, furthest=100.0):
 def test_a_surface_undefined_beyond_the_nodes_is_accepted(error):
     nodes = np.pad(ply().nodes, ((0, 1), (0, 0)))
     assert nodes[0].max() == 100
-    OnSurface(limited(error)).check("tool", nodes)
+    check_surface("tool", limited(error), nodes)
 
 
 def test_another_error_beyond_the_nodes_is_reported_with_its_cause():
