@@ -10,6 +10,10 @@ from ..ply import Ply
 from ..solve.states import State
 from .tool import ToolContact
 
+# Share of the largest contact force below which a force is zero: the tolerance of
+# equilibrium.
+_NONE = 1e-8
+
 
 def contacts(ply: Ply) -> list[ToolContact]:
     """Contacts of a ply with tools, and with holders that keep a gap."""
@@ -63,7 +67,9 @@ def _centres(ply: Ply, x: ndarray) -> ndarray:
     scalar = ply.basis.elem.elem  # type: ignore[attr-defined]
     shares = [scalar.lbasis(ply.centre, i)[0] for i in range(len(scalar.doflocs))]
     nodes = ply.basis.element_dofs[::3] // 3
-    return np.asarray(np.einsum("i,ijn->jn", np.ravel(shares), x.T[nodes].swapaxes(1, 2)))
+    return np.asarray(
+        np.einsum("i,ijn->jn", np.ravel(shares), x.T[nodes].swapaxes(1, 2))
+    )
 
 
 def tool_pressure(ply: Ply, contact: ToolContact, state: State) -> ndarray:
@@ -92,8 +98,8 @@ def touching(ply: Ply, contact: ToolContact, state: State) -> ndarray:
 
     Parameters as in `tool_pressure`.
     """
-    nodes = ply.basis.element_dofs[::3] // 3
-    return np.asarray((_forces(contact, state)[nodes] > 0).any(axis=0))
+    nodes, force = ply.basis.element_dofs[::3] // 3, _forces(contact, state)
+    return np.asarray((force[nodes] > _NONE * force.max()).any(axis=0))
 
 
 def turn_on_tool(ply: Ply, contact: ToolContact, state: State) -> ndarray:

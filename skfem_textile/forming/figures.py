@@ -25,7 +25,7 @@ _RAYS = (0, 45, 90)
 
 
 def formed(result: Result) -> dict[str, float | str]:
-    """Figures of the last state of a ply between tools, in N, mm and degrees, and advice.
+    """Figures of the last state of a ply between tools in N, mm and degrees; advice.
 
     For each tool ``NAME_travel_mm``, ``NAME_force_N``, the force on the ply along the
     motion of the tool that travels farthest, ``NAME_penetration_mm``, the largest depth
@@ -204,8 +204,8 @@ def _advice(
         )
     if at_risk.any():
         advice["wrinkles"] = (
-            f"fibres are compressed in {100 * share_of_area(ply, at_risk):.3g} % of the "
-            "ply: they may wrinkle, and wrinkles depend on the mesh. Increase the force "
-            "of the holder or the tension at the edges"
+            f"fibres are compressed in {100 * share_of_area(ply, at_risk):.3g} % of "
+            "the ply: they may wrinkle, and wrinkles depend on the mesh. Increase the "
+            "force of the holder or the tension at the edges"
         )
     return advice

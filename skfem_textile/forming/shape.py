@@ -8,7 +8,7 @@ from numpy import ndarray
 from ..fabric import kinematics as kin
 from ..ply import Ply
 
-# Displacement normal to an edge, relative to the size of the ply, that is round-off.
+# Length relative to the size of the ply that is round-off.
 _ROUND_OFF = 1e-9
 
 
@@ -48,7 +48,7 @@ class DrawIn(NamedTuple):
         share = a / (a - b)
         begin, end = np.einsum("i,ijn->jn", ray, ends[..., crossed])
         far = begin + share * (end - begin)
-        if not (far >= 0).any():
+        if not (far > _ROUND_OFF * np.ptp(self.x)).any():
             return None
         last = int(far.argmax())
         one, other = self.inwards[self.edges[:, crossed[last]]]

@@ -133,9 +133,7 @@ def placement(what: str, motion: Motion | None, t: float) -> tuple[ndarray, ndar
         raise ValueError(f"{what} is not finite at load factor {t:g}")
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if not (off <= _ORTHOGONAL and np.linalg.det(rotation) > 0):
-        raise ValueError(
-            f"{what}: the matrix at load factor {t:g} is not a rotation"
-        )
+        raise ValueError(f"{what}: the matrix at load factor {t:g} is not a rotation")
     return rotation, translation
 
 

@@ -18,7 +18,6 @@ from ..drape import (
     wrinkle_risk,
 )
 from ..drape.risks import COARSE, share_of_area
-from ..ply import Ply
 from ..solve.conditions import Condition
 from ..solve.result import Result
 from ..solve.surface import OnSurface, Surface
@@ -141,9 +140,9 @@ def _advice(result: Result, surface: Surface, measured: _Measured) -> dict[str, 
     advice: dict[str, str] = {}
     if beyond is not None and beyond.any():
         advice["beyond_tool"] = (
-            f"{100 * share_of_area(ply, beyond):.3g} % of the ply is beyond the edges of the "
-            "tool or over its holes, where the surface of the tool is extrapolated: "
-            "trim the ply there, or use a smaller ply or a larger tool"
+            f"{100 * share_of_area(ply, beyond):.3g} % of the ply is beyond the edges "
+            "of the tool or over its holes, where the surface of the tool is "
+            "extrapolated: trim the ply there, or use a smaller ply or a larger tool"
         )
     off = off_triangles(ply, surface, u)
     if off is not None and off.any():
@@ -156,8 +155,8 @@ def _advice(result: Result, surface: Surface, measured: _Measured) -> dict[str, 
         advice["coarse_elements"] = (
             f"the normal of the tool rotates by up to {turn.max():.0f} degrees over "
             f"one element, and by more than {COARSE:.0f} degrees under "
-            f"{100 * share_of_area(ply, coarse):.3g} % of the ply. The error of the shear "
-            "angle may reach 3 degrees near edges and fillets of the tool: use "
+            f"{100 * share_of_area(ply, coarse):.3g} % of the ply. The error of the "
+            "shear angle may reach 3 degrees near edges and fillets of the tool: use "
             f"elements of {COARSE / turn.max():.0%} of the size there"
         )
     if surface.gradient(np.zeros((3, 1)))[2, 0] < 0:
