@@ -10,6 +10,7 @@ from .contact import (
 )
 from .figures import formed, tool_forces, travels
 from .holder import Holder
+from .placed import PlacedTool, box_of, placed_tools
 from .shape import (
     DrawIn,
     areal_weight,
@@ -23,14 +24,17 @@ from .tool import Tool
 __all__ = [
     "DrawIn",
     "Holder",
+    "PlacedTool",
     "SmallestGap",
     "Tool",
     "areal_weight",
+    "box_of",
     "contacts",
     "draw_in",
     "fibre_curvature",
     "fibre_fraction_at_constant_thickness",
     "formed",
+    "placed_tools",
     "smallest_gap",
     "thickness_at_constant_fibre_fraction",
     "tool_forces",

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from ..drape import triangles_on
+from ..drape.tool_mesh import triangles_within
 from ..io.results import cell_fields, point_fields
 from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
-from ..solve.surface import GrowingSurface, Surface
+from ..solve.surface import Surface
 from .sheet import Scale, Shape, Tool, eye_axes, in_perspective
 
 
@@ -121,7 +121,9 @@ def tool_under(points: ndarray, surface: Surface) -> Tool:
     """Part of a tool near a ply, given the corners of its elements, (n, 3)."""
     low, high = points.min(axis=0), points.max(axis=0)
     beyond = _BEYOND * np.linalg.norm(high - low)
-    x, triangles, normal = _triangles(surface, low - beyond, high + beyond)
+    x, triangles, normal = triangles_within(
+        surface, low - beyond, high + beyond, _CUBES
+    )
     return Tool(x.T, triangles, shades_of(normal))
 
 
@@ -132,29 +134,6 @@ def shades_of(normal: ndarray) -> ndarray:
     light = np.array(_LIGHT) / np.linalg.norm(_LIGHT)
     lit = np.clip(light @ (normal * np.copysign(1.0, normal[2])), 0.0, 1.0)
     return _GREYS[0] + (_GREYS[1] - _GREYS[0]) * lit
-
-
-def _triangles(
-    surface: Surface, low: ndarray, high: ndarray
-) -> tuple[ndarray, ndarray, ndarray]:
-    """Triangles of a tool in a box: corners, connectivity and normals.
-
-    A triangulated tool is drawn with its own triangles, without extension beyond its
-    edges.
-    """
-    tool = surface.surface if isinstance(surface, GrowingSurface) else surface
-    facets = getattr(tool, "facets", None)  # of a `TriangleMesh`
-    if facets is None or getattr(surface, "t", 1.0) == 0:
-        x, triangles = triangles_on(surface, low, high, _CUBES)
-        return x, triangles, surface.gradient(x[:, triangles].mean(axis=1))
-    x, triangles = facets.points, facets.triangles()
-    if isinstance(surface, GrowingSurface):
-        point = surface.point[:, None]
-        x = point + (x - point) / surface.t
-    inside = (np.clip(x.T, low, high) == x.T).all(axis=1)
-    triangles = triangles[:, inside[triangles].any(axis=0)]
-    a, b, c = x[:, triangles].swapaxes(0, 1)
-    return np.clip(x.T, low, high).T, triangles, np.cross(b - a, c - a, axis=0)
 
 
 def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]:
