@@ -8,7 +8,7 @@ from .contact import (
     touching,
     turn_on_tool,
 )
-from .figures import formed, tool_forces, travels
+from .figures import formed, tool_forces, travel, travels
 from .holder import Holder
 from .placed import PlacedTool, box_of, placed_tools
 from .shape import (
@@ -40,6 +40,7 @@ __all__ = [
     "tool_forces",
     "tool_pressure",
     "touching",
+    "travel",
     "travels",
     "turn_on_tool",
 ]

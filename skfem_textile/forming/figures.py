@@ -68,7 +68,7 @@ def travels(result: Result) -> dict[str, ndarray]:
     """Distance of each tool from its initial position in mm, by name, (n_states,)."""
     factors = [state.load_factor for state in result.states]
     return {
-        x.name: np.array([float(np.linalg.norm(_moved(x, t))) for t in factors])
+        x.name: np.array([travel(x, t) for t in factors])
         for x in contacts(result.ply)
     }
 
@@ -86,6 +86,11 @@ def tool_forces(result: Result) -> dict[str, ndarray]:
         x.name: np.array([s.reactions.get(x.name, zero) @ along for s in result.states])
         for x in tools
     }
+
+
+def travel(tool: ToolContact, t: float) -> float:
+    """Distance of a tool from its initial position at a load factor, in mm."""
+    return float(np.linalg.norm(_moved(tool, t)))
 
 
 def _moved(tool: ToolContact, t: float) -> ndarray:
@@ -110,9 +115,8 @@ def _of_tools(
     for tool in tools:
         name, least = tool.name, gaps[tool.name]
         force = state.reactions.get(name, np.zeros(3))
-        travel = float(np.linalg.norm(_moved(tool, state.load_factor)))
         figures |= {
-            f"{name}_travel_mm": travel,
+            f"{name}_travel_mm": travel(tool, state.load_factor),
             f"{name}_force_N": float(force @ along),
             f"{name}_penetration_mm": 0.0 if least is None else max(-least.gap, 0.0),
             f"{name}_max_pressure_N_per_mm2": float(
@@ -186,9 +190,9 @@ def _advice(
     advice: dict[str, str] = {}
     if not result.converged:
         where = ", ".join(
-            f"{x.name} {np.linalg.norm(_moved(x, t)):.4g} of {end:.4g} mm"
+            f"{x.name} {travel(x, t):.4g} of {end:.4g} mm"
             for x in tools
-            if (end := float(np.linalg.norm(_moved(x, 1.0)))) > 0
+            if (end := travel(x, 1.0)) > 0
         )
         advice["not_formed"] = (
             f"the run stopped at load factor {t:.4g}: the figures describe the ply "

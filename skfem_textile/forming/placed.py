@@ -28,7 +28,7 @@ class PlacedTool(NamedTuple):
     points
         Corners in mm, shape (3, n).
     triangles
-        Their numbers, shape (3, n_triangles).
+        Their numbers, anticlockwise as seen from the ply, shape (3, n_triangles).
     normals
         Normals of the triangles towards the ply, of any length, (3, n_triangles).
     """
@@ -99,12 +99,20 @@ def _placed(
         centres = stands[:, triangles].mean(axis=1).T
         shown = (np.clip(centres, low, high) == centres).all(axis=1)
         used, numbers = np.unique(triangles[:, shown], return_inverse=True)
+        numbers, towards = numbers.reshape(3, -1), sign * turn @ normals[:, shown]
         yield PlacedTool(
             contact.name,
             stands[:, used],
-            numbers.reshape(3, -1),
-            sign * turn @ normals[:, shown],
+            _anticlockwise(stands[:, used], numbers, towards),
+            towards,
         )
+
+
+def _anticlockwise(x: ndarray, triangles: ndarray, normals: ndarray) -> ndarray:
+    """Triangles with the order of their corners about the normals."""
+    a, b, c = (x[:, corner] for corner in triangles)
+    clockwise = (np.cross(b - a, c - a, axis=0) * normals).sum(axis=0) < 0
+    return np.where(clockwise, triangles[::-1], triangles)
 
 
 def _cut(obstacle: Obstacle, x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:

@@ -151,7 +151,7 @@ def write_fields(
         if sum(cell.shape[1] for cell in ply.cells) < mesh.nelements:
             of_users = partial(on_users_elements, ply)
             _write_series(result, folder, axes, "own_", ply.cells, of_users)
-        if _has_tools(ply):
+        if has_tools(ply):
             from .forming import write_tools
 
             write_tools(result, folder, axes)
@@ -191,7 +191,7 @@ def _fields(
     if surface is not None and state.load_factor == 1:
         on_points, on_cells = fields_on_tool(ply, surface, state)
         points, cells = points | on_points, cells | on_cells
-    if _has_tools(ply):
+    if has_tools(ply):
         from .forming import fields_between_tools
 
         on_points, on_cells = fields_between_tools(ply, state)
@@ -203,7 +203,7 @@ def _fields(
     return turned[0], turned[1]
 
 
-def _has_tools(ply: Ply) -> bool:
+def has_tools(ply: Ply) -> bool:
     """True for a ply between tools, whose modules are imported only then."""
     return any(isinstance(term, ContactTerm) for term in ply.terms)
 
