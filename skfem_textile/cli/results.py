@@ -11,6 +11,7 @@ from numpy import ndarray
 
 from ..cases.schema import Output
 from ..drape import Axes, FlatPattern, Sheet, ToolMesh, fibres_on_tool, flat_pattern
+from ..io.results import has_tools
 from ..mesh.checks import MeshError
 from ..mesh.user_input import printable
 from ..scenes import Scene
@@ -40,6 +41,9 @@ OF_SHEAR_TESTS = ("load_by_angle.png", "normalised_load.png")
 
 #: Additional picture of a ply on a tool.
 DRAPED = "draped.png"
+
+#: Additional pictures of a ply between tools.
+FORMED = ("formed.png", "section.png", "tool_force.png")
 
 #: Picture of a run that stopped early.
 REFUSED = "refused.png"
@@ -73,6 +77,11 @@ def draw(
     }
     if result.tool(1.0) is not None and not result.not_on_tool:
         pictures[DRAPED] = plot.draped, result
+    if has_tools(result.ply):
+        drawn = plot.formed, plot.section, plot.tool_force
+        pictures |= {
+            name: (picture, result) for name, picture in zip(FORMED, drawn, strict=True)
+        }
     if isinstance(run, StepError):
         pictures[REFUSED] = plot.verdict, run
     pictures["animation.gif"] = plot.animation, result

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 # All pictures that a run may draw.
 _PICTURES = (
     *(*results.PICTURES, *results.OF_SHEAR_TESTS),
-    *(results.DRAPED, results.REFUSED),
+    *(results.DRAPED, *results.FORMED, results.REFUSED),
 )
 
 

@@ -68,8 +68,7 @@ def travels(result: Result) -> dict[str, ndarray]:
     """Distance of each tool from its initial position in mm, by name, (n_states,)."""
     factors = [state.load_factor for state in result.states]
     return {
-        x.name: np.array([travel(x, t) for t in factors])
-        for x in contacts(result.ply)
+        x.name: np.array([travel(x, t) for t in factors]) for x in contacts(result.ply)
     }
 
 

@@ -9,13 +9,14 @@ from numpy import ndarray
 from ..drape.tool_mesh import triangles_within
 from ..ply import Ply
 from ..solve.states import State
+from ..solve.surface import Surface
 from .contact import contacts
 from .outline import inside, nearest
-from .tool import Obstacle, ToolContact, placement
+from .tool import ToolContact, placement
 
 # Chosen by eye: margin around a ply relative to the diagonal of its box, and number of
 # cubes along the longest side of the box in which surfaces are triangulated.
-_BEYOND, _CUBES = 0.08, 64
+_BEYOND, _CUBES = 0.08, 32
 
 
 class PlacedTool(NamedTuple):
@@ -86,7 +87,7 @@ def _placed(
         obstacle.surface, local.min(axis=1), local.max(axis=1), _CUBES
     )
     if obstacle.outline is not None:
-        x, kept = _cut(obstacle, x, triangles)
+        x, kept = _cut(obstacle.surface, obstacle.outline, x, triangles)
         triangles, normals = triangles[:, kept], normals[:, kept]
     sign = obstacle.side
     gradient = obstacle.surface.gradient(x)
@@ -117,7 +118,6 @@ def _anticlockwise(x: ndarray, triangles: ndarray, normals: ndarray) -> ndarray:
 
 def _cut(obstacle: Obstacle, x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     """Points moved onto the outline where triangles cross it, and triangles inside."""
-    outline = obstacle.outline
     within = inside(outline, x[:2])
     kept = within[triangles].any(axis=0)
     crossing = np.zeros(x.shape[1], dtype=bool)
@@ -125,7 +125,7 @@ def _cut(obstacle: Obstacle, x: ndarray, triangles: ndarray) -> tuple[ndarray, n
     crossing &= ~within
     moved = x.copy()
     moved[:2, crossing] = nearest(outline, x[:2, crossing])
-    level = obstacle.surface.level(moved[:, crossing])
-    gradient = obstacle.surface.gradient(moved[:, crossing])
+    level = surface.level(moved[:, crossing])
+    gradient = surface.gradient(moved[:, crossing])
     moved[:, crossing] -= level / (gradient**2).sum(axis=0) * gradient
     return moved, kept

@@ -3,7 +3,7 @@
 try:
     from .curves import curves, plot_law, plot_tensions
     from .fields import FIELDS, Field
-    from .forming import formed, tool_force
+    from .forming import formed, section, tool_force
     from .nets import net_on_tool
     from .outlines import singular_fibres
     from .pictures import (
@@ -37,6 +37,7 @@ __all__ = [
     "net_on_tool",
     "plot_law",
     "plot_tensions",
+    "section",
     "shear_angle",
     "singular_fibres",
     "tool_force",

@@ -150,7 +150,7 @@ def _tools_between(
     for i, result in enumerate(results):
         if has_tools(result.ply):
             numbers.setdefault(result.ply, []).append(i)
-    tools = {}
+    tools: dict[int, Tool] = {}
     for ply, of_ply in numbers.items():
         from ..forming import box_of, placed_tools
 

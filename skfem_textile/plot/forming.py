@@ -2,25 +2,38 @@
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Unpack
+from itertools import cycle
+from typing import TYPE_CHECKING, Any, Unpack
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy import ndarray
 
+from ..drape import wrinkle_risk
+from ..drape.tool_mesh import cut_in_two
 from ..forming import areal_weight, contacts, tool_forces, travels
 from ..io.results import cell_fields
+from ..ply import Ply
 from ..solve.result import Result
-from .curves import curves
-from .fields import FIELDS, Field
-from .layout import PAGE
-from .pictures import Picture, View
-from .sheet import FAMILIES, REFUSED, Fibres, Legend, Panel
+from ..solve.states import State
+from .curves import COLOURS, curves
+from .fields import FIELDS
+from .layout import COLUMN, NUMBER, PAGE, TITLE
+from .picture_files import picture_path, save
+from .pictures import Picture, View, stage_of
+from .sheet import FAMILIES, REFUSED, Fibres, Legend, Panel, Scale
 
 if TYPE_CHECKING:
     import pyvista as pv
-    from matplotlib.figure import Figure
 
-#: Areal weight as a field.
-AREAL_WEIGHT = Field("Areal weight relative to the flat ply", areal_weight, "cividis")
+# Label of the areal weight.
+_AREAL_WEIGHT = "Areal weight relative to the flat ply"
 
 
 def formed(
@@ -41,30 +54,177 @@ def formed(
     for result in results:
         _refuse_without_tools(result)
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
-    weights, weight = picture.on_one_scale(AREAL_WEIGHT)
+    risks = [
+        np.flatnonzero(wrinkle_risk(result.ply, at.u, at.parameters))
+        for result, at in zip(results, picture.states, strict=True)
+    ]
+    weights = [
+        areal_weight(result.ply, at.u)
+        for result, at in zip(results, picture.states, strict=True)
+    ]
+    every = np.concatenate(weights)
+    limits = float(every.min()), float(every.max())
+    weight = Scale.of(_AREAL_WEIGHT, limits, "cividis", None)
     rows = []
-    for result, at, title, shape, angle, ratio in zip(
-        *(results, picture.states, picture.titles, picture.shapes, angles, weights),
+    for result, at, title, shape, angle, risk, ratio in zip(
+        *(results, picture.states, picture.titles, picture.shapes),
+        *(angles, risks, weights),
         strict=True,
     ):
         fields = cell_fields(result.ply, at.u)
         names = "warp_direction", "weft_direction"
         fibres = Fibres(*(shape.seen(fields[name]) for name in names))
         panels = [
-            Panel("Shear angle", shape, angle, shear),
+            Panel("Shear angle", shape, angle, shear, marked=risk),
             Panel("Fibres", shape, fibres=fibres),
             Panel("Areal weight", shape, ratio, weight),
         ]
         rows.append(
             [x._replace(title=f"{x.title}, {title}") if title else x for x in panels]
         )
-    legends = Legend(0, 1, shear), Legend(1, 2, keys=FAMILIES), Legend(2, 3, weight)
+    keys = [("Risk of wrinkling", REFUSED)] if any(x.size for x in risks) else []
+    legends = (
+        Legend(0, 1, shear, keys),
+        Legend(1, 2, keys=FAMILIES),
+        Legend(2, 3, weight),
+    )
     return picture.drawn(rows, *legends)
+
+
+# Number of points along the longer side of a section, depth to which tools are filled,
+# relative to this side, number of sections by default, and margin around the ply
+# relative to its size.  Chosen by eye.
+_POINTS, _DEPTH, _SECTIONS, _MARGIN = 400, 0.04, 4, 0.06
+
+# Line of a ply in a section, and opacity of tools.
+_PLY: dict[str, Any] = {"color": "black", "linewidth": 1.2}
+_PALE = 0.45
+
+# Distance from the plane of a section, relative to the size of the ply, that is
+# round-off: nodes there are on the plane.
+_ON_PLANE = 1e-9
+
+
+def section(
+    result: Result,
+    filename: str | os.PathLike[str] | None = None,
+    *,
+    angle: float = 0.0,
+    states: Sequence[int] | None = None,
+) -> Figure:
+    """Section through a formed ply and its tools, one panel per state.
+
+    Tools are filled to a small depth behind their faces.
+
+    Parameters
+    ----------
+    result
+        Result of a run.
+    filename
+        Output file: PNG, or vector graphics (.svg, .pdf or .eps).
+    angle
+        Angle in radians to the x axis of the plane of the section, which contains the z
+        axis.
+    states
+        Indices of states; by default four that are evenly spaced.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        For a ply without tools, and as `picture_path`.
+    """
+    path = None if filename is None else picture_path(filename)
+    _refuse_without_tools(result)
+    every = result.states
+    if states is None:
+        even = np.linspace(0, len(every) - 1, _SECTIONS).round().astype(int)
+        states = np.unique(even).tolist()
+    chosen = [every[i] for i in states]
+    cuts = [_cut(result.ply, state, angle) for state in chosen]
+    low, high = _extent(result.ply, chosen, angle)
+    columns = min(2, len(chosen))
+    rows = -(-len(chosen) // columns)
+    width = (PAGE if columns > 1 else COLUMN) / 25.4
+    height = rows * (width / columns * (high[1] - low[1]) / (high[0] - low[0]) + 0.45)
+    style = {"font.size": NUMBER, "axes.titlesize": TITLE, "axes.linewidth": 0.6}
+    with mpl.rc_context(style):
+        figure = Figure(figsize=(width, height + 0.3), layout="constrained")
+        for i, (state, cut) in enumerate(zip(chosen, cuts, strict=True), start=1):
+            axes = figure.add_subplot(rows, columns, i, aspect="equal")
+            colours = _draw_tools(axes, result.ply, state, angle, low, high)
+            axes.add_collection(LineCollection(list(cut), capstyle="round", **_PLY))
+            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+            axes.set_title(stage_of(result, state))
+            axes.set(xlabel="In the plane (mm)" if angle else "x (mm)", ylabel="z (mm)")
+        handles: list[Artist] = [Line2D([], [], label="ply", **_PLY)]
+        handles += [
+            Patch(color=c, alpha=_PALE, label=name) for name, c in colours.items()
+        ]
+        figure.legend(
+            handles=handles, loc="outside lower center", ncols=4, frameon=False
+        )
+        save(figure, path)
+    return figure
+
+
+def _cut(ply: Ply, state: State, angle: float) -> ndarray:
+    """Segments in which a plane through the z axis cuts a ply, shape (n, 2, 2)."""
+    x = _positions(ply, state)[:, : ply.mesh.nvertices]
+    away = np.cos(angle) * x[1] - np.sin(angle) * x[0]
+    size = float(np.ptp(ply.nodes, axis=1).max())
+    away = np.where(np.abs(away) <= _ON_PLANE * size, 0.0, away)
+    triangles = cut_in_two((ply.mesh.t,))
+    one, other = triangles, np.roll(triangles, -1, axis=0)
+    crossed = (away[one] > 0) != (away[other] > 0)
+    one, other = one.T[crossed.T], other.T[crossed.T]
+    share = away[one] / (away[one] - away[other])
+    in_plane = _in_plane(x, angle)
+    points = in_plane[:, one] + share * (in_plane[:, other] - in_plane[:, one])
+    return points.T.reshape(-1, 2, 2)
+
+
+def _positions(ply: Ply, state: State) -> ndarray:
+    return np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(state.u)
+
+
+def _in_plane(x: ndarray, angle: float) -> ndarray:
+    """Coordinates along the plane of a section and z, shape (2, n)."""
+    return np.array([np.cos(angle) * x[0] + np.sin(angle) * x[1], x[2]])
+
+
+def _extent(ply: Ply, states: Sequence[State], angle: float) -> tuple[ndarray, ndarray]:
+    """Corners of a section that contains a ply in all states, with a margin."""
+    x = np.hstack([_in_plane(_positions(ply, state), angle) for state in states])
+    low, high = x.min(axis=1), x.max(axis=1)
+    margin = _MARGIN * float((high - low).max())
+    return low - margin, high + margin
+
+
+def _draw_tools(
+    axes: Axes, ply: Ply, state: State, angle: float, low: ndarray, high: ndarray
+) -> dict[str, str]:
+    """Fill the tools behind their faces; returns their colours."""
+    size = float((high - low).max())
+    counts = np.maximum((_POINTS * (high - low) / size).astype(int), 2)
+    r, z = (np.linspace(a, b, n) for a, b, n in zip(low, high, counts, strict=True))
+    along, up = (x.ravel() for x in np.meshgrid(r, z))
+    points = np.array([np.cos(angle) * along, np.sin(angle) * along, up])
+    colours = {}
+    for tool, colour in zip(contacts(ply), cycle(COLOURS), strict=False):
+        gap = tool.gaps_at(points, state.load_factor).reshape(len(z), len(r))
+        gap = np.ma.masked_invalid(gap)
+        colours[tool.name] = colour
+        if (gap <= 0).any():
+            axes.contourf(
+                r, z, gap, [-_DEPTH * size, 0.0], colors=[colour], alpha=_PALE
+            )
+            axes.contour(r, z, gap, [0.0], colors=[colour], linewidths=0.6)
+    return colours
 
 
 def tool_force(
     result: Result, filename: str | os.PathLike[str] | None = None
-) -> "Figure":
+) -> Figure:
     """Plot the force of each tool on the ply over the travel.
 
     The component along the motion of the tool that travels farthest, against its

@@ -434,9 +434,10 @@ def stage_of(result: Result, state: State) -> str:
     if has_tools(result.ply):
         from ..forming import contacts, travel
 
-        travels = {x.name: travel(x, state.load_factor) for x in contacts(result.ply)}
-        moving = [f"{name} {x:.1f} mm" for name, x in travels.items() if x > 0]
-        title = ", ".join([title, *moving])
+        last = result.states[-1].load_factor
+        for tool in contacts(result.ply):
+            if travel(tool, last) > 0:
+                title += f", {tool.name} {travel(tool, state.load_factor):.1f} mm"
     return title
 
 

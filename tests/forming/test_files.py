@@ -78,8 +78,8 @@ def test_normals_of_tools_point_to_the_ply(hemisphere):
     assert (of["holder"][2] > 0).all()
     assert (of["punch"][2] > 0).all()
     for tool in tools:
-        assert (tool.points.T > box[0] - 1).all()
-        assert (tool.points.T < box[1] + 1).all()
+        assert (box[0] - 1 < tool.points.T).all()
+        assert (box[1] + 1 > tool.points.T).all()
 
 
 def test_nearest_points_on_an_outline():
