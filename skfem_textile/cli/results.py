@@ -11,7 +11,6 @@ from numpy import ndarray
 
 from ..cases.schema import Output
 from ..drape import Axes, FlatPattern, Sheet, ToolMesh, fibres_on_tool, flat_pattern
-from ..io.results import has_tools
 from ..mesh.checks import MeshError
 from ..mesh.user_input import printable
 from ..scenes import Scene
@@ -70,6 +69,7 @@ def draw(
     result = run.result if isinstance(run, StepError) else run
     with held():  # VTK may crash if it is interrupted
         from .. import plot
+        from ..io.results import has_tools
     pictures: dict[str, tuple[Callable[..., Any], Any]] = {
         "fibre_strain.png": (plot.fibre_strain, result),
         "shear_angle.png": (plot.shear_angle, result),
@@ -78,9 +78,10 @@ def draw(
     if result.tool(1.0) is not None and not result.not_on_tool:
         pictures[DRAPED] = plot.draped, result
     if has_tools(result.ply):
-        drawn = plot.formed, plot.section, plot.tool_force
         pictures |= {
-            name: (picture, result) for name, picture in zip(FORMED, drawn, strict=True)
+            "formed.png": (plot.formed, result),
+            "section.png": (plot.section, result),
+            "tool_force.png": (plot.tool_force, result),
         }
     if isinstance(run, StepError):
         pictures[REFUSED] = plot.verdict, run

@@ -116,7 +116,9 @@ def _anticlockwise(x: ndarray, triangles: ndarray, normals: ndarray) -> ndarray:
     return np.where(clockwise, triangles[::-1], triangles)
 
 
-def _cut(obstacle: Obstacle, x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
+def _cut(
+    surface: Surface, outline: ndarray, x: ndarray, triangles: ndarray
+) -> tuple[ndarray, ndarray]:
     """Points moved onto the outline where triangles cross it, and triangles inside."""
     within = inside(outline, x[:2])
     kept = within[triangles].any(axis=0)
