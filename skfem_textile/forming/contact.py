@@ -63,7 +63,7 @@ def smallest_gap(
 
 
 def _centres(ply: Ply, x: ndarray) -> ndarray:
-    """Positions of the element centres, given those of the nodes, (3, n_elements)."""
+    """Positions of the element centres for positions x of the nodes, (3, n)."""
     scalar = ply.basis.elem.elem  # type: ignore[attr-defined]
     shares = [scalar.lbasis(ply.centre, i)[0] for i in range(len(scalar.doflocs))]
     nodes = ply.basis.element_dofs[::3] // 3

@@ -31,7 +31,7 @@ def formed(result: Result) -> dict[str, float | str]:
     motion of the tool that travels farthest, ``NAME_penetration_mm``, the largest depth
     of the ply in the tool between nodes (`smallest_gap`), and
     ``NAME_max_pressure_N_per_mm2``.  Of the ply the draw-in, the areal weight relative
-    to that of the flat ply, to which the thickness at constant fibre fraction and the
+    to the flat ply, to which the thickness at constant fibre fraction and the
     fibre fraction at constant thickness are proportional, and risks.
 
     Parameters

@@ -38,7 +38,7 @@ def test_fields_of_contact_are_written(hemisphere, folder):
 
 
 def test_tools_stand_where_they_are_at_each_state(hemisphere, folder):
-    """Corners of the punch are on its sphere, those of the others on their planes."""
+    """Corners of the punch are on its sphere, of the other tools on their planes."""
     series = ElementTree.parse(folder / "tools.pvd").findall("Collection/DataSet")
     assert [float(x.get("timestep")) for x in series] == [
         state.load_factor for state in hemisphere.states
