@@ -30,7 +30,10 @@ LAYERS = {
     "forming": ("drape", "solve", "ply", "fabric", "mesh"),
     "scenes": ("forming", "drape", "singular", "solve", "ply", "fabric", "mesh"),
     "io": ("forming", "drape", "solve", "ply", "fabric", "mesh"),
-    "cases": ("io", "scenes", "singular", "solve", "ply", "fabric", "mesh"),
+    "cases": (
+        *("io", "scenes", "forming", "drape", "singular", "solve"),
+        *("ply", "fabric", "mesh"),
+    ),
     "plot": ("io", "forming", "drape", "singular", "solve", "ply", "fabric", "mesh"),
     "calibration": ("plot", "scenes", "solve", "ply", "fabric", "mesh"),
     "cli": (
