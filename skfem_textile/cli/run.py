@@ -192,7 +192,7 @@ def _print_figure(key: str, value: Any) -> None:
         text = f"{part:.6g}" if isinstance(part, float) else part
         if isinstance(part, dict):
             text = ", ".join(f"{name} {x}" for name, x in part.items())
-        say(f"{key:34}{text}")
+        say(f"{key:33} {text}")
 
 
 def _draw(
