@@ -50,7 +50,11 @@ def box_of(ply: Ply, states: Iterable[State]) -> tuple[ndarray, ndarray]:
 
 
 def placed_tools(
-    ply: Ply, factors: Sequence[float], low: ndarray, high: ndarray
+    ply: Ply,
+    factors: Sequence[float],
+    low: ndarray,
+    high: ndarray,
+    cells: int = _CUBES,
 ) -> list[list[PlacedTool]]:
     """Tools of a ply, and holders with a gap, where they stand at load factors.
 
@@ -62,13 +66,16 @@ def placed_tools(
         Load factors.
     low, high
         Corners of the box within which tools are shown, see `box_of`.
+    cells
+        Number of cubes along its longest side, in which surfaces that are no triangles
+        are triangulated.
 
     Returns
     -------
     list
         For each load factor, the tools that stand in the box.
     """
-    tools = [list(_placed(x, factors, low, high)) for x in contacts(ply)]
+    tools = [list(_placed(x, factors, low, high, cells)) for x in contacts(ply)]
     return [
         [tool[i] for tool in tools if tool[i].triangles.size]
         for i in range(len(factors))
@@ -76,7 +83,11 @@ def placed_tools(
 
 
 def _placed(
-    contact: ToolContact, factors: Sequence[float], low: ndarray, high: ndarray
+    contact: ToolContact,
+    factors: Sequence[float],
+    low: ndarray,
+    high: ndarray,
+    cells: int,
 ) -> Iterator[PlacedTool]:
     """A tool at each load factor; its surface is triangulated once."""
     obstacle = contact._obstacle
@@ -84,15 +95,15 @@ def _placed(
     corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1)
     local = np.hstack([turn.T @ (corners - moved[:, None]) for turn, moved in places])
     x, triangles, normals = triangles_within(
-        obstacle.surface, local.min(axis=1), local.max(axis=1), _CUBES
+        obstacle.surface, local.min(axis=1), local.max(axis=1), cells
     )
     if obstacle.outline is not None:
         x, kept = _cut(obstacle.surface, obstacle.outline, x, triangles)
         triangles, normals = triangles[:, kept], normals[:, kept]
     sign = obstacle.side
-    gradient = obstacle.surface.gradient(x)
-    outwards = sign * gradient / np.linalg.norm(gradient, axis=0)
     if obstacle.reach is not None:  # a holder stands on the other side of the ply
+        gradient = obstacle.surface.gradient(x)
+        outwards = sign * gradient / np.linalg.norm(gradient, axis=0)
         sign = -sign
     for t, (turn, moved) in zip(factors, places, strict=True):
         stands = x if obstacle.reach is None else x + obstacle.reach(t) * outwards

@@ -9,7 +9,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -17,7 +18,14 @@ from numpy import ndarray
 
 from ..drape import wrinkle_risk
 from ..drape.tool_mesh import cut_in_two
-from ..forming import areal_weight, contacts, tool_forces, travels
+from ..forming import (
+    PlacedTool,
+    areal_weight,
+    contacts,
+    placed_tools,
+    tool_forces,
+    travels,
+)
 from ..io.results import cell_fields
 from ..ply import Ply
 from ..solve.result import Result
@@ -91,14 +99,14 @@ def formed(
     return picture.drawn(rows, *legends)
 
 
-# Number of points along the longer side of a section, depth to which tools are filled,
-# relative to this side, number of sections by default, and margin around the ply
-# relative to its size.  Chosen by eye.
-_POINTS, _DEPTH, _SECTIONS, _MARGIN = 400, 0.04, 4, 0.06
+# Number of cubes along the longest side of a section in which tools are triangulated,
+# depth to which they are filled, relative to this side, number of sections by default,
+# and margin around the ply relative to its size.  Chosen by eye.
+_CUBES, _DEPTH, _SECTIONS, _MARGIN = 96, 0.04, 4, 0.06
 
-# Line of a ply in a section, and opacity of tools.
+# Line of a ply in a section, and share of white in the colour of tools.
 _PLY: dict[str, Any] = {"color": "black", "linewidth": 1.2}
-_PALE = 0.45
+_PALE = 0.55
 
 # Distance from the plane of a section, relative to the size of the ply, that is
 # round-off: nodes there are on the plane.
@@ -140,26 +148,29 @@ def section(
         even = np.linspace(0, len(every) - 1, _SECTIONS).round().astype(int)
         states = np.unique(even).tolist()
     chosen = [every[i] for i in states]
-    cuts = [_cut(result.ply, state, angle) for state in chosen]
     low, high = _extent(result.ply, chosen, angle)
     columns = min(2, len(chosen))
     rows = -(-len(chosen) // columns)
     width = (PAGE if columns > 1 else COLUMN) / 25.4
     height = rows * (width / columns * (high[1] - low[1]) / (high[0] - low[0]) + 0.45)
     style = {"font.size": NUMBER, "axes.titlesize": TITLE, "axes.linewidth": 0.6}
+    names = [tool.name for tool in contacts(result.ply)]
+    colours = dict(zip(names, cycle(COLOURS), strict=False))
     with mpl.rc_context(style):
         figure = Figure(figsize=(width, height + 0.3), layout="constrained")
-        for i, (state, cut) in enumerate(zip(chosen, cuts, strict=True), start=1):
+        tools = _tools(result.ply, chosen, angle, low, high)
+        for i, (state, placed) in enumerate(zip(chosen, tools, strict=True), start=1):
             axes = figure.add_subplot(rows, columns, i, aspect="equal")
-            colours = _draw_tools(axes, result.ply, state, angle, low, high)
+            for tool in placed:
+                depth = _DEPTH * float((high - low).max())
+                _fill(axes, tool, angle, depth, colours[tool.name])
+            cut = _of_ply(result.ply, state, angle)
             axes.add_collection(LineCollection(list(cut), capstyle="round", **_PLY))
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
             axes.set_title(stage_of(result, state))
             axes.set(xlabel="In the plane (mm)" if angle else "x (mm)", ylabel="z (mm)")
         handles: list[Artist] = [Line2D([], [], label="ply", **_PLY)]
-        handles += [
-            Patch(color=c, alpha=_PALE, label=name) for name, c in colours.items()
-        ]
+        handles += [Patch(color=c, label=name) for name, c in colours.items()]
         figure.legend(
             handles=handles, loc="outside lower center", ncols=4, frameon=False
         )
@@ -167,20 +178,26 @@ def section(
     return figure
 
 
-def _cut(ply: Ply, state: State, angle: float) -> ndarray:
-    """Segments in which a plane through the z axis cuts a ply, shape (n, 2, 2)."""
+def _of_ply(ply: Ply, state: State, angle: float) -> ndarray:
+    """Segments in which the plane of a section cuts a ply, shape (n, 2, 2)."""
     x = _positions(ply, state)[:, : ply.mesh.nvertices]
+    return _cut(x, cut_in_two((ply.mesh.t,)), angle)[0]
+
+
+def _cut(x: ndarray, triangles: ndarray, angle: float) -> tuple[ndarray, ndarray]:
+    """Segments in which a plane through the z axis cuts triangles, and these.
+
+    Shapes (n, 2, 2) and (n,).
+    """
     away = np.cos(angle) * x[1] - np.sin(angle) * x[0]
-    size = float(np.ptp(ply.nodes, axis=1).max())
-    away = np.where(np.abs(away) <= _ON_PLANE * size, 0.0, away)
-    triangles = cut_in_two((ply.mesh.t,))
+    away = np.where(np.abs(away) <= _ON_PLANE * np.ptp(x), 0.0, away)
     one, other = triangles, np.roll(triangles, -1, axis=0)
     crossed = (away[one] > 0) != (away[other] > 0)
     one, other = one.T[crossed.T], other.T[crossed.T]
     share = away[one] / (away[one] - away[other])
     in_plane = _in_plane(x, angle)
     points = in_plane[:, one] + share * (in_plane[:, other] - in_plane[:, one])
-    return points.T.reshape(-1, 2, 2)
+    return points.T.reshape(-1, 2, 2), np.flatnonzero(crossed.any(axis=0))
 
 
 def _positions(ply: Ply, state: State) -> ndarray:
@@ -200,26 +217,34 @@ def _extent(ply: Ply, states: Sequence[State], angle: float) -> tuple[ndarray, n
     return low - margin, high + margin
 
 
-def _draw_tools(
-    axes: Axes, ply: Ply, state: State, angle: float, low: ndarray, high: ndarray
-) -> dict[str, str]:
-    """Fill the tools behind their faces; returns their colours."""
-    size = float((high - low).max())
-    counts = np.maximum((_POINTS * (high - low) / size).astype(int), 2)
-    r, z = (np.linspace(a, b, n) for a, b, n in zip(low, high, counts, strict=True))
-    along, up = (x.ravel() for x in np.meshgrid(r, z))
-    points = np.array([np.cos(angle) * along, np.sin(angle) * along, up])
-    colours = {}
-    for tool, colour in zip(contacts(ply), cycle(COLOURS), strict=False):
-        gap = tool.gaps_at(points, state.load_factor).reshape(len(z), len(r))
-        gap = np.ma.masked_invalid(gap)
-        colours[tool.name] = colour
-        if (gap <= 0).any():
-            axes.contourf(
-                r, z, gap, [-_DEPTH * size, 0.0], colors=[colour], alpha=_PALE
-            )
-            axes.contour(r, z, gap, [0.0], colors=[colour], linewidths=0.6)
-    return colours
+def _tools(
+    ply: Ply, states: Sequence[State], angle: float, low: ndarray, high: ndarray
+) -> list[list[PlacedTool]]:
+    """Tools near the plane of a section in each state."""
+    along = np.outer((low[0], high[0]), (np.cos(angle), np.sin(angle)))
+    margin = 2 * float((high - low).max()) / _CUBES
+    box = (
+        np.array([*along.min(axis=0) - margin, low[1]]),
+        np.array([*along.max(axis=0) + margin, high[1]]),
+    )
+    factors = [state.load_factor for state in states]
+    return placed_tools(ply, factors, *box, _CUBES)
+
+
+def _fill(
+    axes: Axes, tool: PlacedTool, angle: float, depth: float, colour: str
+) -> None:
+    """Draw the face of a tool, and fill it to a depth behind the face."""
+    ends, triangles = _cut(tool.points, tool.triangles, angle)
+    normal = _in_plane(tool.normals[:, triangles], angle)
+    length = np.linalg.norm(normal, axis=0)
+    behind = depth * (normal / np.where(length > 0, length, 1.0)).T[:, None]
+    body = np.concatenate([ends, (ends - behind)[:, ::-1]], axis=1)
+    pale = to_rgb(colour) + _PALE * (1 - np.array(to_rgb(colour)))
+    axes.add_collection(PolyCollection(list(body), color=[pale], lw=0.4, zorder=0))
+    axes.add_collection(
+        LineCollection(list(ends), color=colour, lw=0.6, capstyle="round")
+    )
 
 
 def tool_force(
