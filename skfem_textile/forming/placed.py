@@ -67,8 +67,8 @@ def placed_tools(
     low, high
         Corners of the box within which tools are shown, see `box_of`.
     cells
-        Number of cubes along its longest side, in which surfaces that are no triangles
-        are triangulated.
+        Number of cubes along its longest side, in which surfaces without triangles are
+        triangulated.
 
     Returns
     -------
