@@ -41,6 +41,9 @@ OF_SHEAR_TESTS = ("load_by_angle.png", "normalised_load.png")
 #: Additional picture of a ply on a tool.
 DRAPED = "draped.png"
 
+#: Additional pictures of a ply between tools.
+FORMED = ("formed.png", "section.png", "tool_force.png")
+
 #: Picture of a run that stopped early.
 REFUSED = "refused.png"
 
@@ -66,6 +69,7 @@ def draw(
     result = run.result if isinstance(run, StepError) else run
     with held():  # VTK may crash if it is interrupted
         from .. import plot
+        from ..io.results import has_tools
     pictures: dict[str, tuple[Callable[..., Any], Any]] = {
         "fibre_strain.png": (plot.fibre_strain, result),
         "shear_angle.png": (plot.shear_angle, result),
@@ -73,6 +77,12 @@ def draw(
     }
     if result.tool(1.0) is not None and not result.not_on_tool:
         pictures[DRAPED] = plot.draped, result
+    if has_tools(result.ply):
+        pictures |= {
+            "formed.png": (plot.formed, result),
+            "section.png": (plot.section, result),
+            "tool_force.png": (plot.tool_force, result),
+        }
     if isinstance(run, StepError):
         pictures[REFUSED] = plot.verdict, run
     pictures["animation.gif"] = plot.animation, result

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 # All pictures that a run may draw.
 _PICTURES = (
     *(*results.PICTURES, *results.OF_SHEAR_TESTS),
-    *(results.DRAPED, results.REFUSED),
+    *(results.DRAPED, *results.FORMED, results.REFUSED),
 )
 
 
@@ -192,7 +192,7 @@ def _print_figure(key: str, value: Any) -> None:
         text = f"{part:.6g}" if isinstance(part, float) else part
         if isinstance(part, dict):
             text = ", ".join(f"{name} {x}" for name, x in part.items())
-        say(f"{key:34}{text}")
+        say(f"{key:33} {text}")
 
 
 def _draw(

@@ -8,7 +8,7 @@ from numpy import ndarray
 
 from ..mesh.checks import MeshError
 from ..mesh.user_input import real_numbers
-from ..solve.surface import Surface
+from ..solve.surface import GrowingSurface, Surface
 from .sheet import boundary_edges, edge_lengths, unit
 
 
@@ -226,6 +226,39 @@ def triangles_on(
         gradient = surface.gradient(x)
         x = x - surface.level(x) / (gradient**2).sum(axis=0) * gradient
     return x, inverse.reshape(3, -1)
+
+
+def triangles_within(
+    surface: Surface, low: ndarray, high: ndarray, cells: int
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Triangles of a surface in a box: corners, connectivity and normals.
+
+    A `TriangleMesh` returns its own triangles, without extension beyond its edges.
+
+    Parameters
+    ----------
+    surface, low, high, cells
+        See `triangles_on`.
+
+    Returns
+    -------
+    tuple
+        Corners (3, n), their numbers (3, n_triangles), and normals of any length (3,
+        n_triangles).
+    """
+    tool = surface.surface if isinstance(surface, GrowingSurface) else surface
+    facets = getattr(tool, "facets", None)
+    if facets is None or getattr(surface, "t", 1.0) == 0:
+        x, triangles = triangles_on(surface, low, high, cells)
+        return x, triangles, surface.gradient(x[:, triangles].mean(axis=1))
+    x, triangles = facets.points, facets.triangles()
+    if isinstance(surface, GrowingSurface):
+        point = surface.point[:, None]
+        x = point + (x - point) / surface.t
+    inside = (np.clip(x.T, low, high) == x.T).all(axis=1)
+    triangles = triangles[:, inside[triangles].any(axis=0)]
+    a, b, c = x[:, triangles].swapaxes(0, 1)
+    return np.clip(x.T, low, high).T, triangles, np.cross(b - a, c - a, axis=0)
 
 
 def _crossed_edges(tetrahedra: ndarray, level: ndarray) -> ndarray:

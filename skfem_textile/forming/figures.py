@@ -1,13 +1,214 @@
-"""Figures of a formed ply: gaps, draw-in, areal weight."""
+"""Figures of a formed ply for summaries, and advice."""
 
+from collections.abc import Sequence
+
+import numpy as np
+from numpy import ndarray
+
+from ..drape.risks import COARSE, share_of_area, wrinkle_risk
+from ..ply import Ply
 from ..solve.result import Result
+from ..solve.states import State
+from .contact import (
+    SmallestGap,
+    contacts,
+    smallest_gap,
+    tool_pressure,
+    touching,
+    turn_on_tool,
+)
+from .shape import areal_weight, draw_in, fibre_curvature
+from .tool import ToolContact
+
+# Angles in degrees to the x axis of the flat ply at which the draw-in is listed.
+_RAYS = (0, 45, 90)
 
 
 def formed(result: Result) -> dict[str, float | str]:
-    """Figures of the last state of a ply between tools, in N, mm and degrees."""
+    """Figures of the last state of a ply between tools in N, mm and degrees; advice.
+
+    For each tool ``NAME_travel_mm``, ``NAME_force_N``, the force on the ply along the
+    motion of the tool that travels farthest, ``NAME_penetration_mm``, the largest depth
+    of the ply in the tool between nodes (`smallest_gap`), and
+    ``NAME_max_pressure_N_per_mm2``.  Of the ply the draw-in, the areal weight relative
+    to the flat ply, to which the thickness at constant fibre fraction and the
+    fibre fraction at constant thickness are proportional, and risks.
+
+    Parameters
+    ----------
+    result
+        Result of a run.  One that stopped is described at the travel that it reached;
+        ``not_formed`` states it.
+
+    Returns
+    -------
+    dict
+        Empty for a ply without tools.
+    """
     ply, state = result.ply, result.states[-1]
+    tools = contacts(ply)
+    if not tools:
+        return {}
+    gaps = {x.name: smallest_gap(ply, x, state.u, state.load_factor) for x in tools}
+    turn = np.degrees(np.max([turn_on_tool(ply, x, state) for x in tools], axis=0))
+    at_risk = wrinkle_risk(ply, state.u, state.parameters)
     return {
-        f"{x.name}_gap_mm": float(x.gaps(state.u, state.load_factor).min())
-        for x in ply.terms
-        if hasattr(x, "gaps")
+        **_of_tools(ply, state, tools, gaps),
+        **_deepest(gaps),
+        **_draw_in(ply, state.u),
+        **_areal_weight(ply, state.u),
+        **_curvature(ply, state, tools),
+        "wrinkle_risk_share_of_area": share_of_area(ply, at_risk),
+        "max_turn_of_normal_deg": float(turn.max()),
+        **_advice(result, tools, turn, at_risk),
     }
+
+
+def travels(result: Result) -> dict[str, ndarray]:
+    """Distance of each tool from its initial position in mm, by name, (n_states,)."""
+    factors = [state.load_factor for state in result.states]
+    return {
+        x.name: np.array([travel(x, t) for t in factors]) for x in contacts(result.ply)
+    }
+
+
+def tool_forces(result: Result) -> dict[str, ndarray]:
+    """Force of each tool on the ply in N, by name, shape (n_states,).
+
+    The component along the motion of the tool that travels farthest, so that the forces
+    of opposite tools have opposite signs.
+    """
+    tools = contacts(result.ply)
+    along = _direction(tools, result.states[-1].load_factor)
+    zero = np.zeros(3)
+    return {
+        x.name: np.array([s.reactions.get(x.name, zero) @ along for s in result.states])
+        for x in tools
+    }
+
+
+def travel(tool: ToolContact, t: float) -> float:
+    """Distance of a tool from its initial position at a load factor, in mm."""
+    return float(np.linalg.norm(_moved(tool, t)))
+
+
+def _moved(tool: ToolContact, t: float) -> ndarray:
+    return tool.travel(t) - tool.travel(0.0)
+
+
+def _direction(tools: Sequence[ToolContact], t: float) -> ndarray:
+    """Unit vector along the longest travel at a load factor; z if nothing travels."""
+    moved = max((_moved(x, t) for x in tools), key=np.linalg.norm)
+    length = float(np.linalg.norm(moved))
+    return moved / length if length > 0 else np.array([0.0, 0.0, 1.0])
+
+
+def _of_tools(
+    ply: Ply,
+    state: State,
+    tools: Sequence[ToolContact],
+    gaps: dict[str, SmallestGap | None],
+) -> dict[str, float]:
+    figures: dict[str, float] = {}
+    along = _direction(tools, state.load_factor)
+    for tool in tools:
+        name, least = tool.name, gaps[tool.name]
+        force = state.reactions.get(name, np.zeros(3))
+        figures |= {
+            f"{name}_travel_mm": travel(tool, state.load_factor),
+            f"{name}_force_N": float(force @ along),
+            f"{name}_penetration_mm": 0.0 if least is None else max(-least.gap, 0.0),
+            f"{name}_max_pressure_N_per_mm2": float(
+                tool_pressure(ply, tool, state).max()
+            ),
+        }
+    return figures
+
+
+def _deepest(gaps: dict[str, SmallestGap | None]) -> dict[str, float | str]:
+    """Tool, place and element of the deepest penetration; empty if there is none."""
+    inside = {name: x for name, x in gaps.items() if x is not None and x.gap < 0}
+    if not inside:
+        return {}
+    name, deepest = min(inside.items(), key=lambda item: item[1].gap)
+    places = zip("xyz", deepest.place.tolist(), strict=True)
+    return {
+        "max_penetration_tool": name,
+        **{f"max_penetration_at_{axis}_mm": x for axis, x in places},
+        "max_penetration_element": deepest.element,
+    }
+
+
+def _draw_in(ply: Ply, u: ndarray) -> dict[str, float]:
+    """Largest draw-in, its place in the flat ply, and the draw-in on rays."""
+    drawn = draw_in(ply, u)
+    most = int(drawn.inwards.argmax())
+    x, y = drawn.x[:, most].tolist()
+    figures = {
+        "max_draw_in_mm": float(drawn.inwards[most]),
+        "max_draw_in_at_flat_x_mm": x,
+        "max_draw_in_at_flat_y_mm": y,
+        "min_draw_in_mm": float(drawn.inwards.min()),
+    }
+    for angle in _RAYS:
+        on_ray = drawn.at(np.radians(angle))
+        if on_ray is not None:
+            figures[f"draw_in_at_{angle}_deg_mm"] = on_ray
+    return figures
+
+
+def _areal_weight(ply: Ply, u: ndarray) -> dict[str, float]:
+    """Areal weight relative to the flat ply, also by the names of its consequences."""
+    ratio = areal_weight(ply, u)
+    most = float(ratio.max())
+    return {
+        "max_areal_weight_ratio": most,
+        "min_areal_weight_ratio": float(ratio.min()),
+        "max_thickness_ratio_at_constant_fibre_fraction": most,
+        "max_fibre_fraction_ratio_at_constant_thickness": most,
+    }
+
+
+def _curvature(
+    ply: Ply, state: State, tools: Sequence[ToolContact]
+) -> dict[str, float]:
+    """Largest curvature of fibres with bending stiffness off all tools."""
+    free = ~np.any([touching(ply, x, state) for x in tools], axis=0)
+    bent = [i for i, D in enumerate(ply.fabric.bending) if np.any(D)]
+    if not bent or not free.any():
+        return {}
+    curvature = np.abs(fibre_curvature(ply, state.u)[bent]).max(axis=0)
+    return {"max_fibre_curvature_off_tools_per_mm": float(curvature[free].max())}
+
+
+def _advice(
+    result: Result, tools: Sequence[ToolContact], turn: ndarray, at_risk: ndarray
+) -> dict[str, str]:
+    """Limitations of the results, and advice; ``turn`` is in degrees."""
+    ply, t = result.ply, result.states[-1].load_factor
+    advice: dict[str, str] = {}
+    if not result.converged:
+        where = ", ".join(
+            f"{x.name} {travel(x, t):.4g} of {end:.4g} mm"
+            for x in tools
+            if (end := travel(x, 1.0)) > 0
+        )
+        advice["not_formed"] = (
+            f"the run stopped at load factor {t:.4g}: the figures describe the ply "
+            f"there, with the tools where they stand then ({where or 'none moves'})"
+        )
+    if (coarse := turn > COARSE).any():
+        advice["coarse_elements"] = (
+            f"the normal of a tool rotates by up to {turn.max():.0f} degrees over one "
+            f"element, and by more than {COARSE:.0f} degrees at "
+            f"{100 * share_of_area(ply, coarse):.3g} % of the ply, so that the ply "
+            "penetrates the tool between nodes: use elements of "
+            f"{COARSE / turn.max():.0%} of the size at fillets"
+        )
+    if at_risk.any():
+        advice["wrinkles"] = (
+            f"fibres are compressed in {100 * share_of_area(ply, at_risk):.3g} % of "
+            "the ply: they may wrinkle, and wrinkles depend on the mesh. Increase the "
+            "force of the holder or the tension at the edges"
+        )
+    return advice

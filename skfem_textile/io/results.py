@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy import ndarray
@@ -24,11 +23,12 @@ from ..drape import (
 )
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
+from ..ply.terms import ContactTerm
 from ..solve.result import Result
 from ..solve.states import State
 from ..solve.surface import Surface
 from .file_numbers import word_of
-from .vtk import write_grid
+from .vtk import write_grid, write_series
 
 
 def point_fields(ply: Ply, u: ndarray) -> dict[str, ndarray]:
@@ -108,7 +108,10 @@ def _in_space(x: ndarray) -> ndarray:
 
 
 #: Names of the files written by `write_fields`.
-FIELDS = ("step_[0-9]*.vtu", "steps.pvd", "own_step_[0-9]*.vtu", "own_steps.pvd")
+FIELDS = (
+    *("step_[0-9]*.vtu", "steps.pvd", "own_step_[0-9]*.vtu", "own_steps.pvd"),
+    *("tools_[0-9]*.vtu", "tools.pvd"),
+)
 
 
 @contextlib.contextmanager
@@ -129,7 +132,9 @@ def write_fields(
 
     The points belong to the undeformed ply; warping by ``displacement`` shows the
     deformed ply.  The fields come from `point_fields` and `cell_fields`, and from
-    `fields_on_tool` for a ply on its tool, at the load factor 1.  The .pvd file lists
+    `fields_on_tool` for a ply on its tool, at the load factor 1, or from
+    `fields_between_tools`; then ``tools_0000.vtu``, ... and ``tools.pvd`` contain the
+    tools where they stand at each step.  A .pvd file lists
     the steps by load factor and opens in ParaView as one series.  If the user's
     elements were split or cut there is a second series, ``own_steps.pvd``, with the
     mean of each field over them. Existing steps in the folder are removed.  Points and
@@ -146,6 +151,10 @@ def write_fields(
         if sum(cell.shape[1] for cell in ply.cells) < mesh.nelements:
             of_users = partial(on_users_elements, ply)
             _write_series(result, folder, axes, "own_", ply.cells, of_users)
+        if has_tools(ply):
+            from .forming import write_tools
+
+            write_tools(result, folder, axes)
 
 
 def _write_series(
@@ -157,9 +166,8 @@ def _write_series(
     on_cells: Callable[[dict[str, ndarray]], dict[str, ndarray]],
 ) -> None:
     """Write a file per state, and the .pvd file that lists them."""
-    series = ElementTree.Element("VTKFile", type="Collection", version="0.1")
-    collection = ElementTree.SubElement(series, "Collection")
     points_on_tool = axes.of_tool(np.pad(result.ply.mesh.p, ((0, 1), (0, 0))))
+    files = {}
     for i, state in enumerate(result.states):
         name = f"{prefix}step_{i:04d}.vtu"
         points, fields = _fields(result, state, axes)
@@ -169,10 +177,8 @@ def _write_series(
         text = text.replace(b"<PointData>", b'<PointData Vectors="displacement">', 1)
         text = text.replace(b"<CellData>", b'<CellData Scalars="shear_angle">', 1)
         (folder / name).write_bytes(text)
-        ElementTree.SubElement(
-            collection, "DataSet", timestep=repr(state.load_factor), file=name
-        )
-    ElementTree.ElementTree(series).write(folder / f"{prefix}steps.pvd")
+        files[name] = state.load_factor
+    write_series(folder / f"{prefix}steps.pvd", files)
 
 
 def _fields(
@@ -185,11 +191,21 @@ def _fields(
     if surface is not None and state.load_factor == 1:
         on_points, on_cells = fields_on_tool(ply, surface, state)
         points, cells = points | on_points, cells | on_cells
+    if has_tools(ply):
+        from .forming import fields_between_tools
+
+        on_points, on_cells = fields_between_tools(ply, state)
+        points, cells = points | on_points, cells | on_cells
     turned = [
         {name: x if x.ndim == 1 else x @ axes.turn.T for name, x in fields.items()}
         for fields in (points, cells)
     ]
     return turned[0], turned[1]
+
+
+def has_tools(ply: Ply) -> bool:
+    """True for a ply between tools, whose modules are imported only then."""
+    return any(isinstance(term, ContactTerm) for term in ply.terms)
 
 
 def write_history(

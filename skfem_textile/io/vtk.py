@@ -99,6 +99,15 @@ def write_grid(
     mesh_of(points[:, :n].T, blocks, of_cells, at_corners).write(path)
 
 
+def write_series(path: Path, files: Mapping[str, float]) -> None:
+    """Write a .pvd file that lists files of the same folder with their load factors."""
+    series = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    collection = ElementTree.SubElement(series, "Collection")
+    for name, t in files.items():
+        ElementTree.SubElement(collection, "DataSet", timestep=repr(t), file=name)
+    ElementTree.ElementTree(series).write(path)
+
+
 def read_legacy(content: bytes) -> tuple[meshio.Mesh, list[str]]:
     """Mesh of a legacy file, and the names of ignored data.
 

@@ -3,6 +3,7 @@
 try:
     from .curves import curves, plot_law, plot_tensions
     from .fields import FIELDS, Field
+    from .forming import formed, section, tool_force
     from .nets import net_on_tool
     from .outlines import singular_fibres
     from .pictures import (
@@ -31,11 +32,14 @@ __all__ = [
     "fibre_directions",
     "fibre_strain",
     "field",
+    "formed",
     "mesh_and_fibres",
     "net_on_tool",
     "plot_law",
     "plot_tensions",
+    "section",
     "shear_angle",
     "singular_fibres",
+    "tool_force",
     "verdict",
 ]

@@ -2,18 +2,21 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
 
-from ..drape import triangles_on
-from ..io.results import cell_fields, point_fields
+from ..drape.tool_mesh import triangles_within
+from ..io.results import cell_fields, has_tools, point_fields
 from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
-from ..solve.surface import GrowingSurface, Surface
+from ..solve.surface import Surface
 from .sheet import Scale, Shape, Tool, eye_axes, in_perspective
+
+if TYPE_CHECKING:
+    from ..forming import PlacedTool
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,9 @@ def tool_under(points: ndarray, surface: Surface) -> Tool:
     """Part of a tool near a ply, given the corners of its elements, (n, 3)."""
     low, high = points.min(axis=0), points.max(axis=0)
     beyond = _BEYOND * np.linalg.norm(high - low)
-    x, triangles, normal = _triangles(surface, low - beyond, high + beyond)
+    x, triangles, normal = triangles_within(
+        surface, low - beyond, high + beyond, _CUBES
+    )
     return Tool(x.T, triangles, shades_of(normal))
 
 
@@ -134,39 +139,52 @@ def shades_of(normal: ndarray) -> ndarray:
     return _GREYS[0] + (_GREYS[1] - _GREYS[0]) * lit
 
 
-def _triangles(
-    surface: Surface, low: ndarray, high: ndarray
-) -> tuple[ndarray, ndarray, ndarray]:
-    """Triangles of a tool in a box: corners, connectivity and normals.
+def _tools_between(
+    results: Sequence[Result], states: Sequence[State]
+) -> dict[int, Tool]:
+    """Tools of formed plies where they stand in the states, by number of the state.
 
-    A triangulated tool is drawn with its own triangles, without extension beyond its
-    edges.
+    The states of one ply are seen in the same box.
     """
-    tool = surface.surface if isinstance(surface, GrowingSurface) else surface
-    facets = getattr(tool, "facets", None)  # of a `TriangleMesh`
-    if facets is None or getattr(surface, "t", 1.0) == 0:
-        x, triangles = triangles_on(surface, low, high, _CUBES)
-        return x, triangles, surface.gradient(x[:, triangles].mean(axis=1))
-    x, triangles = facets.points, facets.triangles()
-    if isinstance(surface, GrowingSurface):
-        point = surface.point[:, None]
-        x = point + (x - point) / surface.t
-    inside = (np.clip(x.T, low, high) == x.T).all(axis=1)
-    triangles = triangles[:, inside[triangles].any(axis=0)]
-    a, b, c = x[:, triangles].swapaxes(0, 1)
-    return np.clip(x.T, low, high).T, triangles, np.cross(b - a, c - a, axis=0)
+    numbers: dict[Ply, list[int]] = {}
+    for i, result in enumerate(results):
+        if has_tools(result.ply):
+            numbers.setdefault(result.ply, []).append(i)
+    tools: dict[int, Tool] = {}
+    for ply, of_ply in numbers.items():
+        from ..forming import box_of, placed_tools
+
+        box = box_of(ply, [states[i] for i in of_ply])
+        factors = [states[i].load_factor for i in of_ply]
+        placed = placed_tools(ply, factors, *box)
+        tools |= {i: _joined(at) for i, at in zip(of_ply, placed, strict=True) if at}
+    return tools
+
+
+def _joined(tools: Sequence["PlacedTool"]) -> Tool:
+    first = np.cumsum([0, *(tool.points.shape[1] for tool in tools)])
+    return Tool(
+        np.hstack([tool.points for tool in tools]).T,
+        np.hstack([x.triangles + n for x, n in zip(tools, first[:-1], strict=True)]),
+        shades_of(np.hstack([tool.normals for tool in tools])),
+        one_sided=True,
+    )
 
 
 def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]:
     """Plies of results, each in one state, with straight edges between the vertices.
 
-    In perspective if at least one is in space, with the tools on which they lie.
+    In perspective if at least one is in space, with the tools on which they lie or
+    between which they are formed.  Of the latter the faces towards the viewer are
+    drawn.
     """
-    shapes = []
-    for result, at in zip(results, states, strict=True):
+    shapes, tools = [], _tools_between(results, states)
+    for i, (result, at) in enumerate(zip(results, states, strict=True)):
         shape = Shape.of(result.ply.mesh, result.ply.nodal(at.u))
         if surface := result.tool(at.load_factor):
             shape = shape._replace(tool=tool_under(shape.points, surface))
+        elif i in tools:
+            shape = shape._replace(tool=tools[i])
         shapes.append(shape)
     in_space = any(len(result.ply.nodal(result.u)) == 3 for result in results)
     return in_perspective(shapes) if in_space else shapes

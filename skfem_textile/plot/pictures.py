@@ -9,7 +9,7 @@ from numpy import ndarray
 from skfem import Mesh
 
 from ..fabric.directions import FibreDirections
-from ..io.results import cell_fields, fields_on_tool
+from ..io.results import cell_fields, fields_on_tool, has_tools
 from ..mesh.splitting import original_elements
 from ..solve.result import Result, StepError
 from ..solve.states import State
@@ -60,7 +60,7 @@ class Options(View, total=False):
     clim: Sequence[float] | None
 
 
-class _Picture:
+class Picture:
     """Results, each in one state, with drawing options."""
 
     def __init__(
@@ -184,7 +184,7 @@ def field(
     >>> figure = plot.field(result, field="displacement", filename="moved.pdf")
     ... # doctest: +SKIP
     """
-    picture = _Picture(results, titles, **options)
+    picture = Picture(results, titles, **options)
     fields, scale = picture.on_one_scale(field_of(field), cmap, clim)
     row = [
         Panel(title or scale.label, shape, values, scale)
@@ -219,7 +219,7 @@ def fibre_strain(
 
     Parameters, returned value and exceptions as for `field`.
     """
-    picture = _Picture(results, titles, **options)
+    picture = Picture(results, titles, **options)
     rows, scale = _strain_rows(picture, cmap, clim)
     low, high = extent(picture.shapes)
     if len(results) == 1 and high[1] - low[1] > high[0] - low[0]:
@@ -234,7 +234,7 @@ def contact_sheet(
 
     Parameters, returned value and exceptions as for `field`.
     """
-    picture = _Picture(results, titles, **options)
+    picture = Picture(results, titles, **options)
     strains, strain = _strain_rows(picture)
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
     rows = []
@@ -253,7 +253,7 @@ def fibre_directions(
 
     Parameters, returned value and exceptions as for `field`.
     """
-    picture, row = _Picture(results, titles, **options), []
+    picture, row = Picture(results, titles, **options), []
     for result, title, shape, at in zip(
         results, picture.titles, picture.shapes, picture.states, strict=True
     ):
@@ -288,7 +288,7 @@ def verdict(
     Other parameters, returned value and exceptions as for `field`.
     """
     results = [run.result if isinstance(run, StepError) else run for run in runs]
-    picture, row = _Picture(results, **options), []
+    picture, row = Picture(results, **options), []
     ended = [run.quantity for run in runs if isinstance(run, StepError)]
     shown_field = field_of(field or next(filter(None, ended), "area_ratio"))
     fields, scale = picture.on_one_scale(shown_field, cmap, clim)
@@ -324,7 +324,7 @@ def _titled(name: str, title: str, alone: str) -> str:
 
 
 def _strain_rows(
-    picture: _Picture, cmap: Any = None, clim: Sequence[float] | None = None
+    picture: Picture, cmap: Any = None, clim: Sequence[float] | None = None
 ) -> tuple[list[list[Panel]], Scale]:
     """Panels of warp and weft with a common scale."""
     pairs = list(zip(picture.results, picture.states, strict=True))
@@ -394,7 +394,7 @@ def draped(
     """
     if not (options.get("size") or options.get("plotter")):
         options["size"] = PAGE
-    picture = _Picture(results, titles, **options)
+    picture = Picture(results, titles, **options)
     pairs = zip(results, picture.states, strict=True)
     pairs_of_fields = [_on_tool(result, at) for result, at in pairs]
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
@@ -426,6 +426,19 @@ def _on_tool(result: Result, state: State) -> tuple[ndarray, ndarray]:
     points, cells = fields_on_tool(ply, surface, state)
     pressure = points["contact_pressure"][ply.mesh.t].mean(axis=0)
     return pressure, np.flatnonzero(cells["wrinkle_risk"])
+
+
+def stage_of(result: Result, state: State) -> str:
+    """Load factor of a state, and travel of the tools that move."""
+    title = f"Load factor {state.load_factor:.2f}"
+    if has_tools(result.ply):
+        from ..forming import contacts, travel
+
+        last = result.states[-1].load_factor
+        for tool in contacts(result.ply):
+            if travel(tool, last) > 0:
+                title += f", {tool.name} {travel(tool, state.load_factor):.1f} mm"
+    return title
 
 
 # Dots per inch on a screen.
@@ -465,7 +478,7 @@ def animation(
     scale = Scale.of(chosen.label, limits, cmap or chosen.cmap, clim)
     sheets = [
         Sheet(
-            [[Panel(f"Load factor {state.load_factor:.2f}", shape, each, scale)]],
+            [[Panel(stage_of(result, state), shape, each, scale)]],
             [Legend(0, 1, scale)],
             extent(shapes),
             show_edges,

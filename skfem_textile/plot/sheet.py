@@ -36,11 +36,15 @@ _BEHIND = 0.02
 
 
 class Tool(NamedTuple):
-    """Triangles of a tool: corners (n, 3), connectivity (3, m), and grey levels."""
+    """Triangles of a tool: corners (n, 3), connectivity (3, m), and grey levels.
+
+    One-sided triangles are drawn only where their corners are seen anticlockwise.
+    """
 
     points: ndarray
     triangles: ndarray
     shades: ndarray
+    one_sided: bool = False
 
     @property
     def centres(self) -> ndarray:
@@ -253,7 +257,10 @@ def in_perspective(shapes: Sequence[Shape]) -> list[Shape]:
         points, larger = enlarged(tool.points)
         points[:, :2] *= larger[:, None]
         points[:, 2] -= _BEHIND * distance / _DISTANCE
-        return tool._replace(points=points)
+        if not tool.one_sided:
+            return tool._replace(points=points)
+        seen = signed_areas(*points[tool.triangles, :2].transpose(2, 0, 1)) > 0
+        return Tool(points, tool.triangles[:, seen], tool.shades[seen], True)
 
     return [of(shape) for shape in shapes]
 

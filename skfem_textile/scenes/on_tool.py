@@ -17,7 +17,7 @@ from ..drape import (
     turn_of_normal,
     wrinkle_risk,
 )
-from ..ply import Ply
+from ..drape.risks import COARSE, share_of_area
 from ..solve.conditions import Condition
 from ..solve.result import Result
 from ..solve.surface import OnSurface, Surface
@@ -72,13 +72,6 @@ _NO_NET = (
     "buckle in the plane of the ply, and the state differs from the kinematic net"
 )
 
-# Rotation of the tool normal over an element in degrees above which a mesh is coarse.
-# Measured on boxes and domes with walls of 50° and fillets of 6 to 60 mm, against
-# elements of a quarter of the size: up to 27° all shear angles are within 0.9°, from
-# 36° to 50° the largest errors are 0.4° to 2.9° (`pytest
-# tests/drape/test_coarse_elements.py` has one of each).
-_COARSE = 30.0
-
 
 def measured_on_tool(
     result: Result, axes: Axes, holding: Mapping[str, Condition]
@@ -132,12 +125,12 @@ def _figures(result: Result, measured: _Measured) -> dict[str, float]:
     figures = {
         "max_contact_pressure_N_per_mm2": float(pressure.max()),
         "min_contact_pressure_N_per_mm2": float(pressure.min()),
-        "bridging_share_of_area": _share(ply, bridging(ply, u, pressure)),
-        "wrinkle_risk_share_of_area": _share(ply, at_risk),
+        "bridging_share_of_area": share_of_area(ply, bridging(ply, u, pressure)),
+        "wrinkle_risk_share_of_area": share_of_area(ply, at_risk),
         "max_turn_of_normal_deg": float(measured.turn_deg.max()),
     }
     if measured.beyond is not None:
-        figures["beyond_tool_share_of_area"] = _share(ply, measured.beyond)
+        figures["beyond_tool_share_of_area"] = share_of_area(ply, measured.beyond)
     return figures
 
 
@@ -147,24 +140,24 @@ def _advice(result: Result, surface: Surface, measured: _Measured) -> dict[str, 
     advice: dict[str, str] = {}
     if beyond is not None and beyond.any():
         advice["beyond_tool"] = (
-            f"{100 * _share(ply, beyond):.3g} % of the ply is beyond the edges of the "
-            "tool or over its holes, where the surface of the tool is extrapolated: "
-            "trim the ply there, or use a smaller ply or a larger tool"
+            f"{100 * share_of_area(ply, beyond):.3g} % of the ply is beyond the edges "
+            "of the tool or over its holes, where the surface of the tool is "
+            "extrapolated: trim the ply there, or use a smaller ply or a larger tool"
         )
     off = off_triangles(ply, surface, u)
     if off is not None and off.any():
         advice["off_triangles"] = (
-            f"under {100 * _share(ply, off):.3g} % of the ply the smoothed tool "
+            f"under {100 * share_of_area(ply, off):.3g} % of the ply the smoothed tool "
             "deviates from its triangles by more than a tenth of their mean edge: use "
             "only one side of a shell, and triangles that are nearly equilateral"
         )
-    if (coarse := turn > _COARSE).any():
+    if (coarse := turn > COARSE).any():
         advice["coarse_elements"] = (
             f"the normal of the tool rotates by up to {turn.max():.0f} degrees over "
-            f"one element, and by more than {_COARSE:.0f} degrees under "
-            f"{100 * _share(ply, coarse):.3g} % of the ply. The error of the shear "
-            "angle may reach 3 degrees near edges and fillets of the tool: use "
-            f"elements of {_COARSE / turn.max():.0%} of the size there"
+            f"one element, and by more than {COARSE:.0f} degrees under "
+            f"{100 * share_of_area(ply, coarse):.3g} % of the ply. The error of the "
+            "shear angle may reach 3 degrees near edges and fillets of the tool: use "
+            f"elements of {COARSE / turn.max():.0%} of the size there"
         )
     if surface.gradient(np.zeros((3, 1)))[2, 0] < 0:
         advice["faces_away"] = (
@@ -199,9 +192,3 @@ def _load(result: Result) -> ndarray:
     """Nodal forces of the loads in N, in the last state."""
     state = result.states[-1]
     return result.ply.load(state.u, state.load_factor, state.parameters)
-
-
-def _share(ply: Ply, elements: ndarray) -> float:
-    """Area fraction of some elements of a ply."""
-    area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
-    return float(area[elements].sum() / area.sum())

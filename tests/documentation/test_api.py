@@ -16,7 +16,9 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 DIRECTIVE = re.compile(r"^\.\. automodule:: (\S+)\n((?:   :.*\n)*)", re.MULTILINE)
 
-PACKAGES = ["", ".calibration", ".drape", ".forms", ".io", ".plot", ".scenes"]
+PACKAGES = [
+    *("", ".calibration", ".drape", ".forming", ".forms", ".io", ".plot", ".scenes")
+]
 
 
 def documented_names():

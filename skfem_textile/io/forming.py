@@ -1,0 +1,67 @@
+"""Output of formed plies: fields of contact, and tools where they stand."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy import ndarray
+
+from ..drape import Axes, wrinkle_risk
+from ..forming import (
+    areal_weight,
+    box_of,
+    contacts,
+    placed_tools,
+    tool_pressure,
+)
+from ..ply import Ply
+from ..solve.result import Result
+from ..solve.states import State
+from .vtk import write_grid, write_series
+
+
+def fields_between_tools(
+    ply: Ply, state: State
+) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
+    """Fields of a ply between tools in a state, at its vertices and elements.
+
+    At vertices ``NAME_pressure`` (N/mm²) and ``NAME_gap`` (mm) of each tool, NaN where
+    it does not reach; for elements ``areal_weight_ratio``, relative to the flat ply,
+    and ``wrinkle_risk``, 0 or 1.
+    """
+    u, t, n = state.u, state.load_factor, ply.mesh.nvertices
+    x = (np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u))[:, :n]
+    points = {}
+    for tool in contacts(ply):
+        gap = tool.gaps_at(x, t)
+        points[f"{tool.name}_pressure"] = tool_pressure(ply, tool, state)[:n]
+        points[f"{tool.name}_gap"] = np.where(np.isfinite(gap), gap, np.nan)
+    risk = wrinkle_risk(ply, u, state.parameters).astype(float)
+    return points, {"areal_weight_ratio": areal_weight(ply, u), "wrinkle_risk": risk}
+
+
+def write_tools(result: Result, folder: Path, axes: Axes) -> None:
+    """Write the tools at each state as ``tools_0000.vtu``, ..., and ``tools.pvd``.
+
+    The field ``tool`` is the number of the tool in the order of the terms of the ply.
+    """
+    ply, states = result.ply, result.states
+    names = [tool.name for tool in contacts(ply)]
+    factors = [state.load_factor for state in states]
+    files = {}
+    for i, tools in enumerate(placed_tools(ply, factors, *box_of(ply, states))):
+        if not tools:
+            continue
+        first = np.cumsum([0, *(tool.points.shape[1] for tool in tools)])
+        triangles = [
+            tool.triangles + n for tool, n in zip(tools, first[:-1], strict=True)
+        ]
+        numbers = [names.index(tool.name) for tool in tools]
+        counts = [tool.triangles.shape[1] for tool in tools]
+        files[f"tools_{i:04d}.vtu"] = factors[i]
+        write_grid(
+            folder / f"tools_{i:04d}.vtu",
+            axes.of_tool(np.hstack([tool.points for tool in tools])),
+            [np.hstack(triangles)],
+            {"tool": np.repeat(numbers, counts)},
+        )
+    write_series(folder / "tools.pvd", files)

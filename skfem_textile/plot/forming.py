@@ -1,0 +1,280 @@
+"""Pictures of formed plies: fields and tools, sections, and forces over the travel."""
+
+import os
+from collections.abc import Sequence
+from itertools import cycle
+from typing import TYPE_CHECKING, Any, Unpack
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy import ndarray
+
+from ..drape import wrinkle_risk
+from ..drape.tool_mesh import cut_in_two
+from ..forming import (
+    PlacedTool,
+    areal_weight,
+    contacts,
+    placed_tools,
+    tool_forces,
+    travels,
+)
+from ..io.results import cell_fields
+from ..ply import Ply
+from ..solve.result import Result
+from ..solve.states import State
+from .curves import COLOURS, curves
+from .fields import FIELDS
+from .layout import COLUMN, NUMBER, PAGE, TITLE
+from .picture_files import picture_path, save
+from .pictures import Picture, View, stage_of
+from .sheet import FAMILIES, REFUSED, Fibres, Legend, Panel, Scale
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+# Label of the areal weight.
+_AREAL_WEIGHT = "Areal weight relative to the flat ply"
+
+
+def formed(
+    *results: Result, titles: Sequence[str] = (), **options: Unpack[View]
+) -> "pv.Plotter | Figure":
+    """Shear angle, fibres and areal weight of formed plies, one row per ply.
+
+    With the tools where they stand: of each the faces towards the viewer.  Elements
+    with a risk of wrinkling are marked on the shear angle.  The default width is 174
+    mm.
+
+    Parameters, returned value and exceptions as for `field`; `ValueError` for a ply
+    without tools.
+    """
+    if not (options.get("size") or options.get("plotter")):
+        options["size"] = PAGE
+    picture = Picture(results, titles, **options)
+    for result in results:
+        _refuse_without_tools(result)
+    angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
+    risks = [
+        np.flatnonzero(wrinkle_risk(result.ply, at.u, at.parameters))
+        for result, at in zip(results, picture.states, strict=True)
+    ]
+    weights = [
+        areal_weight(result.ply, at.u)
+        for result, at in zip(results, picture.states, strict=True)
+    ]
+    every = np.concatenate(weights)
+    limits = float(every.min()), float(every.max())
+    weight = Scale.of(_AREAL_WEIGHT, limits, "cividis", None)
+    rows = []
+    for result, at, title, shape, angle, risk, ratio in zip(
+        *(results, picture.states, picture.titles, picture.shapes),
+        *(angles, risks, weights),
+        strict=True,
+    ):
+        fields = cell_fields(result.ply, at.u)
+        names = "warp_direction", "weft_direction"
+        fibres = Fibres(*(shape.seen(fields[name]) for name in names))
+        panels = [
+            Panel("Shear angle", shape, angle, shear, marked=risk),
+            Panel("Fibres", shape, fibres=fibres),
+            Panel("Areal weight", shape, ratio, weight),
+        ]
+        rows.append(
+            [x._replace(title=f"{x.title}, {title}") if title else x for x in panels]
+        )
+    keys = [("Risk of wrinkling", REFUSED)] if any(x.size for x in risks) else []
+    legends = (
+        Legend(0, 1, shear, keys),
+        Legend(1, 2, keys=FAMILIES),
+        Legend(2, 3, weight),
+    )
+    return picture.drawn(rows, *legends)
+
+
+# Number of cubes along the longest side of a section in which tools are triangulated,
+# depth to which they are filled, relative to this side, number of sections by default,
+# and margin around the ply relative to its size.  Chosen by eye.
+_CUBES, _DEPTH, _SECTIONS, _MARGIN = 96, 0.04, 4, 0.06
+
+# Line of a ply in a section, and share of white in the colour of tools.
+_PLY: dict[str, Any] = {"color": "black", "linewidth": 1.2}
+_PALE = 0.55
+
+# Distance from the plane of a section, relative to the size of the ply, that is
+# round-off: nodes there are on the plane.
+_ON_PLANE = 1e-9
+
+
+def section(
+    result: Result,
+    filename: str | os.PathLike[str] | None = None,
+    *,
+    angle: float = 0.0,
+    states: Sequence[int] | None = None,
+) -> Figure:
+    """Section through a formed ply and its tools, one panel per state.
+
+    Tools are filled to a small depth behind their faces.
+
+    Parameters
+    ----------
+    result
+        Result of a run.
+    filename
+        Output file: PNG, or vector graphics (.svg, .pdf or .eps).
+    angle
+        Angle in radians to the x axis of the plane of the section, which contains the z
+        axis.
+    states
+        Indices of states; by default four that are evenly spaced.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        For a ply without tools, and as `picture_path`.
+    """
+    path = None if filename is None else picture_path(filename)
+    _refuse_without_tools(result)
+    every = result.states
+    if states is None:
+        even = np.linspace(0, len(every) - 1, _SECTIONS).round().astype(int)
+        states = np.unique(even).tolist()
+    chosen = [every[i] for i in states]
+    low, high = _extent(result.ply, chosen, angle)
+    columns = min(2, len(chosen))
+    rows = -(-len(chosen) // columns)
+    width = (PAGE if columns > 1 else COLUMN) / 25.4
+    height = rows * (width / columns * (high[1] - low[1]) / (high[0] - low[0]) + 0.45)
+    style = {"font.size": NUMBER, "axes.titlesize": TITLE, "axes.linewidth": 0.6}
+    names = [tool.name for tool in contacts(result.ply)]
+    colours = dict(zip(names, cycle(COLOURS), strict=False))
+    with mpl.rc_context(style):
+        figure = Figure(figsize=(width, height + 0.3), layout="constrained")
+        tools = _tools(result.ply, chosen, angle, low, high)
+        for i, (state, placed) in enumerate(zip(chosen, tools, strict=True), start=1):
+            axes = figure.add_subplot(rows, columns, i, aspect="equal")
+            for tool in placed:
+                depth = _DEPTH * float((high - low).max())
+                _fill(axes, tool, angle, depth, colours[tool.name])
+            cut = _of_ply(result.ply, state, angle)
+            axes.add_collection(LineCollection(list(cut), capstyle="round", **_PLY))
+            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+            axes.set_title(stage_of(result, state))
+            axes.set(xlabel="In the plane (mm)" if angle else "x (mm)", ylabel="z (mm)")
+        handles: list[Artist] = [Line2D([], [], label="ply", **_PLY)]
+        handles += [Patch(color=c, label=name) for name, c in colours.items()]
+        figure.legend(
+            handles=handles, loc="outside lower center", ncols=4, frameon=False
+        )
+        save(figure, path)
+    return figure
+
+
+def _of_ply(ply: Ply, state: State, angle: float) -> ndarray:
+    """Segments in which the plane of a section cuts a ply, shape (n, 2, 2)."""
+    x = _positions(ply, state)[:, : ply.mesh.nvertices]
+    return _cut(x, cut_in_two((ply.mesh.t,)), angle)[0]
+
+
+def _cut(x: ndarray, triangles: ndarray, angle: float) -> tuple[ndarray, ndarray]:
+    """Segments in which a plane through the z axis cuts triangles, and these.
+
+    Shapes (n, 2, 2) and (n,).
+    """
+    away = np.cos(angle) * x[1] - np.sin(angle) * x[0]
+    away = np.where(np.abs(away) <= _ON_PLANE * np.ptp(x), 0.0, away)
+    one, other = triangles, np.roll(triangles, -1, axis=0)
+    crossed = (away[one] > 0) != (away[other] > 0)
+    one, other = one.T[crossed.T], other.T[crossed.T]
+    share = away[one] / (away[one] - away[other])
+    in_plane = _in_plane(x, angle)
+    points = in_plane[:, one] + share * (in_plane[:, other] - in_plane[:, one])
+    return points.T.reshape(-1, 2, 2), np.flatnonzero(crossed.any(axis=0))
+
+
+def _positions(ply: Ply, state: State) -> ndarray:
+    return np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(state.u)
+
+
+def _in_plane(x: ndarray, angle: float) -> ndarray:
+    """Coordinates along the plane of a section and z, shape (2, n)."""
+    return np.array([np.cos(angle) * x[0] + np.sin(angle) * x[1], x[2]])
+
+
+def _extent(ply: Ply, states: Sequence[State], angle: float) -> tuple[ndarray, ndarray]:
+    """Corners of a section that contains a ply in all states, with a margin."""
+    x = np.hstack([_in_plane(_positions(ply, state), angle) for state in states])
+    low, high = x.min(axis=1), x.max(axis=1)
+    margin = _MARGIN * float((high - low).max())
+    return low - margin, high + margin
+
+
+def _tools(
+    ply: Ply, states: Sequence[State], angle: float, low: ndarray, high: ndarray
+) -> list[list[PlacedTool]]:
+    """Tools near the plane of a section in each state."""
+    along = np.outer((low[0], high[0]), (np.cos(angle), np.sin(angle)))
+    margin = 2 * float((high - low).max()) / _CUBES
+    box = (
+        np.array([*along.min(axis=0) - margin, low[1]]),
+        np.array([*along.max(axis=0) + margin, high[1]]),
+    )
+    factors = [state.load_factor for state in states]
+    return placed_tools(ply, factors, *box, _CUBES)
+
+
+def _fill(
+    axes: Axes, tool: PlacedTool, angle: float, depth: float, colour: str
+) -> None:
+    """Draw the face of a tool, and fill it to a depth behind the face."""
+    ends, triangles = _cut(tool.points, tool.triangles, angle)
+    normal = _in_plane(tool.normals[:, triangles], angle)
+    length = np.linalg.norm(normal, axis=0)
+    behind = depth * (normal / np.where(length > 0, length, 1.0)).T[:, None]
+    body = np.concatenate([ends, (ends - behind)[:, ::-1]], axis=1)
+    pale = to_rgb(colour) + _PALE * (1 - np.array(to_rgb(colour)))
+    axes.add_collection(PolyCollection(list(body), color=[pale], lw=0.4, zorder=0))
+    axes.add_collection(
+        LineCollection(list(ends), color=colour, lw=0.6, capstyle="round")
+    )
+
+
+def tool_force(
+    result: Result, filename: str | os.PathLike[str] | None = None
+) -> Figure:
+    """Plot the force of each tool on the ply over the travel.
+
+    The component along the motion of the tool that travels farthest, against its
+    travel.
+
+    Parameters
+    ----------
+    result
+        Result of a run.
+    filename
+        Output file: PNG, or vector graphics (.svg, .pdf or .eps).
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        For a ply without tools, and as `picture_path`.
+    """
+    _refuse_without_tools(result)
+    far = travels(result)
+    longest = max(far, key=lambda name: far[name][-1])
+    lines = {name: (far[longest], force) for name, force in tool_forces(result).items()}
+    title = "Force of the tools on the ply"
+    return curves({title: lines}, f"Travel of {longest} (mm)", "Force (N)", filename)
+
+
+def _refuse_without_tools(result: Result) -> None:
+    if not contacts(result.ply):
+        raise ValueError("a ply has no tools between which it is formed: add a Tool")

@@ -1,0 +1,130 @@
+"""Pictures of formed plies: tools where they stand, sections and forces."""
+
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import Fabric, Ply, Result
+from skfem_textile.forming import tool_forces, travels
+from tests.forming.conftest import GAP, RADIUS
+
+plot = pytest.importorskip("skfem_textile.plot")
+pytest.importorskip("pyvista")
+Figure = pytest.importorskip("matplotlib.figure").Figure
+Image = pytest.importorskip("PIL.Image")
+shapes_of = pytest.importorskip("skfem_textile.plot.fields").shapes_of
+stage_of = pytest.importorskip("skfem_textile.plot.pictures").stage_of
+
+
+@pytest.fixture
+def without_tools(hemisphere):
+    x = np.linspace(0, 1, 3)
+    ply = Ply(MeshQuad.init_tensor(x, x), Fabric(1.0, 0.1), dimension=3)
+    state = hemisphere.states[0]
+    return Result.of_state(ply, {}, state)
+
+
+def shares(path):
+    """Shares of pixels with a colour and with a grey of tools."""
+    with Image.open(path) as image:
+        pixels = np.asarray(image.convert("RGB")).astype(int)
+    spread = np.ptp(pixels, axis=2)
+    grey = (spread < 3) & (pixels[..., 0] > 130) & (pixels[..., 0] < 240)
+    return (spread > 30).mean(), grey.mean()
+
+
+def test_ply_and_tools_are_drawn_in_three_panels(hemisphere, tmp_path, monkeypatch):
+    plot.formed(hemisphere, filename=tmp_path / "formed.png")
+    coloured, grey = shares(tmp_path / "formed.png")
+    assert coloured > 0.1
+    assert grey > 0.05
+    monkeypatch.setattr(Figure, "savefig", lambda _, file, **__: file.touch())
+    figure = plot.formed(hemisphere, titles=["A"], filename=tmp_path / "formed.pdf")
+    words = [text.get_text() for text in figure.axes[0].texts]
+    for word in ("Shear angle, A", "Fibres, A", "Areal weight, A", "Warp", "Weft"):
+        assert word in words
+    assert "0" in words  # of the shear angle only
+    assert words.count("0") == 1
+
+
+def test_only_faces_towards_the_viewer_are_drawn(hemisphere):
+    """The die above the ply faces down and hides nothing; the holder faces up."""
+    (shape,) = shapes_of([hemisphere], [hemisphere.states[-1]])
+    x, y = shape.tool.points.T[:2, shape.tool.triangles]
+    area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
+    assert (area > 0).all()
+    assert 500 < area.size == shape.tool.shades.size
+
+
+def test_tools_move_in_a_box_that_stays(hemisphere):
+    """Of all frames of an animation."""
+    states = hemisphere.states
+    shapes = shapes_of([hemisphere] * len(states), states)
+    tops = [shape.tool.points[:, 1].max() for shape in shapes]
+    assert np.ptp([shape.tool.points[:, 0].min() for shape in shapes]) < 2.0
+    assert len(tops) == len(states)
+
+
+def test_an_animation_has_a_frame_per_state(hemisphere, tmp_path):
+    plot.animation(hemisphere, tmp_path / "a.gif", size=60)
+    with Image.open(tmp_path / "a.gif") as image:
+        assert image.n_frames == len(hemisphere.states)
+    titles = [stage_of(hemisphere, state) for state in hemisphere.states]
+    assert titles[0] == "Load factor 0.00, punch 0.0 mm"
+    assert titles[-1] == "Load factor 1.00, punch 15.0 mm"
+
+
+def lines_of(axes):
+    """Ends of all lines of the ply in a section, shape (n, 2)."""
+    return np.vstack(axes.collections[-1].get_segments())
+
+
+@pytest.mark.parametrize("angle", [0.0, np.pi / 4])
+def test_a_section_cuts_the_ply_on_the_plane(hemisphere, angle):
+    """From the top of the punch to the edge of the ply, on the punch and the plate."""
+    (axes,) = plot.section(hemisphere, angle=angle, states=[-1]).axes
+    ends = lines_of(axes)
+    ply, u = hemisphere.ply, hemisphere.u
+    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+    on = np.isclose(ply.nodes[1], np.tan(angle) * ply.nodes[0])
+    reach = np.hypot(*x[:2, on]).max()
+    assert ends[:, 0].max() == pytest.approx(reach)
+    assert ends[:, 0].min() == pytest.approx(0.0, abs=1e-9)
+    assert ends[:, 1].max() == pytest.approx(15.0 - GAP / 2, abs=0.01)
+    from_centre = np.hypot(ends[:, 0], ends[:, 1] - (15.0 - RADIUS - GAP / 2))
+    assert from_centre.min() > RADIUS - 0.3
+    assert axes.get_title() == "Load factor 1.00, punch 15.0 mm"
+
+
+def test_sections_show_the_process_in_steps(hemisphere, tmp_path):
+    figure = plot.section(hemisphere, tmp_path / "section.pdf")
+    assert len(figure.axes) == 4
+    assert (tmp_path / "section.pdf").stat().st_size > 1000
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert names == ["ply", "punch", "die", "holder"]
+
+
+def test_forces_are_drawn_over_the_travel(hemisphere, tmp_path):
+    figure = plot.tool_force(hemisphere, tmp_path / "force.png")
+    (axes,) = figure.axes
+    forces = tool_forces(hemisphere)
+    assert [line.get_label() for line in axes.lines] == list(forces)
+    for line in axes.lines:
+        assert line.get_xdata() == pytest.approx(travels(hemisphere)["punch"])
+        assert line.get_ydata() == pytest.approx(forces[line.get_label()])
+    assert axes.get_xlabel() == "Travel of punch (mm)"
+
+
+def test_a_run_that_stopped_is_drawn_at_its_travel(stopped, tmp_path):
+    result = stopped.result
+    *_, axes = plot.section(result).axes
+    assert axes.get_title() == "Load factor 0.50, punch 5.0 mm"
+    assert lines_of(axes)[:, 1].max() == pytest.approx(5.0 - GAP / 2, abs=0.01)
+    plot.verdict(stopped, filename=tmp_path / "refused.png")
+    assert shares(tmp_path / "refused.png")[1] > 0.02
+
+
+def test_a_ply_without_tools_is_refused(without_tools):
+    for picture in (plot.formed, plot.section, plot.tool_force):
+        with pytest.raises(ValueError, match="no tools between which it is formed"):
+            picture(without_tools)
