@@ -24,7 +24,7 @@ Amount: TypeAlias = float | Callable[[float], float]
 class Holder:
     """Blank holder, which keeps a ply near a surface or presses it there.
 
-    Several holders with outlines of their own are the segments of one.
+    Several holders with different outlines are the segments of one.
 
     Parameters
     ----------

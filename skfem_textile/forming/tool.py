@@ -36,12 +36,12 @@ _NO_AREA = 1e-9
 # Penetration of the undeformed ply, relative to its extent, that is round-off.
 _ROUND_OFF = 1e-9
 
-# Stiffness of a gap in the tangent, relative to that of contact.  It holds a ply that
-# nothing touches, has no force, and is far below every stiffness of the ply.
+# Stiffness of a gap in the tangent, relative to the contact stiffness.  It holds a ply
+# that nothing touches, has no force, and is far below every stiffness of the ply.
 _OF_GAP = 1e-9
 
-# Number of points on the way of a node at which it may be inside a tool.
-_ON_THE_WAY = 8
+# Number of intermediate positions of a node at which it may be inside a tool.
+_INTERMEDIATE = 8
 
 # Deviation of a rotation matrix from orthogonality that is round-off.
 _ORTHOGONAL = 1e-9
@@ -429,7 +429,7 @@ class ToolContact(ContactTerm):
         """See `ContactTerm.passed`.
 
         Seen from the tool, a node moves straight from one side of it to another, with
-        an opposite normal, and penetrates it on the way.
+        an opposite normal, through the inside of the tool.
         """
         before, after = self._at(u_0, t_0), self._at(u, t)
         (turned, _), (rotation, translation) = map(self._placement, (t_0, t))
@@ -439,7 +439,7 @@ class ToolContact(ContactTerm):
         if not nodes.size:
             return nodes
         depth = np.zeros(nodes.size)
-        for share in np.linspace(0, 1, _ON_THE_WAY + 2)[1:-1]:
+        for share in np.linspace(0, 1, _INTERMEDIATE + 2)[1:-1]:
             local = (1 - share) * before.local + share * after.local
             x = rotation @ local[:, nodes] + translation[:, None]
             depth = np.maximum(depth, -self._obstacle.gaps(x, t).gap)
