@@ -51,6 +51,11 @@ def stiff(
     return _with(problem, after, largest, forces)
 
 
+def of_tools(problem: Problem, parameters: PlyParameters) -> dict[str, Values]:
+    """Parameters of the contact with tools, by name."""
+    return {x.name: parameters[x.name] for x in problem.contacts}
+
+
 def error(problem: Problem, u: ndarray, parameters: PlyParameters) -> float:
     """Largest penetration, or force without contact over its stiffness, in mm."""
     worst = 0.0
@@ -64,8 +69,8 @@ def error(problem: Problem, u: ndarray, parameters: PlyParameters) -> float:
 
 def without(problem: Problem, parameters: PlyParameters) -> PlyParameters:
     """Parameters with which tools do not touch the ply."""
-    at_rest = problem.ply.parameters_at_rest
-    return Frozen({**parameters, **{x.name: at_rest[x.name] for x in problem.contacts}})
+    at_rest = of_tools(problem, problem.ply.parameters_at_rest)
+    return Frozen({**parameters, **at_rest})
 
 
 def resultants(

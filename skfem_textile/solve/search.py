@@ -9,7 +9,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..ply import Ply
-from ..ply.parameters import PlyParameters
+from ..ply.parameters import Frozen, PlyParameters
 from . import contact
 from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, loads_drive
@@ -110,7 +110,8 @@ class EquilibriumSearch:
         """State that passes all checks, with converged parameters where possible.
 
         Parameters that would change the state are updated, and equilibrium is restored.
-        An update is halved if the changes do not decrease by half.  Loads that leave
+        An update, except of contact forces, is halved if the changes do not decrease by
+        half.  Loads that leave
         the supports without reactions are corrected together with the parameters.
         Raises a `NoEquilibriumError` if there is no such state.
         """
@@ -132,7 +133,9 @@ class EquilibriumSearch:
                         return trial._replace(settled=True)
                     if not settled:
                         share, last = share if rate <= 0.5 else share / 2, change
+                        whole = contact.of_tools(problem, after)
                         after = after if share == 1.0 else between(p, after, share)
+                        after = Frozen({**after, **whole})
                     if not balance:
                         after = balanced(problem, u, f, after, tangent)
                     start = problem.start(u, after, tangent)
@@ -247,7 +250,9 @@ def _change(trial: Trial, parameters: PlyParameters) -> float:
         return 0.0
     before, end = (sum(x.energies.values()) for x in (trial, start))
     ours = np.array([*problem.reactions(f).values()])
-    largest = np.linalg.norm(ours, axis=1).max()
+    of_tools = contact.resultants(problem, u, trial.equilibrium.parameters).values()
+    supports = *ours, *(force for force, _ in of_tools)
+    largest = max(float(np.linalg.norm(force)) for force in supports)
     if abs(end - before) <= SETTLED * abs(before) and (
         np.abs(start.f - f).sum() <= _CERTAINLY * SETTLED * largest
     ):
