@@ -133,9 +133,9 @@ class EquilibriumSearch:
                         return trial._replace(settled=True)
                     if not settled:
                         share, last = share if rate <= 0.5 else share / 2, change
-                        whole = contact.of_tools(problem, after)
-                        after = after if share == 1.0 else between(p, after, share)
-                        after = Frozen({**after, **whole})
+                        if share < 1.0:
+                            of_tools = contact.of_tools(problem, after)
+                            after = Frozen({**between(p, after, share), **of_tools})
                     if not balance:
                         after = balanced(problem, u, f, after, tangent)
                     start = problem.start(u, after, tangent)
@@ -231,6 +231,8 @@ def _balances(trial: Trial) -> bool:
 def _is_closed(trial: Trial) -> bool:
     """True if contact is a constraint: no penetration, no force without contact."""
     problem, (u, _, p, *_) = trial.problem, trial.equilibrium
+    if not problem.contacts:
+        return True
     size = float(np.ptp(problem.nodes, axis=1).max())
     return contact.error(problem, u, p) <= contact.CLOSED * size
 

@@ -59,7 +59,7 @@ class Found(NamedTuple):
 
 def test_an_updated_state_keeps_its_difficulty(monkeypatch):
     ply = SimpleNamespace(updated=lambda p, u, t: "after", terms=())
-    problem = SimpleNamespace(ply=ply, start=lambda u, p, tangent: p)
+    problem = SimpleNamespace(ply=ply, start=lambda u, p, tangent: p, contacts=())
     trial = SimpleNamespace(problem=problem, equilibrium=Found())
     states = iter(
         [AcceptedEquilibrium(trial, 9, False), AcceptedEquilibrium(trial, 0, False)]
