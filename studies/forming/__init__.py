@@ -1,0 +1,1 @@
+"""Plies formed between tools: reference hemisphere, and hemispheres drawn at random."""
