@@ -148,7 +148,8 @@ class Newton:
 
     Where tools touch the ply, the first iterations find the nodes that touch with a
     soft contact, see `contact`.  They do not follow the load path, so that their
-    projected tangents do not count.
+    projected tangents do not count.  All increments end where the slope of the energy
+    nearly vanishes (`settling`).
 
     The iteration leaves an unstable equilibrium along its softest mode, and continues
     with the line search, except where the load path is followed, which avoids it.
@@ -243,7 +244,7 @@ class Newton:
             elif progress.residuals and descend:
                 du = descending(problem, u, du, f, p)
             tension = problem.ply.geometric_tension(u, du, p)
-            contact = tangent.contact(f, du)
+            multipliers = tangent.contact(f, du)
             u = problem.moved(u, du)
             f = problem.residual(u, p)
             unbalanced = problem.unbalanced(f, u) / np.abs(f).max(initial=_TINY)
@@ -264,7 +265,7 @@ class Newton:
                 return _Iterate(u, f, p, tangent_at(problem, u, p))
             if unbalanced <= until:
                 break
-            tangent = definite(problem, u, p, tension, contact)
+            tangent = definite(problem, u, p, tension, multipliers)
         return _Iterate(u, f, p, tangent)
 
 

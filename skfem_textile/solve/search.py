@@ -106,6 +106,13 @@ class EquilibriumSearch:
     report: Callable[[Iteration], None]
     moved: bool = True
 
+    def __post_init__(self) -> None:
+        if self.problem and self.problem.contacts and not self.method.follows_path:
+            raise ValueError(
+                f"the method {self.method.name!r} does not find the nodes that touch "
+                "tools: use the method 'newton'"
+            )
+
     def __call__(self, target: Target) -> AcceptedEquilibrium:
         """State that passes all checks, with converged parameters where possible.
 
@@ -233,6 +240,8 @@ def _is_closed(trial: Trial) -> bool:
     problem, (u, _, p, *_) = trial.problem, trial.equilibrium
     if not problem.contacts:
         return True
+    if not contact.is_set(problem, p):
+        return False
     size = float(np.ptp(problem.nodes, axis=1).max())
     return contact.error(problem, u, p) <= contact.CLOSED * size
 

@@ -269,6 +269,11 @@ def test_invalid_tools(make, message):
         blank(cells=2, terms=[make()])
 
 
+def test_the_plain_method_does_not_find_contact():
+    with pytest.raises(ValueError, match="use the method 'newton'"):
+        LoadStepper(blank(cells=2, terms=[punch()]), SYMMETRY, method="plain")
+
+
 def test_a_tool_needs_a_ply_in_space():
     mesh = MeshQuad().with_defaults()
     with pytest.raises(ValueError, match="requires a ply in space"):
