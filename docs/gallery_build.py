@@ -37,6 +37,7 @@ _SCRIPTS = {
         "pressure",
         "double_dome",
         "own_tool",
+        "forming",
     ),
     "runs": ("sweep", "to_a_tolerance"),
 }
