@@ -263,7 +263,7 @@ class Newton:
                 last = change
             if progress.balanced(tangent, u, f):
                 return _Iterate(u, f, p, tangent_at(problem, u, p))
-            if unbalanced <= until:
+            if until and unbalanced <= until:
                 break
             tangent = definite(problem, u, p, tension, multipliers)
         return _Iterate(u, f, p, tangent)
