@@ -1,8 +1,7 @@
 """The hemisphere in FElupe: Newton's method with its line search on the residual.
 
 FElupe assembles fibres, shear and the stabilisation of shear.  This library supplies
-the other terms: bending, stabilisation across the ply, edges and tools, whose forces
-are those of a penalty.
+the other terms: bending, stabilisation across the ply, edges, and tools as penalties.
 """
 
 from types import SimpleNamespace
@@ -186,7 +185,7 @@ def felupe(case: Forming, steps: int) -> Course:
     ply = ply_of(case)
     fixed = Constraints(ply.basis, held()).fixed
     membrane = Membrane(case, ply)
-    others = {
+    others: dict[str, Any] = {
         term.name: Penalty(term, case.penalty)
         if isinstance(term, ToolContact)
         else term

@@ -70,8 +70,8 @@ def ours(case: Forming, steps: int) -> Course:
     solves = np.cumsum([state.linear_solves for state in result.states])
     seconds = np.subtract(times, times[0])
     rows = [
-        [travel, state.reactions["punch"][2], *draw_in(state.u, ends), *taken]
-        for state, *taken in zip(result.states, solves, seconds, strict=True)
+        [travel, state.reactions["punch"][2], *draw_in(state.u, ends), *cost]
+        for state, *cost in zip(result.states, solves, seconds, strict=True)
         if np.isclose(travel := case.depth * state.load_factor, travels).any()
     ]
     return Course.of(np.array(rows).reshape(-1, 6), failure)

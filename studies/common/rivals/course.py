@@ -86,8 +86,8 @@ def formed(
                 u, at = found, to
             elif (step := step / 2) < _SHORTEST * whole:
                 return _table(rows), f"no state at a travel of {to:.4g} mm"
-        taken = solves, process_time() - start
-        rows.append([at, force(u, at), *draw_in(u, ends), *taken])
+        cost = solves, process_time() - start
+        rows.append([at, force(u, at), *draw_in(u, ends), *cost])
     return _table(rows), ""
 
 
