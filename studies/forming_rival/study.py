@@ -164,14 +164,14 @@ class FormingRival(Study[Case]):
         (ours, _), *others = [
             (row, off) for row, off in differences(rows) if row["parts"] > 6
         ]
-        found = {"force": f"{ours['force']:.2f} N"}
+        found = {}
         for i, penalty in enumerate((*_SOFT, _STIFF), 1):
             of_penalty = [
                 (row, off) for row, off in others if row["penalty"] == penalty
             ]
             largest = max(off for _, off in of_penalty)
             found[f"penalty_{i}"] = f"{penalty:g} N/mm³"
-            found[f"difference_{i}"] = percent(largest, ".2f")
+            found[f"difference_{i}"] = percent(largest, ".2g")
             for row, _ in of_penalty:
                 ratio = row["seconds"] / ours["seconds"]
                 found[f"{_SHORT[row['code']]}_{i}"] = f"{ratio:.2g}"
