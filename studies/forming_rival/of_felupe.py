@@ -1,7 +1,7 @@
 """The hemisphere in FElupe: Newton's method with its line search on the residual.
 
 FElupe assembles fibres, shear and the stabilisation of shear.  This library supplies
-the other terms: bending, stabilisation across the ply, edges, spring and tools.
+the other terms: bending, stabilisation across the ply, edges, and tools as penalties.
 """
 
 from types import SimpleNamespace
@@ -12,14 +12,14 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 
 from skfem_textile.fabric import kinematics as kin
+from skfem_textile.forming.tool import ToolContact
 from skfem_textile.ply import Ply
-from skfem_textile.ply.parameters import NO_VALUES
-from skfem_textile.ply.terms import Term
+from skfem_textile.ply.parameters import NO_VALUES, Values
 from skfem_textile.solve.conditions import Constraints
 
 from ..common.rivals.course import Course, formed
 from ..common.rivals.forming import Forming
-from .ours import held, ply_of, punch_of
+from .ours import held, ply_of
 
 # Relative residual of a state, and largest number of iterations of a step.
 _TOLERANCE, _MOST = 1e-8, 150
@@ -121,10 +121,29 @@ def _outer(S: ndarray, T: ndarray) -> ndarray:
     return np.einsum("iJ...,kL...->iJkL...", S, T)
 
 
-class Terms:
-    """Item of FElupe: terms of this library at a load factor."""
+class Penalty:
+    """Tool of this library with a penalty in N/mm³ in place of the constraint."""
 
-    def __init__(self, field: Any, terms: list[Term]) -> None:
+    def __init__(self, tool: ToolContact, stiffness: float) -> None:
+        self._tool, self._values = tool, {"stiffness": stiffness * tool.areas}
+
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """Forces of the depths of the nodes inside the tool."""
+        return self._tool.residual(u, t, self._with(np.zeros_like(self._tool.areas)))
+
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
+        """Their derivative, which is the tangent of a tool with these forces."""
+        free = self._with(np.zeros_like(self._tool.areas))
+        return self._tool.tangent(u, t, self._with(self._tool.forces(u, t, free)))
+
+    def _with(self, forces: ndarray) -> Values:
+        return Values({**self._values, "force": forces})
+
+
+class Terms:
+    """Item of FElupe: terms of this library, and penalties, at a load factor."""
+
+    def __init__(self, field: Any, terms: list[Any]) -> None:
         self.field, self._terms, self.load_factor = field, terms, 0.0
         self.results = SimpleNamespace(update_statevars=lambda: None)
         self.assemble = SimpleNamespace(
@@ -153,12 +172,12 @@ def _solver() -> Any:
     return pypardiso.spsolve
 
 
-def felupe(case: Forming, travels: ndarray) -> Course:
+def felupe(case: Forming, steps: int) -> Course:
     """Form a ply with FElupe.
 
     Parameters
     ----------
-    case, travels
+    case, steps
         See `forming.dolfinx`.
     """
     import felupe
@@ -166,8 +185,14 @@ def felupe(case: Forming, travels: ndarray) -> Course:
     ply = ply_of(case)
     fixed = Constraints(ply.basis, held()).fixed
     membrane = Membrane(case, ply)
-    others = [term for term in ply.terms if term.name not in OF_FELUPE]
-    terms = Terms(membrane.field.copy(), others)
+    others: dict[str, Any] = {
+        term.name: Penalty(term, case.penalty)
+        if isinstance(term, ToolContact)
+        else term
+        for term in ply.terms
+        if term.name not in OF_FELUPE
+    }
+    terms = Terms(membrane.field.copy(), [*others.values()])
     arguments = {
         "items": [membrane, terms],
         "dof0": fixed,
@@ -183,11 +208,15 @@ def felupe(case: Forming, travels: ndarray) -> Course:
     def search(u: ndarray, travel: float) -> tuple[ndarray | None, int]:
         start, before = membrane.field.copy(), membrane.tangents
         start[0].values[:] = u.reshape(-1, 3)
-        terms.load_factor = travel
+        terms.load_factor = travel / case.depth
         try:
             result = felupe.newtonraphson(x0=start, **arguments)
         except felupe.NewtonConvergenceError:
             return None, membrane.tangents - before
         return result.x[0].values.ravel(), result.iterations
 
-    return Course.of(*formed(ply.nodes.T, search, punch_of(ply).push, travels))
+    def force(u: ndarray, travel: float) -> float:
+        return -float(others["punch"].residual(u, travel / case.depth)[2::3].sum())
+
+    nodes, travels = ply.nodes.T, case.travels(steps)
+    return Course.of(*formed(nodes, search, force, travels))

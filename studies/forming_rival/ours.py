@@ -1,32 +1,32 @@
-"""The hemisphere in this library, with penalty tools."""
+"""The hemisphere in this library, with tools as constraints."""
+
+from time import process_time
 
 import numpy as np
-from numpy import ndarray
 from skfem import MeshQuad
 
-from skfem_textile import Condition, Fabric, OnePoint, Ply, Traction
-from skfem_textile.drape import Plane, Sphere
-from skfem_textile.solve.search import equilibrium_near
-from skfem_textile.solve.states import NoEquilibriumError
-from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
+from skfem_textile import (
+    Condition,
+    Fabric,
+    LoadStepper,
+    OnePoint,
+    Ply,
+    Tool,
+    Traction,
+)
+from skfem_textile.drape import Die, Plane, Sphere
 
-from ..common.rivals.course import Course, formed
+from ..common.rivals.course import Course, draw_in, ends_of
 from ..common.rivals.forming import Forming
-from ..common.running import errors_only
-from .penalty import Die, Penalty, PenaltyTerm, Spring
+from ..common.running import errors_only, run
 
 
 def ply_of(case: Forming) -> Ply:
-    """The ply between its tools; the load factor is the travel of the punch in mm."""
+    """The ply between its tools; at the load factor 1 the punch is at its depth."""
     line = np.linspace(0.0, case.side, case.parts + 1)
-    half = case.gap / 2
-    die = Die(half, case.opening, case.fillet)
-    holder = Plane((0.0, 0.0, -half))
-
-    def punch(travel: float) -> Sphere:
-        return Sphere(case.radius, (0.0, 0.0, travel - case.radius - half))
-
-    k, q = case.penalty, case.edge_tension
+    half, q = case.gap / 2, case.edge_tension
+    sphere = Sphere(case.radius, (0.0, 0.0, -case.radius - half))
+    die = Die(case.radius + case.clearance, case.fillet, (0.0, 0.0, half))
     return Ply(
         MeshQuad.init_tensor(line, line).with_defaults(),
         Fabric(case.E, case.G, (1, 0), (0, 1), bending=(case.D, case.D)),
@@ -34,10 +34,9 @@ def ply_of(case: Forming) -> Ply:
         [
             Traction("right", (q, 0.0, 0.0), factor=1.0),
             Traction("top", (0.0, q, 0.0), factor=1.0),
-            Penalty("punch", punch, k),
-            Penalty("die", lambda t: die, k),
-            Penalty("holder", lambda t: holder, k),
-            Spring(case.spring),
+            Tool(sphere, motion=(0.0, 0.0, case.depth), name="punch"),
+            Tool(die, name="die"),
+            Tool(Plane((0.0, 0.0, -half)), name="holder"),
         ],
         dimension=3,
         fibre_ends={"left": "mirror", "bottom": "mirror"},
@@ -52,31 +51,27 @@ def held() -> dict[str, Condition]:
     }
 
 
-def punch_of(ply: Ply) -> PenaltyTerm:
-    """The punch, which is the first of the tools."""
-    return next(term for term in ply.terms if isinstance(term, PenaltyTerm))
-
-
-def ours(case: Forming, travels: ndarray) -> Course:
+def ours(case: Forming, steps: int) -> Course:
     """Form a ply with this library.
 
     Parameters
     ----------
-    case, travels
-        See `forming.dolfinx`.
+    case, steps
+        See `forming.dolfinx`; the penalty has no influence.
     """
     ply = ply_of(case)
-    punch = punch_of(ply)
-
-    def search(u: ndarray, travel: float) -> tuple[ndarray | None, int]:
-        before = punch.tangents
-        try:
-            with errors_only():
-                state = equilibrium_near(
-                    ply, held(), u, travel, warn_only=DEFAULT_WARN_ONLY
-                )
-        except NoEquilibriumError:
-            return None, punch.tangents - before
-        return state.u, state.linear_solves
-
-    return Course.of(*formed(ply.nodes.T, search, punch.push, travels))
+    times = [process_time()]
+    stepper = LoadStepper(
+        ply, held(), steps, on_step=lambda state: times.append(process_time())
+    )
+    with errors_only():
+        result, failure = run(stepper)
+    ends, travels = ends_of(ply.nodes.T), case.travels(steps)
+    solves = np.cumsum([state.linear_solves for state in result.states])
+    seconds = np.subtract(times, times[0])
+    rows = [
+        [travel, state.reactions["punch"][2], *draw_in(state.u, ends), *cost]
+        for state, *cost in zip(result.states, solves, seconds, strict=True)
+        if np.isclose(travel := case.depth * state.load_factor, travels).any()
+    ]
+    return Course.of(np.array(rows).reshape(-1, 6), failure)

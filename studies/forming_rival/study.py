@@ -1,16 +1,16 @@
 """Force of a punch over its travel in this library, DOLFINx and FElupe.
 
 A quarter of a ply of 300 × 300 mm is formed by a hemispherical punch through a die,
-with the same energy and the same penalty tools in every code, on the same squares.
+with the same energy on the same squares.  In this library contact with the tools is a
+constraint, in the other codes a penalty, which converges towards it.
 """
 
 import argparse
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy import ndarray
 
 from ..common.rivals.codes import FElupe, interpreter
 from ..common.rivals.course import Course
@@ -21,47 +21,56 @@ from ..study import Part, Row, Study
 from .of_felupe import felupe
 from .ours import ours
 
-#: Entries ``code`` of this library, and of the fastest code.
+#: Entries ``code`` of this library and of the others, of which descent is the fastest.
 OURS, DESCENT = "this library", "DOLFINx, descent"
+SNES, FELUPE = "DOLFINx, SNES", "FElupe"
 
-#: Each code by name: a function of the case and the travels of the punch.
-CODES: dict[str, Callable[[Forming, ndarray], Course]] = {
-    OURS: ours,
+# Short names in names of figures.
+_SHORT = {DESCENT: "descent", SNES: "snes", FELUPE: "felupe"}
+
+# Penalties in N/mm³.  With the last one, close to a constraint, only the fastest code.
+_SOFT, _STIFF = (0.5, 5.0), 50.0
+
+#: Each other code by name: a function of the ply between its tools and of the steps.
+CODES: dict[str, Callable[[Forming, int], Course]] = {
     DESCENT: dolfinx,
-    "DOLFINx, SNES": partial(dolfinx, method="snes"),
-    "FElupe": felupe,
+    SNES: partial(dolfinx, method="snes"),
+    FELUPE: felupe,
 }
 
 
 @dataclass(frozen=True)
 class Case:
-    """A ply with penalty tools, formed in equal steps by the installed codes."""
+    """A ply formed in equal steps by this library and other codes.
+
+    ``others`` are pairs of a penalty in N/mm³ and the name of a code, which is left out
+    if it is not installed.
+    """
 
     forming: Forming
+    others: tuple[tuple[float, str], ...]
     steps: int = 10
-    codes: tuple[str, ...] = tuple(CODES)
 
     def __str__(self) -> str:
-        case = self.forming
-        return f"{case.parts}×{case.parts}, {case.penalty:g} N/mm³ to {case.depth:g} mm"
+        return f"{self.forming.parts}×{self.forming.parts} to {self.forming.depth:g} mm"
 
     def rows(self) -> list[Row]:
         """Forces, draw-in, solves and times of each code, a row for each travel."""
-        travels = self.forming.travels(self.steps)
-        return [
-            row
-            for name in self.codes
-            if name not in missing()
-            for row in self._of(name, CODES[name](self.forming, travels))
-        ]
+        rows = self._of(OURS, None, ours(self.forming, self.steps))
+        gone = missing()
+        for penalty, name in self.others:
+            if name not in gone:
+                case = replace(self.forming, penalty=penalty)
+                rows += self._of(name, penalty, CODES[name](case, self.steps))
+        return rows
 
-    def _of(self, name: str, course: Course) -> list[Row]:
+    def _of(self, name: str, penalty: float | None, course: Course) -> list[Row]:
         last = len(course.travels) - 1
         return [
             {
                 "case": str(self),
                 "parts": self.forming.parts,
-                "penalty": self.forming.penalty,
+                "penalty": penalty,
                 "code": name,
                 "travel": round(float(travel), 9),
                 "force": float(course.forces[i]),
@@ -78,7 +87,7 @@ class Case:
 def missing() -> set[str]:
     """Names of the codes that are not installed."""
     gone = {name for name in CODES if "DOLFINx" in name and not interpreter()}
-    return gone | ({"FElupe"} if FElupe(QUAD4).missing() else set())
+    return gone | ({FELUPE} if FElupe(QUAD4).missing() else set())
 
 
 def differences(rows: Sequence[Row]) -> list[tuple[Row, float]]:
@@ -92,7 +101,7 @@ def differences(rows: Sequence[Row]) -> list[tuple[Row, float]]:
         if row["code"] == OURS
     }
     found = []
-    for course in grouped(rows, "case", "code").values():
+    for course in grouped(rows, "case", "penalty", "code").values():
         pairs = [
             (row["force"], ours_at[row["case"], row["travel"]])
             for row in course
@@ -112,7 +121,7 @@ def courses(rows: Sequence[Row]) -> str:
     lines = [
         [
             f"{row['parts']}×{row['parts']}",
-            f"{row['penalty']:g}",
+            "–" if row["penalty"] is None else f"{row['penalty']:g}",
             row["code"],
             f"{row['travel']:g} mm",
             f"{row['force']:.2f} N",
@@ -134,45 +143,44 @@ class FormingRival(Study[Case]):
     timed = True
 
     def cases(self, options: argparse.Namespace) -> Sequence[Case]:
+        soft = [(penalty, name) for penalty in _SOFT for name in CODES]
+        quick = tuple((_SOFT[0], name) for name in CODES)
         return [
-            Case(Forming(penalty=0.5)),
-            Case(Forming(penalty=5.0)),
-            # Close to tools as constraints, and beyond what Newton's method of this
-            # library solves with a penalty.
-            Case(Forming(penalty=50.0), codes=(DESCENT,)),
-            Case(Forming(parts=6, depth=30.0), steps=2),
+            Case(Forming(), (*soft, (_STIFF, DESCENT))),
+            Case(Forming(parts=6, depth=30.0), quick, steps=2),
         ]
 
     def line(self, rows: list[Row]) -> str:
         """The end of each course."""
         return "\n".join(
-            f"{row['case']}, {row['code']}: {row['force']:.3f} N at {row['travel']:g} "
-            f"mm, difference {off:.1e}, {row['solves']} solves, {row['seconds']:.2f} s"
+            f"{row['case']}, {row['code']}{_at(row)}: {row['force']:.3f} N at "
+            f"{row['travel']:g} mm, difference {off:.1e}, {row['solves']} solves, "
+            f"{row['seconds']:.2f} s"
             for row, off in differences(rows)
         )
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        """Differences of the force, and ends of the courses at the full depth."""
-        ends = [(row, off) for row, off in differences(rows) if row["parts"] > 6]
-        known = [off for row, off in ends if row["code"] != OURS and np.isfinite(off)]
-        ours = {row["penalty"]: row for row, _ in ends if row["code"] == OURS}
-        ratios = {
-            f"{short}_{1 + [*ours].index(k)}": row["seconds"] / ours[k]["seconds"]
-            for short, code in (("descent", DESCENT), ("felupe", "FElupe"))
-            for row, _ in ends
-            if row["code"] == code and (k := row["penalty"]) in ours
-        }
-        penalties = {f"penalty_{i}": f"{k:g} N/mm³" for i, k in enumerate(ours, 1)}
-        stiffest = max((row for row, _ in ends), key=lambda row: row["penalty"])
-        return (
-            {
-                "difference": percent(max(known), ".2f"),
-                "stiff_penalty": f"{stiffest['penalty']:g} N/mm³",
-                "stiff_force": f"{stiffest['force']:.2f} N",
-            }
-            | {name: f"{ratio:.2g}" for name, ratio in ratios.items()}
-            | penalties
-        )
+        """Differences of the force and ratios of the times at the full depth."""
+        (ours, _), *others = [
+            (row, off) for row, off in differences(rows) if row["parts"] > 6
+        ]
+        found = {}
+        for i, penalty in enumerate((*_SOFT, _STIFF), 1):
+            of_penalty = [
+                (row, off) for row, off in others if row["penalty"] == penalty
+            ]
+            largest = max(off for _, off in of_penalty)
+            found[f"penalty_{i}"] = f"{penalty:g} N/mm³"
+            found[f"difference_{i}"] = percent(largest, ".2g")
+            for row, _ in of_penalty:
+                ratio = row["seconds"] / ours["seconds"]
+                found[f"{_SHORT[row['code']]}_{i}"] = f"{ratio:.2g}"
+        return found
+
+
+def _at(row: Row) -> str:
+    """The penalty of a course, empty for this library."""
+    return "" if row["penalty"] is None else f" at {row['penalty']:g} N/mm³"
 
 
 STUDY = FormingRival()

@@ -1,22 +1,27 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from skfem_textile.solve.search import equilibrium_near
 from studies.common.rivals import course, forming
 from studies.common.rivals.codes import DolfinxError
 from studies.common.rivals.forming import Forming
-from studies.forming_rival.of_felupe import OF_FELUPE, Membrane
-from studies.forming_rival.ours import held, ours, ply_of
-from studies.forming_rival.penalty import Die, PenaltyTerm
-from studies.forming_rival.study import CODES, OURS, missing
+from studies.forming_rival.of_felupe import OF_FELUPE, Membrane, Penalty
+from studies.forming_rival.ours import ours, ply_of
+from studies.forming_rival.study import CODES, DESCENT, FELUPE, missing
 
 # Half of the depth on a coarse mesh, where each code finds the same branch.
-CASE, TRAVELS = Forming(parts=6), np.array([20.0, 40.0])
+CASE, STEPS = Forming(parts=6, depth=40.0), 2
 
 
 @pytest.fixture(scope="module")
 def of_this_library():
-    return ours(CASE, TRAVELS)
+    return ours(CASE, STEPS)
+
+
+@pytest.fixture(scope="module")
+def of_dolfinx():
+    return code(DESCENT)(CASE, STEPS)
 
 
 def code(name):
@@ -25,19 +30,41 @@ def code(name):
     return CODES[name]
 
 
-@pytest.mark.parametrize("name", [name for name in CODES if name != OURS])
-def test_another_code_and_this_library_have_the_same_force_curve(name, of_this_library):
-    found = code(name)(CASE, TRAVELS)
-    assert found.failure == of_this_library.failure == ""
-    np.testing.assert_allclose(found.travels, TRAVELS)
-    np.testing.assert_allclose(found.forces, of_this_library.forces, rtol=1e-6)
-    np.testing.assert_allclose(found.draw_in, of_this_library.draw_in, rtol=1e-6)
+def differences(course, other):
+    """Relative differences of forces and draw-in."""
+    pairs = (course.forces, other.forces), (course.draw_in, other.draw_in)
+    return np.concatenate([(a / b - 1).ravel() for a, b in pairs])
+
+
+def test_this_library_forms_the_ply_in_the_requested_steps(of_this_library):
+    assert of_this_library.failure == ""
+    np.testing.assert_allclose(of_this_library.travels, [20.0, 40.0])
+    for counted in (of_this_library.solves, of_this_library.seconds):
+        assert (np.diff([0, *counted]) > 0).all()
+
+
+@pytest.mark.parametrize("name", [name for name in CODES if name != DESCENT])
+def test_other_codes_have_the_same_curve_with_the_same_penalty(name, of_dolfinx):
+    found = code(name)(CASE, STEPS)
+    assert found.failure == of_dolfinx.failure == ""
+    np.testing.assert_allclose(found.travels, [20.0, 40.0])
+    assert np.abs(differences(found, of_dolfinx)).max() < 1e-6
     for counted in (found.solves, found.seconds):
         assert (np.diff([0, *counted]) > 0).all()
 
 
+def test_penalties_converge_to_the_constraint_of_this_library(of_this_library):
+    """Depths, and all differences, are inversely proportional to the penalty."""
+    stiff, stiffer = (
+        differences(code(DESCENT)(replace(CASE, penalty=k), STEPS), of_this_library)
+        for k in (50.0, 500.0)
+    )
+    assert 0 < np.abs(stiff).max() < 1e-4
+    np.testing.assert_allclose(stiff / stiffer, 10.0, rtol=0.02)
+
+
 def test_forces_and_tangent_of_felupe_are_those_of_this_library():
-    code("FElupe")
+    code(FELUPE)
     ply = ply_of(CASE)
     membrane = Membrane(CASE, ply)
     u = 0.1 * np.random.default_rng(0).standard_normal(ply.basis.N)
@@ -50,35 +77,32 @@ def test_forces_and_tangent_of_felupe_are_those_of_this_library():
     assert abs(found[1] - K).max() < 1e-12 * abs(K).max()
 
 
-def test_the_tools_and_the_spring_balance_across_the_ply():
-    ply = ply_of(CASE)
-    u = equilibrium_near(ply, held(), ply.basis.zeros(), 20.0).u
-    tools = [term for term in ply.terms if isinstance(term, PenaltyTerm)]
-    forces = [term.forces(u, 20.0)[2].sum() for term in tools]
-    spring = next(term for term in ply.terms if term.name == "spring")
-    pulled = ply.nodal(spring.residual(u, 20.0))[2].sum()
-    assert len(tools) == 3
-    assert forces[0] > 1
-    assert abs(sum(forces) - pulled) < 1e-8 * forces[0]
+def test_forces_of_a_penalty_are_the_derivative_of_its_energy():
+    ply, k = ply_of(CASE), 2.0
+    tools = {term.name: term for term in ply.terms}
+    rng = np.random.default_rng(0)
+    u = rng.uniform(-1, 1, ply.basis.N)
+    u[2::3] += rng.uniform(0, 40, ply.basis.N // 3)
 
+    def energy(tool, u):
+        depth = np.maximum(-tool.gaps(u, 1.0), 0.0)
+        return 0.5 * k * tool.areas @ depth**2
 
-def test_the_derivatives_of_the_die_are_those_of_its_level():
-    die = Die(height=0.15, radius=90.0, fillet=10.0)
-    # Points of the plane, the fillet and the wall.
-    middle = np.array([[90.0], [0.0], [8.0]])
-    x = middle + np.random.default_rng(0).uniform(-9, 9, (3, 300))
-    for i, h in enumerate(1e-5 * np.eye(3)[:, :, None]):
-        slope = (die.level(x + h) - die.level(x - h)) / 2e-5
-        curved = (die.gradient(x + h) - die.gradient(x - h)) / 2e-5
-        smooth = np.abs(curved - die.hessian(x)[i]).max(axis=0) < 1e-6
-        np.testing.assert_allclose(die.gradient(x)[i], slope, atol=1e-6)
-        assert smooth.mean() > 0.98  # but where the curvature jumps
+    for name in ("punch", "die", "holder"):
+        penalty, v = Penalty(tools[name], k), rng.standard_normal(u.size)
+        f, K = penalty.residual(u, 1.0), penalty.tangent(u, 1.0)
+        a, b = (u + h * v for h in (1e-5, -1e-5))
+        slope = (energy(tools[name], a) - energy(tools[name], b)) / 2e-5
+        change = (penalty.residual(a, 1.0) - penalty.residual(b, 1.0)) / 2e-5
+        assert np.abs(f).max() > 1
+        assert slope == pytest.approx(f @ v, rel=1e-6)
+        np.testing.assert_allclose(K @ v, change, atol=1e-6 * np.abs(change).max())
 
 
 def test_an_unknown_method_of_dolfinx_is_an_error_of_one_line():
-    code("DOLFINx, SNES")
+    code(DESCENT)
     with pytest.raises(DolfinxError, match=r"^DOLFINx: KeyError: 'bisection'$"):
-        forming.dolfinx(CASE, TRAVELS, "bisection")
+        forming.dolfinx(CASE, STEPS, "bisection")
 
 
 def test_a_step_that_fails_is_halved_and_a_course_may_end_early():

@@ -73,12 +73,7 @@ def formed(
         Rows of travel, force, both draw-ins, solves and seconds, shape (n, 6); the
         reason why the course ends early, or an empty text.
     """
-    start = process_time()
-    side = nodes.max()
-    ends = [
-        int(np.flatnonzero(np.isclose(nodes, end).all(axis=1))[0])
-        for end in ((side, 0.0), (side, side))
-    ]
+    start, ends = process_time(), ends_of(nodes)
     u, at, solves = np.zeros(3 * len(nodes)), 0.0, 0
     rows: list[list[float]] = []
     for travel in travels:
@@ -91,9 +86,24 @@ def formed(
                 u, at = found, to
             elif (step := step / 2) < _SHORTEST * whole:
                 return _table(rows), f"no state at a travel of {to:.4g} mm"
-        drawn = np.hypot(*u.reshape(-1, 3)[ends, :2].T)
-        rows.append([at, force(u, at), *drawn, solves, process_time() - start])
+        cost = solves, process_time() - start
+        rows.append([at, force(u, at), *draw_in(u, ends), *cost])
     return _table(rows), ""
+
+
+def ends_of(nodes: ndarray) -> list[int]:
+    """Numbers of the nodes at the end of the x axis and at the far corner."""
+    side = nodes.max()
+    return [
+        int(np.flatnonzero(np.isclose(nodes, end).all(axis=1))[0])
+        for end in ((side, 0.0), (side, side))
+    ]
+
+
+def draw_in(u: ndarray, ends: list[int]) -> ndarray:
+    """In-plane motion of nodes in mm."""
+    drawn: ndarray = np.hypot(*u.reshape(-1, 3)[ends, :2].T)
+    return drawn
 
 
 def _table(rows: list[list[float]]) -> ndarray:

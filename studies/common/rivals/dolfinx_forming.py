@@ -65,8 +65,7 @@ class Ply:
             0.5 * case["penalty"] * ufl.conditional(ufl.lt(phi, 0), phi**2, 0)
             for phi in depths
         ]
-        hold = 0.5 * case["spring"] * self.u[2] ** 2
-        energy = self._fabric(case, X) + (sum(contact) + hold) * _NODES
+        energy = self._fabric(case, X) + sum(contact) * _NODES
         energy -= self._work_of_edges(case)
         forces = ufl.derivative(energy, self.u, ufl.TestFunction(space))
         tangent = ufl.derivative(forces, self.u, ufl.TrialFunction(space))

@@ -1,8 +1,8 @@
 """A ply formed by a hemispherical punch through a die, in other codes with penalties.
 
 Every code has the energy of `OnePoint` with a stabilisation stiffness that is given as
-a number, and the same penalty against the tools: ½ k Σ A φ² over the nodes inside a
-tool, with their areas A and depths φ.  Tools are rigid and without friction.
+a number.  Tools are rigid and without friction.  The other codes have a penalty against
+them: ½ k Σ A φ² over the nodes inside a tool, with their areas A and depths φ.
 """
 
 from dataclasses import asdict, dataclass
@@ -29,7 +29,7 @@ class Forming:
     parts
         Square elements along each side.
     penalty
-        Stiffness k of the tools in N/mm³.
+        Stiffness k of the tools of other codes in N/mm³.
     side, radius, clearance, fillet, gap
         Side of the quarter, radius of the punch, clearance between punch and die,
         fillet of the die, and gap between die and holder, in mm.
@@ -41,8 +41,6 @@ class Forming:
         Traction on the two free edges in N/mm.
     C_s
         Stiffness of the stabilisation in N/mm.
-    spring
-        Foundation in N/mm³ that holds the ply before the first contact.
     """
 
     parts: int = 24
@@ -58,19 +56,13 @@ class Forming:
     D: float = 5.0
     edge_tension: float = 0.2
     C_s: float = 0.8
-    spring: float = 1e-8
-
-    @property
-    def opening(self) -> float:
-        """Radius in mm at which the flat part of the die begins."""
-        return self.radius + self.clearance + self.fillet
 
     def travels(self, steps: int) -> ndarray:
         """Travels of the punch in mm at the end of equal steps."""
         return np.linspace(0.0, self.depth, steps + 1)[1:]
 
 
-def dolfinx(case: Forming, travels: ndarray, method: str = "descent") -> Course:
+def dolfinx(case: Forming, steps: int, method: str = "descent") -> Course:
     """Form a ply with DOLFINx.
 
     The time excludes mesh, function space, compilation of the forms, and the matrix of
@@ -80,8 +72,8 @@ def dolfinx(case: Forming, travels: ndarray, method: str = "descent") -> Course:
     ----------
     case
         Ply and tools.
-    travels
-        Travels of the punch in mm, ascending; see `course.formed`.
+    steps
+        Number of equal steps of the punch to its largest travel; see `course.formed`.
     method
         ``snes``: PETSc's Newton method with its l2 line search; ``descent``: Newton's
         method with a positive definite tangent and a line search on the energy.
@@ -91,5 +83,6 @@ def dolfinx(case: Forming, travels: ndarray, method: str = "descent") -> Course:
     DolfinxError
         If the DOLFINx process fails.
     """
+    travels = case.travels(steps)
     data = in_dolfinx(_CHILD, travels=travels, method=method, **asdict(case))
     return Course.of(data["rows"], str(data["failure"]))
