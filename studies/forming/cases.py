@@ -189,7 +189,8 @@ def _interval(result: Result) -> float:
 def _of_triangles(scene: Scene) -> Scene:
     """The same tools, punch and die as triangles."""
     punch, die, holder = scene.tools
-    sphere, hole = punch.surface, die.surface
+    sphere: Any = punch.surface
+    hole: Any = die.surface
     of_die = triangles.die(hole.radius, hole.fillet, float(hole.point[2]), _EDGE)
     tools = (
         replace(punch, surface=triangles.sphere(sphere.radius, sphere.centre, _EDGE)),

@@ -104,7 +104,7 @@ class Forming(Study[Reference | Random]):
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
         """Counts of outcomes."""
-        figures = {}
+        figures: dict[str, str] = {}
         for kind in (RANDOM, SLACK):
             of_kind = _of(rows, kind)
             found = [outcome(row) for row in of_kind]
