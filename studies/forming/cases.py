@@ -149,7 +149,7 @@ def _figures(result: Result) -> Row:
     forces = np.array([state.reactions[tool.name] for tool in tools])
     load = ply.nodal(ply.load(state.u, state.load_factor, state.parameters))
     held = [state.reactions[k][i] for i, k in enumerate(("left", "bottom"))]
-    off = [*load.sum(axis=1), *held, 0.0]
+    off = load.sum(axis=1) + np.array([*held, 0.0])
     return {
         "load_factor": state.load_factor,
         "shear": float(np.degrees(np.abs(ply.shear_angle(state.u, ply.centre)).max())),
