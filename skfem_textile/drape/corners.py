@@ -1,8 +1,8 @@
 """Crossings that follow from others in another order than away from the start.
 
 Where an edge of the tool turns back towards the start, the last corner of a cell
-follows from three others.  Next to the seam of a dart the net is laid from the cells
-that are sheared least.
+follows from three others.  Next to the seam of a dart the net is laid from where it is
+flattest and sheared least.
 """
 
 from dataclasses import replace
@@ -189,7 +189,7 @@ class _Filling:
         return at[:, first], step[:, first]
 
     def _deformed(self, at: ndarray, step: ndarray) -> ndarray:
-        """Deviation of the net at ends of threads from a flat unsheared one, shape (n,).
+        """Deviation of the net from flat and unsheared at ends of threads, (n,).
 
         The largest change of the products of rods along a thread and beside its end, in
         squared cells.  Infinite unless there are two of each.
@@ -218,6 +218,7 @@ class _Filling:
         """Lay crossings that follow from others, shape (k, 2, n), but not in spots."""
         laid = status == Status.LAID
         self._open[*at] = False  # what cannot be laid is not tried again
+        self._status[*at[:, ~laid]] = Status.BEHIND
         if self._seams is not None and not self._spots_open:
             spots = np.flatnonzero(laid)
             spots = spots[self._seams.in_spots(x[:, spots])]

@@ -1,9 +1,9 @@
 """Darts: cuts of a ply from where its net folds or locks to the edge of the part.
 
 A dart begins at a place of the tool where the net locks, whatever the direction of the
-fibres, and its seam is an edge of the tool: threads end there, and their neighbours
-continue as geodesics.  Nets with several darts are laid twice, with the threads of the
-left and of the right side of each seam where both meet next to a tip.
+fibres, and its seam is an edge of the tool at which threads end.  Beside it the net is
+laid twice, on the left and on the right, from where it is flattest: walls are free of
+shear.  The curvature at the tip, which no net follows, is covered last.
 """
 
 from dataclasses import dataclass
@@ -100,7 +100,7 @@ class NetWithDarts:
         return Sheet.of_net(_Piece([(of, cells)]))
 
     def in_spots(self, of: Net, mask: ndarray) -> ndarray:
-        """Mask of those of some cells of a side with a corner in a spot, shape (n,)."""
+        """Mask of the n cells of a side, in a mask, with a corner in a spot, (n,)."""
         if self.seams is None:
             return np.zeros(mask.sum(), dtype=bool)
         corners = [
