@@ -316,7 +316,7 @@ def node_areas(basis: CellBasis) -> ndarray:
 
 
 class _ContactForces(TermParameters):
-    """Contact forces and stiffnesses; no contact at rest and after each step."""
+    """Contact forces and stiffnesses; no contact at rest."""
 
     def __init__(self, contact: "ToolContact") -> None:
         self._contact = contact
@@ -332,10 +332,6 @@ class _ContactForces(TermParameters):
         """Multipliers max(λ − κ g, 0)."""
         force = self._contact.forces(u, t, values)
         return Values({**values, "force": force})
-
-    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
-        """No contact, until a step has found which nodes touch."""
-        return self.at_rest()
 
 
 class ToolContact(ContactTerm):
@@ -370,8 +366,12 @@ class ToolContact(ContactTerm):
         return self._obstacle.gaps(x, t).gap
 
     def normals(self, u: ndarray, t: float) -> ndarray:
-        """Unit normals of the tool at the nodes, shape (3, n_nodes)."""
+        """See `ContactTerm.normals`."""
         return self._at(u, t).normal
+
+    def curvatures(self, u: ndarray, t: float, nodes: ndarray) -> ndarray:
+        """See `ContactTerm.curvatures`."""
+        return self._obstacle.derivatives(self._at(u, t), nodes, t)[1]
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """See `ContactTerm.forces`."""

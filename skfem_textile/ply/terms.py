@@ -144,6 +144,14 @@ class ContactTerm(ElementTerm):
         """
         raise NotImplementedError
 
+    def normals(self, u: ndarray, t: float) -> ndarray:
+        """Unit normals of the tool at the nodes, shape (3, n_nodes)."""
+        raise NotImplementedError
+
+    def curvatures(self, u: ndarray, t: float, nodes: ndarray) -> ndarray:
+        """Second derivatives ∇²g of the gaps of some nodes, shape (3, 3, n)."""
+        raise NotImplementedError
+
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Contact forces max(λ − κ g, 0) in N, shape (n_nodes,)."""
         raise NotImplementedError
