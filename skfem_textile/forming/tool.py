@@ -20,7 +20,7 @@ from skfem import CellBasis, LinearForm, asm
 from ..mesh.bases import components, node_positions
 from ..mesh.user_input import call_user_function, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
-from ..ply.terms import ContactTerm
+from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
 from ..solve.surface import Surface
 from ..solve.surface.on_surface import CheckedSurface, check_surface
 from ..solve.surface.surface import place
@@ -35,10 +35,6 @@ _NO_AREA = 1e-9
 
 # Penetration of the undeformed ply, relative to its extent, that is round-off.
 _ROUND_OFF = 1e-9
-
-# Stiffness of a gap in the tangent, relative to the contact stiffness.  It holds a ply
-# that nothing touches, has no force, and is far below every stiffness of the ply.
-_OF_GAP = 1e-9
 
 # Number of intermediate positions of a node at which it may be inside a tool.
 _INTERMEDIATE = 8
@@ -409,7 +405,7 @@ class ToolContact(ContactTerm):
             return None
         force, gap = self.forces(u, t, p), self.gaps(u, t)
         n = np.where(np.isfinite(gap), self._at(u, t).normal, 0.0)
-        K = _OF_GAP * kappa * n[:, None] * n
+        K = STIFFNESS_OF_GAP * kappa * n[:, None] * n
         if (nodes := np.flatnonzero(force)).size:
             normal, H = self._obstacle.derivatives(self._at(u, t), nodes, t)
             K[..., nodes] = kappa[nodes] * normal[:, None] * normal

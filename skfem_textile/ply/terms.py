@@ -124,6 +124,11 @@ class ElementTerm(Term):
         raise NotImplementedError
 
 
+#: Stiffness of a gap in the tangent, relative to the contact stiffness.  It holds a ply
+#: that nothing touches, has no force, and is far below every stiffness of the ply.
+STIFFNESS_OF_GAP = 1e-9
+
+
 class ContactTerm(ElementTerm):
     """Contact of nodes with a tool that moves with the load factor.
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..ply.parameters import Frozen, PlyParameters, Values
-from ..ply.terms import ContactTerm
+from ..ply.terms import STIFFNESS_OF_GAP
 from .problem import Problem, Tangent
 from .states import NoEquilibriumError
 
@@ -135,11 +135,14 @@ class Increment(NamedTuple):
         Tangent with the nodes that touch.
     forces
         Contact forces after it to first order, by name of the tool.
+    shifted
+        True if the tangent was not positive definite.
     """
 
     du: ndarray
     tangent: Tangent
     forces: dict[str, ndarray]
+    shifted: bool
 
 
 class Increments:
@@ -185,25 +188,27 @@ class Increments:
         """
         problem, t = self._problem, self._problem.load_factor
         f, K = self._without_contact(u, f, parameters, tension, forces)
-        gaps = []
-        for contact in problem.contacts:
-            p, force = parameters[contact.name], forces[contact.name]
-            gap, normal = contact.gaps(u, t), contact.normals(u, t)
-            gaps.append(_LinearGap(gap, normal, p["force"], p["stiffness"], force))
+        gaps = [
+            _LinearGap(
+                x.gaps(u, t), x.normals(u, t), parameters[x.name], forces[x.name]
+            )
+            for x in problem.contacts
+        ]
         shift = 0.0
         for _ in range(_MOST_SOLVES):
             stiffness, force = K.copy(), f.copy()
             for gap in gaps:
                 stiffness[self._nodes] += gap.stiffness()
                 force += gap.residual()
-            tangent, shift = self._definite(u, stiffness, gaps[0].kappa.max(), shift)
+            tangent, shift = self._definite(u, stiffness, gaps[0].kappa, shift)
             du = tangent.increment(force, u, fixed_values)
-            if not any([gap.changed(problem.nodal(du)) for gap in gaps]):
+            changed = [gap.changed(problem.nodal(du)) for gap in gaps]
+            if not any(changed):
                 break
         self._last_shift = shift or self._last_shift
         names = [contact.name for contact in problem.contacts]
         after = {x: gap.force for x, gap in zip(names, gaps, strict=True)}
-        return Increment(du, tangent, after)
+        return Increment(du, tangent, after, shift > 0)
 
     def _without_contact(
         self,
@@ -213,7 +218,7 @@ class Increments:
         tension: ndarray,
         forces: dict[str, ndarray],
     ) -> tuple[ndarray, ndarray]:
-        """Nodal forces less those of tools, and stiffness less λ∇²g."""
+        """Nodal forces without tools, and stiffness less λ∇²g."""
         problem, t = self._problem, self._problem.load_factor
         arguments = u, t, without(problem, parameters), tension
         K = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
@@ -248,31 +253,36 @@ class Increments:
 
 @dataclass
 class _LinearGap:
-    """Linearised gap g + n·Δu of all nodes, with λ and κ, and forces max(λ − κ g, 0).
+    """Linearised gap g + n·Δu of all nodes, with λ, κ, and forces max(λ − κ g, 0).
 
-    Shapes (n_nodes,) and (3, n_nodes).
+    Shapes (n_nodes,), and (3, n_nodes) of the normals.
     """
 
     gap: ndarray
     normal: ndarray
-    multiplier: ndarray
-    kappa: ndarray
+    p: Values
     force: ndarray
+
+    @property
+    def kappa(self) -> float:
+        """Contact stiffness in N/mm."""
+        return float(self.p["stiffness"].max())
 
     def residual(self) -> ndarray:
         """Nodal forces −(λ − κ g) n of the nodes that touch."""
-        force = np.where(self.force > 0, self.multiplier - self.kappa * self.gap, 0.0)
+        force = np.where(self.force > 0, self.p["force"] - self.kappa * self.gap, 0.0)
         return np.ravel(-(force * self.normal).T)
 
     def stiffness(self) -> ndarray:
-        """Their derivatives κ n nᵀ, shape (n_nodes, 3, 3)."""
-        kappa = np.where(self.force > 0, self.kappa, 0.0)
+        """Their derivatives κ n nᵀ, far smaller at gaps, shape (n_nodes, 3, 3)."""
+        of_gap = np.where(np.isfinite(self.gap), STIFFNESS_OF_GAP, 0.0)
+        kappa = self.kappa * np.where(self.force > 0, 1.0, of_gap)
         return np.asarray((kappa * self.normal[:, None] * self.normal).T)
 
     def changed(self, du: ndarray) -> bool:
         """True if other nodes touch after an increment, shape (3, n_nodes)."""
         before, gap = self.force > 0, self.gap + (self.normal * du).sum(axis=0)
-        self.force = np.maximum(self.multiplier - self.kappa * gap, 0.0)
+        self.force = np.maximum(self.p["force"] - self.kappa * gap, 0.0)
         return not np.array_equal(before, self.force > 0)
 
 

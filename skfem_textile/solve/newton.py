@@ -60,6 +60,10 @@ _TINY = 1e-300
 # it.
 _DESCENT = 3
 
+# Maximum number of iterations between tools, as a multiple of the maximum without them.
+# Chosen: slack plies, which have many wrinkled states, take up to 250.
+_BETWEEN_TOOLS = 10
+
 # Share of the predicted decrease of the energy that an increment must reach (Armijo's
 # rule, with the constant of Nocedal & Wright, Numerical Optimization, 2006, section
 # 3.1).
@@ -138,8 +142,11 @@ class Newton:
     Near the equilibrium the parameters of the terms are updated with the predicted
     tensions, until an update changes the energy by less than `SETTLED`.
 
-    Increments find the nodes that touch tools, see `contact`.  They are positive
-    definite, but do not follow the load path, so that shifted tangents do not count.
+    Between tools, each increment finds the nodes that touch, see
+    `contact.Increments`.  It ends where the slope of the energy nearly vanishes, see
+    `contact.settling`.  Increments do not follow the load path: tangents that are
+    not positive definite count as projected only near the equilibrium, where they show
+    that there are others.
 
     The iteration leaves an unstable equilibrium along its softest mode, and continues
     with the line search, except where the load path is followed, which avoids it.
@@ -170,9 +177,10 @@ class Newton:
         report: Report,
     ) -> Equilibrium:
         """See `Method`."""
-        progress = _Progress(problem, fixed_values, most_projected, report)
         if problem.contacts:
+            progress = _Progress(problem, fixed_values, np.inf, report)
             return progress.equilibrium(self._between_tools(progress, start))
+        progress = _Progress(problem, fixed_values, most_projected, report)
         tangent, p = _first_tangent(problem, start)
         changed = problem.surfaces or problem.ply.follows_load_factor
         f = problem.residual(start.u, p) if changed else start.f
@@ -196,21 +204,23 @@ class Newton:
             p = contact.with_stiffness(problem, u, p, tension)
         f, near, forces = problem.residual(u, p), _NEAR, contact.forces(problem, p)
         increments = contact.Increments(problem)
-        for _ in range(_DESCENT * self.most):
-            whole, tangent, forces = increments(
+        for _ in range(_BETWEEN_TOOLS * self.most):
+            whole, tangent, forces, shifted = increments(
                 *(u, f, p, tension, forces, progress.fixed_values)
             )
             gradient = problem.ply.largest_gradient(whole)
             du = whole / max(1.0, gradient / self.longest)
             du = within_laws(problem, u, du, p)
             du = du * contact.settling(problem, u, du, f, p)
-            share = np.linalg.norm(du) / max(np.linalg.norm(whole), _TINY)
+            share = float(np.linalg.norm(du) / max(np.linalg.norm(whole), _TINY))
             tension = problem.ply.geometric_tension(u, du, p)
             u = problem.moved(u, du)
             p = contact.towards(problem, p, forces, share)
             f = problem.residual(u, p)
-            largest = max(np.abs(x).max() for x in (f, *forces.values()))
-            if problem.unbalanced(f, u) <= near * largest:
+            largest = np.max([np.abs(x).max() for x in (f, *forces.values())])
+            unbalanced = problem.unbalanced(f, u) / max(float(largest), _TINY)
+            tangent.projected = shifted and unbalanced <= _NEAR
+            if unbalanced <= near:
                 near *= _NEAR
                 p = problem.ply.updated(p, u, problem.load_factor, tension)
                 f = problem.residual(u, p)
