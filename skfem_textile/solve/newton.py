@@ -217,8 +217,8 @@ class Newton:
             u = problem.moved(u, du)
             p = contact.towards(problem, p, forces, share)
             f = problem.residual(u, p)
-            largest = np.max([np.abs(x).max() for x in (f, *forces.values())])
-            unbalanced = problem.unbalanced(f, u) / max(float(largest), _TINY)
+            largest = max(float(np.abs(x).max()) for x in (f, *forces.values()))
+            unbalanced = problem.unbalanced(f, u) / max(largest, _TINY)
             tangent.projected = shifted and unbalanced <= _NEAR
             if unbalanced <= near:
                 near *= _NEAR
