@@ -22,7 +22,7 @@ from ..mesh.user_input import call_user_function, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ContactTerm
 from ..solve.surface import Surface
-from ..solve.surface.on_surface import CheckedSurface, check_surface
+from ..solve.surface.on_surface import CheckedSurface, SurfaceError, check_surface
 from ..solve.surface.surface import place
 from .outline import inside
 
@@ -211,21 +211,41 @@ class Obstacle:
         return replace(obstacle, side=side)
 
     def gaps(self, x: ndarray, t: float) -> Gaps:
-        """Gaps of points, shape (3, n)."""
+        """Gaps of points, shape (3, n).
+
+        Raises
+        ------
+        SurfaceError
+            If level or gradient of the surface is not finite at a point that the tool
+            may touch.
+        """
         rotation, translation = placement(self.what, self.motion, t)
         local = rotation.T @ (x - translation[:, None])
         near, unit = self._near(local)
         level, gradient = self._first_order(local[:, near])
+        within = self._within(local[:, near])
+        values = np.vstack([level, gradient])[:, within]
+        self._refuse_undefined("level or gradient", values, x[:, near[within]])
         slope = np.linalg.norm(gradient, axis=0)
         regular = slope > 0  # it vanishes where a point has no closest one
-        near, slope = near[regular], slope[regular]
+        near, slope, within = near[regular], slope[regular], within[regular]
         distance, slopes = np.full((2, x.shape[1]), np.inf)
         distance[near], slopes[near] = level[regular] / slope, slope
         unit[:, near] = gradient[:, regular] / slope
-        touched = near[self._within(local[:, near])]
+        touched = near[within]
         gap = np.full(x.shape[1], np.inf)
         gap[touched] = self._sign * distance[touched] + self._offset(t)
         return Gaps(gap, self._sign * rotation @ unit, distance, local, slopes)
+
+    def _refuse_undefined(self, method: str, values: ndarray, x: ndarray) -> None:
+        """Refuse values of the surface, shape (m, n), not finite at points (3, n)."""
+        defined = np.isfinite(values).all(axis=0)
+        if not defined.all():
+            raise SurfaceError(
+                f"{self.what}: {method} of the surface is not finite at "
+                f"{place(x[:, defined.argmin()])}",
+                advice="a surface that is finite beyond the ply, or an outline",
+            )
 
     def _near(self, x: ndarray) -> tuple[ndarray, ndarray]:
         """Numbers of points that may touch the surface, and normals at the others."""
@@ -242,9 +262,12 @@ class Obstacle:
 
         Shapes (3, n) and (3, 3, n).
         """
-        rotation, _ = placement(self.what, self.motion, t)
-        surface = CheckedSurface(self.what, self.surface)
-        H = surface.hessian(at.local[:, nodes]) * (self._sign / at.slope[nodes])
+        rotation, translation = placement(self.what, self.motion, t)
+        surface, local = CheckedSurface(self.what, self.surface), at.local[:, nodes]
+        H = surface.hessian(local)
+        x = rotation @ local + translation[:, None]
+        self._refuse_undefined("hessian", H.reshape(9, -1), x)
+        H = H * (self._sign / at.slope[nodes])
         H = np.einsum("ai,ijn,bj->abn", rotation, H, rotation)
         n = at.normal[:, nodes]
         turn = np.einsum("ijn,jn->in", H, n)  # zero if φ is a distance

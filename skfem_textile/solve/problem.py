@@ -103,7 +103,8 @@ class Problem:
     Raises
     ------
     ValueError
-        If a term is ``unsupported`` under the conditions.
+        If a term is ``unsupported`` under the conditions, or a tool has the name of a
+        condition.
     """
 
     def __init__(
@@ -125,6 +126,12 @@ class Problem:
                 raise ValueError(f"load {term.name!r}: {reason}")
         self._loads = [term.name for term in ply.terms if term.role == "load"]
         self.contacts = [x for x in ply.terms if isinstance(x, ContactTerm)]
+        for tool in self.contacts:
+            if tool.name in constraints.nodes:
+                raise ValueError(
+                    f"a tool and a condition have the name {tool.name!r}, under which "
+                    "both report a reaction: rename one of them"
+                )
         self.loaded = len(self._loads) > len(self.contacts)
         self.converged = _UNBALANCED_LOADED if self.loaded else _UNBALANCED
 
