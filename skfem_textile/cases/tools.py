@@ -97,6 +97,7 @@ class ToolTable(Table, tag_field="surface"):
             "thickness": self.thickness_mm,
             "outline": outline,
             "name": self.name or f"tool_{number}",
+            "stated": axes.of_tool,
         }
         if self.gap_mm is None and self.pressure_N_per_mm2 is None:
             return Tool(**common)

@@ -7,7 +7,6 @@ from numpy import ndarray
 
 from ..ply import Ply
 from ..solve.conditions import Conditions, Constraints
-from ..solve.surface.surface import place
 from .tool import ToolContact
 
 # Numbers of projections after which penetrations are compared, the ratio of the second
@@ -168,7 +167,7 @@ def _with_room(
     names = " and ".join(repr(name) for name in _around(tools, x[:, [node]], t, free))
     raise ValueError(
         f"tools {names} leave no room for the ply at load factor {t:g}: node {node}, "
-        f"at {place(X[:, node])} in the undeformed ply, is at least "
+        f"at {tools[0].place(X[:, node])} in the undeformed ply, is at least "
         f"{depth[node]:.3g} mm inside one of them: reduce the travel, or move the "
         "tools apart"
     )

@@ -36,7 +36,7 @@ class Holder:
         Pressure in N/mm² towards the surface, uniform over the part of the ply within
         the outline; or a function of the load factor.  Either a gap or a pressure is
         given.
-    motion, side, thickness, outline, name
+    motion, side, thickness, outline, name, stated
         See `Tool`.
 
     Examples
@@ -60,6 +60,7 @@ class Holder:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     name: str = "holder"
+    stated: Callable[[ndarray], ndarray] = lambda x: x
 
     def on(self, basis: CellBasis) -> "ToolContact | HolderPressure":
         """Term on a basis of the displacement.

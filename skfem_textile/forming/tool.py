@@ -71,6 +71,9 @@ class Tool:
         outside do not touch the tool.  None for no outline.
     name
         Name of the term, of the force of the tool, and of its travel.
+    stated
+        Function that converts positions, shape (3, n), to the axes of messages, figures
+        and sections.
 
     Examples
     --------
@@ -94,6 +97,7 @@ class Tool:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     name: str = "tool"
+    stated: Callable[[ndarray], ndarray] = lambda x: x
 
     def on(self, basis: CellBasis) -> "ToolContact":
         """Term on a basis of the displacement.
@@ -173,6 +177,8 @@ class Obstacle:
     reach
         Function of the load factor: largest distance of the ply from the surface, for a
         holder; None for a tool, which keeps the ply away from the surface.
+    stated
+        See `Tool`.
     """
 
     what: str
@@ -182,7 +188,12 @@ class Obstacle:
     side: int
     half: float
     outline: ndarray | None
-    reach: Callable[[float], float] | None = None
+    reach: Callable[[float], float] | None
+    stated: Callable[[ndarray], ndarray]
+
+    def place(self, position: ndarray) -> str:
+        """Position in a message, given in the axes of the ply, shape (3,)."""
+        return place(self.stated(position[:, None])[:, 0])
 
     @classmethod
     def of(
@@ -206,9 +217,14 @@ class Obstacle:
         for t in (0.0, 1.0):
             placement(what, tool.motion, t)
         outline = _corners(what, tool.outline)
-        obstacle = cls(what, tool.surface, tool.motion, X, 1, half, outline, reach)
-        side = tool.side or obstacle._side_at_rest()
-        return replace(obstacle, side=side)
+        side = tool.side or 1
+        obstacle = cls(
+            *(what, tool.surface, tool.motion, X, side, half, outline, reach),
+            tool.stated,
+        )
+        if tool.side is None:
+            return replace(obstacle, side=obstacle._side_at_rest())
+        return obstacle
 
     def gaps(self, x: ndarray, t: float) -> Gaps:
         """Gaps of points, shape (3, n).
@@ -243,7 +259,7 @@ class Obstacle:
         if not defined.all():
             raise SurfaceError(
                 f"{self.what}: {method} of the surface is not finite at "
-                f"{place(x[:, defined.argmin()])}",
+                f"{self.place(x[:, defined.argmin()])}",
                 advice="a surface that is finite beyond the ply, or an outline",
             )
 
@@ -314,8 +330,8 @@ class Obstacle:
             node = int(depth.argmax())
             raise ValueError(
                 f"{self.what} crosses the undeformed ply: node {node} at "
-                f"{place(self.X[:, node])} is {depth[node]:.3g} mm inside it: move the "
-                "tool, or specify its side"
+                f"{self.place(self.X[:, node])} is {depth[node]:.3g} mm inside it: "
+                "move the tool, or specify its side"
             )
         return 1 if above > below else -1
 
@@ -379,6 +395,14 @@ class ToolContact(ContactTerm):
         self._takes_part = self.areas > _NO_AREA * self.areas.max()
         self.parameters = _ContactForces(self)
         self._last: tuple[ndarray, float, Gaps | None] = np.empty(0), 0.0, None
+
+    def stated(self, x: ndarray) -> ndarray:
+        """Positions, shape (3, n), in the axes of messages, see `Tool`."""
+        return self._obstacle.stated(x)
+
+    def place(self, position: ndarray) -> str:
+        """Position in a message, given in the axes of the ply, shape (3,)."""
+        return self._obstacle.place(position)
 
     def travel(self, t: float) -> ndarray:
         """Translation of the tool in mm, shape (3,)."""

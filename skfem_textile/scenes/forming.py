@@ -12,7 +12,7 @@ symmetric under half a turn about z.
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Unpack
 
@@ -122,7 +122,7 @@ def formed_ply(
         dimension=3,
         fibre_ends=dict.fromkeys(held, "mirror"),
         loads=(ConstantTension(tension, held),) if tension else (),
-        tools=tuple(tools),
+        tools=tuple(replace(tool, stated=axes.of_tool) for tool in tools),
         measured=partial(_measured, holding=() if held else tuple(held_at)),
         misfit=_NO_EXACT,
         axes=axes,

@@ -1,6 +1,7 @@
 """Scenes of forming: figures of the hemisphere, symmetry, files, bad input."""
 
 import json
+import re
 
 import meshio
 import numpy as np
@@ -117,9 +118,25 @@ def test_tools_from_files_stay_in_their_axes(files):
     scene = forming(punch, die, travel=20.0, gap=1.0, part="quarter", **SMALL)
     lowest = die.facets.points[2].min()
     assert scene.axes.origin[2] == pytest.approx(lowest - 0.5)
-    result = case(scene).run()
+    run = case(scene)
+    result = run.run()
     assert result.converged
     assert smallest_gap(result, "punch") == pytest.approx(0.0, abs=1e-6)
+    x = result.ply.nodal(result.u)[2] + scene.axes.origin[2]
+    figures = run.summary(result)
+    assert x.min() <= figures["max_penetration_at_z_mm"] <= x.max()
+
+
+def test_places_in_messages_are_in_the_axes_of_the_files(files):
+    """The plane of the ply is z = 499.5 there, and its centre is at x = 3."""
+    punch, die = map(read_surface, files)
+    place = r"at \(([-\d.e]+), ([-\d.e]+), ([-\d.e]+)\) mm"
+    scene = forming(punch, die, travel=45.0, gap=1.0, centre=(3.0, 0.0), **SMALL)
+    with pytest.raises(ValueError, match=f"no room for the ply .*{place}") as error:
+        case(scene).run()
+    at = [float(x) for x in re.search(place, str(error.value)).groups()]
+    assert at[2] == 499.5
+    assert np.abs(at[:2]).max() <= 53.0
 
 
 def test_a_punch_that_moves_down_mirrors_one_that_moves_up(files):

@@ -262,6 +262,10 @@ def test_resumed_run_is_the_same(tmp_path, state):
             lambda: Tool(drape.Sphere(20.0, (30, 30, -19))),
             r"crosses the undeformed ply: node \d+ at .* is 1 mm inside",
         ),
+        (
+            lambda: Tool(drape.Sphere(20.0, (30, 30, -19)), stated=lambda x: x + 100),
+            r"crosses the undeformed ply: node \d+ at \(130, 130, 100\) mm is 1 mm",
+        ),
         (lambda: Holder(drape.Plane(), side=1), "either a gap or a pressure"),
         (lambda: Holder(drape.Plane(), gap=-0.1, side=1), "at least 0 mm"),
         (lambda: Tool(3.0), "surface must have the methods"),
