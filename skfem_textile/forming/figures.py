@@ -212,7 +212,7 @@ def _advice(
     if at_risk.any():
         advice["wrinkles"] = (
             f"fibres are compressed in {100 * share_of_area(ply, at_risk):.3g} % of "
-            "the ply: they may wrinkle, and wrinkles depend on the mesh. Increase the "
-            "force of the holder or the tension at the edges"
+            "the ply: they may wrinkle, and wrinkles depend on the mesh. Reduce the "
+            "gap of the holder, or increase its pressure or the tension at the edges"
         )
     return advice

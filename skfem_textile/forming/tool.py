@@ -396,6 +396,13 @@ class ToolContact(ContactTerm):
         self.parameters = _ContactForces(self)
         self._last: tuple[ndarray, float, Gaps | None] = np.empty(0), 0.0, None
 
+    @staticmethod
+    def check(ply: Any, moved: bool) -> None:
+        """See `check_tools`."""
+        from .checks import check_tools
+
+        check_tools(ply, moved)
+
     def stated(self, x: ndarray) -> ndarray:
         """Positions, shape (3, n), in the axes of messages, see `Tool`."""
         return self._obstacle.stated(x)
