@@ -32,10 +32,10 @@ NOT_FINITE = "a smaller load, more steps, or laws that are finite everywhere"
 # balance them to ten digits.
 _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 
-# Round-off of a stretch, in units of the round-off of a number: with one unit,
-# macro-elements under a small load never converge (`pytest tests/solve/stepper -k
-# round_off`).
-_ROUNDINGS = 4
+#: Round-off of a stretch, in units of the round-off of a number: with one unit,
+#: macro-elements under a small load never converge (`pytest tests/solve/stepper -k
+#: round_off`).
+ROUNDINGS = 4
 
 _MORE_STIFFNESS = "more supports, or a larger stabilisation or shear stiffness"
 
@@ -453,7 +453,7 @@ class Tangent:
         size = np.abs(u).max() + problem.element_size
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
-        rounding = _ROUNDINGS * EPSILON * size
+        rounding = ROUNDINGS * EPSILON * size
         upper, coupling = (
             csr_matrix((np.abs(x.data), x.indices, x.indptr), x.shape)
             for x in self._matrix

@@ -22,6 +22,7 @@ from skfem_textile import (
     Values,
     drape,
 )
+from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
 from skfem_textile.solve.surface.on_surface import SurfaceError
 
 SIDE, RADIUS, GAP, TRAVEL = 60.0, 40.0, 0.3, 25.0
@@ -153,6 +154,18 @@ def test_triangles_form_like_the_surface(state):
     assert forces[0] == pytest.approx(forces[1], rel=0.01)
     angles = [np.degrees(x.ply.shear_angle(x.u)) for x in (state, result)]
     assert np.abs(angles[0] - angles[1]).max() < 0.1
+
+
+@pytest.mark.parametrize("tension", [0.2, 20.0])
+def test_a_step_in_which_nothing_touches_has_no_warning_of_the_energy(tension):
+    """The tension acts on the whole length of the fibres, the energy on their strain."""
+    approach = punch(lambda t: (0, 0, 6 * t - 5.5), side=1)
+    ply = blank(12, 0.5, [approach, ring(GAP / 2)], tension=tension)
+    checks = set(DEFAULT_WARN_ONLY) - {"work"}
+    options = {"steps": 8, "warn_only": checks, "max_halvings": 0}
+    result = LoadStepper(ply, SYMMETRY, **options).run()
+    assert result.converged
+    assert [s.reactions["punch"][2] > 0 for s in result.states] == [False] * 8 + [True]
 
 
 def test_thickness_keeps_the_nodes_away():
