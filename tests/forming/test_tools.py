@@ -158,7 +158,7 @@ def test_triangles_form_like_the_surface(state):
 
 @pytest.mark.parametrize("tension", [0.2, 20.0])
 def test_a_step_in_which_nothing_touches_has_no_warning_of_the_energy(tension):
-    """The tension acts on the whole length of the fibres, the energy on their strain."""
+    """Rounding of stretches changes the energy by tension times length."""
     approach = punch(lambda t: (0, 0, 6 * t - 5.5), side=1)
     ply = blank(12, 0.5, [approach, ring(GAP / 2)], tension=tension)
     checks = set(DEFAULT_WARN_ONLY) - {"work"}
