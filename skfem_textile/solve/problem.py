@@ -32,10 +32,10 @@ NOT_FINITE = "a smaller load, more steps, or laws that are finite everywhere"
 # balance them to ten digits.
 _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 
-# Round-off of a stretch, in units of the round-off of a number: with one unit,
-# macro-elements under a small load never converge (`pytest tests/solve/stepper -k
-# round_off`).
-_ROUNDINGS = 4
+#: Round-off of a stretch, in units of the round-off of a number: with one unit,
+#: macro-elements under a small load never converge (`pytest tests/solve/stepper -k
+#: round_off`).
+ROUNDINGS = 4
 
 _MORE_STIFFNESS = "more supports, or a larger stabilisation or shear stiffness"
 
@@ -103,7 +103,8 @@ class Problem:
     Raises
     ------
     ValueError
-        If a term is ``unsupported`` under the conditions.
+        If a term is ``unsupported`` under the conditions, or a tool has the name of a
+        condition.
     """
 
     def __init__(
@@ -125,6 +126,12 @@ class Problem:
                 raise ValueError(f"load {term.name!r}: {reason}")
         self._loads = [term.name for term in ply.terms if term.role == "load"]
         self.contacts = [x for x in ply.terms if isinstance(x, ContactTerm)]
+        for tool in self.contacts:
+            if tool.name in constraints.nodes:
+                raise ValueError(
+                    f"a tool and a condition have the name {tool.name!r}, under which "
+                    "both report a reaction: rename one of them"
+                )
         self.loaded = len(self._loads) > len(self.contacts)
         self.converged = _UNBALANCED_LOADED if self.loaded else _UNBALANCED
 
@@ -459,7 +466,7 @@ class Tangent:
         size = np.abs(u).max() + problem.element_size
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
-        rounding = _ROUNDINGS * EPSILON * size
+        rounding = ROUNDINGS * EPSILON * size
         upper, coupling = (
             csr_matrix((np.abs(x.data), x.indices, x.indptr), x.shape)
             for x in self._matrix
