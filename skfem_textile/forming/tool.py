@@ -20,7 +20,7 @@ from skfem import CellBasis, LinearForm, asm
 from ..mesh.bases import components, node_positions
 from ..mesh.user_input import call_user_function, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
-from ..ply.terms import ContactTerm
+from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
 from ..solve.surface import Surface
 from ..solve.surface.on_surface import CheckedSurface, SurfaceError, check_surface
 from ..solve.surface.surface import place
@@ -35,10 +35,6 @@ _NO_AREA = 1e-9
 
 # Penetration of the undeformed ply, relative to its extent, that is round-off.
 _ROUND_OFF = 1e-9
-
-# Stiffness of a gap in the tangent, relative to the contact stiffness.  It holds a ply
-# that nothing touches, has no force, and is far below every stiffness of the ply.
-_OF_GAP = 1e-9
 
 # Number of intermediate positions of a node at which it may be inside a tool.
 _INTERMEDIATE = 8
@@ -355,7 +351,7 @@ def node_areas(basis: CellBasis) -> ndarray:
 
 
 class _ContactForces(TermParameters):
-    """Contact forces and stiffnesses; no contact at rest and after each step."""
+    """Contact forces and stiffnesses; no contact at rest."""
 
     def __init__(self, contact: "ToolContact") -> None:
         self._contact = contact
@@ -371,10 +367,6 @@ class _ContactForces(TermParameters):
         """Multipliers max(λ − κ g, 0)."""
         force = self._contact.forces(u, t, values)
         return Values({**values, "force": force})
-
-    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
-        """No contact, until a step has found which nodes touch."""
-        return self.at_rest()
 
 
 class ToolContact(ContactTerm):
@@ -424,8 +416,12 @@ class ToolContact(ContactTerm):
         return self._obstacle.gaps(x, t).gap
 
     def normals(self, u: ndarray, t: float) -> ndarray:
-        """Unit normals of the tool at the nodes, shape (3, n_nodes)."""
+        """See `ContactTerm.normals`."""
         return self._at(u, t).normal
+
+    def curvatures(self, u: ndarray, t: float, nodes: ndarray) -> ndarray:
+        """See `ContactTerm.curvatures`."""
+        return self._obstacle.derivatives(self._at(u, t), nodes, t)[1]
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """See `ContactTerm.forces`."""
@@ -463,7 +459,7 @@ class ToolContact(ContactTerm):
             return None
         force, gap = self.forces(u, t, p), self.gaps(u, t)
         n = np.where(np.isfinite(gap), self._at(u, t).normal, 0.0)
-        K = _OF_GAP * kappa * n[:, None] * n
+        K = STIFFNESS_OF_GAP * kappa * n[:, None] * n
         if (nodes := np.flatnonzero(force)).size:
             normal, H = self._obstacle.derivatives(self._at(u, t), nodes, t)
             K[..., nodes] = kappa[nodes] * normal[:, None] * normal

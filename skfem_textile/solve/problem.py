@@ -309,15 +309,10 @@ class Tangent:
 
     Parameters
     ----------
-    problem, u, parameters
-        The problem, displacement, and parameters of the ply's terms.
-    tension
-        Fibre tensions for the geometric stiffness, instead of the tensions at ``u``.
-    positive
-        True if the element matrices are projected onto positive semi-definite ones.
-    contact
-        Multipliers λ of nodes on surfaces, instead of the multipliers at ``u``; 0 for a
-        tangent without contact forces.
+    problem, u
+        The problem, and the displacement.
+    blocks
+        Its blocks, in the order of the pattern of the ply.
 
     Raises
     ------
@@ -325,23 +320,10 @@ class Tangent:
         If the tangent is singular.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        u: ndarray,
-        parameters: PlyParameters,
-        tension: ndarray | None = None,
-        positive: bool = False,
-        contact: ndarray | float | None = None,
-    ) -> None:
+    def __init__(self, problem: Problem, u: ndarray, blocks: ndarray) -> None:
         self._problem, clock, system = problem, problem.clock, problem.system
-        self._u = u
+        self._u, self._blocks, self._turn = u, blocks, problem.turn(u)
         self.projected = False
-        arguments = u, problem.load_factor, parameters, tension, positive
-        blocks = clock.time("assembly", problem.ply.stiffness, *arguments)
-        self._turn = problem.turn(u)
-        if problem.surfaces:
-            self._blocks = blocks = _curved(problem, u, parameters, blocks, contact)
         if not np.isfinite(blocks.sum()):
             raise NoEquilibriumError("the tangent is not finite", advice=NOT_FINITE)
         self._matrix = clock.time("assembly", reduced, system, blocks, self._turn)
@@ -351,6 +333,37 @@ class Tangent:
             self._factors = clock.time("solve", factorise, self._matrix.upper.data)
         except SingularMatrixError as error:
             raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
+
+    @classmethod
+    def at(
+        cls,
+        problem: Problem,
+        u: ndarray,
+        parameters: PlyParameters,
+        tension: ndarray | None = None,
+        positive: bool = False,
+        contact: ndarray | float | None = None,
+    ) -> "Tangent":
+        """The tangent at a displacement.
+
+        Parameters
+        ----------
+        problem, u, parameters
+            The problem, displacement, and parameters of the ply's terms.
+        tension
+            Fibre tensions for the geometric stiffness, instead of the tensions at
+            ``u``.
+        positive
+            True if the element matrices are projected onto positive semi-definite ones.
+        contact
+            Multipliers λ of nodes on surfaces, instead of the multipliers at ``u``; 0
+            for a tangent without contact forces.
+        """
+        arguments = u, problem.load_factor, parameters, tension, positive
+        blocks = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
+        if problem.surfaces:
+            blocks = _curved(problem, u, parameters, blocks, contact)
+        return cls(problem, u, blocks)
 
     @property
     def definite(self) -> bool:
@@ -496,7 +509,7 @@ def tangent_at(
 ) -> Tangent | None:
     """The consistent tangent; None if it is singular."""
     try:
-        return Tangent(problem, u, parameters)
+        return Tangent.at(problem, u, parameters)
     except NoEquilibriumError:
         return None
 

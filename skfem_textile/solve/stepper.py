@@ -439,7 +439,10 @@ class Run:
         before = sum(state.linear_solves for state in self.states)
         state = trial.trial.state(problem.clock.solves - before)
         settled = trial.settled and not self._depends_on_steps(state)
-        if self.continuation.accepts(step, state, trial.projected, settled):
+        projected = trial.projected
+        if problem.contacts:  # more steps do not resolve a path
+            settled, projected = settled and not projected, 0
+        if self.continuation.accepts(step, state, projected, settled):
             self._append(state, trial.trial)
         else:
             log.info(
