@@ -12,7 +12,7 @@ from skfem_textile.calibration import (
     fit_by_simulation,
     fit_shear,
 )
-from skfem_textile.calibration.regression import covariance_of
+from skfem_textile.calibration.solving import covariance_of
 from skfem_textile.calibration.report import report_text, shear_report
 
 QUINTIC = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))

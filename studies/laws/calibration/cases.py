@@ -28,7 +28,7 @@ from skfem_textile.calibration import (
     fit_shear,
     read_specimen,
 )
-from skfem_textile.calibration.regression import Model
+from skfem_textile.calibration.models import Model
 from skfem_textile.calibration.shear import SHEAR_LAWS
 from skfem_textile.fabric import Law
 from skfem_textile.ply.terms import Formulation
