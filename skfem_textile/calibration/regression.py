@@ -245,6 +245,9 @@ def _quantile(
     return 0.5 * (low + high)
 
 
+# Probability of a zero that is not expected, before the data: most machines are tared.
+_UNEXPECTED = 0.1
+
 # Smallest probability of an alternative that is kept: its share of a tail of 2.5 % is
 # negligible.
 _NEGLIGIBLE = 1e-3
@@ -288,6 +291,8 @@ def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
         return fits[0]
     alone = any(one.beyond_noise for one in fits)
     criterion = np.array([_criterion(one, alone) for one in fits])
+    unexpected = np.array([len(one.free - always) for one in fits])
+    criterion += 2 * np.log(1 / _UNEXPECTED - 1) * unexpected
     weights = np.exp(-0.5 * (criterion - criterion.min()))
     weights /= weights.sum()
     kept = [i for i in range(len(fits)) if weights[i] > _NEGLIGIBLE]

@@ -160,7 +160,9 @@ def _sample(
     _refuse_forces(specimen, used)
     moved, zeros = specimen.displacement, specimen.zeros
     at_rest, most = zeros.force, float(np.abs(specimen.force[used]).max())
-    offsets = [Offset("force at rest", "N", 0.0, -most, most, False)] * (at_rest is None)
+    offsets = []
+    if at_rest is None:
+        offsets.append(Offset("force at rest", "N", 0.0, -most, most, False))
     slides = moved is not None and specimen.measured_angle is None
     if slides and zeros.slack is None:
         assert moved is not None

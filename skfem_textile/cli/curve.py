@@ -55,8 +55,8 @@ def read_test_curve(path: str | os.PathLike[str]) -> dict[str, ndarray]:
     """
     from ..calibration.reading import Format, read_recordings
 
-    signs = dict.fromkeys(_HEADINGS, 1)  # as recorded, for a comparison with a run
-    columns, *others = [one.columns for one in read_recordings(path, Format(signs=signs))]
+    form = Format(signs=dict.fromkeys(_HEADINGS, 1))  # as recorded, like a run
+    columns, *others = [one.columns for one in read_recordings(path, form)]
     if others:
         raise ValueError(
             f"{printable(path)}: the file contains {1 + len(others)} tests: keep one"

@@ -48,8 +48,7 @@ def column(word: str) -> tuple[str, int | str]:
     name, _, where = word.partition("=")
     if not (name and where):
         raise ArgumentTypeError(
-            "expected COLUMN=NUMBER or COLUMN=HEADING, such as force=3, got "
-            f"{word!r}"
+            f"expected COLUMN=NUMBER or COLUMN=HEADING, such as force=3, got {word!r}"
         )
     return name, int(where) if where.isdecimal() else where
 

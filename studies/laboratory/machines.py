@@ -164,7 +164,10 @@ class Export:
             lines += [head * len(tables) for head in heads]
             width, longest = len(heads[0]), max(map(len, tables))
             padded = [t + [[""] * width] * (longest - len(t)) for t in tables]
-            lines += [sum(rows, []) for rows in zip(*padded, strict=True)]
+            lines += [
+                [cell for row in rows for cell in row]
+                for rows in zip(*padded, strict=True)
+            ]
         else:
             for i, table in enumerate(tables):
                 lines += [[of.title.format(i + 1)]] if of.title else []

@@ -22,6 +22,17 @@ _PER_INTERVAL, _MOST_INTERVALS = 10, 8
 # of rows of a local noise level.
 _NEIGHBOURS, _LOCAL = 9, 21
 
+# Steps between neighbouring rows by which a running median may be behind: two, and
+# their curvature.
+_STEPS = 3.0
+
+# Efficiency of the median absolute deviation for normal noise: its degrees of freedom
+# per row.
+_EFFICIENCY = 0.37
+
+# Rows of a running median that follows kinks and steps of a curve.
+_CLOSE = 5
+
 # Maximum number of rounds of fitting without the outliers found; two are usual.
 _ROUNDS = 5
 
@@ -36,7 +47,8 @@ def outliers(x: ndarray, y: ndarray) -> ndarray:
     ``soft_l1``, scaled by the noise of the data), and again without the outliers found.
     The deviation of a row is that from the spline less the median of its neighbours, so
     that a misfit of the spline is no deviation.  It is an outlier beyond the quantile
-    of Student's t that normal noise exceeds in one of a thousand curves.
+    of Student's t that normal noise exceeds in one of a thousand curves, unless it
+    continues the rows next to it, as at a kink.
 
     Parameters
     ----------
@@ -58,7 +70,9 @@ def outliers(x: ndarray, y: ndarray) -> ndarray:
     if not size > 0:
         return found
     basis = _splines(z)
-    limit = special.stdtrit(n - basis.shape[1], 1 - 0.5 * _FALSE / n)
+    freedom = _EFFICIENCY * (n - basis.shape[1])
+    limit = special.stdtrit(freedom, 1 - 0.5 * _FALSE / n)
+    jumps = departures(v, _CLOSE) > _LEAST * size
     flagged = np.zeros(n, dtype=bool)
     for _ in range(_ROUNDS):
         deviation = v - basis @ _robust(basis, v / size, ~flagged) * size
@@ -66,7 +80,7 @@ def outliers(x: ndarray, y: ndarray) -> ndarray:
         noise = NORMAL * float(np.median(np.abs(deviation[~flagged])))
         local = NORMAL * running_median(np.abs(deviation), _LOCAL)
         scale = np.maximum(noise, local)
-        now = np.abs(deviation) > np.maximum(limit * scale, _LEAST * size)
+        now = jumps & (np.abs(deviation) > np.maximum(limit * scale, _LEAST * size))
         if np.array_equal(now, flagged):
             break
         flagged = now
@@ -81,6 +95,16 @@ def running_median(values: ndarray, window: int) -> ndarray:
     return np.median(
         np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=-1
     )
+
+
+def departures(values: ndarray, window: int) -> ndarray:
+    """Distance of each value from its running median; 0 within a few steps of it.
+
+    Next to a kink, a jump or an end, the median of a smooth curve is a step behind.
+    """
+    step = running_median(np.abs(np.gradient(values)), 2 * window + 1)
+    off = np.abs(values - running_median(values, window))
+    return np.where(off > _STEPS * step, off, 0.0)
 
 
 def _scaled(x: ndarray) -> ndarray:

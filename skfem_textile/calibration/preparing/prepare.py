@@ -8,7 +8,7 @@ from numpy import ndarray
 
 from ..reading.recording import Recording, rows_text
 from .branches import REVERSAL, Branch, branches_of, first_complete
-from .outliers import NORMAL, outliers, running_median
+from .outliers import NORMAL, departures, outliers, running_median
 
 #: Branches by name.
 BRANCHES = "loading", "unloading", "both"
@@ -19,7 +19,7 @@ FIRST = 0.06
 # Largest force of the first rows, relative to the largest one, at rest.
 _AT_REST = 0.05
 
-# Rows of the beginning of a curve, whose median is its first value.
+# Rows of the beginning of a curve, whose median force is that at rest.
 _BEGINNING = 3
 
 # Jump of the driving quantity, relative to its range, in a single row, and in standard
@@ -157,11 +157,9 @@ def _jumps(x: ndarray) -> ndarray:
     if x.size <= _NEIGHBOURS:
         return np.zeros(x.size, dtype=bool)
     smooth = running_median(x, _NEIGHBOURS)
-    off = np.abs(x - smooth)
-    noise = NORMAL * float(np.median(off))
-    size = float(np.ptp(smooth))
-    step = np.abs(np.diff(smooth, append=smooth[-1]))
-    return off > np.maximum(max(_JUMP * size, _DEVIATIONS * noise), 2 * step)
+    noise = NORMAL * float(np.median(np.abs(x - smooth)))
+    least = max(_JUMP * float(np.ptp(smooth)), _DEVIATIONS * noise)
+    return departures(x, _NEIGHBOURS) > least
 
 
 def _chosen(
@@ -256,7 +254,7 @@ def _origin(
 ) -> tuple[float, bool, list[str]]:
     """Displacement to subtract, whether the curve begins at rest, and statements."""
     x, f = recording.column(driving), recording.column(force)
-    size, first = float(np.ptp(x)), float(np.median(x[:_BEGINNING]))
+    size, first = float(np.ptp(x)), float(x[0])
     if abs(first) <= FIRST * size + 2 * abs(float(x[min(1, x.size - 1)] - x[0])):
         return 0.0, True, []
     most = float(np.abs(f).max())

@@ -124,7 +124,8 @@ def blocks_of(text: str, separator: str) -> list[Block]:
             if fits:
                 block.rows.append((number, _padded(cells, block.width)))
         else:
-            blocks.append(Block(headings, [line], []))
+            after = [x for x in above if headings and x[0] > headings[-1][0]]
+            blocks.append(Block(headings, [line], after))
         above = []
     if blocks:
         width = blocks[-1].width

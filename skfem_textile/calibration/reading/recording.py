@@ -385,7 +385,9 @@ class _File:
         if block.faulty:
             lines = [line for line, _ in block.faulty]
             text = excerpt(self.separator.join(block.faulty[0][1]))
-            notes.append(f"{rows_text(lines)}: not of the table ('{text}'): left out")
+            notes.append(
+                f"{rows_text(lines)}: no numbers of the table ('{text}'): left out"
+            )
         how = [f"separator {SEPARATORS[self.separator]}"] if block.width > 1 else []
         how.append(MARKS[self.decimal])
         if self.encoding not in ("utf-8", "utf-8-sig"):
