@@ -42,7 +42,7 @@ class CantileverTest:
     angle
         Angle of the chord below the horizontal in radians, shape (n,).
     statements
-        How the file was read.
+        Description of the reading.
     """
 
     name: str

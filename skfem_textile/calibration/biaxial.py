@@ -47,7 +47,7 @@ class BiaxialCurve:
     widths
         Width in mm normal to the warp load, and normal to the weft load.
     statements
-        How the curve was read and prepared.
+        Description of the reading and preparation.
     """
 
     name: str
@@ -117,8 +117,8 @@ def read_biaxial(
 ) -> list[BiaxialCurve]:
     """Tests of a file or folder with strain and force of warp and weft.
 
-    The family with the larger strain determines loading and unloading.  The zeros of
-    strain and force are those of the machine.
+    The family with the larger strain determines loading and unloading.  Strain and
+    force have the zeros of the machine.
 
     Parameters
     ----------

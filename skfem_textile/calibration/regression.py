@@ -261,7 +261,7 @@ def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
 
     Zeros that are not expected are fitted in each of their combinations.  The
     probability of each follows from the Bayesian information criterion (Schwarz 1978);
-    bands are those of the mixture (Hoeting et al. 1999, Statist. Sci. 14:382).
+    bands refer to the mixture (Hoeting et al. 1999, Statist. Sci. 14:382).
 
     Parameters
     ----------
@@ -311,7 +311,7 @@ def _criterion(fit: Fit, alone: bool) -> float:
     """Bayesian information criterion, by the residuals of each curve.
 
     If curves differ, zeros would represent the difference: then each curve counts with
-    a law of its own.
+    a separate law.
     """
     residuals = fit.residuals
     if alone:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import Fabric, Law, Tabulated
+from ..fabric.law import domain_of
 from ..ply import Ply
 from ..scenes.bias_extension import bias_extension
 from ..scenes.rectangle import rectangle
@@ -26,7 +27,7 @@ from . import models
 from .models import Model
 from .regression import Fit, fit
 from .solving import Offset, Sample
-from .specimens import ROUNDING, Specimen, slack_range
+from .specimens import ROUNDING, Specimen, initial_slack, slack_range
 
 log = logging.getLogger(__name__)
 
@@ -167,7 +168,7 @@ def _sample(
     if slides and zeros.slack is None:
         assert moved is not None
         low, high = slack_range(moved)
-        start = float(np.clip(specimen.slack, low, high))
+        start = initial_slack(specimen)
         offsets.append(Offset("slack", "mm", start, low, high, True))
     known = specimen.angle[used]
 
@@ -177,7 +178,7 @@ def _sample(
         if "slack" in values:
             assert moved is not None
             gamma = specimen.angle_at(moved[used], values["slack"])
-            if np.isfinite(law.domain[1]):  # a pole, or the end of a table
+            if np.isfinite(domain_of(law)[1]):  # a pole, or the end of a table
                 gamma = np.fmin(gamma, largest)
         force = specimen.test.force(law, gamma)
         if ratio is not None:

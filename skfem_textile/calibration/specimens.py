@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy import ndarray
 
+from ..fabric import Polynomial
 from ..scenes.shear_test import ShearTest
 from .preparing import Preparation, prepare
 from .preparing.branches import REVERSAL
@@ -20,7 +21,7 @@ BELIEVED = float(np.radians(40.0))
 #: Difference in radians of measured and theoretical angle above which there is slip.
 APART = float(np.radians(2.0))
 
-# Rows of the running median of this difference, so that noise is no slip.
+# Rows of the running median of this difference, so that noise does not count as slip.
 _SMOOTH = 5
 
 #: Rounding tolerance of the end of the range.
@@ -32,10 +33,10 @@ _END = 0.999
 
 # Range of the slack relative to the largest displacement.  Chosen: a negative slack is
 # a pretension; beyond half of the curve the fabric would not be tested.
-_LEAST_SLACK, _MOST_SLACK = -0.1, 0.6
+_LEAST_SLACK, _MOST_SLACK = -0.3, 0.6
 
 # Number of slacks that are compared for an estimate.
-_SLACKS = 71
+_SLACKS = 91
 
 # Share of the measured angles, from the smallest on, that determine the slack.
 _EARLY = 1 / 3
@@ -75,7 +76,7 @@ class Specimen:
     zeros
         Zeros of the machine.
     statements
-        How the curve was read and prepared.
+        Description of the reading and preparation.
     """
 
     name: str
@@ -90,8 +91,8 @@ class Specimen:
     def slack(self) -> float:
         """Slack in mm, or an estimate of it: 0 unless the data contradict it.
 
-        A measured angle determines it from the kinematics; otherwise it is that of the
-        polynomial of degree 5 with the best Bayesian information criterion.
+        A measured angle determines it from the kinematics; otherwise the polynomial of
+        degree 5 with the best Bayesian information criterion.
         """
         if self.zeros.slack is not None or self.displacement is None:
             return self.zeros.slack or 0.0
@@ -246,11 +247,19 @@ def slack_range(displacement: ndarray) -> tuple[float, float]:
     return _LEAST_SLACK * size, _MOST_SLACK * size
 
 
-def _estimated_slack(specimen: Specimen) -> float:
-    """Slack of the best polynomial law; 0 if a law without slack is as good."""
+def initial_slack(specimen: Specimen) -> float:
+    """Slack of the polynomial of degree 5 with the smallest residuals, in mm."""
+    return _estimated_slack(specimen, penalty=0.0)
+
+
+def _estimated_slack(specimen: Specimen, penalty: float | None = None) -> float:
+    """Slack of the best polynomial law; 0 if a law without slack is as good.
+
+    By default the Bayesian information criterion penalises a slack.
+    """
     assert specimen.displacement is not None
     slacks = np.linspace(*slack_range(specimen.displacement), _SLACKS)
-    log_n = float(np.log(specimen.force.size))
+    log_n = float(np.log(specimen.force.size)) if penalty is None else penalty
     found = []
     for force_is_free in {False, specimen.zeros.force is None}:
         found.append((_misfit(specimen, 0.0, force_is_free), 0.0))
@@ -266,12 +275,11 @@ def _misfit(specimen: Specimen, slack: float, force_is_free: bool) -> float:
     with np.errstate(invalid="ignore"):
         used = gamma <= _END * end
     force = specimen.force - (specimen.zeros.force or 0.0)
-    columns = [
-        sum(a * (s * gamma) ** k for s, a in specimen.test.arms(gamma))
-        for k in (1, 3, 5)
-    ]
-    columns += [np.ones(gamma.size)] * force_is_free
-    A, b = np.transpose(columns)[used], force[used]
+    laws = [Polynomial((1.0,)), Polynomial((0, 0, 1.0)), Polynomial((0, 0, 0, 0, 1.0))]
+    columns = [specimen.test.force(law, gamma) for law in laws]
+    if force_is_free:
+        columns.append(np.ones(gamma.size))
+    A, b = np.transpose(np.array(columns))[used], force[used]
     if len(b) <= A.shape[1]:
         return np.inf
     rest = b - A @ np.linalg.lstsq(A, b)[0]

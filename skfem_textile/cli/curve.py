@@ -33,7 +33,7 @@ _HEADINGS = {
 def read_test_curve(path: str | os.PathLike[str]) -> dict[str, ndarray]:
     """Read the columns of a test curve by heading.
 
-    The file has one test, see `calibration.read_recordings`, with at least one
+    The file contains one test, see `calibration.read_recordings`, with at least one
     displacement or angle, and at least one force.  Cells may be empty.
 
     Parameters

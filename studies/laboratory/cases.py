@@ -43,6 +43,10 @@ GROUPS = "clean", "contaminated", "force at rest"
 #: force at rest relative to the largest force.
 TOE, LOSS, OUTLIERS, AT_REST = (0.5, 4.0), (0.1, 0.4), (1, 4), (0.02, 0.15)
 
+#: Number of files by group: judged, and with which constants were chosen.
+NUMBERS = {"clean": 150, "contaminated": 150, "force at rest": 60}
+CHOSEN = dict.fromkeys(GROUPS, 60)
+
 # Outliers: readings of an overload in N, or multiples of the noise.
 _OVERLOADS, _MULTIPLES = (99999.0, -9999.0), (12.0, 60.0)
 
@@ -88,9 +92,9 @@ class File:
         return np.random.default_rng((self.seed, group, self.judged))
 
     def rows(self) -> list[Row]:
-        """Whether the file is read as written, and the law is within its band."""
+        """Check that the file is read as written, and the law within its band."""
         drawn = _drawn(self)
-        row: Row = {"group": self.group, **drawn.description}
+        row: Row = {"group": self.group, "judged": self.judged, **drawn.description}
         with TemporaryDirectory() as folder:
             path = Path(folder) / "test.csv"
             path.write_bytes(drawn.export.written(drawn.curves))
@@ -104,7 +108,7 @@ class File:
 
 @dataclass(frozen=True)
 class _Drawn:
-    """What a file is made of."""
+    """Content of a file."""
 
     law: Law
     name: str
@@ -226,13 +230,12 @@ class Doubtful:
 
     what: str
     machine: str
-    judged: bool = True
 
     def __str__(self) -> str:
         return f"doubtful: {self.what}, {self.machine}"
 
     def rows(self) -> list[Row]:
-        """Whether the file is refused with the option that decides."""
+        """Check that the file is refused with the option that decides."""
         rng = np.random.default_rng(list(MACHINES).index(self.machine))
         export = Export.drawn(self.machine, rng)
         moved = np.linspace(0.0, 30.0, 60)
@@ -262,9 +265,17 @@ class Doubtful:
 Case = File | Doubtful
 
 
-def all_cases(number: int, seed: int) -> Sequence[Case]:
-    """Files that are judged, half of them contaminated, and some that are refused."""
+def all_cases(seed: int) -> Sequence[Case]:
+    """Files of each group, and files that must be refused.
+
+    The files ``chosen`` are those with which constants of the library were chosen.
+    """
     return [
-        *(File(seed + i // 3, GROUPS[i % 3]) for i in range(number)),
+        *(
+            File(first + i, group, judged)
+            for judged, first, numbers in ((True, seed, NUMBERS), (False, 0, CHOSEN))
+            for group, number in numbers.items()
+            for i in range(number)
+        ),
         *(Doubtful(what, machine) for what in DOUBTFUL for machine in MACHINES),
     ]

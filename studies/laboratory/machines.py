@@ -35,10 +35,10 @@ class Machine:
         Names of time, displacement and force, in the order of the columns; `order`
         names what they are.
     units
-        ``row`` for units in a row of their own, ``(`` or ``[`` for brackets in the
+        ``row`` for units in a separate row, ``(`` or ``[`` for brackets in the
         headings, ``in`` for a word.
     separators, decimals, encodings
-        What the machine, or the locale of its computer, may write.
+        Choices of the machine, or of the locale of its computer.
     beside
         True if repeats are side by side, else one below the other.
     title
@@ -140,7 +140,7 @@ class Export:
 
     @classmethod
     def drawn(cls, machine: str, rng: np.random.Generator) -> "Export":
-        """Choices at random among those of the machine."""
+        """Choices at random among the options of the machine."""
         of = MACHINES[machine]
         separator = str(rng.choice(of.separators))
         marks = [mark for mark in of.decimals if mark != separator or of.quoted]

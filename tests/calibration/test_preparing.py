@@ -165,15 +165,16 @@ def test_the_force_at_rest_is_fitted_where_the_data_show_it():
 
 @pytest.mark.parametrize("toe", [0.0, 2.0])
 def test_bands_contain_the_law_at_the_stated_rate_with_unknown_zeros(toe):
+    """The rate is 95 %: of 25 seeds, three standard deviations are 3.3 seeds."""
     gamma, inside = np.radians([5.0, 15.0, 30.0, 38.0]), []
 
     def value(law):
         return law.value(gamma)
 
-    for seed in range(100):
+    for seed in range(25):
         low, high = fit_shear([specimen(toe, seed=seed)]).fit.band(value)
         inside.append((low <= value(LAW)) & (value(LAW) <= high))
-    assert np.all(np.mean(inside, axis=0) >= 0.88)
+    assert np.all(np.mean(inside, axis=0) >= 0.8)
 
 
 def test_the_band_with_unknown_zeros_is_that_of_the_joint_fit():

@@ -12,7 +12,8 @@ from .outliers import running_median
 #: above the noise of a machine.
 REVERSAL = 0.1
 
-# Rows of the running median of the motion: spikes of one or two rows are no reversal.
+# Rows of the running median of the motion: spikes of one or two rows do not count as
+# reversals.
 _SMOOTH = 5
 
 # Distance to the end of a branch, relative to the range, within which the motion is at

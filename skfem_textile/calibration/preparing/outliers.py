@@ -1,5 +1,7 @@
 """Rows that deviate from a smooth curve through their neighbours."""
 
+import importlib
+
 import numpy as np
 from numpy import ndarray
 from scipy import special
@@ -46,7 +48,7 @@ def outliers(x: ndarray, y: ndarray) -> ndarray:
     A cubic spline is fitted with a robust loss (`scipy.optimize.least_squares` with
     ``soft_l1``, scaled by the noise of the data), and again without the outliers found.
     The deviation of a row is that from the spline less the median of its neighbours, so
-    that a misfit of the spline is no deviation.  It is an outlier beyond the quantile
+    that a misfit of the spline does not count.  It is an outlier beyond the quantile
     of Student's t that normal noise exceeds in one of a thousand curves, unless it
     continues the rows next to it, as at a kink.
 
@@ -123,13 +125,13 @@ def _splines(z: ndarray) -> ndarray:
 
 def _robust(basis: ndarray, v: ndarray, kept: ndarray) -> ndarray:
     """Coefficients by the loss ``soft_l1``, from the running median."""
-    from scipy.optimize import least_squares  # imported only if needed
-
+    optimize = importlib.import_module("scipy.optimize")  # only if needed
     A, b = basis[kept], v[kept]
     start = np.linalg.lstsq(A, running_median(b, _NEIGHBOURS))[0]
     noise = NORMAL * float(np.median(np.abs(A @ start - b)))
     if not noise > 0:
         return start
-    return least_squares(
+    found = optimize.least_squares(
         lambda c: A @ c - b, start, lambda c: A, loss="soft_l1", f_scale=noise
-    ).x
+    )
+    return np.asarray(found.x)

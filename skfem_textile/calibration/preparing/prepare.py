@@ -35,7 +35,7 @@ _COMPARED = 50
 
 @dataclass(frozen=True)
 class Preparation:
-    """Choices that take precedence over those of `prepare`.
+    """Choices that take precedence over the content of a recording.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ def read_text(path: Path, encoding: str | None = None) -> tuple[str, str]:
     Raises
     ------
     ValueError
-        If the file is no text, is a workbook, or is not in the given encoding.
+        If the file is not a text file, is a workbook, or is not in the given encoding.
     OSError
         If it cannot be read.
     """

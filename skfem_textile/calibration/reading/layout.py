@@ -102,8 +102,8 @@ def _single_column(text: str) -> str:
 def blocks_of(text: str, separator: str) -> list[Block]:
     """Blocks of numbers; tables of few rows beside longer ones are omitted.
 
-    A line with a heading ends a block.  Numbers below it belong to the same block if it
-    has no heading for each column, as for a comment.
+    A line with a heading ends a block.  Numbers below it belong to the same block if
+    there is no heading for each column, as for a comment.
     """
     lines = split(text, separator)
     least = 2 if any(_is_data(cells, 2) for _, cells in lines) else 1
@@ -140,7 +140,7 @@ def _has_number(cells: Sequence[str]) -> bool:
 
 
 def _is_data(cells: Sequence[str], least: int) -> bool:
-    """True if a line has enough numbers, and at most as many other texts."""
+    """True if a line contains enough numbers, and at most as many other texts."""
     numbers = sum(map(is_number, cells))
     filled = sum(map(bool, cells))
     return numbers >= least and 2 * numbers >= filled
@@ -180,7 +180,7 @@ def _heading_cells(line: str, width: int) -> list[str]:
 
 
 def column_headings(block: Block) -> list[tuple[str, str]]:
-    """Name and unit of each column as text; the unit may be in a row of its own."""
+    """Name and unit of each column as text; the unit may be in a separate row."""
     names, units = [""] * block.width, [""] * block.width
     for _, cells in block.headings:
         if 2 * sum(map(is_unit, cells)) >= max(sum(map(bool, cells)), 1):

@@ -75,7 +75,7 @@ def decimal_mark(cells: Iterable[str], separator: str) -> str:
             evidence.setdefault(mark, text)
         else:
             doubtful.setdefault(mark, text)
-    if separator == ",":  # an unquoted comma is no decimal mark
+    if separator == ",":  # an unquoted comma is not a decimal mark
         doubtful.pop(".", None)
         if "," not in evidence and "," not in doubtful:
             return "."

@@ -1,7 +1,7 @@
 """Recordings of tests, from the files of testing machines.
 
-What a file does not say is decided by its content, and stated; each decision has an
-option.  A file that allows two readings is refused with both.
+Missing information is determined from the content of a file, and stated; an option
+overrules each decision.  A file that allows two readings is refused with both.
 """
 
 import os
@@ -56,7 +56,7 @@ class Format:
     Raises
     ------
     ValueError
-        If a name is not that of a quantity, or a property is unknown.
+        If a name is not a quantity, or a property is unknown.
     """
 
     encoding: str | None = None
@@ -108,7 +108,7 @@ class Recording:
     rows
         Line of each value in the file, shape (n,).
     statements
-        How the file was read, and which rows contain no numbers.
+        Description of the reading, and which rows contain no numbers.
     """
 
     name: str
@@ -460,7 +460,7 @@ def _option(name: str) -> str:
 def _with_directions(recording: Recording, form: Format) -> Recording:
     """Recording with forces positive in tension, and displacements along them.
 
-    The sign of a force is that of its large values.  A displacement is turned if large
+    A force has the sign of its large values.  A displacement is turned if large
     forces are at small displacements.
     """
     columns, turned = dict(recording.columns), []
@@ -497,7 +497,7 @@ def _points_down(force: ndarray) -> bool:
 
 
 def _opposed(moved: ndarray, force: ndarray) -> bool:
-    """True if displacements of large forces are smaller than those of small ones."""
+    """True if displacements of large forces are smaller than at small ones."""
     known = np.isfinite(moved) & np.isfinite(force)
     x, f = moved[known], force[known]
     if x.size < 2:
