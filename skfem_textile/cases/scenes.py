@@ -446,7 +446,7 @@ class FormedBySymmetricTools(Formed):
 
 
 class HemisphereForming(FormedBySymmetricTools, tag="hemisphere_forming"):
-    """a ply that a sphere forms through a die with a round hole"""
+    """a ply that a punch with a hemispherical end forms through a round hole"""
 
     radius_mm: Annotated[float, about("radius of the punch")] = 75.0
     fillet_mm: Annotated[float, about("radius of the fillet of the die")] = 10.0

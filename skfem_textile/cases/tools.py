@@ -97,6 +97,7 @@ class ToolTable(Table, tag_field="surface"):
             "thickness": self.thickness_mm,
             "outline": outline,
             "name": self.name or f"tool_{number}",
+            "stated": axes.of_tool,
         }
         if self.gap_mm is None and self.pressure_N_per_mm2 is None:
             return Tool(**common)
@@ -254,6 +255,20 @@ class TorusTool(ToolTable, tag="torus", kw_only=True):
         return Torus(self.radius_mm, self.tube_mm, point, self.axis)
 
 
+class PunchTool(ToolTable, tag="punch", kw_only=True):
+    """shaft with a hemispherical end"""
+
+    radius_mm: Annotated[float, about("radius of the shaft and of the hemisphere")]
+    point_mm: Annotated[Vector, about("centre of the hemisphere")]
+    axis: Annotated[Vector, about("direction from the shaft to the tip")] = _UP
+
+    def surface_in(self, axes: "Axes") -> "Surface":
+        """See `ToolTable.surface_in`."""
+        from ..drape import Punch
+
+        return Punch(self.radius_mm, _moved(self.point_mm, axes), self.axis)
+
+
 class DieTool(ToolTable, tag="die", kw_only=True):
     """plane with a round hole and a fillet"""
 
@@ -277,6 +292,7 @@ AnyTool: TypeAlias = (
     | CylinderTool
     | ConeTool
     | TorusTool
+    | PunchTool
     | DieTool
 )
 

@@ -17,6 +17,7 @@ from .guide_curve import edge_through
 from .kinematic_net import NetStart, net, nets
 from .laying import Status
 from .part import points_of_part
+from .punch_and_die import Die, Punch
 from .risks import (
     beyond_edges,
     bridging,
@@ -30,7 +31,6 @@ from .start_search import BestStart, best_start, shear_over
 from .surfaces import (
     Cone,
     Cylinder,
-    Die,
     Height,
     HeightField,
     Plane,
@@ -63,6 +63,7 @@ __all__ = [
     "PatternWithDarts",
     "Pieces",
     "Plane",
+    "Punch",
     "SeamLine",
     "Sheet",
     "SheetPoints",

@@ -1,4 +1,4 @@
-"""Analytical surfaces: plane, cylinder, sphere, cone, torus, die, height field.
+"""Analytical surfaces: plane, cylinder, sphere, cone, torus, height field.
 
 Except for the plane, φ is positive outside.  Each is a function of the position
 relative to a point and, except for the sphere, of the distance r from an axis and the
@@ -22,10 +22,6 @@ _ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 # Lower bound in mm of a distance from an axis or a centre used as a divisor.
 _TINY = 1e-300
-
-# Slope of the level of a die along the axis of its hole, where it enters the hole.
-# Chosen: the level remains above 0.7 of the radius.
-_SLOPE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +96,12 @@ class Sphere:
         return x - np.asarray(self.centre)[:, None]
 
 
-class _OfRevolution:
+class OfRevolution:
     """Surface of revolution, φ = f(r, z), by the derivatives of f.
 
     With the radial, axial and circumferential unit vectors e_r, e_z and e_t the Hessian
-    is f_rr e_r e_r + f_rz (e_r e_z + e_z e_r) + f_zz e_z e_z + (f_r/r) e_t e_t.
+    is f_rr e_r e_r + f_rz (e_r e_z + e_z e_r) + f_zz e_z e_z + (f_r/r) e_t e_t.  On the
+    axis f_r/r is f_rr, and e_r any direction.
     """
 
     point: Vector
@@ -144,13 +141,18 @@ class _OfRevolution:
         along = np.broadcast_to(np.asarray(self.axis)[:, None], x.shape)
         rr, rz, zz = self._ddf(r, z)
         of_r, _ = self._df(r, z)
+        axis = np.asarray(self.axis)
+        beside = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+        beside /= np.linalg.norm(beside)
+        across = np.where(r > 0, across, beside[:, None])
+        bend = np.where(r > 0, of_r / np.maximum(r, _TINY), rr)
         around = np.cross(along, across, axis=0)
         mixed = across[:, None] * along[None]
         return (
             rr * across[:, None] * across[None]
             + rz * (mixed + mixed.swapaxes(0, 1))
             + zz * along[:, None] * along[None]
-            + of_r / np.maximum(r, _TINY) * around[:, None] * around[None]
+            + bend * around[:, None] * around[None]
         )
 
     def _cylindrical(self, x: ndarray) -> tuple[ndarray, ndarray, ndarray]:
@@ -164,7 +166,7 @@ class _OfRevolution:
 
 
 @dataclass(frozen=True, eq=False)
-class Cylinder(_OfRevolution):
+class Cylinder(OfRevolution):
     """Cylinder, with φ as the distance from it.
 
     Parameters
@@ -195,7 +197,7 @@ class Cylinder(_OfRevolution):
 
 
 @dataclass(frozen=True, eq=False)
-class Cone(_OfRevolution):
+class Cone(OfRevolution):
     """Cone that opens along its axis; φ is the distance on the opening side.
 
     Parameters
@@ -230,7 +232,7 @@ class Cone(_OfRevolution):
 
 
 @dataclass(frozen=True, eq=False)
-class Torus(_OfRevolution):
+class Torus(OfRevolution):
     """Torus, with φ as the distance from it.
 
     Parameters
@@ -272,104 +274,6 @@ class Torus(_OfRevolution):
         away = np.maximum(np.hypot(r - self.radius, z), _TINY)
         c, s = self._df(r, z)
         return s * s / away, -c * s / away, c * c / away
-
-
-@dataclass(frozen=True, eq=False)
-class Die(_OfRevolution):
-    """Plane with a round hole and a fillet; φ is the distance, positive outside.
-
-    Within half of the radius from the axis of the hole, where the wall has no closest
-    point, φ is a smooth function instead of the distance.
-
-    Parameters
-    ----------
-    radius
-        Radius of the hole in mm.
-    fillet
-        Radius of the fillet between plane and hole in mm.
-    point
-        Centre of the hole in the plane, in mm.
-    axis
-        Direction from the plane into the hole.
-
-    Examples
-    --------
-    The distances of a point below the plane, and of one beside the fillet:
-
-    >>> import numpy as np
-    >>> from skfem_textile import drape
-    >>> die = drape.Die(80.0, 10.0)
-    >>> die.level(np.array([[120.0, 82.0], [0.0, 0.0], [-2.0, 2.0]])).round(4)
-    array([2.    , 1.3137])
-    """
-
-    radius: float
-    fillet: float
-    point: Vector = _ORIGIN
-    axis: Vector = _UP
-
-    def __post_init__(self) -> None:
-        for name in ("radius", "fillet"):
-            value = positive_length(f"die: {name}", getattr(self, name))
-            object.__setattr__(self, name, value)
-        self._prepare("die")
-
-    def _f(self, r: ndarray, z: ndarray) -> ndarray:
-        inside, _, _ = self._core(r)
-        depth, _, _ = self._depth(z)
-        return self._section(r, z)[0] - inside * depth
-
-    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
-        _, n_r, n_z, _ = self._section(r, z)
-        _, slope, _ = self._rounded(r)
-        inside, inside_r, _ = self._core(r)
-        depth, depth_z, _ = self._depth(z)
-        return n_r * slope - inside_r * depth, n_z - inside * depth_z
-
-    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        _, n_r, n_z, curved = self._section(r, z)
-        _, slope, bend = self._rounded(r)
-        inside, inside_r, inside_rr = self._core(r)
-        depth, depth_z, depth_zz = self._depth(z)
-        return (
-            curved * (n_z * slope) ** 2 + n_r * bend - inside_rr * depth,
-            -curved * n_r * n_z * slope - inside_r * depth_z,
-            curved * n_r**2 - inside * depth_zz,
-        )
-
-    def _section(self, r: ndarray, z: ndarray) -> tuple[ndarray, ...]:
-        """Distance in the section, its derivatives by r and z, and its curvature."""
-        r, z = self._rounded(r)[0] - (self.radius + self.fillet), z - self.fillet
-        plane, wall = (r >= 0) & (z <= r), (z >= 0) & (r < z)
-        away = np.maximum(np.hypot(r, z), _TINY)
-        distance = np.where(plane, -z, np.where(wall, -r, away)) - self.fillet
-        n_r = np.where(plane, 0.0, np.where(wall, -1.0, r / away))
-        n_z = np.where(plane, -1.0, np.where(wall, 0.0, z / away))
-        return distance, n_r, n_z, np.where(plane | wall, 0.0, 1 / away)
-
-    def _rounded(self, r: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        """Distance r from the axis, rounded to an even polynomial near it."""
-        half = 0.5 * self.radius
-        s = np.minimum(r / half, 1.0)
-        even = half * (3 + 6 * s**2 - s**4) / 8
-        return np.where(s < 1, even, r), 1.5 * s - 0.5 * s**3, 1.5 * (1 - s**2) / half
-
-    def _core(self, r: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        """Weight of `_depth` and its derivatives: 1 on the axis, 0 at half radius."""
-        half = 0.5 * self.radius
-        s = np.minimum(r / half, 1.0)
-        c = 1 - s**2
-        return c**3, -6 * s * c**2 / half, (24 * s**2 * c - 6 * c**2) / half**2
-
-    def _depth(self, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        """Bounded function of the depth and its derivatives.
-
-        It is so small that φ is positive on the axis, and its slope is not zero there.
-        """
-        s = z / self.radius
-        slope = _SLOPE / (1 + s**2)
-        bend = -2 * slope * s / (1 + s**2) / self.radius
-        return _SLOPE * self.radius * np.arctan(s), slope, bend
 
 
 def _vector(what: str, value: Vector) -> ndarray:

@@ -1,21 +1,22 @@
 """Checks of tools before a run: room for the ply between them, and contact with it."""
 
 from collections.abc import Sequence
+from itertools import permutations
 
 import numpy as np
 from numpy import ndarray
 
 from ..ply import Ply
-from ..solve.conditions import Conditions, Constraints
-from ..solve.surface.surface import place
 from .tool import ToolContact
 
-# Numbers of projections after which penetrations are compared, the ratio of the second
-# to the first above which they do not decrease any more, and penetration relative to
-# the size of the ply below which a point is between the tools.  Chosen: between tools
-# that touch, penetrations decrease in proportion to 1/n, or to 1/sqrt(n) at least, by a
-# ratio of 0.71; between tools that cross they have a limit.
-_FIRST, _SECOND, _NO_LESS, _FREE = 50, 100, 0.9, 1e-6
+# Penetration relative to the size of the ply that is round-off, and most projections of
+# a point onto a tool, which are exact to first order.
+_FREE, _MOST = 1e-6, 20
+
+# Cosine of the angle between the normals of two tools at the undeformed ply below which
+# they are on opposite sides of it.  Chosen: 120°, so that the walls and the bottom of a
+# box, which overlap beneath each other, are not.
+_OPPOSITE = -0.5
 
 # Number of intervals in which tools push points along.  Chosen: tools pass over no
 # point if they move by less than their size in an interval.
@@ -30,22 +31,20 @@ _ROUND_OFF = 1e-9
 
 
 def check_tools(
-    ply: Ply,
-    conditions: Conditions | None = None,
-    load_factors: tuple[float, float] = (0.0, 1.0),
+    ply: Ply, moved: bool = False, load_factors: tuple[float, float] = (0.0, 1.0)
 ) -> None:
     """Refuse tools that leave no room for a ply, or that never touch it.
 
-    The tools push each node along from the first load factor to the second, by
-    projections out of one tool after the other.  Tools that cross, but have room for
-    every node beside, are not found.
+    `LoadStepper` calls it before each run.  Each tool pushes the nodes along from the
+    first load factor to the second.  A node that one tool pushes into another on the
+    opposite side of the ply has no room, because the two tools cross.
 
     Parameters
     ----------
     ply
         Ply with tools; one without is valid.
-    conditions
-        Its displacement conditions.
+    moved
+        True if conditions prescribe displacements.
     load_factors
         Load factors at the beginning and end of the run.
 
@@ -54,7 +53,7 @@ def check_tools(
     ValueError
         If there is no room for a node, if the whole undeformed ply is behind the
         surface of a tool, or if nothing touches the ply: no tool at any load factor,
-        and no load or support moves the ply out of its plane.  The message names the
+        and no load or condition moves the ply out of its plane.  The message names the
         tools and, if there is no room, the node, its position and the penetration.
 
     Examples
@@ -78,29 +77,73 @@ def check_tools(
         if tool._obstacle.reach is None:  # holders may close from far away
             _refuse_behind(ply, tool, load_factors[0])
     touched = _pushed(ply, tools, load_factors)
-    end = load_factors[1]
-    moved = conditions is not None and _moves(ply, conditions, end)
-    if not (touched or moved or _has_normal_load(ply, end)):
+    if not (touched or moved or _has_normal_load(ply, load_factors[1])):
         _refuse_untouched(ply, tools, load_factors)
 
 
 def _pushed(
     ply: Ply, tools: Sequence[ToolContact], load_factors: tuple[float, float]
 ) -> bool:
-    """Refuse tools without room for a node; returns True if they push one.
-
-    Raises
-    ------
-    ValueError
-        If there is no room for a node.
-    """
-    X, free, touched = np.pad(ply.nodes, ((0, 1), (0, 0))), _FREE * _size(ply), False
-    x = X
+    """Refuse tools that cross; returns True if they push a node."""
+    X, free = np.pad(ply.nodes, ((0, 1), (0, 0))), _FREE * _size(ply)
+    x, normals = [X] * len(tools), [_normal(x, X, load_factors[0]) for x in tools]
+    pairs = permutations(range(len(tools)), 2)
+    opposite = [(i, j) for i, j in pairs if normals[i] @ normals[j] < _OPPOSITE]
+    touched = False
     for t in np.linspace(*load_factors, _PUSHES + 1).tolist():
-        after = _with_room(tools, X, x, t, free)
-        touched |= bool((after != x).any())
-        x = after
+        pushed = [_pushed_out(*pair, t, free) for pair in zip(tools, x, strict=True)]
+        x = [at for at, _ in pushed]
+        touched |= any(nodes.size for _, nodes in pushed)
+        for i, j in opposite:
+            _refuse_crossing(tools[i], tools[j], X, *pushed[i], t, free)
     return touched
+
+
+def _normal(tool: ToolContact, X: ndarray, t: float) -> ndarray:
+    """Normal of a tool at the nearest node; zero if it does not reach any."""
+    at = tool._obstacle.gaps(X, t)
+    nearest = int(at.gap.argmin())
+    return np.where(np.isfinite(at.gap[nearest]), at.normal[:, nearest], 0.0)
+
+
+def _pushed_out(
+    tool: ToolContact, x: ndarray, t: float, free: float
+) -> tuple[ndarray, ndarray]:
+    """Points with those inside a tool on its surface, and the numbers of these."""
+    at = tool._obstacle.gaps(x, t)
+    nodes = np.flatnonzero(at.gap < -free)
+    on_tool, gap, normal = x[:, nodes], at.gap[nodes], at.normal[:, nodes]
+    for _ in range(_MOST):
+        off = np.isfinite(gap) & (np.abs(gap) > free)
+        if not off.any():
+            break
+        on_tool = on_tool - np.where(off, gap, 0.0) * normal
+        gap, normal, *_ = tool._obstacle.gaps(on_tool, t)
+    x = x.copy()
+    x[:, nodes] = on_tool
+    return x, nodes[np.abs(gap) <= free]
+
+
+def _refuse_crossing(
+    one: ToolContact,
+    other: ToolContact,
+    X: ndarray,
+    x: ndarray,
+    nodes: ndarray,
+    t: float,
+    free: float,
+) -> None:
+    """Refuse a tool that pushes some nodes X, to points x, into another tool."""
+    depth = np.maximum(-other.gaps_at(x[:, nodes], t), 0.0)
+    if depth.max(initial=0.0) <= 2 * free:
+        return
+    node, most = int(nodes[depth.argmax()]), float(depth.max())
+    raise ValueError(
+        f"tools {one.name!r} and {other.name!r} leave no room for the ply at load "
+        f"factor {t:g}: {one.name!r} pushes node {node}, at {one.place(X[:, node])} in "
+        f"the undeformed ply, {most:.3g} mm into {other.name!r}: reduce the "
+        "travel, enlarge the opening, or move the tools apart"
+    )
 
 
 def _refuse_untouched(
@@ -131,11 +174,6 @@ def _size(ply: Ply) -> float:
     return float(np.ptp(ply.nodes, axis=1).max())
 
 
-def _moves(ply: Ply, conditions: Conditions, t: float) -> bool:
-    """True if a condition prescribes a displacement."""
-    return bool(Constraints(ply.basis, conditions).fixed_values(t).any())
-
-
 def _has_normal_load(ply: Ply, t: float) -> bool:
     flat = ply.basis.zeros()
     load = np.abs(ply.nodal(ply.load(flat, t)))
@@ -151,63 +189,3 @@ def _refuse_behind(ply: Ply, tool: ToolContact, t: float) -> None:
             f"tool {tool.name!r}: the whole undeformed ply is behind its surface, by "
             f"up to {-gaps.min():.3g} mm: reverse its side, or move the tool"
         )
-
-
-def _with_room(
-    tools: Sequence[ToolContact], X: ndarray, x: ndarray, t: float, free: float
-) -> ndarray:
-    """Points outside all tools, of nodes X; an error if there is none for some node."""
-    x, before = _projected(tools, x, t, free, _FIRST)
-    if before.max() <= free:
-        return x
-    x, depth = _projected(tools, x, t, free, _SECOND - _FIRST)
-    stuck = (depth > free) & (depth > _NO_LESS * before)
-    if not stuck.any():
-        return x
-    node = int(np.where(stuck, depth, 0.0).argmax())
-    names = " and ".join(repr(name) for name in _around(tools, x[:, [node]], t, free))
-    raise ValueError(
-        f"tools {names} leave no room for the ply at load factor {t:g}: node {node}, "
-        f"at {place(X[:, node])} in the undeformed ply, is at least "
-        f"{depth[node]:.3g} mm inside one of them: reduce the travel, or move the "
-        "tools apart"
-    )
-
-
-def _projected(
-    tools: Sequence[ToolContact], x: ndarray, t: float, free: float, most: int
-) -> tuple[ndarray, ndarray]:
-    """Points after projections, and their penetrations in mm, shape (n,)."""
-    x, depth = x.copy(), _depth(tools, x, t)
-    for _ in range(most):
-        inside = np.flatnonzero(depth > free)
-        if not inside.size:
-            break
-        for tool in tools:
-            x[:, inside] = _outside(tool, x[:, inside], t)
-        depth[inside] = _depth(tools, x[:, inside], t)
-    return x, depth
-
-
-def _outside(tool: ToolContact, x: ndarray, t: float) -> ndarray:
-    """Points projected out of a tool, to first order."""
-    at = tool._obstacle.gaps(x, t)
-    return x - np.where(at.gap < 0, at.gap, 0.0) * at.normal
-
-
-def _depth(tools: Sequence[ToolContact], x: ndarray, t: float) -> ndarray:
-    """Largest penetration of points into a tool in mm, shape (n,)."""
-    gap = np.min([tool.gaps_at(x, t) for tool in tools], axis=0)
-    return np.maximum(-gap, 0.0)
-
-
-def _around(
-    tools: Sequence[ToolContact], x: ndarray, t: float, free: float
-) -> list[str]:
-    """Names of the tools between which a point, shape (3, 1), is projected."""
-    names = []
-    for tool in tools:
-        if tool.gaps_at(x, t)[0] < -free:
-            names.append(tool.name)
-        x = _outside(tool, x, t)
-    return names

@@ -30,7 +30,8 @@ def formed(result: Result) -> dict[str, float | str]:
     For each tool ``NAME_travel_mm``, ``NAME_force_N``, the force on the ply along the
     motion of the tool that travels farthest, ``NAME_penetration_mm``, the largest depth
     of the ply in the tool between nodes (`smallest_gap`), and
-    ``NAME_max_pressure_N_per_mm2``.  Of the ply the draw-in, the areal weight relative
+    ``NAME_max_pressure_N_per_mm2``.  Places are in the axes ``stated`` by the tools.
+    Of the ply the draw-in, the areal weight relative
     to the flat ply, to which the thickness at constant fibre fraction and the
     fibre fraction at constant thickness are proportional, and risks.
 
@@ -54,7 +55,7 @@ def formed(result: Result) -> dict[str, float | str]:
     at_risk = wrinkle_risk(ply, state.u, state.parameters)
     return {
         **_of_tools(ply, state, tools, gaps),
-        **_deepest(gaps),
+        **_deepest(tools, gaps),
         **_draw_in(ply, state.u),
         **_areal_weight(ply, state.u),
         **_curvature(ply, state, tools),
@@ -125,13 +126,16 @@ def _of_tools(
     return figures
 
 
-def _deepest(gaps: dict[str, SmallestGap | None]) -> dict[str, float | str]:
+def _deepest(
+    tools: Sequence[ToolContact], gaps: dict[str, SmallestGap | None]
+) -> dict[str, float | str]:
     """Tool, place and element of the deepest penetration; empty if there is none."""
     inside = {name: x for name, x in gaps.items() if x is not None and x.gap < 0}
     if not inside:
         return {}
     name, deepest = min(inside.items(), key=lambda item: item[1].gap)
-    places = zip("xyz", deepest.place.tolist(), strict=True)
+    at = tools[0].stated(deepest.place[:, None])[:, 0]
+    places = zip("xyz", at.tolist(), strict=True)
     return {
         "max_penetration_tool": name,
         **{f"max_penetration_at_{axis}_mm": x for axis, x in places},
@@ -208,7 +212,7 @@ def _advice(
     if at_risk.any():
         advice["wrinkles"] = (
             f"fibres are compressed in {100 * share_of_area(ply, at_risk):.3g} % of "
-            "the ply: they may wrinkle, and wrinkles depend on the mesh. Increase the "
-            "force of the holder or the tension at the edges"
+            "the ply: they may wrinkle, and wrinkles depend on the mesh. Reduce the "
+            "gap of the holder, or increase its pressure or the tension at the edges"
         )
     return advice

@@ -36,7 +36,7 @@ class Holder:
         Pressure in N/mm² towards the surface, uniform over the part of the ply within
         the outline; or a function of the load factor.  Either a gap or a pressure is
         given.
-    motion, side, thickness, outline, name
+    motion, side, thickness, outline, name, stated
         See `Tool`.
 
     Examples
@@ -60,6 +60,7 @@ class Holder:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     name: str = "holder"
+    stated: Callable[[ndarray], ndarray] = lambda x: x
 
     def on(self, basis: CellBasis) -> "ToolContact | HolderPressure":
         """Term on a basis of the displacement.
@@ -118,16 +119,25 @@ class HolderPressure(ElementTerm):
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Pressure times the volume between the ply and the surface."""
+        nodes, forces = self._pressed(t, p)
         distance = self._obstacle.side * self._gaps(u, t).distance
-        return float(self._forces(t, p) @ distance)
+        return float(forces @ distance[nodes])
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Forces towards the surface."""
-        return -(self._forces(t, p) * self._derivatives(u, t)[0]).T.ravel()
+        nodes, forces = self._pressed(t, p)
+        f = np.zeros((self.nodes.size, 3))
+        slope, _ = self._obstacle.derivatives(self._gaps(u, t), nodes, t)
+        f[nodes] = -(forces * slope).T
+        return f.ravel()
 
     def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Their derivative: nodal blocks, shape (1, 3, 3, n_nodes)."""
-        return -(self._forces(t, p) * self._derivatives(u, t)[1])[None]
+        nodes, forces = self._pressed(t, p)
+        K = np.zeros((3, 3, self.nodes.size))
+        _, bend = self._obstacle.derivatives(self._gaps(u, t), nodes, t)
+        K[..., nodes] = -forces * bend
+        return K[None]
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
         """Derivative of the residual."""
@@ -136,16 +146,13 @@ class HolderPressure(ElementTerm):
         data = np.ascontiguousarray(np.moveaxis(blocks, 2, 0)), np.arange(n)
         return bsr_matrix((*data, np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
 
-    def _forces(self, t: float, p: Values) -> ndarray:
-        return self._pressure(t) * self._areas * p["covered"]
+    def _pressed(self, t: float, p: Values) -> tuple[ndarray, ndarray]:
+        """Numbers of the nodes under the holder, and the forces on them in N."""
+        nodes = np.flatnonzero(p["covered"])
+        return nodes, self._pressure(t) * self._areas[nodes] * p["covered"][nodes]
 
     def _gaps(self, u: ndarray, t: float) -> Gaps:
         return self._obstacle.gaps(self._obstacle.X + u.reshape(-1, 3).T, t)
-
-    def _derivatives(self, u: ndarray, t: float) -> tuple[ndarray, ndarray]:
-        """Derivatives of the gap at all nodes."""
-        every = np.arange(self.nodes.size)
-        return self._obstacle.derivatives(self._gaps(u, t), every, t)
 
 
 def _amount(

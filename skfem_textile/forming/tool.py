@@ -20,9 +20,9 @@ from skfem import CellBasis, LinearForm, asm
 from ..mesh.bases import components, node_positions
 from ..mesh.user_input import call_user_function, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
-from ..ply.terms import ContactTerm
+from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
 from ..solve.surface import Surface
-from ..solve.surface.on_surface import CheckedSurface, check_surface
+from ..solve.surface.on_surface import CheckedSurface, SurfaceError, check_surface
 from ..solve.surface.surface import place
 from .outline import inside
 
@@ -35,10 +35,6 @@ _NO_AREA = 1e-9
 
 # Penetration of the undeformed ply, relative to its extent, that is round-off.
 _ROUND_OFF = 1e-9
-
-# Stiffness of a gap in the tangent, relative to the contact stiffness.  It holds a ply
-# that nothing touches, has no force, and is far below every stiffness of the ply.
-_OF_GAP = 1e-9
 
 # Number of intermediate positions of a node at which it may be inside a tool.
 _INTERMEDIATE = 8
@@ -71,6 +67,9 @@ class Tool:
         outside do not touch the tool.  None for no outline.
     name
         Name of the term, of the force of the tool, and of its travel.
+    stated
+        Function that converts positions, shape (3, n), to the axes of messages, figures
+        and sections.
 
     Examples
     --------
@@ -94,6 +93,7 @@ class Tool:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     name: str = "tool"
+    stated: Callable[[ndarray], ndarray] = lambda x: x
 
     def on(self, basis: CellBasis) -> "ToolContact":
         """Term on a basis of the displacement.
@@ -173,6 +173,8 @@ class Obstacle:
     reach
         Function of the load factor: largest distance of the ply from the surface, for a
         holder; None for a tool, which keeps the ply away from the surface.
+    stated
+        See `Tool`.
     """
 
     what: str
@@ -182,7 +184,12 @@ class Obstacle:
     side: int
     half: float
     outline: ndarray | None
-    reach: Callable[[float], float] | None = None
+    reach: Callable[[float], float] | None
+    stated: Callable[[ndarray], ndarray]
+
+    def place(self, position: ndarray) -> str:
+        """Position in a message, given in the axes of the ply, shape (3,)."""
+        return place(self.stated(position[:, None])[:, 0])
 
     @classmethod
     def of(
@@ -206,26 +213,51 @@ class Obstacle:
         for t in (0.0, 1.0):
             placement(what, tool.motion, t)
         outline = _corners(what, tool.outline)
-        obstacle = cls(what, tool.surface, tool.motion, X, 1, half, outline, reach)
-        side = tool.side or obstacle._side_at_rest()
-        return replace(obstacle, side=side)
+        side = tool.side or 1
+        obstacle = cls(
+            *(what, tool.surface, tool.motion, X, side, half, outline, reach),
+            tool.stated,
+        )
+        if tool.side is None:
+            return replace(obstacle, side=obstacle._side_at_rest())
+        return obstacle
 
     def gaps(self, x: ndarray, t: float) -> Gaps:
-        """Gaps of points, shape (3, n)."""
+        """Gaps of points, shape (3, n).
+
+        Raises
+        ------
+        SurfaceError
+            If level or gradient of the surface is not finite at a point that the tool
+            may touch.
+        """
         rotation, translation = placement(self.what, self.motion, t)
         local = rotation.T @ (x - translation[:, None])
         near, unit = self._near(local)
         level, gradient = self._first_order(local[:, near])
+        within = self._within(local[:, near])
+        values = np.vstack([level, gradient])[:, within]
+        self._refuse_undefined("level or gradient", values, x[:, near[within]])
         slope = np.linalg.norm(gradient, axis=0)
         regular = slope > 0  # it vanishes where a point has no closest one
-        near, slope = near[regular], slope[regular]
+        near, slope, within = near[regular], slope[regular], within[regular]
         distance, slopes = np.full((2, x.shape[1]), np.inf)
         distance[near], slopes[near] = level[regular] / slope, slope
         unit[:, near] = gradient[:, regular] / slope
-        touched = near[self._within(local[:, near])]
+        touched = near[within]
         gap = np.full(x.shape[1], np.inf)
         gap[touched] = self._sign * distance[touched] + self._offset(t)
         return Gaps(gap, self._sign * rotation @ unit, distance, local, slopes)
+
+    def _refuse_undefined(self, method: str, values: ndarray, x: ndarray) -> None:
+        """Refuse values of the surface, shape (m, n), not finite at points (3, n)."""
+        defined = np.isfinite(values).all(axis=0)
+        if not defined.all():
+            raise SurfaceError(
+                f"{self.what}: {method} of the surface is not finite at "
+                f"{self.place(x[:, defined.argmin()])}",
+                advice="a surface that is finite beyond the ply, or an outline",
+            )
 
     def _near(self, x: ndarray) -> tuple[ndarray, ndarray]:
         """Numbers of points that may touch the surface, and normals at the others."""
@@ -242,9 +274,12 @@ class Obstacle:
 
         Shapes (3, n) and (3, 3, n).
         """
-        rotation, _ = placement(self.what, self.motion, t)
-        surface = CheckedSurface(self.what, self.surface)
-        H = surface.hessian(at.local[:, nodes]) * (self._sign / at.slope[nodes])
+        rotation, translation = placement(self.what, self.motion, t)
+        surface, local = CheckedSurface(self.what, self.surface), at.local[:, nodes]
+        H = surface.hessian(local)
+        x = rotation @ local + translation[:, None]
+        self._refuse_undefined("hessian", H.reshape(9, -1), x)
+        H = H * (self._sign / at.slope[nodes])
         H = np.einsum("ai,ijn,bj->abn", rotation, H, rotation)
         n = at.normal[:, nodes]
         turn = np.einsum("ijn,jn->in", H, n)  # zero if φ is a distance
@@ -291,8 +326,8 @@ class Obstacle:
             node = int(depth.argmax())
             raise ValueError(
                 f"{self.what} crosses the undeformed ply: node {node} at "
-                f"{place(self.X[:, node])} is {depth[node]:.3g} mm inside it: move the "
-                "tool, or specify its side"
+                f"{self.place(self.X[:, node])} is {depth[node]:.3g} mm inside it: "
+                "move the tool, or specify its side"
             )
         return 1 if above > below else -1
 
@@ -316,7 +351,7 @@ def node_areas(basis: CellBasis) -> ndarray:
 
 
 class _ContactForces(TermParameters):
-    """Contact forces and stiffnesses; no contact at rest and after each step."""
+    """Contact forces and stiffnesses; no contact at rest."""
 
     def __init__(self, contact: "ToolContact") -> None:
         self._contact = contact
@@ -332,10 +367,6 @@ class _ContactForces(TermParameters):
         """Multipliers max(λ − κ g, 0)."""
         force = self._contact.forces(u, t, values)
         return Values({**values, "force": force})
-
-    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
-        """No contact, until a step has found which nodes touch."""
-        return self.at_rest()
 
 
 class ToolContact(ContactTerm):
@@ -357,6 +388,21 @@ class ToolContact(ContactTerm):
         self.parameters = _ContactForces(self)
         self._last: tuple[ndarray, float, Gaps | None] = np.empty(0), 0.0, None
 
+    @staticmethod
+    def check(ply: Any, moved: bool) -> None:
+        """See `check_tools`."""
+        from .checks import check_tools
+
+        check_tools(ply, moved)
+
+    def stated(self, x: ndarray) -> ndarray:
+        """Positions, shape (3, n), in the axes of messages, see `Tool`."""
+        return self._obstacle.stated(x)
+
+    def place(self, position: ndarray) -> str:
+        """Position in a message, given in the axes of the ply, shape (3,)."""
+        return self._obstacle.place(position)
+
     def travel(self, t: float) -> ndarray:
         """Translation of the tool in mm, shape (3,)."""
         return self._placement(t)[1]
@@ -370,8 +416,12 @@ class ToolContact(ContactTerm):
         return self._obstacle.gaps(x, t).gap
 
     def normals(self, u: ndarray, t: float) -> ndarray:
-        """Unit normals of the tool at the nodes, shape (3, n_nodes)."""
+        """See `ContactTerm.normals`."""
         return self._at(u, t).normal
+
+    def curvatures(self, u: ndarray, t: float, nodes: ndarray) -> ndarray:
+        """See `ContactTerm.curvatures`."""
+        return self._obstacle.derivatives(self._at(u, t), nodes, t)[1]
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """See `ContactTerm.forces`."""
@@ -409,7 +459,7 @@ class ToolContact(ContactTerm):
             return None
         force, gap = self.forces(u, t, p), self.gaps(u, t)
         n = np.where(np.isfinite(gap), self._at(u, t).normal, 0.0)
-        K = _OF_GAP * kappa * n[:, None] * n
+        K = STIFFNESS_OF_GAP * kappa * n[:, None] * n
         if (nodes := np.flatnonzero(force)).size:
             normal, H = self._obstacle.derivatives(self._at(u, t), nodes, t)
             K[..., nodes] = kappa[nodes] * normal[:, None] * normal

@@ -122,7 +122,8 @@ def section(
 ) -> Figure:
     """Section through a formed ply and its tools, one panel per state.
 
-    Tools are filled to a small depth behind their faces.
+    Tools are filled to a small depth behind their faces.  Coordinates are in the axes
+    ``stated`` by the tools; off the x axis, distances from the origin of the ply.
 
     Parameters
     ----------
@@ -149,6 +150,7 @@ def section(
         states = np.unique(even).tolist()
     chosen = [every[i] for i in states]
     low, high = _extent(result.ply, chosen, angle)
+    origin = _origin(result.ply, angle)
     columns = min(2, len(chosen))
     rows = -(-len(chosen) // columns)
     width = (PAGE if columns > 1 else COLUMN) / 25.4
@@ -163,11 +165,11 @@ def section(
             axes = figure.add_subplot(rows, columns, i, aspect="equal")
             for tool in placed:
                 depth = _DEPTH * float((high - low).max())
-                _fill(axes, tool, angle, depth, colours[tool.name])
-            cut = _of_ply(result.ply, state, angle)
+                _fill(axes, tool, angle, depth, colours[tool.name], origin)
+            cut = origin + _of_ply(result.ply, state, angle)
             axes.add_collection(LineCollection(list(cut), capstyle="round", **_PLY))
-            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-            axes.set_title(stage_of(result, state))
+            xlim, ylim = zip(origin + low, origin + high, strict=True)
+            axes.set(xlim=xlim, ylim=ylim, title=stage_of(result, state))
             axes.set(xlabel="In the plane (mm)" if angle else "x (mm)", ylabel="z (mm)")
         handles: list[Artist] = [Line2D([], [], label="ply", **_PLY)]
         handles += [Patch(color=c, label=name) for name, c in colours.items()]
@@ -209,6 +211,12 @@ def _in_plane(x: ndarray, angle: float) -> ndarray:
     return np.array([np.cos(angle) * x[0] + np.sin(angle) * x[1], x[2]])
 
 
+def _origin(ply: Ply, angle: float) -> ndarray:
+    """Origin of the ply in the coordinates of a section, shape (2,)."""
+    x, _, z = contacts(ply)[0].stated(np.zeros((3, 1)))[:, 0]
+    return np.array([0.0 if angle else x, z])
+
+
 def _extent(ply: Ply, states: Sequence[State], angle: float) -> tuple[ndarray, ndarray]:
     """Corners of a section that contains a ply in all states, with a margin."""
     x = np.hstack([_in_plane(_positions(ply, state), angle) for state in states])
@@ -232,10 +240,16 @@ def _tools(
 
 
 def _fill(
-    axes: Axes, tool: PlacedTool, angle: float, depth: float, colour: str
+    axes: Axes,
+    tool: PlacedTool,
+    angle: float,
+    depth: float,
+    colour: str,
+    origin: ndarray,
 ) -> None:
     """Draw the face of a tool, and fill it to a depth behind the face."""
     ends, triangles = _cut(tool.points, tool.triangles, angle)
+    ends = origin + ends
     normal = _in_plane(tool.normals[:, triangles], angle)
     length = np.linalg.norm(normal, axis=0)
     behind = depth * (normal / np.where(length > 0, length, 1.0)).T[:, None]

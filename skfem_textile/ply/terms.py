@@ -124,6 +124,11 @@ class ElementTerm(Term):
         raise NotImplementedError
 
 
+#: Stiffness of a gap in the tangent, relative to the contact stiffness.  It holds a ply
+#: that nothing touches, has no force, and is far below every stiffness of the ply.
+STIFFNESS_OF_GAP = 1e-9
+
+
 class ContactTerm(ElementTerm):
     """Contact of nodes with a tool that moves with the load factor.
 
@@ -137,11 +142,27 @@ class ContactTerm(ElementTerm):
     role = "load"
     line_search = True
 
+    @staticmethod
+    def check(ply: Any, moved: bool) -> None:
+        """Refuse the contact terms of this class in a ply, before a run.
+
+        Raises a ValueError if they leave no room for the ply or never touch it;
+        ``moved`` is True if conditions prescribe displacements.
+        """
+
     def gaps(self, u: ndarray, t: float) -> ndarray:
         """Distances g of the nodes from the tool in mm, shape (n_nodes,).
 
         Infinite for nodes that the tool cannot touch.
         """
+        raise NotImplementedError
+
+    def normals(self, u: ndarray, t: float) -> ndarray:
+        """Unit normals of the tool at the nodes, shape (3, n_nodes)."""
+        raise NotImplementedError
+
+    def curvatures(self, u: ndarray, t: float, nodes: ndarray) -> ndarray:
+        """Second derivatives ∇²g of the gaps of some nodes, shape (3, 3, n)."""
         raise NotImplementedError
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:

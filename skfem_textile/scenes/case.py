@@ -81,13 +81,9 @@ class Case:
         Raises
         ------
         ValueError
-            See `Ply`, `check_tools` and `LoadStepper`.
+            See `Ply` and `LoadStepper`.
         """
         ply = self.ply()
-        if self.scene.tools:
-            from ..forming.checks import check_tools  # needed with tools only
-
-            check_tools(ply, self.scene.conditions)
         return LoadStepper(
             ply,
             self.scene.conditions,

@@ -12,7 +12,7 @@ symmetric under half a turn about z.
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Unpack
 
@@ -27,7 +27,7 @@ from ..drape import (
     Height,
     HeightField,
     Plane,
-    Sphere,
+    Punch,
     TriangleMesh,
 )
 from ..drape import double_dome as dome
@@ -122,7 +122,7 @@ def formed_ply(
         dimension=3,
         fibre_ends=dict.fromkeys(held, "mirror"),
         loads=(ConstantTension(tension, held),) if tension else (),
-        tools=tuple(tools),
+        tools=tuple(replace(tool, stated=axes.of_tool) for tool in tools),
         measured=partial(_measured, holding=() if held else tuple(held_at)),
         misfit=_NO_EXACT,
         axes=axes,
@@ -191,7 +191,7 @@ def hemisphere_forming(
     gap: float = 0.3,
     **ply: Unpack[PlyOptions],
 ) -> Scene:
-    """Ply that a sphere forms through a die with a round hole.
+    """Ply that a punch with a hemispherical end forms through a round hole.
 
     The radius of the hole is larger than the punch by `CLEARANCE`.
 
@@ -225,7 +225,7 @@ def hemisphere_forming(
     """
     name = "hemisphere_forming"
     radius, middle = positive_length(f"{name}: radius", radius), 0.5 * _gap(name, gap)
-    punch = Sphere(radius, (0.0, 0.0, -radius - middle))
+    punch = Punch(radius, (0.0, 0.0, -radius - middle))
     die = Die(radius + CLEARANCE, fillet, (0.0, 0.0, middle))
     tools = _pressed(name, punch, die, _upwards(name, travel), gap)
     return formed_ply(name, tools, mesh, **ply)
@@ -312,21 +312,26 @@ def forming(
     ------
     ValueError
         See `formed_ply`; also if a tool is smaller than an element of the ply, or the
-        punch begins beyond the holder.
+        punch begins beyond the holder or passes it completely.
     """
     middle, up = 0.5 * _gap("forming", gap), float(np.sign(travel))
-    lowest = float((up * die.facets.points[2]).min())
-    axes = Axes(np.array([*centre, up * (lowest - middle)]))
+    flange = float((up * die.facets.points[2]).min())
+    axes = Axes(np.array([*centre, up * (flange - middle)]))
     parts = {"punch": punch.moved(*axes), "die": die.moved(*axes)}
     tools = _pressed("forming", **parts, travel=travel, gap=gap)
     options: PlyOptions = {"part": "whole", **ply}
     scene = formed_ply("forming", tools, mesh, axes, **options)
     _refuse_tiny(parts, scene.mesh)
-    highest = float((up * parts["punch"].facets.points[2]).max())
-    if highest > 0:
+    heights, plane = up * parts["punch"].facets.points[2], f"{axes.origin[2]:.6g} mm"
+    if (highest := float(heights.max())) > 0:
         raise ValueError(
             f"forming: the punch begins {highest:.4g} mm beyond the plane of the ply, "
-            f"z = {axes.origin[2]:.6g} mm: move it back along z"
+            f"z = {plane}: move it back along z"
+        )
+    if (lowest := float(heights.min()) + abs(travel)) > 0:
+        raise ValueError(
+            f"forming: the whole punch passes the plane of the ply, z = {plane}, by "
+            f"{lowest:.4g} mm: extend its walls, or reduce the travel"
         )
     return scene
 

@@ -1,18 +1,20 @@
-"""Contact with tools: stiffnesses and forces of the augmented Lagrangian.
+"""Contact with tools: states, and increments that find the nodes that touch.
 
-The nodes that touch are found with a contact stiffness as soft as the ply, which
-increments do not overshoot.  With one as stiff as the fibres, each update of the
-contact forces then reduces the penetration to a small part, until it is round-off: no
-state depends on either stiffness.  The energy of the augmented Lagrangian is convex
-normal to the tools, so that its tangent is positive definite if the reduced tangent
-is, on the motions along the tools.
+The contact forces λ of a state are parameters, multipliers of the augmented Lagrangian
+(`ContactTerm`) with a contact as stiff as the fibres.  No state depends on that
+stiffness, because updates of the forces reduce the penetration to round-off.
 """
+
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
 from ..ply.parameters import Frozen, PlyParameters, Values
-from .problem import Problem
+from ..ply.terms import STIFFNESS_OF_GAP
+from .problem import Problem, Tangent
+from .states import NoEquilibriumError
 
 #: Penetration and contact force over stiffness, relative to the size of the ply, below
 #: which contact is a constraint.
@@ -21,39 +23,74 @@ CLOSED = 1e-9
 # Smallest stiffness by which forces are divided, in N/mm.
 _TINY = 1e-300
 
+# Maximum number of linear solves by which an increment finds the nodes that touch.
+# Chosen: with more, early iterations solve for nodes that the next ones change; with
+# one, the nodes of flat plies between two tools alternate.
+_MOST_SOLVES = 3
+
+# Shift of a tangent relative to the contact stiffness, with the values of Wächter &
+# Biegler (2006): the first, smallest and largest one, its growth until one was found
+# and later, and its decrease in the next increment.
+_FIRST_SHIFT, _LEAST_SHIFT, _LARGEST_SHIFT = 1e-4, 1e-20, 1e40
+_FIRST_GROWTH, _GROWTH, _DECREASE = 100.0, 8.0, 3.0
+
+# Slope of the energy, relative to its value before an increment, that has nearly
+# vanished; shortest part by which regula falsi reduces an interval; and its maximum
+# number of steps.
+_FLAT, _MARGIN, _MOST_PARTS = 0.5, 0.1, 12
+
 
 def is_set(problem: Problem, parameters: PlyParameters) -> bool:
     """True if the contact stiffnesses of a state have been found."""
     return all(parameters[x.name]["stiffness"].any() for x in problem.contacts)
 
 
-def soft(
+def with_stiffness(
     problem: Problem, u: ndarray, parameters: PlyParameters, tension: ndarray
 ) -> PlyParameters:
-    """Parameters without contact forces, and with a contact as soft as the ply.
+    """Parameters with contacts as stiff as fibres.
 
-    The stiffness is the mean over the nodes of the smallest stiffness of a node, which
-    is normal to the ply.  Fibre tensions are arguments of `Ply.stiffness`.
+    The stiffness is the mean over the nodes of the largest stiffness of a node, without
+    contact.  Fibre tensions are arguments of `Ply.stiffness`.
     """
-    return _with(problem, parameters, _stiffness(problem, u, parameters, tension)[0])
+    ply, bare = problem.ply, without(problem, parameters)
+    blocks = ply.stiffness(u, problem.load_factor, bare, tension)
+    largest = np.linalg.eigvalsh(blocks[_of_nodes(problem)])[:, -1].mean()
+
+    def stiff(values: Values) -> Values:
+        stiffness = np.full_like(values["stiffness"], largest)
+        return Values({**values, "stiffness": stiffness})
+
+    stiffened = {x.name: stiff(parameters[x.name]) for x in problem.contacts}
+    return Frozen({**parameters, **stiffened})
 
 
-def stiff(
-    problem: Problem, u: ndarray, parameters: PlyParameters, tension: ndarray
+def towards(
+    problem: Problem,
+    parameters: PlyParameters,
+    forces: dict[str, ndarray],
+    share: float,
 ) -> PlyParameters:
-    """Parameters with the forces of a displacement, and a contact as stiff as fibres.
+    """Parameters with contact forces moved by a share of the way to other ones."""
 
-    The stiffness is the mean over the nodes of the largest stiffness of a node.
-    """
-    after = problem.ply.updated(parameters, u, problem.load_factor, tension)
-    largest = _stiffness(problem, u, parameters, tension)[1]
-    forces = {x.name: after[x.name]["force"] for x in problem.contacts}
-    return _with(problem, after, largest, forces)
+    def moved(values: Values, force: ndarray) -> Values:
+        force = values["force"] + share * (force - values["force"])
+        return Values({**values, "force": force})
+
+    changed = {
+        x.name: moved(parameters[x.name], forces[x.name]) for x in problem.contacts
+    }
+    return Frozen({**parameters, **changed})
 
 
 def of_tools(problem: Problem, parameters: PlyParameters) -> dict[str, Values]:
     """Parameters of the contact with tools, by name."""
     return {x.name: parameters[x.name] for x in problem.contacts}
+
+
+def forces(problem: Problem, parameters: PlyParameters) -> dict[str, ndarray]:
+    """Contact forces λ by name of the tool, shape (n_nodes,)."""
+    return {x.name: parameters[x.name]["force"] for x in problem.contacts}
 
 
 def error(problem: Problem, u: ndarray, parameters: PlyParameters) -> float:
@@ -87,27 +124,199 @@ def resultants(
     }
 
 
-def _stiffness(
-    problem: Problem, u: ndarray, parameters: PlyParameters, tension: ndarray
-) -> tuple[float, float]:
-    """Mean smallest and largest stiffness of the nodes without contact, in N/mm."""
-    ply, bare = problem.ply, without(problem, parameters)
-    blocks = ply.stiffness(u, problem.load_factor, bare, tension)
-    of_nodes = blocks[ply.pattern.rows == ply.pattern.cols]
-    least, _, most = np.linalg.eigvalsh(of_nodes).T
-    return float(np.maximum(least, 0.0).mean()), float(most.mean())
+class Increment(NamedTuple):
+    """Increment of the displacement.
+
+    Attributes
+    ----------
+    du
+        The increment, shape (n_unknowns,).
+    tangent
+        Tangent with the nodes that touch.
+    forces
+        Contact forces after it to first order, by name of the tool.
+    shifted
+        True if the tangent was not positive definite.
+    """
+
+    du: ndarray
+    tangent: Tangent
+    forces: dict[str, ndarray]
+    shifted: bool
 
 
-def _with(
-    problem: Problem,
-    parameters: PlyParameters,
-    stiffness: float,
-    forces: dict[str, ndarray] | None = None,
-) -> PlyParameters:
-    values = {}
-    for contact in problem.contacts:
-        n = len(parameters[contact.name]["force"])
-        force = np.zeros(n) if forces is None else forces[contact.name]
-        stiffnesses = np.full(n, stiffness)
-        values[contact.name] = Values({"force": force, "stiffness": stiffnesses})
-    return Frozen({**parameters, **values})
+class Increments:
+    """Increments to the minimum of a model of the energy, with linearised gaps.
+
+    Apart from contact the model is of second order.  The nodes that touch after the
+    increment are found by a primal–dual active set strategy (Hintermüller, Ito &
+    Kunisch 2002): each linear solve assumes those after the previous one, until they
+    remain the same.  A tangent that is not positive definite is shifted (Wächter &
+    Biegler 2006, algorithm IC).
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem, self._nodes = problem, _of_nodes(problem)
+        self._last_shift = 0.0
+
+    def __call__(
+        self,
+        u: ndarray,
+        f: ndarray,
+        parameters: PlyParameters,
+        tension: ndarray,
+        forces: dict[str, ndarray],
+        fixed_values: ndarray,
+    ) -> Increment:
+        """Increment from a displacement.
+
+        Parameters
+        ----------
+        u, f, parameters
+            Displacement, its nodal forces, and parameters of the terms.
+        tension
+            Fibre tensions in the geometric stiffness.
+        forces
+            Contact forces λ in −λ∇²g, by name of the tool.
+        fixed_values
+            Values of the fixed unknowns after the increment.
+        """
+        problem, t = self._problem, self._problem.load_factor
+        f, K = self._without_contact(u, f, parameters, tension, forces)
+        gaps = [
+            _LinearGap(
+                x.gaps(u, t), x.normals(u, t), parameters[x.name], forces[x.name]
+            )
+            for x in problem.contacts
+        ]
+        shift = 0.0
+        for _ in range(_MOST_SOLVES):
+            stiffness, force = K.copy(), f.copy()
+            for gap in gaps:
+                stiffness[self._nodes] += gap.stiffness()
+                force += gap.residual()
+            tangent, shift = self._definite(u, stiffness, gaps[0].kappa, shift)
+            du = tangent.increment(force, u, fixed_values)
+            changed = [gap.changed(problem.nodal(du)) for gap in gaps]
+            if not any(changed):
+                break
+        self._last_shift = shift or self._last_shift
+        names = [contact.name for contact in problem.contacts]
+        after = {x: gap.force for x, gap in zip(names, gaps, strict=True)}
+        return Increment(du, tangent, after, shift > 0)
+
+    def _without_contact(
+        self,
+        u: ndarray,
+        f: ndarray,
+        parameters: PlyParameters,
+        tension: ndarray,
+        forces: dict[str, ndarray],
+    ) -> tuple[ndarray, ndarray]:
+        """Nodal forces without tools, and stiffness less λ∇²g."""
+        problem, t = self._problem, self._problem.load_factor
+        arguments = u, t, without(problem, parameters), tension
+        K = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
+        for contact in problem.contacts:
+            f = f - contact.residual(u, t, parameters[contact.name])
+            force = forces[contact.name]
+            nodes = np.flatnonzero(force)
+            curvature = contact.curvatures(u, t, nodes)
+            K[self._nodes[nodes]] -= (force[nodes] * curvature).T
+        return f, K
+
+    def _definite(
+        self, u: ndarray, K: ndarray, kappa: float, shift: float
+    ) -> tuple[Tangent, float]:
+        """A positive definite tangent, and its shift relative to a stiffness κ."""
+        last = self._last_shift
+        while shift <= _LARGEST_SHIFT:
+            shifted = K.copy()
+            shifted[self._nodes] += shift * kappa * np.eye(3)
+            try:
+                tangent = Tangent(self._problem, u, shifted)
+                if tangent.definite:
+                    return tangent, shift
+            except NoEquilibriumError:  # it is singular
+                pass
+            if shift:
+                shift *= _GROWTH if last else _FIRST_GROWTH
+            else:
+                shift = max(last / _DECREASE, _LEAST_SHIFT) if last else _FIRST_SHIFT
+        raise NoEquilibriumError("no shift of the tangent makes it positive definite")
+
+
+@dataclass
+class _LinearGap:
+    """Linearised gap g + n·Δu of all nodes, with λ, κ, and forces max(λ − κ g, 0).
+
+    Shapes (n_nodes,), and (3, n_nodes) of the normals.
+    """
+
+    gap: ndarray
+    normal: ndarray
+    p: Values
+    force: ndarray
+
+    @property
+    def kappa(self) -> float:
+        """Contact stiffness in N/mm."""
+        return float(self.p["stiffness"].max())
+
+    def residual(self) -> ndarray:
+        """Nodal forces −(λ − κ g) n of the nodes that touch."""
+        force = np.where(self.force > 0, self.p["force"] - self.kappa * self.gap, 0.0)
+        return np.ravel(-(force * self.normal).T)
+
+    def stiffness(self) -> ndarray:
+        """Their derivatives κ n nᵀ, far smaller at gaps, shape (n_nodes, 3, 3)."""
+        of_gap = np.where(np.isfinite(self.gap), STIFFNESS_OF_GAP, 0.0)
+        kappa = self.kappa * np.where(self.force > 0, 1.0, of_gap)
+        return np.asarray((kappa * self.normal[:, None] * self.normal).T)
+
+    def changed(self, du: ndarray) -> bool:
+        """True if other nodes touch after an increment, shape (3, n_nodes)."""
+        before, gap = self.force > 0, self.gap + (self.normal * du).sum(axis=0)
+        self.force = np.maximum(self.p["force"] - self.kappa * gap, 0.0)
+        return not np.array_equal(before, self.force > 0)
+
+
+def settling(
+    problem: Problem, u: ndarray, du: ndarray, f: ndarray, parameters: PlyParameters
+) -> float:
+    """The share of an increment at which the energy stops to decrease.
+
+    The slope of the energy is the work of the nodal forces over the increment. It
+    increases where nodes touch a tool; its root is found by regula falsi.  Near a
+    state differences of the energy are round-off, but slopes are not.
+    """
+
+    def slope_at(share: float) -> float:
+        return float(problem.residual(problem.moved(u, share * du), parameters) @ du)
+
+    before, after = float(f @ du), slope_at(1.0)
+    flat = _FLAT * abs(before)
+    if before >= 0 or after <= flat:
+        return 1.0
+    low, high, share = (0.0, before), (1.0, after), 1.0
+    for _ in range(_MOST_PARTS):
+        (a, at_a), (b, at_b) = low, high
+        root = (a * at_b - b * at_a) / (at_b - at_a) if np.isfinite(at_b) else 0.5 * a
+        margin = _MARGIN * (b - a)
+        share = min(max(root, a + margin), b - margin)
+        slope = slope_at(share)
+        if abs(slope) <= flat:
+            break
+        low, high = ((share, slope), high) if slope < 0 else (low, (share, slope))
+    return share
+
+
+def _of_nodes(problem: Problem) -> ndarray:
+    """Numbers of the diagonal blocks of the nodes in the pattern."""
+    pattern = problem.ply.pattern
+    return np.flatnonzero(pattern.rows == pattern.cols)

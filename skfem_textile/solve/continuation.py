@@ -233,12 +233,12 @@ class Continuation:
 
 
 def moves(problem: Problem, load_factors: Iterable[float]) -> bool:
-    """True if tools or conditions prescribe a motion, or nodes are on surfaces.
+    """True if conditions prescribe a motion, or nodes are on surfaces.
 
     Raises an error if a condition has no valid value at one of the load factors.
     """
     values = [problem.constraints.fixed_values(t).any() for t in load_factors]
-    return bool(problem.surfaces or problem.contacts or any(values))
+    return bool(problem.surfaces or any(values))
 
 
 def loads_drive(

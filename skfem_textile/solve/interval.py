@@ -210,7 +210,7 @@ class _Changes:
         for part in ply.parts(u, state.load_factor, p):
             if part.role in _NUMERICAL:
                 by_role[part.role] = by_role.get(part.role, 0.0) + part.forces
-        tangent, rate = Tangent(problem, u, p), _rate(problem)
+        tangent, rate = Tangent.at(problem, u, p), _rate(problem)
         work, motions = 0.0, []
         reactions = {name: np.zeros_like(f) for name, f in state.reactions.items()}
         log_range = ply.formulation.log_range(ply.mesh)

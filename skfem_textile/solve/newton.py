@@ -53,10 +53,6 @@ _ON_SURFACE = (
 # iteration.
 _HALVINGS = 12
 
-# Unbalanced share of the largest force up to which soft contact is iterated.  Chosen:
-# the nodes that touch then hardly change.
-_NEARLY = 1e-3
-
 # Smallest force by which others are divided, in N.
 _TINY = 1e-300
 
@@ -64,9 +60,9 @@ _TINY = 1e-300
 # it.
 _DESCENT = 3
 
-# Slope of the energy, relative to its value before an increment, that has nearly
-# vanished; and shortest part by which regula falsi reduces an interval.
-_FLAT, _MARGIN = 0.5, 0.1
+# Maximum number of iterations between tools, as a multiple of the maximum without them.
+# Chosen: slack plies, which have many wrinkled states, take up to 250.
+_BETWEEN_TOOLS = 10
 
 # Share of the predicted decrease of the energy that an increment must reach (Armijo's
 # rule, with the constant of Nocedal & Wright, Numerical Optimization, 2006, section
@@ -146,10 +142,11 @@ class Newton:
     Near the equilibrium the parameters of the terms are updated with the predicted
     tensions, until an update changes the energy by less than `SETTLED`.
 
-    Where tools touch the ply, the first iterations find the nodes that touch with a
-    soft contact, see `contact`.  They do not follow the load path, so that their
-    projected tangents do not count.  All increments end where the slope of the energy
-    nearly vanishes (`settling`).
+    Between tools, each increment finds the nodes that touch, see
+    `contact.Increments`.  It ends where the slope of the energy nearly vanishes, see
+    `contact.settling`.  Increments do not follow the load path: tangents that are
+    not positive definite count as projected only near the equilibrium, where they show
+    that there are others.
 
     The iteration leaves an unstable equilibrium along its softest mode, and continues
     with the line search, except where the load path is followed, which avoids it.
@@ -180,23 +177,18 @@ class Newton:
         report: Report,
     ) -> Equilibrium:
         """See `Method`."""
+        if problem.contacts:
+            progress = _Progress(problem, fixed_values, np.inf, report)
+            return progress.equilibrium(self._between_tools(progress, start))
         progress = _Progress(problem, fixed_values, most_projected, report)
-        most = self.most
-        if problem.contacts and not contact.is_set(problem, start.parameters):
-            progress.most_projected, most = np.inf, _DESCENT * most
-            first = self._touching(progress, start)
-        else:
-            tangent, p = _first_tangent(problem, start)
-            changed = problem.surfaces or problem.ply.follows_load_factor
-            f = problem.residual(start.u, p) if changed else start.f
-            first = _Iterate(start.u, f, p, tangent)
-        end = self._iterate(progress, first, most)
-        if most > self.most:
-            progress.projected = 0
+        tangent, p = _first_tangent(problem, start)
+        changed = problem.surfaces or problem.ply.follows_load_factor
+        f = problem.residual(start.u, p) if changed else start.f
+        first = _Iterate(start.u, f, p, tangent)
+        end = self._iterate(progress, first, self.most)
         leave = not np.isfinite(most_projected) and end.unstable
         if leave:
-            motion = self.imperfection * problem.element_size * end.tangent.softest()
-            u, p = problem.moved(end.u, motion), end.parameters
+            u, p = self._disturbed(problem, end), end.parameters
             tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
             tangent = definite(problem, u, p, tension)
             end = _Iterate(u, problem.residual(u, p), p, tangent)
@@ -204,20 +196,47 @@ class Newton:
             end = self._iterate(progress, end, _DESCENT * self.most, descend=True)
         return progress.equilibrium(end)
 
-    def _touching(self, progress: "_Progress", start: InitialGuess) -> "_Iterate":
-        """Find the nodes that touch tools, with a soft contact."""
-        problem, u = progress.problem, start.u
-        tension = problem.ply.geometric_tension(u, np.zeros_like(u), start.parameters)
-        tension = np.maximum(tension, _FIRST_TENSION)
-        p = contact.soft(problem, u, start.parameters, tension)
-        tangent = definite(problem, u, p, tension)
-        at = _Iterate(u, problem.residual(u, p), p, tangent)
-        at = self._iterate(progress, at, _DESCENT * self.most, until=_NEARLY)
-        u = at.u
-        tension = problem.ply.geometric_tension(u, np.zeros_like(u), at.parameters)
-        p = contact.stiff(problem, u, at.parameters, tension)
-        tangent = definite(problem, u, p, tension)
-        return _Iterate(u, problem.residual(u, p), p, tangent)
+    def _between_tools(self, progress: "_Progress", start: InitialGuess) -> "_Iterate":
+        """Iterate until the forces balance, or too often, in contact with tools."""
+        problem, u, p = progress.problem, start.u, start.parameters
+        tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
+        if not contact.is_set(problem, p):
+            p = contact.with_stiffness(problem, u, p, tension)
+        f, near, forces = problem.residual(u, p), _NEAR, contact.forces(problem, p)
+        increments = contact.Increments(problem)
+        for _ in range(_BETWEEN_TOOLS * self.most):
+            whole, tangent, forces, shifted = increments(
+                *(u, f, p, tension, forces, progress.fixed_values)
+            )
+            gradient = problem.ply.largest_gradient(whole)
+            du = whole / max(1.0, gradient / self.longest)
+            du = within_laws(problem, u, du, p)
+            du = du * contact.settling(problem, u, du, f, p)
+            share = float(np.linalg.norm(du)) / max(float(np.linalg.norm(whole)), _TINY)
+            tension = problem.ply.geometric_tension(u, du, p)
+            u = problem.moved(u, du)
+            p = contact.towards(problem, p, forces, share)
+            f = problem.residual(u, p)
+            largest = max(float(np.abs(x).max()) for x in (f, *forces.values()))
+            unbalanced = problem.unbalanced(f, u) / max(largest, _TINY)
+            tangent.projected = shifted and unbalanced <= _NEAR
+            if unbalanced <= near:
+                near *= _NEAR
+                p = problem.ply.updated(p, u, problem.load_factor, tension)
+                f = problem.residual(u, p)
+            end = _Iterate(u, f, p, tangent)
+            if progress.balanced(tangent, u, f):
+                end = end._replace(tangent=tangent_at(problem, u, p))
+                if not end.unstable:
+                    break
+                u = self._disturbed(problem, end)
+                f = problem.residual(u, p)
+        return end
+
+    def _disturbed(self, problem: Problem, end: "_Iterate") -> ndarray:
+        """Displacement from an unstable equilibrium, moved along its softest mode."""
+        motion = self.imperfection * problem.element_size * end.tangent.softest()
+        return problem.moved(end.u, motion)
 
     def _iterate(
         self,
@@ -225,12 +244,8 @@ class Newton:
         at: "_Iterate",
         most: int,
         descend: bool = False,
-        until: float = 0.0,
     ) -> "_Iterate":
-        """Iterate until the forces balance, or ``most`` times.
-
-        Or until the unbalanced share of the largest force is below ``until``.
-        """
+        """Iterate until the forces balance, or ``most`` times."""
         problem, near, last = progress.problem, _NEAR, np.inf
         u, f, p, tangent = at
         descend = descend or problem.line_search
@@ -239,16 +254,14 @@ class Newton:
             if progress.residuals or problem.in_space:
                 du = du / max(1.0, problem.ply.largest_gradient(du) / self.longest)
             du = within_laws(problem, u, du, p)
-            if problem.contacts:
-                du = settling(problem, u, du, f, p)
-            elif progress.residuals and descend:
+            if progress.residuals and descend:
                 du = descending(problem, u, du, f, p)
             tension = problem.ply.geometric_tension(u, du, p)
             multipliers = tangent.contact(f, du)
             u = problem.moved(u, du)
             f = problem.residual(u, p)
             unbalanced = problem.unbalanced(f, u) / np.abs(f).max(initial=_TINY)
-            if not until and unbalanced <= near:
+            if unbalanced <= near:
                 after = problem.ply.updated(p, u, problem.load_factor, tension)
                 change = 0.0
                 if after is not p:
@@ -263,8 +276,6 @@ class Newton:
                 last = change
             if progress.balanced(tangent, u, f):
                 return _Iterate(u, f, p, tangent_at(problem, u, p))
-            if until and unbalanced <= until:
-                break
             tangent = definite(problem, u, p, tension, multipliers)
         return _Iterate(u, f, p, tangent)
 
@@ -297,7 +308,7 @@ class PlainNewton:
         progress = _Progress(problem, fixed_values, most_projected, report)
         for _ in range(self.most):
             if tangent is None or problem.surfaces:  # which move with the load factor
-                tangent = Tangent(problem, u, p)
+                tangent = Tangent.at(problem, u, p)
             du = within_laws(problem, u, tangent.increment(f, u, fixed_values), p)
             u = problem.moved(u, du)
             f = problem.residual(u, p)
@@ -412,7 +423,7 @@ def _first_tangent(
         G = problem.ply.fabric.shear_law.tangent(np.zeros((tension.shape[1], 1))).mean()
         size = max(float(of_loads.max()), _OVER_SHEAR_STIFFNESS * G) or size
     first = np.full_like(tension, size)
-    return Tangent(problem, u, p, first, contact=0.0), p
+    return Tangent.at(problem, u, p, first, contact=0.0), p
 
 
 def definite(
@@ -430,7 +441,7 @@ def definite(
     tensions at ``u`` are used. Arguments and exceptions are as for `Tangent`.
     """
     try:
-        tangent = Tangent(problem, u, parameters, tension, contact=contact)
+        tangent = Tangent.at(problem, u, parameters, tension, contact=contact)
         if tangent.definite:
             return tangent
     except NoEquilibriumError:
@@ -440,7 +451,7 @@ def definite(
 
     def projected(tension: ndarray) -> Tangent:
         clipped = np.maximum(tension, least)
-        tangent = Tangent(problem, u, parameters, clipped, True, contact=0.0)
+        tangent = Tangent.at(problem, u, parameters, clipped, True, contact=0.0)
         tangent.projected = True
         return tangent
 
@@ -487,33 +498,3 @@ def descending(
             if fall <= _ARMIJO * share * slope + round_off:
                 return share * du
     return du
-
-
-def settling(
-    problem: Problem, u: ndarray, du: ndarray, f: ndarray, parameters: PlyParameters
-) -> ndarray:
-    """The part of an increment along which the energy stops to decrease.
-
-    The slope of the energy is the work of the nodal forces over the increment. It
-    increases where nodes touch a tool; its root is found by regula falsi.  Near a
-    state differences of the energy are round-off, but slopes are not.
-    """
-
-    def slope_at(share: float) -> float:
-        return float(problem.residual(problem.moved(u, share * du), parameters) @ du)
-
-    before, after = float(f @ du), slope_at(1.0)
-    flat = _FLAT * abs(before)
-    if before >= 0 or after <= flat:
-        return du
-    low, high, share = (0.0, before), (1.0, after), 1.0
-    for _ in range(_HALVINGS):
-        (a, at_a), (b, at_b) = low, high
-        root = (a * at_b - b * at_a) / (at_b - at_a) if np.isfinite(at_b) else 0.5 * a
-        margin = _MARGIN * (b - a)
-        share = min(max(root, a + margin), b - margin)
-        slope = slope_at(share)
-        if abs(slope) <= flat:
-            break
-        low, high = ((share, slope), high) if slope < 0 else (low, (share, slope))
-    return share * du

@@ -32,10 +32,10 @@ NOT_FINITE = "a smaller load, more steps, or laws that are finite everywhere"
 # balance them to ten digits.
 _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 
-# Round-off of a stretch, in units of the round-off of a number: with one unit,
-# macro-elements under a small load never converge (`pytest tests/solve/stepper -k
-# round_off`).
-_ROUNDINGS = 4
+#: Round-off of a stretch, in units of the round-off of a number: with one unit,
+#: macro-elements under a small load never converge (`pytest tests/solve/stepper -k
+#: round_off`).
+ROUNDINGS = 4
 
 _MORE_STIFFNESS = "more supports, or a larger stabilisation or shear stiffness"
 
@@ -103,7 +103,8 @@ class Problem:
     Raises
     ------
     ValueError
-        If a term is ``unsupported`` under the conditions.
+        If a term is ``unsupported`` under the conditions, or a tool has the name of a
+        condition.
     """
 
     def __init__(
@@ -125,6 +126,12 @@ class Problem:
                 raise ValueError(f"load {term.name!r}: {reason}")
         self._loads = [term.name for term in ply.terms if term.role == "load"]
         self.contacts = [x for x in ply.terms if isinstance(x, ContactTerm)]
+        for tool in self.contacts:
+            if tool.name in constraints.nodes:
+                raise ValueError(
+                    f"a tool and a condition have the name {tool.name!r}, under which "
+                    "both report a reaction: rename one of them"
+                )
         self.loaded = len(self._loads) > len(self.contacts)
         self.converged = _UNBALANCED_LOADED if self.loaded else _UNBALANCED
 
@@ -302,15 +309,10 @@ class Tangent:
 
     Parameters
     ----------
-    problem, u, parameters
-        The problem, displacement, and parameters of the ply's terms.
-    tension
-        Fibre tensions for the geometric stiffness, instead of the tensions at ``u``.
-    positive
-        True if the element matrices are projected onto positive semi-definite ones.
-    contact
-        Multipliers λ of nodes on surfaces, instead of the multipliers at ``u``; 0 for a
-        tangent without contact forces.
+    problem, u
+        The problem, and the displacement.
+    blocks
+        Its blocks, in the order of the pattern of the ply.
 
     Raises
     ------
@@ -318,23 +320,10 @@ class Tangent:
         If the tangent is singular.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        u: ndarray,
-        parameters: PlyParameters,
-        tension: ndarray | None = None,
-        positive: bool = False,
-        contact: ndarray | float | None = None,
-    ) -> None:
+    def __init__(self, problem: Problem, u: ndarray, blocks: ndarray) -> None:
         self._problem, clock, system = problem, problem.clock, problem.system
-        self._u = u
+        self._u, self._blocks, self._turn = u, blocks, problem.turn(u)
         self.projected = False
-        arguments = u, problem.load_factor, parameters, tension, positive
-        blocks = clock.time("assembly", problem.ply.stiffness, *arguments)
-        self._turn = problem.turn(u)
-        if problem.surfaces:
-            self._blocks = blocks = _curved(problem, u, parameters, blocks, contact)
         if not np.isfinite(blocks.sum()):
             raise NoEquilibriumError("the tangent is not finite", advice=NOT_FINITE)
         self._matrix = clock.time("assembly", reduced, system, blocks, self._turn)
@@ -344,6 +333,37 @@ class Tangent:
             self._factors = clock.time("solve", factorise, self._matrix.upper.data)
         except SingularMatrixError as error:
             raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
+
+    @classmethod
+    def at(
+        cls,
+        problem: Problem,
+        u: ndarray,
+        parameters: PlyParameters,
+        tension: ndarray | None = None,
+        positive: bool = False,
+        contact: ndarray | float | None = None,
+    ) -> "Tangent":
+        """The tangent at a displacement.
+
+        Parameters
+        ----------
+        problem, u, parameters
+            The problem, displacement, and parameters of the ply's terms.
+        tension
+            Fibre tensions for the geometric stiffness, instead of the tensions at
+            ``u``.
+        positive
+            True if the element matrices are projected onto positive semi-definite ones.
+        contact
+            Multipliers λ of nodes on surfaces, instead of the multipliers at ``u``; 0
+            for a tangent without contact forces.
+        """
+        arguments = u, problem.load_factor, parameters, tension, positive
+        blocks = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
+        if problem.surfaces:
+            blocks = _curved(problem, u, parameters, blocks, contact)
+        return cls(problem, u, blocks)
 
     @property
     def definite(self) -> bool:
@@ -446,7 +466,7 @@ class Tangent:
         size = np.abs(u).max() + problem.element_size
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
-        rounding = _ROUNDINGS * EPSILON * size
+        rounding = ROUNDINGS * EPSILON * size
         upper, coupling = (
             csr_matrix((np.abs(x.data), x.indices, x.indptr), x.shape)
             for x in self._matrix
@@ -489,7 +509,7 @@ def tangent_at(
 ) -> Tangent | None:
     """The consistent tangent; None if it is singular."""
     try:
-        return Tangent(problem, u, parameters)
+        return Tangent.at(problem, u, parameters)
     except NoEquilibriumError:
         return None
 

@@ -92,7 +92,8 @@ class LoadStepper:
     Raises
     ------
     ValueError
-        If a condition is not valid at some load factor, ``steps`` is not a whole number
+        If a condition is not valid at some load factor, tools leave no room for the ply
+        or never touch it (see `check_tools`), ``steps`` is not a whole number
         from 1 to a million, ``max_halvings`` not one from 0 to 30, a method or check is
         unknown, the solver is unknown or not installed, or an argument has the wrong
         type.
@@ -138,16 +139,23 @@ class LoadStepper:
         check_solver(solver)
         constraints = Constraints(ply.basis, conditions)
         self.ply = ply
-        self.problem = Problem(ply, constraints, partial(ChosenSolver, solver))
+        self.problem = problem = Problem(
+            ply, constraints, partial(ChosenSolver, solver)
+        )
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         self.initial_guess = _checked_guess(initial_guess, ply)
-        moved = moves(self.problem, (0.0, *self.load_factors))
+        moved, contacts = (
+            moves(self.problem, (0.0, *self.load_factors)),
+            problem.contacts,
+        )
+        for check in dict.fromkeys(type(tool).check for tool in contacts):
+            check(ply, moved)
         self.search = EquilibriumSearch(
             self.problem,
             method_of(method),
             frozenset(warn_only),
             self._report,
-            moved,
+            moved or bool(contacts),
         )
         self.max_halvings = max_halvings
         self.on_iteration, self.on_step = on_iteration, on_step
@@ -431,7 +439,10 @@ class Run:
         before = sum(state.linear_solves for state in self.states)
         state = trial.trial.state(problem.clock.solves - before)
         settled = trial.settled and not self._depends_on_steps(state)
-        if self.continuation.accepts(step, state, trial.projected, settled):
+        projected = trial.projected
+        if problem.contacts:  # more steps do not resolve a path
+            settled, projected = settled and not projected, 0
+        if self.continuation.accepts(step, state, projected, settled):
             self._append(state, trial.trial)
         else:
             log.info(

@@ -189,11 +189,11 @@ def _interval(result: Result) -> float:
 def _of_triangles(scene: Scene) -> Scene:
     """The same tools, punch and die as triangles."""
     punch, die, holder = scene.tools
-    sphere: Any = punch.surface
+    end: Any = punch.surface
     hole: Any = die.surface
     of_die = triangles.die(hole.radius, hole.fillet, float(hole.point[2]), _EDGE)
     tools = (
-        replace(punch, surface=triangles.sphere(sphere.radius, sphere.centre, _EDGE)),
+        replace(punch, surface=triangles.sphere(end.radius, end.point, _EDGE)),
         replace(die, surface=of_die),
         holder,
     )

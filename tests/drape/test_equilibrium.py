@@ -48,7 +48,7 @@ def test_the_reduced_tangent_is_the_hessian_of_the_energy_on_the_surface(held):
     problem = problem_of(ply, {"on": OnSurface(sphere)} | held).at(1.0)
     u = problem.moved(geodesic_u(ply, sphere), random_u(ply, 1, 0.1))
     p, h = ply.parameters_at_rest, 1e-3
-    tangent = Tangent(problem, u, p)
+    tangent = Tangent.at(problem, u, p)
     free, turn = problem.constraints.free, problem.turn(u)
     upper = tangent._matrix.upper
     K = (upper + upper.T).toarray() - np.diag(upper.diagonal())

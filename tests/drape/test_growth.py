@@ -133,13 +133,13 @@ def test_the_residual_without_surfaces_is_limited_by_rounding_of_displacements()
         problem = problem_of(ply, {"flat": Condition("left")})
         u = ply.basis.zeros()
         p, pulled = ply.parameters_at_rest, np.ones_like(ply.fibre_tension(u))
-        tangent = Tangent(problem, u, p, pulled)
+        tangent = Tangent.at(problem, u, p, pulled)
         residuals.append(tangent.tolerance(u, problem.residual(u, p)))
     assert residuals[1] == pytest.approx(residuals[0], rel=1e-6)
 
 
 def test_a_failure_due_to_rounding_is_reported_as_such(monkeypatch):
-    monkeypatch.setattr(tangent_module, "_ROUNDINGS", 0.01)
+    monkeypatch.setattr(tangent_module, "ROUNDINGS", 0.01)
     ply, conditions = far_ply()
     start = geodesic_u(ply, conditions["on"].surface, touch=(FAR, -FAR))
     with pytest.raises(NoEquilibriumError, match="the residual is") as error:
@@ -149,7 +149,7 @@ def test_a_failure_due_to_rounding_is_reported_as_such(monkeypatch):
 
 def test_a_failure_at_rest_is_attributed_to_rounding(monkeypatch):
     """The initial plane of the ply deviates slightly from a surface from a file."""
-    monkeypatch.setattr(tangent_module, "_ROUNDINGS", 0.01)
+    monkeypatch.setattr(tangent_module, "ROUNDINGS", 0.01)
     ply, conditions = far_ply()
     plane = drape.Plane((FAR, -FAR, 0.0), (5e-5, 0.0, 1.0))
     tilted = conditions | {"on": OnSurface(plane, touch=(FAR, -FAR))}

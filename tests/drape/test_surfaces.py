@@ -35,6 +35,7 @@ SURFACES = {
     "sphere": drape.Sphere(4.0, (1, 2, 0)),
     "cone": drape.Cone(0.6, (1, 1, -9), (0.2, 0.1, 1)),
     "torus": drape.Torus(9.0, 2.0, (0, 1, 0), (0.3, 0, 1)),
+    "punch": drape.Punch(3.0, (3, 2, 4), (0.2, 0.1, 1)),
     "die": drape.Die(3.0, 1.5, (3, 2, 4), (0.2, 0.1, 1)),
     "double dome": drape.double_dome(6.0, 18.0, 7.5, 0.25, 6.0),
     "triangles": drape.TriangleMesh(*[sphere(600)[0] * 5, sphere(600)[1]]),
@@ -105,6 +106,42 @@ def test_curvatures_of_sphere_cylinder_and_torus():
     np.testing.assert_allclose(sphere[..., 0], np.diag([0, 0.25, 0.25]))
     cylinder = drape.Cylinder(4.0).hessian(np.array([[4.0], [7.0], [0.0]]))
     np.testing.assert_allclose(cylinder[..., 0], np.diag([0, 0, 0.25]))
+
+
+def test_the_level_of_a_punch_is_the_distance_from_its_section():
+    """The distance outside, and to half of the radius inside."""
+    punch = drape.Punch(30.0, (1, 2, 3), (0, 0, -1))
+    away, turn = RNG.uniform(15, 60, 200), RNG.uniform(0, 2 * np.pi, 200)
+    below = RNG.uniform(-80, 0, 200)
+    shaft = np.array([away * np.cos(turn), away * np.sin(turn), below])
+    polar = RNG.uniform(0, np.pi / 2, 200)
+    ring = away * np.sin(polar)
+    end = np.array([ring * np.cos(turn), ring * np.sin(turn), away * np.cos(polar)])
+    for x in (shaft, end):
+        x = x * [[1], [1], [-1]] + [[1], [2], [3]]
+        np.testing.assert_allclose(punch.level(x), away - 30, atol=1e-9)
+
+
+def test_a_punch_pushes_points_on_its_axis_to_the_tip():
+    punch, h = drape.Punch(30.0), 1e-4
+    axis = np.array([0, 0, 1.0])[:, None] * np.linspace(-199.5, 28.5, 229)
+    assert (punch.level(axis) < 0).all()
+    assert (punch.gradient(axis)[2] > 1e-3).all()
+    for x in (axis, axis + RNG.uniform(-12, 12, axis.shape)):
+        for d in np.eye(3)[:, :, None]:
+            bend = (punch.gradient(x + h * d) - punch.gradient(x - h * d)) / (2 * h)
+            expected = np.einsum("ijn,jk->in", punch.hessian(x), d)
+            np.testing.assert_allclose(bend, expected, atol=1e-5)
+
+
+def test_the_tip_of_a_punch_is_as_curved_as_a_sphere():
+    tip = np.array([[0.0], [0.0], [30.0]])
+    for method in ("gradient", "hessian"):
+        of_punch, of_sphere = (
+            getattr(surface, method)(tip)
+            for surface in (drape.Punch(30.0), drape.Sphere(30.0))
+        )
+        np.testing.assert_allclose(of_punch, of_sphere, atol=1e-15)
 
 
 def test_the_level_of_a_die_is_the_distance_from_its_section():
@@ -185,6 +222,7 @@ def test_invalid_surfaces_are_rejected(tmp_path):
         (lambda: drape.Cylinder(1.0, (0, 0)), "must be three finite numbers"),
         (lambda: drape.Cone(2.0), "between 0 and"),
         (lambda: drape.Torus(1.0, 2.0), "must be smaller"),
+        (lambda: drape.Punch(-3.0), "punch: radius must be a positive length"),
         (lambda: drape.Die(3.0, 0.0), "fillet must be a positive length"),
         (lambda: drape.double_dome(waist=1.0), "waist at least 0 and less than 1"),
         (lambda: drape.TriangleMesh(p[:, :9], t[:, :0]), "triangles must be"),

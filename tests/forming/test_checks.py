@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import BodyForce, Condition, Fabric, Holder, Ply, Tool, drape
+from skfem_textile import (
+    BodyForce,
+    Condition,
+    Fabric,
+    Holder,
+    LoadStepper,
+    Ply,
+    Tool,
+    drape,
+)
 from skfem_textile.forming.checks import check_tools
 from skfem_textile.scenes import (
     Case,
@@ -45,7 +54,7 @@ DIE = Tool(drape.Die(34.0, 6.0, (0, 0, 0.2)), name="die")
 )
 def test_tools_of_scenes_have_room_for_the_ply(scene):
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
-    check_tools(Case(scene=scene, fabric=fabric).ply(), scene.conditions)
+    check_tools(Case(scene=scene, fabric=fabric).ply())
 
 
 def test_a_ply_without_tools_is_accepted():
@@ -55,13 +64,13 @@ def test_a_ply_without_tools_is_accepted():
 @pytest.mark.parametrize("travel", [20.0, 60.0])
 def test_no_room_at_the_end_is_refused_with_the_depth(travel):
     """A sphere and a plane overlap by the travel beyond the plane."""
-    place = r"node \d+, at \(0, 0, 0\) mm in the undeformed ply, is at least "
-    message = f"^tools 'punch' and 'lid' leave no room .* at load factor .*: {place}"
+    node = r"'punch' pushes node \d+, at \(0, 0, 0\) mm in the undeformed ply, "
+    message = f"^tools 'punch' and 'lid' leave no room .* at load factor .*: {node}"
     with pytest.raises(ValueError, match=message) as error:
         check_tools(ply(punch(travel), lid(10.0)))
     t = float(str(error.value).partition("load factor ")[2].partition(":")[0])
     depth = t * travel - 0.2 - 10.0
-    assert f"{depth:.3g} mm inside one of them" in str(error.value)
+    assert f"{depth:.3g} mm into 'lid'" in str(error.value)
     assert "\n" not in str(error.value)
 
 
@@ -84,8 +93,54 @@ def test_tools_that_just_fit_are_accepted():
 def test_no_room_at_the_beginning_is_refused():
     holder = Holder(drape.Plane((0, 0, 0.2)), gap=0.1, side=-1)
     low = Tool(drape.Plane((0, 0, 0.05)), side=-1, name="low")
-    with pytest.raises(ValueError, match=r"'low' and 'holder' .* at load factor 0: "):
+    with pytest.raises(ValueError, match=r"'holder' and 'low' .* at load factor 0: "):
         check_tools(ply(low, holder))
+
+
+HELD = {"left": Condition("left")}
+
+
+def test_every_run_checks_its_tools():
+    for tools, message in (
+        ((punch(60.0), lid(10.0)), "'punch' and 'lid' leave no room"),
+        ((punch(-10.0), lid(50.0)), "nothing touches the ply"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            LoadStepper(ply(*tools), HELD)
+
+
+def test_a_holder_that_closes_below_zero_is_refused():
+    def gap(t):
+        return 0.3 if t in (0.0, 1.0) else -0.1
+
+    holder = Holder(drape.Plane((0, 0, 0.2)), gap=gap, side=-1)
+    with pytest.raises(ValueError, match="gap must be a number of at least 0 mm, got"):
+        LoadStepper(ply(holder, DIE), HELD)
+
+
+@pytest.mark.parametrize("travel", [20.0, 30.0])
+def test_a_punch_larger_than_the_hole_of_its_die_is_refused(travel):
+    """Beside the punch, below the die, there is room; the tools cross nevertheless.
+
+    A sphere of radius 30 in a hole of radius 20: it stops where both are 20 wide.
+    """
+    die = Tool(drape.Die(20.0, 2.0, (0, 0, 0.2)), name="die")
+    holder = Holder(drape.Plane((0, 0, 0.2)), gap=0.4, side=-1, name="holder")
+    message = "tools 'punch' and 'die' leave no room .* pushes node .* mm into 'die'"
+    with pytest.raises(ValueError, match=message) as error:
+        LoadStepper(ply(punch(travel), die, holder), HELD)
+    assert "\n" not in str(error.value)
+    LoadStepper(ply(punch(30 - 500**0.5), die, holder), HELD)
+
+
+def test_walls_and_bottom_of_a_box_may_overlap():
+    """The walls push nodes at the edges into the bottom, which pushes them up."""
+    walls = [
+        Tool(drape.Plane((x, 0, 0), (-x, 0, 0)), side=1, name=f"wall at {x}")
+        for x in (-58, 58)
+    ]
+    bottom = Tool(drape.Plane((0, 0, -5)), motion=(0, 0, 10), name="bottom")
+    check_tools(ply(bottom, *walls))
 
 
 def test_a_ply_behind_a_surface_is_refused():
@@ -107,10 +162,10 @@ def test_tools_that_never_touch_are_refused():
 def test_a_ply_that_a_load_or_support_moves_may_touch_later():
     check_tools(ply(punch(-10.0), BodyForce((0, 0, -1e-6))))
     edges = {"left": Condition("left", (0.0, 0.0, -20.0))}
-    check_tools(ply(punch(-10.0)), edges)
+    LoadStepper(ply(punch(-10.0)), edges)
     still = {"left": Condition("left", (0.0, 0.0, 0.0))}
     with pytest.raises(ValueError, match="nothing touches the ply"):
-        check_tools(ply(punch(-10.0)), still)
+        LoadStepper(ply(punch(-10.0)), still)
 
 
 def test_a_tool_in_the_middle_of_its_motion_is_found():

@@ -76,7 +76,7 @@ def on_cylinder(formulation=None, n=6):
 def flat():
     """A state, whose displacement and parameters the tests replace."""
     global FLAT
-    ply = square(terms=[Tool(drape.Plane((0, 0, -1)))], n=1)
+    ply = square(terms=[Tool(drape.Plane(), side=1)], n=1)
     edges = {name: Condition(name) for name in ("left", "right", "top", "bottom")}
     FLAT = LoadStepper(ply, edges, steps=1).run().states[-1]
 

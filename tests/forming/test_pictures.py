@@ -1,12 +1,15 @@
 """Pictures of formed plies: tools where they stand, sections and forces."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, Ply, Result
+from skfem_textile import Fabric, Ply, Result, Tool, drape
+from skfem_textile.drape import Axes
 from skfem_textile.forming import tool_forces, travels
-from tests.forming.conftest import GAP, RADIUS
+from tests.forming.conftest import GAP, RADIUS, SIDE
 
 plot = pytest.importorskip("skfem_textile.plot")
 pytest.importorskip("pyvista")
@@ -94,6 +97,25 @@ def test_a_section_cuts_the_ply_on_the_plane(hemisphere, angle):
     from_centre = np.hypot(ends[:, 0], ends[:, 1] - (15.0 - RADIUS - GAP / 2))
     assert from_centre.min() > RADIUS - 0.3
     assert axes.get_title() == "Load factor 1.00, punch 15.0 mm"
+
+
+def test_a_section_is_in_the_axes_of_the_tools(hemisphere):
+    x = np.linspace(0, SIDE, 3)
+    mesh = MeshQuad.init_tensor(x, x)
+    moved = Axes(np.array([5.0, 6.0, 500.0])).of_tool
+    table = Tool(drape.Plane((0, 0, -1)), stated=moved)
+    ply = Ply(mesh, Fabric(1.0, 0.1), terms=[table], dimension=3)
+    result = Result.of_state(
+        ply, {}, replace(hemisphere.states[0], u=ply.basis.zeros())
+    )
+    for angle, first in ((0.0, 5.0), (0.5, 0.0)):
+        (axes,) = plot.section(result, angle=angle).axes
+        ends = lines_of(axes)
+        assert ends[:, 1] == pytest.approx(500.0)
+        assert ends[:, 0].min() == pytest.approx(first)
+        face = np.vstack(axes.collections[1].get_segments())
+        assert face[:, 1] == pytest.approx(499.0)
+        assert axes.get_ylim()[0] < 499 < 500 < axes.get_ylim()[1]
 
 
 def test_sections_show_the_process_in_steps(hemisphere, tmp_path):

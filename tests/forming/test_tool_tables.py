@@ -87,6 +87,7 @@ def test_every_surface_is_in_the_reference():
         "cylinder",
         "cone",
         "torus",
+        "punch",
         "die",
     }
 

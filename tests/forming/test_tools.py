@@ -1,10 +1,14 @@
 """Tools that move: contact is a constraint, and no state depends on its stiffness."""
 
+from functools import partial
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from skfem import MeshQuad
 
 from skfem_textile import (
+    BodyForce,
     Condition,
     Fabric,
     Holder,
@@ -18,6 +22,8 @@ from skfem_textile import (
     Values,
     drape,
 )
+from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
+from skfem_textile.solve.surface.on_surface import SurfaceError
 
 SIDE, RADIUS, GAP, TRAVEL = 60.0, 40.0, 0.3, 25.0
 
@@ -150,6 +156,18 @@ def test_triangles_form_like_the_surface(state):
     assert np.abs(angles[0] - angles[1]).max() < 0.1
 
 
+@pytest.mark.parametrize("tension", [0.2, 20.0])
+def test_a_step_in_which_nothing_touches_has_no_warning_of_the_energy(tension):
+    """Rounding of stretches changes the energy by tension times length."""
+    approach = punch(lambda t: (0, 0, 6 * t - 5.5), side=1)
+    ply = blank(12, 0.5, [approach, ring(GAP / 2)], tension=tension)
+    checks = set(DEFAULT_WARN_ONLY) - {"work"}
+    options = {"steps": 8, "warn_only": checks, "max_halvings": 0}
+    result = LoadStepper(ply, SYMMETRY, **options).run()
+    assert result.converged
+    assert [s.reactions["punch"][2] > 0 for s in result.states] == [False] * 8 + [True]
+
+
 def test_thickness_keeps_the_nodes_away():
     ply = blank(terms=[punch(thickness=1.0), ring(1.0, thickness=1.0)])
     last = LoadStepper(ply, SYMMETRY, steps=1).run().states[-1]
@@ -161,8 +179,6 @@ def test_thickness_keeps_the_nodes_away():
 
 def test_gravity_rests_on_a_plane():
     """The plane carries the weight."""
-    from skfem_textile import BodyForce
-
     weight = BodyForce((0, 0, -1e-5), factor=1.0)
     ply = blank(terms=[weight, Tool(drape.Plane(), side=1, name="table")])
     last = LoadStepper(ply, SYMMETRY, steps=1).run().states[-1]
@@ -259,6 +275,10 @@ def test_resumed_run_is_the_same(tmp_path, state):
             lambda: Tool(drape.Sphere(20.0, (30, 30, -19))),
             r"crosses the undeformed ply: node \d+ at .* is 1 mm inside",
         ),
+        (
+            lambda: Tool(drape.Sphere(20.0, (30, 30, -19)), stated=lambda x: x + 100),
+            r"crosses the undeformed ply: node \d+ at \(130, 130, 100\) mm is 1 mm",
+        ),
         (lambda: Holder(drape.Plane(), side=1), "either a gap or a pressure"),
         (lambda: Holder(drape.Plane(), gap=-0.1, side=1), "at least 0 mm"),
         (lambda: Tool(3.0), "surface must have the methods"),
@@ -269,9 +289,62 @@ def test_invalid_tools(make, message):
         blank(cells=2, terms=[make()])
 
 
+def undefined_beyond(x_most, part, z=-1.0):
+    """A plane whose level, gradient or hessian is NaN for larger x."""
+    plane = drape.Plane((0, 0, z))
+
+    def values(name, x):
+        value = getattr(plane, name)(x)
+        return np.where(x[0] > x_most, np.nan, value) if name == part else value
+
+    methods = ("level", "gradient", "hessian")
+    return SimpleNamespace(**{name: partial(values, name) for name in methods})
+
+
+@pytest.mark.parametrize("part", ["level", "gradient"])
+def test_a_surface_that_is_not_finite_is_not_taken_as_out_of_reach(part):
+    message = r"tool 'table': level or gradient of the surface is not finite at \(45, 0"
+    with pytest.raises(SurfaceError, match=message):
+        blank(cells=4, terms=[Tool(undefined_beyond(31, part), name="table")])
+    box = [[-1.0, 31.0, 31.0, -1.0], [-1.0, -1.0, 61.0, 61.0]]
+    tool = Tool(undefined_beyond(31, part), name="table", outline=box)
+    ply = blank(cells=4, terms=[tool])
+    (contact,) = (term for term in ply.terms if term.name == "table")
+    reached = np.isfinite(contact.gaps(ply.basis.zeros(), 0.0))
+    assert np.array_equal(reached, ply.nodes[0] < 31)
+
+
+def test_a_ply_that_reaches_where_a_surface_is_not_finite_is_refused():
+    """In a step, the failed attempt names the surface; other nodes do not matter."""
+    conditions = SYMMETRY | {"right": Condition("right", (2.0, None, None))}
+    for part in ("level", "hessian"):
+        weight = BodyForce((0, 0, -1e-5), factor=1.0)
+        tool = Tool(undefined_beyond(61.0, part, z=0.0), side=1, name="table")
+        ply = blank(cells=2, terms=[weight, tool])
+        with pytest.raises(StepError, match=f"'table': .*{part}.* is not finite at"):
+            LoadStepper(ply, conditions, steps=1, max_halvings=0).run()
+    outline = [[-1.0, 31.0, 31.0, -1.0], [-1.0, -1.0, 61.0, 61.0]]
+    surface = undefined_beyond(31, "hessian")
+    holder = Holder(surface, pressure=0.1, outline=outline, side=1)
+    ply = blank(cells=4, terms=[holder])
+    (term,) = (term for term in ply.terms if term.name == "holder")
+    u, p = ply.basis.zeros(), term.parameters.at_rest()
+    assert np.isfinite(term.residual(u, 0.0, p)).all()
+    assert np.isfinite(term.matrices(u, 0.0, p)).all()
+
+
 def test_the_plain_method_does_not_find_contact():
     with pytest.raises(ValueError, match="use the method 'newton'"):
         LoadStepper(blank(cells=2, terms=[punch()]), SYMMETRY, method="plain")
+
+
+def test_names_of_tools_are_unique():
+    """Reactions of tools and conditions are stored by name."""
+    ply = blank(cells=2, terms=[punch(), ring(GAP / 2)])
+    with pytest.raises(ValueError, match="a tool and a condition have the name 'die'"):
+        LoadStepper(ply, {"x": SYMMETRY["x"], "die": SYMMETRY["y"]})
+    with pytest.raises(ValueError, match="two terms have the name 'punch'"):
+        blank(cells=2, terms=[punch(), punch()])
 
 
 def test_a_tool_needs_a_ply_in_space():

@@ -473,7 +473,7 @@ def critical_tension(n, stiffness, conditions, guess):
     for _ in range(14):
         u, middle = ply.basis.zeros(), (low + high) / 2
         u[::3] = np.expm1(middle / E) * ply.nodes[0]
-        stable = Tangent(problem, u, ply.parameters_at_rest).definite
+        stable = Tangent.at(problem, u, ply.parameters_at_rest).definite
         low, high = (low, middle) if stable else (middle, high)
     return high
 

@@ -249,7 +249,7 @@ def test_the_regularised_tangent_is_definite_in_space():
     u = ply.basis.zeros()
     u[::3] = 0.3 * ply.nodes[1]
     slack, rest = ply.geometric_tension(u, 0 * u) * 0, ply.parameters_at_rest
-    assert not Tangent(problem, u, rest, slack).definite
+    assert not Tangent.at(problem, u, rest, slack).definite
     tangent = definite(problem, u, rest, slack)
     assert tangent.definite
     assert tangent.projected

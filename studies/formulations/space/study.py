@@ -203,7 +203,7 @@ def critical(where: str, n: int, formulation: str, D: float) -> Row:
     for _ in range(_HALVINGS):
         u, middle = ply.basis.zeros(), (low + high) / 2
         u[::3] = np.expm1(middle / E) * ply.nodes[0]
-        stable = Tangent(problem, u, ply.parameters_at_rest).definite
+        stable = Tangent.at(problem, u, ply.parameters_at_rest).definite
         low, high = (low, middle) if stable else (middle, high)
     return {"exact": exact, "off_x": float(high / exact - 1)}
 
