@@ -239,7 +239,8 @@ def _quantile(
     scale = np.maximum(deviations, np.finfo(float).tiny)
     for _ in range(_BISECTIONS):
         x = 0.5 * (low + high)
-        below = special.stdtr(freedom[:, None], (x - middles) / scale)
+        with np.errstate(over="ignore"):  # of a value without a deviation
+            below = special.stdtr(freedom[:, None], (x - middles) / scale)
         less = weights @ below < p
         low, high = np.where(less, x, low), np.where(less, high, x)
     return 0.5 * (low + high)
