@@ -27,7 +27,7 @@ from . import models
 from .models import Model
 from .regression import Fit, fit
 from .solving import Offset, Sample
-from .specimens import ROUNDING, Specimen, initial_slack, slack_range
+from .specimens import ROUNDING, Specimen, slack_range
 
 log = logging.getLogger(__name__)
 
@@ -168,7 +168,7 @@ def _sample(
     if slides and zeros.slack is None:
         assert moved is not None
         low, high = slack_range(moved)
-        start = initial_slack(specimen)
+        start = float(np.clip(specimen.slack, low, high))
         offsets.append(Offset("slack", "mm", start, low, high, True))
     known = specimen.angle[used]
 
@@ -178,8 +178,9 @@ def _sample(
         if "slack" in values:
             assert moved is not None
             gamma = specimen.angle_at(moved[used], values["slack"])
-            if np.isfinite(domain_of(law)[1]):  # a pole, or the end of a table
-                gamma = np.fmin(gamma, largest)
+            # ends before a pole, or the end of a table, and before that of the test
+            bounded = np.isfinite(domain_of(law)[1])
+            gamma = np.fmin(gamma, largest if bounded else specimen.last_angle(np.inf))
         force = specimen.test.force(law, gamma)
         if ratio is not None:
             force = ratio(gamma) * force

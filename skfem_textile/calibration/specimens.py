@@ -33,10 +33,10 @@ _END = 0.999
 
 # Range of the slack relative to the largest displacement.  Chosen: a negative slack is
 # a pretension; beyond half of the curve the fabric would not be tested.
-_LEAST_SLACK, _MOST_SLACK = -0.3, 0.6
+_LEAST_SLACK, _MOST_SLACK = -0.1, 0.6
 
 # Number of slacks that are compared for an estimate.
-_SLACKS = 91
+_SLACKS = 71
 
 # Share of the measured angles, from the smallest on, that determine the slack.
 _EARLY = 1 / 3
@@ -247,19 +247,11 @@ def slack_range(displacement: ndarray) -> tuple[float, float]:
     return _LEAST_SLACK * size, _MOST_SLACK * size
 
 
-def initial_slack(specimen: Specimen) -> float:
-    """Slack of the polynomial of degree 5 with the smallest residuals, in mm."""
-    return _estimated_slack(specimen, penalty=0.0)
-
-
-def _estimated_slack(specimen: Specimen, penalty: float | None = None) -> float:
-    """Slack of the best polynomial law; 0 if a law without slack is as good.
-
-    By default the Bayesian information criterion penalises a slack.
-    """
+def _estimated_slack(specimen: Specimen) -> float:
+    """Slack of the best polynomial law; 0 if a law without slack is as good."""
     assert specimen.displacement is not None
     slacks = np.linspace(*slack_range(specimen.displacement), _SLACKS)
-    log_n = float(np.log(specimen.force.size)) if penalty is None else penalty
+    log_n = float(np.log(specimen.force.size))
     found = []
     for force_is_free in {False, specimen.zeros.force is None}:
         found.append((_misfit(specimen, 0.0, force_is_free), 0.0))

@@ -216,6 +216,17 @@ def test_every_law_is_fitted_with_a_toe(law):
     np.testing.assert_allclose(fit.law.value(gamma), LAW.value(gamma), rtol=rtol)
 
 
+def test_a_slack_does_not_close_a_frame():
+    """A negative slack would continue the motion beyond a right angle."""
+    frame = PictureFrame(200.0, 160.0)
+    moved = np.linspace(0.0, float(frame.displacement(np.radians(84.0))), 200)
+    force = frame.force(LAW, frame.shear_angle(moved))
+    one = Specimen("one", frame, force, moved, zeros=UNKNOWN)
+    sample = fit_shear([one]).fit.samples[0]
+    _, slack = sample.offsets
+    assert np.isfinite(sample.predict(LAW, 0.0, slack.low)).all()
+
+
 def test_invalid_choices_are_refused():
     with pytest.raises(ValueError, match="the branch must be one of loading"):
         Preparation(branch="up")
