@@ -178,7 +178,7 @@ def _sample(
         if "slack" in values:
             assert moved is not None
             gamma = specimen.angle_at(moved[used], values["slack"])
-            # ends before a pole, or the end of a table, and before that of the test
+            # ends before a pole, or the end of a table, and the last angle of the test
             bounded = np.isfinite(domain_of(law)[1])
             gamma = np.fmin(gamma, largest if bounded else specimen.last_angle(np.inf))
         force = specimen.test.force(law, gamma)
