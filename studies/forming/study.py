@@ -89,7 +89,7 @@ def _within(rows: Sequence[Row]) -> str:
 
 
 def intervals(rows: Sequence[Row]) -> str:
-    """How often the interval contains the shear angles of a finer mesh."""
+    """Number of intervals that contain the shear angles of a finer mesh."""
     found = [
         row["error"] / row["interval"]
         for row in _of(rows, REFINED)
