@@ -218,11 +218,12 @@ class Trial:
         mesh_strain = ply.fibre_strain(u, ply.fine_points)
         moved, nodes = problem.nodal(u), problem.constraints.nodes.items()
         tools = contact.resultants(problem, u, equilibrium.parameters)
+        pushed = {name: force for name, (force, _) in tools.items()}
         return State(
             load_factor=problem.load_factor,
             u=u,
-            reactions=problem.reactions(equilibrium.f)
-            | {name: force for name, (force, _) in tools.items()},
+            reactions=problem.reactions(equilibrium.f, u) | pushed,
+            forces=problem.forces(equilibrium.f) | pushed,
             displacements={name: moved[:, n].mean(axis=1) for name, n in nodes}
             | {name: travel for name, (_, travel) in tools.items()},
             energies=dict(self.energies),
