@@ -18,6 +18,11 @@ import numpy as np
 from skfem_textile import Fabric, Full, LoadStepper, Macro, OnePoint, Ply
 from skfem_textile.scenes import strip
 
+INTENDED = (
+    "The strip has no shear stiffness: in this demonstration, warnings about it are "
+    "intended."
+)
+
 # Rows of the table, with their units.
 UNITS = {
     "n_dofs": "",
@@ -69,10 +74,7 @@ def main(folder="strip-results"):
     coarser = strip("irregular", size=(5, 8), jitter=0.3, seed=1)
     fabric = Fabric(tension=1e4, warp=scene.warp, weft=scene.weft)
     cases = [(scene, Full()), (scene, OnePoint(1.0)), (coarser, Macro())]
-    intended = (
-        "The strip has no shear stiffness: in this demonstration, warnings about it"
-    )
-    print(intended, "are intended.", file=sys.stderr)
+    print(INTENDED, file=sys.stderr)
     results = [
         LoadStepper(Ply(s.mesh, fabric, formulation), s.conditions, steps=20).run()
         for s, formulation in cases
