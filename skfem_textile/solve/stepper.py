@@ -41,7 +41,9 @@ from .verdict import CHECKS, Trial
 log = logging.getLogger(__name__)
 
 #: Checks that only warn by default.
-DEFAULT_WARN_ONLY = "work", "stabilisation", "deviation", "corners", "surface"
+DEFAULT_WARN_ONLY = (
+    *("work", "stabilisation", "deviation", "corners", "surface", "slack"),
+)
 
 # Largest accepted number of equal steps; more are considered a mistake.
 _MOST_STEPS = 1_000_000
