@@ -13,7 +13,7 @@ from tempfile import mkdtemp
 import numpy as np
 
 from skfem_textile import Fabric, LoadStepper, Ply, Polynomial
-from skfem_textile.calibration import BiasExtension, fit_shear, read_specimen
+from skfem_textile.calibration import BiasExtension, fit_shear, read_specimens
 from skfem_textile.calibration.figure import draw
 from skfem_textile.io import read_fabric, write_fabric
 from skfem_textile.scenes import bias_extension
@@ -38,7 +38,7 @@ for name in names:
 # %%
 # The fitted law with 95 % confidence intervals.
 
-calibration = fit_shear([read_specimen(name, TEST) for name in names])
+calibration = fit_shear([one for name in names for one in read_specimens(name, TEST)])
 fit = calibration.fit
 for name, value, (low, high) in zip(
     fit.model.parameters, fit.values, fit.intervals, strict=True

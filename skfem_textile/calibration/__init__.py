@@ -3,16 +3,11 @@
 from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
 from .bending import BendingFit, CantileverTest, fit_bending, read_cantilever
 from .biaxial import BiaxialCurve, TensionFit, fit_tension, read_biaxial
-from .curves import read_curve
+from .preparing import Preparation, Prepared, prepare
+from .reading import Format, Recording, read_recordings
 from .regression import Fit
-from .shear import (
-    ShearFit,
-    Simulation,
-    Specimen,
-    fit_by_simulation,
-    fit_shear,
-    read_specimen,
-)
+from .shear import ShearFit, Simulation, fit_by_simulation, fit_shear
+from .specimens import Specimen, Zeros, read_specimens
 
 __all__ = [
     "BendingFit",
@@ -20,18 +15,24 @@ __all__ = [
     "BiaxialCurve",
     "CantileverTest",
     "Fit",
+    "Format",
     "PictureFrame",
+    "Preparation",
+    "Prepared",
+    "Recording",
     "ShearFit",
     "ShearTest",
     "Simulation",
     "Specimen",
     "TensionFit",
+    "Zeros",
     "fit_bending",
     "fit_by_simulation",
     "fit_shear",
     "fit_tension",
+    "prepare",
     "read_biaxial",
     "read_cantilever",
-    "read_curve",
-    "read_specimen",
+    "read_recordings",
+    "read_specimens",
 ]

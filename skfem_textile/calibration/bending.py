@@ -7,7 +7,7 @@ of w L³/D alone, which is inverted here.  Peirce's formula is D = w L³/8 · co
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy import ndarray
 from scipy import special
 
 from ..scenes.elastica import hanging, peirce
-from .curves import read_test
+from .reading import Format, Recording, read_recordings
 from .regression import CONFIDENCE
 
 #: Columns of a test, by the names of `COLUMNS`.
@@ -41,11 +41,14 @@ class CantileverTest:
         Overhang length in mm, shape (n,).
     angle
         Angle of the chord below the horizontal in radians, shape (n,).
+    statements
+        Description of the reading.
     """
 
     name: str
     overhang: ndarray
     angle: ndarray
+    statements: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,19 +89,19 @@ class BendingFit:
 def read_cantilever(
     path: str | os.PathLike[str],
     angle: float | None = None,
-    units: Mapping[str, str] | None = None,
-) -> CantileverTest:
-    """Readings of a test from the columns ``overhang`` and ``chord angle`` of a file.
+    form: Format | None = None,
+) -> list[CantileverTest]:
+    """Tests of a file or folder with the columns ``overhang`` and ``chord angle``.
 
     Parameters
     ----------
     path
-        The file, see `read_curve`.
+        The file or folder, see `read_recordings`.
     angle
         Angle of every chord in radians, for a file without that column, as for an
         instrument with a fixed inclined plane.
-    units
-        See `read_curve`.
+    form
+        Properties of the file that take precedence over its content.
 
     Raises
     ------
@@ -107,7 +110,13 @@ def read_cantilever(
     OSError
         If it cannot be read.
     """
-    name, columns = read_test(path, units, OVERHANG)
+    return [_test(one, angle) for one in read_recordings(path, form)]
+
+
+def _test(recording: Recording, angle: float | None) -> CantileverTest:
+    name, needed = recording.name, {OVERHANG} | {ANGLE} & set(recording.columns)
+    read = recording.complete(*needed)
+    columns = read.columns
     if (ANGLE in columns) == (angle is not None):
         raise ValueError(
             f"{name}: chord angles must be given either in the column {ANGLE!r} or as "
@@ -126,7 +135,7 @@ def read_cantilever(
             f"got angles from {np.degrees(angles.min()):g} to "
             f"{np.degrees(angles.max()):g} degrees"
         )
-    return CantileverTest(name, overhang, angles)
+    return CantileverTest(name, overhang, angles, read.statements)
 
 
 def fit_bending(tests: Sequence[CantileverTest], weight: float) -> BendingFit:

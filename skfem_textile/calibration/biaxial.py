@@ -13,9 +13,12 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import BiaxialLaw, Law, TwoLaws
-from . import regression as models
-from .curves import read_test
-from .regression import Fit, Model, Sample, fit
+from . import models
+from .models import Model
+from .preparing import Preparation, prepare
+from .reading import Format, read_recordings
+from .regression import Fit, fit
+from .solving import Sample
 
 #: Fibre families.
 FAMILIES = "warp", "weft"
@@ -43,12 +46,15 @@ class BiaxialCurve:
         Forces along warp and weft in N, shape (2, n).
     widths
         Width in mm normal to the warp load, and normal to the weft load.
+    statements
+        Description of the reading and preparation.
     """
 
     name: str
     strain: ndarray
     force: ndarray
     widths: tuple[float, float]
+    statements: tuple[str, ...] = ()
 
     @property
     def tension(self) -> ndarray:
@@ -106,18 +112,24 @@ class TensionFit:
 def read_biaxial(
     path: str | os.PathLike[str],
     widths: tuple[float, float],
-    units: Mapping[str, str] | None = None,
-) -> BiaxialCurve:
-    """Test of a CSV file with strain and force of warp and weft.
+    form: Format | None = None,
+    choices: Preparation | None = None,
+) -> list[BiaxialCurve]:
+    """Tests of a file or folder with strain and force of warp and weft.
+
+    The family with the larger strain determines loading and unloading.  Strain and
+    force have the zeros of the machine.
 
     Parameters
     ----------
     path
-        The file, see `read_curve`.
+        The file or folder, see `read_recordings`.
     widths
         Width in mm normal to the warp load, and normal to the weft load.
-    units
-        Units of columns for which the file contains none.
+    form
+        Properties of the file that take precedence over its content.
+    choices
+        Choices of the preparation that take precedence, see `prepare`.
 
     Raises
     ------
@@ -127,13 +139,24 @@ def read_biaxial(
         If it cannot be read.
     """
     strains, forces = ([f"{f} {of}" for f in FAMILIES] for of in ("strain", "force"))
-    name, columns = read_test(path, units, *strains, *forces)
-    elongation, force = (np.array([columns[x] for x in of]) for of in (strains, forces))
-    if not np.all(elongation > -1):
-        raise ValueError(
-            f"{name}: every strain must be above -1, got {elongation.min():g}"
+    curves = []
+    for recording in read_recordings(path, form):
+        complete = recording.complete(*strains, *forces)
+        driving = max(strains, key=lambda name: np.ptp(complete.column(name)))
+        read = prepare(complete, driving, forces, choices).recording
+        elongation, force = (
+            np.array([read.column(name) for name in of]) for of in (strains, forces)
         )
-    return BiaxialCurve(name, np.log1p(elongation), force, widths)
+        if not np.all(elongation > -1):
+            raise ValueError(
+                f"{read.name}: every strain must be above -1, got {elongation.min():g}"
+            )
+        curves.append(
+            BiaxialCurve(
+                *(read.name, np.log1p(elongation), force, widths, read.statements)
+            )
+        )
+    return curves
 
 
 def fit_tension(

@@ -63,13 +63,14 @@ def _draw_shear(fit: ShearFit, left: Any, right: Any) -> None:
         colour, used = next(colours), specimen.used(fit.up_to)
         angle = np.degrees(specimen.angle)
         order = np.argsort(angle[used])
-        predicted = fit.fit.samples[i].predict(fit.fit.law)
+        predicted = fit.fit.predicted(i)
         largest = max(largest, float(specimen.force[used].max()))
         name = specimen.name
         left.plot(angle[used], specimen.force[used], ".", color=colour, label=name)
         left.plot(angle[~used], specimen.force[~used], "x", color=colour, ms=3)
         left.plot(angle[used][order], predicted[order], color=colour)
-        gamma, C = specimen.pointwise(fit.up_to)
+        at_rest, *_ = fit.fit.zeros(i).get("force at rest", (0.0,))
+        gamma, C = specimen.pointwise(fit.up_to, at_rest)
         right.plot(np.degrees(gamma), C, ".", color=colour, ms=3)
     gamma = np.linspace(0.0, fit.largest_angle, _N)
 

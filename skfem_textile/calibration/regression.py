@@ -1,325 +1,21 @@
-"""Parametric laws, and their parameters from measured curves, with confidence.
+"""Parameters of laws from measured curves, with confidence.
 
 Curves are compared in the quantity that carries the noise: forces with forces.  Each
 curve has its own noise level, estimated from its residuals.
 """
 
-import importlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from scipy import linalg, special
+from scipy import special
 
-from ..fabric import (
-    CrimpInterchange,
-    CrimpToe,
-    Linear,
-    Locking,
-    Polynomial,
-    Sin2,
-    Tabulated,
-)
-from ..fabric.law import RIGHT_ANGLE
-
-# Relative extension of tables, so that rounding puts no point beyond the end.
-_ROUNDING = 1e-12
-
-# Ratio of the initial stiffness of crimped fabrics to the yarn stiffness.  Chosen:
-# negligible in tension, and large enough for a positive definite tangent.
-_AT_REST = 1e-4
-
-
-@dataclass(frozen=True)
-class Model:
-    """Law with unknown parameters.
-
-    Attributes
-    ----------
-    name
-        Name of the law.
-    parameters, units
-        Names and units of the parameters, p of them.
-    build
-        Builds the law from p numbers.
-    low, high
-        Bounds of the parameters, shape (p,).
-    start
-        Initial parameters, as a function of the stiffness of the best linear law.  None
-        if forces are linear in the parameters.
-    """
-
-    name: str
-    parameters: tuple[str, ...]
-    units: tuple[str, ...]
-    build: Callable[[ndarray], Any]
-    low: ndarray
-    high: ndarray
-    start: Callable[[float], ndarray] | None = None
-
-    def bounded(self, bounds: Mapping[str, tuple[float, float]]) -> "Model":
-        """Model with additional bounds of parameters, by name.
-
-        Raises
-        ------
-        ValueError
-            If a parameter is unknown, or its bounds contain no number.
-        """
-        low, high = self.low.copy(), self.high.copy()
-        for name, (least, most) in bounds.items():
-            if name not in self.parameters:
-                raise ValueError(
-                    f"the law {self.name} has no parameter {name!r}: choose one of "
-                    f"{', '.join(self.parameters)}"
-                )
-            i = self.parameters.index(name)
-            low[i], high[i] = max(low[i], least), min(high[i], most)
-            if not low[i] < high[i]:
-                raise ValueError(
-                    f"the bounds of {name} and the limits of the law leave no number "
-                    f"between {low[i]:g} and {high[i]:g}: change the bounds"
-                )
-        return replace(self, low=low, high=high)
-
-    def extrapolated(self, extrapolation: str | None) -> "Model":
-        """Model whose law is extrapolated beyond the data, see `Tabulated`.
-
-        Without an argument the model is unchanged.
-
-        Raises
-        ------
-        ValueError
-            If the law is not tabulated, and hence does not end with the data.
-        """
-        if extrapolation is None:
-            return self
-        if self.name != "tabulated":
-            raise ValueError(
-                f"the law {self.name} is defined beyond the data by its formula: omit "
-                "the extrapolation, or use the law tabulated"
-            )
-
-        return replace(
-            self, build=lambda x: replace(self.build(x), extrapolation=extrapolation)
-        )
-
-
-def _of_numbers(law: Callable[..., Any]) -> Callable[[ndarray], Any]:
-    """Function that builds a law whose arguments are its parameters."""
-    return lambda values: law(*values.tolist())
-
-
-def linear() -> Model:
-    """`Linear`: C = G γ, or T = E ε."""
-    build, ends = _of_numbers(Linear), np.array([[0.0], [np.inf]])
-    return Model("linear", ("stiffness",), ("N/mm",), build, *ends)
-
-
-def sin2() -> Model:
-    """`Sin2`: C = ½ G sin 2γ."""
-    return replace(linear(), name="sin2", build=_of_numbers(Sin2))
-
-
-def polynomial(degree: int = 5) -> Model:
-    """`Polynomial` of the odd powers of γ up to a degree: C = c₁ γ + c₃ γ³ + ...
-
-    Raises
-    ------
-    ValueError
-        If the degree is not odd or not between 1 and 15.
-    """
-    if degree not in range(1, 16, 2):
-        raise ValueError(f"the degree must be an odd number up to 15, got {degree}")
-    names = tuple(f"c{power}" for power in range(1, degree + 1, 2))
-
-    def build(c: ndarray) -> Polynomial:
-        every = np.zeros(degree)
-        every[::2] = c
-        return Polynomial(tuple(every))
-
-    free = np.full(len(names), np.inf)
-    return Model("polynomial", names, ("N/mm",) * free.size, build, -free, free)
-
-
-def locking(largest: float) -> Model:
-    """`Locking`, with the pole beyond the largest shear angle in radians."""
-
-    def start(stiffness: float) -> ndarray:
-        angle = min(1.3 * largest, 0.5 * (largest + RIGHT_ANGLE))
-        return np.array([0.5 * stiffness, angle])
-
-    low, high = np.array([[1e-12, 1.001 * largest], [np.inf, RIGHT_ANGLE]])
-    names, units, build = ("stiffness", "angle"), ("N/mm", "rad"), _of_numbers(Locking)
-    return Model("locking", names, units, build, low, high, start)
-
-
-def tabulated(largest: float, points: int) -> Model:
-    """`Tabulated` at 0 and at equidistant points up to the largest argument."""
-    x = np.linspace(0.0, largest, points + 1) * (1 + _ROUNDING)
-
-    def build(values: ndarray) -> Tabulated:
-        return Tabulated(x, np.concatenate([[0.0], values]), odd=True)
-
-    def start(stiffness: float) -> ndarray:
-        return stiffness * x[1:]
-
-    names = tuple(f"v{i}" for i in range(1, x.size))
-    units, free = ("N/mm",) * points, np.full(points, np.inf)
-    return Model("tabulated", names, units, build, -free, free, start)
-
-
-def crimp_toe(largest: float) -> Model:
-    """`CrimpToe`, with a toe of at most the largest strain."""
-
-    def start(stiffness: float) -> ndarray:
-        return np.array([1.5 * stiffness, 0.2 * largest, 1e-3 * stiffness])
-
-    low, high = np.array([[1e-9, 1e-3 * largest, 0.0], [np.inf, largest, np.inf]])
-    names, units = ("stiffness", "toe", "initial_stiffness"), ("N/mm", "-", "N/mm")
-    return Model("crimp-toe", names, units, _of_numbers(CrimpToe), low, high, start)
-
-
-def crimp_interchange(largest: float) -> Model:
-    """`CrimpInterchange`: both tensions depend on both strains.
-
-    The initial stiffness acts in compression and cannot be identified in tension; it is
-    a small share of the stiffness.
-    """
-    names = (
-        *("warp_stiffness", "weft_stiffness", "warp_crimp", "weft_crimp"),
-        *("bending", "toe"),
-    )
-    low = np.array([1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-2 * largest])
-    high = np.array([np.inf, np.inf, 0.2, 0.2, np.inf, largest])
-
-    def build(values: ndarray) -> CrimpInterchange:
-        E1, E2, c1, c2, K, e_0 = map(float, values)
-        return CrimpInterchange((E1, E2), (c1, c2), K, e_0, _AT_REST * min(E1, E2))
-
-    def start(stiffness: float) -> ndarray:
-        E, c = 3 * stiffness, 0.5 * largest
-        return np.array([E, E, c, c, 0.01 * stiffness, 0.1 * largest])
-
-    units = ("N/mm", "N/mm", "-", "-", "N/mm", "-")
-    return Model("crimp-interchange", names, units, build, low, high, start)
-
-
-def _optimize() -> Any:
-    """The module scipy.optimize, imported only for fits."""
-    return importlib.import_module("scipy.optimize")
-
-
-# Relative singular value below which parameters are not identifiable.
-_SINGULAR = 1e-10
-
-
-def solve_linear(
-    model: Model,
-    predict: Callable[[Any], ndarray],
-    measured: ndarray,
-    weights: ndarray,
-    start: ndarray | None,
-) -> tuple[ndarray, ndarray]:
-    """Closed form, unless a bound is active."""
-    units = np.eye(len(model.parameters))
-    J = np.transpose([predict(model.build(unit)) for unit in units])
-    root = np.sqrt(weights)
-    size = np.linalg.norm(J * root[:, None], axis=0)
-    if not np.all(size > 0):
-        raise ValueError(_not_identifiable(model))
-    A, b = J * root[:, None] / size, root * measured
-    values, _, _, singular = np.linalg.lstsq(A, b)
-    if singular[-1] < _SINGULAR * singular[0]:
-        raise ValueError(_not_identifiable(model))
-    low, high = model.low * size, model.high * size
-    if np.any((values < low) | (values > high)):
-        values = _optimize().lsq_linear(A, b, (low, high), method="bvls").x
-    return np.clip(values / size, model.low, model.high), J
-
-
-def solve_nonlinear(
-    model: Model,
-    predict: Callable[[Any], ndarray],
-    measured: ndarray,
-    weights: ndarray,
-    start: ndarray | None,
-) -> tuple[ndarray, ndarray]:
-    """Nonlinear least squares from given parameters, or from the best linear law.
-
-    The linear law determines the scale of each parameter, because a parameter at a
-    bound may be 0.
-    """
-    assert model.start is not None
-    unit = predict(Linear(1.0))
-    square = float(unit @ unit)
-    if not square > 0:
-        raise ValueError(_not_identifiable(model))
-    near_linear = model.start(max(float(unit @ measured) / square, 1e-12))
-    scale = np.maximum(np.abs(near_linear), 1e-12)
-    inside = np.clip(near_linear if start is None else start, model.low, model.high)
-    root = np.sqrt(weights)
-
-    def residual(values: ndarray) -> ndarray:
-        return root * (predict(model.build(values)) - measured)
-
-    try:
-        found = _optimize().least_squares(
-            residual, inside, bounds=(model.low, model.high), x_scale=scale
-        )
-        values = found.x
-    except ValueError as error:
-        raise ValueError(f"the fit of the law {model.name} failed: {error}") from None
-    near = np.maximum(np.abs(values), scale) * 1e-6
-    low_end = np.isfinite(model.low) & (values - model.low < near)
-    high_end = np.isfinite(model.high) & (model.high - values < near)
-    values = np.where(low_end, model.low, np.where(high_end, model.high, values))
-    return values, jacobian_of(model, values, predict)
-
-
-def jacobian_of(
-    model: Model, values: ndarray, value: Callable[[Any], ndarray]
-) -> ndarray:
-    """Derivatives with respect to parameters, (n, p): exact if they are linear."""
-    if model.start is None:
-        units = np.eye(values.size)
-        return np.transpose([value(model.build(unit)) for unit in units])
-    columns = []
-    for i, x in enumerate(values):
-        step = 1e-6 * max(abs(x), 1e-6)
-        ends = np.repeat(values[None], 2, axis=0)
-        ends[:, i] = np.clip([x - step, x + step], model.low[i], model.high[i])
-        low, high = (value(model.build(end)) for end in ends)
-        columns.append((high - low) / (ends[1, i] - ends[0, i]))
-    return np.transpose(columns)
-
-
-def covariance_of(J: ndarray, weights: ndarray) -> ndarray:
-    """(JᵀWJ)⁻¹, with normalised columns."""
-    root = J * np.sqrt(weights)[:, None]
-    size = np.linalg.norm(root, axis=0)
-    if not np.all(size > 0):
-        raise ValueError(
-            "the data do not determine all parameters: use a law with fewer parameters"
-        )
-    triangle = linalg.qr(root / size, mode="economic")[1]
-    if not np.all(np.abs(np.diag(triangle)) > _SINGULAR):
-        raise ValueError(
-            "the parameters are not identifiable from these data: use a law with fewer "
-            "parameters"
-        )
-    inverse = np.linalg.inv(triangle) / size[:, None]
-    return inverse @ inverse.T
-
-
-def _not_identifiable(model: Model) -> str:
-    return (
-        f"the {len(model.parameters)} parameters of the law {model.name} are not "
-        "identifiable from these data: use a law with fewer parameters"
-    )
-
+from .models import Model
+from .solving import Sample, Unknowns, covariance_of, jacobian_of
 
 #: Confidence level of all bands.
 CONFIDENCE = 0.95
@@ -338,14 +34,6 @@ _LEAST_NOISE = 1e-9
 _BELIEVED = 3.1
 
 
-class Sample(NamedTuple):
-    """Name of a curve, measured values, (n,), and predictions of a law."""
-
-    name: str
-    measured: ndarray
-    predict: Callable[[Any], ndarray]
-
-
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Parameters of a law fitted to curves.
@@ -358,9 +46,14 @@ class Fit:
         The curves.
     values
         The parameters, shape (p,).
+    offsets
+        Zeros of each curve, in the order of `Sample.offsets`; those that are not
+        `free` are 0.
+    free
+        Names of the zeros that were fitted.
     jacobian
-        Derivatives of all predicted values with respect to the parameters, shape (n,
-        p).
+        Derivatives of all predicted values with respect to the parameters, and then to
+        the free zeros, shape (n, p + zeros).
     residuals
         Measured less predicted values of each curve.
     noise
@@ -372,22 +65,32 @@ class Fit:
         None for fewer than two curves, or without comparison.
     differ
         Probability that curves of one law differ by this much; nan without ``singles``.
+    alternatives
+        Probabilities and fits with other free zeros, and of this fit, which is the most
+        probable one; empty if no zero is unknown.
     """
 
     model: Model
     samples: tuple[Sample, ...]
     values: ndarray
+    offsets: tuple[ndarray, ...]
+    free: frozenset[str]
     jacobian: ndarray
     residuals: tuple[ndarray, ...]
     noise: ndarray
     at_bound: ndarray
     singles: ndarray | None = None
     differ: float = np.nan
+    alternatives: tuple[tuple[float, "Fit"], ...] = ()
 
     @property
     def law(self) -> Any:
         """Law with these parameters."""
         return self.model.build(self.values)
+
+    def predicted(self, i: int) -> ndarray:
+        """Predictions of the law for a curve."""
+        return self.samples[i].predict(self.law, *self.offsets[i])
 
     @property
     def beyond_noise(self) -> bool:
@@ -400,7 +103,7 @@ class Fit:
         if self.beyond_noise:
             assert self.singles is not None
             return len(self.singles) - 1
-        return len(self.jacobian) - int(np.sum(~self.at_bound))
+        return len(self.jacobian) - int(np.sum(self._determined))
 
     @cached_property
     def correlations(self) -> ndarray:
@@ -415,17 +118,29 @@ class Fit:
         sizes = np.array([r.size for r in self.residuals])
         return self.correlations > _BELIEVED / np.sqrt(sizes)
 
-    @cached_property
+    @property
     def covariance(self) -> ndarray:
         """Covariance of the parameters, shape (p, p).
 
-        Covariance due to noise, or of the mean of curves that differ significantly.
-        Correlated residuals count as fewer points: n (1 − ρ)/(1 + ρ).  Weights
-        estimated from the data increase it slightly, after Meier (1953, Biometrics
-        9:59): 4 Σ s (1 − s)/ν, where s is the share of a curve in the information, and
-        ν the degrees of freedom of its noise.
+        Covariance due to noise and to the free zeros, or of the mean of curves that
+        differ significantly.  Correlated residuals count as fewer points: n (1 − ρ)/(1
+        + ρ).  Weights estimated from the data increase it slightly, after Meier (1953,
+        Biometrics 9:59): 4 Σ s (1 − s)/ν, where s is the share of a curve in the
+        information, and ν the degrees of freedom of its noise.
         """
-        free = ~self.at_bound
+        p = self.values.size
+        return self._covariance[:p, :p]
+
+    @property
+    def _determined(self) -> ndarray:
+        """Mask of the columns of the Jacobian that are not at a bound."""
+        zeros = self.jacobian.shape[1] - self.at_bound.size
+        return np.concatenate([~self.at_bound, np.ones(zeros, dtype=bool)])
+
+    @cached_property
+    def _covariance(self) -> ndarray:
+        """Covariance of the parameters and of the free zeros."""
+        free = self._determined
         within, covariance = np.ix_(free, free), np.zeros((free.size, free.size))
         if not free.any():
             return covariance
@@ -438,15 +153,17 @@ class Fit:
         covariance[within] = (1 + lost) * covariance_of(self.jacobian[:, free], weights)
         if self.beyond_noise:
             assert self.singles is not None
-            spread = np.cov(self.singles.T).reshape(covariance.shape)
-            covariance[within] += spread[within] / len(self.singles)
+            law = np.flatnonzero(~self.at_bound)
+            spread = np.atleast_2d(np.cov(self.singles.T))
+            covariance[np.ix_(law, law)] += spread[np.ix_(law, law)] / len(self.singles)
         return covariance
 
     @property
     def intervals(self) -> ndarray:
         """Confidence intervals of the parameters, shape (p, 2), within their bounds."""
-        half = self._quantile * np.sqrt(np.diag(self.covariance))
-        ends = np.transpose([self.values - half, self.values + half])
+        ends = self._interval(
+            lambda fit: (fit.values, np.sqrt(np.diag(fit.covariance)))
+        ).T
         return np.clip(ends, self.model.low[:, None], self.model.high[:, None])
 
     def band(self, value: Callable[[Any], ndarray]) -> ndarray:
@@ -457,16 +174,84 @@ class Fit:
         value
             Function of a law that returns n numbers.
         """
-        slopes = jacobian_of(self.model, self.values, value)
-        half = self._quantile * np.sqrt(
-            np.einsum("ni,ij,nj->n", slopes, self.covariance, slopes)
-        )
-        middle = value(self.law)
-        return np.array([middle - half, middle + half])
 
-    @property
-    def _quantile(self) -> float:
-        return float(special.stdtrit(self.degrees_of_freedom, 0.5 + 0.5 * CONFIDENCE))
+        def middle_and_deviation(fit: Fit) -> tuple[ndarray, ndarray]:
+            slopes = jacobian_of(fit.model, fit.values, value)
+            squares = np.einsum("ni,ij,nj->n", slopes, fit.covariance, slopes)
+            return value(fit.law), np.sqrt(squares)
+
+        return self._interval(middle_and_deviation)
+
+    def zeros(self, i: int) -> dict[str, tuple[float, float, float]]:
+        """Zeros of a curve by name: value, and ends of the confidence interval."""
+        found = {}
+        for j, offset in enumerate(self.samples[i].offsets):
+
+            def of(fit: Fit, j: int = j) -> tuple[ndarray, ndarray]:
+                return fit.offsets[i][j : j + 1], fit._deviation(i, j)
+
+            low, high = self._interval(of)[:, 0]
+            found[offset.name] = float(self.offsets[i][j]), float(low), float(high)
+        return found
+
+    def _deviation(self, i: int, j: int) -> ndarray:
+        """Standard deviation of zero j of curve i; 0 unless it is free."""
+        before = [o.name in self.free for s in self.samples[:i] for o in s.offsets]
+        own = [offset.name in self.free for offset in self.samples[i].offsets]
+        if not own[j]:
+            return np.zeros(1)
+        k = self.values.size + sum(before) + sum(own[:j])
+        return np.sqrt(self._covariance[k : k + 1, k])
+
+    def _interval(self, of: Callable[["Fit"], tuple[ndarray, ndarray]]) -> ndarray:
+        """Ends of the confidence interval of the mixture of alternatives, (2, n)."""
+        fits = self.alternatives or ((1.0, self),)
+        weights = np.array([weight for weight, _ in fits])
+        middles, deviations = np.swapaxes([of(fit) for _, fit in fits], 0, 1)
+        freedom = np.array([fit.degrees_of_freedom for _, fit in fits])
+        tail = 0.5 - 0.5 * CONFIDENCE
+        half = -special.stdtrit(freedom, tail)[:, None] * deviations
+        low, high = (middles - half).min(axis=0), (middles + half).max(axis=0)
+        if len(fits) == 1:
+            return np.array([low, high])
+        return np.array(
+            [
+                _quantile(p, weights, middles, deviations, freedom, low, high)
+                for p in (tail, 1 - tail)
+            ]
+        )
+
+
+# Bisections of a quantile: its error is below 1e-18 of the widest band.
+_BISECTIONS = 60
+
+
+def _quantile(
+    p: float,
+    weights: ndarray,
+    middles: ndarray,
+    deviations: ndarray,
+    freedom: ndarray,
+    low: ndarray,
+    high: ndarray,
+) -> ndarray:
+    """Quantile of mixtures of Student's t-distributions, between low and high."""
+    scale = np.maximum(deviations, np.finfo(float).tiny)
+    for _ in range(_BISECTIONS):
+        x = 0.5 * (low + high)
+        with np.errstate(over="ignore"):  # of a value without a deviation
+            below = special.stdtr(freedom[:, None], (x - middles) / scale)
+        less = weights @ below < p
+        low, high = np.where(less, x, low), np.where(less, high, x)
+    return 0.5 * (low + high)
+
+
+# Probability of a zero that is not expected, before the data: most machines are tared.
+_UNEXPECTED = 0.1
+
+# Smallest probability of an alternative that is kept: its share of a tail of 2.5 % is
+# negligible.
+_NEGLIGIBLE = 1e-3
 
 
 def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
@@ -474,6 +259,10 @@ def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
 
     Least squares, weighted by the noise of each curve; in closed form if the
     predictions are linear in the parameters.
+
+    Zeros that are not expected are fitted in each of their combinations.  The
+    probability of each follows from the Bayesian information criterion (Schwarz 1978);
+    bands refer to the mixture (Hoeting et al. 1999, Statist. Sci. 14:382).
 
     Parameters
     ----------
@@ -490,18 +279,73 @@ def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
         If there are not more points than parameters, or the parameters are not
         identifiable.
     """
-    pooled = _fit(model, samples)
+    offsets = [offset for sample in samples for offset in sample.offsets]
+    always = frozenset(offset.name for offset in offsets if offset.expected)
+    optional = dict.fromkeys(o.name for o in offsets if not o.expected)
+    fits = [_compared(_fit(model, samples, always), compare)]
+    for free in (always | some for some in _subsets(tuple(optional))):
+        try:
+            fits.append(_compared(_fit(model, samples, free), compare))
+        except ValueError:  # the data do not determine these zeros
+            continue
+    if len(fits) == 1:
+        return fits[0]
+    alone = any(one.beyond_noise for one in fits)
+    criterion = np.array([_criterion(one, alone) for one in fits])
+    unexpected = np.array([len(one.free - always) for one in fits])
+    criterion += 2 * np.log(1 / _UNEXPECTED - 1) * unexpected
+    weights = np.exp(-0.5 * (criterion - criterion.min()))
+    weights /= weights.sum()
+    kept = [i for i in range(len(fits)) if weights[i] > _NEGLIGIBLE]
+    total = weights[kept].sum()
+    alternatives = tuple((float(weights[i] / total), fits[i]) for i in kept)
+    return replace(fits[int(weights.argmax())], alternatives=alternatives)
+
+
+def _subsets(names: tuple[str, ...]) -> list[frozenset[str]]:
+    """Subsets of one or more names."""
+    sizes = range(1, len(names) + 1)
+    return [frozenset(one) for n in sizes for one in combinations(names, n)]
+
+
+def _criterion(fit: Fit, alone: bool) -> float:
+    """Bayesian information criterion, by the residuals of each curve.
+
+    If curves differ, zeros would represent the difference: then each curve counts with
+    a separate law.
+    """
+    residuals = fit.residuals
+    if alone:
+        residuals = tuple(_alone(fit, i).residuals[0] for i in range(len(fit.samples)))
+    total = 0.0
+    for sample, r in zip(fit.samples, residuals, strict=True):
+        n, least = r.size, _LEAST_NOISE * np.abs(sample.measured).max()
+        zeros = sum(offset.name in fit.free for offset in sample.offsets)
+        total += n * np.log(max(float(r @ r) / n, least**2)) + zeros * np.log(n)
+    return float(total)
+
+
+def _alone(pooled: Fit, i: int) -> Fit:
+    """Fit of one of the curves, with the noise of all of them."""
+    noise = pooled.noise[i : i + 1]
+    return _fit(pooled.model, [pooled.samples[i]], pooled.free, pooled.values, noise)
+
+
+def _compared(pooled: Fit, compare: bool) -> Fit:
+    """Fit with a test for differences between its curves."""
+    samples = pooled.samples
     if len(samples) < 2 or not compare:
         return pooled
     alone = {}
-    for i, one in enumerate(samples):
+    for i in range(len(samples)):
         try:
-            alone[i] = _fit(model, [one], pooled.values, pooled.noise[i : i + 1])
+            alone[i] = _alone(pooled, i)
         except ValueError:  # this curve does not determine all parameters
             continue
     p = int(np.sum(~pooled.at_bound))
     points = sum(samples[i].measured.size for i in alone)
-    further, rest = p * (len(alone) - 1), points - p * len(alone)
+    zeros = sum(one.jacobian.shape[1] - one.values.size for one in alone.values())
+    further, rest = p * (len(alone) - 1), points - p * len(alone) - zeros
     if further < 1 or rest < 1:
         return pooled
     weights = pooled.noise[list(alone)] ** -2
@@ -522,40 +366,40 @@ def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
 def _fit(
     model: Model,
     samples: Sequence[Sample],
+    free: frozenset[str] = frozenset(),
     start: ndarray | None = None,
     noise: ndarray | None = None,
 ) -> Fit:
-    """Joint fit of some curves, with given or estimated noise."""
+    """Joint fit of some curves and their free zeros, with given or estimated noise."""
+    unknowns = Unknowns(model, samples, free)
     measured = np.concatenate([sample.measured for sample in samples])
     n, p = measured.size, len(model.parameters)
-    if n <= p:
+    if n <= (number := p + unknowns.zeros):
         raise ValueError(
-            f"{n} points are too few for the {p} parameters of the law {model.name}: "
-            "use a law with fewer parameters"
+            f"{n} points are too few for the {number} parameters of the law "
+            f"{model.name}: use a law with fewer parameters"
         )
     noise_is_known = noise is not None
     least = _LEAST_NOISE * np.abs(measured).max()
     weights = _spread_out(samples, noise**-2.0) if noise is not None else np.ones(n)
-
-    def predict(law: Any) -> ndarray:
-        return np.concatenate([sample.predict(law) for sample in samples])
-
-    solve = solve_linear if model.start is None else solve_nonlinear
-    values = start
+    x = None if start is None else unknowns.start(start)
     for _ in range(1 if noise_is_known else _ROUNDS):
-        values, J = solve(model, predict, measured, weights, values)
+        x, J = unknowns.solve(measured, weights, x)
+        values = x[:p]
         at_bound = (values <= model.low) | (values >= model.high)
-        residuals = _split(samples, measured - predict(model.build(values)))
+        residuals = _split(samples, measured - unknowns.predict(x))
         if noise is None or not noise_is_known:
-            free = J[:, ~at_bound]
+            columns = np.concatenate([~at_bound, np.ones(unknowns.zeros, dtype=bool)])
             sizes = np.array([sample.measured.size for sample in samples])
-            left = np.maximum(sizes - _leverage(samples, free, weights), 1e-6)
+            left = np.maximum(sizes - _leverage(samples, J[:, columns], weights), 1e-6)
             squares = np.array([r @ r for r in residuals])
             noise = np.maximum(np.sqrt(squares / left), least)
             weights = _spread_out(samples, noise**-2.0)
-    assert values is not None
+    assert x is not None
     assert noise is not None
-    return Fit(model, tuple(samples), values, J, residuals, noise, at_bound)
+    offsets = tuple(unknowns.offsets(x))
+    of_fit = model, tuple(samples), values, offsets, free
+    return Fit(*of_fit, J, residuals, noise, at_bound)
 
 
 def _leverage(samples: Sequence[Sample], J: ndarray, weights: ndarray) -> ndarray:

@@ -12,7 +12,7 @@ from ..solve.verdict import excess
 from .biaxial import FAMILIES
 from .curves import rest_notes, seems_swapped
 from .regression import CONFIDENCE, Fit
-from .shear import APART
+from .specimens import APART
 
 if TYPE_CHECKING:
     from .bending import BendingFit
@@ -37,6 +37,8 @@ def shear_report(result: "ShearFit") -> dict[str, Any]:
             "angle": "measured" if measured else "theoretical",
             "kinematics_hold_to_deg": _valid_up_to(specimen),
             "test": repr(specimen.test),
+            "zeros": _zeros(fit, i),
+            "statements": list(specimen.statements),
         }
         specimens.append(_curve(fit, i) | more)
     return {
@@ -46,7 +48,12 @@ def shear_report(result: "ShearFit") -> dict[str, Any]:
         "largest_angle_deg": float(np.degrees(result.largest_angle)),
         "specimens": specimens,
         "moments": _moments(result),
-        "notes": [*_notes(fit), *_range_notes(result), *_falling_notes(result)],
+        "notes": [
+            *_notes(fit),
+            *_zero_notes(fit),
+            *_range_notes(result),
+            *_falling_notes(result),
+        ],
     }
 
 
@@ -58,7 +65,11 @@ def tension_report(result: "TensionFit") -> dict[str, Any]:
         largest = max(float(c.strain[families].max()) for c in result.curves)
         reports[name] = _law("tension", one) | {
             "largest_strain": largest,
-            "curves": [_curve(one, i) for i in range(len(one.samples))],
+            "curves": [
+                _curve(one, i)
+                | {"statements": list(result.curves[i % len(result.curves)].statements)}
+                for i in range(len(one.samples))
+            ],
             "notes": [*_notes(one), *_tension_notes(result, families)],
         }
         if one.beyond_noise:
@@ -94,11 +105,42 @@ def bending_report(fit: "BendingFit") -> dict[str, Any]:
         "high_N_mm": high,
         "by_peirce_N_mm": float(fit.by_peirce.mean()),
         "readings": readings,
+        "tests": [
+            {"name": test.name, "statements": list(test.statements)}
+            for test in fit.tests
+        ],
         "notes": [
             f"the error of Peirce's formula is up to {100 * largest:.1f} % at these "
             "angles: the stiffness is computed with the elastica"
         ],
     }
+
+
+def _zeros(fit: Fit, i: int) -> list[dict[str, Any]]:
+    """Unknown zeros of a curve, with their confidence intervals."""
+    units = {offset.name: offset.unit for offset in fit.samples[i].offsets}
+    return [
+        {"name": name, "unit": units[name], "value": value, "low": low, "high": high}
+        for name, (value, low, high) in fit.zeros(i).items()
+    ]
+
+
+def _zero_notes(fit: Fit) -> list[str]:
+    """Notes on zeros that the fit takes into account."""
+    notes = []
+    for i, sample in enumerate(fit.samples):
+        found = [one for one in _zeros(fit, i) if one["name"] in fit.free]
+        if found:
+            text = " and ".join(
+                f"{one['name']} of {one['value']:.3g} {one['unit']} ({one['low']:.3g} "
+                f"to {one['high']:.3g})"
+                for one in found
+            )
+            notes.append(
+                f"{sample.name}: a {text} is estimated with the law, and its "
+                "uncertainty is part of the band"
+            )
+    return notes
 
 
 def _law(of: str, fit: Fit) -> dict[str, Any]:
@@ -152,7 +194,10 @@ def _moments(result: "ShearFit") -> list[dict[str, Any]]:
 
     C, band, alone = value(fit.law), fit.band(value), fit.singles
     moments = [] if alone is None else [value(fit.model.build(one)) for one in alone]
-    points = [s.pointwise(result.up_to) for s in result.specimens]
+    points = []
+    for i, specimen in enumerate(result.specimens):
+        force, *_ = fit.zeros(i).get("force at rest", (specimen.zeros.force or 0.0,))
+        points.append(specimen.pointwise(result.up_to, force))
     rows = []
     for i, angle in enumerate(angles):
         low, high = band[:, i]
@@ -265,7 +310,10 @@ def _beginning_notes(specimen: "Specimen", up_to: float | None) -> list[str]:
             "check whether the columns are swapped, unless the test was "
             "force-controlled"
         )
-    return notes + rest_notes(name, specimen.angle[used], force)
+    zeros = specimen.zeros
+    if zeros.force is None or zeros.slack is None:
+        return notes
+    return notes + rest_notes(name, specimen.angle[used], force - zeros.force)
 
 
 def _falling_notes(result: "ShearFit") -> list[str]:

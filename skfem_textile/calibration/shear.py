@@ -8,45 +8,28 @@ the loads converge.
 """
 
 import logging
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
 from ..fabric import Fabric, Law, Tabulated
+from ..fabric.law import domain_of
 from ..ply import Ply
 from ..scenes.bias_extension import bias_extension
 from ..scenes.rectangle import rectangle
 from ..scenes.shear_test import BiasExtension, ShearTest
 from ..solve.result import StepError
 from ..solve.stepper import LoadStepper
-from . import regression as models
-from .curves import read_test
-from .regression import Fit, Model, Sample, fit
+from . import models
+from .models import Model
+from .regression import Fit, fit
+from .solving import Offset, Sample
+from .specimens import ROUNDING, Specimen, slack_range
 
 log = logging.getLogger(__name__)
-
-#: Shear angle in radians up to which the theoretical one is reliable.  Cao et al.
-#: (2008) find that it fails beyond 30 to 45 degrees.
-BELIEVED = float(np.radians(40.0))
-
-#: Difference in radians of measured and theoretical angle above which there is slip.
-APART = float(np.radians(2.0))
-
-# Rounding tolerance of the end of the range.
-_ROUNDING = 1e-9
-
-# Decrease of the displacement, relative to its range, that indicates unloading.
-# Chosen: far above the noise of a machine.
-_BACK = 0.1
-
-# Share of the largest angle of a test above which points are excluded: forces of the
-# closed form are unbounded there.
-_END = 0.999
 
 #: Shear laws by name, as functions of the largest angle, the degree, and the number of
 #: points.
@@ -57,99 +40,6 @@ SHEAR_LAWS: dict[str, Callable[[float, int, int], Model]] = {
     "locking": lambda largest, degree, points: models.locking(largest),
     "tabulated": lambda largest, degree, points: models.tabulated(largest, points),
 }
-
-
-@dataclass(frozen=True, eq=False)
-class Specimen:
-    """Curve of one specimen.
-
-    Attributes
-    ----------
-    name
-        Name of the specimen.
-    test
-        Kind of test and its dimensions.
-    force
-        Force in N, shape (n,).
-    displacement, measured_angle
-        Displacement in mm, and shear angle in radians, shape (n,); one of them may be
-        missing.
-    """
-
-    name: str
-    test: ShearTest
-    force: ndarray
-    displacement: ndarray | None = None
-    measured_angle: ndarray | None = None
-
-    @cached_property
-    def theoretical_angle(self) -> ndarray | None:
-        """Shear angle for inextensible fibres without slip; nan beyond the end."""
-        if self.displacement is None:
-            return None
-        return self.test.shear_angle(self.displacement)
-
-    @cached_property
-    def angle(self) -> ndarray:
-        """Measured shear angle, or the theoretical one, in radians."""
-        if self.measured_angle is not None:
-            return self.measured_angle
-        assert self.theoretical_angle is not None
-        return self.theoretical_angle
-
-    @cached_property
-    def kinematics_limit(self) -> float:
-        """Shear angle in radians up to which the kinematics of the test are valid.
-
-        Up to the angle at which the measured one differs from the theoretical one, or
-        `BELIEVED` if one of the two is missing.
-        """
-        if self.measured_angle is None or self.theoretical_angle is None:
-            return min(BELIEVED, self.test.largest_angle)
-        order = np.argsort(self.measured_angle)
-        measured = self.measured_angle[order]
-        off = np.abs(measured - self.theoretical_angle[order])
-        deviating = np.flatnonzero(~(off <= APART))
-        last = deviating[0] - 1 if deviating.size else measured.size - 1
-        return float(measured[last]) if last >= 0 else 0.0
-
-    def last_angle(self, up_to: float | None) -> float:
-        """Shear angle in radians up to which points are fitted.
-
-        The requested angle; by default `BELIEVED`, or unlimited if the angle is
-        measured; at most the end of the motion of the test.
-        """
-        if up_to is None:
-            up_to = np.inf if self.measured_angle is not None else BELIEVED
-        return min(up_to * (1 + _ROUNDING), _END * self.test.largest_angle)
-
-    def used(self, up_to: float | None) -> ndarray:
-        """Mask of the fitted points: from 0 to `last_angle`, shape (n,)."""
-        with np.errstate(invalid="ignore"):
-            return (self.angle >= 0) & (self.angle <= self.last_angle(up_to))
-
-    @property
-    def driven(self) -> ndarray:
-        """Displacements, which drive the test, or angles if there are none."""
-        return self.angle if self.displacement is None else self.displacement
-
-    def ways(self, up_to: float | None) -> tuple[bool, bool]:
-        """Loading and unloading beyond noise, within the fitted points."""
-        driven = self.driven[self.used(up_to)]
-        forth, back = (
-            bool(np.any(np.maximum.accumulate(x) - x > _BACK * np.ptp(driven)))
-            for x in (driven[::-1], driven)
-        )
-        return forth, back
-
-    def pointwise(self, up_to: float | None) -> tuple[ndarray, ndarray]:
-        """Increasing shear angles, and C by pointwise data reduction."""
-        used = self.used(up_to) & (self.angle > 0)
-        order = np.argsort(self.angle[used], kind="stable")
-        gamma, force = self.angle[used][order], self.force[used][order]
-        moment = self.test.moment(gamma, force)
-        known = np.isfinite(moment)
-        return gamma[known], moment[known]
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,41 +73,6 @@ class ShearFit:
     def largest_angle(self) -> float:
         """Largest fitted shear angle in radians."""
         return max(float(s.angle[s.used(self.up_to)].max()) for s in self.specimens)
-
-
-def read_specimen(
-    path: str | os.PathLike[str],
-    test: ShearTest,
-    units: Mapping[str, str] | None = None,
-) -> Specimen:
-    """Specimen of a CSV file, see `read_curve`.
-
-    It has a column ``force`` and one or both of ``displacement`` and ``shear angle``: a
-    measured angle takes precedence over the theoretical one.
-
-    Parameters
-    ----------
-    path
-        The file.
-    test
-        Kind of test and its dimensions.
-    units
-        Units of columns for which the file contains none.
-
-    Raises
-    ------
-    ValueError
-        If the file is refused, or a column is missing.
-    OSError
-        If it cannot be read.
-    """
-    name, columns = read_test(path, units, "force")
-    if "displacement" not in columns and "shear angle" not in columns:
-        raise ValueError(
-            f"{name}: a column 'displacement' or 'shear angle' is required"
-        )
-    moved, angle = columns.get("displacement"), columns.get("shear angle")
-    return Specimen(name, test, columns["force"], moved, angle)
 
 
 def fit_shear(
@@ -278,37 +133,66 @@ def fit_shear(
         )
     if points < 1:
         raise ValueError(f"a table requires at least one point besides 0, got {points}")
-    samples = [
-        _sample(specimen, up_to, None if ratios is None else ratios[i])
-        for i, specimen in enumerate(specimens)
-    ]
+    for specimen in specimens:
+        _refuse_angles(specimen, specimen.used(up_to), up_to)
     angles = [float(s.angle[s.used(up_to)].max()) for s in specimens]
     largest = max(angles, default=0.0)
+    samples = [
+        _sample(specimen, up_to, largest, None if ratios is None else ratios[i])
+        for i, specimen in enumerate(specimens)
+    ]
     model = SHEAR_LAWS[law](largest, degree, points).bounded(bounds or {})
     result = fit(model.extrapolated(extrapolation), samples)
     return ShearFit(result, tuple(specimens), up_to)
 
 
 def _sample(
-    specimen: Specimen, up_to: float | None, ratio: Callable[[ndarray], ndarray] | None
+    specimen: Specimen,
+    up_to: float | None,
+    largest: float,
+    ratio: Callable[[ndarray], ndarray] | None,
 ) -> Sample:
-    """Fitted points of a specimen, and the forces of a law there."""
+    """Fitted points of a specimen, and the forces of a law there.
+
+    The zeros of a machine that are unknown are the arguments of a prediction after the
+    law: the force at rest, then the slack.
+    """
     used = specimen.used(up_to)
-    _refuse_angles(specimen, used, up_to)
     _refuse_forces(specimen, used)
-    gamma = specimen.angle[used]
-    times = 1.0 if ratio is None else ratio(gamma)
+    moved, zeros = specimen.displacement, specimen.zeros
+    at_rest, most = zeros.force, float(np.abs(specimen.force[used]).max())
+    offsets = []
+    if at_rest is None:
+        offsets.append(Offset("force at rest", "N", 0.0, -most, most, False))
+    slides = moved is not None and specimen.measured_angle is None
+    if slides and zeros.slack is None:
+        assert moved is not None
+        low, high = slack_range(moved)
+        start = float(np.clip(specimen.slack, low, high))
+        offsets.append(Offset("slack", "mm", start, low, high, True))
+    known = specimen.angle[used]
 
-    def predict(law: Law) -> ndarray:
-        return times * specimen.test.force(law, gamma)
+    def predict(law: Law, *unknown: float) -> ndarray:
+        values = dict(zip((o.name for o in offsets), unknown, strict=bool(unknown)))
+        gamma = known
+        if "slack" in values:
+            assert moved is not None
+            gamma = specimen.angle_at(moved[used], values["slack"])
+            # ends before a pole, or the end of a table, and the last angle of the test
+            bounded = np.isfinite(domain_of(law)[1])
+            gamma = np.fmin(gamma, largest if bounded else specimen.last_angle(np.inf))
+        force = specimen.test.force(law, gamma)
+        if ratio is not None:
+            force = ratio(gamma) * force
+        return force + values.get("force at rest", at_rest or 0.0)
 
-    return Sample(specimen.name, specimen.force[used], predict)
+    return Sample(specimen.name, specimen.force[used], predict, tuple(offsets))
 
 
 def _refuse_angles(specimen: Specimen, used: ndarray, up_to: float | None) -> None:
     name, end = specimen.name, np.degrees(specimen.test.largest_angle)
     angles = np.degrees(specimen.angle[np.isfinite(specimen.angle)])
-    if specimen.measured_angle is not None and np.any(angles > end * (1 + _ROUNDING)):
+    if specimen.measured_angle is not None and np.any(angles > end * (1 + ROUNDING)):
         raise ValueError(
             f"{name}: shear angles reach {angles.max():.4g} degrees, but the test ends "
             f"at {end:.4g} degrees: check their unit"
@@ -465,7 +349,7 @@ def fit_by_simulation(
         curves = _simulated(simulation, law_now, driven, largest)
         ratios = [_ratio(s.test, law_now, curves[s.test]) for s in driven]
         result = fit_shear(driven, law, up_to=end, **how, ratios=ratios)
-        loads = [sample.predict(result.fit.law) for sample in result.fit.samples]
+        loads = [result.fit.predicted(i) for i in range(len(driven))]
         change = max(
             float(np.abs(current - previous).max() / np.abs(current).max())
             for current, previous in zip(loads, before, strict=True)

@@ -20,7 +20,7 @@ DISPLACEMENT, FORCE = "displacement (mm)", "force (N)"
 HALF_WIDTH = "half-width of the force (N)"
 ANGLE, NORMALISED = "angle (deg)", "normalised shear force (N/mm)"
 
-# Headings of the columns of `read_curve`, and factors to their units.
+# Headings of the columns of a recording, and factors from their units.
 _HEADINGS = {
     "displacement": (DISPLACEMENT, 1.0),
     "shear angle": (ANGLE, 180 / np.pi),
@@ -33,13 +33,13 @@ _HEADINGS = {
 def read_test_curve(path: str | os.PathLike[str]) -> dict[str, ndarray]:
     """Read the columns of a test curve by heading.
 
-    The first row names the columns, as in `calibration.curves.read_curve`: at least one
+    The file contains one test, see `calibration.read_recordings`, with at least one
     displacement or angle, and at least one force.  Cells may be empty.
 
     Parameters
     ----------
     path
-        The file, in UTF-8.
+        The file.
 
     Returns
     -------
@@ -53,9 +53,14 @@ def read_test_curve(path: str | os.PathLike[str]) -> dict[str, ndarray]:
     OSError
         If it cannot be read.
     """
-    from ..calibration.curves import read_curve
+    from ..calibration.reading import Format, read_recordings
 
-    columns = read_curve(path, gaps=True)
+    form = Format(signs=dict.fromkeys(_HEADINGS, 1))  # as recorded, like a run
+    columns, *others = [one.columns for one in read_recordings(path, form)]
+    if others:
+        raise ValueError(
+            f"{printable(path)}: the file contains {1 + len(others)} tests: keep one"
+        )
     curve = {
         heading: columns[name] * factor
         for name, (heading, factor) in _HEADINGS.items()
@@ -63,8 +68,8 @@ def read_test_curve(path: str | os.PathLike[str]) -> dict[str, ndarray]:
     }
     if not ({DISPLACEMENT, ANGLE} & set(curve) and {FORCE, NORMALISED} & set(curve)):
         raise ValueError(
-            f"{printable(path)}, row 1: the header must name a displacement or an "
-            "angle, and a force, such as "
+            f"{printable(path)}: the headings must name a displacement or an angle, "
+            "and a force, such as "
             f"{' and '.join(map(repr, (DISPLACEMENT, FORCE)))}"
         )
     if len(next(iter(curve.values()))) < 2:

@@ -11,14 +11,15 @@ from .. import __version__
 from ..calibration import bending, biaxial, report
 from ..calibration.bending import BendingFit
 from ..calibration.biaxial import TensionFit
-from ..calibration.curves import COLUMNS, column_named
+from ..calibration.preparing import BRANCHES, Preparation
+from ..calibration.reading import Format, column_named
 from ..calibration.shear import (
     ShearFit,
     Simulation,
     fit_by_simulation,
     fit_shear,
-    read_specimen,
 )
+from ..calibration.specimens import read_specimens
 from ..fabric import Fabric
 from ..fabric.files import write_law
 from ..mesh.user_input import printable
@@ -57,12 +58,61 @@ def _size(what: str) -> dict[str, Any]:
     )
 
 
-_UNIT: _Options = {
+_READING: _Options = {
+    "--encoding": _option("encoding of the files (default: from their bytes)"),
+    "--separator": _option(
+        "separator of the columns: ; , | tab or space (default: from the rows)"
+    ),
+    "--decimal": _option(
+        "decimal mark (default: from the numbers)", choices=(".", ",")
+    ),
+    "--column": _repeated(
+        "column of a quantity, by number or heading (default: from the headings); may "
+        "be repeated",
+        words.column,
+        "COLUMN=NUMBER",
+    ),
     "--unit": _repeated(
-        "unit of a column that has no unit in the first row; may be repeated",
+        "unit of a quantity (default: from the headings); may be repeated",
         words.unit,
         "COLUMN=UNIT",
-    )
+    ),
+    "--sign": _repeated(
+        "factor 1 or -1 of a quantity (default: forces are positive at the largest "
+        "displacement); may be repeated",
+        words.sign,
+        "COLUMN=SIGN",
+    ),
+}
+
+_BRANCH: _Options = {
+    "--branch": _option(
+        "rows that are fitted: loading, unloading or both",
+        choices=BRANCHES,
+        default="loading",
+    ),
+    "--cycle": _option(
+        "number of the fitted cycle (default: the first one that reaches the largest "
+        "displacement)",
+        int,
+        "N",
+    ),
+    "--keep-outliers": _option("fit also outliers", action="store_true"),
+}
+
+_PREPARING: _Options = {
+    **_BRANCH,
+    "--slack": _option(
+        "displacement at which the fabric begins to carry load (default: estimated)",
+        float,
+        "MM",
+    ),
+    "--force-at-rest": _option(
+        "force of the undeformed fabric, such as the weight of a clamp (default: "
+        "estimated)",
+        float,
+        "N",
+    ),
 }
 
 _FABRIC: _Options = {
@@ -72,7 +122,7 @@ _FABRIC: _Options = {
 }
 
 _COMMON: _Options = {
-    **_UNIT,
+    **_READING,
     **_FABRIC,
     "--bound": _repeated(
         "lower and upper bound of a parameter; may be repeated",
@@ -99,11 +149,13 @@ _SHEAR: _Options = {
         "highest power of the polynomial, an odd number", int, "N", default=5
     ),
     "--up-to": _option(
-        "largest shear angle of the fitted points (default: 40 for theoretical "
-        "angles; no limit for measured angles or simulated tests)",
+        "largest shear angle of the fitted points (default: 40 for theoretical angles "
+        "of bias extensions, the onset of slip for measured ones; no limit for picture "
+        "frames or simulated tests)",
         words.degrees,
         "DEG",
     ),
+    **_PREPARING,
     "--fibre-stiffness": _option(
         "fibre stiffness in N/mm for fabric.json and for simulated tests (default: "
         "from --fabric, else 1e5)",
@@ -157,7 +209,7 @@ TESTS: dict[str, tuple[str, _Options]] = {
                 words.degrees,
                 "DEG",
             ),
-            **_UNIT,
+            **_READING,
             **_FABRIC,
         },
     ),
@@ -172,6 +224,7 @@ TESTS: dict[str, tuple[str, _Options]] = {
             ),
             "--warp-width": _size("width of the specimen transverse to the warp force"),
             "--weft-width": _size("width of the specimen transverse to the weft force"),
+            **_BRANCH,
             **_COMMON,
         },
     ),
@@ -274,9 +327,19 @@ def _shear(
     plain: Fabric,
     across: int | None = None,
 ) -> _FitOutcome:
-    units, stiffness = _units(options), options.fibre_stiffness
-    pairs = zip(options.data, tests, strict=True)
-    specimens = [read_specimen(path, test, units) for path, test in pairs]
+    form, stiffness = _format(options), options.fibre_stiffness
+    choices = Preparation(
+        options.branch,
+        options.cycle,
+        options.slack,
+        options.force_at_rest,
+        not options.keep_outliers,
+    )
+    specimens = [
+        specimen
+        for path, test in zip(options.data, tests, strict=True)
+        for specimen in read_specimens(path, test, form, choices)
+    ]
     fabric = _base_fabric(options, plain)
     if stiffness is not None:
         fabric = replace(fabric, tension=stiffness)
@@ -296,9 +359,15 @@ def _shear(
 
 
 def _tension(options: argparse.Namespace) -> _FitOutcome:
-    sizes, units = _sizes(options, "warp_width", "weft_width"), _units(options)
-    paths = zip(options.data, sizes, strict=True)
-    curves = [biaxial.read_biaxial(path, size, units) for path, size in paths]
+    sizes, form = _sizes(options, "warp_width", "weft_width"), _format(options)
+    choices = Preparation(
+        options.branch, options.cycle, outliers=not options.keep_outliers
+    )
+    curves = [
+        curve
+        for path, size in zip(options.data, sizes, strict=True)
+        for curve in biaxial.read_biaxial(path, size, form, choices)
+    ]
     result = biaxial.fit_tension(curves, options.law, **_of_table(options))
     fabric, tension = _base_fabric(options, Fabric()), result.tension
     laws: dict[str, Any] = {"law.json": tension}
@@ -314,9 +383,13 @@ def _tension(options: argparse.Namespace) -> _FitOutcome:
 def _bending(options: argparse.Namespace) -> _FitOutcome:
     if options.weight is None:
         raise ValueError("--weight is missing: specify the weight per area in N/mm2")
-    units, angle = _units(options), options.chord_angle
+    form, angle = _format(options), options.chord_angle
     fixed = None if angle is None else float(np.radians(angle))
-    tests = [bending.read_cantilever(path, fixed, units) for path in options.data]
+    tests = [
+        test
+        for path in options.data
+        for test in bending.read_cantilever(path, fixed, form)
+    ]
     result = bending.fit_bending(tests, options.weight)
     fabric, known = _base_fabric(options, Fabric()), report.bending_report(result)
     D, (warp, weft) = result.stiffness, fabric.bending
@@ -341,14 +414,14 @@ def _base_fabric(options: argparse.Namespace, plain: Fabric) -> Fabric:
     return plain if options.fabric is None else read_fabric(options.fabric).fabric
 
 
-def _units(options: argparse.Namespace) -> dict[str, str]:
-    units = {column_named(name): unit for name, unit in options.unit}
-    for name in units:
-        if name not in COLUMNS:
-            raise ValueError(
-                f"--unit {name}: unknown column: choose one of {', '.join(COLUMNS)}"
-            )
-    return units
+def _format(options: argparse.Namespace) -> Format:
+    columns, units, signs = (
+        {column_named(name): value for name, value in given}
+        for given in (options.column, options.unit, options.sign)
+    )
+    return Format(
+        *(options.encoding, options.separator, options.decimal, columns, units, signs)
+    )
 
 
 def _sizes(options: argparse.Namespace, *keys: str) -> list[tuple[float, float]]:

@@ -20,6 +20,7 @@ from .results import PATTERN, write_patterns
 
 if TYPE_CHECKING:
     from ..drape import (
+        BestStart,
         Dart,
         FibresInSpace,
         FlatPattern,
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
 
 # Files of the command.
 _FIBRES = ("fibres.vtu", "fibres.csv", "fibres.inp")
-_NET, _PICTURE, _PAGE, _SUMMARY = "net.vtu", "net.png", "net.html", "summary.json"
+_NET, _PICTURE, _STARTS = "net.vtu", "net.png", "starts.png"
+_PAGE, _SUMMARY = "net.html", "summary.json"
 
 # Least length of a cell in the search for the best start, relative to the diagonal:
 # about forty cells along either side of the part.
@@ -46,6 +48,7 @@ _HALF = 0.5
 # Pictures on the page, and their captions.
 _CAPTIONS = {
     _PICTURE: "Shear angle of the net on the tool",
+    _STARTS: "Starts that were compared, with the shear of their nets over the part",
     "pattern.svg": "Flat pattern",
 }
 
@@ -148,7 +151,7 @@ def add_net(commands: Any) -> None:
 
 
 class _Part(NamedTuple):
-    """Nets on a tool, and their flat pattern, or why there is none.
+    """Nets on a tool, their flat pattern, or why there is none, and the search.
 
     Courses have one pattern for each net.
     """
@@ -158,6 +161,7 @@ class _Part(NamedTuple):
     patterns: "Sequence[FlatPattern]" = ()
     darts: "Sequence[Dart]" = ()
     no_pattern: str = ""
+    search: "BestStart | None" = None
 
 
 class _Cells(NamedTuple):
@@ -221,7 +225,7 @@ def run_net(options: argparse.Namespace) -> int:
         cells = _Cells.of(part)
     figures, verdict = _figures(part, cells, options), _verdict(part, cells, options)
     out = ResultFolder(
-        options.out, (_SUMMARY, _NET, *_FIBRES, *PATTERN, _PICTURE, _PAGE)
+        options.out, (_SUMMARY, _NET, *_FIBRES, *PATTERN, _PICTURE, _STARTS, _PAGE)
     )
     with held(), out as folder:
         for name in _FIBRES:
@@ -230,7 +234,7 @@ def run_net(options: argparse.Namespace) -> int:
         if part.patterns:
             write_patterns(folder, _to_cut(part))
         if not options.no_render:
-            _draw(part.tool, cells, options, folder)
+            _draw(part, cells, options, folder)
         figures["time_s"] = perf_counter() - began
         io.write_summary(figures, folder / _SUMMARY)
         (folder / _PAGE).write_text(
@@ -291,16 +295,18 @@ def _laid(options: argparse.Namespace) -> _Part:
     loops = tool.facets.boundary()
     outline, *holes = given or loops
     spanned = tool.without_holes() if len(loops) > 1 else tool
+    search = None
     if options.best:
         points = drape.points_of_part(spanned, outline, holes)
         of_part = float(np.linalg.norm(np.ptp(points, axis=1)))
-        start = drape.best_start(
+        search = drape.best_start(
             spanned,
             max(cell, _SEARCHED * of_part),
             angles=angles,
             points=points,
             measure=options.best,
-        ).start
+        )
+        start = search.start
     else:
         point = _start(tool, options.point)
         start = drape.NetStart(point, drape.Axes.at(tool, point).turn[:, 0])
@@ -310,6 +316,22 @@ def _laid(options: argparse.Namespace) -> _Part:
         "warp_along": along[0],
         "weft_along": along[1],
     }
+    part = _pieces(options, tool, spanned, cell, outline, holes, settings)
+    return part._replace(search=search)
+
+
+def _pieces(
+    options: argparse.Namespace,
+    tool: "TriangleMesh",
+    spanned: "TriangleMesh",
+    cell: float,
+    outline: ndarray,
+    holes: "Sequence[ndarray]",
+    settings: dict[str, Any],
+) -> _Part:
+    """Lay courses, a net with darts, or a net, and trim the pattern."""
+    from .. import drape
+
     if options.roll_width is not None:
         strips = drape.courses(
             spanned, cell, options.roll_width, options.overlap, **settings
@@ -467,18 +489,20 @@ def _places(points: ndarray) -> str:
 
 
 def _draw(
-    tool: "TriangleMesh", cells: _Cells, options: argparse.Namespace, folder: Path
+    part: _Part, cells: _Cells, options: argparse.Namespace, folder: Path
 ) -> None:
-    """Draw the picture, or print the reason why not."""
+    """Draw the pictures, or print the reason why not."""
     try:
-        from ..plot import net_on_tool
+        from ..plot import net_on_tool, starts
 
         limit = options.locking_angle
         net_on_tool(
             cells,
-            tool,
+            part.tool,
             None if limit is None else float(np.radians(limit)),
             filename=folder / _PICTURE,
         )
+        if part.search is not None:
+            starts(part.search, part.tool, filename=folder / _STARTS)
     except Exception as error:
         complain(f"the picture was not drawn: {printable(error)}")

@@ -199,7 +199,7 @@ def _add_fits(commands: Any) -> None:
     tests = fit.add_subparsers(dest="test", required=True)
     for name, (description, options) in TESTS.items():
         one = tests.add_parser(name, help=description, description=description)
-        one.add_argument("data", type=Path, nargs="+", metavar="DATA.csv")
+        one.add_argument("data", type=Path, nargs="+", metavar="DATA")
         _add_outputs(one)
         for flag, keywords in options.items():
             one.add_argument(flag, **keywords)

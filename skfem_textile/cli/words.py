@@ -43,6 +43,26 @@ def unit(word: str) -> tuple[str, str]:
     return name, unit
 
 
+def column(word: str) -> tuple[str, int | str]:
+    """Quantity, and number or heading of its column, of ``COLUMN=NUMBER``."""
+    name, _, where = word.partition("=")
+    if not (name and where):
+        raise ArgumentTypeError(
+            f"expected COLUMN=NUMBER or COLUMN=HEADING, such as force=3, got {word!r}"
+        )
+    return name, int(where) if where.isdecimal() else where
+
+
+def sign(word: str) -> tuple[str, int]:
+    """Column and sign of ``COLUMN=SIGN``."""
+    name, _, factor = word.partition("=")
+    if not name or factor not in ("1", "+1", "-1"):
+        raise ArgumentTypeError(
+            f"expected COLUMN=1 or COLUMN=-1, such as force=-1, got {word!r}"
+        )
+    return name, int(factor)
+
+
 def bound(word: str) -> tuple[str, tuple[float, float]]:
     """Parameter and bounds of ``NAME=LOW,HIGH``."""
     name, _, ends = word.partition("=")

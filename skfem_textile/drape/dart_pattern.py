@@ -19,12 +19,13 @@ from .flat_pattern import (
     spaced_curve,
 )
 from .laying import Status
+from .sheet import unit
 from .surfaces import positive_length
 from .trimming import shares_inside
 
-# Length of the straight part of an edge at the tip, and of a gap between points that
-# the net covers, relative to a cell; number of points for the slope at its end.
-_TIP, _GAP, _SLOPE = 1.5, 2.5, 4
+# Longest end of an edge that the net does not cover, relative to a cell, and number of
+# points for the slope at an end.
+_GAP, _SLOPE = 2.5, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,12 +73,15 @@ class PatternWithDarts:
         Area of the part on the tool in mm².
     shear_angle
         Largest magnitude of the shear angle inside the outline in radians.
+    shear_angle_beside_spots
+        The same without cells in the spots of seams, see `Seams.in_spots`.
     """
 
     pattern: FlatPattern
     darts: tuple[Dart, ...]
     area_on_tool: float
     shear_angle: float
+    shear_angle_beside_spots: float
 
 
 def pattern_with_darts(
@@ -119,14 +123,17 @@ def pattern_with_darts(
         for edge in dart.edges
     ]
     pattern = replace(pattern, seams=tuple(lines))
-    area, largest = 0.0, 0.0
-    for of, mask in zip(laid.sides, laid.cells(), strict=True):
+    area, largest, beside = 0.0, 0.0, 0.0
+    for of, mask in laid.pieces:
         part = replace(of, status=_only(of, mask))
         shares = np.where(mask, shares_inside(part, pattern), 0.0)
         inside = shares > 0
         area += float((of.areas()[inside] * shares[inside]).sum())
-        largest = max(largest, np.abs(of.shear_angle()[inside]).max(initial=0.0))
-    return PatternWithDarts(pattern, darts, area, float(largest))
+        angles = np.abs(of.shear_angle())
+        largest = max(largest, float(angles[inside].max(initial=0.0)))
+        inside[inside] = ~laid.in_spots(of, inside)
+        beside = max(beside, float(angles[inside].max(initial=0.0)))
+    return PatternWithDarts(pattern, darts, area, largest, beside)
 
 
 def _hole(laid: NetWithDarts, curve: ArrayLike, spacing: float) -> FlatPattern:
@@ -189,28 +196,48 @@ def _with_seams(
 def _edges(laid: NetWithDarts, seam: ndarray) -> tuple[ndarray, ndarray]:
     """Edges of a dart in the flat ply, shape (2, n) each.
 
-    Next to the tip, where the cells are cut, they are straight.
+    They are straight next to spots that the net cannot cover without shear.  The tip is
+    where both edges are as long as the seam up to the net.
     """
-    cell = laid.sides[0].cell
+    assert laid.seams is not None
     lengths = np.linalg.norm(np.diff(seam), axis=0)
     s = np.concatenate([[0.0], np.cumsum(lengths)])
-    found = [_located(laid, seam, k) for k in (0, 1)]
-    tips = np.array([of[:, 0] for of in found if np.isfinite(of[0, 0])])
-    edges = []
-    for of in found:
-        known = np.isfinite(of[0]) & (s >= _TIP * cell)
-        known[0] = True
-        gaps = np.diff(s[known], append=s[-1])
-        if not len(tips) or known.sum() < _SLOPE or gaps.max() > (_TIP + _GAP) * cell:
-            _refuse(seam[:, ~known])
-        of[:, 0] = tips.mean(axis=0)
-        last = np.flatnonzero(known)[[-_SLOPE, -1]]
+    clean = ~laid.seams.in_spots(seam)
+    edges = [_located(laid, seam, k) for k in (0, 1)]
+    known = [clean & np.isfinite(of[0]) for of in edges]
+    both = np.flatnonzero(known[0] & known[1])
+    if len(both) < _SLOPE:
+        _refuse(seam)
+    first = both[[0, _SLOPE - 1]]
+    tip = _tip(edges[0][:, first], edges[1][:, first], float(s[first[0]]))
+    for of, covered in zip(edges, known, strict=True):
+        covered[: first[0]] = False
+        covered[0], of[:, 0] = True, tip
+        last = np.flatnonzero(covered)[[-_SLOPE, -1]]
+        if s[-1] - s[last[1]] > _GAP * laid.sides[0].cell:
+            _refuse(seam[:, last[1] + 1 :])
         if last[1] < len(s) - 1:
             slope = np.diff(of[:, last])[:, 0] / np.diff(s[last])
             of[:, -1] = of[:, last[1]] + slope * (s[-1] - s[last[1]])
-            known[-1] = True
-        edges.append(np.array([np.interp(s, s[known], one[known]) for one in of]))
+            covered[-1] = True
+        of[:] = [np.interp(s, s[covered], one[covered]) for one in of]
     return edges[0], edges[1]
+
+
+def _tip(one: ndarray, other: ndarray, length: float) -> ndarray:
+    """Point at a distance from the beginnings of two edges, shape (2,).
+
+    The edges have two points each, (2, 2).  Of two such points the one before them.
+    """
+    middle, across = 0.5 * (one[:, 0] + other[:, 0]), other[:, 0] - one[:, 0]
+    width = float(np.linalg.norm(across))
+    along = sum(
+        np.diff(edge)[:, 0] / np.linalg.norm(np.diff(edge)) for edge in (one, other)
+    )
+    if width > 0:
+        along -= across * (along @ across) / width**2
+    height = np.sqrt(max(length**2 - 0.25 * width**2, 0.0))
+    return np.asarray(middle - height * unit(along))
 
 
 def _spaced(points: ndarray, spacing: float) -> ndarray:

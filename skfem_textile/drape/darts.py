@@ -1,12 +1,13 @@
 """Darts: cuts of a ply from where its net folds or locks to the edge of the part.
 
 A dart begins at a place of the tool where the net locks, whatever the direction of the
-fibres, and its seam is an edge of the tool: threads end there, and their neighbours
-continue as geodesics.  Nets with several darts are laid twice, with the threads of the
-left and of the right side of each seam where both meet next to a tip.
+fibres, and its seam is an edge of the tool at which threads end.  Beside it the net is
+laid twice, on the left and on the right, from where it is flattest: walls are free of
+shear.  The curvature at the tip, which no net follows, is covered last.
 """
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,11 +15,12 @@ from numpy import ndarray
 
 from ..solve.surface import onto
 from .crossings import Net
+from .gauss_curvature import GaussCurvature
 from .kinematic_net import net, nets_at_seams
 from .laying import Status
 from .seam_path import seam_from
 from .seams import Seam, Seams
-from .sheet import Sheet, boundary_edges, unit
+from .sheet import Sheet
 from .surfaces import positive_length
 from .triangle_mesh import TriangleMesh
 
@@ -33,6 +35,9 @@ _LATER = 1.15
 # and number of shifts to the middle of the curvature.
 _CURVED, _SHIFTS = 4.0, 4
 
+# Curvature in radians of this vicinity below which the cause is further away.
+_CAUSES = 0.2
+
 # Distance of a place that locks from a seam, in cells, within which it belongs to it.
 _NEAR = 4.0
 
@@ -46,30 +51,40 @@ class NetWithDarts:
     sides
         The net on the left and on the right of the darts, seen from their tips.  Before
         the tips they are the same.
-    darts
-        The seams of the darts.
+    seams
+        The seams of the darts, None without darts.
     locking_angle
         The locking angle in radians.
     """
 
     sides: tuple[Net, Net]
-    darts: tuple[Seam, ...]
+    seams: Seams | None
     locking_angle: float
+
+    @property
+    def darts(self) -> tuple[Seam, ...]:
+        """Seams of the darts."""
+        return () if self.seams is None else self.seams.seams
 
     def side_of(self, x: ndarray) -> ndarray:
         """Number of the side of points of the tool, (3, n): 0 or 1, shape (n,)."""
-        if not self.darts:
+        if self.seams is None:
             return np.zeros(x.shape[1], dtype=int)
-        _, left, _ = Seams(self.darts).nearest(x)
+        _, left, _ = self.seams.nearest(x)
         return np.asarray(left < 0).astype(int)
 
     def cells(self) -> tuple[ndarray, ndarray]:
-        """Masks of the cells of each side, of which none is in both."""
+        """Masks of the cells of each side, of which none is in both.
+
+        A cell that both sides have at one place belongs to the left.
+        """
         left, right = self.sides
         if left.seams is None or right.seams is None:
             return left.cells, np.zeros_like(right.cells)
-        on_left, on_right = ~_any_corner(left.seams < 0), _any_corner(right.seams < 0)
-        return left.cells & on_left, right.cells & on_right
+        on_left = left.cells & ~_any_corner(left.seams < 0)
+        on_right = right.cells & _any_corner(right.seams < 0)
+        apart = np.linalg.norm(left.middles() - right.middles(), axis=0)
+        return on_left, on_right & ~(on_left & (apart < left.cell))
 
     @property
     def pieces(self) -> list[tuple[Net, ndarray]]:
@@ -83,6 +98,16 @@ class NetWithDarts:
         if of.seams is not None:
             cells = cells & _any_corner(sign * of.seams >= 0)
         return Sheet.of_net(_Piece([(of, cells)]))
+
+    def in_spots(self, of: Net, mask: ndarray) -> ndarray:
+        """Mask of the n cells of a side, in a mask, with a corner in a spot, (n,)."""
+        if self.seams is None:
+            return np.zeros(mask.sum(), dtype=bool)
+        corners = [
+            of.positions[:, i : i + mask.shape[0], j : j + mask.shape[1]][:, mask]
+            for i, j in product((0, 1), repeat=2)
+        ]
+        return np.any([self.seams.in_spots(x) for x in corners], axis=0)
 
     def locked(self, tool: TriangleMesh) -> ndarray:
         """Centres of cells on the tool beyond the locking angle in mm, shape (3, n).
@@ -125,15 +150,16 @@ def net_with_darts(
         )
     cell = positive_length("net with darts: cell", cell)
     uncut = net(tool, cell, **start)
-    laid = NetWithDarts((uncut, uncut), (), locking_angle)
+    laid = NetWithDarts((uncut, uncut), None, locking_angle)
+    curvature = GaussCurvature(tool)
     for _ in range(_ROUNDS):
-        places = [_most_curved(tool, x, _CURVED * cell) for x in _locking(tool, laid)]
+        places = _locking(tool, laid, curvature)
         more = [seam_from(tool, tip, cell) for tip in places]
         if not more:
             break
-        darts = (*laid.darts, *more)
-        sides = nets_at_seams(tool, cell, Seams(darts), **start)
-        laid = NetWithDarts(sides, darts, locking_angle)
+        seams = Seams((*laid.darts, *more), curvature.within, cell)
+        sides = nets_at_seams(tool, cell, seams, locking_angle, **start)
+        laid = NetWithDarts(sides, seams, locking_angle)
     return laid
 
 
@@ -148,8 +174,10 @@ def _any_corner(mask: ndarray) -> ndarray:
     return np.asarray(mask[1:, 1:] | mask[:-1, 1:] | mask[1:, :-1] | mask[:-1, :-1])
 
 
-def _locking(tool: TriangleMesh, laid: NetWithDarts) -> list[ndarray]:
-    """Places that fold or lock and have no dart, next to the start, shape (3,)."""
+def _locking(
+    tool: TriangleMesh, laid: NetWithDarts, curvature: GaussCurvature
+) -> list[ndarray]:
+    """Causes of folds and locking without a dart, next to the start, shape (3,)."""
     from scipy.ndimage import label  # type: ignore[attr-defined]
 
     found: list[tuple[float, ndarray]] = []
@@ -164,7 +192,8 @@ def _locking(tool: TriangleMesh, laid: NetWithDarts) -> list[ndarray]:
             rows, columns = np.nonzero(places == number)
             k = order[rows, columns].argmin()
             cell = rows[k], columns[k]
-            found.append((float(order[cell]), of.middles()[:, *cell]))
+            cause = _cause(tool, curvature, of, cell)
+            found.append((float(order[cell]), cause))
     reach = _NEAR * laid.sides[0].cell
     chosen: list[ndarray] = []
     free = [
@@ -181,27 +210,32 @@ def _locking(tool: TriangleMesh, laid: NetWithDarts) -> list[ndarray]:
     return chosen
 
 
-def _most_curved(tool: TriangleMesh, x: ndarray, radius: float) -> ndarray:
-    """Middle of the positive curvature around a place, which causes its shear, (3,)."""
-    points, triangles = tool.facets.points, tool.facets.triangles()
-    defect = np.maximum(_defects(points, triangles), 0.0)
+def _cause(
+    tool: TriangleMesh, curvature: GaussCurvature, of: Net, cell: tuple[int, int]
+) -> ndarray:
+    """Middle of the positive curvature that causes the shear of a cell, shape (3,).
+
+    The shear is the integral of the curvature between the start and the cell.  Its
+    cause is next to the cell, or else where that curvature is concentrated.
+    """
+    x, radius = of.middles()[:, *cell], _CURVED * of.cell
+    if curvature.within(x[:, None], radius)[0] < _CAUSES:
+        i, j = (
+            slice(min(a, b), max(a, b) + 2) for a, b in zip(cell, of.start, strict=True)
+        )
+        between = of.positions[:, i, j].reshape(3, -1)
+        between = between[:, np.isfinite(between[0])]
+        sums = curvature.within(between, 0.5 * radius)
+        most = between[:, [sums.argmax()]]
+        # A quarter of the curvature, if the tool is curved everywhere.
+        if sums.max() > 0.5 * curvature.within(most, radius)[0]:
+            x = most[:, 0]
+    points, positive = curvature.points, np.maximum(curvature.defects, 0.0)
     for _ in range(_SHIFTS):
-        weights = defect * (np.linalg.norm(points - x[:, None], axis=0) < radius)
+        weights = positive * (np.linalg.norm(points - x[:, None], axis=0) < radius)
         if weights.sum() > 0:
             x = onto(tool, (points @ weights / weights.sum())[:, None])[:, 0]
     return x
-
-
-def _defects(points: ndarray, triangles: ndarray) -> ndarray:
-    """Curvature of vertices: 2π minus their angles in radians, shape (n,)."""
-    angles = np.zeros(points.shape[1])
-    for k in range(3):
-        a, b, c = (points[:, triangles[(k + m) % 3]] for m in range(3))
-        cosine = (unit(b - a) * unit(c - a)).sum(axis=0)
-        np.add.at(angles, triangles[k], np.arccos(np.clip(cosine, -1.0, 1.0)))
-    defect = 2 * np.pi - angles
-    defect[np.unique(boundary_edges([triangles]))] = 0.0
-    return defect
 
 
 def _before_folds(tool: TriangleMesh, laid: Net, mask: ndarray) -> ndarray:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from ..mesh.user_input import real_numbers
 from ..solve.surface import Surface, onto
 from ..solve.surface.surface import tangents
-from .corners import with_corners
+from .corners import filled_at_seams, with_corners
 from .crossings import Net, up_to
 from .guide_curve import GuideCurve
 from .laying import FOLDED, QUADRANTS, Quadrant, Start, Status, lay
@@ -171,6 +171,7 @@ def nets_at_seams(
     tool: TriangleMesh,
     cell: float,
     seams: Seams,
+    locking_angle: float,
     *,
     point: ArrayLike = (0.0, 0.0, 0.0),
     first: ArrayLike = (1.0, 0.0, 0.0),
@@ -180,22 +181,23 @@ def nets_at_seams(
 ) -> tuple[Net, Net]:
     """Nets on the left and on the right of seams, which are edges of a tool.
 
-    Both are laid everywhere.  They differ where threads from both sides of a seam meet.
+    They are the same where no thread comes from beyond a seam or a spot.
 
     Parameters
     ----------
     tool, cell, seams
         The tool, the length of the rods in mm, and the seams.
+    locking_angle
+        Shear angle in radians above which cells in spots are left open.
     point, first, angles, warp_along, weft_along
         See `net`.
     """
     flat = _flat(angles)
     start = start_of(tool, cell, point, first, flat, (warp_along, weft_along))
     limits = _limits(tool, cell, (None, None), False)
-    laid = _laid(tool, [start, start], cell, limits, None, False, seams)
-    joined = [_joined(of, cell, flat, np.zeros(2), (None, None)) for of in laid]
-    left, right = (with_corners(tool, of, _MARGIN * cell, seams) for of in joined)
-    return left, right
+    (laid,) = _laid(tool, [start], cell, limits, None, False, seams)
+    joined = _joined(laid, cell, flat, np.zeros(2), (None, None))
+    return filled_at_seams(tool, joined, _MARGIN * cell, seams, locking_angle)
 
 
 def _flat(angles: tuple[float, float]) -> ndarray:
@@ -352,7 +354,6 @@ def _joined(
     shape = tuple(sum(sides) + 1 for sides in reach)
     x = np.full((3, *shape), np.nan)
     status = np.full(shape, Status.BEHIND, dtype=np.int8)
-    seams = np.zeros(shape, dtype=int)
     for quadrant_signs, quadrant in zip(QUADRANTS, quadrants, strict=True):
         place, size = [], []
         for (before, after), s, n in zip(
@@ -363,7 +364,5 @@ def _joined(
         i, j = place[0][:, None], place[1]
         part = np.s_[..., : size[0], : size[1]]
         x[:, i, j], status[i, j] = quadrant.positions[part], quadrant.status[part]
-        seams[i, j] = quadrant.seams[part]
     along = [cell * np.arange(-before, after + 1) for before, after in reach]
-    labels = seams if seams.any() else None
-    return Net(x, status, (along[0], along[1]), flat, touch, labels)
+    return Net(x, status, (along[0], along[1]), flat, touch)

@@ -40,6 +40,7 @@ class Status(IntEnum):
     EDGE = 3  # beyond the edges of the tool
     OFF = 4  # a thread leaves the surface
     BEHIND = 5  # depends on a crossing that is missing for another reason
+    SEAM = 6  # beyond a seam, in one of its spots, or depends on such a crossing
 
 
 #: Reasons that stop all crossings behind.
@@ -82,13 +83,10 @@ class Quadrant:
         In mm, shape (3, m, n), NaN for crossings that were not laid.
     status
         `Status`, shape (m, n).
-    seams
-        Numbers of seams, negative on their right, see `Seams.labels`; shape (m, n).
     """
 
     positions: ndarray
     status: ndarray
-    seams: ndarray
 
 
 #: `Status` of crossings to lay, LAID or OMITTED, shape (r, k): a function of quadrant
@@ -105,12 +103,11 @@ class _Diagonal:
 
     Positions, gradients there, and differences of the positions from linear
     extrapolation, (3, 3, r, k), NaN if not laid; masks, labels of seams, and statuses,
-    (r, k).  Crossings that are ``own`` are on their side of a seam.
+    (r, k).
     """
 
     values: ndarray
     on: ndarray
-    own: ndarray
     seams: ndarray
     status: ndarray
 
@@ -118,7 +115,6 @@ class _Diagonal:
     def empty(cls, rows: int, count: int) -> "_Diagonal":
         return cls(
             np.full((3, 3, rows, count), np.nan),
-            np.zeros((rows, count), dtype=bool),
             np.zeros((rows, count), dtype=bool),
             np.zeros((rows, count), dtype=int),
             np.full((rows, count), Status.BEHIND, dtype=np.int8),
@@ -135,7 +131,6 @@ class _Diagonal:
         wide = _Diagonal.empty(len(self.on), before + count + after)
         wide.values[..., before : before + count] = self.values
         wide.on[:, before : before + count] = self.on
-        wide.own[:, before : before + count] = self.own
         wide.seams[:, before : before + count] = self.seams
         wide.status[:, before : before + count] = self.status
         return wide
@@ -164,9 +159,7 @@ def lay(
     on_tool
         Points on the tool, beyond which threads end.
     seams
-        Seams of darts, at which threads end too.  Where threads from both sides of a
-        seam meet, nets with even numbers continue the one on the left, and the others
-        the one on the right.
+        Seams of darts.  Crossings that depend on others beyond them are not laid.
 
     Returns
     -------
@@ -199,7 +192,6 @@ class _Front:
         self._surface, self._cell = surface, cell
         self._wanted, self._on_tool, self._seams = wanted, on_tool, seams
         self._rows = np.arange(4 * len(starts))
-        self._preferred = 1 - 2 * (self._rows[:, None] // 4 % 2)  # left is 1
         self._start = np.repeat([s.point for s in starts], 4, axis=0).T
         signs = np.array(QUADRANTS, dtype=float)
         directions = np.array([s.directions for s in starts])  # (start, 3, 2)
@@ -225,7 +217,7 @@ class _Front:
         status = np.full(on.shape, Status.LAID, dtype=np.int8)
         values = np.array([self._start, self._gradient, np.zeros_like(self._start)])
         none = np.zeros(on.shape, dtype=int)
-        return _Diagonal(values[..., None], on, none == 0, none, status)
+        return _Diagonal(values[..., None], on, none, status)
 
     def after(self, before: _Diagonal, last: _Diagonal) -> _Diagonal:
         """The diagonal after two others, of which the first may be empty."""
@@ -243,9 +235,8 @@ class _Front:
         stopped = np.zeros(new.on.shape, dtype=bool)
         stopped[:, 1:] |= np.isin(a.status[:, 1:], _STOPS)
         stopped[:, :-1] |= np.isin(b.status[:, :-1], _STOPS)
+        new.status[(a.status == Status.SEAM) | (b.status == Status.SEAM)] = Status.SEAM
         has_a, has_b, has_c = (np.isfinite(of.x[0]) for of in (a, b, corner))
-        if self._seams is not None:
-            self._part(a, b, corner, has_a, has_b)
         open_ = (new.status == Status.LAID) & ~stopped
         crosses = open_ & has_a & has_b & has_c & (a.on | b.on | corner.on)
         warp = open_ & has_a & ~has_b & a.on
@@ -258,37 +249,9 @@ class _Front:
             (weft, *self._straight(1, weft, b, b_0, corner)),
         ]
         self._lay(new, parts)
-        if self._seams is not None:
-            # A thread that passes ahead of a tip continues on its side of the seam.
-            past = crosses & ~new.own & (np.sign(new.seams) != self._preferred)
-            warp, weft = past & (a.seams == 0), past & (b.seams == 0) & (a.seams != 0)
-            none = (np.zeros_like(past), *self._crossing(past & False, a, b, corner))
-            straight = [
-                (warp, *self._straight(0, warp, a, a_0, corner)),
-                (weft, *self._straight(1, weft, b, b_0, corner)),
-            ]
-            self._lay(new, [none, *straight])
         # First threads are laid in one quadrant and copied to the neighbour.
         self._share(new)
         return new
-
-    def _part(
-        self, a: _Diagonal, b: _Diagonal, c: _Diagonal, has_a: ndarray, has_b: ndarray
-    ) -> None:
-        """Change masks of neighbours on which crossings at seams depend.
-
-        Threads from both sides of a seam do not fix a crossing, and a thread from
-        beyond a seam does not if the other is before it.
-        """
-        both = has_a & has_b
-        apart = both & (a.seams == -b.seams) & (a.seams != 0)
-        first = np.where(a.on == b.on, np.sign(a.seams) == self._preferred, a.on)
-        across = both & ~apart & (c.seams != 0)
-        across &= (c.seams == -a.seams) | (c.seams == -b.seams)
-        away = both & ~apart & (a.own != b.own)
-        has_a &= ~(apart & ~first) & ~(away & ~a.own)
-        has_b &= ~(apart & first) & ~(away & a.own)
-        has_b &= ~(across & has_a)
 
     def _crossing(self, at: ndarray, a: _Diagonal, b: _Diagonal, c: _Diagonal) -> tuple:
         """Guess, its correction, and rod ends for crossings of two threads."""
@@ -353,17 +316,18 @@ class _Front:
             self._surface, guess + off, a, b, across, crosses, self._cell
         )
         status = _judged(x, guess, a, b, done, crosses, self._cell)
+        if self._seams is not None:
+            laid = np.flatnonzero(status == Status.LAID)
+            label, beyond = self._seams.labels(x[:, laid], seams[:, laid])
+            new.seams[row[laid], i[laid]] = label
+            beyond = (beyond > 0) | self._seams.in_spots(x[:, laid])
+            status[laid[beyond]] = Status.SEAM
         new.status[row, i] = status
         laid = status == Status.LAID
         row, i, x = row[laid], i[laid], x[:, laid]
         new.values[:, :, row, i] = x, gradient[:, laid], x - guess[:, laid]
-        new.own[row, i] = True
         if row.size:
             new.on[row, i] = self._on_tool(x)
-        if row.size and self._seams is not None:
-            label, beyond = self._seams.labels(x, seams[:, laid])
-            new.seams[row, i], new.own[row, i] = label, beyond <= 0
-            new.on[row, i] &= beyond <= 0
 
     def _owned(self, row: ndarray, i: ndarray, d: int) -> ndarray:
         """Mask of crossings that are not copied from another quadrant."""
@@ -375,7 +339,7 @@ class _Front:
     def _share(self, new: _Diagonal) -> None:
         for pairs, i in ((_SHARED_WARP, -1), (_SHARED_WEFT, 0)):
             for one, other in pairs:
-                for values in (new.values, new.on, new.own, new.seams, new.status):
+                for values in (new.values, new.on, new.seams, new.status):
                     values[..., other::4, i] = values[..., one::4, i]
 
 
@@ -389,6 +353,20 @@ def crossing(
     guess, crosses = a + b - corner, np.ones(a.shape[1], dtype=bool)
     x, _, done = _pinned(surface, guess, a, b, np.zeros_like(a), crosses, cell)
     return x, _judged(x, guess, a, b, done, crosses, cell)
+
+
+def straight(
+    surface: Surface, before: ndarray, x: ndarray, cell: float
+) -> tuple[ndarray, ndarray]:
+    """Next crossings of threads that continue as geodesics, (3, n), and their `Status`.
+
+    ``x`` are their last crossings, and ``before`` the ones before, shape (3, n).
+    """
+    guess, crosses = 2 * x - before, np.zeros(x.shape[1], dtype=bool)
+    across = _cross(x - before, surface.gradient(x))
+    across /= np.linalg.norm(across, axis=0)
+    found, _, done = _pinned(surface, guess, x, x, across, crosses, cell)
+    return found, _judged(found, guess, x, x, done, crosses, cell)
 
 
 def _pinned(
@@ -460,22 +438,25 @@ def _assembled(diagonals: list[_Diagonal]) -> list[Quadrant]:
     rows, count = len(diagonals[0].on), len(diagonals)
     x = np.full((3, rows, count, count), np.nan)
     status = np.full((rows, count, count), Status.EDGE, dtype=np.int8)
-    seams = np.zeros((rows, count, count), dtype=int)
     for d, of in enumerate(diagonals):
         i = np.arange(d + 1)
         x[:, :, i, d - i] = of.x
         status[:, i, d - i] = of.status
-        seams[:, i, d - i] = of.seams
-    stopped = np.isin(status, _STOPS)
-    for axis in (1, 2):
-        stopped = np.logical_or.accumulate(stopped, axis)
-    status[stopped & (status == Status.EDGE)] = Status.BEHIND
+    edge = status == Status.EDGE
+    for reasons, follows in (
+        ((Status.SEAM,), Status.SEAM),
+        (_STOPS, Status.BEHIND),
+    ):
+        behind = np.isin(status, reasons)
+        for axis in (1, 2):
+            behind = np.logical_or.accumulate(behind, axis)
+        status[behind & edge] = follows
     laid = np.isfinite(x[0])
     quadrants = []
     for row in range(rows):
         m, n = (np.flatnonzero(laid[row].any(axis=k))[-1] + 2 for k in (1, 0))
         part = np.s_[..., row, :m, :n]
-        quadrants.append(Quadrant(x[part], status[part], seams[part]))
+        quadrants.append(Quadrant(x[part], status[part]))
     return quadrants
 
 

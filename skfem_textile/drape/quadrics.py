@@ -46,6 +46,15 @@ _NEIGHBOURS, _PAIRS = 2500, 16384
 _LEVELS = np.linspace(0.0, 1 / _FAR, 9)
 
 
+# Side of the cubes of which one point each represents a surface for points far away, in
+# reaches, smallest distance from it relative to the diagonal of a cube, and smallest
+# height over it relative to the distance.  Chosen: at five diagonals the nearest of
+# these points is at most 1.25 times as far away as the surface.  Its direction deviates
+# from the direction of the nearest point by 37° at most, so that a face on which the
+# nearest point does not lie is lower than 0.6 of the distance.
+_CUBE, _FAR_OFF, _HIGH = 1.0, 5.0, 0.7
+
+
 class Derivatives(NamedTuple):
     """φ, ∇φ and ∇²φ, shapes (n,), (3, n) and (3, 3, n)."""
 
@@ -97,9 +106,14 @@ class Quadrics:
 
     def _set(self, points: ndarray, a: ndarray, b: ndarray, H: ndarray) -> None:
         """Store quadrics of shapes (n, 3), (n,), (n, 3) and (n, 3, 3) as columns."""
+        from scipy.spatial import KDTree
+
         self._quadrics = points, a, b, H
         self._c = np.column_stack([a, b, H[:, *_UPPER]]).T.copy()
         self._x = points.T.copy()
+        cubes = np.floor(points / (_CUBE * self._reach)).astype(np.int64)
+        _, self._few = np.unique(cubes, axis=0, return_index=True)
+        self._few_tree = KDTree(points[self._few])
 
     def moved(self, origin: ndarray, turn: ndarray) -> "Quadrics":
         """The same quadrics in axes with an origin, (3,), and directions, (3, 3)."""
@@ -120,12 +134,22 @@ class Quadrics:
     def heights(self, x: ndarray) -> tuple[ndarray, ndarray]:
         """Heights over the tangent plane at the nearest point, and its normal.
 
-        For positions of the shape (3, n), shapes (n,) and (3, n).
+        For positions of the shape (3, n), shapes (n,) and (3, n).  Far away, where a
+        search for the nearest point visits most points, at the nearest one of a few.
         """
+        distance, few = self._few_tree.query(x.T)
+        heights, normals = self._heights(x, self._few[few])
+        far = distance > _FAR_OFF * np.sqrt(3) * _CUBE * self._reach
+        near = np.flatnonzero(~(far & (np.abs(heights) > _HIGH * distance)))
+        nearest = self._tree.query(x[:, near].T)[1]
+        heights[near], normals[:, near] = self._heights(x[:, near], nearest)
+        return heights, normals
+
+    def _heights(self, x: ndarray, at: ndarray) -> tuple[ndarray, ndarray]:
+        """Heights over the tangent planes at some of the points, and their normals."""
         points, _, b, _ = self._quadrics
-        nearest = self._tree.query(x.T)[1]
-        normals = b[nearest] / np.linalg.norm(b[nearest], axis=1)[:, None]
-        return ((x.T - points[nearest]) * normals).sum(axis=1), normals.T
+        normals = b[at] / np.linalg.norm(b[at], axis=1)[:, None]
+        return ((x.T - points[at]) * normals).sum(axis=1), normals.T
 
     def mean(self, x: ndarray, order: int = 2) -> tuple[ndarray, ...]:
         """φ = Σ w q / Σ w and its derivatives at positions, shape (3, n).

@@ -176,9 +176,10 @@ def closest_on_triangles(
     Shape (n,), and the barycentric coordinates of the closest point, (3, n).  ``tree``
     is the search tree of the triangles if it is known.
     """
-    corners = positions[:, triangles]
-    point, triangle = (tree or ElementTree(corners)).pairs(points)
-    shares, distance = _closest(corners[:, :, triangle], points[:, point])
+    tree = tree or ElementTree(positions[:, triangles])
+    point, triangle = tree.pairs(points)
+    corners = positions[:, triangles[:, triangle]]
+    shares, distance = _closest(corners, points[:, point])
     order = np.lexsort([distance, point])
     first = order[np.flatnonzero(np.diff(point[order], prepend=-1))]
     return triangle[first], shares[:, first]

@@ -4,7 +4,7 @@ try:
     from .curves import curves, plot_law, plot_tensions
     from .fields import FIELDS, Field
     from .forming import formed, section, tool_force
-    from .nets import net_on_tool
+    from .nets import net_on_tool, starts
     from .outlines import singular_fibres
     from .pictures import (
         animation,
@@ -40,6 +40,7 @@ __all__ = [
     "section",
     "shear_angle",
     "singular_fibres",
+    "starts",
     "tool_force",
     "verdict",
 ]

@@ -5,12 +5,16 @@ from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from ..drape import Axes, Pieces, Sheet, TriangleMesh
+from ..drape import Axes, BestStart, Pieces, Sheet, TriangleMesh
 from ..drape.sheet import unit
 from .drawing import draw
 from .fields import reach, shades_of, tool_under
-from .layout import PAGE
+from .layout import NUMBER, PAGE, TITLE, default_width
+from .picture_files import picture_path, save
 from .sheet import (
     FAMILIES,
     REFUSED,
@@ -26,7 +30,6 @@ from .sheet import Sheet as Picture
 
 if TYPE_CHECKING:
     import pyvista as pv
-    from matplotlib.figure import Figure
 
 
 def net_on_tool(
@@ -80,3 +83,82 @@ def net_on_tool(
     legends = [Legend(0, 1, scale, keys), Legend(1, 2, keys=FAMILIES)]
     picture = Picture([panels], legends, extent([shape]))
     return draw(picture, filename, plotter, PAGE if size is None else size)
+
+
+# Length of the line along the warp at a start, and smallest and largest height of the
+# map, relative to its width.
+_LINE, _LOWEST, _HIGHEST = 0.05, 0.4, 1.4
+
+
+def starts(
+    best: BestStart,
+    tool: TriangleMesh,
+    filename: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Map of all starts of a search on their tool, with the shear of their nets.
+
+    The tool is seen along the coordinate axis that is closest to its mean normal.  A
+    line at each place is the direction of the warp.
+
+    Parameters
+    ----------
+    best
+        Result of `drape.best_start`.
+    tool
+        The tool.
+    filename
+        Output file: PNG, or vector graphics (.svg, .pdf or .eps).
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        As `picture_path`.
+    """
+    path = None if filename is None else picture_path(filename)
+    corners = tool.facets.points[:, tool.facets.triangles()]
+    a, b, c = corners.swapaxes(0, 1)
+    normal = np.cross(b - a, c - a, axis=0).sum(axis=1)
+    up = int(np.abs(normal).argmax())
+    i, j = (k for k in range(3) if k != up)
+    at, along = best.points[[i, j]], best.directions[[i, j]]
+    low, high = (f(corners, axis=(1, 2))[[i, j]] for f in (np.min, np.max))
+    width = default_width(1) / 25.4
+    span = high - low
+    height = 0.75 * width * float(np.clip(span[1] / span[0], _LOWEST, _HIGHEST)) + 0.9
+    half = 0.5 * _LINE * float(span.max()) * along
+    laid = np.isfinite(best.measures)
+    style = {"font.size": NUMBER, "axes.labelsize": TITLE, "axes.linewidth": 0.6}
+    with mpl.rc_context(style):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        axes = figure.add_subplot()
+        flat = corners[[i, j]].transpose(2, 1, 0)
+        axes.add_collection(
+            PolyCollection(list(flat), facecolor="0.93", edgecolor="0.93", lw=0.2)
+        )
+        ends = np.array([at - half, at + half])
+        axes.plot(*ends[:, :, laid].swapaxes(0, 1), color="black", lw=0.5, zorder=4)
+        axes.plot(*at[:, ~laid], "x", color="0.55", markersize=3, zorder=2)
+        degrees = np.degrees(best.measures[laid])
+        x, y = at[:, laid]
+        dots = axes.scatter(x, y, c=degrees, s=9, cmap="viridis_r", zorder=3)
+        figure.colorbar(dots, ax=axes, label="Shear angle (°)")
+        chosen = np.asarray(best.start.point)[[i, j]]
+        axes.plot(*chosen, "o", mfc="none", mec=REFUSED, markersize=9, zorder=4)
+        axes.set(aspect="equal", xlabel=f"{'xyz'[i]} (mm)", ylabel=f"{'xyz'[j]} (mm)")
+        axes.autoscale_view()
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+        handles = [
+            Line2D([], [], ls="", marker="o", mfc="none", mec=REFUSED, ms=7),
+            Line2D([], [], ls="", marker="x", color="0.55", ms=4),
+        ]
+        labels = ["best start", "folds or leaves a gap"]
+        known = 1 if laid.all() else 2
+        figure.legend(
+            *(handles[:known], labels[:known]),
+            loc="outside lower center",
+            frameon=False,
+            ncols=2,
+        )
+        save(figure, path)
+    return figure

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from numpy import ndarray
@@ -47,7 +47,14 @@ class ShearTest(ABC):
     """Test that shears inextensible fibres.
 
     Angles are in radians, lengths in mm, forces in N, moments in N·mm/mm².
+
+    Attributes
+    ----------
+    imposes_angle
+        True if the machine imposes the shear angle, also where fibres stretch.
     """
+
+    imposes_angle: ClassVar[bool] = False
 
     @property
     @abstractmethod
@@ -111,6 +118,7 @@ class PictureFrame(ShearTest):
 
     frame: float
     fabric: float
+    imposes_angle: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         number("the side of the frame", self.frame, above=0)

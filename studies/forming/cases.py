@@ -1,6 +1,6 @@
 """Cases: the reference hemisphere, its tools as triangles, and random hemispheres."""
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,11 @@ from ..study import Row
 from . import triangles
 
 #: Kinds of cases.
-REFERENCE, RANDOM, SLACK = "reference", "random", "slack"
+REFERENCE, RANDOM, SLACK, REFINED = "reference", "random", "slack", "refined"
+
+# Refinement of a mesh whose result counts as converged: odd, so that the centre of an
+# element is one of the finer mesh.
+_FINER = 3
 
 # Length of the edges of tools as triangles in mm.
 _EDGE = 1.0
@@ -54,6 +58,55 @@ class Reference:
 
 
 @dataclass(frozen=True)
+class Drawn:
+    """Hemisphere drawn at random."""
+
+    radius: float
+    fillet: float
+    stiffness: float
+    bending: float
+    tension: float
+    fibres: int
+    travel: float
+    cells: int
+    steps: int
+
+    @classmethod
+    def of(cls, kind: str, number: int, seed: int) -> "Drawn":
+        """The hemisphere of a case."""
+        rng = np.random.default_rng([seed, number, kind == SLACK])
+        radius, fillet = float(rng.uniform(40, 120)), float(rng.uniform(5, 20))
+        stiffness = float(10 ** rng.uniform(3, 6))
+        low, high = (0.0, 1.0) if kind == SLACK else (5.0, 50.0)
+        bending = float(rng.uniform(low, high))
+        tension = 0.0 if kind == SLACK else float(rng.choice([0.05, 0.2, 1.0]))
+        fibres = int(rng.choice([0, 45]))
+        travel = float(rng.uniform(0.3, 1.0) * radius)
+        cells, steps = int(rng.choice([6, 8, 10])), int(rng.choice([2, 4, 8]))
+        return cls(
+            *(radius, fillet, stiffness, bending, tension),
+            *(fibres, travel, cells, steps),
+        )
+
+    def run(
+        self, steps: int, formulation: Any = None, finer: int = 1
+    ) -> tuple[Result, str]:
+        """The result, and the reason why a run stopped."""
+        scene = hemisphere_forming(
+            *("aligned", self.radius, self.fillet, self.travel),
+            size=(finer * self.cells,) * 2,
+            width=4 * self.radius,
+            height=4 * self.radius,
+            fibres=float(np.radians(self.fibres)),
+            tension=self.tension,
+        )
+        fabric = Fabric(
+            *(self.stiffness, 0.1, scene.warp, scene.weft), bending=(self.bending,) * 2
+        )
+        return _run(scene, fabric, steps, formulation)
+
+
+@dataclass(frozen=True)
 class Random:
     """Hemisphere drawn at random, in two numbers of steps and two formulations."""
 
@@ -66,57 +119,52 @@ class Random:
 
     def rows(self) -> list[Row]:
         """One row with the input, and the results of the three runs."""
-        rng = np.random.default_rng([self.seed, self.number, self.kind == SLACK])
-        radius, fillet = float(rng.uniform(40, 120)), float(rng.uniform(5, 20))
-        stiffness = float(10 ** rng.uniform(3, 6))
-        low, high = (0.0, 1.0) if self.kind == SLACK else (5.0, 50.0)
-        bending = float(rng.uniform(low, high))
-        tension = 0.0 if self.kind == SLACK else float(rng.choice([0.05, 0.2, 1.0]))
-        fibres = int(rng.choice([0, 45]))
-        travel = float(rng.uniform(0.3, 1.0) * radius)
-        cells, steps = int(rng.choice([6, 8, 10])), int(rng.choice([2, 4, 8]))
-        scene = hemisphere_forming(
-            *("aligned", radius, fillet, travel),
-            size=(cells, cells),
-            width=4 * radius,
-            height=4 * radius,
-            fibres=float(np.radians(fibres)),
-            tension=tension,
-        )
-        fabric = Fabric(stiffness, 0.1, scene.warp, scene.weft, bending=(bending,) * 2)
-        given: Row = {
-            "case": str(self),
-            "kind": self.kind,
-            "radius": radius,
-            "fillet": fillet,
-            "stiffness": stiffness,
-            "bending": bending,
-            "tension": tension,
-            "fibres": fibres,
-            "travel": travel,
-            "cells": cells,
-            "steps": steps,
-        }
-        result, refused = _run(scene, fabric, steps)
+        drawn = Drawn.of(self.kind, self.number, self.seed)
+        given: Row = {"case": str(self), "kind": self.kind} | asdict(drawn)
+        result, refused = drawn.run(drawn.steps)
         row = given | _figures(result) | {"refused": refused}
-        again, refused = _run(scene, fabric, 2 * steps)
+        again, refused = drawn.run(2 * drawn.steps)
         off = np.abs(_centres(result) - _centres(again)).max()
         row |= {
             "refused_of_more_steps": refused,
             "off_in_more_steps": float(off),
             "force_in_more_steps": _force(again),
         }
-        one, refused = _run(scene, fabric, steps, OnePoint())
+        one, refused = drawn.run(drawn.steps, OnePoint())
         row |= {
             "refused_of_one_point": refused,
-            "rms_of_one_point": float(np.sqrt(_mean_square(result, one))),
+            "rms_of_one_point": _rms(_centres(result) - _centres(one)),
             "interval": _interval(result) + _interval(one),
             "force_of_one_point": _force(one),
         }
         return [row]
 
 
-def all_cases(seed: int) -> list[Reference | Random]:
+@dataclass(frozen=True)
+class Refined:
+    """Hemisphere drawn at random, with elements of a third of the size."""
+
+    number: int
+    seed: int
+
+    def __str__(self) -> str:
+        return f"{REFINED}, {self.number}"
+
+    def rows(self) -> list[Row]:
+        """One row with the input, the error of the shear angle and its interval."""
+        drawn = Drawn.of(REFINED, self.number, self.seed)
+        given: Row = {"case": str(self), "kind": REFINED} | asdict(drawn)
+        result, refused = drawn.run(drawn.steps)
+        finer, refused_of_finer = drawn.run(drawn.steps, finer=_FINER)
+        n, middle = drawn.cells, slice(_FINER // 2, None, _FINER)
+        at_centres = _centres(finer).reshape(_FINER * n, -1)[middle, middle]
+        error = _rms(_centres(result) - at_centres.ravel())
+        estimated = {"error": error, "interval": _interval(result)}
+        reasons = {"refused": refused, "refused_of_finer": refused_of_finer}
+        return [given | _figures(result) | estimated | reasons]
+
+
+def all_cases(seed: int) -> list[Reference | Random | Refined]:
     """All cases; the random ones from a seed."""
     return [
         *(Reference(cells, 5) for cells in (6, 12, 18, 24)),
@@ -124,6 +172,7 @@ def all_cases(seed: int) -> list[Reference | Random]:
         Reference(12, 5, triangles=True),
         *(Random(RANDOM, i, seed) for i in range(150)),
         *(Random(SLACK, i, seed) for i in range(40)),
+        *(Refined(i, seed) for i in range(30)),
     ]
 
 
@@ -176,8 +225,8 @@ def _centres(result: Result) -> np.ndarray:
     return np.degrees(angle)
 
 
-def _mean_square(one: Result, other: Result) -> float:
-    return float(np.mean((_centres(one) - _centres(other)) ** 2))
+def _rms(difference: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(difference**2)))
 
 
 def _interval(result: Result) -> float:

@@ -2,10 +2,20 @@
 
 import argparse
 from collections.abc import Sequence
+from statistics import median
 
 from ..common.tables import markdown_table
 from ..study import Part, Row, Study
-from .cases import RANDOM, REFERENCE, SLACK, Random, Reference, all_cases
+from .cases import (
+    RANDOM,
+    REFERENCE,
+    REFINED,
+    SLACK,
+    Random,
+    Reference,
+    Refined,
+    all_cases,
+)
 
 # Differences in shear angle (degrees) and force (relative) within which two runs found
 # the same state.
@@ -78,7 +88,22 @@ def _within(rows: Sequence[Row]) -> str:
     return f"{within} of {len(both)}"
 
 
-class Forming(Study[Reference | Random]):
+def intervals(rows: Sequence[Row]) -> str:
+    """Number of intervals that contain the shear angles of a finer mesh."""
+    found = [
+        row["error"] / row["interval"]
+        for row in _of(rows, REFINED)
+        if not (row["refused"] or row["refused_of_finer"])
+    ]
+    if not found:
+        return ""
+    heads = ["hemispheres", "error inside the interval", "median of error / interval"]
+    inside = sum(share <= 1 for share in found)
+    line = [f"{len(found)}", f"{inside}", f"{median(found):.2f}"]
+    return markdown_table(heads, [line])
+
+
+class Forming(Study[Reference | Random | Refined]):
     """Reference hemisphere, and hemispheres drawn at random by a seed."""
 
     parts = (
@@ -88,6 +113,7 @@ class Forming(Study[Reference | Random]):
             {"outcomes.md": outcomes},
             cases=(f"{RANDOM},*", f"{SLACK},*"),
         ),
+        Part("refined.csv", {"intervals.md": intervals}, cases=(f"{REFINED},*",)),
     )
     shown = "{solves} solves"
     sample = str(Reference(6, 5))
@@ -98,7 +124,9 @@ class Forming(Study[Reference | Random]):
             "--seed", type=int, default=2043, help="seed of the random cases"
         )
 
-    def cases(self, options: argparse.Namespace) -> Sequence[Reference | Random]:
+    def cases(
+        self, options: argparse.Namespace
+    ) -> Sequence[Reference | Random | Refined]:
         """See `all_cases`."""
         return all_cases(options.seed)
 
@@ -116,6 +144,9 @@ class Forming(Study[Reference | Random]):
                 f"{kind}_refused": str(found.count("refused")),
                 f"{kind}_within": _within(of_kind),
             }
+        refined = _of(rows, REFINED)
+        inside = sum(row["error"] <= row["interval"] for row in refined)
+        figures["refined_inside"] = f"{inside} of {len(refined)}"
         return figures
 
 

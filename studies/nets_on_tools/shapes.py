@@ -15,8 +15,8 @@ from ..study import Row
 
 SHAPE, BOX = "shape", "box"
 
-#: Cells of the nets on the deep box, in mm.
-CELLS_OF_BOX = (5.0, 3.0, 2.0)
+#: Cells of the nets on the deep box in mm, and inclinations of the warp in degrees.
+CELLS_OF_BOX, ANGLES_ON_BOX = (5.0, 3.0, 2.0), (0.0, 30.0, 45.0)
 
 # Locking angle on the box in degrees.
 _LOCKING = 55.0
@@ -86,23 +86,25 @@ def _area(tool: drape.TriangleMesh) -> float:
 
 @dataclass(frozen=True)
 class Box:
-    """A deep box with fillets of 5 mm, and the cell of its net in mm."""
+    """A deep box with fillets of 5 mm, the cell in mm, and the warp in degrees."""
 
     cell: float
+    angle: float
 
     def __str__(self) -> str:
-        return f"{BOX}, {self.cell:g} mm"
+        return f"{BOX}, {self.cell:g} mm, {self.angle:g}°"
 
     def rows(self) -> list[Row]:
         """One row: net and pattern with darts at the corners."""
         tool = drape.TriangleMesh(*tool_shapes.deep_box())
         area = _area(tool)
         top = np.array([0.0, 0.0, float(tool.facets.points[2].max())])
-        without = drape.net(tool, self.cell, point=top).shear_angle()
+        warp = float(np.radians(self.angle))
+        start: dict[str, Any] = {"point": top, "angles": (warp, warp + np.pi / 2)}
+        without = drape.net(tool, self.cell, **start).shear_angle()
         begin = process_time()
-        laid = drape.net_with_darts(
-            tool, self.cell, float(np.radians(_LOCKING)), point=top
-        )
+        locking = float(np.radians(_LOCKING))
+        laid = drape.net_with_darts(tool, self.cell, locking, **start)
         (outline,) = tool.facets.boundary()
         pattern = drape.pattern_with_darts(laid, outline)
         seconds = process_time() - begin
@@ -111,12 +113,15 @@ class Box:
         return [
             {
                 "cell": self.cell,
+                "angle": self.angle,
                 "darts": len(pattern.darts),
                 "without_darts": float(np.degrees(np.nanmax(np.abs(without)))),
                 "shear_angle": float(np.degrees(pattern.shear_angle)),
+                "beside_spots": float(np.degrees(pattern.shear_angle_beside_spots)),
                 "area": area,
                 "area_error": pattern.area_on_tool / area - 1,
                 "pattern_area": pattern.pattern.area,
+                "pattern_error": pattern.pattern.area / area - 1,
                 "dart_area": float(np.mean([dart.area for dart in pattern.darts])),
                 "edges_differ": float(edges.max()),
                 "seconds": round(seconds, 1),
@@ -127,18 +132,21 @@ class Box:
 def box_table(rows: list[Row]) -> str:
     """A line for each cell."""
     head = [
-        *("cell, mm", "darts", "largest angle without darts", "with darts"),
-        *("area covered", "flat pattern, mm²", "area of a dart, mm²"),
+        *("cell, mm", "fibres", "darts", "largest angle without darts"),
+        *("with darts", "of it beside the spots", "area covered"),
+        *("flat pattern, mm²", "its error", "area of a dart, mm²"),
         *("difference of its edges", "seconds"),
     ]
     return markdown_table(
         head,
         [
             [
-                *(f"{row['cell']:g}", row["darts"], f"{row['without_darts']:.0f}°"),
-                *(f"{row['shear_angle']:.0f}°", f"{1 + row['area_error']:.2%}"),
-                *(f"{row['pattern_area']:.5g}", f"{row['dart_area']:.4g}"),
-                *(f"{row['edges_differ']:.1%}", f"{row['seconds']:.1f}"),
+                *(f"{row['cell']:g}", f"{row['angle']:g}°", row["darts"]),
+                *(f"{row['without_darts']:.0f}°", f"{row['shear_angle']:.0f}°"),
+                *(f"{row['beside_spots']:.1f}°", f"{1 + row['area_error']:.2%}"),
+                *(f"{row['pattern_area']:.5g}", f"{row['pattern_error']:+.2%}"),
+                *(f"{row['dart_area']:.4g}", f"{row['edges_differ']:.1%}"),
+                f"{row['seconds']:.1f}",
             ]
             for row in rows
         ],
@@ -174,4 +182,10 @@ def shapes_in_words(rows: Sequence[Row]) -> dict[str, str]:
         ]
         if errors:
             words[name] = f"{max(errors):.1%}"
+    boxes = [row for row in rows if row["case"].startswith(BOX)]
+    if boxes:
+        for name in ("pattern_error", "edges_differ"):
+            words[f"box_{name}"] = f"{max(abs(row[name]) for row in boxes):.1%}"
+        largest = max(row["beside_spots"] for row in boxes)
+        words["box_beside_spots"] = f"{largest:.0f}°"
     return words

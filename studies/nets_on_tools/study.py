@@ -9,6 +9,7 @@ from ..common.tables import cell
 from ..study import Part, Row, Study
 from .blade import BLADE, REFERENCE, STEERED, Blade, blade_table, draw_blade, totals
 from .shapes import (
+    ANGLES_ON_BOX,
     BOX,
     CELLS_OF_BOX,
     SHAPE,
@@ -51,7 +52,7 @@ class NetsOnTools(Study[Any]):
     def cases(self, options: argparse.Namespace) -> Sequence[Any]:
         blades = [Blade(name, options.reference) for name in STEERED]
         shapes = [Shape(name, angle) for name in SHAPES for angle in (0.0, 30.0, 45.0)]
-        boxes = [Box(cell) for cell in CELLS_OF_BOX]
+        boxes = [Box(cell, angle) for cell in CELLS_OF_BOX for angle in ANGLES_ON_BOX]
         return [*blades, *shapes, *boxes, *(BestOfRandom(name) for name in TOOLS)]
 
     def line(self, rows: list[Row]) -> str:

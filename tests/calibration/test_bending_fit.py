@@ -74,7 +74,7 @@ def test_the_command_writes_a_fabric_that_bends(tmp_path, capsys):
 
 def test_a_fixed_angle_replaces_a_column(tmp_path):
     data = write_table(tmp_path / "a.csv", "overhang (mm)\n200\n201\n")
-    fit = fit_bending([read_cantilever(data, np.radians(41.5))], 6e-6)
+    fit = fit_bending(read_cantilever(data, np.radians(41.5)), 6e-6)
     assert fit.stiffness == pytest.approx(6.0, rel=0.02)
 
 

@@ -56,7 +56,7 @@ def test_forces_are_those_of_a_homogeneous_stretch(tmp_path):
     """The force is W T(ln λ)/λ, from elongations per length."""
     header = "warp strain (%),weft strain (-),warp force (kN),weft force (N)\n"
     (tmp_path / "pull.csv").write_text(f"{header}2,0.01,0.5,20\n")
-    curve = read_biaxial(tmp_path / "pull.csv", (100.0, 80.0))
+    (curve,) = read_biaxial(tmp_path / "pull.csv", (100.0, 80.0))
     np.testing.assert_allclose(curve.strain[:, 0], np.log([1.02, 1.01]))
     np.testing.assert_allclose(curve.tension[:, 0], [5.0 * 1.02, 0.25 * 1.01])
     law = CrimpToe(5e3, 0.004, 10.0)

@@ -1,4 +1,4 @@
-"""Curves of tests: their files and the checks of their first points."""
+"""Checks of the beginning of curves of tests."""
 
 import re
 
@@ -11,71 +11,10 @@ from skfem_textile.calibration import (
     PictureFrame,
     Specimen,
     fit_shear,
-    read_curve,
-    read_specimen,
 )
 from skfem_textile.calibration.biaxial import BiaxialCurve, fit_tension
 from skfem_textile.calibration.curves import force_at_rest, seems_swapped
 from skfem_textile.calibration.report import shear_report, tension_report
-
-# Curves of tests from CSV files
-
-
-def write_curve(tmp_path, text):
-    file = tmp_path / "test.csv"
-    file.write_text(text)
-    return file
-
-
-def test_columns_come_in_any_order_with_their_units(tmp_path):
-    header = "Load (kN),time (s), Angle [deg],extension [ cm ]\n"
-    curve = read_curve(write_curve(tmp_path, f"{header}1,2,90,4\n"))
-    assert set(curve) == {"force", "shear angle", "displacement"}
-    assert curve["force"].tolist() == [1000.0]
-    assert curve["displacement"].tolist() == [40.0]
-    assert curve["shear angle"] == pytest.approx([np.pi / 2])
-
-
-def test_given_units_override_the_units_of_the_file(tmp_path):
-    file = write_curve(tmp_path, "displacement,force (N)\n1,2\n")
-    curve = read_curve(file, {"displacement": "m", "force": "kN"})
-    assert curve["displacement"].tolist() == [1000.0]
-    assert curve["force"].tolist() == [2000.0]
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "the file is empty"),
-        (
-            "displacement,force (N)\n1,2\n",
-            "'displacement' must be one of mm, .* it has none",
-        ),
-        ("force (pound)\n1\n", "'force' must be one of N, .* got 'pound'"),
-        (
-            "time (s)\n1\n",
-            "row 1: the header must name at least one of displacement",
-        ),
-        ("force (N),load (N)\n1,2\n", "two columns are named 'force'"),
-        ("force (N);extension (mm)\n1;2\n", "are separated by semicolons"),
-        ("force [N]\textension [mm]\n1\t2\n", "are separated by tabs"),
-        ("force (N),displacement (mm)\n", "the file contains no rows"),
-        ("force (N),displacement (mm)\n1,2\n1\n", "row 3: expected finite .* got '1'"),
-        (
-            "force (N),displacement (mm)\nnan,2\n",
-            "row 2: expected finite numbers below .* got 'nan,2'",
-        ),
-        ("force (N),displacement (mm)\n1e200,2\n", "finite numbers below 1e"),
-        ("displacement (mm)\n1\n", "the column 'force' is missing"),
-        ("force (N)\n1\n", "a column 'displacement' or 'shear angle'"),
-    ],
-)
-def test_invalid_curves_are_rejected_in_one_line(tmp_path, text, message):
-    with pytest.raises(ValueError, match=message) as error:
-        read_specimen(write_curve(tmp_path, text), BiasExtension(50.0, 100.0))
-    assert "\n" not in str(error.value)
-    assert "test.csv" in str(error.value)
-
 
 # A force at rest, swapped columns and unloading are reported; noise is not
 
@@ -176,13 +115,6 @@ def test_forces_in_equal_steps_are_reported():
     assert "check whether the columns are swapped" in notes(
         force * scale, moved / scale
     )
-
-
-def test_units_of_the_other_column_are_rejected(tmp_path):
-    file = tmp_path / "swapped.csv"
-    file.write_text("displacement (N),force (mm)\n1,2\n")
-    with pytest.raises(ValueError, match="whether columns are swapped"):
-        read_curve(file)
 
 
 def test_a_curve_of_unloading_alone_is_reported():

@@ -12,8 +12,8 @@ from skfem_textile.calibration import (
     fit_by_simulation,
     fit_shear,
 )
-from skfem_textile.calibration.regression import covariance_of
 from skfem_textile.calibration.report import report_text, shear_report
+from skfem_textile.calibration.solving import covariance_of
 
 QUINTIC = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
 TABLE = Tabulated(np.radians(5 * np.arange(9)), np.arange(9.0) ** 2, odd=True)
@@ -142,7 +142,24 @@ def test_a_measured_angle_overrides_the_theoretical_one_and_shows_its_limit():
     fit = fit_shear([data])
     np.testing.assert_allclose(fit.fit.values, QUINTIC.coefficients[::2], rtol=1e-8)
     assert np.degrees(data.kinematics_limit) == pytest.approx(39.0)  # 2 degrees
-    assert "beyond 39.0 degrees" in notes(fit)
+    assert np.degrees(fit.largest_angle) == pytest.approx(39.0)
+    further = fit_shear([data], up_to=np.radians(50.0))
+    assert np.degrees(further.largest_angle) == pytest.approx(50.0)
+    assert "beyond 39.0 degrees" in notes(further)
+
+
+def test_the_onset_of_slip_is_not_noise_of_the_measured_angle():
+    gamma = np.radians(np.linspace(1.0, 45.0, 200))
+    measured = gamma + np.radians(1.0) * np.random.default_rng(1).standard_normal(200)
+    data = Specimen("one", BIAS, gamma, BIAS.displacement(gamma), measured)
+    assert np.degrees(data.kinematics_limit) > 44.0
+
+
+def test_a_frame_imposes_its_angle_over_the_whole_range():
+    data = specimen(FRAME, QUINTIC, end=60.0, n=60)
+    fit = fit_shear([data])
+    assert np.degrees(fit.largest_angle) == pytest.approx(60.0)
+    assert shear_report(fit)["kinematics_hold_to_deg"] == pytest.approx(90.0)
 
 
 def test_specimens_that_cannot_be_fitted_are_rejected():

@@ -188,7 +188,7 @@ def test_an_early_stop_is_reported(results, tmp_path):
         ("summary.json", None, "is not a results folder: it contains no summary.json"),
         ("case.toml", "x", "is damaged: it is not a valid case file"),
         ("case.toml", NO_CURVE, "no.csv"),
-        ("curve.csv", "x", "curve.csv, row 1: the header must name at least"),
+        ("curve.csv", "x", "curve.csv: the file contains no rows of numbers"),
     ],
 )
 def test_damaged_files_are_rejected(results, tmp_path, capsys, name, content, message):
@@ -257,30 +257,30 @@ def test_the_curve_of_a_run_is_read_as_a_curve_of_a_test(tmp_path):
     ("text", "message"),
     [
         ("", "the file is empty"),
-        ("time (s)\n1\n2\n", "row 1: the header must name at least"),
-        ("force (N)\n1\n2\n", "row 1: the header must name"),
+        ("time (s)\n1\n2\n", "row 2: the columns are named time"),
+        ("force (N)\n1\n2\n", "the headings must name a displacement or an angle"),
         (
             "displacement (mm),force (t)\n0,0\n1,1\n",
-            "'force' must be one of N, kN, cN, lbf, got 't'",
+            "'force' must be one of N, kN, cN, mN, daN, lbf, got 't'",
         ),
         (
             "angle (deg),force (N),force (N)\n0,0,0\n1,1,1\n",
-            "row 1: two columns are named",
+            "column 2 ('force') and column 3 ('force') may each be the force",
         ),
         ("angle (deg),force (N)\n0,0\n", "at least two rows"),
         (
             "angle (deg),force (N)\n0,0\n1,one\n",
-            "row 3: expected finite numbers below 1e+50, got '1,one'",
+            "row 3: expected 2 cells with finite numbers, got '1,one'",
         ),
         (
             "angle (deg),force (N)\n0,0\n1,inf\n",
-            "row 3: expected finite numbers below 1e+50, got '1,inf'",
+            "row 3: expected 2 cells with finite numbers, got '1,inf'",
         ),
         (
             "angle (deg),force (N)\n0,0\n1\n",
-            "row 3: expected finite numbers below 1e+50, got '1'",
+            "row 3: expected 2 cells with finite numbers, got '1'",
         ),
-        ("\0\xff", "not a CSV file in UTF-8"),
+        ("\0\xff", "no rows of numbers"),
     ],
 )
 def test_a_file_without_a_curve_stops_the_run(tmp_path, capsys, text, message):

@@ -47,6 +47,9 @@ def test_nets_on_both_sides_of_darts_do_not_lock(laid):
     for net, mask in laid.pieces:
         assert not net.folds.size
         assert np.abs(net.shear_angle()[mask]).max() < LOCKING
+        # All of the curvature is in the spots at the corners.
+        beside = np.abs(net.shear_angle()[mask])[~laid.in_spots(net, mask)]
+        assert beside.max() < np.radians(5)
         # Only cells at the tips, which are cut, have a free side.
         x, whole = net.positions, mask & ~net.cut
         sides = x[:, 1:, :-1] - x[:, :-1, :-1], x[:, :-1, 1:] - x[:, :-1, :-1]
@@ -58,10 +61,7 @@ def test_nets_on_both_sides_of_darts_do_not_lock(laid):
 
 @pytest.mark.parametrize("degrees", [30, 45])
 def test_turned_fibres_have_darts_at_the_same_places(laid, degrees):
-    """A dart belongs to a place of the tool, not to the direction of the fibres.
-
-    The edges of a dart differ by up to a tenth: cells next to the tip are sheared.
-    """
+    """A dart belongs to a place of the tool, not to the direction of the fibres."""
     angles = np.radians([degrees, degrees + 90])
     turned = drape.net_with_darts(BOX, 4.0, LOCKING, point=TOP, angles=tuple(angles))
     assert len(turned.darts) == 4
@@ -70,37 +70,49 @@ def test_turned_fibres_have_darts_at_the_same_places(laid, degrees):
         away = [np.linalg.norm(tip - other.points[:, 0]) for other in laid.darts]
         assert min(away) < 1.5
     pattern = drape.pattern_with_darts(turned, BOX.facets.boundary()[0])
-    assert pattern.area_on_tool == pytest.approx(BOX.facets.area, rel=5e-3)
+    assert pattern.pattern.area == pytest.approx(BOX.facets.area, rel=5e-3)
+    assert pattern.area_on_tool == pytest.approx(BOX.facets.area, rel=1e-2)
     assert len(pattern.darts) == 4
     for dart in pattern.darts:
         one, other = dart.lengths
-        assert one == pytest.approx(other, rel=0.1)
+        assert one == pytest.approx(other, rel=0.01)
+    assert pattern.shear_angle_beside_spots < np.radians(10)
     numbers = [seam.number for seam in pattern.pattern.seams]
     assert numbers == [1, 1, 2, 2, 3, 3, 4, 4]
 
 
-def test_the_pattern_with_darts_has_the_area_of_the_tool(laid, pattern):
-    """Chords on fillets of 5 mm shorten the walls by 0.4 % with cells of 4 mm."""
-    points = BOX.facets.points
-    a, b, c = points[:, BOX.facets.triangles()].swapaxes(0, 1)
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
-    assert pattern.area_on_tool == pytest.approx(area, rel=5e-3)
-    assert pattern.pattern.area == pytest.approx(area, rel=1e-2)
+def test_the_pattern_with_darts_has_the_area_of_the_tool(pattern):
+    """Chords on fillets of 5 mm shorten the walls by 0.4 % with cells of 4 mm.
+
+    Cells of spots that would lock are left open, another 0.4 % of this small box.
+    """
+    assert pattern.pattern.area == pytest.approx(BOX.facets.area, rel=5e-3)
+    assert pattern.area_on_tool == pytest.approx(BOX.facets.area, rel=1e-2)
     assert pattern.shear_angle < LOCKING
 
 
 def test_both_edges_of_a_dart_have_one_length(pattern):
-    """Nearly, because cells next to the tip are sheared."""
     assert len(pattern.darts) == 4
     for dart in pattern.darts:
         seam = np.linalg.norm(np.diff(dart.seam), axis=0).sum()
         one, other = dart.lengths
-        assert one == pytest.approx(other, rel=0.07)
-        assert one == pytest.approx(seam, rel=0.1)
+        assert one == pytest.approx(other, rel=0.01)
+        # The seam is longer at the corner of the flange, which is curved backwards.
+        assert 0.94 * seam < one < seam
         # The walls are taken out twice, and the flange around its corner.
         assert DEPTH**2 < dart.area < (DEPTH + FLANGE) ** 2
     whole = np.prod(np.ptp(pattern.pattern.outline, axis=1))
     assert pattern.pattern.area < whole - 3 * DEPTH**2
+
+
+def test_a_dart_takes_out_the_curvature_of_its_corner(pattern):
+    """The normals of a corner with a draft of 5° cover (1 − sin 5°) π/2."""
+    for dart in pattern.darts:
+        walls = np.flatnonzero((dart.seam[2] > 12) & (dart.seam[2] < 30))[[0, -1]]
+        one, other = (np.diff(edge[:, walls])[:, 0] for edge in dart.edges)
+        cosine = one @ other / (np.linalg.norm(one) * np.linalg.norm(other))
+        wedge = np.pi / 2 * (1 - np.sin(np.radians(5)))
+        assert np.arccos(cosine) == pytest.approx(wedge, abs=np.radians(1))
 
 
 def test_a_tool_that_does_not_lock_has_no_darts():

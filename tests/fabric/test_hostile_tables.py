@@ -1,13 +1,14 @@
 """Damaged tables of laws, directions and curves are rejected, or read as written."""
 
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from hypothesis import strategies as st
 
 from skfem_textile import Tabulated
-from skfem_textile.calibration.curves import read_curve
+from skfem_textile.calibration import Format, read_recordings
 from skfem_textile.io import read_directions
 from tests.helpers.hostile import (
     RIGHT,
@@ -52,12 +53,21 @@ def directions(path):
     return dict(zip(DIRECTIONS[1:], (read.warp, read.weft), strict=True))
 
 
+def curve(path):
+    """Columns of a curve in the known format, and what is said of its reading."""
+    signs = {"displacement": 1, "force": 1}
+    form = Format(encoding="utf-8-sig", separator=",", decimal=".", signs=signs)
+    (recording,) = read_recordings(path, form)
+    complete = recording.complete(*recording.columns)
+    return dict(complete.columns), complete
+
+
 KINDS = {
     ("shear angle", "moment"): law,
     ("fibre strain", "tension"): law,
     DIRECTIONS: directions,
-    ("displacement", "force"): read_curve,
-    ("force", "shear angle", "displacement"): read_curve,
+    ("displacement", "force"): curve,
+    ("force", "shear angle", "displacement"): curve,
 }
 
 
@@ -92,13 +102,33 @@ def attempt(table):
     if '"' in text:
         return RIGHT  # quotes may hide commas and ends of lines
     lines = [line.split(",") for line in re.split(r"\r\n|\n|\r", text)]
-    header, *lines = [line for line in lines if any(map(str.strip, line))]
+    if isinstance(read, tuple):
+        read, recording = read
+        expected_of = partial(stated_column, recording, lines)
+    else:
+        header, *lines = [line for line in lines if any(map(str.strip, line))]
+        expected_of = partial(plain_column, header, lines)
     for key, column in read.items():
-        expected = plain_column(header, lines, key)
+        expected = expected_of(key)
         expect(np.isfinite(column).all(), f"{key}: {column}")
         expect(np.shape(column) == expected.shape, f"{key}: {column}, not {expected}")
         expect_close(key, column, expected, 1e-12 * (1 + np.abs(expected)).max())
     return RIGHT
+
+
+def stated_column(recording, lines, key):
+    """The numbers of a column, by the position and unit that the recording states."""
+    stated = re.search(
+        rf"{key} from column (\d+) \((?:.*?, )??([^ ,()]+)\)", recording.statements[0]
+    )
+    position, unit = int(stated[1]) - 1, ALSO.get(stated[2], stated[2])
+    cells = [lines[row - 1][position].strip() for row in recording.rows]
+    expect(all(map(NUMBER.fullmatch, cells)), f"{cells} were taken for numbers")
+    below = lines[recording.rows[0] - 1 :]
+    others = len([line for line in below if any(map(str.strip, line))]) - len(cells)
+    named = any("left out" in said for said in recording.statements)
+    expect(others == 0 or named, "rows were left out silently")
+    return np.array(cells, dtype=float) * UNITS[key][unit]
 
 
 def plain_column(header, lines, key):

@@ -19,16 +19,18 @@ from skfem_textile import (
 )
 from skfem_textile.calibration import (
     BiasExtension,
+    Format,
     PictureFrame,
+    Preparation,
     ShearFit,
     ShearTest,
     Simulation,
     Specimen,
     fit_by_simulation,
     fit_shear,
-    read_specimen,
+    read_specimens,
 )
-from skfem_textile.calibration.regression import Model
+from skfem_textile.calibration.models import Model
 from skfem_textile.calibration.shear import SHEAR_LAWS
 from skfem_textile.fabric import Law
 from skfem_textile.ply.terms import Formulation
@@ -394,9 +396,10 @@ class Benchmark:
 
     def rows(self) -> list[Row]:
         """C = F_sh cos γ of a benchmark curve, point by point."""
-        units = {"displacement": "mm", "force": "N"}
+        form = Format(units={"displacement": "mm", "force": "N"})
         test = BiasExtension(self.width, self.height)
-        specimen = read_specimen(self.file, test, units)
+        choices = Preparation(slack=0.0, force_at_rest=0.0)
+        (specimen,) = read_specimens(self.file, test, form, choices)
         gamma, C = specimen.pointwise(np.radians(BEYOND))
         moments = np.interp(np.radians(ANGLES), gamma, C)
         expected = BENCHMARK[self.width, self.height]

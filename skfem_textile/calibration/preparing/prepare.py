@@ -1,0 +1,274 @@
+"""Preparation of recordings for a fit: branch, outliers and origin, each stated."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+
+from ..reading.recording import Recording, rows_text
+from .branches import REVERSAL, Branch, branches_of, first_complete
+from .outliers import NORMAL, departures, outliers, running_median
+
+#: Branches by name.
+BRANCHES = "loading", "unloading", "both"
+
+#: Largest distance of the first point from rest, relative to the range.
+FIRST = 0.06
+
+# Largest force of the first rows, relative to the largest one, at rest.
+_AT_REST = 0.05
+
+# Rows of the beginning of a curve, whose median force is that at rest.
+_BEGINNING = 3
+
+# Jump of the driving quantity, relative to its range, in a single row, and in standard
+# deviations of its noise: no machine moves this far forth and back between readings.
+_JUMP, _DEVIATIONS = 0.02, 10.0
+
+# Rows of the running median of the driving quantity.
+_NEIGHBOURS = 5
+
+# Number of points at which two branches are compared.
+_COMPARED = 50
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """Choices that take precedence over the content of a recording.
+
+    Parameters
+    ----------
+    branch
+        ``loading``, ``unloading`` or ``both``.
+    cycle
+        Number of the cycle from 1 on; by default the first one that reaches the largest
+        displacement.
+    slack
+        Displacement in mm at which the fabric begins to carry load; by default it is
+        estimated.
+    force_at_rest
+        Force in N of the undeformed fabric; by default it is estimated.
+    outliers
+        True if outliers are left out.
+
+    Raises
+    ------
+    ValueError
+        If the branch is unknown, or the cycle is not positive.
+    """
+
+    branch: str = "loading"
+    cycle: int | None = None
+    slack: float | None = None
+    force_at_rest: float | None = None
+    outliers: bool = True
+
+    def __post_init__(self) -> None:
+        if self.branch not in BRANCHES:
+            raise ValueError(
+                f"the branch must be one of {', '.join(BRANCHES)}, got {self.branch!r}"
+            )
+        if self.cycle is not None and self.cycle < 1:
+            raise ValueError(f"cycles are numbered from 1 on, got {self.cycle}")
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Recording prepared for a fit.
+
+    Attributes
+    ----------
+    recording
+        The selected rows.  Displacements begin at `origin`.
+    read
+        The recording as read.
+    branches
+        Branches of the recording as read.
+    outliers
+        Lines of the file that were left out as outliers, shape (k,).
+    origin
+        Displacement of the machine at the beginning that was subtracted, in mm.
+    begins_at_rest
+        True if the curve begins near rest, so that slack and force at rest can be
+        estimated.
+    """
+
+    recording: Recording
+    read: Recording
+    branches: tuple[Branch, ...]
+    outliers: ndarray
+    origin: float
+    begins_at_rest: bool
+
+
+def prepare(
+    recording: Recording,
+    driving: str,
+    forces: Sequence[str],
+    choices: Preparation | None = None,
+) -> Prepared:
+    """Prepare a recording: complete rows of one branch without outliers.
+
+    Parameters
+    ----------
+    recording
+        The recording as read.
+    driving
+        Driving quantity, which determines the branches.
+    forces
+        Quantities whose outliers are determined.
+    choices
+        Choices that take precedence.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, or a branch or cycle does not exist.
+    """
+    choices = choices or Preparation()
+    complete = recording.complete(driving, *forces)
+    jumps = _jumps(complete.column(driving)) & choices.outliers
+    clean = complete.select(~jumps)
+    branches = branches_of(clean.column(driving))
+    chosen, statements = _chosen(clean, driving, forces[0], branches, choices)
+    branch = clean.select(chosen)
+    x = branch.column(driving)
+    wrong = np.zeros(x.size, dtype=bool)
+    if choices.outliers and choices.branch != "both":
+        wrong = np.any([outliers(x, branch.column(name)) for name in forces], axis=0)
+    statements += _outlier_statements(complete, driving, jumps)
+    for name in forces:
+        statements += _outlier_statements(branch, name, wrong)
+    kept = branch.select(~wrong)
+    origin, at_rest, said = _origin(kept, driving, forces[0], choices)
+    columns = dict(kept.columns)
+    if origin:
+        columns[driving] = columns[driving] - origin
+    prepared = Recording(
+        kept.name, columns, kept.rows, (*kept.statements, *statements, *said)
+    )
+    left_out = np.concatenate([complete.rows[jumps], branch.rows[wrong]])
+    return Prepared(prepared, recording, tuple(branches), left_out, origin, at_rest)
+
+
+def _jumps(x: ndarray) -> ndarray:
+    """Mask of rows of the driving quantity that deviate from their neighbours."""
+    if x.size <= _NEIGHBOURS:
+        return np.zeros(x.size, dtype=bool)
+    smooth = running_median(x, _NEIGHBOURS)
+    noise = NORMAL * float(np.median(np.abs(x - smooth)))
+    least = max(_JUMP * float(np.ptp(smooth)), _DEVIATIONS * noise)
+    return departures(x, _NEIGHBOURS) > least
+
+
+def _chosen(
+    recording: Recording,
+    driving: str,
+    force: str,
+    branches: list[Branch],
+    choices: Preparation,
+) -> tuple[ndarray, list[str]]:
+    """Indices of the chosen rows, and statements."""
+    if choices.branch == "both":
+        cycles = [b for b in branches if choices.cycle in (None, b.cycle)]
+    else:
+        loading = choices.branch == "loading"
+        cycles = [b for b in branches if b.loading == loading]
+        if choices.cycle is None and cycles:
+            first = first_complete(branches) if loading else cycles[0]
+            cycles = [first] if loading else [cycles[0]]
+        elif choices.cycle is not None:
+            cycles = [b for b in cycles if b.cycle == choices.cycle]
+    if not cycles and choices.cycle is None and choices.branch == "loading":
+        return np.arange(recording.rows.size), [
+            "the displacement only decreases from row to row, as in unloading: check "
+            "that the law may be determined from unloading"
+        ]
+    if not cycles:
+        cycle = f" of cycle {choices.cycle}" if choices.cycle else ""
+        number = max((b.cycle for b in branches), default=0)
+        raise ValueError(
+            f"{recording.name}: there is no {choices.branch}{cycle}: the test has "
+            f"{number} cycle(s)"
+        )
+    rows = np.concatenate([np.arange(b.begin, b.end) for b in cycles])
+    if len(branches) < 2:
+        return rows, []
+    return rows, [_of_branches(recording, driving, force, branches, cycles)]
+
+
+def _of_branches(
+    recording: Recording,
+    driving: str,
+    force: str,
+    branches: list[Branch],
+    chosen: list[Branch],
+) -> str:
+    """Statement on the branch that is used, and on the next one."""
+    first, last = chosen[0], chosen[-1]
+    rows = recording.rows
+    cycles = max(b.cycle for b in branches)
+    kinds = " and ".join(dict.fromkeys(b.kind for b in chosen))
+    text = (
+        f"{kinds} of cycle {first.cycle} of {cycles} is used, rows "
+        f"{rows[first.begin]} to {rows[last.end - 1]}"
+    )
+    following = next((b for b in branches if b.begin >= last.end - 1), None)
+    if following is None or len(chosen) > 1 or following.loading == first.loading:
+        return f"{text}; other rows are left out"
+    x, f = recording.column(driving), recording.column(force)
+    one, two = (_curve(x, f, branch) for branch in (first, following))
+    low = max(one[0][0], two[0][0])
+    high = min(one[0][-1], two[0][-1])
+    at = np.linspace(low, high, _COMPARED)
+    before, after = np.interp(at, *one), np.interp(at, *two)
+    change = (after.sum() - before.sum()) / np.abs(before).sum()
+    word = "below" if change < 0 else "above"
+    return (
+        f"{text}; {following.kind} is left out, on average {abs(100 * change):.0f} % "
+        f"{word} it (--branch)"
+    )
+
+
+def _curve(x: ndarray, force: ndarray, branch: Branch) -> tuple[ndarray, ndarray]:
+    """Increasing driving quantity of a branch, and smoothed forces."""
+    inside = slice(branch.begin, branch.end)
+    order = np.argsort(x[inside], kind="stable")
+    f = force[inside][order]
+    return x[inside][order], running_median(f, min(_NEIGHBOURS, 2 * f.size - 1))
+
+
+def _outlier_statements(recording: Recording, name: str, wrong: ndarray) -> list[str]:
+    if not wrong.any():
+        return []
+    values = recording.column(name)[wrong]
+    return [
+        f"{rows_text(recording.rows[wrong])}: outliers of the {name}, such as "
+        f"{values[np.abs(values).argmax()]:.5g}: left out (--keep-outliers)"
+    ]
+
+
+def _origin(
+    recording: Recording, driving: str, force: str, choices: Preparation
+) -> tuple[float, bool, list[str]]:
+    """Displacement to subtract, whether the curve begins at rest, and statements."""
+    x, f = recording.column(driving), recording.column(force)
+    size, first = float(np.ptp(x)), float(x[0])
+    if abs(first) <= FIRST * size + 2 * abs(float(x[min(1, x.size - 1)] - x[0])):
+        return 0.0, True, []
+    most = float(np.abs(f).max())
+    loaded = not abs(float(np.median(f[:_BEGINNING]))) < _AT_REST * most
+    if loaded or driving != "displacement" or choices.slack is not None:
+        return 0.0, False, []
+    return (
+        first,
+        True,
+        [
+            f"displacements are counted from {first:.5g} mm, at row "
+            f"{recording.rows[0]}, where the force is virtually zero (--slack)"
+        ],
+    )
+
+
+__all__ = ["BRANCHES", "FIRST", "REVERSAL", "Preparation", "Prepared", "prepare"]

@@ -1,0 +1,513 @@
+"""Recordings of tests, from the files of testing machines.
+
+Missing information is determined from the content of a file, and stated; an option
+overrules each decision.  A file that allows two readings is refused with both.
+"""
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy import ndarray
+
+from ...fabric.law import Resistance, refuse_other_units
+from ...fabric.laws.tabulated import ANGLE
+from ...mesh.user_input import excerpt, printable
+from .encoding import read_text
+from .layout import SEPARATORS, Block, Line, blocks_of, column_headings, separator_of
+from .numbers import MARKS, AmbiguousMarkError, decimal_mark, is_number, number
+from .quantities import COLUMNS, FORCES, UNITLESS, quantity_of, split_heading
+
+# Endings of the files of a folder that are read.
+_ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".asc")
+
+# Largest share of rows without a number: above it, the layout is not understood.
+_FAULTY = 0.1
+
+# Number of rows that a statement lists.
+_LISTED = 5
+
+#: Driving quantities, one of which a shear or tensile test requires.
+DRIVING = "displacement", "shear angle", "strain"
+
+
+@dataclass(frozen=True)
+class Format:
+    """Properties of a file that take precedence over its content.
+
+    Parameters
+    ----------
+    encoding
+        Encoding, such as ``latin-1``.
+    separator
+        Separator of the columns: a character, or ``tab`` or ``space``.
+    decimal
+        Decimal mark, ``.`` or ``,``.
+    columns
+        Column of a quantity of `COLUMNS`: its number from 1 on, or its heading.
+    units
+        Unit of a quantity.
+    signs
+        Sign of a quantity, 1 or -1: its numbers are multiplied by it.
+
+    Raises
+    ------
+    ValueError
+        If a name is not a quantity, or a property is unknown.
+    """
+
+    encoding: str | None = None
+    separator: str | None = None
+    decimal: str | None = None
+    columns: Mapping[str, int | str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    signs: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for option, given in (
+            ("column", self.columns),
+            ("unit", self.units),
+            ("sign", self.signs),
+        ):
+            for name in given:
+                if name not in COLUMNS:
+                    raise ValueError(
+                        f"--{option} {name}: unknown column: choose one of "
+                        f"{', '.join(COLUMNS)}"
+                    )
+        if self.separator is not None and self.character not in SEPARATORS:
+            raise ValueError(
+                "the separator must be one of ; , | tab space, got "
+                f"{printable(self.separator)!r}"
+            )
+        if self.decimal is not None and self.decimal not in MARKS:
+            raise ValueError(
+                f"the decimal mark must be . or , but got {printable(self.decimal)!r}"
+            )
+
+    @property
+    def character(self) -> str | None:
+        """Separator as a character."""
+        names = {"tab": "\t", "space": " ", "\\t": "\t"}
+        return names.get(self.separator or "", self.separator)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Columns of one test as recorded, in mm, N, radians, N/mm, and strains as numbers.
+
+    Attributes
+    ----------
+    name
+        Name of the test: of its file, with a number for several tests in one file.
+    columns
+        Values by the names of `COLUMNS`, each of shape (n,); nan for an empty cell.
+    rows
+        Line of each value in the file, shape (n,).
+    statements
+        Description of the reading, and which rows contain no numbers.
+    """
+
+    name: str
+    columns: Mapping[str, ndarray]
+    rows: ndarray
+    statements: tuple[str, ...]
+
+    def column(self, name: str) -> ndarray:
+        """A column that must exist.
+
+        Raises
+        ------
+        ValueError
+            If it is missing.
+        """
+        if name not in self.columns:
+            raise ValueError(f"{self.name}: the column {name!r} is missing")
+        return self.columns[name]
+
+    def select(self, rows: ndarray, *statements: str) -> "Recording":
+        """Recording of selected rows, a mask or indices, with further statements."""
+        columns = {name: column[rows] for name, column in self.columns.items()}
+        said = (*self.statements, *statements)
+        return Recording(self.name, columns, self.rows[rows], said)
+
+    def complete(self, *names: str) -> "Recording":
+        """Recording of the rows with numbers in all of these columns.
+
+        Raises
+        ------
+        ValueError
+            If a column is missing, or contains no number.
+        """
+        known = np.all([np.isfinite(self.column(name)) for name in names], axis=0)
+        if not known.any():
+            raise ValueError(f"{self.name}: the file contains no rows of numbers")
+        if known.all():
+            return self
+        return self.select(
+            known, f"{rows_text(self.rows[~known])} without numbers: left out"
+        )
+
+
+def rows_text(rows: Sequence[int] | ndarray) -> str:
+    """Rows of a file in a sentence, such as ``rows 3, 7``."""
+    listed = ", ".join(str(int(row)) for row in rows[:_LISTED])
+    more = len(rows) - _LISTED
+    rest = f" and {more} more" if more > 0 else ""
+    return f"row{'s' if len(rows) > 1 else ''} {listed}{rest}"
+
+
+def read_recordings(
+    path: str | os.PathLike[str], form: Format | None = None
+) -> list[Recording]:
+    r"""Recordings of a file, or of all files of a folder.
+
+    A file contains one test or several, one below the other or side by side.  Its
+    encoding, separator, decimal mark, headings, columns, units and signs are
+    determined from its content.
+
+    Parameters
+    ----------
+    path
+        File or folder.
+    form
+        Properties that take precedence over the content.
+
+    Returns
+    -------
+    list of Recording
+
+    Raises
+    ------
+    ValueError
+        If a file is not a table of a test, or allows two readings; one line names the
+        file, and the option that decides.
+    OSError
+        If it cannot be read.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> file = Path(mkdtemp()) / "pull.csv"
+    >>> _ = file.write_text("Weg;Kraft\nmm;kN\n0,0;0,0\n1,5;0,25\n")
+    >>> (recording,) = read_recordings(file)
+    >>> recording.columns["force"]
+    array([  0., 250.])
+    >>> for part in recording.statements[0].split(", force"):
+    ...     print(part)
+    read: separator semicolon, decimal comma, displacement from column 1 (Weg, mm)
+     from column 2 (Kraft, kN)
+    """
+    path = Path(path)
+    if not path.is_dir():
+        return _File(path, form or Format()).recordings()
+    files = sorted(file for file in path.iterdir() if file.suffix.lower() in _ENDINGS)
+    if not files:
+        raise ValueError(
+            f"{printable(path)}: the folder contains no file *{', *'.join(_ENDINGS)}"
+        )
+    return [one for file in files for one in _File(file, form or Format()).recordings()]
+
+
+@dataclass(frozen=True)
+class _Column:
+    """Position, heading, quantity and unit of a column; ``named`` by its heading."""
+
+    position: int
+    heading: str
+    quantity: str
+    unit: str
+    named: bool
+
+    @property
+    def label(self) -> str:
+        """The column in a message."""
+        called = f" ('{excerpt(self.heading)}')" if self.heading else ""
+        return f"column {self.position + 1}{called}"
+
+
+class _File:
+    """One file: its layout, then its columns, then numbers."""
+
+    def __init__(self, path: Path, form: Format) -> None:
+        self.path, self.form, self.file = path, form, printable(path)
+        self.text, self.encoding = read_text(path, form.encoding)
+        if not self.text.removeprefix("\ufeff").strip():
+            raise ValueError(f"{self.file}: the file is empty")
+
+    @cached_property
+    def separator(self) -> str:
+        """Separator of the columns."""
+        return self.form.character or separator_of(self.text)
+
+    @cached_property
+    def blocks(self) -> list[Block]:
+        """Blocks of numbers."""
+        blocks = blocks_of(self.text, self.separator)
+        if not blocks:
+            raise ValueError(f"{self.file}: the file contains no rows of numbers")
+        return blocks
+
+    @cached_property
+    def decimal(self) -> str:
+        """Decimal mark."""
+        if self.form.decimal is not None:
+            return self.form.decimal
+        cells = (
+            cell
+            for block in self.blocks
+            for _, row in block.rows
+            for cell in row
+            if is_number(cell)
+        )
+        try:
+            return decimal_mark(cells, self.separator)
+        except AmbiguousMarkError as error:
+            raise ValueError(f"{self.file}: {error}") from None
+
+    def recordings(self) -> list[Recording]:
+        """Tests of the file."""
+        tests = [
+            (block, columns)
+            for block in self.blocks
+            for columns in self._repeats(block)
+        ]
+        names = [self.path.name]
+        if len(tests) > 1:
+            names = [f"{self.path.name}, test {i + 1}" for i in range(len(tests))]
+        pairs = zip(names, tests, strict=True)
+        return [self._recording(name, *test) for name, test in pairs]
+
+    def _repeats(self, block: Block) -> list[list[_Column]]:
+        """Columns of each test of a block."""
+        columns = self._columns(block)
+        by_quantity: dict[str, list[_Column]] = {}
+        for column in columns:
+            if column.quantity:
+                by_quantity.setdefault(column.quantity, []).append(column)
+        for name, given in self.form.columns.items():
+            by_quantity = {
+                key: [x for x in found if x.position != self._position(columns, given)]
+                for key, found in by_quantity.items()
+            }
+            chosen = columns[self._position(columns, given)]
+            by_quantity[name] = [replace(chosen, quantity=name, named=True)]
+        for name, found in by_quantity.items():
+            if len(named := [one for one in found if one.named]) and len(found) > 1:
+                by_quantity[name] = named
+        by_quantity = {name: found for name, found in by_quantity.items() if found}
+        if not by_quantity:
+            raise ValueError(self._no_columns(columns, block))
+        counts = {len(found) for found in by_quantity.values()}
+        if len(counts) == 1 and len(by_quantity) > 1:
+            return [list(one) for one in zip(*by_quantity.values(), strict=True)]
+        for name, found in by_quantity.items():
+            if len(found) > 1:
+                raise ValueError(
+                    f"{self.file}: {' and '.join(one.label for one in found)} may each "
+                    f"be the {name}: specify one, such as --column "
+                    f"{_option(name)}={found[0].position + 1}"
+                )
+        return [[found[0] for found in by_quantity.values()]]
+
+    def _columns(self, block: Block) -> list[_Column]:
+        columns = []
+        for i, (heading, unit) in enumerate(column_headings(block)):
+            name, own = split_heading(heading)
+            unit = own or split_heading(f"({unit})")[1] if unit or own else ""
+            columns.append(_Column(i, name, *_known(name, unit)))
+        return columns
+
+    def _position(self, columns: Sequence[_Column], given: int | str) -> int:
+        if isinstance(given, int):
+            if 1 <= given <= len(columns):
+                return given - 1
+            raise ValueError(
+                f"{self.file}: there are {len(columns)} columns, and no column {given}"
+            )
+        for column in columns:
+            if column.heading.lower() == given.strip().lower():
+                return column.position
+        headings = ", ".join(repr(excerpt(column.heading)) for column in columns)
+        raise ValueError(
+            f"{self.file}: no column is named {printable(given)!r}: the columns are "
+            f"{headings}"
+        )
+
+    def _no_columns(self, columns: Sequence[_Column], block: Block) -> str:
+        headings = [excerpt(column.heading) for column in columns if column.heading]
+        first = block.rows[0][0]
+        if self.separator == "," and self.form.separator is None and not headings:
+            return (
+                f"{self.file}, row {first}: {block.width} numbers have no headings, or "
+                "commas both separate columns and mark decimals: save the file with "
+                "semicolons, or specify --separator and --column displacement=1 "
+                "--column force=2"
+            )
+        called = f"are named {', '.join(headings)}" if headings else "have no headings"
+        return (
+            f"{self.file}, row {first}: the columns {called}: specify which is which, "
+            "such as --column displacement=1 --column force=2, or name them in the "
+            f"file: {', '.join(COLUMNS)}"
+        )
+
+    def _recording(
+        self, name: str, block: Block, columns: Sequence[_Column]
+    ) -> Recording:
+        rows = np.array([line for line, _ in block.rows])
+        values, notes, parts = {}, [], []
+        filled = np.zeros(len(rows), dtype=bool)
+        for column in columns:
+            cells = [row[column.position] for _, row in block.rows]
+            unit = self.form.units.get(column.quantity, column.unit)
+            factor = self._factor(column, unit)
+            found = np.array([number(cell, self.decimal) for cell in cells]) * factor
+            wrong = np.flatnonzero(np.isnan(found) & np.array(list(map(bool, cells))))
+            if wrong.size:
+                notes.append(
+                    f"{rows_text(rows[wrong])}: '{excerpt(cells[wrong[0]])}' is not a "
+                    f"number: the {column.quantity} is left out"
+                )
+            self._refuse_faulty(block, wrong, cells)
+            filled |= np.array(list(map(bool, cells)))
+            self._check_unit(column, unit, rows, found)
+            found, turned = self._signed(column.quantity, found)
+            values[column.quantity] = found
+            called = ", ".join(filter(None, [excerpt(column.heading), unit]))
+            parts.append(
+                f"{column.quantity} from column {column.position + 1} ({called})"
+                f"{turned}"
+            )
+        if block.faulty:
+            lines = [line for line, _ in block.faulty]
+            text = excerpt(self.separator.join(block.faulty[0][1]))
+            notes.append(
+                f"{rows_text(lines)}: no numbers of the table ('{text}'): left out"
+            )
+        how = [f"separator {SEPARATORS[self.separator]}"] if block.width > 1 else []
+        how.append(MARKS[self.decimal])
+        if self.encoding not in ("utf-8", "utf-8-sig"):
+            how.insert(0, f"encoding {self.encoding}")
+        read = f"read: {', '.join([*how, *parts])}"
+        kept = filled.nonzero()[0]
+        values = {key: column[kept] for key, column in values.items()}
+        recording = Recording(name, values, rows[kept], (read, *notes))
+        return _with_directions(recording, self.form)
+
+    def _signed(self, quantity: str, values: ndarray) -> tuple[ndarray, str]:
+        sign = self.form.signs.get(quantity, 1)
+        return sign * values, ", sign turned" if sign < 0 else ""
+
+    def _refuse_faulty(self, block: Block, wrong: ndarray, cells: list[str]) -> None:
+        lines: list[Line] = block.faulty
+        if wrong.size + len(lines) <= _FAULTY * len(block.rows):
+            return
+        if wrong.size:
+            line, text = block.rows[wrong[0]][0], cells[wrong[0]]
+        else:
+            line, text = lines[0][0], self.separator.join(lines[0][1])
+        raise ValueError(
+            f"{self.file}, row {line}: expected {block.width} cells with finite "
+            f"numbers, got '{excerpt(text)}': the separator was read as "
+            f"{SEPARATORS[self.separator]} and numbers with a {MARKS[self.decimal]}; "
+            "specify --separator or --decimal if they differ"
+        )
+
+    def _factor(self, column: _Column, unit: str) -> float:
+        name, allowed = column.quantity, COLUMNS[column.quantity]
+        if unit in allowed:
+            return allowed[unit]
+        others = {u for key, of in COLUMNS.items() if key != name for u in of}
+        if unit in others:
+            raise ValueError(
+                f"{self.file}: the unit of the column {name!r} must be one of "
+                f"{', '.join(allowed)}, got '{unit}': check whether columns are swapped"
+            )
+        found = f"got '{excerpt(unit)}'" if unit else "and it has none"
+        raise ValueError(
+            f"{self.file}: the unit of the column {name!r} must be one of "
+            f"{', '.join(allowed)}, {found}: specify it, such as --unit "
+            f"{_option(name)}={next(iter(allowed))}, or in the heading, such as "
+            f"'{name} ({next(iter(allowed))})'"
+        )
+
+    def _check_unit(
+        self, column: _Column, unit: str, rows: ndarray, values: ndarray
+    ) -> None:
+        allowed = COLUMNS[column.quantity]
+        if allowed[unit] != 1 or allowed not in UNITLESS:
+            return
+        of: Resistance = "shear" if allowed is ANGLE else "tension"
+        for row, x in zip(rows, values, strict=True):
+            if np.isfinite(x):
+                refuse_other_units(f"{self.file}, row {row}: {column.quantity}", x, of)
+
+
+def _known(name: str, unit: str) -> tuple[str, str, bool]:
+    quantity, named = quantity_of(name, unit)
+    return quantity, unit, named
+
+
+def _option(name: str) -> str:
+    """Name of a column on a command line."""
+    return f"'{name}'" if " " in name else name
+
+
+def _with_directions(recording: Recording, form: Format) -> Recording:
+    """Recording with forces positive in tension, and displacements along them.
+
+    A force has the sign of its large values.  A displacement is turned if large
+    forces are at small displacements.
+    """
+    columns, turned = dict(recording.columns), []
+    for name in FORCES:
+        if name in columns and name not in form.signs and _points_down(columns[name]):
+            columns[name] = -columns[name]
+            turned.append(name)
+    force, moved = columns.get("force"), columns.get("displacement")
+    free = "displacement" not in form.signs
+    if free and force is not None and moved is not None and _opposed(moved, force):
+        columns["displacement"] = -moved
+        turned.append("displacement")
+    if len(turned) == 2 and turned[0] == "force" and _falls(columns["force"]):
+        raise ValueError(
+            f"{recording.name}: the force is negative and its magnitude decreases from "
+            "the first row on, as in unloading with a turned sign, or in a test with a "
+            "negative zero of the force: use --sign force=-1 or --sign force=1"
+        )
+    if not turned:
+        return recording
+    read, *rest = recording.statements
+    names = " and ".join(turned)
+    statements = (f"{read}, sign of {names} turned", *rest)
+    return Recording(recording.name, columns, recording.rows, statements)
+
+
+def _points_down(force: ndarray) -> bool:
+    """True if forces of large magnitude are negative."""
+    known = force[np.isfinite(force)]
+    if not known.size:
+        return False
+    large = np.abs(known) >= np.quantile(np.abs(known), 0.8)
+    return bool(np.median(known[large]) < 0)
+
+
+def _opposed(moved: ndarray, force: ndarray) -> bool:
+    """True if displacements of large forces are smaller than at small ones."""
+    known = np.isfinite(moved) & np.isfinite(force)
+    x, f = moved[known], force[known]
+    if x.size < 2:
+        return False
+    low, high = np.quantile(f, [0.2, 0.8])
+    return bool(np.median(x[f >= high]) < np.median(x[f <= low]))
+
+
+def _falls(force: ndarray) -> bool:
+    """True if the force at the first rows exceeds that at the last rows."""
+    known: Iterable[float] = force[np.isfinite(force)]
+    thirds = np.array_split(np.asarray(known), 3)
+    return bool(np.median(thirds[0]) > np.median(thirds[-1]))

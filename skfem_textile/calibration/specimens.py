@@ -1,0 +1,280 @@
+"""Curves of shear specimens: angles, zeros and the range of the kinematics."""
+
+import os
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy import ndarray
+
+from ..fabric import Polynomial
+from ..scenes.shear_test import ShearTest
+from .preparing import Preparation, prepare
+from .preparing.branches import REVERSAL
+from .preparing.outliers import running_median
+from .reading import Format, read_recordings
+
+#: Shear angle in radians up to which the theoretical one of a test that does not impose
+#: it is reliable.  Cao et al.  (2008) find that it fails beyond 30 to 45 degrees.
+BELIEVED = float(np.radians(40.0))
+
+#: Difference in radians of measured and theoretical angle above which there is slip.
+APART = float(np.radians(2.0))
+
+# Rows of the running median of this difference, so that noise does not count as slip.
+_SMOOTH = 5
+
+#: Rounding tolerance of the end of the range.
+ROUNDING = 1e-9
+
+# Share of the largest angle of a test above which points are excluded: forces of the
+# closed form are unbounded there.
+_END = 0.999
+
+# Range of the slack relative to the largest displacement.  Chosen: a negative slack is
+# a pretension; beyond half of the curve the fabric would not be tested.
+_LEAST_SLACK, _MOST_SLACK = -0.1, 0.6
+
+# Number of slacks that are compared for an estimate.
+_SLACKS = 71
+
+# Share of the measured angles, from the smallest on, that determine the slack.
+_EARLY = 1 / 3
+
+
+@dataclass(frozen=True)
+class Zeros:
+    """Zeros of a testing machine; None for those that a fit is to determine.
+
+    Attributes
+    ----------
+    slack
+        Displacement in mm at which the fabric begins to carry load.
+    force
+        Force in N of the undeformed fabric, such as the weight of a clamp.
+    """
+
+    slack: float | None = 0.0
+    force: float | None = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Specimen:
+    """Curve of one specimen.
+
+    Attributes
+    ----------
+    name
+        Name of the specimen.
+    test
+        Kind of test and its dimensions.
+    force
+        Force in N, shape (n,).
+    displacement, measured_angle
+        Displacement in mm, and shear angle in radians, shape (n,); one of them may be
+        missing.
+    zeros
+        Zeros of the machine.
+    statements
+        Description of the reading and preparation.
+    """
+
+    name: str
+    test: ShearTest
+    force: ndarray
+    displacement: ndarray | None = None
+    measured_angle: ndarray | None = None
+    zeros: Zeros = Zeros()
+    statements: tuple[str, ...] = ()
+
+    @cached_property
+    def slack(self) -> float:
+        """Slack in mm, or an estimate of it: 0 unless the data contradict it.
+
+        A measured angle determines it from the kinematics; otherwise the polynomial of
+        degree 5 with the best Bayesian information criterion.
+        """
+        if self.zeros.slack is not None or self.displacement is None:
+            return self.zeros.slack or 0.0
+        if self.measured_angle is None:
+            return _estimated_slack(self)
+        early = self.measured_angle <= _EARLY * self.measured_angle.max()
+        moved = self.test.displacement(self.measured_angle[early])
+        return float(np.median(self.displacement[early] - moved))
+
+    def angle_at(self, displacement: ndarray, slack: float) -> ndarray:
+        """Theoretical shear angle; 0 within a slack, and nan beyond the end."""
+        moved = displacement - slack
+        if slack or self.zeros.slack is None:
+            moved = np.maximum(moved, 0.0)
+        return self.test.shear_angle(moved)
+
+    @cached_property
+    def theoretical_angle(self) -> ndarray | None:
+        """Shear angle for inextensible fibres without slip; nan beyond the end."""
+        if self.displacement is None:
+            return None
+        return self.angle_at(self.displacement, self.slack)
+
+    @cached_property
+    def angle(self) -> ndarray:
+        """Measured shear angle, or the theoretical one, in radians."""
+        if self.measured_angle is not None:
+            return self.measured_angle
+        assert self.theoretical_angle is not None
+        return self.theoretical_angle
+
+    @cached_property
+    def kinematics_limit(self) -> float:
+        """Shear angle in radians up to which the kinematics of the test are valid.
+
+        Up to the angle at which the measured one departs from the theoretical one, by
+        wrinkling or slip.  If one of the two is missing: the largest angle of a test
+        that imposes it, or `BELIEVED`.
+        """
+        end = self.test.largest_angle
+        if self.measured_angle is None or self.theoretical_angle is None:
+            return end if self.test.imposes_angle else min(BELIEVED, end)
+        order = np.argsort(self.measured_angle)
+        measured = self.measured_angle[order]
+        off = np.abs(measured - self.theoretical_angle[order])
+        smooth = running_median(np.where(np.isfinite(off), off, np.inf), _SMOOTH)
+        departed = np.flatnonzero(~(smooth <= APART))
+        last = departed[0] - 1 if departed.size else measured.size - 1
+        return float(measured[last]) if last >= 0 else 0.0
+
+    def last_angle(self, up_to: float | None) -> float:
+        """Shear angle in radians up to which points are fitted.
+
+        The requested angle; by default the limit of the kinematics, or unlimited if
+        only the angle is measured; at most the end of the motion of the test.
+        """
+        if up_to is None:
+            alone = self.measured_angle is not None and self.displacement is None
+            up_to = np.inf if alone else self.kinematics_limit
+        return min(up_to * (1 + ROUNDING), _END * self.test.largest_angle)
+
+    def used(self, up_to: float | None) -> ndarray:
+        """Mask of the fitted points: from 0 to `last_angle`, shape (n,)."""
+        with np.errstate(invalid="ignore"):
+            return (self.angle >= 0) & (self.angle <= self.last_angle(up_to))
+
+    @property
+    def driven(self) -> ndarray:
+        """Displacements, which drive the test, or angles if there are none."""
+        return self.angle if self.displacement is None else self.displacement
+
+    def ways(self, up_to: float | None) -> tuple[bool, bool]:
+        """Loading and unloading beyond noise, within the fitted points."""
+        driven = self.driven[self.used(up_to)]
+        forth, back = (
+            bool(np.any(np.maximum.accumulate(x) - x > REVERSAL * np.ptp(driven)))
+            for x in (driven[::-1], driven)
+        )
+        return forth, back
+
+    def pointwise(
+        self, up_to: float | None, force_at_rest: float = 0.0
+    ) -> tuple[ndarray, ndarray]:
+        """Increasing shear angles, and C by pointwise data reduction."""
+        used = self.used(up_to) & (self.angle > 0)
+        order = np.argsort(self.angle[used], kind="stable")
+        gamma, force = self.angle[used][order], self.force[used][order]
+        moment = self.test.moment(gamma, force - force_at_rest)
+        known = np.isfinite(moment)
+        return gamma[known], moment[known]
+
+
+def read_specimens(
+    path: str | os.PathLike[str],
+    test: ShearTest,
+    form: Format | None = None,
+    choices: Preparation | None = None,
+) -> list[Specimen]:
+    """Specimens of a file or folder, prepared for a fit.
+
+    Each has a force and one or both of displacement and shear angle: a measured angle
+    takes precedence over the theoretical one.
+
+    Parameters
+    ----------
+    path
+        The file or folder, see `read_recordings`.
+    test
+        Kind of test and its dimensions.
+    form
+        Properties of the file that take precedence over its content.
+    choices
+        Choices of the preparation that take precedence, see `prepare`.
+
+    Raises
+    ------
+    ValueError
+        If the file is refused, or a column is missing.
+    OSError
+        If it cannot be read.
+    """
+    choices = choices or Preparation()
+    specimens = []
+    for recording in read_recordings(path, form):
+        columns = recording.columns
+        if "force" in columns and not {"displacement", "shear angle"} & set(columns):
+            raise ValueError(
+                f"{recording.name}: a column 'displacement' or 'shear angle' is "
+                "required: name it in the file, or specify it with --column"
+            )
+        driving = "displacement" if "displacement" in columns else "shear angle"
+        both = recording.complete(*{driving, "shear angle"} & set(columns))
+        prepared = prepare(both, driving, ["force"], choices)
+        zeros = Zeros(choices.slack, choices.force_at_rest)
+        if not prepared.begins_at_rest:
+            zeros = Zeros(zeros.slack or 0.0, zeros.force or 0.0)
+        read = prepared.recording
+        moved, angle = read.columns.get("displacement"), read.columns.get("shear angle")
+        specimens.append(
+            Specimen(
+                *(read.name, test, read.column("force"), moved, angle),
+                zeros=zeros,
+                statements=read.statements,
+            )
+        )
+    return specimens
+
+
+def slack_range(displacement: ndarray) -> tuple[float, float]:
+    """Smallest and largest slack in mm of a curve."""
+    size = float(displacement.max())
+    return _LEAST_SLACK * size, _MOST_SLACK * size
+
+
+def _estimated_slack(specimen: Specimen) -> float:
+    """Slack of the best polynomial law; 0 if a law without slack is as good."""
+    assert specimen.displacement is not None
+    slacks = np.linspace(*slack_range(specimen.displacement), _SLACKS)
+    log_n = float(np.log(specimen.force.size))
+    found = []
+    for force_is_free in {False, specimen.zeros.force is None}:
+        found.append((_misfit(specimen, 0.0, force_is_free), 0.0))
+        found += [(_misfit(specimen, s, force_is_free) + log_n, s) for s in slacks]
+    return float(min(found)[1])
+
+
+def _misfit(specimen: Specimen, slack: float, force_is_free: bool) -> float:
+    """Bayesian information criterion of a polynomial of degree 5 with this slack."""
+    assert specimen.displacement is not None
+    end = specimen.test.largest_angle if specimen.test.imposes_angle else BELIEVED
+    gamma = specimen.angle_at(specimen.displacement, slack)
+    with np.errstate(invalid="ignore"):
+        used = gamma <= _END * end
+    force = specimen.force - (specimen.zeros.force or 0.0)
+    laws = [Polynomial((1.0,)), Polynomial((0, 0, 1.0)), Polynomial((0, 0, 0, 0, 1.0))]
+    columns = [specimen.test.force(law, gamma) for law in laws]
+    if force_is_free:
+        columns.append(np.ones(gamma.size))
+    A, b = np.transpose(np.array(columns))[used], force[used]
+    if len(b) <= A.shape[1]:
+        return np.inf
+    rest = b - A @ np.linalg.lstsq(A, b)[0]
+    variance = max(float(rest @ rest) / b.size, 1e-18 * float(b @ b) / b.size)
+    n = specimen.force.size
+    return n * np.log(variance) + int(force_is_free) * np.log(n)

@@ -1,0 +1,1 @@
+"""Laws from raw files of testing machines, made from known laws."""

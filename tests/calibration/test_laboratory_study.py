@@ -1,0 +1,82 @@
+"""The study of raw files: what it draws, and what it reports."""
+
+import numpy as np
+import pytest
+
+from studies.__main__ import main
+from studies.laboratory import cases, study
+from studies.laboratory.cases import ANGLES, DOUBTFUL, Doubtful, File, all_cases
+from studies.laboratory.machines import MACHINES
+
+
+def test_files_are_recorded_by_their_seed():
+    one, again, other = File(3, "clean"), File(3, "clean"), File(4, "clean")
+    assert one.rows() == again.rows()
+    assert one.rows() != other.rows()
+    assert File(3, "clean", judged=False).rows() != one.rows()
+
+
+def test_every_style_and_contamination_is_judged():
+    drawn = [cases._drawn(x).description for x in all_cases(1) if isinstance(x, File)]
+    assert {one["machine"] for one in drawn} == set(MACHINES)
+    assert len({one["separator"] for one in drawn}) == 5
+    assert {one["force_unit"] for one in drawn} == {"N", "kN", "mN", "lbf"}
+    assert {one["sign"] for one in drawn} == {1, -1}
+    for contamination in ("toe", "hysteresis", "outliers", "force_at_rest"):
+        assert {one[contamination] for one in drawn} == {True, False}
+    noise = [one["noise"] for one in drawn]
+    assert 0.01 <= min(noise) < 0.012
+    assert 0.048 < max(noise) <= 0.05
+
+
+@pytest.mark.parametrize("what", DOUBTFUL)
+def test_doubtful_files_are_refused_with_their_option(what):
+    for machine in MACHINES:
+        (row,) = Doubtful(what, machine).rows()
+        assert row["as_needed"]
+        assert DOUBTFUL[what] in row["message"]
+
+
+def test_a_file_that_differs_from_what_was_written_is_misread(tmp_path):
+    drawn = cases._drawn(File(1, "clean"))
+    path = tmp_path / "test.csv"
+    path.write_bytes(drawn.export.written(drawn.curves))
+    assert not cases._misread(path, drawn)
+    moved, force = drawn.curves[0]
+    wrong = (moved, 1.01 * force), *drawn.curves[1:]
+    path.write_bytes(drawn.export.written(wrong))
+    assert cases._misread(path, drawn)
+
+
+def test_missed_targets_are_reported():
+    row = {f"inside_{a}": True for a in ANGLES}
+    row |= {"judged": True, "misread": False, "case": "judged: clean, 1"}
+    out = {f"inside_{a}": False for a in ANGLES}
+    for share, number in ((0.95, 0), (0.90, 1), (0.99, 1)):
+        n = round(100 * share)
+        rows = [row | {"group": "clean"}] * n
+        rows += [row | out | {"group": "clean"}] * (100 - n)
+        assert len(study.missed(rows)) == number
+    good = [row | {"group": "force at rest"}]
+    assert study.missed(good) == []
+    assert len(study.missed([good[0] | {"misread": True}])) == 1
+    assert len(study.missed([good[0] | {"refused": "no"}])) == 1
+    assert len(study.missed([{"case": "x", "what": "y", "as_needed": False}])) == 1
+
+
+def test_the_study_writes_its_tables(tmp_path, monkeypatch):
+    some = [
+        File(1, group, judged) for group in cases.GROUPS for judged in (True, False)
+    ]
+    some += [Doubtful(what, "spreadsheet") for what in DOUBTFUL]
+    monkeypatch.setattr(study, "all_cases", lambda seed: some)
+    main(["laboratory", "--out", str(tmp_path), "--no-render"])
+    assert {p.name for p in tmp_path.iterdir()} == {
+        *study.STUDY.files,
+        "provenance.json",
+    }
+    rows = study.STUDY.stored(tmp_path)
+    assert {row["case"] for row in rows} == set(map(str, some))
+    assert np.isfinite(study.inside([r for r in rows if r.get("group")]))
+    figures = study.STUDY.figures(rows)
+    assert figures["files"] == "3"

@@ -1,0 +1,234 @@
+"""Branches, outliers and origin of recordings; zeros of machines in a fit."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import Polynomial
+from skfem_textile.calibration import (
+    BiasExtension,
+    PictureFrame,
+    Preparation,
+    Recording,
+    Specimen,
+    Zeros,
+    fit_shear,
+    prepare,
+)
+from skfem_textile.calibration.preparing.outliers import outliers
+from skfem_textile.calibration.report import shear_report
+
+LAW = Polynomial((0.3, 0.0, -0.3, 0.0, 0.6))
+BIAS = BiasExtension(100.0, 200.0)
+MOVED = np.linspace(0.0, float(BIAS.displacement(np.radians(39.0))), 100)
+FORCE = BIAS.force(LAW, BIAS.shear_angle(MOVED))
+
+
+def prepared(moved, force, **choices):
+    columns = {"displacement": np.asarray(moved), "force": np.asarray(force)}
+    rows = np.arange(2, 2 + len(moved))
+    recording = Recording("one", columns, rows, ())
+    return prepare(recording, "displacement", ["force"], Preparation(**choices))
+
+
+def said(result):
+    return " | ".join(result.recording.statements)
+
+
+# Branches
+
+
+def test_the_loading_of_a_loop_is_used_and_the_other_branch_is_stated():
+    moved = np.concatenate([MOVED, MOVED[::-1]])
+    force = np.concatenate([FORCE, 0.75 * FORCE[::-1]])
+    one = prepared(moved, force)
+    assert one.recording.rows[-1] in range(98, 102)
+    np.testing.assert_array_equal(one.recording.columns["force"][:95], FORCE[:95])
+    assert "unloading is left out, on average 25 % below it" in said(one)
+    back = prepared(moved, force, branch="unloading").recording
+    assert back.columns["force"][10] == pytest.approx(0.75 * FORCE[-10], rel=0.05)
+    assert prepared(moved, force, branch="both").recording.rows.size == 200
+    assert [b.kind for b in one.branches] == ["loading", "unloading"]
+
+
+def test_the_first_complete_cycle_is_used():
+    half = MOVED[:50]
+    moved = np.concatenate([half, half[::-1], MOVED, MOVED[::-1]])
+    force = np.interp(moved, MOVED, FORCE)
+    assert "loading of cycle 2 of 2 is used" in said(prepared(moved, force))
+    first = prepared(moved, force, cycle=1).recording.columns["displacement"]
+    assert first.max() <= half[-1]
+    with pytest.raises(ValueError, match="no loading of cycle 3: the test has 2"):
+        prepared(moved, force, cycle=3)
+
+
+def test_a_dwell_at_the_end_is_left_out():
+    rest = np.full(60, MOVED[-1])
+    force = np.concatenate([FORCE, FORCE[-1] * np.linspace(0.9, 0.7, 60)])
+    one = prepared(np.concatenate([MOVED, rest, MOVED[::-1]]), np.append(force, FORCE))
+    assert one.recording.columns["force"].size in range(98, 102)
+
+
+def test_noise_of_the_displacement_is_no_reversal():
+    noise = 0.02 * MOVED[-1] * np.random.default_rng(1).standard_normal(100)
+    assert len(prepared(MOVED + noise, FORCE).branches) == 1
+
+
+# Outliers
+
+
+def test_normal_noise_has_no_outliers():
+    """At most one in a thousand curves, by definition; of 300, five is improbable."""
+    found = 0
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        noisy = FORCE + 0.03 * FORCE.max() * rng.standard_normal(100)
+        found += outliers(MOVED, noisy).any()
+    assert found < 5
+
+
+def test_a_kink_or_a_steep_end_is_no_outlier():
+    slack = np.maximum(MOVED - 8.0, 0.0)
+    assert not outliers(MOVED, slack).any()
+    assert not outliers(MOVED, np.tan(1.5 * MOVED / MOVED[-1])).any()
+    assert not outliers(MOVED, np.where(MOVED > 20.0, 0.3 * FORCE, FORCE)).any()
+
+
+@pytest.mark.parametrize("value", [99999.0, -9999.0, 30.0])
+def test_outliers_are_named_by_row_and_left_out(value):
+    rng = np.random.default_rng(2)
+    force = FORCE + 0.01 * FORCE.max() * rng.standard_normal(100)
+    force[[20, 21, 70]] = value, 1.1 * value, value
+    if value == 30.0:
+        force[[20, 21, 70]] += force.max() * 0.3
+    one = prepared(MOVED, force)
+    assert one.outliers.tolist() == [22, 23, 72]
+    assert "rows 22, 23, 72: outliers of the force, such as" in said(one)
+    assert one.recording.rows.size == 97
+    kept = prepared(MOVED, force, outliers=False)
+    assert kept.outliers.size == 0
+    assert kept.recording.rows.size == 100
+
+
+def test_jumps_of_the_displacement_are_named():
+    moved = MOVED.copy()
+    moved[40] = -500.0
+    one = prepared(moved, FORCE)
+    assert one.outliers.tolist() == [42]
+    assert "row 42: outliers of the displacement, such as -500" in said(one)
+
+
+# Zeros
+
+
+def test_an_absolute_position_is_counted_from_its_beginning():
+    one = prepared(MOVED + 134.5, FORCE)
+    assert one.origin == pytest.approx(134.5)
+    assert "displacements are counted from 134.5 mm, at row 2" in said(one)
+    late = prepared(MOVED[40:], FORCE[40:])
+    assert late.origin == 0.0
+    assert not late.begins_at_rest
+
+
+UNKNOWN = Zeros(None, None)
+
+
+def specimen(toe=0.0, at_rest=0.0, noise=0.01, seed=1, zeros=UNKNOWN):
+    """Curve of `LAW` with a toe in mm and a share of the largest force at rest."""
+    moved = np.linspace(0.0, MOVED[-1] + toe, 200)
+    force = BIAS.force(LAW, BIAS.shear_angle(np.maximum(moved - toe, 0.0)))
+    rng = np.random.default_rng(seed)
+    force += force.max() * (at_rest + noise * rng.standard_normal(200))
+    return Specimen("one", BIAS, force, moved, zeros=zeros)
+
+
+def test_a_toe_is_determined_with_its_uncertainty_and_reported():
+    gamma = np.radians([10.0, 20.0, 30.0])
+    fit = fit_shear([specimen(toe=2.0)])
+    slack, low, high = fit.fit.zeros(0)["slack"]
+    assert low < 2.0 < high
+    assert slack == pytest.approx(2.0, abs=0.5)
+    np.testing.assert_allclose(fit.fit.law.value(gamma), LAW.value(gamma), rtol=0.06)
+    ignored = fit_shear([specimen(toe=2.0, zeros=Zeros())])
+    assert ignored.fit.law.value(gamma[0]) < 0.9 * LAW.value(gamma[0])
+    assert "one: a slack of" in " ".join(shear_report(fit)["notes"])
+    given = fit_shear([specimen(toe=2.0, zeros=Zeros(2.0, 0.0))])
+    np.testing.assert_allclose(given.fit.law.value(gamma), LAW.value(gamma), rtol=0.03)
+
+
+def test_the_force_at_rest_is_fitted_where_the_data_show_it():
+    fit = fit_shear([specimen(toe=3.0, at_rest=0.15)]).fit
+    assert fit.free == {"slack", "force at rest"}
+    _, low, high = fit.zeros(0)["force at rest"]
+    assert low < 0.15 * BIAS.force(LAW, np.radians(39.0)) < high
+    assert fit_shear([specimen(toe=3.0)]).fit.free == {"slack"}
+
+
+@pytest.mark.parametrize("toe", [0.0, 2.0])
+def test_bands_contain_the_law_at_the_stated_rate_with_unknown_zeros(toe):
+    """The rate is 95 %: of 25 seeds, three standard deviations are 3.3 seeds."""
+    gamma, inside = np.radians([5.0, 15.0, 30.0, 38.0]), []
+
+    def value(law):
+        return law.value(gamma)
+
+    for seed in range(25):
+        low, high = fit_shear([specimen(toe, seed=seed)]).fit.band(value)
+        inside.append((low <= value(LAW)) & (value(LAW) <= high))
+    assert np.all(np.mean(inside, axis=0) >= 0.8)
+
+
+def test_the_band_with_unknown_zeros_is_that_of_the_joint_fit():
+    known = fit_shear([specimen(zeros=Zeros())]).fit
+    unknown = fit_shear([specimen(zeros=Zeros(None, 0.0))]).fit
+    ratio = np.ptp(unknown.intervals, axis=1) / np.ptp(known.intervals, axis=1)
+    assert np.all(ratio > 1.2)
+    assert unknown.alternatives == ()
+    assert unknown.jacobian.shape == (200, 4)
+
+
+def test_repeats_have_a_toe_each():
+    toes = 0.5, 2.0, 3.5
+    repeats = [specimen(toe, seed=i) for i, toe in enumerate(toes)]
+    fit = fit_shear(repeats).fit
+    for i, toe in enumerate(toes):
+        _, low, high = fit.zeros(i)["slack"]
+        assert low < toe < high
+    assert not fit.beyond_noise
+
+
+def test_a_measured_angle_determines_the_slack():
+    gamma = np.radians(np.linspace(0.0, 39.0, 50))
+    moved = BIAS.displacement(gamma) + 3.0
+    one = Specimen("one", BIAS, BIAS.force(LAW, gamma), moved, gamma, Zeros(None, None))
+    assert one.slack == pytest.approx(3.0)
+    assert np.degrees(one.kinematics_limit) == pytest.approx(39.0)
+
+
+@pytest.mark.parametrize("law", ["tabulated", "locking", "sin2"])
+def test_every_law_is_fitted_with_a_toe(law):
+    frame = PictureFrame(200.0, 160.0)
+    moved = np.linspace(0.0, 60.0, 200)
+    force = frame.force(LAW, frame.shear_angle(np.maximum(moved - 3.0, 0.0)))
+    one = Specimen("one", frame, force, moved, zeros=Zeros(None, None))
+    fit = fit_shear([one], law).fit
+    gamma = np.radians([10.0, 20.0])
+    rtol = {"tabulated": 0.03, "locking": 0.5, "sin2": 0.5}[law]
+    np.testing.assert_allclose(fit.law.value(gamma), LAW.value(gamma), rtol=rtol)
+
+
+def test_a_slack_does_not_close_a_frame():
+    """A negative slack would continue the motion beyond a right angle."""
+    frame = PictureFrame(200.0, 160.0)
+    moved = np.linspace(0.0, float(frame.displacement(np.radians(84.0))), 200)
+    force = frame.force(LAW, frame.shear_angle(moved))
+    one = Specimen("one", frame, force, moved, zeros=UNKNOWN)
+    sample = fit_shear([one]).fit.samples[0]
+    _, slack = sample.offsets
+    assert np.isfinite(sample.predict(LAW, 0.0, slack.low)).all()
+
+
+def test_invalid_choices_are_refused():
+    with pytest.raises(ValueError, match="the branch must be one of loading"):
+        Preparation(branch="up")
+    with pytest.raises(ValueError, match="numbered from 1 on"):
+        Preparation(cycle=0)

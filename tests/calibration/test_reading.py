@@ -1,0 +1,179 @@
+"""Files of testing machines are read as written, or refused with both readings."""
+
+import numpy as np
+import pytest
+
+from skfem_textile.calibration import (
+    BiasExtension,
+    Format,
+    read_recordings,
+    read_specimens,
+)
+from studies.laboratory.machines import MACHINES, Export
+
+MOVED = np.linspace(0.0, 30.0, 40)
+CURVES = [(MOVED, 0.1 * MOVED**2), (MOVED[:30], 0.2 * MOVED[:30])]
+
+
+def write(tmp_path, content, name="test.csv"):
+    file = tmp_path / name
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return file
+
+
+def read(tmp_path, content, **form):
+    return read_recordings(write(tmp_path, content), Format(**form))
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_exports_of_machines_are_read_as_written(machine, tmp_path):
+    rng = np.random.default_rng(1)
+    for _ in range(25):
+        export = Export.drawn(machine, rng)
+        recordings = read(tmp_path, export.written(CURVES))
+        assert len(recordings) == 2
+        for recording, (moved, force) in zip(recordings, CURVES, strict=True):
+            columns = recording.columns
+            np.testing.assert_allclose(columns["displacement"], moved, atol=1e-3)
+            np.testing.assert_allclose(columns["force"], force, atol=1e-3)
+            said = recording.statements[0]
+            assert ("sign of force turned" in said) == (export.sign < 0)
+            assert f", {export.force_unit})" in said
+
+
+def test_the_reading_is_stated(tmp_path):
+    text = "Prüfung\nWeg in mm;Kraft in kN\n0,0;0,0\n1,5;-0,25\n3,0;-0,5\n"
+    (recording,) = read(tmp_path, text.encode("latin-1"))
+    assert recording.rows.tolist() == [3, 4, 5]
+    assert recording.columns["force"].tolist() == [0.0, 250.0, 500.0]
+    assert recording.statements == (
+        "read: encoding cp1252, separator semicolon, decimal comma, displacement from "
+        "column 1 (Weg, mm), force from column 2 (Kraft, kN), sign of force turned",
+    )
+
+
+def test_columns_come_in_any_order_with_their_units(tmp_path):
+    header = "Load (kN),time (s), Angle [deg],extension [ cm ]\n"
+    (recording,) = read(tmp_path, f"{header}1,2,90,4\n")
+    columns = recording.columns
+    assert set(columns) == {"force", "shear angle", "displacement"}
+    assert columns["force"].tolist() == [1000.0]
+    assert columns["displacement"].tolist() == [40.0]
+    assert columns["shear angle"] == pytest.approx([np.pi / 2])
+
+
+def test_options_overrule_the_content(tmp_path):
+    text = "displacement (mm),other (mm),force (N)\n1,2,3\n2,4,6\n"
+    units = {"force": "kN"}
+    (one,) = read(
+        tmp_path,
+        text,
+        columns={"displacement": 2},
+        units=units,
+        signs={"force": -1, "displacement": 1},
+    )
+    assert one.columns["displacement"].tolist() == [2.0, 4.0]
+    assert one.columns["force"].tolist() == [-3000.0, -6000.0]
+    (two,) = read(tmp_path, text, columns={"displacement": "other"})
+    assert two.columns["displacement"].tolist() == [2.0, 4.0]
+    doubtful = "displacement (mm);force (N)\n1,234;2,345\n2,234;4,345\n"
+    for mark, factor in ((",", 1), (".", 1000)):
+        (three,) = read(tmp_path, doubtful, decimal=mark)
+        assert three.columns["force"] == pytest.approx([2.345 * factor, 4.345 * factor])
+    (four,) = read(tmp_path, "force (N)\n1,5\n2,5\n", separator=";")
+    assert four.columns["force"].tolist() == [1.5, 2.5]
+
+
+def test_a_folder_contains_one_recording_per_file(tmp_path):
+    for name in ("b.csv", "a.txt", "notes.md"):
+        write(tmp_path, "displacement (mm)\tforce (N)\n0\t0\n1\t2\n", name)
+    assert [one.name for one in read_recordings(tmp_path)] == ["a.txt", "b.csv"]
+
+
+def test_a_uniaxial_test_is_read(tmp_path):
+    text = "Dehnung;Standardkraft\n%;N\n0,00;0,1\n0,10;15,2\n0,20;31,4\n"
+    (recording,) = read(tmp_path, text)
+    assert recording.columns["strain"] == pytest.approx([0.0, 0.001, 0.002])
+    assert set(recording.columns) == {"strain", "force"}
+
+
+def test_thousands_are_read_where_a_number_decides(tmp_path):
+    text = "displacement (mm);force (N)\n0,5;1.234,5\n1,5;12.345,0\n"
+    (recording,) = read(tmp_path, text)
+    assert recording.columns["force"].tolist() == [1234.5, 12345.0]
+    quoted = 'displacement (mm),force (N)\n0.5,"1,234.5"\n1.5,"12,345"\n'
+    assert read(tmp_path, quoted)[0].columns["force"].tolist() == [1234.5, 12345.0]
+
+
+def test_rows_without_numbers_are_named(tmp_path):
+    rows = [f"{x},{2 * x}" for x in range(40)]
+    rows[7], rows[9], rows[12] = "7,OVERLOAD", "9,", "pause"
+    rows += ["mean of all"]
+    text = "\n".join(["displacement (mm),force (N)", *rows])
+    (recording,) = read(tmp_path, text)
+    said = " ".join(recording.complete("displacement", "force").statements)
+    assert "rows 9, 14: no numbers of the table ('7,OVERLOAD')" in said
+    assert "row 11 without numbers" in said
+    assert recording.rows.size == 38
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "the file is empty"),
+        (
+            "displacement,force (N)\n1,2\n",
+            "'displacement' must be one of mm, .* it has none: .*--unit displacement",
+        ),
+        ("force (pound)\n1\n", "'force' must be one of N, .* got 'pound'"),
+        ("time (s)\n1\n", "row 2: the columns are named time"),
+        ("1;2\n2;3\n", "row 1: the columns have no headings: .*--column force=2"),
+        ("force (N),load (N)\n1,2\n", r"column 1 \('force'\) and column 2 \('load'\)"),
+        ("force (N),displacement (mm)\n", "the file contains no rows"),
+        ("force (N),displacement (mm)\n1,2\n1\n", "row 3: expected 2 .* got '1'"),
+        ("force (N),displacement (mm)\nnan,2\n3,4\n", "row 2: expected 2 cells"),
+        ("force (N),displacement (mm)\n2,3\n1e200,2\n", "row 3: expected 2 cells"),
+        ("displacement (mm)\n1\n", "the column 'force' is missing"),
+        ("force (N)\n1\n", "a column 'displacement' or 'shear angle'"),
+        ("displacement (N),force (mm)\n1,2\n", "whether columns are swapped"),
+        (
+            "displacement (mm);force (N)\n1,234;2,345\n2,234;4,345\n",
+            "'1,234' may be 1.234 or 1234, .* --decimal ',' .* --decimal '.'",
+        ),
+        (
+            "displacement (mm);force (N)\n1,2;2.3\n2,2;4.3\n",
+            "numbers such as '1,2' and '2.3' have different decimal marks",
+        ),
+        (
+            "displacement (mm),force (N)\n0,5,1,5\n1,5,2,5\n",
+            "row 2: 4 numbers have no headings, or commas both separate columns",
+        ),
+        (
+            "displacement (mm);force (N)\n0;-9\n1;-8\n2;-7\n3;-5\n4;-3\n5;-1\n",
+            "force is negative and its magnitude decreases.*--sign force=-1",
+        ),
+        (b"PK\x03\x04abc", "the file is a workbook: save the sheet"),
+        (b"\x00\x01\x02\x80\x00", "not a text file|no rows of numbers"),
+    ],
+)
+def test_other_files_are_refused_in_one_line(tmp_path, text, message):
+    with pytest.raises(ValueError, match=message) as error:
+        read_specimens(write(tmp_path, text), BiasExtension(50.0, 100.0))
+    assert "\n" not in str(error.value)
+    assert "test.csv" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("form", "message"),
+    [
+        ({"units": {"time": "s"}}, "--unit time: unknown column: choose one of"),
+        ({"separator": "x"}, "the separator must be one of"),
+        ({"decimal": ";"}, "the decimal mark must be . or ,"),
+        ({"columns": {"force": 7}}, "there are 2 columns, and no column 7"),
+        ({"columns": {"force": "F"}}, "no column is named 'F'"),
+        ({"encoding": "ascii"}, "not in the encoding 'ascii'"),
+    ],
+)
+def test_invalid_options_are_refused(tmp_path, form, message):
+    with pytest.raises(ValueError, match=message):
+        read(tmp_path, "Größe (mm),force (N)\n1,2\n", **form)
