@@ -131,7 +131,7 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
                 record = {provenance.FILE: provenance.recorded(options)}
                 for name, text in (study.tables(rows) | record).items():
                     (folder / name).write_text(text, encoding="utf-8", newline="")
-    if not (complaint and rows):
+    if not (complaint and pending.is_file() and pending.stat().st_size):
         pending.unlink(missing_ok=True)
     pictures = [name for name in study.pictures if name in written]
     if pictures and rows and code != INTERRUPTED and not options.no_render:

@@ -470,6 +470,7 @@ Check: TypeAlias = Literal[
     "deviation",
     "corners",
     "surface",
+    "slack",
 ]
 
 
@@ -496,7 +497,7 @@ class Stepping(Table):
     ] = "newton"
     warn_only: Annotated[
         tuple[Check, ...], about("checks that warn instead of rejecting a state")
-    ] = ("work", "stabilisation", "deviation", "corners", "surface")
+    ] = ("work", "stabilisation", "deviation", "corners", "surface", "slack")
     solver: Annotated[
         Literal["auto", "rslab", "cholmod", "pardiso", "superlu"],
         about(

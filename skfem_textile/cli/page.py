@@ -12,8 +12,13 @@ from ..mesh.user_input import printable
 #: Row of a table: name, CSS class or empty, and value.
 Row: TypeAlias = tuple[str, str, Any]
 
-# Media types of pictures by suffix.
-_MEDIA = {".png": "image/png", ".gif": "image/gif", ".svg": "image/svg+xml"}
+# Media types of embedded files by suffix.
+_MEDIA = {
+    ".png": "image/png",
+    ".gif": "image/gif",
+    ".svg": "image/svg+xml",
+    ".csv": "text/csv",
+}
 
 
 def page(template: str, **content: Any) -> str:
@@ -50,7 +55,7 @@ def rows(values: Any) -> list[Row]:
 
 
 def sources(folder: Path, captions: Mapping[str, str]) -> dict[str, str]:
-    """Existing pictures of a folder as data URLs by caption."""
+    """Existing files of a folder as data URLs by caption."""
     urls = {}
     for name, caption in captions.items():
         file = folder / name

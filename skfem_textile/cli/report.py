@@ -4,13 +4,14 @@ import json
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
+from math import isnan
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from ..cases.write import CASE
 from ..mesh.user_input import printable
 from ..scenes.shear_test import ShearTest
-from .curve import CURVE, completed, read_test_curve
+from .curve import CURVE, Curve, completed, read_test_curve
 from .output import say
 from .page import Row, formatted, page, rows, sources
 from .result_folder import ResultFolder
@@ -67,16 +68,21 @@ _PICTURES = {
 def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf) -> int:
     """Write ``report.html`` into the folder of a run; returns the exit code.
 
-    The page contains all pictures and has no external references. Curves are redrawn,
-    with a test curve if one is given or named in the case. Damaged results are refused.
+    The page contains all pictures and the numbers of ``curve.csv``, and has no external
+    references. Curves are redrawn, with a test curve if one is given or named in the
+    case. Damaged results are refused.
     """
     summary = _summary(folder)
     text = _text_of_file(folder / CASE)
     test = test_curve or _named_test(folder, text)
+    run: Curve = {}
     curves: dict[str, str] = {}
     no_curves = "No curve is drawn, because no load step was completed."
     if summary.get("load_steps") != 0:
-        curves, no_curves = _drawn_curves(folder, test, shear_test)
+        no_curves = f"The folder contains no {CURVE}."
+        if (folder / CURVE).is_file():
+            run = read_test_curve(folder / CURVE)
+            curves, no_curves = _drawn_curves(run, folder, test, shear_test)
     scene = printable(summary.get("scene", "run")).replace("_", " ").capitalize()
     figures = {k: v for k, v in summary.items() if k not in ("inputs", "versions")}
     text_of_page = page(
@@ -91,6 +97,9 @@ def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf)
             if summary.get(key) is not None
         ],
         curves=curves,
+        columns=list(run),
+        points=_points(run),
+        file=sources(folder, {CURVE: CURVE}) if run else {},
         no_curves=no_curves,
         pictures=sources(folder, _PICTURES),
         case=text,
@@ -167,13 +176,16 @@ def _named_test(folder: Path, text: str | None) -> Path | None:
     return folder / named if isinstance(named, str) else None
 
 
+def _points(curve: Curve) -> list[list[float | None]]:
+    """Rows of a curve; None for empty cells."""
+    rows_of_curve = zip(*(column.tolist() for column in curve.values()), strict=True)
+    return [[None if isnan(x) else x for x in row] for row in rows_of_curve]
+
+
 def _drawn_curves(
-    folder: Path, test: Path | None, shear_test: ShearTestOf
+    run: Curve, folder: Path, test: Path | None, shear_test: ShearTestOf
 ) -> tuple[dict[str, str], str]:
     """Curves as data URLs by title, or the reason why there are none."""
-    if not (folder / CURVE).is_file():
-        return {}, f"The folder contains no {CURVE}."
-    run = read_test_curve(folder / CURVE)
     measured = None
     if test:
         of = shear_test(folder / CASE) if (folder / CASE).is_file() else None

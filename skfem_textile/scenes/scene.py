@@ -205,9 +205,10 @@ class Scene:
     def reaction(self, state: State) -> ndarray:
         """Force on the driven edge in N, shape (d,), along the unrotated axes.
 
-        For a ply on a tool along the axes of the tool.
+        Nodes that other conditions hold too are included.  For a ply on a tool along
+        the axes of the tool.
         """
-        return self._unrotated(state.reactions[self.reacting or self.driven])
+        return self._unrotated(state.forces[self.reacting or self.driven])
 
     def driven_displacement(self, state: State) -> ndarray:
         """Mean displacement of the nodes of the driven edge in mm, shape (d,).

@@ -24,7 +24,7 @@ from .states import Equilibrium, State, Verdict
 from .verdict import Trial
 
 # File format version; other versions are refused.
-_FORMAT = 7
+_FORMAT = 8
 
 # Advice for a checkpoint of another run.
 _OTHER_FOLDER = "; use the arguments of that run, or another folder"
@@ -33,6 +33,9 @@ _RUN, _STATES = "run.npz", "state_*.npz"
 
 # Fields of a state with a vector for each condition.
 _VECTORS = ("reactions", "displacements")
+
+# Attributes of states that files do not contain: `Replay` computes them.
+_COMPUTED = ("shares", "forces")
 
 # Length to which a setting is shortened in a message.
 _SHOWN = 100
@@ -144,7 +147,9 @@ class Checkpoint:
             "elapsed": progress.elapsed,
         }
         arrays = {"u": text.pop("u")}
-        del text["shares"], text["parameters"]  # `Replay` computes the shares
+        del text["parameters"]
+        for key in _COMPUTED:
+            del text[key]
         for key in _VECTORS:
             text[key] = {name: v.tolist() for name, v in text[key].items()}
         for term, values in state.parameters.items():
@@ -344,9 +349,10 @@ class Replay:
         return trial, problem.constraints.fixed_values(t)
 
     def compared(self, state: State, trial: Trial, fixed_values: ndarray) -> State:
-        """Compare a state with its trial and add its shares; an error if they disagree.
+        """Compare a state with its trial, and add what is not stored.
 
-        Counters and residuals are not compared, because they depend on the iterations.
+        Raises an error if they disagree.  Counters and residuals are not compared,
+        because they depend on the iterations.
         """
         problem, (u, f, *_) = trial.problem, trial.equilibrium
         if not problem.is_fixed(u, fixed_values):
@@ -374,7 +380,8 @@ class Replay:
             error = _SAME * abs(value) + _ROUND_OFF
             _compare("verdict", {name: theirs[name]}, {name: value}, error)
         self.last = trial
-        return replace(state, shares=state_again.shares)
+        computed = {key: getattr(state_again, key) for key in _COMPUTED}
+        return replace(state, **computed)
 
 
 def _described(problem: Problem) -> dict[str, Any]:
@@ -454,9 +461,9 @@ def _progress(
             f"its step length must be above 0 and at most {longest}, but is {path.next}"
         )
     numbers = list(path.unresolved)
-    numbers += [x for end in path.to_compare for x in (end.energy, *end.reactions)]
+    numbers += [x for end in path.to_compare for x in (end.energy, *end.forces)]
     if not np.isfinite([progress.elapsed, *clock.seconds.values(), *numbers]).all():
-        raise ValueError("its times, factors, energies or reactions are not finite")
+        raise ValueError("its times, factors, energies or forces are not finite")
     if set(clock.seconds) != set(Clock().seconds):
         raise ValueError("its times are incomplete")
     if (

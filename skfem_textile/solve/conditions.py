@@ -22,10 +22,10 @@ Value: TypeAlias = (
     ArrayLike | Sequence[ArrayLike | None] | Callable[[ndarray, float], ndarray]
 )
 
-# Angle in radians below which two directions at a node count as one.  A larger angle
-# would merge intentionally different directions; with a smaller one, round-off of
-# normals would fix a node in a second direction.
-_PARALLEL_ANGLE = 1e-6
+#: Angle in radians below which two directions at a node count as one.  A larger angle
+#: would merge intentionally different directions; with a smaller one, round-off of
+#: normals would fix a node in a second direction.
+PARALLEL_ANGLE = 1e-6
 
 # Conditions agree at a node if their displacements differ by at most this share of the
 # largest displacement and, for round-off, of the largest coordinate.
@@ -182,6 +182,9 @@ class Constraints:
         free ones.
     nodes
         Node numbers of each condition, by name: ascending and unique.
+    fixed_directions
+        For each displacement condition, and each direction that it fixes, its name, its
+        nodes (n,) and unit vectors (d, n).
 
     Raises
     ------
@@ -213,11 +216,13 @@ class Constraints:
             if isinstance(c, Condition)
         ]
         # Each row fixes one direction at one node.
-        node, direction = [np.empty(0, int)], [np.empty((self._d, 0))]
-        for name, condition, X in self._conditions:
-            n = condition.directions(name, X, self._d)
-            node.append(np.tile(acting[name], len(n)))
-            direction.append(n.transpose(1, 0, 2).reshape(self._d, -1))
+        self.fixed_directions = [
+            (name, acting[name], n)
+            for name, condition, X in self._conditions
+            for n in condition.directions(name, X, self._d)
+        ]
+        rows = ("", np.empty(0, int), np.empty((self._d, 0))), *self.fixed_directions
+        _, node, direction = zip(*rows, strict=True)
         self._node = np.concatenate(node)
         self._resolve(basis, np.concatenate(direction, axis=1))
         self.fixed, self.surfaces = self.prescribed, None
@@ -308,7 +313,7 @@ def _held_directions(
         share = np.einsum("jin,in->jn", known, n)
         remainder = n - np.einsum("jin,jn->in", known, share)
         length = np.linalg.norm(remainder, axis=0)
-        new = length >= _PARALLEL_ANGLE
+        new = length >= PARALLEL_ANGLE
         unit = np.where(count[at] > 0, remainder / np.where(new, length, 1.0), n)
         held[count[at[new]], :, at[new]] = unit[:, new].T
         count[at[new]] += 1

@@ -53,13 +53,13 @@ _DRIVES = 0.5
 class StepEnd(NamedTuple):
     """State at the end of a hard step: the quantities that are compared.
 
-    Energy in N·mm, all components of the reactions in N, and the errors of both due to
-    the tolerance of the equilibrium.
+    Energy in N·mm, all components of the forces on conditions in N, and the errors of
+    both due to the tolerance of the equilibrium.
     """
 
     load_factor: float
     energy: float
-    reactions: list[float]
+    forces: list[float]
     energy_error: float
     force_error: float
 
@@ -69,14 +69,14 @@ class StepEnd(NamedTuple):
         return cls(
             state.load_factor,
             sum(state.energies.values()),
-            np.concatenate(list(state.reactions.values())).tolist(),
+            np.concatenate(list(state.forces.values())).tolist(),
             state.tolerance * float(np.abs(state.u).sum()),
             state.tolerance * state.u.size,
         )
 
     def agrees(self, other: "StepEnd") -> bool:
         """True if both are the same state."""
-        ours, theirs = np.array(self.reactions), np.array(other.reactions)
+        ours, theirs = np.array(self.forces), np.array(other.forces)
         force = np.abs([ours, theirs]).max()
         energy = max(abs(self.energy), abs(other.energy))
         return bool(

@@ -218,7 +218,7 @@ class _Changes:
             motion, after = (log_range * x for x in tangent.settled(forces))
             motions.append(motion)
             work += abs(float(_work(problem, after, motion, p, rate).sum()))
-            for name, change in problem.reactions(after).items():
+            for name, change in problem.reactions(after, u).items():
                 reactions[name] += np.abs(change)
         return cls(ply, u, motions, work, reactions)
 

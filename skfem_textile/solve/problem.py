@@ -21,6 +21,7 @@ from .conditions import Constraints, plain, turned
 from .linear.solver import Clock, SingularMatrixError, SolverOfPattern
 from .linear.system import System
 from .states import NoEquilibriumError
+from .supports import reactions
 
 #: Relative round-off of a number.
 EPSILON = 2.0**-53
@@ -238,10 +239,14 @@ class Problem:
         """DOF vector as one column per node, shape (d, n_nodes)."""
         return u.reshape(-1, self._dimension).T
 
-    def reactions(self, f: ndarray) -> dict[str, ndarray]:
+    def forces(self, f: ndarray) -> dict[str, ndarray]:
         """Sum of the nodal forces over the nodes of each condition, shape (d,)."""
         forces, nodes = self.nodal(f), self.constraints.nodes
         return {name: forces[:, n].sum(axis=1) for name, n in nodes.items()}
+
+    def reactions(self, f: ndarray, u: ndarray) -> dict[str, ndarray]:
+        """Force of each condition on the ply, see `reactions`."""
+        return reactions(self.constraints, self.nodal(f), u, self.load_factor)
 
     def is_fixed(self, u: ndarray, fixed_values: ndarray) -> bool:
         """True if fixed unknowns have their values, and nodes are on surfaces."""

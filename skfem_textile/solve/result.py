@@ -271,15 +271,16 @@ class StepError(RuntimeError):
         self.quantity = quantity
 
     @classmethod
-    def after(cls, error: Exception, result: Result) -> "StepError":
-        """The error that ends a run, with the result so far."""
+    def after(
+        cls, error: Exception, result: Result, travels: Mapping[str, ndarray]
+    ) -> "StepError":
+        """The error that ends a run, with the result so far.
+
+        ``travels`` are the prescribed displacements in mm, see `travels`.
+        """
         elements = getattr(error, "elements", np.empty(0, dtype=int))
         advice, state = getattr(error, "advice", ""), result.states[-1]
-        lengths = {
-            name: float(np.linalg.norm(u))
-            for name, u in state.displacements.items()
-            if name not in result.surfaces
-        }
+        lengths = {name: float(np.linalg.norm(u)) for name, u in travels.items()}
         name = max(lengths, key=lengths.__getitem__, default="")
         far = f"{name} moved by {lengths[name]:.4g} mm" if lengths.get(name) else ""
         far = result.not_on_tool or far

@@ -249,7 +249,7 @@ def _is_closed(trial: Trial) -> bool:
 def _change(trial: Trial, parameters: PlyParameters) -> float:
     """Change of an equilibrium by an update of its parameters.
 
-    It is the larger relative change of energy and reactions, to first order;
+    It is the larger relative change of energy and forces, to first order;
     zero if within the tolerance of the equilibrium.
     """
     problem, (u, f, *_) = trial.problem, trial.equilibrium
@@ -260,7 +260,7 @@ def _change(trial: Trial, parameters: PlyParameters) -> float:
     if problem.unbalanced(start.f, u) <= tolerance:
         return 0.0
     before, end = (sum(x.energies.values()) for x in (trial, start))
-    ours = np.array([*problem.reactions(f).values()])
+    ours = np.array([*problem.forces(f).values()])
     of_tools = contact.resultants(problem, u, trial.equilibrium.parameters).values()
     supports = *ours, *(force for force, _ in of_tools)
     largest = max(float(np.linalg.norm(force)) for force in supports)
@@ -271,7 +271,7 @@ def _change(trial: Trial, parameters: PlyParameters) -> float:
     if tangent is None or tangent.negative_pivots is None:
         return np.inf
     du, after = tangent.settled(start.f)
-    theirs = np.array([*problem.reactions(after).values()])
+    theirs = np.array([*problem.forces(after).values()])
     force = np.linalg.norm(ours - theirs, axis=1).max() - tolerance * u.size
     energy = abs(end + (0.5 * start.f + start.load) @ du - before)
     energy -= tolerance * np.abs(u).sum()

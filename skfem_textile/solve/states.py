@@ -147,7 +147,9 @@ class State:
         Displacement, DOF vector of the ply's basis.
     reactions
         Force of the support on the ply in N, shape (d,), by condition: the internal
-        forces less the loads, summed over its nodes.
+        forces less the loads at its nodes, along the directions that it fixes.  Where
+        conditions share a node, its force is divided among them, a component that two
+        of them fix equally, so that the reactions sum to the opposite of the loads.
     displacements
         Mean displacement of the nodes of the condition in mm, shape (d,), by condition.
     energies
@@ -165,6 +167,9 @@ class State:
     shares
         Shares of ``stabilisation`` and ``deviation``, from 0 to 1, in ``energy``,
         ``work`` and, for each condition, ``CONDITION_reaction``.
+    forces
+        Sum of the forces of all supports over the nodes of the condition in N, shape
+        (d,), by condition: forces of nodes that conditions share are counted for each.
     parameters
         Parameters of the terms at which the forces balance, such as stabilisation
         stiffnesses: an immutable mapping, see `Ply.parameters_at_rest`.  The forces are
@@ -182,6 +187,7 @@ class State:
     verdict: Verdict
     potentials: dict[str, float] = field(default_factory=dict)
     shares: dict[str, dict[str, float]] = field(default_factory=dict)
+    forces: dict[str, ndarray] = field(default_factory=dict)
     parameters: PlyParameters = field(default_factory=dict)
 
     def __repr__(self) -> str:

@@ -34,13 +34,16 @@ from .problem import Problem, tangent_at
 from .result import Result, StepError
 from .search import EquilibriumSearch, Target, method_of
 from .states import Equilibrium, Iteration, NoEquilibriumError, State, UserError
+from .supports import travels
 from .surface import OnSurface
 from .verdict import CHECKS, Trial
 
 log = logging.getLogger(__name__)
 
 #: Checks that only warn by default.
-DEFAULT_WARN_ONLY = "work", "stabilisation", "deviation", "corners", "surface"
+DEFAULT_WARN_ONLY = (
+    *("work", "stabilisation", "deviation", "corners", "surface", "slack"),
+)
 
 # Largest accepted number of equal steps; more are considered a mistake.
 _MOST_STEPS = 1_000_000
@@ -268,12 +271,12 @@ class Run:
         except NoEquilibriumError as failure:
             if not self.states:
                 raise
-            raise StepError.after(failure, self.result) from None
+            raise self._stopped(failure) from None
         except (StepError, CheckpointError, MemoryError):
             raise
         except Exception as error:  # a user's function may raise anything
             if self.states:
-                raise StepError.after(UserError(error), self.result) from error
+                raise self._stopped(UserError(error)) from error
             if isinstance(error, ValueError):
                 raise
             raise UserError(error) from error
@@ -306,6 +309,13 @@ class Run:
             surfaces=dict(stepper.surfaces),
             interval=partial(stepper.interval, chosen.choice.name),
         )
+
+    def _stopped(self, error: Exception) -> StepError:
+        """The error that ends the run."""
+        state, problem = self.states[-1], self.problem
+        far = travels(problem.constraints, problem.nodal(state.u))
+        far |= {tool.name: state.displacements[tool.name] for tool in problem.contacts}
+        return StepError.after(error, self.result, far)
 
     def progress(self) -> str:
         """One line on the last state, the iteration, and the remaining steps."""
@@ -425,7 +435,7 @@ class Run:
             # The factors of loads are user functions.
             problem.at(t).load(start.u, start.parameters)
         except ValueError as error:
-            raise StepError.after(error, self.result) from None
+            raise self._stopped(error) from None
         most_projected = self.continuation.most_projected(step, t, driven)
         guess = surface_predictor(problem.at(t), start)
         try:
@@ -476,7 +486,7 @@ class Run:
             except CheckpointError as error:
                 if not self.states:
                     raise
-                raise StepError.after(error, self.result) from None
+                raise self._stopped(error) from None
         self.states.append(state)
         self._start = trial.next_guess()
         log.info("load factor %g: %d linear solves", t, state.linear_solves)

@@ -19,6 +19,7 @@ from concurrent.futures import (
     ThreadPoolExecutor,
 )
 from contextlib import closing, nullcontext
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from hashlib import sha256
 from multiprocessing import get_context, parent_process
@@ -41,6 +42,12 @@ log = logging.getLogger(__name__)
 _MAX_PENDING = 4096
 
 _THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
+
+# Name of the case of the current call; empty outside of calls.
+_case: ContextVar[str] = ContextVar("case", default="")
+
+# Exit code of a script that Ctrl-C ends, as of shells.
+_INTERRUPTED = 130
 
 # Beginning of every line, and the names of its entries in order.
 _LINE_START = b'{"case": '
@@ -69,6 +76,17 @@ class SweepError(RuntimeError):
         self.failed = failed
 
 
+class SweepInterrupted(KeyboardInterrupt, SystemExit):
+    """Ctrl-C during a sweep.
+
+    A script that does not catch it ends with exit code 130 and without a traceback.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(_INTERRUPTED)
+        self.code = _INTERRUPTED
+
+
 def sweep(
     function: Callable[[Case], Result],
     cases: Iterable[Case],
@@ -80,7 +98,8 @@ def sweep(
 ) -> Iterator[tuple[Case, Result]]:
     """Yield every case with the result of the function, as soon as it completes.
 
-    Linear algebra uses one thread in each call, and in the caller until the end, so
+    Messages of the package during a call begin with the name of the case.  Linear
+    algebra uses one thread in each call, and in the caller until the end, so
     that calls do not compete for processors.  At most 4096 cases are taken from
     ``cases`` ahead of their results.
 
@@ -116,6 +135,8 @@ def sweep(
         kept.
     TypeError
         If a result cannot be written as JSON.
+    SweepInterrupted
+        On Ctrl-C.  Results that were computed are in ``out``.
     """
     from threadpoolctl import threadpool_limits
 
@@ -124,7 +145,8 @@ def sweep(
     # Workers load the libraries before their first call: too late for variables such as
     # OMP_NUM_THREADS, but not for threadpoolctl.  If the workers are threads of this
     # process, only the caller can lift the limit.
-    with threadpool_limits(1), closing(calls), closing(file) if file else nullcontext():
+    results_file = closing(file) if file else nullcontext()
+    with threadpool_limits(1), results_file, closing(calls):
         for case in cases:
             if file and file.check_name(name := key(case)) in file.earlier:
                 yield case, file.earlier.pop(name)
@@ -142,11 +164,12 @@ class ResultsFile:
     """File with one line of JSON per completed case, each with a digest.
 
     The file is locked.  It is modified only if it is new or contains a line written by
-    a sweep.  ``earlier`` are the results of an earlier sweep, by case name.
+    a sweep.  ``path`` is its path, ``earlier`` are the results of an earlier sweep, by
+    case name.
     """
 
     def __init__(self, path: Path) -> None:
-        self._path, self._names = path, set[str]()
+        self.path, self._names = path, set[str]()
         if path.exists() and not path.is_file():
             raise ValueError(_FOREIGN.format(path))
         with open(path, "ab"):
@@ -163,16 +186,16 @@ class ResultsFile:
 
     def _read(self) -> dict[str, Any]:
         """Read the results; a warning lists the ignored lines."""
-        content = self._path.read_bytes()
+        content = self.path.read_bytes()
         *lines, unfinished = content.split(b"\n")
         entries = [_entry(line) for line in lines]
         if content and not any(entries):
-            raise ValueError(_FOREIGN.format(self._path))
+            raise ValueError(_FOREIGN.format(self.path))
         if _LINE_START.startswith(unfinished[: len(_LINE_START)]):
             # A sweep was killed while writing; a complete last line is kept.
-            os.truncate(self._path, len(content) - len(unfinished))
+            os.truncate(self.path, len(content) - len(unfinished))
         else:
-            with open(self._path, "ab") as file:
+            with open(self.path, "ab") as file:
                 file.write(b"\n")
         if unfinished:
             entries.append(None)
@@ -184,7 +207,7 @@ class ResultsFile:
             log.warning(
                 "%s: line(s) %s are damaged or contradict each other: their cases are "
                 "run again",
-                self._path,
+                self.path,
                 _shortened(unused, ", "),
             )
         return {case: json.loads(result) for case, result in used.values()}
@@ -213,11 +236,11 @@ class ResultsFile:
         name_text = json.dumps(name, ensure_ascii=False)
         start = f'{{"case": {name_text}, "found": {result_text}, "digest": "'.encode()
         try:
-            with open(self._path, "ab") as file:
+            with open(self.path, "ab") as file:
                 file.write(start + _digest(start) + b'"}\n')
         except OSError as error:
             raise OSError(
-                f"cannot write results to {self._path}: {error.strerror or error}; "
+                f"cannot write results to {self.path}: {error.strerror or error}; "
                 "its content is kept; repeat the sweep with this file to resume it"
             ) from None
         return json.loads(result_text)
@@ -276,7 +299,8 @@ class _Calls(Generic[Case, Result]):
     def submit(self, case: Case, attempt: int = 0) -> None:
         """Submit a case to the executor."""
         try:
-            future = self.executor.submit(_call, self.function, case, attempt)
+            call, name = self.function, self.key(case)
+            future = self.executor.submit(_call, call, case, name, attempt)
         except BrokenExecutor as error:
             self.is_broken = True
             self.failed.append((case, error))
@@ -287,11 +311,12 @@ class _Calls(Generic[Case, Result]):
     def results(self, max_pending: int) -> Iterator[tuple[Case, Result]]:
         """Yield results until at most ``max_pending`` calls are pending."""
         while len(self.pending) > max_pending or not self.done.empty():
-            future = self.done.get()
-            case, attempt = self.pending.pop(future)
+            future = self._next()
+            case, attempt = self.pending[future]
             try:
                 result = future.result()
             except Exception as error:
+                del self.pending[future]
                 if attempt == self.retries or self.is_broken:
                     self.failed.append((case, error))
                 else:
@@ -301,7 +326,17 @@ class _Calls(Generic[Case, Result]):
             else:
                 if self.file:
                     result = self.file.add(self.key(case), result)
+                del self.pending[future]
                 yield case, result
+
+    def _next(self) -> Future[Result]:
+        """Wait for the next completed call."""
+        try:
+            return self.done.get()
+        except KeyboardInterrupt:
+            kept = f"kept in {self.file.path}" if self.file else "lost unless yielded"
+            log.warning("interrupted: results of completed cases are %s", kept)
+            raise SweepInterrupted from None
 
     def error(self) -> SweepError:
         """Error that lists the failed cases on one line."""
@@ -316,12 +351,16 @@ class _Calls(Generic[Case, Result]):
         return SweepError(message, self.failed)
 
     def close(self) -> None:
-        """Cancel the calls that have not started."""
-        for future in self.pending:
-            future.cancel()
+        """Cancel the calls that have not started, and write remaining results."""
+        for future, (case, _) in self.pending.items():
+            completed = not future.cancel() and future.done()
+            if self.file and completed and future.exception() is None:
+                self.file.add(self.key(case), future.result())
 
 
-def _call(function: Callable[[Case], Result], case: Case, attempt: int) -> Result:
+def _call(
+    function: Callable[[Case], Result], case: Case, name: str, attempt: int
+) -> Result:
     """Call the function with a case.
 
     The number of the attempt makes each call unique: for an equal call dask would
@@ -332,6 +371,8 @@ def _call(function: Callable[[Case], Result], case: Case, attempt: int) -> Resul
     from threadpoolctl import threadpool_limits
 
     threadpool_limits(1)
+    _name_messages()
+    before = _case.set(name)
     if parent_process() is not None:  # for libraries loaded later
         os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:
@@ -342,6 +383,24 @@ def _call(function: Callable[[Case], Result], case: Case, attempt: int) -> Resul
         except Exception:
             raise RuntimeError(error_text(error)) from error
         raise
+    finally:
+        _case.reset(before)
+
+
+def _name_messages() -> None:
+    """Let messages of the package during calls begin with the name of their case."""
+    make = logging.getLogRecordFactory()
+    if getattr(make, "names_cases", False):
+        return
+
+    def named(*args: Any, **kwargs: Any) -> logging.LogRecord:
+        record, case = make(*args, **kwargs), _case.get()
+        if case and record.name.startswith("skfem_textile"):
+            record.msg, record.args = f"{case}: {record.getMessage()}", ()
+        return record
+
+    named.names_cases = True  # type: ignore[attr-defined]
+    logging.setLogRecordFactory(named)
 
 
 class WorkerProcesses(ThreadPoolExecutor):

@@ -29,7 +29,7 @@ from .states import Equilibrium, NoEquilibriumError, State, Verdict
 #: Names of the checks, cheap ones first.
 CHECKS = (
     *("folding", "crease", "strain", "stability", "work"),
-    *("stabilisation", "deviation", "corners", "surface"),
+    *("stabilisation", "deviation", "corners", "surface", "slack"),
 )
 
 # Motion of a support, relative to the largest displacement, that is round-off.
@@ -66,6 +66,11 @@ _CORNER_SHARE = 0.01
 # element size it is 0.13 to 0.15, with twice that radius 0.08 to 0.09 (`pytest
 # tests/drape/test_between_nodes.py`).
 _GAP = 0.125
+
+
+# Fibre strain below which a fibre counts as folded up: that at which a linear law is
+# refused too.  A sinusoidal wrinkle of this length is as steep as 75°.
+_FOLDED_UP = -1.0
 
 
 @dataclass(eq=False)
@@ -180,7 +185,10 @@ class Trial:
                 "a smaller load, or a law that is defined there",
                 end.quantity if end else "",
             )
-        checks = _element_checks, _energy_checks, _discretisation_checks, _surface_check
+        checks = (
+            *(_element_checks, _energy_checks, _discretisation_checks),
+            *(_surface_check, _slack_check),
+        )
         for name, failure in chain.from_iterable(check(self) for check in checks):
             if name not in warn_only:
                 raise failure
@@ -218,11 +226,12 @@ class Trial:
         mesh_strain = ply.fibre_strain(u, ply.fine_points)
         moved, nodes = problem.nodal(u), problem.constraints.nodes.items()
         tools = contact.resultants(problem, u, equilibrium.parameters)
+        pushed = {name: force for name, (force, _) in tools.items()}
         return State(
             load_factor=problem.load_factor,
             u=u,
-            reactions=problem.reactions(equilibrium.f)
-            | {name: force for name, (force, _) in tools.items()},
+            reactions=problem.reactions(equilibrium.f, u) | pushed,
+            forces=problem.forces(equilibrium.f) | pushed,
             displacements={name: moved[:, n].mean(axis=1) for name, n in nodes}
             | {name: travel for name, (_, travel) in tools.items()},
             energies=dict(self.energies),
@@ -278,6 +287,22 @@ def _element_checks(trial: Trial) -> _Failures:
             "weft_strain" if weft > warp else "warp_strain",
         )
         yield "strain", error
+
+
+def _slack_check(trial: Trial) -> _Failures:
+    """Fibres without resistance to compression that shorten to a fraction."""
+    strain = trial.problem.ply.law_strain(trial.equilibrium.u).min(axis=(0, 2))
+    short = np.flatnonzero(strain < _FOLDED_UP)
+    if short.size:
+        error = NoEquilibriumError(
+            f"slack fibres shorten to {np.exp(strain.min()):.2g} of their length in "
+            f"{short.size} element(s), where det F falls to "
+            f"{trial.area_ratio[short].min():.2g}: the fabric would fold up there, "
+            "which the ply does not represent",
+            short,
+            "a smaller load, or a law with a stiffness in compression",
+        )
+        yield "slack", error
 
 
 def _energy_checks(trial: Trial) -> _Failures:

@@ -92,7 +92,7 @@ class End:
     path_resolved
         False if the run reports that more steps may lead to another equilibrium.
     energy, reactions
-        Energy in N·mm, and all components of all reactions in N.
+        Energy in N·mm, and all components of the forces on all conditions in N.
     no_energy, no_force
         Round-off of energy and forces.
     """
@@ -216,7 +216,7 @@ def _run(problem: Extreme, steps: int, method: str = "newton") -> tuple[End, Row
         and is_sound(ply, scene, last.u, last.parameters),
         path_resolved=result.path_resolved,
         energy=float(summed_up["energy"]),
-        reactions=np.concatenate(list(last.reactions.values())),
+        reactions=np.concatenate(list(last.forces.values())),
         no_energy=problem.E * area * _NO_STRAIN**2,
         no_force=problem.E * size * _ROUND_OFF,
     )

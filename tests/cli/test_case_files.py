@@ -88,7 +88,9 @@ def test_the_written_case_has_every_default(tmp_path):
             "steps": 3,
             "most_unknowns": 50_000,
             "method": "newton",
-            "warn_only": ["work", "stabilisation", "deviation", "corners", "surface"],
+            "warn_only": [
+                *("work", "stabilisation", "deviation", "corners", "surface", "slack")
+            ],
             "solver": "auto",
         },
         "output": {"pictures": False},

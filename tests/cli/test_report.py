@@ -2,6 +2,7 @@
 
 import json
 import re
+from base64 import b64decode
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -10,7 +11,16 @@ import pytest
 
 import skfem_textile
 from skfem_textile.cli import main as cli
+from skfem_textile.cli import report
 from skfem_textile.cli.curve import read_test_curve
+from skfem_textile.cli.results import (
+    CURVES,
+    DRAPED,
+    FORMED,
+    OF_SHEAR_TESTS,
+    PICTURES,
+    REFUSED,
+)
 from tests.helpers.command_line import rejected
 
 # The report of a run: one self-contained page
@@ -102,7 +112,7 @@ def test_curves_of_run_and_test_are_drawn(results, monkeypatch, tmp_path):
         draw(panels, *labels_and_file)
 
     monkeypatch.setattr(curves, "curves", kept)
-    assert len(write_report(results).sources) == 4  # with the icon
+    assert len(write_report(results).sources) == 5  # with icon and numbers
     assert list(drawn) == [
         *("Force against displacement", "Force against shear angle"),
         "Normalised shear force",
@@ -114,6 +124,35 @@ def test_curves_of_run_and_test_are_drawn(results, monkeypatch, tmp_path):
     other.write_text(CURVE.replace("8,3", "9,7"))
     write_report(results, "--test-curve", str(other))
     assert drawn["Force against displacement"]["test"][1].tolist() == [0, 1, 7]
+
+
+def test_the_numbers_of_the_curve_are_in_the_page(results, tmp_path):
+    page = write_report(results)
+    written = (results / "curve.csv").read_text()
+    heading, *lines = written.splitlines()
+    for name in heading.split(","):
+        assert name in page.text
+    for number in lines[-1].split(","):
+        assert f"{float(number):.6g}" in page.text
+    (file,) = (x for x in page.sources if x.startswith("data:text/csv;base64,"))
+    assert b64decode(file.partition(",")[2]) == (results / "curve.csv").read_bytes()
+    out = tmp_path / "copy"
+    out.mkdir()
+    for name in ("summary.json", "case.toml"):
+        (out / name).write_bytes((results / name).read_bytes())
+    (out / "case.toml").write_text((out / "case.toml").read_text().split("[output]")[0])
+    empty_cell = (
+        "displacement (mm),force (N),half-width of the force (N)\n0,0,\n4,1,2\n"
+    )
+    (out / "curve.csv").write_text(empty_cell)
+    text = write_report(out).text
+    assert "half-width" in text
+    assert "nan" not in text.split("Pictures")[0]
+
+
+def test_every_picture_of_a_run_is_in_the_report():
+    drawn = {*PICTURES, *OF_SHEAR_TESTS, DRAPED, *FORMED, REFUSED}
+    assert drawn == {*report._PICTURES, *CURVES}
 
 
 def test_pictures_are_embedded_in_the_page(results, tmp_path):

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from skfem_textile.cases import case_from_file
+from studies.commands.documented import table_of_strip
 
 ROOT = Path(__file__).parents[2]
 SCRIPTS = sorted((ROOT / "examples").rglob("*.py"))
@@ -46,6 +47,28 @@ def test_examples_run_and_save_a_picture(example, tmp_path, monkeypatch):
     finally:
         pyplot.close("all")
     assert list(tmp_path.rglob("*.png"))
+
+
+def test_the_strip_prints_units_and_announces_its_warnings(
+    tmp_path, monkeypatch, capsys, caplog
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("skfem_textile.plot.shear_angle", no_picture, raising=False)
+    strip = runpy.run_path(str(ROOT / "examples" / "strip.py"))
+    strip["main"].__globals__["draw_locking"] = no_picture
+    strip["main"]()
+    printed, announced = capsys.readouterr()
+    for label in ("energy (N·mm)", "reaction_x (N)", "displacement_error_rms (mm)"):
+        assert re.search(rf"^{re.escape(label)} +-?[\d.]+ ", printed, re.M)
+    results = table_of_strip(tmp_path, printed)
+    assert results["reaction_x, 2×2 points"] == pytest.approx(-148.4)
+    assert results["n_dofs, macro-elements"] == 374
+    assert "no shear stiffness" in caplog.text
+    assert "in this demonstration, warnings about it are intended" in announced
+
+
+def no_picture(*_, **__):
+    raise RuntimeError
 
 
 def test_a_script_of_the_gallery_has_a_title_and_a_text():

@@ -84,7 +84,7 @@ def test_nodes_lie_on_the_surface_without_residual_along_it():
     inner = (ply.nodes > 0).all(axis=0)
     assert np.abs(along[:, inner]).max() < 1e-7
     assert state.verdict.stable
-    np.testing.assert_allclose(state.reactions["on"], forces.sum(axis=1))
+    np.testing.assert_allclose(state.forces["on"], forces.sum(axis=1))
 
 
 def test_an_inverted_element_is_folded():

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import logging
 import multiprocessing
 import os
 import signal
@@ -81,6 +82,20 @@ def fails_with_result(n):
     if n == 1:
         raise StepError("stopped at load factor 0.5", lambda: 0, np.empty(0))
     return n
+
+
+def warns(n):
+    """Log a warning of the package and one of other code; return it as formatted."""
+    records: list[logging.LogRecord] = []
+    handler = logging.Handler()
+    handler.emit = records.append
+    logging.getLogger().addHandler(handler)
+    try:
+        logging.getLogger("skfem_textile.solve.stepper").warning("share %d %%", n)
+        logging.getLogger("other").warning("share %d", n)
+    finally:
+        logging.getLogger().removeHandler(handler)
+    return [x.getMessage() for x in records]
 
 
 def threads(_):

@@ -394,6 +394,6 @@ def test_an_edge_on_an_inclined_rail_has_no_force_along_it():
     assert np.abs(rail @ forces).max() < 1e-7 * np.abs(forces).max()
     assert np.ptp(rail @ ply.nodal(result.u)[:, TOP]) > 1e-4  # it slides
     state = result.states[-1]
-    np.testing.assert_allclose(state.reactions["pull"], forces.sum(axis=1))
+    np.testing.assert_allclose(state.forces["pull"], forces.sum(axis=1))
     moved = state.displacements["pull"]
     np.testing.assert_allclose(m @ moved, 0.2 * np.linalg.norm(m))

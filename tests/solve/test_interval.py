@@ -110,7 +110,7 @@ def test_the_half_width_is_the_derivative_by_the_logarithm_of_the_stiffness(
             settled(problem, state.u, scaled(state.parameters, [name], factor))
             for factor in np.exp([h, -h])
         ]
-        top = [problem.reactions(f)["top"] for _, f in ends]
+        top = [problem.reactions(f, u)["top"] for u, f in ends]
         change = (top[0] - top[1]) / (2 * h)
         force += abs(change[1])
         rate += np.abs(change)

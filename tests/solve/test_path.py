@@ -41,7 +41,7 @@ def test_the_strip_has_the_same_final_state_for_any_number_of_steps():
         assert result.path_resolved
         assert result.states[-1].verdict.stable
         assert energy_of(result) == pytest.approx(1.2650745, rel=1e-6)
-        reaction = result.states[-1].reactions["right"][0]
+        reaction = result.states[-1].forces["right"][0]
         assert reaction == pytest.approx(3.06595, rel=1e-4)
 
 
@@ -108,7 +108,7 @@ def test_a_reaction_along_stiff_fibres_is_independent_of_the_number_of_steps():
     few, many = (
         LoadStepper(Ply(scene.mesh, fabric), scene.conditions, n).run() for n in (2, 10)
     )
-    reactions = [np.array([*r.states[-1].reactions.values()]) for r in (few, many)]
+    reactions = [np.array([*r.states[-1].forces.values()]) for r in (few, many)]
     assert few.path_resolved
     assert np.abs(reactions[0] - reactions[1]).max() < 0.005 * np.abs(reactions).max()
 
@@ -117,7 +117,7 @@ def test_a_small_reaction_is_independent_of_the_number_of_steps():
     edges = {"right": "free", "top": "free"}
     scene = trellis(size=(6, 6), seed=0, edges=edges)
     one, many = (loaded(scene, OnePoint(), n, Sin2(0.5)) for n in (1, 10))
-    reactions = [np.array([*r.states[-1].reactions.values()]) for r in (one, many)]
+    reactions = [np.array([*r.states[-1].forces.values()]) for r in (one, many)]
     assert one.path_resolved
     assert np.abs(reactions[0] - reactions[1]).max() < 0.005 * np.abs(reactions).max()
 
@@ -159,7 +159,8 @@ def state(t, energy, force):
     return State(
         load_factor=t,
         u=np.zeros(4),
-        reactions={"top": np.array([0.0, force])},
+        reactions={},
+        forces={"top": np.array([0.0, force])},
         displacements={},
         energies={"tension": energy},
         linear_solves=1,

@@ -15,7 +15,11 @@ from pathlib import Path
 import pytest
 from threadpoolctl import threadpool_limits
 
-from skfem_textile.solve.sweep import SweepError, WorkerProcesses, sweep
+from skfem_textile.solve.sweep import (
+    SweepError,
+    WorkerProcesses,
+    sweep,
+)
 from tests.helpers import sweep_cases
 from tests.helpers.sweep_cases import is_alive, wait_until
 
@@ -34,6 +38,52 @@ def test_a_failed_load_step_fails_its_case_only_on_any_executor(executor):
     assert sorted(itertools.islice(results, 3)) == [(0, 0), (2, 2), (3, 3)]
     with pytest.raises(SweepError, match=r"^1 case.*: 1: .*StepError: stopped at load"):
         next(results)
+
+
+def test_messages_during_a_call_name_its_case(executor):
+    def key(n):
+        return f"case {n}"
+
+    for n, messages in sweep(sweep_cases.warns, [7, 8], executor, key=key):
+        assert f"case {n}: share {n} %" in messages
+        assert f"share {n}" in messages
+
+
+INTERRUPTED = """
+import sys
+from pathlib import Path
+from skfem_textile.solve.sweep import WorkerProcesses, sweep
+from tests.helpers.sweep_cases import takes_long
+
+if __name__ == "__main__":
+    with WorkerProcesses(2) as executor:
+        for case, _ in sweep(takes_long, sys.argv[2:], executor, out=sys.argv[1]):
+            print(case, flush=True)
+"""
+
+
+def test_an_interrupted_script_ends_in_one_line(tmp_path):
+    """Ctrl-C at a terminal also reaches the worker processes."""
+    out, long = tmp_path / "out.jsonl", tmp_path / "long"
+    command = [sys.executable, "-c", INTERRUPTED, str(out), str(long)]
+    options = {"env": os.environ | {"PYTHONPATH": str(ROOT)}, "text": True}
+    options |= {"start_new_session": True, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, **options) as caller:
+        wait_until(long.exists)
+        os.killpg(caller.pid, signal.SIGINT)
+        _, lines = caller.communicate()
+    assert caller.returncode == 130
+    assert lines == f"interrupted: results of completed cases are kept in {out}\n"
+
+
+def test_completed_results_are_written_if_the_caller_stops(tmp_path):
+    out = tmp_path / "out.jsonl"
+    with ThreadPoolExecutor(1) as executor:
+        results = sweep(sweep_cases.square, range(3), executor, out=out)
+        next(results)
+        executor.shutdown()  # the others are complete
+        results.close()
+    assert [x["found"] for x in sweep_cases.lines(out)] == [0, 1, 4]
 
 
 def test_a_failing_case_is_repeated(executor, tmp_path):

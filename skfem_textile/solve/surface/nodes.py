@@ -148,6 +148,15 @@ class SurfaceNodes:
         self._contact = Contact(self.nodes, level, gradient, along / length, length)
         return self._contact
 
+    def normals(self, u: ndarray, t: float) -> list[tuple[str, ndarray, ndarray]]:
+        """For each condition its name, nodes (n,), and unit normals (3, n)."""
+        gradient, first, every = self.contact(u, t).gradient, 0, []
+        for name, _, nodes in self._parts:
+            at = gradient[:, first : first + len(nodes)]
+            first += len(nodes)
+            every.append((name, nodes, at / np.linalg.norm(at, axis=0)))
+        return every
+
     def hessian(self, u: ndarray, t: float) -> ndarray:
         """∇²φ at the nodes, shape (n, 3, 3)."""
         x = self._positions(u)

@@ -208,15 +208,15 @@ def test_complex_parameters_are_rejected(run, number):
 
 
 def test_files_of_another_format_are_rejected_in_one_line(run):
-    """In format 6 the work of each term is stored beside its other parameters."""
+    """In format 7 forces of shared nodes count for each of their conditions."""
 
     def edit(text, arrays):
         text["work"] = {"stabilisation": 0.0}
 
     forge(run, 1, edit)
-    forge(run, 0, lambda text, arrays: text.update(format=6))
+    forge(run, 0, lambda text, arrays: text.update(format=7))
     assert refusal(run) == (
-        f"checkpoint {run} belongs to another run: format was 6 and is now 7; use the "
+        f"checkpoint {run} belongs to another run: format was 7 and is now 8; use the "
         "arguments of that run, or another folder"
     )
 
