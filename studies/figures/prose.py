@@ -12,7 +12,7 @@ SETTINGS = Path(__file__).with_name("settings.toml")
 
 _WITH_RESULTS = (
     "index benchmarks case-files angles calibration drape error-interval error-time "
-    "formulations hostile inf_sup laws paper singular-fibres space speed stability "
+    "formulations hostile inf_sup laws paper raw-files singular-fibres space speed stability "
     "validation verification"
 )
 

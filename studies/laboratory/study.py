@@ -18,6 +18,10 @@ INSIDE = (0.91, 0.98)
 # Groups whose share is a target.
 _TARGETS = ("clean", "contaminated")
 
+# Smallest number of files whose share is compared with the target: its standard error
+# is then 2 %.
+_ENOUGH = 100
+
 # Seed of the published results.
 _SEED = 1
 
@@ -83,7 +87,8 @@ def missed(rows: Sequence[Row]) -> list[str]:
     judged = having(_files(rows), judged=True)
     for group in _TARGETS:
         own = having(judged, group=group)
-        if own and not INSIDE[0] <= (share := inside(own)) <= INSIDE[1]:
+        enough = len(own) >= _ENOUGH
+        if enough and not INSIDE[0] <= (share := inside(own)) <= INSIDE[1]:
             texts.append(f"{group}: inside in {percent(share, '.1f')}")
     for row in judged:
         if row.get("misread"):
