@@ -12,8 +12,8 @@ SETTINGS = Path(__file__).with_name("settings.toml")
 
 _WITH_RESULTS = (
     "index benchmarks case-files angles calibration drape error-interval error-time "
-    "formulations hostile inf_sup laws paper raw-files singular-fibres space speed stability "
-    "validation verification"
+    "formulations hostile inf_sup laws paper raw-files singular-fibres space speed "
+    "stability validation verification"
 )
 
 #: Pages with results: all except pages that only describe interfaces.
