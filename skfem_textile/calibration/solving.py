@@ -15,14 +15,8 @@ from .models import Model
 class Offset(NamedTuple):
     """Unknown zero of a machine: the force at rest, or the slack.
 
-    Attributes
-    ----------
-    name, unit
-        Name and unit.
-    start, low, high
-        Initial value and bounds.
-    expected
-        True if it is always fitted, False if it is 0 unless the data contradict it.
+    The fit begins at ``start`` and stays between ``low`` and ``high``.  If it is not
+    ``expected``, it is 0 unless the data contradict it.
     """
 
     name: str
