@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from skfem_textile import drape, plot
+from skfem_textile import drape
 from tests.helpers import tool_shapes
+
+pytest.importorskip("matplotlib")
+plot = pytest.importorskip("skfem_textile.plot")
 
 
 @pytest.fixture(scope="module")
