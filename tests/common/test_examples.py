@@ -52,6 +52,7 @@ def test_examples_run_and_save_a_picture(example, tmp_path, monkeypatch):
 def test_the_strip_prints_units_and_announces_its_warnings(
     tmp_path, monkeypatch, capsys, caplog
 ):
+    pytest.importorskip("skfem_textile.plot")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("skfem_textile.plot.shear_angle", no_picture, raising=False)
     strip = runpy.run_path(str(ROOT / "examples" / "strip.py"))
