@@ -11,6 +11,7 @@ from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecu
 from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
+from threading import Event
 
 import pytest
 from threadpoolctl import threadpool_limits
@@ -77,9 +78,18 @@ def test_an_interrupted_script_ends_in_one_line(tmp_path):
 
 
 def test_completed_results_are_written_if_the_caller_stops(tmp_path):
-    out = tmp_path / "out.jsonl"
+    out, submitted = tmp_path / "out.jsonl", Event()
+
+    def cases():
+        yield from range(3)
+        submitted.set()
+
+    def square(x):
+        submitted.wait()
+        return sweep_cases.square(x)
+
     with ThreadPoolExecutor(1) as executor:
-        results = sweep(sweep_cases.square, range(3), executor, out=out)
+        results = sweep(square, cases(), executor, out=out)
         next(results)
         executor.shutdown()  # the others are complete
         results.close()
