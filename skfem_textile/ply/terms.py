@@ -140,7 +140,6 @@ class ContactTerm(ElementTerm):
     """
 
     role = "load"
-    line_search = True
 
     @staticmethod
     def check(ply: Any, moved: bool) -> None:

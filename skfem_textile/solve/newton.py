@@ -61,7 +61,8 @@ _TINY = 1e-300
 _DESCENT = 3
 
 # Maximum number of iterations between tools, as a multiple of the maximum without them.
-# Chosen: slack plies, which have many wrinkled states, take up to 250.
+# Chosen: steps of slack plies, which have many wrinkled states, often take more than a
+# hundred, and halving a step takes longer than continuing.
 _BETWEEN_TOOLS = 10
 
 # Share of the predicted decrease of the energy that an increment must reach (Armijo's
@@ -154,7 +155,8 @@ class Newton:
     Parameters
     ----------
     most
-        Maximum number of iterations; with the line search, three times as many more.
+        Maximum number of iterations; with the line search, three times as many more;
+        between tools, ten times as many.
     longest
         Largest change of the displacement gradient in an increment.
     imperfection

@@ -147,10 +147,7 @@ class LoadStepper:
         )
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         self.initial_guess = _checked_guess(initial_guess, ply)
-        moved, contacts = (
-            moves(self.problem, (0.0, *self.load_factors)),
-            problem.contacts,
-        )
+        moved, contacts = moves(problem, (0.0, *self.load_factors)), problem.contacts
         for check in dict.fromkeys(type(tool).check for tool in contacts):
             check(ply, moved)
         self.search = EquilibriumSearch(
