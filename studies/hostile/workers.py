@@ -1,6 +1,7 @@
 """Forked workers that try the inputs of a family, with time and memory limits."""
 
 import contextlib
+import contextvars
 import os
 import resource
 import signal
@@ -148,7 +149,8 @@ def _serve(family: Family, trials: _Trials, pipe: Any, parent: int) -> None:
         signal.setitimer(signal.ITIMER_REAL, 0)
         pipe.send(finding)
 
-    serve()
+    # Without the name of the study's case, which would begin each message.
+    contextvars.Context().run(serve)
 
 
 def _finding(family: Family, hostile: Any) -> Finding:
