@@ -52,4 +52,4 @@ def test_both_sets_of_solvers_are_named_with_the_times(text):
 def test_the_front_page_has_at_most_ten_results_and_links_the_benchmarks_first():
     assert len(rows(README)) <= 10
     pages = re.findall(r"\]\((docs/[\w-]+\.md)", README)
-    assert pages[0] == "docs/benchmarks.md"
+    assert pages[0] == "docs/benchmarks/index.md"
