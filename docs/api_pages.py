@@ -13,7 +13,9 @@ _LISTS = (*sorted((_REFERENCE / "api").glob("*.md")), _REFERENCE / "internals.md
 _PACKAGE = "skfem_textile"
 
 # A block of ``autosummary``, with its options and its names.
-_BLOCK = re.compile(r"^\.\. autosummary::\n(?:   :.*\n)*\n((?:   \S+\n)+)", re.MULTILINE)
+_BLOCK = re.compile(
+    r"^\.\. autosummary::\n(?:   :.*\n)*\n((?:   \S+\n)+)", re.MULTILINE
+)
 
 
 def listed() -> Iterator[tuple[str, Path]]:

@@ -230,7 +230,9 @@ DOCUMENTED: Mapping[str, Documented] = {
     },
     **{
         f"on a tool: {options}": Documented(
-            "docs/benchmarks/drape.md", f"skfem-textile run {options} --out DIR", _DRAPED
+            "docs/benchmarks/drape.md",
+            f"skfem-textile run {options} --out DIR",
+            _DRAPED,
         )
         for options in ON_TOOLS
     },
@@ -246,7 +248,7 @@ DOCUMENTED: Mapping[str, Documented] = {
         numbers_after("load_half_width", "force:"),
     ),
     "stabilisation without shear": Documented(
-        "docs/theory/plane.md",
+        "docs/theory/equilibrium.md",
         "skfem-textile run bias_extension --formulation one-point --size 16x32 "
         "--fibre-stiffness 1e4 --shear-stiffness 0 --out DIR",
         of_summary(
