@@ -19,7 +19,7 @@ _BLOCK = re.compile(
 
 
 def listed() -> Iterator[tuple[str, Path]]:
-    """Each listed name, such as ``skfem_textile.io.read_mesh``, and its page of names."""
+    """Each listed name, such as ``skfem_textile.Ply``, and the page that lists it."""
     for page in _LISTS:
         for names in _BLOCK.findall(page.read_text(encoding="utf-8")):
             for name in names.split():
@@ -48,7 +48,7 @@ def file_names() -> dict[str, str]:
 
 
 def remove_menus(app: Any, document: Any) -> None:
-    """Keep the pages of single names out of the menu, which would have hundreds more."""
+    """Keep the pages of single names, which are hundreds, out of the menu."""
     for menu in list(document.findall(autosummary_toc)):
         menu.parent.remove(menu)
 

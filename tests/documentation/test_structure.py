@@ -15,12 +15,13 @@ DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 NAMES = [str(page.relative_to(DOCS)) for page in PAGES]
 
-SECTIONS = "tutorial how-to gallery theory benchmarks reference".split()
+SECTIONS = ["tutorial", "how-to", "gallery", "theory", "benchmarks", "reference"]
 MOST_ENTRIES = 9
 MOST_ROWS = 30
 
 #: Words that do not distinguish titles.
-COMMON = set("a an and as at between by for from in of on or own the to with".split())
+COMMON = {*("a", "an", "and", "as", "at", "between", "by", "for", "from", "in", "of")}
+COMMON |= {"on", "or", "own", "the", "to", "with"}
 
 
 def loaded(name):
@@ -87,7 +88,7 @@ def words_of(text):
 
 
 def test_titles_do_not_compete():
-    """The words of a title are no part of another one, except of pages below it."""
+    """No title has all the words of another one, except on a page below it."""
     pages = [DOCS / f"{entry}.md" for entry in in_menus()]
     titles = {page: title(page) for page in pages if page.is_file()}
     for script in (ROOT / "examples").rglob("*.py"):
