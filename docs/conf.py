@@ -54,6 +54,7 @@ sphinx_gallery_conf = gallery_build.CONFIGURATION
 html_theme = "furo"
 html_title = "skfem_textile"
 html_static_path = ["_static"]
+html_search_scorer = str(Path(__file__).with_name("search_order.js"))
 # It would have all names on one page; the API has them by task, and the search by name.
 html_use_index = False
 html_css_files = ["wide.css", "narrow.css", "dark.css", "gallery.css"]
