@@ -1,7 +1,7 @@
 """Tables of command-line options and of keys of case files, from their declarations."""
 
 import re
-from argparse import ArgumentParser, _SubParsersAction
+from argparse import Action, ArgumentParser, HelpFormatter, _SubParsersAction
 from collections.abc import Iterable, Iterator
 from functools import cache
 
@@ -26,10 +26,15 @@ def _options(command: str, group: str) -> str:
     formatter = parser._get_formatter()
     groups = {own.title: own._group_actions for own in parser._action_groups}
     rows = (
-        (f"`{formatter._format_action_invocation(x)}`", formatter._expand_help(x))
+        (f"`{_breakable(formatter, x)}`", formatter._expand_help(x))
         for x in groups[group]
     )
     return _table(("option", "meaning"), rows)
+
+
+def _breakable(formatter: HelpFormatter, action: Action) -> str:
+    """Option with its value; a list of choices may continue on the next line."""
+    return re.sub(r"(?<=\w),(?=\w)", ", ", formatter._format_action_invocation(action))
 
 
 def parser_of(command: str) -> ArgumentParser:
