@@ -47,6 +47,15 @@ def file_names() -> dict[str, str]:
     return files
 
 
+def remove_stale(app: Any) -> None:
+    """Remove the pages of names that are no longer listed."""
+    names = {name for name, _ in listed()}
+    names |= set(file_names().values())
+    for page in (_REFERENCE / "api" / "generated").glob("*.rst"):
+        if page.stem not in names:
+            page.unlink()
+
+
 def remove_menus(app: Any, document: Any) -> None:
     """Keep the pages of single names, which are hundreds, out of the menu."""
     for menu in list(document.findall(autosummary_toc)):

@@ -11,6 +11,7 @@ from skfem_textile import __version__
 sys.path.insert(0, str(Path(__file__).parent))
 
 import api_pages
+import data_links
 import gallery_build
 import generated_tables
 
@@ -75,8 +76,9 @@ def keep_numbers_whole(app, document):
 
 
 def write_tables(app, name, source):
-    """Write generated tables in place of their markers."""
-    source[0] = generated_tables.filled(source[0])
+    """Write generated tables in place of their markers, and links to the data."""
+    page = Path(app.srcdir, f"{name}.md")
+    source[0] = data_links.with_data(generated_tables.filled(source[0]), page)
 
 
 def remove_comments(app, name, source):
@@ -86,6 +88,7 @@ def remove_comments(app, name, source):
 
 def setup(app):
     """Connect what this file adds to Sphinx."""
+    app.connect("builder-inited", api_pages.remove_stale, priority=100)
     app.connect("source-read", write_tables)
     app.connect("source-read", remove_comments)
     app.connect("doctree-read", keep_numbers_whole)

@@ -33,6 +33,7 @@ def loaded(name):
 
 
 TABLES = loaded("generated_tables")
+DATA = loaded("data_links")
 
 
 def menus(page):
@@ -151,3 +152,22 @@ def test_every_key_of_a_case_is_in_a_table():
     entries = [(own.table, own.choice) for own in reference()]
     assert {table for table, _ in entries} == {table for table, _ in present}
     assert {choice for table, choice in entries if table == "scene"} - {""} == scenes
+
+
+def test_all_data_of_the_studies_can_be_downloaded():
+    linked = {
+        (page.parent / name).resolve()
+        for page in PAGES
+        for name in re.findall(
+            r"\{download\}`(?:[^`]*<)?([^`<>]+)>?`",
+            DATA.with_data(page.read_text(), page),
+        )
+    }
+    files = {
+        file
+        for folder in DOCS.glob("*/provenance.json")
+        for kind in ("*.csv", "*.json")
+        for file in folder.parent.glob(kind)
+    }
+    assert len(files) > 40
+    assert [f for f in files - linked if f.name != "provenance.json"] == []
