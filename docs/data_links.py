@@ -8,14 +8,15 @@ from pathlib import Path
 _PROVENANCE = "provenance.json"
 
 _INCLUDED = re.compile(r"^```\{(?:include|figure|image)\} (\S+)", re.MULTILINE)
-_LINKED = re.compile(r"\{download\}`(?:[^`]*<)?([^`<>]+)>?`")
+#: Downloads, and links to files.
+LINKED = re.compile(r"(?:\{download\}`(?:[^`]*<)?|\]\()([^`<>()\s]+)(?:>?`|\))")
 
 
 def with_data(text: str, page: Path) -> str:
     """The text of a page, at its end the data of its tables without a link."""
     folder = page.parent
     studies = {(folder / name).resolve().parent for name in _INCLUDED.findall(text)}
-    linked = {(folder / name).resolve() for name in _LINKED.findall(text)}
+    linked = {(folder / name).resolve() for name in LINKED.findall(text)}
     data = sorted(
         file
         for study in studies

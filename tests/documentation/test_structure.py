@@ -158,10 +158,7 @@ def test_all_data_of_the_studies_can_be_downloaded():
     linked = {
         (page.parent / name).resolve()
         for page in PAGES
-        for name in re.findall(
-            r"\{download\}`(?:[^`]*<)?([^`<>]+)>?`",
-            DATA.with_data(page.read_text(), page),
-        )
+        for name in DATA.LINKED.findall(DATA.with_data(page.read_text(), page))
     }
     files = {
         file
