@@ -7,11 +7,13 @@ from pathlib import Path
 from docutils import nodes
 
 from skfem_textile import __version__
-from skfem_textile.cases.write import reference
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import api_pages
+import data_links
 import gallery_build
+import generated_tables
 
 project = "skfem_textile"
 author = "The skfem_textile developers"
@@ -21,14 +23,23 @@ release = __version__
 extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
     "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx-mathjax-offline",
     "sphinx_gallery.gen_gallery",
-    "sphinxarg.ext",
 ]
+templates_path = ["_templates"]
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
+autosummary_context = {
+    "listed_on": api_pages.links_back(),
+    # The base class of a ply is internal.
+    "inherits": ("skfem_textile.Ply",),
+}
+autosummary_filename_map = api_pages.file_names()
+# Names in docstrings, between single backticks, are links where they have a page.
+default_role = "py:obj"
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
 # It makes a dash of the two before an option.
@@ -44,6 +55,9 @@ sphinx_gallery_conf = gallery_build.CONFIGURATION
 html_theme = "furo"
 html_title = "skfem_textile"
 html_static_path = ["_static"]
+html_search_scorer = str(Path(__file__).with_name("search_order.js"))
+# It would have all names on one page; the API has them by task, and the search by name.
+html_use_index = False
 html_css_files = ["wide.css", "narrow.css", "dark.css", "gallery.css"]
 
 _CODE = (nodes.literal, nodes.literal_block, nodes.raw)
@@ -61,24 +75,10 @@ def keep_numbers_whole(app, document):
             text.parent.replace(text, nodes.Text(joined))
 
 
-def write_every_key(app, name, source):
-    """Write the tables of all keys of a case file in place of their marker."""
-    marker = "EVERY-KEY-OF-A-CASE"
-    if marker in source[0]:
-        source[0] = source[0].replace(marker, "\n".join(_key_tables()))
-
-
-def _key_tables():
-    table = None
-    for own in reference():
-        if own.table != table:
-            table = own.table
-            yield f"\n### `[{table}]`\n"
-            yield "| key | type | default | meaning |\n|---|---|---|---|"
-        only = f" ({own.choice})" if own.choice else ""
-        default = f"`{own.default}`" if own.default else ""
-        kind = own.kind.replace("|", "or")
-        yield f"| `{own.key}`{only} | {kind} | {default} | {own.about} |"
+def write_tables(app, name, source):
+    """Write generated tables in place of their markers, and links to the data."""
+    page = Path(app.srcdir, f"{name}.md")
+    source[0] = data_links.with_data(generated_tables.filled(source[0]), page)
 
 
 def remove_comments(app, name, source):
@@ -88,6 +88,9 @@ def remove_comments(app, name, source):
 
 def setup(app):
     """Connect what this file adds to Sphinx."""
-    app.connect("source-read", write_every_key)
+    app.connect("builder-inited", api_pages.remove_stale, priority=100)
+    app.connect("source-read", write_tables)
     app.connect("source-read", remove_comments)
     app.connect("doctree-read", keep_numbers_whole)
+    app.connect("autodoc-skip-member", api_pages.skip_field)
+    app.connect("doctree-read", api_pages.remove_menus, priority=100)

@@ -91,6 +91,9 @@ def script_knows_its_file(
 CONFIGURATION = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
+    # The page of a class or a function shows the scripts that use it.
+    "backreferences_dir": "gallery/backreferences",
+    "doc_module": ("skfem_textile",),
     "filename_pattern": r"\.py$",
     "ignore_pattern": "half_size",
     "subsection_order": [f"../examples/{folder}" for folder in _SCRIPTS],

@@ -1,6 +1,6 @@
 """
-Singular fibres
-===============
+Zones between singular fibres
+=============================
 
 Fibres hardly stretch, so that a kink of the motion at one point runs along the fibre
 through the whole ply: across this *singular fibre* the shear angle jumps. Singular

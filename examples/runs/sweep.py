@@ -1,6 +1,6 @@
 """
-Parameter sweep
-===============
+Load lost to fibre stretch
+==========================
 
 Load of a bias-extension test relative to the load for inextensible fibres, for several
 stiffnesses and shear angles. Each result is saved immediately: an interrupted sweep

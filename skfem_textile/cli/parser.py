@@ -157,7 +157,9 @@ def _add_init(commands: Any) -> None:
     init = commands.add_parser(
         "init", help="write a commented case file as a starting point"
     )
-    init.add_argument("file", type=_case_file, metavar=_CASE_FILE)
+    init.add_argument(
+        "file", type=_case_file, metavar=_CASE_FILE, help="case file to write"
+    )
     init.add_argument(
         "--scene",
         choices=tuple(SCENES),
@@ -199,7 +201,13 @@ def _add_fits(commands: Any) -> None:
     tests = fit.add_subparsers(dest="test", required=True)
     for name, (description, options) in TESTS.items():
         one = tests.add_parser(name, help=description, description=description)
-        one.add_argument("data", type=Path, nargs="+", metavar="DATA")
+        one.add_argument(
+            "data",
+            type=Path,
+            nargs="+",
+            metavar="DATA",
+            help="files of the tests, or folders that contain them",
+        )
         _add_outputs(one)
         for flag, keywords in options.items():
             one.add_argument(flag, **keywords)

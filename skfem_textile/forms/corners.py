@@ -26,7 +26,7 @@ from .form import Forms, deformation, once
 RESISTING = 0.08
 
 # J₁, the area ratio below which b is a parabola.  Chosen: b″ is 3·10⁴ there, compared
-# with 1 for a shear law (docs/theory.md).
+# with 1 for a shear law (docs/theory/plane.md).
 _PARABOLA = RESISTING / 4
 
 

@@ -38,7 +38,7 @@ _KEYWORDS = ("ORIENTATION", "DISTRIBUTION", "DISTRIBUTION TABLE", *_SECTIONS)
 _VECTORS = ("warp_direction", "weft_direction")
 _ANGLES = ("warp_angle_deg", "weft_angle_deg")
 
-#: Names for ``others`` of `read_mesh`: data that `read_directions` reads.
+#: Names for ``others`` of `read_mesh`, of data that `read_directions` reads.
 OF_DIRECTIONS = (*_VECTORS, *_ANGLES, *(f"*{keyword}" for keyword in _KEYWORDS))
 
 _COMPONENTS = {**dict.fromkeys(_VECTORS, 3), **dict.fromkeys(_ANGLES, 1)}

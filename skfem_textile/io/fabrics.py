@@ -18,7 +18,7 @@ from .file_numbers import errors_about
 
 log = logging.getLogger(__name__)
 
-#: Names for ``others`` of `read_mesh`: data that `read_fabric` reads or reports.
+#: Names for ``others`` of `read_mesh`, of data that `read_fabric` reads or reports.
 OF_FABRICS = tuple(f"*{keyword}" for keyword in abaqus_fabric.KEYWORDS)
 
 # Suffixes of fabric files.

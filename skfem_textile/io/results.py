@@ -128,7 +128,7 @@ def _name_path(path: str | os.PathLike[str]) -> Iterator[None]:
 def write_fields(
     result: Result, folder: str | os.PathLike[str], axes: Axes = SAME_AXES
 ) -> None:
-    """Write every state as ``step_0000.vtu``, ... and ``steps.pvd`` into a folder.
+    """Write each state, from ``step_0000.vtu`` on, and ``steps.pvd`` into a folder.
 
     The points belong to the undeformed ply; warping by ``displacement`` shows the
     deformed ply.  The fields come from `point_fields` and `cell_fields`, and from

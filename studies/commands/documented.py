@@ -230,7 +230,9 @@ DOCUMENTED: Mapping[str, Documented] = {
     },
     **{
         f"on a tool: {options}": Documented(
-            "docs/drape.md", f"skfem-textile run {options} --out DIR", _DRAPED
+            "docs/benchmarks/drape.md",
+            f"skfem-textile run {options} --out DIR",
+            _DRAPED,
         )
         for options in ON_TOOLS
     },
@@ -246,7 +248,7 @@ DOCUMENTED: Mapping[str, Documented] = {
         numbers_after("load_half_width", "force:"),
     ),
     "stabilisation without shear": Documented(
-        "docs/theory.md",
+        "docs/theory/equilibrium.md",
         "skfem-textile run bias_extension --formulation one-point --size 16x32 "
         "--fibre-stiffness 1e4 --shear-stiffness 0 --out DIR",
         of_summary(
@@ -262,18 +264,18 @@ DOCUMENTED: Mapping[str, Documented] = {
         python=True,
     ),
     "load of a bias extension": Documented(
-        "docs/verification.md",
+        "docs/benchmarks/verification.md",
         _INEXTENSIBLE,
         printed_numbers("sin²", "linear"),
         python=True,
     ),
     "ply with a hole": Documented(
-        "docs/case-files.md",
+        "docs/how-to/case-files.md",
         "skfem-textile run examples/hole/hole.toml --out hole-results",
         of_summary("reaction_y", "load_half_width", out="hole-results"),
     ),
     "ply with a hole, half the element size": Documented(
-        "docs/case-files.md",
+        "docs/how-to/case-files.md",
         "OMP_NUM_THREADS=1 python examples/hole/half_size.py",
         table_of_hole,
     ),

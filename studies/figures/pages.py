@@ -24,7 +24,7 @@ PAGES = (
     ROOT / "paper" / "paper.md",
     *(
         page
-        for folder in ("", "how-to", "reference", "tutorial")
+        for folder in (".", "benchmarks", "how-to", "reference", "theory", "tutorial")
         for page in sorted((ROOT / "docs" / folder).glob("*.md"))
     ),
 )

@@ -16,7 +16,10 @@ SCRIPTS = sorted((ROOT / "examples").rglob("*.py"))
 EXAMPLES = [script for script in SCRIPTS if script.stem != "half_size"]
 CASES = sorted((ROOT / "examples").rglob("*.toml"))
 OPTIONAL = ("pyvista", "matplotlib", "pypardiso", "cvxopt", "dask")
-ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
+ARCHITECTURE = "".join(
+    (ROOT / "docs" / "reference" / f"{name}.md").read_text()
+    for name in ("architecture", "decisions")
+)
 CODE = "".join(
     file.read_text()
     for folder in ("skfem_textile", "studies", "tests")
@@ -32,7 +35,7 @@ WITH_SNIPPETS = {
 }
 
 #: Pages whose blocks of text no snippet prints: messages about invalid case files.
-OTHER_TEXT = {"docs/case-files"}
+OTHER_TEXT = {"docs/how-to/case-files"}
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)

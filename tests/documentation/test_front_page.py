@@ -9,7 +9,7 @@ from studies.figures.pages import markers
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
-BENCHMARKS = (ROOT / "docs" / "benchmarks.md").read_text()
+BENCHMARKS = (ROOT / "docs" / "benchmarks" / "index.md").read_text()
 PAPER = (ROOT / "paper" / "paper.md").read_text()
 CONDENSED = {"README": README, "benchmarks": BENCHMARKS, "paper": PAPER}
 OUTCOMES = ["right", "other", "refused", "missed", "wrong"]
@@ -51,5 +51,5 @@ def test_both_sets_of_solvers_are_named_with_the_times(text):
 
 def test_the_front_page_has_at_most_ten_results_and_links_the_benchmarks_first():
     assert len(rows(README)) <= 10
-    pages = re.findall(r"\]\((docs/[\w-]+\.md)", README)
-    assert pages[0] == "docs/benchmarks.md"
+    pages = re.findall(r"\]\((docs/[\w/-]+\.md)", README)
+    assert pages[0] == "docs/benchmarks/index.md"

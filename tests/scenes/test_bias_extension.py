@@ -143,7 +143,7 @@ def test_the_exact_motion_of_half_a_ply_stays_on_its_axis():
 
 @pytest.mark.parametrize("seed", [2, 3])
 def test_fibres_that_resist_tension_only_are_stretched_in_few_solves(seed):
-    """The load agrees with `docs/laws.md`."""
+    """The load agrees with `docs/benchmarks/laws.md`."""
     scene = bias_extension(seed=seed)
     fibres = TensionOnly(Linear(1e5))
     ply = Ply(scene.mesh, Fabric(fibres, 0.5, scene.warp, scene.weft))

@@ -283,7 +283,7 @@ CRIMPED = CrimpToe(7e3, toe=0.003, initial_stiffness=10)
     ids=repr,
 )
 def test_the_load_of_crimped_fibres_is_inside(density, formulation):
-    """54.02 to 54.13 N on the finest meshes: `docs/error-interval.md`."""
+    """54.02 to 54.13 N on the finest meshes: `docs/benchmarks/error-interval.md`."""
     fabric = Fabric(CRIMPED, 0.5, (1, 1), (-1, 1))
     held = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 20.0))}
     outline = Outline([[0, 50, 50, 0], [0, 0, 115, 115]])

@@ -13,7 +13,7 @@ from ..law import ScalarLaw
 
 @dataclass(frozen=True)
 class Polynomial(ScalarLaw):
-    """Law c₁ s + c₂ s² + ... of s = x, or of s = sin x.
+    """Law Σ cₖ sᵏ of s = x, or of s = sin x.
 
     Parameters
     ----------

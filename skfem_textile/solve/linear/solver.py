@@ -79,8 +79,8 @@ class SolverEntry:
 
 #: Solvers by name, the fastest known first.  SuperLU takes at least four times as long
 #: as the others and three times the memory, so it is not measured.  The numbers of
-#: unknowns that repay an import are from ``docs/speed.md``.  PETSc follows SuperLU, so
-#: that ``auto`` never selects it.
+#: unknowns that repay an import are from ``docs/benchmarks/speed.md``.  PETSc follows
+#: SuperLU, so that ``auto`` never selects it.
 SOLVERS = {
     "cholmod": SolverEntry("cholmod:Cholmod", "cvxopt.cholmod", 500, True),
     "pardiso": SolverEntry("pardiso:Pardiso", "pypardiso", 20_000, True),
