@@ -72,14 +72,19 @@ def seems_swapped(driven: ndarray, force: ndarray) -> bool:
     return _unevenness(force) < _EQUAL and _unevenness(driven) > _UNEQUAL
 
 
-def rest_notes(name: str, x: ndarray, force: ndarray) -> list[str]:
-    """Note on a curve, given by name, with a force at rest or a late beginning."""
+def rest_notes(
+    name: str, x: ndarray, force: ndarray, slack_is_known: bool = True
+) -> list[str]:
+    """Note on a curve, given by name, with a force at rest or a late beginning.
+
+    A late beginning is a slack, and not reported if the fit determines it.
+    """
     first = np.abs(force[np.argsort(x, kind="stable")][:2]).max()
     if x.min() > _LATE * x.max() and first < _NOTHING * np.abs(force).max():
         return [
             f"{name}: the curve begins far from rest with virtually no force: measure "
             "displacements from the point at which the fabric begins to carry load"
-        ]
+        ][: int(slack_is_known)]
     offset = force_at_rest(x, force)
     if not offset:
         return []

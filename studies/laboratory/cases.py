@@ -13,13 +13,14 @@ from numpy import ndarray
 from skfem_textile import Law
 from skfem_textile.calibration import (
     BiasExtension,
+    Choice,
     PictureFrame,
     ShearTest,
-    fit_shear,
+    fit_tests,
     read_recordings,
     read_specimens,
 )
-from skfem_textile.calibration.shear import SHEAR_LAWS
+from skfem_textile.calibration.fitting import SHEAR_LAWS
 
 from ..study import Row
 from .machines import MACHINES, Curve, Export
@@ -202,8 +203,8 @@ def _misread(path: Path, drawn: _Drawn) -> bool:
 def _fitted(path: Path, drawn: _Drawn) -> Row:
     """The law of the file against the known one."""
     specimens = read_specimens(path, drawn.test)
-    result = fit_shear(specimens, drawn.name)
-    fit, gamma = result.fit, np.radians(ANGLES)
+    fit = fit_tests(specimens, Choice(drawn.name)).parts["shear"]
+    gamma = np.radians(ANGLES)
 
     def value(law: Law) -> ndarray:
         return law.value(gamma)
