@@ -3,7 +3,8 @@
 from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
 from .bending import CantileverTest, read_cantilever
 from .biaxial import BiaxialCurve, read_biaxial
-from .fitting import Choice, FabricFit, fit_tests
+from .choice import Choice
+from .fitting import FabricFit, fit_tests
 from .preparing import Preparation, Prepared, prepare
 from .reading import Format, Recording, read_recordings
 from .regression import Fit, JointFit

@@ -83,6 +83,11 @@ def _draw_shear(result: FabricFit, left: Any, right: Any) -> None:
     degrees = np.degrees(gamma)
     right.fill_between(degrees, low, high, color=COLOURS[0], alpha=0.3, lw=0)
     right.plot(degrees, value(fit.law), color=COLOURS[0], label="law, 95 %")
+    scatter = fit.scatter(value)
+    if scatter is not None:
+        right.fill_between(
+            *(degrees, *scatter), color=COLOURS[0], alpha=0.12, lw=0, label="a specimen"
+        )
     holds = min(np.degrees(s.kinematics_limit) for s in result.specimens)
     right.axvline(holds, color="grey", ls=":", label="kinematics valid up to here")
     left.set(xlabel="shear angle (deg)", ylabel="force (N)")

@@ -1,105 +1,28 @@
 """Laws of a fabric from tests of one or several kinds, in one least-squares problem."""
 
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, TypeAlias, TypeVar
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
-from numpy import ndarray
 
 from ..fabric import Fabric
 from ..scenes.shear_test import BiasExtension, ShearTest
-from . import models, residuals
+from . import residuals
 from .bending import CantileverTest
 from .biaxial import FAMILIES, BiaxialCurve
-from .models import Model
+from .choice import Choice, Test, models_of, of_kind, reach
+from .curves import beginning_notes
 from .regression import Fit, JointFit, fit
+from .selection import AUTO, Candidate, best_of, cross_validated, reason_against
 from .simulation import SimulatedTest, Simulation, simulated
-from .solving import PARTS, Sample
-from .specimens import ROUNDING, Specimen
+from .solving import Sample
+from .specimens import Specimen
 from .strip import Strip
 
 log = logging.getLogger(__name__)
-
-#: A test of any kind.
-Test: TypeAlias = Specimen | Strip | BiaxialCurve | CantileverTest
-
-#: Shear laws by name, as functions of the largest angle, the degree, and the number of
-#: points.
-SHEAR_LAWS: dict[str, Callable[[float, int, int], Model]] = {
-    "polynomial": lambda largest, degree, points: models.polynomial(degree),
-    "linear": lambda largest, degree, points: models.linear(),
-    "sin2": lambda largest, degree, points: models.sin2(),
-    "locking": lambda largest, degree, points: models.locking(largest),
-    "tabulated": lambda largest, degree, points: models.tabulated(largest, points),
-}
-
-#: Tension laws by name, as functions of the largest strain and the number of points.
-TENSION_LAWS: dict[str, Callable[[float, int], Model]] = {
-    "crimp-toe": lambda largest, points: models.crimp_toe(largest),
-    "linear": lambda largest, points: models.linear(),
-    "tabulated": models.tabulated,
-    "crimp-interchange": lambda largest, points: models.crimp_interchange(largest),
-}
-
-_Kind = TypeVar("_Kind")
-
-
-@dataclass(frozen=True)
-class Choice:
-    """Laws that are fitted, and the range of the data.
-
-    Parameters
-    ----------
-    shear
-        Shear law: ``polynomial`` (odd powers), ``linear``, ``sin2``, ``locking`` or
-        ``tabulated``.
-    tension
-        Tension law of each family, ``crimp-toe``, ``linear`` or ``tabulated``; or
-        ``crimp-interchange``, whose tensions depend on both strains.
-    degree
-        Highest power of the polynomial.
-    points
-        Number of points of a table besides 0.
-    extrapolation
-        Extrapolation of a table, ``refuse`` or ``linear``, see `Tabulated`.
-    up_to
-        Shear angle in radians above which points are excluded; see `Specimen.used`.
-    bounds
-        Smallest and largest value of parameters, by name, such as ``c1`` or ``warp
-        stiffness``.
-
-    Raises
-    ------
-    ValueError
-        If a law is unknown, or a number is not positive.
-    """
-
-    shear: str = "polynomial"
-    tension: str = "crimp-toe"
-    degree: int = 5
-    points: int = 8
-    extrapolation: str | None = None
-    up_to: float | None = None
-    bounds: Mapping[str, tuple[float, float]] | None = None
-
-    def __post_init__(self) -> None:
-        for law, laws in ((self.shear, SHEAR_LAWS), (self.tension, TENSION_LAWS)):
-            if law not in laws:
-                raise ValueError(
-                    f"unknown law {law!r}: choose one of {', '.join(laws)}"
-                )
-        if self.up_to is not None and not self.up_to > 0:
-            raise ValueError(
-                "the largest shear angle must be positive, got "
-                f"{np.degrees(self.up_to):g} degrees"
-            )
-        if self.points < 1:
-            raise ValueError(
-                f"a table requires at least one point besides 0, got {self.points}"
-            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,12 +39,15 @@ class FabricFit:
         Chosen laws and range.
     simulations
         Simulations of the bias extensions, by test; empty for closed forms.
+    candidates
+        Compared laws by part, where the choice was ``auto``.
     """
 
     fit: JointFit
     tests: tuple[Test, ...]
     choice: Choice
     simulations: Mapping[ShearTest, SimulatedTest]
+    candidates: Mapping[str, Sequence[Candidate]] = field(default_factory=dict)
 
     @property
     def parts(self) -> dict[str, Fit]:
@@ -151,24 +77,24 @@ class FabricFit:
     @cached_property
     def specimens(self) -> tuple[Specimen, ...]:
         """Shear tests, in the order of the curves of the part ``shear``."""
-        return tuple(_of_kind(self.tests, Specimen))
+        return tuple(of_kind(self.tests, Specimen))
 
     def along(self, part: str) -> list[tuple[Strip | BiaxialCurve, list[int]]]:
         """Tests of a tension law and their families, in the order of its curves."""
         families = [i for i, name in enumerate(FAMILIES) if part in (name, "both")]
-        curves: list[Strip | BiaxialCurve] = [*_of_kind(self.tests, BiaxialCurve)]
-        curves += [one for one in _of_kind(self.tests, Strip) if one.family == part]
+        curves: list[Strip | BiaxialCurve] = [*of_kind(self.tests, BiaxialCurve)]
+        curves += [one for one in of_kind(self.tests, Strip) if one.family == part]
         return [(one, families) for one in curves]
 
     def cantilevers(self, part: str) -> list[CantileverTest]:
         """Tests of a bending stiffness, in the order of its curves."""
-        tests = _of_kind(self.tests, CantileverTest)
+        tests = of_kind(self.tests, CantileverTest)
         return [one for one in tests if part == f"bending {one.family}"]
 
     @property
     def largest_angle(self) -> float:
         """Largest fitted shear angle in radians."""
-        return max(_reach(s, self.choice.up_to) for s in self.specimens)
+        return max(reach(s, self.choice.up_to) for s in self.specimens)
 
     @property
     def stabilisation(self) -> float | None:
@@ -209,7 +135,8 @@ def fit_tests(
     Raises
     ------
     ValueError
-        If there is no test; if a specimen has no points in the range, angles that its
+        If there is no test; if a law decreases, or has a pole, within the data; if a
+        specimen has no points in the range, angles that its
         test does not reach, or forces that are compressive or constant; if no fibre is
         stretched; if simulations fail or do not converge; or see `regression.fit`.
 
@@ -226,14 +153,118 @@ def fit_tests(
     choice = choice or Choice()
     if not tests:
         raise ValueError("no test is given")
-    bias = [one for one in _of_kind(tests, Specimen) if _is_bias(one)]
-    if simulation is None or not bias:
-        if simulation is not None:
-            raise ValueError(
-                "only bias-extension tests are simulated: omit the simulation"
+    bias = [one for one in of_kind(tests, Specimen) if _is_bias(one)]
+    if simulation is not None and not bias:
+        raise ValueError("only bias-extension tests are simulated: omit the simulation")
+    choice, candidates = _chosen(tests, choice)
+    if simulation is None:
+        result = _fitted(tests, choice)
+    else:
+        result = _fitted_by_simulation(tests, choice, simulation)
+    _refuse_unphysical(result)
+    return replace(result, candidates=candidates)
+
+
+#: Laws compared by ``auto``, with the degree of polynomials.
+_SHEAR_CANDIDATES = (
+    *(("linear", 1), ("sin2", 1), ("locking", 1)),
+    *(("polynomial", degree) for degree in (3, 5, 7)),
+    ("tabulated", 1),
+)
+_TENSION_CANDIDATES = "linear", "crimp-toe", "tabulated"
+
+
+def _chosen(
+    tests: Sequence[Test], choice: Choice
+) -> tuple[Choice, dict[str, list[Candidate]]]:
+    """Laws in the place of ``auto``, and the compared ones by part.
+
+    Both families have the tension law that suits the data of both better.
+    """
+    found: dict[str, list[Candidate]] = {}
+    if choice.shear == AUTO and of_kind(tests, Specimen):
+        options = {
+            f"{law} of degree {degree}" if law == "polynomial" else law: replace(
+                choice, shear=law, degree=degree
             )
-        return _fitted(tests, choice)
-    return _fitted_by_simulation(tests, choice, simulation)
+            for law, degree in _SHEAR_CANDIDATES
+        }
+        one = _best(tests, options, "shear", found)
+        choice = replace(choice, shear=one.shear, degree=one.degree)
+    if choice.tension == AUTO and any(_pulls(test) for test in tests):
+        of_each = {law: replace(choice, tension=law) for law in _TENSION_CANDIDATES}
+        parts = [f for f in FAMILIES if any(f in _families(test) for test in tests)]
+        best = [_best(tests, of_each, part, found) for part in parts]
+        order = _TENSION_CANDIDATES.index
+        choice = replace(choice, tension=max((x.tension for x in best), key=order))
+    return choice, found
+
+
+def _best(
+    tests: Sequence[Test],
+    options: Mapping[str, Choice],
+    part: str,
+    found: dict[str, list[Candidate]],
+) -> Choice:
+    """The best choice for a part; the compared laws are added to ``found``."""
+    found[part] = []
+    for name, choice in options.items():
+        own = [test for test in tests if part in _families(test)]
+        model = models_of(own, replace(choice, bounds=None, extrapolation=None))[part]
+        samples = [x for x in _samples(own, choice, {}, False) if x.part == part]
+        largest = _largest_argument(own, part, choice.up_to)
+        unit = "degrees" if part == "shear" else "strain"
+        found[part].append(
+            cross_validated(
+                *(name, model, samples),
+                partial(reason_against, largest=largest, unit=unit),
+            )
+        )
+    return options[best_of(found[part]).name]
+
+
+def _families(test: Test) -> tuple[str, ...]:
+    """Laws of one argument that a test determines, by part."""
+    if isinstance(test, Specimen):
+        return ("shear",)
+    if isinstance(test, Strip):
+        return (test.family,)
+    return FAMILIES if isinstance(test, BiaxialCurve) else ()
+
+
+def _pulls(test: Test) -> bool:
+    return isinstance(test, Strip | BiaxialCurve)
+
+
+def _largest_argument(tests: Sequence[Test], part: str, up_to: float | None) -> float:
+    """Largest shear angle or strain of the data of a part."""
+    if part == "shear":
+        return max(reach(one, up_to) for one in of_kind(tests, Specimen))
+    i, own = FAMILIES.index(part), (t for t in tests if part in _families(t))
+    along = (t.along(i) for t in own if isinstance(t, Strip | BiaxialCurve))
+    return max(float(one.strain.max()) for one in along if one)
+
+
+def _refuse_unphysical(result: FabricFit) -> None:
+    """An error if a law decreases, or has a pole, within its data."""
+    for part, of_part in result.parts.items():
+        if part != "shear" and part not in FAMILIES:
+            continue
+        unit = "degrees" if part == "shear" else "strain"
+        largest = _largest_argument(result.tests, part, result.choice.up_to)
+        reason = reason_against(of_part, largest, unit)
+        if not reason:
+            continue
+        notes = [
+            note
+            for one in result.specimens
+            for note in beginning_notes(one, result.choice.up_to)
+        ]
+        advice = "use another law, such as auto, a lower degree, or bounds"
+        raise ValueError(
+            f"the fitted law {of_part.model.name} of the {part} is not physical: "
+            f"{reason}: {(notes or [advice])[0]}"
+        )
 
 
 def _fitted(
@@ -243,25 +274,36 @@ def _fitted(
     start: Any = None,
 ) -> FabricFit:
     """Fit with given simulations of some tests."""
-    of_models, simulations = _models(tests, choice), simulations or {}
-    samples: list[Sample] = []
+    of_models, simulations = models_of(tests, choice), simulations or {}
     coupled = bool({*FAMILIES, "both"} & set(of_models))
-    specimens = _of_kind(tests, Specimen)
-    largest = max((_reach(one, choice.up_to) for one in specimens), default=0.0)
-    curves = _of_kind(tests, BiaxialCurve)
-    if "both" in of_models:
+    samples = _samples(tests, choice, simulations, coupled)
+    result = fit(of_models, samples, start=start)
+    return FabricFit(result, tuple(tests), choice, simulations)
+
+
+def _samples(
+    tests: Sequence[Test],
+    choice: Choice,
+    simulations: Mapping[ShearTest, SimulatedTest],
+    coupled: bool,
+) -> list[Sample]:
+    """Curves of all tests with their predictions."""
+    samples: list[Sample] = []
+    specimens = of_kind(tests, Specimen)
+    largest = max((reach(one, choice.up_to) for one in specimens), default=0.0)
+    curves = of_kind(tests, BiaxialCurve)
+    if choice.tension == "crimp-interchange":
         samples += [residuals.biaxial_coupled(one) for one in curves]
     else:
         samples += [residuals.biaxial(c, i) for i in range(2) for c in curves]
-    samples += [residuals.strip(one) for one in _of_kind(tests, Strip)]
+    samples += [residuals.strip(one) for one in of_kind(tests, Strip)]
     for one in specimens:
         found = simulations.get(one.test)
         end = np.inf if found and choice.up_to is None else choice.up_to
         both = coupled and found is not None
         samples.append(residuals.shear(one, end, largest, found, both))
-    samples += [residuals.cantilever(one) for one in _of_kind(tests, CantileverTest)]
-    result = fit(of_models, samples, start=start)
-    return FabricFit(result, tuple(tests), choice, simulations)
+    samples += [residuals.cantilever(one) for one in of_kind(tests, CantileverTest)]
+    return samples
 
 
 def _fitted_by_simulation(
@@ -269,9 +311,9 @@ def _fitted_by_simulation(
 ) -> FabricFit:
     """Fit such that simulated bias extensions have the measured loads."""
     tests = [_driven(one) if _is_bias(one) else one for one in tests]
-    specimens = [one for one in _of_kind(tests, Specimen) if _is_bias(one)]
+    specimens = [one for one in of_kind(tests, Specimen) if _is_bias(one)]
     end = choice.up_to or np.inf
-    largest = [_reach(one, end) for one in specimens]
+    largest = [reach(one, end) for one in specimens]
     result = _fitted(tests, replace(choice, up_to=end))
     before = _loads(result)
     for n in range(_MOST_ROUNDS):
@@ -299,10 +341,6 @@ def _fitted_by_simulation(
     )
 
 
-def _of_kind(tests: Iterable[Test], kind: type[_Kind]) -> list[_Kind]:
-    return [one for one in tests if isinstance(one, kind)]
-
-
 def _is_bias(test: Test) -> bool:
     return isinstance(test, Specimen) and isinstance(test.test, BiasExtension)
 
@@ -321,145 +359,3 @@ def _loads(result: FabricFit) -> list[Any]:
     """Predicted loads of each curve."""
     joint = result.fit.joint
     return [joint.predicted(i) for i in range(len(joint.samples))]
-
-
-def _models(tests: Sequence[Test], choice: Choice) -> dict[str, Model]:
-    """Laws that the tests determine, by part."""
-    found: dict[str, Model] = {}
-    curves, strips = _of_kind(tests, BiaxialCurve), _of_kind(tests, Strip)
-    coupled = choice.tension == "crimp-interchange"
-    if coupled and strips:
-        raise ValueError(
-            f"{strips[0].name}: a strip determines a tension that depends on one "
-            "strain: use biaxial tests alone for crimp-interchange, or another law"
-        )
-    names = ["both"] if coupled else list(FAMILIES)
-    for name in names:
-        loaded = [one for one in strips if one.family == name]
-        own: list[Strip | BiaxialCurve] = [*curves, *loaded]
-        if own:
-            largest = _largest_strain(own, name)
-            found[name] = TENSION_LAWS[choice.tension](largest, choice.points)
-    specimens = _of_kind(tests, Specimen)
-    if specimens:
-        for one in specimens:
-            _refuse_specimen(one, choice.up_to)
-        largest = max(_reach(one, choice.up_to) for one in specimens)
-        of_law = SHEAR_LAWS[choice.shear]
-        found["shear"] = of_law(largest, choice.degree, choice.points)
-    for test in _of_kind(tests, CantileverTest):
-        found[f"bending {test.family}"] = models.bending()
-    ordered = {name: found[name] for name in PARTS if name in found}
-    return _extrapolated(_bounded(ordered, choice.bounds or {}), choice.extrapolation)
-
-
-def _extrapolated(
-    found: Mapping[str, Model], extrapolation: str | None
-) -> dict[str, Model]:
-    """Models whose tables are extrapolated; an error if there is none."""
-    if extrapolation is None:
-        return dict(found)
-    if not any(model.name == "tabulated" for model in found.values()):
-        raise ValueError(
-            f"the law {next(iter(found.values())).name} is defined beyond the data by "
-            "its formula: omit the extrapolation, or use the law tabulated"
-        )
-    return {
-        name: model.extrapolated(extrapolation) if model.name == "tabulated" else model
-        for name, model in found.items()
-    }
-
-
-def _bounded(
-    found: Mapping[str, Model], bounds: Mapping[str, tuple[float, float]]
-) -> dict[str, Model]:
-    """Models with the bounds of their parameters."""
-    known = {
-        given
-        for part, model in found.items()
-        for name in model.parameters
-        for given in (name, f"{part} {name}")
-    }
-    laws = [model for part, model in found.items() if not part.startswith("bending")]
-    for name in bounds:
-        if name not in known:
-            of = " or ".join(dict.fromkeys(model.name for model in laws))
-            names = dict.fromkeys(p for model in laws for p in model.parameters)
-            raise ValueError(
-                f"the law {of} has no parameter {name!r}: choose one of "
-                f"{', '.join(names)}"
-            )
-    return {
-        part: model.bounded(
-            {
-                name.removeprefix(f"{part} "): ends
-                for name, ends in bounds.items()
-                if name.removeprefix(f"{part} ") in model.parameters
-            }
-        )
-        for part, model in found.items()
-    }
-
-
-def _largest_strain(tests: Sequence[Strip | BiaxialCurve], part: str) -> float:
-    """Largest strain of the families of a part; an error without strain or force."""
-    families = [i for i, name in enumerate(FAMILIES) if part in (name, "both")]
-    along = {i: [x for t in tests if (x := t.along(i))] for i in families}
-    largest = max(float(x.strain.max()) for each in along.values() for x in each)
-    if not largest > 0:
-        names = " or ".join(FAMILIES[i] for i in families)
-        raise ValueError(f"no test contains a positive strain of the {names}")
-    for i, each in along.items():
-        if not sum(float(x.force.sum()) for x in each) > 0:
-            raise ValueError(
-                f"the forces along the {FAMILIES[i]} must be positive in tension: "
-                "reverse the sign of the column"
-            )
-    return largest
-
-
-def _reach(specimen: Specimen, up_to: float | None) -> float:
-    """Largest fitted shear angle of a specimen in radians."""
-    return float(specimen.angle[specimen.used(up_to)].max())
-
-
-def _refuse_specimen(specimen: Specimen, up_to: float | None) -> None:
-    """An error if angles or forces of a specimen cannot be fitted."""
-    used = specimen.used(up_to)
-    _refuse_angles(specimen, used, up_to)
-    _refuse_forces(specimen, used)
-
-
-def _refuse_angles(specimen: Specimen, used: ndarray, up_to: float | None) -> None:
-    name, end = specimen.name, np.degrees(specimen.test.largest_angle)
-    angles = np.degrees(specimen.angle[np.isfinite(specimen.angle)])
-    if specimen.measured_angle is not None and np.any(angles > end * (1 + ROUNDING)):
-        raise ValueError(
-            f"{name}: shear angles reach {angles.max():.4g} degrees, but the test ends "
-            f"at {end:.4g} degrees: check their unit"
-        )
-    if np.any(used & (specimen.angle > 0)):
-        return
-    last = np.degrees(specimen.last_angle(up_to))
-    message = (
-        f"the angles range from {angles.min():.3g} to {angles.max():.3g} degrees"
-        if angles.size
-        else "all displacements are beyond the end of the test: check their unit"
-    )
-    raise ValueError(
-        f"{name}: no shear angle is between 0 and {last:.3g} degrees: {message}"
-    )
-
-
-def _refuse_forces(specimen: Specimen, used: ndarray) -> None:
-    force = specimen.force[used]
-    if force.size > 1 and np.ptp(force) == 0:
-        raise ValueError(
-            f"{specimen.name}: the force is {force[0]:g} N at every point, but it must "
-            "change with the shear angle"
-        )
-    if not force.sum() > 0:
-        raise ValueError(
-            f"{specimen.name}: the forces must be positive in tension: reverse the "
-            "sign of the column"
-        )

@@ -45,6 +45,10 @@ class Component(NamedTuple):
     freedom: float
 
 
+# Smallest number of specimens whose scatter is estimated.
+_FEWEST_OF_A_SCATTER = 3
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Parameters of a law fitted to curves; the law may consist of laws by part.
@@ -153,6 +157,24 @@ class Fit:
         return self._interval(
             lambda fit: (value(fit.law), jacobian_of(fit.model, fit.values, value))
         )
+
+    def scatter(self, value: Callable[[Any], ndarray]) -> ndarray | None:
+        """Band that contains predictions for another specimen, shape (2, n).
+
+        Mean of the specimens ± t s √(1 + 1/m), with the standard deviation s of m
+        specimens; None for fewer than three specimens.
+
+        Parameters
+        ----------
+        value
+            Function of a law that returns n numbers.
+        """
+        if self.singles is None or (m := len(self.singles)) < _FEWEST_OF_A_SCATTER:
+            return None
+        each = np.array([value(self.model.build(one)) for one in self.singles])
+        quantile = special.stdtrit(m - 1, 0.5 + 0.5 * CONFIDENCE)
+        half = quantile * each.std(axis=0, ddof=1) * np.sqrt(1 + 1 / m)
+        return each.mean(axis=0) + np.array([-half, half])
 
     def zeros(self, i: int) -> dict[str, tuple[float, float, float]]:
         """Zeros of a curve by name: value, and ends of the confidence interval."""

@@ -1,6 +1,7 @@
 """Reports of fits: JSON figures, notes, and text."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ from numpy import ndarray
 from ..fabric.files import law_to_json
 from ..solve.verdict import excess
 from .biaxial import FAMILIES
-from .curves import rest_notes, seems_swapped
+from .curves import beginning_notes, rest_notes
 from .regression import CONFIDENCE, Fit
 from .specimens import APART, Specimen
 
@@ -32,11 +33,17 @@ def reports_of(result: "FabricFit") -> dict[str, dict[str, Any]]:
     reports = {}
     for part in result.parts:
         if part == "shear":
-            reports["Shear"] = shear_report(result)
+            title = "Shear"
+            reports[title] = shear_report(result)
         elif part.startswith("bending"):
-            reports[f"Bending of the {part.split()[1]}"] = bending_report(result, part)
+            title = f"Bending of the {part.split()[1]}"
+            reports[title] = bending_report(result, part)
         else:
-            reports[f"Tension, {part}"] = tension_report(result, part)
+            title = f"Tension, {part}"
+            reports[title] = tension_report(result, part)
+        reports[title]["candidates"] = [
+            asdict(one) for one in result.candidates.get(part, ())
+        ]
     return reports
 
 
@@ -230,7 +237,7 @@ def _moments(result: "FabricFit") -> list[dict[str, Any]]:
 
     C, band, alone = value(fit.law), fit.band(value), fit.singles
     moments = [] if alone is None else [value(fit.model.build(one)) for one in alone]
-    points = []
+    points, scatter = [], fit.scatter(value)
     for i, specimen in enumerate(result.specimens):
         force, *_ = fit.zeros(i).get("force at rest", (specimen.zeros.force or 0.0,))
         points.append(specimen.pointwise(result.choice.up_to, force))
@@ -238,6 +245,8 @@ def _moments(result: "FabricFit") -> list[dict[str, Any]]:
     for i, angle in enumerate(angles):
         low, high = band[:, i]
         row = {"angle_deg": angle, "moment": C[i], "low": low, "high": high}
+        if scatter is not None:
+            row["specimen_low"], row["specimen_high"] = scatter[:, i]
         if moments:
             row["between_specimens"] = np.std([one[i] for one in moments], ddof=1)
         reduced = [
@@ -305,7 +314,7 @@ def _range_notes(result: "FabricFit") -> list[str]:
         if all(specimen.ways(up_to))
     ]
     for specimen in result.specimens:
-        notes += _beginning_notes(specimen, up_to)
+        notes += beginning_notes(specimen, up_to)
     if result.stabilisation is not None:
         shares = {"energy": {"stabilisation": result.stabilisation}}
         if excessive := excess(shares, "stabilisation"):
@@ -331,31 +340,6 @@ def _range_notes(result: "FabricFit") -> list[str]:
                 "degrees"
             )
     return list(dict.fromkeys(notes))
-
-
-def _beginning_notes(specimen: Specimen, up_to: float | None) -> list[str]:
-    name, used = specimen.name, specimen.used(up_to)
-    forth, back = specimen.ways(up_to)
-    if forth and back:
-        return []
-    notes = []
-    if back:
-        notes.append(
-            f"{name}: the displacement only decreases from row to row, as in "
-            "unloading: keep the rows of the loading"
-        )
-    force = specimen.force[used]
-    if seems_swapped(specimen.driven[used], force):
-        what = "shear angle" if specimen.displacement is None else "displacement"
-        notes.append(
-            f"{name}: the force increases in equal steps and the {what} does not: "
-            "check whether the columns are swapped, unless the test was "
-            "force-controlled"
-        )
-    zeros = specimen.zeros
-    if zeros.force is None or zeros.slack is None:
-        return notes
-    return notes + rest_notes(name, specimen.angle[used], force - zeros.force)
 
 
 def report_text(reports: Mapping[str, Mapping[str, Any]]) -> str:

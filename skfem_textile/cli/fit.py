@@ -9,7 +9,8 @@ import numpy as np
 
 from .. import __version__
 from ..calibration import report
-from ..calibration.fitting import Choice, FabricFit, Test, fit_tests
+from ..calibration.choice import Choice, Test
+from ..calibration.fitting import FabricFit, fit_tests
 from ..calibration.simulation import FIBRES, Simulation
 from ..calibration.specimens import Specimen
 from ..fabric import Fabric
@@ -47,14 +48,15 @@ _COMMON: Options = {
 }
 
 _SHEAR_LAW = option(
-    "shear law: polynomial (odd powers), linear, sin2, locking or tabulated",
+    "shear law: polynomial (odd powers), linear, sin2, locking or tabulated, or auto, "
+    "the one with the best cross-validation",
     metavar="LAW",
     default="polynomial",
 )
 
 _TENSION_LAW = option(
-    "tension law: crimp-toe, linear or tabulated for each family, or, from biaxial "
-    "tests, crimp-interchange",
+    "tension law: crimp-toe, linear or tabulated for each family, or auto, the one "
+    "with the best cross-validation; from biaxial tests also crimp-interchange",
     metavar="LAW",
     default="crimp-toe",
 )

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..calibration.bending import read_cantilever
 from ..calibration.biaxial import FAMILIES, read_biaxial
-from ..calibration.fitting import Test
+from ..calibration.choice import Test
 from ..calibration.preparing import BRANCHES, Preparation
 from ..calibration.reading import Format, column_named
 from ..calibration.specimens import read_specimens

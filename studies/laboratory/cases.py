@@ -20,7 +20,7 @@ from skfem_textile.calibration import (
     read_recordings,
     read_specimens,
 )
-from skfem_textile.calibration.fitting import SHEAR_LAWS
+from skfem_textile.calibration.choice import SHEAR_LAWS
 
 from ..study import Row
 from .machines import MACHINES, Curve, Export

@@ -21,7 +21,7 @@ from skfem_textile.calibration import (
     Zeros,
     residuals,
 )
-from skfem_textile.calibration.fitting import Test
+from skfem_textile.calibration.choice import Test
 from skfem_textile.calibration.simulation import SimulatedTest
 
 #: Laws of the fabric by part, and their parameters.

@@ -278,7 +278,7 @@ def test_a_tension_law_is_rejected_as_a_shear_law(tmp_path, capsys):
 
 
 def test_the_help_lists_every_law():
-    from skfem_textile.calibration.fitting import SHEAR_LAWS, TENSION_LAWS
+    from skfem_textile.calibration.choice import SHEAR_LAWS, TENSION_LAWS
 
     flags = {"joint": {"--shear-law", "--tension-law"}, "cantilever": set()}
     for test, (_, options) in TESTS.items():

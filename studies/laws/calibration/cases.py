@@ -30,7 +30,7 @@ from skfem_textile.calibration import (
     fit_tests,
     read_specimens,
 )
-from skfem_textile.calibration.fitting import SHEAR_LAWS
+from skfem_textile.calibration.choice import SHEAR_LAWS
 from skfem_textile.calibration.models import Model
 from skfem_textile.fabric import Law
 from skfem_textile.ply.terms import Formulation
