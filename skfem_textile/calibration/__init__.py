@@ -11,6 +11,7 @@ from .regression import Fit, JointFit
 from .simulation import Simulation
 from .specimens import Specimen, Zeros, read_specimens
 from .strip import Strip, read_strips
+from .validation import Prediction, Validation, predict, validate
 
 __all__ = [
     "BiasExtension",
@@ -22,6 +23,7 @@ __all__ = [
     "Format",
     "JointFit",
     "PictureFrame",
+    "Prediction",
     "Preparation",
     "Prepared",
     "Recording",
@@ -29,12 +31,15 @@ __all__ = [
     "Simulation",
     "Specimen",
     "Strip",
+    "Validation",
     "Zeros",
     "fit_tests",
+    "predict",
     "prepare",
     "read_biaxial",
     "read_cantilever",
     "read_recordings",
     "read_specimens",
     "read_strips",
+    "validate",
 ]

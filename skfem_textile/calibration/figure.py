@@ -1,6 +1,7 @@
 """Figures of fits: test curves, and the law with its confidence band."""
 
 import os
+from collections.abc import Sequence
 from itertools import cycle
 from typing import Any
 
@@ -14,6 +15,7 @@ from ..plot.picture_files import picture_path, save
 from .biaxial import FAMILIES
 from .fitting import FabricFit
 from .regression import Fit
+from .validation import NORMAL_95, Validation
 
 # Number of points of a line.
 _N = 201
@@ -55,6 +57,53 @@ def draw(result: FabricFit, filename: str | os.PathLike[str]) -> None:
             if axes.get_legend_handles_labels()[0]:
                 axes.legend(frameon=False)
         save(figure, path)
+
+
+def draw_validation(
+    found: Sequence[Validation], filename: str | os.PathLike[str]
+) -> None:
+    """Draw tests that were not used in the fit, beside their predictions.
+
+    Parameters
+    ----------
+    found
+        The tests.
+    filename
+        File name of the PNG.
+    """
+    path = picture_path(filename)
+    style = {"axes.spines.top": False, "axes.spines.right": False, "font.size": 10}
+    with mpl.rc_context(style):
+        figure = Figure(figsize=(6.4, 4.2 * len(found)), layout="constrained")
+        panels = figure.subplots(len(found), 1, squeeze=False)[:, 0]
+        for one, axes in zip(found, panels, strict=True):
+            _draw_prediction(one, axes)
+        save(figure, path)
+
+
+def _draw_prediction(one: Validation, axes: Any) -> None:
+    """Prediction with its bands, and the measured curve with the one of its noise."""
+    x, prediction = one.displacement, one.prediction
+    force, law = prediction.force, prediction.pointwise
+    both = law + np.nan_to_num(prediction.discretisation)
+    noise = NORMAL_95 * one.noise
+    for half, alpha, label in (
+        (both, 0.2, "parameters and discretisation"),
+        (law, 0.35, "parameters"),
+    ):
+        band = force - half, force + half
+        axes.fill_between(
+            x, *band, color=COLOURS[0], alpha=alpha, lw=0, label=f"{label}, 95 %"
+        )
+    measured = one.measured - noise, one.measured + noise
+    axes.fill_between(
+        x, *measured, color=COLOURS[1], alpha=0.2, lw=0, label="noise, 95 %"
+    )
+    axes.plot(x, force, color=COLOURS[0], label="prediction")
+    axes.plot(x, one.measured, ".", color=COLOURS[1], label=one.specimen.name)
+    axes.set(xlabel="displacement (mm)", ylabel="force (N)")
+    axes.grid(alpha=0.3)
+    axes.legend(frameon=False)
 
 
 def _draw_shear(result: FabricFit, left: Any, right: Any) -> None:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .biaxial import BiaxialCurve
     from .fitting import FabricFit
     from .strip import Strip
+    from .validation import Validation
 
 
 #: Shear angles in degrees at which moments are reported, within the data.
@@ -156,6 +157,46 @@ def joint_report(result: "FabricFit") -> dict[str, Any]:
         "standard_deviations": deviations.tolist(),
         "correlations": (fit.covariance / np.outer(scale, scale)).tolist(),
     }
+
+
+def validation_report(found: "Sequence[Validation]") -> dict[str, Any]:
+    """Report of tests that were not used in the fit."""
+    rows, notes = [], []
+    for one in found:
+        most, prediction = float(np.abs(one.measured).max()), one.prediction
+        difference, name = one.difference, one.specimen.name
+        half = np.nan_to_num(prediction.discretisation)
+        rows.append(
+            {
+                "name": name,
+                "test": repr(one.specimen.test),
+                "points": int(difference.size),
+                "largest_angle_deg": float(np.degrees(prediction.gamma.max())),
+                "slack_mm": one.specimen.slack,
+                "rms_N": float(np.sqrt(np.mean(difference**2))),
+                "largest_N": float(np.abs(difference).max()),
+                "largest_over_largest_force": float(np.abs(difference).max()) / most,
+                "noise_N": one.noise,
+                "parameters_N": float(prediction.pointwise.max()),
+                "discretisation_N": float(half.max()),
+                "inside_pointwise": one.share(),
+                "inside_simultaneous": one.share(simultaneous=True),
+                "lost_to_stretch": float(prediction.simulated.lost[-1]),
+                "confirmed": one.confirmed,
+            }
+        )
+        if not np.isfinite(prediction.discretisation).all():
+            notes.append(
+                f"{name}: the discretisation error is unknown, and its interval is not "
+                "part of the band"
+            )
+        if not one.confirmed:
+            notes.append(
+                f"{name}: the prediction is not confirmed: "
+                f"{100 * one.share(simultaneous=True):.0f} % of the curve is inside "
+                "the band of the whole curve"
+            )
+    return {"of": "validation", "confidence": CONFIDENCE, "rows": rows, "notes": notes}
 
 
 def _zeros(fit: Fit, i: int) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""Simulated bias extensions, as functions of the laws of the fabric.
+"""Simulated shear tests, as functions of the laws of the fabric.
 
 A simulation takes the stretch of the fibres into account, and everything else that the
 closed form for inextensible fibres neglects.  The ratio of the simulated load to the
@@ -21,13 +21,17 @@ from ..ply import Ply
 from ..scenes.bias_extension import bias_extension, lost_to_stretch
 from ..scenes.rectangle import rectangle
 from ..scenes.scene import Scene
-from ..scenes.shear_test import BiasExtension, ShearTest
+from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
+from ..scenes.trellis import picture_frame
 from ..solve.result import Result, StepError
 from ..solve.stepper import LoadStepper
 from .solving import Laws
 
 #: Default fibre stiffness in N/mm.
 FIBRES = 1e5
+
+# Distortion of the irregular meshes, relative to an element.
+_JITTER = 0.25
 
 
 class Simulated(NamedTuple):
@@ -93,7 +97,22 @@ class Simulation:
             law = replace(law, extrapolation="linear")
         return Fabric(tension, law)
 
-    def test(self, laws: Laws, test: BiasExtension, largest: float) -> "SimulatedTest":
+    def _scene(self, test: ShearTest, largest: float) -> Scene:
+        """Scene of a test on an irregular mesh."""
+        nx = self.across // 2  # elements are split into four
+        if isinstance(test, PictureFrame):
+            L = test.fabric
+            # equally high elements: see `picture_frame`
+            mesh = rectangle(L, L, (nx, nx), "horizontal", _JITTER, self.seed)
+            return picture_frame(mesh, shear_angle=largest)
+        assert isinstance(test, BiasExtension)
+        W, H, theta = test.width, test.height, test.inclination
+        warp, weft = theta, np.pi - theta
+        size = nx, max(round(nx * H / W), 2)
+        mesh = rectangle(W, H, size, "irregular", _JITTER, self.seed, warp, weft)
+        return bias_extension(mesh, warp=warp, weft=weft, shear_angle=largest)
+
+    def test(self, laws: Laws, test: ShearTest, largest: float) -> "SimulatedTest":
         """Simulation from 0 up to a theoretical shear angle in radians.
 
         Raises
@@ -101,15 +120,9 @@ class Simulation:
         ValueError
             If the simulation does not reach the angle.
         """
-        W, H, theta = test.width, test.height, test.inclination
-        fibres = theta, np.pi - theta
-        nx = self.across // 2  # elements are split into four
-        size = nx, max(round(nx * H / W), 2)
-        mesh = rectangle(W, H, size, "irregular", 0.25, self.seed, *fibres)
-        warp, weft = fibres
-        scene = bias_extension(mesh, warp=warp, weft=weft, shear_angle=largest)
+        scene = self._scene(test, largest)
         fabric = replace(self.fabric(laws), warp=scene.warp, weft=scene.weft)
-        stepper = LoadStepper(Ply(mesh, fabric), scene.conditions, self.steps)
+        stepper = LoadStepper(Ply(scene.mesh, fabric), scene.conditions, self.steps)
         try:
             result = stepper.run()
         except StepError as error:
@@ -119,7 +132,7 @@ class Simulation:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedTest:
-    """Simulated bias extension.
+    """Simulated bias extension or picture frame.
 
     Attributes
     ----------
@@ -136,7 +149,7 @@ class SimulatedTest:
     """
 
     settings: Simulation
-    test: BiasExtension
+    test: ShearTest
     scene: Scene
     result: Result
     laws: Laws
@@ -149,8 +162,15 @@ class SimulatedTest:
 
     @cached_property
     def forces(self) -> ndarray:
-        """Force of each state in N, (n,)."""
-        return np.array([self.scene.reaction(one)[1] for one in self.result.states])
+        """Force of the machine at each state in N, (n,)."""
+        states, simulated = self.result.states, self.scene.shear_test
+        moved = np.array([self.scene.driven_displacement(one) for one in states])
+        forces = np.array([self.scene.reaction(one) for one in states])
+        assert simulated is not None
+        _, along = simulated.measured(moved, forces)
+        if isinstance(self.test, PictureFrame):  # arms longer than the fabric
+            return along * self.test.fabric / self.test.frame
+        return along
 
     @property
     def stabilisation(self) -> float:
@@ -179,8 +199,25 @@ class SimulatedTest:
     def _own(self) -> ndarray:
         return self._kept(self.laws)
 
+    @cached_property
+    def half_widths(self) -> ndarray:
+        """Half-width of the discretisation error of each force in N, (n,).
+
+        NaN where there is none.
+        """
+        found = [self.result.interval(one).load for one in self.result.states]
+        relative = np.array([np.nan if x is None else x for x in found])
+        return np.concatenate([[0.0], relative[1:] * np.abs(self.forces[1:])])
+
+    @property
+    def lost(self) -> ndarray:
+        """Estimated share of the closed form lost to the stretch of fibres, (n,)."""
+        return 1 - np.concatenate([self._own[:1], self._own])
+
     def _kept(self, laws: Laws) -> ndarray:
         """Estimated share of the force kept by the fibres of each state, (n,)."""
+        if not isinstance(self.test, BiasExtension):
+            return np.ones(self.angles.size - 1)
         W, H, theta = self.test.width, self.test.height, self.test.inclination
         fabric = self.settings.fabric(laws)
         return 1 - lost_to_stretch(fabric, self.angles[1:], W, H, theta)

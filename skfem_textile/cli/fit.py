@@ -3,6 +3,7 @@
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from ..calibration.choice import Choice, Test
 from ..calibration.fitting import FabricFit, fit_tests
 from ..calibration.simulation import FIBRES, Simulation
 from ..calibration.specimens import Specimen
+from ..calibration.validation import Validation, refuse_others, validate
 from ..fabric import Fabric
 from ..fabric.files import write_law
 from ..mesh.user_input import printable
@@ -81,6 +83,15 @@ _SHEAR: Options = {
     **_COMMON,
 }
 
+_VALIDATE: Options = {
+    "--validate": option(
+        "TOML file of bias extensions and picture frames, as for fit joint, that are "
+        "not fitted: predict them by simulation, and compare",
+        Path,
+        "FILE",
+    ),
+}
+
 _SIMULATE: Options = {
     "--simulate": option(
         "fit bias extensions by simulation, with this number of element edges across "
@@ -98,7 +109,12 @@ TESTS: dict[str, tuple[str, Options]] = {
     ),
     "picture-frame": (
         "a shear law from picture-frame tests",
-        {"--law": _SHEAR_LAW, **KINDS["picture-frame"].options, **_SHEAR},
+        {
+            "--law": _SHEAR_LAW,
+            **KINDS["picture-frame"].options,
+            **_SHEAR,
+            **_VALIDATE,
+        },
     ),
     "bias-extension": (
         "a shear law from bias-extension tests",
@@ -107,6 +123,7 @@ TESTS: dict[str, tuple[str, Options]] = {
             **KINDS["bias-extension"].options,
             **_SHEAR,
             **_SIMULATE,
+            **_VALIDATE,
         },
     ),
     "cantilever": (
@@ -124,6 +141,7 @@ TESTS: dict[str, tuple[str, Options]] = {
             "--tension-law": _TENSION_LAW,
             **_SHEAR,
             **_SIMULATE,
+            **_VALIDATE,
         },
     ),
 }
@@ -153,7 +171,8 @@ _LAWS = {
     **{"shear": "shear_law.json", "both": "tension_law.json"},
     **{"warp": "warp_law.json", "weft": "weft_law.json"},
 }
-_ONE_LAW, _PICTURE = "law.json", "fit.png"
+_ONE_LAW, _PICTURE, _PREDICTION = "law.json", "fit.png", "validation.png"
+_PICTURES = _PICTURE, _PREDICTION
 _FILES = "summary.json", "fabric.json", "report.md", _ONE_LAW, *_LAWS.values()
 
 
@@ -164,19 +183,25 @@ def run_fit(options: Namespace) -> int:
     with shown("fitting"):
         tests = _tests(options)
         base = _base_fabric(options, tests)
+        held_out = _held_out(options)
         result = _fitted(options, tests, base)
+        found = validate(result, base, held_out, _simulation(options, base))
     reports = report.reports_of(result)
     _add_missing(options, result, reports)
+    if found:
+        reports["Validation"] = report.validation_report(found)
     text = report.report_text(reports)
     inputs = {k: v for k, v in vars(options).items() if k not in ("command", "out")}
     inputs["data"] = [str(path) for path in options.data]
+    if inputs.get("validate") is not None:
+        inputs["validate"] = str(options.validate)
     summary = {
         "reports": reports,
         "joint": report.joint_report(result),
         "inputs": {"version": __version__, **inputs},
     }
     laws = {part: law for part, law in result.laws.items() if part in _LAWS}
-    with held(), ResultFolder(options.out, (*_FILES, _PICTURE)) as folder:
+    with held(), ResultFolder(options.out, (*_FILES, *_PICTURES)) as folder:
         for part, law in laws.items():
             name = _ONE_LAW if len(laws) == 1 else _LAWS[part]
             write_law(law, folder / name)
@@ -184,7 +209,7 @@ def run_fit(options: Namespace) -> int:
         (folder / "report.md").write_text(text, encoding="utf-8")
         io.write_summary(summary, folder / "summary.json")
     if not options.no_render:
-        _draw(options, result)
+        _draw(options, result, found)
     say(text, end="")
     say(f"results written to {printable(options.out)}")
     return 0
@@ -206,17 +231,33 @@ def _fitted(options: Namespace, tests: Sequence[Test], base: Fabric) -> FabricFi
     if known.get("up_to") is not None:
         how["up_to"] = float(np.radians(options.up_to))
     choice = Choice(**how, bounds=dict(known.get("bound", ())))
-    across = known.get("simulate")
-    simulation = None if across is None else Simulation(base.tension, across)
+    simulation = _simulation(options, base) if known.get("simulate") else None
     return fit_tests(tests, choice, simulation)
 
 
-def _draw(options: Namespace, result: FabricFit) -> None:
+def _held_out(options: Namespace) -> list[Test]:
+    """Tests that are predicted, not fitted."""
+    path = getattr(options, "validate", None)
+    tests = [] if path is None else tests_of(path)
+    refuse_others(tests)
+    return tests
+
+
+def _simulation(options: Namespace, base: Fabric) -> Simulation:
+    across = getattr(options, "simulate", None)
+    if across is None:
+        return Simulation(base.tension)
+    return Simulation(base.tension, across)
+
+
+def _draw(options: Namespace, result: FabricFit, found: Sequence[Validation]) -> None:
     try:
-        with ResultFolder(options.out, (_PICTURE,)) as folder:
-            from ..calibration.figure import draw
+        with ResultFolder(options.out, _PICTURES) as folder:
+            from ..calibration.figure import draw, draw_validation
 
             draw(result, folder / _PICTURE)
+            if found:
+                draw_validation(found, folder / _PREDICTION)
     except ImportError as error:
         say(
             f"the picture was not drawn: {printable(error)}: pip install "

@@ -234,6 +234,49 @@ def test_a_strip_is_fitted_alone(tmp_path):
     assert read_law(tmp_path / "o" / "law.json").stiffness == pytest.approx(4e3)
 
 
+def held_out(folder, kind="bias-extension", scale=1.0, sizes=(80, 200)):
+    """A test of another size, and the file that names it."""
+    test = BiasExtension(80.0, 200.0)
+    gamma = np.radians(np.linspace(1.0, 35.0, 30))
+    force = scale * test.force(LAW, gamma)
+    header = "displacement (mm),force (N)"
+    table(folder / "held.csv", header, test.displacement(gamma), force)
+    text = f'[[test]]\nkind = "{kind}"\ndata = "held.csv"\nslack = 0\n'
+    file = folder / "held.toml"
+    file.write_text(f"{text}width = {sizes[0]}\nheight = {sizes[1]}\n")
+    return file
+
+
+def test_a_test_that_was_not_used_is_predicted_and_compared(tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    data = list(curves(tmp_path, BiasExtension(100.0, 200.0)))
+    out = tmp_path / "o"
+    known = *SIZES, "--slack", 0, "--force-at-rest", 0, "--out", out
+    validated = "--fibre-stiffness", 1e6, "--validate"
+    assert fit("bias-extension", *data, *known, *validated, held_out(tmp_path)) == 0
+    report = json.loads((out / "summary.json").read_text())["reports"]["Validation"]
+    (row,) = report["rows"]
+    assert row["confirmed"]
+    assert row["inside_simultaneous"] > 0.95
+    assert row["largest_over_largest_force"] < 0.05
+    assert (out / "validation.png").stat().st_size > 10_000
+    assert "# Validation" in capsys.readouterr().out
+    wrong = held_out(tmp_path, scale=1.3)
+    how = *validated, wrong, "--no-render"
+    assert fit("bias-extension", *data, *known, *how) == 0
+    assert "the prediction is not confirmed" in capsys.readouterr().out
+    assert not (out / "validation.png").exists()
+
+
+def test_only_shear_tests_are_predicted(tmp_path, capsys):
+    data = list(curves(tmp_path, BiasExtension(100.0, 200.0)))
+    joint = joint_file(tmp_path)
+    arguments = "bias-extension", *data, *SIZES, "--validate", joint
+    out = "--out", tmp_path / "o"
+    line = rejected(capsys, "fit", *map(str, (*arguments, *out)))
+    assert "only bias extensions and picture frames" in line
+
+
 def test_a_joint_fit_is_drawn(tmp_path):
     pytest.importorskip("matplotlib")
     file, out = joint_file(tmp_path), tmp_path / "o"
