@@ -7,6 +7,7 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
 
 from ..fabric import Fabric
 from ..scenes.shear_test import BiasExtension, ShearTest
@@ -158,7 +159,7 @@ def fit_tests(
         raise ValueError("only bias-extension tests are simulated: omit the simulation")
     choice, candidates = _chosen(tests, choice)
     if simulation is None:
-        result = _fitted(tests, choice)
+        result = fit_near(tests, choice)
     else:
         result = _fitted_by_simulation(tests, choice, simulation)
     _refuse_unphysical(result)
@@ -267,13 +268,23 @@ def _refuse_unphysical(result: FabricFit) -> None:
         )
 
 
-def _fitted(
+def fit_near(
     tests: Sequence[Test],
     choice: Choice,
     simulations: Mapping[ShearTest, SimulatedTest] | None = None,
-    start: Any = None,
+    start: ndarray | None = None,
 ) -> FabricFit:
-    """Fit with given simulations of some tests."""
+    """Fit with given simulations of some tests, by laws near the fitted ones.
+
+    Parameters
+    ----------
+    tests, choice
+        See `fit_tests`.
+    simulations
+        Simulations by test.
+    start
+        Initial parameters; required if tension laws are fitted with simulations.
+    """
     of_models, simulations = models_of(tests, choice), simulations or {}
     coupled = bool({*FAMILIES, "both"} & set(of_models))
     samples = _samples(tests, choice, simulations, coupled)
@@ -314,14 +325,14 @@ def _fitted_by_simulation(
     specimens = [one for one in of_kind(tests, Specimen) if _is_bias(one)]
     end = choice.up_to or np.inf
     largest = [reach(one, end) for one in specimens]
-    result = _fitted(tests, replace(choice, up_to=end))
+    result = fit_near(tests, replace(choice, up_to=end))
     before = _loads(result)
     for n in range(_MOST_ROUNDS):
         found = simulated(
             simulation, result.laws, [one.test for one in specimens], largest
         )
         start = result.fit.joint.values
-        result = _fitted(tests, replace(choice, up_to=end), found, start)
+        result = fit_near(tests, replace(choice, up_to=end), found, start)
         loads = _loads(result)
         change = max(
             float(np.abs(current - previous).max() / np.abs(current).max())

@@ -97,14 +97,29 @@ def predict(
     """
     if "shear" not in result.parts:
         raise ValueError("a prediction requires a fitted shear law: fit a shear test")
-    joint, settings = result.fit.joint, simulation or Simulation()
     known: dict[str, Any] = {"both": base.tensions}
     if {"warp", "weft"} & set(result.laws):
         known = {family.name: family.tension for family in base.families}
-    found = settings.test(known | result.laws, test, float(gamma.max()))
+    settings, end = simulation or Simulation(), float(gamma.max())
+    return predict_near(result, settings.test(known | result.laws, test, end), gamma)
+
+
+def predict_near(result: FabricFit, found: SimulatedTest, gamma: ndarray) -> Prediction:
+    """Predict the force of a test that was simulated with laws near the fitted ones.
+
+    Parameters
+    ----------
+    result
+        Fitted laws.
+    found
+        The simulation, with laws of all parts that it depends on.
+    gamma
+        Theoretical shear angles in radians.
+    """
+    joint = result.fit.joint
 
     def value(laws: Any) -> ndarray:
-        return found.force(known | laws, gamma)
+        return found.force({**found.laws, **laws}, gamma)
 
     slopes = differences(joint.model, joint.values, value)
     deviation, freedom = joint.deviation(slopes)

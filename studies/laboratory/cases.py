@@ -23,6 +23,7 @@ from skfem_textile.calibration import (
 from skfem_textile.calibration.choice import SHEAR_LAWS
 
 from ..study import Row
+from .joint import JointCase, joint_cases
 from .machines import MACHINES, Curve, Export
 
 #: Laws and their parameters at the scale 1: softening and stiffening, convex, straight.
@@ -263,11 +264,11 @@ class Doubtful:
         return [{"what": self.what, "as_needed": option in message, "message": message}]
 
 
-Case = File | Doubtful
+Case = File | Doubtful | JointCase
 
 
 def all_cases(seed: int) -> Sequence[Case]:
-    """Files of each group, and files that must be refused.
+    """Files of each group, files that must be refused, and joint fits.
 
     The files ``chosen`` are those with which constants of the library were chosen.
     """
@@ -279,4 +280,5 @@ def all_cases(seed: int) -> Sequence[Case]:
             for i in range(number)
         ),
         *(Doubtful(what, machine) for what in DOUBTFUL for machine in MACHINES),
+        *joint_cases(),
     ]
