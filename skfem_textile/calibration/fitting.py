@@ -212,7 +212,7 @@ def _best(
     for name, choice in options.items():
         own = [test for test in tests if part in _families(test)]
         model = models_of(own, replace(choice, bounds=None, extrapolation=None))[part]
-        samples = [x for x in _samples(own, choice, {}, False) if x.part == part]
+        samples = [x for x in _samples(own, choice, {}, ()) if x.part == part]
         largest = _largest_argument(own, part, choice.up_to)
         unit = "degrees" if part == "shear" else "strain"
         found[part].append(
@@ -286,8 +286,8 @@ def fit_near(
         Initial parameters; required if tension laws are fitted with simulations.
     """
     of_models, simulations = models_of(tests, choice), simulations or {}
-    coupled = bool({*FAMILIES, "both"} & set(of_models))
-    samples = _samples(tests, choice, simulations, coupled)
+    tensions = tuple(name for name in (*FAMILIES, "both") if name in of_models)
+    samples = _samples(tests, choice, simulations, tensions)
     result = fit(of_models, samples, start=start)
     return FabricFit(result, tuple(tests), choice, simulations)
 
@@ -296,7 +296,7 @@ def _samples(
     tests: Sequence[Test],
     choice: Choice,
     simulations: Mapping[ShearTest, SimulatedTest],
-    coupled: bool,
+    tensions: tuple[str, ...],
 ) -> list[Sample]:
     """Curves of all tests with their predictions."""
     samples: list[Sample] = []
@@ -311,8 +311,8 @@ def _samples(
     for one in specimens:
         found = simulations.get(one.test)
         end = np.inf if found and choice.up_to is None else choice.up_to
-        both = coupled and found is not None
-        samples.append(residuals.shear(one, end, largest, found, both))
+        others = tensions if found else ()
+        samples.append(residuals.shear(one, end, largest, found, others))
     samples += [residuals.cantilever(one) for one in of_kind(tests, CantileverTest)]
     return samples
 

@@ -70,7 +70,7 @@ def shear(
     up_to: float | None,
     largest: float,
     simulated: SimulatedTest | None = None,
-    coupled: bool = False,
+    others: tuple[str, ...] = (),
 ) -> Sample:
     """Force of a picture frame or bias extension, F = Σ a C(s γ).
 
@@ -88,8 +88,8 @@ def shear(
         Largest shear angle of all specimens, at which laws with a pole end.
     simulated
         Simulation of the test.
-    coupled
-        True if the simulation depends on tension laws with unknown parameters.
+    others
+        Tension laws with unknown parameters on which the simulation depends.
     """
     used = specimen.used(up_to)
     moved, zeros = specimen.displacement, specimen.zeros
@@ -121,7 +121,7 @@ def shear(
         return force + values.get("force at rest", at_rest or 0.0)
 
     force = specimen.force[used]
-    return Sample(specimen.name, force, "shear", predict, tuple(offsets), coupled)
+    return Sample(specimen.name, force, "shear", predict, tuple(offsets), others)
 
 
 def cantilever(test: CantileverTest) -> Sample:

@@ -37,8 +37,8 @@ class Sample(NamedTuple):
     """Name of a curve, measured values, (n,), and predictions of the laws of a fabric.
 
     ``predict(laws, *offsets)`` is called without offsets or with one number for each of
-    ``offsets``.  ``part`` is the law that the curve determines, and on which alone its
-    predictions depend unless it is ``coupled``.
+    ``offsets``.  ``part`` is the law that the curve determines; its predictions also
+    depend on the laws ``others``, if any.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Sample(NamedTuple):
     part: str
     predict: Callable[..., ndarray]
     offsets: tuple[Offset, ...] = ()
-    coupled: bool = False
+    others: tuple[str, ...] = ()
 
 
 def _optimize() -> Any:
@@ -252,7 +252,7 @@ class Unknowns:
 
     def solve(self, weights: ndarray, x: ndarray | None) -> tuple[ndarray, ndarray]:
         """Best vector and the Jacobian there, from a given one or from linear laws."""
-        joint = self.zeros or any(sample.coupled for sample in self.samples)
+        joint = self.zeros or any(sample.others for sample in self.samples)
         if joint and x is not None:
             return self._solve_all(weights, x)
         x = self._solve_each(weights, x)
@@ -302,13 +302,15 @@ class Unknowns:
         """Derivatives of all predictions, shape (n, parameters + zeros)."""
         of_curves, laws = self.offsets(x), self.laws(x)
         J = np.zeros((self._rows(range(len(self.samples))).size, x.size))
-        coupled = [i for i, sample in enumerate(self.samples) if sample.coupled]
         for name, model in self.models.items():
-            own = [
-                i
-                for i, sample in enumerate(self.samples)
-                if sample.part == name and not sample.coupled
-            ]
+            own, coupled = (
+                [
+                    i
+                    for i, one in enumerate(self.samples)
+                    if name in (one.part, *one.others) and bool(one.others) == several
+                ]
+                for several in (False, True)
+            )
             block, values = self.blocks[name], x[self.blocks[name]]
             if own:
                 _, value = self._beyond_rest(name, laws, of_curves, own)
