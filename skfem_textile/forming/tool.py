@@ -222,6 +222,11 @@ class Obstacle:
             return replace(obstacle, side=obstacle._side_at_rest())
         return obstacle
 
+    def travel(self, t: float) -> ndarray:
+        """Translation from the initial position in mm, shape (3,)."""
+        (_, first), (_, now) = (placement(self.what, self.motion, x) for x in (0.0, t))
+        return now - first
+
     def gaps(self, x: ndarray, t: float) -> Gaps:
         """Gaps of points, shape (3, n).
 
@@ -315,6 +320,12 @@ class Obstacle:
         at = replace(self, reach=lambda t: 0.0).gaps(self.X, 0.0)
         distance = np.where(np.isfinite(at.gap), at.distance, 0.0)
         size = float(np.ptp(self.X, axis=1).max())
+        if not np.isfinite(at.gap).any():
+            raise ValueError(
+                f"{self.what}: no node of the undeformed ply is within its edges or "
+                "outline, so that its side is not known: check the positions and units "
+                "of tool and ply, or specify side=1 or side=-1"
+            )
         above, below = float(distance.max()), -float(distance.min())
         if max(above, below) <= _ROUND_OFF * size:
             raise ValueError(
@@ -404,8 +415,8 @@ class ToolContact(ContactTerm):
         return self._obstacle.place(position)
 
     def travel(self, t: float) -> ndarray:
-        """Translation of the tool in mm, shape (3,)."""
-        return self._placement(t)[1]
+        """See `ContactTerm.travel`."""
+        return self._obstacle.travel(t)
 
     def gaps(self, u: ndarray, t: float) -> ndarray:
         """See `ContactTerm.gaps`."""

@@ -32,7 +32,7 @@ from ..drape import (
 )
 from ..drape import double_dome as dome
 from ..drape.surfaces import positive_length
-from ..forming import Holder, Tool
+from ..forming import Holder, Tool, contacts
 from ..forming.figures import formed
 from ..mesh.checks import MeshError
 from ..mesh.user_input import real_numbers
@@ -43,11 +43,14 @@ from ..solve.surface import Surface
 from .flat_ply import PlyOptions, flat_ply, free_edges, in_planes
 from .scene import Scene
 
-#: Distance between punch and die in the plane of a ply, in mm.
+#: Default distance between punch and die in the plane of a ply, in mm.
 CLEARANCE = 5.0
 
 # Tolerance of lengths relative to the ply.
 _OFF = 1e-6
+
+# Share of the largest force of a tool above which holding forces are reported.
+_HOLDING = 0.01
 
 _NO_EXACT = "no exact solution is known"
 
@@ -176,10 +179,20 @@ def _at_centre(name: str, mesh: Mesh, turns: bool) -> dict[str, Condition]:
 def _measured(result: Result, holding: Collection[str]) -> dict[str, float | str]:
     """Figures of a formed ply, with the largest force of a node that holds it."""
     figures = dict(formed(result))
-    forces = [result.states[-1].reactions[name] for name in holding]
+    last = result.states[-1].reactions
+    forces = [last[name] for name in holding]
     if forces:
         largest = float(np.linalg.norm(forces, axis=1).max())
         figures["max_holding_force_N"] = largest
+        on_tools = [last[tool.name] for tool in contacts(result.ply)]
+        pushing = float(np.linalg.norm(on_tools, axis=1).max(initial=0.0))
+        if largest > _HOLDING * pushing > 0:
+            figures["held"] = (
+                f"the node at the centre of the ply is held with {largest:.3g} N, "
+                f"{largest / pushing:.0%} of the largest force of a tool: without it "
+                "the ply would slide. Put the centre of the ply on the axis of the "
+                "tools, or hold edges of the ply"
+            )
     return figures
 
 
@@ -189,11 +202,10 @@ def hemisphere_forming(
     fillet: float = 10.0,
     travel: float = 75.0,
     gap: float = 0.3,
+    clearance: float = CLEARANCE,
     **ply: Unpack[PlyOptions],
 ) -> Scene:
     """Ply that a punch with a hemispherical end forms through a round hole.
-
-    The radius of the hole is larger than the punch by `CLEARANCE`.
 
     Parameters
     ----------
@@ -207,6 +219,8 @@ def hemisphere_forming(
         Final travel of the punch in mm.
     gap
         Distance between die and holder in mm.
+    clearance
+        Radius of the hole less the radius of the punch in mm.
 
     Raises
     ------
@@ -226,7 +240,8 @@ def hemisphere_forming(
     name = "hemisphere_forming"
     radius, middle = positive_length(f"{name}: radius", radius), 0.5 * _gap(name, gap)
     punch = Punch(radius, (0.0, 0.0, -radius - middle))
-    die = Die(radius + CLEARANCE, fillet, (0.0, 0.0, middle))
+    hole = radius + positive_length(f"{name}: clearance", clearance)
+    die = Die(hole, fillet, (0.0, 0.0, middle))
     tools = _pressed(name, punch, die, _upwards(name, travel), gap)
     return formed_ply(name, tools, mesh, **ply)
 
@@ -235,13 +250,13 @@ def double_dome_forming(
     mesh: str | Mesh = "irregular",
     travel: float = 60.0,
     gap: float = 0.3,
+    clearance: float = CLEARANCE,
     **ply: Unpack[PlyOptions],
 ) -> Scene:
     """Ply that a double dome forms in a die of the same shape.
 
     The punch is `skfem_textile.drape.double_dome`, its long side along x.  The cavity
-    of the die has the same height, 60 mm, and is longer and wider by `CLEARANCE` on
-    each side.
+    of the die has the same height, 60 mm.
 
     Parameters
     ----------
@@ -251,6 +266,9 @@ def double_dome_forming(
         Final travel of the punch in mm, at most the height of the dome.
     gap
         Distance between die and holder in mm.
+    clearance
+        Length by which the cavity is longer and wider than the punch on each side, in
+        mm.
 
     Raises
     ------
@@ -266,7 +284,8 @@ def double_dome_forming(
             f"mm, got {travel:g} mm"
         )
     punch = _raised(dome(height, length, width), -middle)
-    cavity = dome(height, length + CLEARANCE, width + CLEARANCE)
+    clearance = positive_length(f"{name}: clearance", clearance)
+    cavity = dome(height, length + clearance, width + clearance)
     tools = _pressed(name, punch, _raised(cavity, height + middle), travel, gap)
     options: PlyOptions = {"size": (24, 16), "width": 470.0, **ply}
     return formed_ply(name, tools, mesh, **options)

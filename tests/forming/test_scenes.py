@@ -6,6 +6,7 @@ import re
 import meshio
 import numpy as np
 import pytest
+from skfem import MeshQuad
 
 from skfem_textile import Fabric, MeshError
 from skfem_textile.cli import main as cli
@@ -50,6 +51,15 @@ def test_the_tools_push_the_ply_to_the_full_travel():
     assert u[2, centre] == pytest.approx(40.0 - 0.15, abs=1e-6)
 
 
+def test_a_smaller_clearance_bends_the_ply_more_sharply():
+    """The free ply between punch and die is shorter, and the force is larger."""
+    narrow, wide = (
+        summary(hemisphere_forming("aligned", travel=30.0, clearance=c, **CELLS))
+        for c in (2.0, 20.0)
+    )
+    assert narrow["punch_force_N"] > 1.01 * wide["punch_force_N"]
+
+
 def test_the_ply_is_pulled_along_the_fibres_at_any_angle():
     """The resultant on an edge is the tension times its length, for ±45° too."""
     for fibres in (0.0, np.pi / 4):
@@ -90,6 +100,15 @@ def test_fibres_at_any_angle_have_no_holding_force():
     figures = summary(scene)
     assert scene.fibre_ends == {}
     assert figures["max_holding_force_N"] < 1e-6
+
+
+@pytest.mark.parametrize(("shift", "is_held"), [(0.0, False), (9.0, True)])
+def test_a_ply_beside_the_axis_of_the_tools_is_held_and_says_so(shift, is_held):
+    mesh = MeshQuad().refined(3).translated((-0.5, -0.5)).scaled(160.0)
+    mesh = mesh.translated((shift, 0.0)).with_defaults()
+    options = {"radius": 30.0, "travel": 20.0, "part": "whole"}
+    figures = summary(hemisphere_forming(mesh, **options))
+    assert ("held" in figures) is is_held
 
 
 def test_a_punch_that_travels_beyond_its_hemisphere_has_a_shaft():
