@@ -107,12 +107,12 @@ def joint(rows: list[Row]) -> str:
             ]
         )
     head = ["parameter", "median error", "largest error", "band, joint", *_KINDS]
-    return markdown_table(head, lines)
+    return markdown_table(head, lines) if lines else ""
 
 
 def _half_width(rows: Sequence[Row], kind: str) -> str:
     """Median half-width of a band; empty if the test does not determine it."""
-    found = [row[kind] for row in rows if row.get(kind) not in (None, "")]
+    found = [row[kind] for row in rows if _known(row, kind)]
     return f"±{percent(float(np.median(found)), '.2f')}" if found else ""
 
 
@@ -120,9 +120,8 @@ def held_out(rows: list[Row]) -> str:
     """Predictions of the held-out test."""
     lines = []
     for full in (False, True):
-        own = [row for row in _held_out(rows) if ("band_apart" in row) == full]
-        own = [row for row in own if not full or row["band_apart"] not in (None, "")]
-        for name, of in _TRUTHS.items():
+        own = [row for row in _held_out(rows) if _known(row, "band_apart") == full]
+        for name, of in _TRUTHS.items() if own else ():
             lines.append(
                 [
                     "of the fitted laws" if full else "shared",
@@ -132,7 +131,8 @@ def held_out(rows: list[Row]) -> str:
                 ]
             )
     head = ["simulations", "load of the known fabric", "seeds", "whole curve inside"]
-    return markdown_table([*head, "points inside", "largest error, median"], lines)
+    head += ["points inside", "largest error, median"]
+    return markdown_table(head, lines) if lines else ""
 
 
 def missed(rows: Sequence[Row]) -> list[str]:
@@ -162,12 +162,12 @@ def _missed_jointly(rows: Sequence[Row]) -> list[str]:
         what = f"seed {row['seed']}, {row['parameter']}"
         if not abs(row["error"]) <= WITHIN:
             texts.append(f"{what}: error of {percent(row['error'], '.1f')}")
-        alone = [row[kind] for kind in _KINDS if row.get(kind) not in (None, "")]
+        alone = [row[kind] for kind in _KINDS if _known(row, kind)]
         if not row["joint"] <= min(alone) * (1 + ROUNDING):
             texts.append(f"{what}: the joint band is wider than by one test")
         if len(alone) > 1 and not row["joint"] < min(alone):
             texts.append(f"{what}: the joint band is not narrower")
-    seeds = [row for row in _held_out(rows) if row.get("band_apart") in (None, "")]
+    seeds = [row for row in _held_out(rows) if not _known(row, "band_apart")]
     for name in _TRUTHS if seeds else ():
         inside = sum(bool(row[f"{name}_inside"]) for row in seeds)
         if inside < PREDICTED * len(seeds):
@@ -180,7 +180,12 @@ def _joint(rows: Sequence[Row]) -> list[Row]:
 
 
 def _held_out(rows: Sequence[Row]) -> list[Row]:
-    return [row for row in rows if row.get("converged_share") not in (None, "")]
+    return [row for row in rows if _known(row, "converged_share")]
+
+
+def _known(row: Row, key: str) -> bool:
+    """True if a row has a value; cells of a file may be empty."""
+    return row.get(key) not in (None, "")
 
 
 def _files(rows: Sequence[Row]) -> list[Row]:
@@ -237,7 +242,7 @@ class Laboratory(Study[Case]):
         if errors := [abs(row["error"]) for row in _joint(rows)]:
             found["joint"] = percent(max(errors), ".1f")
         held = _held_out(rows)
-        full = [row for row in held if row.get("band_apart") not in (None, "")]
+        full = [row for row in held if _known(row, "band_apart")]
         seeds = [row for row in held if row not in full]
         if full and seeds:
             found["held_out"] = f"{sum(r['converged_inside'] for r in seeds)}"
