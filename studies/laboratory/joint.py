@@ -27,7 +27,7 @@ from ..study import Row
 from .fabric import BIAS, CHOICE, LAWS, SIMULATION, TRUTH, Drawn, simulated
 
 #: Seeds of joint fits.
-JOINT_SEEDS = range(1, 6)
+JOINT_SEEDS = range(1, 4)
 
 #: Seeds of predictions, and those whose fit and prediction are fully simulated.
 HELD_OUT_SEEDS, FULL_SEEDS = range(1, 101), range(1, 4)
