@@ -13,7 +13,7 @@ from tempfile import mkdtemp
 import numpy as np
 
 from skfem_textile import Fabric, LoadStepper, Ply, Polynomial
-from skfem_textile.calibration import BiasExtension, fit_shear, read_specimens
+from skfem_textile.calibration import BiasExtension, fit_tests, read_specimens
 from skfem_textile.calibration.figure import draw
 from skfem_textile.io import read_fabric, write_fabric
 from skfem_textile.scenes import bias_extension
@@ -38,8 +38,8 @@ for name in names:
 # %%
 # The fitted law with 95 % confidence intervals.
 
-calibration = fit_shear([one for name in names for one in read_specimens(name, TEST)])
-fit = calibration.fit
+calibration = fit_tests([one for name in names for one in read_specimens(name, TEST)])
+fit = calibration.parts["shear"]
 for name, value, (low, high) in zip(
     fit.model.parameters, fit.values, fit.intervals, strict=True
 ):

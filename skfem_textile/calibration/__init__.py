@@ -1,38 +1,45 @@
-"""Calibration of fabric laws from shear, biaxial and bending tests."""
+"""Calibration of fabric laws from tests of strips, shear, biaxial tension, bending."""
 
 from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
-from .bending import BendingFit, CantileverTest, fit_bending, read_cantilever
-from .biaxial import BiaxialCurve, TensionFit, fit_tension, read_biaxial
+from .bending import CantileverTest, read_cantilever
+from .biaxial import BiaxialCurve, read_biaxial
+from .choice import Choice
+from .fitting import FabricFit, fit_tests
 from .preparing import Preparation, Prepared, prepare
 from .reading import Format, Recording, read_recordings
-from .regression import Fit
-from .shear import ShearFit, Simulation, fit_by_simulation, fit_shear
+from .regression import Fit, JointFit
+from .simulation import Simulation
 from .specimens import Specimen, Zeros, read_specimens
+from .strip import Strip, read_strips
+from .validation import Prediction, Validation, predict, validate
 
 __all__ = [
-    "BendingFit",
     "BiasExtension",
     "BiaxialCurve",
     "CantileverTest",
+    "Choice",
+    "FabricFit",
     "Fit",
     "Format",
+    "JointFit",
     "PictureFrame",
+    "Prediction",
     "Preparation",
     "Prepared",
     "Recording",
-    "ShearFit",
     "ShearTest",
     "Simulation",
     "Specimen",
-    "TensionFit",
+    "Strip",
+    "Validation",
     "Zeros",
-    "fit_bending",
-    "fit_by_simulation",
-    "fit_shear",
-    "fit_tension",
+    "fit_tests",
+    "predict",
     "prepare",
     "read_biaxial",
     "read_cantilever",
     "read_recordings",
     "read_specimens",
+    "read_strips",
+    "validate",
 ]

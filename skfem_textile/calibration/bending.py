@@ -7,16 +7,14 @@ of w L³/D alone, which is inverted here.  Peirce's formula is D = w L³/8 · co
 """
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 from numpy import ndarray
-from scipy import special
 
 from ..scenes.elastica import hanging, peirce
 from .reading import Format, Recording, read_recordings
-from .regression import CONFIDENCE
 
 #: Columns of a test, by the names of `COLUMNS`.
 OVERHANG, ANGLE = "overhang", "chord angle"
@@ -41,53 +39,54 @@ class CantileverTest:
         Overhang length in mm, shape (n,).
     angle
         Angle of the chord below the horizontal in radians, shape (n,).
+    weight
+        Weight per area in N/mm².
+    family
+        Fibre family along the strips, ``warp`` or ``weft``.
     statements
         Description of the reading.
+
+    Raises
+    ------
+    ValueError
+        If the weight is not positive.
+
+    Examples
+    --------
+    >>> test = CantileverTest("strip", np.array([200.0]), np.radians([41.487]), 6e-6)
+    >>> test.by_elastica.round(2), test.by_peirce.round(2)
+    (array([6.]), array([6.35]))
     """
 
     name: str
     overhang: ndarray
     angle: ndarray
+    weight: float
+    family: str = "warp"
     statements: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        if not 0 < self.weight < np.inf:
+            raise ValueError(
+                f"the weight must be a positive number, got {self.weight:g} N/mm2"
+            )
 
-@dataclass(frozen=True, eq=False)
-class BendingFit:
-    """Bending stiffnesses from cantilever tests.
-
-    Attributes
-    ----------
-    tests
-        The tests.
-    weight
-        Weight per area in N/mm².
-    by_elastica, by_peirce
-        Bending stiffness in N·mm of each reading of all tests, shape (n,).
-    """
-
-    tests: tuple[CantileverTest, ...]
-    weight: float
-    by_elastica: ndarray
-    by_peirce: ndarray
+    @cached_property
+    def by_elastica(self) -> ndarray:
+        """Bending stiffness in N·mm of each reading, (n,)."""
+        load = np.array([weight_number(float(one)) for one in self.angle])
+        return self.weight * self.overhang**3 / load
 
     @property
-    def stiffness(self) -> float:
-        """Mean of the elastica values in N·mm."""
-        return float(self.by_elastica.mean())
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Confidence interval of the mean (Student's t); infinite for one reading."""
-        n = self.by_elastica.size
-        if n == 1:
-            return -np.inf, np.inf
-        deviation = self.by_elastica.std(ddof=1) / np.sqrt(n)
-        half = float(special.stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE) * deviation)
-        return self.stiffness - half, self.stiffness + half
+    def by_peirce(self) -> ndarray:
+        """Bending stiffness in N·mm of each reading by Peirce's formula, (n,)."""
+        return peirce(self.overhang, self.weight, self.angle)
 
 
 def read_cantilever(
     path: str | os.PathLike[str],
+    weight: float,
+    family: str = "warp",
     angle: float | None = None,
     form: Format | None = None,
 ) -> list[CantileverTest]:
@@ -97,6 +96,8 @@ def read_cantilever(
     ----------
     path
         The file or folder, see `read_recordings`.
+    weight, family
+        See `CantileverTest`.
     angle
         Angle of every chord in radians, for a file without that column, as for an
         instrument with a fixed inclined plane.
@@ -110,10 +111,12 @@ def read_cantilever(
     OSError
         If it cannot be read.
     """
-    return [_test(one, angle) for one in read_recordings(path, form)]
+    return [_test(one, weight, family, angle) for one in read_recordings(path, form)]
 
 
-def _test(recording: Recording, angle: float | None) -> CantileverTest:
+def _test(
+    recording: Recording, weight: float, family: str, angle: float | None
+) -> CantileverTest:
     name, needed = recording.name, {OVERHANG} | {ANGLE} & set(recording.columns)
     read = recording.complete(*needed)
     columns = read.columns
@@ -135,42 +138,10 @@ def _test(recording: Recording, angle: float | None) -> CantileverTest:
             f"got angles from {np.degrees(angles.min()):g} to "
             f"{np.degrees(angles.max()):g} degrees"
         )
-    return CantileverTest(name, overhang, angles, read.statements)
+    return CantileverTest(name, overhang, angles, weight, family, read.statements)
 
 
-def fit_bending(tests: Sequence[CantileverTest], weight: float) -> BendingFit:
-    """Bending stiffness of strips, by the elastica and by Peirce's formula.
-
-    Parameters
-    ----------
-    tests
-        The tests.
-    weight
-        Weight per area in N/mm².
-
-    Raises
-    ------
-    ValueError
-        If there is no test, or the weight is not positive.
-
-    Examples
-    --------
-    >>> test = CantileverTest("strip", np.array([200.0]), np.radians([41.487]))
-    >>> found = fit_bending([test], 6e-6)
-    >>> round(found.stiffness, 2), round(float(found.by_peirce[0]), 2)
-    (6.0, 6.35)
-    """
-    if not tests:
-        raise ValueError("no cantilever test is given")
-    if not 0 < weight < np.inf:
-        raise ValueError(f"the weight must be a positive number, got {weight:g} N/mm2")
-    overhang = np.concatenate([test.overhang for test in tests])
-    angle = np.concatenate([test.angle for test in tests])
-    load = np.array([weight_number(float(one)) for one in angle])
-    by_peirce = peirce(overhang, weight, angle)
-    return BendingFit(tuple(tests), weight, weight * overhang**3 / load, by_peirce)
-
-
+@cache
 def weight_number(angle: float) -> float:
     """Load parameter w L³/D of an elastica with a given chord angle in radians."""
     from scipy.optimize import brentq

@@ -9,6 +9,7 @@ import numpy as np
 from numpy import ndarray
 
 from .preparing.prepare import FIRST
+from .specimens import Specimen
 
 # Initial range of a curve: its share of the whole range, the minimum number of points,
 # and the largest share covered by these.  Chosen: a curve is nearly straight there.
@@ -72,14 +73,19 @@ def seems_swapped(driven: ndarray, force: ndarray) -> bool:
     return _unevenness(force) < _EQUAL and _unevenness(driven) > _UNEQUAL
 
 
-def rest_notes(name: str, x: ndarray, force: ndarray) -> list[str]:
-    """Note on a curve, given by name, with a force at rest or a late beginning."""
+def rest_notes(
+    name: str, x: ndarray, force: ndarray, slack_is_known: bool = True
+) -> list[str]:
+    """Note on a curve, given by name, with a force at rest or a late beginning.
+
+    A late beginning is a slack, and not reported if the fit determines it.
+    """
     first = np.abs(force[np.argsort(x, kind="stable")][:2]).max()
     if x.min() > _LATE * x.max() and first < _NOTHING * np.abs(force).max():
         return [
             f"{name}: the curve begins far from rest with virtually no force: measure "
             "displacements from the point at which the fabric begins to carry load"
-        ]
+        ][: int(slack_is_known)]
     offset = force_at_rest(x, force)
     if not offset:
         return []
@@ -89,6 +95,32 @@ def rest_notes(name: str, x: ndarray, force: ndarray) -> list[str]:
         "largest force, and no law represents it: subtract the weight of clamps, "
         "friction and pretension before the fit"
     ]
+
+
+def beginning_notes(specimen: Specimen, up_to: float | None) -> list[str]:
+    """Notes on the order of the rows, swapped columns, and the beginning."""
+    name, used = specimen.name, specimen.used(up_to)
+    forth, back = specimen.ways(up_to)
+    if forth and back:
+        return []
+    notes = []
+    if back:
+        notes.append(
+            f"{name}: the displacement only decreases from row to row, as in "
+            "unloading: keep the rows of the loading"
+        )
+    force = specimen.force[used]
+    if seems_swapped(specimen.driven[used], force):
+        what = "shear angle" if specimen.displacement is None else "displacement"
+        notes.append(
+            f"{name}: the force increases in equal steps and the {what} does not: "
+            "check whether the columns are swapped, unless the test was "
+            "force-controlled"
+        )
+    zeros = specimen.zeros
+    if zeros.force is None or zeros.slack is None:
+        return notes
+    return notes + rest_notes(name, specimen.angle[used], force - zeros.force)
 
 
 def _unevenness(values: ndarray) -> float:

@@ -59,15 +59,10 @@ class Model:
         Raises
         ------
         ValueError
-            If a parameter is unknown, or its bounds contain no number.
+            If the bounds of a parameter contain no number.
         """
         low, high = self.low.copy(), self.high.copy()
         for name, (least, most) in bounds.items():
-            if name not in self.parameters:
-                raise ValueError(
-                    f"the law {self.name} has no parameter {name!r}: choose one of "
-                    f"{', '.join(self.parameters)}"
-                )
             i = self.parameters.index(name)
             low[i], high[i] = max(low[i], least), min(high[i], most)
             if not low[i] < high[i]:
@@ -77,24 +72,8 @@ class Model:
                 )
         return replace(self, low=low, high=high)
 
-    def extrapolated(self, extrapolation: str | None) -> "Model":
-        """Model whose law is extrapolated beyond the data, see `Tabulated`.
-
-        Without an argument the model is unchanged.
-
-        Raises
-        ------
-        ValueError
-            If the law is not tabulated, and hence does not end with the data.
-        """
-        if extrapolation is None:
-            return self
-        if self.name != "tabulated":
-            raise ValueError(
-                f"the law {self.name} is defined beyond the data by its formula: omit "
-                "the extrapolation, or use the law tabulated"
-            )
-
+    def extrapolated(self, extrapolation: str) -> "Model":
+        """Model whose table is extrapolated beyond the data, see `Tabulated`."""
         return replace(
             self, build=lambda x: replace(self.build(x), extrapolation=extrapolation)
         )
@@ -198,3 +177,41 @@ def crimp_interchange(largest: float) -> Model:
 
     units = ("N/mm", "N/mm", "-", "-", "N/mm", "-")
     return Model("crimp-interchange", names, units, build, low, high, start)
+
+
+def bending() -> Model:
+    """Moment per curvature and width of one family: M = D κ."""
+    return replace(linear(), name="bending", units=("N·mm",))
+
+
+def joint(models: Mapping[str, Model]) -> Model:
+    """Laws of several parts; it builds a dictionary.
+
+    Names of parameters begin with the part.
+    """
+    sizes = [len(model.parameters) for model in models.values()]
+    ends = np.cumsum(sizes)[:-1]
+
+    def build(values: ndarray) -> dict[str, Any]:
+        blocks = np.split(values, ends)
+        pairs = zip(models.items(), blocks, strict=True)
+        return {name: model.build(block) for (name, model), block in pairs}
+
+    def start(stiffness: float) -> ndarray:
+        return np.concatenate(
+            [
+                m.start(stiffness) if m.start else np.full(m.low.size, stiffness)
+                for m in models.values()
+            ]
+        )
+
+    linear = all(model.start is None for model in models.values())
+    return Model(
+        "joint",
+        tuple(f"{name} {p}" for name, m in models.items() for p in m.parameters),
+        tuple(unit for model in models.values() for unit in model.units),
+        build,
+        np.concatenate([model.low for model in models.values()]),
+        np.concatenate([model.high for model in models.values()]),
+        None if linear else start,
+    )

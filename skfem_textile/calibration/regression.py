@@ -4,18 +4,19 @@ Curves are compared in the quantity that carries the noise: forces with forces. 
 curve has its own noise level, estimated from its residuals.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
-from typing import Any
+from operator import attrgetter, methodcaller
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 from scipy import special
 
-from .models import Model
-from .solving import Sample, Unknowns, covariance_of, jacobian_of
+from .models import Model, joint
+from .solving import PARTS, Laws, Sample, Unknowns, covariance_of, jacobian_of
 
 #: Confidence level of all bands.
 CONFIDENCE = 0.95
@@ -34,16 +35,30 @@ _LEAST_NOISE = 1e-9
 _BELIEVED = 3.1
 
 
+class Component(NamedTuple):
+    """Covariance due to one source: the noise of a curve, or differences of curves.
+
+    ``freedom`` are the degrees of freedom of its estimate.
+    """
+
+    covariance: ndarray
+    freedom: float
+
+
+# Smallest number of specimens whose scatter is estimated.
+_FEWEST_OF_A_SCATTER = 3
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Parameters of a law fitted to curves.
+    """Parameters of a law fitted to curves; the law may consist of laws by part.
 
     Attributes
     ----------
     model
         The law.
     samples
-        The curves.
+        The curves that determine it.
     values
         The parameters, shape (p,).
     offsets
@@ -60,6 +75,8 @@ class Fit:
         Standard deviation of the noise of each curve.
     at_bound
         Mask of parameters at a bound, shape (p,): they have no band.
+    components
+        Covariances of the parameters and the free zeros; their sum is the total.
     singles
         Parameters fitted to each curve alone, where identifiable, shape (curves, p);
         None for fewer than two curves, or without comparison.
@@ -79,18 +96,19 @@ class Fit:
     residuals: tuple[ndarray, ...]
     noise: ndarray
     at_bound: ndarray
+    components: tuple[Component, ...]
     singles: ndarray | None = None
     differ: float = np.nan
     alternatives: tuple[tuple[float, "Fit"], ...] = ()
 
     @property
     def law(self) -> Any:
-        """Law with these parameters."""
+        """Law with these parameters; of several parts a dictionary."""
         return self.model.build(self.values)
 
     def predicted(self, i: int) -> ndarray:
         """Predictions of the law for a curve."""
-        return self.samples[i].predict(self.law, *self.offsets[i])
+        return self.samples[i].measured - self.residuals[i]
 
     @property
     def beyond_noise(self) -> bool:
@@ -98,25 +116,14 @@ class Fit:
         return bool(self.differ < DIFFER)
 
     @property
-    def degrees_of_freedom(self) -> int:
-        """Degrees of freedom of bands: points less parameters, or curves less one."""
-        if self.beyond_noise:
-            assert self.singles is not None
-            return len(self.singles) - 1
-        return len(self.jacobian) - int(np.sum(self._determined))
-
-    @cached_property
     def correlations(self) -> ndarray:
         """Correlation of neighbouring residuals of each curve."""
-        return np.array(
-            [(r[1:] @ r[:-1] / (r @ r)) if r.any() else 0.0 for r in self.residuals]
-        )
+        return _correlations(self.residuals)
 
-    @cached_property
+    @property
     def systematic(self) -> ndarray:
         """Curves with significantly correlated residuals."""
-        sizes = np.array([r.size for r in self.residuals])
-        return self.correlations > _BELIEVED / np.sqrt(sizes)
+        return _systematic(self.residuals)
 
     @property
     def covariance(self) -> ndarray:
@@ -124,46 +131,19 @@ class Fit:
 
         Covariance due to noise and to the free zeros, or of the mean of curves that
         differ significantly.  Correlated residuals count as fewer points: n (1 − ρ)/(1
-        + ρ).  Weights estimated from the data increase it slightly, after Meier (1953,
-        Biometrics 9:59): 4 Σ s (1 − s)/ν, where s is the share of a curve in the
-        information, and ν the degrees of freedom of its noise.
+        + ρ).  Weights estimated from the data increase it slightly, after Kenward and
+        Roger (1997, Biometrics 53:983): by (4/ν) Φ (I − I Φ I) Φ for each curve with
+        information I, where Φ is the inverse of their sum, and ν the degrees of freedom
+        of its noise.
         """
         p = self.values.size
-        return self._covariance[:p, :p]
-
-    @property
-    def _determined(self) -> ndarray:
-        """Mask of the columns of the Jacobian that are not at a bound."""
-        zeros = self.jacobian.shape[1] - self.at_bound.size
-        return np.concatenate([~self.at_bound, np.ones(zeros, dtype=bool)])
-
-    @cached_property
-    def _covariance(self) -> ndarray:
-        """Covariance of the parameters and of the free zeros."""
-        free = self._determined
-        within, covariance = np.ix_(free, free), np.zeros((free.size, free.size))
-        if not free.any():
-            return covariance
-        rho = np.where(self.systematic, self.correlations, 0.0)
-        weights = _spread_out(self.samples, (1 - rho) / (1 + rho) / self.noise**2)
-        known = _leverage(self.samples, self.jacobian[:, free], weights)
-        share = known / known.sum()
-        sizes = np.array([sample.measured.size for sample in self.samples])
-        lost = 4 * np.sum(share * (1 - share) / (sizes - known))
-        covariance[within] = (1 + lost) * covariance_of(self.jacobian[:, free], weights)
-        if self.beyond_noise:
-            assert self.singles is not None
-            law = np.flatnonzero(~self.at_bound)
-            spread = np.atleast_2d(np.cov(self.singles.T))
-            covariance[np.ix_(law, law)] += spread[np.ix_(law, law)] / len(self.singles)
-        return covariance
+        return np.sum([one.covariance[:p, :p] for one in self.components], axis=0)
 
     @property
     def intervals(self) -> ndarray:
         """Confidence intervals of the parameters, shape (p, 2), within their bounds."""
-        ends = self._interval(
-            lambda fit: (fit.values, np.sqrt(np.diag(fit.covariance)))
-        ).T
+        units = np.eye(self.values.size)
+        ends = self._interval(lambda fit: (fit.values, units)).T
         return np.clip(ends, self.model.low[:, None], self.model.high[:, None])
 
     def band(self, value: Callable[[Any], ndarray]) -> ndarray:
@@ -174,13 +154,27 @@ class Fit:
         value
             Function of a law that returns n numbers.
         """
+        return self._interval(
+            lambda fit: (value(fit.law), jacobian_of(fit.model, fit.values, value))
+        )
 
-        def middle_and_deviation(fit: Fit) -> tuple[ndarray, ndarray]:
-            slopes = jacobian_of(fit.model, fit.values, value)
-            squares = np.einsum("ni,ij,nj->n", slopes, fit.covariance, slopes)
-            return value(fit.law), np.sqrt(squares)
+    def scatter(self, value: Callable[[Any], ndarray]) -> ndarray | None:
+        """Band that contains predictions for another specimen, shape (2, n).
 
-        return self._interval(middle_and_deviation)
+        Mean of the specimens ± t s √(1 + 1/m), with the standard deviation s of m
+        specimens; None for fewer than three specimens.
+
+        Parameters
+        ----------
+        value
+            Function of a law that returns n numbers.
+        """
+        if self.singles is None or (m := len(self.singles)) < _FEWEST_OF_A_SCATTER:
+            return None
+        each = np.array([value(self.model.build(one)) for one in self.singles])
+        quantile = special.stdtrit(m - 1, 0.5 + 0.5 * CONFIDENCE)
+        half = quantile * each.std(axis=0, ddof=1) * np.sqrt(1 + 1 / m)
+        return each.mean(axis=0) + np.array([-half, half])
 
     def zeros(self, i: int) -> dict[str, tuple[float, float, float]]:
         """Zeros of a curve by name: value, and ends of the confidence interval."""
@@ -188,29 +182,59 @@ class Fit:
         for j, offset in enumerate(self.samples[i].offsets):
 
             def of(fit: Fit, j: int = j) -> tuple[ndarray, ndarray]:
-                return fit.offsets[i][j : j + 1], fit._deviation(i, j)
+                return fit.offsets[i][j : j + 1], fit._column_of_zero(i, j)
 
             low, high = self._interval(of)[:, 0]
             found[offset.name] = float(self.offsets[i][j]), float(low), float(high)
         return found
 
-    def _deviation(self, i: int, j: int) -> ndarray:
-        """Standard deviation of zero j of curve i; 0 unless it is free."""
+    def _column_of_zero(self, i: int, j: int) -> ndarray:
+        """Derivative of zero j of curve i, (1, p + zeros); 0 unless it is free."""
+        unit = np.zeros((1, self.jacobian.shape[1]))
         before = [o.name in self.free for s in self.samples[:i] for o in s.offsets]
         own = [offset.name in self.free for offset in self.samples[i].offsets]
-        if not own[j]:
-            return np.zeros(1)
-        k = self.values.size + sum(before) + sum(own[:j])
-        return np.sqrt(self._covariance[k : k + 1, k])
+        if own[j]:
+            unit[0, self.values.size + sum(before) + sum(own[:j])] = 1.0
+        return unit
+
+    def deviation(self, slopes: ndarray) -> tuple[ndarray, ndarray]:
+        """Standard deviations of linear functions, and degrees of freedom, (n,).
+
+        Degrees of freedom after Satterthwaite (1946): V²/Σ(v²/ν) for the sum V of
+        variances v.
+
+        Parameters
+        ----------
+        slopes
+            Derivatives with respect to the parameters, and perhaps to the free zeros.
+        """
+        k = slopes.shape[1]
+        of_each = [
+            np.einsum("ni,ij,nj->n", slopes, one.covariance[:k, :k], slopes)
+            for one in self.components
+        ]
+        freedom = [one.freedom for one in self.components]
+        variance = np.maximum(of_each, 0.0)
+        total = variance.sum(axis=0)
+        share = variance / np.where(total > 0, total, 1.0)
+        inverse = (share**2 / np.reshape(freedom, (-1, 1))).sum(axis=0)
+        return np.sqrt(total), 1 / np.where(inverse > 0, inverse, 1.0)
 
     def _interval(self, of: Callable[["Fit"], tuple[ndarray, ndarray]]) -> ndarray:
-        """Ends of the confidence interval of the mixture of alternatives, (2, n)."""
+        """Ends of the confidence interval of the mixture of alternatives, (2, n).
+
+        ``of`` returns values, (n,), and their derivatives with respect to the
+        parameters, and perhaps to the free zeros.
+        """
         fits = self.alternatives or ((1.0, self),)
         weights = np.array([weight for weight, _ in fits])
-        middles, deviations = np.swapaxes([of(fit) for _, fit in fits], 0, 1)
-        freedom = np.array([fit.degrees_of_freedom for _, fit in fits])
+        found = [of(fit) for _, fit in fits]
+        middles = np.array([middle for middle, _ in found])
+        both = zip(fits, found, strict=True)
+        spread = [fit.deviation(slopes) for (_, fit), (_, slopes) in both]
+        deviations, freedom = np.swapaxes(spread, 0, 1)
         tail = 0.5 - 0.5 * CONFIDENCE
-        half = -special.stdtrit(freedom, tail)[:, None] * deviations
+        half = -special.stdtrit(freedom, tail) * deviations
         low, high = (middles - half).min(axis=0), (middles + half).max(axis=0)
         if len(fits) == 1:
             return np.array([low, high])
@@ -240,7 +264,7 @@ def _quantile(
     for _ in range(_BISECTIONS):
         x = 0.5 * (low + high)
         with np.errstate(over="ignore"):  # of a value without a deviation
-            below = special.stdtr(freedom[:, None], (x - middles) / scale)
+            below = special.stdtr(freedom, (x - middles) / scale)
         less = weights @ below < p
         low, high = np.where(less, x, low), np.where(less, high, x)
     return 0.5 * (low + high)
@@ -254,8 +278,30 @@ _UNEXPECTED = 0.1
 _NEGLIGIBLE = 1e-3
 
 
-def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
-    """Fit the parameters of a law to curves.
+@dataclass(frozen=True, eq=False)
+class JointFit:
+    """Laws fitted jointly to all curves.
+
+    Attributes
+    ----------
+    joint
+        Parameters of all laws; its law is a dictionary by part.
+    parts
+        Parameters of each law, with the curves that determine it.
+    """
+
+    joint: Fit
+    parts: dict[str, Fit]
+
+
+def fit(
+    models: Mapping[str, Model],
+    samples: Sequence[Sample],
+    *,
+    known: Laws | None = None,
+    start: ndarray | None = None,
+) -> JointFit:
+    """Fit the parameters of laws to curves, in one least-squares problem.
 
     Least squares, weighted by the noise of each curve; in closed form if the
     predictions are linear in the parameters.
@@ -266,12 +312,14 @@ def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
 
     Parameters
     ----------
-    model
-        The law.
+    models
+        Laws with unknown parameters, by part, each with a curve that determines it.
     samples
         The curves.
-    compare
-        True if each curve is also fitted alone, to test for differences.
+    known
+        Laws of other parts.
+    start
+        Initial parameters.
 
     Raises
     ------
@@ -282,24 +330,39 @@ def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
     offsets = [offset for sample in samples for offset in sample.offsets]
     always = frozenset(offset.name for offset in offsets if offset.expected)
     optional = dict.fromkeys(o.name for o in offsets if not o.expected)
-    fits = [_compared(_fit(model, samples, always), compare)]
+    of_laws = models, samples, known or {}
+    fits = [_compared(_solved(*of_laws, always, start))]
     for free in (always | some for some in _subsets(tuple(optional))):
         try:
-            fits.append(_compared(_fit(model, samples, free), compare))
+            fits.append(_compared(_solved(*of_laws, free, start)))
         except ValueError:  # the data do not determine these zeros
             continue
+    probabilities = _probabilities(fits, always)
+    kept = np.flatnonzero(probabilities)
+
+    def view(of: Callable[[_Compared], Fit]) -> Fit:
+        best = of(fits[int(probabilities.argmax())])
+        if len(fits) == 1:
+            return best
+        mixed = tuple((float(probabilities[i]), of(fits[i])) for i in kept)
+        return replace(best, alternatives=mixed)
+
+    parts = {name: view(methodcaller("part", name)) for name in models}
+    return JointFit(view(attrgetter("joint")), parts)
+
+
+def _probabilities(fits: Sequence["_Compared"], always: frozenset[str]) -> ndarray:
+    """Probability of each fit; 0 if it is negligible."""
     if len(fits) == 1:
-        return fits[0]
+        return np.ones(1)
     alone = any(one.beyond_noise for one in fits)
     criterion = np.array([_criterion(one, alone) for one in fits])
-    unexpected = np.array([len(one.free - always) for one in fits])
+    unexpected = np.array([len(one.solved.free - always) for one in fits])
     criterion += 2 * np.log(1 / _UNEXPECTED - 1) * unexpected
     weights = np.exp(-0.5 * (criterion - criterion.min()))
     weights /= weights.sum()
-    kept = [i for i in range(len(fits)) if weights[i] > _NEGLIGIBLE]
-    total = weights[kept].sum()
-    alternatives = tuple((float(weights[i] / total), fits[i]) for i in kept)
-    return replace(fits[int(weights.argmax())], alternatives=alternatives)
+    weights[weights <= _NEGLIGIBLE] = 0.0
+    return weights / weights.sum()
 
 
 def _subsets(names: tuple[str, ...]) -> list[frozenset[str]]:
@@ -308,105 +371,268 @@ def _subsets(names: tuple[str, ...]) -> list[frozenset[str]]:
     return [frozenset(one) for n in sizes for one in combinations(names, n)]
 
 
-def _criterion(fit: Fit, alone: bool) -> float:
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """Best vector of unknowns with given free zeros."""
+
+    unknowns: Unknowns
+    free: frozenset[str]
+    x: ndarray
+    jacobian: ndarray
+    residuals: tuple[ndarray, ...]
+    noise: ndarray
+
+    @property
+    def samples(self) -> Sequence[Sample]:
+        return self.unknowns.samples
+
+    @property
+    def determined(self) -> ndarray:
+        """Mask of the unknowns that are not at a bound."""
+        inside = (self.unknowns.low < self.x) & (self.x < self.unknowns.high)
+        return inside | (np.arange(self.x.size) >= self.unknowns.parameters)
+
+    def rows(self, i: int) -> slice:
+        """Rows of a curve."""
+        begin = sum(r.size for r in self.residuals[:i])
+        return slice(begin, begin + self.residuals[i].size)
+
+
+def _solved(
+    models: Mapping[str, Model],
+    samples: Sequence[Sample],
+    known: Laws,
+    free: frozenset[str] = frozenset(),
+    start: ndarray | None = None,
+    noise: ndarray | None = None,
+) -> _Solved:
+    """Joint fit of some curves and their free zeros, with given or estimated noise."""
+    unknowns = Unknowns(models, samples, free, known)
+    measured = np.concatenate([sample.measured for sample in samples])
+    _refuse_few(unknowns)
+    largest = _largest(samples)
+    x = None if start is None else unknowns.start(start)
+
+    def solved(noise: ndarray, x: ndarray | None) -> _Solved:
+        x, J = unknowns.solve(_spread_out(samples, noise**-2.0), x)
+        residuals = _split(samples, measured - unknowns.predict(x))
+        return _Solved(unknowns, free, x, J, residuals, noise)
+
+    if noise is not None:
+        return solved(noise, x)
+    noise = largest
+    for _ in range(_ROUNDS):
+        found = solved(noise, x)
+        squares = np.array([r @ r for r in found.residuals])
+        left = _freedom(found, _spread_out(samples, noise**-2.0))
+        noise = np.maximum(np.sqrt(squares / left), _LEAST_NOISE * largest)
+        x = found.x
+    return replace(found, noise=noise)
+
+
+def _largest(samples: Sequence[Sample]) -> ndarray:
+    """Largest measured value of the part of each curve, or 1 if all are zero."""
+    most = dict.fromkeys(PARTS, 0.0)
+    for sample in samples:
+        most[sample.part] = max(most[sample.part], float(np.abs(sample.measured).max()))
+    return np.array([most[sample.part] or 1.0 for sample in samples])
+
+
+def _refuse_few(unknowns: Unknowns) -> None:
+    """An error if a law has as many parameters and zeros as points."""
+    for name, model in unknowns.models.items():
+        own = [sample for sample in unknowns.samples if sample.part == name]
+        n = sum(sample.measured.size for sample in own)
+        number = int(np.sum(unknowns.owners == name))
+        if n <= number:
+            raise ValueError(
+                f"{n} points are too few for the {number} parameters of the law "
+                f"{model.name}: use a law with fewer parameters"
+            )
+
+
+def _information(solved: _Solved, weights: ndarray) -> list[ndarray]:
+    """JᵀWJ of each curve for the unknowns that are not at a bound."""
+    J, rows = solved.jacobian[:, solved.determined], solved.rows
+    return [
+        (J[rows(i)] * weights[rows(i), None]).T @ J[rows(i)]
+        for i in range(len(solved.samples))
+    ]
+
+
+def _freedom(solved: _Solved, weights: ndarray) -> ndarray:
+    """Degrees of freedom of the noise: points less unknowns that a curve determines."""
+    J = solved.jacobian[:, solved.determined]
+    sizes = np.array([sample.measured.size for sample in solved.samples])
+    if not J.shape[1]:
+        return sizes.astype(float)
+    covariance = covariance_of(J, weights)
+    each = np.einsum("ni,ij,nj,n->n", J, covariance, J, weights)
+    known = [block.sum() for block in _split(solved.samples, each)]
+    return np.maximum(sizes - known, 1e-6)
+
+
+@dataclass(frozen=True, eq=False)
+class _Compared:
+    """Solved fit whose curves of each part were fitted alone.
+
+    ``singles`` are the parameters of each of them, and ``differ`` the probability of
+    their difference.
+    """
+
+    solved: _Solved
+    singles: dict[str, ndarray]
+    differ: dict[str, float]
+
+    @property
+    def beyond_noise(self) -> bool:
+        return any(probability < DIFFER for probability in self.differ.values())
+
+    @cached_property
+    def joint(self) -> Fit:
+        """All parameters."""
+        return self._of(range(self.solved.unknowns.parameters), None)
+
+    def part(self, name: str) -> Fit:
+        """Parameters of a part."""
+        block = self.solved.unknowns.blocks[name]
+        return self._of(range(block.start, block.stop), name)
+
+    def _of(self, columns: Sequence[int], name: str | None) -> Fit:
+        solved, unknowns = self.solved, self.solved.unknowns
+        own = [i for i, one in enumerate(solved.samples) if name in (None, one.part)]
+        of_zeros = np.arange(solved.x.size) >= unknowns.parameters
+        if name is not None:
+            of_zeros &= unknowns.owners == name
+        every = np.array([*columns, *np.flatnonzero(of_zeros)], dtype=int)
+        offsets = unknowns.offsets(solved.x)
+        points = np.arange(len(solved.jacobian))
+        rows = np.concatenate([points[solved.rows(i)] for i in own])
+        within = np.ix_(every, every)
+        return Fit(
+            model=joint(unknowns.models) if name is None else unknowns.models[name],
+            samples=tuple(solved.samples[i] for i in own),
+            values=solved.x[list(columns)],
+            offsets=tuple(offsets[i] for i in own),
+            free=solved.free,
+            jacobian=solved.jacobian[np.ix_(rows, every)],
+            residuals=tuple(solved.residuals[i] for i in own),
+            noise=solved.noise[own],
+            at_bound=~solved.determined[list(columns)],
+            components=tuple(
+                Component(one.covariance[within], one.freedom)
+                for one in self._components
+            ),
+            singles=None if name is None else self.singles.get(name),
+            differ=np.nan if name is None else self.differ.get(name, np.nan),
+        )
+
+    @cached_property
+    def _components(self) -> list[Component]:
+        """Covariance due to each curve, and to differences between curves."""
+        solved = self.solved
+        free, size = solved.determined, solved.x.size
+        within, components = np.ix_(free, free), []
+        residuals = solved.residuals
+        rho = np.where(_systematic(residuals), _correlations(residuals), 0.0)
+        weights = _spread_out(solved.samples, (1 - rho) / (1 + rho) / solved.noise**2)
+        freedom = _freedom(solved, weights)
+        if free.any():
+            total = covariance_of(solved.jacobian[:, free], weights)
+        else:
+            total = np.zeros((0, 0))
+        for own, nu in zip(_information(solved, weights), freedom, strict=True):
+            more = own + 4 / nu * (own - own @ total @ own)
+            covariance = np.zeros((size, size))
+            covariance[within] = total @ more @ total
+            components.append(Component(covariance, float(nu)))
+        for name, probability in self.differ.items():
+            if probability < DIFFER:
+                components.append(self._between(name))
+        return components
+
+    def _between(self, name: str) -> Component:
+        """Covariance of the mean of curves that differ."""
+        solved, singles = self.solved, self.singles[name]
+        block = np.arange(solved.x.size)[solved.unknowns.blocks[name]]
+        law = solved.determined[block]
+        spread = np.atleast_2d(np.cov(singles.T)) / len(singles)
+        covariance = np.zeros((solved.x.size, solved.x.size))
+        covariance[np.ix_(block[law], block[law])] = spread[np.ix_(law, law)]
+        return Component(covariance, len(singles) - 1)
+
+
+def _compared(solved: _Solved) -> _Compared:
+    """Fit with tests for differences between the curves of each part."""
+    singles, differ = {}, {}
+    for name, block in solved.unknowns.blocks.items():
+        own = [i for i, one in enumerate(solved.samples) if one.part == name]
+        if len(own) < 2 or name == "both":
+            continue
+        alone = {}
+        for i in own:
+            try:
+                alone[i] = _alone(solved, i)
+            except ValueError:  # this curve does not determine all parameters
+                continue
+        p = int(np.sum(solved.determined[block]))
+        points = sum(solved.samples[i].measured.size for i in alone)
+        zeros = sum(one.unknowns.zeros for one in alone.values())
+        further, rest = p * (len(alone) - 1), points - p * len(alone) - zeros
+        if further < 1 or rest < 1:
+            continue
+        of_all, of_each = (
+            float(sum(r @ r / solved.noise[i] ** 2 for i, r in residuals))
+            for residuals in (
+                [(i, solved.residuals[i]) for i in alone],
+                [(i, one.residuals[0]) for i, one in alone.items()],
+            )
+        )
+        F = (of_all - of_each) / further / (of_each / rest) if of_each else 0.0
+        number = block.stop - block.start
+        singles[name] = np.array([one.x[:number] for one in alone.values()])
+        differ[name] = float(special.fdtrc(further, rest, F))
+    return _Compared(solved, singles, differ)
+
+
+def _alone(joint: _Solved, i: int) -> _Solved:
+    """Fit of the law of one of the curves, with the noise and other laws of all."""
+    unknowns, sample = joint.unknowns, joint.samples[i]
+    model, values = unknowns.models[sample.part], joint.x[unknowns.blocks[sample.part]]
+    noise, laws = joint.noise[i : i + 1], unknowns.laws(joint.x)
+    return _solved({sample.part: model}, [sample], laws, joint.free, values, noise)
+
+
+def _criterion(fit: _Compared, alone: bool) -> float:
     """Bayesian information criterion, by the residuals of each curve.
 
     If curves differ, zeros would represent the difference: then each curve counts with
     a separate law.
     """
-    residuals = fit.residuals
+    residuals = fit.solved.residuals
     if alone:
-        residuals = tuple(_alone(fit, i).residuals[0] for i in range(len(fit.samples)))
+        residuals = tuple(
+            _alone(fit.solved, i).residuals[0] for i in range(len(residuals))
+        )
     total = 0.0
-    for sample, r in zip(fit.samples, residuals, strict=True):
-        n, least = r.size, _LEAST_NOISE * np.abs(sample.measured).max()
-        zeros = sum(offset.name in fit.free for offset in sample.offsets)
+    samples = fit.solved.samples
+    rounding = _LEAST_NOISE * _largest(samples)
+    for sample, r, least in zip(samples, residuals, rounding, strict=True):
+        n = r.size
+        zeros = sum(offset.name in fit.solved.free for offset in sample.offsets)
         total += n * np.log(max(float(r @ r) / n, least**2)) + zeros * np.log(n)
     return float(total)
 
 
-def _alone(pooled: Fit, i: int) -> Fit:
-    """Fit of one of the curves, with the noise of all of them."""
-    noise = pooled.noise[i : i + 1]
-    return _fit(pooled.model, [pooled.samples[i]], pooled.free, pooled.values, noise)
+def _correlations(residuals: Sequence[ndarray]) -> ndarray:
+    """Correlation of neighbouring residuals of each curve."""
+    return np.array([(r[1:] @ r[:-1] / (r @ r)) if r.any() else 0.0 for r in residuals])
 
 
-def _compared(pooled: Fit, compare: bool) -> Fit:
-    """Fit with a test for differences between its curves."""
-    samples = pooled.samples
-    if len(samples) < 2 or not compare:
-        return pooled
-    alone = {}
-    for i in range(len(samples)):
-        try:
-            alone[i] = _alone(pooled, i)
-        except ValueError:  # this curve does not determine all parameters
-            continue
-    p = int(np.sum(~pooled.at_bound))
-    points = sum(samples[i].measured.size for i in alone)
-    zeros = sum(one.jacobian.shape[1] - one.values.size for one in alone.values())
-    further, rest = p * (len(alone) - 1), points - p * len(alone) - zeros
-    if further < 1 or rest < 1:
-        return pooled
-    weights = pooled.noise[list(alone)] ** -2
-    of_all, of_each = (
-        float(sum(w * r @ r for w, r in zip(weights, residuals, strict=True)))
-        for residuals in (
-            [pooled.residuals[i] for i in alone],
-            [one.residuals[0] for one in alone.values()],
-        )
-    )
-    F = (of_all - of_each) / further / (of_each / rest) if of_each else 0.0
-    singles = np.array([one.values for one in alone.values()])
-    return replace(
-        pooled, singles=singles, differ=float(special.fdtrc(further, rest, F))
-    )
-
-
-def _fit(
-    model: Model,
-    samples: Sequence[Sample],
-    free: frozenset[str] = frozenset(),
-    start: ndarray | None = None,
-    noise: ndarray | None = None,
-) -> Fit:
-    """Joint fit of some curves and their free zeros, with given or estimated noise."""
-    unknowns = Unknowns(model, samples, free)
-    measured = np.concatenate([sample.measured for sample in samples])
-    n, p = measured.size, len(model.parameters)
-    if n <= (number := p + unknowns.zeros):
-        raise ValueError(
-            f"{n} points are too few for the {number} parameters of the law "
-            f"{model.name}: use a law with fewer parameters"
-        )
-    noise_is_known = noise is not None
-    least = _LEAST_NOISE * np.abs(measured).max()
-    weights = _spread_out(samples, noise**-2.0) if noise is not None else np.ones(n)
-    x = None if start is None else unknowns.start(start)
-    for _ in range(1 if noise_is_known else _ROUNDS):
-        x, J = unknowns.solve(measured, weights, x)
-        values = x[:p]
-        at_bound = (values <= model.low) | (values >= model.high)
-        residuals = _split(samples, measured - unknowns.predict(x))
-        if noise is None or not noise_is_known:
-            columns = np.concatenate([~at_bound, np.ones(unknowns.zeros, dtype=bool)])
-            sizes = np.array([sample.measured.size for sample in samples])
-            left = np.maximum(sizes - _leverage(samples, J[:, columns], weights), 1e-6)
-            squares = np.array([r @ r for r in residuals])
-            noise = np.maximum(np.sqrt(squares / left), least)
-            weights = _spread_out(samples, noise**-2.0)
-    assert x is not None
-    assert noise is not None
-    offsets = tuple(unknowns.offsets(x))
-    of_fit = model, tuple(samples), values, offsets, free
-    return Fit(*of_fit, J, residuals, noise, at_bound)
-
-
-def _leverage(samples: Sequence[Sample], J: ndarray, weights: ndarray) -> ndarray:
-    """Number of parameters determined by each curve."""
-    covariance = covariance_of(J, weights)
-    each = np.einsum("ni,ij,nj,n->n", J, covariance, J, weights)
-    return np.array([block.sum() for block in _split(samples, each)])
+def _systematic(residuals: Sequence[ndarray]) -> ndarray:
+    """Curves with significantly correlated residuals."""
+    sizes = np.array([r.size for r in residuals])
+    return _correlations(residuals) > _BELIEVED / np.sqrt(sizes)
 
 
 def _spread_out(samples: Sequence[Sample], each: ndarray) -> ndarray:

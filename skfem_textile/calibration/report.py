@@ -1,6 +1,7 @@
 """Reports of fits: JSON figures, notes, and text."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
@@ -10,14 +11,15 @@ from numpy import ndarray
 from ..fabric.files import law_to_json
 from ..solve.verdict import excess
 from .biaxial import FAMILIES
-from .curves import rest_notes, seems_swapped
+from .curves import beginning_notes, rest_notes
 from .regression import CONFIDENCE, Fit
-from .specimens import APART
+from .specimens import APART, Specimen
 
 if TYPE_CHECKING:
-    from .bending import BendingFit
-    from .biaxial import TensionFit
-    from .shear import ShearFit, Specimen
+    from .biaxial import BiaxialCurve
+    from .fitting import FabricFit
+    from .strip import Strip
+    from .validation import Validation
 
 
 #: Shear angles in degrees at which moments are reported, within the data.
@@ -27,13 +29,32 @@ ANGLES = tuple(range(5, 90, 5))
 _MOST_STRAIN = 0.5
 
 
-def shear_report(result: "ShearFit") -> dict[str, Any]:
+def reports_of(result: "FabricFit") -> dict[str, dict[str, Any]]:
+    """Reports of all laws, by title: numbers, lists and text."""
+    reports = {}
+    for part in result.parts:
+        if part == "shear":
+            title = "Shear"
+            reports[title] = shear_report(result)
+        elif part.startswith("bending"):
+            title = f"Bending of the {part.split()[1]}"
+            reports[title] = bending_report(result, part)
+        else:
+            title = f"Tension, {part}"
+            reports[title] = tension_report(result, part)
+        reports[title]["candidates"] = [
+            asdict(one) for one in result.candidates.get(part, ())
+        ]
+    return reports
+
+
+def shear_report(result: "FabricFit") -> dict[str, Any]:
     """Report of a shear law: numbers, lists and text."""
-    fit, specimens = result.fit, []
+    fit, specimens, up_to = result.parts["shear"], [], result.choice.up_to
     for i, specimen in enumerate(result.specimens):
         measured = specimen.measured_angle is not None
         more = {
-            "left_out": int(np.sum(~specimen.used(result.up_to))),
+            "left_out": int(np.sum(~specimen.used(up_to))),
             "angle": "measured" if measured else "theoretical",
             "kinematics_hold_to_deg": _valid_up_to(specimen),
             "test": repr(specimen.test),
@@ -42,8 +63,8 @@ def shear_report(result: "ShearFit") -> dict[str, Any]:
         }
         specimens.append(_curve(fit, i) | more)
     return {
-        **_law("shear", fit),
-        "compared_with": "simulations" if result.simulated else "closed forms",
+        **law_report("shear", fit),
+        "compared_with": "simulations" if result.simulations else "closed forms",
         "kinematics_hold_to_deg": min(map(_valid_up_to, result.specimens)),
         "largest_angle_deg": float(np.degrees(result.largest_angle)),
         "specimens": specimens,
@@ -52,68 +73,130 @@ def shear_report(result: "ShearFit") -> dict[str, Any]:
             *_notes(fit),
             *_zero_notes(fit),
             *_range_notes(result),
-            *_falling_notes(result),
         ],
     }
 
 
-def tension_report(result: "TensionFit") -> dict[str, Any]:
-    """Reports of tension laws, by ``warp`` and ``weft``, or ``both``."""
-    reports = {}
-    for name, one in result.fits.items():
-        families = [i for i, family in enumerate(FAMILIES) if name in (family, "both")]
-        largest = max(float(c.strain[families].max()) for c in result.curves)
-        reports[name] = _law("tension", one) | {
-            "largest_strain": largest,
-            "curves": [
-                _curve(one, i)
-                | {"statements": list(result.curves[i % len(result.curves)].statements)}
-                for i in range(len(one.samples))
-            ],
-            "notes": [*_notes(one), *_tension_notes(result, families)],
-        }
-        if one.beyond_noise:
-            reports[name]["notes"].append(
-                "tests at several strain ratios contradict a tension that depends on "
-                "one strain only: use crimp-interchange, in which tensions depend on "
-                "both strains"
-            )
-    return reports
+def tension_report(result: "FabricFit", part: str) -> dict[str, Any]:
+    """Report of a tension law: of a family, or of both."""
+    fit, curves = result.parts[part], result.along(part)
+    strains = (
+        along.strain.max()
+        for test, families in curves
+        for i in families
+        if (along := test.along(i))
+    )
+    notes = [*_notes(fit), *_zero_notes(fit), *_tension_notes(curves)]
+    if fit.beyond_noise:
+        notes.append(
+            "tests at several strain ratios contradict a tension that depends on one "
+            "strain only: use crimp-interchange, in which tensions depend on both "
+            "strains"
+        )
+    return law_report("tension", fit) | {
+        "largest_strain": float(max(strains)),
+        "curves": [
+            _curve(fit, i)
+            | {"zeros": _zeros(fit, i), "statements": list(test.statements)}
+            for i, (test, _) in enumerate(curves)
+        ],
+        "notes": notes,
+    }
 
 
-def bending_report(fit: "BendingFit") -> dict[str, Any]:
+def bending_report(result: "FabricFit", part: str) -> dict[str, Any]:
     """Report of a bending stiffness."""
-    low, high = fit.interval
-    largest = float(np.abs(fit.by_peirce / fit.by_elastica - 1).max())
+    fit, tests = result.parts[part], result.cantilevers(part)
+    (low, high), stiffness = fit.intervals[0], fit.law.stiffness
     readings = [
         {
             "name": test.name,
             "overhang_mm": float(length),
             "chord_angle_deg": float(np.degrees(angle)),
+            "by_elastica_N_mm": float(exact),
+            "by_peirce_N_mm": float(simple),
         }
-        for test in fit.tests
-        for length, angle in zip(test.overhang, test.angle, strict=True)
+        for test in tests
+        for length, angle, exact, simple in zip(
+            *(test.overhang, test.angle, test.by_elastica, test.by_peirce), strict=True
+        )
     ]
-    both = zip(fit.by_elastica, fit.by_peirce, strict=True)
-    for reading, (exact, simple) in zip(readings, both, strict=True):
-        reading |= {"by_elastica_N_mm": float(exact), "by_peirce_N_mm": float(simple)}
+    simple, exact = (
+        np.array([one[f"by_{name}_N_mm"] for one in readings])
+        for name in ("peirce", "elastica")
+    )
+    largest = float(np.abs(simple / exact - 1).max())
     return {
         "of": "bending",
         "confidence": CONFIDENCE,
-        "bending_N_mm": fit.stiffness,
-        "low_N_mm": low,
-        "high_N_mm": high,
-        "by_peirce_N_mm": float(fit.by_peirce.mean()),
+        "bending_N_mm": float(stiffness),
+        "low_N_mm": float(low),
+        "high_N_mm": float(high),
+        "by_peirce_N_mm": float(simple.mean()),
         "readings": readings,
         "tests": [
-            {"name": test.name, "statements": list(test.statements)}
-            for test in fit.tests
+            {"name": test.name, "statements": list(test.statements)} for test in tests
         ],
         "notes": [
+            *_notes(fit),
             f"the error of Peirce's formula is up to {100 * largest:.1f} % at these "
-            "angles: the stiffness is computed with the elastica"
+            "angles: the stiffness is computed with the elastica",
         ],
     }
+
+
+def joint_report(result: "FabricFit") -> dict[str, Any]:
+    """Parameters of all laws, with their standard deviations and correlations."""
+    fit = result.fit.joint
+    deviations, _ = fit.deviation(np.eye(fit.values.size))
+    scale = np.where(deviations > 0, deviations, 1.0)
+    return {
+        "parameters": list(fit.model.parameters),
+        "units": list(fit.model.units),
+        "values": fit.values.tolist(),
+        "standard_deviations": deviations.tolist(),
+        "correlations": (fit.covariance / np.outer(scale, scale)).tolist(),
+    }
+
+
+def validation_report(found: "Sequence[Validation]") -> dict[str, Any]:
+    """Report of tests that were not used in the fit."""
+    rows, notes = [], []
+    for one in found:
+        most, prediction = float(np.abs(one.measured).max()), one.prediction
+        difference, name = one.difference, one.specimen.name
+        half = np.nan_to_num(prediction.discretisation)
+        rows.append(
+            {
+                "name": name,
+                "test": repr(one.specimen.test),
+                "points": int(difference.size),
+                "largest_angle_deg": float(np.degrees(prediction.gamma.max())),
+                "slack_mm": one.specimen.slack,
+                "rms_N": float(np.sqrt(np.mean(difference**2))),
+                "largest_N": float(np.abs(difference).max()),
+                "largest_over_largest_force": float(np.abs(difference).max()) / most,
+                "noise_N": one.noise,
+                "parameters_N": float(prediction.pointwise.max()),
+                "discretisation_N": float(half.max()),
+                "inside_pointwise": one.share(),
+                "inside_simultaneous": one.share(simultaneous=True),
+                "lost_to_stretch": float(prediction.simulated.lost[-1]),
+                "confirmed": one.confirmed,
+            }
+        )
+        if not np.isfinite(prediction.discretisation).all():
+            notes.append(
+                f"{name}: the discretisation error is unknown, and its interval is not "
+                "part of the band"
+            )
+        if not one.confirmed:
+            notes.append(
+                f"{name}: the prediction is not confirmed: "
+                f"{100 * one.share(simultaneous=True):.0f} % of the curve is inside "
+                "the band of the whole curve"
+            )
+    return {"of": "validation", "confidence": CONFIDENCE, "rows": rows, "notes": notes}
 
 
 def _zeros(fit: Fit, i: int) -> list[dict[str, Any]]:
@@ -143,7 +226,8 @@ def _zero_notes(fit: Fit) -> list[str]:
     return notes
 
 
-def _law(of: str, fit: Fit) -> dict[str, Any]:
+def law_report(of: str, fit: Fit) -> dict[str, Any]:
+    """Law, parameters and confidence intervals."""
     rows = zip(
         *(fit.model.parameters, fit.model.units, fit.values, fit.intervals),
         fit.at_bound,
@@ -183,25 +267,27 @@ def _curve(fit: Fit, i: int) -> dict[str, Any]:
     }
 
 
-def _moments(result: "ShearFit") -> list[dict[str, Any]]:
+def _moments(result: "FabricFit") -> list[dict[str, Any]]:
     """C at `ANGLES`: the law, its band, and each specimen alone."""
     reach = np.degrees(result.largest_angle) + 1e-9
     angles = np.array([angle for angle in ANGLES if angle <= reach], dtype=float)
-    gamma, fit = np.radians(angles), result.fit
+    gamma, fit = np.radians(angles), result.parts["shear"]
 
     def value(law: Any) -> ndarray:
         return law.value(gamma)
 
     C, band, alone = value(fit.law), fit.band(value), fit.singles
     moments = [] if alone is None else [value(fit.model.build(one)) for one in alone]
-    points = []
+    points, scatter = [], fit.scatter(value)
     for i, specimen in enumerate(result.specimens):
         force, *_ = fit.zeros(i).get("force at rest", (specimen.zeros.force or 0.0,))
-        points.append(specimen.pointwise(result.up_to, force))
+        points.append(specimen.pointwise(result.choice.up_to, force))
     rows = []
     for i, angle in enumerate(angles):
         low, high = band[:, i]
         row = {"angle_deg": angle, "moment": C[i], "low": low, "high": high}
+        if scatter is not None:
+            row["specimen_low"], row["specimen_high"] = scatter[:, i]
         if moments:
             row["between_specimens"] = np.std([one[i] for one in moments], ddof=1)
         reduced = [
@@ -213,21 +299,27 @@ def _moments(result: "ShearFit") -> list[dict[str, Any]]:
     return rows
 
 
-def _tension_notes(result: "TensionFit", families: Sequence[int]) -> list[str]:
-    """Notes on the curves of the families with given numbers."""
+def _tension_notes(
+    curves: "Sequence[tuple[Strip | BiaxialCurve, list[int]]]",
+) -> list[str]:
+    """Notes on the curves of some families."""
     notes = []
-    for i in families:
-        for curve in result.curves:
-            called = f"{curve.name}, {FAMILIES[i]}"
-            notes += rest_notes(called, curve.strain[i], curve.force[i])
-            if (largest := float(np.expm1(curve.strain[i].max()))) > _MOST_STRAIN:
+    for test, families in curves:
+        for i in families:
+            along = test.along(i)
+            if along is None:
+                continue
+            called = f"{test.name}, {FAMILIES[i]}"
+            known = not test.slack_is_unknown
+            notes += rest_notes(called, along.strain, along.force, known)
+            if (largest := float(np.expm1(along.strain.max()))) > _MOST_STRAIN:
                 notes.append(
                     f"{called}: strains reach {100 * largest:.3g} %: check their unit"
                 )
     return notes
 
 
-def _valid_up_to(specimen: "Specimen") -> float:
+def _valid_up_to(specimen: Specimen) -> float:
     """Shear angle in degrees up to which the kinematics of a test are valid."""
     return float(np.degrees(specimen.kinematics_limit))
 
@@ -254,16 +346,16 @@ def _notes(fit: Fit) -> list[str]:
     return notes
 
 
-def _range_notes(result: "ShearFit") -> list[str]:
-    end = np.degrees(result.largest_angle)
+def _range_notes(result: "FabricFit") -> list[str]:
+    end, up_to = np.degrees(result.largest_angle), result.choice.up_to
     notes = [
         f"{specimen.name}: the test contains loading and unloading, and both are "
         "fitted as one curve: keep only the rows of a single loading"
         for specimen in result.specimens
-        if all(specimen.ways(result.up_to))
+        if all(specimen.ways(up_to))
     ]
     for specimen in result.specimens:
-        notes += _beginning_notes(specimen, result.up_to)
+        notes += beginning_notes(specimen, up_to)
     if result.stabilisation is not None:
         shares = {"energy": {"stabilisation": result.stabilisation}}
         if excessive := excess(shares, "stabilisation"):
@@ -289,43 +381,6 @@ def _range_notes(result: "ShearFit") -> list[str]:
                 "degrees"
             )
     return list(dict.fromkeys(notes))
-
-
-def _beginning_notes(specimen: "Specimen", up_to: float | None) -> list[str]:
-    name, used = specimen.name, specimen.used(up_to)
-    forth, back = specimen.ways(up_to)
-    if forth and back:
-        return []
-    notes = []
-    if back:
-        notes.append(
-            f"{name}: the displacement only decreases from row to row, as in "
-            "unloading: keep the rows of the loading"
-        )
-    force = specimen.force[used]
-    if seems_swapped(specimen.driven[used], force):
-        what = "shear angle" if specimen.displacement is None else "displacement"
-        notes.append(
-            f"{name}: the force increases in equal steps and the {what} does not: "
-            "check whether the columns are swapped, unless the test was "
-            "force-controlled"
-        )
-    zeros = specimen.zeros
-    if zeros.force is None or zeros.slack is None:
-        return notes
-    return notes + rest_notes(name, specimen.angle[used], force - zeros.force)
-
-
-def _falling_notes(result: "ShearFit") -> list[str]:
-    """Note on a law that decreases within the range of the data."""
-    gamma = np.linspace(0.0, result.largest_angle * (1 - 1e-9), 201)
-    falls = gamma[result.fit.law.tangent(gamma) < 0]
-    if not falls.size:
-        return []
-    return [
-        f"the shear moment decreases beyond {np.degrees(falls[0]):.1f} degrees: a "
-        "simulation of this fabric may be unstable"
-    ]
 
 
 def report_text(reports: Mapping[str, Mapping[str, Any]]) -> str:

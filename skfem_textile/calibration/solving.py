@@ -1,8 +1,8 @@
-"""Least squares for the parameters of a law and the zeros of curves."""
+"""Least squares for the parameters of several laws and the zeros of curves."""
 
 import importlib
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -10,6 +10,12 @@ from scipy import linalg
 
 from ..fabric import Linear
 from .models import Model
+
+#: Laws of a fabric by name, see `PARTS`.
+Laws: TypeAlias = Mapping[str, Any]
+
+#: Laws of a fabric that tests determine; ``both`` is a tension law of both strains.
+PARTS = "warp", "weft", "both", "shear", "bending warp", "bending weft"
 
 
 class Offset(NamedTuple):
@@ -28,16 +34,19 @@ class Offset(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """Name of a curve, measured values, (n,), and predictions of a law.
+    """Name of a curve, measured values, (n,), and predictions of the laws of a fabric.
 
-    ``predict(law, *offsets)`` is called without offsets or with one number for each of
-    ``offsets``.
+    ``predict(laws, *offsets)`` is called without offsets or with one number for each of
+    ``offsets``.  ``part`` is the law that the curve determines; its predictions also
+    depend on the laws ``others``, if any.
     """
 
     name: str
     measured: ndarray
+    part: str
     predict: Callable[..., ndarray]
     offsets: tuple[Offset, ...] = ()
+    others: tuple[str, ...] = ()
 
 
 def _optimize() -> Any:
@@ -55,7 +64,7 @@ def solve_linear(
     measured: ndarray,
     weights: ndarray,
     start: ndarray | None,
-) -> tuple[ndarray, ndarray]:
+) -> ndarray:
     """Closed form, unless a bound is active."""
     units = np.eye(len(model.parameters))
     J = np.transpose([predict(model.build(unit)) for unit in units])
@@ -70,7 +79,7 @@ def solve_linear(
     low, high = model.low * size, model.high * size
     if np.any((values < low) | (values > high)):
         values = _optimize().lsq_linear(A, b, (low, high), method="bvls").x
-    return np.clip(values / size, model.low, model.high), J
+    return np.clip(values / size, model.low, model.high)
 
 
 def solve_nonlinear(
@@ -79,7 +88,7 @@ def solve_nonlinear(
     measured: ndarray,
     weights: ndarray,
     start: ndarray | None,
-) -> tuple[ndarray, ndarray]:
+) -> ndarray:
     """Nonlinear least squares from given parameters, or from the best linear law.
 
     The linear law determines the scale of each parameter, because a parameter at a
@@ -105,8 +114,7 @@ def solve_nonlinear(
         values = found.x
     except ValueError as error:
         raise ValueError(f"the fit of the law {model.name} failed: {error}") from None
-    values = _at_bounds(model, values, scale)
-    return values, jacobian_of(model, values, predict)
+    return _at_bounds(model, values, scale)
 
 
 def _at_bounds(model: Model, values: ndarray, scale: ndarray) -> ndarray:
@@ -124,6 +132,13 @@ def jacobian_of(
     if model.start is None:
         units = np.eye(values.size)
         return np.transpose([value(model.build(unit)) for unit in units])
+    return differences(model, values, value)
+
+
+def differences(
+    model: Model, values: ndarray, value: Callable[[Any], ndarray]
+) -> ndarray:
+    """Derivatives with respect to parameters by finite differences, (n, p)."""
     columns = []
     for i, x in enumerate(values):
         step = 1e-6 * max(abs(x), 1e-6)
@@ -160,36 +175,65 @@ def _not_identifiable(model: Model) -> str:
 
 
 class Unknowns:
-    """Parameters of a law and free zeros of curves, as one vector.
+    """Parameters of all laws and free zeros of curves, as one vector.
 
     Parameters
     ----------
-    model
-        The law.
+    models
+        Laws with unknown parameters, by part.
     samples
-        The curves.
+        The curves, each of one of these parts.
     free
         Names of the zeros that are unknown; the others are 0.
+    known
+        Laws of other parts, with known parameters.
 
     Attributes
     ----------
-    zeros
-        Number of free zeros of all curves.
+    blocks
+        Parameters of each part in the vector.
+    parameters, zeros
+        Number of parameters, and of free zeros of all curves.
+    low, high
+        Bounds of the vector.
+    owners
+        Part of each element of the vector: of a zero the part of its curve.
     """
 
     def __init__(
-        self, model: Model, samples: Sequence[Sample], free: frozenset[str]
+        self,
+        models: Mapping[str, Model],
+        samples: Sequence[Sample],
+        free: frozenset[str],
+        known: Laws | None = None,
     ) -> None:
-        self.model, self.samples = model, samples
+        self.models, self.samples, self.known = models, samples, dict(known or {})
+        sizes = [len(model.parameters) for model in models.values()]
+        ends = np.cumsum([0, *sizes]).tolist()
+        self.blocks = {name: slice(*ends[i : i + 2]) for i, name in enumerate(models)}
         self._masks = [
             np.array([offset.name in free for offset in sample.offsets], dtype=bool)
             for sample in samples
         ]
-        self.zeros = sum(int(mask.sum()) for mask in self._masks)
+        self.parameters = ends[-1]
+        self.low, self.high = (
+            np.concatenate(
+                [*(getattr(m, end) for m in models.values()), self._of_zeros(end)]
+            )
+            for end in ("low", "high")
+        )
+        zeros = [int(mask.sum()) for mask in self._masks]
+        parts = [*models, *(sample.part for sample in samples)]
+        self.owners, self.zeros = np.repeat(parts, [*sizes, *zeros]), sum(zeros)
+
+    def laws(self, x: ndarray) -> dict[str, Any]:
+        """Laws by part."""
+        found = {name: m.build(x[self.blocks[name]]) for name, m in self.models.items()}
+        return self.known | found
 
     def offsets(self, x: ndarray) -> list[ndarray]:
         """Zeros of each curve, also those that are not free."""
-        found, begin = [], len(self.model.parameters)
+        found, begin = [], self.parameters
         for mask in self._masks:
             of_curve = np.zeros(mask.size)
             of_curve[mask] = x[begin : begin + int(mask.sum())]
@@ -198,39 +242,46 @@ class Unknowns:
         return found
 
     def start(self, values: ndarray) -> ndarray:
-        """Initial vector with given parameters of the law."""
+        """Initial vector with given parameters of the laws."""
         return np.concatenate([values, self._of_zeros("start")])
 
     def predict(self, x: ndarray) -> ndarray:
         """Predictions of all curves."""
-        law = self.model.build(x[: len(self.model.parameters)])
-        return self._of_law(law, self.offsets(x))
+        every = range(len(self.samples))
+        return self._joined(self.laws(x), self.offsets(x), every)
 
-    def solve(
-        self, measured: ndarray, weights: ndarray, x: ndarray | None
-    ) -> tuple[ndarray, ndarray]:
+    def solve(self, weights: ndarray, x: ndarray | None) -> tuple[ndarray, ndarray]:
         """Best vector and the Jacobian there, from a given one or from linear laws."""
-        model, p = self.model, len(self.model.parameters)
-        if x is not None and self.zeros:
-            return self._solve_all(measured, weights, x)
-        of_curves = self.offsets(self.start(np.zeros(p)))
-        at_rest = self._of_law(Linear(0.0), of_curves)
+        joint = self.zeros or any(sample.others for sample in self.samples)
+        if joint and x is not None:
+            return self._solve_all(weights, x)
+        x = self._solve_each(weights, x)
+        return self._solve_all(weights, x) if joint else (x, self.jacobian(x))
 
-        def predict(law: Any) -> ndarray:
-            return self._of_law(law, of_curves) - at_rest
+    def _solve_each(self, weights: ndarray, x: ndarray | None) -> ndarray:
+        """Best parameters of each part by its own curves, with zeros at their start.
 
-        solve = solve_linear if model.start is None else solve_nonlinear
-        values, J = solve(model, predict, measured - at_rest, weights, x)
-        if not self.zeros:
-            return values, J
-        return self._solve_all(measured, weights, self.start(values))
+        Curves that depend on several laws have the laws of the parts before theirs.
+        """
+        found = self.start(np.zeros(self.parameters))
+        of_curves, known = self.offsets(found), dict(self.known)
+        for name, model in self.models.items():
+            own = [i for i, sample in enumerate(self.samples) if sample.part == name]
+            at_rest, value = self._beyond_rest(name, known, of_curves, own)
+            measured = np.concatenate([self.samples[i].measured for i in own])
+            solve = solve_linear if model.start is None else solve_nonlinear
+            block = self.blocks[name]
+            values = solve(
+                *(model, value, measured - at_rest),
+                weights[self._rows(own)],
+                None if x is None else x[block],
+            )
+            found[block], known[name] = values, model.build(values)
+        return found
 
-    def _solve_all(
-        self, measured: ndarray, weights: ndarray, x: ndarray
-    ) -> tuple[ndarray, ndarray]:
-        root = np.sqrt(weights)
-        low = np.concatenate([self.model.low, self._of_zeros("low")])
-        high = np.concatenate([self.model.high, self._of_zeros("high")])
+    def _solve_all(self, weights: ndarray, x: ndarray) -> tuple[ndarray, ndarray]:
+        root, low, high = np.sqrt(weights), self.low, self.high
+        measured = np.concatenate([sample.measured for sample in self.samples])
         try:
             found = _optimize().least_squares(
                 lambda x: root * (self.predict(x) - measured),
@@ -240,40 +291,73 @@ class Unknowns:
                 x_scale="jac",
             )
         except (ValueError, np.linalg.LinAlgError) as error:
-            raise ValueError(
-                f"the fit of the law {self.model.name} failed: {error}"
-            ) from None
-        p = len(self.model.parameters)
-        found.x[:p] = _at_bounds(self.model, found.x[:p], np.abs(x[:p]))
+            names = " and ".join(model.name for model in self.models.values())
+            raise ValueError(f"the fit of the law {names} failed: {error}") from None
+        for name, block in self.blocks.items():
+            scale = np.abs(x[block])
+            found.x[block] = _at_bounds(self.models[name], found.x[block], scale)
         return found.x, self.jacobian(found.x)
 
     def jacobian(self, x: ndarray) -> ndarray:
-        """Derivatives of all predictions, shape (n, p + zeros)."""
-        p, of_curves = len(self.model.parameters), self.offsets(x)
-        at_rest = self._of_law(Linear(0.0), of_curves)
-
-        def value(law: Any) -> ndarray:
-            return self._of_law(law, of_curves) - at_rest
-
-        J = np.zeros((at_rest.size, p + self.zeros))
-        J[:, :p] = jacobian_of(self.model, x[:p], value)
-        law, row, column = self.model.build(x[:p]), 0, p
+        """Derivatives of all predictions, shape (n, parameters + zeros)."""
+        of_curves, laws = self.offsets(x), self.laws(x)
+        J = np.zeros((self._rows(range(len(self.samples))).size, x.size))
+        for name, model in self.models.items():
+            own, coupled = (
+                [
+                    i
+                    for i, one in enumerate(self.samples)
+                    if name in (one.part, *one.others) and bool(one.others) == several
+                ]
+                for several in (False, True)
+            )
+            block, values = self.blocks[name], x[self.blocks[name]]
+            if own:
+                _, value = self._beyond_rest(name, laws, of_curves, own)
+                J[self._rows(own), block] = jacobian_of(model, values, value)
+            if coupled:
+                _, value = self._beyond_rest(name, laws, of_curves, coupled)
+                J[self._rows(coupled), block] = differences(model, values, value)
+        column = self.parameters
         curves = zip(self.samples, of_curves, self._masks, strict=True)
-        for sample, offsets, mask in curves:
-            rows = slice(row, row := row + sample.measured.size)
+        for i, (sample, offsets, mask) in enumerate(curves):
             for j in np.flatnonzero(mask):
                 offset = sample.offsets[j]
                 step = _STEP * (offset.high - offset.low)
                 ends = np.repeat(offsets[None], 2, axis=0)
                 ends[:, j] += np.array([-step, step])
-                low, high = (sample.predict(law, *end) for end in ends)
-                J[rows, column] = (high - low) / (2 * step)
+                low, high = (sample.predict(laws, *end) for end in ends)
+                J[self._rows([i]), column] = (high - low) / (2 * step)
                 column += 1
         return J
 
-    def _of_law(self, law: Any, of_curves: Sequence[ndarray]) -> ndarray:
-        pairs = zip(self.samples, of_curves, strict=True)
-        return np.concatenate([sample.predict(law, *zeros) for sample, zeros in pairs])
+    def _beyond_rest(
+        self,
+        part: str,
+        laws: Laws,
+        of_curves: Sequence[ndarray],
+        curves: Sequence[int],
+    ) -> tuple[ndarray, Callable[[Any], ndarray]]:
+        """Predictions of some curves without a law, and what the law adds to them."""
+        at_rest = self._joined({**laws, part: Linear(0.0)}, of_curves, curves)
+
+        def value(law: Any) -> ndarray:
+            return self._joined({**laws, part: law}, of_curves, curves) - at_rest
+
+        return at_rest, value
+
+    def _rows(self, curves: Sequence[int]) -> ndarray:
+        """Rows of some curves in the vector of all predictions."""
+        ends = np.cumsum([0, *(sample.measured.size for sample in self.samples)])
+        return np.concatenate([np.arange(ends[i], ends[i + 1]) for i in curves])
+
+    def _joined(
+        self, laws: Laws, of_curves: Sequence[ndarray], curves: Sequence[int]
+    ) -> ndarray:
+        """Predictions of some curves."""
+        return np.concatenate(
+            [self.samples[i].predict(laws, *of_curves[i]) for i in curves]
+        )
 
     def _of_zeros(self, field: str) -> ndarray:
         """A field of each free zero."""

@@ -11,7 +11,7 @@ smaller force.
 """
 
 from functools import partial
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, cast, get_args
 
 import numpy as np
 from numpy import ndarray
@@ -23,7 +23,7 @@ from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..solve.conditions import Condition
 from .rectangle import misfit, rectangle
 from .scene import Scene
-from .shear_test import BiasTest, force_of_moments, free_length
+from .shear_test import Angle, BiasTest, force_of_moments, free_length
 from .trellis import Motion
 
 #: Width of the ply in mm.
@@ -103,8 +103,8 @@ def bias_extension(
         driven="top",
         displacement=motion.displacement,
         shear_angle=motion.shear_angle,
-        load=lambda law, t: share * force(law, t * shear_angle, W, H, theta),
-        load_lost=lambda f, t: lost_to_stretch(f, t * shear_angle, W, H, theta),
+        load=lambda law, t: share * float(force(law, t * shear_angle, W, H, theta)),
+        load_lost=lambda f, t: float(lost_to_stretch(f, t * shear_angle, W, H, theta)),
         misfit=misfit(mesh, _fixed_sides(share)),
         shear_test=BiasTest(W, H, theta, share),
     )
@@ -112,11 +112,11 @@ def bias_extension(
 
 def force(
     law: Law,
-    gamma: float,
+    gamma: Angle,
     width: float,
     height: float,
     inclination: float = np.pi / 4,
-) -> float:
+) -> Angle:
     """Force at the top in N for inextensible fibres.
 
     F = [W(H − 3/2 W tan θ) C(γ) + 1/2 W² tan θ C(γ/2)] / (L cos(θ + γ/2)), with C = w′,
@@ -127,24 +127,24 @@ def force(
     law
         Shear law C.
     gamma
-        Shear angle of the middle in radians.
+        Shear angle of the middle in radians, a number or an array.
     width, height
         Sides W and H of the ply in mm, H ≥ 2W tan θ.
     inclination
         Angle θ between warp and clamps in radians.
     """
     middle, between = force_of_moments(gamma, width, height, inclination)
-    C, C_half = law.value(np.array([gamma, gamma / 2]))
-    return float(middle * C + between * C_half)
+    C, C_half = (law.value(np.asarray(angle)) for angle in (gamma, gamma / 2))
+    return cast("Angle", middle * C + between * C_half)
 
 
 def lost_to_stretch(
     fabric: Fabric,
-    gamma: float,
+    gamma: Angle,
     width: float,
     height: float,
     inclination: float = np.pi / 4,
-) -> float:
+) -> Angle:
     """Estimated relative reduction of `force` due to fibre stretch.
 
     For inextensible fibres, the four fibres from the corners of the clamps to the sides
@@ -163,7 +163,8 @@ def lost_to_stretch(
         See `force`.
     """
     sides = width, height, inclination
-    law, h = fabric.shear_law, 1e-4 * min(gamma, np.pi - 2 * inclination - gamma)
+    law, end = fabric.shear_law, np.pi - 2 * inclination
+    h = 1e-4 * np.minimum(gamma, end - gamma)
     E = np.array([mean_slope(f.tension, np.zeros(1))[0] for f in fabric.families])
     L = free_length(*sides)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -171,12 +172,13 @@ def lost_to_stretch(
         rate = np.sum(2 / np.sqrt(E)) * (after - before) / (2 * h)
         x = rate / (L * np.cos(inclination + gamma / 2) * force(law, gamma, *sides))
         share = x / (1 + np.abs(x))
-    return float(np.nan_to_num(share, nan=1.0))  # all, if there is no tension stiffness
+    return np.nan_to_num(share, nan=1.0)  # all, if there is no tension stiffness
 
 
-def _layer(law: Law, gamma: float, width: float, height: float, theta: float) -> float:
+def _layer(law: Law, gamma: Angle, width: float, height: float, theta: float) -> Angle:
     """Φ √E of one fibre that starts at a corner of a clamp."""
-    C, tangent = (f(np.array([gamma / 2]))[0] for f in (law.value, law.tangent))
+    half = np.asarray(gamma) / 2
+    C, tangent = law.value(half), law.tangent(half)
     F = force(law, gamma, width, height, theta)
     N = F / (2 * np.sin(theta)) - width * C / (2 * np.cos(theta))
     crossing = np.pi - 2 * theta - gamma / 2

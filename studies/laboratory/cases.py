@@ -13,15 +13,17 @@ from numpy import ndarray
 from skfem_textile import Law
 from skfem_textile.calibration import (
     BiasExtension,
+    Choice,
     PictureFrame,
     ShearTest,
-    fit_shear,
+    fit_tests,
     read_recordings,
     read_specimens,
 )
-from skfem_textile.calibration.shear import SHEAR_LAWS
+from skfem_textile.calibration.choice import SHEAR_LAWS
 
 from ..study import Row
+from .joint import JointCase, joint_cases
 from .machines import MACHINES, Curve, Export
 
 #: Laws and their parameters at the scale 1: softening and stiffening, convex, straight.
@@ -202,8 +204,8 @@ def _misread(path: Path, drawn: _Drawn) -> bool:
 def _fitted(path: Path, drawn: _Drawn) -> Row:
     """The law of the file against the known one."""
     specimens = read_specimens(path, drawn.test)
-    result = fit_shear(specimens, drawn.name)
-    fit, gamma = result.fit, np.radians(ANGLES)
+    fit = fit_tests(specimens, Choice(drawn.name)).parts["shear"]
+    gamma = np.radians(ANGLES)
 
     def value(law: Law) -> ndarray:
         return law.value(gamma)
@@ -262,11 +264,11 @@ class Doubtful:
         return [{"what": self.what, "as_needed": option in message, "message": message}]
 
 
-Case = File | Doubtful
+Case = File | Doubtful | JointCase
 
 
 def all_cases(seed: int) -> Sequence[Case]:
-    """Files of each group, and files that must be refused.
+    """Files of each group, files that must be refused, and joint fits.
 
     The files ``chosen`` are those with which constants of the library were chosen.
     """
@@ -278,4 +280,5 @@ def all_cases(seed: int) -> Sequence[Case]:
             for i in range(number)
         ),
         *(Doubtful(what, machine) for what in DOUBTFUL for machine in MACHINES),
+        *joint_cases(),
     ]

@@ -22,6 +22,18 @@ _TARGETS = ("clean", "contaminated")
 # is then 2 %.
 _ENOUGH = 100
 
+#: Largest error of a parameter of a joint fit, and smallest share of predictions whose
+#: whole curve is inside the band: the lower limit of 95 % for 100 seeds.
+WITHIN, PREDICTED = 0.02, 0.89
+
+#: Relative rounding error of equal bands.
+ROUNDING = 1e-3
+
+# Kinds of tests, as columns of the joint fits; and loads with which predictions are
+# compared.
+_KINDS = "strip", "picture frame", "bias extension", "biaxial", "cantilever"
+_TRUTHS = {"converged": "converged", "same_mesh": "on the mesh of the prediction"}
+
 # Seed of the published results.
 _SEED = 1
 
@@ -81,9 +93,51 @@ def doubtful(rows: list[Row]) -> str:
     return markdown_table(head, lines) if lines else ""
 
 
+def joint(rows: list[Row]) -> str:
+    """Errors and half-widths of the parameters of joint fits, over the seeds."""
+    lines = []
+    for parameter, own in grouped(_joint(rows), "parameter").items():
+        errors = np.abs([row["error"] for row in own])
+        lines.append(
+            [
+                parameter,
+                percent(float(np.median(errors)), ".2f"),
+                percent(float(errors.max()), ".2f"),
+                *(_half_width(own, kind) for kind in ("joint", *_KINDS)),
+            ]
+        )
+    head = ["parameter", "median error", "largest error", "band, joint", *_KINDS]
+    return markdown_table(head, lines) if lines else ""
+
+
+def _half_width(rows: Sequence[Row], kind: str) -> str:
+    """Median half-width of a band; empty if the test does not determine it."""
+    found = [row[kind] for row in rows if _known(row, kind)]
+    return f"±{percent(float(np.median(found)), '.2f')}" if found else ""
+
+
+def held_out(rows: list[Row]) -> str:
+    """Predictions of the held-out test."""
+    lines = []
+    for full in (False, True):
+        own = [row for row in _held_out(rows) if _known(row, "band_apart") == full]
+        for name, of in _TRUTHS.items() if own else ():
+            lines.append(
+                [
+                    "of the fitted laws" if full else "shared",
+                    *(of, len(own), sum(bool(row[f"{name}_inside"]) for row in own)),
+                    percent(float(np.mean([r[f"{name}_share"] for r in own])), ".1f"),
+                    percent(float(np.median([r[f"{name}_error"] for r in own])), ".1f"),
+                ]
+            )
+    head = ["simulations", "load of the known fabric", "seeds", "whole curve inside"]
+    head += ["points inside", "largest error, median"]
+    return markdown_table(head, lines) if lines else ""
+
+
 def missed(rows: Sequence[Row]) -> list[str]:
     """Missed targets."""
-    texts = []
+    texts = _missed_jointly(rows)
     judged = having(_files(rows), judged=True)
     for group in _TARGETS:
         own = having(judged, group=group)
@@ -101,6 +155,39 @@ def missed(rows: Sequence[Row]) -> list[str]:
     return texts
 
 
+def _missed_jointly(rows: Sequence[Row]) -> list[str]:
+    """Missed targets of joint fits and predictions."""
+    texts = []
+    for row in _joint(rows):
+        what = f"seed {row['seed']}, {row['parameter']}"
+        if not abs(row["error"]) <= WITHIN:
+            texts.append(f"{what}: error of {percent(row['error'], '.1f')}")
+        alone = [row[kind] for kind in _KINDS if _known(row, kind)]
+        if not row["joint"] <= min(alone) * (1 + ROUNDING):
+            texts.append(f"{what}: the joint band is wider than by one test")
+        if len(alone) > 1 and not row["joint"] < min(alone):
+            texts.append(f"{what}: the joint band is not narrower")
+    seeds = [row for row in _held_out(rows) if not _known(row, "band_apart")]
+    for name in _TRUTHS if seeds else ():
+        inside = sum(bool(row[f"{name}_inside"]) for row in seeds)
+        if inside < PREDICTED * len(seeds):
+            texts.append(f"held out, {name}: {inside} of {len(seeds)} inside")
+    return texts
+
+
+def _joint(rows: Sequence[Row]) -> list[Row]:
+    return [row for row in rows if row.get("parameter")]
+
+
+def _held_out(rows: Sequence[Row]) -> list[Row]:
+    return [row for row in rows if _known(row, "converged_share")]
+
+
+def _known(row: Row, key: str) -> bool:
+    """True if a row has a value; cells of a file may be empty."""
+    return row.get(key) not in (None, "")
+
+
 def _files(rows: Sequence[Row]) -> list[Row]:
     return [row for row in rows if row.get("group") in GROUPS]
 
@@ -115,6 +202,8 @@ class Laboratory(Study[Case]):
             cases=("judged:*", "chosen:*"),
         ),
         Part("doubtful.csv", {"doubtful.md": doubtful}, cases=("doubtful:*",)),
+        Part("joint.csv", {"joint.md": joint}, cases=("joint:*",)),
+        Part("held_out.csv", {"held_out.md": held_out}, cases=("held out:*",)),
     )
     sample = str(File(_SEED, "contaminated"))
 
@@ -131,6 +220,12 @@ class Laboratory(Study[Case]):
         return all_cases(getattr(options, "seed", _SEED))
 
     def line(self, rows: list[Row]) -> str:
+        if _joint(rows):
+            most = max(abs(row["error"]) for row in rows)
+            return f"{rows[0]['case']}: errors up to {percent(most, '.2f')}"
+        if _held_out(rows):
+            inside = sum(row["converged_inside"] for row in rows)
+            return f"{rows[0]['case']}: {inside} of {len(rows)} inside"
         (row,) = rows
         text = row.get("refused") or row.get("message")
         if not text:
@@ -144,6 +239,20 @@ class Laboratory(Study[Case]):
         for group in GROUPS:
             share = inside(having(judged, group=group))
             found[group.replace(" ", "_")] = percent(share, ".1f")
+        if errors := [abs(row["error"]) for row in _joint(rows)]:
+            found["joint"] = percent(max(errors), ".1f")
+        held = _held_out(rows)
+        full = [row for row in held if _known(row, "band_apart")]
+        seeds = [row for row in held if row not in full]
+        if full and seeds:
+            found["held_out"] = f"{sum(r['converged_inside'] for r in seeds)}"
+            found["same_mesh"] = f"{sum(r['same_mesh_inside'] for r in seeds)}"
+            share = float(np.mean([row["same_mesh_share"] for row in seeds]))
+            found["pointwise"] = percent(share, ".1f")
+            share = float(np.mean([row["converged_share"] for row in seeds]))
+            found["pointwise_converged"] = percent(share, ".1f")
+            found["apart"] = percent(max(row["force_apart"] for row in full), ".2f")
+            found["band_apart"] = percent(max(row["band_apart"] for row in full), ".1f")
         return found
 
     def complaint(self, rows: list[Row]) -> str:

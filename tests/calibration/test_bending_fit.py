@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from skfem_textile.calibration import CantileverTest, fit_bending, read_cantilever
+from skfem_textile.calibration import CantileverTest, fit_tests, read_cantilever
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_fabric
 from skfem_textile.scenes.elastica import buckled, hanging, peirce
@@ -35,9 +35,10 @@ def test_a_reading_of_an_elastica_gives_its_stiffness():
     weight, stiffness = 6e-6, 5.0
     lengths = np.array([60.0, 120.0, 200.0, 300.0])
     angles = [hanging(weight * L**3 / stiffness).chord_angle for L in lengths]
-    fit = fit_bending([CantileverTest("a", lengths, np.array(angles))], weight)
-    np.testing.assert_allclose(fit.by_elastica, stiffness, rtol=1e-6)
-    low, high = fit.interval
+    test = CantileverTest("a", lengths, np.array(angles), weight)
+    np.testing.assert_allclose(test.by_elastica, stiffness, rtol=1e-6)
+    fit = fit_tests([test]).parts["bending warp"]
+    low, high = fit.intervals[0]
     assert low == pytest.approx(5.0, rel=1e-5)
     assert high == pytest.approx(5.0, rel=1e-5)
 
@@ -46,10 +47,10 @@ def test_peirces_formula_is_accurate_for_small_deflections():
     """Its error over the angle of the chord: below 1 % to 17°, 5.7 % at 41.5°."""
     for degrees, error in ((1.0, 1e-4), (17.0, 0.0099), (41.5, 0.058), (80.0, 0.7)):
         angle = np.radians(degrees)
-        fit = fit_bending([CantileverTest("a", np.ones(1), angle * np.ones(1))], 1.0)
-        excess = fit.by_peirce[0] / fit.stiffness - 1
+        test = CantileverTest("a", np.ones(1), angle * np.ones(1), 1.0)
+        excess = test.by_peirce[0] / test.by_elastica[0] - 1
         assert 0 < excess < error
-        assert fit.by_peirce[0] == peirce(1.0, 1.0, angle)
+        assert test.by_peirce[0] == peirce(1.0, 1.0, angle)
 
 
 def write_table(path, text):
@@ -74,8 +75,22 @@ def test_the_command_writes_a_fabric_that_bends(tmp_path, capsys):
 
 def test_a_fixed_angle_replaces_a_column(tmp_path):
     data = write_table(tmp_path / "a.csv", "overhang (mm)\n200\n201\n")
-    fit = fit_bending(read_cantilever(data, np.radians(41.5)), 6e-6)
-    assert fit.stiffness == pytest.approx(6.0, rel=0.02)
+    tests = read_cantilever(data, 6e-6, angle=np.radians(41.5))
+    laws = fit_tests(tests).laws
+    assert laws["bending warp"].stiffness == pytest.approx(6.0, rel=0.02)
+
+
+def test_the_band_of_a_bending_stiffness_is_that_of_a_mean():
+    """Student's t of the readings, t(4) = 2.776; one reading has no band."""
+    lengths, angle = np.array([200.0, 203.0, 198.0, 205.0, 201.0]), np.radians(41.5)
+    test = CantileverTest("a", lengths, np.full(5, angle), 6e-6, "weft")
+    fit = fit_tests([test]).parts["bending weft"]
+    half = 2.776445 * test.by_elastica.std(ddof=1) / np.sqrt(5)
+    assert np.ptp(fit.intervals[0]) == pytest.approx(2 * half, rel=1e-5)
+    assert fit.law.stiffness == pytest.approx(test.by_elastica.mean())
+    single = CantileverTest("a", lengths[:1], np.full(1, angle), 6e-6)
+    with pytest.raises(ValueError, match="1 points are too few for the 1 parameters"):
+        fit_tests([single])
 
 
 @pytest.mark.parametrize(

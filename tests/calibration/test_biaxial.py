@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from skfem_textile import CrimpInterchange, CrimpToe, Linear
-from skfem_textile.calibration.biaxial import BiaxialCurve, fit_tension, read_biaxial
-from skfem_textile.calibration.report import report_text, tension_report
+from skfem_textile.calibration import BiaxialCurve, read_biaxial, residuals
+from skfem_textile.calibration.report import report_text, reports_of
 from skfem_textile.fabric import TwoLaws
+from tests.helpers.fits import fit_tension
 
 RATIOS = (0.5, 1.0, 2.0)
 
@@ -18,36 +19,43 @@ def pulls(law, noise=0.0):
         e = np.linspace(0.0, 0.02, 41)[1:]
         strain = np.array([e, ratio * e]) / max(1.0, ratio)
         curve = BiaxialCurve(f"{ratio:g}", strain, np.zeros((2, 40)), (100.0, 80.0))
-        forces = curve.forces(law)
-        forces = forces + noise * forces.max() * rng.standard_normal(forces.shape)
-        curves.append(BiaxialCurve(curve.name, strain, forces, curve.widths))
+        load = forces(law, curve)
+        load = load + noise * load.max() * rng.standard_normal(load.shape)
+        curves.append(BiaxialCurve(curve.name, strain, load, curve.widths))
     return curves
+
+
+def forces(law, curve):
+    """Forces of a law of both strains, shape (2, n)."""
+    widths = np.reshape(curve.widths, (2, 1))
+    return widths * np.asarray(law.value(curve.strain)) / np.exp(curve.strain)
 
 
 def test_two_crimped_families_are_identified_and_agree_with_uncoupled_laws():
     warp, weft = CrimpToe(5e3, 0.004, 10.0), CrimpToe(3e3, 0.006, 5.0)
     fit = fit_tension(pulls(TwoLaws(warp, weft), noise=0.01))
     x = np.linspace(0.002, 0.02, 10)
-    for law, truth in zip(fit.tension, (warp, weft), strict=True):
+    for law, truth in zip(fit.laws.values(), (warp, weft), strict=True):
         np.testing.assert_allclose(law.value(x), truth.value(x), rtol=0.05, atol=0.3)
-    for report in tension_report(fit).values():
+    for report in reports_of(fit).values():
         assert not report["specimens_differ_beyond_noise"]
 
 
 def test_crimp_interchange_contradicts_uncoupled_laws_and_is_identified():
     law = CrimpInterchange((2e3, 1.5e3), (0.01, 0.015), 5.0, 2e-3, 0.15)
     curves = pulls(law, noise=0.01)
-    alone = tension_report(fit_tension(curves))
-    assert "use crimp-interchange" in " ".join(alone["warp"]["notes"])
-    both = fit_tension(curves, "crimp-interchange")
-    for curve in curves:
-        low, high = both.band(curve)
-        assert np.all((low <= both.forces(curve)) & (both.forces(curve) <= high))
-    assert isinstance(both.tension, CrimpInterchange)
-    for curve in curves:
+    alone = reports_of(fit_tension(curves))
+    assert "use crimp-interchange" in " ".join(alone["Tension, warp"]["notes"])
+    both = fit_tension(curves, "crimp-interchange").parts["both"]
+    for i, curve in enumerate(curves):
+        low, high = both.band(lambda law, of=curve: forces(law, of).ravel())
+        fitted = forces(both.law, curve).ravel()
+        assert np.all((low <= fitted) & (fitted <= high))
+        np.testing.assert_allclose(both.predicted(i), fitted)
         largest = 0.01 * curve.force.max()
-        np.testing.assert_allclose(both.forces(curve), curve.forces(law), atol=largest)
-    low, high = both.fits["both"].intervals.T
+        np.testing.assert_allclose(fitted, forces(law, curve).ravel(), atol=largest)
+    assert isinstance(both.law, CrimpInterchange)
+    low, high = both.intervals.T
     truth = [2e3, 1.5e3, 0.01, 0.015, 5.0, 2e-3]
     assert np.sum((low <= truth) & (truth <= high)) >= 5  # of six at 95 %
 
@@ -58,11 +66,13 @@ def test_forces_are_those_of_a_homogeneous_stretch(tmp_path):
     (tmp_path / "pull.csv").write_text(f"{header}2,0.01,0.5,20\n")
     (curve,) = read_biaxial(tmp_path / "pull.csv", (100.0, 80.0))
     np.testing.assert_allclose(curve.strain[:, 0], np.log([1.02, 1.01]))
-    np.testing.assert_allclose(curve.tension[:, 0], [5.0 * 1.02, 0.25 * 1.01])
+    tensions = [curve.along(i).tension[0] for i in range(2)]
+    np.testing.assert_allclose(tensions, [5.0 * 1.02, 0.25 * 1.01])
     law = CrimpToe(5e3, 0.004, 10.0)
     expected = 100.0 * law.value(np.log([1.02])) / 1.02
-    np.testing.assert_allclose(curve.force_along(0, law), expected)
-    both = curve.forces(TwoLaws(law, law))
+    alone = residuals.biaxial(curve, 0).predict({"warp": law})
+    np.testing.assert_allclose(alone, expected)
+    both = residuals.biaxial_coupled(curve).predict({"both": TwoLaws(law, law)})
     np.testing.assert_allclose(both[0], expected)
     np.testing.assert_allclose(both[1], 80.0 * law.value(np.log([1.01])) / 1.01)
 
@@ -88,11 +98,11 @@ def test_invalid_biaxial_tests_are_rejected(tmp_path):
 def test_the_band_of_a_linear_law_follows_from_the_band_of_its_stiffness():
     curves = pulls(TwoLaws(Linear(5e3), Linear(3e3)), noise=0.02)
     fitted = fit_tension(curves, "linear")
-    for i, fit in enumerate(fitted.fits.values()):
+    for i, fit in enumerate(fitted.parts.values()):
         strain = curves[1].strain[i]
-        forces = curves[1].widths[i] * strain / np.exp(strain)
-        expected = fit.intervals[0][:, None] * forces
-        np.testing.assert_allclose(fitted.band(curves[1])[:, i], expected, rtol=1e-9)
+        expected = fit.intervals[0][:, None] * strain
+        band = fit.band(lambda law, x=strain: law.value(x))
+        np.testing.assert_allclose(band, expected, rtol=1e-9)
 
 
 def test_a_family_unloaded_in_one_test_is_identified_from_the_others():
@@ -102,8 +112,8 @@ def test_a_family_unloaded_in_one_test_is_identified_from_the_others():
     free = [
         BiaxialCurve("free", c.strain * alone, c.force * alone, c.widths) for c in pull
     ]
-    reports = tension_report(fit_tension([*pull[:1], *free[:1]]))
-    assert reports["weft"]["largest_strain"] == pytest.approx(0.01)
+    reports = reports_of(fit_tension([*pull[:1], *free[:1]]))
+    assert reports["Tension, weft"]["largest_strain"] == pytest.approx(0.01)
     text = report_text(reports)
     assert "(no force)" in text
     assert "Fitted up to a strain ln λ of 0.02." in text
@@ -117,6 +127,6 @@ def test_a_parameter_at_its_bound_is_reported(seed):
     force = 100 * law.value(e) / np.exp(e)
     force -= 20.0 * np.exp(-e / 0.003) + rng.standard_normal(40)
     curve = BiaxialCurve("one", np.array([e, e]), np.array([force] * 2), (100.0, 100.0))
-    fit = fit_tension([curve]).fits["warp"]
+    fit = fit_tension([curve]).parts["warp"]
     assert fit.values[2] == 0.0
     assert fit.at_bound.tolist() == [False, False, True]

@@ -71,12 +71,55 @@ def test_the_study_writes_its_tables(tmp_path, monkeypatch):
     some += [Doubtful(what, "spreadsheet") for what in DOUBTFUL]
     monkeypatch.setattr(study, "all_cases", lambda seed: some)
     main(["laboratory", "--out", str(tmp_path), "--no-render"])
-    assert {p.name for p in tmp_path.iterdir()} == {
-        *study.STUDY.files,
-        "provenance.json",
-    }
+    joint = {"joint.csv", "joint.md", "held_out.csv", "held_out.md"}
+    written = {p.name for p in tmp_path.iterdir()}
+    assert written == {*study.STUDY.files, "provenance.json"} - joint
     rows = study.STUDY.stored(tmp_path)
     assert {row["case"] for row in rows} == set(map(str, some))
     assert np.isfinite(study.inside([r for r in rows if r.get("group")]))
     figures = study.STUDY.figures(rows)
     assert figures["files"] == "3"
+
+
+def joint_row(**other):
+    row = {"case": "joint: seed 1", "seed": 1, "parameter": "shear, stiffness"}
+    row |= {"error": 0.01, "joint": 0.014, "picture frame": 0.04}
+    return row | {"bias extension": 0.02} | other
+
+
+def held_out_row(seed, inside=True, **other):
+    row = {"case": "held out: all seeds", "seed": seed}
+    for name in ("converged", "same_mesh"):
+        row |= {f"{name}_inside": inside, f"{name}_share": 0.95, f"{name}_error": 0.01}
+    return row | other
+
+
+def test_joint_fits_are_judged_by_their_errors_and_bands():
+    assert study.missed([joint_row()]) == []
+    for change, text in (
+        ({"error": -0.021}, "error of"),
+        ({"joint": 0.021}, "wider"),
+        ({"joint": 0.02}, "not narrower"),
+    ):
+        assert any(text in one for one in study.missed([joint_row(**change)]))
+    one = {"bias extension": None, "joint": 0.04}
+    assert study.missed([joint_row(**one)]) == []
+    assert "| shear, stiffness | 1.00 % | 1.00 % | ±1.40 % |" in study.joint(
+        [joint_row()]
+    )
+
+
+@pytest.mark.parametrize(("inside", "number"), [(89, 0), (88, 2)])
+def test_predictions_are_judged_by_the_seeds_inside(inside, number):
+    rows = [held_out_row(seed, seed <= inside) for seed in range(1, 101)]
+    assert len(study.missed(rows)) == number
+    full = held_out_row(1, force_apart=1e-3, band_apart=0.01)
+    figures = study.STUDY.figures([*rows, full, *_one_of_each_group()])
+    assert figures["held_out"] == str(inside)
+    assert figures["apart"] == "0.10 %"
+    assert f"| 100 | {inside} | 95.0 % |" in study.held_out([*rows, full])
+
+
+def _one_of_each_group():
+    row = {f"inside_{a}": True for a in ANGLES} | {"judged": True, "case": "x"}
+    return [row | {"group": group} for group in cases.GROUPS]

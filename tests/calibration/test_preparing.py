@@ -11,11 +11,11 @@ from skfem_textile.calibration import (
     Recording,
     Specimen,
     Zeros,
-    fit_shear,
     prepare,
 )
 from skfem_textile.calibration.preparing.outliers import outliers
 from skfem_textile.calibration.report import shear_report
+from tests.helpers.fits import fit_shear, of_shear
 
 LAW = Polynomial((0.3, 0.0, -0.3, 0.0, 0.6))
 BIAS = BiasExtension(100.0, 200.0)
@@ -144,23 +144,27 @@ def specimen(toe=0.0, at_rest=0.0, noise=0.01, seed=1, zeros=UNKNOWN):
 def test_a_toe_is_determined_with_its_uncertainty_and_reported():
     gamma = np.radians([10.0, 20.0, 30.0])
     fit = fit_shear([specimen(toe=2.0)])
-    slack, low, high = fit.fit.zeros(0)["slack"]
+    slack, low, high = fit.parts["shear"].zeros(0)["slack"]
     assert low < 2.0 < high
     assert slack == pytest.approx(2.0, abs=0.5)
-    np.testing.assert_allclose(fit.fit.law.value(gamma), LAW.value(gamma), rtol=0.06)
+    np.testing.assert_allclose(
+        fit.laws["shear"].value(gamma), LAW.value(gamma), rtol=0.06
+    )
     ignored = fit_shear([specimen(toe=2.0, zeros=Zeros())])
-    assert ignored.fit.law.value(gamma[0]) < 0.9 * LAW.value(gamma[0])
+    assert ignored.laws["shear"].value(gamma[0]) < 0.9 * LAW.value(gamma[0])
     assert "one: a slack of" in " ".join(shear_report(fit)["notes"])
     given = fit_shear([specimen(toe=2.0, zeros=Zeros(2.0, 0.0))])
-    np.testing.assert_allclose(given.fit.law.value(gamma), LAW.value(gamma), rtol=0.03)
+    np.testing.assert_allclose(
+        given.laws["shear"].value(gamma), LAW.value(gamma), rtol=0.03
+    )
 
 
 def test_the_force_at_rest_is_fitted_where_the_data_show_it():
-    fit = fit_shear([specimen(toe=3.0, at_rest=0.15)]).fit
+    fit = of_shear([specimen(toe=3.0, at_rest=0.15)])
     assert fit.free == {"slack", "force at rest"}
     _, low, high = fit.zeros(0)["force at rest"]
     assert low < 0.15 * BIAS.force(LAW, np.radians(39.0)) < high
-    assert fit_shear([specimen(toe=3.0)]).fit.free == {"slack"}
+    assert of_shear([specimen(toe=3.0)]).free == {"slack"}
 
 
 @pytest.mark.parametrize("toe", [0.0, 2.0])
@@ -172,14 +176,14 @@ def test_bands_contain_the_law_at_the_stated_rate_with_unknown_zeros(toe):
         return law.value(gamma)
 
     for seed in range(25):
-        low, high = fit_shear([specimen(toe, seed=seed)]).fit.band(value)
+        low, high = of_shear([specimen(toe, seed=seed)]).band(value)
         inside.append((low <= value(LAW)) & (value(LAW) <= high))
     assert np.all(np.mean(inside, axis=0) >= 0.8)
 
 
 def test_the_band_with_unknown_zeros_is_that_of_the_joint_fit():
-    known = fit_shear([specimen(zeros=Zeros())]).fit
-    unknown = fit_shear([specimen(zeros=Zeros(None, 0.0))]).fit
+    known = of_shear([specimen(zeros=Zeros())])
+    unknown = of_shear([specimen(zeros=Zeros(None, 0.0))])
     ratio = np.ptp(unknown.intervals, axis=1) / np.ptp(known.intervals, axis=1)
     assert np.all(ratio > 1.2)
     assert unknown.alternatives == ()
@@ -189,7 +193,7 @@ def test_the_band_with_unknown_zeros_is_that_of_the_joint_fit():
 def test_repeats_have_a_toe_each():
     toes = 0.5, 2.0, 3.5
     repeats = [specimen(toe, seed=i) for i, toe in enumerate(toes)]
-    fit = fit_shear(repeats).fit
+    fit = of_shear(repeats)
     for i, toe in enumerate(toes):
         _, low, high = fit.zeros(i)["slack"]
         assert low < toe < high
@@ -210,7 +214,7 @@ def test_every_law_is_fitted_with_a_toe(law):
     moved = np.linspace(0.0, 60.0, 200)
     force = frame.force(LAW, frame.shear_angle(np.maximum(moved - 3.0, 0.0)))
     one = Specimen("one", frame, force, moved, zeros=Zeros(None, None))
-    fit = fit_shear([one], law).fit
+    fit = of_shear([one], law)
     gamma = np.radians([10.0, 20.0])
     rtol = {"tabulated": 0.03, "locking": 0.5, "sin2": 0.5}[law]
     np.testing.assert_allclose(fit.law.value(gamma), LAW.value(gamma), rtol=rtol)
@@ -222,9 +226,9 @@ def test_a_slack_does_not_close_a_frame():
     moved = np.linspace(0.0, float(frame.displacement(np.radians(84.0))), 200)
     force = frame.force(LAW, frame.shear_angle(moved))
     one = Specimen("one", frame, force, moved, zeros=UNKNOWN)
-    sample = fit_shear([one]).fit.samples[0]
+    sample = of_shear([one]).samples[0]
     _, slack = sample.offsets
-    assert np.isfinite(sample.predict(LAW, 0.0, slack.low)).all()
+    assert np.isfinite(sample.predict({"shear": LAW}, 0.0, slack.low)).all()
 
 
 def test_invalid_choices_are_refused():

@@ -169,6 +169,146 @@ def test_invalid_input_is_rejected_in_one_line_and_writes_nothing(
     assert not (tmp_path / "o").exists()
 
 
+def joint_file(folder):
+    """A file of tests of three kinds, with their data."""
+    list(curves(folder, BiasExtension(100.0, 200.0), n=2))
+    e = np.linspace(0.0, 0.02, 40)
+    force = 4e3 * 50.0 * np.log1p(e) / (1 + e)
+    table(folder / "strip.csv", "displacement (mm);force (N)", 200 * e, force)
+    text = (folder / "strip.csv").read_text().replace(",", ";")
+    (folder / "strip.csv").write_text(text)
+    (folder / "bend.csv").write_text("overhang (mm)\n200\n201\n199.5\n")
+    file = folder / "tests.toml"
+    file.write_text(
+        """
+        [[test]]
+        kind = "bias-extension"
+        data = ["0.csv", "1.csv"]
+        width = 100
+        height = 200
+        slack = 0
+
+        [[test]]
+        kind = "strip"
+        data = "strip.csv"
+        family = "weft"
+        width = 50
+        length = 200
+
+        [[test]]
+        kind = "cantilever"
+        data = "bend.csv"
+        weight = 6e-6
+        chord_angle = 41.5
+        """
+    )
+    return file
+
+
+def test_tests_of_several_kinds_are_fitted_jointly(tmp_path, capsys):
+    file, out = joint_file(tmp_path), tmp_path / "o"
+    how = "--tension-law", "linear", "--no-render", "--out", out
+    assert fit("joint", file, *how) == 0
+    fabric = read_fabric(out / "fabric.json").fabric
+    assert fabric.shear_law == read_law(out / "shear_law.json")
+    assert fabric.families[1].tension == read_law(out / "weft_law.json")
+    assert fabric.families[1].tension.stiffness == pytest.approx(4e3)
+    assert fabric.bending[0] == pytest.approx(6.0, rel=0.02)
+    summary = json.loads((out / "summary.json").read_text())
+    names = summary["joint"]["parameters"]
+    assert names == [
+        *("weft stiffness", "shear c1", "shear c3", "shear c5"),
+        "bending warp stiffness",
+    ]
+    assert len(summary["joint"]["correlations"]) == len(names)
+    printed = capsys.readouterr().out
+    for title in ("# Shear", "# Tension, weft", "# Bending of the warp"):
+        assert title in printed
+
+
+def test_a_strip_is_fitted_alone(tmp_path):
+    joint_file(tmp_path)
+    strip = "strip", tmp_path / "strip.csv", "--width", 50, "--length", 200
+    how = "--law", "linear", "--no-render", "--out", tmp_path / "o"
+    assert fit(*strip, *how) == 0
+    assert read_law(tmp_path / "o" / "law.json").stiffness == pytest.approx(4e3)
+
+
+def held_out(folder, kind="bias-extension", scale=1.0, sizes=(80, 200)):
+    """A test of another size, and the file that names it."""
+    test = BiasExtension(80.0, 200.0)
+    gamma = np.radians(np.linspace(1.0, 35.0, 30))
+    force = scale * test.force(LAW, gamma)
+    header = "displacement (mm),force (N)"
+    table(folder / "held.csv", header, test.displacement(gamma), force)
+    text = f'[[test]]\nkind = "{kind}"\ndata = "held.csv"\nslack = 0\n'
+    file = folder / "held.toml"
+    file.write_text(f"{text}width = {sizes[0]}\nheight = {sizes[1]}\n")
+    return file
+
+
+def test_a_test_that_was_not_used_is_predicted_and_compared(tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    data = list(curves(tmp_path, BiasExtension(100.0, 200.0)))
+    out = tmp_path / "o"
+    known = *SIZES, "--slack", 0, "--force-at-rest", 0, "--out", out
+    validated = "--fibre-stiffness", 1e6, "--validate"
+    assert fit("bias-extension", *data, *known, *validated, held_out(tmp_path)) == 0
+    report = json.loads((out / "summary.json").read_text())["reports"]["Validation"]
+    (row,) = report["rows"]
+    assert row["confirmed"]
+    assert row["inside_simultaneous"] > 0.95
+    assert row["largest_over_largest_force"] < 0.05
+    assert (out / "validation.png").stat().st_size > 10_000
+    assert "# Validation" in capsys.readouterr().out
+    wrong = held_out(tmp_path, scale=1.3)
+    how = *validated, wrong, "--no-render"
+    assert fit("bias-extension", *data, *known, *how) == 0
+    assert "the prediction is not confirmed" in capsys.readouterr().out
+    assert not (out / "validation.png").exists()
+
+
+def test_only_shear_tests_are_predicted(tmp_path, capsys):
+    data = list(curves(tmp_path, BiasExtension(100.0, 200.0)))
+    joint = joint_file(tmp_path)
+    arguments = "bias-extension", *data, *SIZES, "--validate", joint
+    out = "--out", tmp_path / "o"
+    line = rejected(capsys, "fit", *map(str, (*arguments, *out)))
+    assert "only bias extensions and picture frames" in line
+
+
+def test_a_joint_fit_is_drawn(tmp_path):
+    pytest.importorskip("matplotlib")
+    file, out = joint_file(tmp_path), tmp_path / "o"
+    assert fit("joint", file, "--tension-law", "linear", "--out", out) == 0
+    assert (out / "fit.png").stat().st_size > 20_000
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[[test]]", "[[tests]]", "the file must consist of tables [[test]]"),
+        ("[[test]]", "[test", "the file is not valid TOML"),
+        ('kind = "strip"', 'kind = "pull"', "test 2: the kind must be one of strip"),
+        ('data = "strip.csv"', "data = 3", "test 2: data must be the name of a file"),
+        ("family =", "side =", "test 2: unknown key 'side': choose one of family"),
+        ('"weft"', '"fill"', "test 2, family: must be one of warp, weft"),
+        ("width = 50", 'width = "w"', "test 2, width: could not convert"),
+        ("length = 200", "", "test 2: --length is missing"),
+        ("slack = 0", "slack = [0, 1]", "test 1, slack: must be a single value"),
+        ("strip.csv", "missing.csv", "missing.csv"),
+    ],
+)
+def test_an_invalid_file_of_tests_is_rejected_in_one_line(
+    old, new, message, tmp_path, capsys
+):
+    file = joint_file(tmp_path)
+    file.write_text(file.read_text().replace(old, new))
+    line = rejected(capsys, "fit", "joint", str(file), "--out", str(tmp_path / "o"))
+    assert message in line
+    assert not (tmp_path / "o").exists()
+
+
 def test_a_tension_law_is_rejected_as_a_shear_law(tmp_path, capsys):
     (tmp_path / "law.json").write_text(
         '{"kind": "CrimpToe", "stiffness": 1, "toe": 1, "initial_stiffness": 1}'
@@ -181,11 +321,13 @@ def test_a_tension_law_is_rejected_as_a_shear_law(tmp_path, capsys):
 
 
 def test_the_help_lists_every_law():
-    from skfem_textile.calibration.biaxial import TENSION_LAWS
-    from skfem_textile.calibration.shear import SHEAR_LAWS
+    from skfem_textile.calibration.choice import SHEAR_LAWS, TENSION_LAWS
 
+    flags = {"joint": {"--shear-law", "--tension-law"}, "cantilever": set()}
     for test, (_, options) in TESTS.items():
-        laws = [options["--law"]] if "--law" in options else []
-        assert len(laws) == (test != "cantilever")
-        names = TENSION_LAWS if test == "biaxial" else SHEAR_LAWS
-        assert all(name in law["help"] for law in laws for name in names)
+        laws = {flag for flag in options if flag.endswith("law")}
+        assert laws == flags.get(test, {"--law"})
+        for flag in laws:
+            tension = flag == "--tension-law" or test in ("strip", "biaxial")
+            names = TENSION_LAWS if tension else SHEAR_LAWS
+            assert all(name in options[flag]["help"] for name in names)

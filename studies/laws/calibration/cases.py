@@ -19,19 +19,19 @@ from skfem_textile import (
 )
 from skfem_textile.calibration import (
     BiasExtension,
+    Choice,
+    FabricFit,
     Format,
     PictureFrame,
     Preparation,
-    ShearFit,
     ShearTest,
     Simulation,
     Specimen,
-    fit_by_simulation,
-    fit_shear,
+    fit_tests,
     read_specimens,
 )
+from skfem_textile.calibration.choice import SHEAR_LAWS
 from skfem_textile.calibration.models import Model
-from skfem_textile.calibration.shear import SHEAR_LAWS
 from skfem_textile.fabric import Law
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension, picture_frame
@@ -171,7 +171,8 @@ class Coverage:
         inside, widths = [], []
         for seed in range(self.seeds):
             data = specimens(tests, moved, forces, seed, NOISE)
-            fit = fit_shear(data, self.law, points=truth.size).fit
+            choice = Choice(self.law, points=truth.size)
+            fit = fit_tests(data, choice).parts["shear"]
             low, high = fit.intervals.T
             inside.append((low <= truth) & (truth <= high))
             widths.append(high - low)
@@ -235,8 +236,8 @@ class Inverse:
         truth = curve(gamma)
         data = specimens((test,) * 3, (moved,) * 3, (truth,) * 3, self.seed, NOISE)
         simulation = Simulation(SOFT, self.across, seed=self.seed)
-        result = fit_by_simulation(data, "polynomial", simulation)
-        law = result.fit.law
+        fit = fit_tests(data, simulation=simulation).parts["shear"]
+        law = fit.law
         coarse = Simulation(SOFT, self.across, _FINE_STEPS, seed=self.seed)
         angles, forces, stabilisation = coarse.curve(law, test, np.radians(BEYOND))
         off = CubicSpline(angles, forces)(gamma) - truth
@@ -244,7 +245,7 @@ class Inverse:
         model, values = known("polynomial")
         at = np.radians(ANGLES)
         moments = law.value(at) / model.build(values).value(at) - 1
-        low, high = result.fit.intervals.T
+        low, high = fit.intervals.T
         return [
             {
                 "task": "inverse",
@@ -273,8 +274,8 @@ class Agreement:
         """C from a picture frame and a bias extension of the same fabric."""
         model, truth = known("polynomial")
         law = model.build(truth)
-        from_frame = fit_shear([_simulated_frame(law)]).fit.law
-        from_bias = fit_shear([_simulated_strip(law)]).fit.law
+        from_frame = fit_tests([_simulated_frame(law)]).laws["shear"]
+        from_bias = fit_tests([_simulated_strip(law)]).laws["shear"]
         angles = np.arange(5, 45, 5)
         at = np.radians(angles)
         moments = (one.value(at) for one in (from_frame, from_bias, law))
@@ -335,7 +336,7 @@ class RoundTrip:
         strips = TESTS[f"bias {self.degrees:g}°"]
         law = model.build(truth)
         data = specimens(strips, *_curves(strips, law), 1, NOISE)
-        strip, shear_law = bias(self.degrees), fit_shear(data).fit.law
+        strip, shear_law = bias(self.degrees), fit_tests(data).laws["shear"]
         W, H, theta = strip.width, strip.height, strip.inclination
         mesh = rectangle(W, H, (1, 1))
         scene = bias_extension(mesh, warp=theta, weft=np.pi - theta, shear_angle=_HELD)
@@ -369,13 +370,13 @@ class RoundTrip:
         ]
 
 
-def example() -> ShearFit:
+def example() -> FabricFit:
     """A fit to three specimens extended beyond the range of the kinematics."""
     model, truth = known("polynomial")
     tests, law = TESTS["bias 45°"], model.build(truth)
     moved = [steps(test, POINTS, BEYOND) for test in tests]
     forces = [t.force(law, t.shear_angle(m)) for t, m in zip(tests, moved, strict=True)]
-    return fit_shear(specimens(tests, moved, forces, 1, NOISE))
+    return fit_tests(specimens(tests, moved, forces, 1, NOISE))
 
 
 @dataclass(frozen=True)

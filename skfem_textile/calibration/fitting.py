@@ -1,0 +1,372 @@
+"""Laws of a fabric from tests of one or several kinds, in one least-squares problem."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from ..fabric import Fabric
+from ..scenes.shear_test import BiasExtension, ShearTest
+from . import residuals
+from .bending import CantileverTest
+from .biaxial import FAMILIES, BiaxialCurve
+from .choice import Choice, Test, models_of, of_kind, reach
+from .curves import beginning_notes
+from .regression import Fit, JointFit, fit
+from .selection import AUTO, Candidate, best_of, cross_validated, reason_against
+from .simulation import SimulatedTest, Simulation, simulated
+from .solving import Sample
+from .specimens import Specimen
+from .strip import Strip
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class FabricFit:
+    """Laws of a fabric fitted to tests.
+
+    Attributes
+    ----------
+    fit
+        Parameters of all laws, their covariance, and of each law alone.
+    tests
+        The tests.
+    choice
+        Chosen laws and range.
+    simulations
+        Simulations of the bias extensions, by test; empty for closed forms.
+    candidates
+        Compared laws by part, where the choice was ``auto``.
+    """
+
+    fit: JointFit
+    tests: tuple[Test, ...]
+    choice: Choice
+    simulations: Mapping[ShearTest, SimulatedTest]
+    candidates: Mapping[str, Sequence[Candidate]] = field(default_factory=dict)
+
+    @property
+    def parts(self) -> dict[str, Fit]:
+        """Fit of each law by part, see `PARTS`."""
+        return self.fit.parts
+
+    @property
+    def laws(self) -> dict[str, Any]:
+        """Laws by part."""
+        return self.fit.joint.law
+
+    def fabric(self, base: Fabric) -> Fabric:
+        """A fabric whose laws are replaced by the fitted ones."""
+        laws, (warp, weft) = self.laws, base.bending
+        tension: Any = base.tension
+        if "both" in laws:
+            tension = laws["both"]
+        elif {*FAMILIES} & set(laws):
+            tension = tuple(laws.get(f.name, f.tension) for f in base.families)
+        bending = (
+            laws["bending warp"].stiffness if "bending warp" in laws else warp,
+            laws["bending weft"].stiffness if "bending weft" in laws else weft,
+        )
+        shear = laws.get("shear", base.shear)
+        return replace(base, tension=tension, shear=shear, bending=bending)
+
+    @cached_property
+    def specimens(self) -> tuple[Specimen, ...]:
+        """Shear tests, in the order of the curves of the part ``shear``."""
+        return tuple(of_kind(self.tests, Specimen))
+
+    def along(self, part: str) -> list[tuple[Strip | BiaxialCurve, list[int]]]:
+        """Tests of a tension law and their families, in the order of its curves."""
+        families = [i for i, name in enumerate(FAMILIES) if part in (name, "both")]
+        curves: list[Strip | BiaxialCurve] = [*of_kind(self.tests, BiaxialCurve)]
+        curves += [one for one in of_kind(self.tests, Strip) if one.family == part]
+        return [(one, families) for one in curves]
+
+    def cantilevers(self, part: str) -> list[CantileverTest]:
+        """Tests of a bending stiffness, in the order of its curves."""
+        tests = of_kind(self.tests, CantileverTest)
+        return [one for one in tests if part == f"bending {one.family}"]
+
+    @property
+    def largest_angle(self) -> float:
+        """Largest fitted shear angle in radians."""
+        return max(reach(s, self.choice.up_to) for s in self.specimens)
+
+    @property
+    def stabilisation(self) -> float | None:
+        """Largest energy share of the stabilisation; None without simulations."""
+        shares = [one.stabilisation for one in self.simulations.values()]
+        return max(shares, default=None)
+
+
+# Convergence of the loads: relative change.  Chosen: a tenth of the uncertainty of a
+# load from a curve with a noise of 1 %.
+_SETTLED = 1e-3
+
+# Maximum number of simulations of each test; four are usual.
+_MOST_ROUNDS = 10
+
+
+def fit_tests(
+    tests: Sequence[Test],
+    choice: Choice | None = None,
+    simulation: Simulation | None = None,
+) -> FabricFit:
+    """Fit the laws of a fabric to tests of one or several kinds.
+
+    All tests enter one least-squares problem, each weighted by its noise.  Each kind of
+    test determines some laws: shear tests the shear law, strips the tension law of one
+    family, biaxial tests both, cantilevers a bending stiffness.
+
+    Parameters
+    ----------
+    tests
+        The tests.
+    choice
+        Chosen laws and range.
+    simulation
+        Settings with which bias extensions are simulated, with the fitted tension laws
+        if there are any.  Without it, their fibres do not stretch.
+
+    Raises
+    ------
+    ValueError
+        If there is no test; if a law decreases, or has a pole, within the data; if a
+        specimen has no points in the range, angles that its
+        test does not reach, or forces that are compressive or constant; if no fibre is
+        stretched; if simulations fail or do not converge; or see `regression.fit`.
+
+    Examples
+    --------
+    >>> from skfem_textile import Sin2
+    >>> from skfem_textile.calibration import BiasExtension, Choice, Specimen, fit_tests
+    >>> test, gamma = BiasExtension(100.0, 250.0), np.radians(np.arange(1.0, 40.0))
+    >>> force = test.force(Sin2(0.3), gamma)
+    >>> specimen = Specimen("one", test, force, displacement=test.displacement(gamma))
+    >>> fit_tests([specimen], Choice("sin2")).laws["shear"].stiffness.__round__(9)
+    0.3
+    """
+    choice = choice or Choice()
+    if not tests:
+        raise ValueError("no test is given")
+    bias = [one for one in of_kind(tests, Specimen) if _is_bias(one)]
+    if simulation is not None and not bias:
+        raise ValueError("only bias-extension tests are simulated: omit the simulation")
+    choice, candidates = _chosen(tests, choice)
+    if simulation is None:
+        result = fit_near(tests, choice)
+    else:
+        result = _fitted_by_simulation(tests, choice, simulation)
+    _refuse_unphysical(result)
+    return replace(result, candidates=candidates)
+
+
+#: Laws compared by ``auto``, with the degree of polynomials.
+_SHEAR_CANDIDATES = (
+    *(("linear", 1), ("sin2", 1), ("locking", 1)),
+    *(("polynomial", degree) for degree in (3, 5, 7)),
+    ("tabulated", 1),
+)
+_TENSION_CANDIDATES = "linear", "crimp-toe", "tabulated"
+
+
+def _chosen(
+    tests: Sequence[Test], choice: Choice
+) -> tuple[Choice, dict[str, list[Candidate]]]:
+    """Laws in the place of ``auto``, and the compared ones by part.
+
+    Both families have the tension law that suits the data of both better.
+    """
+    found: dict[str, list[Candidate]] = {}
+    if choice.shear == AUTO and of_kind(tests, Specimen):
+        options = {
+            f"{law} of degree {degree}" if law == "polynomial" else law: replace(
+                choice, shear=law, degree=degree
+            )
+            for law, degree in _SHEAR_CANDIDATES
+        }
+        one = _best(tests, options, "shear", found)
+        choice = replace(choice, shear=one.shear, degree=one.degree)
+    if choice.tension == AUTO and any(_pulls(test) for test in tests):
+        of_each = {law: replace(choice, tension=law) for law in _TENSION_CANDIDATES}
+        parts = [f for f in FAMILIES if any(f in _families(test) for test in tests)]
+        best = [_best(tests, of_each, part, found) for part in parts]
+        order = _TENSION_CANDIDATES.index
+        choice = replace(choice, tension=max((x.tension for x in best), key=order))
+    return choice, found
+
+
+def _best(
+    tests: Sequence[Test],
+    options: Mapping[str, Choice],
+    part: str,
+    found: dict[str, list[Candidate]],
+) -> Choice:
+    """The best choice for a part; the compared laws are added to ``found``."""
+    found[part] = []
+    for name, choice in options.items():
+        own = [test for test in tests if part in _families(test)]
+        model = models_of(own, replace(choice, bounds=None, extrapolation=None))[part]
+        samples = [x for x in _samples(own, choice, {}, ()) if x.part == part]
+        largest = _largest_argument(own, part, choice.up_to)
+        unit = "degrees" if part == "shear" else "strain"
+        found[part].append(
+            cross_validated(
+                *(name, model, samples),
+                partial(reason_against, largest=largest, unit=unit),
+            )
+        )
+    return options[best_of(found[part]).name]
+
+
+def _families(test: Test) -> tuple[str, ...]:
+    """Laws of one argument that a test determines, by part."""
+    if isinstance(test, Specimen):
+        return ("shear",)
+    if isinstance(test, Strip):
+        return (test.family,)
+    return FAMILIES if isinstance(test, BiaxialCurve) else ()
+
+
+def _pulls(test: Test) -> bool:
+    return isinstance(test, Strip | BiaxialCurve)
+
+
+def _largest_argument(tests: Sequence[Test], part: str, up_to: float | None) -> float:
+    """Largest shear angle or strain of the data of a part."""
+    if part == "shear":
+        return max(reach(one, up_to) for one in of_kind(tests, Specimen))
+    i, own = FAMILIES.index(part), (t for t in tests if part in _families(t))
+    along = (t.along(i) for t in own if isinstance(t, Strip | BiaxialCurve))
+    return max(float(one.strain.max()) for one in along if one)
+
+
+def _refuse_unphysical(result: FabricFit) -> None:
+    """An error if a law decreases, or has a pole, within its data."""
+    for part, of_part in result.parts.items():
+        if part != "shear" and part not in FAMILIES:
+            continue
+        unit = "degrees" if part == "shear" else "strain"
+        largest = _largest_argument(result.tests, part, result.choice.up_to)
+        reason = reason_against(of_part, largest, unit)
+        if not reason:
+            continue
+        notes = [
+            note
+            for one in result.specimens
+            for note in beginning_notes(one, result.choice.up_to)
+        ]
+        advice = "use another law, such as auto, a lower degree, or bounds"
+        raise ValueError(
+            f"the fitted law {of_part.model.name} of the {part} is not physical: "
+            f"{reason}: {(notes or [advice])[0]}"
+        )
+
+
+def fit_near(
+    tests: Sequence[Test],
+    choice: Choice,
+    simulations: Mapping[ShearTest, SimulatedTest] | None = None,
+    start: ndarray | None = None,
+) -> FabricFit:
+    """Fit with given simulations of some tests, by laws near the fitted ones.
+
+    Parameters
+    ----------
+    tests, choice
+        See `fit_tests`.
+    simulations
+        Simulations by test.
+    start
+        Initial parameters; required if tension laws are fitted with simulations.
+    """
+    of_models, simulations = models_of(tests, choice), simulations or {}
+    tensions = tuple(name for name in (*FAMILIES, "both") if name in of_models)
+    samples = _samples(tests, choice, simulations, tensions)
+    result = fit(of_models, samples, start=start)
+    return FabricFit(result, tuple(tests), choice, simulations)
+
+
+def _samples(
+    tests: Sequence[Test],
+    choice: Choice,
+    simulations: Mapping[ShearTest, SimulatedTest],
+    tensions: tuple[str, ...],
+) -> list[Sample]:
+    """Curves of all tests with their predictions."""
+    samples: list[Sample] = []
+    specimens = of_kind(tests, Specimen)
+    largest = max((reach(one, choice.up_to) for one in specimens), default=0.0)
+    curves = of_kind(tests, BiaxialCurve)
+    if choice.tension == "crimp-interchange":
+        samples += [residuals.biaxial_coupled(one) for one in curves]
+    else:
+        samples += [residuals.biaxial(c, i) for i in range(2) for c in curves]
+    samples += [residuals.strip(one) for one in of_kind(tests, Strip)]
+    for one in specimens:
+        found = simulations.get(one.test)
+        end = np.inf if found and choice.up_to is None else choice.up_to
+        others = tensions if found else ()
+        samples.append(residuals.shear(one, end, largest, found, others))
+    samples += [residuals.cantilever(one) for one in of_kind(tests, CantileverTest)]
+    return samples
+
+
+def _fitted_by_simulation(
+    tests: Sequence[Test], choice: Choice, simulation: Simulation
+) -> FabricFit:
+    """Fit such that simulated bias extensions have the measured loads."""
+    tests = [_driven(one) if _is_bias(one) else one for one in tests]
+    specimens = [one for one in of_kind(tests, Specimen) if _is_bias(one)]
+    end = choice.up_to or np.inf
+    largest = [reach(one, end) for one in specimens]
+    result = fit_near(tests, replace(choice, up_to=end))
+    before = _loads(result)
+    for n in range(_MOST_ROUNDS):
+        found = simulated(
+            simulation, result.laws, [one.test for one in specimens], largest
+        )
+        start = result.fit.joint.values
+        result = fit_near(tests, replace(choice, up_to=end), found, start)
+        loads = _loads(result)
+        change = max(
+            float(np.abs(current - previous).max() / np.abs(current).max())
+            for current, previous in zip(loads, before, strict=True)
+        )
+        log.info(
+            "simulation %d: loads change by at most %.3g times the largest load",
+            n + 1,
+            change,
+        )
+        if n and change < _SETTLED:
+            return result
+        before = loads
+    raise ValueError(
+        f"after {_MOST_ROUNDS} simulations the loads still change by {change:.2%}: "
+        "use a law with fewer parameters, or a smaller angle --up-to"
+    )
+
+
+def _is_bias(test: Test) -> bool:
+    return isinstance(test, Specimen) and isinstance(test.test, BiasExtension)
+
+
+def _driven(specimen: Any) -> Specimen:
+    """A bias extension that is simulated: its displacement is imposed."""
+    if specimen.displacement is None:
+        raise ValueError(
+            f"{specimen.name}: only bias-extension tests with displacements can be "
+            "fitted by simulation"
+        )
+    return replace(specimen, measured_angle=None)
+
+
+def _loads(result: FabricFit) -> list[Any]:
+    """Predicted loads of each curve."""
+    joint = result.fit.joint
+    return [joint.predicted(i) for i in range(len(joint.samples))]

@@ -1,0 +1,140 @@
+"""Predictions of tests by the laws of a fabric, one function per kind of test.
+
+Each returns the measured values of a test, and a function of the laws and the unknown
+zeros that predicts them; a fit compares both.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy import ndarray
+
+from ..fabric import BiaxialLaw, TwoLaws
+from ..fabric.law import domain_of
+from .bending import CantileverTest
+from .biaxial import FAMILIES, BiaxialCurve
+from .simulation import SimulatedTest
+from .solving import Laws, Offset, Sample
+from .specimens import Specimen, slack_range
+from .strip import Strip
+
+#: Forces of shear laws at shear angles: `ShearTest.force`, or `SimulatedTest.force`.
+ForceOf = Callable[[Laws, ndarray], ndarray]
+
+
+def strip(test: Strip) -> Sample:
+    """Force of a strip, F = W T(ε)/λ, with λ = 1 + (δ − δ₀)/L and the slack δ₀."""
+    offsets: tuple[Offset, ...] = ()
+    if test.slack is None:
+        offsets = (Offset("slack", "mm", 0.0, *slack_range(test.displacement), True),)
+
+    def predict(laws: Laws, slack: float = test.slack or 0.0) -> ndarray:
+        strain = test.strain(slack)
+        return test.width * laws[test.family].value(strain) / np.exp(strain)
+
+    return Sample(test.name, test.force, test.family, predict, offsets)
+
+
+def biaxial(curve: BiaxialCurve, family: int) -> Sample:
+    """Force along one family, F = W T(ε)/λ, for a law of one strain."""
+    name = FAMILIES[family]
+
+    def predict(laws: Laws, slack: float = 0.0) -> ndarray:
+        strain = curve.taut(family, slack)
+        return curve.widths[family] * laws[name].value(strain) / np.exp(strain)
+
+    offsets = (_strain_slack(curve, family),) if curve.slack_is_unknown else ()
+    called = f"{curve.name}, {name}"
+    return Sample(called, curve.force[family], name, predict, offsets)
+
+
+def biaxial_coupled(curve: BiaxialCurve) -> Sample:
+    """Forces along both families, for a law of both strains."""
+    widths = np.reshape(curve.widths, (2, 1))
+
+    def predict(laws: Laws, *slacks: float) -> ndarray:
+        law = laws["both"]
+        both = law if isinstance(law, BiaxialLaw) else TwoLaws(law, law)
+        given = slacks or (0.0, 0.0)
+        strain = np.array([curve.taut(i, given[i]) for i in range(2)])
+        return (widths * np.asarray(both.value(strain)) / np.exp(strain)).ravel()
+
+    offsets: tuple[Offset, ...] = ()
+    if curve.slack_is_unknown:
+        offsets = tuple(_strain_slack(curve, i) for i in range(2))
+    return Sample(curve.name, curve.force.ravel(), "both", predict, offsets)
+
+
+def shear(
+    specimen: Specimen,
+    up_to: float | None,
+    largest: float,
+    simulated: SimulatedTest | None = None,
+    others: tuple[str, ...] = (),
+) -> Sample:
+    """Force of a picture frame or bias extension, F = Σ a C(s γ).
+
+    For inextensible fibres, or by the kinematics of a simulation.  The zeros of a
+    machine that are unknown are the arguments of a prediction after the laws: the force
+    at rest, then the slack.
+
+    Parameters
+    ----------
+    specimen
+        The curve.
+    up_to
+        Shear angle in radians above which points are excluded; see `Specimen.used`.
+    largest
+        Largest shear angle of all specimens, at which laws with a pole end.
+    simulated
+        Simulation of the test.
+    others
+        Tension laws with unknown parameters on which the simulation depends.
+    """
+    used = specimen.used(up_to)
+    moved, zeros = specimen.displacement, specimen.zeros
+    at_rest, most = zeros.force, float(np.abs(specimen.force[used]).max())
+    offsets = []
+    if at_rest is None:
+        offsets.append(Offset("force at rest", "N", 0.0, -most, most, False))
+    slides = moved is not None and specimen.measured_angle is None
+    if slides and zeros.slack is None:
+        assert moved is not None
+        low, high = slack_range(moved)
+        start = float(np.clip(specimen.slack, low, high))
+        offsets.append(Offset("slack", "mm", start, low, high, True))
+    known = specimen.angle[used]
+
+    def predict(laws: Laws, *unknown: float) -> ndarray:
+        values = dict(zip((o.name for o in offsets), unknown, strict=bool(unknown)))
+        law, gamma = laws["shear"], known
+        if "slack" in values:
+            assert moved is not None
+            gamma = specimen.angle_at(moved[used], values["slack"])
+            # ends before a pole, or the end of a table, and the last angle of the test
+            bounded = np.isfinite(domain_of(law)[1])
+            gamma = np.fmin(gamma, largest if bounded else specimen.last_angle(np.inf))
+        if simulated is None:
+            force = specimen.test.force(law, gamma)
+        else:
+            force = simulated.force(laws, gamma)
+        return force + values.get("force at rest", at_rest or 0.0)
+
+    force = specimen.force[used]
+    return Sample(specimen.name, force, "shear", predict, tuple(offsets), others)
+
+
+def cantilever(test: CantileverTest) -> Sample:
+    """Bending stiffness of each reading by the elastica, D = w L³/f(θ)."""
+    part = f"bending {test.family}"
+
+    def predict(laws: Laws) -> ndarray:
+        return laws[part].value(np.ones(test.overhang.size))
+
+    return Sample(test.name, test.by_elastica, part, predict)
+
+
+def _strain_slack(curve: BiaxialCurve, family: int) -> Offset:
+    """Unknown elongation per length at which a family is taut."""
+    low, high = slack_range(np.expm1(curve.strain[family]))
+    return Offset(f"{FAMILIES[family]} slack", "-", 0.0, low, max(high, -low), True)

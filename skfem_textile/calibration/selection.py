@@ -1,0 +1,159 @@
+"""Choice among laws by cross-validation, and laws that are not physical."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from ..fabric.law import domain_of
+from .models import Model
+from .regression import Fit, fit
+from .solving import Sample, Unknowns
+
+#: Name that stands for the choice by cross-validation.
+AUTO = "auto"
+
+# Number of folds of a curve: each contains every fifth point.
+_FOLDS = 5
+
+# Number of arguments at which the slope of a law is checked.
+_CHECKED = 201
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A law that was compared.
+
+    Attributes
+    ----------
+    name
+        Name of the law; of a polynomial with its degree.
+    parameters
+        Number of parameters.
+    error
+        Root mean square of the cross-validated differences, relative to the largest
+        measured value; nan if the law does not suit.
+    standard_error
+        Standard error of this number, over specimens or folds.
+    reason
+        Reason why the law does not suit; empty if it does.
+    """
+
+    name: str
+    parameters: int
+    error: float
+    standard_error: float
+    reason: str = ""
+
+
+def reason_against(fit: Fit, largest: float, unit: str) -> str:
+    """Reason why a law of one argument is not physical within the data, or nothing.
+
+    Parameters
+    ----------
+    fit
+        The fit of the law.
+    largest
+        Largest argument of the data: an angle in radians, or a strain.
+    unit
+        ``degrees`` for angles, or ``strain``.
+    """
+    law, scale = fit.law, np.degrees(1.0) if unit == "degrees" else 1.0
+    end = float(np.max(domain_of(law)[1]))
+    pole = fit.model.name == "locking" and bool(fit.values[-1] <= fit.model.low[-1])
+    if pole or end < largest * (1 - 1e-9):
+        return f"its pole is at the end of the data, {scale * end:.3g} {unit}"
+    x = np.linspace(0.0, largest * (1 - 1e-9), _CHECKED)
+    falls = x[law.tangent(x) < 0]
+    if not falls.size:
+        return ""
+    low, high = scale * falls[0], scale * falls[-1]
+    return f"it decreases between {low:.3g} and {high:.3g} {unit}, within the data"
+
+
+def cross_validated(
+    name: str,
+    model: Model,
+    samples: Sequence[Sample],
+    against: Callable[[Fit], str],
+) -> Candidate:
+    """A law compared by the points that a fit leaves out.
+
+    With several curves each is left out in turn, and its zeros are fitted with the law
+    of the others; of a single curve every fifth point is left out.
+
+    Parameters
+    ----------
+    name
+        Name of the law.
+    model
+        The law.
+    samples
+        Curves that determine it alone.
+    against
+        Function that returns the reason why a fit is not physical, or nothing.
+    """
+    p, part = len(model.parameters), samples[0].part
+    try:
+        reason = against(fit({part: model}, samples).parts[part])
+        errors = [] if reason else [*_left_out(model, samples)]
+    except ValueError as error:
+        errors, reason = [], str(error)
+    if reason:
+        return Candidate(name, p, np.nan, np.nan, reason)
+    squares = np.array([np.mean(r**2) for r in errors])
+    root = float(np.sqrt(squares.mean()))
+    spread = float(squares.std(ddof=1) / np.sqrt(squares.size))
+    return Candidate(name, p, root, spread / (2 * root) if root else 0.0)
+
+
+def best_of(candidates: Sequence[Candidate]) -> Candidate:
+    """The law with the fewest parameters within one standard error of the best.
+
+    Raises
+    ------
+    ValueError
+        If no law suits.
+    """
+    suiting = [one for one in candidates if not one.reason]
+    if not suiting:
+        first = candidates[0]
+        raise ValueError(
+            f"no law suits these data, such as {first.name}: {first.reason}: name a "
+            "law, or check the data"
+        )
+    best = min(suiting, key=lambda one: one.error)
+    enough = [x for x in suiting if x.error <= best.error + best.standard_error]
+    return min(enough, key=lambda one: (one.parameters, one.error))
+
+
+def _left_out(model: Model, samples: Sequence[Sample]) -> Iterator[ndarray]:
+    """Differences at the points of each fold, relative to the largest value."""
+    part = samples[0].part
+    most = max(float(np.abs(one.measured).max()) for one in samples)
+    if len(samples) > 1:
+        for i, one in enumerate(samples):
+            others = [*samples[:i], *samples[i + 1 :]]
+            laws = fit({part: model}, others).joint.law
+            free = frozenset(o.name for o in one.offsets if o.expected)
+            zeros = Unknowns({}, [one], free, laws)
+            x, _ = zeros.solve(np.ones(one.measured.size), zeros.start(np.zeros(0)))
+            yield (one.measured - zeros.predict(x)) / most
+        return
+    (one,) = samples
+    for k in range(_FOLDS):
+        out = np.arange(one.measured.size) % _FOLDS == k
+        found = fit({part: model}, [_restricted(one, ~out)])
+        predicted = one.predict(found.joint.law, *found.joint.offsets[0])
+        yield (one.measured - predicted)[out] / most
+
+
+def _restricted(sample: Sample, kept: ndarray) -> Sample:
+    """A curve without some of its points."""
+
+    def predict(laws: Any, *offsets: float) -> ndarray:
+        return sample.predict(laws, *offsets)[kept]
+
+    return sample._replace(measured=sample.measured[kept], predict=predict)

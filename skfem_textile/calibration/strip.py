@@ -1,0 +1,119 @@
+"""Tensile tests of strips, loaded along one fibre family."""
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+
+from ..fabric.law import number
+from .biaxial import FAMILIES, Along
+from .preparing import Preparation, prepare
+from .reading import Format, read_recordings
+
+
+@dataclass(frozen=True, eq=False)
+class Strip:
+    """Tensile test of a strip, whose transverse fibres carry no load.
+
+    Attributes
+    ----------
+    name
+        Name of the test.
+    family
+        Family along the load, ``warp`` or ``weft``.
+    width, length
+        Width, and length between the clamps, in mm.
+    displacement, force
+        Displacement in mm and force in N, shape (n,).
+    slack
+        Displacement in mm at which the strip is taut; None if a fit is to determine it.
+    statements
+        Description of the reading and preparation.
+
+    Raises
+    ------
+    ValueError
+        If the family is unknown, or a length is not positive.
+    """
+
+    name: str
+    family: str
+    width: float
+    length: float
+    displacement: ndarray
+    force: ndarray
+    slack: float | None = 0.0
+    statements: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.family not in FAMILIES:
+            raise ValueError(
+                f"{self.name}: the family must be warp or weft, got {self.family!r}"
+            )
+        number("the width of the strip", self.width, above=0)
+        number("the length of the strip", self.length, above=0)
+
+    @property
+    def slack_is_unknown(self) -> bool:
+        """True if a fit is to determine the slack."""
+        return self.slack is None
+
+    def strain(self, slack: float) -> ndarray:
+        """Logarithmic strain ln(1 + δ/L); 0 within a slack."""
+        moved = self.displacement - slack
+        if slack or self.slack is None:
+            moved = np.maximum(moved, 0.0)
+        return np.log1p(moved / self.length)
+
+    def along(self, family: int) -> Along | None:
+        """Strain, force and width of a family; None for the transverse one."""
+        if FAMILIES[family] != self.family:
+            return None
+        return Along(self.strain(self.slack or 0.0), self.force, self.width)
+
+
+def read_strips(
+    path: str | os.PathLike[str],
+    family: str,
+    width: float,
+    length: float,
+    form: Format | None = None,
+    choices: Preparation | None = None,
+) -> list[Strip]:
+    """Tensile tests of a file or folder with displacement, or strain, and force.
+
+    Parameters
+    ----------
+    path
+        The file or folder, see `read_recordings`.
+    family, width, length
+        See `Strip`.
+    form
+        Properties of the file that take precedence over its content.
+    choices
+        Choices of the preparation that take precedence, see `prepare`.
+
+    Raises
+    ------
+    ValueError
+        If the file is refused, or a column is missing.
+    OSError
+        If it cannot be read.
+    """
+    choices, strips = choices or Preparation(), []
+    for recording in read_recordings(path, form):
+        driving = "strain" if "strain" in recording.columns else "displacement"
+        complete = recording.complete(driving, "force")
+        prepared = prepare(complete, driving, ["force"], choices)
+        read, slack = prepared.recording, choices.slack
+        if not prepared.begins_at_rest:
+            slack = slack or 0.0
+        moved = read.column(driving) * (length if driving == "strain" else 1.0)
+        strips.append(
+            Strip(
+                *(read.name, family, width, length, moved, read.column("force"), slack),
+                statements=read.statements,
+            )
+        )
+    return strips

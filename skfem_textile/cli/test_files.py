@@ -1,0 +1,361 @@
+"""Tests of the command ``fit``: options of each kind, and files of several kinds."""
+
+import argparse
+import tomllib
+from argparse import Namespace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from ..calibration.bending import read_cantilever
+from ..calibration.biaxial import FAMILIES, read_biaxial
+from ..calibration.choice import Test
+from ..calibration.preparing import BRANCHES, Preparation
+from ..calibration.reading import Format, column_named
+from ..calibration.specimens import read_specimens
+from ..calibration.strip import read_strips
+from ..mesh.user_input import printable
+from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
+from . import words
+
+# Options of a command: keywords of `argparse` by flag.
+Options: TypeAlias = dict[str, dict[str, Any]]
+
+
+def option(
+    text: str, of: Any = None, metavar: str | None = None, **more: Any
+) -> dict[str, Any]:
+    """Keywords of an option; its help ends with its default, if any."""
+    default = " (default: %(default)s)" if more.get("default") else ""
+    keywords = {"help": text + default, "type": of, "metavar": metavar, **more}
+    return {key: value for key, value in keywords.items() if value is not None}
+
+
+def repeated(text: str, of: Any, metavar: str) -> dict[str, Any]:
+    """Keywords of an option that may be repeated."""
+    return option(text, of, metavar, action="append", default=[])
+
+
+def _size(what: str) -> dict[str, Any]:
+    """Option for a specimen size: one value for all files, or one for each."""
+    return option(
+        f"{what} in mm: one value for all files, or one for each",
+        float,
+        "MM",
+        nargs="+",
+    )
+
+
+_READING: Options = {
+    "--encoding": option("encoding of the files (default: from their bytes)"),
+    "--separator": option(
+        "separator of the columns: ; , | tab or space (default: from the rows)"
+    ),
+    "--decimal": option("decimal mark (default: from the numbers)", choices=(".", ",")),
+    "--column": repeated(
+        "column of a quantity, by number or heading (default: from the headings); may "
+        "be repeated",
+        words.column,
+        "COLUMN=NUMBER",
+    ),
+    "--unit": repeated(
+        "unit of a quantity (default: from the headings); may be repeated",
+        words.unit,
+        "COLUMN=UNIT",
+    ),
+    "--sign": repeated(
+        "factor 1 or -1 of a quantity (default: forces are positive at the largest "
+        "displacement); may be repeated",
+        words.sign,
+        "COLUMN=SIGN",
+    ),
+}
+
+_BRANCH: Options = {
+    "--branch": option(
+        "rows that are fitted: loading, unloading or both",
+        choices=BRANCHES,
+        default="loading",
+    ),
+    "--cycle": option(
+        "number of the fitted cycle (default: the first one that reaches the largest "
+        "displacement)",
+        int,
+        "N",
+    ),
+    "--keep-outliers": option("fit also outliers", action="store_true"),
+}
+
+_SLACK: Options = {
+    "--slack": option(
+        "displacement at which the fabric begins to carry load (default: estimated)",
+        float,
+        "MM",
+    ),
+}
+
+_AT_REST: Options = {
+    "--force-at-rest": option(
+        "force of the undeformed fabric, such as the weight of a clamp (default: "
+        "estimated)",
+        float,
+        "N",
+    ),
+}
+
+_FAMILY: Options = {
+    "--family": option(
+        "fibre family along the strips", default="warp", choices=FAMILIES
+    )
+}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Kind of test: options of its files, and the function that reads them."""
+
+    options: Options
+    read: Callable[[Namespace], Sequence[Test]]
+
+
+def _strips(options: Namespace) -> list[Test]:
+    form, choices = _format(options), _preparation(options)
+    sizes = _sizes(options, "width", "length")
+    return [
+        strip
+        for path, size in zip(options.data, sizes, strict=True)
+        for strip in read_strips(path, options.family, *size, form, choices)
+    ]
+
+
+def _frames(options: Namespace) -> list[Test]:
+    sizes = _sizes(options, "frame_side", "fabric_side")
+    return _specimens(options, [PictureFrame(*size) for size in sizes])
+
+
+def _biases(options: Namespace) -> list[Test]:
+    theta = float(np.radians(options.warp))
+    sizes = _sizes(options, "width", "height")
+    return _specimens(options, [BiasExtension(*size, theta) for size in sizes])
+
+
+def _specimens(options: Namespace, tests: Sequence[ShearTest]) -> list[Test]:
+    form, choices = _format(options), _preparation(options)
+    return [
+        specimen
+        for path, test in zip(options.data, tests, strict=True)
+        for specimen in read_specimens(path, test, form, choices)
+    ]
+
+
+def _biaxials(options: Namespace) -> list[Test]:
+    form, choices = _format(options), _preparation(options)
+    sizes = _sizes(options, "warp_width", "weft_width")
+    return [
+        curve
+        for path, size in zip(options.data, sizes, strict=True)
+        for curve in read_biaxial(path, size, form, choices)
+    ]
+
+
+def _cantilevers(options: Namespace) -> list[Test]:
+    if options.weight is None:
+        raise ValueError("--weight is missing: specify the weight per area in N/mm2")
+    form, angle = _format(options), options.chord_angle
+    fixed = None if angle is None else float(np.radians(angle))
+    return [
+        test
+        for path in options.data
+        for test in read_cantilever(path, options.weight, options.family, fixed, form)
+    ]
+
+
+#: Kinds of tests by name.
+KINDS = {
+    "strip": Kind(
+        {
+            **_FAMILY,
+            "--width": _size("width of the strip"),
+            "--length": _size("length of the strip between the clamps"),
+            **_READING,
+            **_BRANCH,
+            **_SLACK,
+        },
+        _strips,
+    ),
+    "picture-frame": Kind(
+        {
+            "--frame-side": _size("side of the frame from hinge to hinge"),
+            "--fabric-side": _size("side of the sheared square of fabric"),
+            **_READING,
+            **_BRANCH,
+            **_SLACK,
+            **_AT_REST,
+        },
+        _frames,
+    ),
+    "bias-extension": Kind(
+        {
+            "--width": _size("width of the specimen"),
+            "--height": _size("height of the specimen between the clamps"),
+            "--warp": option(
+                "angle between fibres and clamps", words.degrees, "DEG", default=45.0
+            ),
+            **_READING,
+            **_BRANCH,
+            **_SLACK,
+            **_AT_REST,
+        },
+        _biases,
+    ),
+    "biaxial": Kind(
+        {
+            "--warp-width": _size("width of the specimen transverse to the warp force"),
+            "--weft-width": _size("width of the specimen transverse to the weft force"),
+            **_READING,
+            **_BRANCH,
+            **_SLACK,
+        },
+        _biaxials,
+    ),
+    "cantilever": Kind(
+        {
+            "--weight": option(
+                "weight per area in N/mm2, such as 6e-6 for 0.6 kg/m2", float, "W"
+            ),
+            **_FAMILY,
+            "--chord-angle": option(
+                "chord angle of all readings, for files without that column, such as "
+                "41.5",
+                words.degrees,
+                "DEG",
+            ),
+            **_READING,
+        },
+        _cantilevers,
+    ),
+}
+
+# Keys of a test in a file besides the options of its kind.
+_KEYS = "kind", "data"
+
+
+def tests_of(path: Path) -> list[Test]:
+    """Tests of a file in TOML: a table ``[[test]]`` for each kind, with its options.
+
+    Raises
+    ------
+    ValueError
+        If the file is not valid.
+    OSError
+        If it cannot be read.
+    """
+    name = printable(path)
+    try:
+        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ValueError(f"{name}: the file is not valid TOML: {error}") from None
+    tables = content.get("test")
+    valid = set(content) == {"test"} and isinstance(tables, list)
+    if not (valid and all(isinstance(one, dict) for one in tables or ())):
+        raise ValueError(
+            f"{name}: the file must consist of tables [[test]], each with kind and data"
+        )
+    tests: list[Test] = []
+    for i, table in enumerate(tables or (), 1):
+        where = f"{name}, test {i}"
+        kind, data = table.get("kind"), table.get("data")
+        if kind not in KINDS:
+            raise ValueError(
+                f"{where}: the kind must be one of {', '.join(KINDS)}, got {kind!r}"
+            )
+        paths = data if isinstance(data, list) else [data]
+        if not paths or not all(isinstance(one, str) for one in paths):
+            raise ValueError(f"{where}: data must be the name of a file, or a list")
+        options = _options(where, KINDS[kind].options, table)
+        options.data = [Path(path).parent / one for one in paths]
+        try:
+            found = KINDS[kind].read(options)
+        except ValueError as error:
+            text = str(error)
+            known = text.startswith(tuple(map(printable, options.data)))
+            raise ValueError(text if known else f"{where}: {text}") from None
+        tests += found
+    return tests
+
+
+def _options(where: str, known: Options, table: Mapping[str, Any]) -> Namespace:
+    """Options of a kind with the values of a table."""
+    flags = {flag[2:].replace("-", "_"): flag for flag in known}
+    values = {key: known[flag].get("default") for key, flag in flags.items()}
+    for key, value in table.items():
+        if key in _KEYS:
+            continue
+        if key not in flags:
+            raise ValueError(
+                f"{where}: unknown key {key!r}: choose one of {', '.join(flags)}"
+            )
+        values[key] = _converted(f"{where}, {key}", known[flags[key]], value)
+    return Namespace(**values)
+
+
+def _converted(where: str, keywords: Mapping[str, Any], value: Any) -> Any:
+    """Value of an option, converted as on the command line."""
+    if keywords.get("action") == "store_true":
+        if not isinstance(value, bool):
+            raise ValueError(f"{where}: must be true or false, got {value!r}")
+        return value
+    several = "nargs" in keywords or keywords.get("action") == "append"
+    given = value if isinstance(value, list) else [value]
+    if len(given) != 1 and not several:
+        raise ValueError(f"{where}: must be a single value, got {value!r}")
+    try:
+        found = [keywords.get("type", str)(str(one)) for one in given]
+    except (ValueError, argparse.ArgumentTypeError) as error:
+        raise ValueError(f"{where}: {error}") from None
+    choices = keywords.get("choices")
+    if choices and not set(found) <= set(choices):
+        raise ValueError(f"{where}: must be one of {', '.join(choices)}, got {value!r}")
+    return found if several else found[0]
+
+
+def _preparation(options: Namespace) -> Preparation:
+    return Preparation(
+        options.branch,
+        options.cycle,
+        options.slack,
+        getattr(options, "force_at_rest", None),
+        not options.keep_outliers,
+    )
+
+
+def _format(options: Namespace) -> Format:
+    columns, units, signs = (
+        {column_named(name): value for name, value in given}
+        for given in (options.column, options.unit, options.sign)
+    )
+    return Format(
+        *(options.encoding, options.separator, options.decimal, columns, units, signs)
+    )
+
+
+def _sizes(options: Namespace, *keys: str) -> list[tuple[float, float]]:
+    """Two sizes of the specimen for each file."""
+    n, columns = len(options.data), []
+    for key in keys:
+        sizes, name = getattr(options, key), f"--{key.replace('_', '-')}"
+        if sizes is None:
+            raise ValueError(
+                f"{name} is missing: specify the size of the specimens in mm"
+            )
+        if len(sizes) not in (1, n):
+            raise ValueError(
+                f"{name} has {len(sizes)} values for {n} files: specify one for all "
+                "files, or one for each"
+            )
+        columns.append(sizes * n if len(sizes) == 1 else sizes)
+    first, second = columns
+    return list(zip(first, second, strict=True))

@@ -1,0 +1,147 @@
+"""Several kinds of tests of one fabric in one fit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, Linear
+from skfem_textile.calibration import (
+    Choice,
+    PictureFrame,
+    Specimen,
+    Strip,
+    fit_tests,
+    read_strips,
+)
+from skfem_textile.calibration.report import joint_report, report_text, reports_of
+from studies.laboratory import fabric
+from studies.laboratory.fabric import CHOICE, TRUTH, Drawn
+
+# Claims about statistics of many fits are in `python -m studies laboratory`.
+
+
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch):
+    """A coarse mesh, so that the simulations are fast."""
+    monkeypatch.setattr(
+        fabric, "SIMULATION", replace(fabric.SIMULATION, across=4, steps=4)
+    )
+    fabric.simulated.cache_clear()
+    yield
+    fabric.simulated.cache_clear()
+
+
+def fitted(kinds, seed=1):
+    tests = Drawn(seed).tests()
+    every = [one for kind in kinds for one in tests[kind]]
+    simulation = fabric.SIMULATION if "bias extension" in kinds else None
+    return fit_tests(every, CHOICE, simulation)
+
+
+def widths(result):
+    """Widths of the bands of all parameters by name."""
+    joint = result.fit.joint
+    bands = np.ptp(joint.intervals, axis=1)
+    return dict(zip(joint.model.parameters, bands, strict=True))
+
+
+def test_five_tests_of_one_fabric_determine_all_parameters_at_once():
+    kinds = tuple(Drawn(1).tests())
+    result = fitted(kinds)
+    assert list(result.parts) == list(TRUTH)
+    for part, truth in TRUTH.items():
+        np.testing.assert_allclose(result.parts[part].values, truth, rtol=0.02)
+    # the band is never wider than by a kind of test alone, nor by tests of one law
+    joint = widths(result)
+    for kind in kinds:
+        if kind == "bias extension":  # it needs a tension law
+            continue
+        for name, width in widths(fitted([kind])).items():
+            assert joint[name] <= width * (1 + 1e-3), (kind, name)
+    assert joint["warp stiffness"] < 0.9 * widths(fitted(["biaxial"]))["warp stiffness"]
+    assert joint["shear angle"] < 0.9 * widths(fitted(["picture frame"]))["shear angle"]
+    correlations = np.array(joint_report(result)["correlations"])
+    np.testing.assert_allclose(np.diag(correlations), 1.0)
+    assert abs(correlations[0, 2]) > 1e-6  # of the warp and the shear stiffness
+    assert "# Bending of the weft" in report_text(reports_of(result))
+
+
+def test_a_bias_extension_is_wrong_by_the_stretch_of_its_fibres_without_them():
+    tests = Drawn(1, noise=1e-6).tests()
+    shear = [*tests["picture frame"], *tests["bias extension"]]
+    stretched = fit_tests([*tests["strip"], *shear], CHOICE, fabric.SIMULATION)
+    np.testing.assert_allclose(
+        stretched.laws["shear"].stiffness, TRUTH["shear"][0], rtol=1e-3
+    )
+    assert fit_tests(shear, CHOICE).parts["shear"].beyond_noise
+    stiff = fit_tests(tests["bias extension"], CHOICE).laws["shear"]
+    assert abs(stiff.stiffness / TRUTH["shear"][0] - 1) > 0.02
+
+
+def test_laws_of_separate_tests_are_those_of_separate_fits():
+    """Their bands too, with the degrees of freedom of these tests alone."""
+    kinds = "strip", "picture frame", "cantilever"
+    together = fitted(kinds)
+    for kind in kinds:
+        for part, alone in fitted([kind]).parts.items():
+            joint = together.parts[part]
+            np.testing.assert_allclose(joint.values, alone.values, rtol=1e-6)
+            np.testing.assert_allclose(joint.intervals, alone.intervals, rtol=1e-5)
+
+
+def test_a_strip_determines_the_law_of_its_family_alone(tmp_path):
+    e = np.linspace(0.0, 0.03, 50)
+    force = 50.0 * 2e3 * np.log1p(e) / (1 + e)
+    rows = "\n".join(f"{200 * x},{f}" for x, f in zip(e, force, strict=True))
+    (tmp_path / "pull.csv").write_text(f"displacement (mm),force (N)\n{rows}\n")
+    strips = read_strips(tmp_path / "pull.csv", "weft", 50.0, 200.0)
+    result = fit_tests(strips, Choice(tension="linear"))
+    assert list(result.parts) == ["weft"]
+    assert result.laws["weft"].stiffness == pytest.approx(2e3)
+    warp, weft = result.fabric(Fabric(7.0)).families
+    assert (warp.tension.stiffness, weft.tension.stiffness) == (7.0, pytest.approx(2e3))
+
+
+def test_a_strip_has_a_slack():
+    law, moved = Linear(2e3), np.linspace(0.0, 8.0, 60)
+    strain = np.log1p(np.maximum(moved - 1.5, 0.0) / 200.0)
+    force = 50.0 * law.value(strain) / np.exp(strain)
+    force += np.random.default_rng(1).normal(0.0, 10.0, 60)
+    strip = Strip("one", "warp", 50.0, 200.0, moved, force, None)
+    result = fit_tests([strip], Choice(tension="linear"))
+    _, low, high = result.parts["warp"].zeros(0)["slack"]
+    assert low < 1.5 < high
+    assert result.laws["warp"].stiffness == pytest.approx(2e3, rel=0.02)
+    zeroed = fit_tests([replace(strip, slack=0.0)], Choice(tension="linear"))
+    assert zeroed.laws["warp"].stiffness < 1.9e3
+
+
+def test_tests_that_do_not_fit_together_are_refused():
+    strips = Drawn(1).tests()["strip"]
+    for tests, choice, message in (
+        ([], Choice(), "no test is given"),
+        (strips, Choice(tension="crimp-interchange"), "use biaxial tests alone"),
+        (strips, Choice(bounds={"c1": (0, 1)}), "crimp-toe has no parameter 'c1'"),
+        (strips, Choice(extrapolation="linear"), "omit the extrapolation"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            fit_tests(tests, choice)
+    with pytest.raises(ValueError, match="only bias-extension tests"):
+        fit_tests(strips, CHOICE, fabric.SIMULATION)
+    with pytest.raises(ValueError, match="the family must be warp or weft"):
+        replace(strips[0], family="fill")
+    bound = Choice(tension="linear", bounds={"warp stiffness": (0.0, 1e3)})
+    limited = fit_tests(strips, bound)
+    assert limited.laws["warp"].stiffness == 1e3
+    assert limited.laws["weft"].stiffness > 1.4e3
+
+
+def test_a_frame_and_a_strip_of_the_other_family_do_not_disturb_each_other():
+    frame = PictureFrame(200.0, 160.0)
+    gamma = np.radians(np.linspace(1.0, 55.0, 60))
+    force = frame.force(Linear(0.2), gamma)
+    one = Specimen("one", frame, force, frame.displacement(gamma))
+    both = fit_tests([one, *Drawn(1).tests()["strip"][:1]], Choice("linear", "linear"))
+    assert both.laws["shear"].stiffness == pytest.approx(0.2)
+    assert np.degrees(both.largest_angle) == pytest.approx(55.0)

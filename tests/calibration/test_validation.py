@@ -1,0 +1,104 @@
+"""Predictions of tests that were not used in a fit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, Linear
+from skfem_textile.calibration import (
+    BiasExtension,
+    Choice,
+    PictureFrame,
+    Simulation,
+    Specimen,
+    Strip,
+    fit_tests,
+    predict,
+    validate,
+)
+from skfem_textile.calibration.simulation import FIBRES
+
+LAW = Linear(0.2)
+FRAME, STRIP = PictureFrame(200.0, 160.0), BiasExtension(60.0, 150.0)
+COARSE = Simulation(across=4, steps=4)
+GAMMA = np.radians(np.linspace(2.0, 35.0, 40))
+
+
+def specimen(test, noise=0.0, seed=0, scale=1.0):
+    force = scale * test.force(LAW, GAMMA)
+    rng = np.random.default_rng(seed)
+    force = force + noise * force.max() * rng.standard_normal(GAMMA.size)
+    return Specimen("one", test, force, test.displacement(GAMMA))
+
+
+def fitted(noise=0.01):
+    return fit_tests([specimen(FRAME, noise)], Choice("linear"))
+
+
+def test_a_frame_is_predicted_without_a_discretisation_error():
+    other = PictureFrame(300.0, 250.0)
+    (found,) = validate(fitted(), Fabric(FIBRES), [specimen(other)], COARSE)
+    one = found.prediction
+    law = fitted().laws["shear"]
+    np.testing.assert_allclose(one.force, other.force(law, GAMMA), rtol=1e-6)
+    np.testing.assert_allclose(one.discretisation, 0.0, atol=1e-6)
+    np.testing.assert_allclose(
+        one.deviation / one.force, one.deviation[0] / one.force[0], rtol=1e-6
+    )
+    low, high = fitted().parts["shear"].intervals[0]
+    np.testing.assert_allclose(
+        2 * one.pointwise / one.force, (high - low) / law.stiffness, rtol=1e-6
+    )
+
+
+def test_the_slopes_of_a_bias_extension_are_those_of_simulations():
+    """The band is computed without a simulation for each parameter."""
+    strip = Strip("s", "warp", 50.0, 200.0, np.linspace(0, 6, 50), np.zeros(50))
+    force = 50.0 * 5e3 * strip.strain(0.0) / np.exp(strip.strain(0.0))
+    tests = [specimen(FRAME, 0.01), replace(strip, force=force)]
+    result = fit_tests(tests, Choice("linear", "linear"))
+    one = predict(result, Fabric(5e3), STRIP, GAMMA, COARSE)
+    warp, shear = result.fit.joint.values
+    stiffer = COARSE.test(
+        {"warp": Linear(warp), "weft": Linear(5e3), "shear": Linear(1.02 * shear)},
+        *(STRIP, float(GAMMA.max())),
+    )
+    change = np.interp(GAMMA, stiffer.angles, stiffer.forces) - np.interp(
+        GAMMA, one.simulated.angles, one.simulated.forces
+    )
+    expected = change / (0.02 * shear)
+    np.testing.assert_allclose(one.slopes[10:, 1], expected[10:], rtol=0.03)
+
+
+def test_a_wrong_law_is_not_confirmed():
+    held_out = specimen(STRIP, 0.01, seed=3)
+    (right,) = validate(fitted(), Fabric(FIBRES), [held_out], COARSE)
+    assert right.confirmed
+    (wrong,) = validate(
+        fitted(), Fabric(FIBRES), [specimen(STRIP, 0.01, 3, scale=1.4)], COARSE
+    )
+    assert not wrong.confirmed
+    assert wrong.share() < right.share()
+    assert np.all(right.half_width(simultaneous=True) >= right.half_width())
+    assert right.noise == pytest.approx(0.01 * held_out.force.max(), rel=0.3)
+
+
+def test_specimens_that_differ_widen_the_band_of_a_further_one():
+    several = [specimen(FRAME, 0.01, i, scale) for i, scale in enumerate((0.9, 1, 1.1))]
+    result = fit_tests(several, Choice("linear"))
+    (found,) = validate(result, Fabric(FIBRES), [specimen(FRAME)], COARSE)
+    assert np.all(found.scatter > found.prediction.pointwise)
+    (same,) = validate(fitted(), Fabric(FIBRES), [specimen(FRAME)], COARSE)
+    assert not same.scatter.any()
+
+
+def test_other_tests_are_refused():
+    result, strip = fitted(), specimen(FRAME)
+    still = replace(strip, displacement=None, measured_angle=GAMMA)
+    with pytest.raises(ValueError, match="one: only bias extensions and picture"):
+        validate(result, Fabric(FIBRES), [still])
+    tension = Strip("s", "warp", 1.0, 1.0, np.linspace(0, 0.1, 9), np.linspace(0, 1, 9))
+    pulled = fit_tests([tension], Choice(tension="linear"))
+    with pytest.raises(ValueError, match="requires a fitted shear law"):
+        predict(pulled, Fabric(FIBRES), STRIP, GAMMA)
