@@ -58,8 +58,9 @@ NOISE = (0.01, 0.05)
 #: Shear angles in degrees at which a law is compared with its band.
 ANGLES = (5, 10, 20, 30, 39)
 
-# Largest shear angle of the tests in degrees, and number of rows of a loading.
-_REACH, _ROWS = (42.0, 50.0), (80, 240)
+# Largest shear angle of the tests in degrees, at most the angle up to which the moment of
+# a law increases, and number of rows of a loading.
+_REACH, _RISES, _ROWS = (42.0, 50.0), {"sin2": 45.0}, (80, 240)
 
 # Largest difference of a reading from what was written, relative to the largest value:
 # digits of the file.
@@ -143,7 +144,8 @@ def _drawn(file: File) -> _Drawn:
     has["force at rest"] = file.group == "force at rest"
     has["toe"] |= has["force at rest"]
     noise, repeats = float(rng.uniform(*NOISE)), int(rng.integers(1, 4))
-    curves = tuple(_curve(test, law, noise, has, rng) for _ in range(repeats))
+    rises = _RISES.get(name, np.inf)
+    curves = tuple(_curve(test, law, rises, noise, has, rng) for _ in range(repeats))
     described = {
         **{"machine": machine, "separator": repr(export.separator)},
         **{"decimal": repr(export.decimal), "encoding": export.encoding},
@@ -158,13 +160,15 @@ def _drawn(file: File) -> _Drawn:
 def _curve(
     test: ShearTest,
     law: Law,
+    rises: float,
     noise: float,
     has: dict[str, bool],
     rng: np.random.Generator,
 ) -> Curve:
     """Displacements and forces of one specimen, as recorded."""
     toe = float(rng.uniform(*TOE)) if has["toe"] else 0.0
-    end = toe + float(test.displacement(np.radians(rng.uniform(*_REACH))))
+    angle = np.radians(min(rng.uniform(*_REACH), rises))
+    end = toe + float(test.displacement(angle))
     moved = np.linspace(0.0, end, int(rng.integers(*_ROWS)))
     force = test.force(law, test.shear_angle(np.maximum(moved - toe, 0.0)))
     most = float(force.max())
