@@ -58,8 +58,8 @@ NOISE = (0.01, 0.05)
 #: Shear angles in degrees at which a law is compared with its band.
 ANGLES = (5, 10, 20, 30, 39)
 
-# Largest shear angle of the tests in degrees, at most the angle up to which the moment of
-# a law increases, and number of rows of a loading.
+# Largest shear angle of the tests in degrees, at most the angle up to which the moment
+# of a law increases, and number of rows of a loading.
 _REACH, _RISES, _ROWS = (42.0, 50.0), {"sin2": 45.0}, (80, 240)
 
 # Largest difference of a reading from what was written, relative to the largest value:
