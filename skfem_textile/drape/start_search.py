@@ -143,9 +143,7 @@ def best_start(
         )
     rods = positive_length("best start: search cell", search_cell or cell)
     part = tool.facets.points if points is None else np.asarray(points, dtype=float)
-    search = _Search(
-        tool, rods, angles, _thinned(part, seed), measure, fixed_direction
-    )
+    search = _Search(tool, rods, angles, _thinned(part, seed), measure, fixed_direction)
     found = differential_evolution(
         lambda x: search(x.reshape(len(search.bounds), -1)),
         search.bounds,
@@ -306,9 +304,7 @@ class _Search:
         points, directions = np.array(tried).transpose(1, 2, 0)
         values = np.array([one.value for one in self._tried])
         measures = np.where(values < _EXCLUDED, values, np.nan)
-        return BestStart(
-            best.start, best.net, best.value, points, directions, measures
-        )
+        return BestStart(best.start, best.net, best.value, points, directions, measures)
 
     def _measured(self, starts: Sequence[NetStart], cell: float) -> "list[_Tried]":
         """Nets of starts, side by side, and their measures."""
