@@ -273,34 +273,44 @@ def _trimming_curves(
 ) -> list[ndarray]:
     """Curves of files along which the pattern is trimmed, which must be on the tool."""
     from .. import io
-    from ..drape.part import distances_from
-    from ..drape.sheet import REACH
     from ..io.tools import IN_MM
 
     curves = []
     for file in options.trim or ():
         curve = io.read_curve(file, 3)
-        away = distances_from(tool, curve)
-        far = np.flatnonzero(away > REACH * cell)
-        if far.size:
-            place = ", ".join(f"{c:.7g}" for c in curve[:, far[0]])
+        if wrong := _off_tool(tool, curve, cell):
             fitting = [
                 unit
                 for unit, mm in IN_MM.items()
-                if distances_from(tool, mm * curve).max() <= REACH * cell
+                if not _off_tool(tool, mm * curve, cell)
             ]
             advice = (
                 f"its coordinates are in {fitting[0]}: convert them to mm"
                 if fitting
-                else "curves are on the tool, in mm and in the axes of its file"
+                else "specify a curve on the tool, in mm and in the axes of its file"
             )
-            raise ValueError(
-                f"{printable(file)}: the curve leaves the tool: {far.size} of its "
-                f"{curve.shape[1]} points are up to {away.max():.3g} mm from it, the "
-                f"first at [{place}]; {advice}"
-            )
+            raise ValueError(f"{printable(file)}: {wrong}; {advice}")
         curves.append(curve)
     return curves
+
+
+def _off_tool(tool: "TriangleMesh", curve: ndarray, cell: float) -> str:
+    """Say that a curve is not on a tool, or smaller than a cell; empty if neither."""
+    from ..drape.part import distances_from
+    from ..drape.sheet import REACH
+
+    away = distances_from(tool, curve)
+    far = np.flatnonzero(away > REACH * cell)
+    if far.size:
+        place = ", ".join(f"{c:.7g}" for c in curve[:, far[0]])
+        return (
+            f"the curve leaves the tool: {far.size} of its {curve.shape[1]} points are "
+            f"up to {away.max():.3g} mm from it, the first at [{place}]"
+        )
+    extent = float(np.linalg.norm(np.ptp(curve, axis=1)))
+    if extent < cell:
+        return f"the curve extends over {extent:.3g} mm, a cell over {cell:.3g} mm"
+    return ""
 
 
 def _pieces(
