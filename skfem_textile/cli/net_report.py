@@ -81,7 +81,7 @@ class Cover(NamedTuple):
 
     @property
     def is_whole(self) -> bool:
-        """Whether it is the whole part, except for open cells at tips of darts."""
+        """True if it is the whole part, except for open cells at tips of darts."""
         return self.share >= _WHOLE
 
     def text(self) -> str:

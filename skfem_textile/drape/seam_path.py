@@ -39,7 +39,7 @@ def seam_from(
 ) -> Seam:
     """Seam from a tip to the edge of a tool.
 
-    It begins in a direction, or that of the shortest way to the edge, is a geodesic,
+    It begins in a direction, by default of the shortest way to the edge, is a geodesic,
     and is moved sideways to where the surface turns equally on both sides: along the
     edge between two walls.
 

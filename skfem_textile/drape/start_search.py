@@ -242,8 +242,7 @@ class _Tried(NamedTuple):
 class _Search:
     """Measures of nets by the place of their start in a plane, and their direction.
 
-    The plane is normal to the mean normal of the tool.  A fixed direction is no unknown
-    of the search.
+    The plane is normal to the mean normal of the tool.  The direction may be fixed.
     """
 
     def __init__(
