@@ -18,7 +18,7 @@ AUTO = "auto"
 # Number of folds of a curve: each contains every fifth point.
 _FOLDS = 5
 
-# Number of arguments at which the slope of a law is checked.
+# Number of arguments at which a law is checked.
 _CHECKED = 201
 
 
@@ -51,6 +51,8 @@ class Candidate:
 def reason_against(fit: Fit, largest: float, unit: str) -> str:
     """Reason why a law of one argument is not physical within the data, or nothing.
 
+    A law that decreases by more than half the width of its band is not physical.
+
     Parameters
     ----------
     fit
@@ -66,7 +68,10 @@ def reason_against(fit: Fit, largest: float, unit: str) -> str:
     if pole or end < largest * (1 - 1e-9):
         return f"its pole is at the end of the data, {scale * end:.3g} {unit}"
     x = np.linspace(0.0, largest * (1 - 1e-9), _CHECKED)
-    falls = x[law.tangent(x) < 0]
+    value = law.value(x)
+    low_band, high_band = fit.band(lambda other: other.value(x))
+    fall = np.maximum.accumulate(value) - value
+    falls = x[fall > 0.5 * (high_band - low_band)]
     if not falls.size:
         return ""
     low, high = scale * falls[0], scale * falls[-1]

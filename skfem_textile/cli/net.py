@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
@@ -12,19 +12,17 @@ from numpy import ndarray
 from ..mesh.user_input import printable
 from . import words
 from .interruption import held
+from .net_report import Cells, Cover, Part, figures_of, refuse_overlap, verdict_of
 from .output import complain, say
-from .page import Row, page, rows, sources
+from .page import page, rows, sources
 from .progress import STOPPED_EARLY, log_to_stderr, shown
 from .result_folder import ResultFolder
 from .results import PATTERN, write_patterns
 
 if TYPE_CHECKING:
     from ..drape import (
-        BestStart,
-        Dart,
         FibresInSpace,
         FlatPattern,
-        Net,
         TriangleMesh,
     )
 
@@ -42,9 +40,6 @@ _SEARCHED = 0.018
 # more than a percent.
 _FINEST, _COARSEST = 1e-3, 0.06
 
-# Share of a cell inside the part above which its shear counts.
-_HALF = 0.5
-
 # Pictures on the page, and their captions.
 _CAPTIONS = {
     _PICTURE: "Shear angle of the net on the tool",
@@ -56,9 +51,9 @@ _CAPTIONS = {
 UNITS = ("mm", "cm", "m", "in")
 
 _EXIT_CODES = (
-    "exit code: 0 if there is a flat pattern; 1 if there is none, because the net does "
-    "not cover the part (all other results are written); 2 for invalid input; 130 if "
-    "interrupted"
+    "exit code: 0 if there is a flat pattern of the whole part; 1 if there is none, or "
+    "none with darts, or courses leave a part of the tool uncovered (all other results "
+    "are written); 2 for invalid input; 130 if interrupted"
 )
 
 # Default length of a cell relative to the diagonal of the tool.
@@ -82,10 +77,10 @@ def add_net(commands: Any) -> None:
     add(
         "--fibres",
         type=words.degrees,
-        default=0.0,
         metavar="DEG",
         help="angle of the warp to the x axis of the tool file, projected onto the "
-        "tool (default: 0); the weft is at right angles",
+        "tool (default: 0); the weft is at right angles; with --best the direction is "
+        "fixed",
     )
     add(
         "--point",
@@ -125,9 +120,11 @@ def add_net(commands: Any) -> None:
     )
     add(
         "--best",
+        nargs="?",
+        const="largest",
         choices=("largest", "mean"),
-        help="search for the point and the direction with the smallest largest, or "
-        "mean, shear angle over the part",
+        help="search for the point and the direction, or with --fibres the point, with "
+        "the smallest largest (default), or mean, shear angle over the part",
     )
     add(
         "--darts",
@@ -150,60 +147,6 @@ def add_net(commands: Any) -> None:
     add("--no-render", action="store_true", help="do not draw a picture")
 
 
-class _Part(NamedTuple):
-    """Nets on a tool, their flat pattern, or why there is none, and the search.
-
-    Courses have one pattern for each net.
-    """
-
-    tool: "TriangleMesh"
-    pieces: "Sequence[tuple[Net, ndarray]]"
-    patterns: "Sequence[FlatPattern]" = ()
-    darts: "Sequence[Dart]" = ()
-    no_pattern: str = ""
-    search: "BestStart | None" = None
-
-
-class _Cells(NamedTuple):
-    """Cells of the part, or of the whole net without a pattern.
-
-    ``pieces`` are nets with masks of the cells of which at least half is in the part;
-    sizes of their shear angles in degrees, areas on the tool in mm², and centres.
-    ``area`` is the area of the part.
-    """
-
-    pieces: "list[tuple[Net, ndarray]]"
-    angles: ndarray
-    areas: ndarray
-    centres: ndarray
-    area: float
-
-    @classmethod
-    def of(cls, part: _Part) -> "_Cells":
-        from ..drape.trimming import shares_inside
-
-        pieces, angles, areas, centres, whole = [], [], [], [], 0.0
-        for k, (net, mask) in enumerate(part.pieces):
-            shares = mask
-            if part.patterns:
-                one = part.patterns[min(k, len(part.patterns) - 1)]
-                shares = shares_inside(net, one)
-            inside = mask & (shares >= _HALF)
-            whole += float((np.nan_to_num(net.areas()) * shares * mask).sum())
-            x = net.positions
-            middle = 0.25 * (
-                x[:, 1:, 1:] + x[:, 1:, :-1] + x[:, :-1, 1:] + x[:, :-1, :-1]
-            )
-            pieces.append((net, inside))
-            angles.append(np.degrees(np.abs(net.shear_angle()[inside])))
-            areas.append((net.areas() * shares)[inside])
-            centres.append(middle[:, inside])
-        if not any(one.size for one in angles):
-            raise ValueError("the net has no cell on the tool: use smaller cells")
-        numbers = np.concatenate(angles), np.concatenate(areas), np.hstack(centres)
-        return cls(pieces, *numbers, whole)
-
-
 def run_net(options: argparse.Namespace) -> int:
     """Lay a net on a tool and write its results; returns the exit code.
 
@@ -222,8 +165,9 @@ def run_net(options: argparse.Namespace) -> int:
     with shown("laying the net"):
         part = _laid(options)
         fibres = _fibres(part)
-        cells = _Cells.of(part)
-    figures, verdict = _figures(part, cells, options), _verdict(part, cells, options)
+        cells, cover = Cells.of(part), Cover.of(part, fibres)
+    figures = figures_of(part, cells, cover, options)
+    verdict = verdict_of(part, cells, cover, options)
     out = ResultFolder(
         options.out, (_SUMMARY, _NET, *_FIBRES, *PATTERN, _PICTURE, _STARTS, _PAGE)
     )
@@ -250,7 +194,8 @@ def run_net(options: argparse.Namespace) -> int:
     for name, _, text in verdict:
         say(f"{name:24}{text}")
     say(f"results written to {printable(options.out)}: open {_PAGE}")
-    return 0 if part.patterns else STOPPED_EARLY
+    is_found = part.patterns and cover.is_whole and not part.no_darts
+    return 0 if is_found else STOPPED_EARLY
 
 
 def _refuse_combinations(options: argparse.Namespace) -> None:
@@ -259,6 +204,8 @@ def _refuse_combinations(options: argparse.Namespace) -> None:
         raise ValueError("--darts requires --locking-angle")
     if options.darts and options.roll_width is not None:
         raise ValueError("--darts cannot be combined with --roll-width")
+    if options.trim and options.roll_width is not None:
+        raise ValueError("--trim cannot be combined with --roll-width")
     if options.overlap and options.roll_width is None:
         raise ValueError("--overlap requires --roll-width")
     fixed = [
@@ -266,23 +213,20 @@ def _refuse_combinations(options: argparse.Namespace) -> None:
         for name in ("point", "warp_along", "weft_along")
         if getattr(options, name) is not None
     ]
-    if options.fibres:
-        fixed.append("--fibres")
     if options.best and fixed:
         raise ValueError(f"--best cannot be combined with {' and '.join(fixed)}")
 
 
-def _laid(options: argparse.Namespace) -> _Part:
+def _laid(options: argparse.Namespace) -> Part:
     """Read the tool, lay the net and trim its pattern."""
     from .. import drape, io
 
     tool = io.read_surface(options.tool, options.unit)
-    given = options.trim and [io.read_curve(file, 3) for file in options.trim]
     along = [
         file and io.read_curve(file)
         for file in (options.warp_along, options.weft_along)
     ]
-    warp = np.radians(options.fibres)
+    warp = np.radians(options.fibres or 0.0)
     angles = warp, warp + np.pi / 2
     size = float(np.linalg.norm(np.ptp(tool.facets.points, axis=1)))
     cell = options.cell or _CELL * size
@@ -293,42 +237,91 @@ def _laid(options: argparse.Namespace) -> _Part:
             f"got {cell:g} mm"
         )
     loops = tool.facets.boundary()
-    outline, *holes = given or loops
     spanned = tool.without_holes() if len(loops) > 1 else tool
-    search = None
+    outline, *holes = _trimming_curves(options, spanned, cell) or loops
+    inside = np.ones(tool.facets.n_elements, dtype=bool)
+    if options.trim:
+        inside = drape.triangles_of_part(spanned, outline, holes)[: len(inside)]
+    search, point = None, _start(tool, options.point)
+    start = drape.NetStart(point, drape.Axes.at(tool, point).turn[:, 0])
     if options.best:
         points = drape.points_of_part(spanned, outline, holes)
         of_part = float(np.linalg.norm(np.ptp(points, axis=1)))
         search = drape.best_start(
             spanned,
-            max(cell, _SEARCHED * of_part),
+            cell,
             angles=angles,
             points=points,
             measure=options.best,
+            search_cell=max(cell, _SEARCHED * of_part),
+            fixed_direction=options.fibres is not None,
+            others=[start],
         )
         start = search.start
-    else:
-        point = _start(tool, options.point)
-        start = drape.NetStart(point, drape.Axes.at(tool, point).turn[:, 0])
     settings: dict[str, Any] = {
         **start._asdict(),
         "angles": angles,
         "warp_along": along[0],
         "weft_along": along[1],
     }
-    part = _pieces(options, tool, spanned, cell, outline, holes, settings)
-    return part._replace(search=search)
+    part = Part(tool, inside=inside, search=search)
+    return _pieces(options, part, spanned, cell, outline, holes, settings)
+
+
+def _trimming_curves(
+    options: argparse.Namespace, tool: "TriangleMesh", cell: float
+) -> list[ndarray]:
+    """Curves of files along which the pattern is trimmed, which must be on the tool."""
+    from .. import io
+    from ..io.tools import IN_MM
+
+    curves = []
+    for file in options.trim or ():
+        curve = io.read_curve(file, 3)
+        if wrong := _off_tool(tool, curve, cell):
+            fitting = [
+                unit
+                for unit, mm in IN_MM.items()
+                if not _off_tool(tool, mm * curve, cell)
+            ]
+            advice = (
+                f"its coordinates are in {fitting[0]}: convert them to mm"
+                if fitting
+                else "specify a curve on the tool, in mm and in the axes of its file"
+            )
+            raise ValueError(f"{printable(file)}: {wrong}; {advice}")
+        curves.append(curve)
+    return curves
+
+
+def _off_tool(tool: "TriangleMesh", curve: ndarray, cell: float) -> str:
+    """Say that a curve is not on a tool, or smaller than a cell; empty if neither."""
+    from ..drape.part import distances_from
+    from ..drape.sheet import REACH
+
+    away = distances_from(tool, curve)
+    far = np.flatnonzero(away > REACH * cell)
+    if far.size:
+        place = ", ".join(f"{c:.7g}" for c in curve[:, far[0]])
+        return (
+            f"the curve leaves the tool: {far.size} of its {curve.shape[1]} points are "
+            f"up to {away.max():.3g} mm from it, the first at [{place}]"
+        )
+    extent = float(np.linalg.norm(np.ptp(curve, axis=1)))
+    if extent < cell:
+        return f"the curve extends over {extent:.3g} mm, a cell over {cell:.3g} mm"
+    return ""
 
 
 def _pieces(
     options: argparse.Namespace,
-    tool: "TriangleMesh",
+    part: Part,
     spanned: "TriangleMesh",
     cell: float,
     outline: ndarray,
     holes: "Sequence[ndarray]",
     settings: dict[str, Any],
-) -> _Part:
+) -> Part:
     """Lay courses, a net with darts, or a net, and trim the pattern."""
     from .. import drape
 
@@ -337,21 +330,27 @@ def _pieces(
             spanned, cell, options.roll_width, options.overlap, **settings
         )
         pieces = [piece for strip in strips for piece in strip.pieces]
-        return _Part(tool, pieces, [strip.pattern for strip in strips])
+        return part._replace(
+            pieces=pieces, patterns=[strip.pattern for strip in strips]
+        )
     if options.darts:
         limit = float(np.radians(options.locking_angle))
-        cut = drape.net_with_darts(spanned, cell, limit, **settings)
         try:
+            cut = drape.net_with_darts(spanned, cell, limit, **settings)
             found = drape.pattern_with_darts(cut, outline, holes=holes)
-            return _Part(tool, cut.pieces, [found.pattern], found.darts)
+            refuse_overlap(part, found)
+            return part._replace(
+                pieces=cut.pieces, patterns=[found.pattern], darts=found.darts
+            )
         except ValueError as error:
-            return _Part(tool, cut.pieces, no_pattern=str(error))
+            part = part._replace(no_darts=str(error))
     net = drape.net(spanned, cell, **settings)
+    part = part._replace(pieces=net.pieces)
     try:
         pattern = drape.flat_pattern(drape.Sheet.of_net(net), outline, holes=holes)
-        return _Part(tool, net.pieces, [pattern])
+        return part._replace(patterns=[pattern])
     except ValueError as error:
-        return _Part(tool, net.pieces, no_pattern=str(error))
+        return part._replace(no_pattern=str(error))
 
 
 def _start(tool: "TriangleMesh", point: "Sequence[float] | None") -> ndarray:
@@ -369,128 +368,21 @@ def _start(tool: "TriangleMesh", point: "Sequence[float] | None") -> ndarray:
     return contact_point(tool, centres[:, near].tolist())
 
 
-def _to_cut(part: _Part) -> "Sequence[FlatPattern]":
+def _to_cut(part: Part) -> "Sequence[FlatPattern]":
     """Patterns in one plane; courses side by side."""
     from ..drape import side_by_side
 
     return part.patterns if len(part.patterns) == 1 else side_by_side(part.patterns)
 
 
-def _fibres(part: _Part) -> "FibresInSpace":
+def _fibres(part: Part) -> "FibresInSpace":
     """Fibres in the triangles of the tool."""
     from ..drape import Sheet, fibres_on_tool
 
     return fibres_on_tool(Sheet.of_net(part), part.tool.facets)
 
 
-def _figures(part: _Part, cells: _Cells, options: argparse.Namespace) -> dict[str, Any]:
-    """Figures of the summary."""
-    (net, _), worst = part.pieces[0], cells.angles.argmax()
-    figures: dict[str, Any] = {
-        "tool": ", ".join(options.tool),
-        "fibres_deg": _warp_deg(part.tool, net),
-        "cell_mm": net.cell,
-        "n_cells": int(cells.angles.size),
-        **_xyz("start", net.positions[:, *net.start]),
-        "max_shear_angle_deg": float(cells.angles[worst]),
-        **_xyz("max_shear_angle", cells.centres[:, worst]),
-        "mean_shear_angle_deg": float(np.average(cells.angles, weights=cells.areas)),
-        "area_of_tool_mm2": part.tool.facets.area,
-    }
-    covered = "part" if options.roll_width is None else "courses"
-    figures[f"area_of_{covered}_mm2"] = cells.area
-    if options.locking_angle is not None:
-        figures["locking_angle_deg"] = options.locking_angle
-        locked = cells.angles > options.locking_angle
-        figures["area_above_locking_angle_mm2"] = float(cells.areas[locked].sum())
-    if part.patterns:
-        figures["pattern_area_mm2"] = sum(one.area for one in part.patterns)
-        figures["pattern_length_mm"] = sum(one.length for one in part.patterns)
-    else:
-        figures["pattern"] = f"not written: {part.no_pattern}"
-    if options.roll_width is not None:
-        figures["courses"] = len(part.patterns)
-    if options.darts:
-        if part.patterns:
-            figures["darts"] = len(part.darts)
-        figures["dart_areas_mm2"] = [dart.area for dart in part.darts]
-        figures["dart_lengths_mm"] = [list(dart.lengths) for dart in part.darts]
-    return figures
-
-
-def _warp_deg(tool: "TriangleMesh", net: "Net") -> float:
-    """Angle of the first warp thread to the x axis of the tool at the start."""
-    from ..drape import Axes
-
-    i, j = net.start
-    x = net.positions
-    ahead = x[:, min(i + 1, x.shape[1] - 1), j] - x[:, max(i - 1, 0), j]
-    along, across = Axes.at(tool, x[:, i, j]).turn[:, :2].T @ ahead
-    return round(float(np.degrees(np.arctan2(across, along))), 9)
-
-
-def _xyz(what: str, point: ndarray) -> dict[str, float]:
-    return {
-        f"{what}_at_{axis}_mm": x for axis, x in zip("xyz", point.tolist(), strict=True)
-    }
-
-
-def _verdict(part: _Part, cells: _Cells, options: argparse.Namespace) -> list[Row]:
-    """Rows: whether the net is whole, the shear within the limit, the pattern cut."""
-    folds, leaves = (
-        np.hstack([getattr(net, what) for net, _ in part.pieces])
-        for what in ("folds", "leaves")
-    )
-    verdict: list[Row] = []
-    if part.patterns and options.roll_width is None:
-        text = "covers the part without folding"
-        verdict.append(("Net", "good", text))
-    elif folds.size:
-        text = f"folds at {_places(folds)}: threads lie on one another"
-        verdict.append(("Net", "bad", text))
-    elif leaves.size:
-        verdict.append(("Net", "bad", f"leaves the tool at {_places(leaves)}"))
-    elif part.patterns:
-        verdict.append(("Net", "good", "the courses cover the tool without folding"))
-    else:
-        verdict.append(("Net", "bad", "does not cover the part"))
-    largest, limit = f"at most {cells.angles.max():.1f}°", options.locking_angle
-    if limit is None:
-        text = f"{largest}; no locking angle is given"
-        verdict.append(("Shear angle", "", text))
-    else:
-        good = cells.angles.max() <= limit
-        word = "within" if good else "above"
-        text = f"{largest}, {word} the locking angle of {limit:g}°"
-        verdict.append(("Shear angle", "good" if good else "bad", text))
-    if part.darts:
-        areas = ", ".join(f"{dart.area:.0f}" for dart in part.darts)
-        verdict.append(("Darts", "", f"{len(part.darts)}, of {areas} mm²"))
-    if options.roll_width is not None:
-        text = f"{len(part.patterns)}, each {options.roll_width:g} mm wide"
-        verdict.append(("Courses", "", text))
-    if part.patterns:
-        area, length = (
-            sum(getattr(one, what) for one in part.patterns)
-            for what in ("area", "length")
-        )
-        text = f"{area:.0f} mm² of fabric, {length:.0f} mm to cut"
-        verdict.append(("Flat pattern", "good", text))
-    else:
-        verdict.append(("Flat pattern", "bad", part.no_pattern))
-    return verdict
-
-
-def _places(points: ndarray) -> str:
-    """First of some points, and their number."""
-    x = ", ".join(f"{c:.4g}" for c in points[:, 0])
-    more = points.shape[1] - 1
-    return f"({x}) mm" + (f" and {more} other places" if more else "")
-
-
-def _draw(
-    part: _Part, cells: _Cells, options: argparse.Namespace, folder: Path
-) -> None:
+def _draw(part: Part, cells: Cells, options: argparse.Namespace, folder: Path) -> None:
     """Draw the pictures, or print the reason why not."""
     try:
         from ..plot import net_on_tool, starts

@@ -16,7 +16,7 @@ from .flat_pattern import FlatPattern, SeamLine, flat_pattern
 from .guide_curve import edge_through
 from .kinematic_net import NetStart, net, nets
 from .laying import Status
-from .part import points_of_part
+from .part import points_of_part, triangles_of_part
 from .punch_and_die import Die, Punch
 from .risks import (
     beyond_edges,
@@ -93,6 +93,7 @@ __all__ = [
     "points_of_part",
     "shear_over",
     "side_by_side",
+    "triangles_of_part",
     "triangles_on",
     "trimmed",
     "turn_of_normal",

@@ -31,12 +31,12 @@ _ROUNDS = 6
 # which darts are added in a later round.
 _LATER = 1.15
 
-# Radius in cells of the vicinity of a place that locks in which curvature causes it,
-# and number of shifts to the middle of the curvature.
-_CURVED, _SHIFTS = 4.0, 4
+# Radius in cells of the vicinity of a corner, and number of shifts to its middle.
+_CORNER, _SHIFTS = 4.0, 4
 
-# Curvature in radians of this vicinity below which the cause is further away.
-_CAUSES = 0.2
+# Share of the shear of a place that locks above which the curvature of a corner, within
+# half of this radius, causes it.
+_CAUSES = 0.5
 
 # Distance of a place that locks from a seam, in cells, within which it belongs to it.
 _NEAR = 4.0
@@ -76,15 +76,14 @@ class NetWithDarts:
     def cells(self) -> tuple[ndarray, ndarray]:
         """Masks of the cells of each side, of which none is in both.
 
-        A cell that both sides have at one place belongs to the left.
+        A cell of the ply that both sides have belongs to the left.
         """
         left, right = self.sides
         if left.seams is None or right.seams is None:
             return left.cells, np.zeros_like(right.cells)
         on_left = left.cells & ~_any_corner(left.seams < 0)
         on_right = right.cells & _any_corner(right.seams < 0)
-        apart = np.linalg.norm(left.middles() - right.middles(), axis=0)
-        return on_left, on_right & ~(on_left & (apart < left.cell))
+        return on_left, on_right & ~on_left
 
     @property
     def pieces(self) -> list[tuple[Net, ndarray]]:
@@ -154,7 +153,7 @@ def net_with_darts(
     curvature = GaussCurvature(tool)
     for _ in range(_ROUNDS):
         places = _locking(tool, laid, curvature)
-        more = [seam_from(tool, tip, cell) for tip in places]
+        more = [seam_from(tool, *place, cell) for place in places]
         if not more:
             break
         seams = Seams((*laid.darts, *more), curvature.within, cell)
@@ -176,11 +175,11 @@ def _any_corner(mask: ndarray) -> ndarray:
 
 def _locking(
     tool: TriangleMesh, laid: NetWithDarts, curvature: GaussCurvature
-) -> list[ndarray]:
-    """Causes of folds and locking without a dart, next to the start, shape (3,)."""
+) -> list[tuple[ndarray, ndarray | None]]:
+    """Causes of folds and locking without a dart, next to the start, see `_cause`."""
     from scipy.ndimage import label  # type: ignore[attr-defined]
 
-    found: list[tuple[float, ndarray]] = []
+    found: list[tuple[float, ndarray, ndarray | None]] = []
     for of, mask in laid.pieces:
         high = _locked(tool, of, mask, laid.locking_angle)
         places, count = label(high | _before_folds(tool, of, mask), np.ones((3, 3)))
@@ -188,48 +187,69 @@ def _locking(
             np.arange(n) + 0.5 - at for n, at in zip(high.shape, of.start, strict=True)
         ]
         order = np.abs(away[0])[:, None] + np.abs(away[1])
+        angle = np.nan_to_num(np.abs(of.shear_angle()))
         for number in range(1, count + 1):
             rows, columns = np.nonzero(places == number)
-            k = order[rows, columns].argmin()
+            # Of the nearest to the start the one that is sheared most.
+            k = np.lexsort([-angle[rows, columns], order[rows, columns]])[0]
             cell = rows[k], columns[k]
             cause = _cause(tool, curvature, of, cell)
-            found.append((float(order[cell]), cause))
+            found.append((float(order[cell]), *cause))
     reach = _NEAR * laid.sides[0].cell
-    chosen: list[ndarray] = []
+    chosen: list[tuple[ndarray, ndarray | None]] = []
     free = [
         one
         for one in sorted(found, key=lambda one: one[0])
         if all(seam.nearest(one[1][:, None])[0][0] > reach for seam in laid.darts)
     ]
-    for away_from_start, place in free:
+    for away_from_start, place, along in free:
         # Places further away may be the consequence of those next to the start.
         if away_from_start > _LATER * free[0][0]:
             break
-        if all(np.linalg.norm(place - x) > 2 * reach for x in chosen):
-            chosen.append(place)
+        if all(np.linalg.norm(place - x) > 2 * reach for x, _ in chosen):
+            chosen.append((place, along))
     return chosen
 
 
 def _cause(
     tool: TriangleMesh, curvature: GaussCurvature, of: Net, cell: tuple[int, int]
-) -> ndarray:
+) -> tuple[ndarray, ndarray | None]:
     """Middle of the positive curvature that causes the shear of a cell, shape (3,).
 
     The shear is the integral of the curvature between the start and the cell.  Its
-    cause is next to the cell, or else where that curvature is concentrated.
+    cause is a corner, or else the middle of this curvature: a dart that begins behind
+    it takes nothing out.  Without a corner also the direction of the dart, (3,): along
+    the diagonal of cells, so that both of its edges are sheared equally.
     """
-    x, radius = of.middles()[:, *cell], _CURVED * of.cell
-    if curvature.within(x[:, None], radius)[0] < _CAUSES:
-        i, j = (
-            slice(min(a, b), max(a, b) + 2) for a, b in zip(cell, of.start, strict=True)
-        )
-        between = of.positions[:, i, j].reshape(3, -1)
-        between = between[:, np.isfinite(between[0])]
-        sums = curvature.within(between, 0.5 * radius)
-        most = between[:, [sums.argmax()]]
-        # A quarter of the curvature, if the tool is curved everywhere.
-        if sums.max() > 0.5 * curvature.within(most, radius)[0]:
-            x = most[:, 0]
+    x, half = of.middles()[:, *cell], 0.5 * _CORNER * of.cell
+    # From the start, the first, to the corner of the cell that is furthest from it.
+    span = (
+        np.r_[a : b + 2] if b >= a else np.r_[a : b - 1 : -1]
+        for a, b in zip(of.start, cell, strict=True)
+    )
+    between = of.positions[:, *np.ix_(*span)]
+    laid = np.isfinite(between[0])
+    sums = np.zeros(laid.shape)
+    sums[laid] = np.maximum(curvature.within(between[:, laid], half), 0.0)
+    causes = _CAUSES * abs(float(np.nan_to_num(of.shear_angle()[cell])))
+    if curvature.within(x[:, None], half)[0] >= causes:
+        return _middle_of_corner(tool, curvature, x, 2 * half), None
+    if sums.max() >= causes:
+        most = between[:, sums == sums.max()][:, 0]
+        return _middle_of_corner(tool, curvature, most, 2 * half), None
+    places = np.array(np.nonzero(laid[:-1, :-1] & laid[1:, 1:]))
+    weights = sums[*places]
+    if not weights.any():
+        weights += 1.0
+    middle = np.average(places, axis=1, weights=weights)
+    i, j = places[:, np.abs(places - middle[:, None]).sum(axis=0).argmin()]
+    return between[:, i, j], between[:, i + 1, j + 1] - between[:, i, j]
+
+
+def _middle_of_corner(
+    tool: TriangleMesh, curvature: GaussCurvature, x: ndarray, radius: float
+) -> ndarray:
+    """Middle of the positive curvature around a point, shape (3,)."""
     points, positive = curvature.points, np.maximum(curvature.defects, 0.0)
     for _ in range(_SHIFTS):
         weights = positive * (np.linalg.norm(points - x[:, None], axis=0) < radius)

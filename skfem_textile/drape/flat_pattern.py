@@ -207,8 +207,8 @@ def _points_on_ply(sheet: Sheet, points: ndarray) -> SheetPoints:
         point = ", ".join(f"{c:.7g}" for c in points[:, off[0]])
         raise ValueError(
             f"flat pattern: the ply does not lie on {off.size} of {points.shape[1]} "
-            f"points of the curve, the first at [{point}]: use a larger ply, trim "
-            "inside it, or specify more points of the curve"
+            f"points of the curve, the first at [{point}]: lay the ply up to there, "
+            "trim inside it, or specify more points of the curve"
         )
     return places
 

@@ -152,6 +152,8 @@ def nets(
     ValueError
         If an argument is not valid.
     """
+    if not len(starts):
+        raise ValueError("nets: specify at least one start")
     cell = positive_length("net: cell", cell)
     flat = _flat(angles)
     points = onto(surface, np.array([s.point for s in starts], dtype=float).T)

@@ -1,4 +1,4 @@
-"""Points of the part of a tool inside a trimming curve."""
+"""Part of a tool inside a trimming curve."""
 
 from collections.abc import Sequence
 
@@ -54,21 +54,64 @@ def points_of_part(
     >>> bool(np.abs(points[:2]).max() == 22)
     True
     """
-    import shapely
-
-    facets = tool.facets
-    x, triangles = facets.points, facets.triangles()
-    spacing = float(facets.longest_edges().mean())
-    curves = [spaced_curve(one, spacing) for one in (curve, *holes)]
-    disk = _on_disk(x, triangles)
-    outer, *inner = (_mapped(x, triangles, disk, points) for points in curves)
-    region = shapely.Polygon(outer.T).buffer(0)
-    for hole in inner:
-        region = region.difference(shapely.Polygon(hole.T).buffer(0))
-    inside = shapely.contains_xy(region, *disk)
+    outline, x = _spaced(tool, curve), tool.facets.points
+    disk = _on_disk(x, tool.facets.triangles())
+    inside = _inside(tool, disk, (outline, *holes), disk)
     if not inside.any():
         raise ValueError("part: no vertex of the tool is inside the curve")
-    return np.hstack([x[:, inside], curves[0]])
+    return np.hstack([x[:, inside], outline])
+
+
+def triangles_of_part(
+    tool: TriangleMesh, curve: ArrayLike, holes: Sequence[ArrayLike] = ()
+) -> ndarray:
+    """Mask of the triangles whose centres are in a part of a tool, shape (n,).
+
+    Parameters
+    ----------
+    tool, curve, holes
+        See `points_of_part`.
+
+    Raises
+    ------
+    MeshError
+        If the tool has no edge.
+    ValueError
+        If a curve is not valid.
+    """
+    triangles = tool.facets.triangles()
+    disk = _on_disk(tool.facets.points, triangles)
+    centres = disk[:, triangles].mean(axis=1)
+    return _inside(tool, disk, (curve, *holes), centres)
+
+
+def distances_from(tool: TriangleMesh, points: ndarray) -> ndarray:
+    """Distances of points, (3, n), from the triangles of a tool in mm, shape (n,)."""
+    x, triangles = tool.facets.points, tool.facets.triangles()
+    triangle, shares = closest_on_triangles(x, triangles, points)
+    foot = (shares * x[:, triangles[:, triangle]]).sum(axis=1)
+    return np.asarray(np.linalg.norm(points - foot, axis=0))
+
+
+def _spaced(tool: TriangleMesh, curve: ArrayLike) -> ndarray:
+    """Closed curve with points at most a mean edge of the triangles apart."""
+    return spaced_curve(curve, float(tool.facets.longest_edges().mean()))
+
+
+def _inside(
+    tool: TriangleMesh, disk: ndarray, curves: Sequence[ArrayLike], places: ndarray
+) -> ndarray:
+    """Mask of places on the disk, (2, n), inside the first curve and not in others."""
+    import shapely
+
+    x, triangles = tool.facets.points, tool.facets.triangles()
+    outer, *inner = (
+        shapely.Polygon(_mapped(x, triangles, disk, _spaced(tool, one)).T).buffer(0)
+        for one in curves
+    )
+    for hole in inner:
+        outer = outer.difference(hole)
+    return np.asarray(shapely.contains_xy(outer, *places))
 
 
 def _mapped(x: ndarray, triangles: ndarray, disk: ndarray, points: ndarray) -> ndarray:

@@ -34,10 +34,12 @@ _DIRECT = 0.1
 _MEAN = 4
 
 
-def seam_from(tool: TriangleMesh, tip: ndarray, cell: float) -> Seam:
+def seam_from(
+    tool: TriangleMesh, tip: ndarray, along: ndarray | None, cell: float
+) -> Seam:
     """Seam from a tip to the edge of a tool.
 
-    It begins in the direction of the shortest way to the edge, goes on as a geodesic,
+    It begins in a direction, by default of the shortest way to the edge, is a geodesic,
     and is moved sideways to where the surface turns equally on both sides: along the
     edge between two walls.
 
@@ -47,11 +49,14 @@ def seam_from(tool: TriangleMesh, tip: ndarray, cell: float) -> Seam:
         The tool.
     tip
         Position in mm, shape (3,).
+    along
+        Direction at the tip, shape (3,); None for the shortest way.
     cell
         Length of the rods in mm.
     """
     step = _STEP * cell
-    along, distance = _to_edge(tool, tip, _BEGIN * cell)
+    shortest, distance = _to_edge(tool, tip, _BEGIN * cell)
+    along = shortest if along is None else along
     widths = _FIRST * cell, _LAST * distance
     begin = onto(tool, tip[:, None])[:, 0]
     for _ in range(_MEAN):

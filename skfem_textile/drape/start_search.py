@@ -1,7 +1,8 @@
 """Start of a kinematic net with the least shear over a part."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy import ndarray
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..solve.surface import OffSurfaceError, onto
 from .crossings import Net
+from .fibres_in_space import Axes
 from .kinematic_net import NetStart, nets
 from .surfaces import positive_length
 from .triangle_mesh import TriangleMesh
@@ -26,6 +28,9 @@ _COVERED = 1.2
 
 # Measure in radians of a net that does not cover the part, more by the missing share.
 _EXCLUDED = np.pi
+
+# Number of starts of the search that are compared again with smaller cells.
+_FINALISTS = 8
 
 # Nets that are laid side by side, and number of nets of the local search.  Measured by
 # `python -m studies nets_on_tools --case 'start*'`.
@@ -49,7 +54,7 @@ class BestStart:
     measure
         Its measure in radians.
     points
-        Positions of all starts in mm, shape (3, n).
+        Positions of all starts of the search in mm, shape (3, n).
     directions
         Directions of the x axis of the ply there, shape (3, n).
     measures
@@ -71,6 +76,9 @@ def best_start(
     angles: tuple[float, float] = (0.0, np.pi / 2),
     points: ArrayLike | None = None,
     measure: Measure = "largest",
+    search_cell: float | None = None,
+    fixed_direction: bool = False,
+    others: Sequence[NetStart] = (),
     trials: int = 288,
     seed: int = 1,
 ) -> BestStart:
@@ -94,6 +102,15 @@ def best_start(
         default the corners of all triangles.
     measure
         The largest magnitude of the shear angle, or its mean.
+    search_cell
+        Length of the rods of the search in mm, by default ``cell``.  The best starts of
+        the search are compared again with the length ``cell``.
+    fixed_direction
+        Search for the place alone: the x axis of the ply is the projection of the x
+        axis of the tool, see `Axes.at`.
+    others
+        Further starts with which the best of the search are compared, such as the
+        default.
     trials
         Number of nets of the global search, which are followed by at most 40 others.
     seed
@@ -124,10 +141,11 @@ def best_start(
             f"best start: the measure must be one of {', '.join(get_args(Measure))}, "
             f"got {measure!r}"
         )
+    rods = positive_length("best start: search cell", search_cell or cell)
     part = tool.facets.points if points is None else np.asarray(points, dtype=float)
-    search = _Search(tool, cell, angles, _thinned(part, seed), measure)
+    search = _Search(tool, rods, angles, _thinned(part, seed), measure, fixed_direction)
     found = differential_evolution(
-        lambda x: search(x.reshape(3, -1)),
+        lambda x: search(x.reshape(len(search.bounds), -1)),
         search.bounds,
         popsize=_SIDE_BY_SIDE // 3,
         maxiter=max(trials // _SIDE_BY_SIDE - 1, 0),
@@ -137,25 +155,21 @@ def best_start(
         vectorized=True,
         updating="deferred",
     )
-    if not found.fun < _EXCLUDED:
-        raise ValueError(
-            "best start: no net covers the part without a fold: use a smaller part, or "
-            "darts"
+    if found.fun < _EXCLUDED:
+        low, high = np.transpose(search.bounds)
+        steps = np.vstack([np.zeros(len(low)), 0.05 * np.diag(high - low)])
+        minimize(
+            lambda x: float(search(x[:, None])[0]),
+            found.x,
+            method="Nelder-Mead",
+            options={
+                "initial_simplex": found.x + steps,
+                "maxfev": _LOCAL,
+                "xatol": _PLACE,
+                "fatol": _ANGLE,
+            },
         )
-    low, high = np.transpose(search.bounds)
-    simplex = found.x + np.vstack([np.zeros(3), 0.05 * np.diag(high - low)])
-    minimize(
-        lambda x: float(search(x[:, None])[0]),
-        found.x,
-        method="Nelder-Mead",
-        options={
-            "initial_simplex": simplex,
-            "maxfev": _LOCAL,
-            "xatol": _PLACE,
-            "fatol": _ANGLE,
-        },
-    )
-    return search.best()
+    return search.best(cell, others)
 
 
 def shear_over(net: Net, points: ndarray) -> ndarray:
@@ -208,16 +222,27 @@ def _thinned(points: ndarray, seed: int) -> ndarray:
     """Points, at most `_POINTS` of them."""
     if points.ndim != 2 or len(points) != 3 or not np.isfinite(points).all():
         raise ValueError("best start: points must be finite numbers of shape (3, n)")
+    if not points.size:
+        raise ValueError("best start: specify at least one point of the part")
     if points.shape[1] <= _POINTS:
         return points
     rng = np.random.default_rng(seed)
     return points[:, rng.choice(points.shape[1], _POINTS, replace=False)]
 
 
+class _Tried(NamedTuple):
+    """Start, the measure of its net in radians, and points that it does not cover."""
+
+    start: NetStart
+    value: float
+    missing: ndarray
+    net: Net | None
+
+
 class _Search:
     """Measures of nets by the place of their start in a plane, and their direction.
 
-    The plane is normal to the mean normal of the tool.
+    The plane is normal to the mean normal of the tool.  The direction may be fixed.
     """
 
     def __init__(
@@ -227,6 +252,7 @@ class _Search:
         angles: tuple[float, float],
         points: ndarray,
         measure: Measure,
+        fixed_direction: bool,
     ) -> None:
         from scipy.spatial import KDTree
 
@@ -247,36 +273,63 @@ class _Search:
         # A net turned by 180°, and by 90° if the families are orthogonal, is the same.
         right = abs(np.cos(angles[1] - angles[0])) < 1e-9
         turn = 0.5 * np.pi if right else np.pi
-        self.bounds = [(low[0], high[0]), (low[1], high[1]), (0.0, turn)]
-        self._tried: list[tuple[ndarray, ndarray, float]] = []
-        self._best: tuple[float, NetStart, Net] | None = None
+        self._fixed = fixed_direction
+        self.bounds = [(low[0], high[0]), (low[1], high[1])]
+        if not fixed_direction:
+            self.bounds.append((0.0, turn))
+        self._tried: list[_Tried] = []
 
     def __call__(self, x: ndarray) -> ndarray:
-        """Measures of starts: places and directions, shape (3, n)."""
-        measures = []
-        for k in range(0, x.shape[1], _SIDE_BY_SIDE):
-            starts = self._starts(x[:, k : k + _SIDE_BY_SIDE])
-            laid = nets(self._tool, self._cell, starts, angles=self._angles)
-            measures += [self._of(*of) for of in zip(starts, laid, strict=True)]
-        return np.array(measures)
+        """Measures of starts: places and directions, shape (3, n) or (2, n)."""
+        found = self._measured(self._starts(x), self._cell)
+        self._tried += [one._replace(net=None) for one in found]
+        return np.array([one.value for one in found])
 
-    def best(self) -> BestStart:
-        """The best of all starts."""
-        assert self._best is not None
-        measure, start, net = self._best
-        points, directions, measures = zip(*self._tried, strict=True)
-        return BestStart(
-            *(start, net, measure, np.array(points).T, np.array(directions).T),
-            np.array(measures),
-        )
+    def best(self, cell: float, others: Sequence[NetStart]) -> BestStart:
+        """The best of the starts with the least measures, and of others."""
+        order = sorted(self._tried, key=lambda one: one.value)
+        starts = [one.start for one in order[:_FINALISTS]]
+        found = self._measured([*starts, *others], cell)
+        best = min(found, key=lambda one: one.value)
+        if best.net is None or best.missing.size:
+            place = ", ".join(f"{c:.4g}" for c in best.missing.mean(axis=1))
+            share = best.missing.shape[1] / self._points.shape[1]
+            raise ValueError(
+                "best start: no net covers the part without a fold; the best of "
+                f"{len(self._tried) + len(others)} misses {100 * share:.2g} % of it, "
+                f"around ({place}) mm: use a smaller part, or darts"
+            )
+        tried = [(np.asarray(s.point), np.asarray(s.first)) for s, *_ in self._tried]
+        points, directions = np.array(tried).transpose(1, 2, 0)
+        values = np.array([one.value for one in self._tried])
+        measures = np.where(values < _EXCLUDED, values, np.nan)
+        return BestStart(best.start, best.net, best.value, points, directions, measures)
+
+    def _measured(self, starts: Sequence[NetStart], cell: float) -> "list[_Tried]":
+        """Nets of starts, side by side, and their measures."""
+        found = []
+        for k in range(0, len(starts), _SIDE_BY_SIDE):
+            some = starts[k : k + _SIDE_BY_SIDE]
+            laid = nets(self._tool, cell, some, angles=self._angles)
+            found += [self._of(*of) for of in zip(some, laid, strict=True)]
+        return found
 
     def _starts(self, x: ndarray) -> list[NetStart]:
         """Starts over places in the plane."""
-        _, nearest = self._tree.query(x[:2].T)
+        points = self._over(x[:2])
+        if self._fixed:
+            first = np.array([Axes.at(self._tool, p).turn[:, 0] for p in points.T])
+        else:
+            first = (self._axes.T @ np.array([np.cos(x[2]), np.sin(x[2])])).T
+        return [NetStart(p, d) for p, d in zip(points.T, first, strict=True)]
+
+    def _over(self, x: ndarray) -> ndarray:
+        """Points of the tool over places in the plane, shape (3, n)."""
+        _, nearest = self._tree.query(x.T)
         vertex = self._vertices[:, nearest]
         gradient = self._tool.gradient(vertex)
         gradient = gradient / np.linalg.norm(gradient, axis=0)
-        step = x[:2] - self._axes @ vertex
+        step = x - self._axes @ vertex
         far = np.maximum(np.linalg.norm(step, axis=0) / self._edge, 1.0)
         away = self._axes.T @ (step / far)
         slope = self._normal @ gradient
@@ -290,21 +343,13 @@ class _Search:
             points = onto(self._tool, vertex)
         beyond = self._tool.beyond_edges(points) > 0
         points[:, beyond] = vertex[:, beyond]
-        c, s = np.cos(x[2]), np.sin(x[2])
-        first = self._axes[0][:, None] * c + self._axes[1][:, None] * s
-        return [NetStart(p, d) for p, d in zip(points.T, first.T, strict=True)]
+        return points
 
-    def _of(self, start: NetStart, net: Net) -> float:
+    def _of(self, start: NetStart, net: Net) -> "_Tried":
         shear = np.abs(shear_over(net, self._points))
-        missing = float(np.isnan(shear).mean())
-        if missing:
-            value = np.nan
+        missing = np.isnan(shear)
+        if missing.any():
+            value = _EXCLUDED * (1 + float(missing.mean()))
         else:
             value = float(shear.max() if self._measure == "largest" else shear.mean())
-        point, first = np.asarray(start.point), np.asarray(start.first)
-        self._tried.append((point, first, value))
-        if missing:
-            return _EXCLUDED * (1 + missing)
-        if self._best is None or value < self._best[0]:
-            self._best = value, start, net
-        return value
+        return _Tried(start, value, self._points[:, missing], net)

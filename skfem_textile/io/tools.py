@@ -23,7 +23,8 @@ log = logging.getLogger(__name__)
 #: Units of length of a file.
 Unit: TypeAlias = Literal["mm", "cm", "m", "in"]
 
-_IN_MM: dict[str, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+#: Lengths of units in mm.
+IN_MM: dict[str, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 # Extent of a tool in mm outside of which its unit is doubtful.  Chosen: a coin, and the
 # mould of half of the blade of a small wind turbine.
@@ -86,8 +87,8 @@ def read_surface(
     >>> float(np.ptp(plate.facets.points))
     100.0
     """
-    if unit is not None and unit not in _IN_MM:
-        raise ValueError(f"the unit must be one of {', '.join(_IN_MM)}, got {unit!r}")
+    if unit is not None and unit not in IN_MM:
+        raise ValueError(f"the unit must be one of {', '.join(IN_MM)}, got {unit!r}")
     paths = [path] if isinstance(path, str | os.PathLike) else list(path)
     if not paths:
         raise ValueError("a tool requires at least one file")
@@ -96,7 +97,7 @@ def read_surface(
         with errors_about(one):
             x, t, own = _triangles(Path(one))
         known |= own is not None
-        parts.append((_IN_MM[unit] if unit else own or 1.0, x, t))
+        parts.append((IN_MM[unit] if unit else own or 1.0, x, t))
     first = np.cumsum([0, *(x.shape[1] for _, x, _ in parts)])
     with errors_about(name):
         with np.errstate(over="ignore"):
@@ -113,7 +114,7 @@ def _doubt(extent: float) -> str:
     """Remark about an extent in mm that indicates another unit."""
     if _LEAST <= extent <= _MOST:
         return ""
-    fitting = [u for u in ("m", "in", "cm") if _LEAST <= extent * _IN_MM[u] <= _MOST]
+    fitting = [u for u in ("m", "in", "cm") if _LEAST <= extent * IN_MM[u] <= _MOST]
     advice = (
         f"if the file is in {fitting[0]}, specify this unit"
         if fitting

@@ -1,6 +1,7 @@
 """The command ``net``."""
 
 import json
+from types import SimpleNamespace
 
 import meshio
 import numpy as np
@@ -9,6 +10,8 @@ from scipy.spatial import KDTree
 
 from skfem_textile import drape
 from skfem_textile.cli import main as cli
+from skfem_textile.cli.net_report import Part, refuse_overlap
+from skfem_textile.io import read_surface
 from tests.helpers import tool_shapes
 from tests.helpers.command_line import rejected
 
@@ -150,13 +153,97 @@ def test_largest_shear_is_on_the_part(tmp_path, tool):
     assert max(at) <= 50.0 + 2.5
 
 
+def curve_file(path, points):
+    """A trimming curve, shape (3, n)."""
+    lines = [",".join(map(str, x)) for x in np.transpose(points)]
+    path.write_text("\n".join(["x,y,z", *lines]))
+    return path
+
+
 def test_without_a_pattern_the_exit_code_is_one(tmp_path, tool):
-    curve = tmp_path / "trim.csv"
-    curve.write_text("x,y,z\n60,0,-20\n0,60,-20\n-60,0,-20\n")
+    """The curve is a figure of eight."""
+    t = np.linspace(0, 2 * np.pi, 80, endpoint=False)
+    x, y = 30 * np.sin(t), 30 * np.sin(t) * np.cos(t)
+    z = np.sqrt(1e4 - x**2 - y**2) - 100
+    curve = curve_file(tmp_path / "trim.csv", [x, y, z])
     words = ("net", "--tool", str(tool), "--out", str(tmp_path / "out"), "--no-render")
-    assert cli.main([*words, "--trim", str(curve)]) == 1
+    assert cli.main([*words, "--trim", str(curve), "--cell", "4"]) == 1
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert "not written" in summary["pattern"]
+
+
+@pytest.mark.parametrize(
+    ("scale", "message"),
+    [
+        (1.0, "trim.csv: the curve leaves the tool: 3 of its 4 points are up to"),
+        (1e-3, "its coordinates are in m: convert them to mm"),
+    ],
+)
+def test_a_curve_that_leaves_the_tool_is_refused_before_the_net_is_laid(
+    tmp_path, tool, scale, message, capsys
+):
+    if scale == 1.0:
+        points = [[60, 0, -60, 0], [0, 60, 0, 0], [-20, -20, -20, 0]]
+    else:
+        points = [[40, 0, -40], [0, 40, 0], [np.sqrt(8400) - 100] * 3]
+    curve = curve_file(tmp_path / "trim.csv", scale * np.array(points))
+    words = ("net", "--tool", str(tool), "--out", str(tmp_path / "out"))
+    assert message in rejected(capsys, *words, "--trim", str(curve))
+    assert not (tmp_path / "out").exists()
+
+
+def test_courses_that_do_not_cover_the_tool_are_told(tmp_path):
+    """Three quarters of a flat ring: threads do not come back to its end."""
+
+    def sector(s, t):
+        turn, r = np.radians(270 * s), 60 + 80 * t
+        return np.array([r * np.cos(turn), r * np.sin(turn), 0 * r])
+
+    x, triangles = tool_shapes.patch(sector, 480.0, 80.0, 8.0)
+    path = tmp_path / "sector.stl"
+    meshio.write_points_cells(path, x.T, [("triangle", triangles.T)])
+    words = ("net", "--tool", str(path), "--out", str(tmp_path / "out"), "--no-render")
+    point = ("--point", "100", "0", "0", "--cell", "4", "--fibres", "90")
+    assert cli.main([*words, *point, "--roll-width", "40"]) == 1
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["area_not_covered_mm2"] > 0.1 * summary["area_of_tool_mm2"]
+    verdict = (tmp_path / "out" / "net.html").read_text(encoding="utf-8")
+    assert "% of the tool, but not" in verdict
+
+
+def test_a_given_direction_is_kept_by_the_search(tmp_path, tool):
+    words = ("--no-render", "--cell", 8, "--best", "--fibres", 30)
+    summary = laid(tmp_path, tool, *words)
+    assert summary["fibres_deg"] == pytest.approx(30.0)
+    default = laid(tmp_path / "default", tool, *words[:3], "--fibres", 30)
+    assert summary["max_shear_angle_deg"] <= default["max_shear_angle_deg"] + 1e-9
+
+
+def test_without_a_pattern_with_darts_the_uncut_one_is_given(
+    tmp_path, tool, monkeypatch
+):
+    def crossing(*of, **settings):
+        raise ValueError("the outline crosses itself")
+
+    words = ("--no-render", "--cell", 5, "--locking-angle", 10)
+    uncut = laid(tmp_path / "uncut", tool, *words)
+    monkeypatch.setattr(drape, "pattern_with_darts", crossing)
+    out = tmp_path / "out"
+    common = ("net", "--tool", str(tool), "--out", str(out))
+    assert cli.main([*common, "--darts", *map(str, words)]) == 1
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["darts"] == "not found: the outline crosses itself"
+    same = ("pattern_area_mm2", "area_of_part_mm2", "max_shear_angle_deg")
+    assert [summary[key] for key in same] == [uncut[key] for key in same]
+    page = (out / "net.html").read_text(encoding="utf-8")
+    assert "no pattern with darts was found" in page
+
+
+def test_a_pattern_whose_darts_overlap_on_the_tool_is_refused(tool):
+    part = Part(read_surface(tool))
+    twice = SimpleNamespace(area_on_tool=1.05 * part.area())
+    with pytest.raises(ValueError, match="both sides of the darts cover"):
+        refuse_overlap(part, twice)
 
 
 def test_a_concave_tool_has_a_start_near_its_middle(tmp_path):

@@ -77,9 +77,40 @@ def test_points_beyond_a_net_have_no_angle():
     np.testing.assert_array_equal(np.isfinite(shear), [True, True, False])
 
 
+def test_the_best_start_is_not_worse_than_others_with_smaller_cells(best):
+    """A search with large cells and few trials does not find a better one."""
+    others = [best.start]
+    found = drape.best_start(TOOL, 10.0, search_cell=40.0, others=others, trials=32)
+    nets = drape.nets(TOOL, 10.0, others)
+    known = np.abs(drape.shear_over(nets[0], TOOL.facets.points)).max()
+    assert found.measure <= known + 1e-12
+    assert found.net.cell == pytest.approx(10.0)
+
+
+def test_a_fixed_direction_is_the_projected_x_axis():
+    found = drape.best_start(TOOL, CELL, fixed_direction=True, trials=32)
+    first = found.directions
+    np.testing.assert_allclose(first[1], 0.0, atol=1e-9 + np.abs(first[2]).max())
+    axes = drape.Axes.at(TOOL, np.asarray(found.start.point))
+    np.testing.assert_allclose(found.start.first, axes.turn[:, 0])
+
+
+def test_nets_require_a_start():
+    with pytest.raises(ValueError, match="nets: specify at least one start"):
+        drape.nets(TOOL, CELL, [])
+
+
+def test_a_direction_is_finite():
+    start = drape.NetStart(TOOL.facets.points[:, 100], (np.nan, 0.0, 0.0))
+    with pytest.raises(ValueError, match="`first` must be three finite numbers"):
+        drape.nets(TOOL, CELL, [start])
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        ({"points": np.empty((3, 0))}, "specify at least one point of the part"),
+        ({"search_cell": -1.0}, "search cell must be a positive length"),
         ({"measure": "median"}, "measure must be one of largest, mean"),
         ({"points": np.zeros((2, 4))}, "points must be finite numbers"),
         ({"cell": -1.0}, "cell must be a positive length"),
@@ -95,5 +126,5 @@ def test_a_part_that_no_net_covers_is_rejected():
     x, t = tool_shapes.plate(100.0, 60.0, 10.0)
     other = x + np.array([[300.0], [0.0], [0.0]])
     tool = drape.TriangleMesh(np.hstack([x, other]), np.hstack([t, t + x.shape[1]]))
-    with pytest.raises(ValueError, match=r"no net covers the part without a fold"):
+    with pytest.raises(ValueError, match=r"no net .* misses \d+ % of it, around \("):
         drape.best_start(tool, 20.0, trials=32)

@@ -138,3 +138,32 @@ def test_a_hole_is_cut_out_on_its_side_of_the_darts(laid):
     without = drape.pattern_with_darts(laid, outline)
     area = 12 * 8**2 * np.sin(2 * np.pi / 24)
     assert without.pattern.area - found.pattern.area == pytest.approx(area, rel=1e-3)
+
+
+@pytest.mark.parametrize("degrees", [0, 30])
+def test_a_dart_of_a_dome_begins_in_the_curvature_that_causes_the_shear(degrees):
+    """A hemisphere with a flange, whose curvature is the opposite at its foot.
+
+    A dart that begins where the net locks, at the foot, would take nothing out.
+    """
+    tool = drape.TriangleMesh(*tool_shapes.hemisphere_with_flange())
+    start = {"point": (0, 0, 50.0), "angles": np.radians([degrees, degrees + 90])}
+    limit = np.radians(50)
+    uncut = np.abs(drape.net(tool, 4.0, **start).shear_angle())
+    assert np.nanmax(uncut) > limit
+    laid = drape.net_with_darts(tool, 4.0, limit, **start)
+    assert len(laid.darts) == 4
+    (outline,) = tool.facets.boundary()
+    found = drape.pattern_with_darts(laid, outline)
+    assert found.shear_angle < limit
+    assert found.area_on_tool == pytest.approx(tool.facets.area, rel=5e-3)
+    for dart in found.darts:
+        assert 20 < dart.seam[2, 0] < 48
+        one, other = dart.lengths
+        assert one == pytest.approx(other, rel=0.08)
+        assert dart.area > 500
+
+
+def test_a_cell_of_the_ply_is_on_one_side_of_darts(laid):
+    left, right = laid.cells()
+    assert not (left & right).any()

@@ -388,12 +388,16 @@ def tangents(surface: Surface, point: ndarray, first: ndarray | tuple) -> ndarra
     Raises
     ------
     ValueError
-        If the direction of x is normal to the surface.
+        If the direction of x is not a direction, or normal to the surface.
     """
     n = surface.gradient(point[:, None])[:, 0]
     n = n / np.linalg.norm(n)
     n = n * np.copysign(1.0, n[2] if abs(n[2]) > _UPRIGHT else 1.0)
     x = np.asarray(first, dtype=float)
+    if x.shape != (3,) or not np.isfinite(x).all():
+        raise ValueError(
+            f"the direction `first` must be three finite numbers, got {first}"
+        )
     length = np.linalg.norm(x)
     x = x - n * (n @ x)
     if not np.linalg.norm(x) > 1e-6 * length:
