@@ -71,9 +71,9 @@ def reason_against(fit: Fit, largest: float, unit: str) -> str:
     value = law.value(x)
     low_band, high_band = fit.band(lambda other: other.value(x))
     fall = np.maximum.accumulate(value) - value
-    falls = x[fall > 0.5 * (high_band - low_band)]
-    if not falls.size:
+    if not np.any(fall > 0.5 * (high_band - low_band)):
         return ""
+    falls = x[law.tangent(x) < 0]
     low, high = scale * falls[0], scale * falls[-1]
     return f"it decreases between {low:.3g} and {high:.3g} {unit}, within the data"
 
