@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from skfem_textile import Fabric, Macro, OnePoint
 from skfem_textile.forming.contact import contacts
@@ -156,9 +157,8 @@ class Refined:
         given: Row = {"case": str(self), "kind": REFINED} | asdict(drawn)
         result, refused = drawn.run(drawn.steps)
         finer, refused_of_finer = drawn.run(drawn.steps, finer=_FINER)
-        n, middle = drawn.cells, slice(_FINER // 2, None, _FINER)
-        at_centres = _centres(finer).reshape(_FINER * n, -1)[middle, middle]
-        error = _rms(_centres(result) - at_centres.ravel())
+        nearest = KDTree(_places(finer)).query(_places(result))[1]
+        error = _rms(_centres(result) - _centres(finer)[nearest])
         estimated = {"error": error, "interval": _interval(result)}
         reasons = {"refused": refused, "refused_of_finer": refused_of_finer}
         return [given | _figures(result) | estimated | reasons]
@@ -223,6 +223,12 @@ def _centres(result: Result) -> np.ndarray:
     ply = result.ply
     angle = ply.on_users_elements(ply.shear_angle(result.u, ply.centre)[:, 0])
     return np.degrees(angle)
+
+
+def _places(result: Result) -> np.ndarray:
+    """Centres of the user's elements in the flat ply, shape (n, 2)."""
+    points, cells = result.ply.mesh.p, result.ply.cells
+    return np.hstack([points[:, cell].mean(axis=1) for cell in cells]).T
 
 
 def _rms(difference: np.ndarray) -> float:
