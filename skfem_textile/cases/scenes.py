@@ -439,10 +439,13 @@ class FormedBySymmetricTools(Formed):
             "45 degrees to them, else whole)"
         ),
     ] = None
+    clearance_mm: Annotated[
+        float, about("distance between punch and die in the plane of the ply")
+    ] = 5.0
 
     def ply(self) -> dict[str, Any]:
-        """Parameters of the ply."""
-        return {**super().ply(), "part": self.part}
+        """Parameters of the ply, and the clearance of its tools."""
+        return {**super().ply(), "part": self.part, "clearance": self.clearance_mm}
 
 
 class HemisphereForming(FormedBySymmetricTools, tag="hemisphere_forming"):

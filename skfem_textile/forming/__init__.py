@@ -3,7 +3,9 @@
 from .contact import (
     SmallestGap,
     contacts,
+    pressing,
     smallest_gap,
+    tool_force,
     tool_pressure,
     touching,
     turn_on_tool,
@@ -16,8 +18,6 @@ from .shape import (
     areal_weight,
     draw_in,
     fibre_curvature,
-    fibre_fraction_at_constant_thickness,
-    thickness_at_constant_fibre_fraction,
 )
 from .tool import Tool
 
@@ -32,11 +32,11 @@ __all__ = [
     "contacts",
     "draw_in",
     "fibre_curvature",
-    "fibre_fraction_at_constant_thickness",
     "formed",
     "placed_tools",
+    "pressing",
     "smallest_gap",
-    "thickness_at_constant_fibre_fraction",
+    "tool_force",
     "tool_forces",
     "tool_pressure",
     "touching",

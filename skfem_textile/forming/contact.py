@@ -1,6 +1,6 @@
 """Contact of a formed ply with its tools: gaps between nodes, pressure, fillets."""
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -8,7 +8,11 @@ from numpy import ndarray
 from ..drape.risks import largest_turn, pressure_of
 from ..ply import Ply
 from ..solve.states import State
+from .holder import HolderPressure
 from .tool import ToolContact
+
+#: A tool, a holder that keeps a gap, or one that presses.
+Pressing: TypeAlias = ToolContact | HolderPressure
 
 # Share of the largest contact force below which a force is zero: the tolerance of
 # equilibrium.
@@ -18,6 +22,11 @@ _NONE = 1e-8
 def contacts(ply: Ply) -> list[ToolContact]:
     """Contacts of a ply with tools, and with holders that keep a gap."""
     return [term for term in ply.terms if isinstance(term, ToolContact)]
+
+
+def pressing(ply: Ply) -> list[Pressing]:
+    """Contacts of a ply, and holders with a prescribed pressure."""
+    return [term for term in ply.terms if isinstance(term, Pressing)]
 
 
 class SmallestGap(NamedTuple):
@@ -72,15 +81,24 @@ def _centres(ply: Ply, x: ndarray) -> ndarray:
     )
 
 
-def tool_pressure(ply: Ply, contact: ToolContact, state: State) -> ndarray:
-    """Contact pressure of a tool on the nodes of a ply, in N/mm² of current area.
+def tool_force(ply: Ply, tool: Pressing, state: State) -> ndarray:
+    """Force of a tool or holder on a ply in N, shape (3,).
+
+    Parameters as in `tool_pressure`.
+    """
+    u, t, parameters = state.u, state.load_factor, state.parameters[tool.name]
+    return np.asarray(-ply.nodal(tool.residual(u, t, parameters)).sum(axis=1))
+
+
+def tool_pressure(ply: Ply, tool: Pressing, state: State) -> ndarray:
+    """Pressure of a tool or holder on the nodes of a ply, in N/mm² of current area.
 
     Parameters
     ----------
     ply
         The ply.
-    contact
-        One of its `contacts`.
+    tool
+        One of those `pressing` on it.
     state
         State of the ply.
 
@@ -90,13 +108,13 @@ def tool_pressure(ply: Ply, contact: ToolContact, state: State) -> ndarray:
         Shape (n_nodes,).  It is linear between the corners of the user's elements, and
         work-equivalent to the contact forces, see `drape.contact_pressure`.
     """
-    return pressure_of(ply, state.u, _forces(contact, state))
+    return pressure_of(ply, state.u, _forces(tool, state))
 
 
 def touching(ply: Ply, contact: ToolContact, state: State) -> ndarray:
     """Elements with a node that a tool presses on: bool, shape (n_elements,).
 
-    Parameters as in `tool_pressure`.
+    Parameters as in `turn_on_tool`.
     """
     nodes, force = ply.basis.element_dofs[::3] // 3, _forces(contact, state)
     return np.asarray((force[nodes] > _NONE * force.max()).any(axis=0))
@@ -106,7 +124,16 @@ def turn_on_tool(ply: Ply, contact: ToolContact, state: State) -> ndarray:
     """Largest angle between the normals of a tool at two corners of an element.
 
     In radians, shape (n_elements,); 0 for elements that do not touch the tool or reach
-    beyond it.  Parameters as in `tool_pressure`.
+    beyond it.
+
+    Parameters
+    ----------
+    ply
+        The ply.
+    contact
+        One of its `contacts`.
+    state
+        State of the ply.
     """
     u, t, corners = state.u, state.load_factor, ply.mesh.t
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
@@ -117,7 +144,6 @@ def turn_on_tool(ply: Ply, contact: ToolContact, state: State) -> ndarray:
     return turn
 
 
-def _forces(contact: ToolContact, state: State) -> ndarray:
-    """Contact forces in N, shape (n_nodes,)."""
-    parameters = state.parameters[contact.name]
-    return contact.forces(state.u, state.load_factor, parameters)
+def _forces(tool: Pressing, state: State) -> ndarray:
+    """Normal forces on nodes in N, shape (n_nodes,)."""
+    return tool.forces(state.u, state.load_factor, state.parameters[tool.name])

@@ -10,9 +10,12 @@ from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
 from .contact import (
+    Pressing,
     SmallestGap,
     contacts,
+    pressing,
     smallest_gap,
+    tool_force,
     tool_pressure,
     touching,
     turn_on_tool,
@@ -28,12 +31,11 @@ def formed(result: Result) -> dict[str, float | str]:
     """Figures of the last state of a ply between tools in N, mm and degrees; advice.
 
     For each tool ``NAME_travel_mm``, ``NAME_force_N``, the force on the ply along the
-    motion of the tool that travels farthest, ``NAME_penetration_mm``, the largest depth
-    of the ply in the tool between nodes (`smallest_gap`), and
-    ``NAME_max_pressure_N_per_mm2``.  Places are in the axes ``stated`` by the tools.
-    Of the ply the draw-in, the areal weight relative
-    to the flat ply, to which the thickness at constant fibre fraction and the
-    fibre fraction at constant thickness are proportional, and risks.
+    motion of the tool that travels farthest, ``NAME_max_pressure_N_per_mm2`` and,
+    except for holders with a prescribed pressure, ``NAME_penetration_mm``, the largest
+    depth of the ply in the tool between nodes (`smallest_gap`).  Places are in the axes
+    ``stated`` by the tools.  Of the ply the draw-in, the areal weight relative to the
+    flat ply (`areal_weight`), and risks.
 
     Parameters
     ----------
@@ -54,7 +56,7 @@ def formed(result: Result) -> dict[str, float | str]:
     turn = np.degrees(np.max([turn_on_tool(ply, x, state) for x in tools], axis=0))
     at_risk = wrinkle_risk(ply, state.u, state.parameters)
     return {
-        **_of_tools(ply, state, tools, gaps),
+        **_of_tools(ply, state, gaps),
         **_deepest(tools, gaps),
         **_draw_in(ply, state.u),
         **_areal_weight(ply, state.u),
@@ -69,7 +71,7 @@ def travels(result: Result) -> dict[str, ndarray]:
     """Distance of each tool from its initial position in mm, by name, (n_states,)."""
     factors = [state.load_factor for state in result.states]
     return {
-        x.name: np.array([travel(x, t) for t in factors]) for x in contacts(result.ply)
+        x.name: np.array([travel(x, t) for t in factors]) for x in pressing(result.ply)
     }
 
 
@@ -79,50 +81,41 @@ def tool_forces(result: Result) -> dict[str, ndarray]:
     The component along the motion of the tool that travels farthest, so that the forces
     of opposite tools have opposite signs.
     """
-    tools = contacts(result.ply)
+    ply, tools = result.ply, pressing(result.ply)
     along = _direction(tools, result.states[-1].load_factor)
-    zero = np.zeros(3)
     return {
-        x.name: np.array([s.reactions.get(x.name, zero) @ along for s in result.states])
+        x.name: np.array([tool_force(ply, x, state) @ along for state in result.states])
         for x in tools
     }
 
 
-def travel(tool: ToolContact, t: float) -> float:
+def travel(tool: Pressing, t: float) -> float:
     """Distance of a tool from its initial position at a load factor, in mm."""
-    return float(np.linalg.norm(_moved(tool, t)))
+    return float(np.linalg.norm(tool.travel(t)))
 
 
-def _moved(tool: ToolContact, t: float) -> ndarray:
-    return tool.travel(t) - tool.travel(0.0)
-
-
-def _direction(tools: Sequence[ToolContact], t: float) -> ndarray:
+def _direction(tools: Sequence[Pressing], t: float) -> ndarray:
     """Unit vector along the longest travel at a load factor; z if nothing travels."""
-    moved = max((_moved(x, t) for x in tools), key=np.linalg.norm)
+    moved = max((x.travel(t) for x in tools), key=np.linalg.norm)
     length = float(np.linalg.norm(moved))
     return moved / length if length > 0 else np.array([0.0, 0.0, 1.0])
 
 
 def _of_tools(
-    ply: Ply,
-    state: State,
-    tools: Sequence[ToolContact],
-    gaps: dict[str, SmallestGap | None],
+    ply: Ply, state: State, gaps: dict[str, SmallestGap | None]
 ) -> dict[str, float]:
     figures: dict[str, float] = {}
+    tools = pressing(ply)
     along = _direction(tools, state.load_factor)
     for tool in tools:
-        name, least = tool.name, gaps[tool.name]
-        force = state.reactions.get(name, np.zeros(3))
-        figures |= {
-            f"{name}_travel_mm": travel(tool, state.load_factor),
-            f"{name}_force_N": float(force @ along),
-            f"{name}_penetration_mm": 0.0 if least is None else max(-least.gap, 0.0),
-            f"{name}_max_pressure_N_per_mm2": float(
-                tool_pressure(ply, tool, state).max()
-            ),
-        }
+        name, pressure = tool.name, tool_pressure(ply, tool, state)
+        figures[f"{name}_travel_mm"] = travel(tool, state.load_factor)
+        figures[f"{name}_force_N"] = float(tool_force(ply, tool, state) @ along)
+        if name in gaps:
+            least = gaps[name]
+            depth = 0.0 if least is None else max(-least.gap, 0.0)
+            figures[f"{name}_penetration_mm"] = depth
+        figures[f"{name}_max_pressure_N_per_mm2"] = float(pressure.max())
     return figures
 
 
@@ -162,14 +155,11 @@ def _draw_in(ply: Ply, u: ndarray) -> dict[str, float]:
 
 
 def _areal_weight(ply: Ply, u: ndarray) -> dict[str, float]:
-    """Areal weight relative to the flat ply, also by the names of its consequences."""
+    """Largest and smallest areal weight relative to the flat ply."""
     ratio = areal_weight(ply, u)
-    most = float(ratio.max())
     return {
-        "max_areal_weight_ratio": most,
+        "max_areal_weight_ratio": float(ratio.max()),
         "min_areal_weight_ratio": float(ratio.min()),
-        "max_thickness_ratio_at_constant_fibre_fraction": most,
-        "max_fibre_fraction_ratio_at_constant_thickness": most,
     }
 
 
@@ -192,10 +182,11 @@ def _advice(
     ply, t = result.ply, result.states[-1].load_factor
     advice: dict[str, str] = {}
     if not result.converged:
+        stands = [(x.name, travel(x, t), travel(x, 1.0)) for x in tools]
         where = ", ".join(
-            f"{x.name} {travel(x, t):.4g} of {end:.4g} mm"
-            for x in tools
-            if (end := travel(x, 1.0)) > 0
+            f"{name} {far:.4g} of {end:.4g} mm" if end > far else f"{name} {far:.4g} mm"
+            for name, far, end in stands
+            if far or end
         )
         advice["not_formed"] = (
             f"the run stopped at load factor {t:.4g}: the figures describe the ply "

@@ -146,6 +146,17 @@ class HolderPressure(ElementTerm):
         data = np.ascontiguousarray(np.moveaxis(blocks, 2, 0)), np.arange(n)
         return bsr_matrix((*data, np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
 
+    def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
+        """Forces towards the surface in N, shape (n_nodes,)."""
+        nodes, pressed = self._pressed(t, p)
+        forces = np.zeros(self.nodes.size)
+        forces[nodes] = pressed
+        return forces
+
+    def travel(self, t: float) -> ndarray:
+        """Translation from its initial position in mm, shape (3,)."""
+        return self._obstacle.travel(t)
+
     def _pressed(self, t: float, p: Values) -> tuple[ndarray, ndarray]:
         """Numbers of the nodes under the holder, and the forces on them in N."""
         nodes = np.flatnonzero(p["covered"])

@@ -109,7 +109,8 @@ def areal_weight(ply: Ply, u: ndarray, flat: float = 1.0) -> ndarray:
     """Areal weight m₀/(λ₁ λ₂ cos Γ) of each element, shape (n_elements,).
 
     The mean over the element for families at right angles at rest; for other angles the
-    mass of the element over its current area.
+    mass of the element over its current area.  The thickness at constant fibre volume
+    fraction and the fibre volume fraction at constant thickness are proportional to it.
 
     Parameters
     ----------
@@ -119,53 +120,13 @@ def areal_weight(ply: Ply, u: ndarray, flat: float = 1.0) -> ndarray:
         Displacement.
     flat
         Areal weight m₀ of the flat ply, in the unit of the result; by default the
-        result is relative to it.
+        result is relative to it.  With the thickness of the flat ply the result is the
+        thickness at constant fibre volume fraction; with its fibre volume fraction, the
+        fraction at constant thickness, which is impossible where it exceeds 1.
     """
     area = ply.basis.dx
     current = (np.abs(ply.area_ratio(u)) * area).sum(axis=1)
     return np.asarray(flat * area.sum(axis=1) / current)
-
-
-def thickness_at_constant_fibre_fraction(
-    ply: Ply, u: ndarray, thickness: float
-) -> ndarray:
-    """Thickness of each element in mm if the fibre volume fraction does not change.
-
-    Parameters
-    ----------
-    ply, u
-        See `areal_weight`, to which the thickness is then proportional.
-    thickness
-        Thickness of the flat ply in mm.
-    """
-    return areal_weight(ply, u, thickness)
-
-
-def fibre_fraction_at_constant_thickness(
-    ply: Ply, u: ndarray, fraction: float
-) -> ndarray:
-    """Fibre volume fraction of each element if the thickness does not change.
-
-    Parameters
-    ----------
-    ply, u
-        See `areal_weight`, to which the fraction is then proportional.
-    fraction
-        Fibre volume fraction of the flat ply.
-
-    Raises
-    ------
-    ValueError
-        If a fraction exceeds 1, so that the thickness cannot remain constant.
-    """
-    of_elements = areal_weight(ply, u, fraction)
-    densest = int(of_elements.argmax())
-    if not of_elements[densest] <= 1:
-        raise ValueError(
-            f"the fibre volume fraction of element {densest} would be "
-            f"{of_elements[densest]:.3g}: the thickness cannot remain constant there"
-        )
-    return of_elements
 
 
 def fibre_curvature(ply: Ply, u: ndarray) -> ndarray:

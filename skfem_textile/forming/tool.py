@@ -222,6 +222,11 @@ class Obstacle:
             return replace(obstacle, side=obstacle._side_at_rest())
         return obstacle
 
+    def travel(self, t: float) -> ndarray:
+        """Translation from the initial position in mm, shape (3,)."""
+        (_, first), (_, now) = (placement(self.what, self.motion, x) for x in (0.0, t))
+        return now - first
+
     def gaps(self, x: ndarray, t: float) -> Gaps:
         """Gaps of points, shape (3, n).
 
@@ -404,8 +409,8 @@ class ToolContact(ContactTerm):
         return self._obstacle.place(position)
 
     def travel(self, t: float) -> ndarray:
-        """Translation of the tool in mm, shape (3,)."""
-        return self._placement(t)[1]
+        """See `ContactTerm.travel`."""
+        return self._obstacle.travel(t)
 
     def gaps(self, u: ndarray, t: float) -> ndarray:
         """See `ContactTerm.gaps`."""

@@ -11,6 +11,7 @@ from ..forming import (
     box_of,
     contacts,
     placed_tools,
+    pressing,
     tool_pressure,
 )
 from ..ply import Ply
@@ -24,16 +25,18 @@ def fields_between_tools(
 ) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
     """Fields of a ply between tools in a state, at its vertices and elements.
 
-    At vertices ``NAME_pressure`` (N/mm²) and ``NAME_gap`` (mm) of each tool, NaN where
-    it does not reach; for elements ``areal_weight_ratio``, relative to the flat ply,
-    and ``wrinkle_risk``, 0 or 1.
+    At vertices ``NAME_pressure`` (N/mm²) of each tool and, except for holders with a
+    prescribed pressure, ``NAME_gap`` (mm), NaN where it does not reach; for elements
+    ``areal_weight_ratio``, relative to the flat ply, and ``wrinkle_risk``, 0 or 1.
     """
     u, t, n = state.u, state.load_factor, ply.mesh.nvertices
     x = (np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u))[:, :n]
-    points = {}
+    points = {
+        f"{tool.name}_pressure": tool_pressure(ply, tool, state)[:n]
+        for tool in pressing(ply)
+    }
     for tool in contacts(ply):
         gap = tool.gaps_at(x, t)
-        points[f"{tool.name}_pressure"] = tool_pressure(ply, tool, state)[:n]
         points[f"{tool.name}_gap"] = np.where(np.isfinite(gap), gap, np.nan)
     risk = wrinkle_risk(ply, u, state.parameters).astype(float)
     return points, {"areal_weight_ratio": areal_weight(ply, u), "wrinkle_risk": risk}

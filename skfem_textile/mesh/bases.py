@@ -20,6 +20,7 @@ from skfem import (
     ElementTriP2,
     ElementVector,
     InteriorFacetBasis,
+    MappingIsoparametric,
     Mesh,
 )
 from skfem.assembly.basis import AbstractBasis
@@ -42,6 +43,34 @@ THREE = get_quadrature(ElementTriP2, 2)
 
 #: Six points of a triangle, exact to degree 4.
 SIX = get_quadrature(ElementTriP2, 4)
+
+
+# Multiple of the round-off of positions that bounds the round-off of their inverse.
+_ROUND_OFF = 32 * np.finfo(float).eps
+
+
+class QuadMapping(MappingIsoparametric):
+    """Mapping of a `skfem.MeshQuad` whose inverse is accurate to round-off.
+
+    The iteration of scikit-fem ends at a change of the reference coordinates below
+    1e-12, which round-off exceeds in elements that are small relative to the mesh.
+    """
+
+    def __init__(self, mesh: Any) -> None:
+        super().__init__(mesh, mesh.elem(), mesh.bndelem)
+
+    def invF(
+        self,
+        x: ndarray,
+        tind: ndarray | None = None,
+        newton_max_iters: int = 50,
+        newton_tol: float = 1e-12,
+    ) -> ndarray:
+        """Reference coordinates of points x of elements, see `MappingIsoparametric`."""
+        steepest = np.abs(self.invDF(CENTRE[0], tind)).max(initial=0.0)
+        round_off = _ROUND_OFF * np.abs(x).max(initial=0.0) * steepest
+        tolerance = max(newton_tol, float(round_off))
+        return super().invF(x, tind, newton_max_iters, tolerance)
 
 
 class ElementQuad1Fluctuation(ElementQuad1):
@@ -93,7 +122,8 @@ def quad_basis(
     dimension
         Number of displacement components: 2 in the plane, 3 in space.
     """
-    return CellBasis(mesh, ElementVector(ElementQuad1(), dimension), quadrature=rule)
+    element = ElementVector(ElementQuad1(), dimension)
+    return CellBasis(mesh, element, QuadMapping(mesh), quadrature=rule)
 
 
 def triangle_basis(

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
@@ -31,7 +30,7 @@ from .layout import (
     lay_out,
 )
 from .picture_files import is_vector, picture_path, save, save_pixels
-from .sheet import PLY, Panel, Sheet, in_front_of_tool, lines_of
+from .sheet import Panel, Sheet, in_front_of_tool, lines_of
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -138,18 +137,20 @@ def _faces(panel: Panel) -> tuple[list[ndarray], ndarray, ndarray]:
     shape, scale = panel.shape, panel.scale
     faces = [face for cell in shape.cells for face in shape.points[cell.T]]
     if scale is None or panel.values is None:
-        colours = np.tile(to_rgba(PLY), (len(faces), 1))
+        colours = _grey(shape.greys)
     else:
         colours = scale.colours((panel.values - scale.low) / (scale.high - scale.low))
     depths = shape.centres[:, 2]
     if tool := shape.tool:
         faces += list(tool.points[tool.triangles.T])
-        greys = np.ones((len(tool.shades), 4))
-        greys[:, :3] = tool.shades[:, None]
-        colours = np.vstack([colours, greys])
+        colours = np.vstack([colours, _grey(tool.shades)])
         behind = tool.centres[:, 2] - shape.sides.max()  # behind the ply on it
         depths = np.concatenate([depths, behind])
     return faces, colours, depths
+
+
+def _grey(levels: ndarray) -> ndarray:
+    return np.insert(np.tile(levels, (3, 1)), 3, 1.0, axis=0).T
 
 
 def _draw_bar(page: mpl.axes.Axes, bar: Bar) -> None:

@@ -13,7 +13,8 @@ from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
 from ..solve.surface import Surface
-from .sheet import Scale, Shape, Tool, eye_axes, in_perspective
+from .fibre_lines import Fibres
+from .sheet import LIGHT, Scale, Shape, Tool, eye_axes, in_perspective
 
 if TYPE_CHECKING:
     from ..forming import PlacedTool
@@ -115,9 +116,8 @@ def reach(fields: Sequence[ndarray], symmetric: bool) -> tuple[float, float]:
 
 
 # Chosen by eye: margin of a tool beyond the ply relative to the diagonal of the ply's
-# box; number of cubes along the longest side of this box; darkest and lightest grey;
-# and direction of the light: right, up and towards the eye.
-_BEYOND, _CUBES, _GREYS, _LIGHT = 0.17, 56, (0.58, 0.93), (-0.35, 0.65, 0.67)
+# box; number of cubes along the longest side of this box; darkest and lightest grey.
+_BEYOND, _CUBES, _GREYS = 0.17, 56, (0.58, 0.93)
 
 
 def tool_under(points: ndarray, surface: Surface) -> Tool:
@@ -134,7 +134,7 @@ def shades_of(normal: ndarray) -> ndarray:
     """Grey levels of facets with normals of any length, shape (3, n)."""
     normal = eye_axes(on_tool=True) @ normal
     normal = normal / np.linalg.norm(normal, axis=0)
-    light = np.array(_LIGHT) / np.linalg.norm(_LIGHT)
+    light = np.array(LIGHT) / np.linalg.norm(LIGHT)
     lit = np.clip(light @ (normal * np.copysign(1.0, normal[2])), 0.0, 1.0)
     return _GREYS[0] + (_GREYS[1] - _GREYS[0]) * lit
 
@@ -188,6 +188,13 @@ def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]
         shapes.append(shape)
     in_space = any(len(result.ply.nodal(result.u)) == 3 for result in results)
     return in_perspective(shapes) if in_space else shapes
+
+
+def fibres_of(ply: Ply) -> Fibres:
+    """Fibres of a ply with the vertices of its mesh."""
+    shape = 2, ply.mesh.nelements
+    directions = (np.broadcast_to(A[..., 0], shape) for A in ply.directions(ply.centre))
+    return Fibres.of(ply.mesh.p, (ply.mesh.t,), *directions)
 
 
 def on_one_scale(

@@ -26,16 +26,15 @@ from ..forming import (
     tool_forces,
     travels,
 )
-from ..io.results import cell_fields
 from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
 from .curves import COLOURS, curves
-from .fields import FIELDS
+from .fields import FIELDS, fibres_of
 from .layout import COLUMN, NUMBER, PAGE, TITLE
 from .picture_files import picture_path, save
 from .pictures import Picture, View, stage_of
-from .sheet import FAMILIES, REFUSED, Fibres, Legend, Panel, Scale
+from .sheet import FAMILIES, REFUSED, Legend, Panel, Scale
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -74,17 +73,13 @@ def formed(
     limits = float(every.min()), float(every.max())
     weight = Scale.of(_AREAL_WEIGHT, limits, "cividis", None)
     rows = []
-    for result, at, title, shape, angle, risk, ratio in zip(
-        *(results, picture.states, picture.titles, picture.shapes),
-        *(angles, risks, weights),
+    for result, title, shape, angle, risk, ratio in zip(
+        *(results, picture.titles, picture.shapes, angles, risks, weights),
         strict=True,
     ):
-        fields = cell_fields(result.ply, at.u)
-        names = "warp_direction", "weft_direction"
-        fibres = Fibres(*(shape.seen(fields[name]) for name in names))
         panels = [
             Panel("Shear angle", shape, angle, shear, marked=risk),
-            Panel("Fibres", shape, fibres=fibres),
+            Panel("Fibres", shape, fibres=fibres_of(result.ply)),
             Panel("Areal weight", shape, ratio, weight),
         ]
         rows.append(

@@ -10,15 +10,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ..drape import Axes, BestStart, Pieces, Sheet, TriangleMesh
-from ..drape.sheet import unit
 from .drawing import draw
-from .fields import reach, shades_of, tool_under
+from .fibre_lines import Fibres
+from .fields import reach, tool_under
 from .layout import NUMBER, PAGE, TITLE, default_width
 from .picture_files import picture_path, save
 from .sheet import (
     FAMILIES,
     REFUSED,
-    Fibres,
     Legend,
     Panel,
     Scale,
@@ -70,15 +69,10 @@ def net_on_tool(
     if locking_angle is not None:
         marked = np.flatnonzero(angle > np.degrees(locking_angle))
         keys = [(f"Above {np.degrees(locking_angle):g}°", REFUSED)]
-    corners = points[sheet.elements]
-    across = corners[1] + corners[2] - corners[0] - corners[3]
-    along = corners[2] + corners[3] - corners[0] - corners[1]
-    fibres = Fibres(*(shape.seen(unit(v.T).T) for v in (across, along)))
-    shades = shades_of(np.cross(across, along).T)
-    greys = Scale("", 0.0, 1.0, mpl.colormaps["gray"])
+    fibres = Fibres.of(sheet.flat, shape.cells, sheet.warp, sheet.weft)
     panels = [
         Panel("Shear angle", shape, angle, scale, marked=marked),
-        Panel("Fibres", shape, shades, greys, fibres),
+        Panel("Fibres", shape, fibres=fibres),
     ]
     legends = [Legend(0, 1, scale, keys), Legend(1, 2, keys=FAMILIES)]
     picture = Picture([panels], legends, extent([shape]))

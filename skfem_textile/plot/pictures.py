@@ -9,14 +9,16 @@ from numpy import ndarray
 from skfem import Mesh
 
 from ..fabric.directions import FibreDirections
-from ..io.results import cell_fields, fields_on_tool, has_tools
+from ..io.results import fields_on_tool, has_tools
 from ..mesh.splitting import original_elements
 from ..solve.result import Result, StepError
 from ..solve.states import State
 from .drawing import draw, pyvista_drawing
+from .fibre_lines import Fibres
 from .fields import (
     FIELDS,
     Field,
+    fibres_of,
     field_of,
     on_one_scale,
     reach,
@@ -28,7 +30,6 @@ from .picture_files import atomic_file, picture_path
 from .sheet import (
     FAMILIES,
     REFUSED,
-    Fibres,
     Legend,
     Panel,
     Scale,
@@ -247,20 +248,17 @@ def contact_sheet(
 def fibre_directions(
     *results: Result, titles: Sequence[str] = (), **options: Unpack[View]
 ) -> "pv.Plotter | Figure":
-    """Directions of warp (blue) and weft (red): one line per element and family.
-
-    If elements are closer than 2.5 mm on the picture, only some have lines.
+    """Fibres of warp (blue) and weft (red), at equal distances in the flat ply.
 
     Parameters, returned value and exceptions as for `field`.
     """
     picture, row = Picture(results, titles, **options), []
-    for result, title, shape, at in zip(
-        results, picture.titles, picture.shapes, picture.states, strict=True
+    for result, title, shape in zip(
+        results, picture.titles, picture.shapes, strict=True
     ):
-        fields = cell_fields(result.ply, at.u)
-        names = "warp_direction", "weft_direction"
-        fibres = Fibres(*(shape.seen(fields[name]) for name in names))
-        row.append(Panel(title or "Fibre directions", shape, fibres=fibres))
+        row.append(
+            Panel(title or "Fibre directions", shape, fibres=fibres_of(result.ply))
+        )
     return picture.drawn([row], Legend(0, len(row), keys=FAMILIES))
 
 
@@ -353,12 +351,10 @@ def mesh_and_fibres(
     directions: FibreDirections,
     filename: str | os.PathLike[str] | None = None,
     plotter: "pv.Plotter | None" = None,
-    show_edges: bool | None = None,
+    show_edges: bool = True,
     size: float | tuple[float, float] | None = None,
 ) -> "pv.Plotter | Figure":
-    """Mesh with warp (blue) and weft (red) in each element, before a run.
-
-    If elements are closer than 2.5 mm on the picture, only some have lines.
+    """Mesh with fibres of warp (blue) and weft (red), before a run.
 
     Parameters
     ----------
@@ -374,8 +370,7 @@ def mesh_and_fibres(
     directions.refuse_other(cells)
     n = directions.warp.shape[1]
     shape = Shape(np.pad(mesh.p, ((0, 1), (0, 0))).T, cells)
-    families = directions.warp, directions.weft
-    fibres = Fibres(*(np.pad(v / np.hypot(*v), ((0, 1), (0, 0))).T for v in families))
+    fibres = Fibres.of(mesh.p, cells, directions.warp, directions.weft)
     panel = Panel(f"Mesh and fibres, {n} elements", shape, fibres=fibres)
     sheet = Sheet([[panel]], [Legend(0, 1, keys=FAMILIES)], extent([shape]), show_edges)
     return draw(sheet, filename, plotter, size)

@@ -23,7 +23,7 @@ from .layout import (
     font_file,
     lay_out,
 )
-from .sheet import PLY, Legend, Sheet, lines_of
+from .sheet import Legend, Sheet, lines_of
 
 _CELLS = {3: pv.CellType.TRIANGLE, 4: pv.CellType.QUAD}
 
@@ -126,13 +126,12 @@ def draw_into(plotter: pv.Plotter, sheet: Sheet, width: float) -> None:
 def _draw_panel(plotter: pv.Plotter, slot: Slot, sheet: Sheet, frame: Frame) -> None:
     """Draw a panel into the active renderer and point its camera."""
     panel, scale = slot.panel, slot.scale_of(sheet.extent)
-    look: dict[str, Any] = {"color": PLY}
+    look = _grey(panel.shape.greys)
     if of := panel.scale:
         look = {"scalars": panel.values, "clim": (of.low, of.high), "cmap": of.colours}
     meshes = [(_grid(panel.shape.points, panel.shape.cells), look)]
     if tool := panel.shape.tool:
-        greys = {"scalars": tool.shades, "clim": (0.0, 1.0), "cmap": "gray"}
-        meshes.append((_grid(tool.points, (tool.triangles,)), greys))
+        meshes.append((_grid(tool.points, (tool.triangles,)), _grey(tool.shades)))
     for grid, look in meshes:
         plotter.add_mesh(grid, show_scalar_bar=False, **_FLAT, **look)
     lift = (_LIFT_ON_TOOL if panel.shape.tool else _LIFT) / scale
@@ -162,6 +161,10 @@ def _point_camera(plotter: pv.Plotter, slot: Slot, sheet: Sheet, frame: Frame) -
     plotter.enable_parallel_projection()
     plotter.camera.parallel_scale = reach
     plotter.renderer.reset_camera_clipping_range()
+
+
+def _grey(levels: ndarray) -> dict[str, Any]:
+    return {"scalars": levels, "clim": (0.0, 1.0), "cmap": "gray"}
 
 
 def _grid(points: ndarray, cells: tuple[ndarray, ...]) -> pv.UnstructuredGrid:

@@ -12,6 +12,7 @@ from skfem import Mesh
 
 from ..mesh.contact import signed_areas
 from ..mesh.splitting import boundary_edges, edges_of
+from .fibre_lines import Fibres
 
 # Minimum extent of a scale in its unit. Chosen: above the round-off of zero.
 _LEAST_EXTENT = 1e-8
@@ -34,6 +35,13 @@ _HIGH, _LOWEST = 0.2, 18.0
 # Distance of a tool behind the ply on it, relative to half this diagonal.
 _BEHIND = 0.02
 
+#: Direction of the light: right, up and towards the eye.  Chosen by eye.
+LIGHT = (-0.35, 0.65, 0.67)
+
+# Grey level of a ply that faces the viewer or the light, and the share of it that is
+# lost where the light is along the ply.  Chosen by eye.
+_FLAT, _SHADE = 0.957, 0.35
+
 
 class Tool(NamedTuple):
     """Triangles of a tool: corners (n, 3), connectivity (3, m), and grey levels.
@@ -55,14 +63,12 @@ class Tool(NamedTuple):
 class Shape(NamedTuple):
     """Elements with straight edges between corners in mm, shape (n, 3).
 
-    ``cells`` is the connectivity, for each k an array (k, n_k). In perspective
-    ``frames`` transform vectors at the centres of the elements, shape (n_elements, 3,
-    3), and ``tool`` may be the tool on which they lie.
+    ``cells`` is the connectivity, for each k an array (k, n_k), and ``tool`` may be the
+    tool on which they lie.
     """
 
     points: ndarray
     cells: tuple[ndarray, ...]
-    frames: ndarray | None = None
     tool: Tool | None = None
 
     @classmethod
@@ -78,11 +84,18 @@ class Shape(NamedTuple):
         """Mean of the corners of each element, shape (n_elements, 3)."""
         return np.vstack([self.points[cell].mean(axis=0) for cell in self.cells])
 
-    def seen(self, vectors: ndarray) -> ndarray:
-        """Vectors of the elements in the view, shape (n_elements, 3)."""
-        if self.frames is None:
-            return vectors
-        return np.einsum("nij,nj->ni", self.frames, vectors)
+    @property
+    def greys(self) -> ndarray:
+        """Grey levels of the elements in the view, shape (n_elements,)."""
+        crosses = []
+        for cell in self.cells:
+            corners = self.points[cell]
+            one, other = corners[2] - corners[0], corners[-1] - corners[1]
+            crosses.append(np.cross(one, other))
+        normal = np.vstack(crosses) * np.sign(np.vstack(crosses)[:, 2:])
+        length = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
+        lit = np.clip(normal @ np.array(LIGHT) / length / LIGHT[2], 0.0, 1.0)
+        return np.asarray(_FLAT * (1 - _SHADE * (1 - lit)))
 
     @property
     def sides(self) -> ndarray:
@@ -164,17 +177,11 @@ class Lines(NamedTuple):
     width: float
 
 
-class Fibres(NamedTuple):
-    """Unit vectors along warp and weft of each element, shape (n_elements, 3)."""
-
-    warp: ndarray
-    weft: ndarray
-
-
 class Panel(NamedTuple):
     """Shape with a title, coloured by a scale, or grey without one.
 
-    Optional fibre directions are drawn as lines; optional elements are marked.
+    Optional fibres are drawn as lines, without the edges of elements by default;
+    optional elements are marked.
     """
 
     title: str
@@ -246,12 +253,7 @@ def in_perspective(shapes: Sequence[Shape]) -> list[Shape]:
     def of(shape: Shape) -> Shape:
         points, larger = enlarged(shape.points)
         points[:, :2] *= larger[:, None]
-        centres, larger = enlarged(shape.centres)
-        frames = np.repeat(axes[None], len(centres), axis=0)
-        frames[:, :2] *= larger[:, None, None]
-        shift = centres[:, :2] * (larger**2 / distance)[:, None]
-        frames[:, :2] += shift[:, :, None] * axes[2]
-        return Shape(points, shape.cells, frames, shape.tool and behind(shape.tool))
+        return Shape(points, shape.cells, shape.tool and behind(shape.tool))
 
     def behind(tool: Tool) -> Tool:
         points, larger = enlarged(tool.points)
@@ -272,19 +274,11 @@ def extent(shapes: Sequence[Shape]) -> tuple[ndarray, ndarray]:
     return points.min(axis=0), points.max(axis=0)
 
 
-# Chosen by eye, in mm on the picture, as all sizes and colours below. Minimum side of
-# elements that each have fibres; spacing of the square grid of fibres for smaller
-# elements; length relative to spacing or side; maximum length; and width.
-_OWN, _SPACING, _LENGTH, _LONGEST, _WIDTH = 1.6, 2.4, 0.8, 7.0, 0.3
+# Chosen by eye, in mm on the picture, as all sizes and colours below. Distance between
+# fibres where the ply is flat, and their width.
+_SPACING, _WIDTH = 2.4, 0.25
 
-# Grid points closer than this fraction of the spacing to fibres of an element are
-# omitted.
-_NEAREST = 0.7
-
-# Number of trial lengths, each half the last, for a line that leaves the outline.
-_LENGTHS = 4
-
-# Number of candidate elements for a point, by distance of their centres.
+# Number of triangles of a tool that may hide a line, by distance of their centres.
 _CANDIDATES = 8
 
 # Minimum mean side of elements with drawn edges, and widths of the edges and of the
@@ -298,8 +292,7 @@ _HIDDEN = 0.05
 # their corners, and maximum number of rings.
 _MARK, _RING, _CORNERS, _FEW = 0.45, 1.6, 24, 12
 
-#: Colours of a ply without a field, of edges on it and elsewhere, and of outlines.
-PLY = "#F4F4F4"
+# Colours of edges on a ply without a field and elsewhere, and of outlines.
 _PALE_EDGE, _DARK_EDGE, _OUTER = "#B8B8B8", "#404040", "#202020"
 
 #: Blue and vermilion of Okabe & Ito (2008), distinct for any kind of colour vision.
@@ -320,13 +313,16 @@ def lines_of(panel: Panel, scale: float, show_edges: bool | None) -> list[Lines]
     """
     shape = panel.shape
     drawn = []
-    if show_edges or (show_edges is None and shape.sides.mean() * scale >= _LEAST_SIDE):
+    if show_edges is None:
+        show_edges = not panel.fibres and shape.sides.mean() * scale >= _LEAST_SIDE
+    if show_edges:
         colour = _PALE_EDGE if panel.fibres else _DARK_EDGE
         drawn.append(Lines(shape.edges(outer=False), colour, _EDGE))
     drawn.append(Lines(shape.edges(outer=True), _OUTER, _OUTLINE))
     if panel.fibres:
-        for vectors, colour in zip(panel.fibres, (WARP, WEFT), strict=True):
-            drawn.append(Lines(_along(shape, vectors, scale), colour, _WIDTH))
+        for family, colour in enumerate((WARP, WEFT)):
+            ends = panel.fibres.lines(shape.points, family, _SPACING / scale)
+            drawn.append(Lines(ends, colour, _WIDTH))
     if panel.marked.size:
         drawn.append(Lines(_marks(panel, scale), REFUSED, _MARK))
     return drawn
@@ -340,72 +336,6 @@ def in_front_of_tool(ends: ndarray, tool: Tool | None) -> ndarray:
     near = KDTree(centres[:, :2]).query(middles[:, :2], _CANDIDATES)[1]
     allowed = _HIDDEN * np.ptp(centres[:, 2])
     return ends[centres[near, 2].max(axis=1) <= middles[:, 2] + allowed]
-
-
-def _along(shape: Shape, vectors: ndarray, scale: float) -> ndarray:
-    """Lines along vectors of elements within the ply, shape (n, 2, 3)."""
-    points, elements, room = fibre_positions(shape, scale)
-    half = 0.5 * np.minimum(_LENGTH * room, _LONGEST / scale)[:, None]
-    along = half * vectors[elements]
-    for _ in range(_LENGTHS):
-        ends = np.stack([points - along, points + along], axis=1)
-        beyond = (holding(shape, ends.reshape(-1, 3)) < 0).reshape(-1, 2).any(axis=1)
-        along[beyond] /= 2
-    return ends[~beyond]
-
-
-def fibre_positions(shape: Shape, scale: float) -> tuple[ndarray, ndarray, ndarray]:
-    """Positions of drawn fibres: in each element, or on a grid for small elements.
-
-    Points (n, 3), their elements (n,), and available lengths in mm of the ply (n,).
-    """
-    centres, sides, spacing = shape.centres, shape.sides, _SPACING / scale
-    if shape.tool:  # elements shrink towards its flanks: all are drawn, or none
-        sides = np.full_like(sides, sides.mean())
-    large = np.flatnonzero(sides * scale >= _OWN)
-    grid = _grid_over(centres, spacing)
-    element = holding(shape, grid)
-    inside = (element >= 0) & (sides[element] * scale < _OWN)
-    if large.size:
-        inside &= KDTree(centres[large]).query(grid)[0] >= _NEAREST * spacing
-    grid, element = grid[inside], element[inside]
-    grid[:, 2] = centres[element, 2]
-    return (
-        np.vstack([centres[large], grid]),
-        np.concatenate([large, element]),
-        np.concatenate([sides[large], np.full(len(grid), spacing)]),
-    )
-
-
-def holding(shape: Shape, points: ndarray) -> ndarray:
-    """Number of the element above or below each point; -1 if there is none.
-
-    Of several, the one nearest to the viewer.
-    """
-    corners = np.vstack(
-        [shape.points[cell[[*range(len(cell)), -1][:4]].T] for cell in shape.cells]
-    )[..., :2]
-    n = min(_CANDIDATES, len(corners))
-    near = KDTree(shape.centres[:, :2]).query(points[:, :2], n)[1].reshape(-1, n)
-    start = corners[near]
-    edge = np.roll(start, -1, axis=-2) - start
-    to = points[:, None, None, :2] - start
-    turn = edge[..., 0] * to[..., 1] - edge[..., 1] * to[..., 0]
-    inside = (turn >= 0).all(axis=-1) | (turn <= 0).all(axis=-1)
-    depth = np.where(inside, shape.centres[near, 2], -np.inf)
-    first = near[np.arange(len(near)), depth.argmax(axis=1)]
-    return np.where(inside.any(axis=1), first, -1)
-
-
-def _grid_over(points: ndarray, spacing: float) -> ndarray:
-    """Square grid over points, centred, shape (n, 3)."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    axes = []
-    for a, b in zip(low[:2], high[:2], strict=True):
-        n = max(1, round((b - a) / spacing))
-        axes.append(0.5 * (a + b) + spacing * (np.arange(n) - (n - 1) / 2))
-    x, y = np.meshgrid(*axes)
-    return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, low[2])])
 
 
 def _marks(panel: Panel, scale: float) -> ndarray:

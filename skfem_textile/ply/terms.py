@@ -169,7 +169,7 @@ class ContactTerm(ElementTerm):
         raise NotImplementedError
 
     def travel(self, t: float) -> ndarray:
-        """Translation of the tool in mm, shape (3,)."""
+        """Translation of the tool from its initial position in mm, shape (3,)."""
         raise NotImplementedError
 
     def passed(self, u_0: ndarray, t_0: float, u: ndarray, t: float) -> ndarray:

@@ -43,7 +43,7 @@ from ..solve.surface import Surface
 from .flat_ply import PlyOptions, flat_ply, free_edges, in_planes
 from .scene import Scene
 
-#: Distance between punch and die in the plane of a ply, in mm.
+#: Default distance between punch and die in the plane of a ply, in mm.
 CLEARANCE = 5.0
 
 # Tolerance of lengths relative to the ply.
@@ -189,11 +189,10 @@ def hemisphere_forming(
     fillet: float = 10.0,
     travel: float = 75.0,
     gap: float = 0.3,
+    clearance: float = CLEARANCE,
     **ply: Unpack[PlyOptions],
 ) -> Scene:
     """Ply that a punch with a hemispherical end forms through a round hole.
-
-    The radius of the hole is larger than the punch by `CLEARANCE`.
 
     Parameters
     ----------
@@ -207,6 +206,8 @@ def hemisphere_forming(
         Final travel of the punch in mm.
     gap
         Distance between die and holder in mm.
+    clearance
+        Radius of the hole less the radius of the punch in mm.
 
     Raises
     ------
@@ -226,7 +227,8 @@ def hemisphere_forming(
     name = "hemisphere_forming"
     radius, middle = positive_length(f"{name}: radius", radius), 0.5 * _gap(name, gap)
     punch = Punch(radius, (0.0, 0.0, -radius - middle))
-    die = Die(radius + CLEARANCE, fillet, (0.0, 0.0, middle))
+    hole = radius + positive_length(f"{name}: clearance", clearance)
+    die = Die(hole, fillet, (0.0, 0.0, middle))
     tools = _pressed(name, punch, die, _upwards(name, travel), gap)
     return formed_ply(name, tools, mesh, **ply)
 
@@ -235,13 +237,13 @@ def double_dome_forming(
     mesh: str | Mesh = "irregular",
     travel: float = 60.0,
     gap: float = 0.3,
+    clearance: float = CLEARANCE,
     **ply: Unpack[PlyOptions],
 ) -> Scene:
     """Ply that a double dome forms in a die of the same shape.
 
     The punch is `skfem_textile.drape.double_dome`, its long side along x.  The cavity
-    of the die has the same height, 60 mm, and is longer and wider by `CLEARANCE` on
-    each side.
+    of the die has the same height, 60 mm.
 
     Parameters
     ----------
@@ -251,6 +253,9 @@ def double_dome_forming(
         Final travel of the punch in mm, at most the height of the dome.
     gap
         Distance between die and holder in mm.
+    clearance
+        Length by which the cavity is longer and wider than the punch on each side, in
+        mm.
 
     Raises
     ------
@@ -266,7 +271,8 @@ def double_dome_forming(
             f"mm, got {travel:g} mm"
         )
     punch = _raised(dome(height, length, width), -middle)
-    cavity = dome(height, length + CLEARANCE, width + CLEARANCE)
+    clearance = positive_length(f"{name}: clearance", clearance)
+    cavity = dome(height, length + clearance, width + clearance)
     tools = _pressed(name, punch, _raised(cavity, height + middle), travel, gap)
     options: PlyOptions = {"size": (24, 16), "width": 470.0, **ply}
     return formed_ply(name, tools, mesh, **options)

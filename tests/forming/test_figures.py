@@ -25,10 +25,8 @@ from skfem_textile.forming import (
     contacts,
     draw_in,
     fibre_curvature,
-    fibre_fraction_at_constant_thickness,
     formed,
     smallest_gap,
-    thickness_at_constant_fibre_fraction,
     tool_forces,
     tool_pressure,
     touching,
@@ -113,13 +111,6 @@ def test_areal_weight_of_stretched_and_sheared_fibres(formulation):
     u = moved(ply, lambda x, y: [warp[i] * x + weft[i] * y for i in range(3)])
     expected = 1 / (stretch[0] * stretch[1] * np.cos(angle))
     assert areal_weight(ply, u, 300.0) == pytest.approx(300 * expected)
-    thickness = thickness_at_constant_fibre_fraction(ply, u, 0.25)
-    assert thickness == pytest.approx(0.25 * expected)
-    assert fibre_fraction_at_constant_thickness(ply, u, 0.5) == pytest.approx(
-        0.5 * expected
-    )
-    with pytest.raises(ValueError, match=r"would be 1\.05: the thickness"):
-        fibre_fraction_at_constant_thickness(ply, u, 0.8)
 
 
 @pytest.mark.parametrize("formulation", [Macro(), Full()])

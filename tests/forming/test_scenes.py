@@ -50,6 +50,15 @@ def test_the_tools_push_the_ply_to_the_full_travel():
     assert u[2, centre] == pytest.approx(40.0 - 0.15, abs=1e-6)
 
 
+def test_a_smaller_clearance_bends_the_ply_more_sharply():
+    """The free ply between punch and die is shorter, and the force is larger."""
+    narrow, wide = (
+        summary(hemisphere_forming("aligned", travel=30.0, clearance=c, **CELLS))
+        for c in (2.0, 20.0)
+    )
+    assert narrow["punch_force_N"] > 1.01 * wide["punch_force_N"]
+
+
 def test_the_ply_is_pulled_along_the_fibres_at_any_angle():
     """The resultant on an edge is the tension times its length, for ±45° too."""
     for fibres in (0.0, np.pi / 4):

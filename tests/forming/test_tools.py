@@ -22,6 +22,7 @@ from skfem_textile import (
     Values,
     drape,
 )
+from skfem_textile.forming.figures import formed as figures_of
 from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
 from skfem_textile.solve.surface.on_surface import SurfaceError
 
@@ -191,9 +192,19 @@ def test_holder_presses_within_its_outline():
     table = Tool(drape.Plane(), side=1, name="table")
     holder = Holder(drape.Plane(), pressure=0.01, side=1, outline=outline)
     ply = blank(terms=[table, holder])
-    last = LoadStepper(ply, SYMMETRY, steps=1).run().states[-1]
-    area = 60.0 * 42.5  # nodes on the outline are within it
-    assert last.reactions["table"][2] == pytest.approx(0.01 * area, rel=0.02)
+    result = LoadStepper(ply, SYMMETRY, steps=1).run()
+    force = 0.01 * 60.0 * 42.5  # nodes on the outline are within it
+    table_force = result.states[-1].reactions["table"][2]
+    assert table_force == pytest.approx(force, rel=0.02)
+    figures = figures_of(result)
+    assert figures["holder_force_N"] == pytest.approx(-table_force, rel=1e-9)
+    assert figures["holder_max_pressure_N_per_mm2"] == pytest.approx(0.01, rel=1e-3)
+
+
+def test_travel_is_from_the_initial_position():
+    """Of a tool that stands beside its surface at the load factor 0."""
+    tool = punch(lambda t: (0.0, 0.0, 30.0 * t - 10.0), side=1).on(blank().basis)
+    assert tool.travel(0.5) == pytest.approx([0.0, 0.0, 15.0])
 
 
 def test_holder_keeps_its_gap():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from skfem import MeshQuad
+from skfem import MeshQuad, MeshTri
 
 from skfem_textile import split
 from skfem_textile.scenes import bias_extension
@@ -43,39 +43,71 @@ def test_edges_are_drawn_where_there_is_room(result, fine):
         assert drawn(panel, scale, False) == [outer]
 
 
-def test_fibres_of_small_elements_are_thinned_to_a_spacing(fine):
-    _, shape, scale = fine
-    points, elements, _ = lines.fibre_positions(shape, scale)
-    apart = np.linalg.norm(points[:, None] - points[None], axis=-1) * scale
-    nearest = np.sort(apart, axis=1)[:, 1]
-    np.testing.assert_allclose(nearest, 2.4, rtol=1e-9)
-    area = np.prod(np.ptp(shape.points[:, :2], axis=0)) * scale**2
-    assert len(points) == pytest.approx(area / 2.4**2, rel=0.05)
-    away = np.linalg.norm(points - shape.centres[elements], axis=1)
-    assert (away <= shape.sides[elements]).all()
+SQUARE = MeshTri().refined(4).scaled(60.0)
+CENTRES = SQUARE.p[:, SQUARE.t].mean(axis=1)
 
 
-@pytest.mark.parametrize("n", [10, 40])
-def test_fibres_end_within_a_slanted_outline(n):
-    """For large elements, and for elements that are thinned to a grid."""
-    mesh = MeshQuad.init_tensor(*2 * [np.linspace(0.0, 60.0, n + 1)])
-    slant = 1.2
-    shape = sheet.Shape.of(mesh, np.stack([slant * mesh.p[1], 0 * mesh.p[1]]))
-    along, across = (np.tile(v, (n**2, 1)) for v in ([1.0, 0, 0], [0, 1.0, 0]))
-    panel = sheet.Panel("", shape, fibres=sheet.Fibres(along, across))
-    for family in lines.lines_of(panel, 1.0, show_edges=False)[1:]:
-        x, y, _ = family.ends.reshape(-1, 3).T
-        for inside in (x - slant * y, y):
-            assert inside.min() > -1e-9
-            assert inside.max() < 60.0 + 1e-9
-        assert len(family.ends) > 80
+def fibre_lines(mesh, warp, weft, spacing=2.0, u=None):
+    """Ends of the lines of both families, each (2, 2, n): x and y, ends, lines."""
+    fibres = lines.Fibres.of(mesh.p, (mesh.t,), warp, weft)
+    shape = sheet.Shape.of(mesh, np.zeros((2, mesh.nvertices)) if u is None else u)
+    both = (fibres.lines(shape.points, i, spacing) for i in (0, 1))
+    return [ends[..., :2].T for ends in both]
 
 
-def test_a_point_is_in_the_element_that_holds_it(result):
-    u = result.ply.nodal(result.u)
-    shape = sheet.Shape.of(result.ply.mesh, u)
-    assert lines.holding(shape, shape.centres).tolist() == list(range(12))
-    assert lines.holding(shape, shape.points.max(axis=0)[None] + 1.0).tolist() == [-1]
+def uniform(mesh, degrees):
+    angle = np.radians(degrees)
+    direction = np.array([np.cos(angle), np.sin(angle)])
+    return np.repeat(direction[:, None], mesh.nelements, axis=1)
+
+
+@pytest.mark.parametrize("mesh", [SQUARE, MeshQuad().refined(4).scaled(60.0)])
+@pytest.mark.parametrize("angle", [0.0, 20.0, 45.0])
+def test_parallel_fibres_are_at_equal_distances(mesh, angle):
+    """On both sides of each line there is half the distance."""
+    warp, weft = (uniform(mesh, x) for x in (angle, angle + 90.0))
+    for ends, A in zip(fibre_lines(mesh, warp, weft), (warp, weft), strict=True):
+        across = -A[1, 0] * ends[0] + A[0, 0] * ends[1]
+        assert np.abs(np.diff(across, axis=0)).max() < 1e-6
+        positions = np.unique(across.round(5))
+        assert np.diff(positions) == pytest.approx(2.0, abs=1e-4)
+        length = np.hypot(*(ends[:, 1] - ends[:, 0])).sum()
+        assert 2.0 * length == pytest.approx(60.0**2, rel=0.02)
+
+
+def test_fibres_move_with_the_ply():
+    """Of a square that is sheared by 30 degrees along its warp."""
+    u = np.array([np.sin(np.radians(30)) * SQUARE.p[1], 0 * SQUARE.p[1]])
+    u[1] = (np.cos(np.radians(30)) - 1) * SQUARE.p[1]
+    warp, weft = fibre_lines(SQUARE, uniform(SQUARE, 0), uniform(SQUARE, 90), u=u)
+    for ends, angle in ((warp, 0.0), (weft, 60.0)):
+        x, y = ends[:, 1] - ends[:, 0]
+        along = np.degrees(np.arctan2(y, x)) % 180
+        assert np.abs((along - angle + 90) % 180 - 90).max() < 1e-3
+
+
+def test_curved_fibres_are_followed():
+    """Circles about a point outside the ply, and radii, whose distances grow."""
+    radius = CENTRES + 30.0
+    for ends in fibre_lines(SQUARE, np.array([-radius[1], radius[0]]), radius)[:1]:
+        r = np.hypot(*(ends + 30.0))
+        assert np.abs(np.diff(r, axis=0)).max() < 0.05
+    _, ends = fibre_lines(SQUARE, np.array([-radius[1], radius[0]]), radius)
+    angle = np.arctan2(*(ends + 30.0)[::-1])
+    turn = np.abs(np.diff(angle, axis=0)) * np.hypot(*(ends + 30.0).mean(axis=1))
+    assert turn.max() < 0.1  # mm to the side in a triangle of 3.75 mm
+    assert ends.shape[-1] > 500
+
+
+def test_fibres_end_where_another_fabric_begins():
+    left = CENTRES[0] < 30
+    warp = np.where(left, uniform(SQUARE, 0), uniform(SQUARE, 60))
+    ends, _ = fibre_lines(SQUARE, warp, warp[::-1] * [[-1], [1]])
+    middle = ends.mean(axis=1)
+    x, y = ends[:, 1] - ends[:, 0]
+    along = np.degrees(np.arctan2(y, x)) % 180
+    for side, angle in ((middle[0] < 30, 0.0), (middle[0] > 30, 60.0)):
+        assert np.abs((along[side] - angle + 90) % 180 - 90).max() < 1e-2
 
 
 def test_small_failing_elements_have_rings(fine):

@@ -6,7 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from skfem import BilinearForm, Functional, LinearForm, MeshQuad
+from skfem import (
+    BilinearForm,
+    ElementQuad1,
+    FacetBasis,
+    Functional,
+    LinearForm,
+    MeshQuad,
+)
 from skfem.helpers import dot
 
 from skfem_textile import (
@@ -31,6 +38,18 @@ from skfem_textile.mesh.splitting import cut
 from tests.helpers import derivative, distorted, random_u
 
 # Loads: resultants, equilibrium and limit points
+
+
+def test_a_load_acts_on_elements_that_are_small_relative_to_the_mesh():
+    """Also on those whose inverse mapping scikit-fem refuses."""
+    x = np.array([0.0, 150.0, 300.0 - 1e-2, 300.0])
+    mesh = MeshQuad.init_tensor(x, x).with_defaults()
+    with pytest.raises(Exception, match="didn't converge"):
+        FacetBasis(mesh.translated((100.0, 100.0)), ElementQuad1())
+    mesh = mesh.translated((100.0, 100.0)).with_defaults()
+    ply = Ply(mesh, Fabric(1e3, 1.0), terms=[Traction("top", (0.0, 0.5))])
+    force = ply.nodal(ply.load(ply.basis.zeros(), 1.0)).sum(axis=1)
+    assert force == pytest.approx([0.0, 150.0])
 
 
 CLAMP = {"clamp": Condition("bottom")}
