@@ -320,6 +320,12 @@ class Obstacle:
         at = replace(self, reach=lambda t: 0.0).gaps(self.X, 0.0)
         distance = np.where(np.isfinite(at.gap), at.distance, 0.0)
         size = float(np.ptp(self.X, axis=1).max())
+        if not np.isfinite(at.gap).any():
+            raise ValueError(
+                f"{self.what}: no node of the undeformed ply is within its edges or "
+                "outline, so that its side is not known: check the positions and units "
+                "of tool and ply, or specify side=1 or side=-1"
+            )
         above, below = float(distance.max()), -float(distance.min())
         if max(above, below) <= _ROUND_OFF * size:
             raise ValueError(

@@ -10,6 +10,7 @@ from ..forming import (
     areal_weight,
     box_of,
     contacts,
+    draw_in,
     placed_tools,
     pressing,
     tool_pressure,
@@ -26,7 +27,8 @@ def fields_between_tools(
     """Fields of a ply between tools in a state, at its vertices and elements.
 
     At vertices ``NAME_pressure`` (N/mm²) of each tool and, except for holders with a
-    prescribed pressure, ``NAME_gap`` (mm), NaN where it does not reach; for elements
+    prescribed pressure, ``NAME_gap`` (mm), NaN where it does not reach, and ``draw_in``
+    (mm), NaN off the outline; for elements
     ``areal_weight_ratio``, relative to the flat ply, and ``wrinkle_risk``, 0 or 1.
     """
     u, t, n = state.u, state.load_factor, ply.mesh.nvertices
@@ -38,6 +40,10 @@ def fields_between_tools(
     for tool in contacts(ply):
         gap = tool.gaps_at(x, t)
         points[f"{tool.name}_gap"] = np.where(np.isfinite(gap), gap, np.nan)
+    drawn = draw_in(ply, u)
+    corners = drawn.nodes < n
+    points["draw_in"] = np.full(n, np.nan)
+    points["draw_in"][drawn.nodes[corners]] = drawn.inwards[corners]
     risk = wrinkle_risk(ply, u, state.parameters).astype(float)
     return points, {"areal_weight_ratio": areal_weight(ply, u), "wrinkle_risk": risk}
 

@@ -32,7 +32,7 @@ from ..drape import (
 )
 from ..drape import double_dome as dome
 from ..drape.surfaces import positive_length
-from ..forming import Holder, Tool
+from ..forming import Holder, Tool, contacts
 from ..forming.figures import formed
 from ..mesh.checks import MeshError
 from ..mesh.user_input import real_numbers
@@ -48,6 +48,9 @@ CLEARANCE = 5.0
 
 # Tolerance of lengths relative to the ply.
 _OFF = 1e-6
+
+# Share of the largest force of a tool above which holding forces are reported.
+_HOLDING = 0.01
 
 _NO_EXACT = "no exact solution is known"
 
@@ -176,10 +179,20 @@ def _at_centre(name: str, mesh: Mesh, turns: bool) -> dict[str, Condition]:
 def _measured(result: Result, holding: Collection[str]) -> dict[str, float | str]:
     """Figures of a formed ply, with the largest force of a node that holds it."""
     figures = dict(formed(result))
-    forces = [result.states[-1].reactions[name] for name in holding]
+    last = result.states[-1].reactions
+    forces = [last[name] for name in holding]
     if forces:
         largest = float(np.linalg.norm(forces, axis=1).max())
         figures["max_holding_force_N"] = largest
+        on_tools = [last[tool.name] for tool in contacts(result.ply)]
+        pushing = float(np.linalg.norm(on_tools, axis=1).max(initial=0.0))
+        if largest > _HOLDING * pushing > 0:
+            figures["held"] = (
+                f"the node at the centre of the ply is held with {largest:.3g} N, "
+                f"{largest / pushing:.0%} of the largest force of a tool: without it "
+                "the ply would slide. Put the centre of the ply on the axis of the "
+                "tools, or hold edges of the ply"
+            )
     return figures
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from skfem_textile.drape import Axes
-from skfem_textile.forming import box_of, contacts, placed_tools
+from skfem_textile.forming import box_of, contacts, draw_in, placed_tools
 from skfem_textile.forming.outline import inside, nearest
 from skfem_textile.io import write_fields
 from tests.forming.conftest import GAP, RADIUS
@@ -32,6 +32,9 @@ def test_fields_of_contact_are_written(hemisphere, folder):
             x = ply.nodal(state.u)[:2, :n] + ply.mesh.p
             assert not reached[np.hypot(*x) < 37].any()
     assert saved.point_data["punch_pressure"].max() > 0
+    drawn = draw_in(ply, state.u)
+    assert saved.point_data["draw_in"][drawn.nodes] == pytest.approx(drawn.inwards)
+    assert np.isfinite(saved.point_data["draw_in"]).sum() == drawn.nodes.size
     weight = saved.cell_data["areal_weight_ratio"][0]
     assert weight.max() == pytest.approx(1.0156, abs=1e-3)
     assert set(np.unique(saved.cell_data["wrinkle_risk"][0])) <= {0.0, 1.0}

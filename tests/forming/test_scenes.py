@@ -6,6 +6,7 @@ import re
 import meshio
 import numpy as np
 import pytest
+from skfem import MeshQuad
 
 from skfem_textile import Fabric, MeshError
 from skfem_textile.cli import main as cli
@@ -99,6 +100,15 @@ def test_fibres_at_any_angle_have_no_holding_force():
     figures = summary(scene)
     assert scene.fibre_ends == {}
     assert figures["max_holding_force_N"] < 1e-6
+
+
+@pytest.mark.parametrize(("shift", "is_held"), [(0.0, False), (9.0, True)])
+def test_a_ply_beside_the_axis_of_the_tools_is_held_and_says_so(shift, is_held):
+    mesh = MeshQuad().refined(3).translated((-0.5, -0.5)).scaled(160.0)
+    mesh = mesh.translated((shift, 0.0)).with_defaults()
+    options = {"radius": 30.0, "travel": 20.0, "part": "whole"}
+    figures = summary(hemisphere_forming(mesh, **options))
+    assert ("held" in figures) is is_held
 
 
 def test_a_punch_that_travels_beyond_its_hemisphere_has_a_shaft():

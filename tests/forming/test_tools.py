@@ -266,8 +266,12 @@ def test_resumed_run_is_the_same(tmp_path, state):
 
     with pytest.raises(StepError):
         stepper(on_step=kill).run()
-    resumed = stepper().run(resume=True)
-    assert np.array_equal(resumed.u, state.u)
+    resumed, whole = stepper().run(resume=True).states[-1], state.states[-1]
+    assert np.array_equal(resumed.u, whole.u)
+    assert np.array_equal(resumed.reactions["punch"], whole.reactions["punch"])
+    for name, values in whole.parameters.items():
+        for key, value in values.items():
+            assert np.array_equal(resumed.parameters[name][key], value)
 
 
 @pytest.mark.parametrize(
@@ -289,6 +293,10 @@ def test_resumed_run_is_the_same(tmp_path, state):
         (
             lambda: Tool(drape.Sphere(20.0, (30, 30, -19)), stated=lambda x: x + 100),
             r"crosses the undeformed ply: node \d+ at \(130, 130, 100\) mm is 1 mm",
+        ),
+        (
+            lambda: Tool(drape.Plane((0, 0, 1)), outline=[[500, 600, 600], [0, 0, 9]]),
+            "no node of the undeformed ply is within its edges or outline",
         ),
         (lambda: Holder(drape.Plane(), side=1), "either a gap or a pressure"),
         (lambda: Holder(drape.Plane(), gap=-0.1, side=1), "at least 0 mm"),

@@ -24,8 +24,9 @@ FOLDER = Path(__file__).parent / "references"
 WIDTH = 160
 
 #: Largest mean difference, of 255, of the colours of two pictures that are the same.
-#: Without the smoothing of edges the pictures differ by up to 1.5, those with thin fibres.
-#: A scale that is longer by a fifth, or other colours, differs by at least 2.1.
+#: Without the smoothing of edges the pictures differ by up to 1.5, those with thin
+#: fibres most.  A scale that is longer by a fifth, or other colours, differ by at
+#: least 2.1.
 SAME = 1.8
 
 
