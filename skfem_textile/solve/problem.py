@@ -18,7 +18,8 @@ from ..ply import Ply
 from ..ply.parameters import Frozen, PlyParameters, Values
 from ..ply.terms import ContactTerm
 from .conditions import Constraints, plain, turned
-from .linear.solver import Clock, SingularMatrixError, SolverOfPattern
+from .linear.scaling import SingularMatrixError
+from .linear.solver import Clock, SolverOfPattern
 from .linear.system import System
 from .states import NoEquilibriumError
 from .supports import reactions

@@ -31,6 +31,7 @@ from typing import Any, Generic, TypeVar
 
 from ..mesh.user_input import error_text
 from .checksummed import Lock
+from .linear.rslab import threads as rslab_threads
 
 Case = TypeVar("Case")
 Result = TypeVar("Result")
@@ -372,7 +373,7 @@ def _call(
 
     threadpool_limits(1)
     _name_messages()
-    before = _case.set(name)
+    before, threads_before = _case.set(name), rslab_threads.set(1)
     if parent_process() is not None:  # for libraries loaded later
         os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:
@@ -385,6 +386,7 @@ def _call(
         raise
     finally:
         _case.reset(before)
+        rslab_threads.reset(threads_before)
 
 
 def _name_messages() -> None:

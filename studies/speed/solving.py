@@ -297,7 +297,7 @@ def _iteration_at(size: int, solver: str) -> Row:
         "factorisation": factorisation,
         "solution": solution,
         "iteration": assembly + factorisation + solution,
-        "peak_GiB": _peak(),
+        "peak_GiB": peak(),
     }
 
 
@@ -309,11 +309,12 @@ def _step_at(size: int, solver: str) -> Row:
     return {
         "step": result.wall_time_s,
         "linear_solves": result.linear_solves,
-        "step_peak_GiB": _peak(),
+        "step_peak_GiB": peak(),
     }
 
 
-def _peak() -> float:
+def peak() -> float:
+    """Peak memory of this process in GiB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
 
 
@@ -343,7 +344,7 @@ def _factorised(solver: str, elements: int) -> Row:
     scene = strip_of(elements, jitter=0.3)
     ply = Ply(split(scene.mesh), Fabric(_E, _G), Macro())
     constraints = Constraints(ply.basis, scene.conditions)
-    before = _peak()
+    before = peak()
     system, set_up = seconds(
         lambda: Problem(ply, constraints, solver_named(solver)).system
     )
@@ -372,7 +373,7 @@ def _factorised(solver: str, elements: int) -> Row:
             "backward_error": float(backward),
         }
     row["ratio"] = row["indefinite"]["seconds"] / row["definite"]["seconds"]
-    return row | {"GiB": _peak() - before}
+    return row | {"GiB": peak() - before}
 
 
 def iterative(settings: Settings) -> Row:

@@ -24,7 +24,7 @@ from ..common.tables import (
     thousands,
 )
 from ..study import Part, Row, Study, Table
-from . import needs, processes, profile, solving
+from . import needs, processes, profile, solving, whole_runs
 from .needs import ALONE, COSTS, added
 from .one_ply import FEATURES, UNUSED
 from .solving import PARTS, Settings
@@ -40,6 +40,7 @@ BENCHMARKS: dict[str, Callable[[Settings], Row]] = {
     "iterative": solving.iterative,
     "petsc": processes.processes,
     "whole_strip": solving.whole_strip,
+    "whole_runs": whole_runs.whole_runs,
     "overhead": solving.overhead,
     "by_turns": solving.by_turns,
     "drapes": profile.drapes,
@@ -519,6 +520,7 @@ TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
     "iterative": {"iterative.md": iterative_table},
     "petsc": {"petsc.md": petsc_table},
     "whole_strip": {"whole_strip.md": whole_strip_table},
+    "whole_runs": {"whole_runs.md": whole_runs.whole_runs_table},
     "overhead": {"overhead.md": overhead_table},
     "by_turns": {"by_turns.md": by_turns_table},
     "drapes": {"drapes.md": drapes_table},

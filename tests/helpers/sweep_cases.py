@@ -11,9 +11,11 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import identity
 from threadpoolctl import threadpool_info
 
 from skfem_textile import StepError
+from skfem_textile.solve.linear import SOLVERS
 
 # Functions for tests of several processes
 
@@ -100,6 +102,12 @@ def warns(n):
 
 def threads(_):
     return [library["num_threads"] for library in threadpool_info()]
+
+
+def threads_of_rslab(_):
+    """Threads of a linear solver that the call builds."""
+    lower = identity(2, format="csc")
+    return SOLVERS["rslab"].build(lower, None).n_threads
 
 
 def takes_long(file):

@@ -16,6 +16,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, Ply
 from skfem_textile.scenes import strip
+from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import (
     SOLVERS,
     ChosenSolver,
@@ -25,8 +26,10 @@ from skfem_textile.solve.linear import (
     solver_named,
 )
 from skfem_textile.solve.linear import solver as linear
+from skfem_textile.solve.linear.scaling import Scaling
 from skfem_textile.solve.linear.solver import SolverEntry, pivoting_solver
 from skfem_textile.solve.linear.superlu import SuperLU
+from skfem_textile.solve.problem import Problem, reduced
 
 
 def natural(matrix):
@@ -40,8 +43,8 @@ def factorised(request):
     """Factors of a matrix by each installed solver."""
     pytest.importorskip(SOLVERS[request.param].package)
 
-    def factorised(A, solver=None):
-        lower = tril(A, format="csc")
+    def factorised(A, lower=None):
+        lower = tril(A, format="csc") if lower is None else lower
         lower.sort_indices()
         return solver_named(request.param)(lower, natural(lower)).factorise(lower.data)
 
@@ -123,11 +126,81 @@ def test_a_mechanism_is_rejected_for_any_pivots_near_round_off(factorised):
         factorised(A).solve(np.ones(2))
 
 
+def springs(seed, decades, softened=0.0):
+    """Stiffness of a net of springs without supports, over this many decades."""
+    rng = np.random.default_rng(seed)
+    p = np.array([(i, j) for i in range(12) for j in range(12)])
+    i, j = np.nonzero(np.triu(np.abs(p[:, None] - p).sum(axis=2) <= 2, 1))
+    k = 10 ** rng.uniform(-decades / 2, decades / 2, len(i))
+    k *= rng.choice([1.0, -0.1], len(i), p=[1 - softened, softened])
+    B = csr_matrix(
+        (np.r_[k * 0 + 1, k * 0 - 1], (np.tile(np.arange(len(i)), 2), np.r_[i, j]))
+    )
+    return B.T @ diags(k) @ B
+
+
+@pytest.mark.parametrize("decades", [0, 4, 6])
+@pytest.mark.parametrize("seed", range(5))
+def test_every_solver_recognises_a_net_without_supports(factorised, seed, decades):
+    A = springs(seed, decades)
+    with pytest.raises(SingularMatrixError):
+        _ = factorised(A).negative_pivots
+    assert factorised(A + 1e-6 * diags(A.diagonal())).definite
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_every_solver_recognises_the_mechanisms_of_shear(name):
+    """Fibres without shear stiffness in 16 rows of quadrilaterals that slide."""
+    pytest.importorskip(SOLVERS[name].package)
+    ply = Ply(MeshQuad().refined(4), Fabric(1e3), Full())
+    conditions = {
+        "clamp": Condition(lambda X: X[1] == 0),
+        "pull": Condition(lambda X: X[1] == 1, 0.01, (0, 1)),
+    }
+    constraints = Constraints(ply.basis, conditions)
+    system = Problem(ply, constraints, solver_named(name)).system
+    data = reduced(system, ply.stiffness(ply.basis.zeros())).upper.data
+    with pytest.raises(SingularMatrixError):
+        _ = system.solver.factorise(data).negative_pivots
+    result = LoadStepper(ply, conditions, 1, solver=name, max_halvings=0).run()
+    assert result.states[-1].verdict.negative_pivots == 0
+
+
+@pytest.mark.parametrize("entry", [0, 1])  # on the diagonal, and off it
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_matrix_that_is_not_finite_is_refused(factorised, entry, value):
+    A = some_matrix(5, 20.0).tolil()
+    A[entry, 0] = value
+    with pytest.raises(ValueError, match="matrix of a linear system is not finite"):
+        factorised(csr_matrix(A))
+
+
+def test_a_matrix_without_diagonal_entries_is_solved(factorised):
+    lower = csc_matrix(([0.0, 3.0, 0.0], [0, 1, 1], [0, 2, 3]), (2, 2))
+    factors = factorised(csr_matrix([[0.0, 3.0], [3.0, 0.0]]), lower)
+    assert factors.negative_pivots in (1, None)
+    assert not factors.definite
+    np.testing.assert_allclose(factors.solve(np.array([3.0, 6.0])), [2.0, 1.0])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_scaling_is_exact_and_leaves_entries_of_a_similar_size(seed):
+    A = springs(seed, 8) + identity(144)
+    lower = tril(A, format="csc")
+    lower.sort_indices()
+    data, scale = Scaling(lower)(lower.data)
+    scaled = csc_matrix((data, lower.indices, lower.indptr), lower.shape)
+    np.testing.assert_array_equal(np.log2(scale) % 1, 0)
+    unscaled = diags(1 / scale) @ scaled @ diags(1 / scale)
+    np.testing.assert_array_equal(unscaled.toarray(), lower.toarray())
+    assert np.abs(data).max() <= 2
+
+
 @pytest.mark.parametrize("name", SOLVERS)
 def test_a_solver_is_freed_with_its_factors_without_garbage_collection(name):
     pytest.importorskip(SOLVERS[name].package)
     lower = tril(some_matrix(5, 20.0), format="csc")
-    solver = solver_named(name)(lower, natural(lower))
+    solver = SOLVERS[name].build(lower, natural(lower))
     reference, factors = ref(solver), solver.factorise(lower.data)
     gc.disable()
     try:
@@ -423,12 +496,27 @@ def test_superlu_replaces_rslab_if_it_fails_to_import(monkeypatch):
     assert pivoting_solver() is SuperLU
 
 
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [("3", 3), ("2,1", 2), ("", None), ("0", None), ("-1", None), ("²", None)],
+)
+def test_rslab_takes_the_number_of_threads_from_the_environment(
+    monkeypatch, text, number
+):
+    monkeypatch.setenv("OMP_NUM_THREADS", text)
+    lower = identity(2, format="csc")
+    solver = SOLVERS["rslab"].build(lower, natural(lower))
+    assert solver.n_threads == number
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="it forks")
 def test_a_forked_process_uses_superlu():
     """RSLAB would wait forever for threads that do not survive the fork."""
     assert chosen(100).name == "rslab"
     if not (child := os.fork()):
         signal.alarm(20)
+        with pytest.raises(ValueError, match="cannot be used in a forked process"):
+            chosen(100, "rslab")
         os._exit(chosen(100).name != "superlu")
     _, status = os.waitpid(child, 0)
     assert status == 0
@@ -436,7 +524,7 @@ def test_a_forked_process_uses_superlu():
 
 def test_superlu_is_never_measured():
     assert not SOLVERS["superlu"].rival
-    assert solver_named("superlu") is SuperLU
+    assert SOLVERS["superlu"].build is SuperLU
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
@@ -444,18 +532,11 @@ def test_superlu_is_never_measured():
 def test_inertia_and_solution_do_not_depend_on_the_unit_of_force(
     factorised, seed, unit
 ):
-    """A strip of random stiffnesses from 1e-5 to 1e5, softened below zero in places."""
-    rng = np.random.default_rng(seed)
-    p = np.array([(i, j) for i in range(12) for j in range(12)])
-    i, j = np.nonzero(np.triu(np.abs(p[:, None] - p).sum(axis=2) <= 2, 1))
-    k = 10 ** rng.uniform(-5, 5, len(i)) * rng.choice([1.0, -0.1], len(i), p=[0.9, 0.1])
-    B = csr_matrix(
-        (np.r_[k * 0 + 1, k * 0 - 1], (np.tile(np.arange(len(i)), 2), np.r_[i, j]))
-    )
-    A = unit * (B.T @ diags(k) @ B + 1e-3 * identity(len(p)))
+    """A net of random stiffnesses from 1e-5 to 1e5, softened below zero in places."""
+    A = unit * (springs(seed, 10, softened=0.1) + 1e-3 * identity(144))
     d = np.abs(A.diagonal()) ** -0.5
     scaled = diags(d) @ A @ diags(d)
-    factors, x = factorised(A), rng.standard_normal(len(p))
+    factors, x = factorised(A), np.random.default_rng(seed).standard_normal(144)
     assert factors.negative_pivots == np.sum(np.linalg.eigvalsh(scaled.toarray()) < 0)
     b = A @ x
     assert np.abs(A @ factors.solve(b) - b).max() <= 1e-9 * np.abs(b).max()

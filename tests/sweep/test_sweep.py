@@ -16,6 +16,7 @@ from threading import Event
 import pytest
 from threadpoolctl import threadpool_limits
 
+from skfem_textile.solve.linear import rslab
 from skfem_textile.solve.sweep import (
     SweepError,
     WorkerProcesses,
@@ -104,6 +105,12 @@ def test_a_failing_case_is_repeated(executor, tmp_path):
 def test_every_call_has_one_thread_of_linear_algebra(executor):
     for _, threads in sweep(sweep_cases.threads, range(3), executor):
         assert set(threads) == {1}
+
+
+def test_rslab_has_one_thread_in_every_call_and_no_limit_after_it(executor):
+    for _, threads in sweep(sweep_cases.threads_of_rslab, range(3), executor):
+        assert threads == 1
+    assert rslab.threads.get() is None
 
 
 @pytest.mark.parametrize("executor", ["workers"], indirect=True)

@@ -1,11 +1,11 @@
 """Sparse direct solvers of symmetric systems, by name."""
 
+from .scaling import SingularMatrixError
 from .solver import (
     SOLVERS,
     Choice,
     ChosenSolver,
     Factors,
-    SingularMatrixError,
     Solver,
     check_solver,
     solver_named,

@@ -9,21 +9,12 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
-from .solver import (
-    Factors,
-    LatestFactors,
-    SingularMatrixError,
-    Solver,
-    pivoting_solver,
-    refuse_round_off,
-)
+from .scaling import SingularMatrixError, refuse_round_off
+from .solver import Factors, LatestFactors, Solver, pivoting_solver
 from .unknowns import Unknowns
 
 # Value of the option ``supernodal`` for factors LLᵀ.
 _SUPERNODAL = 2
-
-# Argument of ``solve`` for x = P b with the pivot order P.
-_PERMUTED = 7
 
 # The options of cvxopt apply to the whole process.
 _LOCK = Lock()
@@ -49,7 +40,6 @@ class Cholmod(LatestFactors):
             for x in (lower.indices, col, unknowns.order)
         )
         self.A = cvxopt.spmatrix(0.0, rows, cols, (n, n))
-        self.diagonal = lower.indptr[:-1]
         self.factors = self.call(cvxopt.cholmod.symbolic, self.A, order)
 
     def factorise(self, data: ndarray) -> "CholmodFactors":
@@ -90,10 +80,7 @@ class CholmodFactors:
         solver.A.V = self._cvxopt.matrix(self._data)
         try:
             solver.call(cholmod.numeric, solver.A, solver.factors)
-            root = np.array(cholmod.diag(solver.factors)).ravel()
-            diagonal = self._cvxopt.matrix(self._data[solver.diagonal])
-            cholmod.solve(solver.factors, diagonal, sys=_PERMUTED)
-            refuse_round_off(root**2, np.array(diagonal).ravel())
+            refuse_round_off(np.array(cholmod.diag(solver.factors)) ** 2)
         except (ArithmeticError, SingularMatrixError):
             self.definite = False
 

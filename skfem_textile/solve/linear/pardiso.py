@@ -6,6 +6,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 
+from .scaling import ROUND_OFF
 from .solver import REFINEMENTS, CountedPivots, LatestFactors
 from .unknowns import Unknowns
 
@@ -13,9 +14,11 @@ from .unknowns import Unknowns
 _SYMMETRIC_INDEFINITE = -2
 _ANALYSE, _FACTORISE, _SOLVE = 11, 22, 33
 
-# Entries of its parameter array, counted from 1 as in its manual.
-_OWN_PARAMETERS, _ORDER_GIVEN, _REFINEMENTS, _LEAST_PIVOT = 1, 5, 8, 10
-_PERTURBED, _NEGATIVE = 14, 23
+# Entries of its parameter array, counted from 1 as in its manual.  Second line: decimal
+# exponent of the smallest pivot, numbers of smaller pivots and of negative ones, and a
+# switch for pivots of Bunch & Kaufman.
+_OWN_PARAMETERS, _ORDER_GIVEN, _REFINEMENTS = 1, 5, 8
+_SMALLEST_PIVOT, _SMALLER, _NEGATIVE, _BUNCH_KAUFMAN = 10, 14, 23, 21
 
 # Error number for a zero pivot.
 _ZERO_PIVOT = -4
@@ -39,7 +42,8 @@ class Pardiso(LatestFactors):
         solver.perm = (1 + unknowns.order).astype(np.int32)
         solver.set_iparm(_OWN_PARAMETERS, 1)
         solver.set_iparm(_ORDER_GIVEN, 1)
-        solver.set_iparm(_LEAST_PIVOT, 13)
+        solver.set_iparm(_SMALLEST_PIVOT, round(-np.log10(ROUND_OFF)))
+        solver.set_iparm(_BUNCH_KAUFMAN, 1)
         finalize(self, solver.free_memory, everything=True)
         self.call(_ANALYSE)
 
@@ -75,7 +79,7 @@ class PardisoFactors(CountedPivots):
                 raise
         else:
             parameter = self._solver.pardiso.get_iparm
-            if parameter(_PERTURBED) <= 0:
+            if parameter(_SMALLER) == 0:
                 self._negative = int(parameter(_NEGATIVE))
 
     def discard(self) -> None:

@@ -13,16 +13,17 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix
 
 from ...mesh.pattern import matrix_of_slots
-from .solver import CountedPivots, LatestFactors, SingularMatrixError, refuse_round_off
+from .scaling import ROUND_OFF
+from .solver import CountedPivots, LatestFactors
 from .unknowns import Unknowns
 
 #: Prefix of the options in PETSc's database.
 PREFIX = "skfem_textile_"
 
-# Parameters of MUMPS as numbered in its manual: the root is factorised without
-# ScaLAPACK, which does not count negative pivots; twice the estimated workspace;
-# detection of null pivots, relative to the scaled matrix.
-_INTEGERS, _REALS = {13: 1, 14: 100, 24: 1}, {3: 1e-12}
+# Parameters of MUMPS as numbered in its manual: no scaling; the root is factorised
+# without ScaLAPACK, which does not count negative pivots; twice the estimated
+# workspace; detection of null pivots by an absolute limit, which is a negative number.
+_INTEGERS, _REALS = {8: 0, 13: 1, 14: 100, 24: 1}, {3: -ROUND_OFF}
 
 # The entry of its results with the error number, and the numbers for singular matrices.
 _ERROR, _SINGULAR = 1, (-6, -10)
@@ -128,10 +129,6 @@ class PETSc(LatestFactors):
         """
         if not len(data):
             return self.ksp, 0
-        try:
-            self._refuse_null_rows(data)
-        except SingularMatrixError:
-            return self.ksp, None
         self._A.setValuesCSR(*self._csr, data[self._slots])
         self._A.assemble()
         if self.iterative:
@@ -140,13 +137,6 @@ class PETSc(LatestFactors):
             if x is not None and b @ x > 0:
                 return self.ksp, 0
         return self._direct, self._inertia()
-
-    def _refuse_null_rows(self, data: ndarray) -> None:
-        """Refuse rows that are round-off; MUMPS scales them."""
-        size = np.abs(data)
-        rows = np.maximum.reduceat(size, self.lower.indptr[:-1])
-        np.maximum.at(rows, self.lower.indices, size)
-        refuse_round_off(rows, rows)
 
     def _inertia(self) -> int | None:
         """Number of negative pivots; None if the matrix is singular."""

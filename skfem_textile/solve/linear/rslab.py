@@ -6,21 +6,15 @@ preserves the sparsity; refinement recovers the accuracy if such a pivot is smal
 
 import os
 import sys
+from contextvars import ContextVar
 from functools import cache
 from typing import Any
 
-import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
-from .solver import (
-    LEAST_OF_ENTRY,
-    LEAST_OF_LARGEST,
-    REFINEMENTS,
-    CountedPivots,
-    LatestFactors,
-    SingularMatrixError,
-)
+from .scaling import ROUND_OFF
+from .solver import FORKED, REFINEMENTS, CountedPivots, LatestFactors
 from .unknowns import Unknowns
 
 # Nested dissection with the quickest settings: graphs of meshes in a plane have small
@@ -34,6 +28,10 @@ _ORDERING: dict[str, Any] = {
 # Backward error at which the refinements end, a few units of round-off.
 _BACKWARD_ERROR = 1e-15
 
+#: Number of threads of solvers that are built in this context; None for
+#: ``OMP_NUM_THREADS``, and without it a number selected by RSLAB, at most four.
+threads: ContextVar[int | None] = ContextVar("threads", default=None)
+
 
 class Rslab(LatestFactors):
     """LDLᵀ factors and inertia of symmetric, possibly indefinite matrices.
@@ -43,6 +41,11 @@ class Rslab(LatestFactors):
     lower, unknowns
         See `Solver`.  RSLAB computes the elimination order from the sparsity pattern
         alone.
+
+    Attributes
+    ----------
+    n_threads
+        Number of threads; None for the number that RSLAB selects, at most four.
     """
 
     def __init__(self, lower: csc_matrix, unknowns: Unknowns) -> None:
@@ -50,14 +53,14 @@ class Rslab(LatestFactors):
 
         _replace_after_fork()
         self._process = os.getpid()
-        self._diagonal = lower.indptr[:-1]
-        threads = os.environ.get("OMP_NUM_THREADS", "")
+        self.n_threads = _threads()
         self._analysis = rslab.analyze(
             lower,
             path="ldlt",
             **_ORDERING,
-            threads=int(threads) if threads.isdigit() else None,
-            preconditioner=LEAST_OF_ENTRY,
+            scaling="identity",
+            threads=self.n_threads,
+            preconditioner=ROUND_OFF,
         )
 
     def factorise(self, data: ndarray) -> "RslabFactors":
@@ -65,21 +68,10 @@ class Rslab(LatestFactors):
         return RslabFactors(self, data)
 
     def ldlt(self, data: ndarray) -> Any:
-        """Factors computed by RSLAB, with pivots below round-off counted.
-
-        The unknowns are scaled so that the limit of `refuse_round_off` is
-        `LEAST_OF_ENTRY` for every pivot.
-        """
+        """Factors computed by RSLAB, with pivots below round-off counted."""
         if os.getpid() != self._process:
-            raise RuntimeError(
-                "RSLAB cannot continue in a forked process: start processes by spawn"
-            )
-        diagonal = np.abs(data[self._diagonal])
-        least = LEAST_OF_LARGEST / LEAST_OF_ENTRY * diagonal.max(initial=0.0)
-        size = np.maximum(diagonal, least)
-        if not np.all(size > 0):
-            raise SingularMatrixError
-        return self._analysis.factor(data, scaling=size**-0.5)
+            raise RuntimeError(FORKED)
+        return self._analysis.factor(data)
 
 
 class RslabFactors(CountedPivots):
@@ -99,6 +91,15 @@ class RslabFactors(CountedPivots):
         """Solution, refined if A is indefinite."""
         refinements = REFINEMENTS if self._negative else 0
         return self._ldlt.solve(b, refine=refinements, target=_BACKWARD_ERROR)
+
+
+def _threads() -> int | None:
+    """Number of threads; None if it is not given as a positive whole number."""
+    if number := threads.get():
+        return number
+    # The first number of a list applies to the outermost level of OpenMP.
+    text = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
+    return (int(text) or None) if text.isdecimal() else None
 
 
 @cache

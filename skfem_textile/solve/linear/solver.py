@@ -1,11 +1,14 @@
 """Linear solvers: interface, choice by name, and time measurement.
 
-The faster of CHOLMOD and PARDISO depends on the processor, so ``auto`` measures both.
+The fastest solver depends on the processor, so ``auto`` measures the installed ones for
+large systems.
 """
 
 import logging
+import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from threading import Lock
@@ -17,19 +20,21 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
+from .scaling import Scaling, SingularMatrixError
 from .unknowns import Unknowns
 
 log = logging.getLogger(__name__)
-
-# Share of the diagonal entry, and of the largest pivot, below which a pivot is
-# round-off.  Larger shares refuse regular matrices with very different stiffnesses;
-# smaller ones miss mechanisms.
-LEAST_OF_ENTRY, LEAST_OF_LARGEST = 1e-12, 1e-16
 
 #: Largest number of refinements of the solution of an indefinite system.  Pivots are
 #: restricted to blocks of columns, so that they may be small and amplify round-off; a
 #: pivot above the limit for round-off leaves at least four digits per refinement.
 REFINEMENTS = 4
+
+#: Message in a forked process, from which a solver with threads is hidden.
+FORKED = (
+    "solver 'rslab' cannot be used in a forked process, which lacks its threads: start "
+    "processes by spawn, or choose another solver"
+)
 
 #: Number of unknowns from which ``auto`` measures.  The measurement then takes 2 s, of
 #: which 0.6 s load PARDISO; a solver that saves a third of the time repays this in 25
@@ -77,10 +82,9 @@ class SolverEntry:
         return getattr(import_module(f".{module}", __package__), name)
 
 
-#: Solvers by name, the fastest known first.  SuperLU takes at least four times as long
-#: as the others and three times the memory, so it is not measured.  The numbers of
-#: unknowns that repay an import are from ``docs/benchmarks/speed.md``.  PETSc follows
-#: SuperLU, so that ``auto`` never selects it.
+#: Solvers by name, the fastest known first.  SuperLU takes several times the time and
+#: memory of the others, see ``docs/benchmarks/speed.md``, so it is not
+#: measured.  PETSc follows SuperLU, so that ``auto`` never selects it.
 SOLVERS = {
     "cholmod": SolverEntry("cholmod:Cholmod", "cvxopt.cholmod", 500, True),
     "pardiso": SolverEntry("pardiso:Pardiso", "pypardiso", 20_000, True),
@@ -92,30 +96,17 @@ SOLVERS = {
 }
 
 
-class SingularMatrixError(RuntimeError):
-    """Singular matrix: a mechanism is present."""
-
-    def __init__(self) -> None:
-        super().__init__("singular tangent: a mechanism is present")
-
-
-def refuse_round_off(pivots: ndarray, entries: ndarray) -> None:
-    """Refuse pivots, given by magnitude, that are round-off of the entries."""
-    largest = pivots.max(initial=0.0)
-    round_off = np.maximum(LEAST_OF_ENTRY * np.abs(entries), LEAST_OF_LARGEST * largest)
-    if not np.all(pivots > round_off):
-        raise SingularMatrixError
-
-
 class Factors(Protocol):
-    """Factors of a symmetric matrix, definite or indefinite.
+    """Factors of a symmetric matrix, definite or indefinite."""
 
-    ``factorisations`` is the number of factorisations so far: a matrix may need a
-    second one if it is indefinite, or if its factors were discarded in favour of
-    others.
-    """
+    @property
+    def factorisations(self) -> int:
+        """Number of factorisations so far.
 
-    factorisations: int
+        A matrix may need a second one if it is indefinite, or if its factors were
+        discarded in favour of others.
+        """
+        ...
 
     @property
     def definite(self) -> bool:
@@ -148,6 +139,9 @@ class Factors(Protocol):
 
 class Solver(Protocol):
     """Factorises symmetric matrices of one sparsity pattern, analysed once.
+
+    `ChosenSolver` is the solver of users.  It checks and scales matrices for the
+    solvers in `SOLVERS`, which compare pivots with `scaling.ROUND_OFF`.
 
     Parameters
     ----------
@@ -266,12 +260,46 @@ _MEASURED: dict[tuple[str, ...], Choice] = {}
 _LOCK = Lock()
 
 
+@dataclass(eq=False)
+class ScaledFactors:
+    """`Factors` of A from factors of S A S with a diagonal matrix S."""
+
+    _factors: Factors
+    _scale: ndarray
+
+    @property
+    def factorisations(self) -> int:
+        """Number of factorisations so far."""
+        return self._factors.factorisations
+
+    @property
+    def definite(self) -> bool:
+        """True if A is positive definite."""
+        return self._factors.definite
+
+    @property
+    def negative_pivots(self) -> int | None:
+        """Number of negative eigenvalues of A and, by Sylvester's law, of S A S."""
+        return self._factors.negative_pivots
+
+    def solve(self, b: ndarray) -> ndarray:
+        """Solve A x = b."""
+        return self._scale * self._factors.solve(self._scale * b)
+
+
 class ChosenSolver:
     """`Solver` by name; ``auto`` selects the fastest installed one.
 
-    For few unknowns this is SuperLU, which needs no import; for more, the fastest
-    known.  From `MEASURED_FROM` unknowns on, the solvers are measured with the first
-    positive definite matrix, once per process.
+    This is the fastest known solver whose import time is repaid.  From `MEASURED_FROM`
+    unknowns on, the solvers are measured with the first positive definite matrix, once
+    per process.
+
+    Matrices are scaled so that every unknown has the same size (`Scaling`).  A matrix
+    with a pivot below `scaling.ROUND_OFF` is singular, for each solver.  The
+    elimination order is independent of the entries; a regular indefinite matrix with
+    zeros on the diagonal, such as the tangent of a Lagrange multiplier, may therefore
+    have such a pivot and also count as singular, except with SuperLU, which pivots
+    across the whole matrix.
 
     Parameters
     ----------
@@ -293,6 +321,7 @@ class ChosenSolver:
 
     def __init__(self, name: str, lower: csc_matrix, unknowns: Unknowns) -> None:
         self._lower, self._unknowns, n = lower, unknowns, lower.shape[0]
+        self._scaling = Scaling(lower)
         self._rivals: tuple[str, ...] = ()  # to be measured
         if name != "auto":
             check_solver(name)
@@ -314,14 +343,23 @@ class ChosenSolver:
             log.info("linear solver %s: %s", *self.choice)
 
     def factorise(self, data: ndarray) -> Factors:
-        """See `Solver`; measures the solvers first, if required."""
+        """See `Solver`; measures the solvers first, if required.
+
+        Raises
+        ------
+        SingularMatrixError
+            See `Solver`.
+        ValueError
+            If an entry is not finite.
+        """
+        data, scale = self._scaling(data)
         if self._rivals and (choice := self._measured(data)):
             if choice.name != self.choice.name:
                 build = SOLVERS[choice.name].build
                 self._solver = build(self._lower, self._unknowns)
             self.choice, self._rivals = choice, ()
             log.info("linear solver %s: %s", *choice)
-        return self._solver.factorise(data)
+        return ScaledFactors(self._solver.factorise(data), scale)
 
     def _measured(self, data: ndarray) -> Choice | None:
         """Fastest solver of the leading block, see `_measured`."""
@@ -331,10 +369,10 @@ class ChosenSolver:
         return _measured(self._rivals, part, self._unknowns.first(n))
 
 
-def solver_named(name: str) -> type[Solver]:
-    """Solver for a name in `SOLVERS`; raises the errors of `check_solver`."""
+def solver_named(name: str) -> SolverOfPattern:
+    """`ChosenSolver` with a name; raises the errors of `check_solver`."""
     check_solver(name)
-    return SOLVERS[name].build
+    return partial(ChosenSolver, name)
 
 
 def check_solver(name: str) -> None:
@@ -347,6 +385,8 @@ def check_solver(name: str) -> None:
         )
     package, install = SOLVERS[name].package, SOLVERS[name].install
     if find_spec(package) is None:
+        if sys.modules.get(package, package) is None:
+            raise ValueError(FORKED)
         install = install or f"pip install {package}"
         raise ValueError(f"solver {name!r} needs {package}: {install}")
 

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import SuperLU as Decomposition
 from scipy.sparse.linalg import splu
 
 from ...mesh.pattern import matrix_of_slots
-from .solver import SingularMatrixError, refuse_round_off
+from .scaling import SingularMatrixError, refuse_round_off
 from .unknowns import Unknowns
 
 
@@ -52,10 +52,8 @@ class SuperLU:
         SingularMatrixError
             If a pivot is zero to working precision.
         """
-        A = self.matrix(data)
-        lu = _decomposed(A, pivoting=0.01)
-        columns = abs(A).max(axis=0).toarray().ravel()
-        refuse_round_off(np.abs(lu.U.diagonal())[lu.perm_c], columns)
+        lu = _decomposed(self.matrix(data), pivoting=0.01)
+        refuse_round_off(np.abs(lu.U.diagonal()))
         return lu
 
 
@@ -65,15 +63,14 @@ class SuperLUFactors:
     def __init__(self, solver: SuperLU, data: ndarray) -> None:
         self._solver, self._data = solver, data
         self.factorisations = 1
-        A = solver.matrix(data)
-        self._lu, self._diagonal = _decomposed(A, pivoting=0.0), A.diagonal()
+        self._lu = _decomposed(solver.matrix(data), pivoting=0.0)
 
     @cached_property
     def negative_pivots(self) -> int | None:
         """Number of negative pivots, if all pivots stay on the diagonal."""
         lu = self._lu
         pivots = lu.U.diagonal()
-        refuse_round_off(np.abs(pivots)[lu.perm_c], self._diagonal)
+        refuse_round_off(np.abs(pivots))
         kept = np.array_equal(lu.perm_r, lu.perm_c)
         return int(np.sum(pivots < 0)) if kept else None
 
