@@ -20,11 +20,11 @@ from ..fabric.files import write_law
 from ..mesh.user_input import printable
 from ..scenes.shear_test import BiasExtension
 from . import words
+from .fit_files import KINDS, Options, option, repeated, tests_of
 from .interruption import held
 from .output import say
 from .progress import shown
 from .result_folder import ResultFolder
-from .test_files import KINDS, Options, option, repeated, tests_of
 
 _FABRIC: Options = {
     "--fabric": option(

@@ -9,6 +9,7 @@ import sys
 from collections import Counter
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import nullcontext
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from threading import Event
@@ -70,6 +71,8 @@ def test_an_interrupted_script_ends_in_one_line(tmp_path):
     command = [sys.executable, "-c", INTERRUPTED, str(out), str(long)]
     options = {"env": os.environ | {"PYTHONPATH": str(ROOT)}, "text": True}
     options |= {"start_new_session": True, "stderr": subprocess.PIPE}
+    # Otherwise ignored if the tests run in the background of a shell.
+    options["preexec_fn"] = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     with subprocess.Popen(command, **options) as caller:
         wait_until(long.exists)
         os.killpg(caller.pid, signal.SIGINT)
