@@ -154,7 +154,7 @@ def test_results_are_written_into_pages_and_tables(docs):
 
 
 def test_every_page_with_prose_is_checked_and_every_marker_is_filled():
-    """Pages with tasks or results are checked, not those of interfaces or theory."""
+    """Pages with tasks or results are checked; interfaces and theory are not."""
     folders = {page.parent.name for page in prose.CHECKED}
     assert folders >= {"docs", "benchmarks", "how-to", "tutorial"}
     for page in pages.PAGES:
