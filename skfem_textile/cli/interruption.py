@@ -18,8 +18,12 @@ from typing import Any
 #: Exit code after an interruption.
 INTERRUPTED = 130
 
-# Seconds until a signal is sent again after Python dropped its exception.
+# Seconds until a signal is sent again where its exception would be lost.
 _LATER = 0.01
+
+# Module that calls RSLAB, which ends the process if Python code that it calls, such as
+# its first import of NumPy, raises an exception.
+_RSLAB = "skfem_textile.solve.linear.rslab"
 
 _SIGNALS = signal.SIGINT, signal.SIGTERM
 
@@ -67,16 +71,19 @@ def _handled(handler: Callable[[int, Any], None]) -> Iterator[dict[int, Any]]:
 
 
 def _interrupt(number: int, frame: Any) -> None:
-    if _is_ignored(frame):
+    if _is_lost(frame):
         threading.Timer(_LATER, os.kill, (os.getpid(), number)).start()
     else:
         raise KeyboardInterrupt
 
 
-def _is_ignored(frame: Any) -> bool:
-    """True if Python drops exceptions here, as in finalisers."""
+def _is_lost(frame: Any) -> bool:
+    """True where an exception is dropped, as in finalisers, or ends the process."""
+    innermost = frame
     while frame is not None:
         module = frame.f_globals.get("__name__")
+        if module == _RSLAB and frame is not innermost:
+            return True
         if frame.f_code.co_name == "__del__" or module in ("weakref", "_weakrefset"):
             return True
         frame = frame.f_back

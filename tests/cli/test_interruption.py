@@ -110,6 +110,26 @@ def test_a_signal_during_finalisation_is_not_lost():
     assert done == [True]
 
 
+def test_a_signal_in_python_code_called_by_rslab_is_raised_after_it():
+    """An exception there would end the process."""
+    done = []
+
+    def called_by_rslab():
+        os.kill(os.getpid(), signal.SIGTERM)
+        done.append(True)
+
+    caller = {"__name__": "skfem_textile.solve.linear.rslab"}
+    exec("def analyse(call):\n    call()", caller)
+
+    def run():
+        caller["analyse"](called_by_rslab)
+        time.sleep(10)
+
+    with pytest.raises(KeyboardInterrupt), raised():
+        run()
+    assert done == [True]
+
+
 def run_held(signals, steps):
     """Take a step after each signal, and one after the protected block."""
     with held():
