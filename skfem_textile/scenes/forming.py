@@ -46,9 +46,6 @@ from .scene import Scene
 #: Default distance between punch and die in the plane of a ply, in mm.
 CLEARANCE = 5.0
 
-# Tolerance of lengths relative to the ply.
-_OFF = 1e-6
-
 # Share of the largest force of a tool above which holding forces are reported.
 _HOLDING = 0.01
 
