@@ -31,6 +31,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with raised():
             return _dispatch(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:
+        # After an interruption in a string that is run, as `dataclass` does, Python
+        # kills its process at the end, unless another string was run since.
+        exec("")
         complain("interrupted")
         return INTERRUPTED
 

@@ -139,6 +139,23 @@ def run_held(signals, steps):
     steps.append("after")
 
 
+def test_a_signal_in_a_string_that_is_run_ends_the_command_as_any_other(tmp_path):
+    (tmp_path / "interrupted.py").write_text(
+        "from skfem_textile.cli import main\n"
+        "main._dispatch = lambda _: exec('raise KeyboardInterrupt')\n"
+        "raise SystemExit(main.main([]))\n"
+    )
+    child = subprocess.run(
+        [sys.executable, "-m", "interrupted"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert child.returncode == INTERRUPTED
+    assert child.stderr == "skfem-textile: interrupted\n"
+
+
 @pytest.mark.parametrize(
     ("signals", "order"),
     [
