@@ -88,9 +88,9 @@ class LoadStepper:
         then has one state after the undeformed ply: this equilibrium, without load
         steps.  If it is not found, the load is applied in steps.
     solver
-        Linear solver: ``superlu``, ``cholmod`` (needs cvxopt), ``pardiso`` (needs
-        pypardiso), or ``auto`` for the fastest installed one, which is measured once
-        per process for large systems.
+        Linear solver: ``rslab``, ``cholmod`` (needs cvxopt), ``pardiso`` (needs
+        pypardiso), ``superlu``, ``petsc`` (needs petsc4py), or ``auto`` for the fastest
+        installed one, which is measured once per process for large systems.
 
     Raises
     ------
@@ -329,11 +329,10 @@ class Run:
         start, began = self._loaded_from
         if t > start:
             seconds = (perf_counter() - began) * (1 - t) / (t - start)
-            left += f" (about {timedelta(seconds=round(seconds))})"
-        return (
-            f"load factor {t:.4g}, travel {travel:.4g} mm, iteration {at.number} to "
-            f"{at.load_factor:.4g}, {left} left, {unknowns}"
-        )
+            left = f"{timedelta(seconds=round(seconds))}"
+        ongoing = at.load_factor > t
+        now = f"iteration {at.number} to {at.load_factor:.4g}, " if ongoing else ""
+        return f"load factor {t:.4g} ({travel:.4g} mm), {now}{left} left, {unknowns}"
 
     def _resume(self) -> bool:
         """Start from the end of the checkpoint; False if it contains no state."""

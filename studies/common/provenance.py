@@ -22,7 +22,7 @@ _NO_RESULT = "study", "out", "resume", "no_render", "workers"
 
 _PACKAGES = (
     *("skfem-textile", "scikit-fem", "numpy", "scipy", "cvxopt"),
-    *("pypardiso", "mkl", "felupe", "scikit-fem-native"),
+    *("rslab", "pypardiso", "mkl", "felupe", "scikit-fem-native"),
 )
 
 

@@ -5,13 +5,14 @@ import json
 import os
 import signal
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from importlib.util import find_spec
 from weakref import ref
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix, csr_matrix, diags, identity, tril
+from scipy.sparse import csc_matrix, csr_matrix, diags, identity, kron, tril
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, Ply
@@ -22,6 +23,7 @@ from skfem_textile.solve.linear import (
     ChosenSolver,
     SingularMatrixError,
     Unknowns,
+    check_solver,
     nested_dissection,
     solver_named,
 )
@@ -77,6 +79,39 @@ def test_small_diagonal_entries_do_not_affect_accuracy(factorised):
     A = csr_matrix([[1.0, 1.0], [1.0, 1e-10]])
     x = np.array([1.0, 2.0])
     np.testing.assert_allclose(factorised(A).solve(A @ x), x, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("cells", "shift"), [(33, -2.0), (60, -2.0), (60, -0.99)])
+def test_indefinite_laplacians_are_solved_or_refused(factorised, cells, shift):
+    """Their pivots within blocks of columns may be too small for any digit."""
+    line = diags([-np.ones(cells - 1), 2 * np.ones(cells)], [-1, 0])
+    line = line + diags([-np.ones(cells - 1)], [1])
+    A = kron(line, identity(cells)) + kron(identity(cells), line)
+    A = csr_matrix(A + shift * identity(cells**2))
+    of_line = 2 - 2 * np.cos(np.pi * np.arange(1, cells + 1) / (cells + 1))
+    eigenvalues = np.add.outer(of_line, of_line) + shift
+    factors, b = factorised(A), np.ones(cells**2)
+    try:
+        x, negative = factors.solve(b), factors.negative_pivots
+    except SingularMatrixError:
+        assert shift == -2.0
+    else:
+        assert negative in (np.sum(eigenvalues < 0), None)
+        assert np.abs(A @ x - b).max() < 1e-9
+
+
+def test_threads_may_share_a_solver(factorised):
+    shared = factorised(some_matrix(4, 0.0))._solver
+
+    def off(seed):
+        A = some_matrix(seed, 20.0 * (seed % 2))
+        x, lower = np.arange(40.0), tril(A, format="csc")
+        lower.sort_indices()
+        found = [shared.factorise(lower.data).solve(A @ x) for _ in range(30)]
+        return np.abs(np.array(found) - x).max()
+
+    with ThreadPoolExecutor(3) as threads:
+        assert max(threads.map(off, range(3, 9))) < 1e-8
 
 
 @pytest.mark.parametrize("weak", [1e-7, 1e-10])
@@ -490,6 +525,15 @@ def test_auto_selects_the_fastest_known_solver_that_repays_its_import():
     assert chosen(LARGE - 1).name == next(installed)
 
 
+def test_a_broken_package_of_a_requested_solver_is_named(monkeypatch):
+    def broken(name):
+        raise ImportError("a library is missing")
+
+    monkeypatch.setattr(linear, "import_module", broken)
+    with pytest.raises(ValueError, match="fails to import: a library is missing"):
+        check_solver("rslab")
+
+
 def test_superlu_replaces_rslab_if_it_fails_to_import(monkeypatch):
     monkeypatch.setitem(sys.modules, "rslab", None)
     assert chosen(100).name == "superlu"
@@ -498,12 +542,16 @@ def test_superlu_replaces_rslab_if_it_fails_to_import(monkeypatch):
 
 @pytest.mark.parametrize(
     ("text", "number"),
-    [("3", 3), ("2,1", 2), ("", None), ("0", None), ("-1", None), ("²", None)],
+    [
+        *[("3", 3), ("2,1", 2), ("1" + 23 * "0", 4)],
+        *[("", None), ("0", None), ("-1", None), ("²", None)],
+    ],
 )
 def test_rslab_takes_the_number_of_threads_from_the_environment(
     monkeypatch, text, number
 ):
     monkeypatch.setenv("OMP_NUM_THREADS", text)
+    monkeypatch.setattr(os, "cpu_count", lambda: 4)
     lower = identity(2, format="csc")
     solver = SOLVERS["rslab"].build(lower, natural(lower))
     assert solver.n_threads == number
@@ -512,9 +560,12 @@ def test_rslab_takes_the_number_of_threads_from_the_environment(
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="it forks")
 def test_a_forked_process_uses_superlu():
     """RSLAB would wait forever for threads that do not survive the fork."""
-    assert chosen(100).name == "rslab"
+    lower = identity(100, format="csc")
+    factors = ChosenSolver("rslab", lower, natural(lower)).factorise(lower.data)
     if not (child := os.fork()):
         signal.alarm(20)
+        with pytest.raises(RuntimeError, match="cannot be used in a forked process"):
+            factors.solve(np.ones(100))
         with pytest.raises(ValueError, match="cannot be used in a forked process"):
             chosen(100, "rslab")
         os._exit(chosen(100).name != "superlu")

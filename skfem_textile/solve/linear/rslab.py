@@ -69,9 +69,13 @@ class Rslab(LatestFactors):
 
     def ldlt(self, data: ndarray) -> Any:
         """Factors computed by RSLAB, with pivots below round-off counted."""
+        self.refuse_fork()
+        return self._analysis.factor(data)
+
+    def refuse_fork(self) -> None:
+        """Raise an error in a forked process: RSLAB would wait for its threads."""
         if os.getpid() != self._process:
             raise RuntimeError(FORKED)
-        return self._analysis.factor(data)
 
 
 class RslabFactors(CountedPivots):
@@ -89,6 +93,7 @@ class RslabFactors(CountedPivots):
 
     def solution(self, b: ndarray) -> ndarray:
         """Solution, refined if A is indefinite."""
+        self._solver.refuse_fork()
         refinements = REFINEMENTS if self._negative else 0
         return self._ldlt.solve(b, refine=refinements, target=_BACKWARD_ERROR)
 
@@ -99,7 +104,8 @@ def _threads() -> int | None:
         return number
     # The first number of a list applies to the outermost level of OpenMP.
     text = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
-    return (int(text) or None) if text.isdecimal() else None
+    number = int(text) if text.isdecimal() else 0
+    return min(number, os.cpu_count() or 1) or None
 
 
 @cache

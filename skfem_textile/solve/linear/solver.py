@@ -8,10 +8,10 @@ import logging
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from importlib import import_module
 from importlib.util import find_spec
-from threading import Lock
+from threading import Lock, RLock
 from time import perf_counter
 from typing import Any, NamedTuple, Protocol, TypeAlias
 from weakref import ref
@@ -20,7 +20,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
-from .scaling import Scaling, SingularMatrixError
+from .scaling import ROUND_OFF, Scaled, Scaling, SingularMatrixError
 from .unknowns import Unknowns
 
 log = logging.getLogger(__name__)
@@ -62,6 +62,8 @@ class SolverEntry:
         True if it may be the fastest for large systems.
     install
         Command that installs the package; empty for pip.
+    pivots_anywhere
+        True if pivots of indefinite matrices are not restricted to blocks of columns.
     """
 
     path: str
@@ -69,6 +71,7 @@ class SolverEntry:
     unknowns: int
     rival: bool
     install: str = ""
+    pivots_anywhere: bool = False
 
     @property
     def package(self) -> str:
@@ -89,7 +92,7 @@ SOLVERS = {
     "cholmod": SolverEntry("cholmod:Cholmod", "cvxopt.cholmod", 500, True),
     "pardiso": SolverEntry("pardiso:Pardiso", "pypardiso", 20_000, True),
     "rslab": SolverEntry("rslab:Rslab", "rslab", 0, True),
-    "superlu": SolverEntry("superlu:SuperLU", "scipy", 0, False),
+    "superlu": SolverEntry("superlu:SuperLU", "scipy", 0, False, pivots_anywhere=True),
     "petsc": SolverEntry(
         "petsc:PETSc", "petsc4py.PETSc", 0, False, "apt-get install python3-petsc4py"
     ),
@@ -260,31 +263,59 @@ _MEASURED: dict[tuple[str, ...], Choice] = {}
 _LOCK = Lock()
 
 
-@dataclass(eq=False)
 class ScaledFactors:
-    """`Factors` of A from factors of S A S with a diagonal matrix S."""
+    """`Factors` of A from factors of S A S with a diagonal matrix S.
 
-    _factors: Factors
-    _scale: ndarray
+    Pivots restricted to blocks of columns may amplify round-off without being small, so
+    that the factors of an indefinite matrix are checked with one right-hand side.  If
+    they fail, the `pivoting_solver` takes over.
+    """
+
+    def __init__(self, solver: "ChosenSolver", factors: Factors, scaled: Scaled):
+        self._solver, self._factors, self._scaled = solver, factors, scaled
 
     @property
     def factorisations(self) -> int:
         """Number of factorisations so far."""
-        return self._factors.factorisations
+        others = {self._factors, self.__dict__.get("_checked", self._factors)}
+        return sum(factors.factorisations for factors in others)
 
     @property
     def definite(self) -> bool:
         """True if A is positive definite."""
-        return self._factors.definite
+        with self._solver.lock:
+            return self._factors.definite
 
     @property
     def negative_pivots(self) -> int | None:
         """Number of negative eigenvalues of A and, by Sylvester's law, of S A S."""
-        return self._factors.negative_pivots
+        with self._solver.lock:
+            return self._checked.negative_pivots
 
     def solve(self, b: ndarray) -> ndarray:
         """Solve A x = b."""
-        return self._scale * self._factors.solve(self._scale * b)
+        with self._solver.lock:
+            return self._scaled.scale * self._checked.solve(self._scaled.scale * b)
+
+    @cached_property
+    def _checked(self) -> Factors:
+        """Factors that solve S A S x = b to round-off."""
+        certain = SOLVERS[self._solver.choice.name].pivots_anywhere
+        if certain or self._factors.definite or self._is_accurate(self._factors):
+            return self._factors
+        factors = self._solver.pivoting.factorise(self._scaled.data)
+        if not self._is_accurate(factors):
+            raise SingularMatrixError
+        return factors
+
+    def _is_accurate(self, factors: Factors) -> bool:
+        data = self._scaled.data
+        ones = np.ones(len(self._scaled.scale))
+        b = self._solver.product(data, ones)
+        x = factors.solve(b)
+        size = self._solver.product(np.abs(data), ones).max(initial=0.0)
+        error = np.abs(self._solver.product(data, x) - b).max(initial=0.0)
+        return bool(error <= ROUND_OFF * size * (1 + np.abs(x).max(initial=0.0)))
 
 
 class ChosenSolver:
@@ -296,10 +327,11 @@ class ChosenSolver:
 
     Matrices are scaled so that every unknown has the same size (`Scaling`).  A matrix
     with a pivot below `scaling.ROUND_OFF` is singular, for each solver.  The
-    elimination order is independent of the entries; a regular indefinite matrix with
-    zeros on the diagonal, such as the tangent of a Lagrange multiplier, may therefore
-    have such a pivot and also count as singular, except with SuperLU, which pivots
-    across the whole matrix.
+    elimination order is independent of the entries; a regular indefinite matrix, such
+    as the tangent of a Lagrange multiplier, may therefore have such a pivot and also
+    count as singular, except with SuperLU, which pivots across the whole matrix.
+
+    Threads may share a solver; they wait for each other.
 
     Parameters
     ----------
@@ -321,14 +353,16 @@ class ChosenSolver:
 
     def __init__(self, name: str, lower: csc_matrix, unknowns: Unknowns) -> None:
         self._lower, self._unknowns, n = lower, unknowns, lower.shape[0]
-        self._scaling = Scaling(lower)
+        self._scaling, self.lock = Scaling(lower), RLock()
         self._rivals: tuple[str, ...] = ()  # to be measured
         if name != "auto":
             check_solver(name)
             self.choice = Choice(name, "requested")
         elif n < MEASURED_FROM:
             reason = f"fastest known, not measured below {MEASURED_FROM} unknowns"
-            self.choice = Choice(_known(n), reason)
+            if (known := _known(n)) == "superlu":
+                reason = "no other solver can be imported"
+            self.choice = Choice(known, reason)
         else:
             rivals = tuple(
                 k for k, o in SOLVERS.items() if o.rival and find_spec(o.package)
@@ -352,14 +386,26 @@ class ChosenSolver:
         ValueError
             If an entry is not finite.
         """
-        data, scale = self._scaling(data)
-        if self._rivals and (choice := self._measured(data)):
-            if choice.name != self.choice.name:
-                build = SOLVERS[choice.name].build
-                self._solver = build(self._lower, self._unknowns)
-            self.choice, self._rivals = choice, ()
-            log.info("linear solver %s: %s", *choice)
-        return ScaledFactors(self._solver.factorise(data), scale)
+        scaled = self._scaling(data)
+        with self.lock:
+            if self._rivals and (choice := self._measured(scaled.data)):
+                if choice.name != self.choice.name:
+                    build = SOLVERS[choice.name].build
+                    self._solver = build(self._lower, self._unknowns)
+                self.choice, self._rivals = choice, ()
+                log.info("linear solver %s: %s", *choice)
+            return ScaledFactors(self, self._solver.factorise(scaled.data), scaled)
+
+    @cached_property
+    def pivoting(self) -> Solver:
+        """Solver for matrices that this one does not solve; analysed at first use."""
+        return pivoting_solver()(self._lower, self._unknowns)
+
+    def product(self, data: ndarray, x: ndarray) -> ndarray:
+        """Product of the matrix with the entries ``data`` and a vector."""
+        lower = self._lower
+        A = csc_matrix((data, lower.indices, lower.indptr), lower.shape)
+        return A @ x + A.T @ x - data[lower.indptr[:-1]] * x
 
     def _measured(self, data: ndarray) -> Choice | None:
         """Fastest solver of the leading block, see `_measured`."""
@@ -385,10 +431,16 @@ def check_solver(name: str) -> None:
         )
     package, install = SOLVERS[name].package, SOLVERS[name].install
     if find_spec(package) is None:
-        if sys.modules.get(package, package) is None:
+        if name == "rslab" and package in sys.modules:
             raise ValueError(FORKED)
         install = install or f"pip install {package}"
         raise ValueError(f"solver {name!r} needs {package}: {install}")
+    try:
+        import_module(SOLVERS[name].needs)
+    except ImportError as error:
+        raise ValueError(
+            f"solver {name!r} needs {package}, which fails to import: {error}"
+        ) from None
 
 
 def pivoting_solver() -> type[Solver]:
