@@ -35,7 +35,7 @@ def built(tmp_path_factory):
 
 
 def pictures(notebook):
-    """How many pictures the cells of a notebook show."""
+    """Number of pictures that the cells of a notebook show."""
     outputs = (out for cell in notebook.cells for out in cell.get("outputs", ()))
     kinds = [kind for out in outputs for kind in out.get("data", ())]
     return sum(kind in {"image/png", "image/gif"} for kind in kinds)

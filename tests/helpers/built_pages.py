@@ -17,7 +17,7 @@ from urllib.parse import unquote, urlsplit
 
 ROOT = Path(__file__).parents[2]
 
-# Attributes with an address; those of links lead elsewhere, the others are loaded.
+# Attributes with an address: links are followed, all else is loaded with the page.
 _ADDRESSES = {"href", "src", "poster", "data", "srcset"}
 _LINKS = {"a", "area"}
 
@@ -51,7 +51,7 @@ def _page(file: Path) -> _Page:
 
 
 def defects(build: Path) -> Iterator[str]:
-    """What is wrong with the pages in a folder, one line for each defect."""
+    """Defects of the pages in a folder, one line each."""
     build = build.resolve()
     for file in sorted(build.rglob("*")):
         if file.suffix in _TEXTS and str(ROOT) in file.read_text("utf-8", "replace"):
