@@ -14,6 +14,7 @@ import api_pages
 import data_links
 import gallery_build
 import generated_tables
+import notebooks
 
 project = "skfem_textile"
 author = "The skfem_textile developers"
@@ -88,6 +89,7 @@ def remove_comments(app, name, source):
 
 def setup(app):
     """Connect what this file adds to Sphinx."""
+    notebooks.write_tutorial()
     app.connect("builder-inited", api_pages.remove_stale, priority=100)
     app.connect("source-read", write_tables)
     app.connect("source-read", remove_comments)

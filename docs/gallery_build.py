@@ -88,6 +88,36 @@ def script_knows_its_file(
     return []
 
 
+# The first cell of each notebook.
+SHOW_PICTURES = """
+# Shows each picture that a cell writes. Data are in the folder of the notebook.
+from pathlib import Path
+
+import matplotlib
+from IPython import get_ipython
+from IPython.display import Image, display
+
+matplotlib.use("agg")
+__file__ = str(Path("notebook").resolve())
+
+
+def written_pictures():
+    files = (file for kind in ("png", "gif") for file in Path().rglob(f"*.{kind}"))
+    return {file: file.stat().st_mtime_ns for file in files}
+
+
+def show_new_pictures(_):
+    global shown_pictures
+    written = written_pictures()
+    for file, _ in sorted(written.items() - shown_pictures.items()):
+        display(Image(file, width=600))
+    shown_pictures = written
+
+
+shown_pictures = written_pictures()
+get_ipython().events.register("post_run_cell", show_new_pictures)
+"""
+
 CONFIGURATION = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
@@ -104,7 +134,7 @@ CONFIGURATION = {
     "thumbnail_size": (400, 280),
     "capture_repr": (),
     "remove_config_comments": True,
-    "notebook_extensions": set(),
+    "first_notebook_cell": SHOW_PICTURES,
     "download_all_examples": False,
     "show_signature": False,
     "write_computation_times": False,

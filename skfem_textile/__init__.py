@@ -50,7 +50,7 @@ from .solve.stepper import LoadStepper
 from .solve.surface import OnSurface, Surface
 from .solve.tolerance import Round, ToleranceResult, ToleranceStepper
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 __all__ = [
     "CENTRE",
