@@ -12,11 +12,12 @@ from numpy import ndarray
 from ..fabric import Fabric
 from ..scenes.shear_test import BiasExtension, ShearTest
 from . import residuals
+from .bands import Fit
 from .bending import CantileverTest
 from .biaxial import FAMILIES, BiaxialCurve
 from .choice import Choice, Test, models_of, of_kind, reach
 from .curves import beginning_notes
-from .regression import Fit, JointFit, fit
+from .regression import JointFit, fit
 from .selection import AUTO, Candidate, best_of, cross_validated, reason_against
 from .simulation import SimulatedTest, Simulation, simulated
 from .solving import Sample

@@ -10,9 +10,9 @@ from numpy import ndarray
 
 from ..fabric.files import law_to_json
 from ..solve.verdict import excess
+from .bands import CONFIDENCE, Fit
 from .biaxial import FAMILIES
 from .curves import beginning_notes, rest_notes
-from .regression import CONFIDENCE, Fit
 from .specimens import APART, Specimen
 
 if TYPE_CHECKING:
