@@ -9,7 +9,8 @@ from numpy import ndarray
 
 from . import models
 from .bending import CantileverTest
-from .biaxial import FAMILIES, BiaxialCurve
+from .biaxial import BiaxialCurve
+from .measured import FAMILIES
 from .models import Model
 from .selection import AUTO
 from .solving import PARTS

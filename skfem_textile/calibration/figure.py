@@ -13,8 +13,8 @@ from numpy import ndarray
 from ..plot.curves import COLOURS
 from ..plot.picture_files import picture_path, save
 from .bands import Fit
-from .biaxial import FAMILIES
 from .fitting import FabricFit
+from .measured import FAMILIES
 from .validation import NORMAL_95, Validation
 
 # Number of points of a line.

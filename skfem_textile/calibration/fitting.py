@@ -14,9 +14,10 @@ from ..scenes.shear_test import BiasExtension, ShearTest
 from . import residuals
 from .bands import Fit
 from .bending import CantileverTest
-from .biaxial import FAMILIES, BiaxialCurve
+from .biaxial import BiaxialCurve
 from .choice import Choice, Test, models_of, of_kind, reach
 from .curves import beginning_notes
+from .measured import FAMILIES
 from .regression import JointFit, fit
 from .selection import AUTO, Candidate, best_of, cross_validated, reason_against
 from .simulation import SimulatedTest, Simulation, simulated

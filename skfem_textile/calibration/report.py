@@ -11,8 +11,8 @@ from numpy import ndarray
 from ..fabric.files import law_to_json
 from ..solve.verdict import excess
 from .bands import CONFIDENCE, Fit
-from .biaxial import FAMILIES
 from .curves import beginning_notes, rest_notes
+from .measured import FAMILIES
 from .specimens import APART, Specimen
 
 if TYPE_CHECKING:

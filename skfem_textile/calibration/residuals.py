@@ -12,10 +12,11 @@ from numpy import ndarray
 from ..fabric import BiaxialLaw, TwoLaws
 from ..fabric.law import domain_of
 from .bending import CantileverTest
-from .biaxial import FAMILIES, BiaxialCurve
+from .biaxial import BiaxialCurve
+from .measured import FAMILIES, slack_range
 from .simulation import SimulatedTest
 from .solving import Laws, Offset, Sample
-from .specimens import Specimen, slack_range
+from .specimens import Specimen
 from .strip import Strip
 
 #: Forces of shear laws at shear angles: `ShearTest.force`, or `SimulatedTest.force`.
