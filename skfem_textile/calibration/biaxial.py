@@ -54,6 +54,13 @@ class BiaxialCurve(MeasuredTest):
         """Strain, force and width of a family."""
         return Along(self.strain[family], self.force[family], self.widths[family])
 
+    @property
+    def loose(self) -> list[int]:
+        """Stretched families with a slack that a fit is to determine."""
+        return [
+            i for i in range(2) if self.slack_is_unknown and self.strain[i].max() > 0
+        ]
+
     def taut(self, family: int, slack: float) -> ndarray:
         """Logarithmic strain of a family beyond its slack, an elongation per length."""
         if not self.slack_is_unknown:

@@ -22,7 +22,7 @@ from .regression import JointFit, fit
 from .selection import AUTO, Candidate, best_of, cross_validated, reason_against
 from .simulation import SimulatedTest, Simulation, simulated
 from .solving import Sample
-from .specimens import Specimen
+from .specimens import Specimen, Zeros
 from .strip import Strip
 
 log = logging.getLogger(__name__)
@@ -81,6 +81,23 @@ class FabricFit:
     def specimens(self) -> tuple[Specimen, ...]:
         """Shear tests, in the order of the curves of the part ``shear``."""
         return tuple(of_kind(self.tests, Specimen))
+
+    def zeroed(self, i: int) -> Specimen:
+        """Shear test i with the zeros of the machine that were fitted."""
+        one, zeros = self.specimens[i], self.parts["shear"].zeros(i)
+        found = {
+            key: zeros[name][0] if name in zeros else getattr(one.zeros, key)
+            for key, name in (("slack", "slack"), ("force", "force at rest"))
+        }
+        return replace(one, zeros=Zeros(**found))
+
+    def tests_of(self, part: str) -> Sequence[Test]:
+        """Tests of a law, in the order of its curves."""
+        if part == "shear":
+            return self.specimens
+        if part.startswith("bending"):
+            return self.cantilevers(part)
+        return [test for test, _ in self.along(part)]
 
     def along(self, part: str) -> list[tuple[Strip | BiaxialCurve, list[int]]]:
         """Tests of a tension law and their families, in the order of its curves."""

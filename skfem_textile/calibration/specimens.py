@@ -162,14 +162,12 @@ class Specimen(MeasuredTest):
         )
         return forth, back
 
-    def pointwise(
-        self, up_to: float | None, force_at_rest: float = 0.0
-    ) -> tuple[ndarray, ndarray]:
+    def pointwise(self, up_to: float | None) -> tuple[ndarray, ndarray]:
         """Increasing shear angles, and C by pointwise data reduction."""
         used = self.used(up_to) & (self.angle > 0)
         order = np.argsort(self.angle[used], kind="stable")
         gamma, force = self.angle[used][order], self.force[used][order]
-        moment = self.test.moment(gamma, force - force_at_rest)
+        moment = self.test.moment(gamma, force - (self.zeros.force or 0.0))
         known = np.isfinite(moment)
         return gamma[known], moment[known]
 
