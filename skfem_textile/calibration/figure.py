@@ -63,7 +63,7 @@ def draw(result: FabricFit, filename: str | os.PathLike[str]) -> None:
 
 
 def draw_panels(panels: Mapping[str, Panel], folder: Path) -> dict[str, str]:
-    """Draw each panel into a PNG of its own; returns captions by file name.
+    """Draw each panel into a separate PNG; returns captions by file name.
 
     Parameters
     ----------

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import skfem_textile
-
+from .. import fabric as fabrics
 from ..calibration.bands import CONFIDENCE
 from ..calibration.choice import Test
 from ..calibration.fitting import FabricFit
@@ -344,10 +343,10 @@ def _python(fabric: Fabric, tables: Sequence[str]) -> str:
     lines = [f"{name} = {_source(law)}" for name, law in laws.items()]
     text = "\n".join([*lines, f"fabric = {_call('Fabric', given)}"])
     classes = sorted(set(re.findall(r"\b([A-Za-z]\w*)\(", text)))
-    if not all(hasattr(skfem_textile, name) for name in classes):
+    if not {*classes} <= {*fabrics.__all__}:
         read = 'fabric = read_fabric("fabric.json")'
         return f"from skfem_textile.io import read_fabric\n\n{read}"
-    return f"from skfem_textile import {', '.join(classes)}\n\n{text}"
+    return f"from skfem_textile.fabric import {', '.join(classes)}\n\n{text}"
 
 
 def _source(law: Any) -> str:

@@ -257,7 +257,7 @@ def test_the_range_of_a_specimen_is_stated():
 
 
 def test_parameters_that_the_data_do_not_determine_are_reported():
-    """The bands contain zero: a straight line has no third and fifth power."""
+    """The bands of the third and fifth power of a straight line contain zero."""
     data = [specimen(BIAS, Linear(0.1), 0.02, seed=1)]
     assert "the bands of c3, c5 contain 0 or a limit" in notes(fit_shear(data))
     assert "contain 0" not in notes(fit_shear(data, "linear"))
