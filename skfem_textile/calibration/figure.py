@@ -110,13 +110,13 @@ def data_panel(test: Test) -> Panel | None:
         for name in prepared.forces:
             y, colour = read.columns[name], next(colours)
             kinds = (
-                (used, {"marker": ".", "color": colour}, name),
-                (~used & ~wrong, {"marker": ".", "color": "#b0b0b0"}, "not used"),
-                (wrong, {"marker": "x", "color": "#a63c00"}, "outlier"),
+                (used, ".", colour, name),
+                (~used & ~wrong, ".", "#b0b0b0", "not used"),
+                (wrong, "x", "#a63c00", "outlier"),
             )
-            for rows, style, kind in kinds:
+            for rows, mark, of_kind, kind in kinds:
                 if rows.any():
-                    axes.plot(x[rows], y[rows], ls="", ms=4, label=kind, **style)
+                    axes.plot(x[rows], y[rows], mark, ms=4, color=of_kind, label=kind)
         of = _LABELS.get(prepared.forces[0], ("force (N)", 1.0))
         axes.set(xlabel=label, ylabel=of[0])
 
@@ -192,18 +192,23 @@ def prediction_panel(one: Validation) -> Panel:
 
     def panel(axes: Axes) -> None:
         for half, alpha, label in bands:
-            style = {"color": COLOURS[0], "alpha": alpha, "lw": 0}
-            axes.fill_between(
-                x, force - half, force + half, label=f"{label}, 95 %", **style
-            )
+            band = force - half, force + half
+            _fill(axes, x, band, COLOURS[0], alpha, f"{label}, 95 %")
         measured = one.measured - noise, one.measured + noise
-        style = {"color": COLOURS[1], "alpha": 0.2, "lw": 0}
-        axes.fill_between(x, *measured, label="noise, 95 %", **style)
+        _fill(axes, x, measured, COLOURS[1], 0.2, "noise, 95 %")
         axes.plot(x, force, color=COLOURS[0], label="prediction")
         axes.plot(x, one.measured, ".", color=COLOURS[1], label=one.specimen.name)
         axes.set(xlabel="displacement (mm)", ylabel="force (N)")
 
     return panel
+
+
+def _fill(
+    axes: Axes, x: ndarray, band: Any, colour: str, alpha: float, label: str = ""
+) -> None:
+    """Fill a band, its lower and upper ends."""
+    low, high = band
+    axes.fill_between(x, low, high, color=colour, alpha=alpha, lw=0, label=label)
 
 
 def _forces(result: FabricFit) -> Panel:
@@ -222,7 +227,7 @@ def _forces(result: FabricFit) -> Panel:
             curves = np.array([*_band_of_curve(fit, i), fit.predicted(i)])
             low, high, law = curves[:, order]
             x = angle[used][order]
-            axes.fill_between(x, low, high, color=colour, alpha=0.15, lw=0)
+            _fill(axes, x, (low, high), colour, 0.15)
             axes.plot(x, law, color=colour)
         axes.set(xlabel=_SHEAR_ANGLE, ylabel="force (N)")
         if axes.get_ylim()[1] > _MOST * largest:  # excluded points would hide others
@@ -247,18 +252,17 @@ def _moments(result: FabricFit) -> Panel:
         ):
             at, C = result.zeroed(i).pointwise(up_to)
             axes.plot(np.degrees(at), C, ".", color=colour, ms=3)
-        low, high = fit.band(value)
-        axes.fill_between(degrees, low, high, color=COLOURS[0], alpha=0.3, lw=0)
+        band = fit.band(value)
+        _fill(axes, degrees, band, COLOURS[0], 0.3)
         axes.plot(degrees, value(fit.law), color=COLOURS[0], label="law, 95 %")
         if (scatter := fit.scatter(value)) is not None:
-            style = {"color": COLOURS[0], "alpha": 0.12, "lw": 0}
-            axes.fill_between(degrees, *scatter, label="a specimen", **style)
+            _fill(axes, degrees, scatter, COLOURS[0], 0.12, "a specimen")
         holds = min(np.degrees(s.kinematics_limit) for s in result.specimens)
         if holds <= _MOST * degrees[-1]:
             axes.axvline(holds, color="grey", ls=":", label="end of the kinematics")
         axes.set(xlabel=_SHEAR_ANGLE, ylabel="shear moment C (N·mm/mm²)")
         most = 1.3 * float(value(fit.law).max())
-        axes.set_ylim(min(0.0, 1.1 * float(low.min())), most)
+        axes.set_ylim(min(0.0, 1.1 * float(band.min())), most)
 
     return panel
 
@@ -278,7 +282,7 @@ def _tension_panel(result: FabricFit, part: str, family: int) -> Panel:
             x, scale = along.strain[order], np.exp(along.strain) / along.width
             low, high, law = (own * scale)[:, order]
             axes.plot(x, along.tension[order], ".", color=colour, label=test.name)
-            axes.fill_between(x, low, high, color=colour, alpha=0.15, lw=0)
+            _fill(axes, x, (low, high), colour, 0.15)
             axes.plot(x, law, color=colour)
         axes.locator_params(axis="x", nbins=5)
         name = FAMILIES[family]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric.files import law_to_json
-from ..scenes.shear_test import PictureFrame
+from ..scenes.shear_test import BiasExtension, PictureFrame
 from ..solve.verdict import excess
 from .bands import CONFIDENCE, Fit
 from .bending import CantileverTest
@@ -189,6 +189,7 @@ def _kind(test: Test) -> str:
     of = test.test
     if isinstance(of, PictureFrame):
         return f"picture frame of {of.frame:g} mm with fabric of {of.fabric:g} mm"
+    assert isinstance(of, BiasExtension)
     theta = np.degrees(of.inclination)
     return f"bias extension, {of.width:g} × {of.height:g} mm, fibres at {theta:g}°"
 

@@ -183,6 +183,7 @@ def _prediction_row(one: Mapping[str, Any]) -> Row:
 def _law(title: str, one: Mapping[str, Any]) -> dict[str, Any]:
     """Section of a law: its parameters, and further tables."""
     tables: list[tuple[str, Sequence[str], list[list[Any]]]] = []
+    head: Sequence[str]
     if one.get("moments"):
         head = (
             *("angle (°)", "C (N·mm/mm²)", f"{_PERCENT} of the mean"),
@@ -328,13 +329,11 @@ def _toml(fabric: Fabric, tables: Sequence[str]) -> str:
 
 def _python(fabric: Fabric, tables: Sequence[str]) -> str:
     """Python that builds the fabric; from its file if a law is not a plain object."""
-    tensions, laws = fabric.tensions, {}
-    both: str | tuple[str, ...] = "tension"
+    tensions = fabric.tensions
+    laws: dict[str, Any] = {"tension": tensions}
     if isinstance(tensions, TwoLaws):
-        laws |= {"warp": tensions.warp, "weft": tensions.weft}
-        both = "(warp, weft)"
-    else:
-        laws["tension"] = tensions
+        laws = {"warp": tensions.warp, "weft": tensions.weft}
+    both = "tension" if len(laws) == 1 else "(warp, weft)"
     laws["shear"] = fabric.shear_law
     given = [f"tension={both}", "shear=shear"]
     for key in ("warp", "weft", "bending", "twist", "wrinkling_angle"):
@@ -354,7 +353,7 @@ def _source(law: Any) -> str:
     given = []
     for one in fields(law):
         value = getattr(law, one.name)
-        if one.default is MISSING or value != one.default:
+        if one.default is MISSING or repr(value) != repr(one.default):
             given.append(f"{one.name}={value!r}")
     return _call(type(law).__name__, given)
 
