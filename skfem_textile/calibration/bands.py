@@ -144,6 +144,12 @@ class Fit:
             lambda fit: (value(fit.law), jacobian_of(fit.model, fit.values, value))
         )
 
+    def curve_band(self, i: int) -> ndarray:
+        """Band of the predictions of a curve with its zeros, shape (2, n)."""
+        begin = sum(r.size for r in self.residuals[:i])
+        rows = slice(begin, begin + self.residuals[i].size)
+        return self._interval(lambda fit: (fit.predicted(i), fit.jacobian[rows]))
+
     def scatter(self, value: Callable[[Any], ndarray]) -> ndarray | None:
         """Band that contains predictions for another specimen, shape (2, n).
 
@@ -247,13 +253,15 @@ def _quantile(
 ) -> ndarray:
     """Quantile of mixtures of Student's t-distributions, between low and high."""
     scale = np.maximum(deviations, np.finfo(float).tiny)
+    error = (high - low) * 2.0**-_BISECTIONS
     for _ in range(_BISECTIONS):
         x = 0.5 * (low + high)
         with np.errstate(over="ignore"):  # of a value without a deviation
             below = special.stdtr(freedom, (x - middles) / scale)
         less = weights @ below < p
         low, high = np.where(less, x, low), np.where(less, high, x)
-    return 0.5 * (low + high)
+    x = 0.5 * (low + high)
+    return np.where(np.abs(x) <= error, 0.0, x)
 
 
 def correlations_of(residuals: Sequence[ndarray]) -> ndarray:

@@ -14,7 +14,6 @@ from numpy import ndarray
 
 from ..plot.curves import COLOURS
 from ..plot.picture_files import picture_path, save
-from .bands import Fit
 from .choice import Test
 from .fitting import FabricFit
 from .measured import FAMILIES
@@ -224,7 +223,7 @@ def _forces(result: FabricFit) -> Panel:
             largest = max(largest, float(force[used].max()))
             axes.plot(angle[used], force[used], ".", color=colour, label=specimen.name)
             axes.plot(angle[~used], force[~used], "x", color=colour, ms=3)
-            curves = np.array([*_band_of_curve(fit, i), fit.predicted(i)])
+            curves = np.array([*fit.curve_band(i), fit.predicted(i)])
             low, high, law = curves[:, order]
             x = angle[used][order]
             _fill(axes, x, (low, high), colour, 0.15)
@@ -276,7 +275,7 @@ def _tension_panel(result: FabricFit, part: str, family: int) -> Panel:
         for k, (test, families) in enumerate(result.along(part)):
             along, colour = test.along(family), next(colours)
             assert along is not None
-            curves = np.array([*_band_of_curve(fit, k), fit.predicted(k)])
+            curves = np.array([*fit.curve_band(k), fit.predicted(k)])
             own = np.split(curves, len(families), axis=1)[families.index(family)]
             order = np.argsort(along.strain)
             x, scale = along.strain[order], np.exp(along.strain) / along.width
@@ -289,12 +288,6 @@ def _tension_panel(result: FabricFit, part: str, family: int) -> Panel:
         axes.set(xlabel=f"{name} strain ln λ (-)", ylabel=f"{name} tension (N/mm)")
 
     return panel
-
-
-def _band_of_curve(fit: Fit, k: int) -> ndarray:
-    """Band of the predictions of a curve, (2, n)."""
-    sample, zeros = fit.samples[k], fit.offsets[k]
-    return fit.band(lambda law: sample.predict({sample.part: law}, *zeros))
 
 
 def _overhangs(result: FabricFit, part: str) -> Panel:

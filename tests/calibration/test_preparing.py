@@ -182,6 +182,17 @@ def test_bands_contain_the_law_at_the_stated_rate_with_unknown_zeros(toe):
     assert np.all(np.mean(inside, axis=0) >= 0.8)
 
 
+@pytest.mark.parametrize("at_rest", [0.0, 0.15])
+def test_the_band_of_a_curve_is_that_of_its_noise_whatever_its_zeros(at_rest):
+    """Zeros and laws that differ together predict the same curve."""
+    one, exact = (specimen(2.0, at_rest, noise) for noise in (0.01, 0.0))
+    fit = of_shear([one])
+    low, high = fit.curve_band(0)
+    known = exact.force[one.used(None)]
+    assert np.mean((low <= known) & (known <= high)) > 0.8
+    assert (high - low).max() < 2 * fit.noise[0]
+
+
 def test_the_band_with_unknown_zeros_is_that_of_the_joint_fit():
     known = of_shear([specimen(zeros=Zeros())])
     unknown = of_shear([specimen(zeros=Zeros(None, 0.0))])
