@@ -10,6 +10,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import Fabric
+from ..fabric.law import domain_of
 from ..scenes.shear_test import BiasExtension, ShearTest
 from . import residuals
 from .bands import Fit
@@ -113,8 +114,17 @@ class FabricFit:
 
     @property
     def largest_angle(self) -> float:
-        """Largest fitted shear angle in radians."""
-        return max(reach(s, self.choice.up_to) for s in self.specimens)
+        """Largest fitted shear angle in radians, with the fitted zeros of the machine.
+
+        A law with a pole, or a table, ends at the angle of the estimated slack.
+        """
+        up_to, law = self.choice.up_to, self.parts["shear"].law
+        estimated = max(reach(one, up_to) for one in self.specimens)
+        used = (one.used(up_to) for one in self.specimens)
+        angles = (self.zeroed(i).angle[rows] for i, rows in enumerate(used))
+        fitted = max(float(one.max()) for one in angles)
+        bounded = np.isfinite(domain_of(law)[1])
+        return min(fitted, estimated) if bounded else fitted
 
     @property
     def stabilisation(self) -> float | None:

@@ -13,7 +13,7 @@ from ..solve.verdict import excess
 from .bands import CONFIDENCE, Fit
 from .bending import CantileverTest
 from .biaxial import BiaxialCurve
-from .choice import Test
+from .choice import Test, reach
 from .curves import beginning_notes, rest_notes
 from .measured import FAMILIES
 from .specimens import APART, Specimen
@@ -331,8 +331,8 @@ def _curve(fit: Fit, i: int, unit: str = "N") -> dict[str, Any]:
 
 def _moments(result: "FabricFit") -> list[dict[str, Any]]:
     """C at `ANGLES`: the law, its band, and each specimen alone."""
-    reach = np.degrees(result.largest_angle) + 1e-9
-    angles = np.array([angle for angle in ANGLES if angle <= reach], dtype=float)
+    end = np.degrees(result.largest_angle) + 1e-9
+    angles = np.array([angle for angle in ANGLES if angle <= end], dtype=float)
     gamma, fit = np.radians(angles), result.parts["shear"]
 
     def value(law: Any) -> ndarray:
@@ -422,7 +422,8 @@ def _undetermined(fit: Fit) -> ndarray:
 
 
 def _range_notes(result: "FabricFit") -> list[str]:
-    end, up_to = np.degrees(result.largest_angle), result.choice.up_to
+    up_to = result.choice.up_to
+    end = np.degrees(max(reach(one, up_to) for one in result.specimens))
     notes = [
         f"{specimen.name}: the test contains loading and unloading, and both are "
         "fitted as one curve: keep only the rows of a single loading"

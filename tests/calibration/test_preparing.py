@@ -254,3 +254,14 @@ def test_invalid_choices_are_refused():
         Preparation(branch="up")
     with pytest.raises(ValueError, match="numbered from 1 on"):
         Preparation(cycle=0)
+
+
+def test_the_largest_angle_has_the_fitted_slack():
+    """The slack is first estimated; both differ here by more than a degree."""
+    one = specimen(toe=2.0, at_rest=0.15, noise=0.03, seed=0)
+    fit = fit_shear([one])
+    (slack, *_) = fit.parts["shear"].zeros(0)["slack"]
+    moved = one.displacement[one.used(None)].max() - slack
+    assert fit.largest_angle == pytest.approx(float(BIAS.shear_angle(moved)))
+    (data,) = data_report(fit)
+    assert f"angle of {np.degrees(fit.largest_angle):.1f}°" in data["prepared"][-1]
