@@ -1,13 +1,14 @@
 """Calibration of fabric laws from tests of strips, shear, biaxial tension, bending."""
 
 from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
+from .bands import Fit
 from .bending import CantileverTest, read_cantilever
 from .biaxial import BiaxialCurve, read_biaxial
 from .choice import Choice
 from .fitting import FabricFit, fit_tests
 from .preparing import Preparation, Prepared, prepare
 from .reading import Format, Recording, read_recordings
-from .regression import Fit, JointFit
+from .regression import JointFit
 from .simulation import Simulation
 from .specimens import Specimen, Zeros, read_specimens
 from .strip import Strip, read_strips

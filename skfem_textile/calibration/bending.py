@@ -14,6 +14,8 @@ import numpy as np
 from numpy import ndarray
 
 from ..scenes.elastica import hanging, peirce
+from .measured import MeasuredTest
+from .preparing import Prepared
 from .reading import Format, Recording, read_recordings
 
 #: Columns of a test, by the names of `COLUMNS`.
@@ -28,13 +30,11 @@ _LEAST, _MOST = 1e-2, 1e3
 
 
 @dataclass(frozen=True, eq=False)
-class CantileverTest:
+class CantileverTest(MeasuredTest):
     """Readings of one strip, or of several nominally identical strips.
 
     Attributes
     ----------
-    name
-        Name of the test.
     overhang
         Overhang length in mm, shape (n,).
     angle
@@ -43,8 +43,6 @@ class CantileverTest:
         Weight per area in N/mm².
     family
         Fibre family along the strips, ``warp`` or ``weft``.
-    statements
-        Description of the reading.
 
     Raises
     ------
@@ -58,12 +56,10 @@ class CantileverTest:
     (array([6.]), array([6.35]))
     """
 
-    name: str
     overhang: ndarray
     angle: ndarray
     weight: float
     family: str = "warp"
-    statements: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0 < self.weight < np.inf:
@@ -94,22 +90,18 @@ def read_cantilever(
 
     Parameters
     ----------
-    path
-        The file or folder, see `read_recordings`.
+    path, form
+        See `read_recordings`, with its errors.
     weight, family
         See `CantileverTest`.
     angle
         Angle of every chord in radians, for a file without that column, as for an
         instrument with a fixed inclined plane.
-    form
-        Properties of the file that take precedence over its content.
 
     Raises
     ------
     ValueError
-        If the file or a reading is not valid.
-    OSError
-        If it cannot be read.
+        If a reading is not valid.
     """
     return [_test(one, weight, family, angle) for one in read_recordings(path, form)]
 
@@ -138,7 +130,8 @@ def _test(
             f"got angles from {np.degrees(angles.min()):g} to "
             f"{np.degrees(angles.max()):g} degrees"
         )
-    return CantileverTest(name, overhang, angles, weight, family, read.statements)
+    prepared = Prepared(read, recording, ANGLE, (OVERHANG,))
+    return CantileverTest(name, overhang, angles, weight, family, prepared=prepared)
 
 
 @cache

@@ -11,11 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
+from .measured import FAMILIES, MeasuredTest
 from .preparing import Preparation, prepare
 from .reading import Format, read_recordings
-
-#: Fibre families.
-FAMILIES = "warp", "weft"
 
 
 class Along(NamedTuple):
@@ -32,35 +30,36 @@ class Along(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class BiaxialCurve:
+class BiaxialCurve(MeasuredTest):
     """Test at one ratio of the strains.
 
     Attributes
     ----------
-    name
-        Name of the test.
     strain
         Logarithmic strains ln λ of warp and weft, shape (2, n).
     force
         Forces along warp and weft in N, shape (2, n).
     widths
         Width in mm normal to the warp load, and normal to the weft load.
-    statements
-        Description of the reading and preparation.
     slack_is_unknown
         True if a fit is to determine the strain at which each family becomes taut.
     """
 
-    name: str
     strain: ndarray
     force: ndarray
     widths: tuple[float, float]
-    statements: tuple[str, ...] = ()
     slack_is_unknown: bool = False
 
     def along(self, family: int) -> Along:
         """Strain, force and width of a family."""
         return Along(self.strain[family], self.force[family], self.widths[family])
+
+    @property
+    def loose(self) -> list[int]:
+        """Stretched families with a slack that a fit is to determine."""
+        return [
+            i for i in range(2) if self.slack_is_unknown and self.strain[i].max() > 0
+        ]
 
     def taut(self, family: int, slack: float) -> ndarray:
         """Logarithmic strain of a family beyond its slack, an elongation per length."""
@@ -85,29 +84,26 @@ def read_biaxial(
 
     Parameters
     ----------
-    path
-        The file or folder, see `read_recordings`.
+    path, form
+        See `read_recordings`, with its errors.
     widths
-        Width in mm normal to the warp load, and normal to the weft load.
-    form
-        Properties of the file that take precedence over its content.
+        See `BiaxialCurve`.
     choices
-        Choices of the preparation that take precedence, see `prepare`.
+        See `prepare`, with its errors.
 
     Raises
     ------
     ValueError
-        If the file is refused, a column is missing, or a strain is not above −1.
-    OSError
-        If it cannot be read.
+        If a strain is not above −1.
     """
+    choices = choices or Preparation()
     strains, forces = ([f"{f} {of}" for f in FAMILIES] for of in ("strain", "force"))
     curves = []
     for recording in read_recordings(path, form):
         complete = recording.complete(*strains, *forces)
         driving = max(strains, key=lambda name: np.ptp(complete.column(name)))
         prepared = prepare(complete, driving, forces, choices)
-        read, slack = prepared.recording, (choices or Preparation()).slack
+        read = prepared.recording
         elongation, force = (
             np.array([read.column(name) for name in of]) for of in (strains, forces)
         )
@@ -118,8 +114,9 @@ def read_biaxial(
         strain = np.log1p(elongation)
         curves.append(
             BiaxialCurve(
-                *(read.name, strain, force, widths, read.statements),
-                slack_is_unknown=prepared.begins_at_rest and slack is None,
+                *(read.name, strain, force, widths),
+                slack_is_unknown=prepared.zero(choices.slack) is None,
+                prepared=prepared,
             )
         )
     return curves

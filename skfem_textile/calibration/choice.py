@@ -9,7 +9,8 @@ from numpy import ndarray
 
 from . import models
 from .bending import CantileverTest
-from .biaxial import FAMILIES, BiaxialCurve
+from .biaxial import BiaxialCurve
+from .measured import FAMILIES
 from .models import Model
 from .selection import AUTO
 from .solving import PARTS
@@ -29,12 +30,15 @@ SHEAR_LAWS: dict[str, Callable[[float, int, int], Model]] = {
     "tabulated": lambda largest, degree, points: models.tabulated(largest, points),
 }
 
-#: Tension laws by name, as functions of the largest strain and the number of points.
-TENSION_LAWS: dict[str, Callable[[float, int], Model]] = {
-    "crimp-toe": lambda largest, points: models.crimp_toe(largest),
-    "linear": lambda largest, points: models.linear(),
-    "tabulated": models.tabulated,
-    "crimp-interchange": lambda largest, points: models.crimp_interchange(largest),
+#: Tension laws by name, as functions of the largest strain, the number of points, and
+#: whether the slack of every test is unknown.
+TENSION_LAWS: dict[str, Callable[[float, int, bool], Model]] = {
+    "crimp-toe": lambda largest, points, slack: models.crimp_toe(largest, slack),
+    "linear": lambda largest, points, slack: models.linear(),
+    "tabulated": lambda largest, points, slack: models.tabulated(largest, points),
+    "crimp-interchange": lambda largest, points, slack: models.crimp_interchange(
+        largest
+    ),
 }
 
 _Kind = TypeVar("_Kind")
@@ -116,7 +120,8 @@ def models_of(tests: Sequence[Test], choice: Choice) -> dict[str, Model]:
         own: list[Strip | BiaxialCurve] = [*curves, *loaded]
         if own:
             largest = _largest_strain(own, name)
-            found[name] = TENSION_LAWS[choice.tension](largest, choice.points)
+            slack = all(one.slack_is_unknown for one in own)
+            found[name] = TENSION_LAWS[choice.tension](largest, choice.points, slack)
     specimens = of_kind(tests, Specimen)
     if specimens:
         for one in specimens:

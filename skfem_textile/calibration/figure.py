@@ -1,21 +1,26 @@
-"""Figures of fits: test curves, and the law with its confidence band."""
+"""Figures of fits: recordings, laws with their bands, residuals and predictions."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping
 from itertools import cycle
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy import ndarray
 
 from ..plot.curves import COLOURS
 from ..plot.picture_files import picture_path, save
-from .biaxial import FAMILIES
+from .choice import Test
 from .fitting import FabricFit
-from .regression import Fit
+from .measured import FAMILIES
 from .validation import NORMAL_95, Validation
+
+#: Function that draws the content of axes.
+Panel: TypeAlias = Callable[[Axes], None]
 
 # Number of points of a line.
 _N = 201
@@ -23,173 +28,292 @@ _N = 201
 # Upper limit of the axes, relative to the largest fitted force or angle.
 _MOST = 1.6
 
+_STYLE = {"axes.spines.top": False, "axes.spines.right": False, "font.size": 10}
+
+# Width and height of a panel in inches.
+_SIZE = 4.8, 4.0
+
+_SHEAR_ANGLE = "shear angle (°)"
+
+# Axis labels of the columns of a recording, and factors from their units.
+_LABELS = {
+    "displacement": ("displacement (mm)", 1.0),
+    "shear angle": (_SHEAR_ANGLE, np.degrees(1.0)),
+    "chord angle": ("chord angle (°)", np.degrees(1.0)),
+    "overhang": ("overhang (mm)", 1.0),
+    "strain": ("strain (-)", 1.0),
+    "warp strain": ("warp strain (-)", 1.0),
+    "weft strain": ("weft strain (-)", 1.0),
+}
+
 
 def draw(result: FabricFit, filename: str | os.PathLike[str]) -> None:
-    """Draw the test curves and the fitted laws, two panels for each kind of law.
-
-    For a shear law, forces on the left, and moments with the confidence band of the law
-    on the right; for tension laws, the tensions of warp and weft over their strains;
-    for bending stiffnesses, the overhangs on the left, and the stiffness of each
-    reading on the right.
+    """Draw the test curves and the fitted laws with their bands, two panels in a row.
 
     Parameters
     ----------
     result
         The fit.
     filename
-        File name of the PNG.
+        Output file: PNG, or vector graphics (.svg, .pdf or .eps).
     """
     path = picture_path(filename)
-    style = {"axes.spines.top": False, "axes.spines.right": False, "font.size": 10}
-    drawn = [
-        (_draw_tension, bool({*FAMILIES, "both"} & set(result.parts))),
-        (_draw_shear, "shear" in result.parts),
-        (_draw_bending, any(part.startswith("bending") for part in result.parts)),
-    ]
-    rows = [of_kind for of_kind, needed in drawn if needed]
-    with mpl.rc_context(style):
-        figure = Figure(figsize=(9.6, 4.2 * len(rows)), layout="constrained")
-        panels = figure.subplots(len(rows), 2, squeeze=False)
-        for of_kind, pair in zip(rows, panels, strict=True):
-            of_kind(result, *pair)
-        for axes in panels.ravel():
+    _save([x for part in result.parts for x in law_panels(result, part).values()], path)
+
+
+def draw_panels(panels: Mapping[str, Panel], folder: Path) -> dict[str, str]:
+    """Draw each panel into a separate PNG; returns captions by file name.
+
+    Parameters
+    ----------
+    panels
+        Panels by caption.
+    folder
+        Existing folder.
+    """
+    captions = {f"{i}.png": caption for i, caption in enumerate(panels)}
+    for name, panel in zip(captions, panels.values(), strict=True):
+        _save([panel], folder / name)
+    return captions
+
+
+def _save(panels: list[Panel], path: Path) -> None:
+    columns = min(len(panels), 2)
+    rows = -(-len(panels) // columns)
+    width, height = _SIZE
+    with mpl.rc_context(_STYLE):
+        size = width * columns, height * rows
+        figure = Figure(figsize=size, layout="constrained")
+        for i, panel in enumerate(panels, start=1):
+            axes = figure.add_subplot(rows, columns, i)
+            panel(axes)
             axes.grid(alpha=0.3)
             if axes.get_legend_handles_labels()[0]:
                 axes.legend(frameon=False)
         save(figure, path)
 
 
-def draw_validation(
-    found: Sequence[Validation], filename: str | os.PathLike[str]
-) -> None:
-    """Draw tests that were not used in the fit, beside their predictions.
+def data_panel(test: Test) -> Panel | None:
+    """Recording as read, with rows left out; None if the test was not read."""
+    prepared = test.prepared
+    if prepared is None or prepared.driving not in prepared.read.columns:
+        return None
+    read = prepared.read
+    label, unit = _LABELS[prepared.driving]
+    x = unit * read.columns[prepared.driving]
+    wrong = np.isin(read.rows, prepared.outliers)
+    used = np.isin(read.rows, prepared.recording.rows) & ~wrong
 
-    Parameters
-    ----------
-    found
-        The tests.
-    filename
-        File name of the PNG.
-    """
-    path = picture_path(filename)
-    style = {"axes.spines.top": False, "axes.spines.right": False, "font.size": 10}
-    with mpl.rc_context(style):
-        figure = Figure(figsize=(6.4, 4.2 * len(found)), layout="constrained")
-        panels = figure.subplots(len(found), 1, squeeze=False)[:, 0]
-        for one, axes in zip(found, panels, strict=True):
-            _draw_prediction(one, axes)
-        save(figure, path)
+    def panel(axes: Axes) -> None:
+        colours = cycle(COLOURS)
+        for name in prepared.forces:
+            y, colour = read.columns[name], next(colours)
+            kinds = (
+                (used, ".", colour, name),
+                (~used & ~wrong, ".", "#b0b0b0", "not used"),
+                (wrong, "x", "#a63c00", "outlier"),
+            )
+            for rows, mark, of_kind, kind in kinds:
+                if rows.any():
+                    axes.plot(x[rows], y[rows], mark, ms=4, color=of_kind, label=kind)
+        of = _LABELS.get(prepared.forces[0], ("force (N)", 1.0))
+        axes.set(xlabel=label, ylabel=of[0])
+
+    return panel
 
 
-def _draw_prediction(one: Validation, axes: Any) -> None:
+def law_panels(result: FabricFit, part: str) -> dict[str, Panel]:
+    """Test curves of a part, and its law with its band, by caption."""
+    if part == "shear":
+        return {
+            "Force of the shear tests; crosses are not fitted": _forces(result),
+            "Shear moment, point by point and of the law": _moments(result),
+        }
+    if part.startswith("bending"):
+        return {
+            "Overhang of the cantilevers": _overhangs(result, part),
+            "Bending stiffness of each reading": _stiffnesses(result, part),
+        }
+    return {
+        f"Tension of the {family}": _tension_panel(result, part, i)
+        for i, family in enumerate(FAMILIES)
+        if part in (family, "both")
+    }
+
+
+def residual_panel(result: FabricFit, part: str) -> Panel:
+    """Residuals of the curves of a part relative to their noise."""
+    fit = result.parts[part]
+
+    def panel(axes: Axes) -> None:
+        axes.axhspan(-NORMAL_95, NORMAL_95, color="#808080", alpha=0.15, lw=0)
+        axes.axhline(0.0, color="#808080", lw=1.0)
+        colours = cycle(COLOURS)
+        for i, test in enumerate(result.tests_of(part)):
+            colour, label = next(colours), test.name
+            scaled = fit.residuals[i] / fit.noise[i]
+            for xlabel, x, y in _along(result, part, test, scaled):
+                axes.plot(x, y, ".", color=colour, ms=4, label=label)
+                axes.set(xlabel=xlabel, ylabel="residual / noise (-)")
+                label = ""
+        axes.locator_params(axis="x", nbins=5)
+
+    return panel
+
+
+def _along(
+    result: FabricFit, part: str, test: Any, values: ndarray
+) -> Iterator[tuple[str, ndarray, ndarray]]:
+    """Values of a curve over the argument of its law: label, abscissa, ordinate."""
+    if part == "shear":
+        used = test.used(result.choice.up_to)
+        angle = result.zeroed(result.specimens.index(test)).angle[used]
+        yield _SHEAR_ANGLE, np.degrees(angle), values
+    elif part.startswith("bending"):
+        yield "chord angle (°)", np.degrees(test.angle), values
+    else:
+        families = [i for i, name in enumerate(FAMILIES) if part in (name, "both")]
+        each = np.split(values, len(families), axis=-1)
+        for i, own in zip(families, each, strict=True):
+            yield "strain ln λ (-)", test.along(i).strain, own
+
+
+def prediction_panel(one: Validation) -> Panel:
     """Prediction with its bands, and the measured curve with the one of its noise."""
     x, prediction = one.displacement, one.prediction
     force, law = prediction.force, prediction.pointwise
     both = law + np.nan_to_num(prediction.discretisation)
     noise = NORMAL_95 * one.noise
-    for half, alpha, label in (
-        (both, 0.2, "parameters and discretisation"),
-        (law, 0.35, "parameters"),
-    ):
-        band = force - half, force + half
-        axes.fill_between(
-            x, *band, color=COLOURS[0], alpha=alpha, lw=0, label=f"{label}, 95 %"
-        )
-    measured = one.measured - noise, one.measured + noise
-    axes.fill_between(
-        x, *measured, color=COLOURS[1], alpha=0.2, lw=0, label="noise, 95 %"
-    )
-    axes.plot(x, force, color=COLOURS[0], label="prediction")
-    axes.plot(x, one.measured, ".", color=COLOURS[1], label=one.specimen.name)
-    axes.set(xlabel="displacement (mm)", ylabel="force (N)")
-    axes.grid(alpha=0.3)
-    axes.legend(frameon=False)
+    further = np.maximum(law, one.scatter)
+    bands = [(both, 0.2, "parameters and discretisation"), (law, 0.35, "parameters")]
+    if one.scatter.any():
+        bands.insert(0, (further, 0.12, "a specimen"))
+
+    def panel(axes: Axes) -> None:
+        for half, alpha, label in bands:
+            band = force - half, force + half
+            _fill(axes, x, band, COLOURS[0], alpha, f"{label}, 95 %")
+        measured = one.measured - noise, one.measured + noise
+        _fill(axes, x, measured, COLOURS[1], 0.2, "noise, 95 %")
+        axes.plot(x, force, color=COLOURS[0], label="prediction")
+        axes.plot(x, one.measured, ".", color=COLOURS[1], label=one.specimen.name)
+        axes.set(xlabel="displacement (mm)", ylabel="force (N)")
+
+    return panel
 
 
-def _draw_shear(result: FabricFit, left: Any, right: Any) -> None:
-    """Forces and moments of the tests, and of the law with its band."""
-    colours, largest, fit = cycle(COLOURS[1:]), 0.0, result.parts["shear"]
-    up_to = result.choice.up_to
-    for i, specimen in enumerate(result.specimens):
-        colour, used = next(colours), specimen.used(up_to)
-        angle = np.degrees(specimen.angle)
-        order = np.argsort(angle[used])
-        predicted = fit.predicted(i)
-        largest = max(largest, float(specimen.force[used].max()))
-        name = specimen.name
-        left.plot(angle[used], specimen.force[used], ".", color=colour, label=name)
-        left.plot(angle[~used], specimen.force[~used], "x", color=colour, ms=3)
-        left.plot(angle[used][order], predicted[order], color=colour)
-        at_rest, *_ = fit.zeros(i).get("force at rest", (0.0,))
-        gamma, C = specimen.pointwise(up_to, at_rest)
-        right.plot(np.degrees(gamma), C, ".", color=colour, ms=3)
+def _fill(
+    axes: Axes, x: ndarray, band: Any, colour: str, alpha: float, label: str = ""
+) -> None:
+    """Fill a band, its lower and upper ends."""
+    low, high = band
+    axes.fill_between(x, low, high, color=colour, alpha=alpha, lw=0, label=label)
+
+
+def _forces(result: FabricFit) -> Panel:
+    """Forces of the shear tests, and of the law."""
+    fit, up_to = result.parts["shear"], result.choice.up_to
+
+    def panel(axes: Axes) -> None:
+        colours, largest = cycle(COLOURS[1:]), 0.0
+        for i, specimen in enumerate(result.specimens):
+            colour, used = next(colours), specimen.used(up_to)
+            angle, force = np.degrees(result.zeroed(i).angle), specimen.force
+            order = np.argsort(angle[used])
+            largest = max(largest, float(force[used].max()))
+            axes.plot(angle[used], force[used], ".", color=colour, label=specimen.name)
+            axes.plot(angle[~used], force[~used], "x", color=colour, ms=3)
+            curves = np.array([*fit.curve_band(i), fit.predicted(i)])
+            low, high, law = curves[:, order]
+            x = angle[used][order]
+            _fill(axes, x, (low, high), colour, 0.15)
+            axes.plot(x, law, color=colour)
+        axes.set(xlabel=_SHEAR_ANGLE, ylabel="force (N)")
+        if axes.get_ylim()[1] > _MOST * largest:  # excluded points would hide others
+            axes.set_ylim(-0.05 * largest, _MOST * largest)
+            axes.set_xlim(right=_MOST * float(np.degrees(result.largest_angle)))
+
+    return panel
+
+
+def _moments(result: FabricFit) -> Panel:
+    """Moments of the shear tests, and of the law with its band."""
+    fit, up_to = result.parts["shear"], result.choice.up_to
     gamma = np.linspace(0.0, result.largest_angle, _N)
+    degrees = np.degrees(gamma)
 
     def value(law: Any) -> ndarray:
         return law.value(gamma)
 
-    low, high = fit.band(value)
-    degrees = np.degrees(gamma)
-    right.fill_between(degrees, low, high, color=COLOURS[0], alpha=0.3, lw=0)
-    right.plot(degrees, value(fit.law), color=COLOURS[0], label="law, 95 %")
-    scatter = fit.scatter(value)
-    if scatter is not None:
-        right.fill_between(
-            *(degrees, *scatter), color=COLOURS[0], alpha=0.12, lw=0, label="a specimen"
-        )
-    holds = min(np.degrees(s.kinematics_limit) for s in result.specimens)
-    right.axvline(holds, color="grey", ls=":", label="kinematics valid up to here")
-    left.set(xlabel="shear angle (deg)", ylabel="force (N)")
-    if left.get_ylim()[1] > _MOST * largest:  # excluded points would hide the others
-        left.set_ylim(-0.05 * largest, _MOST * largest)
-        left.set_xlim(right=_MOST * float(degrees[-1]))
-    right.set(xlabel="shear angle (deg)", ylabel="shear moment C (N mm/mm²)")
-    inside = value(fit.law)
-    right.set_ylim(min(0.0, 1.1 * float(low.min())), 1.3 * float(inside.max()))
+    def panel(axes: Axes) -> None:
+        for i, colour in zip(
+            range(len(result.specimens)), cycle(COLOURS[1:]), strict=False
+        ):
+            at, C = result.zeroed(i).pointwise(up_to)
+            axes.plot(np.degrees(at), C, ".", color=colour, ms=3)
+        band = fit.band(value)
+        _fill(axes, degrees, band, COLOURS[0], 0.3)
+        axes.plot(degrees, value(fit.law), color=COLOURS[0], label="law, 95 %")
+        if (scatter := fit.scatter(value)) is not None:
+            _fill(axes, degrees, scatter, COLOURS[0], 0.12, "a specimen")
+        holds = min(np.degrees(s.kinematics_limit) for s in result.specimens)
+        if holds <= _MOST * degrees[-1]:
+            axes.axvline(holds, color="grey", ls=":", label="end of the kinematics")
+        axes.set(xlabel=_SHEAR_ANGLE, ylabel="shear moment C (N·mm/mm²)")
+        most = 1.3 * float(value(fit.law).max())
+        axes.set_ylim(min(0.0, 1.1 * float(band.min())), most)
+
+    return panel
 
 
-def _draw_tension(result: FabricFit, *panels: Any) -> None:
-    """Tensions of warp and weft over their strains, and the laws with their bands."""
-    colours = cycle(COLOURS)
-    for part in (name for name in ("both", *FAMILIES) if name in result.parts):
-        fit = result.parts[part]
+def _tension_panel(result: FabricFit, part: str, family: int) -> Panel:
+    """Tensions of a family over its strains, and the law with its band."""
+    fit = result.parts[part]
+
+    def panel(axes: Axes) -> None:
+        colours = cycle(COLOURS)
         for k, (test, families) in enumerate(result.along(part)):
-            colour = next(colours)
-            curves = np.array([*_band_of_curve(fit, k), fit.predicted(k)])
-            for i, forces in zip(
-                families, np.split(curves, len(families), axis=1), strict=True
-            ):
-                along = test.along(i)
-                assert along is not None
-                order = np.argsort(along.strain)
-                x, scale = along.strain[order], np.exp(along.strain) / along.width
-                low, high, law = (forces * scale)[:, order]
-                axes = panels[i]
-                axes.plot(x, along.tension[order], ".", color=colour, label=test.name)
-                axes.fill_between(x, low, high, color=colour, alpha=0.15, lw=0)
-                axes.plot(x, law, color=colour)
-    for axes, family in zip(panels, FAMILIES, strict=True):
+            along, colour = test.along(family), next(colours)
+            assert along is not None
+            curves = np.array([*fit.curve_band(k), fit.predicted(k)])
+            own = np.split(curves, len(families), axis=1)[families.index(family)]
+            order = np.argsort(along.strain)
+            x, scale = along.strain[order], np.exp(along.strain) / along.width
+            low, high, law = (own * scale)[:, order]
+            axes.plot(x, along.tension[order], ".", color=colour, label=test.name)
+            _fill(axes, x, (low, high), colour, 0.15)
+            axes.plot(x, law, color=colour)
         axes.locator_params(axis="x", nbins=5)
-        axes.set(xlabel=f"{family} strain ln λ (-)", ylabel="tension (N/mm)")
+        name = FAMILIES[family]
+        axes.set(xlabel=f"{name} strain ln λ (-)", ylabel=f"{name} tension (N/mm)")
+
+    return panel
 
 
-def _band_of_curve(fit: Fit, k: int) -> ndarray:
-    """Band of the predictions of a curve, (2, n)."""
-    sample, zeros = fit.samples[k], fit.offsets[k]
-    return fit.band(lambda law: sample.predict({sample.part: law}, *zeros))
+def _overhangs(result: FabricFit, part: str) -> Panel:
+    """Readings over the angle."""
+
+    def panel(axes: Axes) -> None:
+        for colour, test in zip(cycle(COLOURS), result.cantilevers(part), strict=False):
+            degrees = np.degrees(test.angle)
+            axes.plot(degrees, test.overhang, "o", color=colour, label=test.name)
+        axes.set(xlabel="chord angle (°)", ylabel="overhang (mm)")
+
+    return panel
 
 
-def _draw_bending(result: FabricFit, lengths: Any, stiffnesses: Any) -> None:
-    """Readings over the angle, and the resulting stiffnesses."""
-    colours = cycle(COLOURS)
-    for part in (name for name in result.parts if name.startswith("bending")):
-        for test in result.cantilevers(part):
-            colour, degrees = next(colours), np.degrees(test.angle)
-            lengths.plot(degrees, test.overhang, "o", color=colour, label=test.name)
-            stiffnesses.plot(degrees, test.by_elastica, "o", color=colour)
-            stiffnesses.plot(degrees, test.by_peirce, "x", color=colour)
-        stiffness = result.parts[part].law.stiffness
-        stiffnesses.axhline(stiffness, color="#808080", lw=1.0)
-    label = "Bending stiffness (N·mm), o elastica, x Peirce"
-    lengths.set(xlabel="Chord angle (°)", ylabel="Overhang (mm)")
-    stiffnesses.set(xlabel="Chord angle (°)", ylabel=label)
+def _stiffnesses(result: FabricFit, part: str) -> Panel:
+    """Bending stiffness of each reading, and the result with its band."""
+    fit = result.parts[part]
+
+    def panel(axes: Axes) -> None:
+        for colour, test in zip(cycle(COLOURS), result.cantilevers(part), strict=False):
+            degrees = np.degrees(test.angle)
+            axes.plot(degrees, test.by_elastica, "o", color=colour, label=test.name)
+            axes.plot(degrees, test.by_peirce, "x", color=colour)
+        axes.axhspan(*fit.intervals[0], color="#808080", alpha=0.15, lw=0)
+        axes.axhline(fit.law.stiffness, color="#808080", lw=1.0)
+        label = "bending stiffness (N·mm)\no elastica, x Peirce"
+        axes.set(xlabel="chord angle (°)", ylabel=label)
+
+    return panel

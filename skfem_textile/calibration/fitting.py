@@ -10,17 +10,20 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import Fabric
+from ..fabric.law import domain_of
 from ..scenes.shear_test import BiasExtension, ShearTest
 from . import residuals
+from .bands import Fit
 from .bending import CantileverTest
-from .biaxial import FAMILIES, BiaxialCurve
+from .biaxial import BiaxialCurve
 from .choice import Choice, Test, models_of, of_kind, reach
 from .curves import beginning_notes
-from .regression import Fit, JointFit, fit
+from .measured import FAMILIES
+from .regression import JointFit, fit
 from .selection import AUTO, Candidate, best_of, cross_validated, reason_against
 from .simulation import SimulatedTest, Simulation, simulated
 from .solving import Sample
-from .specimens import Specimen
+from .specimens import Specimen, Zeros
 from .strip import Strip
 
 log = logging.getLogger(__name__)
@@ -80,6 +83,23 @@ class FabricFit:
         """Shear tests, in the order of the curves of the part ``shear``."""
         return tuple(of_kind(self.tests, Specimen))
 
+    def zeroed(self, i: int) -> Specimen:
+        """Shear test i with the zeros of the machine that were fitted."""
+        one, zeros = self.specimens[i], self.parts["shear"].zeros(i)
+        found = {
+            key: zeros[name][0] if name in zeros else getattr(one.zeros, key)
+            for key, name in (("slack", "slack"), ("force", "force at rest"))
+        }
+        return replace(one, zeros=Zeros(**found))
+
+    def tests_of(self, part: str) -> Sequence[Test]:
+        """Tests of a law, in the order of its curves."""
+        if part == "shear":
+            return self.specimens
+        if part.startswith("bending"):
+            return self.cantilevers(part)
+        return [test for test, _ in self.along(part)]
+
     def along(self, part: str) -> list[tuple[Strip | BiaxialCurve, list[int]]]:
         """Tests of a tension law and their families, in the order of its curves."""
         families = [i for i, name in enumerate(FAMILIES) if part in (name, "both")]
@@ -94,8 +114,17 @@ class FabricFit:
 
     @property
     def largest_angle(self) -> float:
-        """Largest fitted shear angle in radians."""
-        return max(reach(s, self.choice.up_to) for s in self.specimens)
+        """Largest fitted shear angle in radians, with the fitted zeros of the machine.
+
+        A law with a pole, or a table, ends at the angle of the estimated slack.
+        """
+        up_to, law = self.choice.up_to, self.parts["shear"].law
+        estimated = max(reach(one, up_to) for one in self.specimens)
+        used = (one.used(up_to) for one in self.specimens)
+        angles = (self.zeroed(i).angle[rows] for i, rows in enumerate(used))
+        fitted = max(float(one.max()) for one in angles)
+        bounded = np.isfinite(domain_of(law)[1])
+        return min(fitted, estimated) if bounded else fitted
 
     @property
     def stabilisation(self) -> float | None:

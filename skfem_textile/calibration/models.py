@@ -143,15 +143,28 @@ def tabulated(largest: float, points: int) -> Model:
     return Model("tabulated", names, units, build, -free, free, start)
 
 
-def crimp_toe(largest: float) -> Model:
-    """`CrimpToe`, with a toe of at most the largest strain."""
+def crimp_toe(largest: float, slack_is_unknown: bool = False) -> Model:
+    """`CrimpToe`, with a toe of at most the largest strain.
+
+    Beside an unknown slack s, the initial stiffness k cannot be identified, and is a
+    small share of the stiffness E.  For a shift of the strain, ∂T/∂s = −(E/e₀)(∂T/∂k −
+    ∂T/∂E) − k: without k, the derivatives are linearly dependent.
+    """
 
     def start(stiffness: float) -> ndarray:
         return np.array([1.5 * stiffness, 0.2 * largest, 1e-3 * stiffness])
 
+    def build(values: ndarray) -> CrimpToe:
+        E, e_0, *k = map(float, values)
+        return CrimpToe(E, e_0, *(k or (_AT_REST * E,)))
+
     low, high = np.array([[1e-9, 1e-3 * largest, 0.0], [np.inf, largest, np.inf]])
     names, units = ("stiffness", "toe", "initial_stiffness"), ("N/mm", "-", "N/mm")
-    return Model("crimp-toe", names, units, _of_numbers(CrimpToe), low, high, start)
+    n = 2 if slack_is_unknown else 3
+    return Model(
+        *("crimp-toe", names[:n], units[:n], build, low[:n], high[:n]),
+        start=lambda stiffness: start(stiffness)[:n],
+    )
 
 
 def crimp_interchange(largest: float) -> Model:

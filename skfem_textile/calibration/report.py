@@ -1,22 +1,24 @@
-"""Reports of fits: JSON figures, notes, and text."""
+"""Reports of fits: numbers for JSON, statements and notes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
 
 from ..fabric.files import law_to_json
+from ..scenes.shear_test import BiasExtension, PictureFrame
 from ..solve.verdict import excess
-from .biaxial import FAMILIES
+from .bands import CONFIDENCE, Fit
+from .bending import CantileverTest
+from .biaxial import BiaxialCurve
+from .choice import Test, reach
 from .curves import beginning_notes, rest_notes
-from .regression import CONFIDENCE, Fit
+from .measured import FAMILIES
 from .specimens import APART, Specimen
 
 if TYPE_CHECKING:
-    from .biaxial import BiaxialCurve
     from .fitting import FabricFit
     from .strip import Strip
     from .validation import Validation
@@ -34,46 +36,45 @@ def reports_of(result: "FabricFit") -> dict[str, dict[str, Any]]:
     reports = {}
     for part in result.parts:
         if part == "shear":
-            title = "Shear"
-            reports[title] = shear_report(result)
+            one = shear_report(result)
         elif part.startswith("bending"):
-            title = f"Bending of the {part.split()[1]}"
-            reports[title] = bending_report(result, part)
+            one = bending_report(result, part)
         else:
-            title = f"Tension, {part}"
-            reports[title] = tension_report(result, part)
-        reports[title]["candidates"] = [
-            asdict(one) for one in result.candidates.get(part, ())
-        ]
+            one = tension_report(result, part)
+        one["candidates"] = [asdict(x) for x in result.candidates.get(part, ())]
+        reports[title_of(part)] = one
     return reports
+
+
+def title_of(part: str) -> str:
+    """Title of the report of a law."""
+    if part == "shear":
+        return "Shear"
+    if part.startswith("bending"):
+        return f"Bending of the {part.split()[1]}"
+    return "Tension of both families" if part == "both" else f"Tension of the {part}"
 
 
 def shear_report(result: "FabricFit") -> dict[str, Any]:
     """Report of a shear law: numbers, lists and text."""
-    fit, specimens, up_to = result.parts["shear"], [], result.choice.up_to
+    fit, curves, up_to = result.parts["shear"], [], result.choice.up_to
     for i, specimen in enumerate(result.specimens):
         measured = specimen.measured_angle is not None
         more = {
             "left_out": int(np.sum(~specimen.used(up_to))),
             "angle": "measured" if measured else "theoretical",
             "kinematics_hold_to_deg": _valid_up_to(specimen),
-            "test": repr(specimen.test),
             "zeros": _zeros(fit, i),
-            "statements": list(specimen.statements),
         }
-        specimens.append(_curve(fit, i) | more)
+        curves.append(_curve(fit, i) | more)
     return {
         **law_report("shear", fit),
         "compared_with": "simulations" if result.simulations else "closed forms",
         "kinematics_hold_to_deg": min(map(_valid_up_to, result.specimens)),
         "largest_angle_deg": float(np.degrees(result.largest_angle)),
-        "specimens": specimens,
+        "curves": curves,
         "moments": _moments(result),
-        "notes": [
-            *_notes(fit),
-            *_zero_notes(fit),
-            *_range_notes(result),
-        ],
+        "notes": [*_notes(fit), *_range_notes(result)],
     }
 
 
@@ -86,7 +87,16 @@ def tension_report(result: "FabricFit", part: str) -> dict[str, Any]:
         for i in families
         if (along := test.along(i))
     )
-    notes = [*_notes(fit), *_zero_notes(fit), *_tension_notes(curves)]
+    notes = [*_notes(fit), *_tension_notes(curves)]
+    if (
+        fit.model.name == "crimp-toe"
+        and "initial_stiffness" not in fit.model.parameters
+    ):
+        notes.append(
+            f"{title_of(part)}: the initial stiffness is "
+            f"{fit.law.initial_stiffness:.3g} N/mm, a share of the stiffness, because "
+            "tests with an unknown slack do not determine it: specify --slack to fit it"
+        )
     if fit.beyond_noise:
         notes.append(
             "tests at several strain ratios contradict a tension that depends on one "
@@ -96,9 +106,7 @@ def tension_report(result: "FabricFit", part: str) -> dict[str, Any]:
     return law_report("tension", fit) | {
         "largest_strain": float(max(strains)),
         "curves": [
-            _curve(fit, i)
-            | {"zeros": _zeros(fit, i), "statements": list(test.statements)}
-            for i, (test, _) in enumerate(curves)
+            _curve(fit, i) | {"zeros": _zeros(fit, i)} for i in range(len(curves))
         ],
         "notes": notes,
     }
@@ -107,7 +115,6 @@ def tension_report(result: "FabricFit", part: str) -> dict[str, Any]:
 def bending_report(result: "FabricFit", part: str) -> dict[str, Any]:
     """Report of a bending stiffness."""
     fit, tests = result.parts[part], result.cantilevers(part)
-    (low, high), stiffness = fit.intervals[0], fit.law.stiffness
     readings = [
         {
             "name": test.name,
@@ -126,23 +133,89 @@ def bending_report(result: "FabricFit", part: str) -> dict[str, Any]:
         for name in ("peirce", "elastica")
     )
     largest = float(np.abs(simple / exact - 1).max())
-    return {
-        "of": "bending",
-        "confidence": CONFIDENCE,
-        "bending_N_mm": float(stiffness),
-        "low_N_mm": float(low),
-        "high_N_mm": float(high),
+    return law_report("bending", fit) | {
+        "curves": [_curve(fit, i, "N_mm") for i in range(len(tests))],
         "by_peirce_N_mm": float(simple.mean()),
         "readings": readings,
-        "tests": [
-            {"name": test.name, "statements": list(test.statements)} for test in tests
-        ],
         "notes": [
             *_notes(fit),
             f"the error of Peirce's formula is up to {100 * largest:.1f} % at these "
             "angles: the stiffness is computed with the elastica",
         ],
     }
+
+
+def data_report(
+    result: "FabricFit", held_out: Sequence[Test] = ()
+) -> list[dict[str, Any]]:
+    """Reports of the tests: what was read, what was done to it, and its use."""
+    found = []
+    for test in (*result.tests, *held_out):
+        read = [] if test.prepared is None else [*test.prepared.read.statements]
+        done = [*test.statements[len(read) :]]
+        fitted = any(test is one for one in result.tests)
+        if fitted:
+            done += [
+                statement
+                for part, fit in result.parts.items()
+                for i, one in enumerate(result.tests_of(part))
+                if one is test
+                for statement in _zero_statements(fit, i)
+            ]
+            if isinstance(test, Specimen):
+                done.append(_range_statement(result, test))
+        found.append(
+            {
+                "name": test.name,
+                "test": _kind(test),
+                "fitted": fitted,
+                "read": read,
+                "prepared": done,
+            }
+        )
+    return found
+
+
+def _kind(test: Test) -> str:
+    """Kind and dimensions of a test in words."""
+    if isinstance(test, CantileverTest):
+        return f"cantilever along the {test.family}, {test.weight:g} N/mm²"
+    if isinstance(test, BiaxialCurve):
+        warp, weft = test.widths
+        return f"biaxial test, {warp:g} mm wide to the warp, {weft:g} mm to the weft"
+    if not isinstance(test, Specimen):
+        size = f"{test.width:g} × {test.length:g} mm"
+        return f"strip along the {test.family}, {size}"
+    of = test.test
+    if isinstance(of, PictureFrame):
+        return f"picture frame of {of.frame:g} mm with fabric of {of.fabric:g} mm"
+    assert isinstance(of, BiasExtension)
+    theta = np.degrees(of.inclination)
+    return f"bias extension, {of.width:g} × {of.height:g} mm, fibres at {theta:g}°"
+
+
+def _zero_statements(fit: Fit, i: int) -> list[str]:
+    """Statements on the zeros of a curve that are fitted with the law."""
+    return [
+        f"a {one['name']} of {one['value']:.3g}"
+        f"{'' if one['unit'] == '-' else ' ' + one['unit']} ({one['low']:.3g} to "
+        f"{one['high']:.3g}) is estimated with the law, and its uncertainty is part of "
+        "the band"
+        for one in _zeros(fit, i)
+        if one["name"] in fit.free
+    ]
+
+
+def _range_statement(result: "FabricFit", specimen: Specimen) -> str:
+    """Statement on the end of the fitted range."""
+    used = specimen.used(result.choice.up_to)
+    how = "measured" if specimen.measured_angle is not None else "theoretical"
+    angle = result.zeroed(result.specimens.index(specimen)).angle
+    end = np.degrees(angle[used].max())
+    return (
+        f"{used.sum()} of {used.size} points are fitted, up to a {how} shear angle of "
+        f"{end:.1f}°"
+    )
 
 
 def joint_report(result: "FabricFit") -> dict[str, Any]:
@@ -208,24 +281,6 @@ def _zeros(fit: Fit, i: int) -> list[dict[str, Any]]:
     ]
 
 
-def _zero_notes(fit: Fit) -> list[str]:
-    """Notes on zeros that the fit takes into account."""
-    notes = []
-    for i, sample in enumerate(fit.samples):
-        found = [one for one in _zeros(fit, i) if one["name"] in fit.free]
-        if found:
-            text = " and ".join(
-                f"{one['name']} of {one['value']:.3g} {one['unit']} ({one['low']:.3g} "
-                f"to {one['high']:.3g})"
-                for one in found
-            )
-            notes.append(
-                f"{sample.name}: a {text} is estimated with the law, and its "
-                "uncertainty is part of the band"
-            )
-    return notes
-
-
 def law_report(of: str, fit: Fit) -> dict[str, Any]:
     """Law, parameters and confidence intervals."""
     rows = zip(
@@ -235,6 +290,7 @@ def law_report(of: str, fit: Fit) -> dict[str, Any]:
     )
     return {
         "of": of,
+        "name": fit.model.name,
         "law": law_to_json(fit.law),
         "confidence": CONFIDENCE,
         "parameters": [
@@ -250,27 +306,33 @@ def law_report(of: str, fit: Fit) -> dict[str, Any]:
         ],
         "specimens_differ_probability": fit.differ,
         "specimens_differ_beyond_noise": fit.beyond_noise,
+        "systematic": [
+            sample.name
+            for sample, wrong in zip(fit.samples, fit.systematic, strict=True)
+            if wrong
+        ],
     }
 
 
-def _curve(fit: Fit, i: int) -> dict[str, Any]:
+def _curve(fit: Fit, i: int, unit: str = "N") -> dict[str, Any]:
+    """Residuals of a curve, with the unit of its measured values in the keys."""
     sample, residual = fit.samples[i], fit.residuals[i]
     largest = float(np.abs(sample.measured).max())
     return {
         "name": sample.name,
         "points": int(residual.size),
-        "noise_N": float(fit.noise[i]),
+        f"noise_{unit}": float(fit.noise[i]),
         "noise_over_largest": float(fit.noise[i]) / largest if largest else np.nan,
-        "residual_rms_N": float(np.sqrt(np.mean(residual**2))),
-        "residual_largest_N": float(np.abs(residual).max()),
+        f"residual_rms_{unit}": float(np.sqrt(np.mean(residual**2))),
+        f"residual_largest_{unit}": float(np.abs(residual).max()),
         "correlation_of_neighbours": float(fit.correlations[i]),
     }
 
 
 def _moments(result: "FabricFit") -> list[dict[str, Any]]:
     """C at `ANGLES`: the law, its band, and each specimen alone."""
-    reach = np.degrees(result.largest_angle) + 1e-9
-    angles = np.array([angle for angle in ANGLES if angle <= reach], dtype=float)
+    end = np.degrees(result.largest_angle) + 1e-9
+    angles = np.array([angle for angle in ANGLES if angle <= end], dtype=float)
     gamma, fit = np.radians(angles), result.parts["shear"]
 
     def value(law: Any) -> ndarray:
@@ -279,9 +341,8 @@ def _moments(result: "FabricFit") -> list[dict[str, Any]]:
     C, band, alone = value(fit.law), fit.band(value), fit.singles
     moments = [] if alone is None else [value(fit.model.build(one)) for one in alone]
     points, scatter = [], fit.scatter(value)
-    for i, specimen in enumerate(result.specimens):
-        force, *_ = fit.zeros(i).get("force at rest", (specimen.zeros.force or 0.0,))
-        points.append(specimen.pointwise(result.choice.up_to, force))
+    for i in range(len(result.specimens)):
+        points.append(result.zeroed(i).pointwise(result.choice.up_to))
     rows = []
     for i, angle in enumerate(angles):
         low, high = band[:, i]
@@ -338,6 +399,13 @@ def _notes(fit: Fit) -> list[str]:
             f"residuals are correlated ({', '.join(names[fit.systematic])}): the law "
             "does not represent the curve; bands are computed with fewer points for it"
         )
+    weak = _undetermined(fit)
+    if weak.any():
+        names_of = ", ".join(np.array(fit.model.parameters)[weak])
+        notes.append(
+            f"the bands of {names_of} contain 0 or a limit of the law: the data do not "
+            "determine them: use a law with fewer parameters, or further tests"
+        )
     if fit.at_bound.any():
         bound = np.array(fit.model.parameters)[fit.at_bound]
         notes.append(
@@ -346,8 +414,16 @@ def _notes(fit: Fit) -> list[str]:
     return notes
 
 
+def _undetermined(fit: Fit) -> ndarray:
+    """Mask of parameters whose bands contain 0 or a limit of the law."""
+    low, high = fit.intervals.T
+    within = (low > fit.model.low) & (high < fit.model.high) & (low * high > 0)
+    return ~within & ~fit.at_bound
+
+
 def _range_notes(result: "FabricFit") -> list[str]:
-    end, up_to = np.degrees(result.largest_angle), result.choice.up_to
+    up_to = result.choice.up_to
+    end = np.degrees(max(reach(one, up_to) for one in result.specimens))
     notes = [
         f"{specimen.name}: the test contains loading and unloading, and both are "
         "fitted as one curve: keep only the rows of a single loading"
@@ -381,16 +457,3 @@ def _range_notes(result: "FabricFit") -> list[str]:
                 "degrees"
             )
     return list(dict.fromkeys(notes))
-
-
-def report_text(reports: Mapping[str, Mapping[str, Any]]) -> str:
-    """Reports as text in Markdown, by title."""
-    import jinja2
-
-    # Markdown of names and numbers: nothing is escaped, unlike in HTML.
-    environment = jinja2.Environment(
-        autoescape=False, trim_blocks=True, keep_trailing_newline=True
-    )
-    environment.filters["g"] = lambda number, digits=4: f"{number:.{digits}g}"
-    template = files(__package__).joinpath("report.md").read_text(encoding="utf-8")
-    return environment.from_string(template).render(reports=reports)

@@ -12,10 +12,11 @@ from numpy import ndarray
 from ..fabric import BiaxialLaw, TwoLaws
 from ..fabric.law import domain_of
 from .bending import CantileverTest
-from .biaxial import FAMILIES, BiaxialCurve
+from .biaxial import BiaxialCurve
+from .measured import FAMILIES, slack_range
 from .simulation import SimulatedTest
 from .solving import Laws, Offset, Sample
-from .specimens import Specimen, slack_range
+from .specimens import Specimen
 from .strip import Strip
 
 #: Forces of shear laws at shear angles: `ShearTest.force`, or `SimulatedTest.force`.
@@ -43,7 +44,7 @@ def biaxial(curve: BiaxialCurve, family: int) -> Sample:
         strain = curve.taut(family, slack)
         return curve.widths[family] * laws[name].value(strain) / np.exp(strain)
 
-    offsets = (_strain_slack(curve, family),) if curve.slack_is_unknown else ()
+    offsets = tuple(_strain_slack(curve, i) for i in curve.loose if i == family)
     called = f"{curve.name}, {name}"
     return Sample(called, curve.force[family], name, predict, offsets)
 
@@ -55,13 +56,11 @@ def biaxial_coupled(curve: BiaxialCurve) -> Sample:
     def predict(laws: Laws, *slacks: float) -> ndarray:
         law = laws["both"]
         both = law if isinstance(law, BiaxialLaw) else TwoLaws(law, law)
-        given = slacks or (0.0, 0.0)
-        strain = np.array([curve.taut(i, given[i]) for i in range(2)])
+        given = dict(zip(curve.loose, slacks, strict=bool(slacks)))
+        strain = np.array([curve.taut(i, given.get(i, 0.0)) for i in range(2)])
         return (widths * np.asarray(both.value(strain)) / np.exp(strain)).ravel()
 
-    offsets: tuple[Offset, ...] = ()
-    if curve.slack_is_unknown:
-        offsets = tuple(_strain_slack(curve, i) for i in range(2))
+    offsets = tuple(_strain_slack(curve, i) for i in curve.loose)
     return Sample(curve.name, curve.force.ravel(), "both", predict, offsets)
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric.law import domain_of
+from .bands import Fit
 from .models import Model
-from .regression import Fit, fit
+from .regression import fit
 from .solving import Sample, Unknowns
 
 #: Name that stands for the choice by cross-validation.

@@ -9,6 +9,7 @@ from numpy import ndarray
 
 from ..fabric import Polynomial
 from ..scenes.shear_test import ShearTest
+from .measured import MeasuredTest, beyond_slack, slack_range
 from .preparing import Preparation, prepare
 from .preparing.branches import REVERSAL
 from .preparing.outliers import running_median
@@ -30,10 +31,6 @@ ROUNDING = 1e-9
 # Share of the largest angle of a test above which points are excluded: forces of the
 # closed form are unbounded there.
 _END = 0.999
-
-# Range of the slack relative to the largest displacement.  Chosen: a negative slack is
-# a pretension; beyond half of the curve the fabric would not be tested.
-_LEAST_SLACK, _MOST_SLACK = -0.1, 0.6
 
 # Number of slacks that are compared for an estimate.
 _SLACKS = 71
@@ -59,13 +56,11 @@ class Zeros:
 
 
 @dataclass(frozen=True, eq=False)
-class Specimen:
+class Specimen(MeasuredTest):
     """Curve of one specimen.
 
     Attributes
     ----------
-    name
-        Name of the specimen.
     test
         Kind of test and its dimensions.
     force
@@ -75,17 +70,13 @@ class Specimen:
         missing.
     zeros
         Zeros of the machine.
-    statements
-        Description of the reading and preparation.
     """
 
-    name: str
     test: ShearTest
     force: ndarray
     displacement: ndarray | None = None
     measured_angle: ndarray | None = None
     zeros: Zeros = Zeros()
-    statements: tuple[str, ...] = ()
 
     @cached_property
     def slack(self) -> float:
@@ -104,9 +95,7 @@ class Specimen:
 
     def angle_at(self, displacement: ndarray, slack: float) -> ndarray:
         """Theoretical shear angle; 0 within a slack, and nan beyond the end."""
-        moved = displacement - slack
-        if slack or self.zeros.slack is None:
-            moved = np.maximum(moved, 0.0)
+        moved = beyond_slack(displacement, slack, self.zeros.slack is not None)
         return self.test.shear_angle(moved)
 
     @cached_property
@@ -173,14 +162,12 @@ class Specimen:
         )
         return forth, back
 
-    def pointwise(
-        self, up_to: float | None, force_at_rest: float = 0.0
-    ) -> tuple[ndarray, ndarray]:
+    def pointwise(self, up_to: float | None) -> tuple[ndarray, ndarray]:
         """Increasing shear angles, and C by pointwise data reduction."""
         used = self.used(up_to) & (self.angle > 0)
         order = np.argsort(self.angle[used], kind="stable")
         gamma, force = self.angle[used][order], self.force[used][order]
-        moment = self.test.moment(gamma, force - force_at_rest)
+        moment = self.test.moment(gamma, force - (self.zeros.force or 0.0))
         known = np.isfinite(moment)
         return gamma[known], moment[known]
 
@@ -198,21 +185,17 @@ def read_specimens(
 
     Parameters
     ----------
-    path
-        The file or folder, see `read_recordings`.
+    path, form
+        See `read_recordings`, with its errors.
     test
         Kind of test and its dimensions.
-    form
-        Properties of the file that take precedence over its content.
     choices
-        Choices of the preparation that take precedence, see `prepare`.
+        See `prepare`, with its errors.
 
     Raises
     ------
     ValueError
-        If the file is refused, or a column is missing.
-    OSError
-        If it cannot be read.
+        If both displacement and shear angle are missing.
     """
     choices = choices or Preparation()
     specimens = []
@@ -226,25 +209,17 @@ def read_specimens(
         driving = "displacement" if "displacement" in columns else "shear angle"
         both = recording.complete(*{driving, "shear angle"} & set(columns))
         prepared = prepare(both, driving, ["force"], choices)
-        zeros = Zeros(choices.slack, choices.force_at_rest)
-        if not prepared.begins_at_rest:
-            zeros = Zeros(zeros.slack or 0.0, zeros.force or 0.0)
+        zeros = map(prepared.zero, (choices.slack, choices.force_at_rest))
         read = prepared.recording
         moved, angle = read.columns.get("displacement"), read.columns.get("shear angle")
         specimens.append(
             Specimen(
                 *(read.name, test, read.column("force"), moved, angle),
-                zeros=zeros,
-                statements=read.statements,
+                zeros=Zeros(*zeros),
+                prepared=prepared,
             )
         )
     return specimens
-
-
-def slack_range(displacement: ndarray) -> tuple[float, float]:
-    """Smallest and largest slack in mm of a curve."""
-    size = float(displacement.max())
-    return _LEAST_SLACK * size, _MOST_SLACK * size
 
 
 def _estimated_slack(specimen: Specimen) -> float:

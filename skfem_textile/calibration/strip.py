@@ -7,19 +7,18 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric.law import number
-from .biaxial import FAMILIES, Along
+from .biaxial import Along
+from .measured import FAMILIES, MeasuredTest, beyond_slack
 from .preparing import Preparation, prepare
 from .reading import Format, read_recordings
 
 
 @dataclass(frozen=True, eq=False)
-class Strip:
+class Strip(MeasuredTest):
     """Tensile test of a strip, whose transverse fibres carry no load.
 
     Attributes
     ----------
-    name
-        Name of the test.
     family
         Family along the load, ``warp`` or ``weft``.
     width, length
@@ -28,8 +27,6 @@ class Strip:
         Displacement in mm and force in N, shape (n,).
     slack
         Displacement in mm at which the strip is taut; None if a fit is to determine it.
-    statements
-        Description of the reading and preparation.
 
     Raises
     ------
@@ -37,14 +34,12 @@ class Strip:
         If the family is unknown, or a length is not positive.
     """
 
-    name: str
     family: str
     width: float
     length: float
     displacement: ndarray
     force: ndarray
     slack: float | None = 0.0
-    statements: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.family not in FAMILIES:
@@ -61,9 +56,7 @@ class Strip:
 
     def strain(self, slack: float) -> ndarray:
         """Logarithmic strain ln(1 + δ/L); 0 within a slack."""
-        moved = self.displacement - slack
-        if slack or self.slack is None:
-            moved = np.maximum(moved, 0.0)
+        moved = beyond_slack(self.displacement, slack, not self.slack_is_unknown)
         return np.log1p(moved / self.length)
 
     def along(self, family: int) -> Along | None:
@@ -85,35 +78,24 @@ def read_strips(
 
     Parameters
     ----------
-    path
-        The file or folder, see `read_recordings`.
+    path, form
+        See `read_recordings`, with its errors.
     family, width, length
         See `Strip`.
-    form
-        Properties of the file that take precedence over its content.
     choices
-        Choices of the preparation that take precedence, see `prepare`.
-
-    Raises
-    ------
-    ValueError
-        If the file is refused, or a column is missing.
-    OSError
-        If it cannot be read.
+        See `prepare`, with its errors.
     """
     choices, strips = choices or Preparation(), []
     for recording in read_recordings(path, form):
         driving = "strain" if "strain" in recording.columns else "displacement"
         complete = recording.complete(driving, "force")
         prepared = prepare(complete, driving, ["force"], choices)
-        read, slack = prepared.recording, choices.slack
-        if not prepared.begins_at_rest:
-            slack = slack or 0.0
+        read, slack = prepared.recording, prepared.zero(choices.slack)
         moved = read.column(driving) * (length if driving == "strain" else 1.0)
         strips.append(
             Strip(
                 *(read.name, family, width, length, moved, read.column("force"), slack),
-                statements=read.statements,
+                prepared=prepared,
             )
         )
     return strips

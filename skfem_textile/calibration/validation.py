@@ -10,9 +10,9 @@ from scipy import special
 
 from ..fabric import Fabric
 from ..scenes.shear_test import ShearTest
+from .bands import CONFIDENCE
 from .choice import Test
 from .fitting import FabricFit
-from .regression import CONFIDENCE
 from .simulation import SimulatedTest, Simulation
 from .solving import differences
 from .specimens import Specimen

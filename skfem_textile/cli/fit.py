@@ -21,6 +21,7 @@ from ..mesh.user_input import printable
 from ..scenes.shear_test import BiasExtension
 from . import words
 from .fit_files import KINDS, Options, option, repeated, tests_of
+from .fit_report import REPORT, Reported, pictures_of, write_fit_page
 from .interruption import held
 from .output import say
 from .progress import shown
@@ -171,9 +172,8 @@ _LAWS = {
     **{"shear": "shear_law.json", "both": "tension_law.json"},
     **{"warp": "warp_law.json", "weft": "weft_law.json"},
 }
-_ONE_LAW, _PICTURE, _PREDICTION = "law.json", "fit.png", "validation.png"
-_PICTURES = _PICTURE, _PREDICTION
-_FILES = "summary.json", "fabric.json", "report.md", _ONE_LAW, *_LAWS.values()
+_ONE_LAW = "law.json"
+_FILES = "summary.json", "fabric.json", REPORT, _ONE_LAW, *_LAWS.values()
 
 
 def run_fit(options: Namespace) -> int:
@@ -188,30 +188,32 @@ def run_fit(options: Namespace) -> int:
         found = validate(result, base, held_out, _simulation(options, base))
     reports = report.reports_of(result)
     _add_missing(options, result, reports)
-    if found:
-        reports["Validation"] = report.validation_report(found)
-    text = report.report_text(reports)
+    reported = Reported(
+        reports,
+        report.data_report(result, held_out),
+        report.joint_report(result),
+        report.validation_report(found),
+    )
     inputs = {k: v for k, v in vars(options).items() if k not in ("command", "out")}
     inputs["data"] = [str(path) for path in options.data]
     if inputs.get("validate") is not None:
         inputs["validate"] = str(options.validate)
-    summary = {
-        "reports": reports,
-        "joint": report.joint_report(result),
-        "inputs": {"version": __version__, **inputs},
-    }
     laws = {part: law for part, law in result.laws.items() if part in _LAWS}
-    with held(), ResultFolder(options.out, (*_FILES, *_PICTURES)) as folder:
+    pictures, no_pictures = _pictures(options, result, held_out, found)
+    with held(), ResultFolder(options.out, _FILES) as folder:
         for part, law in laws.items():
             name = _ONE_LAW if len(laws) == 1 else _LAWS[part]
             write_law(law, folder / name)
-        io.write_fabric(folder / "fabric.json", result.fabric(base))
-        (folder / "report.md").write_text(text, encoding="utf-8")
-        io.write_summary(summary, folder / "summary.json")
-    if not options.no_render:
-        _draw(options, result, found)
-    say(text, end="")
-    say(f"results written to {printable(options.out)}")
+        fabric = result.fabric(base)
+        io.write_fabric(folder / "fabric.json", fabric)
+        tables = _tables(options, result)
+        write_fit_page(
+            *(folder, reported, fabric, tables, pictures, no_pictures, inputs)
+        )
+        version = {"inputs": {"version": __version__, **inputs}}
+        io.write_summary(reported._asdict() | version, folder / "summary.json")
+    reported.say()
+    say(f"results written to {printable(options.out)}: open {REPORT}")
     return 0
 
 
@@ -250,19 +252,31 @@ def _simulation(options: Namespace, base: Fabric) -> Simulation:
     return Simulation(base.tension, across)
 
 
-def _draw(options: Namespace, result: FabricFit, found: Sequence[Validation]) -> None:
-    try:
-        with ResultFolder(options.out, _PICTURES) as folder:
-            from ..calibration.figure import draw, draw_validation
+def _tables(options: Namespace, result: FabricFit) -> list[str]:
+    """Tables of a case file whose laws are known: fitted, or given by an option."""
+    known = {"both": "tension", "warp": "tension", "weft": "tension", "shear": "shear"}
+    found = {known.get(part, "bending") for part in result.parts}
+    if options.fabric is not None:
+        found = {"tension", "shear", "bending"}
+    elif getattr(options, "fibre_stiffness", None) is not None:
+        found.add("tension")
+    return sorted(found)
 
-            draw(result, folder / _PICTURE)
-            if found:
-                draw_validation(found, folder / _PREDICTION)
+
+def _pictures(
+    options: Namespace,
+    result: FabricFit,
+    held_out: Sequence[Test],
+    found: Sequence[Validation],
+) -> tuple[dict[str, dict[str, str]], str]:
+    """Pictures of the page, or the reason why there are none."""
+    if options.no_render:
+        return {}, "The page contains no pictures, by the option --no-render."
+    try:
+        return pictures_of(result, [*result.tests, *held_out], found), ""
     except ImportError as error:
-        say(
-            f"the picture was not drawn: {printable(error)}: pip install "
-            "'skfem-textile[plot]'"
-        )
+        reason = f"The pictures were not drawn: {printable(error)}: "
+        return {}, f"{reason}pip install 'skfem-textile[plot]'."
 
 
 def _add_missing(

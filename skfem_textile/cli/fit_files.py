@@ -11,8 +11,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from ..calibration.bending import read_cantilever
-from ..calibration.biaxial import FAMILIES, read_biaxial
+from ..calibration.biaxial import read_biaxial
 from ..calibration.choice import Test
+from ..calibration.measured import FAMILIES
 from ..calibration.preparing import BRANCHES, Preparation
 from ..calibration.reading import Format, column_named
 from ..calibration.specimens import read_specimens

@@ -14,7 +14,7 @@ from . import words
 from .interruption import held
 from .net_report import Cells, Cover, Part, figures_of, refuse_overlap, verdict_of
 from .output import complain, say
-from .page import page, rows, sources
+from .page import rows, say_rows, sources, write_page
 from .progress import STOPPED_EARLY, log_to_stderr, shown
 from .result_folder import ResultFolder
 from .results import PATTERN, write_patterns
@@ -181,18 +181,14 @@ def run_net(options: argparse.Namespace) -> int:
             _draw(part, cells, options, folder)
         figures["time_s"] = perf_counter() - began
         io.write_summary(figures, folder / _SUMMARY)
-        (folder / _PAGE).write_text(
-            page(
-                _PAGE,
-                title=f"Net on {printable(Path(options.tool[0]).name)}",
-                verdict=verdict,
-                figures=rows(figures),
-                pictures=sources(folder, _CAPTIONS),
-            ),
-            encoding="utf-8",
+        write_page(
+            *(folder, _PAGE, _PAGE),
+            title=f"Net on {printable(Path(options.tool[0]).name)}",
+            verdict=verdict,
+            figures=rows(figures),
+            pictures=sources(folder, _CAPTIONS),
         )
-    for name, _, text in verdict:
-        say(f"{name:24}{text}")
+    say_rows(verdict)
     say(f"results written to {printable(options.out)}: open {_PAGE}")
     is_found = part.patterns and cover.is_whole and not part.no_darts
     return 0 if is_found else STOPPED_EARLY

@@ -1,13 +1,14 @@
 """Self-contained HTML pages of results."""
 
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from .. import __version__
 from ..mesh.user_input import printable
+from .output import say
 
 #: Row of a table: name, CSS class or empty, and value.
 Row: TypeAlias = tuple[str, str, Any]
@@ -21,8 +22,8 @@ _MEDIA = {
 }
 
 
-def page(template: str, **content: Any) -> str:
-    """Page from a template of this package, without external references."""
+def write_page(folder: Path, name: str, template: str, **content: Any) -> None:
+    """Write a page from a template of this package, without external references."""
     import jinja2
 
     texts = {
@@ -37,7 +38,8 @@ def page(template: str, **content: Any) -> str:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters["shown"] = formatted
-    return environment.get_template(template).render(version=__version__, **content)
+    text = environment.get_template(template).render(version=__version__, **content)
+    (folder / name).write_text(text, encoding="utf-8")
 
 
 def formatted(value: Any) -> str:
@@ -45,6 +47,12 @@ def formatted(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     return "" if value is None else printable(value)
+
+
+def say_rows(verdict: Iterable[Row]) -> None:
+    """Print rows of a verdict."""
+    for name, _, text in verdict:
+        say(f"{printable(name):24}{formatted(text)}")
 
 
 def rows(values: Any) -> list[Row]:

@@ -13,7 +13,7 @@ from ..mesh.user_input import printable
 from ..scenes.shear_test import ShearTest
 from .curve import CURVE, Curve, completed, read_test_curve
 from .output import say
-from .page import Row, formatted, page, rows, sources
+from .page import Row, formatted, rows, sources, write_page
 from .result_folder import ResultFolder
 from .results import CURVES, draw_curves
 
@@ -85,29 +85,28 @@ def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf)
             curves, no_curves = _drawn_curves(run, folder, test, shear_test)
     scene = printable(summary.get("scene", "run")).replace("_", " ").capitalize()
     figures = {k: v for k, v in summary.items() if k not in ("inputs", "versions")}
-    text_of_page = page(
-        REPORT,
-        title=f"{scene}, {printable(summary.get('formulation', 'unknown'))}",
-        converged=summary.get("converged") is True,
-        load_factor=summary.get("load_factor"),
-        verdict=list(_verdict(summary)),
-        figures=[
+    content = {
+        "title": f"{scene}, {printable(summary.get('formulation', 'unknown'))}",
+        "converged": summary.get("converged") is True,
+        "load_factor": summary.get("load_factor"),
+        "verdict": list(_verdict(summary)),
+        "figures": [
             (name, "number", summary[key])
             for key, name in _FIGURES.items()
             if summary.get(key) is not None
         ],
-        curves=curves,
-        columns=list(run),
-        points=_points(run),
-        file=sources(folder, {CURVE: CURVE}) if run else {},
-        no_curves=no_curves,
-        pictures=sources(folder, _PICTURES),
-        case=text,
-        every_figure=rows(figures),
-        versions=rows(summary.get("versions")),
-    )
+        "curves": curves,
+        "columns": list(run),
+        "points": _points(run),
+        "file": sources(folder, {CURVE: CURVE}) if run else {},
+        "no_curves": no_curves,
+        "pictures": sources(folder, _PICTURES),
+        "case": text,
+        "every_figure": rows(figures),
+        "versions": rows(summary.get("versions")),
+    }
     with ResultFolder(folder, (REPORT,)) as scratch:
-        (scratch / REPORT).write_text(text_of_page, encoding="utf-8")
+        write_page(scratch, REPORT, REPORT, **content)
     say(f"report written to {printable(folder / REPORT)}")
     return 0
 
@@ -148,8 +147,8 @@ def _summary(folder: Path) -> dict[str, Any]:
         summary = json.loads(file.read_text(encoding="utf-8"))
     except (ValueError, RecursionError):
         summary = None
-    if not isinstance(summary, dict):
-        raise ValueError(f"{printable(file)} is damaged: it is not a summary of a run")
+    if not isinstance(summary, dict) or "scene" not in summary:
+        raise ValueError(f"{printable(file)} is not the summary of a run")
     return summary
 
 

@@ -68,9 +68,11 @@ def test_the_command_writes_a_fabric_that_bends(tmp_path, capsys):
     warp, weft = read_fabric(out / "fabric.json").fabric.bending
     assert warp == 0.0
     assert weft == pytest.approx(6.15, abs=0.2)
-    report = json.loads((out / "summary.json").read_text())["reports"]
-    assert report["Bending of the weft"]["bending_N_mm"] == weft
-    assert "D by Peirce" in capsys.readouterr().out
+    report = json.loads((out / "summary.json").read_text())["laws"]
+    (stiffness,) = report["Bending of the weft"]["parameters"]
+    assert stiffness["value"] == weft
+    assert "N·mm" in capsys.readouterr().out
+    assert "D by Peirce" in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_fixed_angle_replaces_a_column(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 from skfem_textile import CrimpInterchange, CrimpToe, Linear
 from skfem_textile.calibration import BiaxialCurve, read_biaxial, residuals
-from skfem_textile.calibration.report import report_text, reports_of
+from skfem_textile.calibration.report import reports_of
 from skfem_textile.fabric import TwoLaws
 from tests.helpers.fits import fit_tension
 
@@ -45,7 +45,7 @@ def test_crimp_interchange_contradicts_uncoupled_laws_and_is_identified():
     law = CrimpInterchange((2e3, 1.5e3), (0.01, 0.015), 5.0, 2e-3, 0.15)
     curves = pulls(law, noise=0.01)
     alone = reports_of(fit_tension(curves))
-    assert "use crimp-interchange" in " ".join(alone["Tension, warp"]["notes"])
+    assert "use crimp-interchange" in " ".join(alone["Tension of the warp"]["notes"])
     both = fit_tension(curves, "crimp-interchange").parts["both"]
     for i, curve in enumerate(curves):
         low, high = both.band(lambda law, of=curve: forces(law, of).ravel())
@@ -113,10 +113,10 @@ def test_a_family_unloaded_in_one_test_is_identified_from_the_others():
         BiaxialCurve("free", c.strain * alone, c.force * alone, c.widths) for c in pull
     ]
     reports = reports_of(fit_tension([*pull[:1], *free[:1]]))
-    assert reports["Tension, weft"]["largest_strain"] == pytest.approx(0.01)
-    text = report_text(reports)
-    assert "(no force)" in text
-    assert "Fitted up to a strain ln λ of 0.02." in text
+    assert reports["Tension of the weft"]["largest_strain"] == pytest.approx(0.01)
+    assert reports["Tension of the warp"]["largest_strain"] == pytest.approx(0.02)
+    _, unloaded = reports["Tension of the weft"]["curves"]
+    assert np.isnan(unloaded["noise_over_largest"])
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -10,7 +10,7 @@ from skfem_textile.calibration import (
     Simulation,
     Specimen,
 )
-from skfem_textile.calibration.report import report_text, shear_report
+from skfem_textile.calibration.report import data_report, shear_report
 from skfem_textile.calibration.solving import covariance_of
 from tests.helpers.fits import fit_shear, of_shear
 
@@ -127,7 +127,7 @@ def test_points_beyond_the_kinematics_are_excluded():
     data = specimen(BIAS, QUINTIC, end=60.0, n=60)
     fit = fit_shear([data])
     assert np.degrees(fit.largest_angle) == pytest.approx(40.0)
-    assert shear_report(fit)["specimens"][0]["left_out"] == 20
+    assert shear_report(fit)["curves"][0]["left_out"] == 20
     further = fit_shear([data], up_to=np.radians(50.0))
     assert np.degrees(further.largest_angle) == pytest.approx(50.0)
     assert "fit by simulation" in notes(further)
@@ -247,15 +247,20 @@ def test_parameters_that_differ_by_rounding_alone_have_no_covariance():
         covariance_of(np.transpose([x, x * (1 + 1e-14 * x)]), np.ones(50))
 
 
-def test_the_report_is_readable():
-    three = [specimen(BIAS, QUINTIC, 0.02, i, name=f"no. {i}") for i in range(3)]
-    text = report_text({"Shear": shear_report(fit_shear(three))})
-    for part in ("Law: Polynomial", "| c1 | 0.", "| no. 2 | 60 |", "| 40 |", "N/mm"):
-        assert part in text
-    beyond = report_text(
-        {"Shear": shear_report(fit_shear([specimen(BIAS, QUINTIC, end=80)]))}
-    )
-    assert "| one | 30 of 60 |" in beyond
+def test_the_range_of_a_specimen_is_stated():
+    beyond = fit_shear([specimen(BIAS, QUINTIC, end=80)])
+    (data,) = data_report(beyond)
+    assert data["test"] == "bias extension, 100 × 200 mm, fibres at 45°"
+    assert data["prepared"] == [
+        "30 of 60 points are fitted, up to a theoretical shear angle of 40.0°"
+    ]
+
+
+def test_parameters_that_the_data_do_not_determine_are_reported():
+    """The bands of the third and fifth power of a straight line contain zero."""
+    data = [specimen(BIAS, Linear(0.1), 0.02, seed=1)]
+    assert "the bands of c3, c5 contain 0 or a limit" in notes(fit_shear(data))
+    assert "contain 0" not in notes(fit_shear(data, "linear"))
 
 
 def test_the_inverse_fit_accounts_for_fibre_stretch():

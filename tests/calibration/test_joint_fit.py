@@ -5,16 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric, Linear
+from skfem_textile import CrimpToe, Fabric, Linear
 from skfem_textile.calibration import (
+    BiaxialCurve,
     Choice,
     PictureFrame,
     Specimen,
     Strip,
     fit_tests,
     read_strips,
+    residuals,
 )
-from skfem_textile.calibration.report import joint_report, report_text, reports_of
+from skfem_textile.calibration.report import joint_report, reports_of
 from studies.laboratory import fabric
 from studies.laboratory.fabric import CHOICE, TRUTH, Drawn
 
@@ -64,7 +66,10 @@ def test_five_tests_of_one_fabric_determine_all_parameters_at_once():
     correlations = np.array(joint_report(result)["correlations"])
     np.testing.assert_allclose(np.diag(correlations), 1.0)
     assert abs(correlations[0, 2]) > 1e-6  # of the warp and the shear stiffness
-    assert "# Bending of the weft" in report_text(reports_of(result))
+    assert list(reports_of(result)) == [
+        *("Tension of the warp", "Tension of the weft", "Shear"),
+        *("Bending of the warp", "Bending of the weft"),
+    ]
 
 
 def test_a_bias_extension_is_wrong_by_the_stretch_of_its_fibres_without_them():
@@ -115,6 +120,44 @@ def test_a_strip_has_a_slack():
     assert result.laws["warp"].stiffness == pytest.approx(2e3, rel=0.02)
     zeroed = fit_tests([replace(strip, slack=0.0)], Choice(tension="linear"))
     assert zeroed.laws["warp"].stiffness < 1.9e3
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_crimped_strip_with_a_slack_has_a_stiffness_and_a_toe(seed):
+    """The initial stiffness is a share of the stiffness: the slack hides it.
+
+    Fitted beside the slack, it varies by 20 times, and the stiffness by 20 %.
+    """
+    law, moved = CrimpToe(2e3, 0.004, 20.0), np.linspace(0.0, 6.0, 400)
+    strip = Strip("one", "warp", 50.0, 200.0, moved, np.zeros(400), None)
+    force = residuals.strip(strip).predict({"warp": law}, 0.12)
+    force += 0.01 * force.max() * np.random.default_rng(seed).standard_normal(400)
+    result = fit_tests([replace(strip, force=force)])
+    fit = result.parts["warp"]
+    assert fit.model.parameters == ("stiffness", "toe")
+    slope = law.stiffness + law.initial_stiffness  # of the taut strip
+    assert fit.values == pytest.approx([slope, law.toe], rel=0.15)
+    assert fit.values[0] == pytest.approx(slope, rel=0.02)
+    (low, high), _ = fit.intervals
+    assert high - low < 0.05 * slope
+    assert "do not determine it: specify --slack" in " ".join(
+        reports_of(result)["Tension of the warp"]["notes"]
+    )
+    known = fit_tests([replace(strip, force=force, slack=0.12)]).parts["warp"]
+    assert known.model.parameters[2] == "initial_stiffness"
+
+
+def test_a_family_that_is_not_stretched_has_no_slack():
+    e = np.linspace(0.0, 0.02, 60)
+    strain = np.log1p([e, 0 * e])
+    law = CrimpToe(2e3, 0.004, 20.0)
+    force = 100 * law.value(strain) / np.exp(strain)
+    both = BiaxialCurve("both", strain[[0, 0]], force[[0, 0]], (100.0, 100.0))
+    one = BiaxialCurve("one", strain, force, (100.0, 100.0), slack_is_unknown=True)
+    assert [o.name for o in residuals.biaxial_coupled(one).offsets] == ["warp slack"]
+    assert residuals.biaxial(one, 1).offsets == ()
+    found = fit_tests([both, one], Choice(tension="crimp-toe"))
+    assert found.laws["weft"].stiffness == pytest.approx(2e3, rel=1e-2)
 
 
 def test_tests_that_do_not_fit_together_are_refused():

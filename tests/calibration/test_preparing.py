@@ -14,7 +14,7 @@ from skfem_textile.calibration import (
     prepare,
 )
 from skfem_textile.calibration.preparing.outliers import outliers
-from skfem_textile.calibration.report import shear_report
+from skfem_textile.calibration.report import data_report
 from tests.helpers.fits import fit_shear, of_shear
 
 LAW = Polynomial((0.3, 0.0, -0.3, 0.0, 0.6))
@@ -152,7 +152,8 @@ def test_a_toe_is_determined_with_its_uncertainty_and_reported():
     )
     ignored = fit_shear([specimen(toe=2.0, zeros=Zeros())])
     assert ignored.laws["shear"].value(gamma[0]) < 0.9 * LAW.value(gamma[0])
-    assert "one: a slack of" in " ".join(shear_report(fit)["notes"])
+    (data,) = data_report(fit)
+    assert data["prepared"][0].startswith("a slack of 2")
     given = fit_shear([specimen(toe=2.0, zeros=Zeros(2.0, 0.0))])
     np.testing.assert_allclose(
         given.laws["shear"].value(gamma), LAW.value(gamma), rtol=0.03
@@ -179,6 +180,17 @@ def test_bands_contain_the_law_at_the_stated_rate_with_unknown_zeros(toe):
         low, high = of_shear([specimen(toe, seed=seed)]).band(value)
         inside.append((low <= value(LAW)) & (value(LAW) <= high))
     assert np.all(np.mean(inside, axis=0) >= 0.8)
+
+
+@pytest.mark.parametrize("at_rest", [0.0, 0.15])
+def test_the_band_of_a_curve_is_that_of_its_noise_whatever_its_zeros(at_rest):
+    """Zeros and laws that differ together predict the same curve."""
+    one, exact = (specimen(2.0, at_rest, noise) for noise in (0.01, 0.0))
+    fit = of_shear([one])
+    low, high = fit.curve_band(0)
+    known = exact.force[one.used(None)]
+    assert np.mean((low <= known) & (known <= high)) > 0.8
+    assert (high - low).max() < 2 * fit.noise[0]
 
 
 def test_the_band_with_unknown_zeros_is_that_of_the_joint_fit():
@@ -242,3 +254,14 @@ def test_invalid_choices_are_refused():
         Preparation(branch="up")
     with pytest.raises(ValueError, match="numbered from 1 on"):
         Preparation(cycle=0)
+
+
+def test_the_largest_angle_has_the_fitted_slack():
+    """The slack is first estimated; both differ here by more than a degree."""
+    one = specimen(toe=2.0, at_rest=0.15, noise=0.03, seed=0)
+    fit = fit_shear([one])
+    (slack, *_) = fit.parts["shear"].zeros(0)["slack"]
+    moved = one.displacement[one.used(None)].max() - slack
+    assert fit.largest_angle == pytest.approx(float(BIAS.shear_angle(moved)))
+    (data,) = data_report(fit)
+    assert f"angle of {np.degrees(fit.largest_angle):.1f}°" in data["prepared"][-1]

@@ -14,6 +14,7 @@ from skfem_textile.cli.net_report import Part, refuse_overlap
 from skfem_textile.io import read_surface
 from tests.helpers import tool_shapes
 from tests.helpers.command_line import rejected
+from tests.helpers.pages import references
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +65,7 @@ def test_files_and_page_are_written(tmp_path, tool):
     page = (tmp_path / "net.html").read_text(encoding="utf-8")
     assert "above the locking angle of 5°" in page
     assert page.count("data:image/") == 2
+    assert references(tmp_path / "net.html") == []
     cells = meshio.read(tmp_path / "net.vtu")
     assert np.isfinite(cells.points).all()
     assert cells.cell_data["shear_angle_deg"][0].size == len(cells.cells[0].data)

@@ -1,7 +1,7 @@
 """Preparation of recordings for a fit: branch, outliers and origin, each stated."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy import ndarray
@@ -83,6 +83,8 @@ class Prepared:
         The selected rows.  Displacements begin at `origin`.
     read
         The recording as read.
+    driving, forces
+        Names of the driving quantity and of the measured ones.
     branches
         Branches of the recording as read.
     outliers
@@ -96,10 +98,16 @@ class Prepared:
 
     recording: Recording
     read: Recording
-    branches: tuple[Branch, ...]
-    outliers: ndarray
-    origin: float
-    begins_at_rest: bool
+    driving: str
+    forces: tuple[str, ...]
+    branches: tuple[Branch, ...] = ()
+    outliers: ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    origin: float = 0.0
+    begins_at_rest: bool = True
+
+    def zero(self, given: float | None) -> float | None:
+        """Zero of the machine: as given, None if a fit determines it, or else 0."""
+        return given if self.begins_at_rest or given is not None else 0.0
 
 
 def prepare(
@@ -149,7 +157,10 @@ def prepare(
         kept.name, columns, kept.rows, (*kept.statements, *statements, *said)
     )
     left_out = np.concatenate([complete.rows[jumps], branch.rows[wrong]])
-    return Prepared(prepared, recording, tuple(branches), left_out, origin, at_rest)
+    return Prepared(
+        *(prepared, recording, driving, tuple(forces)),
+        *(tuple(branches), left_out, origin, at_rest),
+    )
 
 
 def _jumps(x: ndarray) -> ndarray:

@@ -1,0 +1,204 @@
+"""The page of the command ``fit``."""
+
+import json
+import re
+import tomllib
+from html import unescape
+
+import numpy as np
+import pytest
+
+from skfem_textile import CrimpInterchange, CrimpToe, Linear, Locking, Polynomial
+from skfem_textile.calibration import BiasExtension, PictureFrame
+from skfem_textile.cases import case_from_tables
+from skfem_textile.cli import main as cli
+from skfem_textile.fabric.files import fabric_text
+from skfem_textile.io import read_fabric
+from tests.helpers.pages import Page, references
+
+BIAS, FRAME = BiasExtension(100.0, 200.0), PictureFrame(200.0, 160.0)
+QUINTIC = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
+TOE = CrimpToe(4e3, 0.004, 20.0)
+
+
+def write(path, header, *columns):
+    rows = (",".join(f"{x:.9g}" for x in row) for row in zip(*columns, strict=True))
+    path.write_text("\n".join([header, *rows]))
+    return path
+
+
+def noisy(values, seed=0):
+    noise = np.random.default_rng(seed).standard_normal(values.size)
+    return values + 0.005 * np.abs(values).max() * noise
+
+
+def shear_file(path, test, law=QUINTIC, seed=0):
+    gamma = np.radians(np.linspace(0.5, 40.0, 60))
+    force = noisy(test.force(law, gamma), seed)
+    return write(path, "displacement (mm),force (N)", test.displacement(gamma), force)
+
+
+def biaxial_file(path, law, ratio):
+    e = np.linspace(0.0, 0.02, 41)[1:]
+    strain = np.array([e, ratio * e])
+    force = 100 * np.asarray(law.value(np.log1p(strain))) / (1 + strain)
+    header = "warp strain (-),warp force (N),weft strain (-),weft force (N)"
+    both = (x for pair in zip(strain, map(noisy, force), strict=True) for x in pair)
+    return write(path, header, *both)
+
+
+def fit(*arguments):
+    assert cli.main(["fit", *map(str, arguments)]) == 0
+
+
+def shear(kind, sizes, *how):
+    def run(folder, out):
+        test = BIAS if kind == "bias-extension" else FRAME
+        law = Locking(0.1, np.radians(60.0)) if "locking" in how else QUINTIC
+        data = [shear_file(folder / f"{i}.csv", test, law, i) for i in range(2)]
+        fit(kind, *data, *sizes, *how, "--slack", 0, "--no-render", "--out", out)
+
+    return run
+
+
+def biaxial(folder, out):
+    law = CrimpInterchange((2e3, 1.5e3), (0.01, 0.015), 5.0, 2e-3, 0.15)
+    data = [biaxial_file(folder / f"{x}.csv", law, x) for x in (0.5, 1.0, 2.0)]
+    how = "--warp-width", 100, "--weft-width", 100, "--slack", 0, "--no-render"
+    fit("biaxial", *data, *how, "--law", "crimp-interchange", "--out", out)
+
+
+def joint(folder, out, *how):
+    moved = np.linspace(0.0, 4.0, 60)
+    for seed, family in enumerate(("warp", "weft")):
+        strain = np.log1p(moved / 200)
+        force = noisy(50 * TOE.value(strain) / np.exp(strain), seed)
+        write(folder / f"{family}.csv", "displacement (mm),force (N)", moved, force)
+    shear_file(folder / "bias.csv", BIAS)
+    (folder / "bend.csv").write_text("overhang (mm)\n200\n201\n199.5\n")
+    tests = [
+        'kind = "strip"\ndata = "warp.csv"\nwidth = 50\nlength = 200',
+        'kind = "strip"\ndata = "weft.csv"\nwidth = 50\nlength = 200\nfamily = "weft"',
+        'kind = "bias-extension"\ndata = "bias.csv"\nwidth = 100\nheight = 200',
+        'kind = "cantilever"\ndata = "bend.csv"\nweight = 6e-6\nchord_angle = 41.5',
+    ]
+    file = folder / "tests.toml"
+    file.write_text("\n".join(f"[[test]]\n{one}" for one in tests))
+    fit("joint", file, *(how or ("--no-render",)), "--out", out)
+
+
+BIAS_SIZES = "--width", 100, "--height", 200
+FRAME_SIZES = "--frame-side", 200, "--fabric-side", 160
+FITS = {
+    "polynomial": shear("bias-extension", BIAS_SIZES),
+    "sin2": shear("picture-frame", FRAME_SIZES, "--law", "sin2"),
+    "locking": shear("picture-frame", FRAME_SIZES, "--law", "locking"),
+    "tabulated": shear("bias-extension", BIAS_SIZES, "--law", "tabulated"),
+    "linear": shear("picture-frame", FRAME_SIZES, "--law", "linear"),
+    "crimp-interchange": biaxial,
+    "joint": joint,
+}
+
+
+def block(out, name):
+    """Text of a block of a page, as it is copied."""
+    text = (out / "report.html").read_text(encoding="utf-8")
+    return unescape(re.search(rf'<pre id="{name}">(.*?)</pre>', text, re.S)[1])
+
+
+def same_laws(one, other):
+    for law, expected in zip(one.laws, other.laws, strict=True):
+        assert type(law) is type(expected)
+    x = np.linspace(0.0, 0.02, 9)
+    for a, b in (
+        (one.shear_law.value(x), other.shear_law.value(x)),
+        (one.tensions.value(np.array([x, x])), other.tensions.value(np.array([x, x]))),
+        (one.bending, other.bending),
+    ):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", FITS)
+def test_the_laws_of_a_page_are_those_of_the_fit(name, tmp_path, monkeypatch):
+    FITS[name](tmp_path, out := tmp_path / "out")
+    fabric = read_fabric(out / "fabric.json").fabric
+    monkeypatch.chdir(out)
+    names = {}
+    exec(block(out, "python"), names)
+    assert fabric_text(names["fabric"]) == (out / "fabric.json").read_text()
+    tables = tomllib.loads(block(out, "toml"))
+    tension = {"law": "linear", "stiffness_N_per_mm": 1e5}
+    shear = {"law": "linear", "stiffness_N_per_mm": 0.0}
+    if "fabric" not in tables:
+        known = {"tension": tension, "shear": shear} | tables
+        assert ("tension" in tables) == (name == "joint")
+    else:
+        assert name in ("tabulated", "crimp-interchange")
+        known = tables
+    mesh = {"source": "irregular", "size": [2, 4]}
+    scene = {"name": "bias_extension"}
+    same_laws(case_from_tables({"scene": scene, "mesh": mesh} | known).fabric, fabric)
+
+
+def test_a_page_has_every_part_and_no_external_references(tmp_path):
+    pytest.importorskip("matplotlib")
+    joint(tmp_path, out := tmp_path / "out", "--shear-law", "auto")
+    assert references(out / "report.html") == []
+    page = Page((out / "report.html").read_text(encoding="utf-8"))
+    summary = json.loads((out / "summary.json").read_text())
+    for part in (
+        "follows the data within the noise",
+        "separator comma, decimal point, displacement from column 1",
+        "strip along the weft, 50 × 200 mm",
+        "a slack of",
+        "points are fitted, up to a theoretical shear angle of",
+        "specify --slack to fit it",
+        "Correlations of the parameters",
+        "polynomial of degree 7",
+        "shear_law",
+    ):
+        assert part in page.text
+    joint_fit = summary["joint"]
+    i, j = (joint_fit["parameters"].index(f"warp {x}") for x in ("stiffness", "toe"))
+    assert f"{joint_fit['correlations'][i][j]:+.2f}" in page.text
+    for one in summary["laws"].values():
+        for p in one["parameters"]:
+            assert f"{p['value']:.5g}" in page.text
+            assert f"{p['low']:.4g} to {p['high']:.4g}" in page.text
+    # data except of the cantilever without angles; laws; residuals
+    assert page.tags.count("img") == 3 + 6 + 4
+    assert sorted(file.suffix for file in out.iterdir()) == [".html", *[".json"] * 5]
+
+
+def test_at_most_twelve_parameters_are_in_the_table_of_correlations():
+    from skfem_textile.cli.fit_report import _correlations
+
+    matrix = np.eye(15)
+    matrix[3, 14] = matrix[14, 3] = -0.5
+    names = [f"p{i}" for i in range(15)]
+    table = _correlations({"correlations": matrix, "parameters": names})
+    assert table["left_out"]
+    assert len(table["rows"]) == 12
+    assert len(table["head"]) == 13
+    (row,) = (row for row in table["rows"] if row[0] == "p3")
+    assert row[1 + [r[0] for r in table["rows"]].index("p14")] == "-0.50"
+
+
+def test_the_report_of_a_run_does_not_replace_that_of_a_fit(tmp_path, capsys):
+    FITS["linear"](tmp_path, out := tmp_path / "out")
+    before = (out / "report.html").read_bytes()
+    assert cli.main(["report", str(out)]) == 2
+    assert "is not the summary of a run" in capsys.readouterr().err
+    assert (out / "report.html").read_bytes() == before
+
+
+def test_two_files_of_one_name_have_their_own_pictures(tmp_path):
+    pytest.importorskip("matplotlib")
+    for i, law in enumerate((Linear(0.1), Linear(0.3))):
+        (tmp_path / str(i)).mkdir()
+        shear_file(tmp_path / str(i) / "pull.csv", FRAME, law)
+    data = [tmp_path / str(i) / "pull.csv" for i in range(2)]
+    fit("picture-frame", *data, *FRAME_SIZES, "--out", tmp_path / "out")
+    text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    pictures = re.findall(r'src="([^"]*)" alt="[12]\. pull', text)
+    assert len({*pictures}) == 2
