@@ -17,8 +17,8 @@ from .scaling import ROUND_OFF
 from .solver import FORKED, REFINEMENTS, CountedPivots, LatestFactors
 from .unknowns import Unknowns
 
-# Approximate minimum degree: its factors of meshes with up to a million elements have
-# fewer entries than those of nested dissection, for a quarter of the time.
+# Approximate minimum degree: on meshes with up to a million elements the factors have
+# fewer entries than with nested dissection, for a quarter of the time.
 _ORDERING = "amd"
 
 # Backward error at which the refinements end, a few units of round-off.
