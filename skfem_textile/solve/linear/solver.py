@@ -267,55 +267,54 @@ class ScaledFactors:
     """`Factors` of A from factors of S A S with a diagonal matrix S.
 
     Pivots restricted to blocks of columns may amplify round-off without being small, so
-    that the factors of an indefinite matrix are checked with one right-hand side.  If
-    they fail, the `pivoting_solver` takes over.
+    that solutions of an indefinite system are checked.  If one is wrong, the
+    `pivoting_solver` takes over.
     """
 
     def __init__(self, solver: "ChosenSolver", factors: Factors, scaled: Scaled):
-        self._solver, self._factors, self._scaled = solver, factors, scaled
+        self._solver, self._scaled = solver, scaled
+        self._all = [factors]
 
     @property
     def factorisations(self) -> int:
         """Number of factorisations so far."""
-        others = {self._factors, self.__dict__.get("_checked", self._factors)}
-        return sum(factors.factorisations for factors in others)
+        return sum(factors.factorisations for factors in self._all)
 
     @property
     def definite(self) -> bool:
         """True if A is positive definite."""
         with self._solver.lock:
-            return self._factors.definite
+            return self._all[-1].definite
 
     @property
     def negative_pivots(self) -> int | None:
         """Number of negative eigenvalues of A and, by Sylvester's law, of S A S."""
         with self._solver.lock:
-            return self._checked.negative_pivots
+            return self._all[-1].negative_pivots
 
     def solve(self, b: ndarray) -> ndarray:
         """Solve A x = b."""
+        scale = self._scaled.scale
         with self._solver.lock:
-            return self._scaled.scale * self._checked.solve(self._scaled.scale * b)
+            x = self._all[-1].solve(scale * b)
+            if not self._is_certain and not self._is_solution(x, scale * b):
+                self._all.append(self._solver.pivoting.factorise(self._scaled.data))
+                x = self._all[-1].solve(scale * b)
+                if not self._is_solution(x, scale * b):
+                    raise SingularMatrixError
+        return scale * x
 
-    @cached_property
-    def _checked(self) -> Factors:
-        """Factors that solve S A S x = b to round-off."""
-        certain = SOLVERS[self._solver.choice.name].pivots_anywhere
-        if certain or self._factors.definite or self._is_accurate(self._factors):
-            return self._factors
-        factors = self._solver.pivoting.factorise(self._scaled.data)
-        if not self._is_accurate(factors):
-            raise SingularMatrixError
-        return factors
+    @property
+    def _is_certain(self) -> bool:
+        pivots_anywhere = SOLVERS[self._solver.choice.name].pivots_anywhere
+        return pivots_anywhere or self._all[-1].definite
 
-    def _is_accurate(self, factors: Factors) -> bool:
-        data = self._scaled.data
-        ones = np.ones(len(self._scaled.scale))
-        b = self._solver.product(data, ones)
-        x = factors.solve(b)
-        size = self._solver.product(np.abs(data), ones).max(initial=0.0)
-        error = np.abs(self._solver.product(data, x) - b).max(initial=0.0)
-        return bool(error <= ROUND_OFF * size * (1 + np.abs(x).max(initial=0.0)))
+    def _is_solution(self, x: ndarray, b: ndarray) -> bool:
+        """True if x solves a system that differs from this one by round-off."""
+        data, product = self._scaled.data, self._solver.product
+        size = product(np.abs(data), np.abs(x)) + np.abs(b)
+        error = np.abs(product(data, x) - b).max(initial=0.0)
+        return bool(error <= ROUND_OFF * size.max(initial=0.0))
 
 
 class ChosenSolver:
