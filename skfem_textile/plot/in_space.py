@@ -182,7 +182,7 @@ def _plotter(
 
 
 def _surface(shape: Shape, values: ndarray) -> "pv.PolyData":
-    """Elements with corners of their own, which have the value of the element.
+    """Elements with separate corners, which have the value of the element.
 
     Quadrilaterals are cut in two as for the fibres, which then lie on the surface.
     """

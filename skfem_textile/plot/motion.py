@@ -18,7 +18,7 @@ from .picture_files import atomic_file, picture_path
 from .pictures import stage_of
 from .sheet import THREADS, Legend, Panel, Sheet, extent
 
-# Dots per inch of a GIF, as on a screen; videos are enlarged, and have those of print.
+# Dots per inch of a GIF, as on a screen; videos, which are enlarged, have more.
 _DOTS = 150
 
 # Longest duration of a frame, of the motion, and of the last frame in addition, in ms.

@@ -23,6 +23,9 @@ _LEAST_EXTENT = 1e-8
 _MOST_INTERVALS, _FINE_INTERVALS, _ROUND = 6, 20, [1, 2, 2.5, 4, 5, 10]
 
 
+# Factor of the number of colours from which a part of a map is taken.
+_FINER = 16
+
 # Viewpoints for a ply in space and for a ply on a tool, whose quarter has x, y > 0:
 # azimuth and elevation in degrees, and distance relative to half the diagonal of the
 # view. Chosen by eye.
@@ -182,8 +185,9 @@ class Scale(NamedTuple):
 
 def _around_zero(colours: Colormap, low: float, high: float) -> Colormap:
     """Part of a colour map between two values, with its middle at zero."""
-    ends = 0.5 + 0.5 * np.array([low, high]) / max(abs(low), abs(high))
-    return ListedColormap(colours(np.linspace(*ends, colours.N)), colours.name)
+    shares = 0.5 + 0.5 * np.linspace(low, high, colours.N) / max(abs(low), abs(high))
+    fine = colours.resampled(_FINER * colours.N)
+    return ListedColormap(fine(shares), colours.name)
 
 
 class Lines(NamedTuple):

@@ -43,7 +43,8 @@ def coloured_and_grey(path):
 @pytest.mark.parametrize("suffix", ["png", "pdf"])
 def test_a_tool_is_drawn_under_the_ply(draped, tmp_path, suffix):
     """It hides nothing of a ply that faces the camera."""
-    figure = plot.shear_angle(draped, filename=tmp_path / f"ply.{suffix}")
+    file = tmp_path / f"ply.{suffix}"
+    figure = plot.shear_angle(draped, filename=file, cmap="viridis")  # nowhere grey
     if suffix == "pdf":
         figure.savefig(tmp_path / "ply.png", dpi=100)
     coloured, grey = coloured_and_grey(tmp_path / "ply.png")

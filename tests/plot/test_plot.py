@@ -98,7 +98,7 @@ def test_every_element_has_the_colour_of_its_value(results, drawn):
     }[drawn]
     share = 0.5 + 0.5 * value.mean(axis=-1) / max(-low, high)
     centres = (ply.mesh.p + ply.nodal(u))[:, ply.mesh.t].mean(axis=1)
-    expected = 255 * matplotlib.colormaps["RdBu_r"](share)[:, :3]
+    expected = 255 * matplotlib.colormaps["RdBu_r"].resampled(4096)(share)[:, :3]
     np.testing.assert_allclose(colours_at(plotter, 0, centres), expected, atol=3.0)
     assert (
         np.ptp(expected, axis=0).max() > 50
