@@ -318,14 +318,14 @@ def _of_parts(x: ndarray, triangles: ndarray) -> str:
         return ""
     return (
         f"the tool has {n} separate parts, the largest with {share[0]:.0%} of the "
-        "area: the ply spans the gaps between them"
+        "area: a draped ply spans the gaps between them"
     )
 
 
 def _of_holes(x: ndarray, triangles: ndarray) -> str:
     around, open_edges, loop = _around_openings(x, triangles)
     if not open_edges.size:
-        return "the tool is closed: the ply is draped on its outside"
+        return "the tool is closed: a ply is draped on its outside"
     outer = np.unique(_components(triangles.shape[1], _neighbours(triangles)[0])).size
     if (n := len(around) - outer) <= 0:
         return ""
@@ -333,8 +333,8 @@ def _of_holes(x: ndarray, triangles: ndarray) -> str:
     place = x[open_edges[0, loop == hole]].mean(axis=0)
     return (
         f"the tool has {n} hole(s), the largest with a circumference of "
-        f"{around[hole]:.3g} mm around ({xyz(place)}) mm: the ply spans them on a "
-        "smooth continuation"
+        f"{around[hole]:.3g} mm around ({xyz(place)}) mm: a draped ply spans them on "
+        "a smooth continuation, a formed ply does not touch the tool there"
     )
 
 

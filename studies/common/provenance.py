@@ -37,7 +37,7 @@ def recorded(options: argparse.Namespace) -> str:
         for name, value in vars(options).items()
         if value and name not in _NO_RESULT and not isinstance(value, Path)
     }
-    run = {"options": chosen, **_commit(), **machine()}
+    run = {"options": chosen, **commit(), **machine()}
     records = read(options.out)
     runs = records.get(options.study, [])
     if not options.case:
@@ -100,17 +100,19 @@ def _processor() -> str:
     return names[0] if names else platform.processor()
 
 
-def _commit() -> dict[str, Any]:
-    """The commit of the code, and whether the code has uncommitted changes."""
+def commit(folder: Path = _ROOT) -> dict[str, Any]:
+    """The commit of a checkout, and whether its code has uncommitted changes."""
     try:
-        commit = _git("rev-parse", "HEAD")
-        changes = _git("status", "--porcelain", "--", "skfem_textile", "studies")
+        commit = _git(folder, "rev-parse", "HEAD")
+        changes = _git(
+            folder, "status", "--porcelain", "--", "skfem_textile", "studies"
+        )
     except (OSError, subprocess.CalledProcessError):
         return {"commit": None, "changed": None}
     return {"commit": commit, "changed": bool(changes)}
 
 
-def _git(*words: str) -> str:
-    command = ["git", "-C", str(_ROOT), *words]
+def _git(folder: Path, *words: str) -> str:
+    command = ["git", "-C", str(folder), *words]
     child = subprocess.run(command, capture_output=True, text=True, check=True)
     return child.stdout.strip()

@@ -16,7 +16,15 @@ from ..study import Row
 from . import triangles
 
 #: Kinds of cases.
-REFERENCE, RANDOM, SLACK, REFINED = "reference", "random", "slack", "refined"
+REFERENCE, REFINED = "reference", "refined"
+RANDOM, SLACK, DEEP = "random", "slack", "deep"
+
+# Numbers that seed the kinds drawn at random.
+_SEEDS = {RANDOM: 0, REFINED: 0, SLACK: 1, DEEP: 2}
+
+# Travel over the radius of deep cups, whose walls touch the shaft of the punch, and of
+# the others.
+_DEEP, _SHALLOW = (1.0, 1.5), (0.3, 1.0)
 
 # Refinement of a mesh whose result counts as converged: odd, so that the centre of an
 # element is one of the finer mesh.
@@ -75,14 +83,14 @@ class Drawn:
     @classmethod
     def of(cls, kind: str, number: int, seed: int) -> "Drawn":
         """The hemisphere of a case."""
-        rng = np.random.default_rng([seed, number, kind == SLACK])
+        rng = np.random.default_rng([seed, number, _SEEDS[kind]])
         radius, fillet = float(rng.uniform(40, 120)), float(rng.uniform(5, 20))
         stiffness = float(10 ** rng.uniform(3, 6))
         low, high = (0.0, 1.0) if kind == SLACK else (5.0, 50.0)
         bending = float(rng.uniform(low, high))
         tension = 0.0 if kind == SLACK else float(rng.choice([0.05, 0.2, 1.0]))
         fibres = int(rng.choice([0, 45]))
-        travel = float(rng.uniform(0.3, 1.0) * radius)
+        travel = float(rng.uniform(*(_DEEP if kind == DEEP else _SHALLOW)) * radius)
         cells, steps = int(rng.choice([6, 8, 10])), int(rng.choice([2, 4, 8]))
         return cls(
             *(radius, fillet, stiffness, bending, tension),
@@ -93,11 +101,12 @@ class Drawn:
         self, steps: int, formulation: Any = None, finer: int = 1
     ) -> tuple[Result, str]:
         """The result, and the reason why a run stopped."""
+        width = 4 * self.radius + 2 * max(self.travel - self.radius, 0.0)
         scene = hemisphere_forming(
             *("aligned", self.radius, self.fillet, self.travel),
             size=(finer * self.cells,) * 2,
-            width=4 * self.radius,
-            height=4 * self.radius,
+            width=width,
+            height=width,
             fibres=float(np.radians(self.fibres)),
             tension=self.tension,
         )
@@ -172,6 +181,7 @@ def all_cases(seed: int) -> list[Reference | Random | Refined]:
         Reference(12, 5, triangles=True),
         *(Random(RANDOM, i, seed) for i in range(150)),
         *(Random(SLACK, i, seed) for i in range(40)),
+        *(Random(DEEP, i, seed) for i in range(12)),
         *(Refined(i, seed) for i in range(30)),
     ]
 

@@ -7,6 +7,7 @@ from statistics import median
 from ..common.tables import markdown_table
 from ..study import Part, Row, Study
 from .cases import (
+    DEEP,
     RANDOM,
     REFERENCE,
     REFINED,
@@ -16,6 +17,13 @@ from .cases import (
     Refined,
     all_cases,
 )
+
+# Kinds of random hemispheres, and their names in tables.
+_KINDS = {
+    RANDOM: "with tension and bending",
+    SLACK: "slack",
+    DEEP: "deep cups, with tension and bending",
+}
 
 # Differences in shear angle (degrees) and force (relative) within which two runs found
 # the same state.
@@ -74,7 +82,7 @@ def outcomes(rows: Sequence[Row]) -> str:
     """Outcomes of the random hemispheres."""
     heads = ["plies", "right", "warned", "wrong", "refused", "OnePoint() within both"]
     lines = []
-    for kind, name in ((RANDOM, "with tension and bending"), (SLACK, "slack")):
+    for kind, name in _KINDS.items():
         if of_kind := _of(rows, kind):
             found = [outcome(row) for row in of_kind]
             counts = [found.count(x) for x in ("right", "warned", "wrong", "refused")]
@@ -111,7 +119,7 @@ class Forming(Study[Reference | Random | Refined]):
         Part(
             "random.csv",
             {"outcomes.md": outcomes},
-            cases=(f"{RANDOM},*", f"{SLACK},*"),
+            cases=tuple(f"{kind},*" for kind in _KINDS),
         ),
         Part("refined.csv", {"intervals.md": intervals}, cases=(f"{REFINED},*",)),
     )
@@ -133,7 +141,7 @@ class Forming(Study[Reference | Random | Refined]):
     def figures(self, rows: list[Row]) -> dict[str, str]:
         """Counts of outcomes."""
         figures: dict[str, str] = {}
-        for kind in (RANDOM, SLACK):
+        for kind in _KINDS:
             of_kind = _of(rows, kind)
             found = [outcome(row) for row in of_kind]
             figures |= {

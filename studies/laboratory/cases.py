@@ -46,7 +46,7 @@ GROUPS = "clean", "contaminated", "force at rest"
 TOE, LOSS, OUTLIERS, AT_REST = (0.5, 4.0), (0.1, 0.4), (1, 4), (0.02, 0.15)
 
 #: Number of files by group: judged, and with which constants were chosen.
-NUMBERS = {"clean": 150, "contaminated": 150, "force at rest": 60}
+NUMBERS = {"clean": 300, "contaminated": 300, "force at rest": 60}
 CHOSEN = dict.fromkeys(GROUPS, 60)
 
 # Outliers: readings of an overload in N, or multiples of the noise.

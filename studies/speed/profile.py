@@ -21,7 +21,7 @@ from skfem_textile.drape import double_dome
 
 from ..common.running import in_new_process
 from ..common.tables import Row
-from .solving import Settings, in_checkout
+from .solving import Settings, compared, in_checkout
 
 # Time between samples in s.
 _INTERVAL = 0.002
@@ -108,7 +108,7 @@ def drapes(settings: Settings) -> Row:
     Minimum CPU time from the file of the tool to the summary, without pictures, and the
     largest difference of the shear angle.
     """
-    checkouts, rows = (settings.before, settings.after), []
+    checkouts, rows = compared(settings), []
     with TemporaryDirectory() as folder:
         for name, ply in _PLIES.items():
             tool = Path(folder, f"{name}.stl")
@@ -118,7 +118,7 @@ def drapes(settings: Settings) -> Row:
                 turns = [
                     [
                         in_checkout(checkout, _DRAPE, *arguments)
-                        for checkout in checkouts
+                        for checkout in checkouts.values()
                     ]
                     for _ in range(number)
                 ]
@@ -136,7 +136,7 @@ def drapes(settings: Settings) -> Row:
                         "difference_deg": float(np.abs(after - before).max()),
                     }
                 )
-    return {"drapes": rows}
+    return {"commits": [*checkouts], "drapes": rows}
 
 
 def write_tool(name: str, file: Path) -> None:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.util import find_spec
 from itertools import product
+from pathlib import Path
 from statistics import median
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -28,6 +29,7 @@ from skfem_textile.solve.linear import SOLVERS as LINEAR_SOLVERS
 from skfem_textile.solve.linear import ChosenSolver, check_solver, solver_named
 from skfem_textile.solve.problem import Problem, reduced
 
+from ..common import provenance
 from ..common.rivals.codes import Dolfinx, FElupe, Native, Plain
 from ..common.rivals.newton import loaded, one_iteration
 from ..common.rivals.rival import QUAD4, QUAD4_CENTRE, Rival, Task
@@ -115,8 +117,8 @@ class Settings(NamedTuple):
 
     most: int = 1_000_000
     solver: str = "auto"
-    before: str = ""
-    after: str = ""
+    before: Path | None = None
+    after: Path | None = None
 
 
 def seconds(function: Callable[..., Any], *arguments: Any) -> tuple[Any, float]:
@@ -500,19 +502,39 @@ def by_turns(settings: Settings) -> Row:
     Measures the minimum CPU time of a linear solve with assembly for each checkout, and
     their ratio.
     """
-    checkouts = settings.before, settings.after
+    checkouts = compared(settings)
     turns = [
-        [in_checkout(checkout, _MEASURE) for checkout in checkouts]
+        [in_checkout(checkout, _MEASURE) for checkout in checkouts.values()]
         for _ in range(_TURNS)
     ]
-    results = {}
+    rows = []
     for name in turns[0][0]:
         before, after = (min(turn[i][name] for turn in turns) for i in range(2))
-        results[name] = {"before": before, "after": after, "ratio": after / before}
-    return results
+        rows.append({"formulation": name, "before": before, "after": after})
+    return {"commits": [*checkouts], "turns": rows}
 
 
-def in_checkout(checkout: str, script: str, *arguments: str) -> Any:
+def compared(settings: Settings) -> dict[str, Path]:
+    """Two checkouts by their commits.
+
+    Raises
+    ------
+    ValueError
+        If a checkout has changes, or both are at the same commit.
+    """
+    checkouts = {}
+    for checkout in (settings.before, settings.after):
+        assert checkout
+        at = provenance.commit(checkout)
+        if at["commit"] is None or at["changed"]:
+            raise ValueError(f"{checkout} is not an unchanged checkout of this project")
+        checkouts[at["commit"][:8]] = checkout
+    if len(checkouts) < 2:
+        raise ValueError(f"{settings.before} and {settings.after} are the same commit")
+    return checkouts
+
+
+def in_checkout(checkout: Path, script: str, *arguments: str) -> Any:
     """JSON that a script prints in a new process with a checkout of this project."""
     child = subprocess.run(
         [sys.executable, "-c", script, *arguments],

@@ -7,6 +7,7 @@ study is a benchmark with its results.
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..common import provenance
 from ..common.figures import File, colour_of, panels_of
 from ..common.running import in_new_process
 from ..common.tables import (
+    Column,
     having,
     markdown_table,
     minus,
@@ -230,35 +232,30 @@ def overhead_table(results: Row) -> str:
 
 def by_turns_table(results: Row) -> str:
     """A line for each formulation."""
-    rows = [
-        {"name": k, **x} for k, x in results.items() if k not in ("case", "machine")
-    ]
-    return table(
-        rows,
-        {
-            "linear solve with its assembly": "{name}",
-            "before, s": "{before:.4f}",
-            "after, s": "{after:.4f}",
-            "ratio": "{ratio:.3f}",
-        },
-    )
+    columns = {"linear solve with its assembly": "{formulation}"}
+    return table(results["turns"], {**columns, **_two_commits(results)})
+
+
+def _two_commits(results: Row) -> dict[str, Column]:
+    before, after = results["commits"]
+    return {
+        f"commit {before}, s": "{before:.3g}",
+        f"commit {after}, s": "{after:.3g}",
+        "ratio": lambda row: f"{row['before'] / row['after']:.3g}",
+    }
 
 
 def drapes_table(results: Row) -> str:
     """A line for each tool and size."""
-    return table(
-        results["drapes"],
-        {
-            "tool": "{tool}",
-            "elements along each side": "{size}",
-            "before, s": "{before:.2f}",
-            "after, s": "{after:.2f}",
-            "before / after": lambda row: f"{row['before'] / row['after']:.1f}",
-            "largest difference of the shear angle, °": lambda row: scientific(
-                row["difference_deg"], 1
-            ),
-        },
-    )
+    columns: dict[str, Column] = {
+        "tool": "{tool}",
+        "elements along each side": "{size}",
+        **_two_commits(results),
+        "largest difference of the shear angle, °": lambda row: scientific(
+            row["difference_deg"], 1
+        ),
+    }
+    return table(results["drapes"], columns)
 
 
 def _share(share: Mapping[str, float]) -> str:
@@ -548,8 +545,8 @@ class Speed(Study[Benchmark]):
             "--most", type=int, default=defaults.most, help="maximum number of elements"
         )
         add("--solver", default=defaults.solver, help="for whole_strip")
-        add("--before", default="", metavar="DIR", help="first checkout of two")
-        add("--after", default="", metavar="DIR", help="second checkout of two")
+        add("--before", type=Path, metavar="DIR", help="first checkout of two")
+        add("--after", type=Path, metavar="DIR", help="second checkout of two")
 
     def cases(self, options: argparse.Namespace) -> list[Benchmark]:
         settings = Settings(*(getattr(options, name) for name in Settings._fields))

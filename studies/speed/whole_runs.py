@@ -4,14 +4,15 @@ from time import perf_counter
 
 from skfem_textile import Fabric, LoadStepper, Ply
 from skfem_textile.scenes import bias_extension
+from skfem_textile.solve.linear.rslab import threads
 
 from ..common.running import in_new_process
 from ..common.tables import Row, table
 from .solving import Settings, peak
 
-# Quadrilaterals across and along the specimen before they are split, load steps, and
-# whether the error interval is computed.
-_RUNS = ((100, 150), 1, True), ((185, 277), 10, False)
+# Quadrilaterals across and along the specimen before they are split, load steps,
+# threads of RSLAB, and whether the error interval is computed.
+_RUNS = ((100, 150), 1, 1, True), ((100, 150), 1, 2, True), ((185, 277), 10, 2, False)
 
 # Fibre and shear stiffness in N/mm.
 _E, _G = 1e4, 0.5
@@ -27,7 +28,10 @@ def whole_runs(settings: Settings) -> Row:
     return {"runs": [row for run in runs for row in in_new_process(_whole_run, *run)]}
 
 
-def _whole_run(size: tuple[int, int], steps: int, with_error: bool) -> list[Row]:
+def _whole_run(
+    size: tuple[int, int], steps: int, number: int, with_error: bool
+) -> list[Row]:
+    threads.set(number)
     scene = bias_extension(size=size)
     start = perf_counter()
     ply = Ply(scene.mesh, Fabric(_E, _G, scene.warp, scene.weft))
@@ -38,6 +42,7 @@ def _whole_run(size: tuple[int, int], steps: int, with_error: bool) -> list[Row]
             "elements": scene.mesh.nelements,
             "unknowns": int(ply.basis.N),
             "steps": steps,
+            "threads": number,
             "linear_solves": result.linear_solves,
             "until": until,
             "seconds": perf_counter() - start,
@@ -59,6 +64,7 @@ def whole_runs_table(results: Row) -> str:
             "quadrilaterals": "{elements}",
             "unknowns": "{unknowns}",
             "load steps": "{steps}",
+            "threads": "{threads}",
             "linear solves": "{linear_solves}",
             "until": "{until}",
             "s": "{seconds:.1f}",
