@@ -162,7 +162,7 @@ class Scale(NamedTuple):
         if clim is None:
             low, high = reach[0], max(reach[1], reach[0] + _LEAST_EXTENT)
             ticks = MaxNLocator(_FINE_INTERVALS, steps=_ROUND).tick_values(low, high)
-            limits = ticks[[0, -1]]
+            limits = np.asarray(ticks)[[0, -1]]
         else:
             limits = np.asarray(clim, dtype=float)
         if limits.shape != (2,) or not limits[0] < limits[1] < np.inf > -limits[0]:
