@@ -29,6 +29,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx-mathjax-offline",
     "sphinx_gallery.gen_gallery",
+    "media",
 ]
 templates_path = ["_templates"]
 autodoc_typehints = "none"

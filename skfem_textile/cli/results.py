@@ -97,11 +97,12 @@ def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
     """Draw the `CURVES` for which run or test contain the columns.
 
     A run without a force is drawn only together with a test.  Half-widths of the force
-    are drawn as bands.
+    are drawn as bands.  A run is drawn over its states, without the test, if its
+    abscissa does not increase or decrease throughout.
     """
     from ..plot.curves import curves
 
-    for name, (title, x, y) in CURVES.items():
+    for name, (_, x, y) in CURVES.items():
         both = {"run": run, "test": test or {}}
         lines = {
             label: (curve[x], curve[y], *_band(curve, y))
@@ -109,7 +110,17 @@ def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
             if x in curve and y in curve
         }
         if "run" in lines and any(np.any(line[1]) for line in lines.values()):
-            curves({title: lines}, _axis(x), _axis(y), folder / name)
+            along = _axis(x)
+            if not _is_monotonic(lines["run"][0]):
+                states, along = np.arange(len(lines["run"][0])), "State"
+                lines = {"run": (states, *lines["run"][1:])}
+            curves({"": lines}, along, _axis(y), folder / name)
+
+
+def _is_monotonic(x: ndarray) -> bool:
+    """True if a curve is a function of x."""
+    step = np.diff(x)
+    return bool((step > 0).all() or (step < 0).all())
 
 
 def _band(curve: Curve, y: str) -> tuple[ndarray, ...]:

@@ -4,10 +4,11 @@ try:
     from .curves import curves, plot_law, plot_tensions
     from .fields import FIELDS, Field
     from .forming import formed, section, tool_force
+    from .in_space import export_gltf, view
+    from .motion import animation
     from .nets import net_on_tool, starts
     from .outlines import singular_fibres
     from .pictures import (
-        animation,
         contact_sheet,
         draped,
         fibre_directions,
@@ -29,6 +30,7 @@ __all__ = [
     "contact_sheet",
     "curves",
     "draped",
+    "export_gltf",
     "fibre_directions",
     "fibre_strain",
     "field",
@@ -43,4 +45,5 @@ __all__ = [
     "starts",
     "tool_force",
     "verdict",
+    "view",
 ]

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from itertools import cycle
 from typing import Literal
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike
 from ..fabric.law import BiaxialLaw, Law, domain_of
 from .layout import POINT, TITLE, default_width, text_width
 from .picture_files import picture_path, save
+from .style import figure_style
 
 # Okabe and Ito's colours, distinct for any kind of colour vision.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -64,17 +64,9 @@ def curves(
     path = None if filename is None else picture_path(filename)
     labels = dict.fromkeys(label for lines in panels.values() for label in lines)
     colour = dict(zip(labels, cycle(COLOURS), strict=False))
-    style = {
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "font.size": TITLE,
-        "axes.titlesize": TITLE,
-        "axes.linewidth": 0.6,
-        "lines.linewidth": 1.0,
-    }
     width = default_width(len(panels)) / 25.4
     height = max(_LEAST_HEIGHT, 0.8 * width / len(panels))
-    with mpl.rc_context(style):
+    with figure_style():
         figure = Figure(figsize=(width, height), layout="constrained")
         for i, (title, lines) in enumerate(panels.items(), start=1):
             axes = figure.add_subplot(1, len(panels), i)

@@ -163,6 +163,8 @@ def _draw_bar(page: mpl.axes.Axes, bar: Bar) -> None:
     for tip, colour in zip(bar.tips, (colours[0], colours[-1]), strict=True):
         if len(tip):
             page.add_patch(Polygon(tip, facecolor=colour, edgecolor="none"))
+    for mark in bar.zero:
+        page.add_patch(Rectangle(mark[:2], *mark[2:], fc="black", ec="none"))
 
 
 def _write(page: mpl.axes.Axes, writing: Writing) -> None:

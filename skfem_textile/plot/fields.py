@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from ..forming import PlacedTool
 
 
+#: Colour map of fields with a sign.
+DIVERGING = "RdBu_r"
+
+
 @dataclass(frozen=True)
 class Field:
     """Quantity with one value per element.
@@ -32,9 +36,11 @@ class Field:
         Function of a ply and a displacement, ``(ply, u) -> values``, shape
         (n_elements,).
     cmap
-        Name of a matplotlib colour map.
-    symmetric
-        If True, the scale is symmetric about zero; otherwise it includes zero.
+        Name of a matplotlib colour map: a sequential one for magnitudes, by default; a
+        diverging one for values with a sign.
+    signed
+        If True, the middle of the colour map is at zero, which is marked on the scale.
+        Every scale includes zero.
 
     Examples
     --------
@@ -47,14 +53,14 @@ class Field:
     label: str
     values: Callable[[Ply, ndarray], ndarray]
     cmap: str = "viridis"
-    symmetric: bool = False
+    signed: bool = False
 
 
 def _of_family(label: str, factor: float = 1.0) -> Field:
     """Strain or tension of fibres, one of the element fields."""
     name = "_".join(label.lower().split()[:2])
     return Field(
-        label, lambda ply, u: factor * cell_fields(ply, u)[name], "RdBu_r", True
+        label, lambda ply, u: factor * cell_fields(ply, u)[name], DIVERGING, signed=True
     )
 
 
@@ -67,7 +73,10 @@ def _mean_displacement(ply: Ply, u: ndarray) -> ndarray:
 #: Fields by name.
 FIELDS: Mapping[str, Field] = {
     "shear_angle": Field(
-        "Shear angle (°)", lambda ply, u: cell_fields(ply, u)["shear_angle"]
+        "Shear angle (°)",
+        lambda ply, u: cell_fields(ply, u)["shear_angle"],
+        DIVERGING,
+        signed=True,
     ),
     "warp_strain": _of_family("Warp strain (%)", 100),
     "weft_strain": _of_family("Weft strain (%)", 100),
@@ -105,13 +114,10 @@ def values_of(field: Field, ply: Ply, u: ndarray) -> ndarray:
     return values
 
 
-def reach(fields: Sequence[ndarray], symmetric: bool) -> tuple[float, float]:
+def reach(fields: Sequence[ndarray]) -> tuple[float, float]:
     """Limits of a scale that includes all fields and zero."""
     low = min((float(x.min()) for x in fields), default=0.0)
     high = max((float(x.max()) for x in fields), default=0.0)
-    if symmetric:
-        high = max(-low, high)
-        low = -high
     return min(low, 0.0), max(high, 0.0)
 
 
@@ -157,8 +163,20 @@ def _tools_between(
         box = box_of(ply, [states[i] for i in of_ply])
         factors = [states[i].load_factor for i in of_ply]
         placed = placed_tools(ply, factors, *box)
-        tools |= {i: _joined(at) for i, at in zip(of_ply, placed, strict=True) if at}
+        for i, at in zip(of_ply, placed, strict=True):
+            if behind := [tool for tool in at if _faces_viewer(tool)]:
+                tools[i] = _joined(behind)
     return tools
+
+
+def _faces_viewer(tool: "PlacedTool") -> bool:
+    """True if a tool faces the viewer as a whole, so that the ply is in front of it.
+
+    Of a die above the ply the far wall of its hole faces the viewer, but hides the ply.
+    """
+    a, b, c = tool.points[:, tool.triangles].swapaxes(0, 1)
+    area = np.cross(b - a, c - a, axis=0).sum(axis=1)
+    return bool(eye_axes(on_tool=True)[2] @ area > 0)
 
 
 def _joined(tools: Sequence["PlacedTool"]) -> Tool:
@@ -171,12 +189,11 @@ def _joined(tools: Sequence["PlacedTool"]) -> Tool:
     )
 
 
-def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]:
+def solids_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]:
     """Plies of results, each in one state, with straight edges between the vertices.
 
-    In perspective if at least one is in space, with the tools on which they lie or
-    between which they are formed.  Of the latter the faces towards the viewer are
-    drawn.
+    With the tools on which they lie, and of those between which they are formed the
+    tools behind the ply.
     """
     shapes, tools = [], _tools_between(results, states)
     for i, (result, at) in enumerate(zip(results, states, strict=True)):
@@ -186,6 +203,15 @@ def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]
         elif i in tools:
             shape = shape._replace(tool=tools[i])
         shapes.append(shape)
+    return shapes
+
+
+def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]:
+    """Plies and tools as seen: in perspective if at least one ply is in space.
+
+    Of tools between which a ply is formed only the faces towards the viewer are drawn.
+    """
+    shapes = solids_of(results, states)
     in_space = any(len(result.ply.nodal(result.u)) == 3 for result in results)
     return in_perspective(shapes) if in_space else shapes
 
@@ -207,5 +233,15 @@ def on_one_scale(
     """Values of a field for each result, and their common scale."""
     pairs = zip(results, states, strict=True)
     values = [values_of(field, result.ply, at.u) for result, at in pairs]
-    limits = reach(values, field.symmetric)
-    return values, Scale.of(field.label, limits, cmap or field.cmap, clim)
+    return values, scale_of(field, values, cmap, clim)
+
+
+def scale_of(
+    field: Field,
+    values: Sequence[ndarray],
+    cmap: Any = None,
+    clim: Sequence[float] | None = None,
+) -> Scale:
+    """Scale of a field that includes all values; a given map is used as a whole."""
+    signed = field.signed and cmap is None
+    return Scale.of(field.label, reach(values), cmap or field.cmap, clim, signed)

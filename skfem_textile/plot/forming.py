@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from itertools import cycle
 from typing import TYPE_CHECKING, Any, Unpack
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -31,10 +30,11 @@ from ..solve.result import Result
 from ..solve.states import State
 from .curves import COLOURS, curves
 from .fields import FIELDS, fibres_of
-from .layout import COLUMN, NUMBER, PAGE, TITLE
+from .layout import COLUMN, PAGE
 from .picture_files import picture_path, save
 from .pictures import Picture, View, stage_of
 from .sheet import FAMILIES, REFUSED, Legend, Panel, Scale
+from .style import figure_style
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -48,9 +48,9 @@ def formed(
 ) -> "pv.Plotter | Figure":
     """Shear angle, fibres and areal weight of formed plies, one row per ply.
 
-    With the tools where they stand: of each the faces towards the viewer.  Elements
-    with a risk of wrinkling are marked on the shear angle.  The default width is 174
-    mm.
+    With the tools behind the ply where they stand: of each the faces towards the
+    viewer.  Elements with a risk of wrinkling are marked on the shear angle.  The
+    default width is 174 mm.
 
     Parameters, returned value and exceptions as for `field`; `ValueError` for a ply
     without tools.
@@ -71,20 +71,18 @@ def formed(
     ]
     every = np.concatenate(weights)
     limits = float(every.min()), float(every.max())
-    weight = Scale.of(_AREAL_WEIGHT, limits, "cividis", None)
+    weight = Scale.of(_AREAL_WEIGHT, limits, "cividis")
     rows = []
     for result, title, shape, angle, risk, ratio in zip(
         *(results, picture.titles, picture.shapes, angles, risks, weights),
         strict=True,
     ):
-        panels = [
-            Panel("Shear angle", shape, angle, shear, marked=risk),
-            Panel("Fibres", shape, fibres=fibres_of(result.ply)),
-            Panel("Areal weight", shape, ratio, weight),
+        row = [
+            Panel(title, shape, angle, shear, marked=risk),
+            Panel(title, shape, fibres=fibres_of(result.ply)),
+            Panel(title, shape, ratio, weight),
         ]
-        rows.append(
-            [x._replace(title=f"{x.title}, {title}") if title else x for x in panels]
-        )
+        rows.append(row)
     keys = [("Risk of wrinkling", REFUSED)] if any(x.size for x in risks) else []
     legends = (
         Legend(0, 1, shear, keys),
@@ -150,10 +148,9 @@ def section(
     rows = -(-len(chosen) // columns)
     width = (PAGE if columns > 1 else COLUMN) / 25.4
     height = rows * (width / columns * (high[1] - low[1]) / (high[0] - low[0]) + 0.45)
-    style = {"font.size": NUMBER, "axes.titlesize": TITLE, "axes.linewidth": 0.6}
     names = [tool.name for tool in contacts(result.ply)]
     colours = dict(zip(names, cycle(COLOURS), strict=False))
-    with mpl.rc_context(style):
+    with figure_style():
         figure = Figure(figsize=(width, height + 0.3), layout="constrained")
         tools = _tools(result.ply, chosen, angle, low, high)
         for i, (state, placed) in enumerate(zip(chosen, tools, strict=True), start=1):
@@ -280,8 +277,8 @@ def tool_force(
     far = travels(result)
     longest = max(far, key=lambda name: far[name][-1])
     lines = {name: (far[longest], force) for name, force in tool_forces(result).items()}
-    title = "Force of the tools on the ply"
-    return curves({title: lines}, f"Travel of {longest} (mm)", "Force (N)", filename)
+    labels = f"Travel of {longest} (mm)", "Force on the ply (N)"
+    return curves({"": lines}, *labels, filename)
 
 
 def _refuse_without_tools(result: Result) -> None:

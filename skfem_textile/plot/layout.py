@@ -118,6 +118,16 @@ class Bar(NamedTuple):
         )
         return low, high
 
+    @property
+    def zero(self) -> list[Box]:
+        """Mark across the bar at zero, on a signed scale that includes zero."""
+        x, y, width, height = self.box
+        low, high = self.scale.low, self.scale.high
+        if not (self.scale.signed and low <= 0 <= high):
+            return []
+        middle = x - width * low / (high - low)
+        return [Box(middle - 0.5 * _MARK, y - _OUT, _MARK, height + 2 * _OUT)]
+
 
 class Stroke(NamedTuple):
     """Horizontal line of a key, starting at (x, y)."""
@@ -180,6 +190,9 @@ MARGIN = 2.0
 # Scales: thickness, maximum length, length relative to the width above it, and gap
 # between numbers.
 _THICKNESS, _LONGEST, _SHARE, _GAP = 2.2, 70.0, 0.8, 1.5
+
+# Width of the mark at zero, and length by which it extends beyond the bar.
+_MARK, _OUT = 0.25, 0.6
 
 # Length of the coloured line in a key, and gaps after the line and after the name.
 KEY, KEY_GAP, _KEY_END = 4.0, 1.0, 4.0

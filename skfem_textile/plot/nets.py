@@ -3,7 +3,6 @@
 import os
 from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
@@ -13,7 +12,7 @@ from ..drape import Axes, BestStart, Pieces, Sheet, TriangleMesh
 from .drawing import draw
 from .fibre_lines import Fibres
 from .fields import reach, tool_under
-from .layout import NUMBER, PAGE, TITLE, default_width
+from .layout import PAGE, default_width
 from .picture_files import picture_path, save
 from .sheet import (
     FAMILIES,
@@ -26,6 +25,7 @@ from .sheet import (
     in_perspective,
 )
 from .sheet import Sheet as Picture
+from .style import figure_style
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -62,17 +62,15 @@ def net_on_tool(
     (shape,) = in_perspective([on])
     angles = [piece.shear_angle()[cells] for piece, cells in pieces]
     angle = np.degrees(np.abs(np.concatenate(angles)))
-    scale = Scale.of(
-        "Shear angle (°)", reach([angle], symmetric=False), "viridis", None
-    )
+    scale = Scale.of("Magnitude of the shear angle (°)", reach([angle]), "viridis")
     marked, keys = np.empty(0, dtype=int), []
     if locking_angle is not None:
         marked = np.flatnonzero(angle > np.degrees(locking_angle))
         keys = [(f"Above {np.degrees(locking_angle):g}°", REFUSED)]
     fibres = Fibres.of(sheet.flat, shape.cells, sheet.warp, sheet.weft)
     panels = [
-        Panel("Shear angle", shape, angle, scale, marked=marked),
-        Panel("Fibres", shape, fibres=fibres),
+        Panel("", shape, angle, scale, marked=marked),
+        Panel("", shape, fibres=fibres),
     ]
     legends = [Legend(0, 1, scale, keys), Legend(1, 2, keys=FAMILIES)]
     picture = Picture([panels], legends, extent([shape]))
@@ -121,8 +119,7 @@ def starts(
     height = 0.75 * width * float(np.clip(span[1] / span[0], _LOWEST, _HIGHEST)) + 0.9
     half = 0.5 * _LINE * float(span.max()) * along
     laid = np.isfinite(best.measures)
-    style = {"font.size": NUMBER, "axes.labelsize": TITLE, "axes.linewidth": 0.6}
-    with mpl.rc_context(style):
+    with figure_style():
         figure = Figure(figsize=(width, height), layout="constrained")
         axes = figure.add_subplot()
         flat = corners[[i, j]].transpose(2, 1, 0)
@@ -140,8 +137,6 @@ def starts(
         axes.plot(*chosen, "o", mfc="none", mec=REFUSED, markersize=9, zorder=4)
         axes.set(aspect="equal", xlabel=f"{'xyz'[i]} (mm)", ylabel=f"{'xyz'[j]} (mm)")
         axes.autoscale_view()
-        for side in ("top", "right"):
-            axes.spines[side].set_visible(False)
         handles = [
             Line2D([], [], ls="", marker="o", mfc="none", mec=REFUSED, ms=7),
             Line2D([], [], ls="", marker="x", color="0.55", ms=4),

@@ -3,7 +3,6 @@
 import os
 from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -11,8 +10,9 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 from .curves import COLOURS
-from .layout import NUMBER, TITLE, default_width
+from .layout import default_width
 from .picture_files import picture_path, save
+from .style import figure_style
 
 if TYPE_CHECKING:
     from ..singular import Outline, SingularFibres
@@ -82,8 +82,7 @@ def singular_fibres(
     width = default_width(1) / 25.4
     span = np.ptp(outline.polygon, axis=1)
     height = width * float(np.clip(span[1] / span[0], 0.3, _HIGHEST)) + 0.8
-    style = {"font.size": NUMBER, "axes.labelsize": TITLE, "axes.linewidth": 0.6}
-    with mpl.rc_context(style):
+    with figure_style():
         figure = Figure(figsize=(width, height), layout="constrained")
         axes = figure.add_subplot()
         rings = [np.vstack([ring.T, ring.T[:1]]) for ring in outline.rings]
@@ -94,8 +93,6 @@ def singular_fibres(
         for x, y in outline.points.values():
             axes.plot(x, y, "o", color="black", markersize=3)
         axes.set(xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
-        for side in ("top", "right"):
-            axes.spines[side].set_visible(False)
         kinds = [kind for kind in _LINES if kind in {k for k, _ in drawn}]
         figure.legend(
             handles=[Line2D([], [], label=_LABELS[k], **_LINES[k]) for k in kinds],

@@ -1,7 +1,8 @@
-"""Pictures of plies: fields, fibres, acceptance checks and animations."""
+"""Pictures of plies: fields, fibres and acceptance checks."""
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
@@ -13,23 +14,26 @@ from ..io.results import fields_on_tool, has_tools
 from ..mesh.splitting import original_elements
 from ..solve.result import Result, StepError
 from ..solve.states import State
-from .drawing import draw, pyvista_drawing
+from .drawing import draw
 from .fibre_lines import Fibres
 from .fields import (
+    DIVERGING,
     FIELDS,
     Field,
     fibres_of,
     field_of,
     on_one_scale,
     reach,
+    scale_of,
     shapes_of,
     values_of,
 )
-from .layout import PAGE, lay_out
-from .picture_files import atomic_file, picture_path
+from .layout import PAGE
+from .picture_files import picture_path
 from .sheet import (
     FAMILIES,
     REFUSED,
+    THREADS,
     Legend,
     Panel,
     Scale,
@@ -59,6 +63,7 @@ class Options(View, total=False):
     titles: Sequence[str]
     cmap: Any
     clim: Sequence[float] | None
+    fibres: bool
 
 
 class Picture:
@@ -122,6 +127,7 @@ def field(
     titles: Sequence[str] = (),
     cmap: Any = None,
     clim: Sequence[float] | None = None,
+    fibres: bool = False,
     **options: Unpack[View],
 ) -> "pv.Plotter | Figure":
     """Field on the deformed plies, one panel per result, with a common scale.
@@ -135,8 +141,8 @@ def field(
     field
         Name in `FIELDS`, or a custom `Field`.
     titles
-        One short title per result. By default the field with its unit or, for several
-        results, their formulations.
+        One short title per result. By default none or, for several results, their
+        formulations.
     filename
         Output file: PNG with 300 dots per inch, or vector graphics (.svg, .pdf, .eps).
     plotter
@@ -145,10 +151,13 @@ def field(
     state
         Index of the state in ``result.states``; -1 is the last.
     cmap
-        Matplotlib colour map; by default the colour map of the field.
+        Matplotlib colour map from one end of the scale to the other; by default the
+        colour map of the field, which has its middle at zero if values have a sign.
     clim
         Limits of the scale; by default round numbers that enclose all values and zero.
         Arrows mark values beyond the limits.
+    fibres
+        If True, draw the fibres of both families on the field.
     show_edges
         If True, draw element edges; by default if the mean element has a side of at
         least 1.3 mm on the picture. The outline of a ply is always drawn.
@@ -188,12 +197,12 @@ def field(
     picture = Picture(results, titles, **options)
     fields, scale = picture.on_one_scale(field_of(field), cmap, clim)
     row = [
-        Panel(title or scale.label, shape, values, scale)
-        for title, shape, values in zip(
-            picture.titles, picture.shapes, fields, strict=True
+        Panel(title, shape, values, scale, fibres_of(result.ply) if fibres else None)
+        for title, shape, values, result in zip(
+            *(picture.titles, picture.shapes, fields, results), strict=True
         )
     ]
-    return picture.drawn([row], Legend(0, len(row), scale))
+    return picture.drawn([row], Legend(0, len(row), scale, THREADS if fibres else ()))
 
 
 def shear_angle(*results: Result, **options: Unpack[Options]) -> "pv.Plotter | Figure":
@@ -240,8 +249,7 @@ def contact_sheet(
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
     rows = []
     for warp, weft, title, values in zip(*strains, picture.titles, angles, strict=True):
-        name = _titled("Shear angle", title, shear.label)
-        rows.append([warp, weft, Panel(name, warp.shape, values, shear)])
+        rows.append([warp, weft, Panel(title, warp.shape, values, shear)])
     return picture.drawn(rows, Legend(0, 2, strain), Legend(2, 3, shear))
 
 
@@ -316,11 +324,6 @@ def _check_title(state: State) -> str:
     )
 
 
-def _titled(name: str, title: str, alone: str) -> str:
-    """Name of a panel and title of its result; ``alone`` for a single result."""
-    return f"{name}, {title}" if title else alone
-
-
 def _strain_rows(
     picture: Picture, cmap: Any = None, clim: Sequence[float] | None = None
 ) -> tuple[list[list[Panel]], Scale]:
@@ -331,17 +334,16 @@ def _strain_rows(
         [values_of(f, result.ply, at.u) for result, at in pairs]
         for f in fields.values()
     ]
-    limits = reach([values for row in strains for values in row], symmetric=True)
-    colours = cmap or fields["Warp"].cmap
-    scale = Scale.of("Fibre strain in the law (%)", limits, colours, clim)
+    of_both = replace(fields["Warp"], label="Fibre strain in the law (%)")
+    scale = scale_of(of_both, [values for row in strains for values in row], cmap, clim)
     rows = [
         [
-            Panel(_titled(family, title, f.label), shape, values, scale)
+            Panel(f"{family}, {title}" if title else family, shape, values, scale)
             for title, shape, values in zip(
                 picture.titles, picture.shapes, row, strict=True
             )
         ]
-        for (family, f), row in zip(fields.items(), strains, strict=True)
+        for family, row in zip(fields, strains, strict=True)
     ]
     return rows, scale
 
@@ -393,16 +395,14 @@ def draped(
     pairs = zip(results, picture.states, strict=True)
     pairs_of_fields = [_on_tool(result, at) for result, at in pairs]
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
-    pressures = reach([pressure for pressure, _ in pairs_of_fields], symmetric=True)
-    scale = Scale.of("Contact pressure (N/mm²)", pressures, "RdBu_r", None)
+    pressures = reach([pressure for pressure, _ in pairs_of_fields])
+    scale = Scale.of("Contact pressure (N/mm²)", pressures, DIVERGING, signed=True)
     rows = []
     for title, shape, angle, (pressure, at_risk) in zip(
         picture.titles, picture.shapes, angles, pairs_of_fields, strict=True
     ):
-        names = "Shear angle", "Contact pressure"
-        left, right = (_titled(name, title, name) for name in names)
-        sheared = Panel(left, shape, angle, shear, marked=at_risk)
-        rows.append([sheared, Panel(right, shape, pressure, scale)])
+        sheared = Panel(title, shape, angle, shear, marked=at_risk)
+        rows.append([sheared, Panel(title, shape, pressure, scale)])
     some = any(at_risk.size for _, at_risk in pairs_of_fields)
     keys = [("Risk of wrinkling", REFUSED)] if some else []
     return picture.drawn(rows, Legend(0, 1, shear, keys), Legend(1, 2, scale))
@@ -434,66 +434,3 @@ def stage_of(result: Result, state: State) -> str:
             if travel(tool, last) > 0:
                 title += f", {tool.name} {travel(tool, state.load_factor):.1f} mm"
     return title
-
-
-# Dots per inch on a screen.
-_DOTS = 150
-
-# Durations of a frame and of the last frame in ms.
-_FRAME, _LAST = 125, 1125
-
-
-def animation(
-    result: Result,
-    filename: str | os.PathLike[str],
-    field: str | Field = "shear_angle",
-    cmap: Any = None,
-    clim: Sequence[float] | None = None,
-    show_edges: bool | None = None,
-    size: float | tuple[float, float] | None = None,
-) -> None:
-    """Write a field on the moving ply as a GIF, one frame per state on one scale.
-
-    Parameters
-    ----------
-    result
-        Result whose states are drawn.
-    filename
-        Output file.
-
-    Other parameters and exceptions as for `field`; 1 mm has 6 pixels.
-    """
-    from PIL import Image
-
-    path = picture_path(filename, (".gif",))
-    chosen, states = field_of(field), result.states
-    shapes = shapes_of([result] * len(states), states)
-    values = [values_of(chosen, result.ply, state.u) for state in states]
-    limits = reach(values, chosen.symmetric)
-    scale = Scale.of(chosen.label, limits, cmap or chosen.cmap, clim)
-    sheets = [
-        Sheet(
-            [[Panel(stage_of(result, state), shape, each, scale)]],
-            [Legend(0, 1, scale)],
-            extent(shapes),
-            show_edges,
-        )
-        for state, shape, each in zip(states, shapes, values, strict=True)
-    ]
-    layouts = [lay_out(sheet, size) for sheet in sheets]
-    renderer, frames = pyvista_drawing(), []
-    plotter = renderer.new_plotter(layouts[0], _DOTS)
-    for sheet, layout in zip(sheets, layouts, strict=True):
-        plotter.clear()
-        renderer.draw_new(plotter, sheet, layout)
-        frames.append(Image.fromarray(plotter.screenshot(return_img=True)))
-    plotter.close()
-    first, *others = [frame.quantize(dither=Image.Dither.NONE) for frame in frames]
-    with atomic_file(path, ".gif") as file:
-        first.save(
-            file,
-            save_all=True,
-            append_images=others,
-            duration=[_FRAME] * len(others) + [_LAST],
-            loop=0,
-        )

@@ -190,6 +190,8 @@ def _draw_bar(plotter: pv.Plotter, bar: Bar, frame: Frame) -> None:
     for tip, colour in zip(bar.tips, (colours[0], colours[-1]), strict=True):
         if len(tip):
             _draw_flat(plotter, np.array([tip]), [colour], frame)
+    for mark in bar.zero:
+        _draw_flat(plotter, _corners(mark)[None], [(0.0, 0.0, 0.0)], frame)
 
 
 def _corners(box: Box) -> ndarray:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.ticker import MaxNLocator
 from numpy import ndarray
 from scipy.spatial import KDTree
@@ -21,6 +22,9 @@ _LEAST_EXTENT = 1e-8
 # rounding its ends; sizes of intervals, up to powers of ten.
 _MOST_INTERVALS, _FINE_INTERVALS, _ROUND = 6, 20, [1, 2, 2.5, 4, 5, 10]
 
+
+# Factor of the number of colours from which a part of a map is taken.
+_FINER = 16
 
 # Viewpoints for a ply in space and for a ply on a tool, whose quarter has x, y > 0:
 # azimuth and elevation in degrees, and distance relative to half the diagonal of the
@@ -124,7 +128,8 @@ class Shape(NamedTuple):
 class Scale(NamedTuple):
     """Colour scale.
 
-    ``below`` and ``above`` are true if values lie beyond its ends.
+    ``below`` and ``above`` are true if values lie beyond its ends.  On a ``signed`` one
+    zero is marked.
     """
 
     label: str
@@ -133,6 +138,7 @@ class Scale(NamedTuple):
     colours: Any
     below: bool = False
     above: bool = False
+    signed: bool = False
 
     @classmethod
     def of(
@@ -140,9 +146,13 @@ class Scale(NamedTuple):
         label: str,
         reach: tuple[float, float],
         cmap: Any,
-        clim: Sequence[float] | None,
+        clim: Sequence[float] | None = None,
+        signed: bool = False,
     ) -> "Scale":
-        """Scale between round numbers that enclose ``reach``, or between limits."""
+        """Scale between round numbers that enclose ``reach``, or between limits.
+
+        A signed one has the middle of its colour map at zero.
+        """
         try:
             colours = mpl.colormaps.get_cmap(cmap)
         except (TypeError, ValueError):
@@ -152,14 +162,18 @@ class Scale(NamedTuple):
         if clim is None:
             low, high = reach[0], max(reach[1], reach[0] + _LEAST_EXTENT)
             ticks = MaxNLocator(_FINE_INTERVALS, steps=_ROUND).tick_values(low, high)
-            return cls(label, float(ticks[0]), float(ticks[-1]), colours)
-        limits = np.asarray(clim, dtype=float)
+            limits = np.asarray(ticks)[[0, -1]]
+        else:
+            limits = np.asarray(clim, dtype=float)
         if limits.shape != (2,) or not limits[0] < limits[1] < np.inf > -limits[0]:
             raise ValueError(
                 f"clim must be two finite limits in ascending order, got {clim!r}"
             )
         low, high = limits.tolist()
-        return cls(label, low, high, colours, reach[0] < low, reach[1] > high)
+        if signed:
+            colours = _around_zero(colours, low, high)
+        beyond = reach[0] < low, reach[1] > high
+        return cls(label, low, high, colours, *beyond, signed)
 
     def ticks(self, intervals: int = _MOST_INTERVALS) -> ndarray:
         """Round numbers on the scale with at most the given number of intervals."""
@@ -167,6 +181,13 @@ class Scale(NamedTuple):
         ticks = np.asarray(locator.tick_values(self.low, self.high))
         slack = 1e-9 * (self.high - self.low)
         return ticks[(ticks >= self.low - slack) & (ticks <= self.high + slack)]
+
+
+def _around_zero(colours: Colormap, low: float, high: float) -> Colormap:
+    """Part of a colour map between two values, with its middle at zero."""
+    shares = 0.5 + 0.5 * np.linspace(low, high, colours.N) / max(abs(low), abs(high))
+    fine = colours.resampled(_FINER * colours.N)
+    return ListedColormap(fine(shares), colours.name)
 
 
 class Lines(NamedTuple):
@@ -180,8 +201,9 @@ class Lines(NamedTuple):
 class Panel(NamedTuple):
     """Shape with a title, coloured by a scale, or grey without one.
 
-    Optional fibres are drawn as lines, without the edges of elements by default;
-    optional elements are marked.
+    Optional fibres are drawn as lines, without the edges of elements by default: on
+    grey in the colours of their families, on a field all in one.  Optional elements are
+    marked.
     """
 
     title: str
@@ -275,8 +297,8 @@ def extent(shapes: Sequence[Shape]) -> tuple[ndarray, ndarray]:
 
 
 # Chosen by eye, in mm on the picture, as all sizes and colours below. Distance between
-# fibres where the ply is flat, and their width.
-_SPACING, _WIDTH = 2.4, 0.25
+# fibres where the ply is flat, and their width, also on a field.
+_SPACING, _WIDTH, _THIN = 2.4, 0.25, 0.15
 
 # Number of triangles of a tool that may hide a line, by distance of their centres.
 _CANDIDATES = 8
@@ -301,6 +323,10 @@ WARP, WEFT = "#0072B2", "#D55E00"
 #: Names and colours of the families.
 FAMILIES = [("Warp", WARP), ("Weft", WEFT)]
 
+#: Colour of fibres on a field, and their key.
+THREAD = "#202020"
+THREADS = [("Fibres", THREAD)]
+
 #: Magenta, which common colour maps do not contain.
 REFUSED = "#E6007E"
 
@@ -320,9 +346,11 @@ def lines_of(panel: Panel, scale: float, show_edges: bool | None) -> list[Lines]
         drawn.append(Lines(shape.edges(outer=False), colour, _EDGE))
     drawn.append(Lines(shape.edges(outer=True), _OUTER, _OUTLINE))
     if panel.fibres:
-        for family, colour in enumerate((WARP, WEFT)):
+        on_field = panel.scale is not None
+        colours = (THREAD, THREAD) if on_field else (WARP, WEFT)
+        for family, colour in enumerate(colours):
             ends = panel.fibres.lines(shape.points, family, _SPACING / scale)
-            drawn.append(Lines(ends, colour, _WIDTH))
+            drawn.append(Lines(ends, colour, _THIN if on_field else _WIDTH))
     if panel.marked.size:
         drawn.append(Lines(_marks(panel, scale), REFUSED, _MARK))
     return drawn

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -133,6 +135,15 @@ class Result:
     def error(self) -> ErrorInterval:
         """Interval of the error of the last state, computed at first access."""
         return self.interval(self.states[-1])
+
+    def view(self, **options: Any) -> Any:
+        """Show a state in 3D, in Jupyter or in a window; see `skfem_textile.plot.view`.
+
+        Parameters, returned value and exceptions as there.  Nothing is imported for it
+        before it is called.
+        """
+        plot = import_module("skfem_textile.plot")
+        return plot.view(self, **options)
 
     def history(self, turn: ndarray | None = None) -> list[dict[str, float | None]]:
         """Table with one row per converged state.

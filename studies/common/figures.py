@@ -38,16 +38,22 @@ def figure_of(size: tuple[float, float], file: File, font_size: int) -> Iterator
     Raises
     ------
     ValueError, FileNotFoundError
-        As from `picture_path`, before anything is drawn.
+        As from `picture_path`, and if text is too small on a page, before anything is
+        drawn.
     """
-    import matplotlib as mpl
     from matplotlib.figure import Figure
 
+    from skfem_textile.plot.layout import NUMBER
     from skfem_textile.plot.picture_files import picture_path, save
+    from skfem_textile.plot.style import figure_style
 
     path = None if file is None else picture_path(file)
-    style = {"axes.spines.top": False, "axes.spines.right": False}
-    with mpl.rc_context(style | {"font.size": font_size}):
+    printed = font_size * min(1.0, PAGE / size[0])
+    if printed < NUMBER:
+        raise ValueError(
+            f"text of {printed:.1f} pt on a page: at least {NUMBER:g} pt is required"
+        )
+    with figure_style(font_size):
         figure = Figure(figsize=size, layout="constrained")
         yield figure
         save(figure, path)

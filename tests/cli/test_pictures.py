@@ -100,6 +100,30 @@ def test_a_load_of_round_off_is_not_drawn(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["load.png"]
 
 
+@pytest.mark.parametrize(
+    ("moved", "label", "shown"),
+    [
+        ([0.0, -2.0, -3.0], "Displacement (mm)", {"run": 2, "test": 2}),
+        ([0.0, 2.0, 1.0], "State", {"run": 2}),
+        ([0.0, 2.0, 2.0], "State", {"run": 2}),
+    ],
+)
+def test_a_curve_that_folds_back_is_drawn_over_the_states(
+    tmp_path, monkeypatch, moved, label, shown
+):
+    curves = pytest.importorskip("skfem_textile.plot.curves")
+    drawn = []
+    monkeypatch.setattr(curves, "curves", lambda *curve: drawn.append(curve))
+    run = {DISPLACEMENT: np.array(moved), FORCE: np.array([0.0, 1.0, 3.0])}
+    test = {DISPLACEMENT: np.array([0.0, -9.0]), FORCE: np.array([0.0, 2.0])}
+    results.draw_curves(run, test, tmp_path)
+    ((panels, xlabel, _, _),) = drawn
+    (lines,) = panels.values()
+    assert xlabel == label
+    assert {name: len(line) for name, line in lines.items()} == shown
+    assert np.all(np.diff(lines["run"][0]) != 0)
+
+
 def test_all_other_results_are_written_without_gl(tmp_path, capsys, monkeypatch):
     pytest.importorskip("pyvista")
     offscreen = pytest.importorskip("skfem_textile.plot.pyvista_drawing")

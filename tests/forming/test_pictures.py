@@ -8,7 +8,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Fabric, Ply, Result, Tool, drape
 from skfem_textile.drape import Axes
-from skfem_textile.forming import tool_forces, travels
+from skfem_textile.forming import box_of, placed_tools, tool_forces, travels
 from tests.forming.conftest import GAP, RADIUS, SIDE
 
 plot = pytest.importorskip("skfem_textile.plot")
@@ -17,6 +17,7 @@ Figure = pytest.importorskip("matplotlib.figure").Figure
 Image = pytest.importorskip("PIL.Image")
 shapes_of = pytest.importorskip("skfem_textile.plot.fields").shapes_of
 stage_of = pytest.importorskip("skfem_textile.plot.pictures").stage_of
+fields = pytest.importorskip("skfem_textile.plot.fields")
 
 
 @pytest.fixture
@@ -44,15 +45,25 @@ def test_ply_and_tools_are_drawn_in_three_panels(hemisphere, tmp_path, monkeypat
     monkeypatch.setattr(Figure, "savefig", lambda _, file, **__: file.touch())
     figure = plot.formed(hemisphere, titles=["A"], filename=tmp_path / "formed.pdf")
     words = [text.get_text() for text in figure.axes[0].texts]
-    for word in ("Shear angle, A", "Fibres, A", "Areal weight, A", "Warp", "Weft"):
+    for word in ("Shear angle (°)", "Warp", "Weft"):
         assert word in words
+    assert words.count("A") == 3
     assert "0" in words  # of the shear angle only
     assert words.count("0") == 1
+
+
+def of_tools(result):
+    """True for each tool that is drawn in the last state, by name."""
+    box = box_of(result.ply, [result.states[-1]])
+    (placed,) = placed_tools(result.ply, [1.0], *box)
+    return {tool.name: fields._faces_viewer(tool) for tool in placed}
 
 
 def test_only_faces_towards_the_viewer_are_drawn(hemisphere):
     """The die above the ply faces down and hides nothing; the holder faces up."""
     (shape,) = shapes_of([hemisphere], [hemisphere.states[-1]])
+    names = {name for name, drawn in of_tools(hemisphere).items() if drawn}
+    assert names == {"punch", "holder"}
     x, y = shape.tool.points.T[:2, shape.tool.triangles]
     area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
     assert (area > 0).all()

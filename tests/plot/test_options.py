@@ -214,3 +214,46 @@ def test_any_field_is_animated_on_one_scale(result, tmp_path):
     assert frames[0] != frames[1]
     with pytest.raises(ValueError, match="unknown field"):
         plot.animation(result, file, field="nothing")
+
+
+def greys(scale, values):
+    """Grey levels in which values are printed (ITU-R BT.601)."""
+    share = (np.asarray(values) - scale.low) / (scale.high - scale.low)
+    return scale.colours(share)[:, :3] @ [0.299, 0.587, 0.114]
+
+
+@pytest.mark.parametrize("name", plot.FIELDS)
+def test_fields_are_legible_in_grey_and_zero_is_marked_if_they_have_a_sign(
+    result, sheets, tmp_path, name
+):
+    """Magnitudes have one order of greys; zero is the lightest if there is a sign."""
+    plot.field(result, field=name, filename=tmp_path / "x.svg")
+    (bar,) = sheets[0][1].legends[0].bars
+    scale = bar.scale
+    down, up = np.linspace(0, scale.low, 60), np.linspace(0, scale.high, 60)
+    if plot.FIELDS[name].signed:
+        (mark,) = bar.zero
+        share = (mark.x + 0.5 * mark.width - bar.box.x) / bar.box.width
+        assert scale.low + share * (scale.high - scale.low) == pytest.approx(0.0)
+        assert greys(scale, [0.0]) > 0.95
+        assert all((np.diff(greys(scale, x)) <= 0.004).all() for x in (down, up))
+    else:
+        assert bar.zero == []
+        assert (np.diff(greys(scale, up)) >= -0.004).all()
+
+
+def test_values_of_equal_size_have_equally_strong_colours(result):
+    """Where one sign reaches further than the other."""
+    scale = sheet.Scale.of("x", (-10.0, 40.0), "RdBu_r", None, signed=True)
+    assert (scale.low, scale.high) == (-10.0, 40.0)
+    weak, strong = greys(scale, [-10.0, 10.0])
+    assert weak == pytest.approx(strong, abs=0.05)
+    assert greys(scale, [40.0]) < weak - 0.3
+
+
+def test_a_given_colour_map_is_used_as_a_whole(result):
+    (_, name), *_ = coloured(plot.shear_angle(result, cmap="magma", clim=(0, 40)))
+    assert name == "magma"
+    of = plot.fields.scale_of(plot.FIELDS["shear_angle"], [np.ones(1)], "magma", (0, 4))
+    assert of.colours(0.0) == matplotlib.colormaps["magma"](0.0)
+    assert not of.signed

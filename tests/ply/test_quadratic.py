@@ -346,7 +346,10 @@ def test_triangles_are_drawn(tmp_path):
     )
     assert drawn.n_cells == 12
     texts = [
-        a.input for a in plotter.renderers[0].actors.values() if hasattr(a, "input")
+        a.input
+        for renderer in plotter.renderers
+        for a in renderer.actors.values()
+        if hasattr(a, "input")
     ]
     assert any("Shear angle" in text for text in texts)
     colours = np.unique(pv.read(tmp_path / "p.png").point_data.active_scalars, axis=0)
