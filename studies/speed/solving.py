@@ -42,6 +42,9 @@ _E, _G, _LOAD_FACTOR = 1e4, 0.5, 0.02
 # Elements of iterations and of the whole strip.
 _SIZE = 60_000
 
+# Iterations for warm-up: the first two touch memory that is new to the process.
+_WARM = 2
+
 # Rounds in which codes alternate, and rounds per mesh size.
 _ROUNDS, _ROUNDS_OF_SIZE = 4, 3
 
@@ -183,7 +186,7 @@ def _other_code(rival: Rival, scene: Scene) -> Callable[[], list[float]]:
         moved = next(share) * u  # avoids cached factors
         if system:
             return [*one_iteration(system, moved)]
-        return [*rival.iterations(task, moved, 1)[0]]  # after one for warm-up
+        return [*rival.iterations(task, moved, _WARM)[-1]]
 
     return one_round
 
@@ -241,10 +244,10 @@ def _codes() -> tuple[dict[str, tuple[Any, ...]], dict[str, str]]:
 
 
 def _timed(name: str, elements: int) -> list[list[float]]:
-    """Times of two iterations of one code, after one for warm-up."""
+    """Times of two iterations of one code, after others for warm-up."""
     make, *arguments = _codes()[0][name]
     one_round = make(*arguments, strip_of(elements))
-    rounds = [one_round() for _ in range(3)][1:]
+    rounds = [one_round() for _ in range(_WARM + 2)][_WARM:]
     return [[*parts, sum(parts)] for parts in rounds]
 
 
