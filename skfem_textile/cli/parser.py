@@ -206,7 +206,9 @@ def _add_fits(commands: Any) -> None:
             type=Path,
             nargs="+",
             metavar="DATA",
-            help="files of the tests, or folders that contain them",
+            help="TOML files with a table [[test]] for each kind of test"
+            if name == "joint"
+            else "files of the tests, or folders that contain them",
         )
         _add_outputs(one)
         for flag, keywords in options.items():
