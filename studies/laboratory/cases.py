@@ -45,7 +45,8 @@ GROUPS = "clean", "contaminated", "force at rest"
 #: force at rest relative to the largest force.
 TOE, LOSS, OUTLIERS, AT_REST = (0.5, 4.0), (0.1, 0.4), (1, 4), (0.02, 0.15)
 
-#: Number of files by group: judged, and with which constants were chosen.
+#: Number of files by group: judged, and with which constants were chosen.  Those of
+#: clean and contaminated files were doubled when the first 150 had been judged.
 NUMBERS = {"clean": 300, "contaminated": 300, "force at rest": 60}
 CHOSEN = dict.fromkeys(GROUPS, 60)
 
