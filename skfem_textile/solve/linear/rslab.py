@@ -17,8 +17,8 @@ from .scaling import ROUND_OFF
 from .solver import FORKED, REFINEMENTS, CountedPivots, LatestFactors
 from .unknowns import Unknowns
 
-# Approximate minimum degree: on meshes with up to a million elements the factors have
-# fewer entries than with nested dissection, for a quarter of the time.
+# Approximate minimum degree takes less time than nested dissection, and the factors of
+# meshes have fewer entries.
 _ORDERING = "amd"
 
 # Backward error at which the refinements end, a few units of round-off.
@@ -41,7 +41,8 @@ class Rslab(LatestFactors):
     Attributes
     ----------
     n_threads
-        Number of threads; None for the number that RSLAB selects, at most four.
+        Number of threads, from the environment at most the number of cores; None for
+        the number that RSLAB selects, at most four.
     """
 
     def __init__(self, lower: csc_matrix, unknowns: Unknowns) -> None:
