@@ -10,7 +10,7 @@ from ..common.tables import Row
 from .cases import CODE, GIVEN_UP, Load, ThisLibrary, converged
 
 #: Sets of linear solvers, with the solver names in the rows.
-SETS = {"SciPy": ("SciPy", "MUMPS"), "fastest": ("fastest", "MUMPS")}
+SETS = {"required": ("required", "MUMPS"), "fastest": ("fastest", "MUMPS")}
 
 # Relative tolerance for equal errors: codes with the same element differ by the Newton
 # tolerance.

@@ -58,7 +58,7 @@ SCENES = {"strip": "strip", "bias_extension": "bias extension"}
 
 # Codes in the order of their colours, and labels of sets of solvers.
 _CODES = (ThisLibrary.code, "scikit-fem", "FElupe", "DOLFINx", "scikit-fem-native")
-_SET_NAMES = {"SciPy": "SciPy alone", "fastest": "fastest solvers"}
+_SET_NAMES = {"required": "required packages", "fastest": "fastest solvers"}
 
 # Font size in points.
 _LETTERS = 9
@@ -148,7 +148,7 @@ def same_mesh(rows: Sequence[Row]) -> str:
     """Ratios of other codes to this library, with the same element and mesh."""
     lines = []
     for scene, by_set in pairs(rows):
-        one = by_set["SciPy"]
+        one = by_set["required"]
         assert one.own
         assert one.other
         lines.append(

@@ -92,7 +92,7 @@ def test_words_name_the_fastest_of_this_library_and_of_other_codes():
 
 def test_errors_are_relative_to_the_converged_load():
     class Known:
-        code, element, solver = "code", "Q4", "SciPy"
+        code, element, solver = "code", "Q4", "required"
 
         def missing(self):
             return ""

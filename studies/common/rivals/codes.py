@@ -347,10 +347,10 @@ def _in_process(solver: str) -> tuple[Rival, ...]:
     )
 
 
-#: Each code and element with the fastest available linear solver, and with SciPy's;
+#: Each code and element with the fastest linear solver, and with the required one;
 #: DOLFINx with MUMPS only.
 RIVALS: tuple[Rival, ...] = (
     *_in_process("fastest"),
     *(Dolfinx(QUAD4), Dolfinx(TRIANGLE6)),
-    *_in_process("SciPy"),
+    *_in_process("required"),
 )

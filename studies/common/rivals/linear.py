@@ -24,10 +24,10 @@ Solve: TypeAlias = Callable[[Any, ndarray], ndarray]
 def solver_of(task: Task, name: str) -> Solve:
     """Linear solver by name for the free unknowns of a task.
 
-    ``SciPy``: SciPy's SuperLU with its default ordering; ``fastest``: the solver and
+    ``required``: SuperLU in the default ordering of SciPy; ``fastest``: the solver and
     ordering of this library; ``pypardiso``: PARDISO.
     """
-    if name == "SciPy":
+    if name == "required":
         return spsolve
     return SolverOfThisLibrary(task) if name == "fastest" else _pardiso()
 

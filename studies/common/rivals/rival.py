@@ -169,7 +169,7 @@ class Rival:
     """
 
     shape: Shape
-    solver: str = "SciPy"
+    solver: str = "required"
     code: ClassVar[str] = ""
     packages: ClassVar[dict[str, str]] = {}
 
