@@ -1,5 +1,5 @@
 """
-Pressure on a ply with fixed edges
+Load across a ply with fixed edges
 ==================================
 
 A square of crimped fabric with fixed edges is loaded by pressure from below. The flat

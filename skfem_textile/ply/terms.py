@@ -204,7 +204,8 @@ class FormTerm(ElementTerm):
         Fast evaluation of the forms, on the bases that it supports, together with other
         terms.
     role
-        One of `Role`.
+        ``"internal"`` or ``"stabilisation"`` for an elastic energy, ``"load"`` for the
+        potential of a load.
     parameters
         Declaration of the term's parameters.
 
@@ -212,16 +213,17 @@ class FormTerm(ElementTerm):
     --------
     An elastic foundation of 0.1 N/mm per mm² under a ply:
 
-    >>> from skfem import BilinearForm, Functional, LinearForm, MeshQuad
+    >>> from skfem import BilinearForm, CellBasis, Functional, LinearForm, MeshQuad
     >>> from skfem.helpers import dot
-    >>> from skfem_textile import Fabric, Forms, FormTerm, Full, Ply
+    >>> from skfem_textile import Fabric, Forms, FormTerm, Ply
     >>> forms = Forms(
     ...     Functional(lambda w: 0.05 * dot(w["u"], w["u"])),
     ...     LinearForm(lambda v, w: 0.1 * dot(w["u"], v)),
     ...     BilinearForm(lambda u, v, w: 0.1 * dot(u, v)),
     ... )
-    >>> ply = Ply(MeshQuad(), Fabric(1e4), Full())
-    >>> ply = ply.with_terms(FormTerm("foundation", forms, ply.basis))
+    >>> ply = Ply(MeshQuad(), Fabric(1e4))
+    >>> cells = CellBasis(ply.mesh, ply.basis.elem)
+    >>> ply = ply.with_terms(FormTerm("foundation", forms, cells))
     >>> round(ply.energies(ply.basis.zeros() + 1.0)["foundation"], 12)
     0.1
     """
