@@ -1,27 +1,60 @@
-"""Names of the package that are imported on first use.
+"""Names of a package that are imported on first use.
 
-Shapely is slow, and few scenes have tools that move.
+Importing such a package takes no time, and a program loads only what it uses.  The stub
+``__init__.pyi`` of the package imports the names: type checkers read it, and so does
+Python when a name is first used.
 """
 
+import ast
+import sys
+from collections.abc import Callable
+from functools import cache
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
-# Modules of the names.
-_MODULES = dict.fromkeys(
-    (
-        "Outline",
-        "along_edges",
-        "fit_to_fibres",
-        "mesh_along_fibres",
-        "mesh_outline",
-        "singular_fibres",
-    ),
-    "singular",
-) | dict.fromkeys(("Holder", "Tool"), "forming")
 
+def on_first_use(
+    package: str, file: str
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """Import the names of a package on first use.
 
-def __getattr__(name: str) -> Any:
-    """Object of the package by name."""
-    if name not in _MODULES:
-        raise AttributeError(f"module 'skfem_textile' has no attribute {name!r}")
-    return getattr(import_module(f".{_MODULES[name]}", __package__), name)
+    Parameters
+    ----------
+    package, file
+        ``__name__`` and ``__file__`` of the package.  The stub beside the file consists
+        of imports ``from .module import name as name``.  No module of the package may
+        have the name of another object: its import would hide that object.
+
+    Returns
+    -------
+    tuple
+        ``__getattr__`` and ``__dir__`` of the package.
+    """
+
+    @cache
+    def origins() -> dict[str, str]:
+        stub = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
+        return {
+            alias.name: node.module or ""
+            for node in stub.body
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        }
+
+    def attribute(name: str) -> Any:
+        if name == "__all__":
+            return list(origins())
+        if name not in origins():
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        if module := origins()[name]:
+            found = getattr(import_module(f"{package}.{module}"), name)
+        else:
+            found = import_module(f"{package}.{name}")
+        setattr(sys.modules[package], name, found)
+        return found
+
+    def names() -> list[str]:
+        return sorted({*origins(), *vars(sys.modules[package])})
+
+    return attribute, names

@@ -3,9 +3,9 @@
 Each struct builds its scene and imports the modules for it only then.
 """
 
+from math import radians
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 
-import numpy as np
 from msgspec import field
 
 from .table import FILE, GRADED, Degrees, Table, about, named
@@ -84,7 +84,7 @@ class PictureFrame(PlaneScene, tag="picture_frame"):
         """See `Scene.build`."""
         from ..scenes.trellis import picture_frame
 
-        angle = float(np.radians(self.shear_angle_deg))
+        angle = radians(self.shear_angle_deg)
         return picture_frame(mesh, shear_angle=angle, **generated)
 
 
@@ -119,9 +119,9 @@ class Trellis(PlaneScene, tag="trellis"):
             )
         edges: dict[str, Edge] = dict.fromkeys(self.free, "free")
         for side, inclination in self.roller_deg.items():
-            edges[side] = float(np.radians(inclination))
-        warp, weft = np.radians([self.warp_deg, self.weft_deg]).tolist()
-        turns = sheared(*np.radians([self.shear_angle_deg, self.bend_deg]).tolist())
+            edges[side] = radians(inclination)
+        warp, weft = radians(self.warp_deg), radians(self.weft_deg)
+        turns = sheared(radians(self.shear_angle_deg), radians(self.bend_deg))
         return trellis(
             mesh, warp=warp, weft=weft, turns=turns, edges=edges, **generated
         )
@@ -153,8 +153,8 @@ class BiasExtension(PlaneScene, tag="bias_extension"):
         """See `Scene.build`."""
         from ..scenes.bias_extension import bias_extension
 
-        warp, weft = np.radians(_mirrored(self.warp_deg, self.weft_deg)).tolist()
-        angle = float(np.radians(self.shear_angle_deg))
+        warp, weft = _mirrored(self.warp_deg, self.weft_deg)
+        angle = radians(self.shear_angle_deg)
         return bias_extension(
             mesh, warp=warp, weft=weft, shear_angle=angle, part=self.part, **generated
         )
@@ -194,7 +194,7 @@ class Specimen(PlaneScene, tag="specimen"):
         """See `Scene.build`."""
         from ..scenes.specimen import specimen
 
-        warp, weft = np.radians(_mirrored(self.warp_deg, self.weft_deg)).tolist()
+        warp, weft = _mirrored(self.warp_deg, self.weft_deg)
         return specimen(
             mesh,
             width=self.width_mm,
@@ -208,7 +208,8 @@ class Specimen(PlaneScene, tag="specimen"):
 
 
 def _mirrored(warp: float, weft: float | None) -> tuple[float, float]:
-    return warp, 180 - warp if weft is None else weft
+    """Inclinations of warp and weft in radians."""
+    return radians(warp), radians(180 - warp if weft is None else weft)
 
 
 class StripInSpace(Scene):
@@ -289,7 +290,7 @@ class WithTools(Scene):
     def ply(self) -> dict[str, Any]:
         """Parameters of the ply."""
         return {
-            "fibres": float(np.radians(self.fibres_deg)),
+            "fibres": radians(self.fibres_deg),
             "width": self.width_mm,
             "height": self.height_mm,
             "tension": self.tension_N_per_mm,

@@ -6,9 +6,9 @@ Case files, the command line with its help, the validation of input, the written
 imports the modules for it only then.
 """
 
+from math import radians
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
 
-import numpy as np
 from msgspec import Meta, field
 
 from .scenes import AnyScene
@@ -246,7 +246,7 @@ class Locking(Law, tag="locking"):
         """See `Law.build`."""
         from ..fabric.laws.shear import Locking
 
-        angle = float(np.radians(self.locking_angle_deg))
+        angle = radians(self.locking_angle_deg)
         return Locking(self.stiffness_N_per_mm, angle)
 
 

@@ -3,16 +3,18 @@
 Each struct builds its surface and imports the modules for it only then.
 """
 
+from math import radians
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
-
-import numpy as np
 
 from .table import FILE, Degrees, Table, about
 
 if TYPE_CHECKING:
+    from numpy import ndarray
+
     from ..drape import Axes
     from ..forming import Holder, Tool
     from ..solve.surface import Surface
+    from .rows import Rows
 
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -85,6 +87,8 @@ class ToolTable(Table, tag_field="surface"):
         ValueError
             If a value is not valid.
         """
+        import numpy as np
+
         from ..forming import Holder, Tool
 
         outline = None
@@ -120,41 +124,17 @@ class ToolTable(Table, tag_field="surface"):
             return rows
         if not all(isinstance(row, tuple) for row in rows):
             raise ValueError(f"{what}.motion_mm contains both rows and numbers")
-        return Rows(f"{what}.motion_mm", rows)
-
-
-class Rows:
-    """Piecewise linear function of the load factor, constant beyond its rows.
-
-    Parameters
-    ----------
-    what
-        Its name in messages.
-    rows
-        Load factor and values of each row.
-
-    Raises
-    ------
-    ValueError
-        If the load factors do not increase from 0 to 1.
-    """
-
-    def __init__(self, what: str, rows: Any) -> None:
-        self._t, *self._values = np.array(rows, dtype=float).T
-        if (np.diff(self._t) <= 0).any() or self._t[0] != 0 or self._t[-1] != 1:
-            raise ValueError(
-                f"{what}: the load factors of the rows must increase from 0 to 1, got "
-                f"{', '.join(f'{t:g}' for t in self._t)}"
-            )
-
-    def __call__(self, t: float) -> Any:
-        """Value, or vector of values, at a load factor."""
-        at = [float(np.interp(t, self._t, value)) for value in self._values]
-        return np.array(at) if len(at) > 1 else at[0]
+        return _rows(f"{what}.motion_mm", rows)
 
 
 def _amount(what: str, amount: Any) -> Any:
-    return Rows(what, amount) if isinstance(amount, tuple) else amount
+    return _rows(what, amount) if isinstance(amount, tuple) else amount
+
+
+def _rows(what: str, rows: Any) -> "Rows":
+    from .rows import Rows
+
+    return Rows(what, rows)
 
 
 Point: TypeAlias = Annotated[Vector, about("point of the surface or of its axis")]
@@ -235,7 +215,7 @@ class ConeTool(ToolTable, tag="cone", kw_only=True):
         """See `ToolTable.surface_in`."""
         from ..drape import Cone
 
-        angle = float(np.radians(self.angle_deg))
+        angle = radians(self.angle_deg)
         return Cone(angle, _moved(self.point_mm, axes), self.axis)
 
 
@@ -297,6 +277,6 @@ AnyTool: TypeAlias = (
 )
 
 
-def _moved(point: Vector, axes: "Axes") -> np.ndarray:
+def _moved(point: Vector, axes: "Axes") -> "ndarray":
     """Point in the axes of the ply."""
-    return np.array(point) - axes.origin
+    return point - axes.origin

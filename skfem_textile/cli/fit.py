@@ -3,7 +3,6 @@
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,134 +18,12 @@ from ..fabric import Fabric
 from ..fabric.files import write_law
 from ..mesh.user_input import printable
 from ..scenes.shear_test import BiasExtension
-from . import words
-from .fit_files import KINDS, Options, option, repeated, tests_of
+from .fit_files import READERS, tests_of
 from .fit_report import REPORT, Reported, pictures_of, write_fit_page
 from .interruption import held
 from .output import say
 from .progress import shown
 from .result_folder import ResultFolder
-
-_FABRIC: Options = {
-    "--fabric": option(
-        "fabric.json of an earlier fit, whose other laws are kept", metavar="FILE"
-    )
-}
-
-_COMMON: Options = {
-    **_FABRIC,
-    "--bound": repeated(
-        "lower and upper bound of a parameter; may be repeated",
-        words.bound,
-        "NAME=LOW,HIGH",
-    ),
-    "--points": option(
-        "number of points of a tabulated law, excluding 0", int, "N", default=8
-    ),
-    "--extrapolation": option(
-        "tabulated law beyond the data: refuse every state (default), or extrapolate "
-        "linearly",
-        choices=("refuse", "linear"),
-    ),
-}
-
-_SHEAR_LAW = option(
-    "shear law: polynomial (odd powers), linear, sin2, locking or tabulated, or auto, "
-    "the one with the best cross-validation",
-    metavar="LAW",
-    default="polynomial",
-)
-
-_TENSION_LAW = option(
-    "tension law: crimp-toe, linear or tabulated for each family, or auto, the one "
-    "with the best cross-validation; from biaxial tests also crimp-interchange",
-    metavar="LAW",
-    default="crimp-toe",
-)
-
-_SHEAR: Options = {
-    "--degree": option(
-        "highest power of the polynomial, an odd number", int, "N", default=5
-    ),
-    "--up-to": option(
-        "largest shear angle of the fitted points (default: 40 for theoretical angles "
-        "of bias extensions, the onset of slip for measured ones; no limit for picture "
-        "frames or simulated tests)",
-        words.degrees,
-        "DEG",
-    ),
-    "--fibre-stiffness": option(
-        "fibre stiffness in N/mm for fabric.json and for simulated tests (default: "
-        "from --fabric, else 1e5)",
-        float,
-        "E",
-    ),
-    **_COMMON,
-}
-
-_VALIDATE: Options = {
-    "--validate": option(
-        "TOML file of bias extensions and picture frames, as for fit joint, that are "
-        "not fitted: predict them by simulation, and compare",
-        Path,
-        "FILE",
-    ),
-}
-
-_SIMULATE: Options = {
-    "--simulate": option(
-        "fit bias extensions by simulation, with this number of element edges across "
-        "the width",
-        int,
-        "N",
-    ),
-}
-
-#: Kinds of fits: help text and options.
-TESTS: dict[str, tuple[str, Options]] = {
-    "strip": (
-        "a tension law from tensile tests along warp or weft",
-        {"--law": _TENSION_LAW, **KINDS["strip"].options, **_COMMON},
-    ),
-    "picture-frame": (
-        "a shear law from picture-frame tests",
-        {
-            "--law": _SHEAR_LAW,
-            **KINDS["picture-frame"].options,
-            **_SHEAR,
-            **_VALIDATE,
-        },
-    ),
-    "bias-extension": (
-        "a shear law from bias-extension tests",
-        {
-            "--law": _SHEAR_LAW,
-            **KINDS["bias-extension"].options,
-            **_SHEAR,
-            **_SIMULATE,
-            **_VALIDATE,
-        },
-    ),
-    "cantilever": (
-        "a bending stiffness from cantilever tests, by the elastica (Peirce)",
-        {**KINDS["cantilever"].options, **_FABRIC},
-    ),
-    "biaxial": (
-        "tension laws from biaxial tests, one file per strain ratio",
-        {"--law": _TENSION_LAW, **KINDS["biaxial"].options, **_COMMON},
-    ),
-    "joint": (
-        "all laws from tests of several kinds, listed in a TOML file",
-        {
-            "--shear-law": _SHEAR_LAW,
-            "--tension-law": _TENSION_LAW,
-            **_SHEAR,
-            **_SIMULATE,
-            **_VALIDATE,
-        },
-    ),
-}
-
 
 # Notes on properties that no test has determined.
 _NO_TENSION = (
@@ -176,7 +53,7 @@ _ONE_LAW = "law.json"
 _FILES = "summary.json", "fabric.json", REPORT, _ONE_LAW, *_LAWS.values()
 
 
-def run_fit(options: Namespace) -> int:
+def run(options: Namespace) -> int:
     """Fit laws to the data files and write them; returns the exit code."""
     from .. import io
 
@@ -220,7 +97,7 @@ def run_fit(options: Namespace) -> int:
 def _tests(options: Namespace) -> list[Test]:
     if options.test == "joint":
         return [test for path in options.data for test in tests_of(path)]
-    return list(KINDS[options.test].read(options))
+    return list(READERS[options.test](options))
 
 
 def _fitted(options: Namespace, tests: Sequence[Test], base: Fabric) -> FabricFit:

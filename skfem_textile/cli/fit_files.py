@@ -1,125 +1,24 @@
-"""Tests of the command ``fit``: options of each kind, and files of several kinds."""
+"""Files of tests for the command ``fit``: of each kind, and of several kinds."""
 
 import argparse
 import tomllib
 from argparse import Namespace
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from ..calibration.bending import read_cantilever
 from ..calibration.biaxial import read_biaxial
 from ..calibration.choice import Test
-from ..calibration.measured import FAMILIES
-from ..calibration.preparing import BRANCHES, Preparation
+from ..calibration.preparing import Preparation
 from ..calibration.reading import Format, column_named
 from ..calibration.specimens import read_specimens
 from ..calibration.strip import read_strips
 from ..mesh.user_input import printable
 from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
-from . import words
-
-# Options of a command: keywords of `argparse` by flag.
-Options: TypeAlias = dict[str, dict[str, Any]]
-
-
-def option(
-    text: str, of: Any = None, metavar: str | None = None, **more: Any
-) -> dict[str, Any]:
-    """Keywords of an option; its help ends with its default, if any."""
-    default = " (default: %(default)s)" if more.get("default") else ""
-    keywords = {"help": text + default, "type": of, "metavar": metavar, **more}
-    return {key: value for key, value in keywords.items() if value is not None}
-
-
-def repeated(text: str, of: Any, metavar: str) -> dict[str, Any]:
-    """Keywords of an option that may be repeated."""
-    return option(text, of, metavar, action="append", default=[])
-
-
-def _size(what: str) -> dict[str, Any]:
-    """Option for a specimen size: one value for all files, or one for each."""
-    return option(
-        f"{what} in mm: one value for all files, or one for each",
-        float,
-        "MM",
-        nargs="+",
-    )
-
-
-_READING: Options = {
-    "--encoding": option("encoding of the files (default: from their bytes)"),
-    "--separator": option(
-        "separator of the columns: ; , | tab or space (default: from the rows)"
-    ),
-    "--decimal": option("decimal mark (default: from the numbers)", choices=(".", ",")),
-    "--column": repeated(
-        "column of a quantity, by number or heading (default: from the headings); may "
-        "be repeated",
-        words.column,
-        "COLUMN=NUMBER",
-    ),
-    "--unit": repeated(
-        "unit of a quantity (default: from the headings); may be repeated",
-        words.unit,
-        "COLUMN=UNIT",
-    ),
-    "--sign": repeated(
-        "factor 1 or -1 of a quantity (default: forces are positive at the largest "
-        "displacement); may be repeated",
-        words.sign,
-        "COLUMN=SIGN",
-    ),
-}
-
-_BRANCH: Options = {
-    "--branch": option(
-        "rows that are fitted: loading, unloading or both",
-        choices=BRANCHES,
-        default="loading",
-    ),
-    "--cycle": option(
-        "number of the fitted cycle (default: the first one that reaches the largest "
-        "displacement)",
-        int,
-        "N",
-    ),
-    "--keep-outliers": option("fit also outliers", action="store_true"),
-}
-
-_SLACK: Options = {
-    "--slack": option(
-        "displacement at which the fabric begins to carry load (default: estimated)",
-        float,
-        "MM",
-    ),
-}
-
-_AT_REST: Options = {
-    "--force-at-rest": option(
-        "force of the undeformed fabric, such as the weight of a clamp (default: "
-        "estimated)",
-        float,
-        "N",
-    ),
-}
-
-_FAMILY: Options = {
-    "--family": option(
-        "fibre family along the strips", default="warp", choices=FAMILIES
-    )
-}
-
-
-@dataclass(frozen=True)
-class Kind:
-    """Kind of test: options of its files, and the function that reads them."""
-
-    options: Options
-    read: Callable[[Namespace], Sequence[Test]]
+from .fit_options import OF_FILES, Options
 
 
 def _strips(options: Namespace) -> list[Test]:
@@ -174,70 +73,13 @@ def _cantilevers(options: Namespace) -> list[Test]:
     ]
 
 
-#: Kinds of tests by name.
-KINDS = {
-    "strip": Kind(
-        {
-            **_FAMILY,
-            "--width": _size("width of the strip"),
-            "--length": _size("length of the strip between the clamps"),
-            **_READING,
-            **_BRANCH,
-            **_SLACK,
-        },
-        _strips,
-    ),
-    "picture-frame": Kind(
-        {
-            "--frame-side": _size("side of the frame from hinge to hinge"),
-            "--fabric-side": _size("side of the sheared square of fabric"),
-            **_READING,
-            **_BRANCH,
-            **_SLACK,
-            **_AT_REST,
-        },
-        _frames,
-    ),
-    "bias-extension": Kind(
-        {
-            "--width": _size("width of the specimen"),
-            "--height": _size("height of the specimen between the clamps"),
-            "--warp": option(
-                "angle between fibres and clamps", words.degrees, "DEG", default=45.0
-            ),
-            **_READING,
-            **_BRANCH,
-            **_SLACK,
-            **_AT_REST,
-        },
-        _biases,
-    ),
-    "biaxial": Kind(
-        {
-            "--warp-width": _size("width of the specimen transverse to the warp force"),
-            "--weft-width": _size("width of the specimen transverse to the weft force"),
-            **_READING,
-            **_BRANCH,
-            **_SLACK,
-        },
-        _biaxials,
-    ),
-    "cantilever": Kind(
-        {
-            "--weight": option(
-                "weight per area in N/mm2, such as 6e-6 for 0.6 kg/m2", float, "W"
-            ),
-            **_FAMILY,
-            "--chord-angle": option(
-                "chord angle of all readings, for files without that column, such as "
-                "41.5",
-                words.degrees,
-                "DEG",
-            ),
-            **_READING,
-        },
-        _cantilevers,
-    ),
+#: Functions that read the files of a kind of test.
+READERS: dict[str, Callable[[Namespace], Sequence[Test]]] = {
+    "strip": _strips,
+    "picture-frame": _frames,
+    "bias-extension": _biases,
+    "biaxial": _biaxials,
+    "cantilever": _cantilevers,
 }
 
 # Keys of a test in a file besides the options of its kind.
@@ -269,17 +111,17 @@ def tests_of(path: Path) -> list[Test]:
     for i, table in enumerate(tables or (), 1):
         where = f"{name}, test {i}"
         kind, data = table.get("kind"), table.get("data")
-        if kind not in KINDS:
+        if kind not in READERS:
             raise ValueError(
-                f"{where}: the kind must be one of {', '.join(KINDS)}, got {kind!r}"
+                f"{where}: the kind must be one of {', '.join(READERS)}, got {kind!r}"
             )
         paths = data if isinstance(data, list) else [data]
         if not paths or not all(isinstance(one, str) for one in paths):
             raise ValueError(f"{where}: data must be the name of a file, or a list")
-        options = _options(where, KINDS[kind].options, table)
+        options = _options(where, OF_FILES[kind], table)
         options.data = [Path(path).parent / one for one in paths]
         try:
-            found = KINDS[kind].read(options)
+            found = READERS[kind](options)
         except ValueError as error:
             text = str(error)
             known = text.startswith(tuple(map(printable, options.data)))

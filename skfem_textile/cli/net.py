@@ -10,12 +10,11 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import printable
-from . import words
 from .interruption import held
 from .net_report import Cells, Cover, Part, figures_of, refuse_overlap, verdict_of
-from .output import complain, say
+from .output import STOPPED_EARLY, complain, say
 from .page import rows, say_rows, sources, write_page
-from .progress import STOPPED_EARLY, log_to_stderr, shown
+from .progress import log_to_stderr, shown
 from .result_folder import ResultFolder
 from .results import PATTERN, write_patterns
 
@@ -47,107 +46,11 @@ _CAPTIONS = {
     "pattern.svg": "Flat pattern",
 }
 
-#: Units of tool files.
-UNITS = ("mm", "cm", "m", "in")
-
-_EXIT_CODES = (
-    "exit code: 0 if there is a flat pattern of the whole part; 1 if there is none, or "
-    "none with darts, or courses leave a part of the tool uncovered (all other results "
-    "are written); 2 for invalid input; 130 if interrupted"
-)
-
 # Default length of a cell relative to the diagonal of the tool.
 _CELL = 0.01
 
 
-def add_net(commands: Any) -> None:
-    """Add the command to a parser."""
-    about = "lay a kinematic net on a tool: shear angles, fibres and flat pattern"
-    net = commands.add_parser("net", help=about, description=about, epilog=_EXIT_CODES)
-    add = net.add_argument
-    add(
-        "--tool",
-        nargs="+",
-        required=True,
-        metavar="FILE",
-        help="STL, PLY, OBJ or 3MF files, or other files of triangles",
-    )
-    add("--unit", choices=UNITS, help="unit of the tool files (default: mm)")
-    add("--out", type=Path, required=True, metavar="DIR", help="folder for results")
-    add(
-        "--fibres",
-        type=words.degrees,
-        metavar="DEG",
-        help="angle of the warp to the x axis of the tool file, projected onto the "
-        "tool (default: 0); the weft is at right angles; with --best the direction is "
-        "fixed",
-    )
-    add(
-        "--point",
-        type=float,
-        nargs=3,
-        metavar=("X", "Y", "Z"),
-        help="point of the tool in mm at which the first threads cross (default: the "
-        "highest point, or a point near the middle)",
-    )
-    add(
-        "--cell",
-        type=words.length,
-        metavar="MM",
-        help="length of a cell (default: a hundredth of the diagonal of the tool)",
-    )
-    add(
-        "--locking-angle",
-        type=words.acute_degrees,
-        metavar="DEG",
-        help="shear angle of the fabric above which it wrinkles",
-    )
-    for family in ("warp", "weft"):
-        add(
-            f"--{family}-along",
-            type=Path,
-            metavar="FILE.csv",
-            help=f"curve that the first {family} thread follows, with the columns x, "
-            "y and z (default: a geodesic)",
-        )
-    add(
-        "--trim",
-        type=Path,
-        nargs="+",
-        metavar="FILE.csv",
-        help="closed curves along which the pattern is trimmed: the outline, then "
-        "holes (default: the edges of the tool)",
-    )
-    add(
-        "--best",
-        nargs="?",
-        const="largest",
-        choices=("largest", "mean"),
-        help="search for the point and the direction, or with --fibres the point, with "
-        "the smallest largest (default), or mean, shear angle over the part",
-    )
-    add(
-        "--darts",
-        action="store_true",
-        help="cut darts where the net folds or shears beyond the locking angle",
-    )
-    add(
-        "--roll-width",
-        type=words.length,
-        metavar="MM",
-        help="cover the tool with courses of this width, side by side",
-    )
-    add(
-        "--overlap",
-        type=float,
-        default=0.0,
-        metavar="MM",
-        help="overlap of neighbouring courses (default: 0)",
-    )
-    add("--no-render", action="store_true", help="do not draw a picture")
-
-
-def run_net(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Lay a net on a tool and write its results; returns the exit code.
 
     Raises

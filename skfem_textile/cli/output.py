@@ -1,8 +1,12 @@
-"""Output of the command line to stdout and stderr."""
+"""Output of the command line to stdout and stderr, and exit codes."""
 
 import os
 import sys
 from typing import TextIO
+
+#: Exit codes of a run that stops early, or whose results cannot be written, and of
+#: invalid input.
+STOPPED_EARLY, BAD_INPUT = 1, 2
 
 # Maximum number of characters of a line on stderr; arguments can be of any length.
 _LONGEST = 400

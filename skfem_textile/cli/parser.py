@@ -1,99 +1,57 @@
-"""Parser of the command line, generated from the declaration of a case."""
+"""Parser of the command line: commands, and the modules of their options."""
 
 import argparse
-import re
 import sys
-import tomllib
-from argparse import ArgumentTypeError
-from collections import Counter
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from types import NoneType
-from typing import (
-    Annotated,
-    Any,
-    Literal,
-    NoReturn,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any, NamedTuple, NoReturn
 
 from .. import __version__
-from ..cases.read import declared
-from ..cases.scenes import SCENES, OnTool, Scene
-from ..cases.schema import CaseFile
-from ..cases.table import FILE, summary_of
-from ..cases.write import key_help, meaning, tables_of
-from ..mesh.user_input import printable
-from .fit import TESTS
-from .net import add_net
-from .output import complain, say
-from .show import add_show
+from .output import BAD_INPUT, complain
 
-#: Exit code for invalid input.
-BAD_INPUT = 2
 
-# Suffix of case files.
-_SUFFIX = ".toml"
+class Command(NamedTuple):
+    """Command of the command line.
 
-_CASE_FILE = f"CASE{_SUFFIX}"
+    Attributes
+    ----------
+    about
+        Its help text.
+    module
+        Module of this package with ``run(options)``, which returns the exit code.
+    options
+        Module of this package with ``add_NAME(parser, named)``, which adds the options
+        of the command ``NAME``; ``named`` are the words after the command, or None for
+        the options of every scene and every kind of test.
+    """
 
-# Options for common keys, in addition to the keys of the scene.
-_OPTIONS = {
-    "mesh": ("mesh.source", "mesh file, or kind of generated mesh"),
-    "outline": ("mesh.outline", "drawing of an outline (.dxf, .svg), for specimen"),
-    "density": ("mesh.density", "factor of the number of lines of a graded mesh"),
-    "size": (
-        "mesh.size",
-        "number of elements along x and y, such as 8x16, of a mesh that is not graded",
+    about: str
+    module: str
+    options: str = "options"
+
+
+#: Commands by name. A module is imported only for a command that is given.
+COMMANDS = {
+    "list": Command("list the scenes", "listing"),
+    "show": Command(
+        "draw a mesh and its fibres, and write the directions to files", "show"
     ),
-    "directions": ("mesh.directions", "file with the fibre directions of the elements"),
-    "fabric": ("fabric.file", "file that contains all laws"),
-    "tension-law": ("tension.law", "name of a law, or a .csv or .json file"),
-    "fibre-stiffness": ("tension.stiffness_N_per_mm", "tension stiffness in N/mm"),
-    "shear-law": ("shear.law", "name of a law, or a .csv or .json file"),
-    "shear-stiffness": ("shear.stiffness_N_per_mm", "shear stiffness in N/mm"),
-    "formulation": ("formulation.name", "element formulation"),
-    "force": ("loads.force_N", "force in N on a boundary; may be repeated"),
-    "steps": ("stepping.steps", "number of load steps"),
-    "tolerance": (
-        "stepping.tolerance",
-        "make the mesh finer until the error interval of the load, relative to it, is "
-        "below this value",
+    "run": Command(
+        "run a scene or a case file and write its results to a folder",
+        "run",
+        "run_options",
     ),
-    "solver": ("stepping.solver", "linear solver"),
-    "test-curve": (
-        "output.test_curve",
-        "CSV file with a test curve, drawn with the curve of the run",
+    "fit": Command("identify laws of a fabric from tests", "fit", "fit_options"),
+    "init": Command("write a commented case file as a starting point", "init"),
+    "report": Command(
+        "write report.html, one page with all results, into the results folder of a "
+        "run",
+        "report",
+    ),
+    "net": Command(
+        "lay a kinematic net on a tool: shear angles, fibres and flat pattern", "net"
     ),
 }
-_OPTIONS_ON_TOOL = {
-    "part-mesh": (
-        "output.part_mesh",
-        "mesh of the part, to whose elements fibre directions are mapped",
-    ),
-    "trim": (
-        "output.trim",
-        "CSV file of the curve along which the flat pattern is trimmed",
-    ),
-}
-
-# Upper bound on the depth of a key path.
-_MOST_KEYS = 9
-
-# Keys whose value is a mesh, a law or a file name.
-_NAME_OR_FILE = ("mesh.source", "tension.law", "shear.law")
-
-# Options of scene keys that differ from the key without its unit.
-_RENAMED = {"warp_deg": "fibres"}
-
-_EXIT_CODES = (
-    "exit code: 0 if every step converged; 1 if the run stopped early (the last "
-    "converged state is written) or the results cannot be written; 2 for invalid input "
-    "(nothing is written); 130 if interrupted by Ctrl-C or SIGTERM (the last converged "
-    "state is written)"
-)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -111,21 +69,14 @@ class _Parser(argparse.ArgumentParser):
         return super().parse_args(arguments, namespace)
 
 
-def is_case_file(word: str) -> bool:
-    """True if the argument given as scene is the name of a case file."""
-    return word.lower().endswith(_SUFFIX)
-
-
-def command_parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
-    """Build the parser; it sets ``command``, and for ``run`` also ``scene``.
-
-    Values of case keys are stored by the path of the key, see `tables_of_options`.
+def command_parser(arguments: Sequence[str] | None = None) -> argparse.ArgumentParser:
+    """Build the parser; it sets ``command``.
 
     Parameters
     ----------
     arguments
-        Arguments to parse; a case file may replace a scene. Only the scenes among them
-        get their options; all scenes if empty.
+        Arguments to parse; only the command that they name gets its options. All
+        commands if None.
     """
     parser = _Parser(
         prog="skfem-textile",
@@ -133,342 +84,10 @@ def command_parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("list", help="list the scenes")
-    add_show(commands)
-    run = commands.add_parser(
-        "run", help="run a scene or a case file and write its results to a folder"
-    )
-    scenes = run.add_subparsers(dest="scene", required=True)
-    for name, scene in SCENES.items():
-        named = (
-            not arguments or name in arguments
-        )  # building options of all scenes takes time
-        _add_scene(scenes, name, summary_of(scene), scene if named else None)
-    files = [word for word in arguments[1:2] if is_case_file(word)]
-    _add_scene(scenes, _CASE_FILE, "a case file", None, aliases=files)
-    _add_fits(commands)
-    _add_init(commands)
-    _add_report(commands)
-    add_net(commands)
+    words = None if arguments is None else [x for x in arguments if x[:1] != "-"]
+    for name, command in COMMANDS.items():
+        own = commands.add_parser(name, help=command.about)
+        if words is None or words[:1] == [name]:
+            options = import_module(f".{command.options}", __package__)
+            getattr(options, f"add_{name}")(own, words and words[1:])
     return parser
-
-
-def _add_init(commands: Any) -> None:
-    init = commands.add_parser(
-        "init", help="write a commented case file as a starting point"
-    )
-    init.add_argument(
-        "file", type=_case_file, metavar=_CASE_FILE, help="case file to write"
-    )
-    init.add_argument(
-        "--scene",
-        choices=tuple(SCENES),
-        default="specimen",
-        help="scene of the case (default: %(default)s)",
-    )
-
-
-def _add_report(commands: Any) -> None:
-    report = commands.add_parser(
-        "report",
-        help=(
-            "write report.html, one page with all results, into the results folder of "
-            "a run"
-        ),
-    )
-    report.add_argument(
-        "folder", type=_folder, metavar="DIR", help="results folder of a run"
-    )
-    report.add_argument(
-        "--test-curve",
-        type=Path,
-        metavar="FILE.csv",
-        help="CSV file with a test curve, drawn instead of the one named in the case",
-    )
-
-
-def _case_file(text: str) -> Path:
-    if not is_case_file(text):
-        raise ArgumentTypeError(
-            f"the name of a case file must end with {_SUFFIX}, got {text!r}"
-        )
-    return Path(text)
-
-
-def _add_fits(commands: Any) -> None:
-    """Add the command ``fit``; it sets ``test``."""
-    fit = commands.add_parser("fit", help="identify laws of a fabric from tests")
-    tests = fit.add_subparsers(dest="test", required=True)
-    for name, (description, options) in TESTS.items():
-        one = tests.add_parser(name, help=description, description=description)
-        one.add_argument(
-            "data",
-            type=Path,
-            nargs="+",
-            metavar="DATA",
-            help="TOML files with a table [[test]] for each kind of test"
-            if name == "joint"
-            else "files of the tests, or folders that contain them",
-        )
-        _add_outputs(one)
-        for flag, keywords in options.items():
-            one.add_argument(flag, **keywords)
-
-
-def _add_scene(
-    scenes: Any, name: str, about: str, scene: type[Scene] | None, **settings: Any
-) -> None:
-    """Add a scene, or a case file in its place, with options for its keys."""
-    parser = scenes.add_parser(
-        name,
-        help=about,
-        epilog=_EXIT_CODES,
-        add_help=False,
-        usage="%(prog)s --out DIR [option ...] [--set KEY=VALUE ...]",
-        formatter_class=_Formatter,
-        **settings,
-    )
-    parser.add_argument(
-        *("-h", "--help"),
-        nargs="?",
-        choices=("all",),
-        action=_Help,
-        help="show this help; `--help all` also lists every key for --set",
-    )
-    _add_outputs(parser)
-    if scene is not None:
-        defaults = tables_of(declared({"scene": {"name": name}}))
-        of_scene = parser.add_argument_group(name.replace("_", " "))
-        for key, hint in get_type_hints(scene, include_extras=True).items():
-            if key in scene.__struct_fields__:
-                flag = _RENAMED.get(key, _without_unit(key)).replace("_", "-")
-                help_text = meaning(hint) + _default(defaults["scene"].get(key))
-                _add_key(of_scene, flag, f"scene.{key}", hint, help_text)
-        options = _OPTIONS | (_OPTIONS_ON_TOOL if issubclass(scene, OnTool) else {})
-        group = parser.add_argument_group("mesh, laws, elements and load steps")
-        for flag, (path, about) in options.items():
-            table, key = path.split(".")
-            help_text = about + _default(defaults[table].get(key))
-            _add_key(group, flag, path, _type_of(path), help_text)
-    parser.add_argument(
-        "--set",
-        action="extend",
-        nargs="+",
-        default=[],
-        type=_setting,
-        metavar="KEY=VALUE",
-        help="set any key of a case file, such as stepping.method=plain",
-    )
-    _add_course(parser)
-
-
-def _add_key(parser: Any, flag: str, path: str, hint: Any, about: str) -> None:
-    """Add the option of a key; argparse converts values to its type."""
-    kwargs: dict[str, Any] = {"dest": path, "default": argparse.SUPPRESS, "help": about}
-    kind = hint
-    while get_origin(kind) is Annotated or NoneType in get_args(kind):
-        kind = next(one for one in get_args(kind) if one is not NoneType)
-    if path == "mesh.size":
-        kwargs |= {"type": _size, "metavar": "NXxNY"}
-    elif get_origin(kind) is Literal:
-        kwargs["choices"] = get_args(kind)
-    elif get_origin(kind) is tuple:
-        first, *others = get_args(kind)
-        several = {"nargs": "+", "action": "extend"}
-        kwargs |= several if ... in others else {"nargs": len(others) + 1}
-        kwargs |= {"choices": get_args(first)} if get_args(first) else {"type": first}
-        kwargs["metavar"] = flag.upper()
-    elif get_origin(kind) is dict:
-        kwargs |= {"type": _pair, "metavar": "NAME=VALUE"}
-        kwargs |= {"action": "append"}
-    elif isinstance(kind, type):
-        metavar = {float: "X", int: "N", str: "NAME"}[kind]
-        if FILE in get_args(hint) or path.endswith(".law"):
-            metavar = "NAME|FILE" if path in _NAME_OR_FILE else "FILE"
-        kwargs |= {"type": kind, "metavar": "DEG" if path.endswith("_deg") else metavar}
-    parser.add_argument(f"--{flag}", **kwargs)
-
-
-def _default(value: Any) -> str:
-    """Default of a key, as the end of its help."""
-    if value in (None, (), {}) or isinstance(value, dict):
-        return ""
-    text = "x".join(map(str, value)) if isinstance(value, tuple) else value
-    return f" (default: {text})"
-
-
-def _type_of(path: str) -> Any:
-    """Type of a key that has an option."""
-    table, key = path.split(".")
-    hint = get_type_hints(CaseFile, include_extras=True)[table]
-    if key == "name":
-        return Literal[tuple(one.__struct_config__.tag for one in get_args(hint))]
-    if table in ("tension", "shear"):
-        return float if key.endswith("N_per_mm") else str
-    return get_type_hints(hint, include_extras=True)[key]
-
-
-def _without_unit(key: str) -> str:
-    return re.sub(r"_(deg|mm|N|N_per_mm2?)$", "", key)
-
-
-def tables_of_options(
-    tables: Mapping[str, Any], options: argparse.Namespace
-) -> dict[str, Any]:
-    """Tables of a case with the values of the options.
-
-    Raises
-    ------
-    ValueError
-        If a path leads through a key that is not a table, or a name is given twice.
-    """
-    case = {name: _copied(own) for name, own in tables.items()}
-    settings = [(path, _joined(v)) for path, v in vars(options).items() if "." in path]
-    further = getattr(options, "set", ())
-    for path, times in Counter(path for path, _ in further).items():
-        if times > 1:
-            raise ValueError(
-                f"--set {printable(path)} is given twice: omit one of them"
-            )
-        if path == "scene.name":
-            raise ValueError(
-                "--set scene.name is not supported: name the scene after `run`"
-            )
-    for path, value in [*settings, *further]:
-        *around, key = path.split(".")
-        table: Any = case
-        for name in around:
-            table = table.setdefault(name, {})
-            if not isinstance(table, dict):
-                raise ValueError(f"--set {path}: {name} is a value, not a table")
-        table[key] = value
-    return case
-
-
-def _joined(value: Any) -> Any:
-    """Table from pairs of names and values; other values unchanged."""
-    if not (isinstance(value, list) and isinstance(value[0], tuple)):
-        return value
-    names = [name for name, _ in value]
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f"{printable(name)} is given twice: omit one of them")
-    return dict(value)
-
-
-def _copied(value: Any) -> Any:
-    """Copy of nested tables."""
-    if isinstance(value, dict):
-        return {key: _copied(one) for key, one in value.items()}
-    return value
-
-
-def _setting(word: str) -> tuple[str, Any]:
-    """Path and value of ``path.to.key=value``, the value as in a case file."""
-    path, equals, value = word.partition("=")
-    keys = path.split(".")
-    if not equals or not 1 < len(keys) < _MOST_KEYS or not all(keys):
-        raise ArgumentTypeError(
-            f"expected KEY=VALUE, such as stepping.steps=5, got {word!r}"
-        )
-    return path, _value(value)
-
-
-def _pair(word: str) -> tuple[str, Any]:
-    """Name and value of ``NAME=VALUE``; several values are separated by commas."""
-    name, _, value = word.partition("=")
-    if not (name and value):
-        raise ArgumentTypeError(f"expected NAME=VALUE, such as top=0,40, got {word!r}")
-    parts = [_value(part) for part in value.split(",")]
-    return name, parts if len(parts) > 1 else parts[0]
-
-
-def _value(word: str) -> Any:
-    """Value in TOML syntax, comma-separated numbers as an array, else the text."""
-    if re.fullmatch(r"[-+]?(\d+|(\d+\.\d*|\.\d+)([eE][-+]?\d+)?)", word):
-        return int(word) if word.lstrip("+-").isdigit() else float(word)
-    for text in (word, f"[{word}]"):
-        try:
-            parsed = tomllib.loads(f"x = {text}")
-        except (ValueError, RecursionError):
-            continue
-        if [*parsed] == ["x"]:
-            return parsed["x"]
-    return word
-
-
-def _size(word: str) -> list[int]:
-    """Elements along x and y of ``NXxNY``."""
-    try:
-        nx, ny = (int(n) for n in word.split("x"))
-    except ValueError:
-        raise ArgumentTypeError(
-            f"expected NXxNY, such as 10x15, got {word!r}"
-        ) from None
-    return [nx, ny]
-
-
-class _Formatter(argparse.HelpFormatter):
-    """Help formatter that prints options and help on the same line."""
-
-    def __init__(self, prog: str) -> None:
-        super().__init__(prog, max_help_position=32, width=88)
-
-
-class _Help(argparse.Action):
-    """Print the help, and with the word ``all`` every key of a case file."""
-
-    def __call__(
-        self, parser: Any, namespace: Any, values: Any, option_string: Any = None
-    ) -> None:
-        """Print and exit."""
-        say(parser.format_help(), end="")
-        if values == "all":
-            say(key_help(parser.prog.split()[-1]), end="")
-        parser.exit()
-
-
-def _add_outputs(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("--out", type=_folder, required=True, metavar="DIR", help="folder for results")
-    add("--no-render", action="store_true", help="do not draw pictures")
-
-
-def _add_course(parser: argparse.ArgumentParser) -> None:
-    """Add the options that do not change results."""
-    parser.add_argument(
-        "--checkpoint",
-        type=_folder,
-        nargs="?",
-        const=True,
-        metavar="FOLDER",
-        help=(
-            "write every converged step to a checkpoint (default folder: `checkpoint` "
-            "in DIR)"
-        ),
-    )
-    parser.add_argument(
-        "--resume",
-        type=_folder,
-        nargs="?",
-        const=True,
-        metavar="FOLDER",
-        help="resume an interrupted run from its checkpoint, and continue to write it",
-    )
-    parser.add_argument(
-        "-v",
-        "--verbose",
-        action="count",
-        default=0,
-        help="log every step; if given twice, every iteration",
-    )
-
-
-def _folder(text: str) -> Path:
-    if not text:
-        raise ArgumentTypeError("the name of a folder must not be empty")
-    if text.startswith("--"):  # argparse does not recognise it as an option
-        raise ArgumentTypeError(
-            f"{text!r} is not an option: write ./{text} for a folder of this name"
-        )
-    return Path(text)

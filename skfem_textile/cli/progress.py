@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, TypeAlias
 from ..mesh import progress
 from ..solve.result import StepError
 from .interruption import INTERRUPTED
+from .output import STOPPED_EARLY
 
 if TYPE_CHECKING:
     from ..solve.stepper import LoadStepper
     from ..solve.tolerance import ToleranceStepper
 
     Stepper: TypeAlias = LoadStepper | ToleranceStepper
-
-#: Exit code of a run that stops early.
-STOPPED_EARLY = 1
 
 #: Shows a computation, also if stderr is a file or a pipe.
 shown = partial(progress.shown, printed=True)

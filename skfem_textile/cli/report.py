@@ -3,14 +3,15 @@
 import json
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from argparse import Namespace
+from collections.abc import Iterator, Mapping
 from math import isnan
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
+from ..cases.build import case_from_file
 from ..cases.write import CASE
 from ..mesh.user_input import printable
-from ..scenes.shear_test import ShearTest
 from .curve import CURVE, Curve, completed, read_test_curve
 from .output import say
 from .page import Row, formatted, rows, sources, write_page
@@ -19,9 +20,6 @@ from .results import CURVES, draw_curves
 
 #: File of the report.
 REPORT = "report.html"
-
-#: Function that returns the shear test of a case file, or None.
-ShearTestOf: TypeAlias = Callable[[Path], ShearTest | None]
 
 # Figures at the top of the report, and their labels.
 _FIGURES = {
@@ -65,24 +63,25 @@ _PICTURES = {
 }
 
 
-def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf) -> int:
+def run(options: Namespace) -> int:
     """Write ``report.html`` into the folder of a run; returns the exit code.
 
     The page contains all pictures and the numbers of ``curve.csv``, and has no external
     references. Curves are redrawn, with a test curve if one is given or named in the
     case. Damaged results are refused.
     """
+    folder = options.folder
     summary = _summary(folder)
     text = _text_of_file(folder / CASE)
-    test = test_curve or _named_test(folder, text)
-    run: Curve = {}
+    test = options.test_curve or _named_test(folder, text)
+    curve: Curve = {}
     curves: dict[str, str] = {}
     no_curves = "No curve is drawn, because no load step was completed."
     if summary.get("load_steps") != 0:
         no_curves = f"The folder contains no {CURVE}."
         if (folder / CURVE).is_file():
-            run = read_test_curve(folder / CURVE)
-            curves, no_curves = _drawn_curves(run, folder, test, shear_test)
+            curve = read_test_curve(folder / CURVE)
+            curves, no_curves = _drawn_curves(curve, folder, test)
     scene = printable(summary.get("scene", "run")).replace("_", " ").capitalize()
     figures = {k: v for k, v in summary.items() if k not in ("inputs", "versions")}
     content = {
@@ -96,9 +95,9 @@ def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf)
             if summary.get(key) is not None
         ],
         "curves": curves,
-        "columns": list(run),
-        "points": _points(run),
-        "file": sources(folder, {CURVE: CURVE}) if run else {},
+        "columns": list(curve),
+        "points": _points(curve),
+        "file": sources(folder, {CURVE: CURVE}) if curve else {},
         "no_curves": no_curves,
         "pictures": sources(folder, _PICTURES),
         "case": text,
@@ -182,12 +181,13 @@ def _points(curve: Curve) -> list[list[float | None]]:
 
 
 def _drawn_curves(
-    run: Curve, folder: Path, test: Path | None, shear_test: ShearTestOf
+    run: Curve, folder: Path, test: Path | None
 ) -> tuple[dict[str, str], str]:
     """Curves as data URLs by title, or the reason why there are none."""
     measured = None
     if test:
-        of = shear_test(folder / CASE) if (folder / CASE).is_file() else None
+        case = folder / CASE
+        of = case_from_file(case).scene.shear_test if case.is_file() else None
         measured = completed(read_test_curve(test), of)
     with tempfile.TemporaryDirectory() as scratch:
         try:

@@ -13,6 +13,7 @@ import numpy as np
 
 from .. import __version__
 from ..cases.build import built
+from ..cases.read import CaseFileError, declared, read_tables
 from ..cases.schema import CaseFile
 from ..cases.write import WRITTEN_FILES, WrittenCase, refuse_foreign_case, tables_of
 from ..mesh.user_input import printable
@@ -23,9 +24,11 @@ from ..solve.tolerance import ToleranceStepper
 from . import results
 from .curve import CURVE, curve_of, read_test_curve, write_curve
 from .interruption import INTERRUPTED, held
-from .output import OutputError, complain, say
-from .progress import STOPPED_EARLY, load, log_to_stderr, shown
+from .output import STOPPED_EARLY, OutputError, complain, say
+from .progress import load, log_to_stderr, shown
 from .result_folder import ResultFolder
+from .run_options import tables_of_options
+from .words import is_case_file
 
 if TYPE_CHECKING:
     from .curve import Curve
@@ -38,16 +41,8 @@ _PICTURES = (
 )
 
 
-@np.errstate(over="ignore", invalid="ignore")  # results that are not finite are refused
-def run(file: CaseFile, options: argparse.Namespace) -> int:
-    """Run a case and write its results; returns the exit code.
-
-    Parameters
-    ----------
-    file
-        The declaration of the case.
-    options
-        Folders of results and checkpoint, flag for pictures, and verbosity.
+def run(options: argparse.Namespace) -> int:
+    """Run a scene or a case file and write its results; returns the exit code.
 
     Raises
     ------
@@ -56,6 +51,20 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
     OutputError
         If the results cannot be written.
     """
+    if not is_case_file(options.scene):
+        tables: dict[str, Any] = {"scene": {"name": options.scene}}
+        return _run(declared(tables_of_options(tables, options)), options)
+    path = Path(options.scene)
+    tables = read_tables(path)
+    try:
+        return _run(declared(tables_of_options(tables, options), path.parent), options)
+    except ValueError as error:
+        raise CaseFileError(f"{printable(path)}: {error}") from None
+
+
+@np.errstate(over="ignore", invalid="ignore")  # results that are not finite are refused
+def _run(file: CaseFile, options: argparse.Namespace) -> int:
+    """Run a case and write its results; returns the exit code."""
     from .. import io
 
     if options.no_render:

@@ -9,36 +9,15 @@ import numpy as np
 from ..fabric.directions import FibreDirections, warn_of_directions
 from ..mesh.splitting import original_elements
 from ..mesh.user_input import printable
-from . import words
 from .interruption import held
 from .output import complain, say
 from .result_folder import ResultFolder
-
-_DIRECTIONS = (
-    "file with the fibre directions of each element, as for `run` (default: MESH)"
-)
-
-
-def add_show(commands: Any) -> None:
-    """Add the command to a parser."""
-    show = commands.add_parser(
-        "show", help="draw a mesh and its fibres, and write the directions to files"
-    )
-    add = show.add_argument
-    add("mesh", metavar="MESH", help="mesh file of quadrilaterals or triangles")
-    add("--out", type=Path, required=True, metavar="DIR", help="folder for results")
-    add("--no-render", action="store_true", help="do not draw a picture")
-    add("--directions", metavar="FILE", help=_DIRECTIONS)
-    for name in ("warp", "weft"):
-        text = f"angle of the {name} to the x axis in every element"
-        add(f"--{name}", type=words.degrees, metavar="DEG", help=text)
-
 
 _PICTURE = "mesh_and_fibres.png"
 _FILES = ("directions.vtu", "directions.csv", "directions.inp")
 
 
-def show(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Draw a mesh and its fibres, and write the directions; returns the exit code.
 
     Raises

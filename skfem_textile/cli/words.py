@@ -1,8 +1,21 @@
 """Converters of command-line values."""
 
+import re
+import tomllib
 from argparse import ArgumentTypeError
+from pathlib import Path
+from typing import Any
 
 from ..mesh.user_input import MOST_DEGREES
+
+# Suffix of case files.
+_SUFFIX = ".toml"
+
+#: A case file in a help text.
+CASE_FILE = f"CASE{_SUFFIX}"
+
+# Upper bound on the depth of a key path.
+_MOST_KEYS = 9
 
 
 def degrees(word: str) -> float:
@@ -75,3 +88,73 @@ def bound(word: str) -> tuple[str, tuple[float, float]]:
             f"expected NAME=LOW,HIGH with LOW below HIGH, such as c1=0,1, got {word!r}"
         )
     return name, (low, high)
+
+
+def is_case_file(word: str) -> bool:
+    """True if the argument given as scene is the name of a case file."""
+    return word.lower().endswith(_SUFFIX)
+
+
+def case_file(text: str) -> Path:
+    """Name of a case file to write."""
+    if not is_case_file(text):
+        raise ArgumentTypeError(
+            f"the name of a case file must end with {_SUFFIX}, got {text!r}"
+        )
+    return Path(text)
+
+
+def setting(word: str) -> tuple[str, Any]:
+    """Path and value of ``path.to.key=value``, the value as in a case file."""
+    path, equals, value = word.partition("=")
+    keys = path.split(".")
+    if not equals or not 1 < len(keys) < _MOST_KEYS or not all(keys):
+        raise ArgumentTypeError(
+            f"expected KEY=VALUE, such as stepping.steps=5, got {word!r}"
+        )
+    return path, _value(value)
+
+
+def pair(word: str) -> tuple[str, Any]:
+    """Name and value of ``NAME=VALUE``; several values are separated by commas."""
+    name, _, value = word.partition("=")
+    if not (name and value):
+        raise ArgumentTypeError(f"expected NAME=VALUE, such as top=0,40, got {word!r}")
+    parts = [_value(part) for part in value.split(",")]
+    return name, parts if len(parts) > 1 else parts[0]
+
+
+def _value(word: str) -> Any:
+    """Value in TOML syntax, comma-separated numbers as an array, else the text."""
+    if re.fullmatch(r"[-+]?(\d+|(\d+\.\d*|\.\d+)([eE][-+]?\d+)?)", word):
+        return int(word) if word.lstrip("+-").isdigit() else float(word)
+    for text in (word, f"[{word}]"):
+        try:
+            parsed = tomllib.loads(f"x = {text}")
+        except (ValueError, RecursionError):
+            continue
+        if [*parsed] == ["x"]:
+            return parsed["x"]
+    return word
+
+
+def size(word: str) -> list[int]:
+    """Elements along x and y of ``NXxNY``."""
+    try:
+        nx, ny = (int(n) for n in word.split("x"))
+    except ValueError:
+        raise ArgumentTypeError(
+            f"expected NXxNY, such as 10x15, got {word!r}"
+        ) from None
+    return [nx, ny]
+
+
+def folder(text: str) -> Path:
+    """Name of a folder."""
+    if not text:
+        raise ArgumentTypeError("the name of a folder must not be empty")
+    if text.startswith("--"):  # argparse does not recognise it as an option
+        raise ArgumentTypeError(
+            f"{text!r} is not an option: write ./{text} for a folder of this name"
+        )
+    return Path(text)

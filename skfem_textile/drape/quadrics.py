@@ -214,13 +214,12 @@ class Quadrics:
         square = square.take(inside)
         a, b, H = np.split(self._c.take(near, axis=1), [1, 4])
         slope_of = [H[i] * d[0] + H[j] * d[1] + H[k] * d[2] for i, j, k in _SYMMETRIC]
-        bend = Derivatives(
-            0.5 * np.einsum("ip,ip->p", slope_of, d), np.array(slope_of), H
-        )
+        e = 0.5 * np.einsum("ip,ip->p", slope_of, d)
+        bend = (e, np.array(slope_of), H)[: order + 1]
         if (beyond := square > self._straight.take(near) ** 2).any():
             bend = _straightened(bend, d, beyond, self._straight.take(near))
-        q = a[0] + np.einsum("ip,ip->p", b, d) + bend.level
-        dq = b + bend.gradient
+        q = a[0] + np.einsum("ip,ip->p", b, d) + bend[0]
+        dq = b + bend[1]
         # Wendland's C⁴ function w = (1 − s)⁶ (35 s² + 18 s + 3), slope = w′/s and bend
         # = slope′/s. With m = s ∇s: ∇w = slope m, ∇²w = bend m m + slope ∇m, ∇m = I (1
         # − s²R²/r₁²)/R² − 2 (m ρ + ρ m), r₁ to the nearest point.
@@ -250,7 +249,7 @@ class Quadrics:
         hessian = np.array(
             [
                 total(m[i] * turned[j] + m[j] * turned[i] + w * h)
-                for i, j, h in zip(*_UPPER, bend.hessian, strict=True)
+                for i, j, h in zip(*_UPPER, bend[2], strict=True)
             ]
         )
         hessian[:3] += total(grown) / (reach * reach)
@@ -303,8 +302,8 @@ def _fitted(
 
 
 def _straightened(
-    bend: Derivatives, d: ndarray, beyond: ndarray, limit: ndarray
-) -> Derivatives:
+    bend: tuple[ndarray, ...], d: ndarray, beyond: ndarray, limit: ndarray
+) -> tuple[ndarray, ...]:
     """Quadratic part of quadrics, whose growth becomes linear beyond a distance.
 
     e = ½ d·H d is multiplied by ψ(t) = 2 f(t)/t² of t = |d|/L, where f″ falls from 1 at
@@ -313,7 +312,7 @@ def _straightened(
     Parameters
     ----------
     bend
-        e, shape (n,), its gradient, (3, n), and its Hessian, (6, n).
+        e, shape (n,), its gradient, (3, n), and, if needed, its Hessian, (6, n).
     d
         Vectors from the points, shape (3, n).
     beyond
@@ -322,24 +321,27 @@ def _straightened(
         The distance L, shape (n,).
     """
     d, limit = d[:, beyond], limit[beyond]
-    e, slope, H = bend.level[beyond], bend.gradient[:, beyond], bend.hessian[:, beyond]
+    e, slope = bend[0][beyond], bend[1][:, beyond]
     square = np.einsum("ip,ip->p", d, d)
     t = np.sqrt(square) / limit
     part = np.minimum(t - 1, 1.0)
-    f_tt = 1 - part**2 * (3 - 2 * part)
-    f_t = 1 + part - part**3 * (1 - part / 2)
-    f = 0.5 + part + part**2 / 2 - part**4 * (1 / 4 - part / 10)
+    part_2 = part * part
+    f_t = 1 + part - part_2 * part * (1 - part / 2)
+    f = 0.5 + part + part_2 * (0.5 - part_2 * (1 / 4 - part / 10))
     f += 1.5 * np.maximum(t - 2, 0.0)
-    psi = 2 * f / t**2
-    # ψ′/t and (ψ″ − ψ′/t)/t².
-    one = 2 * (f_t - psi * t) / t**3
-    two = (2 * (f_tt - psi) / t**2 - 5 * one) / t**2
-    one, two = one / limit**2, two / limit**4
-    level, gradient, hessian = (np.array(part, copy=True) for part in bend)
-    level[beyond] = psi * e
-    gradient[:, beyond] = psi * slope + e * one * d
-    hessian[:, beyond] = psi * H + [
-        one * (d[i] * slope[j] + d[j] * slope[i] + (i == j) * e) + e * two * d[i] * d[j]
-        for i, j in zip(*_UPPER, strict=True)
-    ]
-    return Derivatives(level, gradient, hessian)
+    t_2, limit_2 = t * t, limit * limit
+    psi = 2 * f / t_2
+    one = 2 * (f_t - psi * t) / (t_2 * t)  # ψ′/t
+    values = tuple(np.array(part, copy=True) for part in bend)
+    values[0][beyond] = psi * e
+    values[1][:, beyond] = psi * slope + e * (one / limit_2) * d
+    if len(values) > 2:
+        f_tt = 1 - part_2 * (3 - 2 * part)
+        two = (2 * (f_tt - psi) / t_2 - 5 * one) / t_2  # (ψ″ − ψ′/t)/t²
+        one, two = one / limit_2, two / (limit_2 * limit_2)
+        values[2][:, beyond] = psi * bend[2][:, beyond] + [
+            one * (d[i] * slope[j] + d[j] * slope[i] + (i == j) * e)
+            + e * two * d[i] * d[j]
+            for i, j in zip(*_UPPER, strict=True)
+        ]
+    return values

@@ -176,13 +176,44 @@ def closest_on_triangles(
     Shape (n,), and the barycentric coordinates of the closest point, (3, n).  ``tree``
     is the search tree of the triangles if it is known.
     """
-    tree = tree or ElementTree(positions[:, triangles])
+    corners = positions[:, triangles]
+    tree = tree or ElementTree(corners)
     point, triangle = tree.pairs(points)
-    corners = positions[:, triangles[:, triangle]]
-    shares, distance = _closest(corners, points[:, point])
+    possible = _may_be_closest(corners, tree.radii, points, point, triangle)
+    point, triangle = point[possible], triangle[possible]
+    shares, distance = _closest(corners[..., triangle], points[:, point])
     order = np.lexsort([distance, point])
     first = order[np.flatnonzero(np.diff(point[order], prepend=-1))]
     return triangle[first], shares[:, first]
+
+
+def _may_be_closest(
+    corners: ndarray,
+    radii: ndarray,
+    points: ndarray,
+    point: ndarray,
+    triangle: ndarray,
+) -> ndarray:
+    """Pairs of a point and a triangle that can be the closest one, shape (n_pairs,).
+
+    A triangle is within its radius of its centre, and in its plane.  With the height h
+    of a point over the plane, and the distance τ of its foot from the centre, no point
+    of the triangle is closer than √(h² + (τ − r)²), or h for τ < r: many triangles
+    face a point far away, but few of them are below it.
+    """
+    a, b, c = corners.swapaxes(0, 1)
+    centres, normals = corners.mean(axis=1), np.cross(b - a, c - a, axis=0)
+    normals /= np.maximum(np.linalg.norm(normals, axis=0), np.finfo(float).tiny)
+    away = points[:, point] - centres[:, triangle]
+    square = np.einsum("ip,ip->p", away, away)
+    height = np.einsum("ip,ip->p", away, normals[:, triangle]) ** 2
+    along = np.sqrt(np.maximum(square - height, 0.0))
+    least = height + np.maximum(along - radii[triangle], 0.0) ** 2
+    first = np.flatnonzero(np.diff(point, prepend=-1))
+    most = np.repeat(
+        np.minimum.reduceat(square, first), np.diff(first, append=len(point))
+    )
+    return least <= most + _ROUND_OFF * square
 
 
 def _closest(corners: ndarray, points: ndarray) -> tuple[ndarray, ndarray]:
@@ -214,6 +245,9 @@ def _closest(corners: ndarray, points: ndarray) -> tuple[ndarray, ndarray]:
         distance[closer] = on_edge[closer]
     return shares, distance
 
+
+# Round-off of squared distances, relative to the squared distance of the centre.
+_ROUND_OFF = 1e-12
 
 # Distance of a foot outside its element, relative to the distance of the point, that is
 # accepted: between two elements that meet at an angle, up to 50°, a point has no other

@@ -1,10 +1,10 @@
 """Functions, numbers and text of users, with one-line errors."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy import ndarray
+if TYPE_CHECKING:
+    from numpy import ndarray
 
 #: Largest angle in degrees, a hundred turns: beyond it decimals are lost.
 MOST_DEGREES = 36_000.0
@@ -34,7 +34,7 @@ def error_text(error: Exception) -> str:
     return f"{type(error).__name__}: {line}" if line else type(error).__name__
 
 
-def real_numbers(what: str, value: Any) -> ndarray:
+def real_numbers(what: str, value: Any) -> "ndarray":
     """Convert a user's value to an array of real numbers.
 
     Raises
@@ -42,6 +42,8 @@ def real_numbers(what: str, value: Any) -> ndarray:
     ValueError
         If it cannot be converted; the message names it as ``what``.
     """
+    import numpy as np  # text needs no arrays
+
     try:
         array = np.asarray(value)
         if array.dtype.kind in "biufO":

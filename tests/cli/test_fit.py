@@ -8,7 +8,7 @@ import pytest
 from skfem_textile import CrimpToe, Polynomial
 from skfem_textile.calibration import BiasExtension, PictureFrame
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.fit import TESTS
+from skfem_textile.cli.fit_options import TESTS
 from skfem_textile.fabric.files import read_law
 from skfem_textile.io import read_fabric
 from tests.helpers.command_line import rejected, run

@@ -1,8 +1,9 @@
 """The layers of the package and the imports allowed between them.
 
 An import from a package counts as an import from the modules that define the names.
-Imports by a name that is put together at run time are not found: `SolverEntry` imports
-the linear solvers that way, and `lazy` the names that the package imports on first use.
+The names that a package imports on first use are in its stub.  Imports by a name that
+is put together at run time are not found: `SolverEntry` imports the linear solvers that
+way, and `cli.main` the commands.
 """
 
 import ast
@@ -60,7 +61,9 @@ MODULES = modules()
 
 @cache
 def tree(module):
-    return ast.parse(MODULES[module].read_text())
+    """Code of a module, or of its stub if there is one."""
+    stub = MODULES[module].with_suffix(".pyi")
+    return ast.parse((stub if stub.exists() else MODULES[module]).read_text())
 
 
 def only_reexports(module):

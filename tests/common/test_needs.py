@@ -3,16 +3,22 @@
 import subprocess
 import sys
 from collections import Counter
-from subprocess import run
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
 
 import pytest
 from skfem import MeshQuad
 
+import skfem_textile
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
+from skfem_textile.cli.parser import COMMANDS
 from skfem_textile.mesh.pattern import Pattern
 from skfem_textile.ply.kernels import kernel as kernels
 from skfem_textile.scenes import picture_frame, strip
 from skfem_textile.solve.linear import superlu
+
+PACKAGE = Path(skfem_textile.__file__).parent
 
 # A scene computes only what it needs: by counting calls
 
@@ -80,18 +86,13 @@ def test_a_residual_needs_no_pattern(calls):
 
 
 def test_a_run_of_few_elements_loads_no_package_that_is_not_needed():
-    script = (
-        "import sys; from skfem_textile import *; "
+    loaded = loaded_by(
+        "from skfem_textile import *; "
         "from skfem_textile.scenes import strip; scene = strip(size=(4, 6)); "
         "ply = Ply(scene.mesh, Fabric(1e4), OnePoint()); "
-        "LoadStepper(ply, scene.conditions, 1).run(); "
-        "heavy = 'cvxopt pypardiso pyvista matplotlib meshio'.split(); "
-        "print([name for name in heavy if name in sys.modules])"
+        "LoadStepper(ply, scene.conditions, 1).run()"
     )
-    child = run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert child.stdout.strip() == "[]"
+    assert not loaded & {"cvxopt", "pypardiso", "pyvista", "matplotlib", "meshio"}
 
 
 HEAVY = (
@@ -111,14 +112,75 @@ HEAVY = (
 OPTIONAL_SOLVERS = ("cvxopt", "pypardiso")
 
 
-def test_importing_the_package_loads_nothing_that_is_only_used_later():
+def loaded_by(script):
+    """Modules that a program loads in a new process."""
     script = (
-        "import sys, skfem_textile, skfem_textile.scenes;"
-        f"print([m for m in {HEAVY + OPTIONAL_SOLVERS!r} if m in sys.modules]);"
-        "import skfem_textile.cli.main; sys.modules.pop('msgspec');"
-        f"print([m for m in {HEAVY + OPTIONAL_SOLVERS!r} if m in sys.modules])"
+        f"import sys\ntry:\n {script}\nfinally: print(*sys.modules, file=sys.stderr)"
     )
     child = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
-    assert child.stdout.split() == ["[]", "[]"]
+    return set(child.stderr.split())
+
+
+def test_importing_the_package_loads_nothing_that_is_only_used_later():
+    loaded = loaded_by("import skfem_textile.scenes, skfem_textile.cli.run_options")
+    assert loaded & {*HEAVY, *OPTIONAL_SOLVERS} == {"msgspec"}
+
+
+def own(modules):
+    """Layers of the package, and modules outside the layers, among loaded modules."""
+    parts = (module.split(".") for module in modules)
+    return {one[1] for one in parts if one[0] == "skfem_textile" and one[1:]}
+
+
+def test_the_package_imports_its_names_on_first_use():
+    loaded = loaded_by("import skfem_textile")
+    assert own(loaded) == {"cli", "lazy"}
+    assert not loaded & {"numpy", "scipy", "skfem"}
+    loaded = loaded_by("from skfem_textile import Fabric")
+    assert own(loaded) == {"cli", "lazy", "fabric", "mesh"}
+    assert not loaded & {"scipy", "skfem"}
+
+
+@pytest.mark.parametrize("words", ["--help", "--version"])
+def test_the_help_of_the_command_line_loads_no_command(words):
+    loaded = loaded_by(f"from skfem_textile.cli.main import main; main(['{words}'])")
+    assert own(loaded) == {"cli", "lazy"}
+    assert not loaded & {"msgspec", "numpy", "scipy", "skfem"}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "list",
+        *(f"{command} --help" for command in COMMANDS),
+        *("run strip --help", "run strip --help all", "run drape --help"),
+        "fit joint --help",
+    ],
+)
+def test_the_help_of_a_command_loads_declarations_only(words):
+    arguments = words.split()
+    loaded = loaded_by(f"from skfem_textile.cli.main import main; main({arguments})")
+    assert own(loaded) == {"cli", "lazy", "cases", "mesh"}
+    assert not loaded & {"numpy", "scipy", "skfem"}
+
+
+STUBS = [*PACKAGE.rglob("__init__.pyi")]
+
+
+@pytest.mark.parametrize("stub", STUBS, ids=lambda stub: stub.parent.name)
+def test_no_module_hides_a_name_that_is_imported_on_first_use(stub):
+    """The import of a module makes it an attribute of its package."""
+    folder = stub.parent
+    package = import_module(".".join(folder.relative_to(PACKAGE.parent).parts))
+    modules = {file.stem for file in folder.iterdir() if file.suffix in ("", ".py")}
+    hidden = [
+        name
+        for name in package.__all__
+        if name in modules and not isinstance(getattr(package, name), ModuleType)
+    ]
+    assert hidden == []
+    assert {*package.__all__} <= {*dir(package)}
+    with pytest.raises(AttributeError, match="has no attribute 'missing'"):
+        package.missing  # noqa: B018

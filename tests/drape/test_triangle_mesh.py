@@ -5,6 +5,11 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from skfem_textile import drape
+from skfem_textile.drape.sheet import (
+    ElementTree,
+    _may_be_closest,
+    closest_on_triangles,
+)
 from tests.helpers import tool_shapes
 from tests.helpers.tool_shapes import (
     curved_ring,
@@ -170,3 +175,56 @@ def test_separate_parts_keep_their_outlines():
     tool = drape.TriangleMesh(*both)
     area = tool.without_holes().facets.area
     assert area == pytest.approx(tool.facets.area)
+
+
+# Closest points of the triangles
+
+
+def distances(x, t, points):
+    """Distances of points from triangles, one by one, by the regions of a triangle."""
+
+    def to_segment(p, a, b):
+        share = np.clip(
+            ((p - a) * (b - a)).sum(axis=1) / ((b - a) ** 2).sum(axis=1), 0, 1
+        )
+        return np.linalg.norm(p - a - share[:, None] * (b - a), axis=1)
+
+    a, b, c = x.T[t]
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    for p in points.T:
+        edges = np.array([to_segment(p, *e) for e in ((a, b), (b, c), (c, a))])
+        height = ((p - a) * normal).sum(axis=1)
+        inside = [
+            (np.cross(v - u, p - u) * normal).sum(axis=1) >= 0
+            for u, v in ((a, b), (b, c), (c, a))
+        ]
+        yield min(
+            edges.min(), np.abs(height)[np.all(inside, axis=0)].min(initial=np.inf)
+        )
+
+
+@pytest.mark.parametrize("mesh", [ring(), plate(n=8), hemisphere_with_flange()])
+def test_closest_points_are_those_among_all_triangles(mesh):
+    """Near, far, beyond the edges, and where many triangles are equally far away."""
+    x, t = mesh
+    rng = np.random.default_rng(2)
+    axis = np.array([[0.0], [0.0], [1.0]]) * [-300, -40, 0, 1e-9, 25, 50, 400]
+    points = np.hstack(
+        [s * rng.normal(size=(3, 12)) for s in (30, 100, 1e3, 1e6)] + [axis]
+    )
+    triangle, shares = closest_on_triangles(x, t, points)
+    closest = (shares * x[:, t[:, triangle]]).sum(axis=1)
+    assert shares.min() >= 0
+    np.testing.assert_allclose(shares.sum(axis=0), 1)
+    found = np.linalg.norm(points - closest, axis=0)
+    np.testing.assert_allclose(found, [*distances(x, t, points)], rtol=1e-12, atol=1e-9)
+
+
+def test_a_triangle_below_a_far_point_is_a_candidate_and_its_neighbours_are_not():
+    x, t = plate(n=40)
+    points = np.array([[3.0], [4.0], [400.0]])
+    corners, tree = x[:, t], ElementTree(x[:, t])
+    point, triangle = tree.pairs(points)
+    possible = _may_be_closest(corners, tree.radii, points, point, triangle)
+    assert possible.sum() < 20 < len(possible)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skfem_textile.cases import case_from_file, case_from_tables, declared
-from skfem_textile.cases.tools import Rows
+from skfem_textile.cases.rows import Rows
 from skfem_textile.cases.write import case_text, reference
 from skfem_textile.drape import Die
 from skfem_textile.forming import Holder

@@ -1,0 +1,14 @@
+"""Public names, which the package imports on first use."""
+
+from .build import (
+    built as built,
+    case_from_file as case_from_file,
+    case_from_tables as case_from_tables,
+)
+from .read import (
+    CaseFileError as CaseFileError,
+    declared as declared,
+    read_tables as read_tables,
+)
+from .scenes import SCENES as SCENES
+from .schema import CaseFile as CaseFile
