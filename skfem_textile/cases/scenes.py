@@ -521,8 +521,8 @@ class Forming(Formed, tag="forming"):
     holder_pressure_N_per_mm2: Annotated[
         float | None,
         about(
-            "instead of the gap: pressure of the holder on the ply under the flat "
-            "flange of the die"
+            "instead of the gap: pressure of the holder in N/mm2 on the ply under the "
+            "flat flange of the die"
         ),
     ] = None
     centre_mm: Annotated[

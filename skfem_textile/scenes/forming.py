@@ -326,8 +326,8 @@ def forming(
     """Ply that a punch from a file forms through a die from a file.
 
     Punch and die are in their initial positions, in the same axes.  The ply lies
-    between the holder and the lowest point of the die, or the highest one of a punch
-    that moves down.
+    between the holder and the lowest point of the die, or its highest one if the punch
+    moves down.  The punch begins at or before the plane of the ply.
 
     Parameters
     ----------
@@ -371,7 +371,7 @@ def forming(
     if (highest := float(heights.max())) > 0:
         raise ValueError(
             f"forming: the punch begins {highest:.4g} mm beyond the plane of the ply, "
-            f"z = {plane}: move it back along z"
+            f"z = {plane}: move it back along z, or reverse the sign of the travel"
         )
     if (lowest := float(heights.min()) + abs(travel)) > 0:
         raise ValueError(

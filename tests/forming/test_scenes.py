@@ -1,5 +1,6 @@
 """Scenes of forming: figures of the hemisphere, symmetry, files, bad input."""
 
+import csv
 import json
 import re
 
@@ -280,8 +281,13 @@ def test_forming_runs_from_the_command_line(files, tmp_path):
     figures = json.loads((out / "summary.json").read_text())
     assert figures["converged"]
     assert figures["inputs"]["scene"]["punch"] == [punch]
-    history = (out / "history.csv").read_text().splitlines()
+    with open(out / "history.csv", newline="") as file:
+        history = [*csv.DictReader(file)]
     assert "punch_reaction_z" in history[0]
+    for name in ("punch", "die", "holder"):
+        for what in ("travel_mm", "force_N", "nodes_in_contact", "max_pressure_N_per_mm2"):
+            last = float(history[-1][f"{name}_{what}"])
+            assert last == pytest.approx(figures[f"{name}_{what}"], rel=1e-11)
     written = {file.name for file in out.rglob("*")}
     assert {"load.png", "animation.gif", "shear_angle.png", "curve.csv"} <= written
     assert {"punch.stl", "die.stl", "steps.pvd"} <= written
