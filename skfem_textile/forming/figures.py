@@ -86,7 +86,8 @@ def tool_history(result: Result) -> dict[str, ndarray]:
         Empty for a ply without tools.
     """
     ply, states = result.ply, result.states
-    tools, columns = pressing(ply), {}
+    tools = pressing(ply)
+    columns: dict[str, ndarray] = {}
     if not tools:
         return {}
     far, forces = travels(result), tool_forces(result)

@@ -361,13 +361,13 @@ def forming(
     middle, up = 0.5 * gap, float(np.sign(travel))
     flange = float((up * die.facets.points[2]).min())
     axes = Axes(np.array([*centre, up * (flange - middle)]))
-    parts = {"punch": punch.moved(*axes), "die": die.moved(*axes)}
-    outline = None if pressure is None else _flange(parts["die"], up, flange)
-    tools = _pressed("forming", *parts.values(), travel, gap, pressure, outline)
+    punch, die = punch.moved(*axes), die.moved(*axes)
+    outline = None if pressure is None else _flange(die, up, flange)
+    tools = _pressed("forming", punch, die, travel, gap, pressure, outline)
     options: PlyOptions = {"part": "whole", **ply}
     scene = formed_ply("forming", tools, mesh, axes, **options)
-    _refuse_tiny(parts, scene.mesh)
-    heights, plane = up * parts["punch"].facets.points[2], f"{axes.origin[2]:.6g} mm"
+    _refuse_tiny({"punch": punch, "die": die}, scene.mesh)
+    heights, plane = up * punch.facets.points[2], f"{axes.origin[2]:.6g} mm"
     if (highest := float(heights.max())) > 0:
         raise ValueError(
             f"forming: the punch begins {highest:.4g} mm beyond the plane of the ply, "

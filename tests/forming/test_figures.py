@@ -229,7 +229,6 @@ def test_forces_of_tools_that_return_are_along_their_longest_travel():
         name="wall",
     )
     ply = square(terms=[wall], n=1)
-    (contact,) = contacts(ply)
     force = np.zeros(4)
     states = [
         replace(FLAT, load_factor=t, u=ply.basis.zeros()) for t in (0.0, 0.5, 1.0)

@@ -234,6 +234,31 @@ def test_a_holder_has_a_gap_or_a_pressure_and_a_flange_to_press_on(files, flange
         assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("shift", [(4.0, 0.0), (0.0, 4.0)])
+def test_a_quarter_of_tools_without_its_symmetry_is_refused(files, shift):
+    punch, die = map(read_surface, files)
+    boundary = "left" if shift[0] else "bottom"
+    for part in ("quarter", "whole"):
+        scene = forming(
+            punch, die, travel=20.0, gap=1.0, centre=shift, part=part, **SMALL
+        )
+        if part == "whole":
+            assert case(scene).stepper()
+            continue
+        message = f"'punch' is not symmetric about the boundary '{boundary}'.*whole ply"
+        with pytest.raises(ValueError, match=message) as error:
+            case(scene).run()
+        assert "\n" not in str(error.value)
+
+
+def test_a_quarter_of_the_tools_suffices_for_a_quarter_of_the_ply(tmp_path):
+    x, t = graph(np.linspace(0.0, 60.0, 13), lambda x, y: -(x**2 + y**2) / 200 - 0.5)
+    punch = TriangleMesh(x, t)
+    die = TriangleMesh(x + np.array([[0.0], [0.0], [36.5]]), t)
+    scene = forming(punch, die, travel=10.0, part="quarter", **SMALL)
+    assert case(scene).run().converged
+
+
 def test_the_side_of_the_triangles_does_not_matter(files):
     punch, die = map(read_surface, files)
     scene = forming(punch, die, travel=20.0, gap=1.0, **SMALL)
@@ -285,7 +310,12 @@ def test_forming_runs_from_the_command_line(files, tmp_path):
         history = [*csv.DictReader(file)]
     assert "punch_reaction_z" in history[0]
     for name in ("punch", "die", "holder"):
-        for what in ("travel_mm", "force_N", "nodes_in_contact", "max_pressure_N_per_mm2"):
+        for what in (
+            "travel_mm",
+            "force_N",
+            "nodes_in_contact",
+            "max_pressure_N_per_mm2",
+        ):
             last = float(history[-1][f"{name}_{what}"])
             assert last == pytest.approx(figures[f"{name}_{what}"], rel=1e-11)
     written = {file.name for file in out.rglob("*")}

@@ -110,7 +110,7 @@ def test_a_bad_position_of_a_file_is_named(tmp_path):
         with pytest.raises(ValueError, match=message) as error:
             case_from_tables(tables({**file, **placed}))
         assert "\n" not in str(error.value)
-    with pytest.raises(ValueError, match="offset_mm requires .*surface is triangles"):
+    with pytest.raises(ValueError, match=r"offset_mm requires .*surface is triangles"):
         case_from_tables(tables({**PUNCH, "offset_mm": [0, 0, 1]}))
 
 
