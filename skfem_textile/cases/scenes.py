@@ -427,11 +427,12 @@ class Formed(WithTools):
     tension_N_per_mm: Annotated[
         float, about("constant tension along the fibres on free edges; 0 for none")
     ] = 0.2
-    holder_gap_mm: Annotated[float, about("distance between die and holder")] = 0.3
 
 
 class FormedBySymmetricTools(Formed):
     """Ply between tools with two planes of symmetry."""
+
+    holder_gap_mm: Annotated[float, about("distance between die and holder")] = 0.3
 
     part: Annotated[
         Part | None,
@@ -514,6 +515,17 @@ class Forming(Formed, tag="forming"):
     travel_mm: Annotated[
         float, about("final travel of the punch along z, negative if it moves down")
     ] = 50.0
+    holder_gap_mm: Annotated[
+        float | None,
+        about("distance between die and holder (default: 0.3 without a pressure)"),
+    ] = None
+    holder_pressure_N_per_mm2: Annotated[
+        float | None,
+        about(
+            "instead of the gap: pressure of the holder in N/mm2 on the ply under the "
+            "flat flange of the die"
+        ),
+    ] = None
     centre_mm: Annotated[
         tuple[float, float],
         about("centre of the ply, x and y in the axes of the tools"),
@@ -544,6 +556,7 @@ class Forming(Formed, tag="forming"):
             self.travel_mm,
             self.holder_gap_mm,
             self.centre_mm,
+            self.holder_pressure_N_per_mm2,
             **options,
         )
 

@@ -94,8 +94,12 @@ class ToolTable(Table, tag_field="surface"):
         outline = None
         if self.outline_mm is not None:
             outline = np.array(self.outline_mm).reshape(-1, 2).T - axes.origin[:2, None]
+        try:
+            surface = self.surface_in(axes)
+        except ValueError as error:
+            raise ValueError(f"{what}: {error}") from None
         common: dict[str, Any] = {
-            "surface": self.surface_in(axes),
+            "surface": surface,
             "motion": self._motion(what),
             "side": self.side,
             "thickness": self.thickness_mm,
@@ -156,12 +160,30 @@ class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
         Literal["mm", "cm", "m", "in"] | None,
         about("unit of length of the file (default: the file's, else mm)"),
     ] = None
+    offset_mm: Annotated[
+        Vector,
+        about(
+            "translation x, y, z from the position in the file to the initial position"
+        ),
+    ] = _ORIGIN
+    rotation_deg: Annotated[
+        Degrees,
+        about(
+            "rotation about an axis through the origin of the file, before the "
+            "translation, counterclockwise if the axis points to the viewer"
+        ),
+    ] = 0.0
+    rotation_axis: Annotated[Vector, about("direction of this axis")] = _UP
 
     def surface_in(self, axes: "Axes") -> "Surface":
         """See `ToolTable.surface_in`."""
         from ..io import read_surface
 
-        return read_surface(self.source, self.unit).moved(*axes)
+        if not any(self.rotation_axis):
+            raise ValueError("rotation_axis must not be zero")
+        turn = _rotation(self.rotation_axis, self.rotation_deg)
+        surface = read_surface(self.source, self.unit)
+        return surface.moved(turn.T @ (axes.origin - self.offset_mm), turn.T)
 
 
 class PlaneTool(ToolTable, tag="plane", kw_only=True):
@@ -275,6 +297,16 @@ AnyTool: TypeAlias = (
     | PunchTool
     | DieTool
 )
+
+
+def _rotation(axis: Vector, degrees: float) -> "ndarray":
+    """Rotation matrix, shape (3, 3)."""
+    import numpy as np
+    from scipy.spatial.transform import Rotation
+
+    unit = np.array(axis) / np.abs(axis).max()
+    unit /= np.linalg.norm(unit)
+    return Rotation.from_rotvec(degrees * unit, degrees=True).as_matrix()
 
 
 def _moved(point: Vector, axes: "Axes") -> "ndarray":

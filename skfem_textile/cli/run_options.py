@@ -170,7 +170,10 @@ def _default(value: Any) -> str:
     """Default of a key, as the end of its help."""
     if value in (None, (), {}) or isinstance(value, dict):
         return ""
-    text = "x".join(map(str, value)) if isinstance(value, tuple) else value
+    text = value
+    if isinstance(value, tuple):
+        numbers_of_elements = all(isinstance(one, int) for one in value)
+        text = ("x" if numbers_of_elements else " ").join(map(str, value))
     return f" (default: {text})"
 
 

@@ -77,7 +77,7 @@ def repaired(
     if len(x) < least:
         raise MeshError(
             f"triangle mesh: there are {len(x)} vertices, but at least {least} are "
-            "required"
+            "required: export it with smaller triangles"
         )
     _refuse_loose(x, triangles)
     if sewing.gap > _WIDE * mean_edge(x, triangles):
@@ -325,7 +325,7 @@ def _of_parts(x: ndarray, triangles: ndarray) -> str:
 def _of_holes(x: ndarray, triangles: ndarray) -> str:
     around, open_edges, loop = _around_openings(x, triangles)
     if not open_edges.size:
-        return "the tool is closed: a ply is draped on its outside"
+        return "the tool is closed: a ply lies on its outside"
     outer = np.unique(_components(triangles.shape[1], _neighbours(triangles)[0])).size
     if (n := len(around) - outer) <= 0:
         return ""

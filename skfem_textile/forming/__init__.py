@@ -3,6 +3,7 @@
 from .contact import (
     SmallestGap,
     contacts,
+    nodes_in_contact,
     pressing,
     smallest_gap,
     tool_force,
@@ -10,7 +11,7 @@ from .contact import (
     touching,
     turn_on_tool,
 )
-from .figures import formed, tool_forces, travel, travels
+from .figures import formed, tool_forces, tool_history, travel, travels
 from .holder import Holder
 from .placed import PlacedTool, box_of, placed_tools
 from .shape import (
@@ -33,11 +34,13 @@ __all__ = [
     "draw_in",
     "fibre_curvature",
     "formed",
+    "nodes_in_contact",
     "placed_tools",
     "pressing",
     "smallest_gap",
     "tool_force",
     "tool_forces",
+    "tool_history",
     "tool_pressure",
     "touching",
     "travel",

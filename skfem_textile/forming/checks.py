@@ -6,8 +6,9 @@ from itertools import permutations
 import numpy as np
 from numpy import ndarray
 
+from ..drape import TriangleMesh
 from ..ply import Ply
-from .tool import ToolContact
+from .tool import ToolContact, placement
 
 # Penetration relative to the size of the ply that is round-off, and most projections of
 # a point onto a tool, which are exact to first order.
@@ -33,7 +34,7 @@ _ROUND_OFF = 1e-9
 def check_tools(
     ply: Ply, moved: bool = False, load_factors: tuple[float, float] = (0.0, 1.0)
 ) -> None:
-    """Refuse tools that leave no room for a ply, or that never touch it.
+    """Refuse tools without room for a ply, without contact, or without its symmetry.
 
     `LoadStepper` calls it before each run.  Each tool pushes the nodes along from the
     first load factor to the second.  A node that one tool pushes into another on the
@@ -52,9 +53,11 @@ def check_tools(
     ------
     ValueError
         If there is no room for a node, if the whole undeformed ply is behind the
-        surface of a tool, or if nothing touches the ply: no tool at any load factor,
-        and no load or condition moves the ply out of its plane.  The message names the
-        tools and, if there is no room, the node, its position and the penetration.
+        surface of a tool, if a tool of triangles is not symmetric about a plane of
+        symmetry of the fibres (``fibre_ends``), or if nothing touches the ply: no tool
+        at any load factor, and no load or condition moves the ply out of its plane.
+        The message names the tools and, if there is no room, the node, its position and
+        the penetration.
 
     Examples
     --------
@@ -76,6 +79,8 @@ def check_tools(
     for tool in tools:
         if tool._obstacle.reach is None:  # holders may close from far away
             _refuse_behind(ply, tool, load_factors[0])
+        for t in load_factors:
+            _refuse_asymmetric(ply, tool, t)
     touched = _pushed(ply, tools, load_factors)
     if not (touched or moved or _has_normal_load(ply, load_factors[1])):
         _refuse_untouched(ply, tools, load_factors)
@@ -172,6 +177,37 @@ def _refuse_untouched(
 def _size(ply: Ply) -> float:
     """Extent of a ply in mm."""
     return float(np.ptp(ply.nodes, axis=1).max())
+
+
+def _refuse_asymmetric(ply: Ply, tool: ToolContact, t: float) -> None:
+    """Refuse triangles whose mirror image deviates from them where the ply is."""
+    obstacle, mesh = tool._obstacle, ply.mesh
+    planes = [name for name, end in ply.fibre_ends.items() if end == "mirror"]
+    if not (planes and isinstance(obstacle.surface, TriangleMesh)):
+        return
+    facets = obstacle.surface.facets
+    rotation, moved = placement(obstacle.what, obstacle.motion, t)
+    towards = _normal(tool, np.pad(ply.nodes, ((0, 1), (0, 0))), t)
+    facing = obstacle._sign * (towards @ rotation @ facets.normals()) > 0
+    used = np.unique(facets.cells[0][:, facing])
+    x = rotation @ facets.points[:, used] + moved[:, None]
+    within = (x[:2] >= mesh.p.min(axis=1)[:, None]).all(axis=0)
+    x = x[:, within & (x[:2] <= mesh.p.max(axis=1)[:, None]).all(axis=0)]
+    for name in planes:
+        begin, end = mesh.p[:, mesh.facets[:, mesh.boundaries[name][0]]].T
+        n = np.array([begin[1] - end[1], end[0] - begin[0]])
+        n = np.append(n / np.linalg.norm(n), 0.0)
+        mirrored = x - 2 * n[:, None] * (n[:2] @ (x[:2] - begin[:, None]))
+        local = rotation.T @ (mirrored - moved[:, None])
+        off = obstacle.surface.off_triangles(local)
+        if off.any():
+            worst = int(off.argmax())
+            raise ValueError(
+                f"tool {tool.name!r} is not symmetric about the boundary {name!r} of "
+                f"the ply: it is {off[worst]:.3g} mm away from the mirror image of "
+                f"{tool.place(x[:, worst])} at load factor {t:g}: compute the whole "
+                "ply, or move the tool"
+            )
 
 
 def _has_normal_load(ply: Ply, t: float) -> bool:

@@ -116,8 +116,22 @@ def touching(ply: Ply, contact: ToolContact, state: State) -> ndarray:
 
     Parameters as in `turn_on_tool`.
     """
-    nodes, force = ply.basis.element_dofs[::3] // 3, _forces(contact, state)
-    return np.asarray((force[nodes] > _NONE * force.max()).any(axis=0))
+    nodes = ply.basis.element_dofs[::3] // 3
+    return np.asarray(_pressed(contact, state)[nodes].any(axis=0))
+
+
+def nodes_in_contact(tool: Pressing, state: State) -> int:
+    """Number of nodes on which a tool or holder presses.
+
+    Parameters as in `tool_pressure`.
+    """
+    return int(_pressed(tool, state).sum())
+
+
+def _pressed(tool: Pressing, state: State) -> ndarray:
+    """Nodes on which a tool or holder presses: bool, shape (n_nodes,)."""
+    force = _forces(tool, state)
+    return np.asarray(force > _NONE * force.max())
 
 
 def turn_on_tool(ply: Ply, contact: ToolContact, state: State) -> ndarray:

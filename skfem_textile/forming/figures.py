@@ -13,6 +13,7 @@ from .contact import (
     Pressing,
     SmallestGap,
     contacts,
+    nodes_in_contact,
     pressing,
     smallest_gap,
     tool_force,
@@ -30,10 +31,9 @@ _RAYS = (0, 45, 90)
 def formed(result: Result) -> dict[str, float | str]:
     """Figures of the last state of a ply between tools in N, mm and degrees; advice.
 
-    For each tool ``NAME_travel_mm``, ``NAME_force_N``, the force on the ply along the
-    motion of the tool that travels farthest, ``NAME_max_pressure_N_per_mm2`` and,
-    except for holders with a prescribed pressure, ``NAME_penetration_mm``, the largest
-    depth of the ply in the tool between nodes (`smallest_gap`).  Places are in the axes
+    For each tool the last row of `tool_history` and, except for holders with a
+    prescribed pressure, ``NAME_penetration_mm``, the largest depth of the ply in the
+    tool between nodes (`smallest_gap`).  Places are in the axes
     ``stated`` by the tools.  Of the ply the draw-in, the areal weight relative to the
     flat ply (`areal_weight`), and risks.
 
@@ -56,7 +56,8 @@ def formed(result: Result) -> dict[str, float | str]:
     turn = np.degrees(np.max([turn_on_tool(ply, x, state) for x in tools], axis=0))
     at_risk = wrinkle_risk(ply, state.u, state.parameters)
     return {
-        **_of_tools(ply, state, gaps),
+        **{name: column[-1].item() for name, column in tool_history(result).items()},
+        **{f"{name}_penetration_mm": _depth(gap) for name, gap in gaps.items()},
         **_deepest(tools, gaps),
         **_draw_in(ply, state.u),
         **_areal_weight(ply, state.u),
@@ -65,6 +66,41 @@ def formed(result: Result) -> dict[str, float | str]:
         "max_turn_of_normal_deg": float(turn.max()),
         **_advice(result, tools, turn, at_risk),
     }
+
+
+def tool_history(result: Result) -> dict[str, ndarray]:
+    """Figures of each tool over the states of a run, columns of shape (n_states,).
+
+    ``NAME_travel_mm``, see `travels`; ``NAME_force_N``, see `tool_forces`;
+    ``NAME_nodes_in_contact``, the number of nodes on which the tool presses; and
+    ``NAME_max_pressure_N_per_mm2``, the largest `tool_pressure`.
+
+    Parameters
+    ----------
+    result
+        Result of a run.
+
+    Returns
+    -------
+    dict
+        Empty for a ply without tools.
+    """
+    ply, states = result.ply, result.states
+    tools = pressing(ply)
+    columns: dict[str, ndarray] = {}
+    if not tools:
+        return {}
+    far, forces = travels(result), tool_forces(result)
+    for tool in tools:
+        pressure = [tool_pressure(ply, tool, state).max() for state in states]
+        touched = [nodes_in_contact(tool, state) for state in states]
+        columns |= {
+            f"{tool.name}_travel_mm": far[tool.name],
+            f"{tool.name}_force_N": forces[tool.name],
+            f"{tool.name}_nodes_in_contact": np.array(touched),
+            f"{tool.name}_max_pressure_N_per_mm2": np.array(pressure),
+        }
+    return columns
 
 
 def travels(result: Result) -> dict[str, ndarray]:
@@ -78,13 +114,16 @@ def travels(result: Result) -> dict[str, ndarray]:
 def tool_forces(result: Result) -> dict[str, ndarray]:
     """Force of each tool on the ply in N, by name, shape (n_states,).
 
-    The component along the motion of the tool that travels farthest, so that the forces
-    of opposite tools have opposite signs.
+    The component along the longest travel of a tool in a state, so that the forces of
+    opposite tools have opposite signs; along z if no tool travels.
     """
-    ply, tools = result.ply, pressing(result.ply)
-    along = _direction(tools, result.states[-1].load_factor)
+    ply, states, tools = result.ply, result.states, pressing(result.ply)
+    travelled = [x.travel(state.load_factor) for x in tools for state in states]
+    longest = max(travelled, key=np.linalg.norm)
+    length = float(np.linalg.norm(longest))
+    along = longest / length if length > 0 else np.array([0.0, 0.0, 1.0])
     return {
-        x.name: np.array([tool_force(ply, x, state) @ along for state in result.states])
+        x.name: np.array([tool_force(ply, x, state) @ along for state in states])
         for x in tools
     }
 
@@ -94,29 +133,8 @@ def travel(tool: Pressing, t: float) -> float:
     return float(np.linalg.norm(tool.travel(t)))
 
 
-def _direction(tools: Sequence[Pressing], t: float) -> ndarray:
-    """Unit vector along the longest travel at a load factor; z if nothing travels."""
-    moved = max((x.travel(t) for x in tools), key=np.linalg.norm)
-    length = float(np.linalg.norm(moved))
-    return moved / length if length > 0 else np.array([0.0, 0.0, 1.0])
-
-
-def _of_tools(
-    ply: Ply, state: State, gaps: dict[str, SmallestGap | None]
-) -> dict[str, float]:
-    figures: dict[str, float] = {}
-    tools = pressing(ply)
-    along = _direction(tools, state.load_factor)
-    for tool in tools:
-        name, pressure = tool.name, tool_pressure(ply, tool, state)
-        figures[f"{name}_travel_mm"] = travel(tool, state.load_factor)
-        figures[f"{name}_force_N"] = float(tool_force(ply, tool, state) @ along)
-        if name in gaps:
-            least = gaps[name]
-            depth = 0.0 if least is None else max(-least.gap, 0.0)
-            figures[f"{name}_penetration_mm"] = depth
-        figures[f"{name}_max_pressure_N_per_mm2"] = float(pressure.max())
-    return figures
+def _depth(least: SmallestGap | None) -> float:
+    return 0.0 if least is None else max(-least.gap, 0.0)
 
 
 def _deepest(

@@ -7,6 +7,8 @@ from numpy import ndarray
 def inside(corners: ndarray, x: ndarray) -> ndarray:
     """True for points inside a polygon, by the number of edges to their right.
 
+    An edge that the polygon follows in both directions has no effect.
+
     Parameters
     ----------
     corners
@@ -14,7 +16,9 @@ def inside(corners: ndarray, x: ndarray) -> ndarray:
     x
         Points, shape (2, n).
     """
-    begin, end = corners[:, :, None], np.roll(corners, -1, axis=1)[:, :, None]
+    ends = np.array([corners, np.roll(corners, -1, axis=1)])
+    order = np.argsort(ends[:, 1], axis=0)  # the same rounding in both directions
+    begin, end = np.take_along_axis(ends, order[:, None], axis=0)[..., None]
     crosses = (begin[1] > x[1]) != (end[1] > x[1])
     rise = np.where(crosses, end[1] - begin[1], 1.0)
     at = begin[0] + (x[1] - begin[1]) / rise * (end[0] - begin[0])

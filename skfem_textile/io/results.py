@@ -214,11 +214,17 @@ def write_history(
     """Write the history of a run as CSV, one row per converged state.
 
     Vectors of a ply in space are converted to the coordinates in which the ply has the
-    ``axes``.
+    ``axes``.  A ply between tools adds the columns of `forming.tool_history`.
     Numbers have 12 significant digits; `Result.history` has full precision.
     """
     in_space = len(result.ply.nodal(result.u)) == 3
     rows = result.history(axes.turn if in_space else None)
+    if has_tools(result.ply):
+        from ..forming import tool_history
+
+        of_tools = tool_history(result)
+        for i, row in enumerate(rows):
+            row |= {name: column[i].item() for name, column in of_tools.items()}
     with _name_path(path), open(path, "w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]))
         writer.writeheader()

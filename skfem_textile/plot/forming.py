@@ -275,7 +275,7 @@ def tool_force(
     """
     _refuse_without_tools(result)
     far = travels(result)
-    longest = max(far, key=lambda name: far[name][-1])
+    longest = max(far, key=lambda name: far[name].max())
     lines = {name: (far[longest], force) for name, force in tool_forces(result).items()}
     labels = f"Travel of {longest} (mm)", "Force on the ply (N)"
     return curves({"": lines}, *labels, filename)

@@ -1,7 +1,8 @@
 """Scenes of plies that a punch forms through a die, above the plane of a holder.
 
 The ply lies in the plane z = 0, in the middle of the gap between die and holder, and
-the punch touches the plane of the holder from below.  Free edges have a constant
+the punch touches the plane of the holder from below.  A holder with a pressure has no
+plane: it presses the ply on the flat flange of the die.  Free edges have a constant
 tension along the fibres: fibres at right angles transmit the same tension across an
 edge of any direction.
 
@@ -28,6 +29,7 @@ from ..drape import (
     HeightField,
     Plane,
     Punch,
+    ToolMesh,
     TriangleMesh,
 )
 from ..drape import double_dome as dome
@@ -43,8 +45,13 @@ from ..solve.surface import Surface
 from .flat_ply import PlyOptions, flat_ply, free_edges, in_planes
 from .scene import Scene
 
-#: Default distance between punch and die in the plane of a ply, in mm.
-CLEARANCE = 5.0
+#: Default distances between punch and die in the plane of a ply, and between die and
+#: holder, in mm.
+CLEARANCE, GAP = 5.0, 0.3
+
+# Distance from the lowest point of a die, relative to its size, within which its flange
+# is flat.  Chosen: 0.03 mm of a die of 300 mm, above the rounding of files.
+_FLAT = 1e-4
 
 # Share of the largest force of a tool above which holding forces are reported.
 _HOLDING = 0.01
@@ -139,9 +146,18 @@ _BLANK: PlyOptions = {
 
 
 def _pressed(
-    name: str, punch: Surface, die: Surface, travel: float, gap: float
+    name: str,
+    punch: Surface,
+    die: Surface,
+    travel: float,
+    gap: float,
+    pressure: float | None = None,
+    outline: ndarray | None = None,
 ) -> list[Tool | Holder]:
-    """Tools of a ply in the middle of the gap between holder and die."""
+    """Tools of a ply in the middle of the gap between holder and die.
+
+    A holder with a pressure, which acts within an outline, begins at the same place.
+    """
     if not (np.isfinite(travel) and travel):
         raise ValueError(
             f"{name}: the travel of the punch must be a length in mm other than 0, "
@@ -149,10 +165,11 @@ def _pressed(
         )
     up = float(np.sign(travel))
     flange = Plane((0.0, 0.0, 0.5 * up * gap), (0.0, 0.0, up))
+    kept = gap if pressure is None else None
     return [
         Tool(punch, motion=(0.0, 0.0, travel), name="punch"),
         Tool(die, name="die"),
-        Holder(flange, gap=gap, side=-1, name="holder"),
+        Holder(flange, kept, pressure, side=-1, outline=outline, name="holder"),
     ]
 
 
@@ -198,7 +215,7 @@ def hemisphere_forming(
     radius: float = 75.0,
     fillet: float = 10.0,
     travel: float = 75.0,
-    gap: float = 0.3,
+    gap: float = GAP,
     clearance: float = CLEARANCE,
     **ply: Unpack[PlyOptions],
 ) -> Scene:
@@ -246,7 +263,7 @@ def hemisphere_forming(
 def double_dome_forming(
     mesh: str | Mesh = "irregular",
     travel: float = 60.0,
-    gap: float = 0.3,
+    gap: float = GAP,
     clearance: float = CLEARANCE,
     **ply: Unpack[PlyOptions],
 ) -> Scene:
@@ -301,15 +318,16 @@ def forming(
     die: TriangleMesh,
     mesh: str | Mesh = "irregular",
     travel: float = 50.0,
-    gap: float = 0.3,
+    gap: float | None = None,
     centre: tuple[float, float] = (0.0, 0.0),
+    pressure: float | None = None,
     **ply: Unpack[PlyOptions],
 ) -> Scene:
     """Ply that a punch from a file forms through a die from a file.
 
     Punch and die are in their initial positions, in the same axes.  The ply lies
-    between the holder and the lowest point of the die, or the highest one of a punch
-    that moves down.
+    between the holder and the lowest point of the die, or its highest one if the punch
+    moves down.  The punch begins at or before the plane of the ply.
 
     Parameters
     ----------
@@ -320,29 +338,40 @@ def forming(
     travel
         Final travel of the punch along z in mm, negative if it moves down.
     gap
-        Distance between die and holder in mm.
+        Distance between die and holder in mm: `GAP` by default.
     centre
         Centre of the ply, x and y in the axes of the tools in mm.
+    pressure
+        Pressure of the holder in N/mm² instead of a gap.  It acts on the part of the
+        ply under the flange of the die, the triangles at its lowest point.
 
     Raises
     ------
     ValueError
-        See `formed_ply`; also if a tool is smaller than an element of the ply, or the
-        punch begins beyond the holder or passes it completely.
+        See `formed_ply`; also if both a gap and a pressure are given, if a tool is
+        smaller than two elements of the ply, if the punch begins beyond the plane of
+        the ply or passes it completely, or if a holder with a pressure has no flange
+        to press on.
     """
-    middle, up = 0.5 * _gap("forming", gap), float(np.sign(travel))
+    if gap is not None and pressure is not None:
+        raise ValueError(
+            "forming: a holder has either a gap or a pressure: omit one of them"
+        )
+    gap = _gap("forming", GAP if gap is None else gap)
+    middle, up = 0.5 * gap, float(np.sign(travel))
     flange = float((up * die.facets.points[2]).min())
     axes = Axes(np.array([*centre, up * (flange - middle)]))
-    parts = {"punch": punch.moved(*axes), "die": die.moved(*axes)}
-    tools = _pressed("forming", **parts, travel=travel, gap=gap)
+    punch, die = punch.moved(*axes), die.moved(*axes)
+    outline = None if pressure is None else _flange(die, up, flange)
+    tools = _pressed("forming", punch, die, travel, gap, pressure, outline)
     options: PlyOptions = {"part": "whole", **ply}
     scene = formed_ply("forming", tools, mesh, axes, **options)
-    _refuse_tiny(parts, scene.mesh)
-    heights, plane = up * parts["punch"].facets.points[2], f"{axes.origin[2]:.6g} mm"
+    _refuse_tiny({"punch": punch, "die": die}, scene.mesh)
+    heights, plane = up * punch.facets.points[2], f"{axes.origin[2]:.6g} mm"
     if (highest := float(heights.max())) > 0:
         raise ValueError(
             f"forming: the punch begins {highest:.4g} mm beyond the plane of the ply, "
-            f"z = {plane}: move it back along z"
+            f"z = {plane}: move it back along z, or reverse the sign of the travel"
         )
     if (lowest := float(heights.min()) + abs(travel)) > 0:
         raise ValueError(
@@ -350,6 +379,26 @@ def forming(
             f"{lowest:.4g} mm: extend its walls, or reduce the travel"
         )
     return scene
+
+
+def _flange(die: TriangleMesh, up: float, flange: float) -> ndarray:
+    """Outline of the flat triangles of a die at its lowest point, shape (2, n).
+
+    ``flange`` is this point in the axes of the user, times the sign ``up``.
+    """
+    points, (triangles,) = die.facets.points, die.facets.cells
+    height = up * points[2]
+    flat = (height - height.min() <= _FLAT * np.ptp(points)).take(triangles).all(axis=0)
+    try:
+        curves = ToolMesh(points, (triangles[:, flat],)).boundary()
+    except MeshError:
+        raise ValueError(
+            f"forming: the die has no flat flange at z = {up * flange:.6g} mm on which "
+            "a holder could press the ply: specify its gap, or describe the holder "
+            "with its outline in [[tools]]"
+        ) from None
+    begin = curves[0][:2, :1]
+    return np.hstack([x for curve in curves for x in (curve[:2], curve[:2, :1], begin)])
 
 
 def _refuse_tiny(tools: dict[str, TriangleMesh], mesh: Mesh) -> None:

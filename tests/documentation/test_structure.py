@@ -148,10 +148,12 @@ def test_every_group_of_options_has_a_table():
 def test_every_key_of_a_case_is_in_a_table():
     text = (DOCS / "reference" / "case-keys.md").read_text()
     present = re.findall(r"^KEYS-OF ([^:\n]*)(?:: (.*))?$", text, re.M)
-    scenes = {name for table, names in present for name in names.split()}
+    listed = {(table, name) for table, names in present for name in names.split()}
     entries = [(own.table, own.choice) for own in reference()]
     assert {table for table, _ in entries} == {table for table, _ in present}
-    assert {choice for table, choice in entries if table == "scene"} - {""} == scenes
+    divided = {table for table, _ in listed}
+    assert {own for own in entries if own[0] in divided and own[1]} == listed
+    assert "scene" in divided
 
 
 def test_all_data_of_the_studies_can_be_downloaded():

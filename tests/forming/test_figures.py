@@ -28,6 +28,7 @@ from skfem_textile.forming import (
     formed,
     smallest_gap,
     tool_forces,
+    tool_history,
     tool_pressure,
     touching,
     travels,
@@ -202,6 +203,41 @@ def test_forces_of_the_tools_balance_over_the_travel(hemisphere):
     assert (np.diff(force["punch"]) > 0).all()
     balance = force["punch"] + force["die"] + force["holder"]
     assert np.abs(balance).max() < 1e-6 * force["punch"].max()
+
+
+def test_history_of_the_tools_agrees_with_summary_and_contacts(hemisphere):
+    history, figures = tool_history(hemisphere), formed(hemisphere)
+    for column in history:
+        assert figures[column] == history[column][-1]
+    for contact in contacts(hemisphere.ply):
+        touched = history[f"{contact.name}_nodes_in_contact"]
+        for n, state in zip(touched, hemisphere.states, strict=True):
+            gaps = contact.gaps(state.u, state.load_factor)
+            assert n <= (gaps < 1e-6).sum()
+        pressure = history[f"{contact.name}_max_pressure_N_per_mm2"]
+        assert ((pressure > 0) == (touched > 0)).all()
+    punched = history["punch_nodes_in_contact"]
+    assert punched[0] == 0 < punched[1] <= punched[3]
+
+
+def test_forces_of_tools_that_return_are_along_their_longest_travel():
+    """A wall that moves along x and back: the normal force has no part along x."""
+    wall = Tool(
+        drape.Plane((0, 0, -1.0)),
+        motion=lambda t: (4 * t * (1 - t), 0.0, 0.0),
+        side=1,
+        name="wall",
+    )
+    ply = square(terms=[wall], n=1)
+    force = np.zeros(4)
+    states = [
+        replace(FLAT, load_factor=t, u=ply.basis.zeros()) for t in (0.0, 0.5, 1.0)
+    ]
+    values = Values({"force": force + 1.0, "stiffness": force + 1e-6})
+    states = [replace(state, parameters={"wall": values}) for state in states]
+    result = replace(Result.of_state(ply, {}, states[-1]), states=states)
+    assert travels(result)["wall"].tolist() == [0.0, 1.0, 0.0]
+    assert tool_forces(result)["wall"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_summary_of_a_formed_ply(hemisphere):

@@ -1,5 +1,6 @@
 """Scenes of forming: figures of the hemisphere, symmetry, files, bad input."""
 
+import csv
 import json
 import re
 
@@ -149,6 +150,18 @@ def files(tmp_path):
     return str(punch), str(die)
 
 
+@pytest.fixture
+def flanged(tmp_path):
+    """A dome as punch, and a die with a flat flange outside a radius of 50 mm."""
+    x, t = graph(
+        np.linspace(-60.0, 60.0, 25),
+        lambda x, y: 30 * np.cos(np.pi * np.minimum(np.hypot(x, y), 50) / 100) ** 2,
+    )
+    meshio.Mesh(x.T, [("triangle", t.T)]).write(tmp_path / "flanged.stl")
+    punch = bowl(tmp_path / "dome.stl", 40.0, -0.5)
+    return read_surface(punch), read_surface(tmp_path / "flanged.stl")
+
+
 SMALL = {"width": 100.0, "height": 100.0, "size": (5, 5)}
 
 
@@ -187,6 +200,63 @@ def test_a_punch_that_moves_down_mirrors_one_that_moves_up(files):
     one, other = summary(up), summary(down)
     # The triangles are not symmetric about y = 0.
     assert other["reaction_z"] == pytest.approx(-one["reaction_z"], rel=1e-3)
+
+
+@pytest.mark.parametrize("up", [1, -1])
+def test_a_holder_presses_the_ply_on_the_flange_of_the_die(flanged, up):
+    """With the pressure times the area there, not over the opening."""
+    tools, pressure = flanged, 0.02
+    if up < 0:
+        turned = np.diag([1.0, -1.0, -1.0])
+        tools = [tool.moved(np.zeros(3), turned) for tool in flanged]
+    options = {"pressure": pressure, "part": "quarter"} | SMALL | {"size": (10, 10)}
+    run = case(forming(*tools, travel=10.0 * up, **options))
+    result = run.run()
+    figures = run.summary(result)
+    x = result.ply.nodes + result.ply.nodal(result.u)[:2]
+    (die,) = [term for term in result.ply.terms if term.name == "die"]
+    far, some = (pressure * die.areas[np.hypot(*x) > r].sum() for r in (55, 49))
+    assert 0 < far <= abs(figures["holder_force_N"]) <= some
+    assert figures["holder_force_N"] * figures["punch_force_N"] > 0
+    forces = [figures[f"{name}_force_N"] for name in ("punch", "die", "holder")]
+    assert sum(forces) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_holder_has_a_gap_or_a_pressure_and_a_flange_to_press_on(files, flanged):
+    punch, die = map(read_surface, files)
+    for tools, options, message in (
+        (flanged, {"gap": 0.3, "pressure": 0.1}, "either a gap or a pressure"),
+        ((punch, die), {"pressure": 0.1}, "no flat flange at z = 500.011 mm on which"),
+        (flanged, {"pressure": -0.1}, "pressure must be a number of at least 0 N/mm2"),
+    ):
+        with pytest.raises(ValueError, match=message) as error:
+            case(forming(*tools, travel=10.0, **options, **SMALL)).ply()
+        assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("shift", [(4.0, 0.0), (0.0, 4.0)])
+def test_a_quarter_of_tools_without_its_symmetry_is_refused(files, shift):
+    punch, die = map(read_surface, files)
+    boundary = "left" if shift[0] else "bottom"
+    for part in ("quarter", "whole"):
+        scene = forming(
+            punch, die, travel=20.0, gap=1.0, centre=shift, part=part, **SMALL
+        )
+        if part == "whole":
+            assert case(scene).stepper()
+            continue
+        message = f"'punch' is not symmetric about the boundary '{boundary}'.*whole ply"
+        with pytest.raises(ValueError, match=message) as error:
+            case(scene).run()
+        assert "\n" not in str(error.value)
+
+
+def test_a_quarter_of_the_tools_suffices_for_a_quarter_of_the_ply(tmp_path):
+    x, t = graph(np.linspace(0.0, 60.0, 13), lambda x, y: -(x**2 + y**2) / 200 - 0.5)
+    punch = TriangleMesh(x, t)
+    die = TriangleMesh(x + np.array([[0.0], [0.0], [36.5]]), t)
+    scene = forming(punch, die, travel=10.0, part="quarter", **SMALL)
+    assert case(scene).run().converged
 
 
 def test_the_side_of_the_triangles_does_not_matter(files):
@@ -236,8 +306,18 @@ def test_forming_runs_from_the_command_line(files, tmp_path):
     figures = json.loads((out / "summary.json").read_text())
     assert figures["converged"]
     assert figures["inputs"]["scene"]["punch"] == [punch]
-    history = (out / "history.csv").read_text().splitlines()
+    with open(out / "history.csv", newline="") as file:
+        history = [*csv.DictReader(file)]
     assert "punch_reaction_z" in history[0]
+    for name in ("punch", "die", "holder"):
+        for what in (
+            "travel_mm",
+            "force_N",
+            "nodes_in_contact",
+            "max_pressure_N_per_mm2",
+        ):
+            last = float(history[-1][f"{name}_{what}"])
+            assert last == pytest.approx(figures[f"{name}_{what}"], rel=1e-11)
     written = {file.name for file in out.rglob("*")}
     assert {"load.png", "animation.gif", "shear_angle.png", "curve.csv"} <= written
     assert {"punch.stl", "die.stl", "steps.pvd"} <= written
@@ -253,6 +333,7 @@ def test_forming_runs_from_the_command_line(files, tmp_path):
         (["--punch", "none.stl"], "scene.punch none.stl: no such file"),
         (["--travel", "0"], "travel of the punch must be a length in mm other than"),
         (["--holder-gap=-1"], "the holder gap must be a length of at least 0 mm"),
+        (["--holder-pressure", "0.1"], "forming: a holder has either a gap or a press"),
         (["--travel", "36"], "'punch' and 'die' leave no room for the ply at load"),
         (["--travel", "45"], "punch passes the plane of the ply, z = 499.511 mm, by 5"),
         (["--travel=-2"], "mm beyond the plane of the ply, z = 532.5 mm"),

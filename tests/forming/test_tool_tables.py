@@ -1,5 +1,6 @@
 """Tools in case files: surfaces, motions, holders, round trip and bad input."""
 
+import meshio
 import numpy as np
 import pytest
 
@@ -8,6 +9,7 @@ from skfem_textile.cases.rows import Rows
 from skfem_textile.cases.write import case_text, reference
 from skfem_textile.drape import Die
 from skfem_textile.forming import Holder
+from tests.helpers import graph
 
 PUNCH = {
     "surface": "sphere",
@@ -61,6 +63,55 @@ def test_a_case_with_tools_is_written_and_read_again(tmp_path):
     again = case_from_file(file)
     assert [tool.name for tool in again.scene.tools] == ["punch", "tool_2", "tool_3"]
     assert "\n[[tools]]" not in case_text(declared(tables()), "# A case.")
+
+
+def graph_file(path):
+    """Write a slope z = x / 4 over 0 ≤ x, y ≤ 80 mm, in metres."""
+    x, t = graph(np.linspace(0.0, 0.08, 9), lambda x, y: 0.25 * x)
+    meshio.Mesh(x.T, [("triangle", t.T)]).write(path)
+    return str(path)
+
+
+def test_a_tool_of_a_file_is_turned_about_the_origin_and_then_moved(tmp_path):
+    """x becomes y and y becomes -x; the unit applies to the file, not to the offset."""
+    placed = {"offset_mm": [10.0, 20.0, -30.0], "rotation_deg": 90.0}
+    file = {"surface": "triangles", "source": graph_file(tmp_path / "P.stl")}
+    case = declared(tables({**file, **placed, "unit": "m", "side": 1}))
+    path = tmp_path / "case.toml"
+    path.write_text(case_text(case, "# A case."), encoding="utf-8")
+    (tool,) = case_from_file(path).scene.tools
+    points = tool.surface.facets.points
+    low, high = points.min(axis=1), points.max(axis=1)
+    assert low == pytest.approx([10 - 80, 20, -30], abs=1e-5)
+    assert high == pytest.approx([10, 20 + 80, -30 + 20], abs=1e-5)
+    at = np.array([[-30.0], [60.0], [-30 + 10.0]])  # 40 mm along x in the file
+    assert tool.surface.level(at) == pytest.approx(0.0, abs=1e-5)
+
+
+def test_a_tool_of_a_file_is_turned_about_any_axis(tmp_path):
+    file = {"surface": "triangles", "source": graph_file(tmp_path / "P.stl")}
+    turned = {"rotation_deg": 180.0, "rotation_axis": [3.0, 0, 0], "unit": "m"}
+    (tool,) = case_from_tables(tables({**file, **turned, "side": 1})).scene.tools
+    points = tool.surface.facets.points
+    low, high = points.min(axis=1), points.max(axis=1)
+    assert low == pytest.approx([0, -80, -20], abs=1e-5)
+    assert high == pytest.approx([80, 0, 0], abs=1e-5)
+
+
+def test_a_bad_position_of_a_file_is_named(tmp_path):
+    file = {"surface": "triangles", "source": graph_file(tmp_path / "P.stl")}
+    for placed, message in (
+        ({"rotation_axis": [0, 0, 0]}, "tool_1: rotation_axis must not be zero"),
+        ({"offset_mm": [1, 2]}, "tool_1.offset_mm must be"),
+        ({"offset_mm": [0, 0, float("nan")]}, "must be a finite number"),
+        ({"rotation_deg": "x"}, "tool_1.rotation_deg must be a number"),
+        ({"rotation": 3}, "no key 'rotation'; did you mean 'rotation_"),
+    ):
+        with pytest.raises(ValueError, match=message) as error:
+            case_from_tables(tables({**file, **placed}))
+        assert "\n" not in str(error.value)
+    with pytest.raises(ValueError, match=r"offset_mm requires .*surface is triangles"):
+        case_from_tables(tables({**PUNCH, "offset_mm": [0, 0, 1]}))
 
 
 def test_tools_apply_to_any_scene_in_space():
