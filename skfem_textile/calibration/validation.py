@@ -11,8 +11,8 @@ from scipy import special
 from ..fabric import Fabric
 from ..scenes.shear_test import ShearTest
 from .bands import CONFIDENCE
-from .choice import Test
-from .fitting import FabricFit
+from .choice import Choice, Test
+from .fitting import FabricFit, fit_near
 from .simulation import SimulatedTest, Simulation
 from .solving import differences
 from .specimens import Specimen
@@ -230,6 +230,7 @@ def validate(
     found = []
     for one in refuse_others(tests):
         assert one.displacement is not None
+        one = _with_zeros(one)
         gamma = one.angle_at(one.displacement, one.slack)
         with np.errstate(invalid="ignore"):
             used = (gamma > 0) & (gamma <= one.last_angle(np.inf))
@@ -259,6 +260,13 @@ def refuse_others(tests: Sequence[Test]) -> list[Specimen]:
             )
         found.append(one)
     return found
+
+
+def _with_zeros(test: Specimen) -> Specimen:
+    """The test with its zeros, by a polynomial law of its own if they are unknown."""
+    if test.assumes_slack or test.zeros.force is None:
+        return fit_near([test], Choice()).zeroed(0)
+    return test
 
 
 def _noise(force: ndarray) -> float:
