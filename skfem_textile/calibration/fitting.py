@@ -22,7 +22,7 @@ from .measured import FAMILIES
 from .regression import JointFit, fit
 from .selection import AUTO, Candidate, best_of, cross_validated, reason_against
 from .simulation import SimulatedTest, Simulation, simulated
-from .solving import Sample
+from .solving import Laws, Sample
 from .specimens import Specimen, Zeros
 from .strip import Strip
 
@@ -63,9 +63,9 @@ class FabricFit:
         """Laws by part."""
         return self.fit.joint.law
 
-    def fabric(self, base: Fabric) -> Fabric:
-        """A fabric whose laws are replaced by the fitted ones."""
-        laws, (warp, weft) = self.laws, base.bending
+    def fabric(self, base: Fabric, laws: Laws | None = None) -> Fabric:
+        """A fabric whose laws are replaced by the fitted ones, or by laws by part."""
+        laws, (warp, weft) = self.laws if laws is None else laws, base.bending
         tension: Any = base.tension
         if "both" in laws:
             tension = laws["both"]
