@@ -1,6 +1,6 @@
 """
-From raw files to your own ply
-==============================
+From raw files to a load
+========================
 
 Files of testing machines, as they are exported, are read and fitted jointly: tensile
 tests of warp and weft, and a picture frame. The band of the fitted parameters is then
@@ -52,7 +52,7 @@ gamma = np.radians(np.linspace(0.0, 50.0, 150))
 export("frame.txt", FRAME.displacement(gamma), FRAME.force(SHEAR, gamma), toe=2.0)
 
 # %%
-# What was read, and the laws with 95 % intervals of their parameters.
+# The content as read, and the laws with 95 % intervals of their parameters.
 
 tests = [
     *read_strips(folder / "warp.txt", "warp", width=50.0, length=200.0),

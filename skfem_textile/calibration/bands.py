@@ -200,7 +200,7 @@ class Fit:
         slopes
             Derivatives of n functions with respect to the parameters, shape (n, p), in
             the order of `Model.parameters`, or also to the free zeros, shape (n, p +
-            zeros).  `load_band` determines those of simulated loads.
+            zeros).  `load_band` determines them for simulated loads.
 
         Returns
         -------

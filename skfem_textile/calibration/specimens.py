@@ -73,7 +73,7 @@ class Specimen(MeasuredTest):
     assumed_slack
         Slack in mm that determines the fitted points if it is unknown: `fit_tests`
         repeats a fit with the fitted slack until these points are its own.  None for
-        that of a polynomial through the whole curve.
+        the slack of a polynomial through the whole curve.
     """
 
     test: ShearTest

@@ -92,8 +92,8 @@ def load_band(
     """Loads of a user-defined problem with the fitted laws, and their band.
 
     The problem is solved with the fitted parameters, and with each of them increased
-    and decreased: 2 p + 1 times for p parameters.  The band is that of a linear
-    function of the parameters.  It does not contain the discretisation error.
+    and decreased: 2 p + 1 times for p parameters.  Loads are
+    assumed linear within the band, which does not contain the discretisation error.
 
     Parameters
     ----------
@@ -327,7 +327,7 @@ def refuse_others(tests: Sequence[Test]) -> list[Specimen]:
 
 
 def _with_zeros(test: Specimen) -> Specimen:
-    """The test with its zeros, by a polynomial law of its own if they are unknown."""
+    """The test with its zeros, by a separate polynomial law if they are unknown."""
     if test.assumes_slack or test.zeros.force is None:
         return fit_near([test], Choice()).zeroed(0)
     return test

@@ -123,7 +123,7 @@ class FabricOfFile(Table):
         Raises
         ------
         ValueError
-            If the law of the file has one.
+            If the law of the file contains one.
         """
         from ..fabric.laws.tension import Asymmetric, Pretensioned, TensionOnly
 

@@ -120,4 +120,5 @@ def test_the_band_of_a_user_defined_load_is_that_of_a_prediction():
     np.testing.assert_allclose(band.force, one.force, rtol=1e-6)
     np.testing.assert_allclose(band.pointwise, one.pointwise, rtol=1e-5)
     assert band.simultaneous == pytest.approx(one.simultaneous)
-    assert band.slopes.shape == (GAMMA.size, 1) and len(calls) == 3
+    assert band.slopes.shape == (GAMMA.size, 1)
+    assert len(calls) == 3

@@ -588,5 +588,5 @@ def test_two_statements_about_compression_are_refused(tmp_path, tension, keys, m
 
 def test_compression_of_a_fabric_requires_its_file(tmp_path):
     text = FITTED.replace('file = "fabric.json"', 'compression = "none"')
-    with pytest.raises(CaseFileError, match="require fabric.file"):
+    with pytest.raises(CaseFileError, match="require fabric"):
         case_from_file(write_case(tmp_path, text))
