@@ -234,12 +234,17 @@ def read_specimens(
 def _slack_of_whole_curve(specimen: Specimen) -> float:
     """Slack of the best polynomial of degree 5, with or without a force at rest.
 
-    All slacks are compared at the same points, within the range or not.
+    It is 0 unless the data contradict it, by the Bayesian information criterion.  All slacks are compared at the same points, within the range or not.
     """
     assert specimen.displacement is not None
     slacks = np.linspace(*slack_range(specimen.displacement), _SLACKS)
     free = {False, specimen.zeros.force is None}
-    found = [(_misfit(specimen, s, force), s) for force in free for s in slacks]
+    log_n = float(np.log(specimen.force.size))  # of the slack, a further parameter
+    found = [
+        (_misfit(specimen, s, force) + log_n * (s != 0.0), s)
+        for force in free
+        for s in (0.0, *slacks)
+    ]
     return float(min(found)[1])
 
 
