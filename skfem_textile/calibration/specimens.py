@@ -234,7 +234,8 @@ def read_specimens(
 def _slack_of_whole_curve(specimen: Specimen) -> float:
     """Slack of the best polynomial of degree 5, with or without a force at rest.
 
-    It is 0 unless the data contradict it, by the Bayesian information criterion.  All slacks are compared at the same points, within the range or not.
+    It is 0 unless the data contradict it, by the Bayesian information criterion.  All
+    slacks are compared at the same points, within the range or not.
     """
     assert specimen.displacement is not None
     slacks = np.linspace(*slack_range(specimen.displacement), _SLACKS)
