@@ -292,9 +292,8 @@ def validate(
         If a test is of another kind or has no displacement, or a simulation fails.
     """
     found = []
-    for one in refuse_others(tests):
+    for one in map(_with_zeros, refuse_others(tests)):
         assert one.displacement is not None
-        one = _with_zeros(one)
         gamma = one.angle_at(one.displacement, one.slack)
         with np.errstate(invalid="ignore"):
             used = (gamma > 0) & (gamma <= one.last_angle(np.inf))
