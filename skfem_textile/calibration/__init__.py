@@ -12,7 +12,7 @@ from .regression import JointFit
 from .simulation import Simulation
 from .specimens import Specimen, Zeros, read_specimens
 from .strip import Strip, read_strips
-from .validation import Prediction, Validation, predict, validate
+from .validation import LoadBand, Prediction, Validation, load_band, predict, validate
 
 __all__ = [
     "BiasExtension",
@@ -23,6 +23,7 @@ __all__ = [
     "Fit",
     "Format",
     "JointFit",
+    "LoadBand",
     "PictureFrame",
     "Prediction",
     "Preparation",
@@ -35,6 +36,7 @@ __all__ = [
     "Validation",
     "Zeros",
     "fit_tests",
+    "load_band",
     "predict",
     "prepare",
     "read_biaxial",

@@ -198,7 +198,30 @@ class Fit:
         Parameters
         ----------
         slopes
-            Derivatives with respect to the parameters, and perhaps to the free zeros.
+            Derivatives of n functions with respect to the parameters, shape (n, p), in
+            the order of `Model.parameters`, or also to the free zeros, shape (n, p +
+            zeros).  `load_band` determines them for simulated loads.
+
+        Returns
+        -------
+        deviation, freedom
+            Standard deviations in the unit of the functions, and degrees of freedom,
+            each of shape (n,).
+
+        Examples
+        --------
+        The standard deviation of each parameter:
+
+        >>> from skfem_textile import Sin2
+        >>> from skfem_textile.calibration import Choice, PictureFrame, Specimen
+        >>> from skfem_textile.calibration import fit_tests
+        >>> test, gamma = PictureFrame(200.0, 160.0), np.radians(np.arange(1.0, 40.0))
+        >>> force = test.force(Sin2(0.3), gamma) + 0.1 * (-1) ** np.arange(39)
+        >>> one = Specimen("one", test, force, displacement=test.displacement(gamma))
+        >>> fit = fit_tests([one], Choice("polynomial")).parts["shear"]
+        >>> deviation, freedom = fit.deviation(np.eye(3))
+        >>> bool(np.allclose(deviation**2, np.diag(fit.covariance))), freedom.shape
+        (True, (3,))
         """
         k = slopes.shape[1]
         of_each = [

@@ -22,7 +22,7 @@ from .measured import FAMILIES
 from .regression import JointFit, fit
 from .selection import AUTO, Candidate, best_of, cross_validated, reason_against
 from .simulation import SimulatedTest, Simulation, simulated
-from .solving import Sample
+from .solving import Laws, Sample
 from .specimens import Specimen, Zeros
 from .strip import Strip
 
@@ -63,9 +63,9 @@ class FabricFit:
         """Laws by part."""
         return self.fit.joint.law
 
-    def fabric(self, base: Fabric) -> Fabric:
-        """A fabric whose laws are replaced by the fitted ones."""
-        laws, (warp, weft) = self.laws, base.bending
+    def fabric(self, base: Fabric, laws: Laws | None = None) -> Fabric:
+        """A fabric whose laws are replaced by the fitted ones, or by laws by part."""
+        laws, (warp, weft) = self.laws if laws is None else laws, base.bending
         tension: Any = base.tension
         if "both" in laws:
             tension = laws["both"]
@@ -137,7 +137,11 @@ class FabricFit:
 # load from a curve with a noise of 1 %.
 _SETTLED = 1e-3
 
-# Maximum number of simulations of each test; four are usual.
+# Relative difference of the ends of a law below which fits are equal: numerical error
+# of the fitted slack.
+_EQUAL = 1e-6
+
+# Maximum number of simulations of each test, and of ranges; four are usual.
 _MOST_ROUNDS = 10
 
 
@@ -219,7 +223,7 @@ def _chosen(
             )
             for law, degree in _SHEAR_CANDIDATES
         }
-        one = _best(tests, options, "shear", found)
+        one = _best(_within_range(tests, choice.up_to), options, "shear", found)
         choice = replace(choice, shear=one.shear, degree=one.degree)
     if choice.tension == AUTO and any(_pulls(test) for test in tests):
         of_each = {law: replace(choice, tension=law) for law in _TENSION_CANDIDATES}
@@ -228,6 +232,17 @@ def _chosen(
         order = _TENSION_CANDIDATES.index
         choice = replace(choice, tension=max((x.tension for x in best), key=order))
     return choice, found
+
+
+def _within_range(tests: Sequence[Test], up_to: float | None) -> Sequence[Test]:
+    """Shear tests with one range for all laws: by the polynomial of degree 5."""
+    shear = of_kind(tests, Specimen)
+    if not any(one.assumes_slack for one in shear):
+        return shear
+    try:
+        return fit_near(shear, Choice(up_to=up_to)).tests
+    except ValueError:  # too few points for this law
+        return shear
 
 
 def _best(
@@ -305,6 +320,9 @@ def fit_near(
 ) -> FabricFit:
     """Fit with given simulations of some tests, by laws near the fitted ones.
 
+    An unknown slack determines which points are within the range: the fit is repeated
+    with the fitted slack until the range is its own.
+
     Parameters
     ----------
     tests, choice
@@ -314,11 +332,52 @@ def fit_near(
     start
         Initial parameters; required if tension laws are fitted with simulations.
     """
-    of_models, simulations = models_of(tests, choice), simulations or {}
+    simulations, ranges = simulations or {}, list[FabricFit]()
+    while True:
+        result = _fit_within(tests, choice, simulations, start)
+        ranges.append(result)
+        tests = _with_fitted_slack(result)
+        known = any(_same_range(tests, one) for one in ranges)
+        if known or len(ranges) == _MOST_ROUNDS:
+            return result
+
+
+def _fit_within(
+    tests: Sequence[Test],
+    choice: Choice,
+    simulations: Mapping[ShearTest, SimulatedTest],
+    start: ndarray | None,
+) -> FabricFit:
+    """Fit to the points within the range by the assumed slacks."""
+    of_models = models_of(tests, choice)
     tensions = tuple(name for name in (*FAMILIES, "both") if name in of_models)
     samples = _samples(tests, choice, simulations, tensions)
     result = fit(of_models, samples, start=start)
     return FabricFit(result, tuple(tests), choice, simulations)
+
+
+def _with_fitted_slack(result: FabricFit) -> list[Test]:
+    """The tests, with the fitted slack in the place of the assumed one."""
+    zeroed = iter(range(len(result.specimens)))
+    return [
+        replace(one, assumed_slack=result.zeroed(next(zeroed)).slack)
+        if isinstance(one, Specimen)
+        else one
+        for one in result.tests
+    ]
+
+
+def _same_range(tests: Sequence[Test], result: FabricFit) -> bool:
+    """True if a fit to tests would be the same: by their points, and ends of laws."""
+    up_to, law = result.choice.up_to, result.laws.get("shear")
+    pairs = list(zip(of_kind(tests, Specimen), result.specimens, strict=True))
+    if any(np.any(a.used(up_to) != b.used(up_to)) for a, b in pairs):
+        return False
+    if law is None or np.isinf(domain_of(law)[1]):
+        return True
+    ends = [[reach(one, up_to) for one in each] for each in zip(*pairs, strict=True)]
+    after, before = map(max, ends)
+    return abs(after - before) <= _EQUAL * before
 
 
 def _samples(
@@ -329,19 +388,17 @@ def _samples(
 ) -> list[Sample]:
     """Curves of all tests with their predictions."""
     samples: list[Sample] = []
-    specimens = of_kind(tests, Specimen)
-    largest = max((reach(one, choice.up_to) for one in specimens), default=0.0)
     curves = of_kind(tests, BiaxialCurve)
     if choice.tension == "crimp-interchange":
         samples += [residuals.biaxial_coupled(one) for one in curves]
     else:
         samples += [residuals.biaxial(c, i) for i in range(2) for c in curves]
     samples += [residuals.strip(one) for one in of_kind(tests, Strip)]
-    for one in specimens:
+    for one in of_kind(tests, Specimen):
         found = simulations.get(one.test)
         end = np.inf if found and choice.up_to is None else choice.up_to
         others = tensions if found else ()
-        samples.append(residuals.shear(one, end, largest, found, others))
+        samples.append(residuals.shear(one, end, found, others))
     samples += [residuals.cantilever(one) for one in of_kind(tests, CantileverTest)]
     return samples
 
@@ -351,22 +408,19 @@ def _fitted_by_simulation(
 ) -> FabricFit:
     """Fit such that simulated bias extensions have the measured loads."""
     tests = [_driven(one) if _is_bias(one) else one for one in tests]
-    specimens = [one for one in of_kind(tests, Specimen) if _is_bias(one)]
     end = choice.up_to or np.inf
-    largest = [reach(one, end) for one in specimens]
     result = fit_near(tests, replace(choice, up_to=end))
+    specimens = [one for one in result.specimens if _is_bias(one)]
+    largest = [reach(one, end) for one in specimens]
     before = _loads(result)
     for n in range(_MOST_ROUNDS):
         found = simulated(
             simulation, result.laws, [one.test for one in specimens], largest
         )
         start = result.fit.joint.values
-        result = fit_near(tests, replace(choice, up_to=end), found, start)
+        result = fit_near(result.tests, replace(choice, up_to=end), found, start)
         loads = _loads(result)
-        change = max(
-            float(np.abs(current - previous).max() / np.abs(current).max())
-            for current, previous in zip(loads, before, strict=True)
-        )
+        change = max(map(_change, before, loads))
         log.info(
             "simulation %d: loads change by at most %.3g times the largest load",
             n + 1,
@@ -393,6 +447,13 @@ def _driven(specimen: Any) -> Specimen:
             "fitted by simulation"
         )
     return replace(specimen, measured_angle=None)
+
+
+def _change(before: ndarray, after: ndarray) -> float:
+    """Largest change of loads, relative to the largest; infinite for another range."""
+    if before.size != after.size:
+        return np.inf
+    return float(np.abs(after - before).max() / np.abs(after).max())
 
 
 def _loads(result: FabricFit) -> list[Any]:

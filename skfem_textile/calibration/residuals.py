@@ -5,18 +5,19 @@ zeros that predicts them; a fit compares both.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy import ndarray
 
-from ..fabric import BiaxialLaw, TwoLaws
+from ..fabric import BiaxialLaw, Tabulated, TwoLaws
 from ..fabric.law import domain_of
 from .bending import CantileverTest
 from .biaxial import BiaxialCurve
 from .measured import FAMILIES, slack_range
 from .simulation import SimulatedTest
 from .solving import Laws, Offset, Sample
-from .specimens import Specimen
+from .specimens import END_OF_RANGE, Specimen
 from .strip import Strip
 
 #: Forces of shear laws at shear angles: `ShearTest.force`, or `SimulatedTest.force`.
@@ -67,7 +68,6 @@ def biaxial_coupled(curve: BiaxialCurve) -> Sample:
 def shear(
     specimen: Specimen,
     up_to: float | None,
-    largest: float,
     simulated: SimulatedTest | None = None,
     others: tuple[str, ...] = (),
 ) -> Sample:
@@ -83,8 +83,6 @@ def shear(
         The curve.
     up_to
         Shear angle in radians above which points are excluded; see `Specimen.used`.
-    largest
-        Largest shear angle of all specimens, at which laws with a pole end.
     simulated
         Simulation of the test.
     others
@@ -96,8 +94,7 @@ def shear(
     offsets = []
     if at_rest is None:
         offsets.append(Offset("force at rest", "N", 0.0, -most, most, False))
-    slides = moved is not None and specimen.measured_angle is None
-    if slides and zeros.slack is None:
+    if specimen.assumes_slack:
         assert moved is not None
         low, high = slack_range(moved)
         start = float(np.clip(specimen.slack, low, high))
@@ -110,9 +107,12 @@ def shear(
         if "slack" in values:
             assert moved is not None
             gamma = specimen.angle_at(moved[used], values["slack"])
-            # ends before a pole, or the end of a table, and the last angle of the test
-            bounded = np.isfinite(domain_of(law)[1])
-            gamma = np.fmin(gamma, largest if bounded else specimen.last_angle(np.inf))
+            if isinstance(law, Tabulated):  # smooth where a slack passes its end
+                law = replace(law, extrapolation="linear")
+                laws = {**laws, "shear": law}
+            # ends before a pole, and before the end of the test
+            end = min(END_OF_RANGE * domain_of(law)[1], specimen.last_angle(np.inf))
+            gamma = np.fmin(gamma, end)
         if simulated is None:
             force = specimen.test.force(law, gamma)
         else:

@@ -136,12 +136,16 @@ def jacobian_of(
 
 
 def differences(
-    model: Model, values: ndarray, value: Callable[[Any], ndarray]
+    model: Model,
+    values: ndarray,
+    value: Callable[[Any], ndarray],
+    steps: ndarray | None = None,
 ) -> ndarray:
     """Derivatives with respect to parameters by finite differences, (n, p)."""
+    if steps is None:
+        steps = 1e-6 * np.maximum(np.abs(values), 1e-6)
     columns = []
-    for i, x in enumerate(values):
-        step = 1e-6 * max(abs(x), 1e-6)
+    for i, (x, step) in enumerate(zip(values, steps, strict=True)):
         ends = np.repeat(values[None], 2, axis=0)
         ends[:, i] = np.clip([x - step, x + step], model.low[i], model.high[i])
         low, high = (value(model.build(end)) for end in ends)

@@ -28,11 +28,11 @@ _SMOOTH = 5
 #: Rounding tolerance of the end of the range.
 ROUNDING = 1e-9
 
-# Share of the largest angle of a test above which points are excluded: forces of the
-# closed form are unbounded there.
-_END = 0.999
+#: Share of the largest angle of a test, or of the pole of a law, above which forces are
+#: not computed: they are unbounded there.
+END_OF_RANGE = 0.999
 
-# Number of slacks that are compared for an estimate.
+# Number of slacks that are compared for a start.
 _SLACKS = 71
 
 # Share of the measured angles, from the smallest on, that determine the slack.
@@ -70,6 +70,10 @@ class Specimen(MeasuredTest):
         missing.
     zeros
         Zeros of the machine.
+    assumed_slack
+        Slack in mm that determines the fitted points if it is unknown: `fit_tests`
+        repeats a fit with the fitted slack until these points are its own.  None for
+        the slack of a polynomial through the whole curve.
     """
 
     test: ShearTest
@@ -77,18 +81,23 @@ class Specimen(MeasuredTest):
     displacement: ndarray | None = None
     measured_angle: ndarray | None = None
     zeros: Zeros = Zeros()
+    assumed_slack: float | None = None
+
+    @property
+    def assumes_slack(self) -> bool:
+        """True if the slack is assumed: neither given, nor by a measured angle."""
+        unknown = self.zeros.slack is None and self.displacement is not None
+        return unknown and self.measured_angle is None
 
     @cached_property
     def slack(self) -> float:
-        """Slack in mm, or an estimate of it: 0 unless the data contradict it.
-
-        A measured angle determines it from the kinematics; otherwise the polynomial of
-        degree 5 with the best Bayesian information criterion.
-        """
+        """Slack in mm: as given, by the kinematics of a measured angle, or assumed."""
+        if self.assumes_slack:
+            given = self.assumed_slack
+            return _slack_of_whole_curve(self) if given is None else given
         if self.zeros.slack is not None or self.displacement is None:
             return self.zeros.slack or 0.0
-        if self.measured_angle is None:
-            return _estimated_slack(self)
+        assert self.measured_angle is not None
         early = self.measured_angle <= _EARLY * self.measured_angle.max()
         moved = self.test.displacement(self.measured_angle[early])
         return float(np.median(self.displacement[early] - moved))
@@ -141,7 +150,7 @@ class Specimen(MeasuredTest):
         if up_to is None:
             alone = self.measured_angle is not None and self.displacement is None
             up_to = np.inf if alone else self.kinematics_limit
-        return min(up_to * (1 + ROUNDING), _END * self.test.largest_angle)
+        return min(up_to * (1 + ROUNDING), END_OF_RANGE * self.test.largest_angle)
 
     def used(self, up_to: float | None) -> ndarray:
         """Mask of the fitted points: from 0 to `last_angle`, shape (n,)."""
@@ -222,34 +231,34 @@ def read_specimens(
     return specimens
 
 
-def _estimated_slack(specimen: Specimen) -> float:
-    """Slack of the best polynomial law; 0 if a law without slack is as good."""
+def _slack_of_whole_curve(specimen: Specimen) -> float:
+    """Slack of the best polynomial of degree 5, with or without a force at rest.
+
+    It is 0 unless the data contradict it, by the Bayesian information criterion.  All
+    slacks are compared at the same points, within the range or not.
+    """
     assert specimen.displacement is not None
     slacks = np.linspace(*slack_range(specimen.displacement), _SLACKS)
-    log_n = float(np.log(specimen.force.size))
-    found = []
-    for force_is_free in {False, specimen.zeros.force is None}:
-        found.append((_misfit(specimen, 0.0, force_is_free), 0.0))
-        found += [(_misfit(specimen, s, force_is_free) + log_n, s) for s in slacks]
+    free = {False, specimen.zeros.force is None}
+    log_n = float(np.log(specimen.force.size))  # of the slack, a further parameter
+    found = [
+        (_misfit(specimen, s, force) + log_n * (s != 0.0), s)
+        for force in free
+        for s in (0.0, *slacks)
+    ]
     return float(min(found)[1])
 
 
 def _misfit(specimen: Specimen, slack: float, force_is_free: bool) -> float:
     """Bayesian information criterion of a polynomial of degree 5 with this slack."""
     assert specimen.displacement is not None
-    end = specimen.test.largest_angle if specimen.test.imposes_angle else BELIEVED
     gamma = specimen.angle_at(specimen.displacement, slack)
-    with np.errstate(invalid="ignore"):
-        used = gamma <= _END * end
-    force = specimen.force - (specimen.zeros.force or 0.0)
+    gamma = np.fmin(gamma, END_OF_RANGE * specimen.test.largest_angle)
     laws = [Polynomial((1.0,)), Polynomial((0, 0, 1.0)), Polynomial((0, 0, 0, 0, 1.0))]
     columns = [specimen.test.force(law, gamma) for law in laws]
-    if force_is_free:
-        columns.append(np.ones(gamma.size))
-    A, b = np.transpose(np.array(columns))[used], force[used]
-    if len(b) <= A.shape[1]:
-        return np.inf
+    columns += [np.ones(gamma.size)] * force_is_free
+    A, b = np.transpose(columns), specimen.force - (specimen.zeros.force or 0.0)
     rest = b - A @ np.linalg.lstsq(A, b)[0]
-    variance = max(float(rest @ rest) / b.size, 1e-18 * float(b @ b) / b.size)
-    n = specimen.force.size
-    return n * np.log(variance) + int(force_is_free) * np.log(n)
+    n = b.size
+    variance = max(float(rest @ rest), 1e-18 * float(b @ b)) / n
+    return n * np.log(variance) + force_is_free * np.log(n)

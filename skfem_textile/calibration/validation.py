@@ -1,6 +1,6 @@
 """Predictions of tests that were not used in a fit, with their uncertainty."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,9 +10,9 @@ from scipy import special
 
 from ..fabric import Fabric
 from ..scenes.shear_test import ShearTest
-from .bands import CONFIDENCE
-from .choice import Test
-from .fitting import FabricFit
+from .bands import CONFIDENCE, Fit
+from .choice import Choice, Test
+from .fitting import FabricFit, fit_near
 from .simulation import SimulatedTest, Simulation
 from .solving import differences
 from .specimens import Specimen
@@ -27,45 +27,115 @@ CONFIRMED = CONFIDENCE
 #: Quantile of the normal distribution for two-sided bands.
 NORMAL_95 = float(special.ndtri(0.5 + 0.5 * CONFIDENCE))
 
+# Step of a derivative of loads, in standard deviations of a parameter: far above the
+# tolerance of equilibria, and within the range in which loads are linear.  For a
+# parameter at a bound, which has none, relative to it.
+_STEP, _STEP_AT_BOUND = 0.1, 1e-3
+
 # Largest interpolated share of the states without an interval.
 _MISSING = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class LoadBand:
+    """Loads computed with fitted laws, with the uncertainty due to their parameters.
+
+    Attributes
+    ----------
+    force
+        Loads, shape (n,), in N if they are forces.
+    slopes
+        Derivatives of the loads with respect to the parameters of `JointFit.joint`,
+        shape (n, p).
+    deviation, freedom
+        Standard deviation of the loads in their unit, and its degrees of freedom, shape
+        (n,); see `Fit.deviation`.
+    simultaneous
+        Number of standard deviations of a band that contains all loads.
+    """
+
+    force: ndarray
+    slopes: ndarray
+    deviation: ndarray
+    freedom: ndarray
+    simultaneous: float
+
+    @property
+    def pointwise(self) -> ndarray:
+        """Half-width of the 95 % band of each load in its unit, (n,)."""
+        quantile = special.stdtrit(self.freedom, 0.5 + 0.5 * CONFIDENCE)
+        return quantile * self.deviation
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction(LoadBand):
     """Force of a test by simulation with fitted laws.
 
     Attributes
     ----------
     simulated
         The simulation with the fitted laws.
-    gamma, force
-        Theoretical shear angles in radians, and predicted forces in N, shape (n,).
-    slopes
-        Derivatives of the forces with respect to the parameters, shape (n, p).
-    deviation, freedom
-        Standard deviation of the forces due to the parameters in N, and its degrees of
-        freedom, shape (n,).
+    gamma
+        Theoretical shear angles in radians, shape (n,).
     discretisation
         Half-width of the discretisation error in N, shape (n,).
-    simultaneous
-        Number of standard deviations of a band that contains the whole curve.
     """
 
     simulated: SimulatedTest
     gamma: ndarray
-    force: ndarray
-    slopes: ndarray
-    deviation: ndarray
-    freedom: ndarray
     discretisation: ndarray
-    simultaneous: float
 
-    @property
-    def pointwise(self) -> ndarray:
-        """Half-width of the band of the parameters at each point in N, (n,)."""
-        quantile = special.stdtrit(self.freedom, 0.5 + 0.5 * CONFIDENCE)
-        return quantile * self.deviation
+
+def load_band(
+    result: FabricFit, base: Fabric, loads: Callable[[Fabric], ndarray]
+) -> LoadBand:
+    """Loads of a user-defined problem with the fitted laws, and their band.
+
+    The problem is solved with the fitted parameters, and with each of them increased
+    and decreased: 2 p + 1 times for p parameters.  Loads are
+    assumed linear within the band, which does not contain the discretisation error.
+
+    Parameters
+    ----------
+    result
+        Fitted laws.
+    base
+        Fabric with the fibre directions and the laws that were not fitted.
+    loads
+        Function that solves the problem for a fabric and returns n loads, or other
+        results, such as the reaction at each load step.
+
+    Examples
+    --------
+    >>> from skfem_textile import Sin2
+    >>> from skfem_textile.calibration import BiasExtension, Choice, Specimen, fit_tests
+    >>> test, gamma = BiasExtension(100.0, 250.0), np.radians(np.arange(1.0, 40.0))
+    >>> force = test.force(Sin2(0.3), gamma)
+    >>> force += 0.02 * force.max() * np.random.default_rng(1).normal(size=gamma.size)
+    >>> specimen = Specimen("one", test, force, displacement=test.displacement(gamma))
+    >>> result = fit_tests([specimen], Choice("sin2"))
+    >>> band = load_band(result, Fabric(), lambda f: f.shear.value(gamma[[9, 19]]))
+    >>> band.force.round(3), band.pointwise.round(3)
+    (array([0.051, 0.096]), array([0.001, 0.001]))
+    """
+    fit = result.fit.joint
+
+    def value(laws: Any) -> ndarray:
+        return np.asarray(loads(result.fabric(base, laws)), dtype=float)
+
+    own = np.sqrt(np.diag(fit.covariance))
+    steps = np.where(own > 0, _STEP * own, _STEP_AT_BOUND * np.abs(fit.values))
+    return LoadBand(*_banded(fit, value, steps))
+
+
+def _banded(
+    fit: Fit, value: Callable[[Any], ndarray], steps: ndarray | None = None
+) -> tuple[ndarray, ndarray, ndarray, ndarray, float]:
+    """Fields of a `LoadBand` of a function of the laws."""
+    slopes = differences(fit.model, fit.values, value, steps)
+    deviation, freedom = fit.deviation(slopes)
+    quantile = _simultaneous(fit.covariance, slopes, freedom)
+    return value(fit.law), slopes, deviation, freedom, quantile
 
 
 def predict(
@@ -121,13 +191,7 @@ def predict_near(result: FabricFit, found: SimulatedTest, gamma: ndarray) -> Pre
     def value(laws: Any) -> ndarray:
         return found.force({**found.laws, **laws}, gamma)
 
-    slopes = differences(joint.model, joint.values, value)
-    deviation, freedom = joint.deviation(slopes)
-    return Prediction(
-        *(found, gamma, value(joint.law), slopes, deviation, freedom),
-        discretisation=_interpolated(found, gamma),
-        simultaneous=_simultaneous(joint.covariance, slopes, freedom),
-    )
+    return Prediction(*_banded(joint, value), found, gamma, _interpolated(found, gamma))
 
 
 def _interpolated(found: SimulatedTest, gamma: ndarray) -> ndarray:
@@ -228,7 +292,7 @@ def validate(
         If a test is of another kind or has no displacement, or a simulation fails.
     """
     found = []
-    for one in refuse_others(tests):
+    for one in map(_with_zeros, refuse_others(tests)):
         assert one.displacement is not None
         gamma = one.angle_at(one.displacement, one.slack)
         with np.errstate(invalid="ignore"):
@@ -259,6 +323,13 @@ def refuse_others(tests: Sequence[Test]) -> list[Specimen]:
             )
         found.append(one)
     return found
+
+
+def _with_zeros(test: Specimen) -> Specimen:
+    """The test with its zeros, by a separate polynomial law if they are unknown."""
+    if test.assumes_slack or test.zeros.force is None:
+        return fit_near([test], Choice()).zeroed(0)
+    return test
 
 
 def _noise(force: ndarray) -> float:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..fabric import Fabric
+from ..fabric import BiaxialLaw, Fabric, TwoLaws
 from ..fabric.directions import FibreDirections, directions_of, warn_of_directions
 from ..fabric.regions import fabric_of_regions
 from ..mesh.user_input import printable
@@ -169,6 +169,11 @@ def _refuse_contradictions(file: CaseFile) -> None:
         raise ValueError(
             "fabric.thickness_mm, fabric.units and fabric.material require "
             "fabric.file: name the file"
+        )
+    if file.fabric.file is None and file.fabric.changes_compression:
+        raise ValueError(
+            "fabric.compression and fabric.in_compression require fabric.file: name "
+            "the file, or use tension.compression and tension.in_compression"
         )
     for key, named in (
         ("fabric.file", file.fabric.file),
@@ -378,7 +383,16 @@ def _named(table: str, build: Callable[[], Any]) -> Any:
 def _fabric_of_file(file: str, table: FabricOfFile) -> Fabric:
     from ..io import read_fabric
 
-    return read_fabric(file, table.thickness_mm, table.units, table.material).fabric
+    found = read_fabric(file, table.thickness_mm, table.units, table.material).fabric
+    if not table.changes_compression:
+        return found
+    if isinstance(found.tension, BiaxialLaw) and not isinstance(found.tension, TwoLaws):
+        raise ValueError(
+            "fabric.file contains a tension law of both strains, which also applies in "
+            "compression: omit fabric.compression and fabric.in_compression"
+        )
+    laws = (family.tension for family in found.families)
+    return replace(found, tension=tuple(map(table.compressed, laws)))
 
 
 def _with_directions(

@@ -230,7 +230,8 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, A
             if filled[name]:
                 raise ValueError(
                     f"[{name}] sets a law, but fabric.file contains all laws: omit one "
-                    "of them"
+                    "of them; fabric.compression and fabric.in_compression add a law "
+                    "in compression"
                 )
     mesh = filled["mesh"] = _with_kind(filled["mesh"], scene)
     stepping = filled["stepping"]
@@ -273,6 +274,12 @@ def _laws_nested(tables: Any, scene: type[Scene]) -> Any:
     if isinstance(tables.get("bending"), dict):
         bending = dict.fromkeys(("warp_N_mm", "weft_N_mm"), scene.bending)
         tables = {**tables, "bending": {**bending, **tables["bending"]}}
+    of_file = tables.get("fabric")
+    if isinstance(of_file, dict) and "in_compression" in of_file:
+        law = _law_nested(
+            of_file["in_compression"], InCompression, scene.fibre_stiffness
+        )
+        tables = {**tables, "fabric": {**of_file, "in_compression": law}}
     nested: dict[str, tuple[type[Struct], float]] = {
         "tension": (Tension, scene.fibre_stiffness),
         "shear": (Shear, scene.shear_stiffness),

@@ -6,6 +6,7 @@ Case files, the command line with its help, the validation of input, the written
 imports the modules for it only then.
 """
 
+from dataclasses import replace
 from math import radians
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
 
@@ -105,6 +106,36 @@ class FabricOfFile(Table):
     material: Annotated[
         str | None, about("name of the material, for a deck with several fabrics")
     ] = None
+    compression: Annotated[
+        Literal["none"] | None,
+        about("none: no force of the fibres in compression (default: as in the file)"),
+    ] = None
+    in_compression: "InCompression | None" = None
+
+    @property
+    def changes_compression(self) -> bool:
+        """True if the fibres have another law in compression than in the file."""
+        return self.compression is not None or self.in_compression is not None
+
+    def compressed(self, law: Any) -> Any:
+        """The law of a family of the file, with the behaviour in compression.
+
+        Raises
+        ------
+        ValueError
+            If the law of the file contains one.
+        """
+        from ..fabric.laws.tension import Asymmetric, Pretensioned, TensionOnly
+
+        if isinstance(law, Pretensioned):
+            return replace(law, law=self.compressed(law.law))
+        if isinstance(law, Asymmetric | TensionOnly):
+            raise ValueError(
+                f"fabric.file already contains a law in compression, of "
+                f"{type(law).__name__}: omit fabric.compression and "
+                "fabric.in_compression, or remove it from the file"
+            )
+        return _with_compression(law, self.compression or "law", self.in_compression)
 
 
 # -------------------------------------------------------------------------------- laws
@@ -278,6 +309,20 @@ class InCompression(Table):
     law: TensionLaw
 
 
+def _with_compression(law: Any, compression: str, other: InCompression | None) -> Any:
+    """A law with no force, or another law, in compression."""
+    from ..fabric.laws.tension import Asymmetric, TensionOnly
+
+    if other is not None:
+        if compression != "law":
+            raise ValueError(
+                f"compression is {compression!r}, but in_compression is a law: omit "
+                "one of them"
+            )
+        return Asymmetric(law, other.law.build("tension"))
+    return TensionOnly(law) if compression == "none" else law
+
+
 class Weft(Table):
     """Law of the weft, if it differs from the law of the warp."""
 
@@ -299,18 +344,10 @@ class Weft(Table):
         ValueError
             If the numbers are invalid, or two keys contradict each other.
         """
-        from ..fabric.laws.tension import Asymmetric, Pretensioned, TensionOnly
+        from ..fabric.laws.tension import Pretensioned
 
         law = self.law.build("tension")
-        if self.in_compression is not None:
-            if self.compression != "law":
-                raise ValueError(
-                    f"compression is {self.compression!r}, but in_compression is a "
-                    "law: omit one of them"
-                )
-            law = Asymmetric(law, self.in_compression.law.build("tension"))
-        elif self.compression == "none":
-            law = TensionOnly(law)
+        law = _with_compression(law, self.compression, self.in_compression)
         if self.pretension_N_per_mm:
             return Pretensioned(law, self.pretension_N_per_mm)
         return law

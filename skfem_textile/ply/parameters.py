@@ -340,7 +340,9 @@ class HeldStiffness(TermParameters):
 class HeldStabilisation(HeldStiffness):
     """C_s of `hourglass` and `out_of_plane`, from warp and weft together.
 
-    It is computed by `stabilisation_stiffness`.
+    It is computed by `stabilisation_stiffness`.  Of the parameters ``p`` of a ply, such
+    as `Ply.parameters_at_rest`, it is ``p["stabilisation"]["C_s"]`` in N/mm, of shape
+    (elements after the split, 1).
 
     Parameters
     ----------
@@ -372,6 +374,11 @@ class HeldStabilisation(HeldStiffness):
 
 class HeldDeviation(HeldStiffness):
     """E_d of `mean_tension`: `deviation_stiffness` of warp and weft in each element.
+
+    E_d resists deviations of the stretch of the parts of a macro-element from their
+    mean.  Of the parameters ``p`` of a ply of macro-elements, such as
+    `Ply.parameters_at_rest`, it is ``p["tension"]["E_d"]`` in N/mm, of shape (2,
+    elements before the split, 1), for warp and weft.
 
     Parameters
     ----------

@@ -1,5 +1,7 @@
 """Branches, outliers and origin of recordings; zeros of machines in a fit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from skfem_textile.calibration import (
 )
 from skfem_textile.calibration.preparing.outliers import outliers
 from skfem_textile.calibration.report import data_report
+from skfem_textile.calibration.specimens import BELIEVED
 from tests.helpers.fits import fit_shear, of_shear
 
 LAW = Polynomial((0.3, 0.0, -0.3, 0.0, 0.6))
@@ -186,9 +189,10 @@ def test_bands_contain_the_law_at_the_stated_rate_with_unknown_zeros(toe):
 def test_the_band_of_a_curve_is_that_of_its_noise_whatever_its_zeros(at_rest):
     """Zeros and laws that differ together predict the same curve."""
     one, exact = (specimen(2.0, at_rest, noise) for noise in (0.01, 0.0))
-    fit = of_shear([one])
+    result = fit_shear([one])
+    fit, used = result.parts["shear"], result.specimens[0].used(None)
     low, high = fit.curve_band(0)
-    known = exact.force[one.used(None)]
+    known = exact.force[used]
     assert np.mean((low <= known) & (known <= high)) > 0.8
     assert (high - low).max() < 2 * fit.noise[0]
 
@@ -256,12 +260,33 @@ def test_invalid_choices_are_refused():
         Preparation(cycle=0)
 
 
-def test_the_largest_angle_has_the_fitted_slack():
-    """The slack is first estimated; both differ here by more than a degree."""
-    one = specimen(toe=2.0, at_rest=0.15, noise=0.03, seed=0)
-    fit = fit_shear([one])
-    (slack, *_) = fit.parts["shear"].zeros(0)["slack"]
-    moved = one.displacement[one.used(None)].max() - slack
-    assert fit.largest_angle == pytest.approx(float(BIAS.shear_angle(moved)))
-    (data,) = data_report(fit)
-    assert f"angle of {np.degrees(fit.largest_angle):.1f}°" in data["prepared"][-1]
+def noisy_toe(seed, toe=8.0, law=LAW):
+    """Curve beyond the range, of 45 degrees, with much noise and a long toe."""
+    end = float(BIAS.displacement(np.radians(45.0))) + toe
+    moved = np.linspace(0.0, end, 120)
+    force = BIAS.force(law, BIAS.shear_angle(np.maximum(moved - toe, 0.0)))
+    noise = np.random.default_rng(seed).standard_normal(moved.size)
+    force += 0.05 * force.max() * noise
+    return Specimen("one", BIAS, force, moved, zeros=Zeros(None, 0.0))
+
+
+def test_the_range_ends_at_the_angle_of_the_fitted_slack():
+    step = np.radians(1.5)  # of two points, between which a range may alternate
+    for seed in range(10):
+        fit = fit_shear([noisy_toe(seed)])
+        (one,) = fit.specimens
+        (slack, *_) = fit.parts["shear"].zeros(0)["slack"]
+        angle = BIAS.shear_angle(np.maximum(one.displacement - slack, 0.0))
+        assert abs(angle[one.used(None)].max() - BELIEVED) < step
+        assert fit.largest_angle == pytest.approx(angle[one.used(None)].max())
+        (data,) = data_report(fit)
+        assert f"angle of {np.degrees(fit.largest_angle):.1f}°" in data["prepared"][-1]
+
+
+def test_a_range_is_found_from_any_assumed_slack_near_it():
+    one = noisy_toe(0)
+    found = [
+        fit_shear([replace(one, assumed_slack=slack)]).parts["shear"].zeros(0)["slack"]
+        for slack in (6.0, 8.0, 10.0)
+    ]
+    np.testing.assert_allclose(found[1:], found[:1] * np.ones((2, 1)), rtol=1e-4)

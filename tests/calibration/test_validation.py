@@ -14,6 +14,7 @@ from skfem_textile.calibration import (
     Specimen,
     Strip,
     fit_tests,
+    load_band,
     predict,
     validate,
 )
@@ -102,3 +103,22 @@ def test_other_tests_are_refused():
     pulled = fit_tests([tension], Choice(tension="linear"))
     with pytest.raises(ValueError, match="requires a fitted shear law"):
         predict(pulled, Fabric(FIBRES), STRIP, GAMMA)
+
+
+def test_the_band_of_a_user_defined_load_is_that_of_a_prediction():
+    """The same problem: a frame of shear moment alone, without a simulation."""
+    result = fitted(0.03)
+    other = PictureFrame(300.0, 250.0)
+    calls = []
+
+    def loads(fabric):
+        calls.append(fabric)
+        return other.force(fabric.shear, GAMMA)
+
+    band = load_band(result, Fabric(FIBRES), loads)
+    one = predict(result, Fabric(FIBRES), other, GAMMA, COARSE)
+    np.testing.assert_allclose(band.force, one.force, rtol=1e-6)
+    np.testing.assert_allclose(band.pointwise, one.pointwise, rtol=1e-5)
+    assert band.simultaneous == pytest.approx(one.simultaneous)
+    assert band.slopes.shape == (GAMMA.size, 1)
+    assert len(calls) == 3

@@ -11,6 +11,7 @@ import pytest
 
 from skfem_textile import (
     Asymmetric,
+    CrimpInterchange,
     CrimpToe,
     Fabric,
     Force,
@@ -27,6 +28,7 @@ from skfem_textile.cases import (
     declared,
 )
 from skfem_textile.cases.schema import Bending
+from skfem_textile.cases.write import case_text
 from skfem_textile.cli import main as cli
 from skfem_textile.fabric.directions import FibreDirections, directions_of
 from skfem_textile.fabric.files import write_law
@@ -521,3 +523,70 @@ def test_a_file_of_an_earlier_run_gives_the_same_results(name):
 
 def test_every_file_runs():
     assert {file.stem for file in EARLIER.glob("*.toml")} == set(RESULTS)
+
+
+FITTED = """
+[scene]
+name = "strip"
+
+[fabric]
+file = "fabric.json"
+"""
+
+
+def case_of_fabric(folder, fabric, keys):
+    write_fabric(folder / "fabric.json", fabric)
+    return case_from_file(write_case(folder, FITTED + keys))
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ('compression = "none"', TensionOnly(Linear(1e4))),
+        (
+            "[fabric.in_compression]\nstiffness_N_per_mm = 3",
+            Asymmetric(Linear(1e4), Linear(3.0)),
+        ),
+    ],
+)
+def test_a_case_adds_a_law_in_compression_to_a_fabric_of_a_file(
+    tmp_path, keys, expected
+):
+    fabric = Fabric(1e4, 0.1)
+    warp, weft = case_of_fabric(tmp_path, fabric, keys).fabric.families
+    assert warp.tension == weft.tension == expected
+    tensed = Fabric(Pretensioned(Linear(1e4), 0.5), 0.1)
+    warp, _ = case_of_fabric(tmp_path, tensed, keys).fabric.families
+    assert warp.tension == Pretensioned(expected, 0.5)
+    file = declared(tomllib.loads(FITTED + keys), tmp_path)
+    (tmp_path / "again.toml").write_text(case_text(file, "# again"))
+    again = case_from_file(tmp_path / "again.toml").fabric.families
+    assert again[0].tension == warp.tension
+
+
+@pytest.mark.parametrize(
+    ("tension", "keys", "message"),
+    [
+        (TensionOnly(Linear(1e4)), 'compression = "none"', "already contains a law"),
+        (
+            CrimpInterchange(1e4, 0.01, 1.0, 1e-3, 1.0),
+            'compression = "none"',
+            "tension law of both strains",
+        ),
+        (
+            Linear(1e4),
+            'compression = "none"\n[fabric.in_compression]\nstiffness_N_per_mm = 3',
+            "compression is 'none', but in_compression is a law: omit one",
+        ),
+        (Linear(1e4), '[tension]\ncompression = "none"', "fabric.in_compression add"),
+    ],
+)
+def test_two_statements_about_compression_are_refused(tmp_path, tension, keys, message):
+    with pytest.raises(CaseFileError, match=message):
+        case_of_fabric(tmp_path, Fabric(tension, 0.1), keys)
+
+
+def test_compression_of_a_fabric_requires_its_file(tmp_path):
+    text = FITTED.replace('file = "fabric.json"', 'compression = "none"')
+    with pytest.raises(CaseFileError, match="require fabric"):
+        case_from_file(write_case(tmp_path, text))
