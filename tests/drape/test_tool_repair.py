@@ -156,7 +156,7 @@ def test_a_closed_surface_faces_outwards():
     x, t = sphere(300)
     tool = drape.TriangleMesh(50 * x, flipped(t, 0.8))
     assert "turned outwards" in remark(tool, "turned")
-    assert "draped on its outside" in remark(tool, "closed")
+    assert "lies on its outside" in remark(tool, "closed")
     assert (tool.level(52 * x) > 0).all()
 
 
