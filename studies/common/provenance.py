@@ -9,6 +9,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from skfem_textile import __version__
+
 from .rivals.codes import interpreter
 from .tables import json_text
 
@@ -21,7 +23,7 @@ _ROOT = Path(__file__).parents[2]
 _NO_RESULT = "study", "out", "resume", "no_render", "workers"
 
 _PACKAGES = (
-    *("skfem-textile", "scikit-fem", "numpy", "scipy", "cvxopt"),
+    *("scikit-fem", "numpy", "scipy", "cvxopt"),
     *("rslab", "pypardiso", "mkl", "felupe", "scikit-fem-native"),
 )
 
@@ -62,7 +64,8 @@ def read(folder: Path) -> dict[str, list[dict[str, Any]]]:
 def machine() -> dict[str, Any]:
     """Processor, cores, threads and versions; None for a missing package."""
     dolfinx = interpreter()
-    versions = {name: _version(name) for name in _PACKAGES}
+    versions = {"skfem-textile": __version__}
+    versions |= {name: _version(name) for name in _PACKAGES}
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),
