@@ -44,7 +44,8 @@ def equilibrium(u, elongation, parameters):
 
 # %%
 # The default formulation has stiffnesses as parameters, held fixed during a step.
-# ``updated`` evaluates them at the end of each step.
+# ``updated`` evaluates them at the end of each step; ``advanced`` does so for
+# parameters that depend on the step, which terms may add.
 
 u, parameters = ply.basis.zeros(), ply.parameters_at_rest
 for step in range(1, STEPS + 1):
@@ -53,7 +54,7 @@ for step in range(1, STEPS + 1):
     if step % 5 == 0:
         load, energy = f[pulled].sum(), ply.energy(u, 1.0, parameters)
         print(f"{elongation:5.1f} mm: {load:6.2f} N, energy {energy:6.2f} N·mm")
-    parameters = ply.updated(parameters, u)
+    parameters = ply.advanced(ply.updated(parameters, u), u)
 strain = np.abs(ply.law_strain(u)).max()
 print(f"largest fibre strain {100 * strain:.2f} %")
 assert strain < 0.01

@@ -154,7 +154,8 @@ class SumOfTerms:
     ) -> PlyParameters:
         """Parameters advanced at the end of a step, such as accumulated moments.
 
-        A Newton loop calls this after each step, for `OnePoint` of kind ``rate``.
+        A Newton loop calls this after each step: for `OnePoint` of kind ``rate`` and
+        for terms with such a `TermParameters.advanced`.
 
         Parameters
         ----------
