@@ -64,7 +64,7 @@ def read(folder: Path) -> dict[str, list[dict[str, Any]]]:
 def machine() -> dict[str, Any]:
     """Processor, cores, threads and versions; None for a missing package."""
     dolfinx = interpreter()
-    versions = {"skfem-textile": __version__}
+    versions: dict[str, str | None] = {"skfem-textile": __version__}
     versions |= {name: _version(name) for name in _PACKAGES}
     return {
         "processor": _processor(),
