@@ -104,16 +104,18 @@ def read_surface(
             x = np.hstack([scale * x for scale, x, _ in parts])
         t = np.hstack([n + t for n, (*_, t) in zip(first, parts, strict=False)])
         surface = TriangleMesh(x, t)
-    doubt = "" if known else _doubt(float(np.ptp(surface.facets.points, axis=1).max()))
+    doubt = _doubt(float(np.ptp(surface.facets.points, axis=1).max()), known)
     for line in filter(None, (doubt, *surface.remarks)):
         log.warning("%s: %s", printable(name), line)
     return surface
 
 
-def _doubt(extent: float) -> str:
-    """Remark about an extent in mm that indicates another unit."""
+def _doubt(extent: float, known: bool) -> str:
+    """Remark about an extent in mm that indicates another unit than the known one."""
     if _LEAST <= extent <= _MOST:
         return ""
+    if known:
+        return f"the tool extends over {extent:.3g} mm: check its unit"
     fitting = [u for u in ("m", "in", "cm") if _LEAST <= extent * IN_MM[u] <= _MOST]
     advice = (
         f"if the file is in {fitting[0]}, specify this unit"

@@ -198,6 +198,13 @@ def test_an_extent_that_indicates_another_unit_is_reported(
     assert all("assumed in mm" in line for line in caplog.messages)
 
 
+def test_an_extent_beyond_tools_is_reported_with_a_given_unit_too(tmp_path, caplog):
+    file = tmp_path / "tool.stl"
+    file.write_bytes(ascii_solid(X, T))
+    read_surface(file, unit="m")
+    assert [line.endswith("check its unit") for line in caplog.messages] == [True]
+
+
 def test_an_unknown_unit_is_rejected(tmp_path):
     with pytest.raises(ValueError, match="must be one of mm, cm, m, in, got 'ft'"):
         read_surface(tmp_path / "tool.stl", unit="ft")
