@@ -92,8 +92,8 @@ def load_band(
     """Loads of a user-defined problem with the fitted laws, and their band.
 
     The problem is solved with the fitted parameters, and with each of them increased
-    and decreased: 2 p + 1 times for p parameters.  Loads are
-    assumed linear within the band, which does not contain the discretisation error.
+    and decreased: 2 p + 1 times for p parameters.  Loads are assumed linear within the
+    band, which does not contain the discretisation error.
 
     Parameters
     ----------

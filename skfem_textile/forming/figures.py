@@ -33,9 +33,9 @@ def formed(result: Result) -> dict[str, float | str]:
 
     For each tool the last row of `tool_history` and, except for holders with a
     prescribed pressure, ``NAME_penetration_mm``, the largest depth of the ply in the
-    tool between nodes (`smallest_gap`).  Places are in the axes
-    ``stated`` by the tools.  Of the ply the draw-in, the areal weight relative to the
-    flat ply (`areal_weight`), and risks.
+    tool between nodes (`smallest_gap`).  Places are in the axes ``stated`` by the
+    tools.  Of the ply the draw-in, the areal weight relative to the flat ply
+    (`areal_weight`), and risks.
 
     Parameters
     ----------
