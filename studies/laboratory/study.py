@@ -274,11 +274,12 @@ class Laboratory(Study[Case]):
             found["joint"] = percent(max(errors), ".1f")
             wider = [row for row in _joint(rows) if row["joint"] > _narrowest(row)]
             found |= {"bands": str(len(errors)), "wider": str(len(wider))}
-        if repeated := _repeats(rows):
-            known = [r["seconds"] for r in repeated if r["fitted"] == r["known"]]
-            (chosen,) = (r["seconds"] for r in repeated if r["fitted"] != r["known"])
+        for row in _repeats(rows):
+            if row["fitted"] != row["known"]:
+                found["repeats_auto"] = f"{row['seconds']:.0f} s"
+        known = [r["seconds"] for r in _repeats(rows) if r["fitted"] == r["known"]]
+        if known:
             found["repeats"] = f"{span(known, '.0f')} s"
-            found["repeats_auto"] = f"{chosen:.0f} s"
         held = _held_out(rows)
         full = [row for row in held if _known(row, "band_apart")]
         seeds = [row for row in held if row not in full]
