@@ -74,7 +74,8 @@ _BRANCH: Options = {
 
 _SLACK: Options = {
     "--slack": option(
-        "displacement at which the fabric begins to carry load (default: estimated)",
+        "displacement at which the fabric begins to carry load; for tests without "
+        "displacement 0 or none (default: estimated)",
         float,
         "MM",
     ),

@@ -254,6 +254,9 @@ def test_a_slack_does_not_close_a_frame():
 
 
 def test_invalid_choices_are_refused():
+    for choice in ({"slack": np.nan}, {"force_at_rest": np.inf}):
+        with pytest.raises(ValueError, match="must be finite, got"):
+            Preparation(**choice)
     with pytest.raises(ValueError, match="the branch must be one of loading"):
         Preparation(branch="up")
     with pytest.raises(ValueError, match="numbered from 1 on"):

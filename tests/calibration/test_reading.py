@@ -6,6 +6,8 @@ import pytest
 from skfem_textile.calibration import (
     BiasExtension,
     Format,
+    Preparation,
+    read_biaxial,
     read_recordings,
     read_specimens,
 )
@@ -133,7 +135,11 @@ def test_rows_without_numbers_are_named(tmp_path):
         ("force (N),displacement (mm)\n1,2\n1\n", "row 3: expected 2 .* got '1'"),
         ("force (N),displacement (mm)\nnan,2\n3,4\n", "row 2: expected 2 cells"),
         ("force (N),displacement (mm)\n2,3\n1e200,2\n", "row 3: expected 2 cells"),
-        ("displacement (mm)\n1\n", "the column 'force' is missing"),
+        ("displacement (mm)\n1\n", "the column 'force' is missing: .*--column force=2"),
+        (
+            "shear angle (deg),normalised shear force (N/mm)\n1,2\n",
+            "is already a law, and needs no fit",
+        ),
         ("force (N)\n1\n", "a column 'displacement' or 'shear angle'"),
         ("displacement (N),force (mm)\n1,2\n", "whether columns are swapped"),
         (
@@ -161,6 +167,20 @@ def test_other_files_are_refused_in_one_line(tmp_path, text, message):
         read_specimens(write(tmp_path, text), BiasExtension(50.0, 100.0))
     assert "\n" not in str(error.value)
     assert "test.csv" in str(error.value)
+
+
+def test_a_slack_requires_a_displacement(tmp_path):
+    angles = write(tmp_path, "shear angle (deg),force (N)\n1,2\n5,9\n", "angles.csv")
+    text = "warp strain (-),warp force (N),weft strain (-),weft force (N)\n0,1,0,1\n"
+    strains, test = write(tmp_path, text, "strains.csv"), BiasExtension(50.0, 100.0)
+    given, zero = Preparation(slack=2.0), Preparation(slack=0.0)
+    message = "a slack of 2 mm requires a displacement, .* contains {}: omit --slack"
+    with pytest.raises(ValueError, match=message.format("shear angles")):
+        read_specimens(angles, test, choices=given)
+    with pytest.raises(ValueError, match=message.format("strains")):
+        read_biaxial(strains, (100.0, 100.0), choices=given)
+    assert read_specimens(angles, test, choices=zero)[0].slack == 0.0
+    assert not read_biaxial(strains, (100.0, 100.0), choices=zero)[0].slack_is_unknown
 
 
 @pytest.mark.parametrize(

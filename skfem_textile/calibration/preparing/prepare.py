@@ -55,7 +55,7 @@ class Preparation:
     Raises
     ------
     ValueError
-        If the branch is unknown, or the cycle is not positive.
+        If the branch is unknown, the cycle is not positive, or a number is not finite.
     """
 
     branch: str = "loading"
@@ -71,6 +71,28 @@ class Preparation:
             )
         if self.cycle is not None and self.cycle < 1:
             raise ValueError(f"cycles are numbered from 1 on, got {self.cycle}")
+        for name, unit in (("slack", "mm"), ("force_at_rest", "N")):
+            value = getattr(self, name)
+            if value is not None and not np.isfinite(value):
+                called = name.replace("_", " ")
+                raise ValueError(f"the {called} must be finite, got {value:g} {unit}")
+
+    def refuse_slack(self, name: str, columns: str) -> None:
+        """An error if a slack is given for a test without displacement.
+
+        Parameters
+        ----------
+        name
+            Name of the test.
+        columns
+            Its columns in the place of the displacement.
+        """
+        if self.slack:
+            raise ValueError(
+                f"{name}: a slack of {self.slack:g} mm requires a displacement, but "
+                f"the file contains {columns}: omit --slack, or subtract the slack in "
+                "the file"
+            )
 
 
 @dataclass(frozen=True, eq=False)

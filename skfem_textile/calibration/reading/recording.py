@@ -125,7 +125,10 @@ class Recording:
             If it is missing.
         """
         if name not in self.columns:
-            raise ValueError(f"{self.name}: the column {name!r} is missing")
+            raise ValueError(
+                f"{self.name}: the column {name!r} is missing: name it in the file, or "
+                f"specify it, such as --column {_option(name)}=2"
+            )
         return self.columns[name]
 
     def select(self, rows: ndarray, *statements: str) -> "Recording":
