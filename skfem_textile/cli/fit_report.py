@@ -284,12 +284,16 @@ def _choices(
     laws: Mapping[str, Mapping[str, Any]],
 ) -> Iterator[tuple[str, Sequence[str], list[list[Any]]]]:
     """Tables of the laws that were compared."""
-    head = ("law", "parameters", "error", "standard error", "not suitable because")
+    head = (
+        *("law", "parameters", "zeros of the machine", "error", "standard error"),
+        "not suitable because",
+    )
     for title, one in laws.items():
         if one["candidates"]:
             compared = [
                 [
                     *(c["name"], c["parameters"]),
+                    "-" if c["reason"] else c["zeros"],
                     *(
                         "-" if c["reason"] else f"{100 * c[key]:.2f} %"
                         for key in ("error", "standard_error")
