@@ -79,8 +79,8 @@ def read_biaxial(
     """Tests of a file or folder with strain and force of warp and weft.
 
     The family with the larger strain determines loading and unloading.  The strains at
-    which fibres become taut are unknowns of a fit, unless the slack of the choices is a
-    number: strains then have the zeros of the machine.
+    which fibres become taut are unknowns of a fit, unless the slack of the choices is
+    0: strains then have the zeros of the machine.
 
     Parameters
     ----------
@@ -94,12 +94,13 @@ def read_biaxial(
     Raises
     ------
     ValueError
-        If a strain is not above −1.
+        If a strain is not above −1, or a slack other than 0 is given.
     """
     choices = choices or Preparation()
     strains, forces = ([f"{f} {of}" for f in FAMILIES] for of in ("strain", "force"))
     curves = []
     for recording in read_recordings(path, form):
+        choices.refuse_slack(recording.name, "strains")
         complete = recording.complete(*strains, *forces)
         driving = max(strains, key=lambda name: np.ptp(complete.column(name)))
         prepared = prepare(complete, driving, forces, choices)

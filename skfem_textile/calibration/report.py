@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 #: Shear angles in degrees at which moments are reported, within the data.
 ANGLES = tuple(range(5, 90, 5))
 
+# Largest shear angle in degrees of a test that is probably of another kind or unit:
+# fabrics are sheared by 30 and more.
+_SMALL_ANGLE = 5.0
+
 # Upper bound of the strain of fabrics with nearly inextensible fibres, including crimp.
 _MOST_STRAIN = 0.5
 
@@ -432,6 +436,12 @@ def _range_notes(result: "FabricFit") -> list[str]:
     ]
     for specimen in result.specimens:
         notes += beginning_notes(specimen, up_to)
+        reached = np.degrees(np.nanmax(specimen.angle))
+        if reached < _SMALL_ANGLE:
+            notes.append(
+                f"{specimen.name}: the shear angle reaches only {reached:.2g} degrees: "
+                "check the kind of test, the units and the sizes"
+            )
     if result.stabilisation is not None:
         shares = {"energy": {"stabilisation": result.stabilisation}}
         if excessive := excess(shares, "stabilisation"):

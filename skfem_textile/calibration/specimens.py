@@ -32,6 +32,9 @@ ROUNDING = 1e-9
 #: not computed: they are unbounded there.
 END_OF_RANGE = 0.999
 
+# Column of a curve that is already reduced to a law.
+_REDUCED = "normalised shear force"
+
 # Number of slacks that are compared for a start.
 _SLACKS = 71
 
@@ -204,18 +207,26 @@ def read_specimens(
     Raises
     ------
     ValueError
-        If both displacement and shear angle are missing.
+        If both displacement and shear angle are missing, a slack is given for a test
+        without displacement, or the forces are already reduced.
     """
     choices = choices or Preparation()
     specimens = []
     for recording in read_recordings(path, form):
         columns = recording.columns
+        if "force" not in columns and _REDUCED in columns:
+            raise ValueError(
+                f"{recording.name}: a {_REDUCED} is already a law, and needs no fit: "
+                "use the file in its place, as for run --shear-law"
+            )
         if "force" in columns and not {"displacement", "shear angle"} & set(columns):
             raise ValueError(
                 f"{recording.name}: a column 'displacement' or 'shear angle' is "
                 "required: name it in the file, or specify it with --column"
             )
         driving = "displacement" if "displacement" in columns else "shear angle"
+        if driving != "displacement":
+            choices.refuse_slack(recording.name, "shear angles")
         both = recording.complete(*{driving, "shear angle"} & set(columns))
         prepared = prepare(both, driving, ["force"], choices)
         zeros = map(prepared.zero, (choices.slack, choices.force_at_rest))

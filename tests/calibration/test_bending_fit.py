@@ -112,6 +112,11 @@ def test_the_band_of_a_bending_stiffness_is_that_of_a_mean():
             "must be one of mm, cm, m, in, and it has none",
         ),
         ("overhang (mm)\n1\n", ("--chord-angle", "41", "--weight", "0"), "positive"),
+        (
+            "overhang (mm)\n1\n",
+            ("--chord-angle", "41", "--weight", "600"),
+            "if it is 600 g/m2, give 5.884e-06 N/mm2",
+        ),
     ],
 )
 def test_invalid_data_are_rejected_in_one_line(tmp_path, capsys, text, line, reason):

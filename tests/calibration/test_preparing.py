@@ -15,7 +15,7 @@ from skfem_textile.calibration import (
     Zeros,
     prepare,
 )
-from skfem_textile.calibration.preparing.outliers import outliers
+from skfem_textile.calibration.preparing.outliers import outliers, overloads
 from skfem_textile.calibration.report import data_report
 from skfem_textile.calibration.specimens import BELIEVED
 from tests.helpers.fits import fit_shear, of_shear
@@ -253,7 +253,38 @@ def test_a_slack_does_not_close_a_frame():
     assert np.isfinite(sample.predict({"shear": LAW}, 0.0, slack.low)).all()
 
 
+@pytest.mark.parametrize(("n", "rows"), [(8, [4]), (60, [30, 31, 32])])
+def test_overloads_that_are_not_outliers_of_a_curve_are_refused(n, rows):
+    x = np.linspace(0.0, 30.0, n)
+    force = x**2 + 1.0
+    force[rows] = 99999.0
+    named = ", ".join(str(2 + i) for i in rows)
+    with pytest.raises(ValueError, match=f"the force of 99999 in rows? {named} is far"):
+        prepared(x, force)
+    assert prepared(x, force, outliers=False).recording.rows.size == n
+
+
+def test_rows_after_a_break_are_stated_and_left_out():
+    force = np.append(FORCE, np.full(9, 0.02 * FORCE.max()))
+    moved = np.append(MOVED, MOVED[-1] + np.arange(1, 10) * 0.1)
+    found = prepared(moved, force)
+    assert found.recording.rows.size == FORCE.size
+    assert "rows 102, 103, 104, 105, 106 and 4 more: the force is less" in said(found)
+    assert prepared(moved, force, outliers=False).recording.rows.size == force.size
+    fallen = np.append(FORCE, np.full(9, 0.7 * FORCE.max()))  # as by slip
+    assert prepared(moved, fallen).recording.rows.size == force.size
+
+
+def test_the_end_of_a_curve_that_rises_steeply_is_not_an_overload():
+    assert not overloads(10.0 ** np.arange(8)).any()
+    assert not overloads(np.zeros(9)).any()
+    assert overloads(np.array([0.0, 0.0, 5.0, 0.0])).tolist() == [0, 0, 1, 0]
+
+
 def test_invalid_choices_are_refused():
+    for choice in ({"slack": np.nan}, {"force_at_rest": np.inf}):
+        with pytest.raises(ValueError, match="must be finite, got"):
+            Preparation(**choice)
     with pytest.raises(ValueError, match="the branch must be one of loading"):
         Preparation(branch="up")
     with pytest.raises(ValueError, match="numbered from 1 on"):

@@ -15,6 +15,7 @@ from skfem_textile.calibration import (
     fit_tests,
 )
 from skfem_textile.calibration.report import reports_of
+from skfem_textile.calibration.selection import Candidate, best_of
 from tests.helpers.fits import fit_shear, fit_tension
 
 FRAME = PictureFrame(200.0, 160.0)
@@ -73,6 +74,18 @@ def test_a_polynomial_of_the_lowest_degree_that_suffices_is_chosen():
     errors = {one.name: one.error for one in result.candidates["shear"]}
     assert errors["linear"] > 2 * errors["polynomial of degree 3"]
     assert 0.008 < errors["polynomial of degree 3"] < 0.012  # the noise
+
+
+def test_of_laws_that_suit_the_one_with_the_fewest_zeros_is_chosen():
+    """A force at rest below 0 and a negative slack turn a locking law into a cubic."""
+    suits = [
+        Candidate("linear", 1, 0.025, 0.0004, zeros=1),
+        Candidate("locking", 2, 0.0097, 0.0002, zeros=1),
+        Candidate("polynomial of degree 3", 2, 0.0096, 0.0004, zeros=2),
+        Candidate("polynomial of degree 5", 3, 0.0098, 0.0003, zeros=1),
+    ]
+    assert best_of(suits).name == "locking"
+    assert best_of(suits[2:]).name == "polynomial of degree 3"
 
 
 def test_the_tension_law_is_chosen_by_cross_validation():

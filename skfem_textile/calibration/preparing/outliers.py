@@ -38,6 +38,10 @@ _CLOSE = 5
 # Maximum number of rounds of fitting without the outliers found; two are usual.
 _ROUNDS = 5
 
+# Ratio of a few largest forces to all others, and their largest share of the rows, from
+# which they are readings of an overload.  Chosen: no curve of a fabric falls this much.
+_FAR, _FEW = 10.0, 0.1
+
 # Ratio of the standard deviation to the median absolute deviation, normal noise.
 NORMAL = 1.482602218505602
 
@@ -88,6 +92,25 @@ def outliers(x: ndarray, y: ndarray) -> ndarray:
         flagged = now
     found[order] = flagged
     return found
+
+
+def overloads(y: ndarray) -> ndarray:
+    """Mask of a few rows whose magnitude is far above all other rows.
+
+    `outliers` does not find them in a curve of few rows, or if several follow one
+    another.  The end of a curve that rises to them is not an overload.
+
+    Parameters
+    ----------
+    y
+        Values in the order of the driving quantity, shape (n,).
+    """
+    size = np.abs(y)
+    highest = np.sort(size)[-max(1, round(_FEW * y.size)) - 1 :]
+    gaps = np.flatnonzero(highest[1:] > _FAR * highest[:-1])
+    far = size > highest[gaps[0]] if gaps.size else np.zeros(y.size, dtype=bool)
+    at_the_end = far[np.argmax(far) :].all()
+    return np.zeros(y.size, dtype=bool) if at_the_end else far
 
 
 def running_median(values: ndarray, window: int) -> ndarray:

@@ -8,7 +8,7 @@ from numpy import ndarray
 
 from ..reading.recording import Recording, rows_text
 from .branches import REVERSAL, Branch, branches_of, first_complete
-from .outliers import NORMAL, departures, outliers, running_median
+from .outliers import NORMAL, departures, outliers, overloads, running_median
 
 #: Branches by name.
 BRANCHES = "loading", "unloading", "both"
@@ -28,6 +28,10 @@ _JUMP, _DEVIATIONS = 0.02, 10.0
 
 # Rows of the running median of the driving quantity.
 _NEIGHBOURS = 5
+
+# Force, relative to the largest one, below which a curve that ends is broken.  Chosen:
+# loads of fabrics that slip or wrinkle fall by less, and noise is far smaller.
+_BROKEN = 0.5
 
 # Number of points at which two branches are compared.
 _COMPARED = 50
@@ -55,7 +59,7 @@ class Preparation:
     Raises
     ------
     ValueError
-        If the branch is unknown, or the cycle is not positive.
+        If the branch is unknown, the cycle is not positive, or a number is not finite.
     """
 
     branch: str = "loading"
@@ -71,6 +75,28 @@ class Preparation:
             )
         if self.cycle is not None and self.cycle < 1:
             raise ValueError(f"cycles are numbered from 1 on, got {self.cycle}")
+        for name, unit in (("slack", "mm"), ("force_at_rest", "N")):
+            value = getattr(self, name)
+            if value is not None and not np.isfinite(value):
+                called = name.replace("_", " ")
+                raise ValueError(f"the {called} must be finite, got {value:g} {unit}")
+
+    def refuse_slack(self, name: str, columns: str) -> None:
+        """An error if a slack is given for a test without displacement.
+
+        Parameters
+        ----------
+        name
+            Name of the test.
+        columns
+            Its columns in the place of the displacement.
+        """
+        if self.slack:
+            raise ValueError(
+                f"{name}: a slack of {self.slack:g} mm requires a displacement, but "
+                f"the file contains {columns}: omit --slack, or subtract the slack in "
+                "the file"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +158,8 @@ def prepare(
     Raises
     ------
     ValueError
-        If a column is missing, or a branch or cycle does not exist.
+        If a column is missing, a branch or cycle does not exist, or forces of a few
+        rows are far above all others without being outliers of a smooth curve.
     """
     choices = choices or Preparation()
     complete = recording.complete(driving, *forces)
@@ -149,6 +176,11 @@ def prepare(
     for name in forces:
         statements += _outlier_statements(branch, name, wrong)
     kept = branch.select(~wrong)
+    if choices.outliers:
+        _refuse_overloads(kept, driving, forces)
+        broken = _broken(kept, driving, forces) & (choices.branch != "both")
+        statements += _broken_statements(kept, forces[0], broken)
+        kept = kept.select(~broken)
     origin, at_rest, said = _origin(kept, driving, forces[0], choices)
     columns = dict(kept.columns)
     if origin:
@@ -257,6 +289,40 @@ def _outlier_statements(recording: Recording, name: str, wrong: ndarray) -> list
     return [
         f"{rows_text(recording.rows[wrong])}: outliers of the {name}, such as "
         f"{values[np.abs(values).argmax()]:.5g}: left out (--keep-outliers)"
+    ]
+
+
+def _refuse_overloads(
+    recording: Recording, driving: str, forces: Sequence[str]
+) -> None:
+    order = np.argsort(recording.column(driving), kind="stable")
+    for name in forces:
+        values = recording.column(name)[order]
+        if (far := overloads(values)).any():
+            raise ValueError(
+                f"{recording.name}: the {name} of {values[far][0]:.5g} in "
+                f"{rows_text(np.sort(recording.rows[order][far]))} is far above all "
+                "other rows, as in an overload: remove it from the file, or fit it "
+                "with --keep-outliers"
+            )
+
+
+def _broken(recording: Recording, driving: str, forces: Sequence[str]) -> ndarray:
+    """Mask of the last rows of a curve with one force, if it falls and stays low."""
+    force, broken = recording.column(forces[0]), np.zeros(recording.rows.size, bool)
+    order = np.argsort(recording.column(driving), kind="stable")
+    held = np.flatnonzero(force[order] >= _BROKEN * force.max())
+    if len(forces) == 1 and force.max() > 0:
+        broken[order[held[-1] + 1 :]] = True
+    return broken
+
+
+def _broken_statements(recording: Recording, force: str, broken: ndarray) -> list[str]:
+    if not broken.any():
+        return []
+    return [
+        f"{rows_text(recording.rows[broken])}: the {force} is less than half of the "
+        "largest one up to the end, as after a break: left out (--keep-outliers)"
     ]
 
 
