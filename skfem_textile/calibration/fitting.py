@@ -98,14 +98,28 @@ class FabricFit:
             return self.specimens
         if part.startswith("bending"):
             return self.cantilevers(part)
-        return [test for test, _ in self.along(part)]
+        return self._pulled(part)
+
+    def _pulled(self, part: str) -> list[Strip | BiaxialCurve]:
+        """Tests of a tension law, in the order of its curves."""
+        strips = [one for one in of_kind(self.tests, Strip) if one.family == part]
+        return [*of_kind(self.tests, BiaxialCurve), *strips]
 
     def along(self, part: str) -> list[tuple[Strip | BiaxialCurve, list[int]]]:
-        """Tests of a tension law and their families, in the order of its curves."""
+        """Tests of a tension law with fitted slacks, and their families."""
         families = [i for i, name in enumerate(FAMILIES) if part in (name, "both")]
-        curves: list[Strip | BiaxialCurve] = [*of_kind(self.tests, BiaxialCurve)]
-        curves += [one for one in of_kind(self.tests, Strip) if one.family == part]
-        return [(one, families) for one in curves]
+        tests = [one.with_slack(self.zeros_of(one)) for one in self._pulled(part)]
+        return [(one, families) for one in tests]
+
+    def zeros_of(self, test: Test) -> dict[str, float]:
+        """Fitted zeros of a test by name."""
+        return {
+            name: value
+            for part, fit in self.parts.items()
+            for i, one in enumerate(self.tests_of(part))
+            if one is test
+            for name, (value, _, _) in fit.zeros(i).items()
+        }
 
     def cantilevers(self, part: str) -> list[CantileverTest]:
         """Tests of a bending stiffness, in the order of its curves."""
@@ -226,9 +240,10 @@ def _chosen(
         one = _best(_within_range(tests, choice.up_to), options, "shear", found)
         choice = replace(choice, shear=one.shear, degree=one.degree)
     if choice.tension == AUTO and any(_pulls(test) for test in tests):
+        taut = _with_slack_of_a_toe(tests)
         of_each = {law: replace(choice, tension=law) for law in _TENSION_CANDIDATES}
         parts = [f for f in FAMILIES if any(f in _families(test) for test in tests)]
-        best = [_best(tests, of_each, part, found) for part in parts]
+        best = [_best(taut, of_each, part, found) for part in parts]
         order = _TENSION_CANDIDATES.index
         choice = replace(choice, tension=max((x.tension for x in best), key=order))
     return choice, found
@@ -333,6 +348,8 @@ def fit_near(
         Initial parameters; required if tension laws are fitted with simulations.
     """
     simulations, ranges = simulations or {}, list[FabricFit]()
+    if choice.tension == "tabulated":
+        tests = _with_slack_of_a_toe(tests)
     while True:
         result = _fit_within(tests, choice, simulations, start)
         ranges.append(result)
@@ -358,26 +375,33 @@ def _fit_within(
 
 def _with_fitted_slack(result: FabricFit) -> list[Test]:
     """The tests, with the fitted slack in the place of the assumed one."""
-    zeroed = iter(range(len(result.specimens)))
-    return [
-        replace(one, assumed_slack=result.zeroed(next(zeroed)).slack)
-        if isinstance(one, Specimen)
-        else one
-        for one in result.tests
-    ]
+    return [one.with_slack(result.zeros_of(one)) for one in result.tests]
+
+
+def _with_slack_of_a_toe(tests: Sequence[Test]) -> list[Test]:
+    """The tests in tension, and others, with unknown slacks by the law crimp-toe."""
+    pulls = [one for one in tests if isinstance(one, Strip | BiaxialCurve)]
+    if not any(x.slack_is_unknown and x.assumed_slack is None for x in pulls):
+        return list(tests)
+    try:
+        found = iter(_with_fitted_slack(_fit_within(pulls, Choice(), {}, None)))
+    except ValueError:  # too few points for this law
+        return list(tests)
+    return [next(found) if _pulls(one) else one for one in tests]
 
 
 def _same_range(tests: Sequence[Test], result: FabricFit) -> bool:
     """True if a fit to tests would be the same: by their points, and ends of laws."""
-    up_to, law = result.choice.up_to, result.laws.get("shear")
-    pairs = list(zip(of_kind(tests, Specimen), result.specimens, strict=True))
+    up_to = result.choice.up_to
+    pairs = zip(of_kind(tests, Specimen), result.specimens, strict=True)
     if any(np.any(a.used(up_to) != b.used(up_to)) for a, b in pairs):
         return False
-    if law is None or np.isinf(domain_of(law)[1]):
-        return True
-    ends = [[reach(one, up_to) for one in each] for each in zip(*pairs, strict=True)]
-    after, before = map(max, ends)
-    return abs(after - before) <= _EQUAL * before
+    ends = [
+        [_largest_argument(each, part, up_to) for each in (tests, result.tests)]
+        for part, law in result.laws.items()
+        if part in ("shear", *FAMILIES) and np.isfinite(domain_of(law)[1])
+    ]
+    return all(abs(after - before) <= _EQUAL * before for after, before in ends)
 
 
 def _samples(

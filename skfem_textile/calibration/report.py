@@ -1,13 +1,14 @@
 """Reports of fits: numbers for JSON, statements and notes."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
 
 from ..fabric.files import law_to_json
+from ..fabric.law import domain_of
 from ..scenes.shear_test import BiasExtension, PictureFrame
 from ..solve.verdict import excess
 from .bands import CONFIDENCE, Fit
@@ -104,7 +105,7 @@ def tension_report(result: "FabricFit", part: str) -> dict[str, Any]:
             "strains"
         )
     return law_report("tension", fit) | {
-        "largest_strain": float(max(strains)),
+        "largest_strain": float(min(max(strains), np.max(domain_of(fit.law)[1]))),
         "curves": [
             _curve(fit, i) | {"zeros": _zeros(fit, i)} for i in range(len(curves))
         ],
@@ -366,8 +367,8 @@ def _tension_notes(
     """Notes on the curves of some families."""
     notes = []
     for test, families in curves:
-        for i in families:
-            along = test.along(i)
+        for i in families:  # from the first row on, also within the slack
+            along = replace(test, assumed_slack=None).along(i)
             if along is None:
                 continue
             called = f"{test.name}, {FAMILIES[i]}"

@@ -1,8 +1,10 @@
 """Curves of shear specimens: angles, zeros and the range of the kinematics."""
 
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy import ndarray
@@ -101,6 +103,10 @@ class Specimen(MeasuredTest):
         early = self.measured_angle <= _EARLY * self.measured_angle.max()
         moved = self.test.displacement(self.measured_angle[early])
         return float(np.median(self.displacement[early] - moved))
+
+    def with_slack(self, zeros: Mapping[str, float]) -> Self:
+        """See `MeasuredTest.with_slack`."""
+        return replace(self, assumed_slack=zeros["slack"]) if "slack" in zeros else self
 
     def angle_at(self, displacement: ndarray, slack: float) -> ndarray:
         """Theoretical shear angle; 0 within a slack, and nan beyond the end."""
