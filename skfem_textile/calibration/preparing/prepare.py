@@ -43,7 +43,7 @@ class Preparation:
         ``loading``, ``unloading`` or ``both``.
     cycle
         Number of the cycle from 1 on; by default the first one that reaches the largest
-        displacement.
+        displacement, or every cycle for ``both``.
     slack
         Displacement in mm at which the fabric begins to carry load; by default it is
         estimated.
@@ -139,12 +139,11 @@ def prepare(
     jumps = _jumps(complete.column(driving)) & choices.outliers
     clean = complete.select(~jumps)
     branches = branches_of(clean.column(driving))
-    chosen, statements = _chosen(clean, driving, forces[0], branches, choices)
-    branch = clean.select(chosen)
-    x = branch.column(driving)
-    wrong = np.zeros(x.size, dtype=bool)
-    if choices.outliers and choices.branch != "both":
-        wrong = np.any([outliers(x, branch.column(name)) for name in forces], axis=0)
+    each, statements = _chosen(clean, driving, forces[0], branches, choices)
+    branch = clean.select(np.concatenate(each))
+    wrong = np.zeros(branch.rows.size, dtype=bool)
+    if choices.outliers:
+        wrong = np.concatenate([_wrong(clean.select(x), driving, forces) for x in each])
     statements += _outlier_statements(complete, driving, jumps)
     for name in forces:
         statements += _outlier_statements(branch, name, wrong)
@@ -163,6 +162,12 @@ def prepare(
     )
 
 
+def _wrong(branch: Recording, driving: str, forces: Sequence[str]) -> ndarray:
+    """Mask of the outliers of one branch."""
+    x = branch.column(driving)
+    return np.any([outliers(x, branch.column(name)) for name in forces], axis=0)
+
+
 def _jumps(x: ndarray) -> ndarray:
     """Mask of rows of the driving quantity that deviate from their neighbours."""
     if x.size <= _NEIGHBOURS:
@@ -179,31 +184,29 @@ def _chosen(
     force: str,
     branches: list[Branch],
     choices: Preparation,
-) -> tuple[ndarray, list[str]]:
-    """Indices of the chosen rows, and statements."""
+) -> tuple[list[ndarray], list[str]]:
+    """Indices of the rows of each chosen branch, and statements."""
+    number = choices.cycle
     if choices.branch == "both":
-        cycles = [b for b in branches if choices.cycle in (None, b.cycle)]
+        cycles = [b for b in branches if number in (None, b.cycle)]
     else:
+        if number is None and branches:
+            number = first_complete(branches).cycle
         loading = choices.branch == "loading"
-        cycles = [b for b in branches if b.loading == loading]
-        if choices.cycle is None and cycles:
-            first = first_complete(branches) if loading else cycles[0]
-            cycles = [first] if loading else [cycles[0]]
-        elif choices.cycle is not None:
-            cycles = [b for b in cycles if b.cycle == choices.cycle]
+        cycles = [b for b in branches if b.loading == loading and b.cycle == number]
     if not cycles and choices.cycle is None and choices.branch == "loading":
-        return np.arange(recording.rows.size), [
+        return [np.arange(recording.rows.size)], [
             "the displacement only decreases from row to row, as in unloading: check "
             "that the law may be determined from unloading"
         ]
     if not cycles:
-        cycle = f" of cycle {choices.cycle}" if choices.cycle else ""
-        number = max((b.cycle for b in branches), default=0)
+        cycle = f" of cycle {number}" if number else ""
+        most = max((b.cycle for b in branches), default=0)
         raise ValueError(
             f"{recording.name}: there is no {choices.branch}{cycle}: the test has "
-            f"{number} cycle(s)"
+            f"{most} cycle(s)"
         )
-    rows = np.concatenate([np.arange(b.begin, b.end) for b in cycles])
+    rows = [np.arange(b.begin, b.end) for b in cycles]
     if len(branches) < 2:
         return rows, []
     return rows, [_of_branches(recording, driving, force, branches, cycles)]
