@@ -15,8 +15,9 @@ from .bands import CONFIDENCE, Fit
 from .bending import CantileverTest
 from .biaxial import BiaxialCurve
 from .choice import Test, reach
-from .curves import beginning_notes, rest_notes
+from .curves import beginning_notes, departure_notes, rest_notes
 from .measured import FAMILIES
+from .preparing.outliers import wild
 from .specimens import APART, Specimen
 
 if TYPE_CHECKING:
@@ -98,7 +99,7 @@ def tension_report(result: "FabricFit", part: str) -> dict[str, Any]:
             f"{fit.law.initial_stiffness:.3g} N/mm, a share of the stiffness, because "
             "tests with an unknown slack do not determine it: specify --slack to fit it"
         )
-    if fit.beyond_noise:
+    if fit.beyond_noise and all(isinstance(x, BiaxialCurve) for x, _ in curves):
         notes.append(
             "tests at several strain ratios contradict a tension that depends on one "
             "strain only: use crimp-interchange, in which tensions depend on both "
@@ -140,10 +141,26 @@ def bending_report(result: "FabricFit", part: str) -> dict[str, Any]:
         "readings": readings,
         "notes": [
             *_notes(fit),
+            *_wild_notes(tests),
             f"the error of Peirce's formula is up to {100 * largest:.1f} % at these "
             "angles: the stiffness is computed with the elastica",
         ],
     }
+
+
+def _wild_notes(tests: Sequence[CantileverTest]) -> list[str]:
+    """Notes on readings of cantilevers that deviate from the others of their file."""
+    notes = []
+    for test in tests:
+        stiffness = test.by_elastica
+        for i in np.flatnonzero(wild(stiffness)):
+            read = test.prepared and test.prepared.recording
+            row = f"row {read.rows[i]}" if read else f"reading {i + 1}"
+            notes.append(
+                f"{test.name}, {row}: the stiffness of {stiffness[i]:.3g} N·mm is far "
+                f"from the median, {np.median(stiffness):.3g} N·mm: check the reading"
+            )
+    return notes
 
 
 def data_report(
@@ -433,6 +450,7 @@ def _range_notes(result: "FabricFit") -> list[str]:
     ]
     for specimen in result.specimens:
         notes += beginning_notes(specimen, up_to)
+        notes += departure_notes(specimen, up_to)
     if result.stabilisation is not None:
         shares = {"energy": {"stabilisation": result.stabilisation}}
         if excessive := excess(shares, "stabilisation"):

@@ -4,7 +4,7 @@ Each returns the measured values of a test, and a function of the laws and the u
 zeros that predicts them; a fit compares both.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,10 @@ from numpy import ndarray
 
 from ..fabric import BiaxialLaw, Tabulated, TwoLaws
 from ..fabric.law import domain_of
+from ..scenes.shear_test import ShearTest
 from .bending import CantileverTest
 from .biaxial import BiaxialCurve
+from .choice import Choice, Test, of_kind
 from .measured import FAMILIES, slack_range
 from .simulation import SimulatedTest
 from .solving import Laws, Offset, Sample
@@ -22,6 +24,38 @@ from .strip import Strip
 
 #: Forces of shear laws at shear angles: `ShearTest.force`, or `SimulatedTest.force`.
 ForceOf = Callable[[Laws, ndarray], ndarray]
+
+
+def samples_of(
+    tests: Sequence[Test],
+    choice: Choice,
+    simulations: Mapping[ShearTest, SimulatedTest],
+    tensions: tuple[str, ...],
+) -> list[Sample]:
+    """Curves of all tests with their predictions.
+
+    Parameters
+    ----------
+    tests, choice
+        The tests, and the chosen laws and range.
+    simulations
+        Simulations by test.
+    tensions
+        Tension laws with unknown parameters.
+    """
+    samples: list[Sample] = []
+    curves = of_kind(tests, BiaxialCurve)
+    if choice.tension == "crimp-interchange":
+        samples += [biaxial_coupled(one) for one in curves]
+    else:
+        samples += [biaxial(c, i) for i in range(2) for c in curves]
+    samples += [strip(one) for one in of_kind(tests, Strip)]
+    for one in of_kind(tests, Specimen):
+        found = simulations.get(one.test)
+        others = tensions if found else ()
+        samples.append(shear(one, choice.up_to, found, others))
+    samples += [cantilever(one) for one in of_kind(tests, CantileverTest)]
+    return samples
 
 
 def strip(test: Strip) -> Sample:
