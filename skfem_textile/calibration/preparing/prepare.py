@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..reading.recording import Recording, rows_text
-from .branches import REVERSAL, Branch, branches_of, first_complete
+from .branches import AT_A_TURN, REVERSAL, Branch, branches_of, first_complete
 from .outliers import NORMAL, departures, outliers, running_median
 
 #: Branches by name.
@@ -140,10 +140,9 @@ def prepare(
     clean = complete.select(~jumps)
     branches = branches_of(clean.column(driving))
     each, statements = _chosen(clean, driving, forces[0], branches, choices)
-    branch = clean.select(np.concatenate(each))
-    wrong = np.zeros(branch.rows.size, dtype=bool)
-    if choices.outliers:
-        wrong = np.concatenate([_wrong(clean.select(x), driving, forces) for x in each])
+    chosen = np.concatenate(each)
+    branch = clean.select(chosen)
+    wrong = _wrong(clean, driving, forces, each)[chosen] & choices.outliers
     statements += _outlier_statements(complete, driving, jumps)
     for name in forces:
         statements += _outlier_statements(branch, name, wrong)
@@ -162,10 +161,25 @@ def prepare(
     )
 
 
-def _wrong(branch: Recording, driving: str, forces: Sequence[str]) -> ndarray:
-    """Mask of the outliers of one branch."""
-    x = branch.column(driving)
-    return np.any([outliers(x, branch.column(name)) for name in forces], axis=0)
+def _wrong(
+    recording: Recording, driving: str, forces: Sequence[str], each: list[ndarray]
+) -> ndarray:
+    """Mask of the outliers of each branch, given by the indices of its rows.
+
+    The rows next to a turn may belong to either branch, and count if they are outliers
+    of both.
+    """
+    number = recording.rows.size
+    wrong, seen = np.zeros(number, dtype=int), np.zeros(number, dtype=int)
+    more = AT_A_TURN if len(each) > 1 else 0
+    for rows in each:
+        near = np.arange(max(rows[0] - more, 0), min(rows[-1] + 1 + more, number))
+        branch = recording.select(near)
+        x = branch.column(driving)
+        found = [outliers(x, branch.column(name)) for name in forces]
+        wrong[near] += np.any(found, axis=0)
+        seen[near] += 1
+    return (wrong > 0) & (wrong == seen)
 
 
 def _jumps(x: ndarray) -> ndarray:
