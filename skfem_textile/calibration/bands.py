@@ -204,8 +204,7 @@ class Fit:
 
         Degrees of freedom after Satterthwaite (1946): V²/Σ(v²/ν) for the sum V of
         variances v.  With several possible zeros, functions of the parameters have the
-        deviation by `covariance`, and functions of the zeros too that of this fit
-        alone.
+        deviation by `covariance`, and functions of the zeros too only by this fit.
 
         Parameters
         ----------

@@ -124,7 +124,7 @@ def beginning_notes(specimen: Specimen, up_to: float | None) -> list[str]:
 
 
 def departure_notes(specimen: Specimen, up_to: float | None) -> list[str]:
-    """Notes on a measured angle that differs from that of a frame or simulation."""
+    """Notes on a measured angle that differs from the one of a frame or simulation."""
     name, departure, used = specimen.name, specimen.range_end, specimen.used(up_to)
     if departure is not None and np.isfinite(departure):
         where, end = np.degrees([departure, specimen.angle[used].max()])

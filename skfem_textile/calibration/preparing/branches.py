@@ -16,7 +16,7 @@ REVERSAL = 0.1
 # reversals.
 _SMOOTH = 5
 
-#: Rows by which a turn of the running median may differ from that of the motion.
+#: Rows by which turns of the running median and of the motion may differ.
 AT_A_TURN = _SMOOTH // 2
 
 # Distance to the end of a branch, relative to the range, within which the motion is at

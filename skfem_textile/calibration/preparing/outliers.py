@@ -97,7 +97,7 @@ def outliers(x: ndarray, y: ndarray) -> ndarray:
 def wild(values: ndarray) -> ndarray:
     """Mask of repeated readings that deviate from their median beyond their noise.
 
-    The limit is that of `outliers`, for the noise of the other readings.
+    The limit is the quantile of `outliers`, for the noise of the readings.
 
     Parameters
     ----------
