@@ -97,7 +97,7 @@ def test_the_known_law_is_confirmed_in_95_of_100_tests(zeros):
     """Also if the zeros of the machine are unknown; a law that is far off is not."""
     right = [validated(seed, zeros) for seed in range(20)]
     assert sum(one.confirmed for one in right) >= 18
-    assert 0.92 < np.mean([one.share() for one in right]) < 0.98
+    assert 0.92 < np.mean([one.share() for one in right]) < 0.99
     assert not any(validated(seed, zeros, scale=1.4).confirmed for seed in range(5))
 
 
