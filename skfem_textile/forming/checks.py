@@ -225,8 +225,8 @@ def _points_of(bare: Obstacle, x: ndarray, t: float, ply: Ply) -> ndarray:
     x, gap, normal = _projected(bare, x, t, free)
     low, high = (get(ply.mesh.p, axis=1)[:, None] for get in (np.min, np.max))
     over = ((x[:2] >= low) & (x[:2] <= high)).all(axis=0) & (np.abs(gap) <= free)
-    first = normal[:, over][:, :1]
-    return x[:, over & ((normal * first).sum(axis=0) > _OPPOSITE)]
+    x, normal = x[:, over], normal[:, over]
+    return x[:, normal[:, :1].sum(axis=1) @ normal > _OPPOSITE]
 
 
 def _mirrored(ply: Ply, name: str, x: ndarray) -> ndarray:

@@ -390,6 +390,8 @@ def _corners(what: str, outline: ArrayLike | None) -> ndarray | None:
             f"{what}: outline must have the shape (2, n) with at least three corners, "
             f"not {corners.shape}"
         )
+    if not np.isfinite(corners).all():
+        raise ValueError(f"{what}: outline must be finite")
     return corners
 
 

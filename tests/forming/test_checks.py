@@ -23,6 +23,7 @@ from skfem_textile.scenes import (
     hemisphere_forming,
 )
 from tests.forming.conftest import MIRRORS
+from tests.helpers import graph
 
 SIDE = np.linspace(-60.0, 60.0, 9)
 MESH = MeshQuad.init_tensor(SIDE, SIDE).with_defaults()
@@ -225,6 +226,13 @@ def test_a_part_that_deviates_only_where_the_ply_is_pushed_is_refused():
     roof = Tool(drape.HeightField(height), name="roof")
     with pytest.raises(ValueError, match="'roof' is not symmetric about the boundary"):
         check_tools(quarter(punch(19.0), roof))
+
+
+def test_triangles_beside_a_quarter_touch_nothing():
+    x, t = graph(np.linspace(100.0, 160.0, 9), lambda x, y: 0 * x - 1)
+    tool = Tool(drape.TriangleMesh(x, t), UP, side=1)
+    with pytest.raises(ValueError, match="nothing touches the ply"):
+        check_tools(quarter(tool))
 
 
 def test_a_surface_that_is_defined_for_a_quarter_only_is_accepted():
