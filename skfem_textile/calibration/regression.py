@@ -105,6 +105,14 @@ def fit(
     return JointFit(view(attrgetter("joint")), parts)
 
 
+def laws_and_zeros(
+    models: Mapping[str, Model], samples: Sequence[Sample], free: frozenset[str]
+) -> tuple[Laws, list[ndarray]]:
+    """Laws fitted to curves with given free zeros, and all zeros of each curve."""
+    solved = _solved(models, samples, {}, free)
+    return solved.unknowns.laws(solved.x), solved.unknowns.offsets(solved.x)
+
+
 def _probabilities(fits: Sequence["_Compared"], always: frozenset[str]) -> ndarray:
     """Probability of each fit; 0 if it is negligible."""
     if len(fits) == 1:

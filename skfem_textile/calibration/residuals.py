@@ -5,7 +5,6 @@ zeros that predicts them; a fit compares both.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy import ndarray
@@ -108,7 +107,7 @@ def shear(
             assert moved is not None
             gamma = specimen.angle_at(moved[used], values["slack"])
             if isinstance(law, Tabulated):  # smooth where a slack passes its end
-                law = replace(law, extrapolation="linear")
+                law = law.extrapolated
                 laws = {**laws, "shear": law}
             # ends before a pole, and before the end of the test
             end = min(END_OF_RANGE * domain_of(law)[1], specimen.last_angle(np.inf))

@@ -10,7 +10,7 @@ from numpy import ndarray
 from ..fabric.law import domain_of
 from .bands import Fit
 from .models import Model
-from .regression import fit
+from .regression import fit, laws_and_zeros
 from .solving import Sample, Unknowns
 
 #: Name that stands for the choice by cross-validation.
@@ -103,8 +103,9 @@ def cross_validated(
     """
     p, part = len(model.parameters), samples[0].part
     try:
-        reason = against(fit({part: model}, samples).parts[part])
-        errors = [] if reason else [*_left_out(model, samples)]
+        of_all = fit({part: model}, samples).parts[part]
+        reason = against(of_all)
+        errors = [] if reason else [*_left_out(model, samples, of_all.free)]
     except ValueError as error:
         errors, reason = [], str(error)
     if reason:
@@ -135,15 +136,16 @@ def best_of(candidates: Sequence[Candidate]) -> Candidate:
     return min(enough, key=lambda one: (one.parameters, one.error))
 
 
-def _left_out(model: Model, samples: Sequence[Sample]) -> Iterator[ndarray]:
+def _left_out(
+    model: Model, samples: Sequence[Sample], free: frozenset[str]
+) -> Iterator[ndarray]:
     """Differences at the points of each fold, relative to the largest value."""
     part = samples[0].part
     most = max(float(np.abs(one.measured).max()) for one in samples)
     if len(samples) > 1:
         for i, one in enumerate(samples):
             others = [*samples[:i], *samples[i + 1 :]]
-            laws = fit({part: model}, others).joint.law
-            free = frozenset(o.name for o in one.offsets if o.expected)
+            laws, _ = laws_and_zeros({part: model}, others, free)
             zeros = Unknowns({}, [one], free, laws)
             x, _ = zeros.solve(np.ones(one.measured.size), zeros.start(np.zeros(0)))
             yield (one.measured - zeros.predict(x)) / most
@@ -151,8 +153,9 @@ def _left_out(model: Model, samples: Sequence[Sample]) -> Iterator[ndarray]:
     (one,) = samples
     for k in range(_FOLDS):
         out = np.arange(one.measured.size) % _FOLDS == k
-        found = fit({part: model}, [_restricted(one, ~out)])
-        predicted = one.predict(found.joint.law, *found.joint.offsets[0])
+        kept = [_restricted(one, ~out)]
+        laws, (offsets,) = laws_and_zeros({part: model}, kept, free)
+        predicted = one.predict(laws, *offsets)
         yield (one.measured - predicted)[out] / most
 
 

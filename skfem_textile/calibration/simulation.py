@@ -94,7 +94,7 @@ class Simulation:
             tension = tuple(laws.get(family.name, family.tension) for family in known)
         law = laws["shear"]
         if isinstance(law, Tabulated):  # some elements shear more than the middle
-            law = replace(law, extrapolation="linear")
+            law = law.extrapolated
         return Fabric(tension, law)
 
     def _scene(self, test: ShearTest, largest: float) -> Scene:

@@ -25,6 +25,7 @@ from skfem_textile.calibration.choice import SHEAR_LAWS
 from ..study import Row
 from .joint import JointCase, joint_cases
 from .machines import MACHINES, Curve, Export
+from .repeats import Repeats, repeats_cases
 
 #: Laws and their parameters at the scale 1: softening and stiffening, convex, straight.
 LAWS: dict[str, tuple[tuple[float, ...], ...]] = {
@@ -269,11 +270,11 @@ class Doubtful:
         return [{"what": self.what, "as_needed": option in message, "message": message}]
 
 
-Case = File | Doubtful | JointCase
+Case = File | Doubtful | JointCase | Repeats
 
 
 def all_cases(seed: int) -> Sequence[Case]:
-    """Files of each group, files that must be refused, and joint fits.
+    """Files of each group, files that must be refused, joint fits, and repeats.
 
     The files ``chosen`` are those with which constants of the library were chosen.
     """
@@ -286,4 +287,5 @@ def all_cases(seed: int) -> Sequence[Case]:
         ),
         *(Doubtful(what, machine) for what in DOUBTFUL for machine in MACHINES),
         *joint_cases(),
+        *repeats_cases(),
     ]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..common.tables import grouped, having, markdown_table, percent
+from ..common.tables import grouped, having, markdown_table, percent, span
 from ..study import Part, Row, Study
 from .cases import ANGLES, GROUPS, Case, File, all_cases
 
@@ -135,6 +135,25 @@ def held_out(rows: list[Row]) -> str:
     return markdown_table(head, lines) if lines else ""
 
 
+def repeats(rows: list[Row]) -> str:
+    """Time and error of fits to ten repeats."""
+    lines = [
+        [
+            row["known"],
+            row["chosen"]
+            if row["fitted"] == row["chosen"]
+            else f"{row['fitted']}: {row['chosen']}",
+            percent(row["noise"], ".0f"),
+            "simulation" if row["simulated"] else "closed forms",
+            f"{row['seconds']:.1f}",
+            percent(row["error"], ".1f"),
+        ]
+        for row in _repeats(rows)
+    ]
+    head = ["known law", "fitted law", "noise", "by", "s", "largest error"]
+    return markdown_table(head, lines) if lines else ""
+
+
 def missed(rows: Sequence[Row]) -> list[str]:
     """Missed targets."""
     texts = _missed_jointly(rows)
@@ -180,6 +199,10 @@ def _narrowest(row: Row) -> float:
     return min(row[kind] for kind in _KINDS if _known(row, kind)) * (1 + ROUNDING)
 
 
+def _repeats(rows: Sequence[Row]) -> list[Row]:
+    return [row for row in rows if row.get("fitted")]
+
+
 def _joint(rows: Sequence[Row]) -> list[Row]:
     return [row for row in rows if row.get("parameter")]
 
@@ -209,6 +232,7 @@ class Laboratory(Study[Case]):
         Part("doubtful.csv", {"doubtful.md": doubtful}, cases=("doubtful:*",)),
         Part("joint.csv", {"joint.md": joint}, cases=("joint:*",)),
         Part("held_out.csv", {"held_out.md": held_out}, cases=("held out:*",)),
+        Part("repeats.csv", {"repeats.md": repeats}, cases=("repeats:*",)),
     )
     sample = str(File(_SEED, "contaminated"))
 
@@ -232,6 +256,8 @@ class Laboratory(Study[Case]):
             inside = sum(row["converged_inside"] for row in rows)
             return f"{rows[0]['case']}: {inside} of {len(rows)} inside"
         (row,) = rows
+        if _repeats(rows):
+            return f"{row['case']}: {row['seconds']:.1f} s"
         text = row.get("refused") or row.get("message")
         if not text:
             within = sum(row[f"inside_{angle}"] for angle in ANGLES)
@@ -248,6 +274,12 @@ class Laboratory(Study[Case]):
             found["joint"] = percent(max(errors), ".1f")
             wider = [row for row in _joint(rows) if row["joint"] > _narrowest(row)]
             found |= {"bands": str(len(errors)), "wider": str(len(wider))}
+        for row in _repeats(rows):
+            if row["fitted"] != row["known"]:
+                found["repeats_auto"] = f"{row['seconds']:.0f} s"
+        known = [r["seconds"] for r in _repeats(rows) if r["fitted"] == r["known"]]
+        if known:
+            found["repeats"] = f"{span(known, '.0f')} s"
         held = _held_out(rows)
         full = [row for row in held if _known(row, "band_apart")]
         seeds = [row for row in held if row not in full]

@@ -7,6 +7,7 @@ from studies.__main__ import main
 from studies.laboratory import cases, study
 from studies.laboratory.cases import ANGLES, DOUBTFUL, Doubtful, File, all_cases
 from studies.laboratory.machines import MACHINES
+from studies.laboratory.repeats import Repeats
 
 
 def test_files_are_recorded_by_their_seed():
@@ -48,6 +49,12 @@ def test_a_file_that_differs_from_what_was_written_is_misread(tmp_path):
     assert cases._misread(path, drawn)
 
 
+def test_repeats_of_one_law_are_fitted_together():
+    (row,) = Repeats("polynomial", "polynomial", 0.01).rows()
+    assert row["specimens"] == 10
+    assert row["error"] < 0.03
+
+
 def test_missed_targets_are_reported():
     row = {f"inside_{a}": True for a in ANGLES}
     row |= {"judged": True, "misread": False, "case": "judged: clean, 1"}
@@ -69,6 +76,7 @@ def test_the_study_writes_its_tables(tmp_path, monkeypatch):
         File(1, group, judged) for group in cases.GROUPS for judged in (True, False)
     ]
     some += [Doubtful(what, "spreadsheet") for what in DOUBTFUL]
+    some.append(Repeats("polynomial", "polynomial", 0.01))
     monkeypatch.setattr(study, "all_cases", lambda seed: some)
     main(["laboratory", "--out", str(tmp_path), "--no-render"])
     joint = {"joint.csv", "joint.md", "held_out.csv", "held_out.md"}

@@ -1,5 +1,7 @@
 """The choice among laws, laws that are not physical, and the scatter of specimens."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from skfem_textile.calibration import (
     PictureFrame,
     Specimen,
     Strip,
+    Zeros,
     fit_tests,
 )
 from skfem_textile.calibration.report import reports_of
@@ -49,6 +52,16 @@ def test_the_law_of_the_data_is_chosen_by_cross_validation(n, law, name):
     assert len(compared) == 7
     listed = reports_of(result)["Shear"]["candidates"]
     assert [one["name"] for one in listed] == list(compared)
+
+
+def test_a_curve_that_is_left_out_has_the_zeros_of_the_others():
+    """With an unknown force at rest the remaining differences are the noise, 1 %."""
+    heavy = [
+        replace(one, force=one.force + 0.3 * one.force.max(), zeros=Zeros(force=None))
+        for one in (specimen(Linear(0.2), i) for i in range(3))
+    ]
+    compared = fit_shear(heavy, "auto").candidates["shear"]
+    assert 0.006 < min(one.error for one in compared) < 0.012
 
 
 def test_a_polynomial_of_the_lowest_degree_that_suffices_is_chosen():

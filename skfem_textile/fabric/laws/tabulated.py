@@ -5,7 +5,7 @@ import logging
 import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
@@ -340,6 +340,11 @@ class Tabulated(ScalarLaw):
         x, y = (part[1:] if at_rest else part for part in (x, y))
         x, y = (np.concatenate([-part[::-1], [0.0], part]) for part in (x, y))
         return x, y
+
+    @cached_property
+    def extrapolated(self) -> Self:
+        """The law, continued beyond the table as a straight line."""
+        return replace(self, extrapolation="linear")
 
     @cached_property
     def _curve(self) -> _Curve:
