@@ -1,14 +1,17 @@
 """Checks of tools before a run: room for the ply between them, and contact with it."""
 
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
 from numpy import ndarray
 
-from ..drape import TriangleMesh
 from ..ply import Ply
-from .tool import ToolContact, placement
+from ..solve.surface.on_surface import SurfaceError
+from .contact import Pressing, pressing
+from .tool import Obstacle, ToolContact
 
 # Penetration relative to the size of the ply that is round-off, and most projections of
 # a point onto a tool, which are exact to first order.
@@ -26,6 +29,12 @@ _PUSHES = 4
 # Number of intervals between the load factors of which contact is checked.  Chosen:
 # tools that touch the ply move through its plane, and stay beyond it for longer.
 _INTERVALS = 40
+
+# Largest deviation of a tool from its mirror image, relative to the size of the ply,
+# and to the mean edge of its triangles.  Chosen: 0.015 mm of 150 mm, above the rounding
+# of positions; the smooth surfaces of symmetric shapes with irregular triangles deviate
+# by 0.06 of the edge around fillets of two edges, and by 0.12 around fillets of one.
+_ASYMMETRIC, _OF_TRIANGLES = 1e-4, 0.2
 
 # Load normal to the ply, relative to all loads, that is round-off.
 _ROUND_OFF = 1e-9
@@ -53,9 +62,9 @@ def check_tools(
     ------
     ValueError
         If there is no room for a node, if the whole undeformed ply is behind the
-        surface of a tool, if a tool of triangles is not symmetric about a plane of
-        symmetry of the fibres (``fibre_ends``), or if nothing touches the ply: no tool
-        at any load factor, and no load or condition moves the ply out of its plane.
+        surface of a tool, if a tool is not symmetric about a plane of symmetry of the
+        fibres (``fibre_ends``), or if nothing touches the ply: no tool at any load
+        factor, and no load or condition moves the ply out of its plane.
         The message names the tools and, if there is no room, the node, its position and
         the penetration.
 
@@ -79,8 +88,7 @@ def check_tools(
     for tool in tools:
         if tool._obstacle.reach is None:  # holders may close from far away
             _refuse_behind(ply, tool, load_factors[0])
-        for t in load_factors:
-            _refuse_asymmetric(ply, tool, t)
+    _refuse_asymmetric(ply, pressing(ply), load_factors)
     touched = _pushed(ply, tools, load_factors)
     if not (touched or moved or _has_normal_load(ply, load_factors[1])):
         _refuse_untouched(ply, tools, load_factors)
@@ -115,18 +123,24 @@ def _pushed_out(
     tool: ToolContact, x: ndarray, t: float, free: float
 ) -> tuple[ndarray, ndarray]:
     """Points with those inside a tool on its surface, and the numbers of these."""
-    at = tool._obstacle.gaps(x, t)
-    nodes = np.flatnonzero(at.gap < -free)
-    on_tool, gap, normal = x[:, nodes], at.gap[nodes], at.normal[:, nodes]
-    for _ in range(_MOST):
-        off = np.isfinite(gap) & (np.abs(gap) > free)
-        if not off.any():
-            break
-        on_tool = on_tool - np.where(off, gap, 0.0) * normal
-        gap, normal, *_ = tool._obstacle.gaps(on_tool, t)
+    nodes = np.flatnonzero(tool.gaps_at(x, t) < -free)
+    on_tool, gap, _ = _projected(tool._obstacle, x[:, nodes], t, free)
     x = x.copy()
     x[:, nodes] = on_tool
     return x, nodes[np.abs(gap) <= free]
+
+
+def _projected(
+    obstacle: Obstacle, x: ndarray, t: float, free: float
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Points moved to a gap of zero where possible, their gaps and normals."""
+    for _ in range(_MOST):
+        gap, normal, *_ = obstacle.gaps(x, t)
+        off = np.isfinite(gap) & (np.abs(gap) > free)
+        if not off.any():
+            break
+        x = x - np.where(off, gap, 0.0) * normal
+    return x, gap, normal
 
 
 def _refuse_crossing(
@@ -179,35 +193,64 @@ def _size(ply: Ply) -> float:
     return float(np.ptp(ply.nodes, axis=1).max())
 
 
-def _refuse_asymmetric(ply: Ply, tool: ToolContact, t: float) -> None:
-    """Refuse triangles whose mirror image deviates from them where the ply is."""
-    obstacle, mesh = tool._obstacle, ply.mesh
+def _refuse_asymmetric(
+    ply: Ply, tools: Sequence[Pressing], load_factors: tuple[float, float]
+) -> None:
+    """Refuse tools that are not symmetric, within reach of the ply, about its planes.
+
+    The nodes are moved along with each tool and projected onto every tool.  The mirror
+    images of these points must be on the tool too, unless they are beyond its edges,
+    its outline, or the domain of its functions.
+    """
     planes = [name for name, end in ply.fibre_ends.items() if end == "mirror"]
-    if not (planes and isinstance(obstacle.surface, TriangleMesh)):
-        return
-    facets = obstacle.surface.facets
-    rotation, moved = placement(obstacle.what, obstacle.motion, t)
-    towards = _normal(tool, np.pad(ply.nodes, ((0, 1), (0, 0))), t)
-    facing = obstacle._sign * (towards @ rotation @ facets.normals()) > 0
-    used = np.unique(facets.cells[0][:, facing])
-    x = rotation @ facets.points[:, used] + moved[:, None]
-    within = (x[:2] >= mesh.p.min(axis=1)[:, None]).all(axis=0)
-    x = x[:, within & (x[:2] <= mesh.p.max(axis=1)[:, None]).all(axis=0)]
-    for name in planes:
-        begin, end = mesh.p[:, mesh.facets[:, mesh.boundaries[name][0]]].T
-        n = np.array([begin[1] - end[1], end[0] - begin[0]])
-        n = np.append(n / np.linalg.norm(n), 0.0)
-        mirrored = x - 2 * n[:, None] * (n[:2] @ (x[:2] - begin[:, None]))
-        local = rotation.T @ (mirrored - moved[:, None])
-        off = obstacle.surface.off_triangles(local)
-        if off.any():
-            worst = int(off.argmax())
-            raise ValueError(
-                f"tool {tool.name!r} is not symmetric about the boundary {name!r} of "
-                f"the ply: it is {off[worst]:.3g} mm away from the mirror image of "
-                f"{tool.place(x[:, worst])} at load factor {t:g}: compute the whole "
-                "ply, or move the tool"
-            )
+    X = np.pad(ply.nodes, ((0, 1), (0, 0)))
+    for t in np.linspace(*load_factors, _PUSHES + 1).tolist() if planes else ():
+        travels = np.unique([tool.travel(t) for tool in tools], axis=0)
+        moved = np.hstack([X + travel[:, None] for travel in travels])
+        for tool in tools:
+            bare = replace(tool._obstacle, reach=lambda t: 0.0, half=0.0)
+            with suppress(SurfaceError):  # not defined everywhere
+                x = _points_of(bare, moved, t, ply)
+                for name in planes if x.size else ():
+                    off = np.abs(bare.gaps(_mirrored(ply, name, x), t).gap)
+                    _refuse_off(tool, name, x, np.where(np.isinf(off), 0, off), ply, t)
+
+
+def _points_of(bare: Obstacle, x: ndarray, t: float, ply: Ply) -> ndarray:
+    """Points of a surface nearest to others, over a ply and on the side that faces it.
+
+    ``bare`` has neither thickness nor gap.
+    """
+    free = _FREE * _size(ply)
+    x, gap, normal = _projected(bare, x, t, free)
+    low, high = (get(ply.mesh.p, axis=1)[:, None] for get in (np.min, np.max))
+    over = ((x[:2] >= low) & (x[:2] <= high)).all(axis=0) & (np.abs(gap) <= free)
+    x, normal = x[:, over], normal[:, over]
+    return x[:, normal[:, :1].sum(axis=1) @ normal > _OPPOSITE]
+
+
+def _mirrored(ply: Ply, name: str, x: ndarray) -> ndarray:
+    """Points mirrored at the plane of a straight boundary of a ply."""
+    mesh = ply.mesh
+    begin, end = mesh.p[:, mesh.facets[:, mesh.boundaries[name][0]]].T
+    n = np.array([begin[1] - end[1], end[0] - begin[0], 0.0]) / np.hypot(*(end - begin))
+    return np.asarray(x - 2 * n[:, None] * (n[:2] @ (x[:2] - begin[:, None])))
+
+
+def _refuse_off(
+    tool: Pressing, boundary: str, x: ndarray, off: ndarray, ply: Ply, t: float
+) -> None:
+    """Refuse distances of mirror images of points x that are not due to rounding."""
+    obstacle, allowed, worst = tool._obstacle, _ASYMMETRIC * _size(ply), off.argmax()
+    if facets := getattr(obstacle.surface, "facets", None):
+        allowed = max(allowed, _OF_TRIANGLES * float(facets.longest_edges().mean()))
+    if off[worst] > allowed:
+        raise ValueError(
+            f"{obstacle.what} is not symmetric about the boundary {boundary!r} of the "
+            f"ply: it is {off[worst]:.3g} mm away from the mirror image of "
+            f"{obstacle.place(x[:, worst])} at load factor {t:g}: compute the whole "
+            "ply, or move the tool"
+        )
 
 
 def _has_normal_load(ply: Ply, t: float) -> bool:

@@ -14,7 +14,8 @@ from ..mesh.user_input import call_user_function, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ElementTerm
 from ..solve.surface import Surface
-from .tool import Gaps, Motion, Obstacle, ToolContact, node_areas
+from ..solve.surface.on_surface import CheckedSurface
+from .tool import Motion, Obstacle, ToolContact, node_areas, placement
 
 #: A number, or a function of the load factor that returns one.
 Amount: TypeAlias = float | Callable[[float], float]
@@ -82,26 +83,29 @@ class Holder:
         return ToolContact(self.name, Obstacle.of(self, basis, reach), basis)
 
 
-class _Covered(TermParameters):
-    """Share 1 of nodes under a holder, 0 of others."""
+class _PerSlope(TermParameters):
+    """1/‖∇φ‖ at the nodes under a holder, 0 at others."""
 
     def __init__(self, obstacle: Obstacle) -> None:
         self._obstacle = obstacle
 
     def at_rest(self) -> Values:
-        """Nodes under the holder before the run."""
+        """Values before the run."""
         return self.updated(NO_VALUES, np.zeros(self._obstacle.X.size), 0.0)
 
     def updated(
         self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
     ) -> Values:
-        """Nodes under the holder."""
-        x = self._obstacle.X + u.reshape(-1, 3).T
-        return Values({"covered": np.isfinite(self._obstacle.gaps(x, t).gap) * 1.0})
+        """Values at a displacement."""
+        at = self._obstacle.gaps(self._obstacle.X + u.reshape(-1, 3).T, t)
+        return Values({"per_slope": np.isfinite(at.gap) / at.slope})
 
 
 class HolderPressure(ElementTerm):
-    """Uniform pressure of a holder towards a surface; see `Holder`."""
+    """Uniform pressure of a holder towards a surface; see `Holder`.
+
+    The energy is Σ p A φ/‖∇φ‖ over the nodes under the holder, with their areas A.
+    """
 
     role = "load"
 
@@ -115,28 +119,27 @@ class HolderPressure(ElementTerm):
         self.name, self._pressure, self._obstacle = name, pressure, obstacle
         self.nodes = np.arange(obstacle.X.shape[1])[None]
         self._areas = node_areas(basis)
-        self.parameters = _Covered(obstacle)
+        self._surface = CheckedSurface(obstacle.what, obstacle.surface)
+        self.parameters = _PerSlope(obstacle)
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Pressure times the volume between the ply and the surface."""
-        nodes, forces = self._pressed(t, p)
-        distance = self._obstacle.side * self._gaps(u, t).distance
-        return float(forces @ distance[nodes])
+        _, factors, _, local = self._pressed(u, t, p)
+        return float(factors @ self._surface.level(local))
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Forces towards the surface."""
-        nodes, forces = self._pressed(t, p)
+        nodes, factors, rotation, local = self._pressed(u, t, p)
         f = np.zeros((self.nodes.size, 3))
-        slope, _ = self._obstacle.derivatives(self._gaps(u, t), nodes, t)
-        f[nodes] = -(forces * slope).T
+        f[nodes] = (factors * (rotation @ self._surface.gradient(local))).T
         return f.ravel()
 
     def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Their derivative: nodal blocks, shape (1, 3, 3, n_nodes)."""
-        nodes, forces = self._pressed(t, p)
+        nodes, factors, rotation, local = self._pressed(u, t, p)
         K = np.zeros((3, 3, self.nodes.size))
-        _, bend = self._obstacle.derivatives(self._gaps(u, t), nodes, t)
-        K[..., nodes] = -forces * bend
+        H = factors * self._surface.hessian(local)
+        K[..., nodes] = np.einsum("ai,ijn,bj->abn", rotation, H, rotation)
         return K[None]
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
@@ -148,22 +151,21 @@ class HolderPressure(ElementTerm):
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Forces towards the surface in N, shape (n_nodes,)."""
-        nodes, pressed = self._pressed(t, p)
-        forces = np.zeros(self.nodes.size)
-        forces[nodes] = pressed
-        return forces
+        return np.asarray(np.linalg.norm(self.residual(u, t, p).reshape(-1, 3), axis=1))
 
     def travel(self, t: float) -> ndarray:
         """Translation from its initial position in mm, shape (3,)."""
         return self._obstacle.travel(t)
 
-    def _pressed(self, t: float, p: Values) -> tuple[ndarray, ndarray]:
-        """Numbers of the nodes under the holder, and the forces on them in N."""
-        nodes = np.flatnonzero(p["covered"])
-        return nodes, self._pressure(t) * self._areas[nodes] * p["covered"][nodes]
-
-    def _gaps(self, u: ndarray, t: float) -> Gaps:
-        return self._obstacle.gaps(self._obstacle.X + u.reshape(-1, 3).T, t)
+    def _pressed(
+        self, u: ndarray, t: float, p: Values
+    ) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+        """Nodes under the holder, factors of φ, rotation, and nodes in its axes."""
+        obstacle, nodes = self._obstacle, np.flatnonzero(p["per_slope"])
+        factors = obstacle.side * self._pressure(t) * self._areas * p["per_slope"]
+        rotation, translation = placement(obstacle.what, obstacle.motion, t)
+        x = obstacle.X[:, nodes] + u.reshape(-1, 3)[nodes].T
+        return nodes, factors[nodes], rotation, rotation.T @ (x - translation[:, None])
 
 
 def _amount(

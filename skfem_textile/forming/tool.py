@@ -15,7 +15,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.sparse import bsr_matrix, csr_matrix
-from skfem import CellBasis, LinearForm, asm
+from skfem import CellBasis, LinearForm, Mesh, asm
 
 from ..mesh.bases import components, node_positions
 from ..mesh.user_input import call_user_function, real_numbers
@@ -35,6 +35,10 @@ _NO_AREA = 1e-9
 
 # Penetration of the undeformed ply, relative to its extent, that is round-off.
 _ROUND_OFF = 1e-9
+
+# Extent of a tool relative to the size of the ply above which its unit is wrong.
+# Chosen: metres in place of millimetres are 1000.
+_LARGEST = 100.0
 
 # Number of intermediate positions of a node at which it may be inside a tool.
 _INTERMEDIATE = 8
@@ -209,6 +213,7 @@ class Obstacle:
                 f"{what}: the thickness must not be negative, got {2 * half:g} mm"
             )
         X = np.pad(node_positions(basis), ((0, 1), (0, 0)))
+        refuse_extent(what, tool.surface, basis.mesh)
         check_surface(what, tool.surface, X)
         for t in (0.0, 1.0):
             placement(what, tool.motion, t)
@@ -343,6 +348,38 @@ class Obstacle:
         return 1 if above > below else -1
 
 
+def refuse_extent(what: str, surface: Surface, mesh: Mesh) -> None:
+    """Refuse triangles that pass between the nodes of a ply, or in another unit.
+
+    Parameters
+    ----------
+    what
+        The tool, at the beginning of messages.
+    surface
+        Its surface; one without ``facets``, which `drape.TriangleMesh` has, is valid.
+    mesh
+        Mesh of the ply.
+
+    Raises
+    ------
+    ValueError
+        If the triangles extend over less than two elements, or over more than 100 times
+        the size of the ply.
+    """
+    if not hasattr(surface, "facets"):
+        return
+    extent = float(np.ptp(surface.facets.points, axis=1).max())
+    edges = np.diff(mesh.p[:, mesh.facets], axis=1)
+    element, size = float(np.hypot(*edges).max()), float(np.ptp(mesh.p, axis=1).max())
+    off = ""
+    if extent < 2 * element:
+        off = f"less than two elements of the ply, {element:.3g} mm each"
+    elif extent > _LARGEST * size:
+        off = f"over {_LARGEST:g} times the size of the ply, {size:.3g} mm"
+    if off:
+        raise ValueError(f"{what} extends over {extent:.3g} mm, {off}: check its unit")
+
+
 def _corners(what: str, outline: ArrayLike | None) -> ndarray | None:
     """Validated corners of an outline."""
     if outline is None:
@@ -353,6 +390,8 @@ def _corners(what: str, outline: ArrayLike | None) -> ndarray | None:
             f"{what}: outline must have the shape (2, n) with at least three corners, "
             f"not {corners.shape}"
         )
+    if not np.isfinite(corners).all():
+        raise ValueError(f"{what}: outline must be finite")
     return corners
 
 

@@ -36,6 +36,7 @@ from ..drape import double_dome as dome
 from ..drape.surfaces import positive_length
 from ..forming import Holder, Tool, contacts
 from ..forming.figures import formed
+from ..forming.tool import refuse_extent
 from ..mesh.checks import MeshError
 from ..mesh.user_input import real_numbers
 from ..ply.terms import VectorTerm
@@ -52,6 +53,10 @@ CLEARANCE, GAP = 5.0, 0.3
 # Distance from the lowest point of a die, relative to its size, within which its flange
 # is flat.  Chosen: 0.03 mm of a die of 300 mm, above the rounding of files.
 _FLAT = 1e-4
+
+# Ratio of the extents of punch and die above which their units differ.  Chosen: below
+# the length of an inch, 25.4 mm.
+_OTHER_UNIT = 20.0
 
 # Share of the largest force of a tool above which holding forces are reported.
 _HOLDING = 0.01
@@ -153,10 +158,13 @@ def _pressed(
     gap: float,
     pressure: float | None = None,
     outline: ndarray | None = None,
+    sides: tuple[int | None, int | None] = (None, None),
 ) -> list[Tool | Holder]:
     """Tools of a ply in the middle of the gap between holder and die.
 
-    A holder with a pressure, which acts within an outline, begins at the same place.
+    A holder with a pressure presses the ply within an outline along the normals of the
+    die: it does not push the ply over a rounded edge of the flange.  ``sides`` are the
+    sides of punch and die on which the ply lies.
     """
     if not (np.isfinite(travel) and travel):
         raise ValueError(
@@ -165,11 +173,13 @@ def _pressed(
         )
     up = float(np.sign(travel))
     flange = Plane((0.0, 0.0, 0.5 * up * gap), (0.0, 0.0, up))
-    kept = gap if pressure is None else None
+    holder = Holder(flange, gap, side=-1, name="holder")
+    if pressure is not None:
+        holder = Holder(die, None, pressure, None, sides[1], 0.0, outline, "holder")
     return [
-        Tool(punch, motion=(0.0, 0.0, travel), name="punch"),
-        Tool(die, name="die"),
-        Holder(flange, kept, pressure, side=-1, outline=outline, name="holder"),
+        Tool(punch, motion=(0.0, 0.0, travel), side=sides[0], name="punch"),
+        Tool(die, side=sides[1], name="die"),
+        holder,
     ]
 
 
@@ -358,15 +368,18 @@ def forming(
             "forming: a holder has either a gap or a pressure: omit one of them"
         )
     gap = _gap("forming", GAP if gap is None else gap)
+    _refuse_units(punch, die)
     middle, up = 0.5 * gap, float(np.sign(travel))
     flange = float((up * die.facets.points[2]).min())
     axes = Axes(np.array([*centre, up * (flange - middle)]))
     punch, die = punch.moved(*axes), die.moved(*axes)
     outline = None if pressure is None else _flange(die, up, flange)
-    tools = _pressed("forming", punch, die, travel, gap, pressure, outline)
+    sides = _side(punch, up), _side(die, -up)
+    tools = _pressed("forming", punch, die, travel, gap, pressure, outline, sides)
     options: PlyOptions = {"part": "whole", **ply}
     scene = formed_ply("forming", tools, mesh, axes, **options)
-    _refuse_tiny({"punch": punch, "die": die}, scene.mesh)
+    for name, tool in ("punch", punch), ("die", die):
+        refuse_extent(f"forming: the {name}", tool, scene.mesh)
     heights, plane = up * punch.facets.points[2], f"{axes.origin[2]:.6g} mm"
     if (highest := float(heights.max())) > 0:
         raise ValueError(
@@ -379,6 +392,17 @@ def forming(
             f"{lowest:.4g} mm: extend its walls, or reduce the travel"
         )
     return scene
+
+
+def _refuse_units(punch: TriangleMesh, die: TriangleMesh) -> None:
+    """Refuse a punch and a die in two units of length."""
+    one, other = (float(np.ptp(x.facets.points, axis=1).max()) for x in (punch, die))
+    if max(one, other) > _OTHER_UNIT * min(one, other):
+        raise ValueError(
+            f"forming: the punch extends over {one:.3g} mm and the die over "
+            f"{other:.3g} mm: their files must have the same unit, or each [[tools]] "
+            "its own"
+        )
 
 
 def _flange(die: TriangleMesh, up: float, flange: float) -> ndarray:
@@ -401,18 +425,17 @@ def _flange(die: TriangleMesh, up: float, flange: float) -> ndarray:
     return np.hstack([x for curve in curves for x in (curve[:2], curve[:2, :1], begin)])
 
 
-def _refuse_tiny(tools: dict[str, TriangleMesh], mesh: Mesh) -> None:
-    """Refuse tools that pass between the nodes of the ply."""
-    longest = mesh.p[:, mesh.facets]
-    element = float(np.hypot(*(longest[:, 0] - longest[:, 1])).max())
-    for name, tool in tools.items():
-        extent = float(np.ptp(tool.facets.points, axis=1)[:2].max())
-        if extent < 2 * element:
-            raise ValueError(
-                f"forming: the {name} extends over {extent:.3g} mm, less than two "
-                f"elements of the ply, {element:.3g} mm each: specify the unit of its "
-                "file, or use smaller elements"
-            )
+def _side(tool: TriangleMesh, upwards: float) -> int | None:
+    """Side of a tool that faces up, 1, or down, −1, at its last point that way.
+
+    None if the triangles there are vertical.
+    """
+    facets = tool.facets
+    points, (triangles,) = facets.points, facets.cells
+    height = upwards * points[2]
+    last = (height.max() - height <= _FLAT * np.ptp(points)).take(triangles).any(axis=0)
+    facing = upwards * float(facets.normals()[2, last] @ facets.areas()[last])
+    return int(np.sign(facing)) or None
 
 
 def _gap(name: str, gap: float) -> float:

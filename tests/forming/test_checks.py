@@ -1,5 +1,7 @@
 """Checks of tools before a run: room between them, sides, contact."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from skfem import MeshQuad
@@ -20,6 +22,8 @@ from skfem_textile.scenes import (
     double_dome_forming,
     hemisphere_forming,
 )
+from tests.forming.conftest import MIRRORS
+from tests.helpers import graph
 
 SIDE = np.linspace(-60.0, 60.0, 9)
 MESH = MeshQuad.init_tensor(SIDE, SIDE).with_defaults()
@@ -28,6 +32,12 @@ MESH = MeshQuad.init_tensor(SIDE, SIDE).with_defaults()
 def ply(*terms):
     fabric = Fabric(1e4, 0.1, bending=(5.0, 5.0))
     return Ply(MESH, fabric, terms=terms, dimension=3)
+
+
+def quarter(*terms):
+    mesh = MeshQuad.init_tensor(SIDE[4:], SIDE[4:]).with_defaults()
+    fabric = Fabric(1e4, 0.1, bending=(5.0, 5.0))
+    return Ply(mesh, fabric, terms=terms, dimension=3, fibre_ends=MIRRORS)
 
 
 def punch(travel, radius=30.0, **options):
@@ -175,3 +185,60 @@ def test_a_tool_in_the_middle_of_its_motion_is_found():
         return 0.0, 0.0, 2.0 - 40 * abs(t - 0.5)
 
     check_tools(ply(Tool(punch(0.0).surface, motion, name="punch")))
+
+
+UP = (0, 0, 8.0)
+SHEET = np.array([[-90.0, 90.0, 90.0, -90.0], [-90.0, -90.0, 90.0, 90.0]])
+
+
+@pytest.mark.parametrize(
+    ("tool", "boundary"),
+    [
+        (Tool(drape.Sphere(30.0, (0.5, 0, -30.2)), UP), "left"),
+        (Tool(drape.Sphere(30.0, (0, 0.5, -30.2)), UP), "bottom"),
+        (Tool(drape.Cylinder(30.0, (0, 0, -30.2), (0.02, 1, 0)), UP), "left"),
+        (Tool(drape.Plane((0, 0, -1), (0, 0.01, 1)), UP, side=1), "bottom"),
+        (Tool(drape.Die(34.0, 6.0, (0, -1, 0.2)), (0, 0, -8.0)), "bottom"),
+        (Tool(drape.Sphere(30.0, (0, 0, -30.2)), (2.0, 0, 8.0)), "left"),
+        (
+            Holder(drape.Sphere(300.0, (9, 0, -301)), pressure=0.1, outline=SHEET),
+            "left",
+        ),
+    ],
+)
+def test_a_tool_without_the_symmetry_of_a_quarter_is_refused(tool, boundary):
+    """Of any surface, motion or holder; the whole ply is accepted."""
+    tools = replace(tool, name="one"), punch(2.0)
+    message = f"'one' is not symmetric about the boundary '{boundary}' of the ply: it "
+    with pytest.raises(ValueError, match=message) as error:
+        check_tools(quarter(*tools))
+    assert "\n" not in str(error.value)
+    check_tools(ply(*tools))
+
+
+def test_a_part_that_deviates_only_where_the_ply_is_pushed_is_refused():
+    """The roof of a cavity, 20 mm above a ply that a punch pushes there."""
+
+    def height(x, y):
+        h, dome = 20.0 + 0.01 * x, np.zeros_like(x)
+        return drape.Height(h, dome + 0.01, dome, dome, dome, dome)
+
+    roof = Tool(drape.HeightField(height), name="roof")
+    with pytest.raises(ValueError, match="'roof' is not symmetric about the boundary"):
+        check_tools(quarter(punch(19.0), roof))
+
+
+def test_triangles_beside_a_quarter_touch_nothing():
+    x, t = graph(np.linspace(100.0, 160.0, 9), lambda x, y: 0 * x - 1)
+    tool = Tool(drape.TriangleMesh(x, t), UP, side=1)
+    with pytest.raises(ValueError, match="nothing touches the ply"):
+        check_tools(quarter(tool))
+
+
+def test_a_surface_that_is_defined_for_a_quarter_only_is_accepted():
+    def height(x, y):
+        h = -0.2 - (x**2 + y**2) / 200 + np.where(x < -1e-9, np.nan, 0.0)
+        dome = np.zeros_like(x)
+        return drape.Height(h, -x / 100, -y / 100, dome - 0.01, dome, dome - 0.01)
+
+    check_tools(quarter(Tool(drape.HeightField(height), UP, side=1)))

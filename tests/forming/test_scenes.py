@@ -3,10 +3,12 @@
 import csv
 import json
 import re
+from dataclasses import replace
 
 import meshio
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 from skfem import MeshQuad
 
 from skfem_textile import Fabric, MeshError
@@ -193,23 +195,27 @@ def test_places_in_messages_are_in_the_axes_of_the_files(files):
 
 def test_a_punch_that_moves_down_mirrors_one_that_moves_up(files):
     punch, die = map(read_surface, files)
-    up = forming(punch, die, travel=20.0, gap=1.0, part="quarter", **SMALL)
+    options = SMALL | {"gap": 1.0, "part": "quarter", "size": (3, 3)}
+    one = summary(forming(punch, die, travel=8.0, **options))
     turned = np.diag([1.0, -1.0, -1.0])
     punch, die = (tool.moved(np.zeros(3), turned) for tool in (punch, die))
-    down = forming(punch, die, travel=-20.0, gap=1.0, part="quarter", **SMALL)
-    one, other = summary(up), summary(down)
+    other = summary(forming(punch, die, travel=-8.0, **options))
     # The triangles are not symmetric about y = 0.
     assert other["reaction_z"] == pytest.approx(-one["reaction_z"], rel=1e-3)
+    assert one["reaction_z"] > 0.1
 
 
-@pytest.mark.parametrize("up", [1, -1])
-def test_a_holder_presses_the_ply_on_the_flange_of_the_die(flanged, up):
-    """With the pressure times the area there, not over the opening."""
-    tools, pressure = flanged, 0.02
+@pytest.mark.parametrize(("up", "pressure"), [(1, 0.02), (-1, 10.0)])
+def test_a_holder_presses_the_ply_on_the_flange_of_the_die(flanged, up, pressure):
+    """With the pressure times the area there, not over the opening.
+
+    It does not push the ply over the edge of the flange, which is smoothed.
+    """
+    tools = flanged
     if up < 0:
         turned = np.diag([1.0, -1.0, -1.0])
         tools = [tool.moved(np.zeros(3), turned) for tool in flanged]
-    options = {"pressure": pressure, "part": "quarter"} | SMALL | {"size": (10, 10)}
+    options = {"pressure": pressure, "part": "quarter"} | SMALL | {"size": (8, 8)}
     run = case(forming(*tools, travel=10.0 * up, **options))
     result = run.run()
     figures = run.summary(result)
@@ -220,6 +226,14 @@ def test_a_holder_presses_the_ply_on_the_flange_of_the_die(flanged, up):
     assert figures["holder_force_N"] * figures["punch_force_N"] > 0
     forces = [figures[f"{name}_force_N"] for name in ("punch", "die", "holder")]
     assert sum(forces) == pytest.approx(0.0, abs=1e-6)
+    assert abs(forces[0]) == pytest.approx(1.5398, rel=1e-3)
+
+
+def test_without_pressure_a_holder_has_no_force(flanged):
+    figures = summary(forming(*flanged, travel=5.0, pressure=0.0, **SMALL))
+    assert figures["converged"]
+    assert figures["holder_force_N"] == 0
+    assert figures["punch_force_N"] == pytest.approx(-figures["die_force_N"])
 
 
 def test_a_holder_has_a_gap_or_a_pressure_and_a_flange_to_press_on(files, flanged):
@@ -232,6 +246,57 @@ def test_a_holder_has_a_gap_or_a_pressure_and_a_flange_to_press_on(files, flange
         with pytest.raises(ValueError, match=message) as error:
             case(forming(*tools, travel=10.0, **options, **SMALL)).ply()
         assert "\n" not in str(error.value)
+
+
+def irregular(height, radius, rng, offset=0.0):
+    """Triangles of random vertices, 3 mm apart, with a ragged outline."""
+    s = np.arange(-radius, radius, 3.0)
+    x = np.array([a.ravel() for a in np.meshgrid(s, s)])
+    x = (x + rng.uniform(-0.9, 0.9, x.shape))[:, np.hypot(*x) < radius]
+    t = Delaunay(x.T).simplices
+    edges = x[:, t] - x[:, np.roll(t, 1, axis=1)]
+    t = t[np.hypot(*edges).max(axis=1) < 6.0]
+    used, t = np.unique(t, return_inverse=True)
+    x = x[:, used]
+    z = height(np.hypot(x[0] - offset, x[1]))
+    return TriangleMesh(np.array([*x, z]), t.reshape(-1, 3).T)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1.0])
+def test_irregular_triangles_of_a_symmetric_tool_suffice_for_a_quarter(offset):
+    """A cavity with fillets of 10 mm; not one that is 1 mm beside the axis."""
+    rng = np.random.default_rng(0)
+
+    def cavity(r):
+        inner = np.sqrt(35.0**2 - np.minimum(r, 28.0) ** 2) - 21.0
+        outer = 10.0 - np.sqrt(100.0 - np.clip(36.0 - r, 0.0, 8.0) ** 2)
+        return np.where(r < 28.0, inner + 4.0, outer)
+
+    die = irregular(cavity, 60.0, rng, offset)
+    punch = irregular(lambda r: np.sqrt(60.0**2 - r**2) - 60.5, 45.0, rng)
+    scene = forming(punch, die, travel=10.0, part="quarter", **SMALL)
+    if not offset:
+        case(scene).stepper()
+        return
+    with pytest.raises(ValueError, match="'die' is not symmetric about the boundary"):
+        case(scene).stepper()
+
+
+def test_sides_of_tools_with_sharp_edges_are_known():
+    """The smooth surface bulges beyond both, into the ply, at rest."""
+
+    def pyramid(x, y, top, most):
+        r = np.maximum(np.abs(x), np.abs(y))
+        return np.clip(2.0 * (top - r), 0.0, most)
+
+    s = np.linspace(-90.0, 90.0, 28)
+    die = TriangleMesh(*graph(s, lambda x, y: pyramid(x, y, 50.0, 30.0)))
+    punch = graph(0.6 * s, lambda x, y: pyramid(x, y, 50.0, 40.0) - 40.3)
+    scene = forming(TriangleMesh(*punch), die, travel=5.0, part="quarter", **SMALL)
+    for tool in scene.tools[:2]:
+        with pytest.raises(ValueError, match="crosses the undeformed ply"):
+            case(replace(scene, tools=(replace(tool, side=None),))).ply()
+    assert case(scene).run().converged
 
 
 @pytest.mark.parametrize("shift", [(4.0, 0.0), (0.0, 4.0)])
@@ -278,6 +343,7 @@ def test_the_side_of_the_triangles_does_not_matter(files):
 def test_bad_input_is_one_line(files, tmp_path):
     punch, die = map(read_surface, files)
     tiny = read_surface(bowl(tmp_path / "tiny.stl", 2.0, 490.0, side=9.0))
+    of_metres = TriangleMesh(1e3 * die.facets.points, die.facets.cells[0])
     for build, message in (
         (lambda: hemisphere_forming(gap=-0.1), "holder gap must be a length of at"),
         (lambda: hemisphere_forming(travel=0.0), "travel must be a positive length"),
@@ -287,6 +353,7 @@ def test_bad_input_is_one_line(files, tmp_path):
         (lambda: forming(punch, die, travel=0.0, **SMALL), "length in mm other than"),
         (lambda: forming(die, punch, travel=9.0, **SMALL), "beyond the plane of the"),
         (lambda: forming(tiny, die, travel=9.0, **SMALL), "less than two elements"),
+        (lambda: forming(punch, of_metres, **SMALL), "must have the same unit"),
     ):
         with pytest.raises((ValueError, MeshError), match=message) as error:
             build()

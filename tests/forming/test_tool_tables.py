@@ -1,5 +1,7 @@
 """Tools in case files: surfaces, motions, holders, round trip and bad input."""
 
+import re
+
 import meshio
 import numpy as np
 import pytest
@@ -96,6 +98,23 @@ def test_a_tool_of_a_file_is_turned_about_any_axis(tmp_path):
     low, high = points.min(axis=1), points.max(axis=1)
     assert low == pytest.approx([0, -80, -20], abs=1e-5)
     assert high == pytest.approx([80, 0, 0], abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("unit", "message"),
+    [
+        ("mm", "extends over 0.08 mm, less than two elements of the ply, 7.5 mm each"),
+        ("m", "extends over 8e+04 mm, over 100 times the size of the ply, 60 mm"),
+    ],
+)
+def test_a_tool_of_a_file_in_another_unit_is_refused(tmp_path, unit, message):
+    x, t = graph(np.linspace(0.0, 0.08, 9), lambda x, y: 0.25 * x)
+    path = tmp_path / "P.stl"
+    meshio.Mesh((x if unit == "mm" else 1e3 * x).T, [("triangle", t.T)]).write(path)
+    file = {"surface": "triangles", "source": str(path), "unit": unit, "side": 1}
+    with pytest.raises(ValueError, match=f"^tool 'tool_1' {re.escape(message)}") as e:
+        case_from_tables(tables(file)).stepper()
+    assert str(e.value).endswith(": check its unit")
 
 
 def test_a_bad_position_of_a_file_is_named(tmp_path):

@@ -298,6 +298,10 @@ def test_resumed_run_is_the_same(tmp_path, state):
             lambda: Tool(drape.Plane((0, 0, 1)), outline=[[500, 600, 600], [0, 0, 9]]),
             "no node of the undeformed ply is within its edges or outline",
         ),
+        (
+            lambda: Tool(drape.Sphere(9.0), outline=[[0, 9, np.nan], [0, 0, 9]]),
+            "outline must be finite",
+        ),
         (lambda: Holder(drape.Plane(), side=1), "either a gap or a pressure"),
         (lambda: Holder(drape.Plane(), gap=-0.1, side=1), "at least 0 mm"),
         (lambda: Tool(3.0), "surface must have the methods"),
