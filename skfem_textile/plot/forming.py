@@ -74,7 +74,7 @@ def formed(
     weight = Scale.of(_AREAL_WEIGHT, limits, "cividis")
     rows = []
     for result, title, shape, angle, risk, ratio in zip(
-        *(results, picture.titles, picture.shapes, angles, risks, weights),
+        *(results, picture.titles(), picture.shapes, angles, risks, weights),
         strict=True,
     ):
         row = [

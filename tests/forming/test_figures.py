@@ -205,6 +205,14 @@ def test_forces_of_the_tools_balance_over_the_travel(hemisphere):
     assert np.abs(balance).max() < 1e-6 * force["punch"].max()
 
 
+def test_a_printed_run_has_the_travel_of_the_tools_that_move(hemisphere):
+    head, *rows = str(hemisphere).splitlines()
+    assert head.startswith("load factor  punch (mm)      solves ")
+    assert "die" not in head
+    assert [row.split()[1] for row in rows[:4]] == ["0.00", "5.00", "10.00", "15.00"]
+    assert all(row.endswith("yes") and len(row) == len(head) for row in rows[1:4])
+
+
 def test_history_of_the_tools_agrees_with_summary_and_contacts(hemisphere):
     history, figures = tool_history(hemisphere), formed(hemisphere)
     for column in history:

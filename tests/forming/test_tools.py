@@ -207,6 +207,17 @@ def test_travel_is_from_the_initial_position():
     assert tool.travel(0.5) == pytest.approx([0.0, 0.0, 15.0])
 
 
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.7, np.pi - 1e-6, np.pi])
+def test_rotation_is_from_the_initial_position(angle):
+    def turned(t):
+        c, s = np.cos(0.4 + angle * t), np.sin(0.4 + angle * t)
+        return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), np.zeros(3)
+
+    tool = punch(turned, side=1).on(blank().basis)
+    assert tool.rotation(1.0) == pytest.approx(angle, rel=1e-6, abs=1e-15)
+    assert not tool.travel(1.0).any()
+
+
 def test_holder_keeps_its_gap():
     """Beyond the punch the ply lifts from the plane by up to the gap."""
     outline = [[45.0, 70.0, 70.0, 45.0], [-5.0, -5.0, 70.0, 70.0]]
@@ -280,6 +291,14 @@ def test_resumed_run_is_the_same(tmp_path, state):
         (lambda: punch(side=2), "side must be 1, -1 or None"),
         (lambda: punch(thickness=-1.0), "thickness must not be negative"),
         (lambda: punch(motion=(0, 1)), "translation of three components"),
+        (
+            lambda: punch(motion=(np.eye(3), (0, 0, 1))),
+            "punch': motion must be .* for a rotation pass a function of the load",
+        ),
+        (
+            lambda: punch(motion=np.eye(3)),
+            r"for a rotation pass a function .* got array\(\[\[1., 0., 0.\], \[0.",
+        ),
         (
             lambda: punch(motion=lambda t: (2 * np.eye(3), np.zeros(3))),
             "not a rotation",
