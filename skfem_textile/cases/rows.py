@@ -64,7 +64,7 @@ class RigidMotion:
             rows(t) if callable(rows) else t * np.array(rows)
             for rows in (self.translation, self.degrees)
         )
-        turn = rotation(self.axis, degrees)
+        turn = rotation(self.axis, float(degrees))
         return turn, self.point - turn @ self.point + moved
 
 

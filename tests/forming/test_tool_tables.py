@@ -78,6 +78,30 @@ def test_a_tool_of_a_case_turns_about_an_axis_through_a_point():
     assert punch.motion(0.5)[1].tolist() == [0, 0, 2]
 
 
+def test_the_weight_of_a_case_acts_from_the_start():
+    """A table carries it at all load factors; edges are not pulled."""
+    table = {"surface": "plane", "name": "table", "side": 1}
+    scene = SCENE | {"tension_N_per_mm": 0.0}
+    others = {"stepping": {"steps": 2}, "loads": {"weight_N_per_mm2": [0, 0, -2e-5]}}
+    result = case_from_tables(tables(table, scene=scene, **others)).run()
+    for state in result.states:
+        assert state.reactions["table"][2] == pytest.approx(2e-5 * 60**2, rel=1e-6)
+    with pytest.raises(ValueError, match="loads.weight_N_per_mm2"):
+        case_from_tables(tables(table, loads={"weight_N_per_mm2": [1.0]}))
+    plane = {"scene": {"name": "trellis"}, "loads": {"weight_N_per_mm2": [0, 0, 1.0]}}
+    with pytest.raises(ValueError, match="'weight'.* finite vector of shape"):
+        case_from_tables(plane).ply()
+
+
+def test_the_weight_turns_with_a_scene_in_the_plane():
+    weight = {"weight_N_per_mm2": [0.0, -1e-5]}
+    scene = {"name": "bias_extension", "rotate_deg": 90.0}
+    irregular = {"source": "irregular", "size": [2, 4]}
+    case = case_from_tables({"scene": scene, "mesh": irregular, "loads": weight})
+    (load,) = case.loads
+    assert load.value == pytest.approx([1e-5, 0.0])
+
+
 def test_a_case_with_tools_is_written_and_read_again(tmp_path):
     case = declared(tables(PUNCH, DIE, HOLDER))
     file = tmp_path / "case.toml"
