@@ -29,6 +29,11 @@ def pressing(ply: Ply) -> list[Pressing]:
     return [term for term in ply.terms if isinstance(term, Pressing)]
 
 
+def flat_thickness(ply: Ply) -> float:
+    """Thickness of the flat ply in mm: the largest stated by a tool, or 0."""
+    return max((tool.thickness for tool in contacts(ply)), default=0.0)
+
+
 class SmallestGap(NamedTuple):
     """Smallest gap in mm, negative inside the tool, its place and an element there."""
 

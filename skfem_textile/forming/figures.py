@@ -13,6 +13,7 @@ from .contact import (
     Pressing,
     SmallestGap,
     contacts,
+    flat_thickness,
     nodes_in_contact,
     pressing,
     smallest_gap,
@@ -176,12 +177,21 @@ def _draw_in(ply: Ply, u: ndarray) -> dict[str, float]:
 
 
 def _areal_weight(ply: Ply, u: ndarray) -> dict[str, float]:
-    """Largest and smallest areal weight relative to the flat ply."""
-    ratio = areal_weight(ply, u)
-    return {
+    """Largest and smallest areal weight relative to the flat ply.
+
+    If a tool states the thickness of the ply also its largest and smallest thickness at
+    constant fibre volume fraction.
+    """
+    ratio, thickness = areal_weight(ply, u), flat_thickness(ply)
+    figures = {
         "max_areal_weight_ratio": float(ratio.max()),
         "min_areal_weight_ratio": float(ratio.min()),
     }
+    if thickness:
+        name = "thickness_at_constant_fibre_fraction_mm"
+        figures[f"max_{name}"] = thickness * float(ratio.max())
+        figures[f"min_{name}"] = thickness * float(ratio.min())
+    return figures
 
 
 def _curvature(

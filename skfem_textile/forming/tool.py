@@ -439,6 +439,11 @@ class ToolContact(ContactTerm):
         """See `ContactTerm.rotation`."""
         return self._obstacle.rotation(t)
 
+    @property
+    def thickness(self) -> float:
+        """Thickness of the ply in mm that is stated for the tool."""
+        return 2 * self._obstacle.half
+
     def gaps(self, u: ndarray, t: float) -> ndarray:
         """See `ContactTerm.gaps`."""
         return np.where(self._takes_part, self._at(u, t).gap, np.inf)

@@ -34,6 +34,7 @@ from skfem_textile.forming import (
     travels,
     turn_on_tool,
 )
+from skfem_textile.io.forming import fields_between_tools
 
 R = 50.0
 FORMULATIONS = [Macro(), OnePoint(), Full(), Quadratic()]
@@ -112,6 +113,29 @@ def test_areal_weight_of_stretched_and_sheared_fibres(formulation):
     u = moved(ply, lambda x, y: [warp[i] * x + weft[i] * y for i in range(3)])
     expected = 1 / (stretch[0] * stretch[1] * np.cos(angle))
     assert areal_weight(ply, u, 300.0) == pytest.approx(300 * expected)
+
+
+def test_thickness_at_constant_fibre_fraction_where_a_tool_states_it():
+    """A ply of 0.4 mm whose area decreases by a fifth is 0.5 mm thick."""
+    for thickness, expected in ((0.4, 0.5), (0.0, None)):
+        plane = Tool(drape.Plane((0, 0, -1.0)), side=1, thickness=thickness)
+        ply = square(terms=[plane])
+        u = moved(ply, lambda x, y: (0.8 * x, y, 0))
+        state = replace(
+            FLAT,
+            u=u,
+            parameters=ply.parameters_at_rest,
+            reactions={"tool": np.zeros(3)},
+            displacements={},
+        )
+        figures = formed(Result.of_state(ply, {}, state))
+        for most in ("max", "min"):
+            name = f"{most}_thickness_at_constant_fibre_fraction_mm"
+            assert figures.get(name) == (expected and pytest.approx(expected))
+        cells = fields_between_tools(ply, state)[1]
+        field = cells.get("thickness_at_constant_fibre_fraction")
+        assert (field is None) == (expected is None)
+        assert field is None or field == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("formulation", [Macro(), Full()])

@@ -86,10 +86,10 @@ def test_the_weight_of_a_case_acts_from_the_start():
     result = case_from_tables(tables(table, scene=scene, **others)).run()
     for state in result.states:
         assert state.reactions["table"][2] == pytest.approx(2e-5 * 60**2, rel=1e-6)
-    with pytest.raises(ValueError, match="loads.weight_N_per_mm2"):
+    with pytest.raises(ValueError, match=r"loads\.weight_N_per_mm2"):
         case_from_tables(tables(table, loads={"weight_N_per_mm2": [1.0]}))
     plane = {"scene": {"name": "trellis"}, "loads": {"weight_N_per_mm2": [0, 0, 1.0]}}
-    with pytest.raises(ValueError, match="'weight'.* finite vector of shape"):
+    with pytest.raises(ValueError, match=r"'weight'.* finite vector of shape"):
         case_from_tables(plane).ply()
 
 
