@@ -25,6 +25,7 @@ from skfem_textile import (
 from skfem_textile.forming.figures import formed as figures_of
 from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
 from skfem_textile.solve.surface.on_surface import SurfaceError
+from tests.forming.conftest import quarter
 
 SIDE, RADIUS, GAP, TRAVEL = 60.0, 40.0, 0.3, 25.0
 
@@ -199,6 +200,53 @@ def test_holder_presses_within_its_outline():
     figures = figures_of(result)
     assert figures["holder_force_N"] == pytest.approx(-table_force, rel=1e-9)
     assert figures["holder_max_pressure_N_per_mm2"] == pytest.approx(0.01, rel=1e-3)
+
+
+def test_tools_edges_symmetry_and_gravity_balance():
+    """Punch, die and holder together; the weight is 0.36 N."""
+    ply, conditions = quarter((0.0, 0.0, 15.0))
+    ply = ply.with_terms(BodyForce((0.0, 0.0, -1e-4), factor=1.0))
+    for state in LoadStepper(ply, conditions, steps=2).run().states:
+        reactions = state.reactions
+        assert set(reactions) == {"x", "y", "punch", "die", "holder"}
+        pulled = np.array([0.2 * SIDE, 0.2 * SIDE, -1e-4 * SIDE**2])
+        off = sum(reactions.values()) + pulled
+        largest = max(np.abs(force).max() for force in reactions.values())
+        assert np.abs(off).max() < 1e-6 * largest
+    assert reactions["punch"][2] > 1
+    assert min(abs(reactions[name][2]) for name in ("die", "holder")) > 0.1
+
+
+def test_holders_with_outlines_are_segments():
+    """Each presses within its outline, and nothing presses outside both."""
+    table = Tool(drape.Plane(), side=1, name="table")
+    boxes = {"a": (37.5, 70.0, -5.0, 27.5), "b": (-5.0, 17.5, 37.5, 70.0)}
+    pressures = {"a": 0.01, "b": 0.03}
+    holders = [
+        Holder(
+            drape.Plane(),
+            pressure=pressures[name],
+            side=1,
+            outline=[[x0, x1, x1, x0], [y0, y0, y1, y1]],
+            name=name,
+        )
+        for name, (x0, x1, y0, y1) in boxes.items()
+    ]
+    ply = blank(terms=[table, *holders])
+    result = LoadStepper(ply, SYMMETRY, steps=1).run()
+    figures, state = figures_of(result), result.states[-1]
+    # nodes are 5 mm apart, and outlines in the middle between them
+    areas = {"a": 22.5 * 27.5, "b": 17.5 * 22.5}
+    for term in (x for x in ply.terms if x.name in boxes):
+        force = term.forces(state.u, 1.0, state.parameters[term.name])
+        x0, x1, y0, y1 = boxes[term.name]
+        x, y = ply.nodes + ply.nodal(state.u)[:2]
+        within = (x > x0) & (x < x1) & (y > y0) & (y < y1)
+        assert np.array_equal(force > 0, within)
+        pushed = pressures[term.name] * areas[term.name]
+        assert figures[f"{term.name}_force_N"] == pytest.approx(-pushed, rel=1e-9)
+    total = sum(pressures[name] * areas[name] for name in boxes)
+    assert state.reactions["table"][2] == pytest.approx(total, rel=1e-6)
 
 
 def test_travel_is_from_the_initial_position():
