@@ -34,7 +34,7 @@ def fields_between_tools(
     tool states the thickness of the ply ``thickness_at_constant_fibre_fraction`` (mm).
     """
     u, t, n = state.u, state.load_factor, ply.mesh.nvertices
-    x = (np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u))[:, :n]
+    x = ply.positions(u)[:, :n]
     points = {
         f"{tool.name}_pressure": tool_pressure(ply, tool, state)[:n]
         for tool in pressing(ply)

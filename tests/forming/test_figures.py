@@ -266,7 +266,8 @@ def test_forces_of_tools_that_return_are_along_their_longest_travel():
         replace(FLAT, load_factor=t, u=ply.basis.zeros()) for t in (0.0, 0.5, 1.0)
     ]
     values = Values({"force": force + 1.0, "stiffness": force + 1e-6})
-    states = [replace(state, parameters={"wall": values}) for state in states]
+    contact = {"parameters": {"wall": values}, "reactions": {"wall": np.eye(3)[2]}}
+    states = [replace(state, **contact) for state in states]
     result = replace(Result.of_state(ply, {}, states[-1]), states=states)
     assert travels(result)["wall"].tolist() == [0.0, 1.0, 0.0]
     assert tool_forces(result)["wall"] == pytest.approx(0.0, abs=1e-12)

@@ -160,7 +160,7 @@ def test_a_section_cuts_the_ply_on_the_plane(hemisphere, angle):
     (axes,) = plot.section(hemisphere, angle=angle, states=[-1]).axes
     ends = lines_of(axes)
     ply, u = hemisphere.ply, hemisphere.u
-    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+    x = ply.positions(u)
     on = np.isclose(ply.nodes[1], np.tan(angle) * ply.nodes[0])
     reach = np.hypot(*x[:2, on]).max()
     assert ends[:, 0].max() == pytest.approx(reach)

@@ -173,7 +173,7 @@ def test_a_step_in_which_nothing_touches_has_no_warning_of_the_energy(tension):
 def test_thickness_keeps_the_nodes_away():
     ply = blank(terms=[punch(thickness=1.0), ring(1.0, thickness=1.0)])
     last = LoadStepper(ply, SYMMETRY, steps=1).run().states[-1]
-    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(last.u)
+    x = ply.positions(last.u)
     centre = np.array([[0.0], [0.0], [TRAVEL - RADIUS - GAP / 2]])
     distance = np.linalg.norm(x - centre, axis=0)
     assert distance.min() == pytest.approx(RADIUS + 0.5, abs=1e-6)
