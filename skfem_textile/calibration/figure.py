@@ -197,6 +197,7 @@ def prediction_panel(one: Validation) -> Panel:
         _fill(axes, x, measured, COLOURS[1], 0.2, "noise, 95 %")
         axes.plot(x, force, color=COLOURS[0], label="prediction")
         axes.plot(x, one.measured, ".", color=COLOURS[1], label=one.specimen.name)
+        axes.plot(x, force + one.off.force, color=COLOURS[1], label="its smooth curve")
         axes.set(xlabel="displacement (mm)", ylabel="force (N)")
 
     return panel

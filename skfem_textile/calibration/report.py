@@ -265,9 +265,9 @@ def validation_report(found: "Sequence[Validation]") -> dict[str, Any]:
             )
         if not one.confirmed:
             notes.append(
-                f"{name}: the prediction is not confirmed: "
-                f"{100 * one.share(simultaneous=True):.0f} % of the curve is inside "
-                "the band of the whole curve"
+                f"{name}: the prediction is not confirmed: only "
+                f"{100 * one.share(simultaneous=True):.0f} % of the smooth curve is "
+                "inside the band of a whole curve"
             )
     return {"of": "validation", "confidence": CONFIDENCE, "rows": rows, "notes": notes}
 

@@ -1,7 +1,7 @@
 """Predictions of tests that were not used in a fit, with their uncertainty."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy import ndarray
 from scipy import special
 
 from ..fabric import Fabric
+from ..fabric.law import RIGHT_ANGLE
 from ..scenes.shear_test import ShearTest
 from .bands import CONFIDENCE, Fit
 from .choice import Choice, Test
@@ -20,9 +21,6 @@ from .specimens import Specimen
 # Number of random draws of the parameters for a simultaneous band, and their seed: the
 # quantile is then known to 2 %.
 _DRAWS, _SEED = 4000, 1
-
-#: Share of the points inside the simultaneous band from which a test is confirmed.
-CONFIRMED = CONFIDENCE
 
 #: Quantile of the normal distribution for two-sided bands.
 NORMAL_95 = float(special.ndtri(0.5 + 0.5 * CONFIDENCE))
@@ -134,7 +132,7 @@ def _banded(
     """Fields of a `LoadBand` of a function of the laws."""
     slopes = differences(fit.model, fit.values, value, steps)
     deviation, freedom = fit.deviation(slopes)
-    quantile = _simultaneous(fit.covariance, slopes, freedom)
+    quantile = _simultaneous([(fit, slopes)], deviation, freedom)
     return value(fit.law), slopes, deviation, freedom, quantile
 
 
@@ -203,17 +201,29 @@ def _interpolated(found: SimulatedTest, gamma: ndarray) -> ndarray:
     return np.interp(gamma, found.angles[known], half[known])
 
 
-def _simultaneous(covariance: ndarray, slopes: ndarray, freedom: ndarray) -> float:
-    """Quantile of the largest deviation of a curve, in standard deviations."""
-    rng, p = np.random.default_rng(_SEED), len(covariance)
-    values, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    curves = slopes @ root @ rng.standard_normal((p, _DRAWS))
-    deviation = np.sqrt(np.einsum("ni,ij,nj->n", slopes, covariance, slopes))
+def _simultaneous(
+    parts: Sequence[tuple[Fit, ndarray]], deviation: ndarray, freedom: ndarray
+) -> float:
+    """Quantile of the largest deviation of a curve, in standard deviations.
+
+    Parameters
+    ----------
+    parts
+        Independent fits, with the derivatives of the curve with respect to their
+        parameters.
+    deviation, freedom
+        Standard deviation of the curve, and its degrees of freedom, shape (n,).
+    """
+    rng, curves = np.random.default_rng(_SEED), np.zeros((len(deviation), _DRAWS))
+    for fit, slopes in parts:
+        values, vectors = np.linalg.eigh(fit.covariance)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        curves += slopes @ root @ rng.standard_normal((len(values), _DRAWS))
     seen = deviation > 0
     largest = np.abs(curves[seen] / deviation[seen, None]).max(axis=0, initial=0.0)
-    nu = float(np.min(freedom))
-    largest *= np.sqrt(nu / rng.chisquare(nu, _DRAWS))
+    if seen.any():
+        nu = float(np.min(freedom[seen]))
+        largest *= np.sqrt(nu / rng.chisquare(nu, _DRAWS))
     return float(np.quantile(largest, CONFIDENCE))
 
 
@@ -224,9 +234,13 @@ class Validation:
     Attributes
     ----------
     specimen
-        The test.
+        The test, with the zeros of the machine by its own law.
     displacement, measured
         Displacement beyond the slack in mm and force in N, shape (n,).
+    off
+        Force of a polynomial law fitted to the test alone, the smooth measured force,
+        less the predicted one.  Its band contains the parameters of both fits, and its
+        slopes are their derivatives.
     noise
         Standard deviation of the measured force in N.
     prediction
@@ -239,6 +253,7 @@ class Validation:
     specimen: Specimen
     displacement: ndarray
     measured: ndarray
+    off: LoadBand
     noise: float
     prediction: Prediction
     scatter: ndarray
@@ -249,26 +264,31 @@ class Validation:
         return self.measured - self.prediction.force
 
     def half_width(self, simultaneous: bool = False) -> ndarray:
-        """Half-width of the band of a measured point in N, (n,).
+        """Half-width of the band of each difference in N, shape (n,).
 
-        Parameters and noise are independent; the discretisation error is added.
+        Parameters
+        ----------
+        simultaneous
+            Band of the whole smooth curve, instead of each measured point with its
+            noise.
         """
-        one = self.prediction
-        law = one.simultaneous * one.deviation if simultaneous else one.pointwise
-        random = np.sqrt(
-            np.maximum(law, self.scatter) ** 2 + (NORMAL_95 * self.noise) ** 2
-        )
-        return random + np.nan_to_num(one.discretisation)
+        off, wider = self.off, np.maximum(self.off.pointwise, self.scatter)
+        if simultaneous:
+            quantile = special.stdtrit(off.freedom, 0.5 + 0.5 * CONFIDENCE)
+            random = off.simultaneous / quantile * wider
+        else:
+            random = np.hypot(wider, NORMAL_95 * self.noise)
+        return random + np.nan_to_num(self.prediction.discretisation)
 
     def share(self, simultaneous: bool = False) -> float:
-        """Share of the points inside the band."""
-        inside = np.abs(self.difference) <= self.half_width(simultaneous)
-        return float(np.mean(inside))
+        """Share of the points, or of the smooth curve, inside its band."""
+        off = self.off.force if simultaneous else self.difference
+        return float(np.mean(np.abs(off) <= self.half_width(simultaneous)))
 
     @property
     def confirmed(self) -> bool:
-        """True if the curve lies inside the simultaneous band, except for noise."""
-        return self.share(simultaneous=True) >= CONFIRMED
+        """True if the smooth curve lies inside the band of a whole curve."""
+        return self.share(simultaneous=True) == 1.0
 
 
 def validate(
@@ -291,25 +311,42 @@ def validate(
     ValueError
         If a test is of another kind or has no displacement, or a simulation fails.
     """
-    found = []
-    for one in map(_with_zeros, refuse_others(tests)):
-        assert one.displacement is not None
-        gamma = one.angle_at(one.displacement, one.slack)
-        with np.errstate(invalid="ignore"):
-            used = (gamma > 0) & (gamma <= one.last_angle(np.inf))
-        if not used.any():
-            raise ValueError(f"{one.name}: no displacement is within the test")
-        order = np.argsort(gamma[used], kind="stable")
-        at = gamma[used][order]
-        force = one.force[used][order] - (one.zeros.force or 0.0)
-        prediction = predict(result, base, one.test, at, simulation)
-        found.append(
-            Validation(
-                *(one, one.test.displacement(at), force, _noise(force), prediction),
-                scatter=_scatter(result, one.test, prediction),
-            )
-        )
-    return found
+    return [_validated(result, base, x, simulation) for x in refuse_others(tests)]
+
+
+def _validated(
+    result: FabricFit, base: Fabric, test: Specimen, simulation: Simulation | None
+) -> Validation:
+    """A test beside its prediction, with zeros and noise by a separate law."""
+    test = replace(test, measured_angle=None)
+    alone = fit_near([test], Choice(up_to=RIGHT_ANGLE))
+    one, own = alone.zeroed(0), alone.parts["shear"]
+    assert one.displacement is not None
+    used = one.used(RIGHT_ANGLE) & (one.angle > 0)
+    order = np.argsort(one.angle[used], kind="stable")
+    gamma = one.angle[used][order]
+    measured = one.force[used][order] - (one.zeros.force or 0.0)
+    prediction = predict(result, base, one.test, gamma, simulation)
+    return Validation(
+        *(one, one.test.displacement(gamma), measured),
+        off=_off(own, one.test, prediction, result.fit.joint),
+        noise=float(own.noise[0]),
+        prediction=prediction,
+        scatter=_scatter(result, one.test, prediction),
+    )
+
+
+def _off(own: Fit, test: ShearTest, prediction: Prediction, fit: Fit) -> LoadBand:
+    """Force of a law fitted to a test less the predicted one."""
+    smooth = LoadBand(*_banded(own, lambda law: test.force(law, prediction.gamma)))
+    deviation = np.hypot(smooth.deviation, prediction.deviation)
+    freedom = np.minimum(smooth.freedom, prediction.freedom)
+    parts = [(own, smooth.slopes), (fit, -prediction.slopes)]
+    return LoadBand(
+        smooth.force - prediction.force,
+        np.hstack([slopes for _, slopes in parts]),
+        *(deviation, freedom, _simultaneous(parts, deviation, freedom)),
+    )
 
 
 def refuse_others(tests: Sequence[Test]) -> list[Specimen]:
@@ -323,20 +360,6 @@ def refuse_others(tests: Sequence[Test]) -> list[Specimen]:
             )
         found.append(one)
     return found
-
-
-def _with_zeros(test: Specimen) -> Specimen:
-    """The test with its zeros, by a separate polynomial law if they are unknown."""
-    if test.assumes_slack or test.zeros.force is None:
-        return fit_near([test], Choice()).zeroed(0)
-    return test
-
-
-def _noise(force: ndarray) -> float:
-    """Standard deviation of the noise of a smooth curve, by third differences."""
-    if force.size <= 3:
-        return 0.0
-    return float(np.sqrt(np.mean(np.diff(force, 3) ** 2) / 20))
 
 
 def _scatter(result: FabricFit, test: ShearTest, prediction: Prediction) -> ndarray:

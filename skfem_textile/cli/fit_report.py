@@ -174,7 +174,7 @@ def _law_row(title: str, one: Mapping[str, Any]) -> Row:
 
 def _prediction_row(one: Mapping[str, Any]) -> Row:
     share = f"{100 * one['inside_simultaneous']:.0f} %"
-    text = f"{share} of the curve is inside the band of the whole curve"
+    text = f"{share} of the smooth curve is inside the band of a whole curve"
     if one["confirmed"]:
         return f"Prediction of {one['name']}", "good", f"confirmed: {text}"
     return f"Prediction of {one['name']}", "bad", f"not confirmed: only {text}"

@@ -13,6 +13,7 @@ from skfem_textile.calibration import (
     Simulation,
     Specimen,
     Strip,
+    Zeros,
     fit_tests,
     load_band,
     predict,
@@ -23,18 +24,19 @@ from skfem_textile.calibration.simulation import FIBRES
 LAW = Linear(0.2)
 FRAME, STRIP = PictureFrame(200.0, 160.0), BiasExtension(60.0, 150.0)
 COARSE = Simulation(across=4, steps=4)
+KNOWN = Zeros(0.0, 0.0)
 GAMMA = np.radians(np.linspace(2.0, 35.0, 40))
 
 
-def specimen(test, noise=0.0, seed=0, scale=1.0):
+def specimen(test, noise=0.0, seed=0, scale=1.0, zeros=KNOWN):
     force = scale * test.force(LAW, GAMMA)
     rng = np.random.default_rng(seed)
     force = force + noise * force.max() * rng.standard_normal(GAMMA.size)
-    return Specimen("one", test, force, test.displacement(GAMMA))
+    return Specimen("one", test, force, test.displacement(GAMMA), zeros=zeros)
 
 
-def fitted(noise=0.01):
-    return fit_tests([specimen(FRAME, noise)], Choice("linear"))
+def fitted(noise=0.01, seed=0):
+    return fit_tests([specimen(FRAME, noise, seed)], Choice("linear"))
 
 
 def test_a_frame_is_predicted_without_a_discretisation_error():
@@ -81,8 +83,22 @@ def test_a_wrong_law_is_not_confirmed():
     )
     assert not wrong.confirmed
     assert wrong.share() < right.share()
-    assert np.all(right.half_width(simultaneous=True) >= right.half_width())
     assert right.noise == pytest.approx(0.01 * held_out.force.max(), rel=0.3)
+
+
+def validated(seed, zeros, scale=1.0):
+    held_out = specimen(FRAME, 0.02, 100 + seed, scale, zeros)
+    (one,) = validate(fitted(0.02, seed), Fabric(FIBRES), [held_out], COARSE)
+    return one
+
+
+@pytest.mark.parametrize("zeros", [KNOWN, Zeros(None, None)])
+def test_the_known_law_is_confirmed_in_95_of_100_tests(zeros):
+    """Also if the zeros of the machine are unknown; a law that is far off is not."""
+    right = [validated(seed, zeros) for seed in range(20)]
+    assert sum(one.confirmed for one in right) >= 18
+    assert 0.92 < np.mean([one.share() for one in right]) < 0.98
+    assert not any(validated(seed, zeros, scale=1.4).confirmed for seed in range(5))
 
 
 def test_specimens_that_differ_widen_the_band_of_a_further_one():

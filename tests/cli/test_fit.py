@@ -251,7 +251,7 @@ def test_a_test_that_was_not_used_is_predicted_and_compared(tmp_path, capsys):
     assert fit("bias-extension", *data, *known, *validated, held_out(tmp_path)) == 0
     (row,) = json.loads((out / "summary.json").read_text())["validation"]["rows"]
     assert row["confirmed"]
-    assert row["inside_simultaneous"] > 0.95
+    assert row["inside_simultaneous"] == 1.0
     assert row["largest_over_largest_force"] < 0.05
     assert "Prediction of held.csv  confirmed" in capsys.readouterr().out
     page = Page((out / "report.html").read_text(encoding="utf-8"))

@@ -82,6 +82,19 @@ BENCHMARK: dict[tuple[float, float], tuple[float, ...]] = {
     (150.0, 450.0): (0.0061, 0.0074, 0.0130, 0.0196),
 }
 
+#: Ranges of the normalised shear force in N/mm at `ANGLES`, read from the lines of
+#: figures of Cao et al. (2008): all curves of plain weave.
+PUBLISHED: dict[str, tuple[tuple[float, float], ...]] = {
+    "bias extensions, Fig. 39": (
+        *((0.009, 0.019), (0.016, 0.036)),
+        *((0.029, 0.078), (0.055, 0.158)),
+    ),
+    "picture frames, Fig. 28": (
+        *((0.000, 0.033), (0.005, 0.044)),
+        *((0.027, 0.065), (0.059, 0.136)),
+    ),
+}
+
 # 97.5 % quantile of the normal distribution, for two-sided 95 % bands.
 _TWO_SIDED = 1.959963984540054
 
@@ -396,7 +409,7 @@ class Benchmark:
         return self.folder / f"glass_plain_{self.width:g}_{self.height:g}.csv"
 
     def rows(self) -> list[Row]:
-        """C = F_sh cos γ of a benchmark curve, point by point."""
+        """C = F_sh cos γ of a benchmark curve, point by point, and F_sh by a fit."""
         form = Format(units={"displacement": "mm", "force": "N"})
         test = BiasExtension(self.width, self.height)
         choices = Preparation(slack=0.0, force_at_rest=0.0)
@@ -404,6 +417,13 @@ class Benchmark:
         gamma, C = specimen.pointwise(np.radians(BEYOND))
         moments = np.interp(np.radians(ANGLES), gamma, C)
         expected = BENCHMARK[self.width, self.height]
+        fit, at = fit_tests([specimen]).parts["shear"], np.radians(ANGLES)
+
+        def shear_force(law: Law) -> ndarray:
+            return law.value(at) / np.cos(at)
+
+        low, high = fit.band(shear_force)
+        columns = moments, expected, shear_force(fit.law), 0.5 * (high - low)
         return [
             {
                 "task": "benchmark",
@@ -412,8 +432,10 @@ class Benchmark:
                 "moment": float(one),
                 "expected": other,
                 "off": float(one / other - 1),
+                "shear_force": float(fitted),
+                "half_width": float(half),
             }
-            for angle, one, other in zip(ANGLES, moments, expected, strict=True)
+            for angle, one, other, fitted, half in zip(ANGLES, *columns, strict=True)
         ]
 
 

@@ -18,10 +18,11 @@ from ...common.tables import (
     markdown_table,
     percent,
     percent_of,
+    span,
     table,
 )
 from ...study import Part, Row, Study
-from .cases import ANGLES, Agreement, Case, all_cases, example
+from .cases import ANGLES, PUBLISHED, Agreement, Case, all_cases, example
 
 #: Nominal coverage of the confidence bands.
 CONFIDENCE = 0.95
@@ -91,6 +92,24 @@ def round_trip(rows: Sequence[Row]) -> str:
     return markdown_table([*head, "unknowns", "message of the stepper"], lines)
 
 
+def laboratories(rows: Sequence[Row]) -> str:
+    """Normalised shear force by fits, and its published ranges."""
+    lines = [
+        [f"fit to {specimen}", *map(_with_band, own)]
+        for specimen, own in grouped(rows, "specimen").items()
+    ]
+    lines += [
+        [what, *(f"{low:.3f} to {high:.3f}" for low, high in ranges)]
+        for what, ranges in PUBLISHED.items()
+    ]
+    head = ["normalised shear force, N/mm", *(f"at {angle}°" for angle in ANGLES)]
+    return markdown_table(head, lines)
+
+
+def _with_band(row: Row) -> str:
+    return f"{row['shear_force']:.3f} ± {row['half_width']:.3f}"
+
+
 def missed(rows: Sequence[Row]) -> list[str]:
     """Missed targets."""
     texts = []
@@ -121,7 +140,17 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
     for task, key in (("inverse", "off_over_largest"), ("benchmark", "off")):
         most = max(abs(row[key]) for row in having(rows, task=task))
         words[task] = percent(most, ".1f")
-    return words
+    return words | _of_laboratories(having(rows, task="benchmark"))
+
+
+def _of_laboratories(rows: Sequence[Row]) -> dict[str, str]:
+    """Published ranges of the bias extension relative to each other and to the fits."""
+    ranges, _ = PUBLISHED.values()
+    lowest = dict(zip(ANGLES, ranges, strict=True))
+    return {
+        "spread": span((high / low for low, high in ranges), ".1f"),
+        "above": span((lowest[r["angle"]][0] / r["shear_force"] for r in rows), ".1f"),
+    }
 
 
 def draw_fit(rows: Sequence[Row], file: Path) -> None:
@@ -148,7 +177,10 @@ class Calibration(Study[Case]):
         ),
         Part(
             "benchmark.csv",
-            {"benchmark.md": lambda rows: of_task(rows, "benchmark")},
+            {
+                "benchmark.md": lambda rows: of_task(rows, "benchmark"),
+                "laboratories.md": laboratories,
+            },
             cases=("benchmark:*",),
         ),
     )
