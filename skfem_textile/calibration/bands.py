@@ -120,10 +120,20 @@ class Fit:
         + ρ).  Weights estimated from the data increase it slightly, after Kenward and
         Roger (1997, Biometrics 53:983): by (4/ν) Φ (I − I Φ I) Φ for each curve with
         information I, where Φ is the inverse of their sum, and ν the degrees of freedom
-        of its noise.
+        of its noise.  With several possible zeros, the second moment of the mixture of
+        `alternatives` about this fit.
         """
         p = self.values.size
-        return np.sum([one.covariance[:p, :p] for one in self.components], axis=0)
+        own = np.sum([one.covariance[:p, :p] for one in self.components], axis=0)
+        return own + self._of_alternatives(own)
+
+    def _of_alternatives(self, own: ndarray) -> ndarray:
+        """Second moment of the mixture about this fit, less its covariance, (p, p)."""
+        more = np.zeros_like(own)
+        for weight, fit in self.alternatives:
+            away = fit.values - self.values
+            more += weight * (fit.covariance + np.outer(away, away) - own)
+        return more
 
     @property
     def intervals(self) -> ndarray:
@@ -193,7 +203,8 @@ class Fit:
         """Standard deviations of linear functions, and degrees of freedom, (n,).
 
         Degrees of freedom after Satterthwaite (1946): V²/Σ(v²/ν) for the sum V of
-        variances v.
+        variances v.  With several possible zeros, functions of the parameters have the
+        deviation by `covariance`, and functions of the zeros too only by this fit.
 
         Parameters
         ----------
@@ -233,6 +244,8 @@ class Fit:
         total = variance.sum(axis=0)
         share = variance / np.where(total > 0, total, 1.0)
         inverse = (share**2 / np.reshape(freedom, (-1, 1))).sum(axis=0)
+        if self.alternatives and k == self.values.size:
+            total = np.einsum("ni,ij,nj->n", slopes, self.covariance, slopes)
         return np.sqrt(total), 1 / np.where(inverse > 0, inverse, 1.0)
 
     def _interval(self, of: Callable[["Fit"], tuple[ndarray, ndarray]]) -> ndarray:

@@ -91,7 +91,8 @@ def load_band(
 
     The problem is solved with the fitted parameters, and with each of them increased
     and decreased: 2 p + 1 times for p parameters.  Loads are assumed linear within the
-    band, which does not contain the discretisation error.
+    band, which does not contain the discretisation error: state the half-width of
+    `Result.interval` beside it, or add it.
 
     Parameters
     ----------
