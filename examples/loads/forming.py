@@ -5,9 +5,10 @@ Forming between punch and die from STL files
 A punch forms a ply through a die, which a holder presses against the flange of the die.
 Punch and die are STL files, and both laws of the fabric are measured curves. The
 results are the shear angle, the draw-in, sections, and the force of each tool over the
-travel. The same run is available on the command line.
+travel, and a report in one page. The same run is available on the command line.
 """
 
+import shutil
 from pathlib import Path
 from tempfile import mkdtemp
 
@@ -15,6 +16,7 @@ import meshio
 import numpy as np
 
 from skfem_textile import Fabric, Tabulated, forming, io, plot, scenes
+from skfem_textile.cli.main import main
 
 # %%
 # The punch is an oval dome with walls of 60°. The die is 5 mm wider and has a fillet of
@@ -57,16 +59,12 @@ write(folder / "punch.stl", lambda r: dome(r, RADIUS) - HOLDER_GAP, 75.0)
 write(folder / "die.stl", cavity, 125.0)
 
 # %%
-# The fabric: tables of the tension in a tensile test and of the moment in a picture
+# The fabric: files with the tension in a tensile test and the moment in a picture
 # frame. Fibres have a bending stiffness of 5 N·mm.
 
-measured = folder / "tension.csv"
-measured.write_text(
-    "fibre strain (-),tension (N/mm)\n0,0\n0.002,4\n0.004,14\n0.008,48\n0.016,124\n"
-)
-tension = Tabulated.from_csv(measured, odd=True)
-table = Path(__file__).parents[1] / "fabrics" / "shear.csv"
-shear = Tabulated.from_csv(table, odd=True)
+measured = Path(__file__).parents[1] / "fabrics"
+tension = Tabulated.from_csv(measured / "tension.csv", odd=True)
+shear = Tabulated.from_csv(measured / "shear.csv", odd=True)
 
 # %%
 # The ply lies between die and holder, in the middle of their gap. Tools and fibres are
@@ -107,23 +105,43 @@ assert result.converged
 
 # %%
 # Shear angle, fibres and areal weight, with the tools where they stand. Elements with
-# compressed fibres are marked: they may wrinkle.
+# compressed fibres are marked: they may wrinkle. The pictures are also written into the
+# folder of the report.
 
-plot.formed(result, filename="formed.png")
+report = folder / "report"
+report.mkdir()
+
+
+def draw(picture, name):
+    """Draw a picture of the result in both folders."""
+    picture(result, filename=report / name)
+    shutil.copy(report / name, name)
+
+
+draw(plot.formed, "formed.png")
 
 # %%
 # Sections along x at several load factors.
 
-plot.section(result, filename="section.png")
+draw(plot.section, "section.png")
 
 # %%
 # Force of each tool over the travel. The forces balance, because the edges are pulled
 # in the plane of the flange.
 
-plot.tool_force(result, filename="tool_force.png")
+draw(plot.tool_force, "tool_force.png")
 punch, die, holder = forming.tool_forces(result).values()
 assert np.abs(punch + die + holder).max() < 1e-3
-print("punch.stl, die.stl and tension.csv written to", folder)
+print("punch.stl and die.stl written to", folder)
+
+# %%
+# The report: all figures, acceptance checks and pictures in one page, which can be sent
+# as it is. It is the page of ``skfem-textile report DIR`` for the results of a run on
+# the command line.
+
+io.write_summary(summary, report / "summary.json")
+assert main(["report", str(report)]) == 0
+assert (report / "report.html").is_file()
 
 # %%
 # The same run on the command line, which also writes fields for ParaView with the

@@ -45,7 +45,7 @@ assert abs(carried / (PRESSURE * SIDE**2) - 1) < 1e-6
 # The warp tension is largest at the centre of the ply, and zero along the edges
 # parallel to the warp. Heights are scaled by five.
 
-points = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(result.u)
+points = ply.positions(result.u)
 points[2] *= 5
 tension = ply.fibre_tension(result.u, result.states[-1].parameters)[0].mean(axis=1)
 

@@ -15,7 +15,8 @@ from ..fabric import BiaxialLaw, Fabric, TwoLaws
 from ..fabric.directions import FibreDirections, directions_of, warn_of_directions
 from ..fabric.regions import fabric_of_regions
 from ..mesh.user_input import printable
-from ..ply.loads import Force
+from ..ply.loads import BodyForce, Force
+from ..ply.terms import Load
 from ..scenes.case import Case
 from ..solve.surface import OnSurface
 from .read import CaseFileError, declared, name_of_tool, read_tables, with_files
@@ -143,7 +144,7 @@ def built(file: CaseFile, density: float = 1.0) -> Case:
     return Case(
         scene=scene,
         fabric=fabric,
-        loads=_forces(file, scene.turn),
+        loads=_loads(file, scene.turn),
         formulation=file.formulation.build(),
         steps=file.stepping.steps,
         method=file.stepping.method,
@@ -194,12 +195,17 @@ def _refuse_contradictions(file: CaseFile) -> None:
         )
 
 
-def _forces(file: CaseFile, turn: np.ndarray) -> tuple[Force, ...]:
-    """Forces on boundaries, those in the plane rotated."""
-    return tuple(
+def _loads(file: CaseFile, turn: np.ndarray) -> tuple[Load, ...]:
+    """Forces on boundaries and the weight, those in the plane rotated."""
+    loads: list[Load] = [
         Force(name, turn @ total if len(total) == 2 else total)
         for name, total in file.loads.force_N.items()
-    )
+    ]
+    weight = file.loads.weight_N_per_mm2
+    if weight is not None:
+        value = turn @ weight if len(weight) == 2 else weight
+        loads.append(BodyForce(value, factor=1.0, name="weight"))
+    return tuple(loads)
 
 
 def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
@@ -222,7 +228,7 @@ def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
         built = scene.build(mesh)
         if file.stepping.tolerance is not None:
             _refuse_fields(file, built)
-            built = built.graded(laws, density, _forces(file, np.eye(2)))
+            built = built.graded(laws, density, _loads(file, np.eye(2)))
     return built.rotated(np.radians(getattr(scene, "rotate_deg", 0.0)))
 
 
@@ -331,7 +337,7 @@ def _graded(file: CaseFile, laws: Fabric, factor: float) -> "Scene":
         scene = file.scene.build(mesh_outline(outline, Fabric(), density=_COARSE))
     density = file.mesh.density
     assert density is not None  # by default 1
-    return scene.graded(laws, factor * density, _forces(file, np.eye(2)), outline)
+    return scene.graded(laws, factor * density, _loads(file, np.eye(2)), outline)
 
 
 def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh":

@@ -495,6 +495,13 @@ class Loads(Table):
             "to the load factor"
         ),
     ] = field(default_factory=dict)
+    weight_N_per_mm2: Annotated[
+        Annotated[tuple[float, ...], Meta(min_length=2, max_length=3)] | None,
+        about(
+            "weight of the ply per area at rest along x and y (and z in space), there "
+            "from the start, such as [0, 0, -6e-6] for 0.6 kg/m2"
+        ),
+    ] = None
 
 
 Check: TypeAlias = Literal[

@@ -42,6 +42,18 @@ class ToolTable(Table, tag_field="surface"):
             "load factor, x, y, z, linear between them"
         ),
     ] = _ORIGIN
+    motion_deg: Annotated[
+        Amount,
+        about(
+            "final rotation about an axis, in proportion to the load factor, "
+            "counterclockwise if the axis points to the viewer, before the "
+            f"translation; or {_ROWS}"
+        ),
+    ] = 0.0
+    motion_axis: Annotated[Vector, about("direction of this axis")] = _UP
+    motion_point_mm: Annotated[
+        Vector, about("point of this axis in the initial position")
+    ] = _ORIGIN
     side: Annotated[
         Literal[-1, 1] | None,
         about(
@@ -100,7 +112,7 @@ class ToolTable(Table, tag_field="surface"):
             raise ValueError(f"{what}: {error}") from None
         common: dict[str, Any] = {
             "surface": surface,
-            "motion": self._motion(what),
+            "motion": self._motion(what, axes),
             "side": self.side,
             "thickness": self.thickness_mm,
             "outline": outline,
@@ -117,7 +129,25 @@ class ToolTable(Table, tag_field="surface"):
         """Build the surface in the axes of the ply, which are parallel."""
         raise NotImplementedError
 
-    def _motion(self, what: str) -> Any:
+    def _motion(self, what: str, axes: "Axes") -> Any:
+        translation = self._translation(what)
+        given = self.motion_axis, self.motion_point_mm
+        if not self.motion_deg:
+            if given != (_UP, _ORIGIN):
+                raise ValueError(
+                    f"{what}: motion_axis and motion_point_mm require motion_deg: set "
+                    "it too"
+                )
+            return translation
+        if not any(self.motion_axis):
+            raise ValueError(f"{what}: motion_axis must not be zero")
+        from .rows import RigidMotion
+
+        angle = _amount(f"{what}.motion_deg", self.motion_deg)
+        point = _moved(self.motion_point_mm, axes)
+        return RigidMotion(translation, angle, self.motion_axis, point)
+
+    def _translation(self, what: str) -> Any:
         rows = self.motion_mm
         if not any(isinstance(row, tuple) for row in rows):
             if len(rows) != 3:
@@ -178,10 +208,11 @@ class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
     def surface_in(self, axes: "Axes") -> "Surface":
         """See `ToolTable.surface_in`."""
         from ..io import read_surface
+        from .rows import rotation
 
         if not any(self.rotation_axis):
             raise ValueError("rotation_axis must not be zero")
-        turn = _rotation(self.rotation_axis, self.rotation_deg)
+        turn = rotation(self.rotation_axis, self.rotation_deg)
         surface = read_surface(self.source, self.unit)
         return surface.moved(turn.T @ (axes.origin - self.offset_mm), turn.T)
 
@@ -297,16 +328,6 @@ AnyTool: TypeAlias = (
     | PunchTool
     | DieTool
 )
-
-
-def _rotation(axis: Vector, degrees: float) -> "ndarray":
-    """Rotation matrix, shape (3, 3)."""
-    import numpy as np
-    from scipy.spatial.transform import Rotation
-
-    unit = np.array(axis) / np.abs(axis).max()
-    unit /= np.linalg.norm(unit)
-    return Rotation.from_rotvec(degrees * unit, degrees=True).as_matrix()
 
 
 def _moved(point: Vector, axes: "Axes") -> "ndarray":

@@ -52,7 +52,7 @@ def contact_pressure(
         Shape (n_nodes,).  It is linear between the corners of the user's elements, and
         work-equivalent to the forces for all motions of this form.
     """
-    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+    x = ply.positions(u)
     normal = surface.gradient(x)
     normal = normal / np.linalg.norm(normal, axis=0)
     if parameters is None:
@@ -79,7 +79,7 @@ def pressure_of(ply: Ply, u: ndarray, force: ndarray) -> ndarray:
         See `contact_pressure`.
     """
     corners, n = ply.mesh.t, ply.mesh.p.shape[1]
-    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+    x = ply.positions(u)
     # The area of an element on the surface is divided equally among its corners.
     sides = x[:, corners[2]] - x[:, corners[0]], x[:, corners[-1]] - x[:, corners[1]]
     area = 0.5 * np.linalg.norm(np.cross(*sides, axis=0), axis=0)
@@ -177,7 +177,7 @@ def share_of_area(ply: Ply, elements: ndarray) -> float:
 
 def _on_surface(ply: Ply, surface: Surface, u: ndarray) -> tuple[ndarray, Surface]:
     """Positions of the nodes on the fully grown surface, and that surface."""
-    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+    x = ply.positions(u)
     if not isinstance(surface, GrowingSurface):
         return x, surface
     point = surface.point[:, None]

@@ -29,6 +29,11 @@ def pressing(ply: Ply) -> list[Pressing]:
     return [term for term in ply.terms if isinstance(term, Pressing)]
 
 
+def flat_thickness(ply: Ply) -> float:
+    """Thickness of the flat ply in mm: the largest stated by a tool, or 0."""
+    return max((tool.thickness for tool in contacts(ply)), default=0.0)
+
+
 class SmallestGap(NamedTuple):
     """Smallest gap in mm, negative inside the tool, its place and an element there."""
 
@@ -55,7 +60,7 @@ def smallest_gap(
         Displacement and load factor of a `State`.
     """
     mesh, n = ply.mesh, ply.mesh.nvertices
-    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+    x = ply.positions(u)
     vertices, midpoints = x[:, :n], x[:, n:]
     if not midpoints.size:
         midpoints = vertices[:, mesh.facets].mean(axis=1)
@@ -86,6 +91,8 @@ def tool_force(ply: Ply, tool: Pressing, state: State) -> ndarray:
 
     Parameters as in `tool_pressure`.
     """
+    if isinstance(tool, ToolContact):
+        return state.reactions[tool.name]
     u, t, parameters = state.u, state.load_factor, state.parameters[tool.name]
     return np.asarray(-ply.nodal(tool.residual(u, t, parameters)).sum(axis=1))
 
@@ -150,7 +157,7 @@ def turn_on_tool(ply: Ply, contact: ToolContact, state: State) -> ndarray:
         State of the ply.
     """
     u, t, corners = state.u, state.load_factor, ply.mesh.t
-    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+    x = ply.positions(u)
     within = np.isfinite(contact.gaps_at(x, t))[corners].all(axis=0)
     counted = touching(ply, contact, state) & within
     turn = np.zeros(ply.mesh.nelements)

@@ -13,6 +13,7 @@ from .contact import (
     Pressing,
     SmallestGap,
     contacts,
+    flat_thickness,
     nodes_in_contact,
     pressing,
     smallest_gap,
@@ -71,7 +72,8 @@ def formed(result: Result) -> dict[str, float | str]:
 def tool_history(result: Result) -> dict[str, ndarray]:
     """Figures of each tool over the states of a run, columns of shape (n_states,).
 
-    ``NAME_travel_mm``, see `travels`; ``NAME_force_N``, see `tool_forces`;
+    ``NAME_travel_mm``, see `travels`; ``NAME_rotation_deg``, if the tool turns, the
+    angle from its initial position; ``NAME_force_N``, see `tool_forces`;
     ``NAME_nodes_in_contact``, the number of nodes on which the tool presses; and
     ``NAME_max_pressure_N_per_mm2``, the largest `tool_pressure`.
 
@@ -94,8 +96,10 @@ def tool_history(result: Result) -> dict[str, ndarray]:
     for tool in tools:
         pressure = [tool_pressure(ply, tool, state).max() for state in states]
         touched = [nodes_in_contact(tool, state) for state in states]
+        turned = np.degrees([tool.rotation(state.load_factor) for state in states])
         columns |= {
             f"{tool.name}_travel_mm": far[tool.name],
+            **({f"{tool.name}_rotation_deg": turned} if turned.any() else {}),
             f"{tool.name}_force_N": forces[tool.name],
             f"{tool.name}_nodes_in_contact": np.array(touched),
             f"{tool.name}_max_pressure_N_per_mm2": np.array(pressure),
@@ -173,12 +177,21 @@ def _draw_in(ply: Ply, u: ndarray) -> dict[str, float]:
 
 
 def _areal_weight(ply: Ply, u: ndarray) -> dict[str, float]:
-    """Largest and smallest areal weight relative to the flat ply."""
-    ratio = areal_weight(ply, u)
-    return {
+    """Largest and smallest areal weight relative to the flat ply.
+
+    If a tool states the thickness of the ply also its largest and smallest thickness at
+    constant fibre volume fraction.
+    """
+    ratio, thickness = areal_weight(ply, u), flat_thickness(ply)
+    figures = {
         "max_areal_weight_ratio": float(ratio.max()),
         "min_areal_weight_ratio": float(ratio.min()),
     }
+    if thickness:
+        name = "thickness_at_constant_fibre_fraction_mm"
+        figures[f"max_{name}"] = thickness * float(ratio.max())
+        figures[f"min_{name}"] = thickness * float(ratio.min())
+    return figures
 
 
 def _curvature(

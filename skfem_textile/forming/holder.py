@@ -157,6 +157,10 @@ class HolderPressure(ElementTerm):
         """Translation from its initial position in mm, shape (3,)."""
         return self._obstacle.travel(t)
 
+    def rotation(self, t: float) -> float:
+        """Angle of its rotation from its initial position in radians."""
+        return self._obstacle.rotation(t)
+
     def _pressed(
         self, u: ndarray, t: float, p: Values
     ) -> tuple[ndarray, ndarray, ndarray, ndarray]:

@@ -42,8 +42,7 @@ class PlacedTool(NamedTuple):
 
 def box_of(ply: Ply, states: Iterable[State]) -> tuple[ndarray, ndarray]:
     """Corners of a box around a ply in some states, with a margin, each (3,)."""
-    X = np.pad(ply.nodes, ((0, 1), (0, 0)))
-    x = np.hstack([X + ply.nodal(state.u) for state in states])
+    x = np.hstack([ply.positions(state.u) for state in states])
     low, high = x.min(axis=1), x.max(axis=1)
     margin = _BEYOND * float(np.linalg.norm(high - low))
     return low - margin, high + margin

@@ -126,7 +126,15 @@ def placement(what: str, motion: Motion | None, t: float) -> tuple[ndarray, ndar
     if callable(motion):
         moved = call_user_function(what, motion, t)
     else:
-        moved = t * real_numbers(what, motion)
+        pair = isinstance(motion, tuple | list) and len(motion) == 2
+        final = np.empty(0) if pair else real_numbers(what, motion)
+        if final.shape != (3,):
+            raise ValueError(
+                f"{what} must be a final translation of three components; for a "
+                "rotation pass a function of the load factor that returns a rotation "
+                f"matrix and a translation, got {' '.join(repr(motion).split())}"
+            )
+        moved = t * final
     pair = isinstance(moved, tuple) and len(moved) == 2
     rotation, translation = moved if pair else (np.eye(3), moved)
     rotation = real_numbers(what, rotation)
@@ -134,7 +142,7 @@ def placement(what: str, motion: Motion | None, t: float) -> tuple[ndarray, ndar
     if rotation.shape != (3, 3) or translation.shape != (3,):
         raise ValueError(
             f"{what} must be a translation of three components, or a rotation "
-            f"matrix and a translation, got {moved!r}"
+            f"matrix and a translation, got {' '.join(repr(moved).split())}"
         )
     if not np.isfinite(translation).all():
         raise ValueError(f"{what} is not finite at load factor {t:g}")
@@ -231,6 +239,15 @@ class Obstacle:
         """Translation from the initial position in mm, shape (3,)."""
         (_, first), (_, now) = (placement(self.what, self.motion, x) for x in (0.0, t))
         return now - first
+
+    def rotation(self, t: float) -> float:
+        """Angle of the rotation from the initial position in radians, at most π.
+
+        From ‖R − R₀‖² = 8 sin²(θ/2), which is accurate for small angles too.
+        """
+        (first, _), (now, _) = (placement(self.what, self.motion, x) for x in (0.0, t))
+        sine = np.linalg.norm(now - first) / np.sqrt(8)
+        return 2 * float(np.arcsin(min(sine, 1.0)))
 
     def gaps(self, x: ndarray, t: float) -> Gaps:
         """Gaps of points, shape (3, n).
@@ -456,6 +473,15 @@ class ToolContact(ContactTerm):
     def travel(self, t: float) -> ndarray:
         """See `ContactTerm.travel`."""
         return self._obstacle.travel(t)
+
+    def rotation(self, t: float) -> float:
+        """See `ContactTerm.rotation`."""
+        return self._obstacle.rotation(t)
+
+    @property
+    def thickness(self) -> float:
+        """Thickness of the ply in mm that is stated for the tool."""
+        return 2 * self._obstacle.half
 
     def gaps(self, u: ndarray, t: float) -> ndarray:
         """See `ContactTerm.gaps`."""

@@ -15,6 +15,7 @@ from ..forming import (
     pressing,
     tool_pressure,
 )
+from ..forming.contact import flat_thickness
 from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
@@ -29,10 +30,11 @@ def fields_between_tools(
     At vertices ``NAME_pressure`` (N/mm²) of each tool and, except for holders with a
     prescribed pressure, ``NAME_gap`` (mm), NaN where it does not reach, and ``draw_in``
     (mm), NaN off the outline; for elements
-    ``areal_weight_ratio``, relative to the flat ply, and ``wrinkle_risk``, 0 or 1.
+    ``areal_weight_ratio``, relative to the flat ply, ``wrinkle_risk``, 0 or 1, and if a
+    tool states the thickness of the ply ``thickness_at_constant_fibre_fraction`` (mm).
     """
     u, t, n = state.u, state.load_factor, ply.mesh.nvertices
-    x = (np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u))[:, :n]
+    x = ply.positions(u)[:, :n]
     points = {
         f"{tool.name}_pressure": tool_pressure(ply, tool, state)[:n]
         for tool in pressing(ply)
@@ -45,7 +47,11 @@ def fields_between_tools(
     points["draw_in"] = np.full(n, np.nan)
     points["draw_in"][drawn.nodes[corners]] = drawn.inwards[corners]
     risk = wrinkle_risk(ply, u, state.parameters).astype(float)
-    return points, {"areal_weight_ratio": areal_weight(ply, u), "wrinkle_risk": risk}
+    cells = {"areal_weight_ratio": areal_weight(ply, u), "wrinkle_risk": risk}
+    if thickness := flat_thickness(ply):
+        of_ply = areal_weight(ply, u, thickness)
+        cells["thickness_at_constant_fibre_fraction"] = of_ply
+    return points, cells
 
 
 def write_tools(result: Result, folder: Path, axes: Axes) -> None:

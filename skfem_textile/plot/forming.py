@@ -74,7 +74,7 @@ def formed(
     weight = Scale.of(_AREAL_WEIGHT, limits, "cividis")
     rows = []
     for result, title, shape, angle, risk, ratio in zip(
-        *(results, picture.titles, picture.shapes, angles, risks, weights),
+        *(results, picture.titles(), picture.shapes, angles, risks, weights),
         strict=True,
     ):
         row = [
@@ -174,7 +174,7 @@ def section(
 
 def _of_ply(ply: Ply, state: State, angle: float) -> ndarray:
     """Segments in which the plane of a section cuts a ply, shape (n, 2, 2)."""
-    x = _positions(ply, state)[:, : ply.mesh.nvertices]
+    x = ply.positions(state.u)[:, : ply.mesh.nvertices]
     return _cut(x, cut_in_two((ply.mesh.t,)), angle)[0]
 
 
@@ -194,10 +194,6 @@ def _cut(x: ndarray, triangles: ndarray, angle: float) -> tuple[ndarray, ndarray
     return points.T.reshape(-1, 2, 2), np.flatnonzero(crossed.any(axis=0))
 
 
-def _positions(ply: Ply, state: State) -> ndarray:
-    return np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(state.u)
-
-
 def _in_plane(x: ndarray, angle: float) -> ndarray:
     """Coordinates along the plane of a section and z, shape (2, n)."""
     return np.array([np.cos(angle) * x[0] + np.sin(angle) * x[1], x[2]])
@@ -211,7 +207,7 @@ def _origin(ply: Ply, angle: float) -> ndarray:
 
 def _extent(ply: Ply, states: Sequence[State], angle: float) -> tuple[ndarray, ndarray]:
     """Corners of a section that contains a ply in all states, with a margin."""
-    x = np.hstack([_in_plane(_positions(ply, state), angle) for state in states])
+    x = np.hstack([_in_plane(ply.positions(state.u), angle) for state in states])
     low, high = x.min(axis=1), x.max(axis=1)
     margin = _MARGIN * float((high - low).max())
     return low - margin, high + margin

@@ -92,8 +92,8 @@ class Picture:
                     "state)"
                 )
         several = [result.ply.formulation.title for result in results]
-        self.titles = titles or (several if len(results) > 1 else [""])
-        if len(self.titles) != len(results):
+        self._names = titles or (several if len(results) > 1 else [""])
+        if len(self._names) != len(results):
             raise ValueError(
                 f"{len(results)} results require {len(results)} titles, got "
                 f"{len(titles)}"
@@ -106,6 +106,22 @@ class Picture:
         self.results, self.states = results, [r.states[state] for r in results]
         self.shapes = shapes_of(results, self.states)
         self._show_edges, self._how = show_edges, (filename, plotter, size)
+
+    def titles(self, drawn: str = "", alone: str = "") -> list[str]:
+        """Titles of the results, with load factor and travel of a ply between tools.
+
+        They begin with what is ``drawn``; ``alone`` replaces an empty name of a result.
+        """
+        titles = []
+        for name, result, state in zip(
+            self._names, self.results, self.states, strict=True
+        ):
+            stage = stage_of(result, state) if has_tools(result.ply) else ""
+            first = ", ".join(filter(None, (drawn, name or alone)))
+            if first and stage:
+                stage = f", {stage[0].lower()}{stage[1:]}"
+            titles.append(first + stage)
+        return titles
 
     def drawn(
         self, rows: Sequence[Sequence[Panel]], *legends: Legend
@@ -199,7 +215,7 @@ def field(
     row = [
         Panel(title, shape, values, scale, fibres_of(result.ply) if fibres else None)
         for title, shape, values, result in zip(
-            *(picture.titles, picture.shapes, fields, results), strict=True
+            *(picture.titles(), picture.shapes, fields, results), strict=True
         )
     ]
     return picture.drawn([row], Legend(0, len(row), scale, THREADS if fibres else ()))
@@ -248,7 +264,9 @@ def contact_sheet(
     strains, strain = _strain_rows(picture)
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
     rows = []
-    for warp, weft, title, values in zip(*strains, picture.titles, angles, strict=True):
+    for warp, weft, title, values in zip(
+        *strains, picture.titles(), angles, strict=True
+    ):
         rows.append([warp, weft, Panel(title, warp.shape, values, shear)])
     return picture.drawn(rows, Legend(0, 2, strain), Legend(2, 3, shear))
 
@@ -262,11 +280,9 @@ def fibre_directions(
     """
     picture, row = Picture(results, titles, **options), []
     for result, title, shape in zip(
-        results, picture.titles, picture.shapes, strict=True
+        results, picture.titles(alone="Fibre directions"), picture.shapes, strict=True
     ):
-        row.append(
-            Panel(title or "Fibre directions", shape, fibres=fibres_of(result.ply))
-        )
+        row.append(Panel(title, shape, fibres=fibres_of(result.ply)))
     return picture.drawn([row], Legend(0, len(row), keys=FAMILIES))
 
 
@@ -298,10 +314,10 @@ def verdict(
     ended = [run.quantity for run in runs if isinstance(run, StepError)]
     shown_field = field_of(field or next(filter(None, ended), "area_ratio"))
     fields, scale = picture.on_one_scale(shown_field, cmap, clim)
-    for run, shape, at, values in zip(
-        runs, picture.shapes, picture.states, fields, strict=True
+    for run, result, shape, at, values in zip(
+        runs, results, picture.shapes, picture.states, fields, strict=True
     ):
-        panel = Panel(_check_title(at), shape, values, scale)
+        panel = Panel(_check_title(result, at), shape, values, scale)
         if isinstance(run, StepError):
             panel = panel._replace(title=str(run), marked=run.elements)
         row.append(panel)
@@ -310,7 +326,7 @@ def verdict(
     return picture.drawn([row], Legend(0, len(row), scale, keys))
 
 
-def _check_title(state: State) -> str:
+def _check_title(result: Result, state: State) -> str:
     """Acceptance checks of a state as a title."""
     checks = state.verdict
     n = checks.negative_pivots
@@ -318,8 +334,8 @@ def _check_title(state: State) -> str:
     if n:
         stability += f", {n} negative pivot{'s' if n > 1 else ''}"
     return (
-        f"Load factor {state.load_factor:.4g}: {stability}, smallest area ratio "
-        f"{checks.min_det_F:.3g}, largest fibre strain "
+        f"Load factor {state.load_factor:.4g}{_moved(result, state)}: {stability}, "
+        f"smallest area ratio {checks.min_det_F:.3g}, largest fibre strain "
         f"{100 * checks.max_fibre_strain:.2g} %"
     )
 
@@ -338,9 +354,9 @@ def _strain_rows(
     scale = scale_of(of_both, [values for row in strains for values in row], cmap, clim)
     rows = [
         [
-            Panel(f"{family}, {title}" if title else family, shape, values, scale)
+            Panel(title, shape, values, scale)
             for title, shape, values in zip(
-                picture.titles, picture.shapes, row, strict=True
+                picture.titles(family), picture.shapes, row, strict=True
             )
         ]
         for family, row in zip(fields, strains, strict=True)
@@ -399,7 +415,7 @@ def draped(
     scale = Scale.of("Contact pressure (N/mm²)", pressures, DIVERGING, signed=True)
     rows = []
     for title, shape, angle, (pressure, at_risk) in zip(
-        picture.titles, picture.shapes, angles, pairs_of_fields, strict=True
+        picture.titles(), picture.shapes, angles, pairs_of_fields, strict=True
     ):
         sheared = Panel(title, shape, angle, shear, marked=at_risk)
         rows.append([sheared, Panel(title, shape, pressure, scale)])
@@ -424,13 +440,9 @@ def _on_tool(result: Result, state: State) -> tuple[ndarray, ndarray]:
 
 
 def stage_of(result: Result, state: State) -> str:
-    """Load factor of a state, and travel of the tools that move."""
-    title = f"Load factor {state.load_factor:.2f}"
-    if has_tools(result.ply):
-        from ..forming import contacts, travel
+    """Load factor of a state, and travel and rotation of the tools that move."""
+    return f"Load factor {state.load_factor:.2f}{_moved(result, state)}"
 
-        last = result.states[-1].load_factor
-        for tool in contacts(result.ply):
-            if travel(tool, last) > 0:
-                title += f", {tool.name} {travel(tool, state.load_factor):.1f} mm"
-    return title
+
+def _moved(result: Result, state: State) -> str:
+    return "".join(f", {tool}" for tool in result.tool_motions(state.load_factor))

@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
+from numpy import ndarray
 from scipy.sparse import csr_matrix
 from skfem import Mesh
 from skfem.assembly.form.form import FormExtraParams
@@ -188,6 +190,11 @@ class Ply(SumOfTerms):
     def placement(self) -> dict[str, Any]:
         """Dimension and fibre ends, as arguments for another ply of the same fabric."""
         return {"dimension": components(self.basis), "fibre_ends": self.fibre_ends}
+
+    def positions(self, u: ndarray) -> ndarray:
+        """Positions of the nodes in mm, shape (d, n_nodes)."""
+        flat = components(self.basis) - 2
+        return np.pad(self.nodes, ((0, flat), (0, 0))) + self.nodal(u)
 
     def hat_functions(self) -> csr_matrix:
         """Hat functions of the corners of the user's elements at all nodes.

@@ -172,6 +172,10 @@ class ContactTerm(ElementTerm):
         """Translation of the tool from its initial position in mm, shape (3,)."""
         raise NotImplementedError
 
+    def rotation(self, t: float) -> float:
+        """Angle of the rotation of the tool from its initial position in radians."""
+        raise NotImplementedError
+
     def passed(self, u_0: ndarray, t_0: float, u: ndarray, t: float) -> ndarray:
         """Numbers of nodes that pass through the tool between two states."""
         raise NotImplementedError

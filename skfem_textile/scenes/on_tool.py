@@ -110,7 +110,7 @@ def _positions(result: Result, axes: Axes) -> dict[str, float]:
     ply, u = result.ply, result.u
     sheared = np.abs(ply.shear_angle(u)).max(axis=1).argmax()
     corners = ply.mesh.t[:, sheared]
-    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+    x = ply.positions(u)
     centre = axes.of_tool(x[:, corners].mean(axis=1, keepdims=True))[:, 0]
     return {
         f"{what}_at_{axis}_mm": at
@@ -182,7 +182,7 @@ def _holding_force(
     state, ply = result.states[-1], result.ply
     forces = np.array([state.reactions[name] for name in holding]).T
     nodes = [at.nodes(name, ply.basis)[0] for name, at in holding.items()]
-    x = np.pad(ply.nodes[:, nodes], ((0, 1), (0, 0))) + ply.nodal(state.u)[:, nodes]
+    x = ply.positions(state.u)[:, nodes]
     normal = surface.gradient(x) / np.linalg.norm(surface.gradient(x), axis=0)
     along = forces - (forces * normal).sum(axis=0) * normal
     return float(np.linalg.norm(along, axis=0).max())

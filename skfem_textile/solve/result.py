@@ -4,12 +4,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
 from ..ply import Ply
+from ..ply.terms import ContactTerm
 from .conditions import Conditions
 from .interval import ErrorInterval
 from .linear.solver import Choice
@@ -24,6 +25,17 @@ _ELEMENTS = 5
 
 # Terms that are in every table, listed first and in this order.
 _TERMS = ("tension", "shear", "stabilisation", "corners")
+
+
+class ToolMotion(NamedTuple):
+    """Travel of a tool in mm, or its rotation in degrees, from its initial position."""
+
+    name: str
+    amount: float
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.amount:.1f}{' mm' if self.unit == 'mm' else '°'}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +137,25 @@ class Result:
         if t == 0:
             return "the ply is flat: no state on the tool was found"
         return f"the ply lies on the tool enlarged by {1 / t:.4g}, not on the tool"
+
+    def tool_motions(self, t: float) -> list[ToolMotion]:
+        """Travels and rotations of the tools that move during the run.
+
+        Parameters
+        ----------
+        t
+            Load factor.
+        """
+        factors = [state.load_factor for state in self.states]
+        motions = []
+        for tool in (x for x in self.ply.terms if isinstance(x, ContactTerm)):
+            if any(np.any(tool.travel(x)) for x in factors):
+                far = float(np.linalg.norm(tool.travel(t)))
+                motions.append(ToolMotion(tool.name, far, "mm"))
+            if any(tool.rotation(x) for x in factors):
+                angle = float(np.degrees(tool.rotation(t)))
+                motions.append(ToolMotion(tool.name, angle, "°"))
+        return motions
 
     @property
     def u(self) -> ndarray:
@@ -242,13 +273,24 @@ class Result:
         )
 
     def __str__(self) -> str:
-        """A compact table of the states; if they are many, of an even selection."""
-        lines = ["load factor      solves     energy fibre strain  min det F  stable"]
+        """A compact table of the states; if they are many, of an even selection.
+
+        With the travel of each tool that moves in mm, and its rotation in degrees.
+        """
+        of_tools = [f"{x.name} ({x.unit})" for x in self.tool_motions(0.0)]
+        tools = "".join(f"  {head:>9}" for head in of_tools)
+        head = "load factor      solves     energy fibre strain  min det F  stable"
+        lines = [head.replace("factor", f"factor{tools}")]
         chosen = np.linspace(0, len(self.states) - 1, _LINES).round().astype(int)
         for i in (chosen := np.unique(chosen)):
             state, verdict = self.states[i], self.states[i].verdict
+            amounts = [x.amount for x in self.tool_motions(state.load_factor)]
+            moved = "".join(
+                f"  {amount:{max(9, len(name))}.2f}"
+                for amount, name in zip(amounts, of_tools, strict=True)
+            )
             lines.append(
-                f"{state.load_factor:11.4f}{state.linear_solves:12}"
+                f"{state.load_factor:11.4f}{moved}{state.linear_solves:12}"
                 f"{sum(state.energies.values()):11.4g}"
                 f"{verdict.max_fibre_strain:13.2e}{verdict.min_det_F:11.3f}"
                 f"{'yes' if verdict.stable else 'no':>8}"

@@ -29,21 +29,24 @@ _KINDS = {
 # the same state.
 _CLOSE_DEG, _CLOSE = 0.01, 1e-3
 
+# Outcomes of a run, in the order of the table.
+_OUTCOMES = "right", "warned", "unconfirmed", "wrong", "refused"
+
 
 def _of(rows: Sequence[Row], kind: str) -> list[Row]:
     return [row for row in rows if row["kind"] == kind]
 
 
 def outcome(row: Row) -> str:
-    """Right, warned, wrong or refused.
+    """Right, warned, unconfirmed, wrong or refused.
 
     Wrong is a run that converges without a warning, to another state than the run with
-    twice as many steps does.
+    twice as many steps does; unconfirmed is one for which the latter is refused.
     """
     if row["refused"]:
         return "refused"
     if row["refused_of_more_steps"]:
-        return "right"
+        return "unconfirmed"
     off = abs(row["force"] - row["force_in_more_steps"])
     same = row["off_in_more_steps"] <= _CLOSE_DEG
     if same and off <= _CLOSE * abs(row["force"]):
@@ -80,20 +83,40 @@ def reference(rows: Sequence[Row]) -> str:
 
 def outcomes(rows: Sequence[Row]) -> str:
     """Outcomes of the random hemispheres."""
-    heads = ["plies", "right", "warned", "wrong", "refused", "OnePoint() within both"]
+    heads = ["plies", *_OUTCOMES, "OnePoint() within both"]
     lines = []
     for kind, name in _KINDS.items():
         if of_kind := _of(rows, kind):
             found = [outcome(row) for row in of_kind]
-            counts = [found.count(x) for x in ("right", "warned", "wrong", "refused")]
+            counts = [found.count(x) for x in _OUTCOMES]
             lines.append([name, *map(str, counts), _within(of_kind)])
     return markdown_table(heads, lines) if lines else ""
 
 
+def _in_both(rows: Sequence[Row]) -> list[Row]:
+    """Rows with a state in both formulations."""
+    return [x for x in rows if not (x["refused"] or x["refused_of_one_point"])]
+
+
 def _within(rows: Sequence[Row]) -> str:
-    both = [x for x in rows if not (x["refused"] or x["refused_of_one_point"])]
+    both = _in_both(rows)
     within = sum(x["rms_of_one_point"] <= x["interval"] for x in both)
     return f"{within} of {len(both)}"
+
+
+def _forces(rows: Sequence[Row], kind: str) -> dict[str, str]:
+    """Median and largest relative difference of the force between formulations."""
+    off = [
+        abs(row["force_of_one_point"] - row["force"]) / abs(row["force"])
+        for row in _in_both(rows)
+        if row["force"]
+    ]
+    if not off:
+        return {}
+    return {
+        f"{kind}_force_median": f"{100 * median(off):.2g} %",
+        f"{kind}_force_largest": f"{100 * max(off):.2g} %",
+    }
 
 
 def intervals(rows: Sequence[Row]) -> str:
@@ -146,11 +169,9 @@ class Forming(Study[Reference | Random | Refined]):
             found = [outcome(row) for row in of_kind]
             figures |= {
                 f"{kind}_cases": str(len(found)),
-                f"{kind}_right": str(found.count("right")),
-                f"{kind}_warned": str(found.count("warned")),
-                f"{kind}_wrong": str(found.count("wrong")),
-                f"{kind}_refused": str(found.count("refused")),
+                **{f"{kind}_{name}": str(found.count(name)) for name in _OUTCOMES},
                 f"{kind}_within": _within(of_kind),
+                **_forces(of_kind, kind),
             }
         refined = _of(rows, REFINED)
         inside = sum(row["error"] <= row["interval"] for row in refined)

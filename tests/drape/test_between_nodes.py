@@ -18,7 +18,7 @@ from skfem_textile import (
 )
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.surface import gaps
-from tests.helpers.tools import SYMMETRY, geodesic_u, positions
+from tests.helpers.tools import SYMMETRY, geodesic_u
 
 SIDE, TOP, SLOPE = 90.0, 40.0, np.tan(np.radians(50))
 OTHERS = "work", "stabilisation", "deviation", "corners"
@@ -58,7 +58,7 @@ def draped(surface, cells, formulation=None, mesh_of=MeshQuad):
 
 
 def gaps_at(ply, surface, u):
-    x = positions(ply, u)
+    x = ply.positions(u)
     return gaps([(surface, np.arange(x.shape[1]))], x, ply.basis)
 
 

@@ -29,7 +29,6 @@ from tests.helpers.tools import (
     RADIUS,
     SYMMETRY,
     geodesic_u,
-    positions,
     problem_of,
     square,
 )
@@ -77,7 +76,7 @@ def test_nodes_lie_on_the_surface_without_residual_along_it():
     conditions = {"on": OnSurface(sphere)} | SYMMETRY
     start = geodesic_u(ply, sphere)
     state = equilibrium_near(ply, conditions, start)
-    x = positions(ply, state.u)
+    x = ply.positions(state.u)
     np.testing.assert_allclose(sphere.level(x), 0.0, atol=1e-9)
     forces, n = ply.nodal(ply.residual(*arguments_of(state))), sphere.gradient(x)
     along = forces - (forces * n).sum(axis=0) * n
@@ -115,7 +114,7 @@ def test_nodes_by_name_lie_on_surfaces_and_others_are_free():
     }
     start = ply.basis.zeros()
     state = equilibrium_near(ply, conditions, start)
-    x = positions(ply, state.u)
+    x = ply.positions(state.u)
     np.testing.assert_allclose(x[2, ply.nodes[0] < 59], 0.0, atol=1e-9)
     right = ply.nodes[0] == 60
     np.testing.assert_allclose(x[2, right], x[0, right] - 60, atol=1e-9)

@@ -18,7 +18,7 @@ from skfem_textile.solve.stepper import Run
 from skfem_textile.solve.surface import distance
 from tests.drape.test_feasibility import box
 from tests.helpers import tool_shapes
-from tests.helpers.tools import SMALL, plate, positions, square, summary, write_sphere
+from tests.helpers.tools import SMALL, plate, square, summary, write_sphere
 
 pytestmark = pytest.mark.usefixtures("no_interval")
 
@@ -39,7 +39,7 @@ def test_a_hemisphere_with_a_flange_is_draped_at_once():
     result = case_of(scene, steps=2).run()
     assert [state.load_factor for state in result.states] == [0, 1]
     assert result.states[-1].verdict.stable
-    x = positions(result.ply, result.u)
+    x = result.ply.positions(result.u)
     assert np.abs(distance(scene.conditions["tool"].surface, x)).max() < 1e-8
     assert 40 < scene.summary(result)["max_shear_angle_deg"] < 52
 
@@ -67,7 +67,7 @@ def test_every_node_starts_on_the_tool_in_the_net(formulation):
     """Also nodes at the centres and edge midpoints of elements."""
     scene = hemisphere("delaunay", size=(4, 4), fibres=np.pi / 4)
     ply = case_of(scene, formulation=formulation).ply()
-    x = positions(ply, scene.initial_guess(ply))
+    x = ply.positions(scene.initial_guess(ply))
     surface = scene.conditions["tool"].surface
     assert np.abs(distance(surface, x)).max() < 1e-8
     c = np.sqrt(0.5)

@@ -22,7 +22,7 @@ from skfem_textile.solve.continuation import surface_predictor
 from skfem_textile.solve.problem import Tangent
 from skfem_textile.solve.states import NoEquilibriumError
 from studies.formulations.drape import chebyshev
-from tests.helpers.tools import SYMMETRY, geodesic_u, positions, problem_of, square
+from tests.helpers.tools import SYMMETRY, geodesic_u, problem_of, square
 
 
 def test_a_ply_grows_with_the_surface():
@@ -33,7 +33,7 @@ def test_a_ply_grows_with_the_surface():
     result = LoadStepper(ply, conditions, 2).run()
     assert result.converged
     for state, radius in zip(result.states, (np.inf, 200.0, 100.0), strict=True):
-        x = positions(ply, state.u)
+        x = ply.positions(state.u)
         sagitta = x[2] + (x**2).sum(axis=0) / (2 * radius)
         np.testing.assert_allclose(sagitta, 0.0, atol=1e-8)
     assert "no moving condition" in result.summary()["error_interval"]

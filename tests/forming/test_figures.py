@@ -34,6 +34,7 @@ from skfem_textile.forming import (
     travels,
     turn_on_tool,
 )
+from skfem_textile.io.forming import fields_between_tools
 
 R = 50.0
 FORMULATIONS = [Macro(), OnePoint(), Full(), Quadratic()]
@@ -112,6 +113,29 @@ def test_areal_weight_of_stretched_and_sheared_fibres(formulation):
     u = moved(ply, lambda x, y: [warp[i] * x + weft[i] * y for i in range(3)])
     expected = 1 / (stretch[0] * stretch[1] * np.cos(angle))
     assert areal_weight(ply, u, 300.0) == pytest.approx(300 * expected)
+
+
+def test_thickness_at_constant_fibre_fraction_where_a_tool_states_it():
+    """A ply of 0.4 mm whose area decreases by a fifth is 0.5 mm thick."""
+    for thickness, expected in ((0.4, 0.5), (0.0, None)):
+        plane = Tool(drape.Plane((0, 0, -1.0)), side=1, thickness=thickness)
+        ply = square(terms=[plane])
+        u = moved(ply, lambda x, y: (0.8 * x, y, 0))
+        state = replace(
+            FLAT,
+            u=u,
+            parameters=ply.parameters_at_rest,
+            reactions={"tool": np.zeros(3)},
+            displacements={},
+        )
+        figures = formed(Result.of_state(ply, {}, state))
+        for most in ("max", "min"):
+            name = f"{most}_thickness_at_constant_fibre_fraction_mm"
+            assert figures.get(name) == (expected and pytest.approx(expected))
+        cells = fields_between_tools(ply, state)[1]
+        field = cells.get("thickness_at_constant_fibre_fraction")
+        assert (field is None) == (expected is None)
+        assert field is None or field == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("formulation", [Macro(), Full()])
@@ -205,6 +229,14 @@ def test_forces_of_the_tools_balance_over_the_travel(hemisphere):
     assert np.abs(balance).max() < 1e-6 * force["punch"].max()
 
 
+def test_a_printed_run_has_the_travel_of_the_tools_that_move(hemisphere):
+    head, *rows = str(hemisphere).splitlines()
+    assert head.startswith("load factor  punch (mm)      solves ")
+    assert "die" not in head
+    assert [row.split()[1] for row in rows[:4]] == ["0.00", "5.00", "10.00", "15.00"]
+    assert all(row.endswith("yes") and len(row) == len(head) for row in rows[1:4])
+
+
 def test_history_of_the_tools_agrees_with_summary_and_contacts(hemisphere):
     history, figures = tool_history(hemisphere), formed(hemisphere)
     for column in history:
@@ -234,7 +266,8 @@ def test_forces_of_tools_that_return_are_along_their_longest_travel():
         replace(FLAT, load_factor=t, u=ply.basis.zeros()) for t in (0.0, 0.5, 1.0)
     ]
     values = Values({"force": force + 1.0, "stiffness": force + 1e-6})
-    states = [replace(state, parameters={"wall": values}) for state in states]
+    contact = {"parameters": {"wall": values}, "reactions": {"wall": np.eye(3)[2]}}
+    states = [replace(state, **contact) for state in states]
     result = replace(Result.of_state(ply, {}, states[-1]), states=states)
     assert travels(result)["wall"].tolist() == [0.0, 1.0, 0.0]
     assert tool_forces(result)["wall"] == pytest.approx(0.0, abs=1e-12)

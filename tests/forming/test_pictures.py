@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, Ply, Result, Tool, drape
+from skfem_textile import Condition, Fabric, LoadStepper, Ply, Result, Tool, drape
 from skfem_textile.drape import Axes
-from skfem_textile.forming import box_of, placed_tools, tool_forces, travels
+from skfem_textile.forming import (
+    box_of,
+    placed_tools,
+    tool_forces,
+    tool_history,
+    travels,
+)
 from tests.forming.conftest import GAP, RADIUS, SIDE
 
 plot = pytest.importorskip("skfem_textile.plot")
@@ -47,9 +53,64 @@ def test_ply_and_tools_are_drawn_in_three_panels(hemisphere, tmp_path, monkeypat
     words = [text.get_text() for text in figure.axes[0].texts]
     for word in ("Shear angle (°)", "Warp", "Weft"):
         assert word in words
-    assert words.count("A") == 3
+    assert words.count("A, load factor 1.00, punch 15.0 mm") == 3
     assert "0" in words  # of the shear angle only
     assert words.count("0") == 1
+
+
+def test_every_picture_has_the_travel(hemisphere, tmp_path, monkeypatch):
+    """Also of a state in the middle, and beside the names of formulations."""
+    monkeypatch.setattr(Figure, "savefig", lambda _, file, **__: file.touch())
+    stage = "oad factor 0.67, punch 10.0 mm"
+    for picture, results, titles in (
+        (plot.formed, 1, [f"L{stage}"] * 3),
+        (plot.shear_angle, 1, [f"L{stage}"]),
+        (plot.fibre_strain, 1, [f"Warp, l{stage}", f"Weft, l{stage}"]),
+        (plot.fibre_directions, 1, [f"Fibre directions, l{stage}"]),
+        (plot.contact_sheet, 1, [f"L{stage}"]),
+        (plot.field, 2, [f"macro-elements, l{stage}"] * 2),
+    ):
+        file = tmp_path / f"{picture.__name__}.pdf"
+        figure = picture(*[hemisphere] * results, state=2, size=400, filename=file)
+        words = " ".join(text.get_text() for text in figure.axes[0].texts)
+        for title in set(titles):
+            assert words.count(title) == titles.count(title), (picture, words)
+
+
+def test_a_tool_that_returns_has_its_travel_in_every_title():
+    """At the end of the run it is where it began."""
+    result = of_table(lambda t: (0.0, 0.0, 4 * t * (t - 1)))
+    titles = [stage_of(result, state) for state in result.states]
+    assert titles[-1] == "Load factor 1.00, table 0.0 mm"
+    assert titles[1] == "Load factor 0.50, table 1.0 mm"
+
+
+def test_a_tool_that_only_turns_has_its_angle(tmp_path):
+    def turned(t):
+        c, s = np.cos(0.2 * t), np.sin(0.2 * t)
+        return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), np.zeros(3)
+
+    result = of_table(turned)
+    titles = [stage_of(result, state) for state in result.states]
+    assert titles[1:] == [
+        "Load factor 0.50, table 5.7°",
+        "Load factor 1.00, table 11.5°",
+    ]
+    head, *rows = str(result).splitlines()
+    assert "table (°)" in head
+    assert [row.split()[1] for row in rows[:3]] == ["0.00", "5.73", "11.46"]
+    degrees = tool_history(result)["table_rotation_deg"]
+    assert degrees == pytest.approx(np.degrees([0.0, 0.1, 0.2]), abs=1e-12)
+
+
+def of_table(motion):
+    """A ply above a table that moves, at three load factors."""
+    x = np.linspace(0, SIDE, 3)
+    table = Tool(drape.Plane(), motion=motion, side=1, name="table")
+    mesh = MeshQuad.init_tensor(x, x)
+    ply = Ply(mesh, Fabric(1.0, 0.1), terms=[table], dimension=3)
+    clamp = {"all": Condition(lambda X: X[0] >= 0)}
+    return LoadStepper(ply, clamp, steps=2).run()
 
 
 def of_tools(result):
@@ -99,7 +160,7 @@ def test_a_section_cuts_the_ply_on_the_plane(hemisphere, angle):
     (axes,) = plot.section(hemisphere, angle=angle, states=[-1]).axes
     ends = lines_of(axes)
     ply, u = hemisphere.ply, hemisphere.u
-    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+    x = ply.positions(u)
     on = np.isclose(ply.nodes[1], np.tan(angle) * ply.nodes[0])
     reach = np.hypot(*x[:2, on]).max()
     assert ends[:, 0].max() == pytest.approx(reach)

@@ -58,6 +58,52 @@ def test_tools_of_a_case_move_with_the_load_factor():
     assert end.reactions["punch"][2] > half.reactions["punch"][2] > 0
 
 
+def test_a_tool_of_a_case_turns_about_an_axis_through_a_point():
+    """A quarter turn about y, then 3 mm along z, in the axes of the tools."""
+    moved = {"motion_axis": [0, -2, 0], "motion_point_mm": [-5, 0, 4]}
+    moved |= {"motion_mm": [0, 0, 3], "motion_deg": 90.0}
+    case = case_from_tables(tables({**PUNCH, **moved, "side": 1}))
+    (punch,) = case.scene.tools
+    turn, translation = punch.motion(1.0)
+    x = np.array([-5.0 + 2, 7, 4])
+    assert turn @ x + translation == pytest.approx([-5, 7, 4 + 2 + 3])
+    (a, b), (c, d) = punch.motion(0.5), punch.motion(0.0)
+    assert a @ a == pytest.approx(turn)
+    assert c == pytest.approx(np.eye(3))
+    assert np.abs(d).max() < 1e-12
+    half = a @ [-5.0, 7, 4] + b
+    assert half == pytest.approx([-5, 7, 5.5])
+    rows = {**PUNCH, "motion_deg": [[0, 0], [0.5, 30], [1, -30]]}
+    (punch,) = case_from_tables(tables(rows)).scene.tools
+    angles = [np.degrees(np.arcsin(punch.motion(t)[0][1, 0])) for t in (0.25, 0.5, 1)]
+    assert angles == pytest.approx([15, 30, -30])
+    assert punch.motion(0.5)[1].tolist() == [0, 0, 2]
+
+
+def test_the_weight_of_a_case_acts_from_the_start():
+    """A table carries it at all load factors; edges are not pulled."""
+    table = {"surface": "plane", "name": "table", "side": 1}
+    scene = SCENE | {"tension_N_per_mm": 0.0}
+    others = {"stepping": {"steps": 2}, "loads": {"weight_N_per_mm2": [0, 0, -2e-5]}}
+    result = case_from_tables(tables(table, scene=scene, **others)).run()
+    for state in result.states:
+        assert state.reactions["table"][2] == pytest.approx(2e-5 * 60**2, rel=1e-6)
+    with pytest.raises(ValueError, match=r"loads\.weight_N_per_mm2"):
+        case_from_tables(tables(table, loads={"weight_N_per_mm2": [1.0]}))
+    plane = {"scene": {"name": "trellis"}, "loads": {"weight_N_per_mm2": [0, 0, 1.0]}}
+    with pytest.raises(ValueError, match=r"'weight'.* finite vector of shape"):
+        case_from_tables(plane).ply()
+
+
+def test_the_weight_turns_with_a_scene_in_the_plane():
+    weight = {"weight_N_per_mm2": [0.0, -1e-5]}
+    scene = {"name": "bias_extension", "rotate_deg": 90.0}
+    irregular = {"source": "irregular", "size": [2, 4]}
+    case = case_from_tables({"scene": scene, "mesh": irregular, "loads": weight})
+    (load,) = case.loads
+    assert load.value == pytest.approx([1e-5, 0.0])
+
+
 def test_a_case_with_tools_is_written_and_read_again(tmp_path):
     case = declared(tables(PUNCH, DIE, HOLDER))
     file = tmp_path / "case.toml"
@@ -179,6 +225,11 @@ def test_rows_are_interpolated():
         ([{**PUNCH, "radius_mm": -1}], "radius must be a positive length"),
         ([{"surface": "sphere", "radius_mm": 3}], "tool_1.centre_mm is missing"),
         ([{**PUNCH, "motion_mm": [1, 2]}], "tool_1.motion_mm must be three numbers"),
+        ([{**PUNCH, "motion_axis": [1, 0, 0]}], "tool_1: .* require motion_deg"),
+        (
+            [{**PUNCH, "motion_deg": 5, "motion_axis": [0, 0, 0]}],
+            "tool_1: motion_axis must not be zero",
+        ),
         ([{**PUNCH, "motion_mm": [0, [1, 0, 0, 0]]}], "both rows and numbers"),
         ([{**PUNCH, "motion_mm": [[0.5, 0, 0, 0], [1, 0, 0, 1]]}], "from 0 to 1"),
         ([{**PUNCH, "motion_mm": [[0, 0, 0], [1, 0, 1]]}], "tool_1.motion_mm"),

@@ -25,6 +25,7 @@ from skfem_textile import (
 from skfem_textile.forming.figures import formed as figures_of
 from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
 from skfem_textile.solve.surface.on_surface import SurfaceError
+from tests.forming.conftest import quarter
 
 SIDE, RADIUS, GAP, TRAVEL = 60.0, 40.0, 0.3, 25.0
 
@@ -172,7 +173,7 @@ def test_a_step_in_which_nothing_touches_has_no_warning_of_the_energy(tension):
 def test_thickness_keeps_the_nodes_away():
     ply = blank(terms=[punch(thickness=1.0), ring(1.0, thickness=1.0)])
     last = LoadStepper(ply, SYMMETRY, steps=1).run().states[-1]
-    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(last.u)
+    x = ply.positions(last.u)
     centre = np.array([[0.0], [0.0], [TRAVEL - RADIUS - GAP / 2]])
     distance = np.linalg.norm(x - centre, axis=0)
     assert distance.min() == pytest.approx(RADIUS + 0.5, abs=1e-6)
@@ -201,10 +202,68 @@ def test_holder_presses_within_its_outline():
     assert figures["holder_max_pressure_N_per_mm2"] == pytest.approx(0.01, rel=1e-3)
 
 
+def test_tools_edges_symmetry_and_gravity_balance():
+    """Punch, die and holder together; the weight is 0.36 N."""
+    ply, conditions = quarter((0.0, 0.0, 15.0))
+    ply = ply.with_terms(BodyForce((0.0, 0.0, -1e-4), factor=1.0))
+    for state in LoadStepper(ply, conditions, steps=2).run().states:
+        reactions = state.reactions
+        assert set(reactions) == {"x", "y", "punch", "die", "holder"}
+        pulled = np.array([0.2 * SIDE, 0.2 * SIDE, -1e-4 * SIDE**2])
+        off = sum(reactions.values()) + pulled
+        largest = max(np.abs(force).max() for force in reactions.values())
+        assert np.abs(off).max() < 1e-6 * largest
+    assert reactions["punch"][2] > 1
+    assert min(abs(reactions[name][2]) for name in ("die", "holder")) > 0.1
+
+
+def test_holders_with_outlines_are_segments():
+    """Each presses within its outline, and nothing presses outside both."""
+    table = Tool(drape.Plane(), side=1, name="table")
+    boxes = {"a": (37.5, 70.0, -5.0, 27.5), "b": (-5.0, 17.5, 37.5, 70.0)}
+    pressures = {"a": 0.01, "b": 0.03}
+    holders = [
+        Holder(
+            drape.Plane(),
+            pressure=pressures[name],
+            side=1,
+            outline=[[x0, x1, x1, x0], [y0, y0, y1, y1]],
+            name=name,
+        )
+        for name, (x0, x1, y0, y1) in boxes.items()
+    ]
+    ply = blank(terms=[table, *holders])
+    result = LoadStepper(ply, SYMMETRY, steps=1).run()
+    figures, state = figures_of(result), result.states[-1]
+    # nodes are 5 mm apart, and outlines in the middle between them
+    areas = {"a": 22.5 * 27.5, "b": 17.5 * 22.5}
+    for term in (x for x in ply.terms if x.name in boxes):
+        force = term.forces(state.u, 1.0, state.parameters[term.name])
+        x0, x1, y0, y1 = boxes[term.name]
+        x, y = ply.nodes + ply.nodal(state.u)[:2]
+        within = (x > x0) & (x < x1) & (y > y0) & (y < y1)
+        assert np.array_equal(force > 0, within)
+        pushed = pressures[term.name] * areas[term.name]
+        assert figures[f"{term.name}_force_N"] == pytest.approx(-pushed, rel=1e-9)
+    total = sum(pressures[name] * areas[name] for name in boxes)
+    assert state.reactions["table"][2] == pytest.approx(total, rel=1e-6)
+
+
 def test_travel_is_from_the_initial_position():
     """Of a tool that stands beside its surface at the load factor 0."""
     tool = punch(lambda t: (0.0, 0.0, 30.0 * t - 10.0), side=1).on(blank().basis)
     assert tool.travel(0.5) == pytest.approx([0.0, 0.0, 15.0])
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.7, np.pi - 1e-6, np.pi])
+def test_rotation_is_from_the_initial_position(angle):
+    def turned(t):
+        c, s = np.cos(0.4 + angle * t), np.sin(0.4 + angle * t)
+        return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), np.zeros(3)
+
+    tool = punch(turned, side=1).on(blank().basis)
+    assert tool.rotation(1.0) == pytest.approx(angle, rel=1e-6, abs=1e-15)
+    assert not tool.travel(1.0).any()
 
 
 def test_holder_keeps_its_gap():
@@ -280,6 +339,14 @@ def test_resumed_run_is_the_same(tmp_path, state):
         (lambda: punch(side=2), "side must be 1, -1 or None"),
         (lambda: punch(thickness=-1.0), "thickness must not be negative"),
         (lambda: punch(motion=(0, 1)), "translation of three components"),
+        (
+            lambda: punch(motion=(np.eye(3), (0, 0, 1))),
+            "punch': motion must be .* for a rotation pass a function of the load",
+        ),
+        (
+            lambda: punch(motion=np.eye(3)),
+            r"for a rotation pass a function .* got array\(\[\[1., 0., 0.\], \[0.",
+        ),
         (
             lambda: punch(motion=lambda t: (2 * np.eye(3), np.zeros(3))),
             "not a rotation",

@@ -51,11 +51,6 @@ def geodesic_u(ply, surface, **options):
     return drape.displacement(ply.nodes, x)
 
 
-def positions(ply, u):
-    """Positions of the nodes in space, shape (3, n)."""
-    return np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
-
-
 def rolled(X):
     """Points of the flat ply on a cylinder of `RADIUS`, whose axis is y."""
     angle = X[0] / RADIUS

@@ -434,3 +434,13 @@ def test_a_creased_state_is_rejected_unless_it_may_warn():
         LoadStepper(ply, conditions, 3, max_halvings=0).run()
     result = LoadStepper(ply, conditions, 3, warn_only=["crease"]).run()
     assert result.converged
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_positions_are_those_at_rest_and_the_displacement(dimension):
+    ply = Ply(MeshQuad().refined(1), Fabric(1.0), Quadratic(), dimension=dimension)
+    u = ply.basis.zeros()
+    u[dimension - 1 :: dimension] = 0.25
+    x = ply.positions(u)
+    assert np.array_equal(x[:2], ply.nodes + 0.25 * np.eye(3)[dimension - 1, :2, None])
+    assert np.array_equal(x[2:], np.full((dimension - 2, ply.nodes.shape[1]), 0.25))

@@ -1,4 +1,4 @@
-"""Tools of the study of forming as triangles."""
+"""The study of forming: tools as triangles, outcomes and forces."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from skfem_textile import drape
 from skfem_textile.scenes import hemisphere_forming
 from studies.forming import triangles
 from studies.forming.cases import _of_triangles
+from studies.forming.study import STUDY, outcome, outcomes
 
 RNG = np.random.default_rng(7)
 EDGE = 1.0
@@ -71,3 +72,51 @@ def test_the_study_replaces_punch_and_die_only():
     assert top == pytest.approx(-0.15)
     assert die.surface.facets.points[2].min() == pytest.approx(0.15)
     assert punch.motion == scene.tools[0].motion
+
+
+ROW = {
+    "kind": "random",
+    "refused": "",
+    "refused_of_more_steps": "",
+    "off_in_more_steps": 0.0,
+    "force": 10.0,
+    "force_in_more_steps": 10.0,
+    "path_resolved": True,
+    "refused_of_one_point": "",
+    "rms_of_one_point": 1.0,
+    "interval": 2.0,
+    "force_of_one_point": 11.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected"),
+    [
+        ({}, "right"),
+        ({"refused": "stopped"}, "refused"),
+        ({"refused_of_more_steps": "stopped"}, "unconfirmed"),
+        ({"off_in_more_steps": 0.02}, "wrong"),
+        ({"force_in_more_steps": 10.02}, "wrong"),
+        ({"force_in_more_steps": 10.02, "path_resolved": False}, "warned"),
+    ],
+)
+def test_outcomes_of_a_run(changed, expected):
+    """Each has its own column; a state that no other run confirms is not right."""
+    row = ROW | changed
+    assert outcome(row) == expected
+    head, _, line = outcomes([row]).splitlines()
+    columns = dict(zip(head.split("|"), line.split("|"), strict=True))
+    assert [k.strip() for k, n in columns.items() if n.strip() == "1"] == [expected]
+    assert STUDY.figures([row])[f"random_{expected}"] == "1"
+
+
+def test_forces_of_the_formulations_are_compared_where_both_converge():
+    rows = [
+        ROW,
+        ROW | {"force_of_one_point": 7.0},
+        ROW | {"force_of_one_point": 10.5},
+        ROW | {"force_of_one_point": 99.0, "refused_of_one_point": "stopped"},
+    ]
+    figures = STUDY.figures(rows)
+    assert figures["random_force_median"] == "10 %"
+    assert figures["random_force_largest"] == "30 %"

@@ -79,7 +79,7 @@ class OnSurface:
     ...     "y": Condition("bottom", (None, 0.0, None)),
     ... }
     >>> result = LoadStepper(ply, conditions, 1).run()
-    >>> x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(result.u)
+    >>> x = ply.positions(result.u)
     >>> bool(np.allclose(np.linalg.norm(x + [[0], [0], [100]], axis=0), 100))
     True
     """

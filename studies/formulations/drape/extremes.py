@@ -257,7 +257,7 @@ class Drape(NamedTuple):
     @property
     def positions(self) -> ndarray:
         """Positions of the nodes in mm, shape (3, n_nodes)."""
-        return np.pad(self.ply.nodes, ((0, 1), (0, 0))) + self.ply.nodal(self.state.u)
+        return self.ply.positions(self.state.u)
 
     @property
     def angle(self) -> ndarray:
