@@ -12,6 +12,7 @@ from .regression import JointFit
 from .simulation import Simulation
 from .specimens import Specimen, Zeros, read_specimens
 from .strip import Strip, read_strips
+from .tests_file import read_tests
 from .validation import LoadBand, Prediction, Validation, load_band, predict, validate
 
 __all__ = [
@@ -44,5 +45,6 @@ __all__ = [
     "read_recordings",
     "read_specimens",
     "read_strips",
+    "read_tests",
     "validate",
 ]

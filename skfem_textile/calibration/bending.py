@@ -28,6 +28,10 @@ _SHALLOW, _STEEP = np.radians([0.5, 85.0])
 # Smallest and largest w L³/D, covering these angles.
 _LEAST, _MOST = 1e-2, 1e3
 
+# Weight in N/mm² of 1 g/m², and an upper bound for fabrics: of 100 kg/m².
+_GRAVITY = 9.80665e-9
+_MOST_WEIGHT = 1e5 * _GRAVITY
+
 
 @dataclass(frozen=True, eq=False)
 class CantileverTest(MeasuredTest):
@@ -101,8 +105,14 @@ def read_cantilever(
     Raises
     ------
     ValueError
-        If a reading is not valid.
+        If a reading is not valid, or the weight is above 100 kg/m².
     """
+    if weight > _MOST_WEIGHT:
+        raise ValueError(
+            f"the weight of {weight:g} N/mm2, {weight / _GRAVITY:.3g} g/m2, is too "
+            f"large for a fabric: if it is {weight:g} g/m2, give "
+            f"{weight * _GRAVITY:.4g} N/mm2"
+        )
     return [_test(one, weight, family, angle) for one in read_recordings(path, form)]
 
 

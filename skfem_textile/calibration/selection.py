@@ -40,6 +40,8 @@ class Candidate:
         Standard error of this number, over specimens or folds.
     reason
         Reason why the law does not suit; empty if it does.
+    zeros
+        Number of kinds of zeros of the machine that are fitted with the law.
     """
 
     name: str
@@ -47,6 +49,7 @@ class Candidate:
     error: float
     standard_error: float
     reason: str = ""
+    zeros: int = 0
 
 
 def reason_against(fit: Fit, largest: float, unit: str) -> str:
@@ -113,11 +116,15 @@ def cross_validated(
     squares = np.array([np.mean(r**2) for r in errors])
     root = float(np.sqrt(squares.mean()))
     spread = float(squares.std(ddof=1) / np.sqrt(squares.size))
-    return Candidate(name, p, root, spread / (2 * root) if root else 0.0)
+    standard_error = spread / (2 * root) if root else 0.0
+    return Candidate(name, p, root, standard_error, zeros=len(of_all.free))
 
 
 def best_of(candidates: Sequence[Candidate]) -> Candidate:
     """The law with the fewest parameters within one standard error of the best.
+
+    Of several, the one with the fewest zeros of the machine: a force at rest and a
+    slack together may turn one law into another.
 
     Raises
     ------
@@ -133,7 +140,7 @@ def best_of(candidates: Sequence[Candidate]) -> Candidate:
         )
     best = min(suiting, key=lambda one: one.error)
     enough = [x for x in suiting if x.error <= best.error + best.standard_error]
-    return min(enough, key=lambda one: (one.parameters, one.error))
+    return min(enough, key=lambda one: (one.parameters, one.zeros, one.error))
 
 
 def _left_out(

@@ -13,12 +13,12 @@ from ..calibration.choice import Choice, Test
 from ..calibration.fitting import FabricFit, fit_tests
 from ..calibration.simulation import FIBRES, Simulation
 from ..calibration.specimens import Specimen
+from ..calibration.tests_file import READERS, read_tests
 from ..calibration.validation import Validation, refuse_others, validate
 from ..fabric import Fabric
 from ..fabric.files import write_law
 from ..mesh.user_input import printable
 from ..scenes.shear_test import BiasExtension
-from .fit_files import READERS, tests_of
 from .fit_report import REPORT, Reported, pictures_of, write_fit_page
 from .interruption import held
 from .output import say
@@ -60,7 +60,7 @@ def run(options: Namespace) -> int:
     with shown("fitting"):
         tests = _tests(options)
         base = _base_fabric(options, tests)
-        held_out = _held_out(options)
+        held_out = _held_out(options, tests)
         result = _fitted(options, tests, base)
         found = validate(result, base, held_out, _simulation(options, base))
     reports = report.reports_of(result)
@@ -84,8 +84,9 @@ def run(options: Namespace) -> int:
         fabric = result.fabric(base)
         io.write_fabric(folder / "fabric.json", fabric)
         tables = _tables(options, result)
+        choice = result.choice if options.test == "joint" else None
         write_fit_page(
-            *(folder, reported, fabric, tables, pictures, no_pictures, inputs)
+            *(folder, reported, fabric, tables, pictures, no_pictures, inputs, choice)
         )
         version = {"inputs": {"version": __version__, **inputs}}
         io.write_summary(reported._asdict() | version, folder / "summary.json")
@@ -96,7 +97,7 @@ def run(options: Namespace) -> int:
 
 def _tests(options: Namespace) -> list[Test]:
     if options.test == "joint":
-        return [test for path in options.data for test in tests_of(path)]
+        return [test for path in options.data for test in read_tests(path)]
     return list(READERS[options.test](options))
 
 
@@ -109,15 +110,22 @@ def _fitted(options: Namespace, tests: Sequence[Test], base: Fabric) -> FabricFi
         how["shear" if "degree" in known else "tension"] = options.law
     if known.get("up_to") is not None:
         how["up_to"] = float(np.radians(options.up_to))
-    choice = Choice(**how, bounds=dict(known.get("bound", ())))
+    choice = Choice(**how, bounds=dict(known.get("bound", ())) or None)
     simulation = _simulation(options, base) if known.get("simulate") else None
     return fit_tests(tests, choice, simulation)
 
 
-def _held_out(options: Namespace) -> list[Test]:
+def _held_out(options: Namespace, fitted: Sequence[Test]) -> list[Test]:
     """Tests that are predicted, not fitted."""
     path = getattr(options, "validate", None)
-    tests = [] if path is None else tests_of(path)
+    if path is None:
+        return []
+    if not any(isinstance(one, Specimen) for one in fitted):
+        raise ValueError(
+            "--validate requires a fitted shear law: fit a shear test as well, or omit "
+            "--validate"
+        )
+    tests = read_tests(path)
     refuse_others(tests)
     return tests
 

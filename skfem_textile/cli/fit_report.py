@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import fabric as fabrics
 from ..calibration.bands import CONFIDENCE
-from ..calibration.choice import Test
+from ..calibration.choice import Choice, Test
 from ..calibration.fitting import FabricFit
 from ..calibration.report import title_of
 from ..calibration.validation import Validation
@@ -71,6 +71,7 @@ def write_fit_page(
     pictures: Mapping[str, Mapping[str, str]],
     no_pictures: str,
     inputs: Mapping[str, Any],
+    choice: Choice | None = None,
 ) -> None:
     """Write the page into a folder.
 
@@ -86,6 +87,8 @@ def write_fit_page(
         See `pictures_of`, or the reason why there are none.
     inputs
         Options of the command.
+    choice
+        Chosen laws of a fit to files of tests, which Python can repeat.
     """
     kinds = [*dict.fromkeys(one["of"] for one in reported.laws.values())]
     write_page(
@@ -105,6 +108,7 @@ def write_fit_page(
         validation=_validation(reported.validation),
         toml=_toml(fabric, tables),
         python=_python(fabric, tables),
+        repetition="" if choice is None else _repetition(choice, inputs),
         pictures=defaultdict(dict, pictures),
         no_pictures=no_pictures,
         inputs=rows(inputs),
@@ -280,12 +284,16 @@ def _choices(
     laws: Mapping[str, Mapping[str, Any]],
 ) -> Iterator[tuple[str, Sequence[str], list[list[Any]]]]:
     """Tables of the laws that were compared."""
-    head = ("law", "parameters", "error", "standard error", "not suitable because")
+    head = (
+        *("law", "parameters", "zeros of the machine", "error", "standard error"),
+        "not suitable because",
+    )
     for title, one in laws.items():
         if one["candidates"]:
             compared = [
                 [
                     *(c["name"], c["parameters"]),
+                    "-" if c["reason"] else c["zeros"],
                     *(
                         "-" if c["reason"] else f"{100 * c[key]:.2f} %"
                         for key in ("error", "standard_error")
@@ -343,19 +351,31 @@ def _python(fabric: Fabric, tables: Sequence[str]) -> str:
     text = "\n".join([*lines, f"fabric = {_call('Fabric', given)}"])
     classes = sorted(set(re.findall(r"\b([A-Za-z]\w*)\(", text)))
     if not {*classes} <= {*fabrics.__all__}:
-        read = 'fabric = read_fabric("fabric.json")'
+        read = 'fabric = read_fabric("fabric.json").fabric'
         return f"from skfem_textile.io import read_fabric\n\n{read}"
     return f"from skfem_textile.fabric import {', '.join(classes)}\n\n{text}"
 
 
-def _source(law: Any) -> str:
-    """Call that builds a law, without arguments that have their defaults."""
+def _repetition(choice: Choice, inputs: Mapping[str, Any]) -> str:
+    """Python that repeats a fit to files of tests, with the fabric of `_python`."""
+    names = ["Choice", "fit_tests", "read_tests"]
+    given = [" + ".join(f"read_tests({path!r})" for path in inputs["data"])]
+    given.append(_source(choice))
+    if inputs["simulate"] is not None:
+        names.insert(1, "Simulation")
+        given.append(f"Simulation(fabric.tension, {inputs['simulate']})")
+    head = f"from skfem_textile.calibration import {', '.join(names)}"
+    return f"{head}\n\nfabric_fit = {_call('fit_tests', given)}"
+
+
+def _source(of: Any) -> str:
+    """Call that builds a dataclass, without arguments that have their defaults."""
     given = []
-    for one in fields(law):
-        value = getattr(law, one.name)
+    for one in fields(of):
+        value = getattr(of, one.name)
         if one.default is MISSING or repr(value) != repr(one.default):
             given.append(f"{one.name}={value!r}")
-    return _call(type(law).__name__, given)
+    return _call(type(of).__name__, given)
 
 
 def _call(name: str, arguments: Sequence[str]) -> str:

@@ -111,7 +111,7 @@ class ToleranceStepper:
     density
         Density of the first mesh.
     most_unknowns
-        Largest number of unknowns of a mesh.
+        Largest number of unknowns of a mesh; by default as in a case file.
     on_round
         Called with each `Round`.
 
@@ -144,7 +144,7 @@ class ToleranceStepper:
         tolerance: float,
         density: float = 1.0,
         *,
-        most_unknowns: int = 250_000,
+        most_unknowns: int = 50_000,
         on_round: Callable[[Round], None] | None = None,
     ) -> None:
         for name, value in (

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from skfem_textile import CrimpToe, Linear, Polynomial
+from skfem_textile import CrimpToe, Linear, Polynomial, Sin2
 from skfem_textile.calibration import (
     BiasExtension,
     BiaxialCurve,
@@ -110,6 +110,15 @@ def test_strains_in_another_unit_are_reported():
     pull = BiaxialCurve("pull", strain, 1e3 * strain, (100.0, 100.0))
     warnings = tension_report(fit_tension([pull], "linear"), "warp")["notes"]
     assert "pull, warp: strains reach 200 %: check their unit" in warnings
+
+
+def test_angles_that_are_too_small_for_a_shear_test_are_reported():
+    gamma = np.radians(np.linspace(0.1, 4.0, 30))
+    moved, force = BIAS.displacement(gamma), BIAS.force(Sin2(0.3), gamma)
+    assert "one: the shear angle reaches only 4 degrees" in notes(moved, force)
+    gamma *= 2.0
+    moved, force = BIAS.displacement(gamma), BIAS.force(Sin2(0.3), gamma)
+    assert "reaches only" not in notes(moved, force)
 
 
 def test_forces_in_equal_steps_are_reported():

@@ -15,7 +15,7 @@ from skfem_textile.calibration import (
     Zeros,
     prepare,
 )
-from skfem_textile.calibration.preparing.outliers import outliers
+from skfem_textile.calibration.preparing.outliers import outliers, overloads
 from skfem_textile.calibration.report import data_report
 from skfem_textile.calibration.specimens import BELIEVED
 from tests.helpers.fits import fit_shear, of_shear
@@ -76,7 +76,33 @@ def test_noise_of_the_displacement_is_no_reversal():
     assert len(prepared(MOVED + noise, FORCE).branches) == 1
 
 
+def test_the_unloading_of_the_fitted_cycle_is_used():
+    half = MOVED[:50]
+    moved = np.concatenate([half, half[::-1], MOVED, MOVED[::-1]])
+    force = np.interp(moved, MOVED, FORCE)
+    back = prepared(moved, force, branch="unloading")
+    assert "unloading of cycle 2 of 2 is used" in said(back)
+    assert back.recording.columns["displacement"].max() > half[-1]
+    ended = moved[:-100], force[:-100]
+    with pytest.raises(ValueError, match="no unloading of cycle 2: the test has 2"):
+        prepared(*ended, branch="unloading")
+    assert prepared(*ended, branch="unloading", cycle=1).recording.rows.size > 40
+
+
 # Outliers
+
+
+def test_outliers_are_left_out_of_each_branch():
+    moved = np.concatenate([MOVED, MOVED[::-1]])
+    force = np.concatenate([FORCE, 0.75 * FORCE[::-1]])
+    force += 0.01 * FORCE.max() * np.random.default_rng(2).standard_normal(200)
+    force[[20, 150]] = 99999.0, -9999.0
+    one = prepared(moved, force, branch="both")
+    assert one.outliers.tolist() == [22, 152]
+    assert "rows 22, 152: outliers of the force, such as 99999" in said(one)
+    assert one.recording.rows.size == 198
+    force[100] = 99999.0  # next to the turn
+    assert prepared(moved, force, branch="both").outliers.tolist() == [22, 102, 152]
 
 
 def test_normal_noise_has_no_outliers():
@@ -253,7 +279,38 @@ def test_a_slack_does_not_close_a_frame():
     assert np.isfinite(sample.predict({"shear": LAW}, 0.0, slack.low)).all()
 
 
+@pytest.mark.parametrize(("n", "rows"), [(8, [4]), (60, [30, 31, 32])])
+def test_overloads_that_are_not_outliers_of_a_curve_are_refused(n, rows):
+    x = np.linspace(0.0, 30.0, n)
+    force = x**2 + 1.0
+    force[rows] = 99999.0
+    named = ", ".join(str(2 + i) for i in rows)
+    with pytest.raises(ValueError, match=f"the force of 99999 in rows? {named} is far"):
+        prepared(x, force)
+    assert prepared(x, force, outliers=False).recording.rows.size == n
+
+
+def test_rows_after_a_break_are_stated_and_left_out():
+    force = np.append(FORCE, np.full(9, 0.02 * FORCE.max()))
+    moved = np.append(MOVED, MOVED[-1] + np.arange(1, 10) * 0.1)
+    found = prepared(moved, force)
+    assert found.recording.rows.size == FORCE.size
+    assert "rows 102, 103, 104, 105, 106 and 4 more: the force is less" in said(found)
+    assert prepared(moved, force, outliers=False).recording.rows.size == force.size
+    fallen = np.append(FORCE, np.full(9, 0.7 * FORCE.max()))  # as by slip
+    assert prepared(moved, fallen).recording.rows.size == force.size
+
+
+def test_the_end_of_a_curve_that_rises_steeply_is_not_an_overload():
+    assert not overloads(10.0 ** np.arange(8)).any()
+    assert not overloads(np.zeros(9)).any()
+    assert overloads(np.array([0.0, 0.0, 5.0, 0.0])).tolist() == [0, 0, 1, 0]
+
+
 def test_invalid_choices_are_refused():
+    for choice in ({"slack": np.nan}, {"force_at_rest": np.inf}):
+        with pytest.raises(ValueError, match="must be finite, got"):
+            Preparation(**choice)
     with pytest.raises(ValueError, match="the branch must be one of loading"):
         Preparation(branch="up")
     with pytest.raises(ValueError, match="numbered from 1 on"):

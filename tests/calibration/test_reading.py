@@ -6,6 +6,8 @@ import pytest
 from skfem_textile.calibration import (
     BiasExtension,
     Format,
+    Preparation,
+    read_biaxial,
     read_recordings,
     read_specimens,
 )
@@ -105,6 +107,26 @@ def test_thousands_are_read_where_a_number_decides(tmp_path):
     assert read(tmp_path, quoted)[0].columns["force"].tolist() == [1234.5, 12345.0]
 
 
+def test_a_break_does_not_turn_the_sign_of_the_displacement(tmp_path):
+    """Many small forces at the largest displacements, unlike in a turned test."""
+    moved = np.arange(60.0)
+    force = np.where(moved < 45, moved**2, 1.0)
+    for sign in (1, -1):
+        rows = (f"{sign * x:g};{f:g}" for x, f in zip(moved, force, strict=True))
+        text = "\n".join(["displacement (mm);force (N)", *rows])
+        (one,) = read(tmp_path, text)
+        np.testing.assert_array_equal(one.columns["displacement"], moved)
+        turned = "sign of displacement turned" in one.statements[0]
+        assert turned == (sign < 0)
+
+
+def test_weights_are_forces(tmp_path):
+    text = "displacement (mm);load (kp);load (gf)\n1;2;2\n"
+    for column, force in ((2, 19.6133), (3, 0.0196133)):
+        (one,) = read(tmp_path, text, columns={"force": column})
+        assert one.columns["force"] == pytest.approx(force)
+
+
 def test_rows_without_numbers_are_named(tmp_path):
     rows = [f"{x},{2 * x}" for x in range(40)]
     rows[7], rows[9], rows[12] = "7,OVERLOAD", "9,", "pause"
@@ -125,7 +147,9 @@ def test_rows_without_numbers_are_named(tmp_path):
             "displacement,force (N)\n1,2\n",
             "'displacement' must be one of mm, .* it has none: .*--unit displacement",
         ),
-        ("force (pound)\n1\n", "'force' must be one of N, .* got 'pound'"),
+        ("force (pound)\n1\n", "'force' must be one of N, .* got 'pound': convert"),
+        ("force (kg)\n1\n", "got 'kg': use --unit force=kgf for the weight"),
+        ("Усилие (Н),Путь (мм)\n1,2\n", "the columns are named Усилие, Путь: specify"),
         ("time (s)\n1\n", "row 2: the columns are named time"),
         ("1;2\n2;3\n", "row 1: the columns have no headings: .*--column force=2"),
         ("force (N),load (N)\n1,2\n", r"column 1 \('force'\) and column 2 \('load'\)"),
@@ -133,7 +157,11 @@ def test_rows_without_numbers_are_named(tmp_path):
         ("force (N),displacement (mm)\n1,2\n1\n", "row 3: expected 2 .* got '1'"),
         ("force (N),displacement (mm)\nnan,2\n3,4\n", "row 2: expected 2 cells"),
         ("force (N),displacement (mm)\n2,3\n1e200,2\n", "row 3: expected 2 cells"),
-        ("displacement (mm)\n1\n", "the column 'force' is missing"),
+        ("displacement (mm)\n1\n", "the column 'force' is missing: .*--column force=2"),
+        (
+            "shear angle (deg),normalised shear force (N/mm)\n1,2\n",
+            "is already a law, and needs no fit",
+        ),
         ("force (N)\n1\n", "a column 'displacement' or 'shear angle'"),
         ("displacement (N),force (mm)\n1,2\n", "whether columns are swapped"),
         (
@@ -161,6 +189,20 @@ def test_other_files_are_refused_in_one_line(tmp_path, text, message):
         read_specimens(write(tmp_path, text), BiasExtension(50.0, 100.0))
     assert "\n" not in str(error.value)
     assert "test.csv" in str(error.value)
+
+
+def test_a_slack_requires_a_displacement(tmp_path):
+    angles = write(tmp_path, "shear angle (deg),force (N)\n1,2\n5,9\n", "angles.csv")
+    text = "warp strain (-),warp force (N),weft strain (-),weft force (N)\n0,1,0,1\n"
+    strains, test = write(tmp_path, text, "strains.csv"), BiasExtension(50.0, 100.0)
+    given, zero = Preparation(slack=2.0), Preparation(slack=0.0)
+    message = "a slack of 2 mm requires a displacement, .* contains {}: omit --slack"
+    with pytest.raises(ValueError, match=message.format("shear angles")):
+        read_specimens(angles, test, choices=given)
+    with pytest.raises(ValueError, match=message.format("strains")):
+        read_biaxial(strains, (100.0, 100.0), choices=given)
+    assert read_specimens(angles, test, choices=zero)[0].slack == 0.0
+    assert not read_biaxial(strains, (100.0, 100.0), choices=zero)[0].slack_is_unknown
 
 
 @pytest.mark.parametrize(

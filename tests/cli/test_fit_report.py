@@ -140,6 +140,28 @@ def test_the_laws_of_a_page_are_those_of_the_fit(name, tmp_path, monkeypatch):
     same_laws(case_from_tables({"scene": scene, "mesh": mesh} | known).fabric, fabric)
 
 
+def test_the_page_of_a_joint_fit_repeats_it_in_python(tmp_path, monkeypatch):
+    shear_file(tmp_path / "bias.csv", BIAS)
+    zeros = "slack = 0\nforce_at_rest = 0"
+    test = 'kind = "bias-extension"\ndata = "bias.csv"\nwidth = 100\nheight = 200'
+    (file := tmp_path / "tests.toml").write_text(f"[[test]]\n{test}\n{zeros}\n")
+    how = "--degree", 3, "--up-to", 25, "--bound", "c1=0,1", "--simulate", 2
+    fit("joint", file, *how, "--no-render", "--out", out := tmp_path / "out")
+    monkeypatch.chdir(out)
+    names = {}
+    exec(f"{block(out, 'python')}\n{block(out, 'repetition')}", names)
+    found = names["fabric_fit"].fit.joint
+    summary = json.loads((out / "summary.json").read_text())["joint"]
+    assert (
+        list(found.model.parameters)
+        == summary["parameters"]
+        == ["shear c1", "shear c3"]
+    )
+    assert found.values.tolist() == pytest.approx(summary["values"], rel=1e-6)
+    deviations = found.deviation(np.eye(2))[0].tolist()
+    assert deviations == pytest.approx(summary["standard_deviations"], rel=1e-6)
+
+
 def test_a_page_has_every_part_and_no_external_references(tmp_path):
     pytest.importorskip("matplotlib")
     joint(tmp_path, out := tmp_path / "out", "--shear-law", "auto")

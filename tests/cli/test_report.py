@@ -230,7 +230,7 @@ def test_the_curve_of_a_run_is_read_as_a_curve_of_a_test(tmp_path):
         ("force (N)\n1\n2\n", "the headings must name a displacement or an angle"),
         (
             "displacement (mm),force (t)\n0,0\n1,1\n",
-            "'force' must be one of N, kN, cN, mN, daN, lbf, got 't'",
+            "'force' must be one of N, kN, cN, mN, daN, lbf, kgf, gf, got 't'",
         ),
         (
             "angle (deg),force (N),force (N)\n0,0,0\n1,1,1\n",

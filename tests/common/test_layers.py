@@ -36,11 +36,15 @@ LAYERS = {
         *("ply", "fabric", "mesh"),
     ),
     "plot": ("io", "forming", "drape", "singular", "solve", "ply", "fabric", "mesh"),
-    "calibration": ("plot", "scenes", "solve", "ply", "fabric", "mesh"),
+    "cli.words": ("mesh",),
+    "cli.file_options": ("cli.words",),  # also the keys of a file of tests
+    "calibration": (
+        *("cli.file_options", "plot", "scenes", "solve", "ply", "fabric", "mesh"),
+    ),
     "cli": (
         *("calibration", "plot", "cases", "io", "scenes", "solve"),
         *("drape", "ply", "fabric", "mesh"),
-        *("cli.interruption", "cli.output"),
+        *("cli.interruption", "cli.output", "cli.words", "cli.file_options"),
     ),
     "__main__": ("cli",),
 }

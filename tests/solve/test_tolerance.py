@@ -18,6 +18,7 @@ from skfem_textile import (
     StepError,
     ToleranceStepper,
 )
+from skfem_textile.cases.schema import Stepping
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.states import NoEquilibriumError
@@ -192,6 +193,10 @@ def test_other_invalid_arguments_are_refused_before_any_work():
         ToleranceStepper(on_squares(), 0.1, most_unknowns=n - 1)
     with pytest.raises(ValueError, match="cannot be resumed"):
         ToleranceStepper(on_squares(), 0.1).run(resume=True)
+
+
+def test_python_and_case_files_have_one_default_of_unknowns():
+    assert ToleranceStepper(on_squares(), 0.1).most_unknowns == Stepping().most_unknowns
 
 
 def stuck_at(monkeypatch, error, unknowns=0):

@@ -16,6 +16,10 @@ _FALSE = 1e-3
 # it, a row changes a law by less than its usual band.
 _LEAST = 0.01
 
+# Smallest deviation of a wild reading relative to the median, where others agree by
+# rounding.  Chosen: far above the scatter of strips of a fabric.
+_LEAST_OF_REPEATS = 0.5
+
 # Rows per interval of the smooth curve, and the maximum number of intervals.  Chosen:
 # curves of fabrics have at most one inflection and one kink.
 _PER_INTERVAL, _MOST_INTERVALS = 10, 8
@@ -37,6 +41,10 @@ _CLOSE = 5
 
 # Maximum number of rounds of fitting without the outliers found; two are usual.
 _ROUNDS = 5
+
+# Ratio of a few largest forces to all others, and their largest share of the rows, from
+# which they are readings of an overload.  Chosen: no curve of a fabric falls this much.
+_FAR, _FEW = 10.0, 0.1
 
 # Ratio of the standard deviation to the median absolute deviation, normal noise.
 NORMAL = 1.482602218505602
@@ -88,6 +96,42 @@ def outliers(x: ndarray, y: ndarray) -> ndarray:
         flagged = now
     found[order] = flagged
     return found
+
+
+def overloads(y: ndarray) -> ndarray:
+    """Mask of a few rows whose magnitude is far above all other rows.
+
+    `outliers` does not find them in a curve of few rows, or if several follow one
+    another.  The end of a curve that rises to them is not an overload.
+
+    Parameters
+    ----------
+    y
+        Values in the order of the driving quantity, shape (n,).
+    """
+    size = np.abs(y)
+    highest = np.sort(size)[-max(1, round(_FEW * y.size)) - 1 :]
+    gaps = np.flatnonzero(highest[1:] > _FAR * highest[:-1])
+    far = size > highest[gaps[0]] if gaps.size else np.zeros(y.size, dtype=bool)
+    at_the_end = far[np.argmax(far) :].all()
+    return np.zeros(y.size, dtype=bool) if at_the_end else far
+
+
+def wild(values: ndarray) -> ndarray:
+    """Mask of repeated readings that deviate from their median beyond their noise.
+
+    The limit is the quantile of `outliers`, for the noise of the readings.
+
+    Parameters
+    ----------
+    values
+        Readings of one quantity, shape (n,).
+    """
+    middle = float(np.median(values))
+    off = np.abs(values - middle)
+    limit = special.stdtrit(_EFFICIENCY * values.size, 1 - 0.5 * _FALSE / values.size)
+    noise = NORMAL * float(np.median(off))
+    return off > max(limit * noise, _LEAST_OF_REPEATS * abs(middle))
 
 
 def running_median(values: ndarray, window: int) -> ndarray:

@@ -7,8 +7,8 @@ import numpy as np
 from numpy import ndarray
 
 from ..reading.recording import Recording, rows_text
-from .branches import REVERSAL, Branch, branches_of, first_complete
-from .outliers import NORMAL, departures, outliers, running_median
+from .branches import AT_A_TURN, REVERSAL, Branch, branches_of, first_complete
+from .outliers import NORMAL, departures, outliers, overloads, running_median
 
 #: Branches by name.
 BRANCHES = "loading", "unloading", "both"
@@ -29,6 +29,10 @@ _JUMP, _DEVIATIONS = 0.02, 10.0
 # Rows of the running median of the driving quantity.
 _NEIGHBOURS = 5
 
+# Force, relative to the largest one, below which a curve that ends is broken.  Chosen:
+# loads of fabrics that slip or wrinkle fall by less, and noise is far smaller.
+_BROKEN = 0.5
+
 # Number of points at which two branches are compared.
 _COMPARED = 50
 
@@ -43,7 +47,7 @@ class Preparation:
         ``loading``, ``unloading`` or ``both``.
     cycle
         Number of the cycle from 1 on; by default the first one that reaches the largest
-        displacement.
+        displacement, or every cycle for ``both``.
     slack
         Displacement in mm at which the fabric begins to carry load; by default it is
         estimated.
@@ -55,7 +59,7 @@ class Preparation:
     Raises
     ------
     ValueError
-        If the branch is unknown, or the cycle is not positive.
+        If the branch is unknown, the cycle is not positive, or a number is not finite.
     """
 
     branch: str = "loading"
@@ -71,6 +75,28 @@ class Preparation:
             )
         if self.cycle is not None and self.cycle < 1:
             raise ValueError(f"cycles are numbered from 1 on, got {self.cycle}")
+        for name, unit in (("slack", "mm"), ("force_at_rest", "N")):
+            value = getattr(self, name)
+            if value is not None and not np.isfinite(value):
+                called = name.replace("_", " ")
+                raise ValueError(f"the {called} must be finite, got {value:g} {unit}")
+
+    def refuse_slack(self, name: str, columns: str) -> None:
+        """An error if a slack is given for a test without displacement.
+
+        Parameters
+        ----------
+        name
+            Name of the test.
+        columns
+            Its columns in the place of the displacement.
+        """
+        if self.slack:
+            raise ValueError(
+                f"{name}: a slack of {self.slack:g} mm requires a displacement, but "
+                f"the file contains {columns}: omit --slack, or subtract the slack in "
+                "the file"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,23 +158,27 @@ def prepare(
     Raises
     ------
     ValueError
-        If a column is missing, or a branch or cycle does not exist.
+        If a column is missing, a branch or cycle does not exist, or forces of a few
+        rows are far above all others without being outliers of a smooth curve.
     """
     choices = choices or Preparation()
     complete = recording.complete(driving, *forces)
     jumps = _jumps(complete.column(driving)) & choices.outliers
     clean = complete.select(~jumps)
     branches = branches_of(clean.column(driving))
-    chosen, statements = _chosen(clean, driving, forces[0], branches, choices)
+    each, statements = _chosen(clean, driving, forces[0], branches, choices)
+    chosen = np.concatenate(each)
     branch = clean.select(chosen)
-    x = branch.column(driving)
-    wrong = np.zeros(x.size, dtype=bool)
-    if choices.outliers and choices.branch != "both":
-        wrong = np.any([outliers(x, branch.column(name)) for name in forces], axis=0)
+    wrong = _wrong(clean, driving, forces, each)[chosen] & choices.outliers
     statements += _outlier_statements(complete, driving, jumps)
     for name in forces:
         statements += _outlier_statements(branch, name, wrong)
     kept = branch.select(~wrong)
+    if choices.outliers:
+        _refuse_overloads(kept, driving, forces)
+        broken = _broken(kept, driving, forces) & (choices.branch != "both")
+        statements += _broken_statements(kept, forces[0], broken)
+        kept = kept.select(~broken)
     origin, at_rest, said = _origin(kept, driving, forces[0], choices)
     columns = dict(kept.columns)
     if origin:
@@ -161,6 +191,27 @@ def prepare(
         *(prepared, recording, driving, tuple(forces)),
         *(tuple(branches), left_out, origin, at_rest),
     )
+
+
+def _wrong(
+    recording: Recording, driving: str, forces: Sequence[str], each: list[ndarray]
+) -> ndarray:
+    """Mask of the outliers of each branch, given by the indices of its rows.
+
+    The rows next to a turn may belong to either branch, and count if they are outliers
+    of both.
+    """
+    number = recording.rows.size
+    wrong, seen = np.zeros(number, dtype=int), np.zeros(number, dtype=int)
+    more = AT_A_TURN if len(each) > 1 else 0
+    for rows in each:
+        near = np.arange(max(rows[0] - more, 0), min(rows[-1] + 1 + more, number))
+        branch = recording.select(near)
+        x = branch.column(driving)
+        found = [outliers(x, branch.column(name)) for name in forces]
+        wrong[near] += np.any(found, axis=0)
+        seen[near] += 1
+    return (wrong > 0) & (wrong == seen)
 
 
 def _jumps(x: ndarray) -> ndarray:
@@ -179,31 +230,29 @@ def _chosen(
     force: str,
     branches: list[Branch],
     choices: Preparation,
-) -> tuple[ndarray, list[str]]:
-    """Indices of the chosen rows, and statements."""
+) -> tuple[list[ndarray], list[str]]:
+    """Indices of the rows of each chosen branch, and statements."""
+    number = choices.cycle
     if choices.branch == "both":
-        cycles = [b for b in branches if choices.cycle in (None, b.cycle)]
+        cycles = [b for b in branches if number in (None, b.cycle)]
     else:
+        if number is None and branches:
+            number = first_complete(branches).cycle
         loading = choices.branch == "loading"
-        cycles = [b for b in branches if b.loading == loading]
-        if choices.cycle is None and cycles:
-            first = first_complete(branches) if loading else cycles[0]
-            cycles = [first] if loading else [cycles[0]]
-        elif choices.cycle is not None:
-            cycles = [b for b in cycles if b.cycle == choices.cycle]
+        cycles = [b for b in branches if b.loading == loading and b.cycle == number]
     if not cycles and choices.cycle is None and choices.branch == "loading":
-        return np.arange(recording.rows.size), [
+        return [np.arange(recording.rows.size)], [
             "the displacement only decreases from row to row, as in unloading: check "
             "that the law may be determined from unloading"
         ]
     if not cycles:
-        cycle = f" of cycle {choices.cycle}" if choices.cycle else ""
-        number = max((b.cycle for b in branches), default=0)
+        cycle = f" of cycle {number}" if number else ""
+        most = max((b.cycle for b in branches), default=0)
         raise ValueError(
             f"{recording.name}: there is no {choices.branch}{cycle}: the test has "
-            f"{number} cycle(s)"
+            f"{most} cycle(s)"
         )
-    rows = np.concatenate([np.arange(b.begin, b.end) for b in cycles])
+    rows = [np.arange(b.begin, b.end) for b in cycles]
     if len(branches) < 2:
         return rows, []
     return rows, [_of_branches(recording, driving, force, branches, cycles)]
@@ -257,6 +306,40 @@ def _outlier_statements(recording: Recording, name: str, wrong: ndarray) -> list
     return [
         f"{rows_text(recording.rows[wrong])}: outliers of the {name}, such as "
         f"{values[np.abs(values).argmax()]:.5g}: left out (--keep-outliers)"
+    ]
+
+
+def _refuse_overloads(
+    recording: Recording, driving: str, forces: Sequence[str]
+) -> None:
+    order = np.argsort(recording.column(driving), kind="stable")
+    for name in forces:
+        values = recording.column(name)[order]
+        if (far := overloads(values)).any():
+            raise ValueError(
+                f"{recording.name}: the {name} of {values[far][0]:.5g} in "
+                f"{rows_text(np.sort(recording.rows[order][far]))} is far above all "
+                "other rows, as in an overload: remove it from the file, or fit it "
+                "with --keep-outliers"
+            )
+
+
+def _broken(recording: Recording, driving: str, forces: Sequence[str]) -> ndarray:
+    """Mask of the last rows of a curve with one force, if it falls and stays low."""
+    force, broken = recording.column(forces[0]), np.zeros(recording.rows.size, bool)
+    order = np.argsort(recording.column(driving), kind="stable")
+    held = np.flatnonzero(force[order] >= _BROKEN * force.max())
+    if len(forces) == 1 and force.max() > 0:
+        broken[order[held[-1] + 1 :]] = True
+    return broken
+
+
+def _broken_statements(recording: Recording, force: str, broken: ndarray) -> list[str]:
+    if not broken.any():
+        return []
+    return [
+        f"{rows_text(recording.rows[broken])}: the {force} is less than half of the "
+        "largest one up to the end, as after a break: left out (--keep-outliers)"
     ]
 
 

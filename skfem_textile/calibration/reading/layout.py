@@ -116,7 +116,8 @@ def blocks_of(text: str, separator: str) -> list[Block]:
             above.append(line)
             continue
         headed = any(recognised(cell) for _, row in above for cell in row)
-        headings = _headings(text, above, len(cells), separator) if headed else []
+        known = headed or not blocks  # of the first block also in another language
+        headings = _headings(text, above, len(cells), separator) if known else []
         if blocks and not headings:
             block = blocks[-1]
             fits = len(cells) <= block.width or not any(cells[block.width :])

@@ -10,7 +10,7 @@ from ...fabric.laws.tabulated import ANGLE
 _LENGTH = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 _FORCE = {
     **{"N": 1.0, "kN": 1000.0, "cN": 0.01, "mN": 0.001, "daN": 10.0},
-    "lbf": 4.4482216152605,
+    **{"lbf": 4.4482216152605, "kgf": 9.80665, "gf": 9.80665e-3},
 }
 _STRAIN = {"-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "%": 0.01}
 _FORCE_PER_LENGTH = {"N/mm": 1.0, "kN/m": 1.0}

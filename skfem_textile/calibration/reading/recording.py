@@ -125,7 +125,10 @@ class Recording:
             If it is missing.
         """
         if name not in self.columns:
-            raise ValueError(f"{self.name}: the column {name!r} is missing")
+            raise ValueError(
+                f"{self.name}: the column {name!r} is missing: name it in the file, or "
+                f"specify it, such as --column {_option(name)}=2"
+            )
         return self.columns[name]
 
     def select(self, rows: ndarray, *statements: str) -> "Recording":
@@ -427,10 +430,16 @@ class _File:
                 f"{self.file}: the unit of the column {name!r} must be one of "
                 f"{', '.join(allowed)}, got '{unit}': check whether columns are swapped"
             )
-        found = f"got '{excerpt(unit)}'" if unit else "and it has none"
+        most = f"{self.file}: the unit of the column {name!r} must be one of "
+        most += ", ".join(allowed)
+        if unit:
+            weight = f"{unit}f"  # of a mass, such as kg
+            do = "convert the column, or specify its unit with --unit if it is wrong"
+            if weight in allowed:
+                do = f"use --unit {_option(name)}={weight} for the weight of this mass"
+            raise ValueError(f"{most}, got '{excerpt(unit)}': {do}")
         raise ValueError(
-            f"{self.file}: the unit of the column {name!r} must be one of "
-            f"{', '.join(allowed)}, {found}: specify it, such as --unit "
+            f"{most}, and it has none: specify it, such as --unit "
             f"{_option(name)}={next(iter(allowed))}, or in the heading, such as "
             f"'{name} ({next(iter(allowed))})'"
         )
@@ -497,13 +506,18 @@ def _points_down(force: ndarray) -> bool:
 
 
 def _opposed(moved: ndarray, force: ndarray) -> bool:
-    """True if displacements of large forces are smaller than at small ones."""
+    """True if displacements of large forces are smaller than at small ones.
+
+    Small forces before the large ones decide; later ones may follow a break.
+    """
     known = np.isfinite(moved) & np.isfinite(force)
     x, f = moved[known], force[known]
     if x.size < 2:
         return False
     low, high = np.quantile(f, [0.2, 0.8])
-    return bool(np.median(x[f >= high]) < np.median(x[f <= low]))
+    small, large = np.flatnonzero(f <= low), np.flatnonzero(f >= high)
+    before = small[small < large[0]]
+    return bool(np.median(x[large]) < np.median(x[before if before.size else small]))
 
 
 def _falls(force: ndarray) -> bool:

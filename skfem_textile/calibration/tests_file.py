@@ -1,6 +1,7 @@
-"""Files of tests for the command ``fit``: of each kind, and of several kinds."""
+"""Files that list tests of several kinds, and readers of each kind."""
 
 import argparse
+import os
 import tomllib
 from argparse import Namespace
 from collections.abc import Callable, Mapping, Sequence
@@ -9,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from ..calibration.bending import read_cantilever
-from ..calibration.biaxial import read_biaxial
-from ..calibration.choice import Test
-from ..calibration.preparing import Preparation
-from ..calibration.reading import Format, column_named
-from ..calibration.specimens import read_specimens
-from ..calibration.strip import read_strips
+from ..cli.file_options import OF_FILES, Options
 from ..mesh.user_input import printable
 from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
-from .fit_options import OF_FILES, Options
+from .bending import read_cantilever
+from .biaxial import read_biaxial
+from .choice import Test
+from .preparing import Preparation
+from .reading import Format, column_named
+from .specimens import read_specimens
+from .strip import read_strips
 
 
 def _strips(options: Namespace) -> list[Test]:
@@ -86,15 +87,42 @@ READERS: dict[str, Callable[[Namespace], Sequence[Test]]] = {
 _KEYS = "kind", "data"
 
 
-def tests_of(path: Path) -> list[Test]:
-    """Tests of a file in TOML: a table ``[[test]]`` for each kind, with its options.
+def read_tests(path: str | os.PathLike[str]) -> list[Test]:
+    r"""Tests of a file in TOML, as for ``skfem-textile fit joint``.
+
+    The file consists of a table ``[[test]]`` for each kind of test, with its ``kind``,
+    the files or folders ``data``, relative to it, and options of the command ``fit
+    KIND``, with underscores in their names.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    list of Specimen, Strip, BiaxialCurve or CantileverTest
+        The tests in the order of the tables, for `fit_tests` or `validate`.
 
     Raises
     ------
     ValueError
-        If the file is not valid.
+        If the file is not valid, or see `read_recordings` and `prepare`.
     OSError
-        If it cannot be read.
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> folder = Path(mkdtemp())
+    >>> _ = (folder / "bend.csv").write_text("overhang (mm)\n200\n201\n199.5\n")
+    >>> test = "kind = 'cantilever'\ndata = 'bend.csv'\nweight = 6e-6\nchord_angle = 40"
+    >>> _ = (folder / "tests.toml").write_text(f"[[test]]\n{test}\n")
+    >>> from skfem_textile.calibration import fit_tests, read_tests
+    >>> laws = fit_tests(read_tests(folder / "tests.toml")).laws
+    >>> print(f"{laws['bending warp'].stiffness:.2f} N·mm")
+    6.40 N·mm
     """
     name = printable(path)
     try:
