@@ -215,7 +215,7 @@ def test_a_holder_presses_the_ply_on_the_flange_of_the_die(flanged, up, pressure
     if up < 0:
         turned = np.diag([1.0, -1.0, -1.0])
         tools = [tool.moved(np.zeros(3), turned) for tool in flanged]
-    options = {"pressure": pressure, "part": "quarter"} | SMALL | {"size": (8, 8)}
+    options = {"pressure": pressure, "part": "quarter"} | SMALL | {"size": (10, 10)}
     run = case(forming(*tools, travel=10.0 * up, **options))
     result = run.run()
     figures = run.summary(result)
@@ -226,7 +226,7 @@ def test_a_holder_presses_the_ply_on_the_flange_of_the_die(flanged, up, pressure
     assert figures["holder_force_N"] * figures["punch_force_N"] > 0
     forces = [figures[f"{name}_force_N"] for name in ("punch", "die", "holder")]
     assert sum(forces) == pytest.approx(0.0, abs=1e-6)
-    assert abs(forces[0]) == pytest.approx(1.5398, rel=1e-3)
+    assert abs(forces[0]) == pytest.approx(1.5506, rel=1e-3)
 
 
 def test_without_pressure_a_holder_has_no_force(flanged):
