@@ -120,7 +120,7 @@ class Fit:
         + ρ).  Weights estimated from the data increase it slightly, after Kenward and
         Roger (1997, Biometrics 53:983): by (4/ν) Φ (I − I Φ I) Φ for each curve with
         information I, where Φ is the inverse of their sum, and ν the degrees of freedom
-        of its noise.
+        of its noise.  With several possible zeros, of this fit alone.
         """
         p = self.values.size
         return np.sum([one.covariance[:p, :p] for one in self.components], axis=0)
@@ -193,7 +193,9 @@ class Fit:
         """Standard deviations of linear functions, and degrees of freedom, (n,).
 
         Degrees of freedom after Satterthwaite (1946): V²/Σ(v²/ν) for the sum V of
-        variances v.
+        variances v.  With several possible zeros, functions of the parameters have the
+        deviation that gives the band of the mixture of `alternatives`, and functions of
+        the zeros the one of this fit.
 
         Parameters
         ----------
@@ -228,12 +230,19 @@ class Fit:
             np.einsum("ni,ij,nj->n", slopes, one.covariance[:k, :k], slopes)
             for one in self.components
         ]
-        freedom = [one.freedom for one in self.components]
+        of_noise = [one.freedom for one in self.components]
         variance = np.maximum(of_each, 0.0)
         total = variance.sum(axis=0)
         share = variance / np.where(total > 0, total, 1.0)
-        inverse = (share**2 / np.reshape(freedom, (-1, 1))).sum(axis=0)
-        return np.sqrt(total), 1 / np.where(inverse > 0, inverse, 1.0)
+        inverse = (share**2 / np.reshape(of_noise, (-1, 1))).sum(axis=0)
+        deviation, freedom = np.sqrt(total), 1 / np.where(inverse > 0, inverse, 1.0)
+        if self.alternatives and k == self.values.size:
+            ends = self._interval(
+                lambda fit: (slopes @ (fit.values - self.values), slopes)
+            )
+            quantile = special.stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE)
+            deviation = 0.5 * np.ptp(ends, axis=0) / quantile
+        return deviation, freedom
 
     def _interval(self, of: Callable[["Fit"], tuple[ndarray, ndarray]]) -> ndarray:
         """Ends of the confidence interval of the mixture of alternatives, (2, n).

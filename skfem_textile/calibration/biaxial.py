@@ -5,8 +5,9 @@ W normal to the load has the force F = W T(ε)/λ.
 """
 
 import os
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy import ndarray
@@ -43,16 +44,27 @@ class BiaxialCurve(MeasuredTest):
         Width in mm normal to the warp load, and normal to the weft load.
     slack_is_unknown
         True if a fit is to determine the strain at which each family becomes taut.
+    assumed_slack
+        Slacks of warp and weft, as elongations per length, at which such a fit begins,
+        and which determine the largest strain; None before they are estimated.
     """
 
     strain: ndarray
     force: ndarray
     widths: tuple[float, float]
     slack_is_unknown: bool = False
+    assumed_slack: tuple[float, float] | None = None
 
     def along(self, family: int) -> Along:
         """Strain, force and width of a family."""
-        return Along(self.strain[family], self.force[family], self.widths[family])
+        slack = (self.assumed_slack or (0.0, 0.0))[family]
+        strain = self.taut(family, slack) if slack else self.strain[family]
+        return Along(strain, self.force[family], self.widths[family])
+
+    def with_slack(self, zeros: Mapping[str, float]) -> Self:
+        """See `MeasuredTest.with_slack`."""
+        warp, weft = (zeros.get(f"{family} slack", 0.0) for family in FAMILIES)
+        return replace(self, assumed_slack=(warp, weft))
 
     @property
     def loose(self) -> list[int]:

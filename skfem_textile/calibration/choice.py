@@ -205,6 +205,24 @@ def reach(specimen: Specimen, up_to: float | None) -> float:
     return float(specimen.angle[specimen.used(up_to)].max())
 
 
+def laws_of_test(test: Test) -> tuple[str, ...]:
+    """Laws of one argument that a test determines, by part."""
+    if isinstance(test, Specimen):
+        return ("shear",)
+    if isinstance(test, Strip):
+        return (test.family,)
+    return FAMILIES if isinstance(test, BiaxialCurve) else ()
+
+
+def largest_argument(tests: Sequence[Test], part: str, up_to: float | None) -> float:
+    """Largest shear angle or strain of the data of a part."""
+    if part == "shear":
+        return max(reach(one, up_to) for one in of_kind(tests, Specimen))
+    i, own = FAMILIES.index(part), (t for t in tests if part in laws_of_test(t))
+    along = (t.along(i) for t in own if isinstance(t, Strip | BiaxialCurve))
+    return max(float(one.strain.max()) for one in along if one)
+
+
 def _refuse_specimen(specimen: Specimen, up_to: float | None) -> None:
     """An error if angles or forces of a specimen cannot be fitted."""
     used = specimen.used(up_to)

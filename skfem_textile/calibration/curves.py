@@ -1,4 +1,4 @@
-"""Checks of the beginning of a test curve.
+"""Checks of the beginning and the angles of a test curve.
 
 An undeformed fabric carries no force.  A curve that begins with a nonzero force
 includes the weight of clamps, the friction of a frame or a pretension, which no law
@@ -9,7 +9,7 @@ import numpy as np
 from numpy import ndarray
 
 from .preparing.prepare import FIRST
-from .specimens import Specimen
+from .specimens import APART, Specimen
 
 # Initial range of a curve: its share of the whole range, the minimum number of points,
 # and the largest share covered by these.  Chosen: a curve is nearly straight there.
@@ -121,6 +121,33 @@ def beginning_notes(specimen: Specimen, up_to: float | None) -> list[str]:
     if zeros.force is None or zeros.slack is None:
         return notes
     return notes + rest_notes(name, specimen.angle[used], force - zeros.force)
+
+
+def departure_notes(specimen: Specimen, up_to: float | None) -> list[str]:
+    """Notes on a measured angle that differs from the one of a frame or simulation."""
+    name, departure, used = specimen.name, specimen.range_end, specimen.used(up_to)
+    if departure is not None and np.isfinite(departure):
+        where, end = np.degrees([departure, specimen.angle[used].max()])
+        use = "the range ends there (--up-to)"
+        if up_to is not None:
+            use = f"points up to {end:.1f} degrees are fitted"
+        return [
+            f"{name}: beyond {where:.1f} degrees the measured angle differs from the "
+            f"theoretical one by more than {np.degrees(APART):g} degrees, as by slip, "
+            f"which is not simulated: {use}"
+        ]
+    if not specimen.test.imposes_angle or specimen.measured_angle is None:
+        return []
+    if specimen.displacement is None:
+        return []
+    order = np.argsort(specimen.measured_angle)
+    largest = float(specimen.difference[used[order]].max())
+    if largest <= APART:
+        return []
+    return [
+        f"{name}: the measured angle differs from the angle of the frame by up to "
+        f"{np.degrees(largest):.1f} degrees: the law is fitted with the measured angle"
+    ]
 
 
 def _unevenness(values: ndarray) -> float:

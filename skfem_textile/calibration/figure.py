@@ -174,8 +174,12 @@ def _along(
     else:
         families = [i for i, name in enumerate(FAMILIES) if part in (name, "both")]
         each = np.split(values, len(families), axis=-1)
+        curves = zip(result.tests_of(part), result.along(part), strict=True)
+        taut = next(curve for one, (curve, _) in curves if one is test)
         for i, own in zip(families, each, strict=True):
-            yield "strain ln λ (-)", test.along(i).strain, own
+            along = taut.along(i)
+            assert along is not None
+            yield "strain ln λ (-)", along.strain, own
 
 
 def prediction_panel(one: Validation) -> Panel:

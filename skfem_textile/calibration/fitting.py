@@ -2,8 +2,9 @@
 
 import logging
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,13 +17,14 @@ from . import residuals
 from .bands import Fit
 from .bending import CantileverTest
 from .biaxial import BiaxialCurve
-from .choice import Choice, Test, models_of, of_kind, reach
+from .choice import Choice, Test, largest_argument, models_of, of_kind, reach
+from .comparison import compared, with_best, without
 from .curves import beginning_notes
 from .measured import FAMILIES
 from .regression import JointFit, fit
-from .selection import AUTO, Candidate, best_of, cross_validated, reason_against
+from .selection import AUTO, Candidate, reason_against
 from .simulation import SimulatedTest, Simulation, simulated
-from .solving import Laws, Sample
+from .solving import Laws
 from .specimens import Specimen, Zeros
 from .strip import Strip
 
@@ -98,14 +100,28 @@ class FabricFit:
             return self.specimens
         if part.startswith("bending"):
             return self.cantilevers(part)
-        return [test for test, _ in self.along(part)]
+        return self._pulled(part)
+
+    def _pulled(self, part: str) -> list[Strip | BiaxialCurve]:
+        """Tests of a tension law, in the order of its curves."""
+        strips = [one for one in of_kind(self.tests, Strip) if one.family == part]
+        return [*of_kind(self.tests, BiaxialCurve), *strips]
 
     def along(self, part: str) -> list[tuple[Strip | BiaxialCurve, list[int]]]:
-        """Tests of a tension law and their families, in the order of its curves."""
+        """Tests of a tension law with fitted slacks, and their families."""
         families = [i for i, name in enumerate(FAMILIES) if part in (name, "both")]
-        curves: list[Strip | BiaxialCurve] = [*of_kind(self.tests, BiaxialCurve)]
-        curves += [one for one in of_kind(self.tests, Strip) if one.family == part]
-        return [(one, families) for one in curves]
+        tests = [one.with_slack(self.zeros_of(one)) for one in self._pulled(part)]
+        return [(one, families) for one in tests]
+
+    def zeros_of(self, test: Test) -> dict[str, float]:
+        """Fitted zeros of a test by name."""
+        return {
+            name: value
+            for part, fit in self.parts.items()
+            for i, one in enumerate(self.tests_of(part))
+            if one is test
+            for name, (value, _, _) in fit.zeros(i).items()
+        }
 
     def cantilevers(self, part: str) -> list[CantileverTest]:
         """Tests of a bending stiffness, in the order of its curves."""
@@ -190,116 +206,59 @@ def fit_tests(
     bias = [one for one in of_kind(tests, Specimen) if _is_bias(one)]
     if simulation is not None and not bias:
         raise ValueError("only bias-extension tests are simulated: omit the simulation")
-    choice, candidates = _chosen(tests, choice)
-    if simulation is None:
-        result = fit_near(tests, choice)
-    else:
-        result = _fitted_by_simulation(tests, choice, simulation)
-    _refuse_unphysical(result)
+    candidates = {}
+    if AUTO in (choice.shear, choice.tension):
+        candidates = compared(_within_range(tests, choice.up_to), choice)
+    while True:
+        chosen = with_best(choice, candidates)
+        if simulation is None:
+            result = fit_near(tests, chosen)
+        else:
+            result = _fitted_by_simulation(tests, chosen, simulation)
+        reasons = _unphysical(result)
+        if not reasons.keys() & candidates.keys():
+            break
+        candidates = without(candidates, chosen, reasons)
+    _refuse_unphysical(result, reasons)
     return replace(result, candidates=candidates)
 
 
-#: Laws compared by ``auto``, with the degree of polynomials.
-_SHEAR_CANDIDATES = (
-    *(("linear", 1), ("sin2", 1), ("locking", 1)),
-    *(("polynomial", degree) for degree in (3, 5, 7)),
-    ("tabulated", 1),
-)
-_TENSION_CANDIDATES = "linear", "crimp-toe", "tabulated"
+def _within_range(tests: Sequence[Test], up_to: float | None) -> list[Test]:
+    """Tests in tension with one slack, and shear tests with one range, for all laws.
 
-
-def _chosen(
-    tests: Sequence[Test], choice: Choice
-) -> tuple[Choice, dict[str, list[Candidate]]]:
-    """Laws in the place of ``auto``, and the compared ones by part.
-
-    Both families have the tension law that suits the data of both better.
+    By the law crimp-toe, and the polynomial of degree 5.
     """
-    found: dict[str, list[Candidate]] = {}
-    if choice.shear == AUTO and of_kind(tests, Specimen):
-        options = {
-            f"{law} of degree {degree}" if law == "polynomial" else law: replace(
-                choice, shear=law, degree=degree
-            )
-            for law, degree in _SHEAR_CANDIDATES
-        }
-        one = _best(_within_range(tests, choice.up_to), options, "shear", found)
-        choice = replace(choice, shear=one.shear, degree=one.degree)
-    if choice.tension == AUTO and any(_pulls(test) for test in tests):
-        of_each = {law: replace(choice, tension=law) for law in _TENSION_CANDIDATES}
-        parts = [f for f in FAMILIES if any(f in _families(test) for test in tests)]
-        best = [_best(tests, of_each, part, found) for part in parts]
-        order = _TENSION_CANDIDATES.index
-        choice = replace(choice, tension=max((x.tension for x in best), key=order))
-    return choice, found
-
-
-def _within_range(tests: Sequence[Test], up_to: float | None) -> Sequence[Test]:
-    """Shear tests with one range for all laws: by the polynomial of degree 5."""
-    shear = of_kind(tests, Specimen)
-    if not any(one.assumes_slack for one in shear):
-        return shear
-    try:
-        return fit_near(shear, Choice(up_to=up_to)).tests
-    except ValueError:  # too few points for this law
-        return shear
-
-
-def _best(
-    tests: Sequence[Test],
-    options: Mapping[str, Choice],
-    part: str,
-    found: dict[str, list[Candidate]],
-) -> Choice:
-    """The best choice for a part; the compared laws are added to ``found``."""
-    found[part] = []
-    for name, choice in options.items():
-        own = [test for test in tests if part in _families(test)]
-        model = models_of(own, replace(choice, bounds=None, extrapolation=None))[part]
-        samples = [x for x in _samples(own, choice, {}, ()) if x.part == part]
-        largest = _largest_argument(own, part, choice.up_to)
-        unit = "degrees" if part == "shear" else "strain"
-        found[part].append(
-            cross_validated(
-                *(name, model, samples),
-                partial(reason_against, largest=largest, unit=unit),
-            )
-        )
-    return options[best_of(found[part]).name]
-
-
-def _families(test: Test) -> tuple[str, ...]:
-    """Laws of one argument that a test determines, by part."""
-    if isinstance(test, Specimen):
-        return ("shear",)
-    if isinstance(test, Strip):
-        return (test.family,)
-    return FAMILIES if isinstance(test, BiaxialCurve) else ()
+    pulls = [one for one in _with_slack_of_a_toe(tests) if _pulls(one)]
+    shear: Sequence[Test] = of_kind(tests, Specimen)
+    if any(one.assumes_slack for one in of_kind(tests, Specimen)):
+        with suppress(ValueError):  # too few points for this law
+            shear = fit_near(shear, Choice(up_to=up_to)).tests
+    return [*shear, *pulls]
 
 
 def _pulls(test: Test) -> bool:
     return isinstance(test, Strip | BiaxialCurve)
 
 
-def _largest_argument(tests: Sequence[Test], part: str, up_to: float | None) -> float:
-    """Largest shear angle or strain of the data of a part."""
-    if part == "shear":
-        return max(reach(one, up_to) for one in of_kind(tests, Specimen))
-    i, own = FAMILIES.index(part), (t for t in tests if part in _families(t))
-    along = (t.along(i) for t in own if isinstance(t, Strip | BiaxialCurve))
-    return max(float(one.strain.max()) for one in along if one)
+def _unphysical(result: FabricFit) -> dict[str, str]:
+    """Reasons, by part, why a law decreases, or has a pole, within its data.
 
-
-def _refuse_unphysical(result: FabricFit) -> None:
-    """An error if a law decreases, or has a pole, within its data."""
+    Crimp interchange has a convex energy without a pole, whatever its parameters.
+    """
+    found = {}
     for part, of_part in result.parts.items():
         if part != "shear" and part not in FAMILIES:
             continue
         unit = "degrees" if part == "shear" else "strain"
-        largest = _largest_argument(result.tests, part, result.choice.up_to)
-        reason = reason_against(of_part, largest, unit)
-        if not reason:
-            continue
+        largest = largest_argument(result.tests, part, result.choice.up_to)
+        if reason := reason_against(of_part, largest, unit):
+            found[part] = reason
+    return found
+
+
+def _refuse_unphysical(result: FabricFit, reasons: Mapping[str, str]) -> None:
+    """An error if there is a reason against a law."""
+    for part, reason in reasons.items():
         notes = [
             note
             for one in result.specimens
@@ -307,7 +266,8 @@ def _refuse_unphysical(result: FabricFit) -> None:
         ]
         advice = "use another law, such as auto, a lower degree, or bounds"
         raise ValueError(
-            f"the fitted law {of_part.model.name} of the {part} is not physical: "
+            f"the fitted law {result.parts[part].model.name} of the {part} is not "
+            "physical: "
             f"{reason}: {(notes or [advice])[0]}"
         )
 
@@ -333,6 +293,8 @@ def fit_near(
         Initial parameters; required if tension laws are fitted with simulations.
     """
     simulations, ranges = simulations or {}, list[FabricFit]()
+    if choice.tension == "tabulated":
+        tests = _with_slack_of_a_toe(tests)
     while True:
         result = _fit_within(tests, choice, simulations, start)
         ranges.append(result)
@@ -351,56 +313,40 @@ def _fit_within(
     """Fit to the points within the range by the assumed slacks."""
     of_models = models_of(tests, choice)
     tensions = tuple(name for name in (*FAMILIES, "both") if name in of_models)
-    samples = _samples(tests, choice, simulations, tensions)
+    samples = residuals.samples_of(tests, choice, simulations, tensions)
     result = fit(of_models, samples, start=start)
     return FabricFit(result, tuple(tests), choice, simulations)
 
 
 def _with_fitted_slack(result: FabricFit) -> list[Test]:
     """The tests, with the fitted slack in the place of the assumed one."""
-    zeroed = iter(range(len(result.specimens)))
-    return [
-        replace(one, assumed_slack=result.zeroed(next(zeroed)).slack)
-        if isinstance(one, Specimen)
-        else one
-        for one in result.tests
-    ]
+    return [one.with_slack(result.zeros_of(one)) for one in result.tests]
+
+
+def _with_slack_of_a_toe(tests: Sequence[Test]) -> list[Test]:
+    """The tests in tension, and others, with unknown slacks by the law crimp-toe."""
+    pulls = [one for one in tests if isinstance(one, Strip | BiaxialCurve)]
+    if not any(x.slack_is_unknown and x.assumed_slack is None for x in pulls):
+        return list(tests)
+    try:
+        found = iter(_with_fitted_slack(_fit_within(pulls, Choice(), {}, None)))
+    except ValueError:  # too few points for this law
+        return list(tests)
+    return [next(found) if _pulls(one) else one for one in tests]
 
 
 def _same_range(tests: Sequence[Test], result: FabricFit) -> bool:
     """True if a fit to tests would be the same: by their points, and ends of laws."""
-    up_to, law = result.choice.up_to, result.laws.get("shear")
-    pairs = list(zip(of_kind(tests, Specimen), result.specimens, strict=True))
+    up_to = result.choice.up_to
+    pairs = zip(of_kind(tests, Specimen), result.specimens, strict=True)
     if any(np.any(a.used(up_to) != b.used(up_to)) for a, b in pairs):
         return False
-    if law is None or np.isinf(domain_of(law)[1]):
-        return True
-    ends = [[reach(one, up_to) for one in each] for each in zip(*pairs, strict=True)]
-    after, before = map(max, ends)
-    return abs(after - before) <= _EQUAL * before
-
-
-def _samples(
-    tests: Sequence[Test],
-    choice: Choice,
-    simulations: Mapping[ShearTest, SimulatedTest],
-    tensions: tuple[str, ...],
-) -> list[Sample]:
-    """Curves of all tests with their predictions."""
-    samples: list[Sample] = []
-    curves = of_kind(tests, BiaxialCurve)
-    if choice.tension == "crimp-interchange":
-        samples += [residuals.biaxial_coupled(one) for one in curves]
-    else:
-        samples += [residuals.biaxial(c, i) for i in range(2) for c in curves]
-    samples += [residuals.strip(one) for one in of_kind(tests, Strip)]
-    for one in of_kind(tests, Specimen):
-        found = simulations.get(one.test)
-        end = np.inf if found and choice.up_to is None else choice.up_to
-        others = tensions if found else ()
-        samples.append(residuals.shear(one, end, found, others))
-    samples += [residuals.cantilever(one) for one in of_kind(tests, CantileverTest)]
-    return samples
+    ends = [
+        [largest_argument(each, part, up_to) for each in (tests, result.tests)]
+        for part, law in result.laws.items()
+        if part in ("shear", *FAMILIES) and np.isfinite(domain_of(law)[1])
+    ]
+    return all(abs(after - before) <= _EQUAL * before for after, before in ends)
 
 
 def _fitted_by_simulation(
@@ -408,17 +354,16 @@ def _fitted_by_simulation(
 ) -> FabricFit:
     """Fit such that simulated bias extensions have the measured loads."""
     tests = [_driven(one) if _is_bias(one) else one for one in tests]
-    end = choice.up_to or np.inf
-    result = fit_near(tests, replace(choice, up_to=end))
+    result = fit_near(tests, choice)
     specimens = [one for one in result.specimens if _is_bias(one)]
-    largest = [reach(one, end) for one in specimens]
+    largest = [reach(one, choice.up_to) for one in specimens]
     before = _loads(result)
     for n in range(_MOST_ROUNDS):
         found = simulated(
             simulation, result.laws, [one.test for one in specimens], largest
         )
         start = result.fit.joint.values
-        result = fit_near(result.tests, replace(choice, up_to=end), found, start)
+        result = fit_near(result.tests, choice, found, start)
         loads = _loads(result)
         change = max(map(_change, before, loads))
         log.info(
@@ -440,13 +385,16 @@ def _is_bias(test: Test) -> bool:
 
 
 def _driven(specimen: Any) -> Specimen:
-    """A bias extension that is simulated: its displacement is imposed."""
+    """A bias extension that is simulated: its displacement is imposed.
+
+    The range has no limit, except for a measured departure from the theoretical angle.
+    """
     if specimen.displacement is None:
         raise ValueError(
             f"{specimen.name}: only bias-extension tests with displacements can be "
             "fitted by simulation"
         )
-    return replace(specimen, measured_angle=None)
+    return replace(specimen, measured_angle=None, range_end=specimen.departure)
 
 
 def _change(before: ndarray, after: ndarray) -> float:

@@ -41,8 +41,10 @@ class Model:
     low, high
         Bounds of the parameters, shape (p,).
     start
-        Initial parameters, as a function of the stiffness of the best linear law.  None
-        if forces are linear in the parameters.
+        Initial parameters, as a function of the stiffness of the best linear law; None
+        if they are not needed.
+    is_linear
+        True if forces are linear in the parameters.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Model:
     low: ndarray
     high: ndarray
     start: Callable[[float], ndarray] | None = None
+    is_linear: bool = True
 
     def bounded(self, bounds: Mapping[str, tuple[float, float]]) -> "Model":
         """Model with additional bounds of parameters, by name.
@@ -125,7 +128,7 @@ def locking(largest: float) -> Model:
 
     low, high = np.array([[1e-12, 1.001 * largest], [np.inf, RIGHT_ANGLE]])
     names, units, build = ("stiffness", "angle"), ("N/mm", "rad"), _of_numbers(Locking)
-    return Model("locking", names, units, build, low, high, start)
+    return Model("locking", names, units, build, low, high, start, is_linear=False)
 
 
 def tabulated(largest: float, points: int) -> Model:
@@ -140,7 +143,7 @@ def tabulated(largest: float, points: int) -> Model:
 
     names = tuple(f"v{i}" for i in range(1, x.size))
     units, free = ("N/mm",) * points, np.full(points, np.inf)
-    return Model("tabulated", names, units, build, -free, free, start)
+    return Model("tabulated", names, units, build, -free, free, start, is_linear=False)
 
 
 def crimp_toe(largest: float, slack_is_unknown: bool = False) -> Model:
@@ -164,6 +167,7 @@ def crimp_toe(largest: float, slack_is_unknown: bool = False) -> Model:
     return Model(
         *("crimp-toe", names[:n], units[:n], build, low[:n], high[:n]),
         start=lambda stiffness: start(stiffness)[:n],
+        is_linear=False,
     )
 
 
@@ -189,7 +193,10 @@ def crimp_interchange(largest: float) -> Model:
         return np.array([E, E, c, c, 0.01 * stiffness, 0.1 * largest])
 
     units = ("N/mm", "N/mm", "-", "-", "N/mm", "-")
-    return Model("crimp-interchange", names, units, build, low, high, start)
+    return Model(
+        *("crimp-interchange", names, units, build, low, high, start),
+        is_linear=False,
+    )
 
 
 def bending() -> Model:
@@ -210,15 +217,6 @@ def joint(models: Mapping[str, Model]) -> Model:
         pairs = zip(models.items(), blocks, strict=True)
         return {name: model.build(block) for (name, model), block in pairs}
 
-    def start(stiffness: float) -> ndarray:
-        return np.concatenate(
-            [
-                m.start(stiffness) if m.start else np.full(m.low.size, stiffness)
-                for m in models.values()
-            ]
-        )
-
-    linear = all(model.start is None for model in models.values())
     return Model(
         "joint",
         tuple(f"{name} {p}" for name, m in models.items() for p in m.parameters),
@@ -226,5 +224,5 @@ def joint(models: Mapping[str, Model]) -> Model:
         build,
         np.concatenate([model.low for model in models.values()]),
         np.concatenate([model.high for model in models.values()]),
-        None if linear else start,
+        is_linear=all(model.is_linear for model in models.values()),
     )

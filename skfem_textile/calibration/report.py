@@ -1,21 +1,23 @@
 """Reports of fits: numbers for JSON, statements and notes."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
 
 from ..fabric.files import law_to_json
+from ..fabric.law import domain_of
 from ..scenes.shear_test import BiasExtension, PictureFrame
 from ..solve.verdict import excess
 from .bands import CONFIDENCE, Fit
 from .bending import CantileverTest
 from .biaxial import BiaxialCurve
 from .choice import Test, reach
-from .curves import beginning_notes, rest_notes
+from .curves import beginning_notes, departure_notes, rest_notes
 from .measured import FAMILIES
+from .preparing.outliers import wild
 from .specimens import APART, Specimen
 
 if TYPE_CHECKING:
@@ -101,14 +103,14 @@ def tension_report(result: "FabricFit", part: str) -> dict[str, Any]:
             f"{fit.law.initial_stiffness:.3g} N/mm, a share of the stiffness, because "
             "tests with an unknown slack do not determine it: specify --slack to fit it"
         )
-    if fit.beyond_noise:
+    if fit.beyond_noise and all(isinstance(x, BiaxialCurve) for x, _ in curves):
         notes.append(
             "tests at several strain ratios contradict a tension that depends on one "
             "strain only: use crimp-interchange, in which tensions depend on both "
             "strains"
         )
     return law_report("tension", fit) | {
-        "largest_strain": float(max(strains)),
+        "largest_strain": float(min(max(strains), np.max(domain_of(fit.law)[1]))),
         "curves": [
             _curve(fit, i) | {"zeros": _zeros(fit, i)} for i in range(len(curves))
         ],
@@ -143,10 +145,26 @@ def bending_report(result: "FabricFit", part: str) -> dict[str, Any]:
         "readings": readings,
         "notes": [
             *_notes(fit),
+            *_wild_notes(tests),
             f"the error of Peirce's formula is up to {100 * largest:.1f} % at these "
             "angles: the stiffness is computed with the elastica",
         ],
     }
+
+
+def _wild_notes(tests: Sequence[CantileverTest]) -> list[str]:
+    """Notes on readings of cantilevers that deviate from the others of their file."""
+    notes = []
+    for test in tests:
+        stiffness = test.by_elastica
+        for i in np.flatnonzero(wild(stiffness)):
+            read = test.prepared and test.prepared.recording
+            row = f"row {read.rows[i]}" if read else f"reading {i + 1}"
+            notes.append(
+                f"{test.name}, {row}: the stiffness of {stiffness[i]:.3g} N·mm is far "
+                f"from the median, {np.median(stiffness):.3g} N·mm: check the reading"
+            )
+    return notes
 
 
 def data_report(
@@ -370,8 +388,8 @@ def _tension_notes(
     """Notes on the curves of some families."""
     notes = []
     for test, families in curves:
-        for i in families:
-            along = test.along(i)
+        for i in families:  # from the first row on, also within the slack
+            along = replace(test, assumed_slack=None).along(i)
             if along is None:
                 continue
             called = f"{test.name}, {FAMILIES[i]}"
@@ -436,6 +454,7 @@ def _range_notes(result: "FabricFit") -> list[str]:
     ]
     for specimen in result.specimens:
         notes += beginning_notes(specimen, up_to)
+        notes += departure_notes(specimen, up_to)
         reached = np.degrees(np.nanmax(specimen.angle))
         if reached < _SMALL_ANGLE:
             notes.append(

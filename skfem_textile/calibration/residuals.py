@@ -4,15 +4,18 @@ Each returns the measured values of a test, and a function of the laws and the u
 zeros that predicts them; a fit compares both.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from ..fabric import BiaxialLaw, Tabulated, TwoLaws
 from ..fabric.law import domain_of
+from ..scenes.shear_test import ShearTest
 from .bending import CantileverTest
 from .biaxial import BiaxialCurve
+from .choice import Choice, Test, of_kind
 from .measured import FAMILIES, slack_range
 from .simulation import SimulatedTest
 from .solving import Laws, Offset, Sample
@@ -23,15 +26,50 @@ from .strip import Strip
 ForceOf = Callable[[Laws, ndarray], ndarray]
 
 
+def samples_of(
+    tests: Sequence[Test],
+    choice: Choice,
+    simulations: Mapping[ShearTest, SimulatedTest],
+    tensions: tuple[str, ...],
+) -> list[Sample]:
+    """Curves of all tests with their predictions.
+
+    Parameters
+    ----------
+    tests, choice
+        The tests, and the chosen laws and range.
+    simulations
+        Simulations by test.
+    tensions
+        Tension laws with unknown parameters.
+    """
+    samples: list[Sample] = []
+    curves = of_kind(tests, BiaxialCurve)
+    if choice.tension == "crimp-interchange":
+        samples += [biaxial_coupled(one) for one in curves]
+    else:
+        samples += [biaxial(c, i) for i in range(2) for c in curves]
+    samples += [strip(one) for one in of_kind(tests, Strip)]
+    for one in of_kind(tests, Specimen):
+        found = simulations.get(one.test)
+        others = tensions if found else ()
+        samples.append(shear(one, choice.up_to, found, others))
+    samples += [cantilever(one) for one in of_kind(tests, CantileverTest)]
+    return samples
+
+
 def strip(test: Strip) -> Sample:
     """Force of a strip, F = W T(ε)/λ, with λ = 1 + (δ − δ₀)/L and the slack δ₀."""
     offsets: tuple[Offset, ...] = ()
     if test.slack is None:
-        offsets = (Offset("slack", "mm", 0.0, *slack_range(test.displacement), True),)
+        low, high = slack_range(test.displacement)
+        start = float(np.clip(test.assumed_slack or 0.0, low, high))
+        offsets = (Offset("slack", "mm", start, low, high, True),)
 
     def predict(laws: Laws, slack: float = test.slack or 0.0) -> ndarray:
-        strain = test.strain(slack)
-        return test.width * laws[test.family].value(strain) / np.exp(strain)
+        strain, law = test.strain(slack), laws[test.family]
+        law = _smooth(law) if offsets else law
+        return test.width * law.value(strain) / np.exp(strain)
 
     return Sample(test.name, test.force, test.family, predict, offsets)
 
@@ -41,8 +79,9 @@ def biaxial(curve: BiaxialCurve, family: int) -> Sample:
     name = FAMILIES[family]
 
     def predict(laws: Laws, slack: float = 0.0) -> ndarray:
-        strain = curve.taut(family, slack)
-        return curve.widths[family] * laws[name].value(strain) / np.exp(strain)
+        strain, law = curve.taut(family, slack), laws[name]
+        law = _smooth(law) if offsets else law
+        return curve.widths[family] * law.value(strain) / np.exp(strain)
 
     offsets = tuple(_strain_slack(curve, i) for i in curve.loose if i == family)
     called = f"{curve.name}, {name}"
@@ -106,9 +145,8 @@ def shear(
         if "slack" in values:
             assert moved is not None
             gamma = specimen.angle_at(moved[used], values["slack"])
-            if isinstance(law, Tabulated):  # smooth where a slack passes its end
-                law = law.extrapolated
-                laws = {**laws, "shear": law}
+            law = _smooth(law)
+            laws = {**laws, "shear": law}
             # ends before a pole, and before the end of the test
             end = min(END_OF_RANGE * domain_of(law)[1], specimen.last_angle(np.inf))
             gamma = np.fmin(gamma, end)
@@ -132,7 +170,14 @@ def cantilever(test: CantileverTest) -> Sample:
     return Sample(test.name, test.by_elastica, part, predict)
 
 
+def _smooth(law: Any) -> Any:
+    """The law; a table beyond its end too, which an unknown slack may pass."""
+    return law.extrapolated if isinstance(law, Tabulated) else law
+
+
 def _strain_slack(curve: BiaxialCurve, family: int) -> Offset:
     """Unknown elongation per length at which a family is taut."""
     low, high = slack_range(np.expm1(curve.strain[family]))
-    return Offset(f"{FAMILIES[family]} slack", "-", 0.0, low, max(high, -low), True)
+    high = max(high, -low)
+    start = float(np.clip((curve.assumed_slack or (0.0, 0.0))[family], low, high))
+    return Offset(f"{FAMILIES[family]} slack", "-", start, low, high, True)

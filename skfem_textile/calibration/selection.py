@@ -116,8 +116,8 @@ def cross_validated(
     squares = np.array([np.mean(r**2) for r in errors])
     root = float(np.sqrt(squares.mean()))
     spread = float(squares.std(ddof=1) / np.sqrt(squares.size))
-    of_root = spread / (2 * root) if root else 0.0
-    return Candidate(name, p, root, of_root, zeros=len(of_all.free))
+    standard_error = spread / (2 * root) if root else 0.0
+    return Candidate(name, p, root, standard_error, zeros=len(of_all.free))
 
 
 def best_of(candidates: Sequence[Candidate]) -> Candidate:

@@ -129,7 +129,7 @@ def jacobian_of(
     model: Model, values: ndarray, value: Callable[[Any], ndarray]
 ) -> ndarray:
     """Derivatives with respect to parameters, (n, p): exact if they are linear."""
-    if model.start is None:
+    if model.is_linear:
         units = np.eye(values.size)
         return np.transpose([value(model.build(unit)) for unit in units])
     return differences(model, values, value)
@@ -273,7 +273,7 @@ class Unknowns:
             own = [i for i, sample in enumerate(self.samples) if sample.part == name]
             at_rest, value = self._beyond_rest(name, known, of_curves, own)
             measured = np.concatenate([self.samples[i].measured for i in own])
-            solve = solve_linear if model.start is None else solve_nonlinear
+            solve = solve_linear if model.is_linear else solve_nonlinear
             block = self.blocks[name]
             values = solve(
                 *(model, value, measured - at_rest),

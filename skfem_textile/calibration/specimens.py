@@ -1,8 +1,10 @@
 """Curves of shear specimens: angles, zeros and the range of the kinematics."""
 
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy import ndarray
@@ -77,6 +79,9 @@ class Specimen(MeasuredTest):
         Slack in mm that determines the fitted points if it is unknown: `fit_tests`
         repeats a fit with the fitted slack until these points are its own.  None for
         the slack of a polynomial through the whole curve.
+    range_end
+        Shear angle in radians up to which points are fitted by default; None for
+        `kinematics_limit`.
     """
 
     test: ShearTest
@@ -85,6 +90,7 @@ class Specimen(MeasuredTest):
     measured_angle: ndarray | None = None
     zeros: Zeros = Zeros()
     assumed_slack: float | None = None
+    range_end: float | None = None
 
     @property
     def assumes_slack(self) -> bool:
@@ -104,6 +110,10 @@ class Specimen(MeasuredTest):
         early = self.measured_angle <= _EARLY * self.measured_angle.max()
         moved = self.test.displacement(self.measured_angle[early])
         return float(np.median(self.displacement[early] - moved))
+
+    def with_slack(self, zeros: Mapping[str, float]) -> Self:
+        """See `MeasuredTest.with_slack`."""
+        return replace(self, assumed_slack=zeros["slack"]) if "slack" in zeros else self
 
     def angle_at(self, displacement: ndarray, slack: float) -> ndarray:
         """Theoretical shear angle; 0 within a slack, and nan beyond the end."""
@@ -129,27 +139,60 @@ class Specimen(MeasuredTest):
     def kinematics_limit(self) -> float:
         """Shear angle in radians up to which the kinematics of the test are valid.
 
-        Up to the angle at which the measured one departs from the theoretical one, by
-        wrinkling or slip.  If one of the two is missing: the largest angle of a test
-        that imposes it, or `BELIEVED`.
+        The largest angle of a test that imposes it.  Otherwise up to the angle at which
+        the measured one departs from the theoretical one, by wrinkling or slip, or
+        `BELIEVED` if one of the two is missing.
         """
-        end = self.test.largest_angle
+        end, measured = self.test.largest_angle, self.measured_angle
+        if self.test.imposes_angle:
+            return end
+        if measured is None or self.displacement is None:
+            return min(BELIEVED, end)
+        rows = self._before_departure
+        return float(measured[rows[-1]]) if rows.size else 0.0
+
+    @property
+    def departure(self) -> float:
+        """Theoretical shear angle in radians at which a measured one departs from it.
+
+        Infinite if it does not, or if one of the two is missing.
+        """
         if self.measured_angle is None or self.theoretical_angle is None:
-            return end if self.test.imposes_angle else min(BELIEVED, end)
+            return np.inf
+        rows = self._before_departure
+        if rows.size == self.force.size:
+            return np.inf
+        return float(self.theoretical_angle[rows[-1]]) if rows.size else 0.0
+
+    @cached_property
+    def _before_departure(self) -> ndarray:
+        """Rows with increasing measured angles up to their departure."""
+        assert self.measured_angle is not None
+        departed = self.difference > APART
         order = np.argsort(self.measured_angle)
-        measured = self.measured_angle[order]
-        off = np.abs(measured - self.theoretical_angle[order])
-        smooth = running_median(np.where(np.isfinite(off), off, np.inf), _SMOOTH)
-        departed = np.flatnonzero(~(smooth <= APART))
-        last = departed[0] - 1 if departed.size else measured.size - 1
-        return float(measured[last]) if last >= 0 else 0.0
+        return order[: np.argmax(departed)] if departed.any() else order
+
+    @cached_property
+    def difference(self) -> ndarray:
+        """Smoothed difference of measured and theoretical angle in radians, (n,).
+
+        In the order of increasing measured angles; infinite beyond the end of the test.
+        """
+        assert self.measured_angle is not None
+        assert self.theoretical_angle is not None
+        off = np.abs(self.measured_angle - self.theoretical_angle)
+        off = off[np.argsort(self.measured_angle)]
+        return running_median(np.where(np.isfinite(off), off, np.inf), _SMOOTH)
 
     def last_angle(self, up_to: float | None) -> float:
         """Shear angle in radians up to which points are fitted.
 
-        The requested angle; by default the limit of the kinematics, or unlimited if
-        only the angle is measured; at most the end of the motion of the test.
+        The requested angle; by default `range_end`, or the limit of the kinematics, or
+        unlimited if only the angle is measured; at most the end of the motion of the
+        test.
         """
+        if up_to is None:
+            up_to = self.range_end
         if up_to is None:
             alone = self.measured_angle is not None and self.displacement is None
             up_to = np.inf if alone else self.kinematics_limit

@@ -1,7 +1,9 @@
 """Tensile tests of strips, loaded along one fibre family."""
 
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy import ndarray
@@ -27,6 +29,9 @@ class Strip(MeasuredTest):
         Displacement in mm and force in N, shape (n,).
     slack
         Displacement in mm at which the strip is taut; None if a fit is to determine it.
+    assumed_slack
+        Slack in mm at which such a fit begins, and which determines the largest strain;
+        None before it is estimated.
 
     Raises
     ------
@@ -40,6 +45,7 @@ class Strip(MeasuredTest):
     displacement: ndarray
     force: ndarray
     slack: float | None = 0.0
+    assumed_slack: float | None = None
 
     def __post_init__(self) -> None:
         if self.family not in FAMILIES:
@@ -63,7 +69,12 @@ class Strip(MeasuredTest):
         """Strain, force and width of a family; None for the transverse one."""
         if FAMILIES[family] != self.family:
             return None
-        return Along(self.strain(self.slack or 0.0), self.force, self.width)
+        slack = self.assumed_slack if self.slack_is_unknown else self.slack
+        return Along(self.strain(slack or 0.0), self.force, self.width)
+
+    def with_slack(self, zeros: Mapping[str, float]) -> Self:
+        """See `MeasuredTest.with_slack`."""
+        return replace(self, assumed_slack=zeros["slack"]) if zeros else self
 
 
 def read_strips(

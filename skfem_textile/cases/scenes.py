@@ -79,13 +79,23 @@ class PictureFrame(PlaneScene, tag="picture_frame"):
     mesh = GRADED
 
     shear_angle_deg: Annotated[Degrees, about("final shear angle")] = 45.0
+    side_mm: Annotated[float, about("side of a generated mesh")] = 100.0
+    frame_mm: Annotated[
+        float | None,
+        about("side of the frame between its hinges (default: the side of the fabric)"),
+    ] = None
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
         """See `Scene.build`."""
         from ..scenes.trellis import picture_frame
 
-        angle = radians(self.shear_angle_deg)
-        return picture_frame(mesh, shear_angle=angle, **generated)
+        return picture_frame(
+            mesh,
+            shear_angle=radians(self.shear_angle_deg),
+            side=self.side_mm,
+            frame=self.frame_mm,
+            **generated,
+        )
 
 
 Side: TypeAlias = Literal["top", "right", "bottom", "left"]
@@ -148,15 +158,29 @@ class BiasExtension(PlaneScene, tag="bias_extension"):
             "this axis"
         ),
     ] = "whole"
+    width_mm: Annotated[float, about("width of a generated mesh")] = 50.0
+    height_mm: Annotated[
+        float | None,
+        about(
+            "height of a generated mesh between its clamps (default: the smallest, "
+            "2 width tan(warp))"
+        ),
+    ] = None
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
         """See `Scene.build`."""
         from ..scenes.bias_extension import bias_extension
 
         warp, weft = _mirrored(self.warp_deg, self.weft_deg)
-        angle = radians(self.shear_angle_deg)
         return bias_extension(
-            mesh, warp=warp, weft=weft, shear_angle=angle, part=self.part, **generated
+            mesh,
+            warp=warp,
+            weft=weft,
+            shear_angle=radians(self.shear_angle_deg),
+            part=self.part,
+            width=self.width_mm,
+            height=self.height_mm,
+            **generated,
         )
 
 

@@ -60,7 +60,7 @@ def run(options: Namespace) -> int:
     with shown("fitting"):
         tests = _tests(options)
         base = _base_fabric(options, tests)
-        held_out = _held_out(options)
+        held_out = _held_out(options, tests)
         result = _fitted(options, tests, base)
         found = validate(result, base, held_out, _simulation(options, base))
     reports = report.reports_of(result)
@@ -115,10 +115,17 @@ def _fitted(options: Namespace, tests: Sequence[Test], base: Fabric) -> FabricFi
     return fit_tests(tests, choice, simulation)
 
 
-def _held_out(options: Namespace) -> list[Test]:
+def _held_out(options: Namespace, fitted: Sequence[Test]) -> list[Test]:
     """Tests that are predicted, not fitted."""
     path = getattr(options, "validate", None)
-    tests = [] if path is None else read_tests(path)
+    if path is None:
+        return []
+    if not any(isinstance(one, Specimen) for one in fitted):
+        raise ValueError(
+            "--validate requires a fitted shear law: fit a shear test as well, or omit "
+            "--validate"
+        )
+    tests = read_tests(path)
     refuse_others(tests)
     return tests
 

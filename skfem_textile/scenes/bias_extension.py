@@ -43,6 +43,8 @@ def bias_extension(
     weft: float = 3 * np.pi / 4,
     shear_angle: float = np.radians(40.0),
     part: Part = "whole",
+    width: float = WIDTH,
+    height: float | None = None,
 ) -> Scene:
     """A rectangle stretched along the bisector of its fibres, in equal steps of γ.
 
@@ -50,10 +52,9 @@ def bias_extension(
     ----------
     mesh
         A mesh of the ply or of its left half, with the lower left corner at the origin;
-        or the kind of `rectangle` to generate, with W = `WIDTH` and H = 2W tan θ, or
-        the left half of it.  The exact solution is valid if the mesh fills a rectangle
-        of which the boundaries ``bottom`` and ``top`` are whole sides, and for the half
-        also ``right``.
+        or the kind of `rectangle` to generate, or the left half of it.  The exact
+        solution is valid if the mesh fills a rectangle of which the boundaries
+        ``bottom`` and ``top`` are whole sides, and for the half also ``right``.
     size, jitter, seed
         See `rectangle`.
     warp, weft
@@ -63,6 +64,8 @@ def bias_extension(
     part
         ``half``: the left half, on a roller along the axis of symmetry, with half the
         force.
+    width, height
+        Sides W and H of a generated mesh in mm; by default H = 2W tan θ, the least.
 
     Raises
     ------
@@ -80,9 +83,9 @@ def bias_extension(
         )
     share = 0.5 if part == "half" else 1.0
     if isinstance(mesh, str):
-        height = 2 * WIDTH * np.tan(theta)
+        high = 2 * width * np.tan(theta) if height is None else height
         fibres = theta, np.pi - theta
-        mesh = rectangle(share * WIDTH, height, size, mesh, jitter, seed, *fibres)
+        mesh = rectangle(share * width, high, size, mesh, jitter, seed, *fibres)
     else:
         check_mesh(mesh)
         mesh = with_edges(mesh)

@@ -277,19 +277,20 @@ class BiasTest(BiasExtension):
 
 @dataclass(frozen=True)
 class FrameTest(PictureFrame):
-    """Simulated picture frame, with fabric from hinge to hinge."""
+    """Simulated picture frame: the fabric is sheared over its whole square."""
 
     def measured(self, moved: ndarray, force: ndarray) -> tuple[ndarray, ndarray]:
         """Displacement and force of the machine in mm and N, along the diagonal.
 
-        The top bar has the force L C (cos γ, −sin γ), with the shear moment C per area;
-        the machine force is L C/sin(π/4 − γ/2).
+        The top side has the force L C (cos γ, −sin γ), with the shear moment C per area
+        and the side L of the fabric; the machine force is L²/L_frame C/sin(π/4 − γ/2).
 
         Parameters
         ----------
         moved, force
             See `BiasTest.measured`.
         """
-        gamma = np.arctan2(moved[:, 0], self.frame + moved[:, 1])
+        gamma = np.arctan2(moved[:, 0], self.fabric + moved[:, 1])
         along = force[:, 0] * np.cos(gamma) - force[:, 1] * np.sin(gamma)
-        return self.displacement(gamma), along / np.sin(np.pi / 4 - gamma / 2)
+        pull = self.fabric / self.frame * along / np.sin(np.pi / 4 - gamma / 2)
+        return self.displacement(gamma), pull

@@ -263,15 +263,17 @@ def picture_frame(
     jitter: float = 0.3,
     seed: int = 1,
     shear_angle: float = np.pi / 4,
+    side: float = SIDE,
+    frame: float | None = None,
 ) -> Scene:
     """Square ply in a hinged frame with fibres along its sides.
 
     The bottom bar is fixed and the side bars rotate: at the load factor t the shear
     angle is γ = t·shear_angle everywhere. With sides of length L the force on the top
     bar is L·C(γ)·(cos γ, −sin γ), where C is the shear moment per area; a machine that
-    pulls two corners apart requires F = L·C(γ)/sin(π/4 − γ/2).  The nodes at the ends
-    of the top bar also carry half an element of each side bar.  These two parts cancel
-    if the elements are equally high.
+    pulls two hinges apart requires F = L²/L_frame·C(γ)/sin(π/4 − γ/2).  The nodes at
+    the ends of the top bar also carry half an element of each side bar.  These two
+    parts cancel if the elements are equally high.
 
     Parameters
     ----------
@@ -279,16 +281,24 @@ def picture_frame(
         As for `trellis`.
     shear_angle
         Final shear angle in radians.
+    side
+        Side L of a generated mesh in mm.
+    frame
+        Side of the frame between its hinges in mm; by default the side of the fabric.
 
     Raises
     ------
     ValueError
-        If the mesh is not valid, or the frame would close.
+        If the mesh is not valid, the frame would close, or it is smaller than the
+        fabric.
     """
+    if isinstance(mesh, str):
+        mesh = rectangle(side, side, size, mesh, jitter, seed, 0.0, 0.5 * np.pi)
     turns = (_straight, lambda s, t: np.full(s.shape, -t * shear_angle))
-    scene = trellis(mesh, size, jitter, seed, turns=turns)
-    side = float(np.ptp(scene.mesh.p[1]))
-    return replace(scene, name="picture_frame", shear_test=FrameTest(side, side))
+    scene = trellis(mesh, turns=turns)
+    fabric = float(np.ptp(scene.mesh.p[1]))
+    test = FrameTest(fabric if frame is None else frame, fabric)
+    return replace(scene, name="picture_frame", shear_test=test)
 
 
 def _straight(s: ndarray, t: float) -> ndarray:

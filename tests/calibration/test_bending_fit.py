@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from skfem_textile.calibration import CantileverTest, fit_tests, read_cantilever
+from skfem_textile.calibration.preparing.outliers import wild
+from skfem_textile.calibration.report import reports_of
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_fabric
 from skfem_textile.scenes.elastica import buckled, hanging, peirce
@@ -126,3 +128,16 @@ def test_invalid_data_are_rejected_in_one_line(tmp_path, capsys, text, line, rea
     out = "--out", str(tmp_path / "out")
     assert cli.main([*arguments, *out]) == 2
     assert reason in capsys.readouterr().err
+
+
+def test_a_wild_reading_is_named_by_row(tmp_path):
+    rows = [200.0, 201.0, 199.5, 2000.0, 200.5, 199.0]
+    (tmp_path / "bend.csv").write_text("\n".join(["overhang (mm)", *map(str, rows)]))
+    tests = read_cantilever(tmp_path / "bend.csv", 6e-6, angle=np.radians(40.0))
+    (report,) = reports_of(fit_tests(tests)).values()
+    (note,) = [note for note in report["notes"] if "median" in note]
+    assert note.startswith("bend.csv, row 5: the stiffness of")
+    found = 0
+    for seed in range(300):
+        found += wild(1 + 0.1 * np.random.default_rng(seed).standard_normal(6)).any()
+    assert found < 5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skfem_textile import CrimpInterchange, CrimpToe, Linear
-from skfem_textile.calibration import BiaxialCurve, read_biaxial, residuals
+from skfem_textile.calibration import BiaxialCurve, Strip, read_biaxial, residuals
 from skfem_textile.calibration.report import reports_of
 from skfem_textile.fabric import TwoLaws
 from tests.helpers.fits import fit_tension
@@ -47,6 +47,8 @@ def test_crimp_interchange_contradicts_uncoupled_laws_and_is_identified():
     alone = reports_of(fit_tension(curves))
     assert "use crimp-interchange" in " ".join(alone["Tension of the warp"]["notes"])
     both = fit_tension(curves, "crimp-interchange").parts["both"]
+    slopes = both.law.tangent(np.array([c.strain for c in curves]).swapaxes(0, 1))
+    assert np.linalg.eigvalsh(np.moveaxis(slopes, (0, 1), (-2, -1))).min() > 0
     for i, curve in enumerate(curves):
         low, high = both.band(lambda law, of=curve: forces(law, of).ravel())
         fitted = forces(both.law, curve).ravel()
@@ -130,3 +132,16 @@ def test_a_parameter_at_its_bound_is_reported(seed):
     fit = fit_tension([curve]).parts["warp"]
     assert fit.values[2] == 0.0
     assert fit.at_bound.tolist() == [False, False, True]
+
+
+def test_strips_that_differ_are_not_referred_to_crimp_interchange():
+    """It refuses strips."""
+    moved = np.linspace(0.1, 4.0, 40)
+    strips = [
+        Strip(f"{E:g}", "warp", 50.0, 200.0, moved, E * moved) for E in (90.0, 100.0)
+    ]
+    for i, one in enumerate(strips):
+        one.force[:] += np.random.default_rng(i).normal(size=40)
+    notes = " ".join(reports_of(fit_tension(strips))["Tension of the warp"]["notes"])
+    assert "curves differ significantly" in notes
+    assert "crimp-interchange" not in notes

@@ -289,3 +289,36 @@ def test_a_large_stabilisation_energy_is_reported():
     assert "double --simulate" in notes(coarse)
     assert "double --simulate" not in notes(fine)
     assert fit_shear(data, "linear").stabilisation is None
+
+
+def slipping(test, end=60.0, onset=30.0):
+    """A test whose measured angle is behind beyond an onset in degrees."""
+    gamma = np.radians(np.arange(1.0, end + 1))
+    late = np.maximum(gamma - np.radians(onset), 0.0)
+    moved = test.displacement(gamma)
+    return Specimen("one", test, test.force(QUINTIC, gamma), moved, gamma - 0.5 * late)
+
+
+def test_a_simulation_ends_where_the_measured_angle_shows_slip():
+    data = slipping(BiasExtension(50.0, 100.0), end=45.0)
+    coarse = Simulation(across=4, steps=4)
+    fit = fit_shear([data], "linear", coarse)
+    assert np.degrees(fit.largest_angle) == pytest.approx(34.0, abs=0.5)
+    said = "beyond 34.0 degrees the measured angle differs from the theoretical one"
+    assert said in notes(fit)
+    assert "the range ends there (--up-to)" in notes(fit)
+    further = fit_shear([data], "linear", coarse, up_to=np.radians(40.0))
+    assert np.degrees(further.largest_angle) == pytest.approx(40.0, abs=0.5)
+    assert "points up to 40.0 degrees are fitted" in notes(further)
+    agreeing = fit_shear([slipping(data.test, 45.0, 80.0)], "linear", coarse)
+    assert np.degrees(agreeing.largest_angle) == pytest.approx(45.0, abs=0.5)
+    assert "not simulated" not in notes(agreeing)
+
+
+def test_a_measured_angle_does_not_end_the_range_of_a_frame():
+    data = slipping(FRAME)
+    fit = fit_shear([data])
+    largest = np.degrees(data.measured_angle.max())
+    assert np.degrees(fit.largest_angle) == pytest.approx(largest)
+    assert "differs from the angle of the frame by up to 14.5 degrees" in notes(fit)
+    assert "angle of the frame" not in notes(fit_shear([slipping(FRAME, onset=80.0)]))

@@ -147,6 +147,56 @@ def test_a_crimped_strip_with_a_slack_has_a_stiffness_and_a_toe(seed):
     assert known.model.parameters[2] == "initial_stiffness"
 
 
+LOOSE = CrimpToe(2e3, 0.006, 20.0)
+
+
+def loose_strip(law=LOOSE, slack=4.0, seed=1):
+    """A strip of 200 mm, pulled by 10 mm with a slack in mm."""
+    moved = np.linspace(0.0, 10.0, 120)
+    strain = np.log1p(np.maximum(moved - slack, 0.0) / 200.0)
+    force = 50.0 * law.value(strain) / np.exp(strain)
+    force += 0.005 * force.max() * np.random.default_rng(seed).standard_normal(120)
+    return Strip("one", "warp", 50.0, 200.0, moved, force, None)
+
+
+def loose_biaxial():
+    """A biaxial test with elongations of 0.05, and slacks of 0.02 and 0.01."""
+    elongation = np.linspace(0.0, 0.05, 120)
+    taut = np.log1p(np.maximum(elongation - [[0.02], [0.01]], 0.0))
+    strain = np.log1p([elongation, elongation])
+    force = 100.0 * LOOSE.value(taut) / np.exp(taut)
+    force += 0.005 * force.max() * np.random.default_rng(1).standard_normal((2, 120))
+    sizes = (100.0, 100.0)
+    return BiaxialCurve("two", strain, force, sizes, slack_is_unknown=True)
+
+
+@pytest.mark.parametrize("law", ["crimp-toe", "tabulated"])
+@pytest.mark.parametrize("test", [loose_strip, loose_biaxial])
+def test_the_largest_strain_is_beyond_the_fitted_slack(law, test):
+    result = fit_tests([test()], Choice(tension=law))
+    taut = np.log1p(0.03)
+    report = reports_of(result)["Tension of the warp"]
+    assert report["largest_strain"] == pytest.approx(taut, abs=0.003)
+    ((curve, _),) = result.along("warp")
+    assert curve.along(0).strain.max() == pytest.approx(taut, abs=0.003)
+    assert curve.along(0).strain[:20].max() == 0.0
+
+
+def test_a_table_with_a_slack_ends_at_the_largest_taut_strain():
+    for test in (loose_strip(), loose_biaxial()):
+        law = fit_tests([test], Choice(tension="tabulated")).laws["warp"]
+        assert law.domain[1] == pytest.approx(np.log1p(0.03), abs=0.003)
+        slope = np.diff(law.value(np.array([0.015, 0.028]))) / 0.013
+        assert slope == pytest.approx(LOOSE.stiffness, rel=0.05)
+
+
+def test_tension_laws_of_tests_with_a_slack_are_compared():
+    for law, name in ((LOOSE, "crimp-toe"), (Linear(2e3), "linear")):
+        result = fit_tests([loose_strip(law)], Choice(tension="auto"))
+        assert result.choice.tension == name
+        assert not any(one.reason for one in result.candidates["warp"])
+
+
 def test_a_family_that_is_not_stretched_has_no_slack():
     e = np.linspace(0.0, 0.02, 60)
     strain = np.log1p([e, 0 * e])

@@ -76,7 +76,33 @@ def test_noise_of_the_displacement_is_no_reversal():
     assert len(prepared(MOVED + noise, FORCE).branches) == 1
 
 
+def test_the_unloading_of_the_fitted_cycle_is_used():
+    half = MOVED[:50]
+    moved = np.concatenate([half, half[::-1], MOVED, MOVED[::-1]])
+    force = np.interp(moved, MOVED, FORCE)
+    back = prepared(moved, force, branch="unloading")
+    assert "unloading of cycle 2 of 2 is used" in said(back)
+    assert back.recording.columns["displacement"].max() > half[-1]
+    ended = moved[:-100], force[:-100]
+    with pytest.raises(ValueError, match="no unloading of cycle 2: the test has 2"):
+        prepared(*ended, branch="unloading")
+    assert prepared(*ended, branch="unloading", cycle=1).recording.rows.size > 40
+
+
 # Outliers
+
+
+def test_outliers_are_left_out_of_each_branch():
+    moved = np.concatenate([MOVED, MOVED[::-1]])
+    force = np.concatenate([FORCE, 0.75 * FORCE[::-1]])
+    force += 0.01 * FORCE.max() * np.random.default_rng(2).standard_normal(200)
+    force[[20, 150]] = 99999.0, -9999.0
+    one = prepared(moved, force, branch="both")
+    assert one.outliers.tolist() == [22, 152]
+    assert "rows 22, 152: outliers of the force, such as 99999" in said(one)
+    assert one.recording.rows.size == 198
+    force[100] = 99999.0  # next to the turn
+    assert prepared(moved, force, branch="both").outliers.tolist() == [22, 102, 152]
 
 
 def test_normal_noise_has_no_outliers():

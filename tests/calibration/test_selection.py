@@ -13,7 +13,9 @@ from skfem_textile.calibration import (
     Strip,
     Zeros,
     fit_tests,
+    fitting,
 )
+from skfem_textile.calibration.comparison import with_best
 from skfem_textile.calibration.report import reports_of
 from skfem_textile.calibration.selection import Candidate, best_of
 from tests.helpers.fits import fit_shear, fit_tension
@@ -149,3 +151,44 @@ def test_the_scatter_of_specimens_is_apart_from_the_band_of_the_mean():
 def test_an_unknown_law_is_refused_with_the_others_and_auto():
     with pytest.raises(ValueError, match="tabulated or auto"):
         Choice("spline")
+
+
+@pytest.mark.parametrize("law", [Linear(0.2), Polynomial((0.1, 0.0, 0.2))])
+def test_the_next_law_is_fitted_if_the_best_is_not_physical(monkeypatch, law):
+    """The range of the final fit is its own, where a law may not be physical."""
+    data = [specimen(law)]
+    first = fit_shear(data, "auto")
+    name = first.parts["shear"].model.name
+    refused = []
+
+    def against(fit, largest, unit):
+        if fit.model.name == name:
+            refused.append(fit)
+        return "it is refused" if fit.model.name == name else ""
+
+    monkeypatch.setattr(fitting, "reason_against", against)
+    second = fit_shear(data, "auto")
+    assert refused
+    assert second.parts["shear"].model.name != name
+    reasons = {one.reason for one in second.candidates["shear"]}
+    assert "it is refused" in reasons
+    monkeypatch.setattr(fitting, "reason_against", lambda *of: "it is refused")
+    with pytest.raises(ValueError, match="no law suits these data, such as linear"):
+        fit_shear(data, "auto")
+
+
+def test_both_families_have_a_law_that_suits_both():
+    """The best law of one family may not be physical for the other."""
+    of_each = {
+        "warp": [("linear", 0.3, ""), ("crimp-toe", 0.2, ""), ("tabulated", 0.01, "")],
+        "weft": [
+            ("linear", 0.3, ""),
+            ("crimp-toe", 0.1, ""),
+            ("tabulated", 0, "falls"),
+        ],
+    }
+    candidates = {
+        part: [Candidate(name, 1, error, 0.0, why) for name, error, why in each]
+        for part, each in of_each.items()
+    }
+    assert with_best(Choice(tension="auto"), candidates).tension == "crimp-toe"

@@ -274,6 +274,16 @@ def test_only_shear_tests_are_predicted(tmp_path, capsys):
     assert "only bias extensions and picture frames" in line
 
 
+def test_a_fit_without_a_shear_law_is_not_validated(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("skfem_textile.cli.fit.fit_tests", pytest.fail)
+    (tmp_path / "bend.csv").write_text("overhang (mm)\n200\n201\n199\n")
+    test = 'kind = "cantilever"\ndata = "bend.csv"\nweight = 6e-6\nchord_angle = 40\n'
+    (tmp_path / "tests.toml").write_text(f"[[test]]\n{test}")
+    how = "--validate", held_out(tmp_path), "--out", tmp_path / "o"
+    line = rejected(capsys, *map(str, ("fit", "joint", tmp_path / "tests.toml", *how)))
+    assert "--validate requires a fitted shear law" in line
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

@@ -7,6 +7,7 @@ import pytest
 
 from skfem_textile import Fabric, Linear, Polynomial, Sin2
 from skfem_textile.calibration import BiasExtension, PictureFrame
+from skfem_textile.mesh.checks import MeshError
 from skfem_textile.scenes import Case, bias_extension, picture_frame, specimen
 from skfem_textile.scenes.bias_extension import force
 from skfem_textile.scenes.shear_test import BiasTest, FrameTest
@@ -67,6 +68,31 @@ def test_the_law_is_recovered_from_a_picture_frame():
     assert pytest.approx(pull, rel=1e-4, abs=1e-9) == F
     diagonal = 2 * 100 * np.cos(np.pi / 4 - gamma / 2)
     assert displacement == pytest.approx(diagonal - diagonal[0])
+
+
+def test_the_machine_of_a_frame_larger_than_the_fabric_sees_the_same_moment():
+    law, test = Polynomial((0.1, 0.0, 0.3)), PictureFrame(200.0, 140.0)
+    scene = picture_frame("aligned", (4, 4), side=140.0, frame=200.0)
+    fabric = Fabric(1e6, law, scene.warp, scene.weft)
+    result = Case(scene=scene, fabric=fabric, steps=2).run()
+    moved = np.array([scene.driven_displacement(s) for s in result.states])
+    force = np.array([scene.reaction(s) for s in result.states])
+    displacement, F = scene.shear_test.measured(moved, force)
+    gamma = np.linspace(0, np.pi / 4, 3)
+    assert test.shear_angle(displacement) == pytest.approx(gamma, abs=1e-12)
+    assert pytest.approx(test.force(law, gamma), rel=1e-6, abs=1e-9) == F
+
+
+def test_specimens_have_the_dimensions_of_the_user():
+    scene = bias_extension("aligned", width=80.0, height=240.0)
+    assert np.ptp(scene.mesh.p, axis=1) == pytest.approx([80.0, 240.0])
+    assert scene.shear_test == BiasTest(80.0, 240.0)
+    half = bias_extension("aligned", part="half", width=80.0)
+    assert np.ptp(half.mesh.p, axis=1) == pytest.approx([40.0, 160.0])
+    with pytest.raises(MeshError, match="must be at least 160 mm high"):
+        bias_extension(width=80.0, height=150.0)
+    with pytest.raises(ValueError, match="longer than the side of the frame"):
+        picture_frame(side=140.0, frame=100.0)
 
 
 def test_scenes_give_their_specimens():

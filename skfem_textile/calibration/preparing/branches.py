@@ -16,6 +16,9 @@ REVERSAL = 0.1
 # reversals.
 _SMOOTH = 5
 
+#: Rows by which turns of the running median and of the motion may differ.
+AT_A_TURN = _SMOOTH // 2
+
 # Distance to the end of a branch, relative to the range, within which the motion is at
 # rest: the rows of a dwell belong to neither branch.
 _DWELL = 0.005

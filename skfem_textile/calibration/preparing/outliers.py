@@ -16,6 +16,10 @@ _FALSE = 1e-3
 # it, a row changes a law by less than its usual band.
 _LEAST = 0.01
 
+# Smallest deviation of a wild reading relative to the median, where others agree by
+# rounding.  Chosen: far above the scatter of strips of a fabric.
+_LEAST_OF_REPEATS = 0.5
+
 # Rows per interval of the smooth curve, and the maximum number of intervals.  Chosen:
 # curves of fabrics have at most one inflection and one kink.
 _PER_INTERVAL, _MOST_INTERVALS = 10, 8
@@ -111,6 +115,23 @@ def overloads(y: ndarray) -> ndarray:
     far = size > highest[gaps[0]] if gaps.size else np.zeros(y.size, dtype=bool)
     at_the_end = far[np.argmax(far) :].all()
     return np.zeros(y.size, dtype=bool) if at_the_end else far
+
+
+def wild(values: ndarray) -> ndarray:
+    """Mask of repeated readings that deviate from their median beyond their noise.
+
+    The limit is the quantile of `outliers`, for the noise of the readings.
+
+    Parameters
+    ----------
+    values
+        Readings of one quantity, shape (n,).
+    """
+    middle = float(np.median(values))
+    off = np.abs(values - middle)
+    limit = special.stdtrit(_EFFICIENCY * values.size, 1 - 0.5 * _FALSE / values.size)
+    noise = NORMAL * float(np.median(off))
+    return off > max(limit * noise, _LEAST_OF_REPEATS * abs(middle))
 
 
 def running_median(values: ndarray, window: int) -> ndarray:

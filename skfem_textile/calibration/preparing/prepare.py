@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..reading.recording import Recording, rows_text
-from .branches import REVERSAL, Branch, branches_of, first_complete
+from .branches import AT_A_TURN, REVERSAL, Branch, branches_of, first_complete
 from .outliers import NORMAL, departures, outliers, overloads, running_median
 
 #: Branches by name.
@@ -47,7 +47,7 @@ class Preparation:
         ``loading``, ``unloading`` or ``both``.
     cycle
         Number of the cycle from 1 on; by default the first one that reaches the largest
-        displacement.
+        displacement, or every cycle for ``both``.
     slack
         Displacement in mm at which the fabric begins to carry load; by default it is
         estimated.
@@ -166,12 +166,10 @@ def prepare(
     jumps = _jumps(complete.column(driving)) & choices.outliers
     clean = complete.select(~jumps)
     branches = branches_of(clean.column(driving))
-    chosen, statements = _chosen(clean, driving, forces[0], branches, choices)
+    each, statements = _chosen(clean, driving, forces[0], branches, choices)
+    chosen = np.concatenate(each)
     branch = clean.select(chosen)
-    x = branch.column(driving)
-    wrong = np.zeros(x.size, dtype=bool)
-    if choices.outliers and choices.branch != "both":
-        wrong = np.any([outliers(x, branch.column(name)) for name in forces], axis=0)
+    wrong = _wrong(clean, driving, forces, each)[chosen] & choices.outliers
     statements += _outlier_statements(complete, driving, jumps)
     for name in forces:
         statements += _outlier_statements(branch, name, wrong)
@@ -195,6 +193,27 @@ def prepare(
     )
 
 
+def _wrong(
+    recording: Recording, driving: str, forces: Sequence[str], each: list[ndarray]
+) -> ndarray:
+    """Mask of the outliers of each branch, given by the indices of its rows.
+
+    The rows next to a turn may belong to either branch, and count if they are outliers
+    of both.
+    """
+    number = recording.rows.size
+    wrong, seen = np.zeros(number, dtype=int), np.zeros(number, dtype=int)
+    more = AT_A_TURN if len(each) > 1 else 0
+    for rows in each:
+        near = np.arange(max(rows[0] - more, 0), min(rows[-1] + 1 + more, number))
+        branch = recording.select(near)
+        x = branch.column(driving)
+        found = [outliers(x, branch.column(name)) for name in forces]
+        wrong[near] += np.any(found, axis=0)
+        seen[near] += 1
+    return (wrong > 0) & (wrong == seen)
+
+
 def _jumps(x: ndarray) -> ndarray:
     """Mask of rows of the driving quantity that deviate from their neighbours."""
     if x.size <= _NEIGHBOURS:
@@ -211,31 +230,29 @@ def _chosen(
     force: str,
     branches: list[Branch],
     choices: Preparation,
-) -> tuple[ndarray, list[str]]:
-    """Indices of the chosen rows, and statements."""
+) -> tuple[list[ndarray], list[str]]:
+    """Indices of the rows of each chosen branch, and statements."""
+    number = choices.cycle
     if choices.branch == "both":
-        cycles = [b for b in branches if choices.cycle in (None, b.cycle)]
+        cycles = [b for b in branches if number in (None, b.cycle)]
     else:
+        if number is None and branches:
+            number = first_complete(branches).cycle
         loading = choices.branch == "loading"
-        cycles = [b for b in branches if b.loading == loading]
-        if choices.cycle is None and cycles:
-            first = first_complete(branches) if loading else cycles[0]
-            cycles = [first] if loading else [cycles[0]]
-        elif choices.cycle is not None:
-            cycles = [b for b in cycles if b.cycle == choices.cycle]
+        cycles = [b for b in branches if b.loading == loading and b.cycle == number]
     if not cycles and choices.cycle is None and choices.branch == "loading":
-        return np.arange(recording.rows.size), [
+        return [np.arange(recording.rows.size)], [
             "the displacement only decreases from row to row, as in unloading: check "
             "that the law may be determined from unloading"
         ]
     if not cycles:
-        cycle = f" of cycle {choices.cycle}" if choices.cycle else ""
-        number = max((b.cycle for b in branches), default=0)
+        cycle = f" of cycle {number}" if number else ""
+        most = max((b.cycle for b in branches), default=0)
         raise ValueError(
             f"{recording.name}: there is no {choices.branch}{cycle}: the test has "
-            f"{number} cycle(s)"
+            f"{most} cycle(s)"
         )
-    rows = np.concatenate([np.arange(b.begin, b.end) for b in cycles])
+    rows = [np.arange(b.begin, b.end) for b in cycles]
     if len(branches) < 2:
         return rows, []
     return rows, [_of_branches(recording, driving, force, branches, cycles)]
