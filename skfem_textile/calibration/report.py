@@ -243,7 +243,7 @@ def _range_statement(result: "FabricFit", specimen: Specimen) -> str:
 def joint_report(result: "FabricFit") -> dict[str, Any]:
     """Parameters of all laws, with their standard deviations and correlations."""
     fit = result.fit.joint
-    deviations, _ = fit.deviation(np.eye(fit.values.size))
+    deviations = np.sqrt(np.diag(fit.covariance))
     scale = np.where(deviations > 0, deviations, 1.0)
     return {
         "parameters": list(fit.model.parameters),

@@ -19,6 +19,7 @@ from skfem_textile.calibration import (
     predict,
     validate,
 )
+from skfem_textile.calibration.report import joint_report
 from skfem_textile.calibration.simulation import FIBRES
 
 LAW = Linear(0.2)
@@ -152,6 +153,8 @@ def test_the_band_of_a_load_includes_the_possible_zeros():
         loose = replace(one, force=force, zeros=Zeros(0.0, None))
         result = fit_tests([loose], Choice("polynomial", degree=3))
         fit = result.parts["shear"]
+        correlations = np.array(joint_report(result)["correlations"])
+        np.testing.assert_allclose(np.diag(correlations), 1.0)
 
         def value(law):
             return law.value(GAMMA[5:])
