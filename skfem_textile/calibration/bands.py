@@ -120,20 +120,10 @@ class Fit:
         + ρ).  Weights estimated from the data increase it slightly, after Kenward and
         Roger (1997, Biometrics 53:983): by (4/ν) Φ (I − I Φ I) Φ for each curve with
         information I, where Φ is the inverse of their sum, and ν the degrees of freedom
-        of its noise.  With several possible zeros, the second moment of the mixture of
-        `alternatives` about this fit.
+        of its noise.  With several possible zeros, of this fit alone.
         """
         p = self.values.size
-        own = np.sum([one.covariance[:p, :p] for one in self.components], axis=0)
-        return own + self._of_alternatives(own)
-
-    def _of_alternatives(self, own: ndarray) -> ndarray:
-        """Second moment of the mixture about this fit, less its covariance, (p, p)."""
-        more = np.zeros_like(own)
-        for weight, fit in self.alternatives:
-            away = fit.values - self.values
-            more += weight * (fit.covariance + np.outer(away, away) - own)
-        return more
+        return np.sum([one.covariance[:p, :p] for one in self.components], axis=0)
 
     @property
     def intervals(self) -> ndarray:
@@ -204,7 +194,8 @@ class Fit:
 
         Degrees of freedom after Satterthwaite (1946): V²/Σ(v²/ν) for the sum V of
         variances v.  With several possible zeros, functions of the parameters have the
-        deviation by `covariance`, and functions of the zeros too only by this fit.
+        deviation that gives the band of the mixture of `alternatives`, and functions of
+        the zeros the one of this fit.
 
         Parameters
         ----------
@@ -239,14 +230,19 @@ class Fit:
             np.einsum("ni,ij,nj->n", slopes, one.covariance[:k, :k], slopes)
             for one in self.components
         ]
-        freedom = [one.freedom for one in self.components]
+        of_noise = [one.freedom for one in self.components]
         variance = np.maximum(of_each, 0.0)
         total = variance.sum(axis=0)
         share = variance / np.where(total > 0, total, 1.0)
-        inverse = (share**2 / np.reshape(freedom, (-1, 1))).sum(axis=0)
+        inverse = (share**2 / np.reshape(of_noise, (-1, 1))).sum(axis=0)
+        deviation, freedom = np.sqrt(total), 1 / np.where(inverse > 0, inverse, 1.0)
         if self.alternatives and k == self.values.size:
-            total = np.einsum("ni,ij,nj->n", slopes, self.covariance, slopes)
-        return np.sqrt(total), 1 / np.where(inverse > 0, inverse, 1.0)
+            ends = self._interval(
+                lambda fit: (slopes @ (fit.values - self.values), slopes)
+            )
+            quantile = special.stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE)
+            deviation = 0.5 * np.ptp(ends, axis=0) / quantile
+        return deviation, freedom
 
     def _interval(self, of: Callable[["Fit"], tuple[ndarray, ndarray]]) -> ndarray:
         """Ends of the confidence interval of the mixture of alternatives, (2, n).

@@ -133,7 +133,7 @@ def _banded(
     """Fields of a `LoadBand` of a function of the laws."""
     slopes = differences(fit.model, fit.values, value, steps)
     deviation, freedom = fit.deviation(slopes)
-    quantile = _simultaneous([(fit, slopes)], deviation, freedom)
+    quantile = _simultaneous([(fit, slopes)], freedom)
     return value(fit.law), slopes, deviation, freedom, quantile
 
 
@@ -202,9 +202,7 @@ def _interpolated(found: SimulatedTest, gamma: ndarray) -> ndarray:
     return np.interp(gamma, found.angles[known], half[known])
 
 
-def _simultaneous(
-    parts: Sequence[tuple[Fit, ndarray]], deviation: ndarray, freedom: ndarray
-) -> float:
+def _simultaneous(parts: Sequence[tuple[Fit, ndarray]], freedom: ndarray) -> float:
     """Quantile of the largest deviation of a curve, in standard deviations.
 
     Parameters
@@ -212,19 +210,22 @@ def _simultaneous(
     parts
         Independent fits, with the derivatives of the curve with respect to their
         parameters.
-    deviation, freedom
-        Standard deviation of the curve, and its degrees of freedom, shape (n,).
+    freedom
+        Degrees of freedom of the curve, shape (n,).
     """
-    rng, curves = np.random.default_rng(_SEED), np.zeros((len(deviation), _DRAWS))
+    rng, n = np.random.default_rng(_SEED), len(freedom)
+    curves, variance = np.zeros((n, _DRAWS)), np.zeros(n)
     for fit, slopes in parts:
         values, vectors = np.linalg.eigh(fit.covariance)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
-        curves += slopes @ root @ rng.standard_normal((len(values), _DRAWS))
-    seen = deviation > 0
-    largest = np.abs(curves[seen] / deviation[seen, None]).max(axis=0, initial=0.0)
-    if seen.any():
-        nu = float(np.min(freedom[seen]))
-        largest *= np.sqrt(nu / rng.chisquare(nu, _DRAWS))
+        root = slopes @ vectors * np.sqrt(np.maximum(values, 0.0))
+        curves += root @ rng.standard_normal((len(values), _DRAWS))
+        variance += np.sum(root**2, axis=1)
+    seen = variance > 0
+    if not seen.any():
+        return 0.0
+    largest = np.abs(curves[seen] / np.sqrt(variance[seen, None])).max(axis=0)
+    nu = float(np.min(freedom[seen]))
+    largest *= np.sqrt(nu / rng.chisquare(nu, _DRAWS))
     return float(np.quantile(largest, CONFIDENCE))
 
 
@@ -346,7 +347,7 @@ def _off(own: Fit, test: ShearTest, prediction: Prediction, fit: Fit) -> LoadBan
     return LoadBand(
         smooth.force - prediction.force,
         np.hstack([slopes for _, slopes in parts]),
-        *(deviation, freedom, _simultaneous(parts, deviation, freedom)),
+        *(deviation, freedom, _simultaneous(parts, freedom)),
     )
 
 
