@@ -238,7 +238,7 @@ def test_progress_of_long_parts_is_shown_on_a_terminal(tmp_path):
         "progress._DELAY = progress._REFRESH = 0.001; "
         "from skfem_textile.cli.main import main; raise SystemExit(main())"
     )
-    line = "-c", at_once, "run", "trellis", "--size", "2x2", "--steps", "1"
+    line = "-c", at_once, "run", "trellis", "--size", "24x24", "--steps", "3"
     ours, theirs = pty.openpty()
     with subprocess.Popen(
         [sys.executable, *line, "--out", str(tmp_path / "out")],
