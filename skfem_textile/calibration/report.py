@@ -445,7 +445,6 @@ def _undetermined(fit: Fit) -> ndarray:
 
 def _range_notes(result: "FabricFit") -> list[str]:
     up_to = result.choice.up_to
-    end = np.degrees(max(reach(one, up_to) for one in result.specimens))
     notes = [
         f"{specimen.name}: the test contains loading and unloading, and both are "
         "fitted as one curve: keep only the rows of a single loading"
@@ -471,7 +470,7 @@ def _range_notes(result: "FabricFit") -> list[str]:
             )
         return notes
     for specimen in result.specimens:
-        holds = _valid_up_to(specimen)
+        holds, end = _valid_up_to(specimen), np.degrees(reach(specimen, up_to))
         if specimen.measured_angle is None:
             if end > holds + 1e-9:
                 notes.append(

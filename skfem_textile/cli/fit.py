@@ -30,6 +30,10 @@ _NO_TENSION = (
     f"the fibre stiffness in fabric.json is the default, {FIBRES:g} N/mm: pass "
     "--fibre-stiffness, or fit biaxial tests with --fabric and this fabric.json"
 )
+_ONE_FAMILY = (
+    "the tension of the {} in fabric.json is the default, "
+    f"{FIBRES:g} N/mm: fit strips along it too, or repeat the fit with --fabric"
+)
 _NO_SHEAR = (
     "fabric.json contains no shear stiffness: fit a shear test, then repeat this fit "
     "with --fabric and the resulting fabric.json"
@@ -179,6 +183,8 @@ def _add_missing(
         note = _NO_SHEAR
     elif not tension and stiffness is None:
         note = _NO_TENSION
+    elif len(tension) == 1 and "both" not in tension and stiffness is None:
+        note = _ONE_FAMILY.format("weft" if "warp" in tension else "warp")
     if note:
         for one in reports.values():
             one["notes"].append(note)

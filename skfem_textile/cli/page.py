@@ -52,7 +52,7 @@ def formatted(value: Any) -> str:
 def say_rows(verdict: Iterable[Row]) -> None:
     """Print rows of a verdict."""
     for name, _, text in verdict:
-        say(f"{printable(name):24}{formatted(text)}")
+        say(f"{printable(name):22}  {formatted(text)}")
 
 
 def rows(values: Any) -> list[Row]:

@@ -7,6 +7,7 @@ import pytest
 
 from skfem_textile import CrimpToe, Fabric, Linear
 from skfem_textile.calibration import (
+    BiasExtension,
     BiaxialCurve,
     Choice,
     PictureFrame,
@@ -238,3 +239,18 @@ def test_a_frame_and_a_strip_of_the_other_family_do_not_disturb_each_other():
     both = fit_tests([one, *Drawn(1).tests()["strip"][:1]], Choice("linear", "linear"))
     assert both.laws["shear"].stiffness == pytest.approx(0.2)
     assert np.degrees(both.largest_angle) == pytest.approx(55.0)
+
+
+def test_the_range_of_each_shear_test_is_its_own():
+    """A frame beyond 40 degrees does not extend the range of a bias extension."""
+    law, specimens = Linear(0.2), []
+    for test, end in (
+        (PictureFrame(200.0, 160.0), 48.0),
+        (BiasExtension(100.0, 250.0), 39.0),
+    ):
+        gamma = np.radians(np.linspace(1.0, end, 60))
+        force, moved = test.force(law, gamma), test.displacement(gamma)
+        noise = 0.01 * force.max() * np.random.default_rng(1).normal(size=60)
+        specimens.append(Specimen("one", test, force + noise, moved))
+    notes = reports_of(fit_tests(specimens, Choice("linear")))["Shear"]["notes"]
+    assert not any("are fitted" in note for note in notes)

@@ -219,6 +219,7 @@ def test_tests_of_several_kinds_are_fitted_jointly(tmp_path, capsys):
     printed = capsys.readouterr().out
     for title in ("Shear ", "Tension of the weft ", "Bending of the warp "):
         assert f"\n{title}" in printed
+    assert "the tension of the warp in fabric.json is the default" in printed
 
 
 def test_a_strip_is_fitted_alone(tmp_path):
