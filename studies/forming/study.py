@@ -119,6 +119,11 @@ def _forces(rows: Sequence[Row], kind: str) -> dict[str, str]:
     }
 
 
+def _longest(rows: Sequence[Row]) -> str:
+    """Longest known time of a run."""
+    return f"{max((row.get('seconds', 0.0) for row in rows), default=0.0) / 60:.0f} min"
+
+
 def _wrong(rows: Sequence[Row], kind: str) -> dict[str, str]:
     """Largest differences of wrong runs, in angle and in force."""
     wrong = [row for row in rows if outcome(row) == "wrong"]
@@ -179,6 +184,7 @@ class Forming(Study[Reference | Random | Refined]):
             found = [outcome(row) for row in of_kind]
             figures |= {
                 f"{kind}_cases": str(len(found)),
+                f"{kind}_longest": _longest(of_kind),
                 **{f"{kind}_{name}": str(found.count(name)) for name in _OUTCOMES},
                 f"{kind}_within": _within(of_kind),
                 **_forces(of_kind, kind),
