@@ -34,11 +34,6 @@ _MOST_SOLVES = 3
 _FIRST_SHIFT, _LEAST_SHIFT, _LARGEST_SHIFT = 1e-4, 1e-20, 1e40
 _FIRST_GROWTH, _GROWTH, _DECREASE = 100.0, 8.0, 3.0
 
-# Slope of the energy, relative to its value before an increment, that has nearly
-# vanished; shortest part by which regula falsi reduces an interval; and its maximum
-# number of steps.
-_FLAT, _MARGIN, _MOST_PARTS = 0.5, 0.1, 12
-
 
 def is_set(problem: Problem, parameters: PlyParameters) -> bool:
     """True if the contact stiffnesses of a state have been found."""
@@ -284,36 +279,6 @@ class _LinearGap:
         before, gap = self.force > 0, self.gap + (self.normal * du).sum(axis=0)
         self.force = np.maximum(self.p["force"] - self.kappa * gap, 0.0)
         return not np.array_equal(before, self.force > 0)
-
-
-def settling(
-    problem: Problem, u: ndarray, du: ndarray, f: ndarray, parameters: PlyParameters
-) -> float:
-    """The share of an increment at which the energy stops to decrease.
-
-    The slope of the energy is the work of the nodal forces over the increment. It
-    increases where nodes touch a tool; its root is found by regula falsi.  Near a
-    state differences of the energy are round-off, but slopes are not.
-    """
-
-    def slope_at(share: float) -> float:
-        return float(problem.residual(problem.moved(u, share * du), parameters) @ du)
-
-    before, after = float(f @ du), slope_at(1.0)
-    flat = _FLAT * abs(before)
-    if before >= 0 or after <= flat:
-        return 1.0
-    low, high, share = (0.0, before), (1.0, after), 1.0
-    for _ in range(_MOST_PARTS):
-        (a, at_a), (b, at_b) = low, high
-        root = (a * at_b - b * at_a) / (at_b - at_a) if np.isfinite(at_b) else 0.5 * a
-        margin = _MARGIN * (b - a)
-        share = min(max(root, a + margin), b - margin)
-        slope = slope_at(share)
-        if abs(slope) <= flat:
-            break
-        low, high = ((share, slope), high) if slope < 0 else (low, (share, slope))
-    return share
 
 
 def _of_nodes(problem: Problem) -> ndarray:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -64,6 +65,11 @@ _DESCENT = 3
 # Chosen: steps of slack plies, which have many wrinkled states, often take more than a
 # hundred, and halving a step takes longer than continuing.
 _BETWEEN_TOOLS = 10
+
+# Number of further whole increments between tools after one that did not decrease the
+# energy, before the iteration returns to it.  Chosen: with 4 to 16 slack plies take
+# about as many solves.
+_WATCHED = 8
 
 # Share of the predicted decrease of the energy that an increment must reach (Armijo's
 # rule, with the constant of Nocedal & Wright, Numerical Optimization, 2006, section
@@ -144,10 +150,13 @@ class Newton:
     tensions, until an update changes the energy by less than `SETTLED`.
 
     Between tools, each increment finds the nodes that touch, see
-    `contact.Increments`.  It ends where the slope of the energy nearly vanishes, see
-    `contact.settling`.  Increments do not follow the load path: tangents that are
-    not positive definite count as projected only near the equilibrium, where they show
-    that there are others.
+    `contact.Increments`.  An increment that rotates nearly inextensible fibres also
+    stretches them, to second order, and may increase the energy, which the next ones
+    then decrease.  It is followed by up to `_WATCHED` whole increments; if the energy
+    has still not decreased, the iteration returns to it and halves it (the watchdog
+    technique of Chamberlain et al. 1982; Nocedal & Wright 2006, section 15.6).
+    Increments do not follow the load path: tangents that are not positive definite
+    count as projected only near the equilibrium, where they show that there are others.
 
     The iteration leaves an unstable equilibrium along its softest mode, and continues
     with the line search, except where the load path is followed, which avoids it.
@@ -205,15 +214,20 @@ class Newton:
         if not contact.is_set(problem, p):
             p = contact.with_stiffness(problem, u, p, tension)
         f, near, forces = problem.residual(u, p), _NEAR, contact.forces(problem, p)
-        increments = contact.Increments(problem)
+        increments, watched = contact.Increments(problem), None
         for _ in range(_BETWEEN_TOOLS * self.most):
-            whole, tangent, forces, shifted = increments(
-                *(u, f, p, tension, forces, progress.fixed_values)
-            )
-            gradient = problem.ply.largest_gradient(whole)
-            du = whole / max(1.0, gradient / self.longest)
-            du = within_laws(problem, u, du, p)
-            du = du * contact.settling(problem, u, du, f, p)
+            increment = increments(u, f, p, tension, forces, progress.fixed_values)
+            du = self._limited(problem, increment.du, u, p)
+            if watched is None:
+                watched, left = (Line(problem, u, du, f, p), increment), _WATCHED
+            if watched[0].falls_to(problem.moved(u, du)):
+                watched = None
+            elif not left:
+                line, increment = watched
+                u, f, p = line.u, line.f, line.parameters
+                du, watched = line.halved(), None
+            left -= 1
+            whole, tangent, forces, shifted = increment
             share = float(np.linalg.norm(du)) / max(float(np.linalg.norm(whole)), _TINY)
             tension = problem.ply.geometric_tension(u, du, p)
             u = problem.moved(u, du)
@@ -231,9 +245,16 @@ class Newton:
                 end = end._replace(tangent=tangent_at(problem, u, p))
                 if not end.unstable:
                     break
-                u = self._disturbed(problem, end)
+                u, watched = self._disturbed(problem, end), None
                 f = problem.residual(u, p)
         return end
+
+    def _limited(
+        self, problem: Problem, du: ndarray, u: ndarray, parameters: PlyParameters
+    ) -> ndarray:
+        """The increment with at most the ``longest`` gradient, within all laws."""
+        du = du / max(1.0, problem.ply.largest_gradient(du) / self.longest)
+        return within_laws(problem, u, du, parameters)
 
     def _disturbed(self, problem: Problem, end: "_Iterate") -> ndarray:
         """Displacement from an unstable equilibrium, moved along its softest mode."""
@@ -254,10 +275,11 @@ class Newton:
         for _ in range(most):
             du = tangent.increment(f, u, progress.fixed_values)
             if progress.residuals or problem.in_space:
-                du = du / max(1.0, problem.ply.largest_gradient(du) / self.longest)
-            du = within_laws(problem, u, du, p)
+                du = self._limited(problem, du, u, p)
+            else:
+                du = within_laws(problem, u, du, p)
             if progress.residuals and descend:
-                du = descending(problem, u, du, f, p)
+                du = Line(problem, u, du, f, p).halved()
             tension = problem.ply.geometric_tension(u, du, p)
             multipliers = tangent.contact(f, du)
             u = problem.moved(u, du)
@@ -485,18 +507,43 @@ def within_laws(
     )
 
 
-def descending(
-    problem: Problem, u: ndarray, du: ndarray, f: ndarray, parameters: PlyParameters
-) -> ndarray:
-    """The increment, halved until the energy falls as its slope f·du predicts.
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Energy along an increment.
 
-    The whole increment if none does, or if the slope is not negative.
+    Attributes
+    ----------
+    problem, u, du
+        The problem, displacement and increment.
+    f, parameters
+        Nodal forces at the displacement, and parameters of the terms.
     """
-    slope, energy = float(f @ du), problem.energy(u, parameters)
-    round_off = 8 * EPSILON * abs(energy)
-    if slope < 0:
+
+    problem: Problem
+    u: ndarray
+    du: ndarray
+    f: ndarray
+    parameters: PlyParameters
+
+    @cached_property
+    def energy(self) -> float:
+        """Energy at the displacement in N·mm."""
+        return self.problem.energy(self.u, self.parameters)
+
+    def falls_to(self, u: ndarray, share: float = 1.0) -> bool:
+        """True if the energy at u is as small as its slope f·du predicts for a share.
+
+        Also true if the slope is not negative.
+        """
+        slope, round_off = float(self.f @ self.du), 8 * EPSILON * abs(self.energy)
+        if slope >= 0:
+            return True
+        fall = self.problem.energy(u, self.parameters) - self.energy
+        return fall <= _ARMIJO * share * slope + round_off
+
+    def halved(self) -> ndarray:
+        """The increment, halved until the energy falls; the whole one if none does."""
         for share in 0.5 ** np.arange(_HALVINGS):
-            fall = problem.energy(problem.moved(u, share * du), parameters) - energy
-            if fall <= _ARMIJO * share * slope + round_off:
-                return share * du
-    return du
+            if self.falls_to(self.problem.moved(self.u, share * self.du), share):
+                return share * self.du
+        return self.du

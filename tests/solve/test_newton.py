@@ -118,14 +118,15 @@ def test_an_unconverged_iteration_continues_downhill(monkeypatch):
         method = Newton(most=5)
         return LoadStepper(ply, scene.conditions, 1, method=method, max_halvings=0)
 
-    energies, shorten = [], newton.descending
+    energies, halved = [], newton.Line.halved
 
-    def shortened(problem, u, du, f, p):
-        du = shorten(problem, u, du, f, p)
-        energies.append((problem.energy(u, p), problem.energy(u + du, p)))
+    def recorded(line):
+        du = halved(line)
+        after = line.problem.energy(line.u + du, line.parameters)
+        energies.append((line.energy, after))
         return du
 
-    monkeypatch.setattr(newton, "descending", shortened)
+    monkeypatch.setattr(newton.Line, "halved", recorded)
     assert run().run().converged
     assert energies
     assert all(after <= before for before, after in energies)
