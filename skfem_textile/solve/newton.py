@@ -213,7 +213,8 @@ class Newton:
         tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
         if not contact.is_set(problem, p):
             p = contact.with_stiffness(problem, u, p, tension)
-        f, near, forces = problem.residual(u, p), _NEAR, contact.forces(problem, p)
+        f, forces = problem.residual(u, p), contact.forces(problem, p)
+        near = 0.0 if start.keeps_parameters else _NEAR
         increments, watched = contact.Increments(problem), None
         for _ in range(_BETWEEN_TOOLS * self.most):
             increment = increments(u, f, p, tension, forces, progress.fixed_values)

@@ -58,6 +58,8 @@ class InitialGuess:
         Parameters of the ply's terms.
     tangent
         A `Tangent` for the first increment; None where it is singular.
+    keeps_parameters
+        True if an iteration between tools does not update the parameters.
     """
 
     load_factor: float
@@ -67,6 +69,7 @@ class InitialGuess:
     energies: dict[str, float]
     parameters: PlyParameters
     tangent: Any = None
+    keeps_parameters: bool = False
 
 
 class Problem:

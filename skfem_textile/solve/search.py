@@ -1,7 +1,7 @@
 """Search for an accepted equilibrium at one load factor."""
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -28,6 +28,10 @@ _AT_REST = (
 # stable there and for one that is not.  With longer steps, heavy cantilevers with
 # little bending stiffness are refused; with shorter ones, a refusal takes longer.
 _SHORTEST_AT_REST = 2.0**-12, 2.0**-6
+
+# `SETTLED` between tools: smaller, because an iteration that starts with updated
+# parameters keeps them there, so that halved updates converge.
+_SETTLED_BETWEEN_TOOLS = 1e-4
 
 # Share of `SETTLED` below which the change of nodal forces by a parameter update
 # implies, without a linear solve, that the reactions change by less than `SETTLED`.
@@ -124,6 +128,7 @@ class EquilibriumSearch:
         """
         trial, share, last = self._first(target), 1.0, np.inf
         most = min(target.most_projected, MOST_PROJECTED)
+        limit = _limit_of_change(self.problem)
         target = target._replace(most_projected=most)
         for _ in range(MOST_UPDATES):
             problem, (u, f, p, *_) = trial.trial.problem, trial.trial.equilibrium
@@ -135,7 +140,7 @@ class EquilibriumSearch:
                     change = 0.0 if after is p else _change(trial.trial, after)
                     # Further changes form a geometric series of this ratio.
                     rate = change / last if change else 0.0
-                    settled = change <= SETTLED * (1.0 - rate)
+                    settled = change <= limit * (1.0 - rate)
                     if settled and balance and closed:
                         return trial._replace(settled=True)
                     if not settled:
@@ -146,6 +151,7 @@ class EquilibriumSearch:
                     if not balance:
                         after = balanced(problem, u, f, after, tangent)
                     start = problem.start(u, after, tangent)
+                    start = replace(start, keeps_parameters=True)
                 again = self._first(target._replace(start=start))
             except NoEquilibriumError:
                 if not closed:
@@ -246,6 +252,11 @@ def _is_closed(trial: Trial) -> bool:
     return contact.error(problem, u, p) <= contact.CLOSED * size
 
 
+def _limit_of_change(problem: Problem) -> float:
+    """Change of energy and reactions up to which the parameters are settled."""
+    return _SETTLED_BETWEEN_TOOLS if problem.contacts else SETTLED
+
+
 def _change(trial: Trial, parameters: PlyParameters) -> float:
     """Change of an equilibrium by an update of its parameters.
 
@@ -264,8 +275,9 @@ def _change(trial: Trial, parameters: PlyParameters) -> float:
     of_tools = contact.resultants(problem, u, trial.equilibrium.parameters).values()
     supports = *ours, *(force for force, _ in of_tools)
     largest = max(float(np.linalg.norm(force)) for force in supports)
-    if abs(end - before) <= SETTLED * abs(before) and (
-        np.abs(start.f - f).sum() <= _CERTAINLY * SETTLED * largest
+    limit = _limit_of_change(problem)
+    if abs(end - before) <= limit * abs(before) and (
+        np.abs(start.f - f).sum() <= _CERTAINLY * limit * largest
     ):
         return 0.0
     if tangent is None or tangent.negative_pivots is None:
