@@ -88,16 +88,6 @@ def test_a_quarter_agrees_with_the_whole_ply():
     assert "max_holding_force_N" not in quarter
 
 
-def test_a_slack_ply_is_formed_and_its_other_states_are_announced():
-    """Without tension at its edges the ply wrinkles, in one of many ways."""
-    scene = hemisphere_forming(travel=50.0, size=(6, 6), tension=0.0)
-    run = case(scene, 2, bending=0.5)
-    result = run.run()
-    assert result.converged
-    assert result.states[-1].verdict.negative_pivots == 0
-    assert not result.path_resolved
-
-
 def test_fibres_at_any_angle_have_no_holding_force():
     scene = hemisphere_forming(travel=25.0, size=(8, 8), fibres=0.3)
     figures = summary(scene)

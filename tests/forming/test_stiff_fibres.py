@@ -1,0 +1,63 @@
+"""Plies of stiff fibres between tools, slack or deep: they converge, in any steps."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric
+from skfem_textile.scenes import Case, hemisphere_forming
+from skfem_textile.solve import newton
+
+
+def formed(fabric, steps=1, **options):
+    """Result of a hemisphere with fibres at 45°."""
+    scene = hemisphere_forming("aligned", fibres=np.pi / 4, **options)
+    stiffness, bending = fabric
+    directions = scene.warp, scene.weft
+    fabric = Fabric(stiffness, 0.1, *directions, bending=(bending, bending))
+    return Case(scene=scene, fabric=fabric, steps=steps).run()
+
+
+@cache
+def slack(travel, bending=0.2):
+    """Result of a ply without tension at its edges, and hardly any bending."""
+    options = {"radius": 60.0, "size": (4, 4), "tension": 0.0}
+    sides = {"width": 240.0, "height": 240.0}
+    return formed((3e5, bending), travel=travel, **options, **sides)
+
+
+def test_a_slack_ply_is_formed_and_its_other_states_are_announced():
+    """Without tension at its edges the ply wrinkles, in one of many ways."""
+    result = slack(30.0)
+    assert result.converged
+    assert result.states[-1].verdict.negative_pivots == 0
+    assert not result.path_resolved
+
+
+def test_increments_may_stretch_rotating_fibres_for_a_while(monkeypatch):
+    """If each has to decrease the energy, they are far shorter and more."""
+    solves = slack(30.0).linear_solves
+    monkeypatch.setattr(newton, "_WATCHED", 0)
+    assert solves < 0.6 * slack.__wrapped__(30.0).linear_solves
+
+
+def test_a_slack_ply_that_is_hardly_touched_converges():
+    """Its free corners have almost no stiffness, and gaps have less."""
+    result = slack(0.2, bending=0.15)
+    assert result.converged
+    assert len(result.states) == 2
+    assert result.linear_solves < 100
+
+
+def test_stiff_fibres_have_the_same_state_in_any_steps():
+    """The stiffnesses of macro-elements converge at the state, whatever its path."""
+    options = {"radius": 43.2554, "fillet": 8.9256, "travel": 47.0892}
+    sides = {"width": 180.689, "height": 180.689, "size": (6, 6), "tension": 1.0}
+    fabric = 430064.0, 41.7925
+    few, more = (formed(fabric, n, **options, **sides) for n in (4, 8))
+    assert 1.0 not in few.unresolved
+    off = few.ply.shear_angle(few.u) - more.ply.shear_angle(more.u)
+    assert np.degrees(np.abs(off).max()) < 0.01
+    force, again = (x.states[-1].reactions["punch"][2] for x in (few, more))
+    assert force == pytest.approx(again, rel=2e-4)
