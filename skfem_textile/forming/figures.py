@@ -1,6 +1,6 @@
 """Figures of a formed ply for summaries, and advice."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy import ndarray
@@ -56,8 +56,9 @@ def formed(result: Result) -> dict[str, float | str]:
     gaps = {x.name: smallest_gap(ply, x, state.u, state.load_factor) for x in tools}
     turn = np.degrees(np.max([turn_on_tool(ply, x, state) for x in tools], axis=0))
     at_risk = wrinkle_risk(ply, state.u, state.parameters)
+    history = tool_history(result)
     return {
-        **{name: column[-1].item() for name, column in tool_history(result).items()},
+        **{name: column[-1].item() for name, column in history.items()},
         **{f"{name}_penetration_mm": _depth(gap) for name, gap in gaps.items()},
         **_deepest(tools, gaps),
         **_draw_in(ply, state.u),
@@ -65,6 +66,7 @@ def formed(result: Result) -> dict[str, float | str]:
         **_curvature(ply, state, tools),
         "wrinkle_risk_share_of_area": share_of_area(ply, at_risk),
         "max_turn_of_normal_deg": float(turn.max()),
+        **_untouched(ply, history),
         **_advice(result, tools, turn, at_risk),
     }
 
@@ -204,6 +206,16 @@ def _curvature(
         return {}
     curvature = np.abs(fibre_curvature(ply, state.u)[bent]).max(axis=0)
     return {"max_fibre_curvature_off_tools_per_mm": float(curvature[free].max())}
+
+
+def _untouched(ply: Ply, history: Mapping[str, ndarray]) -> dict[str, str]:
+    """Tools that touch the ply in no state."""
+    names = [x.name for x in pressing(ply)]
+    away = [x for x in names if not history[f"{x}_nodes_in_contact"].any()]
+    if not away:
+        return {}
+    never = f"no state touches {', '.join(map(repr, away))}"
+    return {"untouched_tools": f"{never}: check position, motion and unit of length"}
 
 
 def _advice(

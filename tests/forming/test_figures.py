@@ -289,7 +289,20 @@ def test_summary_of_a_formed_ply(hemisphere):
     )
     assert "coarse_elements" not in figures
     assert "not_formed" not in figures
+    assert "untouched_tools" not in figures
     assert all(np.isfinite(x) for x in figures.values() if not isinstance(x, str))
+
+
+def test_a_tool_that_touches_the_ply_in_no_state_is_named():
+    far = Tool(drape.Plane((0, 0, 500.0)), side=-1, name="far")
+    ply = square(terms=[Tool(drape.Plane(), side=1, name="table"), far], n=1)
+    rest = ply.parameters_at_rest
+    on_table = Values({name: x + 1.0 for name, x in rest["table"].items()})
+    zero, parameters = np.zeros(3), {**rest, "table": on_table}
+    moved = {"reactions": {"table": zero, "far": zero}, "parameters": parameters}
+    state = replace(FLAT, u=ply.basis.zeros(), **moved)
+    figures = formed(Result.of_state(ply, {}, state))
+    assert figures["untouched_tools"].startswith("no state touches 'far':")
 
 
 def test_a_fillet_under_large_elements_is_a_warning():
