@@ -40,14 +40,12 @@ _ASYMMETRIC, _OF_TRIANGLES = 1e-4, 0.2
 _ROUND_OFF = 1e-9
 
 
-def check_tools(
-    ply: Ply, moved: bool = False, load_factors: tuple[float, float] = (0.0, 1.0)
-) -> None:
+def check_tools(ply: Ply, moved: bool = False) -> None:
     """Refuse tools without room for a ply, without contact, or without its symmetry.
 
-    `LoadStepper` calls it before each run.  Each tool pushes the nodes along from the
-    first load factor to the second.  A node that one tool pushes into another on the
-    opposite side of the ply has no room, because the two tools cross.
+    `LoadStepper` calls it before each run.  Each tool pushes the nodes along from load
+    factor 0 to 1.  A node that one tool pushes into another on the opposite side of the
+    ply has no room, because the two tools cross.
 
     Parameters
     ----------
@@ -55,8 +53,6 @@ def check_tools(
         Ply with tools; one without is valid.
     moved
         True if conditions prescribe displacements.
-    load_factors
-        Load factors at the beginning and end of the run.
 
     Raises
     ------
@@ -87,23 +83,21 @@ def check_tools(
         return
     for tool in tools:
         if tool._obstacle.reach is None:  # holders may close from far away
-            _refuse_behind(ply, tool, load_factors[0])
-    _refuse_asymmetric(ply, pressing(ply), load_factors)
-    touched = _pushed(ply, tools, load_factors)
-    if not (touched or moved or _has_normal_load(ply, load_factors[1])):
-        _refuse_untouched(ply, tools, load_factors)
+            _refuse_behind(ply, tool)
+    _refuse_asymmetric(ply, pressing(ply))
+    touched = _pushed(ply, tools)
+    if not (touched or moved or _has_normal_load(ply)):
+        _refuse_untouched(ply, tools)
 
 
-def _pushed(
-    ply: Ply, tools: Sequence[ToolContact], load_factors: tuple[float, float]
-) -> bool:
+def _pushed(ply: Ply, tools: Sequence[ToolContact]) -> bool:
     """Refuse tools that cross; returns True if they push a node."""
     X, free = np.pad(ply.nodes, ((0, 1), (0, 0))), _FREE * _size(ply)
-    x, normals = [X] * len(tools), [_normal(x, X, load_factors[0]) for x in tools]
+    x, normals = [X] * len(tools), [_normal(x, X) for x in tools]
     pairs = permutations(range(len(tools)), 2)
     opposite = [(i, j) for i, j in pairs if normals[i] @ normals[j] < _OPPOSITE]
     touched = False
-    for t in np.linspace(*load_factors, _PUSHES + 1).tolist():
+    for t in np.linspace(0, 1, _PUSHES + 1).tolist():
         pushed = [_pushed_out(*pair, t, free) for pair in zip(tools, x, strict=True)]
         x = [at for at, _ in pushed]
         touched |= any(nodes.size for _, nodes in pushed)
@@ -112,9 +106,9 @@ def _pushed(
     return touched
 
 
-def _normal(tool: ToolContact, X: ndarray, t: float) -> ndarray:
-    """Normal of a tool at the nearest node; zero if it does not reach any."""
-    at = tool._obstacle.gaps(X, t)
+def _normal(tool: ToolContact, X: ndarray) -> ndarray:
+    """Initial normal of a tool at the nearest node; zero if it does not reach any."""
+    at = tool._obstacle.gaps(X, 0.0)
     nearest = int(at.gap.argmin())
     return np.where(np.isfinite(at.gap[nearest]), at.normal[:, nearest], 0.0)
 
@@ -165,12 +159,10 @@ def _refuse_crossing(
     )
 
 
-def _refuse_untouched(
-    ply: Ply, tools: Sequence[ToolContact], load_factors: tuple[float, float]
-) -> None:
+def _refuse_untouched(ply: Ply, tools: Sequence[ToolContact]) -> None:
     """Refuse tools that reach the undeformed ply at no load factor."""
     flat, nearest, name, at = ply.basis.zeros(), np.inf, "", 0.0
-    for t in np.linspace(*load_factors, _INTERVALS + 1).tolist():
+    for t in np.linspace(0, 1, _INTERVALS + 1).tolist():
         for tool in tools:
             gap = float(tool.gaps(flat, t).min(initial=np.inf))
             if gap <= _FREE * _size(ply):
@@ -193,9 +185,7 @@ def _size(ply: Ply) -> float:
     return float(np.ptp(ply.nodes, axis=1).max())
 
 
-def _refuse_asymmetric(
-    ply: Ply, tools: Sequence[Pressing], load_factors: tuple[float, float]
-) -> None:
+def _refuse_asymmetric(ply: Ply, tools: Sequence[Pressing]) -> None:
     """Refuse tools that are not symmetric, within reach of the ply, about its planes.
 
     The nodes are moved along with each tool and projected onto every tool.  The mirror
@@ -204,7 +194,7 @@ def _refuse_asymmetric(
     """
     planes = [name for name, end in ply.fibre_ends.items() if end == "mirror"]
     X = np.pad(ply.nodes, ((0, 1), (0, 0)))
-    for t in np.linspace(*load_factors, _PUSHES + 1).tolist() if planes else ():
+    for t in np.linspace(0, 1, _PUSHES + 1).tolist() if planes else ():
         travels = np.unique([tool.travel(t) for tool in tools], axis=0)
         moved = np.hstack([X + travel[:, None] for travel in travels])
         for tool in tools:
@@ -253,15 +243,14 @@ def _refuse_off(
         )
 
 
-def _has_normal_load(ply: Ply, t: float) -> bool:
-    flat = ply.basis.zeros()
-    load = np.abs(ply.nodal(ply.load(flat, t)))
+def _has_normal_load(ply: Ply) -> bool:
+    load = np.abs(ply.nodal(ply.load(ply.basis.zeros(), 1.0)))
     return bool(load[2].max() > _ROUND_OFF * load.max())
 
 
-def _refuse_behind(ply: Ply, tool: ToolContact, t: float) -> None:
+def _refuse_behind(ply: Ply, tool: ToolContact) -> None:
     """Refuse a tool with the whole undeformed ply on the wrong side of its surface."""
-    gaps = tool.gaps(ply.basis.zeros(), t)
+    gaps = tool.gaps(ply.basis.zeros(), 0.0)
     gaps, free = gaps[np.isfinite(gaps)], _FREE * _size(ply)
     if gaps.size and gaps.max() <= free and gaps.min() < -free:
         raise ValueError(

@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
-from scipy.sparse import bsr_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 from skfem import CellBasis
 
 from ..mesh.user_input import call_user_function, real_numbers
@@ -15,7 +15,17 @@ from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ElementTerm
 from ..solve.surface import Surface
 from ..solve.surface.on_surface import CheckedSurface
-from .tool import Motion, Obstacle, ToolContact, node_areas, placement
+from .tool import (
+    Motion,
+    Obstacle,
+    ToolContact,
+    nodal_matrix,
+    node_areas,
+    placement,
+)
+
+# Number of load factors at which a gap or pressure is validated before a run.
+_CHECKED = 41
 
 #: A number, or a function of the load factor that returns one.
 Amount: TypeAlias = float | Callable[[float], float]
@@ -144,10 +154,7 @@ class HolderPressure(ElementTerm):
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
         """Derivative of the residual."""
-        blocks = self.matrices(u, t, p)[0]
-        n = blocks.shape[-1]
-        data = np.ascontiguousarray(np.moveaxis(blocks, 2, 0)), np.arange(n)
-        return bsr_matrix((*data, np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
+        return nodal_matrix(self.matrices(u, t, p))
 
     def forces(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Forces towards the surface in N, shape (n_nodes,)."""
@@ -187,6 +194,6 @@ def _amount(
             )
         return float(number)
 
-    for t in (0.0, 1.0):
-        at(t)
+    for t in np.linspace(0.0, 1.0, _CHECKED):
+        at(float(t))
     return at

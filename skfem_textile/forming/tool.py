@@ -417,6 +417,13 @@ def node_areas(basis: CellBasis) -> ndarray:
     return asm(LinearForm(lambda v, w: v[0]), basis)[:: components(basis)]
 
 
+def nodal_matrix(blocks: ndarray) -> csr_matrix:
+    """Matrix of blocks on the diagonal, one per node, shape (1, 3, 3, n_nodes)."""
+    n = blocks.shape[-1]
+    data = np.ascontiguousarray(np.moveaxis(blocks[0], 2, 0)), np.arange(n)
+    return bsr_matrix((*data, np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
+
+
 class _ContactForces(TermParameters):
     """Contact forces and stiffnesses; no contact at rest."""
 
@@ -545,11 +552,7 @@ class ToolContact(ContactTerm):
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
         """Derivative of the residual at forces λ."""
         blocks = self.matrices(u, t, p)
-        if blocks is None:
-            return None
-        n = blocks.shape[-1]
-        data = np.ascontiguousarray(np.moveaxis(blocks[0], 2, 0)), np.arange(n)
-        return bsr_matrix((*data, np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
+        return None if blocks is None else nodal_matrix(blocks)
 
     def passed(self, u_0: ndarray, t_0: float, u: ndarray, t: float) -> ndarray:
         """See `ContactTerm.passed`.

@@ -371,6 +371,10 @@ def test_resumed_run_is_the_same(tmp_path, state):
         ),
         (lambda: Holder(drape.Plane(), side=1), "either a gap or a pressure"),
         (lambda: Holder(drape.Plane(), gap=-0.1, side=1), "at least 0 mm"),
+        (
+            lambda: Holder(drape.Plane(), gap=lambda t: abs(t - 0.4) - 0.1, side=1),
+            r"at least 0 mm, got -.* at load factor 0\.3",
+        ),
         (lambda: Tool(3.0), "surface must have the methods"),
     ],
 )
