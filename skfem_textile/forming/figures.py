@@ -66,7 +66,7 @@ def formed(result: Result) -> dict[str, float | str]:
         **_curvature(ply, state, tools),
         "wrinkle_risk_share_of_area": share_of_area(ply, at_risk),
         "max_turn_of_normal_deg": float(turn.max()),
-        **_untouched(ply, history),
+        **(_untouched(ply, history) if result.converged else {}),
         **_advice(result, tools, turn, at_risk),
     }
 

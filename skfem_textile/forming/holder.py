@@ -24,7 +24,8 @@ from .tool import (
     placement,
 )
 
-# Number of load factors at which a gap or pressure is validated before a run.
+# Number of load factors at which a gap or pressure is validated before a run: every
+# 2.5 % of it.
 _CHECKED = 41
 
 #: A number, or a function of the load factor that returns one.

@@ -4,8 +4,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from skfem import MeshQuad
 
-from skfem_textile import Fabric
+from skfem_textile import Condition, Fabric, LoadStepper, Ply, Tool, drape
 from skfem_textile.scenes import Case, hemisphere_forming
 from skfem_textile.solve import newton
 
@@ -39,7 +40,52 @@ def test_increments_may_stretch_rotating_fibres_for_a_while(monkeypatch):
     """If each has to decrease the energy, they are far shorter and more."""
     solves = slack(30.0).linear_solves
     monkeypatch.setattr(newton, "_WATCHED", 0)
-    assert solves < 0.6 * slack.__wrapped__(30.0).linear_solves
+    short = slack.__wrapped__(30.0)
+    assert short.converged
+    assert solves < 0.6 * short.linear_solves
+
+
+def test_an_iteration_whose_energy_stays_high_returns_to_the_start(monkeypatch):
+    """It continues from a displacement before, with an increment that descends.
+
+    Where no halved increment does, the whole one is applied.
+    """
+    starts, descends, reached = [], [], []
+    halved, moved = newton.Line.halved, newton.Problem.moved
+
+    def recorded(line):
+        du = halved(line)
+        starts.append(line.u)
+        descends.append(line.problem.energy(line.u + du, line.parameters) < line.energy)
+        return du
+
+    def recorded_move(problem, u, du):
+        reached.append(moved(problem, u, du))
+        return reached[-1]
+
+    monkeypatch.setattr(newton, "_WATCHED", 3)
+    monkeypatch.setattr(newton.Line, "halved", recorded)
+    monkeypatch.setattr(newton.Problem, "moved", recorded_move)
+    assert slack.__wrapped__(30.0).converged
+    assert len(starts) > 5
+    assert all(any(np.array_equal(u, x) for x in reached) for u in starts)
+    assert np.mean(descends) > 0.9
+
+
+def test_moving_edges_pull_a_ply_over_a_tool():
+    """The first increment moves the edges, whatever the energy."""
+    mesh = MeshQuad().refined(3).translated((-0.5, -0.5)).scaled(100.0)
+    ball = Tool(drape.Sphere(60.0, (0, 0, -60.5)), name="ball")
+    fabric = Fabric(1e3, shear=0.1, bending=(1.0, 1.0))
+    ply = Ply(mesh.with_defaults(), fabric, terms=[ball], dimension=3)
+    down = (None, None, -10.0)
+    edges = {name: Condition(name, down) for name in ("left", "right")}
+    held = {"x": Condition("left", (0.0, None, None)), **edges}
+    held["y"] = Condition("bottom", (None, 0.0, None))
+    result = LoadStepper(ply, held, steps=1).run()
+    assert result.states[-1].displacements["right"][2] == pytest.approx(-10.0)
+    assert result.states[-1].reactions["ball"][2] > 0
+    assert result.linear_solves < 100
 
 
 def test_a_slack_ply_that_is_hardly_touched_converges():
