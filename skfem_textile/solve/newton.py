@@ -226,7 +226,7 @@ class Newton:
             if watched is None:
                 watched, left = (Line(problem, u, du, f, p), increment), _WATCHED
             moving = not problem.is_fixed(watched[0].u, progress.fixed_values)
-            if moving or watched[0].falls_to(problem.moved(u, du)):
+            if watched[0].falls_to(problem.moved(u, du)):
                 watched = None
             elif not left:
                 line, increment = watched

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from statistics import median
 
-from ..common.tables import markdown_table, percent
+from ..common.tables import markdown_table
 from ..study import Part, Row, Study
 from .cases import (
     DEEP,
@@ -124,16 +124,6 @@ def _longest(rows: Sequence[Row]) -> str:
     return f"{max((row.get('seconds', 0.0) for row in rows), default=0.0) / 60:.0f} min"
 
 
-def _wrong(rows: Sequence[Row], kind: str) -> dict[str, str]:
-    """Largest differences of wrong runs, in angle and in force."""
-    wrong = [row for row in rows if outcome(row) == "wrong"]
-    if not wrong:
-        return {}
-    off = max(row["off_in_more_steps"] for row in wrong)
-    force = max(abs(x["force"] / x["force_in_more_steps"] - 1) for x in wrong)
-    return {f"{kind}_off": f"{off:.2f}°", f"{kind}_force_off": percent(force, ".1f")}
-
-
 def intervals(rows: Sequence[Row]) -> str:
     """Number of intervals that contain the shear angles of a finer mesh."""
     found = [
@@ -188,7 +178,9 @@ class Forming(Study[Reference | Random | Refined]):
                 **{f"{kind}_{name}": str(found.count(name)) for name in _OUTCOMES},
                 f"{kind}_within": _within(of_kind),
                 **_forces(of_kind, kind),
-                **_wrong(of_kind, kind),
+                f"{kind}_refused_of_one_point": str(
+                    sum(bool(x["refused_of_one_point"]) for x in of_kind)
+                ),
             }
         refined = _of(rows, REFINED)
         inside = sum(row["error"] <= row["interval"] for row in refined)
