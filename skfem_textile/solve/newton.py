@@ -225,7 +225,6 @@ class Newton:
             du = self._limited(problem, u, increment.du, p)
             if watched is None:
                 watched, left = (Line(problem, u, du, f, p), increment), _WATCHED
-            moving = not problem.is_fixed(watched[0].u, progress.fixed_values)
             if watched[0].falls_to(problem.moved(u, du)):
                 watched = None
             elif not left:

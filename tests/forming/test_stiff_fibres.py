@@ -73,7 +73,7 @@ def test_an_iteration_whose_energy_stays_high_returns_to_the_start(monkeypatch):
 
 
 def test_moving_edges_pull_a_ply_over_a_tool():
-    """The first increment moves the edges, whatever the energy."""
+    """In one step, although the motion of the edges increases the energy."""
     mesh = MeshQuad().refined(3).translated((-0.5, -0.5)).scaled(100.0)
     ball = Tool(drape.Sphere(60.0, (0, 0, -60.5)), name="ball")
     fabric = Fabric(1e3, shear=0.1, bending=(1.0, 1.0))
