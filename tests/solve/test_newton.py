@@ -22,6 +22,7 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension
 from skfem_textile.solve import newton, search
+from skfem_textile.solve.problem import InitialGuess
 from skfem_textile.solve.search import AcceptedEquilibrium, EquilibriumSearch, Target
 from skfem_textile.solve.states import NoEquilibriumError
 
@@ -59,7 +60,8 @@ class Found(NamedTuple):
 
 def test_an_updated_state_keeps_its_difficulty(monkeypatch):
     ply = SimpleNamespace(updated=lambda p, u, t: "after", terms=())
-    problem = SimpleNamespace(ply=ply, start=lambda u, p, tangent: p, contacts=())
+    start = InitialGuess(1.0, *np.zeros((3, 1)), {}, {})
+    problem = SimpleNamespace(ply=ply, start=lambda *_: start, contacts=())
     trial = SimpleNamespace(problem=problem, equilibrium=Found())
     states = iter(
         [AcceptedEquilibrium(trial, 9, False), AcceptedEquilibrium(trial, 0, False)]
@@ -67,7 +69,8 @@ def test_an_updated_state_keeps_its_difficulty(monkeypatch):
     changes = iter([1.0, 0.0])
     monkeypatch.setattr(EquilibriumSearch, "_first", lambda *_: next(states))
     monkeypatch.setattr(search, "_change", lambda *_: next(changes))
-    again = EquilibriumSearch(None, None, (), None)(Target(1.0, 1.0, None, None, None))
+    equilibria = EquilibriumSearch(problem, None, (), None)
+    again = equilibria(Target(1.0, 1.0, None, None, None))
     assert again == AcceptedEquilibrium(trial, 9, True)
 
 
