@@ -67,9 +67,9 @@ _DESCENT = 3
 _BETWEEN_TOOLS = 10
 
 # Number of increments between tools that may follow one that did not decrease the
-# energy, the last of which must have decreased it.  A slack ply of stiff fibres takes
-# 478 solves with 0, 530 with 3, 343 with 4, and 143 with 8 or more (`pytest
-# tests/forming/test_stiff_fibres.py` has this ply).
+# energy, the last of which must have decreased it.  Chosen: with fewer, a slack ply of
+# stiff fibres takes more than twice as many solves, with more as many (`pytest
+# tests/forming/test_stiff_fibres.py` compares 0 with 8).
 _WATCHED = 8
 
 # Share of the predicted decrease of the energy that an increment must reach (Armijo's
