@@ -19,7 +19,7 @@ from ..mesh.scikit_fem import with_names
 from ..mesh.selection import SINGULAR, edge_numbers, named_nodes, with_named_nodes
 from ..mesh.splitting import boundary_edges, corner_areas, edges_of
 from ..solve.conditions import Conditions
-from .collapsing import FIXED, FREE, ON_LINE, Nodes, collapse
+from .collapsing import FIXED, FREE, ON_LINE, Nodes, collapse, smallest_angles
 from .fibres import singular_fibres
 from .outline import Outline, place
 
@@ -40,6 +40,9 @@ _BEYOND = 1e-6
 # Share of the length of a fibre above which a part that is no edge is reported.  Chosen:
 # far above the difference between a curved fibre and its chords.
 _MISSED = 0.01
+
+# Angle in degrees below which the smallest angle is reported.
+_LEAST_ANGLE = 3.0
 
 # Reflections closer than this share of the edges are not followed.
 _FINEST = 0.5
@@ -258,8 +261,9 @@ class _Fit:
     def _cut_edges(self, i: int, edges: ndarray, at: ndarray) -> None:
         n, k = self.p.shape[1], at.shape[1]
         on_outline = edge_numbers(boundary_edges([self.t]), edges) >= 0
-        self.p = np.hstack([self.p, at])
         along = self._on[:, edges].all(axis=1)  # edges on other fibres
+        at = self._at_both(i, edges, at, along)
+        self.p = np.hstack([self.p, at])
         self._on = np.hstack([self._on, along])
         self._on[i, n:] = True
         fixed = on_outline | along.any(axis=0)
@@ -279,6 +283,18 @@ class _Fit:
             self._kind[m[m >= 0]] = FIXED
             self._names[name] = np.hstack([ends[:, m < 0], *new])
         self._cut_triangles(middle)
+
+    def _at_both(
+        self, i: int, edges: ndarray, at: ndarray, along: ndarray
+    ) -> ndarray:
+        """Points where a fibre crosses edges; on chords of another, the fibres' own."""
+        length = np.hypot(*(self.p[:, edges[0]] - self.p[:, edges[1]]))
+        for j, k in np.argwhere(along):
+            both, x = self._fibres[i] & self._fibres[j], shapely.Point(at[:, k])
+            if not both.is_empty and x.distance(both) < _SHARE * length[k]:
+                own = shapely.get_point(shapely.shortest_line(x, both), 1)
+                at[:, k] = own.x, own.y
+        return at
 
     def _cut_triangles(self, middle: Any) -> None:
         t, parent = self.t, self.parent
@@ -340,7 +356,22 @@ class _Fit:
             for name, elements in (mesh.subdomains or {}).items()
         }
         fitted = with_names(fitted, boundaries or None, subdomains or None)
+        if len(self.t) == 3 and len(self.parent) > mesh.nelements:
+            self._report_smallest_angle()
         return FittedMesh(with_named_nodes(fitted, named_nodes(mesh)), self.parent)
+
+    def _report_smallest_angle(self) -> None:
+        """Log the smallest angle if it is very small."""
+        angles = smallest_angles(self.p, self.t)
+        least = angles.argmin()
+        if angles[least] < _LEAST_ANGLE:
+            log.warning(
+                "the smallest angle of the fitted mesh is %.2g°, near %s, where singular "
+                "fibres, the outline or named nodes are close; use smaller elements "
+                "there, or mesh_outline",
+                angles[least],
+                place(self.p[:, self.t[:, least]].mean(axis=1)),
+            )
 
     def _edges_along(self, i: int, fitted: Mesh) -> ndarray:
         """True for the edges of a mesh on a fibre; logs a part of it without edges."""
@@ -354,7 +385,8 @@ class _Fit:
         missed = fibre.length - 2 * self._near - shapely.length(edges).sum()
         if missed > _MISSED * fibre.length:
             rest = fibre - shapely.buffer(shapely.union_all(edges), 10 * self._near)
-            where = place(np.array(shapely.get_point(_longest(rest), 0).coords[0]))
+            part = max(shapely.get_parts(rest), key=shapely.length, default=fibre)
+            where = place(np.array(part.coords[0]))
             log.warning(
                 "%.3g mm of a singular fibre of %.3g mm are no edges, near %s; "
                 "use smaller elements there, or mesh_outline",
@@ -363,12 +395,6 @@ class _Fit:
                 where,
             )
         return along
-
-
-def _longest(lines: Any) -> Any:
-    """Longest part of a geometry of lines."""
-    parts = shapely.get_parts(lines)
-    return parts[shapely.length(parts).argmax()]
 
 
 def _regions(mesh: Mesh) -> ndarray:
