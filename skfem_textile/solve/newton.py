@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from ..ply.parameters import PlyParameters
 from . import contact
-from .problem import EPSILON, InitialGuess, Problem, Tangent, between, tangent_at
+from .problem import EPSILON, HOLD, InitialGuess, Problem, Tangent, between, tangent_at
 from .states import Equilibrium, NoEquilibriumError
 
 # Fibre tension in N/mm in the first geometric stiffness of a ply whose tangent is
@@ -246,7 +246,7 @@ class Newton:
                 p = problem.ply.updated(p, u, problem.load_factor, tension)
                 f = problem.residual(u, p)
             end = _Iterate(u, f, p, tangent)
-            if progress.balanced(tangent, u, f):
+            if progress.balanced(tangent, u, f, p):
                 end = end._replace(tangent=tangent_at(problem, u, p))
                 if not end.unstable:
                     break
@@ -303,7 +303,7 @@ class Newton:
                 if last == np.inf or change > SETTLED / 2:
                     p, f = after, problem.residual(u, after)
                 last = change
-            if progress.balanced(tangent, u, f):
+            if progress.balanced(tangent, u, f, p):
                 return _Iterate(u, f, p, tangent_at(problem, u, p))
             tangent = definite(problem, u, p, tension, multipliers)
         return _Iterate(u, f, p, tangent)
@@ -341,7 +341,7 @@ class PlainNewton:
             du = within_laws(problem, u, tangent.increment(f, u, fixed_values), p)
             u = problem.moved(u, du)
             f = problem.residual(u, p)
-            if progress.balanced(tangent, u, f):
+            if progress.balanced(tangent, u, f, p):
                 break
             tangent = None
         tangent = tangent_at(problem, u, p)
@@ -385,14 +385,17 @@ class _Progress:
     tolerance: float = 0.0
     is_balanced: bool = False
 
-    def balanced(self, tangent: Tangent, u: ndarray, f: ndarray) -> bool:
+    def balanced(
+        self, tangent: Tangent, u: ndarray, f: ndarray, parameters: PlyParameters
+    ) -> bool:
         """True if the forces balance after an increment by a tangent.
 
-        Raises an error if too many tangents were projected, or forces are not finite.
+        Raises an error if too many tangents were projected, forces are not finite, or
+        the ply flies away.
         """
         problem = self.problem
         self.residuals.append(problem.unbalanced(f, u))
-        self.tolerance = tangent.tolerance(u, f)
+        self.tolerance = tangent.tolerance(u, f, parameters)
         self.projected += tangent.projected
         self.report(len(self.residuals), self.residuals[-1], self.tolerance)
         if self.projected > self.most_projected:
@@ -401,9 +404,23 @@ class _Progress:
                 problem.around(problem.unfixed(f, u)),
                 advice=_ON_SURFACE if problem.surfaces else "",
             )
+        self._refuse_flight(u)
         below = self.residuals[-1] <= self.tolerance
         self.is_balanced = below and problem.is_fixed(u, self.fixed_values)
         return self.is_balanced
+
+    @cached_property
+    def _farthest(self) -> float:
+        return self.problem.farthest(self.fixed_values)
+
+    def _refuse_flight(self, u: ndarray) -> None:
+        """Refuse a displacement far beyond the size of ply, tools and motions."""
+        if not (far := float(np.abs(u).max(initial=0.0))) <= self._farthest:
+            raise NoEquilibriumError(
+                f"the ply moves by {far:.2g} mm, far beyond its size and the motions "
+                "of supports and tools: nothing stops it",
+                advice=HOLD,
+            )
 
     def equilibrium(self, end: _Iterate) -> Equilibrium:
         """The equilibrium at the end of the iteration; an error if there is none."""

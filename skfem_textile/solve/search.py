@@ -15,7 +15,7 @@ from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, loads_drive
 from .linear import ChosenSolver
 from .newton import LESS_ROUNDING, METHODS, MOST_UPDATES, SETTLED, Method
-from .problem import InitialGuess, Problem, balanced, between
+from .problem import HOLD, InitialGuess, Problem, balanced, between
 from .states import Iteration, NoEquilibriumError, State
 from .verdict import Trial
 
@@ -222,7 +222,7 @@ class EquilibriumSearch:
                 )
                 trial.apply_checks(self.warn_only - ({"work"} if driven else set()))
         except NoEquilibriumError as failure:
-            at_rest = not t and failure.advice != LESS_ROUNDING
+            at_rest = not t and failure.advice not in (LESS_ROUNDING, HOLD)
             raise NoEquilibriumError(
                 f"no acceptable state at load factor {t:.6g}: {failure}",
                 failure.elements,

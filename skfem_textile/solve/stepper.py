@@ -374,7 +374,7 @@ class Run:
                 "ply"
             )
         tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
-        tolerance = tangent.tolerance(u, f) if tangent else 0.0
+        tolerance = tangent.tolerance(u, f, p) if tangent else 0.0
         undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
         trial = Trial(problem, undeformed, None, energies, potentials)
         state, values = trial.state(0), problem.constraints.fixed_values(0.0)

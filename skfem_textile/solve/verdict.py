@@ -313,11 +313,10 @@ def _energy_checks(trial: Trial) -> _Failures:
     """
     problem, tangent, start = trial.problem, trial.equilibrium.tangent, trial.start
     if tangent is None or tangent.negative_pivots is None:
-        error = NoEquilibriumError(
-            "singular tangent at the equilibrium: a mechanism is present",
-            advice=_STIFFER,
-        )
-        yield "stability", error
+        if not trial.is_undeformed:
+            singular = SingularMatrixError(problem.smallest_ratio)
+            message = str(singular).replace("tangent", "tangent at the equilibrium", 1)
+            yield "stability", NoEquilibriumError(message, advice=_STIFFER)
     elif tangent.negative_pivots:
         error = NoEquilibriumError(
             f"unstable equilibrium: {tangent.negative_pivots} negative pivot(s)",
