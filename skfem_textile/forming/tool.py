@@ -469,6 +469,13 @@ class ToolContact(ContactTerm):
 
         check_tools(ply, moved)
 
+    @staticmethod
+    def figures(result: Any) -> dict[str, Any]:
+        """See `formed`."""
+        from .figures import formed
+
+        return formed(result)
+
     def stated(self, x: ndarray) -> ndarray:
         """Positions, shape (3, n), in the axes of messages, see `Tool`."""
         return self._obstacle.stated(x)

@@ -18,7 +18,7 @@ from ..ply import Ply
 from ..ply.parameters import Frozen, PlyParameters, Values
 from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
 from .conditions import Constraints, plain, turned
-from .linear.scaling import SingularMatrixError
+from .linear.scaling import ROUND_OFF, SingularMatrixError
 from .linear.solver import Clock, SolverOfPattern
 from .linear.system import System
 from .states import NoEquilibriumError
@@ -46,6 +46,10 @@ _FAR = 100.0
 #: sides of a ply.  Chosen: 120°, so that the walls and the bottom of a box, which
 #: overlap beneath each other, are not.
 OPPOSITE = -0.5
+
+# Ratio of stiffnesses, times the limit for pivots, from which a pivot may be round-off
+# without a mechanism: pivots are smaller than the stiffness of an element.
+_OVER_ROUND_OFF = 0.1
 
 #: Round-off of a stretch, in units of the round-off of a number: with one unit,
 #: macro-elements under a small load never converge (`pytest tests/solve/stepper -k
@@ -212,6 +216,28 @@ class Problem:
         moved = float(np.abs(fixed_values).max(initial=0.0))
         travels = [np.linalg.norm(x.travel(self.load_factor)) for x in self.contacts]
         return _FAR * (self._size + moved + float(np.sum(travels)))
+
+    @property
+    def cause_of_singularity(self) -> str:
+        """Why a tangent may be singular: a mechanism, or stiffnesses too different."""
+        fabric = self.ply.fabric
+        rest = np.zeros(self.ply.basis.dx.shape)
+        sizes = [float(np.mean(law.tangent(rest))) for law in fabric.at().laws]
+        bending = (*fabric.bending, fabric.twist)
+        sizes += [float(np.mean(D)) / self.element_size**2 for D in bending]
+        ratio = max(sizes) / min((x for x in sizes if x > 0), default=np.inf)
+        if ratio < _OVER_ROUND_OFF / ROUND_OFF:
+            return "a mechanism is present"
+        return (
+            f"the largest stiffness of the fabric is {ratio:.1g} times the smallest, "
+            "which is lost in its round-off"
+        )
+
+    def singular(self) -> NoEquilibriumError:
+        """The error of a singular tangent."""
+        return NoEquilibriumError(
+            f"singular tangent: {self.cause_of_singularity}", advice=_MORE_STIFFNESS
+        )
 
     @cached_property
     def _size(self) -> float:
@@ -388,8 +414,8 @@ class Tangent:
         clock.factorisations += 1
         try:
             self._factors = clock.time("solve", factorise, self._matrix.upper.data)
-        except SingularMatrixError as error:
-            raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
+        except SingularMatrixError:
+            raise problem.singular() from None
 
     @classmethod
     def at(
@@ -508,8 +534,8 @@ class Tangent:
         before = factors.factorisations
         try:
             return clock.time("solve", factors.solve, b)
-        except SingularMatrixError as error:
-            raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
+        except SingularMatrixError:
+            raise self._problem.singular() from None
         finally:
             clock.factorisations += factors.factorisations - before
 

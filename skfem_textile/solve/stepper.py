@@ -251,7 +251,7 @@ class Run:
 
     def __call__(self, resume: bool = False) -> Result:
         """Apply the whole load; see `LoadStepper.run`."""
-        checkpoint = self._stepper.checkpoint
+        checkpoint, problem = self._stepper.checkpoint, self.problem
         try:
             if not (resume and self._resume()):
                 with np.errstate(all="ignore"):  # non-finite values are detected
@@ -280,6 +280,12 @@ class Run:
         finally:
             if warning := self.continuation.warning():
                 log.warning(warning)
+            for state in self.states[-1:]:
+                of_terms = problem.ply.contradictions(
+                    state.u, state.load_factor, state.parameters
+                )
+                for warning in of_terms:
+                    log.warning(warning)
             if checkpoint:
                 checkpoint.release()
         return self.result

@@ -113,6 +113,13 @@ class Trial:
         u = self.equilibrium.u
         return u - self.start.u if self.start else np.zeros_like(u)
 
+    @property
+    def waits_for_tools(self) -> bool:
+        """True if the ply is still undeformed, because no tool has reached it."""
+        size = float(np.ptp(self.problem.nodes, axis=1).max())
+        moved = np.abs(self.equilibrium.u).max(initial=0.0)
+        return bool(self.problem.contacts and moved <= contact.CLOSED * size)
+
     @cached_property
     def area_ratio(self) -> ndarray:
         """Smallest area ratio of each element at its nodes and the fine points."""
@@ -248,6 +255,7 @@ class Trial:
             residuals=equilibrium.residuals,
             tolerance=equilibrium.tolerance,
             parameters=equilibrium.parameters,
+            warnings=dict(self.warnings),
         )
 
 
@@ -313,10 +321,12 @@ def _energy_checks(trial: Trial) -> _Failures:
     """
     problem, tangent, start = trial.problem, trial.equilibrium.tangent, trial.start
     if tangent is None or tangent.negative_pivots is None:
-        if not trial.is_undeformed:
-            singular = SingularMatrixError(problem.smallest_ratio)
-            message = str(singular).replace("tangent", "tangent at the equilibrium", 1)
-            yield "stability", NoEquilibriumError(message, advice=_STIFFER)
+        if not trial.waits_for_tools:
+            error = NoEquilibriumError(
+                f"singular tangent at the equilibrium: {problem.cause_of_singularity}",
+                advice=_STIFFER,
+            )
+            yield "stability", error
     elif tangent.negative_pivots:
         error = NoEquilibriumError(
             f"unstable equilibrium: {tangent.negative_pivots} negative pivot(s)",
