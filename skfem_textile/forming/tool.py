@@ -24,7 +24,7 @@ from ..ply.terms import ContactTerm
 from ..solve.surface import Surface
 from ..solve.surface.on_surface import CheckedSurface, SurfaceError, check_surface
 from ..solve.surface.surface import place
-from .outline import inside
+from .outline import crossing_edges, inside, region
 
 #: Translation in mm that is reached in proportion to the load factor, or a function of
 #: the load factor that returns the translation, or a rotation matrix and it.
@@ -409,6 +409,11 @@ def _corners(what: str, outline: ArrayLike | None) -> ndarray | None:
         )
     if not np.isfinite(corners).all():
         raise ValueError(f"{what}: outline must be finite")
+    if (crossing := crossing_edges(corners)) is not None:
+        first, second = (f"from corner {i}" for i in crossing)
+        raise ValueError(f"{what}: the edges of the outline {first} and {second} cross")
+    if not region(corners).area:
+        raise ValueError(f"{what}: the outline encloses no area")
     return corners
 
 
@@ -500,6 +505,10 @@ class ToolContact(ContactTerm):
     def gaps(self, u: ndarray, t: float) -> ndarray:
         """See `ContactTerm.gaps`."""
         return np.where(self._takes_part, self._at(u, t).gap, np.inf)
+
+    def reaches(self, u: ndarray, t: float) -> bool:
+        """True if a node of the ply is within the edges and outline of the tool."""
+        return bool(np.isfinite(self.gaps(u, t)).any())
 
     def gaps_at(self, x: ndarray, t: float) -> ndarray:
         """Distances of points from the tool in mm, shape (n,)."""
