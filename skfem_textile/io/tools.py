@@ -14,7 +14,7 @@ from numpy import ndarray
 from ..drape import ToolMesh, TriangleMesh
 from ..drape.tool_mesh import cut_in_two
 from ..mesh.checks import MeshError
-from ..mesh.user_input import printable
+from ..mesh.user_input import IN_MM, printable, refuse_unit
 from .file_numbers import errors_about, from_words
 from .meshes import read_raw
 
@@ -22,9 +22,6 @@ log = logging.getLogger(__name__)
 
 #: Units of length of a file.
 Unit: TypeAlias = Literal["mm", "cm", "m", "in"]
-
-#: Lengths of units in mm.
-IN_MM: dict[str, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 # Extent of a tool in mm outside of which its unit is doubtful.  Chosen: a coin, and the
 # mould of half of the blade of a small wind turbine.
@@ -87,8 +84,7 @@ def read_surface(
     >>> float(np.ptp(plate.facets.points))
     100.0
     """
-    if unit is not None and unit not in IN_MM:
-        raise ValueError(f"the unit must be one of {', '.join(IN_MM)}, got {unit!r}")
+    refuse_unit(unit)
     paths = [path] if isinstance(path, str | os.PathLike) else list(path)
     if not paths:
         raise ValueError("a tool requires at least one file")
