@@ -15,6 +15,7 @@ from tests.helpers.hostile import Family
 from tests.io import test_hostile_decks as decks
 from tests.io import test_hostile_mesh_files as mesh_files
 from tests.mesh import test_hostile_meshes as meshes
+from tests.singular.drawings import test_hostile_drawings as drawings
 from tests.solve import test_hostile_arguments as arguments
 from tests.solve.checkpoint import test_hostile_checkpoints as checkpoints
 from tests.sweep import test_hostile_files as sweeps
@@ -36,6 +37,7 @@ FAMILIES: tuple[Family, ...] = (
     checkpoints.FAMILY,
     sweeps.FAMILY,
     *disturbed_runs.FAMILIES,
+    drawings.FAMILY,
 )
 
 
