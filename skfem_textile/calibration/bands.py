@@ -305,3 +305,12 @@ def systematic_in(residuals: Sequence[ndarray]) -> ndarray:
     """Curves with significantly correlated residuals."""
     sizes = np.array([r.size for r in residuals])
     return correlations_of(residuals) > _BELIEVED / np.sqrt(sizes)
+
+
+def independent_share(residuals: Sequence[ndarray]) -> ndarray:
+    """Share of the points of each curve that are independent: (1 − ρ)/(1 + ρ).
+
+    For the correlation ρ of neighbouring residuals; 1 if it is not significant.
+    """
+    rho = np.where(systematic_in(residuals), correlations_of(residuals), 0.0)
+    return (1 - rho) / (1 + rho)

@@ -21,8 +21,8 @@ PARTS = "warp", "weft", "both", "shear", "bending warp", "bending weft"
 class Offset(NamedTuple):
     """Unknown zero of a machine: the force at rest, or the slack.
 
-    The fit begins at ``start`` and stays between ``low`` and ``high``.  If it is not
-    ``expected``, it is 0 unless the data contradict it.
+    The fit begins at ``start`` and stays between ``low`` and ``high``.  It is 0 unless
+    the data contradict it; ``prior`` is its probability not to be 0 before the data.
     """
 
     name: str
@@ -30,7 +30,7 @@ class Offset(NamedTuple):
     start: float
     low: float
     high: float
-    expected: bool
+    prior: float
 
 
 class Sample(NamedTuple):
