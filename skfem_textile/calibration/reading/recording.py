@@ -18,6 +18,7 @@ from ...fabric.laws.tabulated import ANGLE
 from ...mesh.user_input import excerpt, printable
 from .encoding import read_text
 from .layout import SEPARATORS, Block, Line, blocks_of, column_headings, separator_of
+from .noise import explained, is_no_motion, is_noise
 from .numbers import MARKS, AmbiguousMarkError, decimal_mark, is_number, number
 from .quantities import (
     COLUMNS,
@@ -272,7 +273,8 @@ class _File:
         longest = max(len(block.rows) for block in blocks)
         long = [block for block in blocks if len(block.rows) >= _SHORT * longest]
         known = [_names(block) for block in long]
-        return [one for one in blocks if one in long or _names(one) in known]
+        least = _SHORT * longest
+        return [x for x in blocks if len(x.rows) >= least or _names(x) in known]
 
     @cached_property
     def decimal(self) -> str:
@@ -302,7 +304,55 @@ class _File:
         if len(tests) > 1:
             names = [f"{self.path.name}, test {i + 1}" for i in range(len(tests))]
         pairs = zip(names, tests, strict=True)
-        return [_with_directions(_whole(name, test), self.form) for name, test in pairs]
+        found = []
+        for name, test in pairs:
+            self._refuse_noise(name, test)
+            found.append(_with_directions(_whole(name, test), self.form))
+        return found
+
+    def _refuse_noise(self, name: str, test: Sequence["_Table"]) -> None:
+        """An error if a driving quantity or the force of a test is noise."""
+        recording = _whole(name, test)
+        driving, forces = (
+            [key for key in of if key in recording.columns]
+            for of in ((*DRIVING, *_STRAINS), FORCES)
+        )
+        by_name, labels = recording.columns, {x.quantity: x for x in test[0].columns}
+        of_forces = [by_name[key] for key in forces]
+        pairs = [key for key in driving if key in DRIVING] or _largest(driving, by_name)
+        for key in pairs if forces else ():
+            if is_no_motion(by_name[key], of_forces):
+                raise ValueError(
+                    f"{name}: {labels[key].label} is no {key} but noise: its trend is "
+                    "not larger than its scatter, and the force does not depend on it: "
+                    f"{self._instead(key, test, of_forces)}"
+                )
+            if "force" in forces and is_noise(by_name["force"], by_name[key]):
+                raise ValueError(
+                    f"{name}: {labels['force'].label} is no force of the test but "
+                    f"noise: it does not depend on the {key}: specify another column, "
+                    "such as --column force=2"
+                )
+
+    def _instead(
+        self, quantity: str, test: Sequence["_Table"], forces: Sequence[ndarray]
+    ) -> str:
+        """Advice to specify a column that may be a quantity, if there is one."""
+        units, found = COLUMNS[quantity], {}
+        for column in self._columns(test[0].block):
+            if column.unit not in units or column in test[0].columns:
+                continue
+            rows = [row for table in test for _, row in table.block.rows]
+            values = np.array(
+                [number(row[column.position], self.decimal) for row in rows]
+            )
+            if values.size != forces[0].size or is_no_motion(values, forces):
+                continue
+            found[column] = explained(forces[0], values)
+        if not found:
+            return f"specify another column, such as --column {_option(quantity)}=1"
+        best = max(found, key=lambda column: found[column])
+        return f"use {best.label} with --column {_option(quantity)}={best.position + 1}"
 
     def _beside(self, tables: list[list["_Table"]]) -> list[list["_Table"]]:
         """Tables one below the other, for each place beside one another."""
@@ -327,7 +377,8 @@ class _File:
             read = self._recording(block, columns)
             if len(read.rows) or len(self.blocks) == 1:
                 moved = _moved(read)
-                found.append(_Table(read, Segment(moved, others, label), place))
+                segment = Segment(moved, others, label)
+                found.append(_Table(read, segment, place, block, columns))
         return found
 
     def _repeats(self, block: Block) -> list[list[_Column]]:
@@ -502,11 +553,13 @@ class _File:
 
 @dataclass(frozen=True, eq=False)
 class _Table:
-    """A table as read, its motion, and its place beside other tables."""
+    """A table as read, its motion, its place beside other tables, and its columns."""
 
     rows: Recording
     segment: Segment
     place: int
+    block: Block
+    columns: Sequence[_Column]
 
 
 def _names(block: Block) -> frozenset[str]:
@@ -518,13 +571,20 @@ def _names(block: Block) -> frozenset[str]:
 def _moved(recording: Recording) -> ndarray:
     """Driving quantity in the rows with numbers; empty if there is none."""
     columns = recording.columns
-    names = [name for name in (*DRIVING, *_STRAINS) if name in columns][:2]
-    if names and names[0] in DRIVING:
-        names = names[:1]
-    values = [columns[name][np.isfinite(columns[name])] for name in names]
-    return max(
-        values, key=lambda x: float(np.ptp(x)) if x.size else -1.0, default=np.zeros(0)
-    )
+    names = [name for name in DRIVING if name in columns]
+    for name in names[:1] or _largest(_STRAINS, columns):
+        return columns[name][np.isfinite(columns[name])]
+    return np.zeros(0)
+
+
+def _largest(names: Iterable[str], columns: Mapping[str, ndarray]) -> list[str]:
+    """The one of some columns with the largest range, if there is one."""
+    ranges = {
+        name: float(np.ptp(known)) if (known := x[np.isfinite(x)]).size else 0.0
+        for name in names
+        if (x := columns.get(name)) is not None
+    }
+    return [max(ranges, key=lambda name: ranges[name])] if ranges else []
 
 
 def _length(test: Sequence[_Table]) -> int:
