@@ -17,7 +17,7 @@ from scipy import special
 
 from .bands import DIFFER, Component, Fit, independent_share
 from .models import Model, joint
-from .solving import PARTS, Laws, Sample, Unknowns, covariance_of
+from .solving import ALWAYS, PARTS, Laws, Sample, Unknowns, covariance_of
 from .zeros import Evidence
 
 # Number of iterations of the noise estimate.  Chosen: its change is then below 0.1 %.
@@ -82,8 +82,12 @@ def fit(
         If there are not more points than parameters, or the parameters are not
         identifiable.
     """
-    fits, errors = [], []
-    for free in _subsets(_zeros(samples)):
+    offsets = [offset for sample in samples for offset in sample.offsets]
+    always = frozenset(o.name for o in offsets if o.prior == ALWAYS)
+    optional = tuple(dict.fromkeys(o.name for o in offsets if o.name not in always))
+    fits: list[_Compared] = []
+    errors: list[ValueError] = []
+    for free in (always | some for some in _subsets(optional)):
         try:
             fits.append(_compared(_solved(models, samples, known or {}, free, start)))
         except ValueError as error:  # the data do not determine these zeros
@@ -113,11 +117,6 @@ def laws_and_zeros(
     return solved.unknowns.laws(solved.x), solved.unknowns.offsets(solved.x)
 
 
-def _zeros(samples: Sequence[Sample]) -> tuple[str, ...]:
-    """Names of the unknown zeros of curves."""
-    return tuple(dict.fromkeys(o.name for one in samples for o in one.offsets))
-
-
 def _evidence(fits: Sequence["_Compared"]) -> Evidence:
     """Residuals of fits with different free zeros.
 
@@ -143,7 +142,7 @@ def _evidence(fits: Sequence["_Compared"]) -> Evidence:
         },
         np.maximum(share * sizes - used, _LEAST_FREEDOM),
         Counter(offset.name for offset in offsets),
-        {offset.name: offset.prior for offset in offsets},
+        {offset.name: offset.prior for offset in offsets if offset.prior != ALWAYS},
     )
 
 

@@ -18,7 +18,7 @@ from .biaxial import BiaxialCurve
 from .choice import Choice, Test, of_kind
 from .measured import FAMILIES, slack_range
 from .simulation import SimulatedTest
-from .solving import Laws, Offset, Sample
+from .solving import ALWAYS, Laws, Offset, Sample
 from .specimens import END_OF_RANGE, Specimen
 from .strip import Strip
 
@@ -68,7 +68,7 @@ def strip(test: Strip) -> Sample:
     if test.slack is None:
         low, high = slack_range(test.displacement)
         start = float(np.clip(test.assumed_slack or 0.0, low, high))
-        offsets = (Offset("slack", "mm", start, low, high, SLACK),)
+        offsets = (Offset("slack", "mm", start, low, high, ALWAYS),)
 
     def predict(laws: Laws, slack: float = test.slack or 0.0) -> ndarray:
         strain, law = test.strain(slack), laws[test.family]
@@ -184,4 +184,4 @@ def _strain_slack(curve: BiaxialCurve, family: int) -> Offset:
     low, high = slack_range(np.expm1(curve.strain[family]))
     high = max(high, -low)
     start = float(np.clip((curve.assumed_slack or (0.0, 0.0))[family], low, high))
-    return Offset(f"{FAMILIES[family]} slack", "-", start, low, high, SLACK)
+    return Offset(f"{FAMILIES[family]} slack", "-", start, low, high, ALWAYS)

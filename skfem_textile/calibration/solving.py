@@ -18,11 +18,17 @@ Laws: TypeAlias = Mapping[str, Any]
 PARTS = "warp", "weft", "both", "shear", "bending warp", "bending weft"
 
 
+#: Probability of a zero that is fitted whatever the data, as the slack of a test in
+#: tension, whose law begins with a toe.
+ALWAYS = 1.0
+
+
 class Offset(NamedTuple):
     """Unknown zero of a machine: the force at rest, or the slack.
 
     The fit begins at ``start`` and stays between ``low`` and ``high``.  It is 0 unless
-    the data contradict it; ``prior`` is its probability not to be 0 before the data.
+    the data contradict it; ``prior`` is its probability not to be 0 before the data,
+    or `ALWAYS` for a zero that is fitted in any case.
     """
 
     name: str
