@@ -83,11 +83,10 @@ def fit(
         identifiable.
     """
     offsets = [offset for sample in samples for offset in sample.offsets]
-    always = frozenset(o.name for o in offsets if o.prior == ALWAYS)
-    optional = tuple(dict.fromkeys(o.name for o in offsets if o.name not in always))
+    optional = tuple(dict.fromkeys(o.name for o in offsets if o.prior != ALWAYS))
     fits: list[_Compared] = []
     errors: list[ValueError] = []
-    for free in (always | some for some in _subsets(optional)):
+    for free in _subsets(optional):
         try:
             fits.append(_compared(_solved(models, samples, known or {}, free, start)))
         except ValueError as error:  # the data do not determine these zeros
@@ -134,7 +133,12 @@ def _evidence(fits: Sequence["_Compared"]) -> Evidence:
     sizes = np.array([r.size for r in solved.residuals])
     used = sizes - _freedom(solved, _spread_out(solved.samples, solved.noise**-2.0))
     least = (_LEAST_NOISE * _largest(solved.samples)) ** 2  # of rounding errors
-    offsets = [offset for sample in solved.samples for offset in sample.offsets]
+    offsets = [
+        offset
+        for sample in solved.samples
+        for offset in sample.offsets
+        if offset.prior != ALWAYS
+    ]
     return Evidence(
         {
             one.solved.free: np.maximum([r @ r / r.size for r in each], least)
@@ -142,7 +146,7 @@ def _evidence(fits: Sequence["_Compared"]) -> Evidence:
         },
         np.maximum(share * sizes - used, _LEAST_FREEDOM),
         Counter(offset.name for offset in offsets),
-        {offset.name: offset.prior for offset in offsets if offset.prior != ALWAYS},
+        {offset.name: offset.prior for offset in offsets},
     )
 
 

@@ -219,10 +219,10 @@ def _kind(test: Test) -> str:
 def _zero_statements(fit: Fit, i: int) -> list[str]:
     """Statements on the zeros of a curve: fitted with the law, or taken as 0."""
     said = []
-    for one in _zeros(fit, i):
+    for one, offset in zip(_zeros(fit, i), fit.samples[i].offsets, strict=True):
         unit = "" if one["unit"] == "-" else f" {one['unit']}"
         ends = f"{one['low']:.3g} to {one['high']:.3g}{unit}"
-        if one["name"] in fit.free:
+        if offset.is_free(fit.free):
             said.append(
                 f"a {one['name']} of {one['value']:.3g}{unit} ({ends}) is estimated "
                 "with the law, and its uncertainty is part of the band"

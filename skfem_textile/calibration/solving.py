@@ -38,6 +38,10 @@ class Offset(NamedTuple):
     high: float
     prior: float
 
+    def is_free(self, free: frozenset[str]) -> bool:
+        """True if it is fitted, for the names of the zeros that are."""
+        return self.prior == ALWAYS or self.name in free
+
 
 class Sample(NamedTuple):
     """Name of a curve, measured values, (n,), and predictions of the laws of a fabric.
@@ -222,7 +226,7 @@ class Unknowns:
         ends = np.cumsum([0, *sizes]).tolist()
         self.blocks = {name: slice(*ends[i : i + 2]) for i, name in enumerate(models)}
         self._masks = [
-            np.array([offset.name in free for offset in sample.offsets], dtype=bool)
+            np.array([offset.is_free(free) for offset in sample.offsets], dtype=bool)
             for sample in samples
         ]
         self.parameters = ends[-1]

@@ -28,8 +28,7 @@ class Evidence:
     curves
         Number of curves with each zero.
     priors
-        Probability of each zero, before the data, not to be 0; others are free in
-        every fit.
+        Probability of each zero, before the data, not to be 0.
     """
 
     squares: Mapping[frozenset[str], ndarray]
@@ -49,13 +48,8 @@ class Evidence:
     @property
     def best(self) -> int:
         """The most probable fit of which each free zero differs from 0."""
-        needed = [
-            all(self._rejects(f, x) for x in self._tested(f)) for f in self.squares
-        ]
+        needed = [all(self._rejects(f, name) for name in f) for f in self.squares]
         return int(np.where(needed, self.probabilities, -1.0).argmax())
-
-    def _tested(self, free: frozenset[str]) -> list[str]:
-        return sorted(free & self.priors.keys())
 
     def _rejects(self, free: frozenset[str], name: str) -> bool:
         """True if an F-test with the other free zeros rejects that a zero is 0."""
@@ -68,8 +62,8 @@ class Evidence:
 
     def _criterion(self, free: frozenset[str]) -> float:
         """−2 ln of the marginal likelihood, and of the prior odds."""
-        odds = sum(2 * np.log(1 / self.priors[name] - 1) for name in self._tested(free))
-        penalty = sum(self._penalty(free, name) for name in self._tested(free))
+        odds = sum(2 * np.log(1 / self.priors[name] - 1) for name in free)
+        penalty = sum(self._penalty(free, name) for name in free)
         return float(self.freedom @ np.log(self.squares[free]) + penalty + odds)
 
     def _penalty(self, free: frozenset[str], name: str) -> float:

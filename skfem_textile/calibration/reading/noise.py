@@ -16,6 +16,11 @@ _DEGREE, _CLASSES = 3, 10
 _HALF = 0.5
 
 
+def _without_spikes(values: ndarray) -> ndarray:
+    """Values with their outliers moved to the 5 % and 95 % quantiles."""
+    return np.clip(values, *np.quantile(values, [0.05, 0.95]))
+
+
 def explained_by_order(values: ndarray) -> float:
     """Share of the variance that a cubic trend over the rows explains."""
     rows = np.linspace(-1.0, 1.0, values.size)
@@ -43,8 +48,10 @@ def is_no_motion(moved: ndarray, forces: Sequence[ndarray]) -> bool:
         Forces in the same rows.
     """
     known = np.all(np.isfinite([moved, *forces]), axis=0)
-    x, of_forces = moved[known], [force[known] for force in forces]
-    if x.size < _FEWEST or explained_by_order(x) >= _HALF:
+    if known.sum() < _FEWEST:
+        return False
+    x, *of_forces = (_without_spikes(each[known]) for each in (moved, *forces))
+    if explained_by_order(x) >= _HALF:
         return False
     return all(explained(force, x) < _HALF for force in of_forces)
 
@@ -56,10 +63,10 @@ def is_noise(force: ndarray, moved: ndarray) -> bool:
     independent ones (von Neumann 1941, Ann. Math. Statist. 12:367).
     """
     known = np.isfinite(force) & np.isfinite(moved)
-    f, x = force[known], moved[known]
-    if f.size < _FEWEST or not np.ptp(f) > 0:
+    if known.sum() < _FEWEST:
         return False
-    independent = np.mean(np.diff(f) ** 2) > 2 * _HALF * f.var()
+    f, x = (_without_spikes(each[known]) for each in (force, moved))
+    independent = np.mean(np.diff(f) ** 2) > 2 * _HALF * f.var() > 0
     return bool(independent and explained(f, x) < _HALF)
 
 
