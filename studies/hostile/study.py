@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from tests.calibration import test_hostile_recordings as recordings
 from tests.cli import test_disturbed_runs as disturbed_runs
 from tests.cli import test_hostile_runs as runs
 from tests.fabric import test_hostile_tables as tables
@@ -31,6 +32,7 @@ FAMILIES: tuple[Family, ...] = (
     *mesh_files.FAMILIES,
     *decks.FAMILIES,
     tables.FAMILY,
+    recordings.FAMILY,
     *runs.FAMILIES,
     meshes.FAMILY,
     arguments.FAMILY,
