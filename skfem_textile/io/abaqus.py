@@ -98,8 +98,10 @@ class _Deck:
     points: ndarray = field(default_factory=lambda: np.empty((0, 3)))
     instance: str = ""
     within: str = ""
+    moved: bool = False
     rotated: bool = False
     after: int = 0
+    used: set[tuple[str, str]] = field(default_factory=set)
     blocks: list[tuple[str, ndarray, ndarray, str | None]] = field(default_factory=list)
     sets: dict[tuple[str, str], ndarray] = field(default_factory=dict)
     ignored: list[str] = field(default_factory=list)
@@ -109,6 +111,10 @@ class _Deck:
     def spelling(self, keyword: str, parameters: dict[str, str]) -> str:
         """Name of a set in its first spelling, as case is ignored."""
         name = parameters.get(keyword, "")
+        if (keyword, name.upper()) in self.used:
+            raise MeshError(
+                f"the set {excerpt(name)!r} is extended after another set refers to it"
+            )
         if not name or "\ufffd" in name:
             raise MeshError(f"the parameter {keyword} must be a name in UTF-8")
         return self._spelled.setdefault((keyword, name.upper()), name)
@@ -124,7 +130,7 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
         four-node quadrilaterals.
     """
     deck = _deck(content)
-    mesh = _mesh(deck)
+    mesh = _mesh(deck)  # also extends the ignored content
     return mesh, deck.ignored
 
 
@@ -186,7 +192,8 @@ def _read_block(deck: _Deck, block: Block) -> None:
             f"the parameter {printable(min(other))!r} is not supported: list plain "
             "numbers without it"
         )
-    if deck.within == "END INSTANCE" and _is_of_the_assembly(deck, block):
+    in_assembly = deck.within in ("ASSEMBLY", "END INSTANCE")
+    if in_assembly and deck.tags is not None and _is_of_the_assembly(deck, block):
         deck.ignored.append(f"{block} of the assembly")
     elif keyword == "NODE":
         _add_nodes(deck, parameters, data)
@@ -230,9 +237,9 @@ def _add_nodes(
     if deck.tags is None:
         deck.tags, deck.points = tags, points
     elif len(tags):
-        if deck.within == "INSTANCE":
+        if deck.within == "INSTANCE" and deck.moved:
             raise MeshError(
-                "nodes within *INSTANCE are not supported: define them in *PART"
+                "nodes within a moved *INSTANCE are not supported: define them in *PART"
             )
         if len(deck.tags) and points.shape[1] != deck.points.shape[1]:
             raise MeshError("all nodes must have the same number of coordinates")
@@ -258,7 +265,7 @@ def _place(deck: _Deck, data: list[list[bytes]]) -> None:
         if any(map(np.any, rows)):
             raise MeshError("*PART with the nodes must precede a moved instance")
         return
-    x = np.zeros((len(deck.points), 3))
+    x, deck.moved = np.zeros((len(deck.points), 3)), True
     x[:, : deck.points.shape[1]] = deck.points
     x += rows[0]
     for row in rows[1:]:
@@ -347,6 +354,7 @@ def _members_of(deck: _Deck, keyword: str, name: str) -> ndarray:
     name = name.strip('"').upper()
     if deck.instance:
         name = name.removeprefix(f"{deck.instance.upper()}.")
+    deck.used.add((keyword, name))
     found = [m for (k, n), m in deck.sets.items() if k == keyword and n.upper() == name]
     if keyword == "ELSET":
         blocks = ((numbers, elset) for _, numbers, _, elset in deck.blocks if elset)
@@ -365,7 +373,7 @@ def _nodes_of_elements(deck: _Deck, members: ndarray) -> ndarray:
 
 
 def _generated(words: list[bytes], n_lines: int) -> ndarray:
-    """Members of a set with first, last and step, which is 1 by default."""
+    """Members of a set with first, last and step."""
     if not all(word.isdigit() for word in words):
         raise MeshError("GENERATE requires numbers")
     numbers = from_words(words, "i8")

@@ -145,8 +145,8 @@ def _unread_parameters(block: Block) -> list[str]:
     )
     shown = ((name, block.parameters[name]) for name in sorted(unread))
     return [
-        f"*{block.keyword}, {excerpt('='.join(filter(None, words)))}: this parameter is "
-        "ignored"
+        f"*{block.keyword}, {excerpt('='.join(filter(None, words)))}: this "
+        "parameter is ignored"
         for words in shown
     ]
 
