@@ -437,13 +437,13 @@ def _drop_unused_nodes(deck: _Deck) -> None:
     if not unused.size:
         return
     more = f" and {unused.size - 1} more" if unused.size > 1 else ""
-    deck.ignored.append(f"node {unused[0]}{more}, which no element uses")
+    deck.ignored.append(f"node {unused[0]}{more} (of no element)")
     deck.tags, deck.points = deck.tags[used], deck.points[used]
     for (keyword, name), members in deck.sets.items():
         if keyword == "NSET" and np.isin(members, unused).any():
             deck.sets[keyword, name] = np.setdiff1d(members, unused)
             if not deck.sets[keyword, name].size:
-                deck.ignored.append(f"*NSET {name!r}, which has only such nodes")
+                deck.ignored.append(f"*NSET {name!r} (nodes of no element)")
 
 
 #: Names of two orientations, each with its first direction along one family: an Abaqus

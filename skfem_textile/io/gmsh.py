@@ -267,13 +267,11 @@ def _vanishing_groups(names: _Names, cells: list[CellBlock]) -> list[str]:
             if number:  # version 2.2 writes 0 for cells without a group
                 sizes[CELL_TYPES[block.kind][1], number] += count
     unnamed = [
-        f"physical group {number} of {count} {_PLURALS[dimension]}, without a name"
+        f"unnamed physical group {number} ({count} {_PLURALS[dimension]})"
         for (dimension, number), count in sorted(sizes.items())
         if (dimension, number) not in names
     ]
-    empty = [
-        f"group {n!r}, without cells" for key, n in names.items() if not sizes[key]
-    ]
+    empty = [f"empty group {n!r}" for key, n in names.items() if not sizes[key]]
     return unnamed + empty
 
 
