@@ -78,7 +78,7 @@ def test_sets_of_sets_and_nodes_of_sets_of_elements(tmp_path):
     mesh = read_mesh(deck(tmp_path, "*Node", *NODES, *PLY, *sets))
     every = [0, 1, 2, 3]
     assert names(mesh) == {"E1": every, "low": [0, 1], "three": [0, 1, 2], "all": every}
-    assert {k: len(v) for k, v in mesh.boundaries.items()} == {"under": 5, "more": 6}
+    assert {k: len(v) for k, v in mesh.boundaries.items()} == {"under": 4, "more": 5}
     assert named_nodes(mesh)["under"].tolist() == [4]
 
 
