@@ -3,7 +3,6 @@
 import logging
 import os
 import re
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -16,7 +15,7 @@ from ..drape.tool_mesh import cut_in_two
 from ..mesh.checks import MeshError
 from ..mesh.user_input import IN_MM, printable, refuse_unit
 from .file_numbers import errors_about, from_words
-from .meshes import read_raw
+from .meshes import read_raw, without_messages
 
 log = logging.getLogger(__name__)
 
@@ -184,8 +183,7 @@ def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
     try:
         import trimesh
 
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
+        with without_messages():
             scene = trimesh.load_scene(path, process=False, **options)
             mesh = scene.to_mesh()
             points, faces = np.array(mesh.vertices), np.array(mesh.faces)
@@ -194,9 +192,10 @@ def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
                 if (scene.units)
                 else None
             )
-    except ImportError:
+    except ImportError as error:
+        package = error.name or "trimesh"
         raise MeshError(
-            f"reading a {suffix} file requires trimesh: pip install "
+            f"reading a {suffix} file requires {printable(package)}: pip install "
             "'skfem-textile[tools]', or export the tool as STL"
         ) from None
     except OSError:
