@@ -11,6 +11,7 @@ from typing import NamedTuple
 from tests.cli import test_disturbed_runs as disturbed_runs
 from tests.cli import test_hostile_runs as runs
 from tests.fabric import test_hostile_tables as tables
+from tests.forming import test_hostile_free_plies as free_plies
 from tests.helpers.hostile import Family
 from tests.io import test_hostile_decks as decks
 from tests.io import test_hostile_mesh_files as mesh_files
@@ -36,6 +37,7 @@ FAMILIES: tuple[Family, ...] = (
     checkpoints.FAMILY,
     sweeps.FAMILY,
     *disturbed_runs.FAMILIES,
+    free_plies.FAMILY,
 )
 
 
