@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
 
     from ..scenes import Scene
-    from ..solve.result import Result
 
 log = logging.getLogger(__name__)
 
@@ -257,20 +256,8 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
                 f"two tools have the name {printable(name)!r}: rename one of them"
             )
     if tools and not isinstance(file.scene, Formed):
-        scene = replace(
-            scene,
-            measured=partial(_with_figures_of_tools, scene.measured),
-            misfit=scene.misfit or "tools act on the ply",
-        )
+        scene = replace(scene, misfit=scene.misfit or "tools act on the ply")
     return replace(scene, tools=all_tools, driven=scene.driven or names[0])
-
-
-def _with_figures_of_tools(
-    measured: "Callable[[Result], Mapping[str, float | str]]", result: "Result"
-) -> dict[str, float | str]:
-    from ..forming.figures import formed
-
-    return {**measured(result), **formed(result)}
 
 
 def _refuse_other_mesh_keys(file: CaseFile) -> None:

@@ -12,6 +12,7 @@ from tests.calibration import test_hostile_recordings as recordings
 from tests.cli import test_disturbed_runs as disturbed_runs
 from tests.cli import test_hostile_runs as runs
 from tests.fabric import test_hostile_tables as tables
+from tests.forming import test_hostile_free_plies as free_plies
 from tests.helpers.hostile import Family
 from tests.io import test_hostile_decks as decks
 from tests.io import test_hostile_mesh_files as mesh_files
@@ -40,6 +41,7 @@ FAMILIES: tuple[Family, ...] = (
     sweeps.FAMILY,
     *disturbed_runs.FAMILIES,
     drawings.FAMILY,
+    free_plies.FAMILY,
 )
 
 
