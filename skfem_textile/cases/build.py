@@ -265,7 +265,10 @@ def _refuse_other_mesh_keys(file: CaseFile) -> None:
     options = file.mesh
     source = printable(options.source)
     if options.source == GRADED:
-        what, suitable = "a graded mesh", {"outline", "density"}
+        what, suitable = "a graded mesh", {"outline", "density", "unit", "layer"}
+        for key in ("unit", "layer") if options.outline is None else ():
+            if getattr(options, key) is not None:
+                raise ValueError(f"mesh.{key} requires mesh.outline")
         if not isinstance(file.scene, PlaneScene):
             raise ValueError("mesh.source graded applies to scenes in the plane only")
         if options.outline is not None and not isinstance(file.scene, Specimen):
@@ -320,7 +323,8 @@ def _graded(file: CaseFile, laws: Fabric, factor: float) -> "Scene":
         scene = file.scene.build("irregular", size=(1, 1))
     else:
         is_dxf = drawing.lower().endswith(".dxf")
-        outline = (Outline.from_dxf if is_dxf else Outline.from_svg)(drawing)
+        read = Outline.from_dxf if is_dxf else Outline.from_svg
+        outline = read(drawing, unit=file.mesh.unit, layer=file.mesh.layer)
         scene = file.scene.build(mesh_outline(outline, Fabric(), density=_COARSE))
     density = file.mesh.density
     assert density is not None  # by default 1

@@ -39,8 +39,8 @@ _STALLED = 100.0
 
 #: Advice where round-off prevents balance.
 LESS_ROUNDING = (
-    "coordinates of mesh and surfaces that are closer to the origin, because the "
-    "remaining residual is due to round-off"
+    "coordinates of mesh and surfaces that are closer to the origin, or larger loads, "
+    "because the remaining residual is due to round-off"
 )
 
 # Advice where a ply on a surface finds no balance.
@@ -384,6 +384,7 @@ class _Progress:
     projected: int = 0
     tolerance: float = 0.0
     is_balanced: bool = False
+    tangent: Tangent | None = None
 
     def balanced(
         self, tangent: Tangent, u: ndarray, f: ndarray, parameters: PlyParameters
@@ -395,7 +396,7 @@ class _Progress:
         """
         problem = self.problem
         self.residuals.append(problem.unbalanced(f, u))
-        self.tolerance = tangent.tolerance(u, f, parameters)
+        self.tolerance, self.tangent = tangent.tolerance(u, f, parameters), tangent
         self.projected += tangent.projected
         self.report(len(self.residuals), self.residuals[-1], self.tolerance)
         if self.projected > self.most_projected:
@@ -428,7 +429,8 @@ class _Progress:
         residual, tolerance = self.residuals[-1], self.tolerance
         if not self.is_balanced:
             advice = "more steps, or a larger stabilisation"
-            if residual <= _STALLED * tolerance:
+            assert self.tangent
+            if residual <= _STALLED * max(tolerance, self.tangent.round_off(u)):
                 advice = LESS_ROUNDING
             elif problem.surfaces:
                 advice = _ON_SURFACE

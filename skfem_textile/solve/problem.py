@@ -229,8 +229,8 @@ class Problem:
         if ratio < _OVER_ROUND_OFF / ROUND_OFF:
             return "a mechanism is present"
         return (
-            f"the largest stiffness of the fabric is {ratio:.1g} times the smallest, "
-            "which is lost in its round-off"
+            f"round-off, because the largest stiffness of the fabric is {ratio:.1g} "
+            "times the smallest"
         )
 
     def singular(self) -> NoEquilibriumError:
@@ -542,30 +542,35 @@ class Tangent:
     def tolerance(self, u: ndarray, f: ndarray, parameters: PlyParameters) -> float:
         """Residual tolerance: a share of the largest force, and at least the round-off.
 
+        Where loads act, round-off counts up to a small share of the forces.
+        """
+        problem = self._problem
+        largest, round_off = float(np.abs(f).max()), self.round_off(u)
+        if round_off > _ROUND_OFF_OF_FORCES * largest and problem.loaded:
+            acting = problem.acting_force(f, u, parameters)
+            if acting:
+                round_off = min(round_off, _ROUND_OFF_OF_FORCES * acting)
+        return problem.converged * largest + round_off
+
+    def round_off(self, u: ndarray) -> float:
+        """Round-off of nodal forces in N.
+
         Rounding moves nodes by 2⁻⁵³ of their displacement and changes gradients by
         2⁻⁵³, a few times in the computation of a stretch; the stiffness, as the largest
         absolute row sum, converts both to forces.  Nodes on surfaces are projected to
-        positions, which are rounded as a whole.  Where loads act, round-off counts up
-        to a small share of the forces.
+        positions, which are rounded as a whole.
         """
         problem = self._problem
         size = np.abs(u).max() + problem.element_size
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
-        rounding = ROUNDINGS * EPSILON * size
         upper, coupling = (
             csr_matrix((np.abs(x.data), x.indices, x.indptr), x.shape)
             for x in self._matrix
         )
         free, fixed = (np.ones(n) for n in coupling.shape)
         rows = upper @ free + free @ upper - upper.diagonal() + coupling @ fixed
-        stiffness = float(rows.max(initial=0.0))
-        largest, round_off = float(np.abs(f).max()), rounding * stiffness
-        if round_off > _ROUND_OFF_OF_FORCES * largest and problem.loaded:
-            acting = problem.acting_force(f, u, parameters)
-            if acting:
-                round_off = min(round_off, _ROUND_OFF_OF_FORCES * acting)
-        return problem.converged * largest + round_off
+        return float(ROUNDINGS * EPSILON * size * rows.max(initial=0.0))
 
 
 def _multipliers(problem: Problem, u: ndarray, f: ndarray) -> ndarray:

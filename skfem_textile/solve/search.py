@@ -12,7 +12,7 @@ from ..ply import Ply
 from ..ply.parameters import Frozen, PlyParameters
 from . import contact
 from .conditions import Conditions, Constraints
-from .continuation import MOST_PROJECTED, loads_drive
+from .continuation import MOST_PROJECTED, SHORTER_AFTER_FLIGHT, loads_drive
 from .linear import ChosenSolver
 from .newton import LESS_ROUNDING, METHODS, MOST_UPDATES, SETTLED, Method
 from .problem import HOLD, InitialGuess, Problem, balanced, between
@@ -187,10 +187,11 @@ class EquilibriumSearch:
             target = Target(0.0, 0.0, share * values, begin, None, most, held)
             try:
                 trial = self(target)
-            except NoEquilibriumError:
-                step /= 2
+            except NoEquilibriumError as failure:
+                flies = failure.advice == HOLD
+                step /= SHORTER_AFTER_FLIGHT if flies else 2
                 if step < shortest:
-                    if stable or most == np.inf:
+                    if stable or most == np.inf or flies:
                         raise
                     step, most = 1.0, np.inf
                 continue

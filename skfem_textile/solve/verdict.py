@@ -23,7 +23,7 @@ from numpy import ndarray
 from ..mesh.user_input import printable
 from . import contact
 from .conditions import turned
-from .problem import EPSILON, ROUNDINGS, InitialGuess, Problem
+from .problem import EPSILON, HOLD, ROUNDINGS, InitialGuess, Problem
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
 
 #: Names of the checks, cheap ones first.
@@ -324,7 +324,7 @@ def _energy_checks(trial: Trial) -> _Failures:
         if not trial.waits_for_tools:
             error = NoEquilibriumError(
                 f"singular tangent at the equilibrium: {problem.cause_of_singularity}",
-                advice=_STIFFER,
+                advice=HOLD if problem.contacts else _STIFFER,
             )
             yield "stability", error
     elif tangent.negative_pivots:
