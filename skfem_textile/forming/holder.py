@@ -150,7 +150,7 @@ class HolderPressure(ElementTerm):
         self.name, self._pressure, self._obstacle = name, pressure, obstacle
         self.nodes = np.arange(obstacle.X.shape[1])[None]
         self._surface = CheckedSurface(obstacle.what, obstacle.surface)
-        self.parameters = _PressedAreas(obstacle, basis)
+        self.parameters = self._pressed_areas = _PressedAreas(obstacle, basis)
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Pressure times the volume between the ply and the surface."""
@@ -182,7 +182,7 @@ class HolderPressure(ElementTerm):
 
     def reaches(self, u: ndarray, t: float) -> bool:
         """True if it presses on a part of the ply, whatever its pressure."""
-        return bool(self.parameters.updated(NO_VALUES, u, t)["areas"].any())
+        return bool(self._pressed_areas.updated(NO_VALUES, u, t)["areas"].any())
 
     def travel(self, t: float) -> ndarray:
         """Translation from its initial position in mm, shape (3,)."""

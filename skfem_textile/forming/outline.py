@@ -52,6 +52,11 @@ def region(corners: ndarray) -> "Geometry":
     return shapely.make_valid(shapely.Polygon(_rounded(corners).T))
 
 
+def is_flat(corners: ndarray) -> bool:
+    """True if a polygon encloses no area."""
+    return bool(region(corners).area <= _ROUND_OFF * np.ptp(corners, axis=1).max() ** 2)
+
+
 def crossing_edges(corners: ndarray) -> tuple[int, int] | None:
     """Two edges of a polygon that cross, by their first corners; None without any."""
     import shapely

@@ -24,7 +24,7 @@ from ..ply.terms import ContactTerm
 from ..solve.surface import Surface
 from ..solve.surface.on_surface import CheckedSurface, SurfaceError, check_surface
 from ..solve.surface.surface import place
-from .outline import crossing_edges, inside, region
+from .outline import crossing_edges, inside, is_flat
 
 #: Translation in mm that is reached in proportion to the load factor, or a function of
 #: the load factor that returns the translation, or a rotation matrix and it.
@@ -412,7 +412,7 @@ def _corners(what: str, outline: ArrayLike | None) -> ndarray | None:
     if (crossing := crossing_edges(corners)) is not None:
         first, second = (f"from corner {i}" for i in crossing)
         raise ValueError(f"{what}: the edges of the outline {first} and {second} cross")
-    if not region(corners).area:
+    if is_flat(corners):
         raise ValueError(f"{what}: the outline encloses no area")
     return corners
 

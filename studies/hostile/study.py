@@ -13,6 +13,7 @@ from tests.cli import test_disturbed_runs as disturbed_runs
 from tests.cli import test_hostile_runs as runs
 from tests.fabric import test_hostile_tables as tables
 from tests.forming import test_hostile_free_plies as free_plies
+from tests.forming import test_hostile_holders as holders
 from tests.helpers.hostile import Family
 from tests.io import test_hostile_decks as decks
 from tests.io import test_hostile_mesh_files as mesh_files
@@ -42,6 +43,7 @@ FAMILIES: tuple[Family, ...] = (
     *disturbed_runs.FAMILIES,
     drawings.FAMILY,
     free_plies.FAMILY,
+    holders.FAMILY,
 )
 
 
