@@ -9,6 +9,7 @@ from skfem_textile import (
     Condition,
     Fabric,
     LoadStepper,
+    OnSurface,
     Ply,
     StepError,
     Tool,
@@ -47,6 +48,13 @@ def test_a_ply_that_flies_away_is_no_equilibrium():
     weight = BodyForce((0, 0, 1e-4), factor=1.0)
     with pytest.raises(StepError, match=r"moves by .* far beyond its size"):
         run([weight, punch(25.0)])
+
+
+def test_a_ply_on_surfaces_may_fly_away_too():
+    weight = BodyForce((0, 0, 1e-4), factor=1.0)
+    wall = OnSurface(drape.Plane((-80.0, 0, 0), (1.0, 0, 0)), "left")
+    with pytest.raises(StepError, match=r"moves by .* far beyond its size"):
+        run([weight, punch(25.0)], IN_PLANE | {"x": wall})
 
 
 def test_a_plate_stops_it():
