@@ -61,7 +61,7 @@ def test_a_mechanism_is_rejected():
 @pytest.mark.parametrize(
     ("G", "cause"),
     [
-        (0.0, "a mechanism is present; try more steps"),
+        (0.0, "a mechanism is present; try more supports"),
         (1e-9, "round-off, because the largest .* smallest; try softer fibres"),
     ],
 )
