@@ -8,7 +8,7 @@ computed in one step and in two, and both must agree.
 """
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -225,17 +225,15 @@ class Continuation:
         if t not in self.unresolved:
             self.unresolved.append(t)
 
-    def warning(self) -> str:
-        """Warning that lists the unresolved load factors; empty if there are none."""
-        if not self.unresolved:
-            return ""
-        factors = ", ".join(f"{t:.4g}" for t in self.unresolved[:_SHOWN])
-        more = ", ..." if len(self.unresolved) > _SHOWN else ""
-        return (
-            f"the path was not resolved at load factor {factors}{more}: another number "
-            "of steps may lead to another equilibrium; compare with a run with more "
-            "steps"
-        )
+
+def path_warning(unresolved: Sequence[float]) -> str:
+    """Warning that lists the load factors at which the path was not resolved."""
+    factors = ", ".join(f"{t:.4g}" for t in unresolved[:_SHOWN])
+    more = ", ..." if len(unresolved) > _SHOWN else ""
+    return (
+        f"the path was not resolved at load factor {factors}{more}: another number of "
+        "steps may lead to another equilibrium; compare with a run with more steps"
+    )
 
 
 def moves(problem: Problem, load_factors: Iterable[float]) -> bool:

@@ -410,16 +410,12 @@ class _Progress:
         self.is_balanced = below and problem.is_fixed(u, self.fixed_values)
         return self.is_balanced
 
-    @cached_property
-    def _farthest(self) -> float:
-        return self.problem.farthest(self.fixed_values)
-
     def _refuse_flight(self, u: ndarray) -> None:
         """Refuse a displacement far beyond the size of ply, tools and motions."""
-        if not (far := float(np.abs(u).max(initial=0.0))) <= self._farthest:
+        if self.problem.flies(u, self.fixed_values):
             raise NoEquilibriumError(
-                f"the ply moves by {far:.2g} mm, far beyond its size and the motions "
-                "of supports and tools: nothing stops it",
+                f"the ply moves by {np.abs(u).max():.2g} mm, far beyond its size and "
+                "the motions of supports and tools: nothing stops it",
                 advice=HOLD,
             )
 

@@ -61,6 +61,8 @@ HOLD = "supports, or a tool on the side to which the loads push the ply"
 
 _MORE_STIFFNESS = "more supports, or a larger stabilisation or shear stiffness"
 
+_CLOSER_STIFFNESSES = "softer fibres, or a larger shear or bending stiffness"
+
 
 @dataclass(frozen=True, eq=False)
 class InitialGuess:
@@ -122,6 +124,8 @@ class Problem:
         Nodes on surfaces; None if there are none.
     loaded, line_search
         True if there are loads, or a term with a ``line_search``, respectively.
+    moves
+        True if supports, surfaces or tools move after the load factor 0.
     contacts
         Terms of contact with tools.
 
@@ -159,6 +163,7 @@ class Problem:
                 )
         self.loaded = len(self._loads) > len(self.contacts)
         self.converged = _UNBALANCED_LOADED if self.loaded else _UNBALANCED
+        self.moves = True
 
     @cached_property
     def system(self) -> System:
@@ -206,38 +211,35 @@ class Problem:
         of_tools = self.load(u, parameters) - load
         return max(float(np.abs(x).max()) for x in (f, load, of_tools))
 
-    def farthest(self, fixed_values: ndarray) -> float:
-        """Displacement in mm that is far beyond ply, tools and motions.
+    def flies(self, u: ndarray, fixed_values: ndarray) -> bool:
+        """True if a displacement is far beyond ply, tools, surfaces and motions."""
+        far, t = np.abs(u).max(initial=0.0), self.load_factor
+        size = self._size + np.abs(fixed_values).max(initial=0.0)
+        size += sum(np.linalg.norm(x.travel(t)) for x in self.contacts)
+        if self.surfaces and far > _FAR * size:
+            size += self.surfaces.farthest(t)
+        return bool(not far <= _FAR * size)
 
-        Infinite with nodes on surfaces, which may be anywhere.
+    def singular(
+        self, where: str = "", advice: str = _MORE_STIFFNESS
+    ) -> NoEquilibriumError:
+        """The error of a singular tangent, with its place, and advice for mechanisms.
+
+        The cause is a mechanism, or round-off of stiffnesses that are too different.
         """
-        if self.surfaces:
-            return np.inf
-        moved = float(np.abs(fixed_values).max(initial=0.0))
-        travels = [np.linalg.norm(x.travel(self.load_factor)) for x in self.contacts]
-        return _FAR * (self._size + moved + float(np.sum(travels)))
-
-    @property
-    def cause_of_singularity(self) -> str:
-        """Why a tangent may be singular: a mechanism, or stiffnesses too different."""
-        fabric = self.ply.fabric
+        fabric, cause = self.ply.fabric, "a mechanism is present"
         rest = np.zeros(self.ply.basis.dx.shape)
         sizes = [float(np.mean(law.tangent(rest))) for law in fabric.at().laws]
         bending = (*fabric.bending, fabric.twist)
         sizes += [float(np.mean(D)) / self.element_size**2 for D in bending]
         ratio = max(sizes) / min((x for x in sizes if x > 0), default=np.inf)
-        if ratio < _OVER_ROUND_OFF / ROUND_OFF:
-            return "a mechanism is present"
-        return (
-            f"round-off, because the largest stiffness of the fabric is {ratio:.1g} "
-            "times the smallest"
-        )
-
-    def singular(self) -> NoEquilibriumError:
-        """The error of a singular tangent."""
-        return NoEquilibriumError(
-            f"singular tangent: {self.cause_of_singularity}", advice=_MORE_STIFFNESS
-        )
+        if ratio >= _OVER_ROUND_OFF / ROUND_OFF:
+            cause = (
+                "round-off, because the largest stiffness of the fabric is "
+                f"{ratio:.1g} times the smallest"
+            )
+            advice = _CLOSER_STIFFNESSES
+        return NoEquilibriumError(f"singular tangent{where}: {cause}", advice=advice)
 
     @cached_property
     def _size(self) -> float:
@@ -542,14 +544,17 @@ class Tangent:
     def tolerance(self, u: ndarray, f: ndarray, parameters: PlyParameters) -> float:
         """Residual tolerance: a share of the largest force, and at least the round-off.
 
-        Where loads act, round-off counts up to a small share of the forces.
+        Where loads act, round-off counts up to a small share of the forces.  Before the
+        first motion of supports and tools, which will cause larger forces, the
+        round-off of the undeformed ply always counts.
         """
         problem = self._problem
         largest, round_off = float(np.abs(f).max()), self.round_off(u)
         if round_off > _ROUND_OFF_OF_FORCES * largest and problem.loaded:
-            acting = problem.acting_force(f, u, parameters)
-            if acting:
-                round_off = min(round_off, _ROUND_OFF_OF_FORCES * acting)
+            most = _ROUND_OFF_OF_FORCES * problem.acting_force(f, u, parameters)
+            if most and problem.moves and not problem.load_factor:
+                most = max(most, self.round_off(np.zeros_like(u)))
+            round_off = min(round_off, most or np.inf)
         return problem.converged * largest + round_off
 
     def round_off(self, u: ndarray) -> float:

@@ -12,10 +12,17 @@ from numpy import ndarray
 from ..ply import Ply
 from ..ply.terms import ContactTerm
 from .conditions import Conditions
+from .continuation import path_warning
 from .interval import ErrorInterval
 from .linear.solver import Choice
 from .states import State
 from .surface import OnSurface, Surface
+
+#: Warning of a run in which nothing changes with the load factor.
+UNCHANGING = (
+    "nothing changes with the load factor: no condition prescribes a nonzero "
+    "displacement, and there is no load; check the displacements of the conditions"
+)
 
 # Maximum number of states in a printed result.
 _LINES = 11
@@ -63,6 +70,8 @@ class Result:
         Name of the linear solver, and the reason for its choice.
     surfaces
         The conditions that keep nodes on surfaces, by name.
+    unchanging
+        True if nothing changes with the load factor.
     interval
         Function that returns the `ErrorInterval` of a state of the ply.
     """
@@ -79,6 +88,7 @@ class Result:
     solve_time_s: float
     solver: Choice
     surfaces: Mapping[str, OnSurface]
+    unchanging: bool
     interval: Callable[[State], ErrorInterval]
 
     @classmethod
@@ -108,6 +118,7 @@ class Result:
             solve_time_s=0.0,
             solver=Choice("none", "the state was not computed by a run"),
             surfaces=on,
+            unchanging=False,
             interval=lambda _: ErrorInterval(
                 reason="the state was not computed by a run"
             ),
@@ -169,21 +180,23 @@ class Result:
 
     @cached_property
     def warnings(self) -> list[str]:
-        """Checks that failed but only warn, and contradictions within users' terms.
+        """Warnings of the run, one line each.
 
-        One line for each check, with the first load factor at which it failed, and for
-        each term whose energy, residual and tangent contradict each other at the last
-        state.
+        They state that nothing changes with the load factor; the checks that failed but
+        only warn, each with the first load factor; an unresolved path; and users' terms
+        whose energy, residual and tangent contradict each other at the last state.
         """
         failed: dict[str, list[State]] = {}
         for state in self.states:
             for check in state.warnings:
                 failed.setdefault(check, []).append(state)
-        lines = []
+        lines = [UNCHANGING] if self.unchanging else []
         for check, (first, *others) in failed.items():
             more = f" (and in {len(others)} more states)" if others else ""
             where = f"load factor {first.load_factor:g}"
             lines.append(f"{where}: {first.warnings[check]}{more}")
+        if self.unresolved:
+            lines.append(path_warning(self.unresolved))
         last = self.states[-1]
         return lines + self.ply.contradictions(
             last.u, last.load_factor, last.parameters

@@ -101,15 +101,12 @@ class EquilibriumSearch:
         Checks of `CHECKS` that warn instead of refusing a state.
     report
         Callback for each iteration.
-    moved
-        True if conditions prescribe a motion, see `moves`.
     """
 
     problem: Problem
     method: Method
     warn_only: frozenset[str]
     report: Callable[[Iteration], None]
-    moved: bool = True
 
     def __post_init__(self) -> None:
         if self.problem and self.problem.contacts and not self.method.follows_path:
@@ -219,7 +216,7 @@ class EquilibriumSearch:
                 trial = Trial.of(problem, equilibrium, before)
                 driven = method.follows_path and loads_drive(
                     *(problem, equilibrium.u, equilibrium.parameters),
-                    *(trial.energies, self.moved),
+                    *(trial.energies, problem.moves),
                 )
                 trial.apply_checks(self.warn_only - ({"work"} if driven else set()))
         except NoEquilibriumError as failure:

@@ -322,11 +322,8 @@ def _energy_checks(trial: Trial) -> _Failures:
     problem, tangent, start = trial.problem, trial.equilibrium.tangent, trial.start
     if tangent is None or tangent.negative_pivots is None:
         if not trial.waits_for_tools:
-            error = NoEquilibriumError(
-                f"singular tangent at the equilibrium: {problem.cause_of_singularity}",
-                advice=HOLD if problem.contacts else _STIFFER,
-            )
-            yield "stability", error
+            advice = HOLD if problem.contacts else _STIFFER
+            yield "stability", problem.singular(" at the equilibrium", advice)
     elif tangent.negative_pivots:
         error = NoEquilibriumError(
             f"unstable equilibrium: {tangent.negative_pivots} negative pivot(s)",

@@ -9,6 +9,7 @@ from skfem_textile import (
     Condition,
     Fabric,
     LoadStepper,
+    OnSurface,
     Ply,
     StepError,
     Tool,
@@ -47,6 +48,15 @@ def test_a_ply_that_flies_away_is_no_equilibrium():
     weight = BodyForce((0, 0, 1e-4), factor=1.0)
     with pytest.raises(StepError, match=r"moves by .* far beyond its size"):
         run([weight, punch(25.0)])
+
+
+def test_a_ply_on_a_surface_flies_if_it_is_far_from_where_the_surface_is():
+    s = np.linspace(-80, 80, 5)
+    ply = Ply(MeshQuad.init_tensor(s, s), Fabric(1e3, 0.1), dimension=3)
+    on = {"ball": OnSurface(drape.Sphere(200.0, (0, 0, -200.0)))}
+    problem, fixed = LoadStepper(ply, on, 1).problem, np.zeros(0)
+    assert not problem.flies(np.full(ply.basis.N, 1e4), fixed)
+    assert problem.flies(np.full(ply.basis.N, 1e5), fixed)
 
 
 def test_a_plate_stops_it():

@@ -126,6 +126,7 @@ def test_a_run_without_motion_is_reported_once(sheet, caplog, top):
     assert record.message.startswith(
         "nothing changes with the load factor: no condition"
     )
+    assert result.warnings == [record.message]
 
 
 def test_a_driven_run_is_not_reported_as_motionless(sheet, caplog):
@@ -269,3 +270,5 @@ def test_failed_checks_that_only_warn_are_in_the_result():
     summary = replace(result, states=[first, *failed]).summary()
     line = "load factor 0.5: it jumped (and in 1 more states)"
     assert summary["warnings"] == [line]
+    (line,) = replace(result, unresolved=(0.5,)).summary()["warnings"]
+    assert line.startswith("the path was not resolved at load factor 0.5: another")
