@@ -137,7 +137,7 @@ def test_a_closed_tool_is_trimmed_without_edges(tmp_path, capsys):
     assert summary["area_not_covered_mm2"] == 0
     capsys.readouterr()
     words = ("net", "--tool", str(path), "--out", str(tmp_path / "none"))
-    assert "specify --trim or --roll-width" in rejected(capsys, *words)
+    assert "specify --trim or --roll-width" in rejected(capsys, *words, warnings=1)
 
 
 def test_a_part_without_area_is_left_out():

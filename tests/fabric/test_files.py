@@ -56,6 +56,12 @@ def test_the_header_determines_the_units(tmp_path, text, arguments, values):
 SHEAR_HEADER = "shear angle (deg),moment (N mm/mm2)\n"
 
 
+def test_semicolons_and_decimal_commas_are_read(tmp_path):
+    text = "shear angle (rad);moment (N/mm)\n0;0\n0,5;1,25\n"
+    law = Tabulated.from_csv(write_file(tmp_path, text))
+    assert law.values == (0.0, 1.25)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
