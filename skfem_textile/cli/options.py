@@ -118,8 +118,8 @@ def add_net(parser: ArgumentParser, _: Any) -> None:
         type=Path,
         nargs="+",
         metavar="FILE.csv",
-        help="closed curves along which the pattern is trimmed, tables or DXF files: the "
-        "outline, then holes (default: the edges of the tool)",
+        help="closed curves along which the pattern is trimmed, tables or DXF files: "
+        "the outline, then holes (default: the edges of the tool)",
     )
     add(
         "--best",
