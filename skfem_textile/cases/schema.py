@@ -582,8 +582,8 @@ class Output(Table):
     trim: Annotated[
         str | None,
         about(
-            "CSV file with columns x, y and z of a closed curve that trims the flat "
-            "pattern of a ply on a tool (default: the boundary of the part)"
+            "table with columns x, y and z, or DXF file, of a closed curve that trims "
+            "the flat pattern of a ply on a tool (default: the boundary of the part)"
         ),
         FILE,
     ] = None

@@ -63,7 +63,7 @@ _OPTIONS_ON_TOOL = {
     ),
     "trim": (
         "output.trim",
-        "CSV file of the curve along which the flat pattern is trimmed",
+        "table or DXF file of the curve along which the flat pattern is trimmed",
     ),
 }
 
