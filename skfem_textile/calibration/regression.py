@@ -134,10 +134,18 @@ def _without_zeros(fit: "_Compared", names: frozenset[str]) -> "_Compared":
     """The fit in which zeros are 0 if the data do not reject that.
 
     An F-test removes one name after another.  The band of the fit contains the law
-    without a zero that it does not reject.
+    without a zero that it does not reject.  A table of tension represents any slack:
+    one with which its fit begins, that of a toe, stays.
     """
     for name in sorted(names):
         full = fit.solved
+        if any(
+            offset.name == name and offset.start and sample.part != "shear"
+            for sample in full.samples
+            for offset in sample.offsets
+            if full.unknowns.models[sample.part].name == "tabulated"
+        ):
+            continue
         laws, start = full.unknowns, full.x[: full.unknowns.parameters]
         less = full.free - {name}
         solved = _solved(
