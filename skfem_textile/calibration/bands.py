@@ -51,7 +51,7 @@ class Fit:
         Zeros of each curve, in the order of `Sample.offsets`; those that are not
         `free` are 0.
     free
-        Names of the zeros that were fitted, besides those that always are.
+        Names of the zeros that were fitted.
     jacobian
         Derivatives of all predicted values with respect to the parameters, and then to
         the free zeros, shape (n, p + zeros).
@@ -69,8 +69,8 @@ class Fit:
     differ
         Probability that curves of one law differ by this much; nan without ``singles``.
     alternatives
-        Probabilities and fits with other free zeros, and of this fit, which is the most
-        probable one; empty if no zero is unknown.
+        Probabilities and fits of which the band is computed, with other free zeros;
+        empty if it is that of this fit.
     """
 
     model: Model
@@ -183,8 +183,8 @@ class Fit:
     def _column_of_zero(self, i: int, j: int) -> ndarray:
         """Derivative of zero j of curve i, (1, p + zeros); 0 unless it is free."""
         unit = np.zeros((1, self.jacobian.shape[1]))
-        before = [o.is_free(self.free) for s in self.samples[:i] for o in s.offsets]
-        own = [offset.is_free(self.free) for offset in self.samples[i].offsets]
+        before = [o.name in self.free for s in self.samples[:i] for o in s.offsets]
+        own = [offset.name in self.free for offset in self.samples[i].offsets]
         if own[j]:
             unit[0, self.values.size + sum(before) + sum(own[:j])] = 1.0
         return unit
@@ -194,8 +194,8 @@ class Fit:
 
         Degrees of freedom after Satterthwaite (1946): V²/Σ(v²/ν) for the sum V of
         variances v.  With several possible zeros, functions of the parameters have the
-        deviation that gives the band of the mixture of `alternatives`, and functions of
-        the zeros the one of this fit.
+        deviation of the smallest symmetric band that contains the one of the mixture of
+        `alternatives`, and functions of the zeros the one of this fit.
 
         Parameters
         ----------
@@ -241,7 +241,7 @@ class Fit:
                 lambda fit: (slopes @ (fit.values - self.values), slopes)
             )
             quantile = special.stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE)
-            deviation = 0.5 * np.ptp(ends, axis=0) / quantile
+            deviation = np.abs(ends).max(axis=0) / quantile
         return deviation, freedom
 
     def _interval(self, of: Callable[["Fit"], tuple[ndarray, ndarray]]) -> ndarray:

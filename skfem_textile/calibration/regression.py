@@ -4,7 +4,6 @@ Curves are compared in the quantity that carries the noise: forces with forces. 
 curve has its own noise level, estimated from its residuals.
 """
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,10 +14,9 @@ import numpy as np
 from numpy import ndarray
 from scipy import special
 
-from .bands import DIFFER, Component, Fit, independent_share
+from .bands import CONFIDENCE, DIFFER, Component, Fit, independent_share
 from .models import Model, joint
-from .solving import ALWAYS, PARTS, Laws, Sample, Unknowns, covariance_of
-from .zeros import Evidence
+from .solving import PARTS, Laws, Sample, Unknowns, covariance_of
 
 # Number of iterations of the noise estimate.  Chosen: its change is then below 0.1 %.
 _ROUNDS = 5
@@ -26,10 +24,12 @@ _ROUNDS = 5
 # Lower bound of the noise, relative to the largest value: rounding errors.
 _LEAST_NOISE = 1e-9
 
-# Least degrees of freedom of a curve.  Residuals of a law that does not represent a
-# smooth curve are nearly all correlated: a zero is then significant if it divides them
-# by three.
-_LEAST_FREEDOM = 2.0
+# Probability of a zero that is not expected, before the data: most machines are tared.
+_UNEXPECTED = 0.1
+
+# Smallest probability of an alternative that is kept: its share of a tail of 2.5 % is
+# negligible.
+_NEGLIGIBLE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +60,11 @@ def fit(
     Least squares, weighted by the noise of each curve; in closed form if the
     predictions are linear in the parameters.
 
-    The unknown zeros of machines are fitted in each of their combinations, with the
-    probabilities of `Evidence`; bands refer to the mixture (Hoeting et al. 1999,
-    Statist. Sci. 14:382).  The law is the most probable one whose fitted zeros differ
-    significantly from 0, by an F-test.  Correlated residuals count as fewer points.
+    Zeros that are not expected are fitted in each of their combinations.  The
+    probability of each follows from the Bayesian information criterion (Schwarz 1978);
+    bands refer to the mixture (Hoeting et al. 1999, Statist. Sci. 14:382).  The law is
+    that of the most probable one; expected zeros are 0 in it unless the data reject
+    that, see `_without_zeros`.
 
     Parameters
     ----------
@@ -83,26 +84,25 @@ def fit(
         identifiable.
     """
     offsets = [offset for sample in samples for offset in sample.offsets]
-    optional = tuple(dict.fromkeys(o.name for o in offsets if o.prior != ALWAYS))
-    fits: list[_Compared] = []
-    errors: list[ValueError] = []
-    for free in _subsets(optional):
+    always = frozenset(offset.name for offset in offsets if offset.expected)
+    optional = dict.fromkeys(o.name for o in offsets if not o.expected)
+    of_laws = models, samples, known or {}
+    fits = [_compared(_solved(*of_laws, always, start))]
+    for free in (always | some for some in _subsets(tuple(optional))):
         try:
-            fits.append(_compared(_solved(models, samples, known or {}, free, start)))
-        except ValueError as error:  # the data do not determine these zeros
-            errors.append(error)
-    if not fits:
-        raise errors[0]
-    evidence = _evidence(fits)
-    probabilities = evidence.probabilities
+            fits.append(_compared(_solved(*of_laws, free, start)))
+        except ValueError:  # the data do not determine these zeros
+            continue
+    probabilities = _probabilities(fits, always)
     kept = np.flatnonzero(probabilities)
+    likely = fits[int(probabilities.argmax())]
+    best = _without_zeros(likely, always)
 
     def view(of: Callable[[_Compared], Fit]) -> Fit:
-        best = of(fits[evidence.best])
-        if len(fits) == 1:
-            return best
+        if len(fits) == 1 and best is likely:
+            return of(best)
         mixed = tuple((float(probabilities[i]), of(fits[i])) for i in kept)
-        return replace(best, alternatives=mixed)
+        return replace(of(best), alternatives=mixed)
 
     parts = {name: view(methodcaller("part", name)) for name in models}
     return JointFit(view(attrgetter("joint")), parts)
@@ -116,43 +116,75 @@ def laws_and_zeros(
     return solved.unknowns.laws(solved.x), solved.unknowns.offsets(solved.x)
 
 
-def _evidence(fits: Sequence["_Compared"]) -> Evidence:
-    """Residuals of fits with different free zeros.
+def _probabilities(fits: Sequence["_Compared"], always: frozenset[str]) -> ndarray:
+    """Probability of each fit; 0 if it is negligible."""
+    if len(fits) == 1:
+        return np.ones(1)
+    alone = any(one.beyond_noise for one in fits)
+    criterion = np.array([_criterion(one, alone) for one in fits])
+    unexpected = np.array([len(one.solved.free - always) for one in fits])
+    criterion += 2 * np.log(1 / _UNEXPECTED - 1) * unexpected
+    weights = np.exp(-0.5 * (criterion - criterion.min()))
+    weights /= weights.sum()
+    weights[weights <= _NEGLIGIBLE] = 0.0
+    return weights / weights.sum()
 
-    If curves differ, zeros would represent the difference: then each curve has a
-    separate law.
+
+def _without_zeros(fit: "_Compared", names: frozenset[str]) -> "_Compared":
+    """The fit in which zeros are 0 if the data do not reject that.
+
+    An F-test removes one name after another.  The band of the fit contains the law
+    without a zero that it does not reject.  A table of tension represents any slack:
+    one with which its fit begins, that of a toe, stays.
     """
-    solved = fits[0].solved
-    residuals = [one.solved.residuals for one in fits]
-    if len(fits) > 1 and any(one.beyond_noise for one in fits):
-        curves = range(len(solved.samples))
-        residuals = [
-            tuple(_alone(one.solved, i).residuals[0] for i in curves) for one in fits
-        ]
-    share = np.max([independent_share(each) for each in residuals], axis=0)
-    sizes = np.array([r.size for r in solved.residuals])
-    used = sizes - _freedom(solved, _spread_out(solved.samples, solved.noise**-2.0))
-    least = (_LEAST_NOISE * _largest(solved.samples)) ** 2  # of rounding errors
-    offsets = [
-        offset
-        for sample in solved.samples
-        for offset in sample.offsets
-        if offset.prior != ALWAYS
-    ]
-    return Evidence(
-        {
-            one.solved.free: np.maximum([r @ r / r.size for r in each], least)
-            for one, each in zip(fits, residuals, strict=True)
-        },
-        np.maximum(share * sizes - used, _LEAST_FREEDOM),
-        Counter(offset.name for offset in offsets),
-        {offset.name: offset.prior for offset in offsets},
-    )
+    for name in sorted(names):
+        full = fit.solved
+        if any(
+            offset.name == name and offset.start and sample.part != "shear"
+            for sample in full.samples
+            for offset in sample.offsets
+            if full.unknowns.models[sample.part].name == "tabulated"
+        ):
+            continue
+        laws, start = full.unknowns, full.x[: full.unknowns.parameters]
+        less = full.free - {name}
+        solved = _solved(
+            *(laws.models, full.samples, laws.known, less, start, full.noise)
+        )
+        if not _rejects(fit, solved):
+            fit = _compared(solved)
+    return fit
+
+
+def _rejects(fit: "_Compared", less: "_Solved") -> bool:
+    """True if an F-test rejects a fit with fewer zeros.
+
+    For the noise of the fit; correlated residuals count as fewer points.
+    """
+    full = fit.solved
+    of_full, of_less = (_residuals(one, fit.beyond_noise) for one in (full, less))
+    share = independent_share(of_full)
+    weights = share / full.noise**2
+    more = [b @ b - a @ a for a, b in zip(of_full, of_less, strict=True)]
+    freedom = _freedom(full, _spread_out(full.samples, weights)).sum()
+    zeros = full.unknowns.zeros - less.unknowns.zeros
+    F = max(float(weights @ more), 0.0) / zeros
+    return bool(special.fdtrc(zeros, freedom, F) < 1 - CONFIDENCE)
+
+
+def _residuals(solved: "_Solved", alone: bool) -> tuple[ndarray, ...]:
+    """Residuals of each curve, or those of a separate law if curves differ.
+
+    Zeros would represent the difference.
+    """
+    if not alone:
+        return solved.residuals
+    return tuple(_alone(solved, i).residuals[0] for i in range(len(solved.samples)))
 
 
 def _subsets(names: tuple[str, ...]) -> list[frozenset[str]]:
-    """Subsets of names; the first one is empty."""
-    sizes = range(len(names) + 1)
+    """Subsets of one or more names."""
+    sizes = range(1, len(names) + 1)
     return [frozenset(one) for n in sizes for one in combinations(names, n)]
 
 
@@ -386,6 +418,18 @@ def _alone(joint: _Solved, i: int) -> _Solved:
     model, values = unknowns.models[sample.part], joint.x[unknowns.blocks[sample.part]]
     noise, laws = joint.noise[i : i + 1], unknowns.laws(joint.x)
     return _solved({sample.part: model}, [sample], laws, joint.free, values, noise)
+
+
+def _criterion(fit: _Compared, alone: bool) -> float:
+    """Bayesian information criterion, by the residuals of each curve."""
+    total = 0.0
+    samples, residuals = fit.solved.samples, _residuals(fit.solved, alone)
+    rounding = _LEAST_NOISE * _largest(samples)
+    for sample, r, least in zip(samples, residuals, rounding, strict=True):
+        n = r.size
+        zeros = sum(offset.name in fit.solved.free for offset in sample.offsets)
+        total += n * np.log(max(float(r @ r) / n, least**2)) + zeros * np.log(n)
+    return float(total)
 
 
 def _spread_out(samples: Sequence[Sample], each: ndarray) -> ndarray:

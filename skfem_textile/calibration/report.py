@@ -222,7 +222,7 @@ def _zero_statements(fit: Fit, i: int) -> list[str]:
     for one, offset in zip(_zeros(fit, i), fit.samples[i].offsets, strict=True):
         unit = "" if one["unit"] == "-" else f" {one['unit']}"
         ends = f"{one['low']:.3g} to {one['high']:.3g}{unit}"
-        if offset.is_free(fit.free):
+        if offset.name in fit.free:
             said.append(
                 f"a {one['name']} of {one['value']:.3g}{unit} ({ends}) is estimated "
                 "with the law, and its uncertainty is part of the band"

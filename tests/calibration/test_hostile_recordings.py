@@ -201,3 +201,11 @@ FAMILY = Family(
 
 def test_recordings_are_read_as_measured_or_refused():
     FAMILY.check(8)
+
+
+def test_the_largest_angle_of_a_specimen_is_beyond_its_fitted_slack(
+    tmp_path, monkeypatch
+):
+    """Sin2 decreases beyond 45 degrees; the data end at 44, and at 46 with a slack."""
+    monkeypatch.chdir(tmp_path)
+    assert attempt(Recorded("several specimens", 837337)) == RIGHT

@@ -260,6 +260,36 @@ def test_tables_that_begin_anew_are_several_tests(tmp_path):
     assert len(read(tmp_path, "\n".join(named))) == 2
 
 
+@pytest.mark.parametrize("between", ["", "Specimen 2"])
+def test_specimens_below_one_heading_are_several_tests(tmp_path, between):
+    first, second = (table(MOVED, k * MOVED**2).splitlines() for k in (0.1, 0.2))
+    one, two = read(tmp_path, "\n".join([*first, between, *second[1:], ""]))
+    for test, k in ((one, 0.1), (two, 0.2)):
+        np.testing.assert_allclose(test.columns["force"], k * MOVED**2, atol=1e-4)
+        assert not any("left out" in text for text in test.statements)
+
+
+@pytest.mark.parametrize("between", ["", "pause of 5 s"])
+def test_a_table_with_blank_lines_or_comments_is_one_test(tmp_path, between):
+    x = np.tile(np.append(MOVED, MOVED[::-1]), 2)
+    heading, *rows = table(x, x**2).splitlines()
+    lines = [heading, *rows[:10], between, *rows[10:80], between, *rows[80:]]
+    (one,) = read(tmp_path, "\n".join(lines))
+    assert one.columns["force"].size == x.size
+
+
+def test_a_biaxial_test_in_pages_is_one_test(tmp_path):
+    """Also if the transverse strain decreases."""
+    heading = "warp strain (-);weft strain (-);warp force (N);weft force (N)"
+    x = np.linspace(0.0, 0.05, 60)
+    rows = [f"{a:.6f};{-0.2 * a:.6f};{3e3 * a:.3f};{0.0:.3f}" for a in x]
+    pages = ["\n".join([heading, *rows[i : i + 20]]) for i in (0, 20, 40)]
+    (one,) = read(tmp_path, "\n\n".join(pages))
+    assert one.columns["warp strain"].size == 60
+    anew = "\n\n".join("\n".join([heading, *rows]) for _ in range(2))
+    assert len(read(tmp_path, anew)) == 2
+
+
 def test_a_clock_decides_whether_a_returned_test_goes_on(tmp_path):
     x = np.append(MOVED, MOVED[::-1])
     for pause, tests in ((0.5, 1), (-40.0, 2), (600.0, 2)):

@@ -55,6 +55,18 @@ class Block:
         """Number of columns."""
         return len(self.rows[0][1])
 
+    def cut(self, line: int, titles: list[Line]) -> tuple["Block", "Block"]:
+        """The rows above a line, and those from it on with titles above them."""
+        faulty = [x for x in self.faulty if x not in titles]
+        above, below = (
+            [[x for x in of if (x[0] < line) == is_above] for of in (self.rows, faulty)]
+            for is_above in (True, False)
+        )
+        return (
+            Block(self.titles, self.headings, *above),
+            Block(titles, self.headings, *below),
+        )
+
 
 def split(text: str, separator: str) -> list[Line]:
     """Cells of each line that is not empty."""

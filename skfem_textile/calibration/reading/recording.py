@@ -28,7 +28,7 @@ from .quantities import (
     quantity_of,
     split_heading,
 )
-from .segments import Segment, goes_on, label_of
+from .segments import Segment, goes_on, jumps_back, label_of
 
 # Endings of the files of a folder that are read.
 _ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".asc")
@@ -295,7 +295,8 @@ class _File:
 
     def recordings(self) -> list[Recording]:
         """Tests of the file, each of one table or of several segments."""
-        tables = [self._tables(block) for block in self.blocks]
+        parts = [part for block in self.blocks for part in self._parts(block)]
+        tables = [self._tables(block) for block in parts]
         tests = [test for each in self._beside(tables) for test in _joined(each)]
         longest = max(_length(test) for test in tests)
         tests = [test for test in tests if _length(test) >= _SHORT * longest]
@@ -361,6 +362,28 @@ class _File:
             [one for each in tables for one in each[i : i + 1]] for i in range(places)
         ]
         return [each for each in below if each]
+
+    def _parts(self, block: Block) -> list[Block]:
+        """A block, cut at blank lines or titles below which another test begins.
+
+        Its displacement jumps back there, or a title names another specimen.
+        """
+        lines = np.array([line for line, _ in block.rows])
+        gaps = np.flatnonzero(np.diff(lines) > 1) + 1
+        if not gaps.size:
+            return [block]
+        moved = _moved(self._recording(block, self._repeats(block)[0]))
+        if moved.size != lines.size:
+            return [block]
+        parts, begin, label = [block], 0, label_of([x for _, x in block.titles])
+        for gap in gaps:
+            titles = [x for x in block.faulty if lines[gap - 1] < x[0] < lines[gap]]
+            name = label_of([cells for _, cells in titles])
+            back = jumps_back(moved[begin:gap], moved[gap], float(np.ptp(moved)))
+            if back or name not in ("", label):
+                parts[-1:] = parts[-1].cut(int(lines[gap]), titles)
+                begin, label = gap, name
+        return parts
 
     def _tables(self, block: Block) -> list["_Table"]:
         """Tables of a block, beside one another, with rows."""

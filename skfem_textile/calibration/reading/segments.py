@@ -77,6 +77,15 @@ def goes_on(test: Sequence[Segment], following: Segment, motion: float) -> bool:
     )
 
 
+def jumps_back(moved: ndarray, next_: float, motion: float) -> bool:
+    """True if the next row of a table is back by more than half of its motion.
+
+    No machine returns within one row.
+    """
+    travel, jump = moved[-1] - moved[0], next_ - moved[-1]
+    return bool(travel * jump < 0 and abs(jump) > 0.5 * motion)
+
+
 def _ticks(before: ndarray, after: ndarray) -> bool:
     """True if a column increases from row to row, and without a long pause."""
     steps = np.append(np.diff(before), np.diff(after))
