@@ -228,7 +228,7 @@ class ToleranceStepper:
     def _finer(self, solved: float, density: float) -> tuple[float, LoadStepper]:
         """Density and stepper of a mesh with more unknowns than the solved one."""
         unknowns, stepper = self._stepper.ply.basis.N, self._at(density)
-        while stepper.ply.basis.N <= unknowns:
+        while unknowns >= stepper.ply.basis.N:
             if density >= _MOST_STEP * solved:
                 raise self._error(
                     f"stepper_at returns no mesh with more than {unknowns} unknowns: "
