@@ -51,7 +51,7 @@ class Fit:
         Zeros of each curve, in the order of `Sample.offsets`; those that are not
         `free` are 0.
     free
-        Names of the zeros that were fitted.
+        Names of the zeros that were fitted, besides those that always are.
     jacobian
         Derivatives of all predicted values with respect to the parameters, and then to
         the free zeros, shape (n, p + zeros).
@@ -183,8 +183,8 @@ class Fit:
     def _column_of_zero(self, i: int, j: int) -> ndarray:
         """Derivative of zero j of curve i, (1, p + zeros); 0 unless it is free."""
         unit = np.zeros((1, self.jacobian.shape[1]))
-        before = [o.name in self.free for s in self.samples[:i] for o in s.offsets]
-        own = [offset.name in self.free for offset in self.samples[i].offsets]
+        before = [o.is_free(self.free) for s in self.samples[:i] for o in s.offsets]
+        own = [offset.is_free(self.free) for offset in self.samples[i].offsets]
         if own[j]:
             unit[0, self.values.size + sum(before) + sum(own[:j])] = 1.0
         return unit
@@ -305,3 +305,12 @@ def systematic_in(residuals: Sequence[ndarray]) -> ndarray:
     """Curves with significantly correlated residuals."""
     sizes = np.array([r.size for r in residuals])
     return correlations_of(residuals) > _BELIEVED / np.sqrt(sizes)
+
+
+def independent_share(residuals: Sequence[ndarray]) -> ndarray:
+    """Share of the points of each curve that are independent: (1 − ρ)/(1 + ρ).
+
+    For the correlation ρ of neighbouring residuals; 1 if it is not significant.
+    """
+    rho = np.where(systematic_in(residuals), correlations_of(residuals), 0.0)
+    return (1 - rho) / (1 + rho)

@@ -4,6 +4,7 @@ Curves are compared in the quantity that carries the noise: forces with forces. 
 curve has its own noise level, estimated from its residuals.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,9 +15,10 @@ import numpy as np
 from numpy import ndarray
 from scipy import special
 
-from .bands import DIFFER, Component, Fit, correlations_of, systematic_in
+from .bands import DIFFER, Component, Fit, independent_share
 from .models import Model, joint
-from .solving import PARTS, Laws, Sample, Unknowns, covariance_of
+from .solving import ALWAYS, PARTS, Laws, Sample, Unknowns, covariance_of
+from .zeros import Evidence
 
 # Number of iterations of the noise estimate.  Chosen: its change is then below 0.1 %.
 _ROUNDS = 5
@@ -24,12 +26,10 @@ _ROUNDS = 5
 # Lower bound of the noise, relative to the largest value: rounding errors.
 _LEAST_NOISE = 1e-9
 
-# Probability of a zero that is not expected, before the data: most machines are tared.
-_UNEXPECTED = 0.1
-
-# Smallest probability of an alternative that is kept: its share of a tail of 2.5 % is
-# negligible.
-_NEGLIGIBLE = 1e-3
+# Least degrees of freedom of a curve.  Residuals of a law that does not represent a
+# smooth curve are nearly all correlated: a zero is then significant if it divides them
+# by three.
+_LEAST_FREEDOM = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +60,10 @@ def fit(
     Least squares, weighted by the noise of each curve; in closed form if the
     predictions are linear in the parameters.
 
-    Zeros that are not expected are fitted in each of their combinations.  The
-    probability of each follows from the Bayesian information criterion (Schwarz 1978);
-    bands refer to the mixture (Hoeting et al. 1999, Statist. Sci. 14:382).
+    The unknown zeros of machines are fitted in each of their combinations, with the
+    probabilities of `Evidence`; bands refer to the mixture (Hoeting et al. 1999,
+    Statist. Sci. 14:382).  The law is the most probable one whose fitted zeros differ
+    significantly from 0, by an F-test.  Correlated residuals count as fewer points.
 
     Parameters
     ----------
@@ -82,20 +83,22 @@ def fit(
         identifiable.
     """
     offsets = [offset for sample in samples for offset in sample.offsets]
-    always = frozenset(offset.name for offset in offsets if offset.expected)
-    optional = dict.fromkeys(o.name for o in offsets if not o.expected)
-    of_laws = models, samples, known or {}
-    fits = [_compared(_solved(*of_laws, always, start))]
-    for free in (always | some for some in _subsets(tuple(optional))):
+    optional = tuple(dict.fromkeys(o.name for o in offsets if o.prior != ALWAYS))
+    fits: list[_Compared] = []
+    errors: list[ValueError] = []
+    for free in _subsets(optional):
         try:
-            fits.append(_compared(_solved(*of_laws, free, start)))
-        except ValueError:  # the data do not determine these zeros
-            continue
-    probabilities = _probabilities(fits, always)
+            fits.append(_compared(_solved(models, samples, known or {}, free, start)))
+        except ValueError as error:  # the data do not determine these zeros
+            errors.append(error)
+    if not fits:
+        raise errors[0]
+    evidence = _evidence(fits)
+    probabilities = evidence.probabilities
     kept = np.flatnonzero(probabilities)
 
     def view(of: Callable[[_Compared], Fit]) -> Fit:
-        best = of(fits[int(probabilities.argmax())])
+        best = of(fits[evidence.best])
         if len(fits) == 1:
             return best
         mixed = tuple((float(probabilities[i]), of(fits[i])) for i in kept)
@@ -113,23 +116,43 @@ def laws_and_zeros(
     return solved.unknowns.laws(solved.x), solved.unknowns.offsets(solved.x)
 
 
-def _probabilities(fits: Sequence["_Compared"], always: frozenset[str]) -> ndarray:
-    """Probability of each fit; 0 if it is negligible."""
-    if len(fits) == 1:
-        return np.ones(1)
-    alone = any(one.beyond_noise for one in fits)
-    criterion = np.array([_criterion(one, alone) for one in fits])
-    unexpected = np.array([len(one.solved.free - always) for one in fits])
-    criterion += 2 * np.log(1 / _UNEXPECTED - 1) * unexpected
-    weights = np.exp(-0.5 * (criterion - criterion.min()))
-    weights /= weights.sum()
-    weights[weights <= _NEGLIGIBLE] = 0.0
-    return weights / weights.sum()
+def _evidence(fits: Sequence["_Compared"]) -> Evidence:
+    """Residuals of fits with different free zeros.
+
+    If curves differ, zeros would represent the difference: then each curve has a
+    separate law.
+    """
+    solved = fits[0].solved
+    residuals = [one.solved.residuals for one in fits]
+    if len(fits) > 1 and any(one.beyond_noise for one in fits):
+        curves = range(len(solved.samples))
+        residuals = [
+            tuple(_alone(one.solved, i).residuals[0] for i in curves) for one in fits
+        ]
+    share = np.max([independent_share(each) for each in residuals], axis=0)
+    sizes = np.array([r.size for r in solved.residuals])
+    used = sizes - _freedom(solved, _spread_out(solved.samples, solved.noise**-2.0))
+    least = (_LEAST_NOISE * _largest(solved.samples)) ** 2  # of rounding errors
+    offsets = [
+        offset
+        for sample in solved.samples
+        for offset in sample.offsets
+        if offset.prior != ALWAYS
+    ]
+    return Evidence(
+        {
+            one.solved.free: np.maximum([r @ r / r.size for r in each], least)
+            for one, each in zip(fits, residuals, strict=True)
+        },
+        np.maximum(share * sizes - used, _LEAST_FREEDOM),
+        Counter(offset.name for offset in offsets),
+        {offset.name: offset.prior for offset in offsets},
+    )
 
 
 def _subsets(names: tuple[str, ...]) -> list[frozenset[str]]:
-    """Subsets of one or more names."""
-    sizes = range(1, len(names) + 1)
+    """Subsets of names; the first one is empty."""
+    sizes = range(len(names) + 1)
     return [frozenset(one) for n in sizes for one in combinations(names, n)]
 
 
@@ -296,8 +319,8 @@ class _Compared:
         free, size = solved.determined, solved.x.size
         within, components = np.ix_(free, free), []
         residuals = solved.residuals
-        rho = np.where(systematic_in(residuals), correlations_of(residuals), 0.0)
-        weights = _spread_out(solved.samples, (1 - rho) / (1 + rho) / solved.noise**2)
+        share = independent_share(residuals)
+        weights = _spread_out(solved.samples, share / solved.noise**2)
         freedom = _freedom(solved, weights)
         if free.any():
             total = covariance_of(solved.jacobian[:, free], weights)
@@ -363,27 +386,6 @@ def _alone(joint: _Solved, i: int) -> _Solved:
     model, values = unknowns.models[sample.part], joint.x[unknowns.blocks[sample.part]]
     noise, laws = joint.noise[i : i + 1], unknowns.laws(joint.x)
     return _solved({sample.part: model}, [sample], laws, joint.free, values, noise)
-
-
-def _criterion(fit: _Compared, alone: bool) -> float:
-    """Bayesian information criterion, by the residuals of each curve.
-
-    If curves differ, zeros would represent the difference: then each curve counts with
-    a separate law.
-    """
-    residuals = fit.solved.residuals
-    if alone:
-        residuals = tuple(
-            _alone(fit.solved, i).residuals[0] for i in range(len(residuals))
-        )
-    total = 0.0
-    samples = fit.solved.samples
-    rounding = _LEAST_NOISE * _largest(samples)
-    for sample, r, least in zip(samples, residuals, rounding, strict=True):
-        n = r.size
-        zeros = sum(offset.name in fit.solved.free for offset in sample.offsets)
-        total += n * np.log(max(float(r @ r) / n, least**2)) + zeros * np.log(n)
-    return float(total)
 
 
 def _spread_out(samples: Sequence[Sample], each: ndarray) -> ndarray:

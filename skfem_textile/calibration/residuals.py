@@ -18,9 +18,13 @@ from .biaxial import BiaxialCurve
 from .choice import Choice, Test, of_kind
 from .measured import FAMILIES, slack_range
 from .simulation import SimulatedTest
-from .solving import Laws, Offset, Sample
+from .solving import ALWAYS, Laws, Offset, Sample
 from .specimens import END_OF_RANGE, Specimen
 from .strip import Strip
+
+#: Probabilities of zeros before the data: half of the machines are zeroed on a taut
+#: fabric, and nearly all are tared.
+SLACK, AT_REST = 0.5, 0.01
 
 #: Forces of shear laws at shear angles: `ShearTest.force`, or `SimulatedTest.force`.
 ForceOf = Callable[[Laws, ndarray], ndarray]
@@ -64,7 +68,7 @@ def strip(test: Strip) -> Sample:
     if test.slack is None:
         low, high = slack_range(test.displacement)
         start = float(np.clip(test.assumed_slack or 0.0, low, high))
-        offsets = (Offset("slack", "mm", start, low, high, True),)
+        offsets = (Offset("slack", "mm", start, low, high, ALWAYS),)
 
     def predict(laws: Laws, slack: float = test.slack or 0.0) -> ndarray:
         strain, law = test.strain(slack), laws[test.family]
@@ -131,12 +135,12 @@ def shear(
     at_rest, most = zeros.force, float(np.abs(specimen.force[used]).max())
     offsets = []
     if at_rest is None:
-        offsets.append(Offset("force at rest", "N", 0.0, -most, most, False))
+        offsets.append(Offset("force at rest", "N", 0.0, -most, most, AT_REST))
     if specimen.assumes_slack:
         assert moved is not None
         low, high = slack_range(moved)
         start = float(np.clip(specimen.slack, low, high))
-        offsets.append(Offset("slack", "mm", start, low, high, True))
+        offsets.append(Offset("slack", "mm", start, low, high, SLACK))
     known = specimen.angle[used]
 
     def predict(laws: Laws, *unknown: float) -> ndarray:
@@ -180,4 +184,4 @@ def _strain_slack(curve: BiaxialCurve, family: int) -> Offset:
     low, high = slack_range(np.expm1(curve.strain[family]))
     high = max(high, -low)
     start = float(np.clip((curve.assumed_slack or (0.0, 0.0))[family], low, high))
-    return Offset(f"{FAMILIES[family]} slack", "-", start, low, high, True)
+    return Offset(f"{FAMILIES[family]} slack", "-", start, low, high, ALWAYS)

@@ -18,11 +18,17 @@ Laws: TypeAlias = Mapping[str, Any]
 PARTS = "warp", "weft", "both", "shear", "bending warp", "bending weft"
 
 
+#: Probability of a zero that is fitted whatever the data, as the slack of a test in
+#: tension, whose law begins with a toe.
+ALWAYS = 1.0
+
+
 class Offset(NamedTuple):
     """Unknown zero of a machine: the force at rest, or the slack.
 
-    The fit begins at ``start`` and stays between ``low`` and ``high``.  If it is not
-    ``expected``, it is 0 unless the data contradict it.
+    The fit begins at ``start`` and stays between ``low`` and ``high``.  It is 0 unless
+    the data contradict it; ``prior`` is its probability not to be 0 before the data,
+    or `ALWAYS` for a zero that is fitted in any case.
     """
 
     name: str
@@ -30,7 +36,11 @@ class Offset(NamedTuple):
     start: float
     low: float
     high: float
-    expected: bool
+    prior: float
+
+    def is_free(self, free: frozenset[str]) -> bool:
+        """True if it is fitted, for the names of the zeros that are."""
+        return self.prior == ALWAYS or self.name in free
 
 
 class Sample(NamedTuple):
@@ -216,7 +226,7 @@ class Unknowns:
         ends = np.cumsum([0, *sizes]).tolist()
         self.blocks = {name: slice(*ends[i : i + 2]) for i, name in enumerate(models)}
         self._masks = [
-            np.array([offset.name in free for offset in sample.offsets], dtype=bool)
+            np.array([offset.is_free(free) for offset in sample.offsets], dtype=bool)
             for sample in samples
         ]
         self.parameters = ends[-1]

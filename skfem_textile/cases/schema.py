@@ -55,6 +55,17 @@ class Mesh(Table):
         ),
         FILE,
     ] = None
+    unit: Annotated[
+        Literal["mm", "cm", "m", "in"] | None,
+        about("unit of length of the drawing (default: the file's, else mm)"),
+    ] = None
+    layer: Annotated[
+        tuple[str, ...] | None,
+        about(
+            "layers of the drawing that are read, or id of elements of an .svg "
+            "(default: all)"
+        ),
+    ] = None
     size: Annotated[
         tuple[Count, Count] | None,
         about(

@@ -290,6 +290,13 @@ def _oriented(x: ndarray, triangles: ndarray) -> tuple[ndarray, str]:
     a, b, c = x[triangles]
     vectors = np.cross(b - a, c - a) / 2
     area, signs = np.linalg.norm(vectors, axis=1), np.where(turned, -1, 1)
+    flat = np.bincount(part, area) <= 0
+    if flat.any():
+        place = x[triangles[:, flat[part]][0, 0]]
+        raise MeshError(
+            f"triangle mesh: the separate part at ({xyz(place)}) mm has no area: "
+            "remove it"
+        )
     share = np.bincount(part, area * turned) / np.bincount(part, area)
     up = np.bincount(part, vectors[:, 2] * signs)
     reverse = np.where(np.abs(share - 0.5) > _MOST - 0.5, share > 0.5, up < 0)

@@ -20,7 +20,7 @@ from skfem import CellBasis, LinearForm, Mesh, asm
 from ..mesh.bases import components, node_positions
 from ..mesh.user_input import call_user_function, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
-from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
+from ..ply.terms import ContactTerm
 from ..solve.surface import Surface
 from ..solve.surface.on_surface import CheckedSurface, SurfaceError, check_surface
 from ..solve.surface.surface import place
@@ -469,6 +469,13 @@ class ToolContact(ContactTerm):
 
         check_tools(ply, moved)
 
+    @staticmethod
+    def figures(result: Any) -> dict[str, Any]:
+        """See `formed`."""
+        from .figures import formed
+
+        return formed(result)
+
     def stated(self, x: ndarray) -> ndarray:
         """Positions, shape (3, n), in the axes of messages, see `Tool`."""
         return self._obstacle.stated(x)
@@ -540,9 +547,8 @@ class ToolContact(ContactTerm):
         kappa = p["stiffness"]
         if not kappa.any():
             return None
-        force, gap = self.forces(u, t, p), self.gaps(u, t)
-        n = np.where(np.isfinite(gap), self._at(u, t).normal, 0.0)
-        K = STIFFNESS_OF_GAP * kappa * n[:, None] * n
+        force = self.forces(u, t, p)
+        K = np.zeros((3, 3, len(force)))
         if (nodes := np.flatnonzero(force)).size:
             normal, H = self._obstacle.derivatives(self._at(u, t), nodes, t)
             K[..., nodes] = kappa[nodes] * normal[:, None] * normal

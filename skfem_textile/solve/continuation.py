@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from ..ply.parameters import PlyParameters
 from . import contact
-from .problem import InitialGuess, Problem
+from .problem import HOLD, InitialGuess, Problem
 from .states import NoEquilibriumError, State
 
 log = logging.getLogger(__name__)
@@ -31,6 +31,10 @@ _SAME_STATE = 0.01
 #: stability`: with more, a run reaches another equilibrium unnoticed; with fewer, steps
 #: that stay on the path are halved.
 MOST_PROJECTED = 2
+
+#: Divisor of a step in which the ply flew away.  Chosen: shorter steps seldom stop it,
+#: and each attempt is long.
+SHORTER_AFTER_FLIGHT = 16
 
 # Number of halvings of a requested step after which a hard step is accepted: 2⁻⁶.
 _PATH_HALVINGS = 6
@@ -193,7 +197,9 @@ class Continuation:
             log.info(
                 "the step to load factor %g failed and is halved: %s", end, failure
             )
-            self.next, self.cut = 0.5 * step, self.cut + 1
+            flew = failure.advice == HOLD
+            self.next = step / (SHORTER_AFTER_FLIGHT if flew else 2)
+            self.cut += 1
         elif by:
             raise NoEquilibriumError(
                 f"the load exceeds a limit load between the load factors {t:.6g} and "

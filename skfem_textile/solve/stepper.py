@@ -251,7 +251,7 @@ class Run:
 
     def __call__(self, resume: bool = False) -> Result:
         """Apply the whole load; see `LoadStepper.run`."""
-        checkpoint = self._stepper.checkpoint
+        checkpoint, problem = self._stepper.checkpoint, self.problem
         try:
             if not (resume and self._resume()):
                 with np.errstate(all="ignore"):  # non-finite values are detected
@@ -280,6 +280,12 @@ class Run:
         finally:
             if warning := self.continuation.warning():
                 log.warning(warning)
+            for state in self.states[-1:]:
+                of_terms = problem.ply.contradictions(
+                    state.u, state.load_factor, state.parameters
+                )
+                for warning in of_terms:
+                    log.warning(warning)
             if checkpoint:
                 checkpoint.release()
         return self.result
@@ -374,7 +380,7 @@ class Run:
                 "ply"
             )
         tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
-        tolerance = tangent.tolerance(u, f) if tangent else 0.0
+        tolerance = tangent.tolerance(u, f, p) if tangent else 0.0
         undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
         trial = Trial(problem, undeformed, None, energies, potentials)
         state, values = trial.state(0), problem.constraints.fixed_values(0.0)
