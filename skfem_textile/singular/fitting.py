@@ -1,8 +1,10 @@
 """Meshes of the user fitted to the singular fibres.
 
 Nodes near a singular fibre move onto it, and triangles that it still crosses are cut.
+Short edges that result are collapsed.
 """
 
+import logging
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -17,8 +19,11 @@ from ..mesh.scikit_fem import with_names
 from ..mesh.selection import SINGULAR, edge_numbers, named_nodes, with_named_nodes
 from ..mesh.splitting import boundary_edges, corner_areas, edges_of
 from ..solve.conditions import Conditions
+from .collapsing import FIXED, FREE, ON_LINE, Nodes, collapse
 from .fibres import singular_fibres
-from .outline import Outline
+from .outline import Outline, place
+
+log = logging.getLogger(__name__)
 
 # Distance from a fibre, as a share of the shortest edge at a node, below which the node
 # belongs to it.  Chosen: smaller leaves slivers, larger turns elements over.
@@ -29,8 +34,12 @@ _SHARE = 0.35
 _LEFT = 0.3
 
 # Length relative to the size of the outline by which fibres are extended, so that they
-# cross it.
+# cross it, and below which a node is on a fibre: coordinates in files are rounded.
 _BEYOND = 1e-6
+
+# Share of the length of a fibre above which a part that is no edge is reported.  Chosen:
+# far above the difference between a curved fibre and its chords.
+_MISSED = 0.01
 
 # Reflections closer than this share of the edges are not followed.
 _FINEST = 0.5
@@ -102,6 +111,7 @@ def fit_to_fibres(
         for i in range(len(fibres)):
             fit.move(i)
             fit.cut(i)
+            fit.collapse()
     return fit.result(mesh)
 
 
@@ -113,43 +123,50 @@ def _extended(points: ndarray, length: float) -> Any:
     return shapely.linestrings(x.T)
 
 
-# Kinds of nodes: free, on a line, and fixed.
-_FREE, _ON_LINE, _FIXED = 0, 1, 2
-
-
 class _Fit:
     """Mesh during the fit."""
 
     def __init__(self, mesh: Mesh, outline: Outline, fibres: list[Any]) -> None:
         self.p, self.t = mesh.p.copy(), mesh.t.copy()
         self.parent = np.arange(mesh.nelements)
-        self._fibres = fibres
+        self._fibres, self._near = fibres, _BEYOND * outline.size
         self._names = {n: mesh.facets[:, e] for n, e in (mesh.boundaries or {}).items()}
-        n = mesh.p.shape[1]
+        self._n = n = mesh.p.shape[1]
         self._on = np.zeros((len(fibres), n), dtype=bool)
-        self._kind = np.full(n, _FREE)
+        self._kind = np.full(n, FREE)
         self._line = np.full(n, -1)  # on which a node may move; −1 is the outline
         self._lines = [*fibres, outline.shape().boundary]
-        self._kind[np.unique(mesh.facets[:, mesh.boundary_facets()])] = _ON_LINE
+        self._kind[np.unique(mesh.facets[:, mesh.boundary_facets()])] = ON_LINE
         corners = shapely.STRtree(shapely.points(np.hstack(outline.rings).T))
-        at, _ = corners.query(
-            shapely.points(self.p.T), "dwithin", _BEYOND * outline.size
-        )
-        self._kind[at] = _FIXED
+        at, _ = corners.query(shapely.points(self.p.T), "dwithin", self._near)
+        self._kind[at] = FIXED
         for edges in self._names.values():  # interior boundaries stay
-            inner = self._kind[edges] == _FREE
-            self._kind[edges[inner]] = _FIXED
-        for sub in (mesh.subdomains or {}).values():
-            self._fix_border(np.asarray(sub, dtype=int))
+            inner = self._kind[edges] == FREE
+            self._kind[edges[inner]] = FIXED
+        self._region = _regions(mesh)
+        edges = edges_of([self.t])[0]
+        self._kind[edges[:, self._on_border(edges)]] = FIXED
         for nodes in named_nodes(mesh).values():
-            self._kind[nodes] = _FIXED
+            self._kind[nodes] = FIXED
+        for i in range(len(fibres)):
+            self._settle(i)
 
-    def _fix_border(self, elements: ndarray) -> None:
-        """Nodes between a subdomain and others stay."""
-        inside = np.zeros(self.t.shape[1], dtype=bool)
-        inside[elements] = True
-        both = np.intersect1d(self.t[:, inside], self.t[:, ~inside])
-        self._kind[both] = _FIXED
+    def _on_border(self, edges: ndarray) -> ndarray:
+        """True for edges, given by their ends, between subdomains."""
+        pairs, of_side = edges_of([self.t])
+        region = np.tile(self._region[self.parent], len(self.t))
+        lowest, highest = np.full(pairs.shape[1], region.max()), 0 * pairs[0]
+        np.minimum.at(lowest, of_side, region)
+        np.maximum.at(highest, of_side, region)
+        return (lowest < highest)[edge_numbers(pairs, edges)]
+
+    def _settle(self, i: int) -> None:
+        """Restrict nodes on a fibre to it."""
+        on = shapely.distance(self._fibres[i], shapely.points(self.p.T)) <= self._near
+        self._on[i] = on
+        self._kind[on & (self._kind == ON_LINE) & (self._line != i)] = FIXED
+        free = on & (self._kind == FREE)
+        self._kind[free], self._line[free] = ON_LINE, i
 
     def _shortest(self) -> ndarray:
         """Length of the shortest edge at each node."""
@@ -175,23 +192,17 @@ class _Fit:
         """Move nodes near a fibre onto it, unless elements would become slivers."""
         fibre, near = self._fibres[i], _SHARE * self._shortest()
         distance = shapely.distance(fibre, shapely.points(self.p.T))
-        self._on[i] |= distance < near
-        moved = np.flatnonzero(self._on[i] & (self._kind < _FIXED) & (distance > 0))
+        moved = np.flatnonzero((distance < near) & (self._kind < FIXED) & ~self._on[i])
         before, areas, signs = self.p.copy(), self._areas(), np.sign(self._signed())
-        kind, line = self._kind.copy(), self._line.copy()
         for k in moved:
             x = shapely.Point(self.p[:, k])
-            if kind[k] == _FREE:
+            if self._kind[k] == FREE:
                 target = fibre.interpolate(fibre.project(x))
-                self._kind[k], self._line[k] = _ON_LINE, i
-            elif self._line[k] == i:
-                continue
             else:
                 target = fibre & self._lines[self._line[k]]
                 if target.is_empty or x.distance(target) > 2 * near[k]:
                     continue
                 target = shapely.get_point(shapely.shortest_line(x, target), 1)
-                self._kind[k] = _FIXED
             self.p[:, k] = target.x, target.y
         while moved.size:
             poor = (self._areas() < _LEFT * areas).any(axis=0)
@@ -200,18 +211,21 @@ class _Fit:
             if not back.size:
                 break
             self.p[:, back] = before[:, back]
-            self._kind[back], self._line[back] = kind[back], line[back]
             moved = np.setdiff1d(moved, back)
+        self._settle(i)
 
     def _crossings(self, i: int) -> tuple[ndarray, ndarray]:
-        """Edges that a fibre crosses between two other nodes, and the points."""
+        """Edges that a fibre crosses between their ends, and the points nearest one."""
         edges, _ = edges_of([self.t])
-        edges = edges[:, ~self._on[i][edges].any(axis=0)]
+        edges = edges[:, ~self._on[i][edges].all(axis=0)]
         sides = shapely.linestrings(self.p[:, edges].transpose(2, 1, 0))
         at = shapely.intersection(sides, self._fibres[i])
-        once = shapely.get_type_id(at) == shapely.GeometryType.POINT
-        once &= ~shapely.is_empty(at)
-        return edges[:, once], shapely.get_coordinates(at[once]).T
+        x, of_edge = shapely.get_coordinates(at, return_index=True)
+        end = edges[:, of_edge]
+        gap = np.linalg.norm(x.T[:, None] - self.p[:, end], axis=0)
+        between = ~((gap <= 2 * self._near) & self._on[i][end]).any(axis=0)
+        _, first = np.unique(of_edge[between], return_index=True)
+        return end[:, between][:, first], x[between][first].T
 
     def is_crossed(self, i: int) -> bool:
         """True if a fibre crosses edges or runs along diagonals of quadrilaterals."""
@@ -237,10 +251,11 @@ class _Fit:
         self.parent = np.tile(self.parent, 2)
 
     def cut(self, i: int) -> None:
-        """Cut the triangles that a fibre crosses."""
-        edges, at = self._crossings(i)
-        if not edges.size:
-            return
+        """Cut the triangles that a fibre crosses; a curved one may cross edges twice."""
+        while (crossings := self._crossings(i))[0].size:
+            self._cut_edges(i, *crossings)
+
+    def _cut_edges(self, i: int, edges: ndarray, at: ndarray) -> None:
         n, k = self.p.shape[1], at.shape[1]
         on_outline = edge_numbers(boundary_edges([self.t]), edges) >= 0
         self.p = np.hstack([self.p, at])
@@ -248,7 +263,8 @@ class _Fit:
         self._on = np.hstack([self._on, along])
         self._on[i, n:] = True
         fixed = on_outline | along.any(axis=0)
-        self._kind = np.append(self._kind, np.where(fixed, _FIXED, _ON_LINE))
+        fixed |= self._on_border(edges)
+        self._kind = np.append(self._kind, np.where(fixed, FIXED, ON_LINE))
         self._line = np.append(self._line, np.full(k, i))
         order = np.lexsort(edges[::-1])
         edges, number = edges[:, order], n + order
@@ -260,7 +276,7 @@ class _Fit:
         for name, ends in self._names.items():
             m = middle(ends)
             new = [np.stack([end, m])[:, m >= 0] for end in ends]
-            self._kind[m[m >= 0]] = _FIXED
+            self._kind[m[m >= 0]] = FIXED
             self._names[name] = np.hstack([ends[:, m < 0], *new])
         self._cut_triangles(middle)
 
@@ -290,6 +306,20 @@ class _Fit:
             old.append(parent[three])
         self.t, self.parent = np.hstack(new), np.concatenate(old)
 
+    def collapse(self) -> None:
+        """Collapse short edges that the cuts left."""
+        turned = self._signed() < 0
+        self.t[1:, turned] = self.t[:0:-1, turned]
+        nodes = Nodes(self.p, self._kind, self._line, self._on)
+        kept, becomes = collapse(nodes, self.t, self._n)
+        used = np.unique(becomes)
+        number = np.searchsorted(used, becomes)
+        self.p, self._kind, self._line, self._on = (x[..., used] for x in nodes)
+        self.t, self.parent = number[self.t[:, kept]], self.parent[kept]
+        for name, ends in self._names.items():
+            ends = number[ends]
+            self._names[name] = ends[:, ends[0] != ends[1]]
+
     def result(self, mesh: Mesh) -> FittedMesh:
         """The mesh, with names."""
         kind = MeshTri if len(self.t) == 3 else MeshQuad
@@ -300,15 +330,8 @@ class _Fit:
             for name, ends in self._names.items()
         }
         singular = np.zeros(fitted.nfacets, dtype=bool)
-        x = fitted.p[:, fitted.facets]
-        middle, length = (
-            shapely.points(x.mean(axis=1).T),
-            np.hypot(*(x[:, 1] - x[:, 0])),
-        )
-        for on, fibre in zip(self._on, self._fibres, strict=True):
-            both = on[fitted.facets].all(axis=0)
-            both[both] = shapely.distance(fibre, middle[both]) < _SHARE * length[both]
-            singular |= both
+        for i in range(len(self._fibres)):
+            singular |= self._edges_along(i, fitted)
         singular &= fitted.f2t[1] >= 0
         if singular.any():
             boundaries[SINGULAR] = np.flatnonzero(singular)
@@ -318,3 +341,40 @@ class _Fit:
         }
         fitted = with_names(fitted, boundaries or None, subdomains or None)
         return FittedMesh(with_named_nodes(fitted, named_nodes(mesh)), self.parent)
+
+    def _edges_along(self, i: int, fitted: Mesh) -> ndarray:
+        """True for the edges of a mesh on a fibre; logs a part of it without edges."""
+        fibre, ends = self._fibres[i], fitted.facets
+        along = self._on[i][ends].all(axis=0)
+        x = fitted.p[:, ends[:, along]]
+        length = np.hypot(*(x[:, 1] - x[:, 0]))
+        middle = shapely.points(x.mean(axis=1).T)
+        along[along] = shapely.distance(fibre, middle) < _SHARE * length
+        edges = shapely.linestrings(fitted.p[:, ends[:, along]].transpose(2, 1, 0))
+        missed = fibre.length - 2 * self._near - shapely.length(edges).sum()
+        if missed > _MISSED * fibre.length:
+            rest = fibre - shapely.buffer(shapely.union_all(edges), 10 * self._near)
+            where = place(np.array(shapely.get_point(_longest(rest), 0).coords[0]))
+            log.warning(
+                "%.3g mm of a singular fibre of %.3g mm are no edges, near %s; "
+                "use smaller elements there, or mesh_outline",
+                missed,
+                fibre.length,
+                where,
+            )
+        return along
+
+
+def _longest(lines: Any) -> Any:
+    """Longest part of a geometry of lines."""
+    parts = shapely.get_parts(lines)
+    return parts[shapely.length(parts).argmax()]
+
+
+def _regions(mesh: Mesh) -> ndarray:
+    """Number of each element's set of subdomains, shape (n_elements,)."""
+    sub = [np.asarray(s, dtype=int) for s in (mesh.subdomains or {}).values()]
+    inside = np.zeros((len(sub) + 1, mesh.nelements), dtype=bool)
+    for row, elements in zip(inside, sub, strict=False):
+        row[elements] = True
+    return np.unique(inside, axis=1, return_inverse=True)[1].ravel()
