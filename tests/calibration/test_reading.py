@@ -269,6 +269,13 @@ def test_specimens_below_one_heading_are_several_tests(tmp_path, between):
         assert not any("left out" in text for text in test.statements)
 
 
+def test_a_title_separates_specimens_that_return_to_their_beginning(tmp_path):
+    x = np.append(MOVED, MOVED[::-1])
+    first, second = (table(x, k * x**2).splitlines() for k in (0.1, 0.2))
+    text = "\n".join(["Specimen 1", *first, "Specimen 2", *second[1:], ""])
+    assert len(read(tmp_path, text)) == 2
+
+
 @pytest.mark.parametrize("between", ["", "pause of 5 s"])
 def test_a_table_with_blank_lines_or_comments_is_one_test(tmp_path, between):
     x = np.tile(np.append(MOVED, MOVED[::-1]), 2)

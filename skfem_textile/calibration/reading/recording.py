@@ -376,7 +376,7 @@ class _File:
         if moved.size != lines.size:
             return [block]
         parts, begin, label = [block], 0, label_of([x for _, x in block.titles])
-        for gap in gaps:
+        for gap in gaps.tolist():
             titles = [x for x in block.faulty if lines[gap - 1] < x[0] < lines[gap]]
             name = label_of([cells for _, cells in titles])
             back = jumps_back(moved[begin:gap], moved[gap], float(np.ptp(moved)))
