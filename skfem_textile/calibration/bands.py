@@ -69,8 +69,8 @@ class Fit:
     differ
         Probability that curves of one law differ by this much; nan without ``singles``.
     alternatives
-        Probabilities and fits with other free zeros, and of this fit, which is the most
-        probable one; empty if no zero is unknown.
+        Probabilities and fits of which the band is computed, with other free zeros;
+        empty if it is that of this fit.
     """
 
     model: Model
@@ -194,8 +194,8 @@ class Fit:
 
         Degrees of freedom after Satterthwaite (1946): V²/Σ(v²/ν) for the sum V of
         variances v.  With several possible zeros, functions of the parameters have the
-        deviation that gives the band of the mixture of `alternatives`, and functions of
-        the zeros the one of this fit.
+        deviation of the smallest symmetric band that contains the one of the mixture of
+        `alternatives`, and functions of the zeros the one of this fit.
 
         Parameters
         ----------
@@ -241,7 +241,7 @@ class Fit:
                 lambda fit: (slopes @ (fit.values - self.values), slopes)
             )
             quantile = special.stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE)
-            deviation = 0.5 * np.ptp(ends, axis=0) / quantile
+            deviation = np.abs(ends).max(axis=0) / quantile
         return deviation, freedom
 
     def _interval(self, of: Callable[["Fit"], tuple[ndarray, ndarray]]) -> ndarray:
@@ -305,3 +305,12 @@ def systematic_in(residuals: Sequence[ndarray]) -> ndarray:
     """Curves with significantly correlated residuals."""
     sizes = np.array([r.size for r in residuals])
     return correlations_of(residuals) > _BELIEVED / np.sqrt(sizes)
+
+
+def independent_share(residuals: Sequence[ndarray]) -> ndarray:
+    """Share of the points of each curve that are independent: (1 − ρ)/(1 + ρ).
+
+    For the correlation ρ of neighbouring residuals; 1 if it is not significant.
+    """
+    rho = np.where(systematic_in(residuals), correlations_of(residuals), 0.0)
+    return (1 - rho) / (1 + rho)

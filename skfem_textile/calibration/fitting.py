@@ -245,12 +245,12 @@ def _unphysical(result: FabricFit) -> dict[str, str]:
 
     Crimp interchange has a convex energy without a pole, whatever its parameters.
     """
-    found = {}
+    found, tests = {}, _with_fitted_slack(result)
     for part, of_part in result.parts.items():
         if part != "shear" and part not in FAMILIES:
             continue
         unit = "degrees" if part == "shear" else "strain"
-        largest = largest_argument(result.tests, part, result.choice.up_to)
+        largest = largest_argument(tests, part, result.choice.up_to)
         if reason := reason_against(of_part, largest, unit):
             found[part] = reason
     return found

@@ -14,7 +14,7 @@ import numpy as np
 from numpy import ndarray
 from scipy import special
 
-from .bands import DIFFER, Component, Fit, correlations_of, systematic_in
+from .bands import CONFIDENCE, DIFFER, Component, Fit, independent_share
 from .models import Model, joint
 from .solving import PARTS, Laws, Sample, Unknowns, covariance_of
 
@@ -62,7 +62,9 @@ def fit(
 
     Zeros that are not expected are fitted in each of their combinations.  The
     probability of each follows from the Bayesian information criterion (Schwarz 1978);
-    bands refer to the mixture (Hoeting et al. 1999, Statist. Sci. 14:382).
+    bands refer to the mixture (Hoeting et al. 1999, Statist. Sci. 14:382).  The law is
+    that of the most probable one; expected zeros are 0 in it unless the data reject
+    that, see `_without_zeros`.
 
     Parameters
     ----------
@@ -93,13 +95,14 @@ def fit(
             continue
     probabilities = _probabilities(fits, always)
     kept = np.flatnonzero(probabilities)
+    likely = fits[int(probabilities.argmax())]
+    best = _without_zeros(likely, always)
 
     def view(of: Callable[[_Compared], Fit]) -> Fit:
-        best = of(fits[int(probabilities.argmax())])
-        if len(fits) == 1:
-            return best
+        if len(fits) == 1 and best is likely:
+            return of(best)
         mixed = tuple((float(probabilities[i]), of(fits[i])) for i in kept)
-        return replace(best, alternatives=mixed)
+        return replace(of(best), alternatives=mixed)
 
     parts = {name: view(methodcaller("part", name)) for name in models}
     return JointFit(view(attrgetter("joint")), parts)
@@ -125,6 +128,58 @@ def _probabilities(fits: Sequence["_Compared"], always: frozenset[str]) -> ndarr
     weights /= weights.sum()
     weights[weights <= _NEGLIGIBLE] = 0.0
     return weights / weights.sum()
+
+
+def _without_zeros(fit: "_Compared", names: frozenset[str]) -> "_Compared":
+    """The fit in which zeros are 0 if the data do not reject that.
+
+    An F-test removes one name after another.  The band of the fit contains the law
+    without a zero that it does not reject.  A table of tension represents any slack:
+    one with which its fit begins, that of a toe, stays.
+    """
+    for name in sorted(names):
+        full = fit.solved
+        if any(
+            offset.name == name and offset.start and sample.part != "shear"
+            for sample in full.samples
+            for offset in sample.offsets
+            if full.unknowns.models[sample.part].name == "tabulated"
+        ):
+            continue
+        laws, start = full.unknowns, full.x[: full.unknowns.parameters]
+        less = full.free - {name}
+        solved = _solved(
+            *(laws.models, full.samples, laws.known, less, start, full.noise)
+        )
+        if not _rejects(fit, solved):
+            fit = _compared(solved)
+    return fit
+
+
+def _rejects(fit: "_Compared", less: "_Solved") -> bool:
+    """True if an F-test rejects a fit with fewer zeros.
+
+    For the noise of the fit; correlated residuals count as fewer points.
+    """
+    full = fit.solved
+    of_full, of_less = (_residuals(one, fit.beyond_noise) for one in (full, less))
+    share = independent_share(of_full)
+    weights = share / full.noise**2
+    more = [b @ b - a @ a for a, b in zip(of_full, of_less, strict=True)]
+    freedom = _freedom(full, _spread_out(full.samples, weights)).sum()
+    zeros = full.unknowns.zeros - less.unknowns.zeros
+    F = max(float(weights @ more), 0.0) / zeros
+    return bool(special.fdtrc(zeros, freedom, F) < 1 - CONFIDENCE)
+
+
+def _residuals(solved: "_Solved", alone: bool) -> tuple[ndarray, ...]:
+    """Residuals of each curve, or those of a separate law if curves differ.
+
+    Zeros would represent the difference.
+    """
+    if not alone:
+        return solved.residuals
+    return tuple(_alone(solved, i).residuals[0] for i in range(len(solved.samples)))
 
 
 def _subsets(names: tuple[str, ...]) -> list[frozenset[str]]:
@@ -296,8 +351,8 @@ class _Compared:
         free, size = solved.determined, solved.x.size
         within, components = np.ix_(free, free), []
         residuals = solved.residuals
-        rho = np.where(systematic_in(residuals), correlations_of(residuals), 0.0)
-        weights = _spread_out(solved.samples, (1 - rho) / (1 + rho) / solved.noise**2)
+        share = independent_share(residuals)
+        weights = _spread_out(solved.samples, share / solved.noise**2)
         freedom = _freedom(solved, weights)
         if free.any():
             total = covariance_of(solved.jacobian[:, free], weights)
@@ -366,18 +421,9 @@ def _alone(joint: _Solved, i: int) -> _Solved:
 
 
 def _criterion(fit: _Compared, alone: bool) -> float:
-    """Bayesian information criterion, by the residuals of each curve.
-
-    If curves differ, zeros would represent the difference: then each curve counts with
-    a separate law.
-    """
-    residuals = fit.solved.residuals
-    if alone:
-        residuals = tuple(
-            _alone(fit.solved, i).residuals[0] for i in range(len(residuals))
-        )
+    """Bayesian information criterion, by the residuals of each curve."""
     total = 0.0
-    samples = fit.solved.samples
+    samples, residuals = fit.solved.samples, _residuals(fit.solved, alone)
     rounding = _LEAST_NOISE * _largest(samples)
     for sample, r, least in zip(samples, residuals, rounding, strict=True):
         n = r.size

@@ -217,15 +217,22 @@ def _kind(test: Test) -> str:
 
 
 def _zero_statements(fit: Fit, i: int) -> list[str]:
-    """Statements on the zeros of a curve that are fitted with the law."""
-    return [
-        f"a {one['name']} of {one['value']:.3g}"
-        f"{'' if one['unit'] == '-' else ' ' + one['unit']} ({one['low']:.3g} to "
-        f"{one['high']:.3g}) is estimated with the law, and its uncertainty is part of "
-        "the band"
-        for one in _zeros(fit, i)
-        if one["name"] in fit.free
-    ]
+    """Statements on the zeros of a curve: fitted with the law, or taken as 0."""
+    said = []
+    for one, offset in zip(_zeros(fit, i), fit.samples[i].offsets, strict=True):
+        unit = "" if one["unit"] == "-" else f" {one['unit']}"
+        ends = f"{one['low']:.3g} to {one['high']:.3g}{unit}"
+        if offset.name in fit.free:
+            said.append(
+                f"a {one['name']} of {one['value']:.3g}{unit} ({ends}) is estimated "
+                "with the law, and its uncertainty is part of the band"
+            )
+        elif one["high"] > one["low"]:
+            said.append(
+                f"the data do not reject a {one['name']} of 0, which is used; the band "
+                f"allows for {ends}"
+            )
+    return said
 
 
 def _range_statement(result: "FabricFit", specimen: Specimen) -> str:

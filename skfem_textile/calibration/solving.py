@@ -21,8 +21,9 @@ PARTS = "warp", "weft", "both", "shear", "bending warp", "bending weft"
 class Offset(NamedTuple):
     """Unknown zero of a machine: the force at rest, or the slack.
 
-    The fit begins at ``start`` and stays between ``low`` and ``high``.  If it is not
-    ``expected``, it is 0 unless the data contradict it.
+    The fit begins at ``start`` and stays between ``low`` and ``high``.  The zero is 0
+    unless the data reject that.  The band always allows for one that is ``expected``,
+    and for another one as far as it is probable.
     """
 
     name: str

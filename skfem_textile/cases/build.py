@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
 
     from ..scenes import Scene
-    from ..solve.result import Result
 
 log = logging.getLogger(__name__)
 
@@ -257,20 +256,8 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
                 f"two tools have the name {printable(name)!r}: rename one of them"
             )
     if tools and not isinstance(file.scene, Formed):
-        scene = replace(
-            scene,
-            measured=partial(_with_figures_of_tools, scene.measured),
-            misfit=scene.misfit or "tools act on the ply",
-        )
+        scene = replace(scene, misfit=scene.misfit or "tools act on the ply")
     return replace(scene, tools=all_tools, driven=scene.driven or names[0])
-
-
-def _with_figures_of_tools(
-    measured: "Callable[[Result], Mapping[str, float | str]]", result: "Result"
-) -> dict[str, float | str]:
-    from ..forming.figures import formed
-
-    return {**measured(result), **formed(result)}
 
 
 def _refuse_other_mesh_keys(file: CaseFile) -> None:
@@ -278,7 +265,10 @@ def _refuse_other_mesh_keys(file: CaseFile) -> None:
     options = file.mesh
     source = printable(options.source)
     if options.source == GRADED:
-        what, suitable = "a graded mesh", {"outline", "density"}
+        what, suitable = "a graded mesh", {"outline", "density", "unit", "layer"}
+        for key in ("unit", "layer") if options.outline is None else ():
+            if getattr(options, key) is not None:
+                raise ValueError(f"mesh.{key} requires mesh.outline")
         if not isinstance(file.scene, PlaneScene):
             raise ValueError("mesh.source graded applies to scenes in the plane only")
         if options.outline is not None and not isinstance(file.scene, Specimen):
@@ -333,7 +323,8 @@ def _graded(file: CaseFile, laws: Fabric, factor: float) -> "Scene":
         scene = file.scene.build("irregular", size=(1, 1))
     else:
         is_dxf = drawing.lower().endswith(".dxf")
-        outline = (Outline.from_dxf if is_dxf else Outline.from_svg)(drawing)
+        read = Outline.from_dxf if is_dxf else Outline.from_svg
+        outline = read(drawing, unit=file.mesh.unit, layer=file.mesh.layer)
         scene = file.scene.build(mesh_outline(outline, Fabric(), density=_COARSE))
     density = file.mesh.density
     assert density is not None  # by default 1

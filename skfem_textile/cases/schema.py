@@ -55,6 +55,17 @@ class Mesh(Table):
         ),
         FILE,
     ] = None
+    unit: Annotated[
+        Literal["mm", "cm", "m", "in"] | None,
+        about("unit of length of the drawing (default: the file's, else mm)"),
+    ] = None
+    layer: Annotated[
+        tuple[str, ...] | None,
+        about(
+            "layers of the drawing that are read, or id of elements of an .svg "
+            "(default: all)"
+        ),
+    ] = None
     size: Annotated[
         tuple[Count, Count] | None,
         about(
@@ -571,8 +582,8 @@ class Output(Table):
     trim: Annotated[
         str | None,
         about(
-            "CSV file with columns x, y and z of a closed curve that trims the flat "
-            "pattern of a ply on a tool (default: the boundary of the part)"
+            "table with columns x, y and z, or DXF file, of a closed curve that trims "
+            "the flat pattern of a ply on a tool (default: the boundary of the part)"
         ),
         FILE,
     ] = None

@@ -46,6 +46,12 @@ _CAPTIONS = {
     "pattern.svg": "Flat pattern",
 }
 
+# Reason why a tube has no pattern.
+_NO_OUTLINE = (
+    "no closed curve is the outline of a tube or of separate parts: "
+    "specify one by --trim, or --roll-width"
+)
+
 # Default length of a cell relative to the diagonal of the tool.
 _CELL = 0.01
 
@@ -121,10 +127,6 @@ def _laid(options: argparse.Namespace) -> Part:
     from .. import drape, io
 
     tool = io.read_surface(options.tool, options.unit)
-    along = [
-        file and io.read_curve(file)
-        for file in (options.warp_along, options.weft_along)
-    ]
     warp = np.radians(options.fibres or 0.0)
     angles = warp, warp + np.pi / 2
     size = float(np.linalg.norm(np.ptp(tool.facets.points, axis=1)))
@@ -135,16 +137,24 @@ def _laid(options: argparse.Namespace) -> Part:
             f"{_COARSEST * size:.3g} mm on a tool with a diagonal of {size:.4g} mm, "
             f"got {cell:g} mm"
         )
-    loops = tool.facets.boundary()
+    loops = _edges(tool, options)
     spanned = tool.without_holes() if len(loops) > 1 else tool
-    outline, *holes = _trimming_curves(options, spanned, cell) or loops
+    has_outline = len(loops) == 1 or (loops and len(spanned.facets.boundary()) == 1)
+    warp_along, weft_along = (
+        file and _curve(file, spanned, cell, is_closed=False)
+        for file in (options.warp_along, options.weft_along)
+    )
+    trim = [_curve(file, spanned, cell, is_closed=True) for file in options.trim or ()]
+    curves = trim or (loops if has_outline else [])
     inside = np.ones(tool.facets.n_elements, dtype=bool)
     if options.trim:
-        inside = drape.triangles_of_part(spanned, outline, holes)[: len(inside)]
+        inside = drape.triangles_of_part(spanned, curves[0], curves[1:])[: len(inside)]
     search, point = None, _start(tool, options.point)
     start = drape.NetStart(point, drape.Axes.at(tool, point).turn[:, 0])
     if options.best:
-        points = drape.points_of_part(spanned, outline, holes)
+        points = tool.facets.points
+        if curves:
+            points = drape.points_of_part(spanned, curves[0], curves[1:])
         of_part = float(np.linalg.norm(np.ptp(points, axis=1)))
         search = drape.best_start(
             spanned,
@@ -160,47 +170,59 @@ def _laid(options: argparse.Namespace) -> Part:
     settings: dict[str, Any] = {
         **start._asdict(),
         "angles": angles,
-        "warp_along": along[0],
-        "weft_along": along[1],
+        "warp_along": warp_along,
+        "weft_along": weft_along,
     }
-    part = Part(tool, inside=inside, search=search)
-    return _pieces(options, part, spanned, cell, outline, holes, settings)
+    part = Part(tool, inside=inside, search=search, meets_itself=not has_outline)
+    return _pieces(options, part, spanned, cell, curves, settings)
 
 
-def _trimming_curves(
-    options: argparse.Namespace, tool: "TriangleMesh", cell: float
-) -> list[ndarray]:
-    """Curves of files along which the pattern is trimmed, which must be on the tool."""
+def _edges(tool: "TriangleMesh", options: argparse.Namespace) -> list[ndarray]:
+    """Closed curves along the edges of a tool; none if it is closed."""
+    from ..drape.sheet import boundary_edges
+
+    if boundary_edges(tool.facets.cells).size:
+        return tool.facets.boundary()
+    if options.trim or options.roll_width is not None:
+        return []
+    raise ValueError(
+        f"{', '.join(map(printable, options.tool))}: the tool is closed and has no "
+        "edges along which the net is trimmed: specify --trim or --roll-width"
+    )
+
+
+def _curve(file: Path, tool: "TriangleMesh", cell: float, is_closed: bool) -> ndarray:
+    """Curve of a file: a closed one must be on the tool, another one in a place."""
     from .. import io
-    from ..io.tools import IN_MM
+    from ..mesh.user_input import IN_MM
 
-    curves = []
-    for file in options.trim or ():
-        curve = io.read_curve(file, 3)
-        if wrong := _off_tool(tool, curve, cell):
-            fitting = [
-                unit
-                for unit, mm in IN_MM.items()
-                if not _off_tool(tool, mm * curve, cell)
-            ]
-            advice = (
-                f"its coordinates are in {fitting[0]}: convert them to mm"
-                if fitting
-                else "specify a curve on the tool, in mm and in the axes of its file"
-            )
-            raise ValueError(f"{printable(file)}: {wrong}; {advice}")
-        curves.append(curve)
-    return curves
+    curve = io.read_curve(file, 3 if is_closed else 2)
+    if wrong := _off_tool(tool, curve, cell, is_closed):
+        fitting = [
+            unit
+            for unit, mm in IN_MM.items()
+            if not _off_tool(tool, mm * curve, cell, is_closed)
+        ]
+        advice = (
+            f"its coordinates are in {fitting[0]}: state this unit in the file, as "
+            f"'x ({fitting[0]})' in the header of a table"
+            if fitting
+            else "specify a curve on the tool, in the axes of its file"
+        )
+        raise ValueError(f"{printable(file)}: {wrong}; {advice}")
+    return curve
 
 
-def _off_tool(tool: "TriangleMesh", curve: ndarray, cell: float) -> str:
+def _off_tool(
+    tool: "TriangleMesh", curve: ndarray, cell: float, is_closed: bool
+) -> str:
     """Say that a curve is not on a tool, or smaller than a cell; empty if neither."""
     from ..drape.part import distances_from
     from ..drape.sheet import REACH
 
     away = distances_from(tool, curve)
-    far = np.flatnonzero(away > REACH * cell)
-    if far.size:
+    far = np.flatnonzero(away > (REACH if is_closed else 1.0) * cell)
+    if far.size and (is_closed or far.size == away.size):
         place = ", ".join(f"{c:.7g}" for c in curve[:, far[0]])
         return (
             f"the curve leaves the tool: {far.size} of its {curve.shape[1]} points are "
@@ -217,12 +239,12 @@ def _pieces(
     part: Part,
     spanned: "TriangleMesh",
     cell: float,
-    outline: ndarray,
-    holes: "Sequence[ndarray]",
+    curves: "Sequence[ndarray]",
     settings: dict[str, Any],
 ) -> Part:
     """Lay courses, a net with darts, or a net, and trim the pattern."""
     from .. import drape
+    from ..drape.part import first_layer
 
     if options.roll_width is not None:
         strips = drape.courses(
@@ -236,7 +258,9 @@ def _pieces(
         limit = float(np.radians(options.locking_angle))
         try:
             cut = drape.net_with_darts(spanned, cell, limit, **settings)
-            found = drape.pattern_with_darts(cut, outline, holes=holes)
+            if not curves:
+                raise ValueError(_NO_OUTLINE)
+            found = drape.pattern_with_darts(cut, curves[0], holes=curves[1:])
             refuse_overlap(part, found)
             return part._replace(
                 pieces=cut.pieces, patterns=[found.pattern], darts=found.darts
@@ -244,12 +268,17 @@ def _pieces(
         except ValueError as error:
             part = part._replace(no_darts=str(error))
     net = drape.net(spanned, cell, **settings)
-    part = part._replace(pieces=net.pieces)
+    pieces = [(net, first_layer(net))] if part.meets_itself else net.pieces
+    part = part._replace(pieces=pieces)
+    if not curves:
+        return part._replace(no_pattern=_NO_OUTLINE)
     try:
-        pattern = drape.flat_pattern(drape.Sheet.of_net(net), outline, holes=holes)
+        sheet = drape.Sheet.of_net(part)
+        pattern = drape.flat_pattern(sheet, curves[0], holes=curves[1:])
         return part._replace(patterns=[pattern])
     except ValueError as error:
-        return part._replace(no_pattern=str(error))
+        pieces = [(net, first_layer(net))]
+        return part._replace(pieces=pieces, no_pattern=str(error))
 
 
 def _start(tool: "TriangleMesh", point: "Sequence[float] | None") -> ndarray:

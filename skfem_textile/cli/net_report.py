@@ -33,7 +33,8 @@ class Part(NamedTuple):
     """Nets on a tool, their flat pattern, or why there is none, and the search.
 
     Courses have one pattern for each net.  ``inside`` is the mask of the triangles of
-    the tool in the part, and ``no_darts`` the reason why darts were left out.
+    the tool in the part, ``no_darts`` the reason why darts were left out, and
+    ``meets_itself`` is true of nets around tubes and closed tools.
     """
 
     tool: "TriangleMesh"
@@ -44,6 +45,16 @@ class Part(NamedTuple):
     no_darts: str = ""
     search: "BestStart | None" = None
     inside: ndarray = np.ones(1, dtype=bool)
+    meets_itself: bool = False
+
+    def has(self, x: ndarray) -> ndarray:
+        """Mask of points in space, (3, n), that are on the part."""
+        from ..drape.sheet import closest_on_triangles
+
+        facets = self.tool.facets
+        triangle, _ = closest_on_triangles(facets.points, facets.triangles(), x)
+        inside = np.broadcast_to(self.inside, facets.n_elements)[triangle]
+        return np.asarray(inside & (self.tool.beyond_edges(x) == 0))
 
     def area(self) -> float:
         """Area of the part on the tool in mm²."""
@@ -92,11 +103,12 @@ class Cover(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """Cells of the part, or of the whole net without a pattern.
+    """Cells of the part.
 
-    ``pieces`` are nets with masks of the cells of which at least half is in the part;
-    sizes of their shear angles in degrees, areas on the tool in mm², and centres.
-    ``area`` is the area of the part.
+    ``pieces`` are nets with masks of the cells of which at least half is in the
+    pattern, or without one, whose centres are on the part; sizes of their shear angles
+    in degrees, areas on the tool in mm², and centres.  ``area`` is the area of the net
+    in the patterns.
     """
 
     pieces: "list[tuple[Net, ndarray]]"
@@ -112,16 +124,14 @@ class Cells(NamedTuple):
 
         pieces, angles, areas, centres, whole = [], [], [], [], 0.0
         for k, (net, mask) in enumerate(part.pieces):
-            shares = mask
-            if part.patterns:
+            shares, middle = mask.astype(float), net.middles()
+            if not part.patterns:
+                shares[mask] = part.has(middle[:, mask])
+            else:
                 one = part.patterns[min(k, len(part.patterns) - 1)]
                 shares = shares_inside(net, one)
             inside = mask & (shares >= _HALF)
             whole += float((np.nan_to_num(net.areas()) * shares * mask).sum())
-            x = net.positions
-            middle = 0.25 * (
-                x[:, 1:, 1:] + x[:, 1:, :-1] + x[:, :-1, 1:] + x[:, :-1, :-1]
-            )
             pieces.append((net, inside))
             angles.append(np.degrees(np.abs(net.shear_angle()[inside])))
             areas.append((net.areas() * shares)[inside])
@@ -149,7 +159,9 @@ def figures_of(
         "area_of_tool_mm2": part.tool.facets.area,
     }
     covered = "part" if options.roll_width is None else "courses"
-    figures[f"area_of_{covered}_mm2"] = cells.area
+    figures[f"area_of_{covered}_mm2"] = (
+        cells.area if part.patterns else cover.share * part.area()
+    )
     figures["area_not_covered_mm2"] = (1 - cover.share) * part.area()
     if options.locking_angle is not None:
         figures["locking_angle_deg"] = options.locking_angle
@@ -231,6 +243,9 @@ def _net_row(part: Part, cover: Cover, options: argparse.Namespace) -> Row:
     share = f"{what} {cover.text()} {of}"
     if part.patterns and cover.is_whole:
         return ("Net", "good", f"{share} without folding")
+    if part.meets_itself and not part.patterns and cover.is_whole:
+        return ("Net", "good", f"{share} and meets itself around the tool")
+    folds, leaves = (x[:, part.has(x)] for x in (folds, leaves))
     if folds.size:
         text = f"folds at {_places(folds)}: threads lie on one another"
     elif leaves.size:

@@ -110,16 +110,16 @@ def add_net(parser: ArgumentParser, _: Any) -> None:
             f"--{family}-along",
             type=Path,
             metavar="FILE.csv",
-            help=f"curve that the first {family} thread follows, with the columns x, "
-            "y and z (default: a geodesic)",
+            help=f"curve that the first {family} thread follows: a table with the "
+            "columns x, y and z, or a DXF file (default: a geodesic)",
         )
     add(
         "--trim",
         type=Path,
         nargs="+",
         metavar="FILE.csv",
-        help="closed curves along which the pattern is trimmed: the outline, then "
-        "holes (default: the edges of the tool)",
+        help="closed curves along which the pattern is trimmed, tables or DXF files: "
+        "the outline, then holes (default: the edges of the tool)",
     )
     add(
         "--best",

@@ -8,7 +8,7 @@ from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from ..cases.read import declared
-from ..cases.scenes import SCENES, OnTool, Scene
+from ..cases.scenes import SCENES, OnTool, Scene, Specimen
 from ..cases.schema import CaseFile
 from ..cases.table import FILE, summary_of
 from ..cases.write import key_help, meaning, tables_of
@@ -46,6 +46,16 @@ _OPTIONS = {
         "CSV file with a test curve, drawn with the curve of the run",
     ),
 }
+_OPTIONS_OF_DRAWINGS = {
+    "unit": (
+        "mesh.unit",
+        "unit of length of the drawing (default: the file's, else mm)",
+    ),
+    "layer": (
+        "mesh.layer",
+        "layers of the drawing that are read, or id of elements (default: all)",
+    ),
+}
 _OPTIONS_ON_TOOL = {
     "part-mesh": (
         "output.part_mesh",
@@ -53,7 +63,7 @@ _OPTIONS_ON_TOOL = {
     ),
     "trim": (
         "output.trim",
-        "CSV file of the curve along which the flat pattern is trimmed",
+        "table or DXF file of the curve along which the flat pattern is trimmed",
     ),
 }
 
@@ -122,6 +132,7 @@ def _add_scene(
                 help_text = meaning(hint) + _default(defaults["scene"].get(key))
                 _add_key(of_scene, flag, f"scene.{key}", hint, help_text)
         options = _OPTIONS | (_OPTIONS_ON_TOOL if issubclass(scene, OnTool) else {})
+        options |= _OPTIONS_OF_DRAWINGS if scene is Specimen else {}
         group = parser.add_argument_group("mesh, laws, elements and load steps")
         for flag, (path, about) in options.items():
             table, key = path.split(".")

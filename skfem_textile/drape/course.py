@@ -16,6 +16,7 @@ from .crossings import Net
 from .flat_pattern import FlatPattern, SeamLine
 from .kinematic_net import net
 from .laying import Status
+from .sheet import Sheet
 from .surfaces import positive_length
 from .triangle_mesh import TriangleMesh
 
@@ -109,7 +110,7 @@ def courses(
     for side in (1, -1):
         last = middle
         counts = (0, across) if side > 0 else (across, 0)
-        while (thread := _thread(tool, last, side, inside)) is not None:
+        while (thread := _thread(tool, laid, last, side, inside)) is not None:
             on_tool = thread[:, tool.beyond_edges(thread) == 0]
             away = np.linalg.norm(on_tool - _start(middle)[:, None], axis=0)
             last = net(
@@ -146,14 +147,23 @@ def _start(laid: Net) -> ndarray:
     return laid.positions[:, i, j]
 
 
-def _thread(tool: TriangleMesh, laid: Net, side: int, inside: int) -> ndarray | None:
-    """Thread from which the next course starts, (3, n); None beyond the tool."""
-    edge = laid.positions[:, :, -1 if side > 0 else 0]
-    thread = laid.positions[:, :, -1 - inside if side > 0 else inside]
+def _thread(
+    tool: TriangleMesh, laid: Sequence[Net], last: Net, side: int, inside: int
+) -> ndarray | None:
+    """Thread from which the next course starts, (3, n).
+
+    None beyond the tool, and where the courses around a tube meet.
+    """
+    edge = last.positions[:, :, -1 if side > 0 else 0]
+    thread = last.positions[:, :, -1 - inside if side > 0 else inside]
     edge, thread = (x[:, np.isfinite(x[0])] for x in (edge, thread))
-    if all((tool.beyond_edges(x) == 0).any() for x in (edge, thread)):
-        return thread
-    return None
+    edge = edge[:, tool.beyond_edges(edge) == 0]
+    if not edge.size or not (tool.beyond_edges(thread) == 0).any():
+        return None
+    others = [Sheet.of_net(one) for one in laid if one is not last]
+    if others and np.any([one.at(edge).found for one in others], axis=0).all():
+        return None
+    return thread
 
 
 def _outline(tool: TriangleMesh, laid: Net) -> FlatPattern:

@@ -9,6 +9,10 @@ from .tool_mesh import curve_length, loops_of_edges
 # Distance of the vertices of a patch from its edge, relative to their spacing.
 _INSIDE = 0.7
 
+# Turning of the boundary along a hole: half way between −2π in a plane and 0 at an end
+# of a tube.
+_TURN = -np.pi
+
 # Number of linear systems, with the cotangents of the previous position.
 _ROUNDS = 3
 
@@ -16,8 +20,9 @@ _ROUNDS = 3
 def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     """Vertices and triangles with patches over all holes.
 
-    The longest edge of each part is its outer edge.  The vertices of a patch minimise
-    ∫|Δx|², and with it the bending at its edge.
+    Ends of tubes are no holes, see `turning`; a part has at least one outer edge, the
+    longest.  The vertices of a patch minimise ∫|Δx|², and with it the bending at its
+    edge.
 
     Parameters
     ----------
@@ -33,9 +38,14 @@ def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     """
     loops = loops_of_edges(boundary_edges([triangles]))
     loops.sort(key=lambda loop: curve_length(x[:, loop]), reverse=True)
-    part = parts_of(x.shape[1], triangles)
-    _, outer = np.unique([part[loop[0]] for loop in loops], return_index=True)
-    for loop in (loop for k, loop in enumerate(loops) if k not in outer):
+    part, turn = parts_of(x.shape[1], triangles), turning(x, triangles)
+    outer = of_outer_edges(
+        np.array([turn[loop].sum() for loop in loops]),
+        np.array([part[loop[0]] for loop in loops]),
+    )
+    for loop in (
+        loop for loop, is_outer in zip(loops, outer, strict=True) if not is_outer
+    ):
         x, patch = _flat_patch(x, loop)
         around = triangles[:, np.isin(triangles, loop).any(axis=0)]
         free = np.setdiff1d(patch, loop)
@@ -43,6 +53,38 @@ def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
             x = _relaxed(x, np.hstack([patch, around]), loop, free)
         triangles = np.hstack([triangles, patch])
     return x, triangles
+
+
+def turning(x: ndarray, triangles: ndarray) -> ndarray:
+    """Turning of the boundary at each vertex: π less the angles there, shape (n,).
+
+    By the theorem of Gauss and Bonnet the sum along a closed curve is 2π around a plane
+    part, −2π around a hole in it, and 0 at an end of a tube, however rough the curve.
+    """
+    turn = np.full(x.shape[1], np.pi)
+    for k in range(3):
+        a, b, c = (x[:, triangles[(k + m) % 3]] for m in range(3))
+        along, across = b - a, c - a
+        sine = np.linalg.norm(np.cross(along, across, axis=0), axis=0)
+        angle = np.arctan2(sine, (along * across).sum(axis=0))
+        turn -= np.bincount(triangles[k], angle, minlength=x.shape[1])
+    return turn
+
+
+def of_outer_edges(turn: ndarray, part: ndarray) -> ndarray:
+    """Mask of the closed curves that are outer edges, the others are those of holes.
+
+    Parameters
+    ----------
+    turn
+        Sum of `turning` along each curve, shape (n,), the longest curve first.
+    part
+        Number of its part of the surface, shape (n,).
+    """
+    outer = turn >= _TURN
+    for k in np.setdiff1d(part, part[outer]):
+        outer[np.argmax(part == k)] = True
+    return outer
 
 
 def parts_of(n: int, triangles: ndarray) -> ndarray:

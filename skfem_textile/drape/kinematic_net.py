@@ -235,7 +235,9 @@ def start_of(
             )
         place = on_curve
     start = onto(surface, place[:, None])[:, 0]
-    directions = tangents(surface, start, np.asarray(first)) @ flat
+    directions = np.empty((3, 2))
+    if curves == [None, None]:
+        directions = tangents(surface, start, np.asarray(first)) @ flat
     # The angle at rest to the curve of the other family, unless there are two curves.
     cosine, sine = float(flat[:, 0] @ flat[:, 1]), float(np.linalg.det(flat))
     for family in (1, 0) if curves[0] is None else (0, 1):

@@ -6,9 +6,10 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from .crossings import Net
 from .flat_pattern import spaced_curve
 from .holes import laplacian, parts_of
-from .sheet import boundary_edges, closest_on_triangles
+from .sheet import Sheet, boundary_edges, closest_on_triangles
 from .tool_mesh import curve_length, loops_of_edges
 from .triangle_mesh import TriangleMesh
 
@@ -25,7 +26,8 @@ def points_of_part(
     Parameters
     ----------
     tool
-        The tool, whose holes are spanned, see `TriangleMesh.without_holes`.
+        The tool, whose holes are spanned, see `TriangleMesh.without_holes`.  On a
+        closed one, the place furthest from the curve is outside.
     curve, holes
         Points of closed curves on the tool in mm, shape (3, n).
 
@@ -36,8 +38,6 @@ def points_of_part(
 
     Raises
     ------
-    MeshError
-        If the tool has no edge.
     ValueError
         If a curve is not valid, or no vertex is inside.
 
@@ -55,7 +55,7 @@ def points_of_part(
     True
     """
     outline, x = _spaced(tool, curve), tool.facets.points
-    disk = _on_disk(x, tool.facets.triangles())
+    disk = _on_disk(x, tool.facets.triangles(), outline)
     inside = _inside(tool, disk, (outline, *holes), disk)
     if not inside.any():
         raise ValueError("part: no vertex of the tool is inside the curve")
@@ -74,15 +74,42 @@ def triangles_of_part(
 
     Raises
     ------
-    MeshError
-        If the tool has no edge.
     ValueError
         If a curve is not valid.
     """
     triangles = tool.facets.triangles()
-    disk = _on_disk(tool.facets.points, triangles)
+    disk = _on_disk(tool.facets.points, triangles, np.asarray(curve))
     centres = disk[:, triangles].mean(axis=1)
     return _inside(tool, disk, (curve, *holes), centres)
+
+
+def first_layer(net: Net) -> ndarray:
+    """Mask of the cells that do not lie on cells closer to the start of the net.
+
+    A net around a tube meets itself.  Distances are in the flat ply.
+
+    Parameters
+    ----------
+    net
+        The net.
+
+    Returns
+    -------
+    ndarray
+        Shape (n_warp, n_weft).
+    """
+    sheet, cells = Sheet.of_net(net), net.cells
+    away = np.linalg.norm(net.centres()[:, cells] - net.touch[:, None], axis=0)
+    rank = np.argsort(np.argsort(away, kind="stable"))
+    corners = sheet.positions[:, sheet.elements]
+    covered = np.arange(len(rank))
+    for k in (0, 2):
+        point = 0.5 * (corners[:, k, covered] + corners[..., covered].mean(axis=1))
+        found = sheet.at(point, rank=rank).element
+        covered = covered[rank[found] < rank[covered]]
+    first = cells.copy()
+    first[cells] = ~np.isin(np.arange(len(rank)), covered)
+    return first
 
 
 def distances_from(tool: TriangleMesh, points: ndarray) -> ndarray:
@@ -120,10 +147,18 @@ def _mapped(x: ndarray, triangles: ndarray, disk: ndarray, points: ndarray) -> n
     return np.asarray((shares * disk[:, triangles[:, triangle]]).sum(axis=1))
 
 
-def _on_disk(x: ndarray, triangles: ndarray) -> ndarray:
-    """Vertices on the unit disk, shape (2, n); NaN in smaller parts of the tool."""
-    from scipy.sparse.linalg import spsolve
+def _on_disk(x: ndarray, triangles: ndarray, curve: ndarray) -> ndarray:
+    """Vertices on the unit disk, shape (2, n); NaN in smaller parts of the tool.
 
+    A closed tool is opened at the triangle that is furthest from the curve.
+    """
+    from scipy.sparse.linalg import spsolve
+    from scipy.spatial import KDTree
+
+    if not boundary_edges([triangles]).size:
+        centres = x[:, triangles].mean(axis=1)
+        away, _ = KDTree(curve.T).query(centres.T)
+        triangles = np.delete(triangles, away.argmax(), axis=1)
     loops = loops_of_edges(boundary_edges([triangles]))
     rim = max(loops, key=lambda loop: curve_length(x[:, loop]))
     parts = parts_of(x.shape[1], triangles)

@@ -4,6 +4,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
+from .holes import of_outer_edges, parts_of, turning
 from .sewing import Sewing, sewn
 from .sheet import edges_once
 
@@ -41,6 +42,9 @@ _MOST = 0.6
 # Share of the area of a part below which it is not counted, as left-over slivers.
 _SLIVER = 1e-4
 
+# Area of a part relative to that of the largest below which it is rounding.
+_NO_AREA = 1e-14
+
 # Distance between opposite sides, relative to the mean edge, below which the quadrics
 # of one affect the other: at three quarters of their reach the weight is a thousandth.
 # Share of the triangles above which the tool is a shell; a trailing edge has fewer.
@@ -74,6 +78,7 @@ def repaired(
     """
     x, triangles = _valid(vertices, triangles)
     x, triangles, sewing = sewn(x, triangles)
+    x, triangles, flat = _with_area(x, triangles)
     if len(x) < least:
         raise MeshError(
             f"triangle mesh: there are {len(x)} vertices, but at least {least} are "
@@ -90,6 +95,7 @@ def repaired(
     remarks = [
         _of_sewing(sewing, mean_edge(x, triangles)),
         f"{duplicates} duplicate triangle(s) removed" if duplicates else "",
+        f"{flat} triangle(s) of parts without area removed" if flat else "",
         branches,
         turned,
         _of_parts(x, triangles),
@@ -179,6 +185,18 @@ def _neighbours(triangles: ndarray) -> tuple[ndarray, ndarray]:
     start = (np.cumsum(count) - count)[count == 2]
     pair = np.array([order[start], order[start + 1]])
     return pair % triangles.shape[1], (edges[0, pair[0]] != edges[0, pair[1]]) * 1
+
+
+def _with_area(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray, int]:
+    """Vertices and triangles without the parts that have no area, and their number."""
+    part = parts_of(len(x), triangles)[triangles[0]]
+    a, b, c = x[triangles]
+    area = np.bincount(part, np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    keep = (area > _NO_AREA * area.max())[part]
+    if keep.all():
+        return x, triangles, 0
+    used, numbers = np.unique(triangles[:, keep], return_inverse=True)
+    return x[used], numbers.reshape(3, -1), int((~keep).sum())
 
 
 def _components(n: int, pairs: ndarray) -> ndarray:
@@ -290,6 +308,13 @@ def _oriented(x: ndarray, triangles: ndarray) -> tuple[ndarray, str]:
     a, b, c = x[triangles]
     vectors = np.cross(b - a, c - a) / 2
     area, signs = np.linalg.norm(vectors, axis=1), np.where(turned, -1, 1)
+    flat = np.bincount(part, area) <= 0
+    if flat.any():
+        place = x[triangles[:, flat[part]][0, 0]]
+        raise MeshError(
+            f"triangle mesh: the separate part at ({xyz(place)}) mm has no area: "
+            "remove it"
+        )
     share = np.bincount(part, area * turned) / np.bincount(part, area)
     up = np.bincount(part, vectors[:, 2] * signs)
     reverse = np.where(np.abs(share - 0.5) > _MOST - 0.5, share > 0.5, up < 0)
@@ -326,10 +351,14 @@ def _of_holes(x: ndarray, triangles: ndarray) -> str:
     around, open_edges, loop = _around_openings(x, triangles)
     if not open_edges.size:
         return "the tool is closed: a ply lies on its outside"
-    outer = np.unique(_components(triangles.shape[1], _neighbours(triangles)[0])).size
-    if (n := len(around) - outer) <= 0:
+    order = np.argsort(-around)
+    turn = np.bincount(loop, turning(x.T, triangles)[open_edges[0]])
+    part = np.empty(len(around), dtype=int)
+    part[loop] = parts_of(len(x), triangles)[open_edges[0]]
+    holes = order[~of_outer_edges(turn[order], part[order])]
+    if not (n := len(holes)):
         return ""
-    hole = np.argsort(around)[-1 - outer]
+    hole = holes[0]
     place = x[open_edges[0, loop == hole]].mean(axis=0)
     return (
         f"the tool has {n} hole(s), the largest with a circumference of "

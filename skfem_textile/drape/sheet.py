@@ -382,7 +382,12 @@ class Sheet:
     def _tree(self) -> "ElementTree":
         return ElementTree(self.positions[:, self.elements])
 
-    def at(self, points: ndarray, reach: ndarray | float | None = None) -> SheetPoints:
+    def at(
+        self,
+        points: ndarray,
+        reach: ndarray | float | None = None,
+        rank: ndarray | None = None,
+    ) -> SheetPoints:
         """Points of the sheet at points of a tool: feet of perpendiculars.
 
         Parameters
@@ -393,6 +398,9 @@ class Sheet:
             Largest distance from the sheet in mm, for all points or for each; by
             default a quarter of the longest edge of the sheet.  Use less than the
             thickness of a tool whose other side is not draped.
+        rank
+            Of several elements within reach of a point, the one of the least rank is
+            chosen, shape (n_elements,); by default the nearest.
         """
         n, points = points.shape[1], np.clip(points, -_FAR, _FAR)
         reach = REACH * self.longest_edge if reach is None else reach
@@ -403,8 +411,9 @@ class Sheet:
         outside = self._elements.outside(local) * 2 * self._tree.radii[element]
         allowed = _ON_EDGE * self.longest_edge + _BETWEEN * distance
         accepted = (outside <= allowed) & (distance <= most[point])
-        # The nearest element of each point is written last.
-        order = np.flatnonzero(accepted)[np.argsort(-(distance + outside)[accepted])]
+        # The chosen element of each point is written last.
+        last = distance + outside if rank is None else rank[element]
+        order = np.flatnonzero(accepted)[np.argsort(-last[accepted])]
         chosen = np.full(n, -1)
         chosen[point[order]] = order
         feet = SheetPoints(np.full(n, -1), np.full((2, n), np.nan), np.full(n, np.inf))

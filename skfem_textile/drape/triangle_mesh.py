@@ -162,8 +162,10 @@ class TriangleMesh:
     def without_holes(self) -> "TriangleMesh":
         """The surface with smooth patches over its holes.
 
-        For nets that are laid over a hole and trimmed by it.  The outer edge of a part
-        is its longest; the triangles of a patch have the size of its edges.
+        For nets that are laid over a hole and trimmed by it.  Ends of tubes are no
+        holes: a patch there would turn by more than π.  If a part has no other edge,
+        its longest is its outer edge.  The triangles of a patch have the size of its
+        edges.
 
         Raises
         ------

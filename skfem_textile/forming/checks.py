@@ -9,6 +9,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..ply import Ply
+from ..solve.problem import OPPOSITE
 from ..solve.surface.on_surface import SurfaceError
 from .contact import Pressing, pressing
 from .tool import Obstacle, ToolContact
@@ -16,11 +17,6 @@ from .tool import Obstacle, ToolContact
 # Penetration relative to the size of the ply that is round-off, and most projections of
 # a point onto a tool, which are exact to first order.
 _FREE, _MOST = 1e-6, 20
-
-# Cosine of the angle between the normals of two tools at the undeformed ply below which
-# they are on opposite sides of it.  Chosen: 120°, so that the walls and the bottom of a
-# box, which overlap beneath each other, are not.
-_OPPOSITE = -0.5
 
 # Number of intervals in which tools push points along.  Chosen: tools pass over no
 # point if they move by less than their size in an interval.
@@ -95,7 +91,7 @@ def _pushed(ply: Ply, tools: Sequence[ToolContact]) -> bool:
     X, free = np.pad(ply.nodes, ((0, 1), (0, 0))), _FREE * _size(ply)
     x, normals = [X] * len(tools), [_normal(x, X) for x in tools]
     pairs = permutations(range(len(tools)), 2)
-    opposite = [(i, j) for i, j in pairs if normals[i] @ normals[j] < _OPPOSITE]
+    opposite = [(i, j) for i, j in pairs if normals[i] @ normals[j] < OPPOSITE]
     touched = False
     for t in np.linspace(0, 1, _PUSHES + 1).tolist():
         pushed = [_pushed_out(*pair, t, free) for pair in zip(tools, x, strict=True)]
@@ -216,7 +212,7 @@ def _points_of(bare: Obstacle, x: ndarray, t: float, ply: Ply) -> ndarray:
     low, high = (get(ply.mesh.p, axis=1)[:, None] for get in (np.min, np.max))
     over = ((x[:2] >= low) & (x[:2] <= high)).all(axis=0) & (np.abs(gap) <= free)
     x, normal = x[:, over], normal[:, over]
-    return x[:, normal[:, :1].sum(axis=1) @ normal > _OPPOSITE]
+    return x[:, normal[:, :1].sum(axis=1) @ normal > OPPOSITE]
 
 
 def _mirrored(ply: Ply, name: str, x: ndarray) -> ndarray:

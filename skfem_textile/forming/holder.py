@@ -1,7 +1,7 @@
 """Holders, which press a ply on a surface."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -15,14 +15,8 @@ from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ElementTerm
 from ..solve.surface import Surface
 from ..solve.surface.on_surface import CheckedSurface
-from .tool import (
-    Motion,
-    Obstacle,
-    ToolContact,
-    nodal_matrix,
-    node_areas,
-    placement,
-)
+from .outline import shares_inside
+from .tool import Motion, Obstacle, ToolContact, nodal_matrix, placement
 
 # Number of load factors at which a gap or pressure is validated before a run: every
 # 2.5 % of it.
@@ -45,9 +39,9 @@ class Holder:
     gap
         Distance in mm between holder and surface; or a function of the load factor.
     pressure
-        Pressure in N/mm² towards the surface, uniform over the part of the ply within
-        the outline; or a function of the load factor.  Either a gap or a pressure is
-        given.
+        Pressure in N/mm² of undeformed area towards the surface, uniform over the part
+        of the ply within the outline; or a function of the load factor.  Either a gap
+        or a pressure is given.
     motion, side, thickness, outline, name, stated
         See `Tool`.
 
@@ -81,7 +75,7 @@ class Holder:
         ------
         ValueError
             See `Tool.on`; also if not exactly one of gap and pressure is given, or it
-            is negative.
+            is negative, or no part of the ply is within the outline.
         """
         what = f"holder {self.name!r}"
         if (self.gap is None) == (self.pressure is None):
@@ -89,16 +83,32 @@ class Holder:
         if self.gap is None:
             pressure = _amount(f"{what}: pressure", self.pressure, 0.0, "N/mm2")
             obstacle = Obstacle.of(self, basis, lambda t: 0.0)
-            return HolderPressure(self.name, pressure, obstacle, basis)
-        reach = _amount(f"{what}: gap", self.gap, self.thickness, "mm")
-        return ToolContact(self.name, Obstacle.of(self, basis, reach), basis)
+            term: ToolContact | HolderPressure
+            term = HolderPressure(self.name, pressure, obstacle, basis)
+        else:
+            reach = _amount(f"{what}: gap", self.gap, self.thickness, "mm")
+            term = ToolContact(self.name, Obstacle.of(self, basis, reach), basis)
+        if not any(term.reaches(basis.zeros(), t) for t in (0.0, 1.0)):
+            raise ValueError(
+                f"{what}: no part of the undeformed ply is within its edges or "
+                "outline: check the positions and units of holder and ply"
+            )
+        return term
 
 
-class _PerSlope(TermParameters):
-    """1/‖∇φ‖ at the nodes under a holder, 0 at others."""
+class _PressedAreas(TermParameters):
+    """Pressed area of each node over ‖∇φ‖, 0 at nodes out of reach of the surface.
 
-    def __init__(self, obstacle: Obstacle) -> None:
-        self._obstacle = obstacle
+    An element contributes the integrals of its shape functions, times the share of its
+    undeformed area that is within the outline at its present position.
+    """
+
+    def __init__(self, obstacle: Obstacle, basis: CellBasis) -> None:
+        self._outline = obstacle.outline
+        self._obstacle = replace(obstacle, outline=None)
+        self._mesh, self._nodes = basis.mesh, basis.element_dofs[::3] // 3
+        shapes = [np.asarray(basis.basis[i][0])[0] for i in range(0, basis.Nbfun, 3)]
+        self._integrals = np.array([(N * basis.dx).sum(axis=-1) for N in shapes])
 
     def at_rest(self) -> Values:
         """Values before the run."""
@@ -108,14 +118,24 @@ class _PerSlope(TermParameters):
         self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
     ) -> Values:
         """Values at a displacement."""
-        at = self._obstacle.gaps(self._obstacle.X + u.reshape(-1, 3).T, t)
-        return Values({"per_slope": np.isfinite(at.gap) / at.slope})
+        obstacle, areas = self._obstacle, self._integrals
+        x = obstacle.X + u.reshape(-1, 3).T
+        if self._outline is not None:
+            rotation, translation = placement(obstacle.what, obstacle.motion, t)
+            local = rotation.T @ (x - translation[:, None])
+            corners = local[:2, : self._mesh.nvertices]
+            areas = areas * shares_inside(self._outline, self._mesh, corners)
+        areas = np.bincount(self._nodes.ravel(), areas.ravel(), x.shape[1])
+        nodes = np.flatnonzero(areas)
+        at = obstacle.gaps(x[:, nodes], t)
+        areas[nodes] *= np.isfinite(at.gap) / at.slope
+        return Values({"areas": areas})
 
 
 class HolderPressure(ElementTerm):
     """Uniform pressure of a holder towards a surface; see `Holder`.
 
-    The energy is Σ p A φ/‖∇φ‖ over the nodes under the holder, with their areas A.
+    The energy is Σ p A φ/‖∇φ‖ over the nodes, with their areas A under the holder.
     """
 
     role = "load"
@@ -129,9 +149,8 @@ class HolderPressure(ElementTerm):
     ) -> None:
         self.name, self._pressure, self._obstacle = name, pressure, obstacle
         self.nodes = np.arange(obstacle.X.shape[1])[None]
-        self._areas = node_areas(basis)
         self._surface = CheckedSurface(obstacle.what, obstacle.surface)
-        self.parameters = _PerSlope(obstacle)
+        self.parameters = self._pressed_areas = _PressedAreas(obstacle, basis)
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Pressure times the volume between the ply and the surface."""
@@ -161,6 +180,10 @@ class HolderPressure(ElementTerm):
         """Forces towards the surface in N, shape (n_nodes,)."""
         return np.asarray(np.linalg.norm(self.residual(u, t, p).reshape(-1, 3), axis=1))
 
+    def reaches(self, u: ndarray, t: float) -> bool:
+        """True if it presses on a part of the ply, whatever its pressure."""
+        return bool(self._pressed_areas.updated(NO_VALUES, u, t)["areas"].any())
+
     def travel(self, t: float) -> ndarray:
         """Translation from its initial position in mm, shape (3,)."""
         return self._obstacle.travel(t)
@@ -173,11 +196,11 @@ class HolderPressure(ElementTerm):
         self, u: ndarray, t: float, p: Values
     ) -> tuple[ndarray, ndarray, ndarray, ndarray]:
         """Nodes under the holder, factors of φ, rotation, and nodes in its axes."""
-        obstacle, nodes = self._obstacle, np.flatnonzero(p["per_slope"])
-        factors = obstacle.side * self._pressure(t) * self._areas * p["per_slope"]
+        obstacle, nodes = self._obstacle, np.flatnonzero(p["areas"])
+        factors = obstacle.side * self._pressure(t) * p["areas"][nodes]
         rotation, translation = placement(obstacle.what, obstacle.motion, t)
         x = obstacle.X[:, nodes] + u.reshape(-1, 3)[nodes].T
-        return nodes, factors[nodes], rotation, rotation.T @ (x - translation[:, None])
+        return nodes, factors, rotation, rotation.T @ (x - translation[:, None])
 
 
 def _amount(

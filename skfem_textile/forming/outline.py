@@ -1,7 +1,16 @@
 """Outlines of tools in the plane."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy import ndarray
+from skfem import Mesh
+
+if TYPE_CHECKING:
+    from shapely import Geometry
+
+# Distance of points of an outline, relative to its extent, that is round-off.
+_ROUND_OFF = 1e-9
 
 
 def inside(corners: ndarray, x: ndarray) -> ndarray:
@@ -34,3 +43,66 @@ def nearest(corners: ndarray, x: ndarray) -> ndarray:
     feet = begin + np.clip(share, 0.0, 1.0) * along
     distance = ((feet - x[:, None]) ** 2).sum(axis=0)
     return feet[:, distance.argmin(axis=0), np.arange(x.shape[1])]
+
+
+def region(corners: ndarray) -> "Geometry":
+    """Points inside a polygon as a geometry, by the rule of `inside`."""
+    import shapely
+
+    return shapely.make_valid(shapely.Polygon(_rounded(corners).T))
+
+
+def is_flat(corners: ndarray) -> bool:
+    """True if a polygon encloses no area."""
+    return bool(region(corners).area <= _ROUND_OFF * np.ptp(corners, axis=1).max() ** 2)
+
+
+def crossing_edges(corners: ndarray) -> tuple[int, int] | None:
+    """Two edges of a polygon that cross, by their first corners; None without any."""
+    import shapely
+
+    x = _rounded(corners).T
+    edges = shapely.linestrings(np.stack([x, np.roll(x, -1, axis=0)], axis=1))
+    tree = shapely.STRtree(edges)
+    first, second = tree.query(edges, predicate="crosses")
+    return (int(first[0]), int(second[0])) if first.size else None
+
+
+def _rounded(corners: ndarray) -> ndarray:
+    """Corners without round-off, so that edges followed twice coincide."""
+    unit = _ROUND_OFF * np.ptp(corners, axis=1).max()
+    return np.round(corners / unit) * unit if unit else corners
+
+
+def shares_inside(corners: ndarray, mesh: Mesh, x: ndarray) -> ndarray:
+    """Share of the area of each element that is inside a polygon, shape (n_elements,).
+
+    An element consists of triangles between its corners, each of which is deformed
+    affinely.
+
+    Parameters
+    ----------
+    corners
+        See `inside`.
+    mesh
+        The undeformed mesh.
+    x
+        Positions of its vertices, shape (2, n_vertices).
+    """
+    import shapely
+
+    t = mesh.t
+    fan = np.array([t[[0, i, i + 1]] for i in range(1, len(t) - 1)])
+    triangles = shapely.polygons(x[:, fan].transpose(1, 3, 2, 0))
+    within = region(corners)
+    shapely.prepare(within)
+    shares = shapely.contains_properly(within, triangles).astype(float)
+    crossed = shapely.intersects(within, triangles) & (shares == 0.0)
+    whole = shapely.area(triangles)
+    flat = crossed & (whole <= _ROUND_OFF * whole.max())
+    shares[flat] = shapely.contains(within, shapely.centroid(triangles[flat]))
+    crossed &= ~flat
+    parts = shapely.intersection(within, triangles[crossed])
+    shares[crossed] = shapely.area(parts) / whole[crossed]
+    areas = shapely.area(shapely.polygons(mesh.p[:, fan].transpose(1, 3, 2, 0)))
+    return np.asarray((areas * shares).sum(axis=0) / areas.sum(axis=0))

@@ -20,11 +20,11 @@ from skfem import CellBasis, LinearForm, Mesh, asm
 from ..mesh.bases import components, node_positions
 from ..mesh.user_input import call_user_function, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
-from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
+from ..ply.terms import ContactTerm
 from ..solve.surface import Surface
 from ..solve.surface.on_surface import CheckedSurface, SurfaceError, check_surface
 from ..solve.surface.surface import place
-from .outline import inside
+from .outline import crossing_edges, inside, is_flat
 
 #: Translation in mm that is reached in proportion to the load factor, or a function of
 #: the load factor that returns the translation, or a rotation matrix and it.
@@ -409,6 +409,11 @@ def _corners(what: str, outline: ArrayLike | None) -> ndarray | None:
         )
     if not np.isfinite(corners).all():
         raise ValueError(f"{what}: outline must be finite")
+    if (crossing := crossing_edges(corners)) is not None:
+        first, second = (f"from corner {i}" for i in crossing)
+        raise ValueError(f"{what}: the edges of the outline {first} and {second} cross")
+    if is_flat(corners):
+        raise ValueError(f"{what}: the outline encloses no area")
     return corners
 
 
@@ -469,6 +474,13 @@ class ToolContact(ContactTerm):
 
         check_tools(ply, moved)
 
+    @staticmethod
+    def figures(result: Any) -> dict[str, Any]:
+        """See `formed`."""
+        from .figures import formed
+
+        return formed(result)
+
     def stated(self, x: ndarray) -> ndarray:
         """Positions, shape (3, n), in the axes of messages, see `Tool`."""
         return self._obstacle.stated(x)
@@ -493,6 +505,10 @@ class ToolContact(ContactTerm):
     def gaps(self, u: ndarray, t: float) -> ndarray:
         """See `ContactTerm.gaps`."""
         return np.where(self._takes_part, self._at(u, t).gap, np.inf)
+
+    def reaches(self, u: ndarray, t: float) -> bool:
+        """True if a node of the ply is within the edges and outline of the tool."""
+        return bool(np.isfinite(self.gaps(u, t)).any())
 
     def gaps_at(self, x: ndarray, t: float) -> ndarray:
         """Distances of points from the tool in mm, shape (n,)."""
@@ -540,9 +556,8 @@ class ToolContact(ContactTerm):
         kappa = p["stiffness"]
         if not kappa.any():
             return None
-        force, gap = self.forces(u, t, p), self.gaps(u, t)
-        n = np.where(np.isfinite(gap), self._at(u, t).normal, 0.0)
-        K = STIFFNESS_OF_GAP * kappa * n[:, None] * n
+        force = self.forces(u, t, p)
+        K = np.zeros((3, 3, len(force)))
         if (nodes := np.flatnonzero(force)).size:
             normal, H = self._obstacle.derivatives(self._at(u, t), nodes, t)
             K[..., nodes] = kappa[nodes] * normal[:, None] * normal

@@ -15,10 +15,9 @@ sign.
 import numpy as np
 from numpy import ndarray
 from skfem import BilinearForm, Functional, LinearForm
-from skfem.helpers import grad
 
 from ..fabric import kinematics as kin
-from .form import Forms, deformation, once
+from .form import Forms, deformation, gradient, once
 
 #: J₀, the area ratio det F below which a corner resists.  Chosen: inextensible
 #: orthogonal fibres reach it at a shear angle of 85.4° (cos 85.4° = 0.08), beyond the
@@ -60,13 +59,15 @@ def corner_resistance(stiffness: float) -> Forms:
     @LinearForm
     def residual(v, w):
         _, d, _ = once(w, derivatives)
-        return stiffness * d * kin.area_ratio_d(deformation(w), grad(v))
+        return stiffness * d * kin.area_ratio_d(deformation(w), gradient(v))
 
     @BilinearForm
     def tangent(u, v, w):
         _, d, dd = once(w, derivatives)
         F = deformation(w)
-        square = kin.area_ratio_d(F, grad(u)) * kin.area_ratio_d(F, grad(v))
-        return stiffness * (dd * square + d * kin.area_ratio_dd(F, grad(u), grad(v)))
+        square = kin.area_ratio_d(F, gradient(u)) * kin.area_ratio_d(F, gradient(v))
+        return stiffness * (
+            dd * square + d * kin.area_ratio_dd(F, gradient(u), gradient(v))
+        )
 
     return Forms(energy, residual, tangent)

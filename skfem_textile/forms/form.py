@@ -9,12 +9,12 @@ tangent (second derivative) of one term, as scikit-fem forms with the displaceme
 their parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
-from skfem import BilinearForm, Functional, LinearForm
+from skfem import BilinearForm, DiscreteField, Functional, LinearForm
 from skfem.assembly.form.form import FormExtraParams
 from skfem.helpers import ddot, grad
 
@@ -39,11 +39,11 @@ def of_density(energy: Callable, stress: Callable, stiffness: Callable) -> Forms
 
     @LinearForm
     def residual(v, w):
-        return ddot(once(w, stress), grad(v))
+        return ddot(once(w, stress), gradient(v))
 
     @BilinearForm
     def tangent(u, v, w):
-        return contract(grad(v), once(w, stiffness), grad(u))
+        return contract(gradient(v), once(w, stiffness), gradient(u))
 
     return Forms(energy_form, residual, tangent)
 
@@ -57,7 +57,37 @@ def once(w: FormExtraParams, function: Callable) -> Any:
 
 def deformation(w: FormExtraParams) -> ndarray:
     """Deformation gradient of the parameter ``u``."""
-    return kin.deformation_gradient(grad(w["u"]))
+    return kin.deformation_gradient(gradient(displacement(w)))
+
+
+def displacement(w: FormExtraParams) -> DiscreteField:
+    """The parameter ``u``; a ValueError if it is missing or not a vector field."""
+    u = parameter(w, "u")
+    if np.ndim(u) != 3 or len(u) not in (2, 3) or u.grad is None:
+        raise ValueError(
+            "the form requires a displacement with two or three components: pass a "
+            "basis such as quad_basis(mesh, CENTRE), and u of shape (basis.N,)"
+        )
+    return u
+
+
+def parameter(w: Mapping[str, Any], name: str) -> Any:
+    """Parameter of a form; a ValueError if it is missing."""
+    if name not in w:
+        raise ValueError(
+            f"the form requires the parameter {name!r}: asm(form, basis, {name}=...)"
+        )
+    return w[name]
+
+
+def gradient(u: DiscreteField) -> ndarray:
+    """Gradient of a field; a ValueError on an `HourglassBasis`."""
+    if u.grad3 is not None:
+        raise ValueError(
+            "the form requires a basis with the whole gradient of the displacement, "
+            "such as quad_basis(mesh, CENTRE), not an HourglassBasis"
+        )
+    return np.asarray(grad(u))
 
 
 def directions(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarray]:
@@ -90,4 +120,6 @@ def mean(w: Any, x: ndarray) -> ndarray:
 
     ``w`` are the form parameters on a `MeanBasis`.
     """
+    if "share" not in w:
+        raise ValueError("the form requires a MeanBasis or a MacroBasis")
     return (w["share"] * x).sum(axis=-1, keepdims=True)

@@ -32,7 +32,7 @@ from skfem.helpers import ddot, dot, grad, inv
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
 from ..mesh.bases import centre_grad
-from .form import Forms, contract, directions, once
+from .form import Forms, contract, directions, displacement, once, parameter
 
 #: A function of the parameters of a form.
 Pointwise: TypeAlias = Callable[[FormExtraParams], ndarray]
@@ -63,7 +63,7 @@ def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
         return kin.shear_angle_d(F, *A), kin.shear_angle_d(F0, *A)
 
     def stiffness(w):
-        return w["C_s"] if C_s is None else C_s
+        return parameter(w, "C_s") if C_s is None else C_s
 
     @Functional
     def energy(w):
@@ -102,11 +102,11 @@ def hourglass_rate(fabric: Fabric, C_s: float) -> Forms:
 
     @Functional
     def work(w):
-        mean_moment = w["moment"] + 0.5 * C_s * increment(w)
+        mean_moment = parameter(w, "moment") + 0.5 * C_s * increment(w)
         return _area(w) * mean_moment * increment(w)
 
     def moment(w):
-        return _area(w) * (w["moment"] + C_s * increment(w))
+        return _area(w) * (parameter(w, "moment") + C_s * increment(w))
 
     def stiffness(w):
         return _area(w) * C_s
@@ -124,7 +124,7 @@ def _rate_variation(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarra
 def rate_increment(fabric: Fabric, w: FormExtraParams) -> ndarray:
     """f·(B_HGL Δu) of `hourglass_rate`, Δu from the parameter ``last`` to ``u``."""
     d = _rate_variation(fabric, w)
-    return _along(d, w["u"]) - _along(d, w["last"])
+    return _along(d, displacement(w)) - _along(d, parameter(w, "last"))
 
 
 def _residual_and_tangent(
@@ -153,14 +153,14 @@ def _residual_and_tangent(
 
 def _gradients(w: FormExtraParams) -> tuple[ndarray, ndarray]:
     """Deformation gradients at the point and at the element centre."""
-    u = w["u"]
+    u = displacement(w)
     at_centre = centre_grad(u)
     return kin.deformation_gradient(_grad(u)), kin.deformation_gradient(at_centre)
 
 
 def _area(w: FormExtraParams) -> ndarray:
     """Current area of the element per reference area."""
-    return kin.area_ratio(kin.deformation_gradient(centre_grad(w["u"])))
+    return kin.area_ratio(kin.deformation_gradient(centre_grad(displacement(w))))
 
 
 def _along(d: tuple[ndarray, ndarray], v: DiscreteField) -> ndarray:
@@ -170,6 +170,11 @@ def _along(d: tuple[ndarray, ndarray], v: DiscreteField) -> ndarray:
 def _grad(u: DiscreteField) -> ndarray:
     """Full gradient of a field on the hourglass basis."""
     return centre_grad(u) + grad(u)
+
+
+def _fluctuation(u: DiscreteField) -> ndarray:
+    """Its fluctuation ∇u(ξ) − ∇u(0)."""
+    return _grad(u) - centre_grad(u)
 
 
 def isotropic_hourglass(stiffness: float) -> Forms:
@@ -186,15 +191,16 @@ def isotropic_hourglass(stiffness: float) -> Forms:
 
     @Functional
     def energy(w):
-        return 0.5 * stiffness * ddot(grad(w["u"]), grad(w["u"]))
+        u = displacement(w)
+        return 0.5 * stiffness * ddot(_fluctuation(u), _fluctuation(u))
 
     @LinearForm
     def residual(v, w):
-        return stiffness * ddot(grad(w["u"]), grad(v))
+        return stiffness * ddot(_fluctuation(displacement(w)), _fluctuation(v))
 
     @BilinearForm
     def tangent(u, v, w):
-        return stiffness * ddot(grad(u), grad(v))
+        return stiffness * ddot(_fluctuation(u), _fluctuation(v))
 
     return Forms(energy, residual, tangent)
 
@@ -210,39 +216,41 @@ def out_of_plane() -> Forms:
     """
 
     def at_centre(w):
-        return kin.deformation_gradient(centre_grad(w["u"]))
+        return kin.deformation_gradient(centre_grad(displacement(w)))
 
     def normal(w):
         return kin.area_vector(at_centre(w))
 
     def lift(w):
-        return _across(once(w, normal), grad(w["u"]))
+        return _across(once(w, normal), grad(displacement(w)))
 
     def turn(w, v):
         """Increment of the area vector."""
         return kin.area_vector_d(once(w, at_centre), centre_grad(v))
 
     def variation(w, v):
-        return _across(turn(w, v), grad(w["u"])) + _across(once(w, normal), grad(v))
+        return _across(turn(w, v), grad(displacement(w))) + _across(
+            once(w, normal), grad(v)
+        )
 
     @Functional
     def energy(w):
-        return 0.5 * w["C_s"] * dot(lift(w), lift(w))
+        return 0.5 * parameter(w, "C_s") * dot(lift(w), lift(w))
 
     @LinearForm
     def residual(v, w):
-        return w["C_s"] * dot(once(w, lift), variation(w, v))
+        return parameter(w, "C_s") * dot(once(w, lift), variation(w, v))
 
     @BilinearForm
     def tangent(u, v, w):
         bend = kin.area_vector_d(centre_grad(u), centre_grad(v))
         second = (
-            _across(bend, grad(w["u"]))
+            _across(bend, grad(displacement(w)))
             + _across(turn(w, u), grad(v))
             + _across(turn(w, v), grad(u))
         )
         square = dot(variation(w, u), variation(w, v))
-        return w["C_s"] * (square + dot(once(w, lift), second))
+        return parameter(w, "C_s") * (square + dot(once(w, lift), second))
 
     return Forms(energy, residual, tangent)
 

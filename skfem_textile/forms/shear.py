@@ -7,7 +7,7 @@ continuous shear angle, including a linear one, and couples neighbouring element
 import numpy as np
 from numpy import ndarray
 from skfem import BilinearForm, Functional, LinearForm
-from skfem.helpers import ddot, grad
+from skfem.helpers import ddot
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
@@ -17,6 +17,7 @@ from .form import (
     deformation,
     directions,
     elements,
+    gradient,
     of_density,
     once,
     outer,
@@ -75,14 +76,14 @@ def shear_continuity(fabric: Fabric, C_j: float) -> Forms:
 
     @LinearForm
     def residual(v, w):
-        return C_j * once(w, jump) * _jump(ddot(once(w, variation), grad(v)))
+        return C_j * once(w, jump) * _jump(ddot(once(w, variation), gradient(v)))
 
     @BilinearForm
     def tangent(u, v, w):
         d = once(w, variation)
-        second = contract(grad(v), once(w, curvature), grad(u))
+        second = contract(gradient(v), once(w, curvature), gradient(u))
         return C_j * (
-            _jump(ddot(d, grad(u))) * _jump(ddot(d, grad(v)))
+            _jump(ddot(d, gradient(u))) * _jump(ddot(d, gradient(v)))
             + once(w, jump) * _jump(second)
         )
 
@@ -91,4 +92,6 @@ def shear_continuity(fabric: Fabric, C_j: float) -> Forms:
 
 def _jump(x: ndarray) -> ndarray:
     """[[x]], equal at both points of an edge."""
+    if x.shape[-1] != 2:
+        raise ValueError("the form requires a basis JumpBasis(mesh)")
     return np.repeat(x[..., :1] - x[..., 1:], 2, axis=-1)

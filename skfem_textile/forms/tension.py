@@ -21,7 +21,7 @@ deviations vanish under mesh refinement.
 
 import numpy as np
 from skfem import BilinearForm, Functional, LinearForm
-from skfem.helpers import ddot, grad
+from skfem.helpers import ddot
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
@@ -32,10 +32,12 @@ from .form import (
     directions,
     elements,
     families_with_law,
+    gradient,
     mean,
     of_density,
     once,
     outer,
+    parameter,
 )
 
 
@@ -132,7 +134,11 @@ def mean_tension(fabric: Fabric) -> Forms:
 
     def force(w):
         """∂ψ/∂λ: the tension over the stretch."""
-        lam, E_d, means = once(w, stretches), w["E_d"], once(w, mean_stretches)
+        lam, E_d, means = (
+            once(w, stretches),
+            parameter(w, "E_d"),
+            once(w, mean_stretches),
+        )
         T = law(w).value(np.log(means))
         return {i: T[i] / means[i] + E_d[i] * (lam[i] - means[i]) for i in families}
 
@@ -143,7 +149,7 @@ def mean_tension(fabric: Fabric) -> Forms:
     def local_stiffness(w):
         """Local part of the tangent at one point."""
         F, A = deformation(w), directions(fabric, w)
-        lam, d_lam, E_d = once(w, stretches), once(w, variation), w["E_d"]
+        lam, d_lam, E_d = once(w, stretches), once(w, variation), parameter(w, "E_d")
         if "tension" in w:
             N = {i: w["tension"][i] / lam[i] for i in families}
         else:
@@ -155,7 +161,7 @@ def mean_tension(fabric: Fabric) -> Forms:
 
     def mean_stiffness(w):
         """Stiffness of the mean of each family, and coupling of the two means."""
-        means, E_d = once(w, mean_stretches), w["E_d"]
+        means, E_d = once(w, mean_stretches), parameter(w, "E_d")
         T, slopes = law(w).value(np.log(means)), law(w).slopes(np.log(means))
         direct = {i: (slopes.own[i] - T[i]) / means[i] ** 2 - E_d[i] for i in families}
         if slopes.cross is None:
@@ -164,22 +170,26 @@ def mean_tension(fabric: Fabric) -> Forms:
 
     @Functional
     def energy(w):
-        lam, E_d, means = once(w, stretches), w["E_d"], once(w, mean_stretches)
+        lam, E_d, means = (
+            once(w, stretches),
+            parameter(w, "E_d"),
+            once(w, mean_stretches),
+        )
         return sum(law(w).energies(np.log(means))) + sum(
             0.5 * E_d[i] * (lam[i] - means[i]) ** 2 for i in families
         )
 
     @LinearForm
     def residual(v, w):
-        return ddot(once(w, stress), grad(v))
+        return ddot(once(w, stress), gradient(v))
 
     @BilinearForm
     def tangent(u, v, w):
         d_lam, (direct, cross) = once(w, variation), once(w, mean_stiffness)
-        of_u, of_v = ([mean(w, ddot(d, grad(x))) for d in d_lam] for x in (u, v))
+        of_u, of_v = ([mean(w, ddot(d, gradient(x))) for d in d_lam] for x in (u, v))
         means = sum(direct[i] * of_u[i] * of_v[i] for i in families)
         if cross is not None:
             means = means + cross * (of_u[0] * of_v[1] + of_u[1] * of_v[0])
-        return means + contract(grad(v), once(w, local_stiffness), grad(u))
+        return means + contract(gradient(v), once(w, local_stiffness), gradient(u))
 
     return Forms(energy, residual, tangent)

@@ -1,9 +1,9 @@
 """Input of meshes, fibre directions and fabrics, and output of results."""
 
+from .curves import read_curve
 from .directions import OF_DIRECTIONS, read_directions, write_directions
 from .draping import (
     DRAPED,
-    read_curve,
     write_draped,
     write_fibres,
     write_net,

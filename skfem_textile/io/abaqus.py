@@ -73,25 +73,35 @@ _CELLS = {name: cell for cell, names in _TYPES.items() for name in names.split()
 _PARAMETERS = {
     "NODE": {"NSET"},
     "ELEMENT": {"TYPE", "ELSET"},
-    "NSET": {"NSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
+    "NSET": {"NSET", "ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
     "ELSET": {"ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
 }
 
 # Keywords without effect on the mesh, and keywords that generate or modify parts of it.
 _WITHOUT_EFFECT = ("HEADING", "PREPRINT", "PART", "ASSEMBLY", "INSTANCE")
-_GENERATING = ("NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY")
+_GENERATING = (
+    *("NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY"),
+    *("IMPORT", "IMPERFECTION", "SYMMETRIC MODEL GENERATION", "PARAMETER"),
+)
 
 
 @dataclass
 class _Deck:
     """Numbers and positions of nodes, elements, and sets by keyword and name.
 
-    ``blocks`` has cell type, numbers, nodes and set of each ``*ELEMENT``.  A set has at
-    most one member for each line of the file.
+    ``blocks`` has cell type, numbers, nodes and set of each ``*ELEMENT``.  A generated
+    set has at most one member for each line of the file.  ``instance`` is the name of
+    the instance, and ``after`` the number of nodes in the assembly after it.
     """
 
     tags: ndarray | None = None
     points: ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    instance: str = ""
+    within: str = ""
+    moved: bool = False
+    rotated: bool = False
+    after: int = 0
+    used: set[tuple[str, str]] = field(default_factory=set)
     blocks: list[tuple[str, ndarray, ndarray, str | None]] = field(default_factory=list)
     sets: dict[tuple[str, str], ndarray] = field(default_factory=dict)
     ignored: list[str] = field(default_factory=list)
@@ -101,6 +111,10 @@ class _Deck:
     def spelling(self, keyword: str, parameters: dict[str, str]) -> str:
         """Name of a set in its first spelling, as case is ignored."""
         name = parameters.get(keyword, "")
+        if (keyword, name.upper()) in self.used:
+            raise MeshError(
+                f"the set {excerpt(name)!r} is extended after another set refers to it"
+            )
         if not name or "\ufffd" in name:
             raise MeshError(f"the parameter {keyword} must be a name in UTF-8")
         return self._spelled.setdefault((keyword, name.upper()), name)
@@ -116,7 +130,8 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
         four-node quadrilaterals.
     """
     deck = _deck(content)
-    return _mesh(deck), deck.ignored
+    mesh = _mesh(deck)  # also extends the ignored content
+    return mesh, deck.ignored
 
 
 def read_elements(content: bytes) -> tuple[ndarray, dict[str, ndarray]]:
@@ -125,6 +140,11 @@ def read_elements(content: bytes) -> tuple[ndarray, dict[str, ndarray]]:
     Numbers are in the order of the file; names of sets are in upper case.
     """
     deck = _deck(content)
+    if deck.rotated:
+        raise MeshError(
+            "*INSTANCE: directions in a rotated instance are not supported: export the "
+            "deck without this rotation"
+        )
     sets: dict[str, ndarray] = {}
     for kind, numbers, _, name in deck.blocks:
         if name is not None and kind != "line":
@@ -146,7 +166,7 @@ def read_elements(content: bytes) -> tuple[ndarray, dict[str, ndarray]]:
 def _deck(content: bytes) -> _Deck:
     deck, keywords = _Deck(n_lines=content.count(b"\n") + content.count(b"\r")), set()
     for block in blocks(content):
-        if block.keyword in ("NODE", "PART", "INSTANCE") and block.keyword in keywords:
+        if block.keyword in ("PART", "INSTANCE") and block.keyword in keywords:
             raise MeshError(
                 f"the file contains more than one *{block.keyword} block: merge them "
                 "into one"
@@ -159,6 +179,8 @@ def _deck(content: bytes) -> _Deck:
 
 def _read_block(deck: _Deck, block: Block) -> None:
     keyword, parameters, data = block
+    if keyword in ("INSTANCE", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY"):
+        deck.within = "" if keyword == "END ASSEMBLY" else keyword
     if keyword == "INCLUDE":
         raise MeshError("this keyword is not supported: put the mesh in one file")
     if keyword in _GENERATING:
@@ -170,10 +192,14 @@ def _read_block(deck: _Deck, block: Block) -> None:
             f"the parameter {printable(min(other))!r} is not supported: list plain "
             "numbers without it"
         )
-    if keyword == "NODE":
-        deck.tags, deck.points = _nodes(data)
-        if "NSET" in parameters:
-            deck.sets["NSET", deck.spelling("NSET", parameters)] = deck.tags
+    in_assembly = deck.within in ("ASSEMBLY", "END INSTANCE")
+    if in_assembly and deck.tags is not None and _is_of_the_assembly(deck, block):
+        deck.ignored.append(f"{block} of the assembly")
+    elif keyword == "NODE":
+        _add_nodes(deck, parameters, data)
+    elif keyword == "INSTANCE":
+        deck.instance = parameters.get("NAME", "")
+        _place(deck, data)
     elif keyword == "ELEMENT":
         kind, corners = _cell(parameters.get("TYPE", ""))
         rows = _elements(data, 1 + corners)
@@ -183,13 +209,79 @@ def _read_block(deck: _Deck, block: Block) -> None:
         name = deck.spelling(keyword, parameters)
         if (keyword, name) in deck.sets:
             raise MeshError("this set is defined twice: use unique names")
-        deck.sets[keyword, name] = _members(
-            data, "GENERATE" in parameters, deck.n_lines
-        )
-    elif keyword.removeprefix("END ") not in _WITHOUT_EFFECT or (
-        keyword == "INSTANCE" and data
-    ):
+        deck.sets[keyword, name] = _set_members(deck, block)
+    elif keyword.removeprefix("END ") not in _WITHOUT_EFFECT:
         deck.ignored.append(f"*{keyword}")
+
+
+def _is_of_the_assembly(deck: _Deck, block: Block) -> bool:
+    """Whether a block after the instance has nodes of the assembly, or their sets.
+
+    Numbers of the assembly are independent of those of the instance.
+    """
+    if block.keyword == "NODE":
+        deck.after += len(block.data)
+        return True
+    of_instance = {"INSTANCE", "ELSET"} & set(block.parameters)
+    numbers = all(word.isdigit() for row in block.data for word in row if word)
+    return block.keyword == "NSET" and deck.after > 0 and not of_instance and numbers
+
+
+def _add_nodes(
+    deck: _Deck, parameters: dict[str, str], data: list[list[bytes]]
+) -> None:
+    tags, points = _nodes(data)
+    if "NSET" in parameters:
+        key = "NSET", deck.spelling("NSET", parameters)
+        deck.sets[key] = np.concatenate([deck.sets.get(key, tags[:0]), tags])
+    if deck.tags is None:
+        deck.tags, deck.points = tags, points
+    elif len(tags):
+        if deck.within == "INSTANCE" and deck.moved:
+            raise MeshError(
+                "nodes within a moved *INSTANCE are not supported: define them in *PART"
+            )
+        if len(deck.tags) and points.shape[1] != deck.points.shape[1]:
+            raise MeshError("all nodes must have the same number of coordinates")
+        deck.tags = np.concatenate([deck.tags, tags])
+        deck.points = np.vstack([deck.points.reshape(-1, points.shape[1]), points])
+
+
+def _place(deck: _Deck, data: list[list[bytes]]) -> None:
+    """Translate the nodes so far, then rotate them about an axis.
+
+    A first line has the translation; a second one has two points a and b and the
+    right-handed angle about the axis from a to b, in degrees.
+    """
+    rows = [from_words(without_trailing_comma(row), "f8") for row in data]
+    if [len(row) for row in rows] not in ([], [3], [3, 7]) or not all(
+        np.isfinite(row).all() for row in rows
+    ):
+        raise MeshError(
+            "the position must be a line with a translation, and possibly a line with "
+            "two points of an axis and an angle"
+        )
+    if not rows or deck.tags is None:
+        if any(map(np.any, rows)):
+            raise MeshError("*PART with the nodes must precede a moved instance")
+        return
+    x, deck.moved = np.zeros((len(deck.points), 3)), True
+    x[:, : deck.points.shape[1]] = deck.points
+    x += rows[0]
+    for row in rows[1:]:
+        axis = row[3:6] - row[:3]
+        if not (length := np.linalg.norm(axis)):
+            raise MeshError("the two points of the axis coincide")
+        deck.rotated = bool(row[6] % 360)
+        x = row[:3] + _rotated(x - row[:3], axis / length, np.radians(row[6]))
+    deck.points = x
+
+
+def _rotated(x: ndarray, axis: ndarray, angle: float) -> ndarray:
+    """Vectors, shape (n, 3), turned about a unit vector by Rodrigues' formula."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    along = np.outer(x @ axis, axis)
+    return along + cos * (x - along) + sin * np.cross(axis, x)
 
 
 def _nodes(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
@@ -241,14 +333,50 @@ def _elements(data: list[list[bytes]], width: int) -> ndarray:
     return from_words([word for row in rows for word in row], "i8").reshape(-1, width)
 
 
-def _members(data: list[list[bytes]], generate: bool, n_lines: int) -> ndarray:
-    """Numbers of the members of a set."""
+def _set_members(deck: _Deck, block: Block) -> ndarray:
+    """Numbers of the members of a set, which may name sets defined before."""
+    keyword, parameters, data = block
     words = [word for line in data for word in without_trailing_comma(line)]
+    if "ELSET" in parameters and keyword == "NSET":
+        if words or "GENERATE" in parameters:
+            raise MeshError("a set of nodes with ELSET= has no data lines")
+        return _nodes_of_elements(deck, _members_of(deck, "ELSET", parameters["ELSET"]))
+    if "GENERATE" in parameters:
+        return _generated(words, deck.n_lines)
+    names = [word for word in words if not word.isdigit()]
+    parts = [from_words([word for word in words if word.isdigit()], "i8")]
+    parts += [_members_of(deck, keyword, w.decode(errors="replace")) for w in names]
+    return np.unique(np.concatenate(parts))
+
+
+def _members_of(deck: _Deck, keyword: str, name: str) -> ndarray:
+    """Members of a set that is defined so far."""
+    name = name.strip('"').upper()
+    if deck.instance:
+        name = name.removeprefix(f"{deck.instance.upper()}.")
+    deck.used.add((keyword, name))
+    found = [m for (k, n), m in deck.sets.items() if k == keyword and n.upper() == name]
+    if keyword == "ELSET":
+        blocks = ((numbers, elset) for _, numbers, _, elset in deck.blocks if elset)
+        found += [numbers for numbers, elset in blocks if elset.upper() == name]
+    if not found:
+        raise MeshError(
+            f"the set {excerpt(name)!r} is not defined before it is used: define it "
+            "before"
+        )
+    return np.concatenate(found)
+
+
+def _nodes_of_elements(deck: _Deck, members: ndarray) -> ndarray:
+    nodes = [n[np.isin(numbers, members)].ravel() for _, numbers, n, _ in deck.blocks]
+    return np.unique(np.concatenate([np.empty(0, "i8"), *nodes]))
+
+
+def _generated(words: list[bytes], n_lines: int) -> ndarray:
+    """Members of a set with first, last and step."""
     if not all(word.isdigit() for word in words):
-        raise MeshError("this set refers to other sets: list its members by number")
+        raise MeshError("GENERATE requires numbers")
     numbers = from_words(words, "i8")
-    if not generate:
-        return np.unique(numbers)
     if len(numbers) != 3 or numbers[2] < 1 or (numbers[1] - numbers[0]) % numbers[2]:
         raise MeshError(
             "GENERATE requires one line with first, last and step, whose steps end "
@@ -268,6 +396,7 @@ def _mesh(deck: _Deck) -> meshio.Mesh:
             f"the file contains no *{'NODE' if deck.tags is None else 'ELEMENT'}"
         )
     refuse_duplicates(deck.tags, "node")
+    _drop_unused_nodes(deck)
     numbers = np.concatenate([numbers for _, numbers, _, _ in deck.blocks])
     refuse_duplicates(numbers, "element")
     cells: list[Any] = [
@@ -298,6 +427,23 @@ def _mesh(deck: _Deck) -> meshio.Mesh:
                 for a, b, n in zip(ends, ends[1:], first, strict=False)
             ]
     return meshio.Mesh(deck.points, cells, point_sets=nodes, cell_sets=elements)
+
+
+def _drop_unused_nodes(deck: _Deck) -> None:
+    """Omit nodes of no element, such as reference points, also from the sets."""
+    assert deck.tags is not None
+    used = np.isin(deck.tags, np.concatenate([n.ravel() for _, _, n, _ in deck.blocks]))
+    unused = deck.tags[~used]
+    if not unused.size:
+        return
+    more = f" and {unused.size - 1} more" if unused.size > 1 else ""
+    deck.ignored.append(f"node {unused[0]}{more} (of no element)")
+    deck.tags, deck.points = deck.tags[used], deck.points[used]
+    for (keyword, name), members in deck.sets.items():
+        if keyword == "NSET" and np.isin(members, unused).any():
+            deck.sets[keyword, name] = np.setdiff1d(members, unused)
+            if not deck.sets[keyword, name].size:
+                deck.ignored.append(f"*NSET {name!r} (nodes of no element)")
 
 
 #: Names of two orientations, each with its first direction along one family: an Abaqus

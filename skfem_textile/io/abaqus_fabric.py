@@ -43,6 +43,13 @@ _OTHERS = {
     "CONDUCTIVITY": "temperature is not modelled",
 }
 
+# Supported parameters, by keyword of a fabric.
+_PARAMETERS = {
+    "FABRIC": {"USER"},
+    "UNIAXIAL": {"COMPONENT"},
+    "LOADING DATA": {"TYPE", "DIRECTION", "EXTRAPOLATION", "DEPENDENCIES"},
+}
+
 #: Keywords of a fabric: supported ones, and those reported as ignored.
 KEYWORDS = ("MATERIAL", "FABRIC", "UNIAXIAL", "LOADING DATA", *_SECTIONS, *_OTHERS)
 
@@ -112,6 +119,7 @@ def _materials(every: list[Block]) -> list[_Material]:
         if current is None:
             continue
         with errors_about(block):
+            current.ignored += _unread_parameters(block)
             if block.keyword == "UNIAXIAL":
                 component = _component(block, current)
             elif block.keyword == "LOADING DATA" and current.fabric:
@@ -128,6 +136,19 @@ def _materials(every: list[Block]) -> list[_Material]:
             else:
                 current = None
     return materials
+
+
+def _unread_parameters(block: Block) -> list[str]:
+    """Messages about the parameters of a keyword of a fabric that are not read."""
+    unread = set(block.parameters) - _PARAMETERS.get(
+        block.keyword, block.parameters.keys()
+    )
+    shown = ((name, block.parameters[name]) for name in sorted(unread))
+    return [
+        f"*{block.keyword}, {excerpt('='.join(filter(None, words)))}: this "
+        "parameter is ignored"
+        for words in shown
+    ]
 
 
 def _component(block: Block, material: _Material) -> str:

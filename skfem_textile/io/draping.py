@@ -1,4 +1,4 @@
-"""Output of draped fibres and flat patterns, and trimming curves."""
+"""Output of draped fibres and flat patterns."""
 
 import csv
 import os
@@ -22,8 +22,7 @@ from ..drape import (
     fibres_on_ply,
 )
 from ..fabric.directions import FibreDirections
-from ..fabric.laws.tabulated import read_lines
-from ..mesh.user_input import excerpt, number_of_text, printable
+from ..mesh.user_input import printable
 from ..solve.result import Result
 from .abaqus import deck_of
 from .directions import write_directions
@@ -333,49 +332,3 @@ def _write_dxf(path: Path, curves: list[FlatPattern], seams: list[SeamLine]) -> 
         text = space.add_text(name, height=letters, dxfattribs={"layer": name})
         text.set_placement(end)
     file.saveas(path)
-
-
-def read_curve(path: str | os.PathLike[str], least: int = 2) -> ndarray:
-    """Read a curve: the columns ``x``, ``y`` and ``z`` of a CSV file, in mm.
-
-    Parameters
-    ----------
-    path
-        The file, in UTF-8.  Its first row names the columns; other columns are ignored.
-    least
-        Least number of different points: three for a closed curve.
-
-    Returns
-    -------
-    ndarray
-        Shape (3, n).
-
-    Raises
-    ------
-    ValueError
-        If the file is not valid; one line names the file and the row.
-    OSError
-        If it cannot be read.
-    """
-    file, ((_, header), *lines) = read_lines(path)
-    names = [cell.strip().lower().removesuffix("(mm)").strip() for cell in header]
-    if any(names.count(axis) != 1 for axis in "xyz"):
-        raise ValueError(f"{file}, row 1: the header must name the columns x, y and z")
-    columns, points = [names.index(axis) for axis in "xyz"], []
-    for number, row in lines:
-        try:
-            points.append([number_of_text(row[column]) for column in columns])
-            if not np.isfinite(points[-1]).all():
-                raise ValueError
-        except (ValueError, IndexError):
-            shown = excerpt(",".join(row))
-            raise ValueError(
-                f"{file}, row {number}: expected three finite coordinates, got "
-                f"'{shown}'"
-            ) from None
-    if (n := len(np.unique(points, axis=0))) < least:
-        raise ValueError(
-            f"{file}: the curve has {n} different points, but at least {least} are "
-            "required"
-        )
-    return np.transpose(points)

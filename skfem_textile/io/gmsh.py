@@ -1,6 +1,7 @@
 """Gmsh files, versions 2.2 and 4.1, as text or binary."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -26,6 +27,9 @@ CELL_TYPES = {
     2: ("triangle", 2, 3),
     3: ("quad", 2, 4),
 }
+
+# Cells by dimension.
+_PLURALS = ("point(s)", "edge(s)", "element(s)")
 
 Numbers = TextNumbers | BinaryNumbers
 
@@ -250,7 +254,25 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
         tags, points = parsed("Nodes", nodes_22)
         cells = [_merge_copies(block, names) for block in parsed("Elements", cells_22)]
     ignored = [f"${name}" for name in sections if name not in (*_READ, "Comments")]
+    ignored += _vanishing_groups(names, cells)
     return _mesh(names, tags, points, cells), ignored
+
+
+def _vanishing_groups(names: _Names, cells: list[CellBlock]) -> list[str]:
+    """Groups of cells without a name, and names without cells."""
+    sizes: Counter[tuple[int, int]] = Counter()
+    for block in cells:
+        numbers, counts = np.unique(block.groups, return_counts=True)
+        for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
+            if number:  # version 2.2 writes 0 for cells without a group
+                sizes[CELL_TYPES[block.kind][1], number] += count
+    unnamed = [
+        f"unnamed physical group {number} ({count} {_PLURALS[dimension]})"
+        for (dimension, number), count in sorted(sizes.items())
+        if (dimension, number) not in names
+    ]
+    empty = [f"empty group {n!r}" for key, n in names.items() if not sizes[key]]
+    return unnamed + empty
 
 
 def _sections(content: bytes) -> Iterator[tuple[str, bytes]]:

@@ -99,9 +99,12 @@ def read_raw(path: Path) -> tuple[meshio.Mesh, list[str]]:
     return _read_with_meshio(path)
 
 
-def _read_with_meshio(path: Path) -> tuple[meshio.Mesh, list[str]]:
-    """Read with meshio, which prints messages and exits on errors."""
-    printed = io.StringIO()
+@contextlib.contextmanager
+def without_messages() -> Iterator[io.StringIO]:
+    """Collect what other packages print, and omit their warnings and log messages."""
+    printed, other = io.StringIO(), logging.getLogger("trimesh")
+    level = other.level
+    other.setLevel(logging.CRITICAL + 1)
     try:
         with (
             contextlib.redirect_stdout(printed),
@@ -110,9 +113,25 @@ def _read_with_meshio(path: Path) -> tuple[meshio.Mesh, list[str]]:
             np.errstate(all="ignore"),
         ):
             warnings.simplefilter("ignore")
+            yield printed
+    finally:
+        other.setLevel(level)
+
+
+def _read_with_meshio(path: Path) -> tuple[meshio.Mesh, list[str]]:
+    """Read with meshio, which prints messages and exits on errors."""
+    printed = io.StringIO()
+    try:
+        with without_messages() as printed:
             raw = meshio.read(path)
     except OSError:
         raise
+    except ImportError as error:
+        package = printable(error.name or "another package")
+        raise MeshError(
+            f"reading this {path.suffix} file requires {package}, which is not "
+            f"installed: pip install {package}, or save the mesh as .vtu or .msh"
+        ) from None
     except KeyError as error:
         what = " ".join(map(printable, error.args))
         raise MeshError(

@@ -3,7 +3,6 @@
 import logging
 import os
 import re
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -14,17 +13,14 @@ from numpy import ndarray
 from ..drape import ToolMesh, TriangleMesh
 from ..drape.tool_mesh import cut_in_two
 from ..mesh.checks import MeshError
-from ..mesh.user_input import printable
+from ..mesh.user_input import IN_MM, printable, refuse_unit
 from .file_numbers import errors_about, from_words
-from .meshes import read_raw
+from .meshes import read_raw, without_messages
 
 log = logging.getLogger(__name__)
 
 #: Units of length of a file.
 Unit: TypeAlias = Literal["mm", "cm", "m", "in"]
-
-#: Lengths of units in mm.
-IN_MM: dict[str, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 # Extent of a tool in mm outside of which its unit is doubtful.  Chosen: a coin, and the
 # mould of half of the blade of a small wind turbine.
@@ -87,8 +83,7 @@ def read_surface(
     >>> float(np.ptp(plate.facets.points))
     100.0
     """
-    if unit is not None and unit not in IN_MM:
-        raise ValueError(f"the unit must be one of {', '.join(IN_MM)}, got {unit!r}")
+    refuse_unit(unit)
     paths = [path] if isinstance(path, str | os.PathLike) else list(path)
     if not paths:
         raise ValueError("a tool requires at least one file")
@@ -188,8 +183,7 @@ def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
     try:
         import trimesh
 
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
+        with without_messages():
             scene = trimesh.load_scene(path, process=False, **options)
             mesh = scene.to_mesh()
             points, faces = np.array(mesh.vertices), np.array(mesh.faces)
@@ -198,9 +192,10 @@ def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
                 if (scene.units)
                 else None
             )
-    except ImportError:
+    except ImportError as error:
+        package = error.name or "trimesh"
         raise MeshError(
-            f"reading a {suffix} file requires trimesh: pip install "
+            f"reading a {suffix} file requires {printable(package)}: pip install "
             "'skfem-textile[tools]', or export the tool as STL"
         ) from None
     except OSError:

@@ -104,7 +104,15 @@ class ElementQuad1Fluctuation(ElementQuad1):
 
 
 def centre_grad(u: DiscreteField) -> ndarray:
-    """Gradient at the element centre of a field on `ElementQuad1Fluctuation`."""
+    """Gradient at the element centre of a field on `ElementQuad1Fluctuation`.
+
+    Raises
+    ------
+    ValueError
+        If it is a field on another element.
+    """
+    if u.grad3 is None:
+        raise ValueError("the form requires a basis HourglassBasis(mesh)")
     return np.asarray(u.grad3)
 
 

@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from numpy import ndarray
 
+#: Lengths of units in mm.
+IN_MM: dict[str, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+
 #: Largest angle in degrees, a hundred turns: beyond it decimals are lost.
 MOST_DEGREES = 36_000.0
 
@@ -51,6 +54,12 @@ def real_numbers(what: str, value: Any) -> "ndarray":
     except (TypeError, ValueError):  # as of lists of different lengths
         pass
     raise ValueError(f"{what} must be real-valued, got {_shortened(value)}")
+
+
+def refuse_unit(unit: str | None) -> None:
+    """Refuse a unit of length that is neither None nor in `IN_MM`."""
+    if unit is not None and unit not in IN_MM:
+        raise ValueError(f"the unit must be one of {', '.join(IN_MM)}, got {unit!r}")
 
 
 def number_of_text(text: str) -> float:

@@ -21,8 +21,9 @@ from ..mesh.splitting import hat_functions, original_elements
 from .builtin_terms import CornerTerm, bending_term, checked_ends, corner_stiffness
 from .formulations import DEFAULT
 from .kernels.kernel import ShearKernel
+from .parameters import NO_VALUES, PlyParameters
 from .sum_of_terms import SumOfTerms
-from .term_check import check_term
+from .term_check import check_term, contradiction
 from .terms import FormTerm, Formulation, Load, TensionTerm, Term
 
 
@@ -185,6 +186,22 @@ class Ply(SumOfTerms):
         ply = Ply(*arguments, **self.placement)
         ply.users_mesh = self.users_mesh
         return ply
+
+    def contradictions(
+        self, u: ndarray, t: float, parameters: PlyParameters
+    ) -> list[str]:
+        """Contradictions between energy, residual and tangent of users' terms.
+
+        At a displacement, load factor and parameters, in one line for each term.  Terms
+        of this package are not evaluated, except users' forms.
+        """
+        package, pairs = __package__.split(".")[0], []
+        for given, term in zip(self.user_terms, self.further_terms, strict=True):
+            own = type(given).__module__.split(".")[0] == package
+            if isinstance(given, FormTerm) or not own:
+                pairs.append((term, parameters.get(term.name, NO_VALUES)))
+        found = (contradiction(x, u, t, p, self.element_size) for x, p in pairs)
+        return [line for line in found if line]
 
     @property
     def placement(self) -> dict[str, Any]:

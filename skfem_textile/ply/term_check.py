@@ -3,7 +3,7 @@
 Every user-defined term is evaluated once when a ply is built: at rest, and at two small
 displacements a and b.  The energy difference between them must lie between the values
 predicted by the residuals at a and b, and the difference of the residuals between the
-values predicted by the tangents.
+values predicted by the tangents.  The last state of a run is checked in the same way.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -99,15 +99,40 @@ def check_term(term: Term, basis: CellBasis, size: float) -> None:
     energy: their energy, residual and tangent are not compared.  The message names the
     term, the method and the defect; ``size`` is the element size in mm.
     """
-    _refuse_infinite(term, "at rest", *_forces(term, basis.zeros(), 0.0))
-    rng = np.random.default_rng(0)
-    u, d = rng.uniform(-1.0, 1.0, (2, basis.N))
-    low, high = (_FROM_REST * u + sign * 0.5 * _BETWEEN * d for sign in (-1, 1))
-    E_low, r_low = _forces(term, size * low, 1.0)
-    E_high, r_high = _forces(term, size * high, 1.0)
-    step = size * (high - low)
-    K = _tangent(term, size * 0.5 * (low + high), 1.0)
-    _refuse_infinite(term, "near rest", E_low, r_low, K)
+    p = _at_rest(term)
+    _refuse_infinite(term, "at rest", *_forces(term, basis.zeros(), 0.0, p))
+    u, d = np.random.default_rng(0).uniform(-1.0, 1.0, (2, basis.N))
+    _check_near(term, "near rest", size * _FROM_REST * u, size * _BETWEEN * d, 1.0, p)
+
+
+def contradiction(term: Term, u: ndarray, t: float, p: Values, size: float) -> str:
+    """Contradiction between the methods of a term at a state; empty if there is none.
+
+    Parameters
+    ----------
+    term
+        Term of a ply.
+    u, t, p
+        Displacement, load factor, and parameters of the term.
+    size
+        Element size in mm.
+    """
+    d = np.random.default_rng(0).uniform(-1.0, 1.0, u.size)
+    try:
+        _check_near(term, "at the last state", u, size * _BETWEEN * d, t, p)
+    except ValueError as error:
+        return f"at load factor {t:g}, {error}"
+    return ""
+
+
+def _check_near(
+    term: Term, where: str, u: ndarray, step: ndarray, t: float, p: Values
+) -> None:
+    """Refuse a term that is inconsistent over a short step with the middle ``u``."""
+    E_low, r_low = _forces(term, u - 0.5 * step, t, p)
+    E_high, r_high = _forces(term, u + 0.5 * step, t, p)
+    K = _tangent(term, u, t, p)
+    _refuse_infinite(term, where, E_low, r_low, K)
     refuse_unsymmetric(term.name, K - K.T, K)
     if term.parameters is not None and term.parameters.depends_on_steps:
         return
@@ -139,17 +164,17 @@ def _refuse_infinite(
             raise ValueError(f"term {term.name!r}: its {part} is not finite {where}")
 
 
-def _forces(term: Term, u: ndarray, t: float) -> tuple[float, ndarray]:
+def _forces(term: Term, u: ndarray, t: float, p: Values) -> tuple[float, ndarray]:
     """Energy and residual, which must be a number and a vector."""
-    energy, residual = _checked(term, "energy", u, t), _checked(term, "residual", u, t)
+    energy, residual = (_checked(term, x, u, t, p) for x in ("energy", "residual"))
     _refuse_shape(term, "energy", energy, (), "one real number")
     _refuse_shape(term, "residual", residual, u.shape, f"{u.size} real numbers")
     return float(energy), np.asarray(residual)
 
 
-def _tangent(term: Term, u: ndarray, t: float) -> Any:
+def _tangent(term: Term, u: ndarray, t: float, p: Values) -> Any:
     """Tangent, a square matrix with one row per unknown; zero if there is none."""
-    K = _checked(term, "tangent", u, t)
+    K = _checked(term, "tangent", u, t, p)
     if K is None:
         return csr_matrix((u.size, u.size))
     size = u.size
@@ -157,12 +182,12 @@ def _tangent(term: Term, u: ndarray, t: float) -> Any:
     return K
 
 
-def _checked(term: Term, part: str, u: ndarray, t: float) -> Any:
+def _checked(term: Term, part: str, u: ndarray, t: float, p: Values) -> Any:
     """Result of one term method; the term name is added to exceptions."""
     function: Callable[[ndarray, float, Values], Any] = getattr(term, part)
     try:
         with np.errstate(all="ignore"):
-            return function(u.copy(), t, _at_rest(term))
+            return function(u.copy(), t, p)
     except Exception as error:  # a user's function may raise anything
         raise ValueError(
             f"term {term.name!r}: its {part} raised {error_text(error)}"

@@ -152,6 +152,11 @@ class ContactTerm(ElementTerm):
         ``moved`` is True if conditions prescribe displacements.
         """
 
+    @staticmethod
+    def figures(result: Any) -> dict[str, Any]:
+        """Figures of the contact terms of this class in the summary of a result."""
+        return {}
+
     def gaps(self, u: ndarray, t: float) -> ndarray:
         """Distances g of the nodes from the tool in mm, shape (n_nodes,).
 

@@ -2,8 +2,8 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from itertools import combinations, pairwise
-from typing import Any, Self
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import shapely
@@ -12,9 +12,11 @@ from numpy.typing import ArrayLike
 from shapely.validation import explain_validity
 from skfem import Mesh
 
-from ..mesh.checks import refuse_metres
 from ..mesh.selection import named_nodes
 from ..mesh.user_input import printable, real_numbers
+
+if TYPE_CHECKING:
+    from .drawings import Curve, Ring
 
 #: Distance relative to the size of an outline below which points coincide.  Chosen: far
 #: above rounding (2e-16), far below practical edges.
@@ -94,8 +96,10 @@ class Outline:
         points: Mapping[str, ArrayLike] | None = None,
         regions: Mapping[str, ArrayLike] | None = None,
     ) -> None:
-        given = [_ring("the outline", polygon)]
-        given += [_ring(_hole(i, len(holes)), hole) for i, hole in enumerate(holes)]
+        given = [valid_ring("the outline", polygon)]
+        given += [
+            valid_ring(_hole(i, len(holes)), hole) for i, hole in enumerate(holes)
+        ]
         turned = [(signed_area(r) < 0) == (i == 0) for i, r in enumerate(given)]
         self.rings = [
             np.ascontiguousarray(r[:, ::-1]) if t else r
@@ -132,8 +136,9 @@ class Outline:
         rings = [shapely.LinearRing(ring.T) for ring in self.rings]
         outer = shapely.Polygon(self.polygon.T)
         what = [_hole(i - 1, len(self.holes)) for i in range(len(rings))]
+        shapely.prepare([rings[0], outer])
         for i, ring in enumerate(rings[1:], start=1):
-            if rings[0].distance(ring) <= NEAR * self.size:
+            if rings[0].dwithin(ring, NEAR * self.size):
                 where = shapely.shortest_line(rings[0], ring)
                 raise ValueError(
                     f"{what[i]} touches or crosses the outer polygon at "
@@ -215,7 +220,7 @@ class Outline:
                 f"a region must not be named {REST!r}, the name of what is outside of "
                 "all regions"
             )
-        ring = _ring(f"region {name!r}", corners)
+        ring = valid_ring(f"region {name!r}", corners)
         if (self._shape & shapely.Polygon(ring.T)).area <= NEAR * self.size**2:
             raise ValueError(
                 f"region {name!r} at {place(ring[:, 0])} lies outside the outline"
@@ -241,34 +246,48 @@ class Outline:
         >>> outline.polygon.shape, outline.edge_names
         ((2, 4), [['bottom', 'right', 'top', 'left']])
         """
+        from .drawings.rings import Segment, rings_of_segments
+
         boundary = mesh.boundary_facets()
         names = {n: np.asarray(e, int) for n, e in (mesh.boundaries or {}).items()}
         named = [(name, np.isin(boundary, edges)) for name, edges in names.items()]
-        of_edge = [
-            (int(a), int(b), [name for name, on in named if on[i]])
+        segments = [
+            Segment(int(a), int(b), [name for name, on in named if on[i]])
             for i, (a, b) in enumerate(mesh.facets[:, boundary].T)
         ]
         points = {
             n: mesh.p[:, at[0]] for n, at in named_nodes(mesh).items() if at.size == 1
         }
-        what = "the boundary of the mesh"
-        return cls._of_segments(mesh.p, of_edge, what, points=points)
+        rings = rings_of_segments(mesh.p, segments, "the boundary of the mesh")
+        return cls._of_rings(rings, {"points": points})
 
     @classmethod
     def from_dxf(
-        cls, path: str | os.PathLike[str], tolerance: float = 0.01, **more: Any
+        cls,
+        path: str | os.PathLike[str],
+        tolerance: float = 0.01,
+        unit: str | None = None,
+        layer: str | Sequence[str] | None = None,
+        **more: Any,
     ) -> Self:
         """Outline from the lines, polylines, arcs and splines of a DXF file.
 
-        Lines that meet end to end form rings; the largest one is the outer polygon.
-        Edges have the name of their layer, except on layer ``0``.
+        Closed curves, and lines that meet end to end, form rings: the outer polygon
+        and its holes.  Blocks are read, hidden elements are not.  Edges have the name
+        of their layer, except on layer ``0``.  The log ``skfem_textile`` names what is
+        ignored, an assumed unit, and the outer polygon if there are holes.
 
         Parameters
         ----------
         path
-            The file; without units, coordinates are in mm.  Blocks are not read.
+            The file.
         tolerance
             Largest distance in mm between a curve and its chords.
+        unit
+            Unit of length, ``mm``, ``cm``, ``m`` or ``in``; by default that of the
+            file, or mm if it states none.
+        layer
+            Name of a layer, or several, of which curves are read; by default all.
         more
             ``points`` and ``regions``, see `Outline`.
 
@@ -279,110 +298,71 @@ class Outline:
         ValueError
             If the file cannot be read, or its lines do not form one outline.
         """
-        from .files import lines_of_dxf
+        from .drawings import curves_of_dxf
 
-        return cls._of_lines(lines_of_dxf(path, tolerance), printable(path), **more)
+        curves = curves_of_dxf(path, tolerance, unit, layer)
+        return cls._of_curves(curves, printable(path), tolerance, more)
 
     @classmethod
     def from_svg(
-        cls, path: str | os.PathLike[str], tolerance: float = 0.01, **more: Any
+        cls,
+        path: str | os.PathLike[str],
+        tolerance: float = 0.01,
+        unit: str | None = None,
+        layer: str | Sequence[str] | None = None,
+        **more: Any,
     ) -> Self:
         """Outline from the shapes and paths of an SVG file.
 
-        Paths that meet end to end form rings; the largest one is the outer polygon.
-        Edges have the ``id`` of their element as their name.  The y axis, which points
-        down in SVG, is reversed.  Lengths are in mm: a width of the drawing in mm, cm,
-        in, pt or px sets the scale; without a unit, one unit is 1 mm.
+        Rings form as in `from_dxf`.  Clones are read, hidden elements are not.  Edges
+        have the ``id`` of their element as their name.  The y axis, which points down
+        in SVG, is reversed.
 
         Parameters
         ----------
         path
             The file.
+        unit
+            Length of one unit of the drawing; by default the width or height of the
+            drawing sets the scale, and without units of theirs it is 1 mm.
+        layer
+            ``id`` of an element or a group, or label of an Inkscape layer, or several.
         tolerance, more
             See `from_dxf`.
 
         Raises
         ------
         ValueError
-            If the file cannot be read, or its paths do not form one outline.
+            If the file cannot be read, a visible element is not supported, or the lines
+            do not form one outline.
         """
-        from .files import lines_of_svg
+        from .drawings import curves_of_svg
 
-        return cls._of_lines(lines_of_svg(path, tolerance), printable(path), **more)
-
-    @classmethod
-    def _of_lines(
-        cls, lines: Sequence[tuple[ndarray, str]], what: str, **more: Any
-    ) -> Self:
-        """Outline of polylines (2, n) with names, joined where their ends coincide."""
-        if not lines:
-            raise ValueError(f"{what} has no lines")
-        p = np.hstack([points for points, _ in lines])
-        refuse_not_finite(what, p)
-        refuse_metres(p, f"outline of {what}")
-        last = np.cumsum([points.shape[1] for points, _ in lines]) - 1
-        ends = np.concatenate([[0], last[:-1] + 1, last])
-        near = JOINED * float(np.hypot(*np.ptp(p, axis=1)))
-        tree = shapely.STRtree(shapely.points(p[:, ends].T))
-        pairs = ends[tree.query(tree.geometries, "dwithin", near)]
-        number = np.arange(p.shape[1])
-        np.minimum.at(number, pairs[0], pairs[1])
-        segments, start = [], 0
-        for points, name in lines:
-            n = points.shape[1]
-            nodes = number[start : start + n]
-            start += n
-            segments += [
-                (a, b, [name] if name else [])
-                for a, b in pairwise(nodes.tolist())
-                if a != b
-            ]
-        return cls._of_segments(p, segments, what, **more)
+        curves = curves_of_svg(path, tolerance, unit, layer)
+        return cls._of_curves(curves, printable(path), tolerance, more)
 
     @classmethod
-    def _of_segments(
+    def _of_curves(
         cls,
-        p: ndarray,
-        segments: Sequence[tuple[int, int, list[str]]],
+        curves: Sequence["Curve"],
         what: str,
-        **more: Any,
+        tolerance: float,
+        more: Mapping[str, Any],
     ) -> Self:
-        """Outline of segments (node, node, names) at positions p."""
-        at: dict[int, list[int]] = {}
-        for i, (a, b, _) in enumerate(segments):
-            at.setdefault(a, []).append(i)
-            at.setdefault(b, []).append(i)
-        for node, incident in at.items():
-            if len(incident) != 2:
-                raise ValueError(
-                    f"{what}: {len(incident)} line(s) end at {place(p[:, node])}; an "
-                    "outline has two at each corner"
-                )
-        rings, left = [], set(range(len(segments)))
-        while left:
-            i = min(left)
-            node, ring = segments[i][0], []
-            while i in left:
-                left.remove(i)
-                a, b, names = segments[i]
-                ring.append((node, names))
-                node = b if node == a else a
-                i = next((j for j in at[node] if j in left), i)
-            rings.append(_merged(p, ring))
-        areas = [abs(signed_area(p[:, [n for n, _ in ring]])) for ring in rings]
-        rings.insert(0, rings.pop(int(np.argmax(areas))))  # the others are its holes
+        from .drawings import rings_of_curves
+
+        return cls._of_rings(rings_of_curves(curves, what, tolerance), more)
+
+    @classmethod
+    def _of_rings(cls, rings: Sequence["Ring"], more: Mapping[str, Any]) -> Self:
+        """Outline of rings with names, the outer one first."""
         edges: dict[str, list[tuple[int, list[int]]]] = {}
         for r, ring in enumerate(rings):
-            for k, (_, of_edge) in enumerate(ring):
-                for name in of_edge:
+            for k, names in enumerate(ring.names):
+                for name in names:
                     edges.setdefault(name, []).append((r, [k]))
-        corners = [p[:, [n for n, _ in ring]] for ring in rings]
+        corners = [ring.points for ring in rings]
         return cls(corners[0], corners[1:], edges, **more)
-
-
-#: Distance relative to the size below which ends of lines in a file are joined.
-#: Chosen: above the rounding of coordinates with six digits.
-JOINED = 1e-5
 
 
 def place(point: Any) -> str:
@@ -408,7 +388,7 @@ def _hole(i: int, n: int) -> str:
     return "hole" if n == 1 else f"hole {i + 1}"
 
 
-def _ring(what: str, corners: ArrayLike) -> ndarray:
+def valid_ring(what: str, corners: ArrayLike) -> ndarray:
     """Corners of a valid polygon, without the repetition of the first at the end."""
     ring = real_numbers(what, corners)
     if ring.ndim != 2 or ring.shape[0] != 2 or ring.shape[1] < 3:
@@ -462,20 +442,3 @@ def _whole_numbers(numbers: Any) -> ndarray:
     if array.size and (array.ndim > 1 or array.dtype.kind not in "iu"):
         raise ValueError("edges are numbered")
     return array.astype(int)
-
-
-def _merged(
-    p: ndarray, ring: list[tuple[int, list[str]]]
-) -> list[tuple[int, list[str]]]:
-    """Ring without collinear nodes between edges of the same names."""
-    x = p[:, [node for node, _ in ring]]
-    before, after = x - np.roll(x, 1, axis=1), np.roll(x, -1, axis=1) - x
-    cross = np.abs(before[0] * after[1] - before[1] * after[0])
-    lengths = np.hypot(*before) * np.hypot(*after)
-    straight = (cross <= NEAR * lengths) & ((before * after).sum(axis=0) > 0)
-    kept = [
-        edge
-        for i, edge in enumerate(ring)
-        if not straight[i] or edge[1] != ring[i - 1][1]
-    ]
-    return kept if len(kept) >= 3 else ring

@@ -1,6 +1,7 @@
 """Displacement conditions and the constraints that they resolve to."""
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -68,6 +69,12 @@ class Condition:
     where: Where
     value: Value = 0.0
     direction: Direction | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("where", "value", "direction"):  # arrays may change later
+            given = getattr(self, name)
+            if not callable(given):
+                object.__setattr__(self, name, deepcopy(given))
 
     def nodes(self, name: str, basis: CellBasis) -> ndarray:
         """Numbers of the nodes of the condition, in the order of its values.

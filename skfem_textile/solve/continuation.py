@@ -8,7 +8,7 @@ computed in one step and in two, and both must agree.
 """
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from ..ply.parameters import PlyParameters
 from . import contact
-from .problem import InitialGuess, Problem
+from .problem import HOLD, InitialGuess, Problem
 from .states import NoEquilibriumError, State
 
 log = logging.getLogger(__name__)
@@ -31,6 +31,10 @@ _SAME_STATE = 0.01
 #: stability`: with more, a run reaches another equilibrium unnoticed; with fewer, steps
 #: that stay on the path are halved.
 MOST_PROJECTED = 2
+
+#: Divisor of a step in which the ply flew away.  Chosen: shorter steps seldom stop it,
+#: and each attempt is long.
+SHORTER_AFTER_FLIGHT = 16
 
 # Number of halvings of a requested step after which a hard step is accepted: 2⁻⁶.
 _PATH_HALVINGS = 6
@@ -193,7 +197,9 @@ class Continuation:
             log.info(
                 "the step to load factor %g failed and is halved: %s", end, failure
             )
-            self.next, self.cut = 0.5 * step, self.cut + 1
+            flew = failure.advice == HOLD
+            self.next = step / (SHORTER_AFTER_FLIGHT if flew else 2)
+            self.cut += 1
         elif by:
             raise NoEquilibriumError(
                 f"the load exceeds a limit load between the load factors {t:.6g} and "
@@ -219,17 +225,15 @@ class Continuation:
         if t not in self.unresolved:
             self.unresolved.append(t)
 
-    def warning(self) -> str:
-        """Warning that lists the unresolved load factors; empty if there are none."""
-        if not self.unresolved:
-            return ""
-        factors = ", ".join(f"{t:.4g}" for t in self.unresolved[:_SHOWN])
-        more = ", ..." if len(self.unresolved) > _SHOWN else ""
-        return (
-            f"the path was not resolved at load factor {factors}{more}: another number "
-            "of steps may lead to another equilibrium; compare with a run with more "
-            "steps"
-        )
+
+def path_warning(unresolved: Sequence[float]) -> str:
+    """Warning that lists the load factors at which the path was not resolved."""
+    factors = ", ".join(f"{t:.4g}" for t in unresolved[:_SHOWN])
+    more = ", ..." if len(unresolved) > _SHOWN else ""
+    return (
+        f"the path was not resolved at load factor {factors}{more}: another number of "
+        "steps may lead to another equilibrium; compare with a run with more steps"
+    )
 
 
 def moves(problem: Problem, load_factors: Iterable[float]) -> bool:

@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from ..ply.parameters import PlyParameters
 from . import contact
-from .problem import EPSILON, InitialGuess, Problem, Tangent, between, tangent_at
+from .problem import EPSILON, HOLD, InitialGuess, Problem, Tangent, between, tangent_at
 from .states import Equilibrium, NoEquilibriumError
 
 # Fibre tension in N/mm in the first geometric stiffness of a ply whose tangent is
@@ -39,8 +39,8 @@ _STALLED = 100.0
 
 #: Advice where round-off prevents balance.
 LESS_ROUNDING = (
-    "coordinates of mesh and surfaces that are closer to the origin, because the "
-    "remaining residual is due to round-off"
+    "coordinates of mesh and surfaces that are closer to the origin, or larger loads, "
+    "because the remaining residual is due to round-off"
 )
 
 # Advice where a ply on a surface finds no balance.
@@ -246,7 +246,7 @@ class Newton:
                 p = problem.ply.updated(p, u, problem.load_factor, tension)
                 f = problem.residual(u, p)
             end = _Iterate(u, f, p, tangent)
-            if progress.balanced(tangent, u, f):
+            if progress.balanced(tangent, u, f, p):
                 end = end._replace(tangent=tangent_at(problem, u, p))
                 if not end.unstable:
                     break
@@ -303,7 +303,7 @@ class Newton:
                 if last == np.inf or change > SETTLED / 2:
                     p, f = after, problem.residual(u, after)
                 last = change
-            if progress.balanced(tangent, u, f):
+            if progress.balanced(tangent, u, f, p):
                 return _Iterate(u, f, p, tangent_at(problem, u, p))
             tangent = definite(problem, u, p, tension, multipliers)
         return _Iterate(u, f, p, tangent)
@@ -341,7 +341,7 @@ class PlainNewton:
             du = within_laws(problem, u, tangent.increment(f, u, fixed_values), p)
             u = problem.moved(u, du)
             f = problem.residual(u, p)
-            if progress.balanced(tangent, u, f):
+            if progress.balanced(tangent, u, f, p):
                 break
             tangent = None
         tangent = tangent_at(problem, u, p)
@@ -384,15 +384,19 @@ class _Progress:
     projected: int = 0
     tolerance: float = 0.0
     is_balanced: bool = False
+    tangent: Tangent | None = None
 
-    def balanced(self, tangent: Tangent, u: ndarray, f: ndarray) -> bool:
+    def balanced(
+        self, tangent: Tangent, u: ndarray, f: ndarray, parameters: PlyParameters
+    ) -> bool:
         """True if the forces balance after an increment by a tangent.
 
-        Raises an error if too many tangents were projected, or forces are not finite.
+        Raises an error if too many tangents were projected, forces are not finite, or
+        the ply flies away.
         """
         problem = self.problem
         self.residuals.append(problem.unbalanced(f, u))
-        self.tolerance = tangent.tolerance(u, f)
+        self.tolerance, self.tangent = tangent.tolerance(u, f, parameters), tangent
         self.projected += tangent.projected
         self.report(len(self.residuals), self.residuals[-1], self.tolerance)
         if self.projected > self.most_projected:
@@ -401,9 +405,19 @@ class _Progress:
                 problem.around(problem.unfixed(f, u)),
                 advice=_ON_SURFACE if problem.surfaces else "",
             )
+        self._refuse_flight(u)
         below = self.residuals[-1] <= self.tolerance
         self.is_balanced = below and problem.is_fixed(u, self.fixed_values)
         return self.is_balanced
+
+    def _refuse_flight(self, u: ndarray) -> None:
+        """Refuse a displacement far beyond the size of ply, tools and motions."""
+        if self.problem.flies(u, self.fixed_values):
+            raise NoEquilibriumError(
+                f"the ply moves by {np.abs(u).max():.2g} mm, far beyond its size and "
+                "the motions of supports and tools: nothing stops it",
+                advice=HOLD,
+            )
 
     def equilibrium(self, end: _Iterate) -> Equilibrium:
         """The equilibrium at the end of the iteration; an error if there is none."""
@@ -411,7 +425,8 @@ class _Progress:
         residual, tolerance = self.residuals[-1], self.tolerance
         if not self.is_balanced:
             advice = "more steps, or a larger stabilisation"
-            if residual <= _STALLED * tolerance:
+            assert self.tangent
+            if residual <= _STALLED * max(tolerance, self.tangent.round_off(u)):
                 advice = LESS_ROUNDING
             elif problem.surfaces:
                 advice = _ON_SURFACE

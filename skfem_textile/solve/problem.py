@@ -16,9 +16,9 @@ from scipy.sparse import csr_matrix
 from ..mesh.bases import components, node_positions
 from ..ply import Ply
 from ..ply.parameters import Frozen, PlyParameters, Values
-from ..ply.terms import ContactTerm
+from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
 from .conditions import Constraints, plain, turned
-from .linear.scaling import SingularMatrixError
+from .linear.scaling import ROUND_OFF, SingularMatrixError
 from .linear.solver import Clock, SolverOfPattern
 from .linear.system import System
 from .states import NoEquilibriumError
@@ -34,12 +34,34 @@ NOT_FINITE = "a smaller load, more steps, or laws that are finite everywhere"
 # balance them to ten digits.
 _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 
+# Largest round-off in the tolerance of the residual, as a share of the largest nodal
+# force.  Chosen: forces then balance loads to a thousandth.
+_ROUND_OFF_OF_FORCES = 1e-3
+
+# Displacement, relative to the sizes and motions of ply and tools, beyond which nothing
+# stops a ply.  Chosen: the first increments of soft plies are several times their size.
+_FAR = 100.0
+
+#: Cosine of the angle between the normals of two tools below which they are on opposite
+#: sides of a ply.  Chosen: 120°, so that the walls and the bottom of a box, which
+#: overlap beneath each other, are not.
+OPPOSITE = -0.5
+
+# Ratio of stiffnesses, times the limit for pivots, from which a pivot may be round-off
+# without a mechanism: pivots are smaller than the stiffness of an element.
+_OVER_ROUND_OFF = 0.1
+
 #: Round-off of a stretch, in units of the round-off of a number: with one unit,
 #: macro-elements under a small load never converge (`pytest tests/solve/stepper -k
 #: round_off`).
 ROUNDINGS = 4
 
+#: Advice for a ply that nothing stops.
+HOLD = "supports, or a tool on the side to which the loads push the ply"
+
 _MORE_STIFFNESS = "more supports, or a larger stabilisation or shear stiffness"
+
+_CLOSER_STIFFNESSES = "softer fibres, or a larger shear or bending stiffness"
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +124,8 @@ class Problem:
         Nodes on surfaces; None if there are none.
     loaded, line_search
         True if there are loads, or a term with a ``line_search``, respectively.
+    moves
+        True if supports, surfaces or tools move after the load factor 0.
     contacts
         Terms of contact with tools.
 
@@ -139,6 +163,7 @@ class Problem:
                 )
         self.loaded = len(self._loads) > len(self.contacts)
         self.converged = _UNBALANCED_LOADED if self.loaded else _UNBALANCED
+        self.moves = True
 
     @cached_property
     def system(self) -> System:
@@ -172,6 +197,57 @@ class Problem:
         """Nodal forces of the loads and tools."""
         return self.ply.load(u, self.load_factor, parameters) + self.held
 
+    def acting_force(self, f: ndarray, u: ndarray, parameters: PlyParameters) -> float:
+        """Largest nodal force in N, ``f`` included, where loads act; otherwise 0.
+
+        Contact with tools is not a load.
+        """
+        every = [term for term in self.ply.terms if term.role == "load"]
+        loads = [term for term in every if term not in self.contacts]
+        arguments = u, self.load_factor, parameters
+        load = self.held - self.ply.residual(*arguments, loads)
+        if not load.any():
+            return 0.0
+        of_tools = self.load(u, parameters) - load
+        return max(float(np.abs(x).max()) for x in (f, load, of_tools))
+
+    def flies(self, u: ndarray, fixed_values: ndarray) -> bool:
+        """True if a displacement is far beyond ply, tools, surfaces and motions."""
+        far, t = np.abs(u).max(initial=0.0), self.load_factor
+        size = self._size + np.abs(fixed_values).max(initial=0.0)
+        size += sum(np.linalg.norm(x.travel(t)) for x in self.contacts)
+        if self.surfaces and far > _FAR * size:
+            size += self.surfaces.farthest(t)
+        return bool(not far <= _FAR * size)
+
+    def singular(
+        self, where: str = "", advice: str = _MORE_STIFFNESS
+    ) -> NoEquilibriumError:
+        """The error of a singular tangent, with its place, and advice for mechanisms.
+
+        The cause is a mechanism, or round-off of stiffnesses that are too different.
+        """
+        fabric, cause = self.ply.fabric, "a mechanism is present"
+        rest = np.zeros(self.ply.basis.dx.shape)
+        sizes = [float(np.mean(law.tangent(rest))) for law in fabric.at().laws]
+        bending = (*fabric.bending, fabric.twist)
+        sizes += [float(np.mean(D)) / self.element_size**2 for D in bending]
+        ratio = max(sizes) / min((x for x in sizes if x > 0), default=np.inf)
+        if ratio >= _OVER_ROUND_OFF / ROUND_OFF:
+            cause = (
+                "round-off, because the largest stiffness of the fabric is "
+                f"{ratio:.1g} times the smallest"
+            )
+            advice = _CLOSER_STIFFNESSES
+        return NoEquilibriumError(f"singular tangent{where}: {cause}", advice=advice)
+
+    @cached_property
+    def _size(self) -> float:
+        """Extent of the ply and the tools at rest in mm."""
+        size, rest = float(np.ptp(self.nodes, axis=1).max()), self.ply.basis.zeros()
+        gaps = [gap for tool in self.contacts for gap in tool.gaps(rest, 0.0)]
+        return size + float(np.abs(gaps).max(initial=0.0, where=np.isfinite(gaps)))
+
     def start(
         self, u: ndarray, parameters: PlyParameters, tangent: Any = None
     ) -> InitialGuess:
@@ -185,7 +261,7 @@ class Problem:
 
         ``held`` are additional nodal forces.
         """
-        _ = self.system  # so that both share it
+        _ = self.system, self._size  # so that both share them
         other = copy(self)
         other.load_factor, other.held = load_factor, held
         return other
@@ -340,8 +416,8 @@ class Tangent:
         clock.factorisations += 1
         try:
             self._factors = clock.time("solve", factorise, self._matrix.upper.data)
-        except SingularMatrixError as error:
-            raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
+        except SingularMatrixError:
+            raise problem.singular() from None
 
     @classmethod
     def at(
@@ -372,6 +448,8 @@ class Tangent:
         blocks = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
         if problem.surfaces:
             blocks = _curved(problem, u, parameters, blocks, contact)
+        if problem.contacts:
+            blocks = _between_tools(problem, u, parameters, blocks)
         return cls(problem, u, blocks)
 
     @property
@@ -458,13 +536,29 @@ class Tangent:
         before = factors.factorisations
         try:
             return clock.time("solve", factors.solve, b)
-        except SingularMatrixError as error:
-            raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
+        except SingularMatrixError:
+            raise self._problem.singular() from None
         finally:
             clock.factorisations += factors.factorisations - before
 
-    def tolerance(self, u: ndarray, f: ndarray) -> float:
+    def tolerance(self, u: ndarray, f: ndarray, parameters: PlyParameters) -> float:
         """Residual tolerance: a share of the largest force, and at least the round-off.
+
+        Where loads act, round-off counts up to a small share of the forces.  Before the
+        first motion of supports and tools, which will cause larger forces, the
+        round-off of the undeformed ply always counts.
+        """
+        problem = self._problem
+        largest, round_off = float(np.abs(f).max()), self.round_off(u)
+        if round_off > _ROUND_OFF_OF_FORCES * largest and problem.loaded:
+            most = _ROUND_OFF_OF_FORCES * problem.acting_force(f, u, parameters)
+            if most and problem.moves and not problem.load_factor:
+                most = max(most, self.round_off(np.zeros_like(u)))
+            round_off = min(round_off, most or np.inf)
+        return problem.converged * largest + round_off
+
+    def round_off(self, u: ndarray) -> float:
+        """Round-off of nodal forces in N.
 
         Rounding moves nodes by 2⁻⁵³ of their displacement and changes gradients by
         2⁻⁵³, a few times in the computation of a stretch; the stiffness, as the largest
@@ -475,15 +569,13 @@ class Tangent:
         size = np.abs(u).max() + problem.element_size
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
-        rounding = ROUNDINGS * EPSILON * size
         upper, coupling = (
             csr_matrix((np.abs(x.data), x.indices, x.indptr), x.shape)
             for x in self._matrix
         )
         free, fixed = (np.ones(n) for n in coupling.shape)
         rows = upper @ free + free @ upper - upper.diagonal() + coupling @ fixed
-        stiffness = float(rows.max(initial=0.0))
-        return float(problem.converged * np.abs(f).max() + rounding * stiffness)
+        return float(ROUNDINGS * EPSILON * size * rows.max(initial=0.0))
 
 
 def _multipliers(problem: Problem, u: ndarray, f: ndarray) -> ndarray:
@@ -510,6 +602,31 @@ def _curved(
     blocks = blocks.copy()
     hessian = surfaces.hessian(u, problem.load_factor)
     blocks[entries] -= np.reshape(contact, (-1, 1, 1)) * hessian
+    return blocks
+
+
+def _between_tools(
+    problem: Problem, u: ndarray, parameters: PlyParameters, blocks: ndarray
+) -> ndarray:
+    """Blocks with the stiffness of gaps, if tools are on opposite sides of the ply.
+
+    Tools on one side restrain only nodes that touch them.
+    """
+    t, pattern = problem.load_factor, problem.ply.pattern
+    gap = np.concatenate([x.gaps(u, t) for x in problem.contacts])
+    n = np.hstack([x.normals(u, t) for x in problem.contacts])
+    force, stiffness = (
+        np.concatenate([parameters[x.name][key] for x in problem.contacts])
+        for key in ("force", "stiffness")
+    )
+    reached, nearest = np.isfinite(gap), n[:, gap.argmin()]
+    if not (nearest @ n < OPPOSITE).any():
+        return blocks
+    off = reached & ~(force - stiffness * np.where(reached, gap, 0.0) > 0)
+    n, kappa = n[:, off], STIFFNESS_OF_GAP * stiffness[off]
+    nodes = np.flatnonzero(off) % problem.nodes.shape[1]
+    entries = np.flatnonzero(pattern.rows == pattern.cols)[nodes]
+    np.add.at(blocks, entries, (kappa * n[:, None] * n).T)
     return blocks
 
 

@@ -12,10 +12,17 @@ from numpy import ndarray
 from ..ply import Ply
 from ..ply.terms import ContactTerm
 from .conditions import Conditions
+from .continuation import path_warning
 from .interval import ErrorInterval
 from .linear.solver import Choice
 from .states import State
 from .surface import OnSurface, Surface
+
+#: Warning of a run in which nothing changes with the load factor.
+UNCHANGING = (
+    "nothing changes with the load factor: no condition prescribes a nonzero "
+    "displacement, and there is no load; check the displacements of the conditions"
+)
 
 # Maximum number of states in a printed result.
 _LINES = 11
@@ -63,6 +70,8 @@ class Result:
         Name of the linear solver, and the reason for its choice.
     surfaces
         The conditions that keep nodes on surfaces, by name.
+    unchanging
+        True if nothing changes with the load factor.
     interval
         Function that returns the `ErrorInterval` of a state of the ply.
     """
@@ -79,6 +88,7 @@ class Result:
     solve_time_s: float
     solver: Choice
     surfaces: Mapping[str, OnSurface]
+    unchanging: bool
     interval: Callable[[State], ErrorInterval]
 
     @classmethod
@@ -108,6 +118,7 @@ class Result:
             solve_time_s=0.0,
             solver=Choice("none", "the state was not computed by a run"),
             surfaces=on,
+            unchanging=False,
             interval=lambda _: ErrorInterval(
                 reason="the state was not computed by a run"
             ),
@@ -167,6 +178,30 @@ class Result:
         """Interval of the error of the last state, computed at first access."""
         return self.interval(self.states[-1])
 
+    @cached_property
+    def warnings(self) -> list[str]:
+        """Warnings of the run, one line each.
+
+        They state that nothing changes with the load factor; the checks that failed but
+        only warn, each with the first load factor; an unresolved path; and users' terms
+        whose energy, residual and tangent contradict each other at the last state.
+        """
+        failed: dict[str, list[State]] = {}
+        for state in self.states:
+            for check in state.warnings:
+                failed.setdefault(check, []).append(state)
+        lines = [UNCHANGING] if self.unchanging else []
+        for check, (first, *others) in failed.items():
+            more = f" (and in {len(others)} more states)" if others else ""
+            where = f"load factor {first.load_factor:g}"
+            lines.append(f"{where}: {first.warnings[check]}{more}")
+        if self.unresolved:
+            lines.append(path_warning(self.unresolved))
+        last = self.states[-1]
+        return lines + self.ply.contradictions(
+            last.u, last.load_factor, last.parameters
+        )
+
     def view(self, **options: Any) -> Any:
         """Show a state in 3D, in Jupyter or in a window; see `skfem_textile.plot.view`.
 
@@ -208,7 +243,7 @@ class Result:
             rows.append(row)
         return rows
 
-    def summary(self) -> dict[str, str | int | float | bool | None]:
+    def summary(self) -> dict[str, Any]:
         """Summary of the last converged state and of the run, in N, mm and degrees.
 
         ``max_fibre_strain`` is the largest magnitude of the strain in the tension law;
@@ -222,7 +257,8 @@ class Result:
         mean square, describe the discretisation error (`error`).  ``error_interval`` is
         "by the numerical stiffness"; if both are None it begins with "none: " and
         states the reason.  For a ply that is deformed by a tool alone, only the error
-        of the shear angle is available.
+        of the shear angle is available.  For a ply between tools, the figures of
+        `skfem_textile.forming.formed` follow; `warnings`, if there are any, are last.
         """
         ply, u, state = self.ply, self.u, self.states[-1]
         verdict, shares, error = state.verdict, state.shares, self.error
@@ -263,7 +299,16 @@ class Result:
             "solver": self.solver.name,
             "solver_reason": self.solver.reason,
             **({"not_on_tool": self.not_on_tool} if self.not_on_tool else {}),
+            **self._figures_of_tools(),
+            **({"warnings": self.warnings} if self.warnings else {}),
         }
+
+    def _figures_of_tools(self) -> dict[str, Any]:
+        tools = (x for x in self.ply.terms if isinstance(x, ContactTerm))
+        figures: dict[str, Any] = {}
+        for figures_of in dict.fromkeys(type(tool).figures for tool in tools):
+            figures |= figures_of(self)
+        return figures
 
     def __repr__(self) -> str:
         end = "converged" if self.converged else "stopped early"

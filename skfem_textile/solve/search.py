@@ -12,10 +12,10 @@ from ..ply import Ply
 from ..ply.parameters import Frozen, PlyParameters
 from . import contact
 from .conditions import Conditions, Constraints
-from .continuation import MOST_PROJECTED, loads_drive
+from .continuation import MOST_PROJECTED, SHORTER_AFTER_FLIGHT, loads_drive
 from .linear import ChosenSolver
 from .newton import LESS_ROUNDING, METHODS, MOST_UPDATES, SETTLED, Method
-from .problem import InitialGuess, Problem, balanced, between
+from .problem import HOLD, InitialGuess, Problem, balanced, between
 from .states import Iteration, NoEquilibriumError, State
 from .verdict import Trial
 
@@ -101,15 +101,12 @@ class EquilibriumSearch:
         Checks of `CHECKS` that warn instead of refusing a state.
     report
         Callback for each iteration.
-    moved
-        True if conditions prescribe a motion, see `moves`.
     """
 
     problem: Problem
     method: Method
     warn_only: frozenset[str]
     report: Callable[[Iteration], None]
-    moved: bool = True
 
     def __post_init__(self) -> None:
         if self.problem and self.problem.contacts and not self.method.follows_path:
@@ -187,10 +184,11 @@ class EquilibriumSearch:
             target = Target(0.0, 0.0, share * values, begin, None, most, held)
             try:
                 trial = self(target)
-            except NoEquilibriumError:
-                step /= 2
+            except NoEquilibriumError as failure:
+                flies = failure.advice == HOLD
+                step /= SHORTER_AFTER_FLIGHT if flies else 2
                 if step < shortest:
-                    if stable or most == np.inf:
+                    if stable or most == np.inf or flies:
                         raise
                     step, most = 1.0, np.inf
                 continue
@@ -218,11 +216,11 @@ class EquilibriumSearch:
                 trial = Trial.of(problem, equilibrium, before)
                 driven = method.follows_path and loads_drive(
                     *(problem, equilibrium.u, equilibrium.parameters),
-                    *(trial.energies, self.moved),
+                    *(trial.energies, problem.moves),
                 )
                 trial.apply_checks(self.warn_only - ({"work"} if driven else set()))
         except NoEquilibriumError as failure:
-            at_rest = not t and failure.advice != LESS_ROUNDING
+            at_rest = not t and failure.advice not in (LESS_ROUNDING, HOLD)
             raise NoEquilibriumError(
                 f"no acceptable state at load factor {t:.6g}: {failure}",
                 failure.elements,

@@ -174,6 +174,8 @@ class State:
         Parameters of the terms at which the forces balance, such as stabilisation
         stiffnesses: an immutable mapping, see `Ply.parameters_at_rest`.  The forces are
         ``ply.residual(state.u, state.load_factor, state.parameters)``.
+    warnings
+        Messages of the checks of `CHECKS` that failed but only warn, by name.
     """
 
     load_factor: float
@@ -189,6 +191,7 @@ class State:
     shares: dict[str, dict[str, float]] = field(default_factory=dict)
     forces: dict[str, ndarray] = field(default_factory=dict)
     parameters: PlyParameters = field(default_factory=dict)
+    warnings: dict[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         stable = "stable" if self.verdict.stable else "not stable"

@@ -5,7 +5,7 @@ import os
 from bisect import bisect_right
 from collections.abc import Callable, Collection, Mapping
 from datetime import timedelta
-from functools import partial
+from functools import cached_property, partial
 from time import perf_counter
 from typing import Any
 
@@ -24,6 +24,7 @@ from .continuation import (
     load_growth,
     loads_drive,
     moves,
+    path_warning,
     surface_predictor,
 )
 from .interval import error_interval
@@ -31,7 +32,7 @@ from .linear import ChosenSolver, check_solver
 from .linear.solver import Clock
 from .newton import Method
 from .problem import Problem, tangent_at
-from .result import Result, StepError
+from .result import UNCHANGING, Result, StepError
 from .search import EquilibriumSearch, Target, method_of
 from .states import Equilibrium, Iteration, NoEquilibriumError, State, UserError
 from .supports import travels
@@ -50,11 +51,6 @@ _MOST_STEPS = 1_000_000
 
 # A load factor near 1 has 53 binary digits, of which 20 are for the steps.
 _MOST_HALVINGS = 30
-
-_NOTHING_DRIVES = (
-    "nothing changes with the load factor: no condition prescribes a nonzero "
-    "displacement, and there is no load; check the displacements of the conditions"
-)
 
 
 class LoadStepper:
@@ -148,6 +144,7 @@ class LoadStepper:
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         self.initial_guess = _checked_guess(initial_guess, ply)
         moved, contacts = moves(problem, (0.0, *self.load_factors)), problem.contacts
+        problem.moves = moved or bool(contacts)
         for check in dict.fromkeys(type(tool).check for tool in contacts):
             check(ply, moved)
         self.search = EquilibriumSearch(
@@ -155,7 +152,6 @@ class LoadStepper:
             method_of(method),
             frozenset(warn_only),
             self._report,
-            moved or bool(contacts),
         )
         self.max_halvings = max_halvings
         self.on_iteration, self.on_step = on_iteration, on_step
@@ -251,7 +247,7 @@ class Run:
 
     def __call__(self, resume: bool = False) -> Result:
         """Apply the whole load; see `LoadStepper.run`."""
-        checkpoint = self._stepper.checkpoint
+        checkpoint, problem = self._stepper.checkpoint, self.problem
         try:
             if not (resume and self._resume()):
                 with np.errstate(all="ignore"):  # non-finite values are detected
@@ -278,8 +274,14 @@ class Run:
                 raise
             raise UserError(error) from error
         finally:
-            if warning := self.continuation.warning():
-                log.warning(warning)
+            if self.continuation.unresolved:
+                log.warning(path_warning(self.continuation.unresolved))
+            for state in self.states[-1:]:
+                of_terms = problem.ply.contradictions(
+                    state.u, state.load_factor, state.parameters
+                )
+                for warning in of_terms:
+                    log.warning(warning)
             if checkpoint:
                 checkpoint.release()
         return self.result
@@ -299,6 +301,7 @@ class Run:
             factorisations=clock.factorisations,
             steps_cut=self.continuation.cut,
             unresolved=tuple(self.continuation.unresolved),
+            unchanging=self._unchanging,
             wall_time_s=perf_counter() - self._began,
             assembly_time_s=clock.seconds["assembly"],
             solve_time_s=clock.seconds["solve"],
@@ -306,6 +309,14 @@ class Run:
             surfaces=dict(stepper.surfaces),
             interval=partial(stepper.interval, chosen.choice.name),
         )
+
+    @cached_property
+    def _unchanging(self) -> bool:
+        """True if nothing changes with the load factor."""
+        problem, first = self.problem, self.states[0]
+        if problem.moves or first.u.any():
+            return False
+        return balanced_at_rest(problem, self._stepper.load_factors, first.tolerance)
 
     def _stopped(self, error: Exception) -> StepError:
         """The error that ends the run."""
@@ -374,16 +385,15 @@ class Run:
                 "ply"
             )
         tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
-        tolerance = tangent.tolerance(u, f) if tangent else 0.0
+        tolerance = tangent.tolerance(u, f, p) if tangent else 0.0
         undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
         trial = Trial(problem, undeformed, None, energies, potentials)
         state, values = trial.state(0), problem.constraints.fixed_values(0.0)
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:
             self._append(state, trial)
-            factors = self._stepper.load_factors
-            if not self._search.moved and balanced_at_rest(problem, factors, tolerance):
-                log.warning(_NOTHING_DRIVES)
+            if self._unchanging:
+                log.warning(UNCHANGING)
             return
         self.states = [state]  # until the ply is in equilibrium
         equilibrium = self._search.at_rest(problem.start(u, p, tangent), values)
@@ -424,7 +434,7 @@ class Run:
         driven = self._search.method.follows_path and loads_drive(
             problem.at(start.load_factor),
             *(start.u, start.parameters, start.energies),
-            self._search.moved,
+            problem.moves,
         )
         try:
             values = problem.constraints.fixed_values(t)

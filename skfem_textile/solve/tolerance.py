@@ -179,8 +179,9 @@ class ToleranceStepper:
         Raises
         ------
         StepError
-            If the load cannot be applied, nothing carries a load, or the tolerance is
-            not met within ``most_unknowns``.  Its ``result`` is the result on the last
+            If the load cannot be applied, nothing carries a load, the meshes stop
+            growing with the density, or the tolerance is not met within
+            ``most_unknowns``.  Its ``result`` is the result on the last
             mesh on which the whole load was applied, if there is one.
         """
         if resume:
@@ -222,8 +223,21 @@ class ToleranceStepper:
                     "the tolerance is relative to the load, whose error is not known: "
                     f"{result.error.reason}"
                 )
-            density *= self._next(result)
+            density, stepper = self._finer(density, density * self._next(result))
+
+    def _finer(self, solved: float, density: float) -> tuple[float, LoadStepper]:
+        """Density and stepper of a mesh with more unknowns than the solved one."""
+        unknowns, stepper = self._stepper.ply.basis.N, self._at(density)
+        while unknowns >= stepper.ply.basis.N:
+            if density >= _MOST_STEP * solved:
+                raise self._error(
+                    f"stepper_at returns no mesh with more than {unknowns} unknowns: "
+                    f"{stepper.ply.basis.N} at density {density:.3g}; the mesh must "
+                    "become finer as the density increases"
+                )
+            density *= _WITHOUT_INTERVAL
             stepper = self._at(density)
+        return density, stepper
 
     @property
     def states(self) -> tuple[State, ...]:

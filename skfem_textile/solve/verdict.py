@@ -23,7 +23,7 @@ from numpy import ndarray
 from ..mesh.user_input import printable
 from . import contact
 from .conditions import turned
-from .problem import EPSILON, ROUNDINGS, InitialGuess, Problem
+from .problem import EPSILON, HOLD, ROUNDINGS, InitialGuess, Problem
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
 
 #: Names of the checks, cheap ones first.
@@ -112,6 +112,13 @@ class Trial:
         """Displacement in the step, shape (n_unknowns,); zero without a ``start``."""
         u = self.equilibrium.u
         return u - self.start.u if self.start else np.zeros_like(u)
+
+    @property
+    def waits_for_tools(self) -> bool:
+        """True if the ply is still undeformed, because no tool has reached it."""
+        size = float(np.ptp(self.problem.nodes, axis=1).max())
+        moved = np.abs(self.equilibrium.u).max(initial=0.0)
+        return bool(self.problem.contacts and moved <= contact.CLOSED * size)
 
     @cached_property
     def area_ratio(self) -> ndarray:
@@ -248,6 +255,7 @@ class Trial:
             residuals=equilibrium.residuals,
             tolerance=equilibrium.tolerance,
             parameters=equilibrium.parameters,
+            warnings=dict(self.warnings),
         )
 
 
@@ -313,11 +321,9 @@ def _energy_checks(trial: Trial) -> _Failures:
     """
     problem, tangent, start = trial.problem, trial.equilibrium.tangent, trial.start
     if tangent is None or tangent.negative_pivots is None:
-        error = NoEquilibriumError(
-            "singular tangent at the equilibrium: a mechanism is present",
-            advice=_STIFFER,
-        )
-        yield "stability", error
+        if not trial.waits_for_tools:
+            advice = HOLD if problem.contacts else _STIFFER
+            yield "stability", problem.singular(" at the equilibrium", advice)
     elif tangent.negative_pivots:
         error = NoEquilibriumError(
             f"unstable equilibrium: {tangent.negative_pivots} negative pivot(s)",

@@ -18,6 +18,7 @@ from skfem_textile import (
     Full,
     Linear,
     LoadStepper,
+    Locking,
     Macro,
     OnePoint,
     Outline,
@@ -463,6 +464,37 @@ def _examples(random: Any) -> _Drawn:
     yield problem, {"formulation": Macro(), "mesh": scene.mesh}
 
 
+def _near_pole(random: Any) -> _Drawn:
+    """Locking shear law near its angle."""
+    while True:
+        degrees, law = random.uniform(35, 58), Locking(G, random.uniform(0.78, 1.13))
+        sides = np.tan(np.radians(degrees)) * random.uniform(1.2, 1.8)
+        gamma = np.degrees(law.angle) * random.uniform(0.8, 0.97)
+        ratio = 10 ** random.uniform(3.5, 5.3)
+        case = nets.specimen("", degrees, "linear", ratio, sides, gamma)
+        yield (_of(case, shear=law),)
+
+
+def _steep(random: Any) -> _Drawn:
+    """Steep fibres, which end at 78° to 87° to the clamps."""
+    while True:
+        degrees = random.uniform(58, 70)
+        sides = np.tan(np.radians(degrees)) * random.uniform(1.1, 1.6)
+        gamma = 2 * (random.uniform(78, 87) - degrees)
+        law, ratio = (
+            str(random.choice(["linear", "sin²"])),
+            10 ** random.uniform(3.5, 5.3),
+        )
+        yield (_of(nets.specimen("", degrees, law, ratio, sides, gamma)),)
+
+
+def _one_point(random: Any) -> _Drawn:
+    """One point on triangles."""
+    for i, case in enumerate(_specimens(random)):
+        mesh = None if i % 3 == 2 else _mesh(case, random, "delaunay")
+        yield _of(case, 1), {"formulation": OnePoint(), "mesh": mesh}
+
+
 # Classes with the number of cases.
 _CLASSES: dict[Any, int] = {
     **dict.fromkeys((_linear, _sine, _locking, _table), 15),
@@ -473,4 +505,5 @@ _CLASSES: dict[Any, int] = {
     _others: 18,
     _plates: 5,
     _examples: 2,
+    **dict.fromkeys((_near_pole, _steep, _one_point), 24),
 }

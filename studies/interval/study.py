@@ -186,10 +186,14 @@ class Interval(Study[Judged | ToTolerance]):
             "met_largest": percent(max(abs(row["error"]) for row in met), ".2f"),
         }
 
+    def add_options(self, parser: argparse.ArgumentParser) -> None:
+        text = "seed of the judged cases"
+        parser.add_argument("--seed", type=int, default=JUDGING, help=text)
+
     def cases(self, options: argparse.Namespace) -> Sequence[Judged | ToTolerance]:
         chosen = judged(CHOOSING, "chosen: ", 1 / 3)
         drawn = [c for c in chosen if c.kind.split()[0] not in ("meshes", "examples")]
-        return [*judged(JUDGING, "judged: "), *drawn, *runs_to_tolerance()]
+        return [*judged(options.seed, "judged: "), *drawn, *runs_to_tolerance()]
 
 
 STUDY = Interval()

@@ -171,6 +171,35 @@ def loose_biaxial():
     return BiaxialCurve("two", strain, force, sizes, slack_is_unknown=True)
 
 
+def taut_biaxial(seed):
+    """A biaxial test of a linear law without slack, with noise of 2 %."""
+    strain = np.log1p(np.linspace(0.0, 0.05, 80) * np.ones((2, 1)))
+    force = 100.0 * Linear(2e3).value(strain) / np.exp(strain)
+    noise = np.random.default_rng(seed).standard_normal(strain.shape)
+    force += 0.02 * force.max() * noise
+    return BiaxialCurve("two", strain, force, (100.0, 100.0), slack_is_unknown=True)
+
+
+def taut_strip(seed):
+    """A strip of a linear law without slack, with noise of 2 %."""
+    one = loose_strip(Linear(2e3), 0.0)
+    noise = np.random.default_rng(seed).standard_normal(one.force.size)
+    return replace(one, force=one.force + 0.02 * one.force.max() * noise)
+
+
+@pytest.mark.parametrize(("test", "zeros"), [(taut_strip, 1), (taut_biaxial, 2)])
+def test_no_slack_is_invented_on_noisy_tests_in_tension(test, zeros):
+    """An F-test rejects each zero in 1 of 20 by chance; 4 of 10 are improbable."""
+    invented = 0
+    for seed in range(10):
+        result = fit_tests([test(seed)], Choice(tension="linear"))
+        for name, fit in result.parts.items():
+            (low, high), value = fit.intervals[0], fit.law.stiffness
+            assert low <= value <= high, name
+            invented += np.count_nonzero(np.concatenate(fit.offsets))
+    assert invented < 4 * zeros
+
+
 @pytest.mark.parametrize("law", ["crimp-toe", "tabulated"])
 @pytest.mark.parametrize("test", [loose_strip, loose_biaxial])
 def test_the_largest_strain_is_beyond_the_fitted_slack(law, test):

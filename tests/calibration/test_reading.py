@@ -219,3 +219,142 @@ def test_a_slack_requires_a_displacement(tmp_path):
 def test_invalid_options_are_refused(tmp_path, form, message):
     with pytest.raises(ValueError, match=message):
         read(tmp_path, "Größe (mm),force (N)\n1,2\n", **form)
+
+
+HEADING = "Displacement (mm);Force (N)"
+
+
+def table(moved, force, *titles, heading=HEADING):
+    rows = (f"{x:.4f};{f:.4f}" for x, f in zip(moved, force, strict=True))
+    return "\n".join([*titles, heading, *rows, ""])
+
+
+def test_tables_whose_displacement_goes_on_are_segments_of_one_test(tmp_path):
+    """Also of unloading, of other units, without units, and of few rows."""
+    x = np.append(MOVED, MOVED[::-1])
+    f = 0.1 * x**2
+    metres, bare = "Displacement (m);Force (kN)", "Displacement;Force"
+    text = "\n".join(
+        [
+            table(x[:30], f[:30]),
+            table(x[30:33] / 1e3, f[30:33] / 1e3, "Page 2", heading=metres),
+            table(x[33:60] / 1e3, f[33:60] / 1e3, heading=bare),
+            table(x[60:], f[60:]),
+        ]
+    )
+    (one,) = read(tmp_path, text)
+    np.testing.assert_allclose(one.columns["displacement"], x, atol=0.06)
+    np.testing.assert_allclose(one.columns["force"], f, atol=0.06)
+    assert "4 tables, from rows 2, 35, 40, 69 on, are segments of one test" in (
+        one.statements
+    )
+
+
+def test_tables_that_begin_anew_are_several_tests(tmp_path):
+    x = np.append(MOVED, MOVED[::-1])
+    loops = "\n".join([table(x, 0.1 * x**2), table(x, 0.2 * x**2)])
+    assert len(read(tmp_path, loops)) == 2
+    named = [
+        table(x[i : i + 20], x[i : i + 20], f"Probe {i // 40}") for i in (0, 20, 40)
+    ]
+    assert len(read(tmp_path, "\n".join(named))) == 2
+
+
+@pytest.mark.parametrize("between", ["", "Specimen 2"])
+def test_specimens_below_one_heading_are_several_tests(tmp_path, between):
+    first, second = (table(MOVED, k * MOVED**2).splitlines() for k in (0.1, 0.2))
+    one, two = read(tmp_path, "\n".join([*first, between, *second[1:], ""]))
+    for test, k in ((one, 0.1), (two, 0.2)):
+        np.testing.assert_allclose(test.columns["force"], k * MOVED**2, atol=1e-4)
+        assert not any("left out" in text for text in test.statements)
+
+
+def test_a_title_separates_specimens_that_return_to_their_beginning(tmp_path):
+    x = np.append(MOVED, MOVED[::-1])
+    first, second = (table(x, k * x**2).splitlines() for k in (0.1, 0.2))
+    text = "\n".join(["Specimen 1", *first, "Specimen 2", *second[1:], ""])
+    assert len(read(tmp_path, text)) == 2
+
+
+@pytest.mark.parametrize("between", ["", "pause of 5 s"])
+def test_a_table_with_blank_lines_or_comments_is_one_test(tmp_path, between):
+    x = np.tile(np.append(MOVED, MOVED[::-1]), 2)
+    heading, *rows = table(x, x**2).splitlines()
+    lines = [heading, *rows[:10], between, *rows[10:80], between, *rows[80:]]
+    (one,) = read(tmp_path, "\n".join(lines))
+    assert one.columns["force"].size == x.size
+
+
+def test_a_biaxial_test_in_pages_is_one_test(tmp_path):
+    """Also if the transverse strain decreases."""
+    heading = "warp strain (-);weft strain (-);warp force (N);weft force (N)"
+    x = np.linspace(0.0, 0.05, 60)
+    rows = [f"{a:.6f};{-0.2 * a:.6f};{3e3 * a:.3f};{0.0:.3f}" for a in x]
+    pages = ["\n".join([heading, *rows[i : i + 20]]) for i in (0, 20, 40)]
+    (one,) = read(tmp_path, "\n\n".join(pages))
+    assert one.columns["warp strain"].size == 60
+    anew = "\n\n".join("\n".join([heading, *rows]) for _ in range(2))
+    assert len(read(tmp_path, anew)) == 2
+
+
+def test_a_clock_decides_whether_a_returned_test_goes_on(tmp_path):
+    x = np.append(MOVED, MOVED[::-1])
+    for pause, tests in ((0.5, 1), (-40.0, 2), (600.0, 2)):
+        time = 0.5 * np.arange(x.size)
+        lines = []
+        for start in (0.0, time[-1] + pause):
+            rows = zip(x, x**2, time + start, strict=True)
+            lines += ["Displacement (mm);Force (N);Time (s)"]
+            lines += [f"{a:.4f};{b:.4f};{c:.2f}" for a, b, c in rows]
+        assert len(read(tmp_path, "\n".join(lines))) == tests
+
+
+def test_readings_below_repeated_headings_are_of_one_strip(tmp_path):
+    page = "overhang (mm);chord angle (deg)\n{}.5;41.5\n{}.75;41.5\n"
+    text = page.format(100, 101) + page.format(99, 102)
+    (one,) = read(tmp_path, text)
+    assert one.columns["overhang"].size == 4
+
+
+NOISE = np.random.default_rng(3).standard_normal(200)
+RISE = np.linspace(0.0, 30.0, 200)
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        (
+            {"Strain1 (mm)": 0.05 * NOISE, "Load (N)": RISE, "Extension (mm)": RISE},
+            r"column 1 \('Strain1'\) is no displacement but noise: .*column 3 "
+            r"\('Extension'\) with --column displacement=3",
+        ),
+        (
+            {"Weg (mm)": np.cos(np.arange(200) / 4), "Kraft (N)": RISE},
+            "column 1 .* not larger than its scatter.*: specify another column",
+        ),
+        (
+            {"strain (-)": 0.01 + 0 * RISE, "force (N)": RISE},
+            "column 1 .* is no strain but noise",
+        ),
+        (
+            {"Weg (mm)": RISE, "Kraft (N)": 5 + NOISE},
+            r"column 2 \('Kraft'\) is no force of the test but noise",
+        ),
+    ],
+)
+def test_columns_of_noise_are_refused_by_name(tmp_path, columns, message):
+    rows = zip(*columns.values(), strict=True)
+    lines = [";".join(columns), *(";".join(f"{x:.4f}" for x in row) for row in rows)]
+    form = {"columns": {"displacement": 1}} if "Strain1 (mm)" in columns else {}
+    with pytest.raises(ValueError, match=message) as error:
+        read(tmp_path, "\n".join(lines), **form)
+    assert "\n" not in str(error.value)
+
+
+def test_noisy_cycles_and_breaks_are_no_noise(tmp_path):
+    cycles = 15 * (1 - np.cos(np.arange(200) / 3))
+    broken = np.where(RISE < 8, RISE, 0.1)
+    for moved, force in ((cycles, cycles), (RISE, broken)):
+        text = table(moved + 0.2 * NOISE, force + 0.2 * NOISE[::-1])
+        (one,) = read(tmp_path, text)
+        assert one.columns["force"].size == 200

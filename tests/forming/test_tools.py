@@ -194,9 +194,8 @@ def test_holder_presses_within_its_outline():
     holder = Holder(drape.Plane(), pressure=0.01, side=1, outline=outline)
     ply = blank(terms=[table, holder])
     result = LoadStepper(ply, SYMMETRY, steps=1).run()
-    force = 0.01 * 60.0 * 42.5  # nodes on the outline are within it
     table_force = result.states[-1].reactions["table"][2]
-    assert table_force == pytest.approx(force, rel=0.02)
+    assert table_force == pytest.approx(0.01 * 40.0 * 60.0, rel=2e-5)
     figures = figures_of(result)
     assert figures["holder_force_N"] == pytest.approx(-table_force, rel=1e-9)
     assert figures["holder_max_pressure_N_per_mm2"] == pytest.approx(0.01, rel=1e-3)
@@ -235,18 +234,19 @@ def test_holders_with_outlines_are_segments():
     ply = blank(terms=[table, *holders])
     result = LoadStepper(ply, SYMMETRY, steps=1).run()
     figures, state = figures_of(result), result.states[-1]
-    # nodes are 5 mm apart, and outlines in the middle between them
     areas = {"a": 22.5 * 27.5, "b": 17.5 * 22.5}
     for term in (x for x in ply.terms if x.name in boxes):
         force = term.forces(state.u, 1.0, state.parameters[term.name])
         x0, x1, y0, y1 = boxes[term.name]
         x, y = ply.nodes + ply.nodal(state.u)[:2]
-        within = (x > x0) & (x < x1) & (y > y0) & (y < y1)
-        assert np.array_equal(force > 0, within)
+        h = 5.0  # the size of elements
+        near = (x > x0 - h) & (x < x1 + h) & (y > y0 - h) & (y < y1 + h)
+        assert (force[near] > 0).all()
+        assert not force[~near].any()
         pushed = pressures[term.name] * areas[term.name]
-        assert figures[f"{term.name}_force_N"] == pytest.approx(-pushed, rel=1e-9)
+        assert figures[f"{term.name}_force_N"] == pytest.approx(-pushed, rel=2e-5)
     total = sum(pressures[name] * areas[name] for name in boxes)
-    assert state.reactions["table"][2] == pytest.approx(total, rel=1e-6)
+    assert state.reactions["table"][2] == pytest.approx(total, rel=2e-5)
 
 
 def test_travel_is_from_the_initial_position():
@@ -417,7 +417,7 @@ def test_a_ply_that_reaches_where_a_surface_is_not_finite_is_refused():
         ply = blank(cells=2, terms=[weight, tool])
         with pytest.raises(StepError, match=f"'table': .*{part}.* is not finite at"):
             LoadStepper(ply, conditions, steps=1, max_halvings=0).run()
-    outline = [[-1.0, 31.0, 31.0, -1.0], [-1.0, -1.0, 61.0, 61.0]]
+    outline = [[-1.0, 27.0, 27.0, -1.0], [-1.0, -1.0, 61.0, 61.0]]
     surface = undefined_beyond(31, "hessian")
     holder = Holder(surface, pressure=0.1, outline=outline, side=1)
     ply = blank(cells=4, terms=[holder])

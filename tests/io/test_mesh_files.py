@@ -148,7 +148,7 @@ def test_a_count_before_bytes_is_alone_on_its_line(tmp_path):
 def test_files_with_duplicate_content_are_rejected(tmp_path, name):
     content = (MESHES / name).read_bytes()
     (tmp_path / name).write_bytes(content + content)
-    refused(tmp_path / name, "more than one")
+    refused(tmp_path / name, "more than one|defined twice")
 
 
 def test_entities_without_a_group_are_read_beside_grouped_ones(tmp_path):

@@ -223,7 +223,9 @@ def test_a_file_read_completely_causes_no_warning(tmp_path, caplog):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("*HEADING", "*NODE\n9, 3, 3", "more than one .NODE block"),
+        ("*HEADING", "*NODE\n9, 3, 3", "node number 9 is used twice"),
+        ("*HEADING", "*NODE\n10, 3, 3, 0\n*HEADING", "same number of coordinates"),
+        ("*HEADING", "*IMPERFECTION, FILE=a", r"\*IMPERFECTION: this keyword is not"),
         (
             "*HEADING",
             "*INCLUDE, INPUT=/etc/hosts",
@@ -233,15 +235,15 @@ def test_a_file_read_completely_causes_no_warning(tmp_path, caplog):
         ("NSET=point", "NSET=bottom", r"\*NSET 'bottom': this set is defined twice"),
         (
             "NSET=point\n5",
-            "NSET=point\nbottom",
-            "'point': this set refers to other sets",
+            "NSET=point\nrows",
+            "'point': the set 'ROWS' is not defined before it is used",
         ),
         (
             "NSET=point\n5",
-            "NSET=point, ELSET=upper",
-            "'point': the parameter 'ELSET' is not supported",
+            "NSET=point, ELSET=upper\n5",
+            "'point': a set of nodes with ELSET= has no data lines",
         ),
-        ("NSET=point\n5", "NSET=point\n-5", "'point': this set refers to other sets"),
+        ("NSET=point\n5", "NSET=point\n-5", "'point': the set '-5' is not defined"),
         (
             "NSET=point\n5",
             "NSET=point\n55",

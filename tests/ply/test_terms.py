@@ -5,9 +5,12 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
+from scipy.sparse import diags
 from skfem import BilinearForm, CellBasis, FacetBasis, InteriorFacetBasis, MeshQuad
 
 from skfem_textile import (
+    BodyForce,
+    Condition,
     Fabric,
     Forms,
     FormTerm,
@@ -20,6 +23,7 @@ from skfem_textile import (
     Ply,
     Quadratic,
     Sin2,
+    Term,
     Values,
     VectorTerm,
     forms,
@@ -393,3 +397,54 @@ def test_inconsistent_parts_of_a_term_are_rejected_with_its_name(wrong):
     ply = plain()
     with pytest.raises(ValueError, match=f"term 'spring': {complaint}"):
         ply.with_terms(Wrong(ply.basis.N))
+
+
+class LargeSpring(Term):
+    """A foundation that is inconsistent beyond 1 mm."""
+
+    role, name = "internal", "spring"
+
+    def __init__(self, energy=1.0, force=1.0, curl=0.0):
+        self.energy_factor, self.force_factor, self.curl = energy, force, curl
+
+    def energy(self, u, t, p):
+        return 0.005 * float(u @ u) * (self.energy_factor if self._far(u) else 1.0)
+
+    def residual(self, u, t, p):
+        f = 0.01 * u
+        if self._far(u):
+            f = self.force_factor * f + self.curl * (np.roll(u, 1) - np.roll(u, -1))
+        return f
+
+    def tangent(self, u, t, p):
+        return diags(np.full(len(u), 0.01)).tocsr()
+
+    def _far(self, u):
+        return np.abs(u).max() > 1
+
+
+@pytest.mark.parametrize(
+    ("spring", "part"),
+    [
+        (LargeSpring(), ""),
+        (LargeSpring(energy=2.0), "energy"),
+        (LargeSpring(force=3.0), "energy"),
+        (LargeSpring(curl=0.02), "energy"),
+        (LargeSpring(energy=3.0, force=3.0), "residual"),
+    ],
+)
+def test_terms_are_checked_at_the_last_state(spring, part, caplog):
+    mesh = MeshQuad.init_tensor(np.linspace(0, 30, 3), np.linspace(0, 60, 5))
+    ply = Ply(mesh.with_defaults(), Fabric(2e3, 0.3, (1, 1), (-1, 1)), terms=[spring])
+    ends = {"clamp": Condition("bottom"), "pull": Condition("top", (0, 5.0))}
+    result = LoadStepper(ply, ends, 2).run()
+    last = [x for x in result.warnings if x.startswith("at load factor 1, term 'spr")]
+    assert bool(last) == bool(part)
+    assert all(f"its {part} changes by" in x and x in caplog.text for x in last)
+    assert result.summary().get("warnings", []) == result.warnings
+
+
+def test_terms_of_the_package_are_not_evaluated_again(monkeypatch):
+    ply = Ply(MeshQuad().refined(1), Fabric(1e4), terms=[BodyForce((0.0, 1.0))])
+    monkeypatch.setattr(type(ply.further_terms[0]), "energy", None)
+    assert ply.contradictions(ply.basis.zeros(), 1.0, ply.parameters_at_rest) == []

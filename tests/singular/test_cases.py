@@ -92,6 +92,8 @@ def test_a_stated_formulation_is_used(coupon):
         ("strip", {}, "mesh.outline applies to the scene specimen only"),
         ("specimen", {"size": [3, 4]}, "mesh.size does not apply to a graded mesh"),
         ("specimen", {"source": "aligned"}, "mesh.outline does not apply to the mesh"),
+        ("specimen", {"layer": ["cut"]}, "no visible lines on the layer 'cut'"),
+        ("specimen", {"unit": "ft"}, r"mesh\.unit"),
         ("specimen", {"density": 0.0}, "density must be positive"),
         ("specimen", {"density": 1e9}, "choose a smaller one"),
         ({"name": "specimen", "width_mm": 80.0}, {}, "width_mm does not apply"),
@@ -105,6 +107,18 @@ def test_a_stated_formulation_is_used(coupon):
 def test_input_that_does_not_suit_an_outline_is_refused(coupon, scene, mesh, message):
     with pytest.raises(ValueError, match=message):
         case(scene, {"outline": coupon, **mesh})
+
+
+def test_unit_and_layers_of_a_drawing_can_be_given(coupon):
+    mesh = case(mesh={"outline": coupon, "layer": ["outer"], "unit": "cm"}).scene.mesh
+    assert np.ptp(mesh.p, axis=1) == pytest.approx([500, 1000])
+    assert "hole" not in mesh.boundaries
+
+
+@pytest.mark.parametrize("key", [{"unit": "cm"}, {"layer": ["outer"]}])
+def test_unit_and_layers_require_a_drawing(key):
+    with pytest.raises(ValueError, match=r"requires mesh\.outline"):
+        case(mesh=key)
 
 
 def test_a_drawing_is_not_a_mesh(coupon):
@@ -138,6 +152,11 @@ def test_a_drawing_in_metres_is_refused(tmp_path):
     file.write_text(text)
     with pytest.raises(ValueError, match="in metres"):
         case(mesh={"outline": str(file)})
+
+
+def test_the_log_names_ply_and_holes_once(coupon, caplog):
+    case(mesh={"outline": coupon})
+    assert caplog.text.count("the ply is 50 x 100 mm (path 'outer')") == 1
 
 
 def test_holes_are_numbered_as_drawn(tmp_path):

@@ -397,3 +397,13 @@ def test_an_edge_on_an_inclined_rail_has_no_force_along_it():
     np.testing.assert_allclose(state.forces["pull"], forces.sum(axis=1))
     moved = state.displacements["pull"]
     np.testing.assert_allclose(m @ moved, 0.2 * np.linalg.norm(m))
+
+
+def test_a_condition_keeps_its_values_when_the_given_arrays_change():
+    where, value, direction = np.array([0, 1]), np.array([1.0, 2.0]), np.array([0, 1])
+    condition = Condition(where, value, direction)
+    for array in (where, value, direction):
+        array += 5
+    assert condition.where.tolist() == [0, 1]
+    assert condition.value.tolist() == [1.0, 2.0]
+    assert condition.direction.tolist() == [0, 1]

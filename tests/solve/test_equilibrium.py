@@ -58,6 +58,21 @@ def test_a_mechanism_is_rejected():
         ).run()
 
 
+@pytest.mark.parametrize(
+    ("G", "cause"),
+    [
+        (0.0, "a mechanism is present; try more supports"),
+        (1e-9, "round-off, because the largest .* smallest; try softer fibres"),
+    ],
+)
+def test_round_off_is_no_mechanism(G, cause):
+    mesh = MeshQuad.init_tensor(np.linspace(0, 30, 5), np.linspace(0, 60, 9))
+    ply = Ply(mesh.with_defaults(), Fabric(1e4, G), Full())
+    ends = {"clamp": Condition("bottom"), "shear": Condition("top", (5.0, None))}
+    with pytest.raises(StepError, match=f"singular tangent.*: {cause}"):
+        LoadStepper(ply, ends, 1).run()
+
+
 def test_a_ply_with_every_node_prescribed_has_no_unknowns():
     mesh = MeshQuad()
     held = {"all": Condition(np.arange(4), lambda X, t: 0.1 * t * X)}
@@ -163,10 +178,25 @@ def test_every_solver_gives_the_same_final_state(solver):
     ("n", "E", "size"), [(8, 1e4, 1.0), (8, 1e7, 50.0), (16, 1e4, 50.0), (16, 1e7, 1.0)]
 )
 def test_the_residual_of_round_off_is_within_the_tolerance(n, E, size):
-    """The load is hardly more than round-off."""
-    ply = Ply(rectangle(size, size, (n, n), "irregular", 0.2), Fabric(E, 0.5))
-    weight = BodyForce((0.0, -1e-9), factor=1.0)
-    stepper = LoadStepper(
-        ply.with_terms(weight), {"clamp": Condition("bottom")}, 1, method="newton"
-    )
-    assert stepper.run().linear_solves <= 2
+    """The load is a few thousand times the round-off; below, it is named."""
+
+    def run(weight):
+        ply = Ply(rectangle(size, size, (n, n), "irregular", 0.2), Fabric(E, 0.5))
+        heavy = ply.with_terms(BodyForce((0.0, -weight), factor=1.0))
+        return LoadStepper(heavy, {"clamp": Condition("bottom")}, 1).run()
+
+    weight = 1e4 * 2.0**-53 * E / size
+    assert run(weight).linear_solves <= 2
+    with pytest.raises(StepError, match="due to round-off"):
+        run(1e-4 * weight)
+
+
+@pytest.mark.parametrize("weight", [1e-10, 1e-8])
+def test_a_weight_near_round_off_is_no_obstacle_to_a_motion(weight):
+    terms = [BodyForce((0.0, 0.0, -weight), factor=1.0)]
+    mesh = rectangle(100.0, 100.0, (6, 6))
+    fabric = Fabric(1e6, 0.3, bending=(5.0, 5.0))
+    ply = Ply(mesh, fabric, terms=terms, dimension=3)
+    ends = {"clamp": Condition("left"), "pull": Condition("right", (5.0, 0.0, 0.0))}
+    last = LoadStepper(ply, ends, 1).run().states[-1]
+    assert last.residuals[-1] < 1e-9 * last.reactions["pull"][0]

@@ -1,6 +1,7 @@
 """Results of a run: states, history, messages."""
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
 from tests.helpers import Pretensioned, arguments_of
+from tests.helpers.intervals import without_interval
 from tests.helpers.pulled import ShortSteps, load_factors, pulled
 
 # Results of a run: states, history, messages
@@ -124,6 +126,7 @@ def test_a_run_without_motion_is_reported_once(sheet, caplog, top):
     assert record.message.startswith(
         "nothing changes with the load factor: no condition"
     )
+    assert result.warnings == [record.message]
 
 
 def test_a_driven_run_is_not_reported_as_motionless(sheet, caplog):
@@ -253,3 +256,19 @@ def test_a_state_is_recomputed_from_its_displacement_and_parameters(formulation)
     energy, recomputed = (sum(state.energies.values()) for state in (last, near))
     assert recomputed == pytest.approx(energy, rel=1e-2)
     np.testing.assert_allclose(near.u, last.u, atol=1e-2)
+
+
+def test_failed_checks_that_only_warn_are_in_the_result():
+    mesh = MeshQuad().refined(1)
+    ply = Ply(mesh.with_defaults(), Fabric(10.0, 1.0))
+    ends = {"clamp": Condition("bottom"), "pull": Condition("top", (0.0, 0.1))}
+    result = without_interval(LoadStepper(ply, ends, 2).run())
+    assert result.warnings == []
+    assert "warnings" not in result.summary()
+    first, *failed = result.states
+    failed = [replace(state, warnings={"work": "it jumped"}) for state in failed]
+    summary = replace(result, states=[first, *failed]).summary()
+    line = "load factor 0.5: it jumped (and in 1 more states)"
+    assert summary["warnings"] == [line]
+    (line,) = replace(result, unresolved=(0.5,)).summary()["warnings"]
+    assert line.startswith("the path was not resolved at load factor 0.5: another")

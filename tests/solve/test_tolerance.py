@@ -307,3 +307,11 @@ def test_the_interval_of_the_last_mesh_is_computed_once(monkeypatch):
         "skfem_textile.solve.interval._interval", lambda *_: pytest.fail("again")
     )
     assert result.summary()["load_half_width"] == result.rounds[-1].half_width
+
+
+def test_meshes_that_stop_growing_are_refused():
+    """A run ends with one message if the mesh does not depend on the density."""
+    at = on_squares()
+    with pytest.raises(StepError, match="no mesh with more than") as error:
+        ToleranceStepper(lambda density: at(1.0), 1e-6).run()
+    assert len(error.value.result.rounds) == 1

@@ -21,9 +21,6 @@ SEPARATORS = {
 # Number of heading rows above a block: names, channels, units.
 _HEADINGS = 3
 
-# Share of the longest block below which a block is a table of results, such as maxima.
-_SHORT = 0.2
-
 _LINE_END = re.compile(r"\r\n|\n|\r")
 _WIDE_SPACE = re.compile(r"\t|\s{2,}")
 _WITH_UNIT = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
@@ -38,6 +35,8 @@ class Block:
 
     Attributes
     ----------
+    titles
+        Lines above the headings, since the previous block.
     headings
         Rows above the numbers with as many cells, from top to bottom.
     rows
@@ -46,6 +45,7 @@ class Block:
         Rows among them that have a different number of cells, or no number.
     """
 
+    titles: list[Line]
     headings: list[Line]
     rows: list[Line]
     faulty: list[Line]
@@ -54,6 +54,18 @@ class Block:
     def width(self) -> int:
         """Number of columns."""
         return len(self.rows[0][1])
+
+    def cut(self, line: int, titles: list[Line]) -> tuple["Block", "Block"]:
+        """The rows above a line, and those from it on with titles above them."""
+        faulty = [x for x in self.faulty if x not in titles]
+        above, below = (
+            [[x for x in of if (x[0] < line) == is_above] for of in (self.rows, faulty)]
+            for is_above in (True, False)
+        )
+        return (
+            Block(self.titles, self.headings, *above),
+            Block(titles, self.headings, *below),
+        )
 
 
 def split(text: str, separator: str) -> list[Line]:
@@ -100,7 +112,7 @@ def _single_column(text: str) -> str:
 
 
 def blocks_of(text: str, separator: str) -> list[Block]:
-    """Blocks of numbers; tables of few rows beside longer ones are omitted.
+    """Blocks of numbers.
 
     A line with a heading ends a block.  Numbers below it belong to the same block if
     there is no heading for each column, as for a comment.
@@ -126,14 +138,14 @@ def blocks_of(text: str, separator: str) -> list[Block]:
                 block.rows.append((number, _padded(cells, block.width)))
         else:
             after = [x for x in above if headings and x[0] > headings[-1][0]]
-            blocks.append(Block(headings, [line], after))
+            titles = [x for x in above if not headings or x[0] < headings[0][0]]
+            blocks.append(Block(titles, headings, [line], after))
         above = []
     if blocks:
         width = blocks[-1].width
         ends = [x for x in above if len(x[1]) <= width and _has_number(x[1])]
         blocks[-1].faulty.extend(ends)
-    longest = max((len(block.rows) for block in blocks), default=0)
-    return [block for block in blocks if len(block.rows) >= _SHORT * longest]
+    return blocks
 
 
 def _has_number(cells: Sequence[str]) -> bool:

@@ -54,6 +54,9 @@ _OTHER, _OTHER_UNITS = (
     frozenset(_HEADINGS["other"][key].split()) for key in ("words", "units")
 )
 
+#: Words of titles that name a specimen.
+SPECIMENS = frozenset(_HEADINGS["specimen"]["words"].split())
+
 _WORD = re.compile(r"[^\W\d_]+")
 _SPACES = re.compile(r"[\s_]+")
 _BRACKETS = re.compile(r"\s*(.*?)[\s,/:]*[(\[<]\s*(.*?)\s*[)\]>]\s*")

@@ -18,8 +18,17 @@ from ...fabric.laws.tabulated import ANGLE
 from ...mesh.user_input import excerpt, printable
 from .encoding import read_text
 from .layout import SEPARATORS, Block, Line, blocks_of, column_headings, separator_of
+from .noise import explained, is_no_motion, is_noise
 from .numbers import MARKS, AmbiguousMarkError, decimal_mark, is_number, number
-from .quantities import COLUMNS, FORCES, UNITLESS, quantity_of, split_heading
+from .quantities import (
+    COLUMNS,
+    FORCES,
+    UNITLESS,
+    column_named,
+    quantity_of,
+    split_heading,
+)
+from .segments import Segment, goes_on, jumps_back, label_of
 
 # Endings of the files of a folder that are read.
 _ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".asc")
@@ -29,6 +38,13 @@ _FAULTY = 0.1
 
 # Number of rows that a statement lists.
 _LISTED = 5
+
+# Share of the longest table below which a table that is no segment contains results,
+# such as maxima.
+_SHORT = 0.2
+
+# Driving quantities of a biaxial test.
+_STRAINS = "warp strain", "weft strain"
 
 #: Driving quantities, one of which a shear or tensile test requires.
 DRIVING = "displacement", "shear angle", "strain"
@@ -239,6 +255,7 @@ class _File:
     def __init__(self, path: Path, form: Format) -> None:
         self.path, self.form, self.file = path, form, printable(path)
         self.text, self.encoding = read_text(path, form.encoding)
+        self._units: dict[str, str] = {}  # of headings, for tables without units
         if not self.text.removeprefix("\ufeff").strip():
             raise ValueError(f"{self.file}: the file is empty")
 
@@ -249,11 +266,15 @@ class _File:
 
     @cached_property
     def blocks(self) -> list[Block]:
-        """Blocks of numbers."""
+        """Blocks of numbers; short ones only if they may be segments of a test."""
         blocks = blocks_of(self.text, self.separator)
         if not blocks:
             raise ValueError(f"{self.file}: the file contains no rows of numbers")
-        return blocks
+        longest = max(len(block.rows) for block in blocks)
+        long = [block for block in blocks if len(block.rows) >= _SHORT * longest]
+        known = [_names(block) for block in long]
+        least = _SHORT * longest
+        return [x for x in blocks if len(x.rows) >= least or _names(x) in known]
 
     @cached_property
     def decimal(self) -> str:
@@ -273,17 +294,115 @@ class _File:
             raise ValueError(f"{self.file}: {error}") from None
 
     def recordings(self) -> list[Recording]:
-        """Tests of the file."""
-        tests = [
-            (block, columns)
-            for block in self.blocks
-            for columns in self._repeats(block)
-        ]
+        """Tests of the file, each of one table or of several segments."""
+        parts = [part for block in self.blocks for part in self._parts(block)]
+        tables = [self._tables(block) for block in parts]
+        tests = [test for each in self._beside(tables) for test in _joined(each)]
+        longest = max(_length(test) for test in tests)
+        tests = [test for test in tests if _length(test) >= _SHORT * longest]
+        tests.sort(key=lambda test: (test[0].rows.rows[0], test[0].place))
         names = [self.path.name]
         if len(tests) > 1:
             names = [f"{self.path.name}, test {i + 1}" for i in range(len(tests))]
         pairs = zip(names, tests, strict=True)
-        return [self._recording(name, *test) for name, test in pairs]
+        found = []
+        for name, test in pairs:
+            self._refuse_noise(name, test)
+            found.append(_with_directions(_whole(name, test), self.form))
+        return found
+
+    def _refuse_noise(self, name: str, test: Sequence["_Table"]) -> None:
+        """An error if a driving quantity or the force of a test is noise."""
+        recording = _whole(name, test)
+        driving, forces = (
+            [key for key in of if key in recording.columns]
+            for of in ((*DRIVING, *_STRAINS), FORCES)
+        )
+        by_name, labels = recording.columns, {x.quantity: x for x in test[0].columns}
+        of_forces = [by_name[key] for key in forces]
+        pairs = [key for key in driving if key in DRIVING] or _largest(driving, by_name)
+        for key in pairs if forces else ():
+            if is_no_motion(by_name[key], of_forces):
+                raise ValueError(
+                    f"{name}: {labels[key].label} is no {key} but noise: its trend is "
+                    "not larger than its scatter, and the force does not depend on it: "
+                    f"{self._instead(key, test, of_forces)}"
+                )
+            if "force" in forces and is_noise(by_name["force"], by_name[key]):
+                raise ValueError(
+                    f"{name}: {labels['force'].label} is no force of the test but "
+                    f"noise: it does not depend on the {key}: specify another column, "
+                    "such as --column force=2"
+                )
+
+    def _instead(
+        self, quantity: str, test: Sequence["_Table"], forces: Sequence[ndarray]
+    ) -> str:
+        """Advice to specify a column that may be a quantity, if there is one."""
+        units, found = COLUMNS[quantity], {}
+        for column in self._columns(test[0].block):
+            if column.unit not in units or column in test[0].columns:
+                continue
+            rows = [row for table in test for _, row in table.block.rows]
+            values = np.array(
+                [number(row[column.position], self.decimal) for row in rows]
+            )
+            if values.size != forces[0].size or is_no_motion(values, forces):
+                continue
+            found[column] = explained(forces[0], values)
+        if not found:
+            return f"specify another column, such as --column {_option(quantity)}=1"
+        best = max(found, key=lambda column: found[column])
+        return f"use {best.label} with --column {_option(quantity)}={best.position + 1}"
+
+    def _beside(self, tables: list[list["_Table"]]) -> list[list["_Table"]]:
+        """Tables one below the other, for each place beside one another."""
+        places = max(map(len, tables))
+        below = [
+            [one for each in tables for one in each[i : i + 1]] for i in range(places)
+        ]
+        return [each for each in below if each]
+
+    def _parts(self, block: Block) -> list[Block]:
+        """A block, cut at blank lines or titles below which another test begins.
+
+        Its displacement jumps back there, or a title names another specimen.
+        """
+        lines = np.array([line for line, _ in block.rows])
+        gaps = np.flatnonzero(np.diff(lines) > 1) + 1
+        if not gaps.size:
+            return [block]
+        moved = _moved(self._recording(block, self._repeats(block)[0]))
+        if moved.size != lines.size:
+            return [block]
+        parts, begin, label = [block], 0, label_of([x for _, x in block.titles])
+        for gap in gaps.tolist():
+            titles = [x for x in block.faulty if lines[gap - 1] < x[0] < lines[gap]]
+            name = label_of([cells for _, cells in titles])
+            back = jumps_back(moved[begin:gap], moved[gap], float(np.ptp(moved)))
+            if back or name not in ("", label):
+                parts[-1:] = parts[-1].cut(int(lines[gap]), titles)
+                begin, label = gap, name
+        return parts
+
+    def _tables(self, block: Block) -> list["_Table"]:
+        """Tables of a block, beside one another, with rows."""
+        label = label_of([cells for _, cells in block.titles])
+        repeats = self._repeats(block)
+        used = {column.position for columns in repeats for column in columns}
+        others = {
+            i: np.array([number(row[i], self.decimal) for _, row in block.rows])
+            for i in range(block.width if len(self.blocks) > 1 else 0)
+            if i not in used
+        }
+        found = []
+        for place, columns in enumerate(repeats):
+            read = self._recording(block, columns)
+            if len(read.rows) or len(self.blocks) == 1:
+                moved = _moved(read)
+                segment = Segment(moved, others, label)
+                found.append(_Table(read, segment, place, block, columns))
+        return found
 
     def _repeats(self, block: Block) -> list[list[_Column]]:
         """Columns of each test of a block."""
@@ -322,6 +441,8 @@ class _File:
         for i, (heading, unit) in enumerate(column_headings(block)):
             name, own = split_heading(heading)
             unit = own or split_heading(f"({unit})")[1] if unit or own else ""
+            unit = self._units.setdefault(name, unit) if name and not unit else unit
+            self._units[name] = unit
             columns.append(_Column(i, name, *_known(name, unit)))
         return columns
 
@@ -358,9 +479,7 @@ class _File:
             f"file: {', '.join(COLUMNS)}"
         )
 
-    def _recording(
-        self, name: str, block: Block, columns: Sequence[_Column]
-    ) -> Recording:
+    def _recording(self, block: Block, columns: Sequence[_Column]) -> Recording:
         rows = np.array([line for line, _ in block.rows])
         values, notes, parts = {}, [], []
         filled = np.zeros(len(rows), dtype=bool)
@@ -398,8 +517,7 @@ class _File:
         read = f"read: {', '.join([*how, *parts])}"
         kept = filled.nonzero()[0]
         values = {key: column[kept] for key, column in values.items()}
-        recording = Recording(name, values, rows[kept], (read, *notes))
-        return _with_directions(recording, self.form)
+        return Recording(self.path.name, values, rows[kept], (read, *notes))
 
     def _signed(self, quantity: str, values: ndarray) -> tuple[ndarray, str]:
         sign = self.form.signs.get(quantity, 1)
@@ -454,6 +572,83 @@ class _File:
         for row, x in zip(rows, values, strict=True):
             if np.isfinite(x):
                 refuse_other_units(f"{self.file}, row {row}: {column.quantity}", x, of)
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """A table as read, its motion, its place beside other tables, and its columns."""
+
+    rows: Recording
+    segment: Segment
+    place: int
+    block: Block
+    columns: Sequence[_Column]
+
+
+def _names(block: Block) -> frozenset[str]:
+    """Quantities of a block by its headings."""
+    names = (split_heading(heading) for heading, _ in column_headings(block))
+    return frozenset(filter(None, (column_named(name) for name, _ in names)))
+
+
+def _moved(recording: Recording) -> ndarray:
+    """Driving quantity in the rows with numbers; empty if there is none."""
+    columns = recording.columns
+    names = [name for name in DRIVING if name in columns]
+    for name in names[:1] or _largest(_STRAINS, columns):
+        return columns[name][np.isfinite(columns[name])]
+    return np.zeros(0)
+
+
+def _largest(names: Iterable[str], columns: Mapping[str, ndarray]) -> list[str]:
+    """The one of some columns with the largest range, if there is one."""
+    ranges = {
+        name: float(np.ptp(known)) if (known := x[np.isfinite(x)]).size else 0.0
+        for name in names
+        if (x := columns.get(name)) is not None
+    }
+    return [max(ranges, key=lambda name: ranges[name])] if ranges else []
+
+
+def _length(test: Sequence[_Table]) -> int:
+    return sum(len(table.rows.rows) for table in test)
+
+
+def _joined(tables: Sequence[_Table]) -> list[list[_Table]]:
+    """Tests of tables one below the other, each of one or several segments."""
+    moved = np.concatenate([table.segment.moved for table in tables])
+    motion = float(np.ptp(moved)) if moved.size else 0.0
+    tests: list[list[_Table]] = []
+    for table in tables:
+        if tests and _continues(tests[-1], table, motion):
+            tests[-1].append(table)
+        else:
+            tests.append([table])
+    return tests
+
+
+def _continues(test: Sequence[_Table], table: _Table, motion: float) -> bool:
+    before = [one.segment for one in test]
+    if test[0].rows.columns.keys() != table.rows.columns.keys():
+        return False
+    if not table.segment.moved.size or not before[0].moved.size:  # readings
+        return table.segment.label in ("", before[-1].label)
+    return goes_on(before, table.segment, motion)
+
+
+def _whole(name: str, test: Sequence[_Table]) -> Recording:
+    """Recording of the segments of a test, with what was read of each."""
+    parts = [table.rows for table in test]
+    columns = {
+        key: np.concatenate([part.columns[key] for part in parts])
+        for key in parts[0].columns
+    }
+    said = dict.fromkeys(text for part in parts for text in part.statements)
+    if len(parts) > 1:
+        begins = rows_text([int(part.rows[0]) for part in parts])
+        said[f"{len(parts)} tables, from {begins} on, are segments of one test"] = None
+    rows = np.concatenate([part.rows for part in parts])
+    return Recording(name, columns, rows, tuple(said))
 
 
 def _known(name: str, unit: str) -> tuple[str, str, bool]:

@@ -43,8 +43,8 @@ _LIKE: dict[Resistance, str] = {
 #: Header of a column: its name, and its unit in round or square brackets.
 HEADING = re.compile(r"\s*(.*?)\s*[(\[]\s*(.*?)\s*[)\]]\s*")
 
-# Separators other than commas.
-_NO_COMMAS = {";": "semicolons", "\t": "tabs"}
+# Separators of columns besides commas; numbers between them may have decimal commas.
+_SEPARATORS = (";", "\t")
 
 
 def refuse_bad_points(
@@ -130,7 +130,9 @@ def read_table(
 
 
 def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[str]]]]:
-    """Non-empty lines of a CSV file.
+    """Non-empty lines of a CSV file with commas, semicolons or tabs.
+
+    Decimal commas of the rows below the header are replaced by points.
 
     Returns
     -------
@@ -140,29 +142,33 @@ def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[
     Raises
     ------
     ValueError
-        If it is not a CSV file in UTF-8, is empty, or its columns are not separated by
+        If it is not a CSV file in UTF-8, is empty, or has both decimal points and
         commas; one line names the file.
     OSError
         If it cannot be read.
     """
     file = printable(Path(path))
     try:
-        with open(path, newline="", encoding="utf-8-sig") as opened:
-            reader = csv.reader(opened)
-            rows = [(reader.line_num, row) for row in reader]
+        text = Path(path).read_text(encoding="utf-8-sig")
+        first = next(filter(str.strip, text.splitlines()), "")
+        separator = next((sign for sign in _SEPARATORS if sign in first), ",")
+        reader = csv.reader(text.splitlines(), delimiter=separator)
+        rows = [(reader.line_num, row) for row in reader]
     except (UnicodeDecodeError, csv.Error):
         raise ValueError(f"{file}: the file is not a CSV file in UTF-8") from None
     lines = [(line, row) for line, row in rows if any(map(str.strip, row))]
     if not lines:
         raise ValueError(f"{file}: the file is empty")
-    (_, header), *_ = lines
-    for sign, name in _NO_COMMAS.items():
-        if len(header) == 1 and sign in header[0]:
-            raise ValueError(
-                f"{file}: columns are separated by {name}: separate them by commas, "
-                "and write numbers with decimal points"
-            )
-    return file, lines
+    if separator == ",":
+        return file, lines
+    marks = {mark for _, row in lines[1:] for mark in ".," if mark in "".join(row)}
+    if len(marks) == 2:
+        raise ValueError(f"{file}: numbers have both decimal points and commas")
+    head, *others = lines
+    return file, [
+        head,
+        *((line, [cell.replace(",", ".") for cell in row]) for line, row in others),
+    ]
 
 
 def _units(

@@ -27,6 +27,7 @@ from numpy import ndarray
 from skfem import CellBasis, ElementVector
 
 from ...fabric import Fabric, Slopes, TwoLaws, is_zero
+from ...forms.form import parameter
 from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
 from .elements import (
     Deformations,
@@ -203,7 +204,7 @@ class HourglassKernel:
         at_centre, at_corners = x.fibres
         C_s: Any = self.C_s
         if C_s is None:
-            C_s = np.broadcast_to(x.w["C_s"], corners.dx.T.shape).T
+            C_s = np.broadcast_to(parameter(x.w, "C_s"), corners.dx.T.shape).T
         return corners.dx * C_s, at_corners.shear_angle - at_centre.shear_angle
 
 
@@ -288,7 +289,7 @@ class MeanTensionKernel:
         E_d is 0 for a family without a law.
         """
         stretches = [np.sqrt(f.squared_stretch) for f in x.fibres]
-        E_d = np.asarray(x.w["E_d"])[:, x.group.elements, 0]
+        E_d = np.asarray(parameter(x.w, "E_d"))[:, x.group.elements, 0]
         E_d = _resisting(self.fabric) * E_d[:, None]
         return stretches, _mean(x.group, stretches), E_d
 

@@ -217,6 +217,16 @@ class SurfaceNodes:
                 ) from None
         return (x - self._X).T.ravel()
 
+    def farthest(self, t: float) -> float:
+        """Largest displacement in mm of a node at rest onto its surface.
+
+        Infinite if the projection fails.
+        """
+        try:
+            return float(np.abs(self.onto(np.zeros(self._X.size), t)).max())
+        except NoEquilibriumError:
+            return np.inf
+
     def carried(self, u: ndarray, before: float, t: float) -> ndarray | None:
         """Displacement carried from the surface at one load factor to that at another.
 

@@ -214,6 +214,12 @@ def abaqus(mesh, rng):
             lines += [head, *(", ".join(map(str, row)) + "," for row in rows)]
     if rng.integers(0, 3) == 0:
         lines += ["*MATERIAL, NAME=glass", "*ELASTIC", "1000., 0.3"]
+    if rng.integers(0, 3) == 0:  # of common exporters
+        at = next(i for i, x in enumerate(lines) if x.upper().startswith("*ELEMENT"))
+        lines.insert(at - len(mesh.points) // 2, "*NODE")
+        lines += ["*NODE", f"{tag[-1] + 9}, 3., 4.{z}", "*NSET, NSET=Ref"]
+        lines += [f"{tag[-1] + 9},", "*ELSET, ELSET=some", "1", "*ELSET, ELSET=again"]
+        lines += ["some, 2", "*NSET, NSET=of some, ELSET=again"]
     lower = rng.integers(0, 4) == 0
     lines = [x.lower() if lower and x.startswith("*") else x for x in lines]
     return ("\n".join(lines) + "\n").encode()

@@ -3,6 +3,7 @@
 They read the output of the writers in `mesh_files`, damaged or not.
 """
 
+import math
 import re
 import struct
 import zlib
@@ -267,12 +268,13 @@ _CORNERS = {kind: n for n, kinds in _TYPES.items() for kind in kinds.split()}
 
 # Keywords that change the mesh, that may occur once in a file, and that are read, with
 # the parameters that they may have.
-_CHANGES = ["INCLUDE", "NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY"]
-_ONCE = ("NODE", "PART", "INSTANCE")
+_CHANGES = ["IMPORT", "IMPERFECTION", "SYMMETRIC MODEL GENERATION", "PARAMETER"]
+_CHANGES += ["INCLUDE", "NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY"]
+_ONCE = ("PART", "INSTANCE")
 _PARAMETERS = {
     "NODE": {"NSET"},
     "ELEMENT": {"TYPE", "ELSET"},
-    "NSET": {"NSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
+    "NSET": {"NSET", "ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
     "ELSET": {"ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
 }
 
@@ -301,6 +303,7 @@ def abaqus(content):
     """Read a file of Abaqus."""
     nodes, elements, names, keywords = {}, {}, {}, set()
     sets, of_elements = {"NSET": {}, "ELSET": {}}, set()
+    instance, level = "", ""
 
     def name_of(kind, options):
         name = options.get(kind, "")
@@ -312,13 +315,21 @@ def abaqus(content):
         expect(keyword not in _ONCE or keyword not in keywords, f"two {keyword}")
         keywords.add(keyword)
         expect(set(keys) <= _PARAMETERS.get(keyword, set(keys)), "parameter")
-        if keyword == "NODE":
+        if keyword in ("INSTANCE", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY"):
+            level = keyword
+        if keyword == "INSTANCE":
+            instance = keys.get("NAME", "")
+            nodes = _placed(nodes, lines)
+        elif keyword == "NODE" and nodes and level in ("ASSEMBLY", "END INSTANCE"):
+            continue
+        elif keyword == "NODE":
             rows = [[word.strip() for word in line.split(b",")] for line in lines]
-            nodes = {whole(tag): tuple(map(number, x)) for tag, *x in rows}
-            expect(len(nodes) == len(rows), "a node twice")
+            more = {whole(tag): tuple(map(number, x)) for tag, *x in rows}
+            expect(len(more) == len(rows) and not more.keys() & nodes, "a node twice")
+            nodes |= more
             expect({len(x) for x in nodes.values()} in ({2}, {3}), "coordinates")
             if "NSET" in keys:
-                sets["NSET"][name_of("NSET", keys)] = set(nodes)
+                sets["NSET"].setdefault(name_of("NSET", keys), set()).update(more)
         elif keyword == "ELEMENT":
             block = _elements_of_abaqus(keys.get("TYPE", "").upper(), lines)
             expect(not block.keys() & elements.keys(), "an element twice")
@@ -331,7 +342,22 @@ def abaqus(content):
         elif keyword in sets:
             name = name_of(keyword, keys)
             expect(name not in sets[keyword], "set twice")
-            sets[keyword][name] = _members(lines, "GENERATE" in keys)
+            known = {n.upper(): tags for n, tags in sets[keyword].items()}
+            known |= {f"{instance.upper()}.{n}": tags for n, tags in known.items()}
+            if keyword == "NSET" and "ELSET" in keys:
+                expect(not lines, "members of a set of nodes of elements")
+                of = {n.upper(): tags for n, tags in sets["ELSET"].items()}
+                tags = of.get(keys["ELSET"].upper(), {None})
+                expect(None not in tags, "no such set")
+                ends = (elements.get(tag, ()) for tag in tags)
+                sets[keyword][name] = {node for corners in ends for node in corners}
+            else:
+                sets[keyword][name] = _members(lines, "GENERATE" in keys, known)
+    used = {node for corners in elements.values() for node in corners}
+    sets["NSET"] = {
+        name: tags - (nodes.keys() - used) for name, tags in sets["NSET"].items()
+    }
+    nodes = {tag: x for tag, x in nodes.items() if tag in used}
     index = {tag: i for i, tag in enumerate(nodes)}
     mesh, cells = MeshContent(list(nodes.values())), {}
     try:
@@ -366,14 +392,50 @@ def _elements_of_abaqus(kind, lines):
     return elements
 
 
-def _members(lines, generate):
+def _placed(nodes, lines):
+    """Nodes after a translation, and a rotation by a matrix about an axis."""
+    if not lines:
+        return nodes
+    rows = [[number(w.strip()) for w in x.split(b",") if w.strip()] for x in lines]
+    expect(list(map(len, rows)) in ([3], [3, 7]), "position")
+    moved = {}
+    for tag, x in nodes.items():
+        p = [a + b for a, b in zip((*x, 0.0)[:3], rows[0], strict=True)]
+        for row in rows[1:]:
+            start, axis = row[:3], [b - a for a, b in pairwise_of(row)]
+            size = math.dist(row[:3], row[3:6])
+            expect(size, "axis")
+            (u, v, w), t = (a / size for a in axis), math.radians(row[6])
+            c, s, k = math.cos(t), math.sin(t), 1 - math.cos(t)
+            matrix = (
+                (c + k * u * u, k * u * v - s * w, k * u * w + s * v),
+                (k * u * v + s * w, c + k * v * v, k * v * w - s * u),
+                (k * u * w - s * v, k * v * w + s * u, c + k * w * w),
+            )
+            d = [a - b for a, b in zip(p, start, strict=True)]
+            p = [
+                a + sum(m * x for m, x in zip(line, d, strict=True))
+                for a, line in zip(start, matrix, strict=True)
+            ]
+        moved[tag] = tuple(p)
+    return moved
+
+
+def pairwise_of(row):
+    """Coordinates of two points, in pairs."""
+    return zip(row[:3], row[3:6], strict=True)
+
+
+def _members(lines, generate, known):
     """Members of a set; of first, last and step if they are to be generated."""
     rows = [[word.strip() for word in line.split(b",")] for line in lines]
     words = [word for row in rows for word in (row if row[-1] else row[:-1])]
-    expect(all(word.isdigit() for word in words), "member")
-    numbers = [int(word) for word in words]
+    numbers = [int(word) for word in words if word.isdigit()]
+    names = [w.decode(errors="replace").upper() for w in words if not w.isdigit()]
+    expect(all(name in known for name in names), "member")
     if not generate:
-        return set(numbers)
+        return set(numbers).union(*(known[name] for name in names))
+    expect(not names, "GENERATE")
     expect(len(numbers) == 3 and numbers[2] > 0, "GENERATE")
     first, last, step = numbers
     expect(last >= first and (last - first) % step == 0, "GENERATE")

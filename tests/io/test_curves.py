@@ -1,0 +1,85 @@
+"""Curves in space from tables and DXF files."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import io
+
+POINTS = np.array([[0.5, 20.25, -3.0], [1.0, 0.0, 2.5], [1000.5, 7.0, 0.0]])
+
+
+def table(path, separator=",", header=("x", "y", "z"), mark=".", scale=1.0):
+    rows = [[f"{scale * v!r}".replace(".", mark) for v in x] for x in POINTS.tolist()]
+    lines = [separator.join(row) for row in ([list(header)] if header else []) + rows]
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("separator", "mark"), [(",", "."), (";", "."), (";", ","), ("\t", ","), (" ", ".")]
+)
+@pytest.mark.parametrize("header", [("x", "y", "z"), ("x (mm)", "Y [mm]", "z"), None])
+def test_tables_of_all_separators_are_the_same_curve(tmp_path, separator, mark, header):
+    file = table(tmp_path / "curve.csv", separator, header, mark)
+    np.testing.assert_allclose(io.read_curve(file), POINTS.T)
+
+
+def test_the_unit_of_a_header_counts(tmp_path):
+    header = ("x (m)", "y (m)", "z (m)")
+    file = table(tmp_path / "curve.csv", ";", header, scale=1e-3)
+    np.testing.assert_allclose(io.read_curve(file), POINTS.T)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x,y\n1,2\n", "must name the columns x, y and z"),
+        ("x (ft),y,z\n1,2,3\n", "the unit must be one of mm, cm, m, in, got 'ft'"),
+        ("x;y;z\n1,5;2.5;0\n", "both decimal points and commas"),
+        ("x,y,z\n1,2,3\n1,2,a\n", "row 3: expected three finite coordinates"),
+        ("x,y,z\n1,2,3\n1,2,3\n", "the curve has 1 different points"),
+        ("", "the file is empty"),
+    ],
+)
+def test_other_tables_are_refused_in_one_line(tmp_path, text, message):
+    file = tmp_path / "curve.csv"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=r"curve\.csv") as error:
+        io.read_curve(file)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def drawing(units=4):
+    ezdxf = pytest.importorskip("ezdxf")
+    file = ezdxf.new("R2000", units=units)
+    return file, file.modelspace()
+
+
+def test_a_dxf_curve_is_read_in_space_and_in_its_unit(tmp_path):
+    file, space = drawing(units=6)
+    space.add_polyline3d((POINTS.T / 1000).T.tolist())
+    file.saveas(tmp_path / "curve.dxf")
+    np.testing.assert_allclose(io.read_curve(tmp_path / "curve.dxf"), POINTS.T)
+
+
+def test_lines_and_arcs_of_a_dxf_that_meet_are_one_curve(tmp_path):
+    """A stadium of the width 20 mm and the length 50 mm, drawn in any order."""
+    file, space = drawing()
+    space.add_line((-15, -10), (15, -10))
+    space.add_arc((-15, 0), 10, 90, 270)
+    space.add_line((-15, 10), (15, 10))
+    space.add_arc((15, 0), 10, -90, 90)
+    file.saveas(tmp_path / "curve.dxf")
+    x, y, _ = io.read_curve(tmp_path / "curve.dxf")
+    area = 0.5 * abs(x @ np.roll(y, -1) - np.roll(x, -1) @ y)
+    assert area == pytest.approx(600 + np.pi * 100, rel=1e-3)
+
+
+def test_several_curves_of_a_dxf_are_refused(tmp_path):
+    file, space = drawing()
+    space.add_circle((0, 0), 5)
+    space.add_circle((20, 0), 5)
+    file.saveas(tmp_path / "curve.dxf")
+    with pytest.raises(ValueError, match="has several curves: write one to each file"):
+        io.read_curve(tmp_path / "curve.dxf")
