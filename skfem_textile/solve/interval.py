@@ -27,8 +27,8 @@ from ..ply.formulations import (
     OF_DEVIATION_BELOW_ONE_POINT,
     OF_MACRO,
     Macro,
-    OnePoint,
 )
+from ..ply.terms import Formulation
 from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
 from .linear.solver import Clock
@@ -58,9 +58,9 @@ _OF_A_LOAD = 0.01
 # Roles whose stiffness is numerical.
 _NUMERICAL = "stabilisation", "deviation"
 
-# Name of the change by the forces of `forces_of_tension_variation`, and its factor.  The
-# change estimates the error beside a pole, of the shear law or of the load where fibres
-# align with it; the recovered tension has an error of the size of its variation.
+# Change by the forces of `forces_of_tension_variation`, and its factor.  It estimates
+# the error beside a pole: of the shear law, or of the load where fibres align with it.
+# The recovered tension has an error of the size of its variation.
 _VARIATION, _OF_VARIATION = "variation", 2.0
 
 # One point locks: the converged load is below its load where deviations matter, and
@@ -233,15 +233,9 @@ class _Changes:
     groups: _Groups
 
     @classmethod
-    def of(
-        cls, problem: Problem, state: State, groups: _Groups | None = None
-    ) -> "_Changes":
+    def of(cls, problem: Problem, state: State, groups: _Groups) -> "_Changes":
         """Changes to first order, from the tangent at the state."""
         ply, u, p = problem.ply, state.u, state.parameters
-        if groups is None:
-            log_range = ply.formulation.log_range(ply.mesh)
-            numerical = dict.fromkeys(_NUMERICAL, log_range)
-            groups = [numerical, {_VARIATION: _OF_VARIATION}]
         forces: dict[str, ndarray] = {}
         for part in ply.parts(u, state.load_factor, p):
             if part.role in _NUMERICAL:
@@ -308,13 +302,12 @@ def _interval(
     ply, work = problem.ply, work_of(problem, state)
     reference = ply.formulation.reference(ply.mesh)
     if reference == ply.formulation:
-        changes = _Changes.of(problem, state)
+        changes = _Changes.of(problem, state, _groups(ply.formulation, ply))
         load, reactions = changes.work, changes.reactions
         angle, half_width = changes.shear_angle, changes.half_width
     else:
         other, there = _other(ply, reference, conditions, solver, state)
-        locks = isinstance(ply.formulation, OnePoint) and reference == Macro()
-        changes = _Changes.of(other, there, _BELOW_ONE_POINT if locks else None)
+        changes = _Changes.of(other, there, _groups(ply.formulation, other.ply))
         load = abs(work - work_of(other, there)) + changes.work
         reactions = {
             name: np.abs(state.reactions[name] - there.reactions[name]) + half
@@ -340,6 +333,15 @@ def _interval(
     if load > _MOST or numerical > _MOST_NUMERICAL:
         return ErrorInterval(reason=_NUMERICAL_LOAD)
     return ErrorInterval(load, angle, reactions, "", half_width)
+
+
+def _groups(formulation: Formulation, ply: Ply) -> _Groups:
+    """Groups of the changes of a ply, with which a formulation is compared."""
+    reference = ply.formulation
+    if isinstance(reference, Macro) and not isinstance(formulation, Macro):
+        return _BELOW_ONE_POINT
+    log_range = reference.log_range(ply.mesh)
+    return [dict.fromkeys(_NUMERICAL, log_range), {_VARIATION: _OF_VARIATION}]
 
 
 def _other(
