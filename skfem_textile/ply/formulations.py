@@ -245,9 +245,9 @@ class Full(Quadrilaterals):
     title: ClassVar[str] = "2×2 points"
     rule: ClassVar[tuple[ndarray, ndarray]] = GAUSS
 
-    def reference(self, mesh: Mesh) -> "OnePoint":
-        """One point, with the stabilisation from the shear stiffness."""
-        return OnePoint()
+    def reference(self, mesh: Mesh) -> "OnePoint | Macro":
+        """One point with the automatic stabilisation; see `OnePoint.reference`."""
+        return OnePoint().reference(mesh)
 
     def log_range(self, mesh: Mesh) -> float:
         """Zero: there is no numerical stiffness."""
@@ -262,6 +262,10 @@ OF_ONE_POINT, OF_MACRO, OF_QUADRATIC = 1.6, 0.85, 0.7
 # fibre are as high as this edge is long: they then do not resolve the layer that the
 # fibre stretches.
 _OF_UNRESOLVED_LAYER = 0.6
+
+#: Range of the logarithm of E_d where macro-elements are compared with one point, their
+#: limit for a large E_d: `python -m studies interval --case "chosen: one *"`.
+OF_DEVIATION_BELOW_ONE_POINT = 0.7
 
 # Increase of ``log_range`` for a stabilisation stiffness that is given as a number.
 _OF_NUMBER = 1.0
@@ -321,8 +325,15 @@ class OnePoint(Quadrilaterals):
         C_s = self.stabilisation
         return f"one point, Cs = {C_s if C_s == 'auto' else f'{C_s:g}'}{kind}"
 
-    def reference(self, mesh: Mesh) -> "OnePoint":
-        """The formulation itself, or with stabilisation if it has none."""
+    def reference(self, mesh: Mesh) -> "OnePoint | Macro":
+        """Macro-elements on split triangles, else itself with stabilisation.
+
+        One point in each part of a triangle is the limit of macro-elements for a large
+        stiffness of deviations: it locks, which no derivative with respect to the
+        stabilisation reveals.
+        """
+        if was_split(mesh) and any(len(cell) == 3 for cell in mesh.cells):
+            return Macro()
         return OnePoint() if self.stabilisation == 0 else self
 
     def log_range(self, mesh: Mesh) -> float:

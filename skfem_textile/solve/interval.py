@@ -15,7 +15,7 @@ numerical stiffness is compared with one of the same unknowns that has it.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -23,12 +23,19 @@ from numpy import ndarray
 from ..mesh.selection import SINGULAR
 from ..mesh.user_input import error_text, real_numbers
 from ..ply import Ply
+from ..ply.formulations import (
+    OF_DEVIATION_BELOW_ONE_POINT,
+    OF_MACRO,
+    Macro,
+)
+from ..ply.terms import Formulation
 from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
 from .linear.solver import Clock
 from .problem import Problem, Tangent
 from .search import equilibrium_near
 from .states import NoEquilibriumError, State
+from .tension_variation import forces_of_tension_variation
 from .verdict import CHECKS
 
 #: Ratio of the rms error of the shear angle to the rms change of the shear angle that
@@ -50,6 +57,18 @@ _OF_A_LOAD = 0.01
 
 # Roles whose stiffness is numerical.
 _NUMERICAL = "stabilisation", "deviation"
+
+# Change by the forces of `forces_of_tension_variation`, and its factor.  It estimates
+# the error beside a pole: of the shear law, or of the load where fibres align with it.
+# The recovered tension has an error of the size of its variation.
+_VARIATION, _OF_VARIATION = "variation", 2.0
+
+# One point locks: the converged load is below its load where deviations matter, and
+# above it where the stabilisation does.  The errors have opposite signs.
+_BELOW_ONE_POINT: "_Groups" = [
+    {"stabilisation": OF_MACRO},
+    {"deviation": OF_DEVIATION_BELOW_ONE_POINT},
+]
 
 # Reasons why a ply has no interval of the load.
 _NO_LOAD = "no moving condition carries a load"
@@ -188,49 +207,84 @@ def _rate(problem: Problem) -> ndarray:
     return (values - before) / _STEP_BACK
 
 
+class _Change(NamedTuple):
+    """Derivatives of displacement, work and reactions with respect to ln k."""
+
+    motion: ndarray
+    work: float
+    reactions: dict[str, ndarray]
+
+
+#: Ranges of the logarithm of the factor of each change.  Changes of a group add up.
+_Groups: TypeAlias = list[dict[str, float]]
+
+
 @dataclass(frozen=True, eq=False)
 class _Changes:
-    """Changes of a state with its numerical stiffness, as half-widths.
+    """Changes of a state with its numerical stiffness, and with omitted forces.
 
-    ``motions`` are the changes of the displacement by stabilisation and by deviations,
-    ``work`` and ``reactions`` the sums of their magnitudes.
+    ``by_role`` has the changes by stabilisation, by deviations and by the variation of
+    the tension.  A half-width is that of the group with the largest one.
     """
 
     ply: Ply
     u: ndarray
-    motions: list[ndarray]
-    work: float
-    reactions: dict[str, ndarray]
+    by_role: dict[str, _Change]
+    groups: _Groups
 
     @classmethod
-    def of(cls, problem: Problem, state: State) -> "_Changes":
+    def of(cls, problem: Problem, state: State, groups: _Groups) -> "_Changes":
         """Changes to first order, from the tangent at the state."""
         ply, u, p = problem.ply, state.u, state.parameters
-        by_role: dict[str, ndarray] = {}
+        forces: dict[str, ndarray] = {}
         for part in ply.parts(u, state.load_factor, p):
             if part.role in _NUMERICAL:
-                by_role[part.role] = by_role.get(part.role, 0.0) + part.forces
+                forces[part.role] = forces.get(part.role, 0.0) + part.forces
+        if not problem.in_space and any(_VARIATION in group for group in groups):
+            forces[_VARIATION] = forces_of_tension_variation(ply, u)
         tangent, rate = Tangent.at(problem, u, p), _rate(problem)
-        work, motions = 0.0, []
-        reactions = {name: np.zeros_like(f) for name, f in state.reactions.items()}
-        log_range = ply.formulation.log_range(ply.mesh)
-        for forces in by_role.values():
-            motion, after = (log_range * x for x in tangent.settled(forces))
-            motions.append(motion)
-            work += abs(float(_work(problem, after, motion, p, rate).sum()))
-            for name, change in problem.reactions(after, u).items():
-                reactions[name] += np.abs(change)
-        return cls(ply, u, motions, work, reactions)
+        by_role = {}
+        for role, f in forces.items():
+            motion, after = tangent.settled(f)
+            work = float(_work(problem, after, motion, p, rate).sum())
+            by_role[role] = _Change(motion, work, problem.reactions(after, u))
+        return cls(ply, u, by_role, groups)
+
+    def largest(self, of: Callable[[_Change], Any]) -> Any:
+        """Half-width of a quantity, from its derivative for each change."""
+        sums = [
+            sum(
+                factor * np.abs(of(self.by_role[role]))
+                for role, factor in group.items()
+                if role in self.by_role
+            )
+            for group in self.groups
+        ]
+        return np.maximum(*sums)
+
+    @property
+    def work(self) -> float:
+        """Half-width of the work in N·mm."""
+        return float(self.largest(lambda change: change.work))
+
+    @property
+    def reactions(self) -> dict[str, ndarray]:
+        """Half-widths of the reactions in N."""
+        names = next(iter(self.by_role.values())).reactions if self.by_role else {}
+        return {x: self.largest(lambda c, x=x: c.reactions[x]) for x in names}
 
     def half_width(self, quantity: Quantity) -> tuple[float, float]:
         """Value of a quantity, and half the width of its interval."""
-        slopes = [self._slope(quantity, motion) for motion in self.motions]
-        return float(quantity(self.ply, self.u)), float(np.abs(slopes).sum())
+        half = self.largest(lambda change: self._slope(quantity, change.motion))
+        return float(quantity(self.ply, self.u)), float(half)
 
     @property
     def shear_angle(self) -> float:
         """Estimated root mean square error of the shear angle in radians."""
-        motion = sum(self.motions, np.zeros_like(self.u))
+        motion = np.zeros_like(self.u)
+        for role, change in self.by_role.items():
+            if role in _NUMERICAL:
+                motion += self.ply.formulation.log_range(self.ply.mesh) * change.motion
         change = self._slope(Ply.shear_angle, motion)
         return SHEAR_ANGLE_OVER_CHANGE * _rms(self.ply, change)
 
@@ -248,12 +302,12 @@ def _interval(
     ply, work = problem.ply, work_of(problem, state)
     reference = ply.formulation.reference(ply.mesh)
     if reference == ply.formulation:
-        changes = _Changes.of(problem, state)
+        changes = _Changes.of(problem, state, _groups(ply.formulation, ply))
         load, reactions = changes.work, changes.reactions
         angle, half_width = changes.shear_angle, changes.half_width
     else:
         other, there = _other(ply, reference, conditions, solver, state)
-        changes = _Changes.of(other, there)
+        changes = _Changes.of(other, there, _groups(ply.formulation, other.ply))
         load = abs(work - work_of(other, there)) + changes.work
         reactions = {
             name: np.abs(state.reactions[name] - there.reactions[name]) + half
@@ -279,6 +333,15 @@ def _interval(
     if load > _MOST or numerical > _MOST_NUMERICAL:
         return ErrorInterval(reason=_NUMERICAL_LOAD)
     return ErrorInterval(load, angle, reactions, "", half_width)
+
+
+def _groups(formulation: Formulation, ply: Ply) -> _Groups:
+    """Groups of the changes of a ply, with which a formulation is compared."""
+    reference = ply.formulation
+    if isinstance(reference, Macro) and not isinstance(formulation, Macro):
+        return _BELOW_ONE_POINT
+    log_range = reference.log_range(ply.mesh)
+    return [dict.fromkeys(_NUMERICAL, log_range), {_VARIATION: _OF_VARIATION}]
 
 
 def _other(

@@ -20,6 +20,7 @@ from tests.io import test_hostile_mesh_files as mesh_files
 from tests.mesh import test_hostile_meshes as meshes
 from tests.singular.drawings import test_hostile_drawings as drawings
 from tests.solve import test_hostile_arguments as arguments
+from tests.solve import test_hostile_intervals as intervals
 from tests.solve.checkpoint import test_hostile_checkpoints as checkpoints
 from tests.sweep import test_hostile_files as sweeps
 
@@ -38,6 +39,7 @@ FAMILIES: tuple[Family, ...] = (
     *runs.FAMILIES,
     meshes.FAMILY,
     arguments.FAMILY,
+    intervals.FAMILY,
     checkpoints.FAMILY,
     sweeps.FAMILY,
     *disturbed_runs.FAMILIES,
