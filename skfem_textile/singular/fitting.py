@@ -37,8 +37,8 @@ _LEFT = 0.3
 # cross it, and below which a node is on a fibre: coordinates in files are rounded.
 _BEYOND = 1e-6
 
-# Share of the length of a fibre above which a part that is no edge is reported.  Chosen:
-# far above the difference between a curved fibre and its chords.
+# Share of the length of a fibre above which a part that is no edge is reported.
+# Chosen: far above the difference between a curved fibre and its chords.
 _MISSED = 0.01
 
 # Angle in degrees below which the smallest angle is reported.
@@ -254,7 +254,7 @@ class _Fit:
         self.parent = np.tile(self.parent, 2)
 
     def cut(self, i: int) -> None:
-        """Cut the triangles that a fibre crosses; a curved one may cross edges twice."""
+        """Cut the triangles that a fibre crosses, which may cross an edge twice."""
         while (crossings := self._crossings(i))[0].size:
             self._cut_edges(i, *crossings)
 
