@@ -284,9 +284,7 @@ class _Fit:
             self._names[name] = np.hstack([ends[:, m < 0], *new])
         self._cut_triangles(middle)
 
-    def _at_both(
-        self, i: int, edges: ndarray, at: ndarray, along: ndarray
-    ) -> ndarray:
+    def _at_both(self, i: int, edges: ndarray, at: ndarray, along: ndarray) -> ndarray:
         """Points where a fibre crosses edges; on chords of another, the fibres' own."""
         length = np.hypot(*(self.p[:, edges[0]] - self.p[:, edges[1]]))
         for j, k in np.argwhere(along):
@@ -366,9 +364,9 @@ class _Fit:
         least = angles.argmin()
         if angles[least] < _LEAST_ANGLE:
             log.warning(
-                "the smallest angle of the fitted mesh is %.2g°, near %s, where singular "
-                "fibres, the outline or named nodes are close; use smaller elements "
-                "there, or mesh_outline",
+                "the smallest angle of the fitted mesh is %.2g°, near %s, where "
+                "singular fibres, the outline or named nodes are close; use smaller "
+                "elements there, or mesh_outline",
                 angles[least],
                 place(self.p[:, self.t[:, least]].mean(axis=1)),
             )
