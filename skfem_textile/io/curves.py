@@ -59,9 +59,9 @@ def read_curve(path: str | os.PathLike[str], least: int = 2) -> ndarray:
 def _of_table(path: str | os.PathLike[str]) -> ndarray:
     """Points in a table in mm, shape (n, 3)."""
     file, lines = read_lines(path)
-    if len(lines[0][1]) == 1:
-        lines = [(number, " ".join(row).split()) for number, row in lines]
-        lines[0] = lines[0][0], _joined_units(lines[0][1])
+    words = ",".join(lines[0][1]).split()
+    if len(lines[0][1]) == 1 or (len(words) == 3 and all(map(_is_number, words))):
+        lines = _spaced(file, lines)
     columns, scale, (number, head) = [0, 1, 2], np.ones(3), lines[0]
     if len(head) == 3 and all(map(_is_number, head)):
         lines[0] = number, [cell.replace(",", ".") for cell in head]
@@ -81,6 +81,20 @@ def _of_table(path: str | os.PathLike[str]) -> ndarray:
                 f"'{shown}'"
             ) from None
     return scale * np.reshape(points, (-1, 3))
+
+
+def _spaced(
+    file: str, lines: list[tuple[int, list[str]]]
+) -> list[tuple[int, list[str]]]:
+    """Rows with spaces between the columns, numbers with decimal points."""
+    (first, head), *others = [(k, ",".join(row).split()) for k, row in lines]
+    if not all(map(_is_number, head := _joined_units(head))):
+        _columns(file, head)
+    marks = {mark for _, row in others for mark in ".," if mark in "".join(row)}
+    if len(marks) == 2:
+        raise ValueError(f"{file}: numbers have both decimal points and commas")
+    points = [(k, [cell.replace(",", ".") for cell in row]) for k, row in others]
+    return [(first, head), *points]
 
 
 def _joined_units(words: list[str]) -> list[str]:

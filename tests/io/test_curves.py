@@ -16,7 +16,8 @@ def table(path, separator=",", header=("x", "y", "z"), mark=".", scale=1.0):
 
 
 @pytest.mark.parametrize(
-    ("separator", "mark"), [(",", "."), (";", "."), (";", ","), ("\t", ","), (" ", ".")]
+    ("separator", "mark"),
+    [(",", "."), (";", "."), (";", ","), ("\t", ","), (" ", "."), (" ", ",")],
 )
 @pytest.mark.parametrize("header", [("x", "y", "z"), ("x (mm)", "Y [mm]", "z"), None])
 def test_tables_of_all_separators_are_the_same_curve(tmp_path, separator, mark, header):
@@ -33,9 +34,11 @@ def test_the_unit_of_a_header_counts(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ("# exported\nx,y,z\n1.5,2,3\n", "must name the columns x, y and z"),
         ("x,y\n1,2\n", "must name the columns x, y and z"),
         ("x (ft),y,z\n1,2,3\n", "the unit must be one of mm, cm, m, in, got 'ft'"),
         ("x;y;z\n1,5;2.5;0\n", "both decimal points and commas"),
+        ("x y z\n1,5 2.5 0\n", "both decimal points and commas"),
         ("x,y,z\n1,2,3\n1,2,a\n", "row 3: expected three finite coordinates"),
         ("x,y,z\n1,2,3\n1,2,3\n", "the curve has 1 different points"),
         ("", "the file is empty"),
