@@ -8,9 +8,14 @@ a ≈ b; their difference is the error, and dW/d(ln k) = p a + q b is of the siz
 for exponents between ½ and 1.  The half-width of the interval is dW/d(ln k) times the
 ``log_range`` of the formulation.
 
+Beside a pole, of the shear law or of the load where fibres align with it, the tension
+varies within elements more than they represent: see `tension_variation`.  The
+half-width is then twice the change by the omitted forces, if that is larger.
+
 The derivative needs no second equilibrium: the numerical stiffness is linear in k, so
 that its nodal forces are the derivative of the residual.  A formulation without
-numerical stiffness is compared with one of the same unknowns that has it.
+numerical stiffness is compared with one of the same unknowns that has it.  So is one
+point on triangles, which locks, with macro-elements.
 """
 
 from collections.abc import Callable
@@ -271,7 +276,11 @@ class _Changes:
     def reactions(self) -> dict[str, ndarray]:
         """Half-widths of the reactions in N."""
         names = next(iter(self.by_role.values())).reactions if self.by_role else {}
-        return {x: self.largest(lambda c, x=x: c.reactions[x]) for x in names}
+
+        def half_width(name: str) -> ndarray:
+            return np.asarray(self.largest(lambda change: change.reactions[name]))
+
+        return {name: half_width(name) for name in names}
 
     def half_width(self, quantity: Quantity) -> tuple[float, float]:
         """Value of a quantity, and half the width of its interval."""
