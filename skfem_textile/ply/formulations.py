@@ -264,7 +264,7 @@ OF_ONE_POINT, OF_MACRO, OF_QUADRATIC = 1.6, 0.85, 0.7
 _OF_UNRESOLVED_LAYER = 0.6
 
 #: Range of the logarithm of E_d where macro-elements are compared with one point, their
-#: limit for a large E_d: `python -m studies interval --case "chosen: one *"`.
+#: limit for a large E_d.  Chosen: at least 94 % of 70 bias extensions are inside.
 OF_DEVIATION_BELOW_ONE_POINT = 0.7
 
 # Increase of ``log_range`` for a stabilisation stiffness that is given as a number.
