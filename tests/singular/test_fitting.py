@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+import shapely
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import Condition, Fabric, LoadStepper, Macro, Ply, Quadratic
 from skfem_textile.mesh.checks import check_mesh
-from skfem_textile.mesh.selection import SINGULAR
+from skfem_textile.mesh.selection import SINGULAR, with_named_nodes
+from skfem_textile.scenes.rectangle import rectangle as irregular
 from skfem_textile.singular import Outline, singular_fibres
+from skfem_textile.singular.collapsing import smallest_angles
 from skfem_textile.singular.fitting import fit_to_fibres
 from skfem_textile.singular.meshing import mesh_outline
 
@@ -44,6 +47,13 @@ def areas(mesh):
     """Areas of triangles."""
     a, b, c = mesh.p[:, mesh.t].transpose(1, 0, 2)
     return np.abs((b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0]) / 2
+
+
+def oriented(mesh):
+    """Triangles, anticlockwise."""
+    a, b, c = mesh.p[:, mesh.t].transpose(1, 0, 2)
+    turned = (b - a)[0] * (c - a)[1] < (b - a)[1] * (c - a)[0]
+    return np.where(turned, mesh.t[[0, 2, 1]], mesh.t)
 
 
 @pytest.mark.parametrize("kind", [MeshQuad, MeshTri])
@@ -127,3 +137,39 @@ def test_load_on_a_fitted_mesh():
         exact, rel=0.015
     )
     assert load(mesh) != pytest.approx(exact, rel=0.015)
+
+
+@pytest.mark.parametrize(("seed", "angle"), [(1, 53.0), (4, 38.0), (2, 38.0)])
+def test_no_fibre_is_left_uncut(seed, angle):
+    """Edges cover the fibres and lie on them, and angles exceed 3 degrees."""
+    height = 50 * {53.0: 3.1, 38.0: 2.2}[angle]
+    size = (8, round(8 * height / 50))
+    mesh = irregular(50.0, height, size, "irregular", 0.25, seed)
+    found = fit_to_fibres(mesh, fabric(angle), HELD).mesh
+    lines = singular_fibres(Outline.of_mesh(mesh), fabric(angle), HELD).fibres
+    fibres = [shapely.linestrings(f.points.T) for f in lines]
+    x = found.p[:, found.facets[:, found.boundaries[SINGULAR]]]
+    edges = shapely.linestrings(x.transpose(2, 1, 0))
+    assert shapely.length(edges).sum() == pytest.approx(shapely.length(fibres).sum())
+    ends = shapely.points(x.reshape(2, -1).T)
+    off = np.min([shapely.distance(f, ends) for f in fibres], axis=0)
+    assert off.max() < 1e-9
+    assert np.sum(areas(found)) == pytest.approx(50 * height, rel=1e-12)
+    assert smallest_angles(found.p, oriented(found)).min() >= 3
+
+
+def test_a_fibre_beside_a_named_node_is_reported(caplog):
+    """Named nodes stay, and the small angle between one and a fibre is said."""
+    mesh = rectangle(MeshTri, 8)
+    fibre = shapely.LineString([(0, 0), (50, 50)])
+    gap = shapely.distance(fibre, shapely.points(mesh.p.T))
+    gap[(mesh.p[0] < 1) | (mesh.p[0] > 49) | (gap == 0)] = np.inf
+    near = int(gap.argmin())
+    p = mesh.p.copy()
+    along = fibre.interpolate(fibre.project(shapely.Point(p[:, near])))
+    p[:, near] = along.x + 0.02, along.y - 0.02
+    mesh = with_named_nodes(MeshTri(p, mesh.t), {"stitch": np.array([near])})
+    found = fit_to_fibres(mesh.with_defaults(), fabric(), HELD).mesh
+    assert np.array_equal(found.p[:, near], p[:, near])
+    assert np.sum(areas(found)) == pytest.approx(5000)
+    assert "the smallest angle of the fitted mesh" in caplog.text
