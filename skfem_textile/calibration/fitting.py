@@ -245,12 +245,13 @@ def _unphysical(result: FabricFit) -> dict[str, str]:
 
     Crimp interchange has a convex energy without a pole, whatever its parameters.
     """
-    found, tests = {}, _with_fitted_slack(result)
+    found, assumptions = {}, (result.tests, _with_fitted_slack(result))
     for part, of_part in result.parts.items():
         if part != "shear" and part not in FAMILIES:
             continue
         unit = "degrees" if part == "shear" else "strain"
-        largest = largest_argument(tests, part, result.choice.up_to)
+        up_to = result.choice.up_to
+        largest = min(largest_argument(tests, part, up_to) for tests in assumptions)
         if reason := reason_against(of_part, largest, unit):
             found[part] = reason
     return found
@@ -277,6 +278,7 @@ def fit_near(
     choice: Choice,
     simulations: Mapping[ShearTest, SimulatedTest] | None = None,
     start: ndarray | None = None,
+    keep_zeros: bool = False,
 ) -> FabricFit:
     """Fit with given simulations of some tests, by laws near the fitted ones.
 
@@ -291,12 +293,14 @@ def fit_near(
         Simulations by test.
     start
         Initial parameters; required if tension laws are fitted with simulations.
+    keep_zeros
+        See `fit`.
     """
     simulations, ranges = simulations or {}, list[FabricFit]()
     if choice.tension == "tabulated":
         tests = _with_slack_of_a_toe(tests)
     while True:
-        result = _fit_within(tests, choice, simulations, start)
+        result = _fit_within(tests, choice, simulations, start, keep_zeros)
         ranges.append(result)
         tests = _with_fitted_slack(result)
         known = any(_same_range(tests, one) for one in ranges)
@@ -309,12 +313,13 @@ def _fit_within(
     choice: Choice,
     simulations: Mapping[ShearTest, SimulatedTest],
     start: ndarray | None,
+    keep_zeros: bool = False,
 ) -> FabricFit:
     """Fit to the points within the range by the assumed slacks."""
     of_models = models_of(tests, choice)
     tensions = tuple(name for name in (*FAMILIES, "both") if name in of_models)
     samples = residuals.samples_of(tests, choice, simulations, tensions)
-    result = fit(of_models, samples, start=start)
+    result = fit(of_models, samples, start=start, keep_zeros=keep_zeros)
     return FabricFit(result, tuple(tests), choice, simulations)
 
 

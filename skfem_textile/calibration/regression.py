@@ -54,6 +54,7 @@ def fit(
     *,
     known: Laws | None = None,
     start: ndarray | None = None,
+    keep_zeros: bool = False,
 ) -> JointFit:
     """Fit the parameters of laws to curves, in one least-squares problem.
 
@@ -76,6 +77,8 @@ def fit(
         Laws of other parts.
     start
         Initial parameters.
+    keep_zeros
+        True if expected zeros stay free, although the data do not reject 0.
 
     Raises
     ------
@@ -96,7 +99,7 @@ def fit(
     probabilities = _probabilities(fits, always)
     kept = np.flatnonzero(probabilities)
     likely = fits[int(probabilities.argmax())]
-    best = _without_zeros(likely, always)
+    best = likely if keep_zeros else _without_zeros(likely, always)
 
     def view(of: Callable[[_Compared], Fit]) -> Fit:
         if len(fits) == 1 and best is likely:

@@ -321,7 +321,7 @@ def _validated(
 ) -> Validation:
     """A test beside its prediction, with zeros and noise by a separate law."""
     test = replace(test, measured_angle=None)
-    alone = fit_near([test], Choice(up_to=RIGHT_ANGLE))
+    alone = fit_near([test], Choice(up_to=RIGHT_ANGLE), keep_zeros=True)
     one, own = alone.zeroed(0), alone.parts["shear"]
     assert one.displacement is not None
     used = one.used(RIGHT_ANGLE) & (one.angle > 0)

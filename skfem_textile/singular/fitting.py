@@ -261,7 +261,7 @@ class _Fit:
     def _cut_edges(self, i: int, edges: ndarray, at: ndarray) -> None:
         n, k = self.p.shape[1], at.shape[1]
         on_outline = edge_numbers(boundary_edges([self.t]), edges) >= 0
-        along = self._on[:, edges].all(axis=1)  # edges on other fibres
+        along = np.all(self._on[:, edges], axis=1)  # edges on other fibres
         at = self._at_both(i, edges, at, along)
         self.p = np.hstack([self.p, at])
         self._on = np.hstack([self._on, along])

@@ -134,7 +134,7 @@ def test_the_residual_without_surfaces_is_limited_by_rounding_of_displacements()
         u = ply.basis.zeros()
         p, pulled = ply.parameters_at_rest, np.ones_like(ply.fibre_tension(u))
         tangent = Tangent.at(problem, u, p, pulled)
-        residuals.append(tangent.tolerance(u, problem.residual(u, p)))
+        residuals.append(tangent.tolerance(u, problem.residual(u, p), p))
     assert residuals[1] == pytest.approx(residuals[0], rel=1e-6)
 
 
