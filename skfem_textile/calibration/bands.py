@@ -70,7 +70,7 @@ class Fit:
         Probability that curves of one law differ by this much; nan without ``singles``.
     alternatives
         Probabilities and fits of which the band is computed, with other free zeros;
-        empty if it is that of this fit.
+        empty if this fit determines the band.
     """
 
     model: Model

@@ -63,8 +63,8 @@ def fit(
 
     Zeros that are not expected are fitted in each of their combinations.  The
     probability of each follows from the Bayesian information criterion (Schwarz 1978);
-    bands refer to the mixture (Hoeting et al. 1999, Statist. Sci. 14:382).  The law is
-    that of the most probable one; expected zeros are 0 in it unless the data reject
+    bands refer to the mixture (Hoeting et al. 1999, Statist. Sci. 14:382).  The most
+    probable one determines the law; expected zeros are 0 in it unless the data reject
     that, see `_without_zeros`.
 
     Parameters
@@ -138,7 +138,7 @@ def _without_zeros(fit: "_Compared", names: frozenset[str]) -> "_Compared":
 
     An F-test removes one name after another.  The band of the fit contains the law
     without a zero that it does not reject.  A table of tension represents any slack:
-    one with which its fit begins, that of a toe, stays.
+    a slack of a toe, with which its fit begins, stays.
     """
     for name in sorted(names):
         full = fit.solved
@@ -176,7 +176,7 @@ def _rejects(fit: "_Compared", less: "_Solved") -> bool:
 
 
 def _residuals(solved: "_Solved", alone: bool) -> tuple[ndarray, ...]:
-    """Residuals of each curve, or those of a separate law if curves differ.
+    """Residuals of each curve, by a separate law if curves differ.
 
     Zeros would represent the difference.
     """

@@ -20,8 +20,8 @@ _ROUNDS = 3
 def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     """Vertices and triangles with patches over all holes.
 
-    Ends of tubes are no holes, see `turning`; a part has at least one outer edge, the
-    longest.  The vertices of a patch minimise ∫|Δx|², and with it the bending at its
+    Ends of tubes do not count as holes, see `turning`; a part has at least one outer
+    edge, the longest.  The vertices of a patch minimise ∫|Δx|², and with it the bending at its
     edge.
 
     Parameters
@@ -72,7 +72,7 @@ def turning(x: ndarray, triangles: ndarray) -> ndarray:
 
 
 def of_outer_edges(turn: ndarray, part: ndarray) -> ndarray:
-    """Mask of the closed curves that are outer edges, the others are those of holes.
+    """Mask of the closed curves that are outer edges, the others bound holes.
 
     Parameters
     ----------

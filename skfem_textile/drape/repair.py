@@ -42,7 +42,7 @@ _MOST = 0.6
 # Share of the area of a part below which it is not counted, as left-over slivers.
 _SLIVER = 1e-4
 
-# Area of a part relative to that of the largest below which it is rounding.
+# Area of a part relative to the largest part below which it is rounding.
 _NO_AREA = 1e-14
 
 # Distance between opposite sides, relative to the mean edge, below which the quadrics

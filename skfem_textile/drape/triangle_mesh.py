@@ -162,7 +162,7 @@ class TriangleMesh:
     def without_holes(self) -> "TriangleMesh":
         """The surface with smooth patches over its holes.
 
-        For nets that are laid over a hole and trimmed by it.  Ends of tubes are no
+        For nets that are laid over a hole and trimmed by it.  Ends of tubes are not
         holes: a patch there would turn by more than π.  If a part has no other edge,
         its longest is its outer edge.  The triangles of a patch have the size of its
         edges.

@@ -215,9 +215,9 @@ def _read_block(deck: _Deck, block: Block) -> None:
 
 
 def _is_of_the_assembly(deck: _Deck, block: Block) -> bool:
-    """Whether a block after the instance has nodes of the assembly, or their sets.
+    """True if a block after the instance has nodes of the assembly, or their sets.
 
-    Numbers of the assembly are independent of those of the instance.
+    Numbers of the assembly are independent of numbers of the instance.
     """
     if block.keyword == "NODE":
         deck.after += len(block.data)
@@ -250,7 +250,7 @@ def _add_nodes(
 def _place(deck: _Deck, data: list[list[bytes]]) -> None:
     """Translate the nodes so far, then rotate them about an axis.
 
-    A first line has the translation; a second one has two points a and b and the
+    The first line contains the translation; a second one has two points a and b and the
     right-handed angle about the axis from a to b, in degrees.
     """
     rows = [from_words(without_trailing_comma(row), "f8") for row in data]

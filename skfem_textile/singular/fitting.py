@@ -37,7 +37,7 @@ _LEFT = 0.3
 # cross it, and below which a node is on a fibre: coordinates in files are rounded.
 _BEYOND = 1e-6
 
-# Share of the length of a fibre above which a part that is no edge is reported.
+# Share of the length of a fibre above which a part without edges is reported.
 # Chosen: far above the difference between a curved fibre and its chords.
 _MISSED = 0.01
 
@@ -386,7 +386,7 @@ class _Fit:
             part = max(shapely.get_parts(rest), key=shapely.length, default=fibre)
             where = place(np.array(part.coords[0]))
             log.warning(
-                "%.3g mm of a singular fibre of %.3g mm are no edges, near %s; "
+                "%.3g mm of a singular fibre of %.3g mm have no edges, near %s; "
                 "use smaller elements there, or mesh_outline",
                 missed,
                 fibre.length,

@@ -284,8 +284,8 @@ class Outline:
         tolerance
             Largest distance in mm between a curve and its chords.
         unit
-            Unit of length, ``mm``, ``cm``, ``m`` or ``in``; by default that of the
-            file, or mm if it states none.
+            Unit of length, ``mm``, ``cm``, ``m`` or ``in``; by default as the file
+            states, or mm if it states none.
         layer
             Name of a layer, or several, of which curves are read; by default all.
         more

@@ -229,7 +229,7 @@ class _Changes:
     """Changes of a state with its numerical stiffness, and with omitted forces.
 
     ``by_role`` has the changes by stabilisation, by deviations and by the variation of
-    the tension.  A half-width is that of the group with the largest one.
+    the tension.  The group with the largest half-width counts.
     """
 
     ply: Ply

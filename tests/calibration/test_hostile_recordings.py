@@ -50,10 +50,10 @@ LENGTHS, FORCES = {"mm": 1.0, "cm": 0.1, "in": 1 / 25.4}, {"N": 1.0, "kN": 1e-3}
 
 VALID = "one table", "segments", "several specimens", "segments of specimens"
 INVALID = {
-    "displacement of noise": "displacement but noise",
-    "wandering displacement": "displacement but noise",
-    "constant displacement": "displacement but noise",
-    "force of noise": "but noise",
+    "displacement of noise": "contains noise, not displacement",
+    "wandering displacement": "contains noise, not displacement",
+    "constant displacement": "contains noise, not displacement",
+    "force of noise": "contains noise",
 }
 
 

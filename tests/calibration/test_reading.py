@@ -325,7 +325,7 @@ RISE = np.linspace(0.0, 30.0, 200)
     [
         (
             {"Strain1 (mm)": 0.05 * NOISE, "Load (N)": RISE, "Extension (mm)": RISE},
-            r"column 1 \('Strain1'\) is no displacement but noise: .*column 3 "
+            r"column 1 \('Strain1'\) contains noise, not displacement: .*column 3 "
             r"\('Extension'\) with --column displacement=3",
         ),
         (
@@ -334,11 +334,11 @@ RISE = np.linspace(0.0, 30.0, 200)
         ),
         (
             {"strain (-)": 0.01 + 0 * RISE, "force (N)": RISE},
-            "column 1 .* is no strain but noise",
+            "column 1 .* contains noise, not strain",
         ),
         (
             {"Weg (mm)": RISE, "Kraft (N)": 5 + NOISE},
-            r"column 2 \('Kraft'\) is no force of the test but noise",
+            r"column 2 \('Kraft'\) contains noise, not the force",
         ),
     ],
 )

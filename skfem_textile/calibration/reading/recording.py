@@ -39,7 +39,7 @@ _FAULTY = 0.1
 # Number of rows that a statement lists.
 _LISTED = 5
 
-# Share of the longest table below which a table that is no segment contains results,
+# Share of the longest table below which a table beside the segments contains results,
 # such as maxima.
 _SHORT = 0.2
 
@@ -324,15 +324,15 @@ class _File:
         for key in pairs if forces else ():
             if is_no_motion(by_name[key], of_forces):
                 raise ValueError(
-                    f"{name}: {labels[key].label} is no {key} but noise: its trend is "
-                    "not larger than its scatter, and the force does not depend on it: "
+                    f"{name}: {labels[key].label} contains noise, not {key}: its trend "
+                    "is not larger than its scatter, and the force does not depend on it: "
                     f"{self._instead(key, test, of_forces)}"
                 )
             if "force" in forces and is_noise(by_name["force"], by_name[key]):
                 raise ValueError(
-                    f"{name}: {labels['force'].label} is no force of the test but "
-                    f"noise: it does not depend on the {key}: specify another column, "
-                    "such as --column force=2"
+                    f"{name}: {labels['force'].label} contains noise, not the force "
+                    f"of the test: it does not depend on the {key}: specify another "
+                    "column, such as --column force=2"
                 )
 
     def _instead(

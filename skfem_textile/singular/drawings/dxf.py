@@ -24,7 +24,7 @@ from .curves import (
 
 log = logging.getLogger(__name__)
 
-# Layer of a DXF file that gives no name; in a block, that of the reference.
+# Layer of a DXF file that gives no name; in a block, the layer of the reference.
 _NO_NAME = "0"
 
 # Units of a DXF file ($INSUNITS) in mm: the definitions of the units.  The factors of
@@ -67,7 +67,7 @@ def curves_of_dxf(
     tolerance
         Largest distance in mm between a curve and its chords.
     unit
-        Unit of length, ``mm``, ``cm``, ``m`` or ``in``; by default that of the file.
+        Unit of length, ``mm``, ``cm``, ``m`` or ``in``; by default as the file states.
     layer
         Name of a layer, or several, of which curves are read; by default all.
 
@@ -219,7 +219,7 @@ class _Reader:
 
 
 def _attribute(entity: Any, name: str, default: Any) -> Any:
-    """Attribute of an entity; those of unknown types have none."""
+    """Attribute of an entity; entities of unknown types have none."""
     dxf = entity.dxf
     return dxf.get(name, default) if dxf.is_supported(name) else default
 

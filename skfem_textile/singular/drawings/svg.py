@@ -81,7 +81,7 @@ _OUTSIDE = 1e-6
 
 
 class _View(NamedTuple):
-    """What an element takes from those around it.
+    """Properties that an element takes from the elements around it.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class _View(NamedTuple):
     depth
         Number of elements around it.
     flaw
-        What cannot be honoured around it.
+        Property around it that is not supported, or ''.
     """
 
     M: ndarray
@@ -197,7 +197,7 @@ class _Reader:
         M, size = self._viewport(root, self._what, None, ("", ""))
         if unit is not None or not stated:
             M[:2] /= M[0, 0]
-        M[:2, 2] = 0.0  # positions are those of the drawing
+        M[:2, 2] = 0.0  # as in the drawing
         if not self._is_hidden(root):
             up = np.diag([self._mm, -self._mm, 1.0])
             self._visit_content(root, _View(up @ M, size))
@@ -256,7 +256,7 @@ class _Reader:
         )
 
     def _flaw(self, element: Element) -> str:
-        """What cannot be honoured at an element, or ''."""
+        """Property of an element that is not supported, or ''."""
         for name, harmless in _UNSUPPORTED.items():
             value = self._styles.value(element, name)
             if value not in harmless:

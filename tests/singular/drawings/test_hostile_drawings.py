@@ -229,12 +229,12 @@ class Dxf:
         space.add_blockref(block.name, tuple(shift), {**scales, **attributes})
 
     def draw_ply(self, space, ply, layer):
-        """Draw a ply in nested blocks, each hole in one or two of its own."""
+        """Draw a ply in nested blocks, each hole in one or two further ones."""
         attributes = {"layer": layer}
         for place in ply.around:
             block = self.block()
             self.insert(space, block, place, **attributes)
-            space, attributes = block, {}  # those on layer 0 are on that of the block
+            space, attributes = block, {}  # layer 0 is the layer of the block
         self.draw(space, ply.outer, **attributes)
         if len({id(hole) for hole, _ in ply.holes}) < len(ply.holes):
             block = self.block()
