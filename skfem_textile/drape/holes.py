@@ -21,8 +21,8 @@ def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
     """Vertices and triangles with patches over all holes.
 
     Ends of tubes do not count as holes, see `turning`; a part has at least one outer
-    edge, the longest.  The vertices of a patch minimise ∫|Δx|², and with it the bending at its
-    edge.
+    edge, the longest.  The vertices of a patch minimise ∫|Δx|², and with it the bending
+    at its edge.
 
     Parameters
     ----------

@@ -325,8 +325,8 @@ class _File:
             if is_no_motion(by_name[key], of_forces):
                 raise ValueError(
                     f"{name}: {labels[key].label} contains noise, not {key}: its trend "
-                    "is not larger than its scatter, and the force does not depend on it: "
-                    f"{self._instead(key, test, of_forces)}"
+                    "is not larger than its scatter, and the force does not depend on "
+                    f"it: {self._instead(key, test, of_forces)}"
                 )
             if "force" in forces and is_noise(by_name["force"], by_name[key]):
                 raise ValueError(
