@@ -232,6 +232,7 @@ FAMILY = Family(
     attempt,
     180,
     short=36,
+    seconds=120.0,  # a punch that pushes a free ply is refused after many halvings
 )
 
 

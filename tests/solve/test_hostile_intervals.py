@@ -122,7 +122,12 @@ def attempt(specimen):
 
 
 FAMILY = Family(
-    "intervals", {kind: specimens(kind) for kind in CLASSES}, attempt, 150, short=6
+    "intervals",
+    {kind: specimens(kind) for kind in CLASSES},
+    attempt,
+    150,
+    short=6,
+    seconds=120.0,  # two references on fine nets
 )
 
 
