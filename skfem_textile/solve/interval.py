@@ -12,6 +12,11 @@ Beside a pole, of the shear law or of the load where fibres align with it, the t
 varies within elements more than they represent: see `tension_variation`.  The
 half-width is then twice the change by the omitted forces, if that is larger.
 
+Elements that contain a jump of the shear angle have an error of the shear angle of the
+size of its differences δ between neighbours.  For a proportional law the numerical
+stiffness is calibrated to it.  The further change of the work of another law is of the
+size of ∫ |M′Γ − M| δ dΩ: see `_work_of_jumps`.
+
 The derivative needs no second equilibrium: the numerical stiffness is linear in k, so
 that its nodal forces are the derivative of the residual.  A formulation without
 numerical stiffness is compared with one of the same unknowns that has it.  So is one
@@ -25,6 +30,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.bases import element_numbers
 from ..mesh.selection import SINGULAR
 from ..mesh.user_input import error_text, real_numbers
 from ..ply import Ply
@@ -67,6 +73,10 @@ _NUMERICAL = "stabilisation", "deviation"
 # the error beside a pole: of the shear law, or of the load where fibres align with it.
 # The recovered tension has an error of the size of its variation.
 _VARIATION, _OF_VARIATION = "variation", 2.0
+
+# Part of the half-width of the work over the result of `_work_of_jumps`:
+# `python -m studies interval --case "chosen: free meshes near *"`.
+_OF_JUMPS = 2.0
 
 # One point locks: the converged load is below its load where deviations matter, and
 # above it where the stabilisation does.  The errors have opposite signs.
@@ -337,6 +347,15 @@ def _interval(
         return ErrorInterval(None, angle, reason=_IN_SPACE if work else _NO_LOAD)
     if not work:
         return ErrorInterval(None, angle, reactions, _NO_LOAD, half_width)
+    if load and SINGULAR not in (ply.mesh.boundaries or {}):
+        wider = 1.0 + _OF_JUMPS * _work_of_jumps(ply, state.u) / load
+        load, reactions = wider * load, {k: wider * x for k, x in reactions.items()}
+        narrow = half_width
+
+        def half_width(quantity: Quantity) -> tuple[float, float]:
+            value, half = narrow(quantity)
+            return value, wider * half
+
     load /= abs(work)
     numerical = sum(state.shares.get("energy", {}).values())
     if load > _MOST or numerical > _MOST_NUMERICAL:
@@ -374,16 +393,32 @@ def _rms(ply: Ply, values: ndarray) -> float:
 
 
 def _rms_jump(ply: Ply, u: ndarray) -> float:
-    """Root mean square of the jumps of the shear angle between elements, in radians.
+    """Root mean square of the jumps of the shear angle between elements, in radians."""
+    area = ply.basis.dx.sum(axis=1)
+    return float(np.sqrt(np.average(_square_jumps(ply, u), weights=area)))
 
-    Each element is weighted by its area, and distributed equally among its edges.
-    Jumps across singular fibres are part of the solution.
+
+def _square_jumps(ply: Ply, u: ndarray) -> ndarray:
+    """Mean square of the jumps of the shear angle at the edges of each element.
+
+    Jumps across singular fibres are part of the solution.  Shape (n_elements,), in
+    radians squared.
     """
     mesh: Any = ply.mesh
     inner = np.flatnonzero(mesh.f2t[1] >= 0)
     inner = np.setdiff1d(inner, (mesh.boundaries or {}).get(SINGULAR, ()))
     angle = np.average(ply.shear_angle(u), axis=1, weights=ply.basis.dx)
-    share = ply.basis.dx.sum(axis=1) / len(mesh.t2f)
-    one, other = mesh.f2t[:, inner]
-    square = (share[one] + share[other]) @ (angle[one] - angle[other]) ** 2
-    return float(np.sqrt(square / ply.basis.dx.sum()))
+    pairs = mesh.f2t[:, inner]
+    square = np.tile(np.subtract(*angle[pairs]) ** 2, 2)
+    return np.bincount(pairs.ravel(), square, mesh.nelements) / len(mesh.t2f)
+
+
+def _work_of_jumps(ply: Ply, u: ndarray) -> float:
+    """Work ∫ |M′Γ − M| δ dΩ in N·mm, with the root mean square jumps δ of Γ.
+
+    It is zero for a proportional shear law M, and large beside the pole of a law.
+    """
+    law = ply.fabric.at(element_numbers(ply.basis)).shear_law
+    angle, jump = ply.shear_angle(u), np.sqrt(_square_jumps(ply, u))
+    excess = np.abs(law.tangent(angle) * angle - law.value(angle))
+    return float(jump @ (excess * ply.basis.dx).sum(axis=1))

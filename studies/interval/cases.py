@@ -464,15 +464,34 @@ def _examples(random: Any) -> _Drawn:
     yield problem, {"formulation": Macro(), "mesh": scene.mesh}
 
 
-def _near_pole(random: Any) -> _Drawn:
-    """Locking shear law near its angle."""
+def _beside_pole(random: Any) -> Iterator[tuple[nets.Case, Locking]]:
+    """Endless specimens whose shear angle is 80 to 97 % of the pole of their law."""
     while True:
         degrees, law = random.uniform(35, 58), Locking(G, random.uniform(0.78, 1.13))
         sides = np.tan(np.radians(degrees)) * random.uniform(1.2, 1.8)
         gamma = np.degrees(law.angle) * random.uniform(0.8, 0.97)
         ratio = 10 ** random.uniform(3.5, 5.3)
-        case = nets.specimen("", degrees, "linear", ratio, sides, gamma)
+        yield nets.specimen("", degrees, "linear", ratio, sides, gamma), law
+
+
+def _near_pole(random: Any) -> _Drawn:
+    """Locking shear law near its angle."""
+    for case, law in _beside_pole(random):
         yield (_of(case, shear=law),)
+
+
+def _near_pole_on_free_meshes(random: Any) -> _Drawn:
+    """Free meshes near the locking angle."""
+    options = cycle(
+        (formulation, kind)
+        for kind in ("irregular", "delaunay")
+        for formulation in (OnePoint(), Macro())
+    )
+    for (case, law), (formulation, kind) in zip(
+        _beside_pole(random), options, strict=False
+    ):
+        mesh = _mesh(case, random, kind)
+        yield _of(case, 4, shear=law), {"formulation": formulation, "mesh": mesh}
 
 
 def _steep(random: Any) -> _Drawn:
@@ -505,5 +524,5 @@ _CLASSES: dict[Any, int] = {
     _others: 18,
     _plates: 5,
     _examples: 2,
-    **dict.fromkeys((_near_pole, _steep, _one_point), 24),
+    **dict.fromkeys((_near_pole, _steep, _one_point, _near_pole_on_free_meshes), 24),
 }

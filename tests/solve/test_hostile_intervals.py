@@ -134,3 +134,4 @@ FAMILY = Family(
 def test_the_interval_of_a_specimen_contains_the_load_of_a_fine_net():
     assert attempt(Specimen(1, "one point, triangles", "linear")) == RIGHT
     assert attempt(Specimen(1, "quadratic, net", "locking")) == RIGHT
+    assert attempt(Specimen(111, "macro, triangles", "locking")) == RIGHT

@@ -13,7 +13,9 @@ from skfem_textile import (
     Fabric,
     Force,
     Full,
+    Linear,
     LoadStepper,
+    Locking,
     Macro,
     MatrixTerm,
     OnePoint,
@@ -276,6 +278,19 @@ def test_the_interval_contains_the_converged_load(formulation, kind, most):
     assert summary["load_half_width"] == half
     assert 0 < summary["shear_angle_error_deg"] < 20
     assert summary["error_interval"] == "by the numerical stiffness"
+
+
+def test_a_law_that_is_not_proportional_widens_the_interval_of_free_meshes(monkeypatch):
+    """By ∫ |M′Γ − M| δ dΩ, which is zero for a proportional one."""
+    laws = Locking(0.5, np.radians(50.0)), Linear(0.5)
+    wide = [pulled(shear=law).error for law in laws]
+    monkeypatch.setattr(interval, "_OF_JUMPS", 0.0)
+    narrow = [pulled(shear=law).error for law in laws]
+    ratio, of_plain = (x.load / y.load for x, y in zip(wide, narrow, strict=True))
+    assert of_plain == 1.0
+    assert ratio > 1.2
+    reactions = [x[0].reactions["top"] for x in (wide, narrow)]
+    np.testing.assert_allclose(reactions[0], ratio * reactions[1])
 
 
 CRIMPED = CrimpToe(7e3, toe=0.003, initial_stiffness=10)
