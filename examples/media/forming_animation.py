@@ -3,8 +3,8 @@ Animation of a ply that a hemisphere forms
 ==========================================
 
 A hemispherical punch forms a ply with fibres along x and y through a die. The script
-writes the animation of the start page, its poster and the animation of the README. It
-computes the whole ply in 48 load steps, which takes some minutes:
+writes the animation of README and start page. It computes the whole ply in 48 load
+steps, which takes some minutes:
 
     python examples/media/forming_animation.py docs/images
 """
@@ -13,7 +13,6 @@ import sys
 from pathlib import Path
 
 from skfem_textile import Fabric, Result, plot
-from skfem_textile.plot.pictures import stage_of
 from skfem_textile.scenes import Case, hemisphere_forming
 
 # %%
@@ -29,12 +28,8 @@ def formed(elements: int = 24, steps: int = 48) -> Result:
 
 
 def draw(result: Result, folder: Path) -> None:
-    """Write video, poster and GIF."""
-    how = {"fibres": True, "size": 85}
-    plot.animation(result, folder / "forming.webm", **how)
-    plot.animation(result, folder / "forming.gif", **how)
-    titles = [stage_of(result, result.states[-1])]
-    plot.field(result, titles=titles, filename=folder / "forming.png", **how)
+    """Write the animation."""
+    plot.animation(result, folder / "forming.gif", fibres=True, size=85)
 
 
 if __name__ == "__main__":

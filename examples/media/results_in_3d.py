@@ -4,7 +4,7 @@ Results as glTF files
 
 A bias-extension test in the plane, a ply draped on a double dome, and a ply that a
 hemisphere forms. The script writes one glTF file for each, which the documentation
-shows in 3D. It takes some minutes:
+shows in 3D. A build of the documentation runs it if ``docs/models`` does not exist:
 
     python examples/media/results_in_3d.py docs/models
 """
@@ -34,7 +34,7 @@ def run(scene: Scene, bending: float = 0.0, steps: int = 5) -> Result:
     return Case(scene=scene, fabric=fabric, steps=steps).run()
 
 
-def results(size: int = 16) -> dict[str, Result]:
+def results(size: int = 12) -> dict[str, Result]:
     """Results by the name of their file, with as many elements along the sides."""
     sides = (size, size)
     draped = double_dome(

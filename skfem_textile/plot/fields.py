@@ -147,16 +147,17 @@ def shades_of(normal: ndarray) -> ndarray:
 
 def _tools_between(
     results: Sequence[Result], states: Sequence[State]
-) -> dict[int, Tool]:
-    """Tools of formed plies where they stand in the states, by number of the state.
+) -> dict[int, tuple[Tool | None, Tool | None]]:
+    """Tools behind formed plies and in front of them, by number of the state.
 
-    The states of one ply are seen in the same box.
+    They stand where they are in the state.  The states of one ply are seen in the same
+    box.
     """
     numbers: dict[Ply, list[int]] = {}
     for i, result in enumerate(results):
         if has_tools(result.ply):
             numbers.setdefault(result.ply, []).append(i)
-    tools: dict[int, Tool] = {}
+    tools = {}
     for ply, of_ply in numbers.items():
         from ..forming import box_of, placed_tools
 
@@ -164,8 +165,9 @@ def _tools_between(
         factors = [states[i].load_factor for i in of_ply]
         placed = placed_tools(ply, factors, *box)
         for i, at in zip(of_ply, placed, strict=True):
-            if behind := [tool for tool in at if _faces_viewer(tool)]:
-                tools[i] = _joined(behind)
+            behind = [tool for tool in at if _faces_viewer(tool)]
+            in_front = [tool for tool in at if not _faces_viewer(tool)]
+            tools[i] = _joined(behind, True), _joined(in_front, False)
     return tools
 
 
@@ -179,21 +181,25 @@ def _faces_viewer(tool: "PlacedTool") -> bool:
     return bool(eye_axes(on_tool=True)[2] @ area > 0)
 
 
-def _joined(tools: Sequence["PlacedTool"]) -> Tool:
+def _joined(tools: Sequence["PlacedTool"], one_sided: bool) -> Tool | None:
+    if not tools:
+        return None
     first = np.cumsum([0, *(tool.points.shape[1] for tool in tools)])
     return Tool(
         np.hstack([tool.points for tool in tools]).T,
         np.hstack([x.triangles + n for x, n in zip(tools, first[:-1], strict=True)]),
         shades_of(np.hstack([tool.normals for tool in tools])),
-        one_sided=True,
+        one_sided,
     )
 
 
-def solids_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]:
+def solids_of(
+    results: Sequence[Result], states: Sequence[State], veiled: bool = False
+) -> list[Shape]:
     """Plies of results, each in one state, with straight edges between the vertices.
 
     With the tools on which they lie, and of those between which they are formed the
-    tools behind the ply.
+    tools behind the ply, and if ``veiled`` also those in front of it.
     """
     shapes, tools = [], _tools_between(results, states)
     for i, (result, at) in enumerate(zip(results, states, strict=True)):
@@ -201,17 +207,20 @@ def solids_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]
         if surface := result.tool(at.load_factor):
             shape = shape._replace(tool=tool_under(shape.points, surface))
         elif i in tools:
-            shape = shape._replace(tool=tools[i])
+            behind, in_front = tools[i]
+            shape = shape._replace(tool=behind, veil=in_front if veiled else None)
         shapes.append(shape)
     return shapes
 
 
-def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]:
+def shapes_of(
+    results: Sequence[Result], states: Sequence[State], veiled: bool = False
+) -> list[Shape]:
     """Plies and tools as seen: in perspective if at least one ply is in space.
 
     Of tools between which a ply is formed only the faces towards the viewer are drawn.
     """
-    shapes = solids_of(results, states)
+    shapes = solids_of(results, states, veiled)
     in_space = any(len(result.ply.nodal(result.u)) == 3 for result in results)
     return in_perspective(shapes) if in_space else shapes
 

@@ -45,6 +45,8 @@ def animation(
 ) -> None:
     """Write a field on the moving ply, one frame per state on one scale.
 
+    Tools between which a ply is formed are drawn, those in front of it translucent.
+
     Parameters
     ----------
     result
@@ -83,7 +85,7 @@ def _sheets(
 ) -> list[Sheet]:
     """Content of the frames."""
     states = result.states
-    shapes = shapes_of([result] * len(states), states)
+    shapes = shapes_of([result] * len(states), states, veiled=True)
     values = [values_of(field, result.ply, state.u) for state in states]
     scale = scale_of(field, values, cmap, clim)
     of_ply = fibres_of(result.ply) if fibres else None

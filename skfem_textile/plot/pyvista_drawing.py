@@ -30,6 +30,9 @@ _CELLS = {3: pv.CellType.TRIANGLE, 4: pv.CellType.QUAD}
 # Drawing in the given colours, rendered once a picture is complete.
 _FLAT: dict[str, Any] = {"lighting": False, "reset_camera": False, "render": False}
 
+# Opacity of tools in front of the ply.  Chosen by eye.
+_VEIL = 0.2
+
 # Colours of a scale.
 _COLOURS = 256
 
@@ -132,6 +135,9 @@ def _draw_panel(plotter: pv.Plotter, slot: Slot, sheet: Sheet, frame: Frame) -> 
     meshes = [(_grid(panel.shape.points, panel.shape.cells), look)]
     if tool := panel.shape.tool:
         meshes.append((_grid(tool.points, (tool.triangles,)), _grey(tool.shades)))
+    if veil := panel.shape.veil:
+        look = _grey(veil.shades) | {"opacity": _VEIL}
+        meshes.append((_grid(veil.points, (veil.triangles,)), look))
     for grid, look in meshes:
         plotter.add_mesh(grid, show_scalar_bar=False, **_FLAT, **look)
     lift = (_LIFT_ON_TOOL if panel.shape.tool else _LIFT) / scale

@@ -68,12 +68,13 @@ class Shape(NamedTuple):
     """Elements with straight edges between corners in mm, shape (n, 3).
 
     ``cells`` is the connectivity, for each k an array (k, n_k), and ``tool`` may be the
-    tool on which they lie.
+    tool on which they lie.  A ``veil`` is a tool in front of them, drawn translucent.
     """
 
     points: ndarray
     cells: tuple[ndarray, ...]
     tool: Tool | None = None
+    veil: Tool | None = None
 
     @classmethod
     def of(cls, mesh: Mesh, u: ndarray) -> "Shape":
@@ -275,23 +276,24 @@ def in_perspective(shapes: Sequence[Shape]) -> list[Shape]:
     def of(shape: Shape) -> Shape:
         points, larger = enlarged(shape.points)
         points[:, :2] *= larger[:, None]
-        return Shape(points, shape.cells, shape.tool and behind(shape.tool))
+        tool = shape.tool and seen(shape.tool, _BEHIND * distance / _DISTANCE)
+        return Shape(points, shape.cells, tool, shape.veil and seen(shape.veil))
 
-    def behind(tool: Tool) -> Tool:
+    def seen(tool: Tool, behind: float = 0.0) -> Tool:
         points, larger = enlarged(tool.points)
         points[:, :2] *= larger[:, None]
-        points[:, 2] -= _BEHIND * distance / _DISTANCE
+        points[:, 2] -= behind
         if not tool.one_sided:
             return tool._replace(points=points)
-        seen = signed_areas(*points[tool.triangles, :2].transpose(2, 0, 1)) > 0
-        return Tool(points, tool.triangles[:, seen], tool.shades[seen], True)
+        front = signed_areas(*points[tool.triangles, :2].transpose(2, 0, 1)) > 0
+        return Tool(points, tool.triangles[:, front], tool.shades[front], True)
 
     return [of(shape) for shape in shapes]
 
 
 def extent(shapes: Sequence[Shape]) -> tuple[ndarray, ndarray]:
     """Minimum and maximum coordinates of shapes, each of shape (3,)."""
-    tools = [shape.tool.points for shape in shapes if shape.tool]
+    tools = [x.points for shape in shapes for x in (shape.tool, shape.veil) if x]
     points = np.vstack([*(shape.points for shape in shapes), *tools])
     return points.min(axis=0), points.max(axis=0)
 

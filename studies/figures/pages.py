@@ -47,6 +47,7 @@ def main(check: bool) -> int:
         Write nothing.  Report each page and table that differs from the results, each
         result in prose without a marker, and each sample whose recomputed rows differ.
     """
+    from .pictures import reduce, without_palette
     from .prose import unmarked
 
     studies = {name: load(name) for name in descriptions()}
@@ -73,6 +74,10 @@ def main(check: bool) -> int:
             for file in texts
         ]
         defects += unmarked()
+        defects += [
+            f"{_name(file)} has no palette: run python -m studies figures"
+            for file in without_palette()
+        ]
         for name, study in published.items():
             folder = _folder_of(name, study)
             if name not in provenance.read(folder):
@@ -82,6 +87,9 @@ def main(check: bool) -> int:
         for file, text in texts.items():
             file.write_text(text, encoding="utf-8", newline="")
             say(f"wrote {_name(file)}")
+        for file in without_palette():
+            reduce(file)
+            say(f"reduced {_name(file)} to 256 colours")
     for defect in defects:
         complain(defect)
     return 1 if defects else 0

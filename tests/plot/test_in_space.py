@@ -95,8 +95,7 @@ def test_the_scripts_of_the_pages_write_their_files(tmp_path, draped, monkeypatc
     written = []
     monkeypatch.setattr(plot, "animation", lambda of, file, **_: written.append(file))
     script["draw"](script["formed"](elements=6, steps=1), tmp_path)
-    assert [file.name for file in written] == ["forming.webm", "forming.gif"]
-    assert (tmp_path / "forming.png").stat().st_size > 10_000
+    assert [file.name for file in written] == ["forming.gif"]
     script = runpy.run_path(str(MEDIA / "results_in_3d.py"))
     for name, result in script["results"](size=4).items():
         plot.export_gltf(result, tmp_path / f"{name}.gltf")
