@@ -198,6 +198,7 @@ class Result:
         if self.unresolved:
             lines.append(path_warning(self.unresolved))
         last = self.states[-1]
+        lines += self.error.warnings
         return lines + self.ply.contradictions(
             last.u, last.load_factor, last.parameters
         )
