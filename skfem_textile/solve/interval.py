@@ -297,7 +297,10 @@ class _Changes:
         """
         arguments = self.problem, self.tangent, state, self.rate, work
         uncertain = list(uncertain_reactions(*arguments))
-        wide = {x.name: np.maximum(reactions[x.name], x.half_width) for x in uncertain}
+        wide = {
+            x.name: np.maximum(reactions.get(x.name, 0.0), x.half_width)
+            for x in uncertain
+        }
         return reactions | wide, [x.warning for x in uncertain]
 
     def half_width(self, quantity: Quantity) -> tuple[float, float]:

@@ -516,13 +516,14 @@ class Tangent:
         after[fixed] = before[fixed] + self._matrix.coupling.T @ motion[free]
         return plain(motion, turn), plain(after, turn)
 
-    def stiffness(self, motion: ndarray) -> float:
-        """Stiffness against a motion of fixed unknowns, which the free ones follow.
+    def followed(self, motion: ndarray) -> tuple[ndarray, ndarray]:
+        """Motion of fixed unknowns that the free ones follow, and its forces on them.
 
-        It is twice the energy of the linearised motion.
+        The work of the forces over the motion is twice the energy, linearised.
         """
         forces = self._problem.ply.pattern.matrix(self._blocks) @ motion
-        return float(motion @ self.settled(forces)[1])
+        free, after = self.settled(forces)
+        return motion + free, after
 
     def softest(self) -> ndarray:
         """Eigenvector of the smallest stiffness, with largest component 1.

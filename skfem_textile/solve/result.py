@@ -13,6 +13,7 @@ from ..ply import Ply
 from ..ply.terms import ContactTerm
 from .conditions import Conditions
 from .continuation import path_warning
+from .conditioning import compression_warning
 from .interval import ErrorInterval
 from .linear.solver import Choice
 from .states import State
@@ -199,6 +200,7 @@ class Result:
             lines.append(path_warning(self.unresolved))
         last = self.states[-1]
         lines += self.error.warnings
+        lines += filter(None, [compression_warning(self.ply, last)])
         return lines + self.ply.contradictions(
             last.u, last.load_factor, last.parameters
         )
