@@ -516,14 +516,13 @@ class Tangent:
         after[fixed] = before[fixed] + self._matrix.coupling.T @ motion[free]
         return plain(motion, turn), plain(after, turn)
 
-    def followed(self, motion: ndarray) -> tuple[ndarray, ndarray]:
-        """Motion of fixed unknowns that the free ones follow, and its forces on them.
+    def stiffness(self, motion: ndarray) -> float:
+        """Stiffness against a motion of fixed unknowns that the free ones follow.
 
-        The work of the forces over the motion is twice the energy, linearised.
+        It is twice the energy of the motion, linearised.
         """
         forces = self._problem.ply.pattern.matrix(self._blocks) @ motion
-        free, after = self.settled(forces)
-        return motion + free, after
+        return float(motion @ self.settled(forces)[1])
 
     def softest(self) -> ndarray:
         """Eigenvector of the smallest stiffness, with largest component 1.

