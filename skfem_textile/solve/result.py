@@ -11,9 +11,9 @@ from numpy import ndarray
 
 from ..ply import Ply
 from ..ply.terms import ContactTerm
+from .conditioning import compression_warning
 from .conditions import Conditions
 from .continuation import path_warning
-from .conditioning import compression_warning
 from .interval import ErrorInterval
 from .linear.solver import Choice
 from .states import State

@@ -1,5 +1,6 @@
 """Reactions that depend on the mesh: along stiff fibres, and of compressed fibres."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -39,13 +40,13 @@ def on_circle(X, t):
 CLAMPS = {"bottom": Condition("bottom"), "top": Condition("top", on_circle)}
 
 
-def run_of(mesh, fabric, conditions, formulation=None, steps=3):
+def run_of(mesh, fabric, conditions, formulation=None, steps=2):
     ply = Ply(mesh, fabric, *[formulation] if formulation else [])
     return LoadStepper(ply, conditions, steps).run()
 
 
 @cache
-def sheared(fabric, n=6, density=None):
+def sheared(fabric, n=4, density=None):
     """Simple shear between clamps, of fibres along the edges."""
     if density is None:
         mesh = rectangle(WIDTH, HEIGHT, (n, n * 3 // 2), "irregular")
@@ -53,12 +54,6 @@ def sheared(fabric, n=6, density=None):
     outline = Outline([[0, WIDTH, WIDTH, 0], [0, 0, HEIGHT, HEIGHT]])
     mesh = mesh_outline(outline, fabric, CLAMPS, density=density)
     return run_of(mesh, fabric, CLAMPS, Quadratic(400, points=6))
-
-
-def scene_run(scene, fabric=(1e4, 0.5), **options):
-    return run_of(
-        scene.mesh, Fabric(*fabric, scene.warp, scene.weft), scene.conditions, **options
-    )
 
 
 @pytest.mark.parametrize(
@@ -83,14 +78,15 @@ def test_warnings_name_the_edges_the_fibres_and_the_direction_to_use():
     assert warnings[1].endswith("along the motion, (0.909, -0.416)")
     n = np.array([0.909, -0.416])
     along = [
-        n @ r.states[-1].reactions["top"] for r in (result, sheared(LINEAR, 6, 0.5))
+        n @ r.states[-1].reactions["top"]
+        for r in (result, sheared(LINEAR, density=0.5))
     ]
     assert along[0] == pytest.approx(along[1], rel=0.02)
 
 
 def test_the_stiffness_in_the_warning_is_that_of_a_shifted_clamp():
     """A difference of two equilibria with the clamp shifted along the fibres."""
-    result, h = sheared(LINEAR, 4), 1e-6
+    result, h = sheared(LINEAR), 1e-6
     state, ply = result.states[-1], result.ply
     problem = Problem(ply, Constraints(ply.basis, CLAMPS), solver_named("superlu"))
     problem = problem.at(1.0)
@@ -108,18 +104,20 @@ def test_the_stiffness_in_the_warning_is_that_of_a_shifted_clamp():
 
     stiffness = (force(h) - force(-h)) / (2 * h)
     warning = result.error.warnings[1]
-    assert f"0.01 mm change it by {0.01 * stiffness:.3g} N" in warning
+    found = float(warning.split("change it by ")[1].split(" N")[0])
+    assert found == pytest.approx(0.01 * stiffness, rel=0.01)
 
 
-def inclined(degrees, bending=(0.0, 0.0)):
+@cache
+def inclined(degrees):
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    fabric = Fabric(1e4, 0.5, (c, s), (-s, c), bending=bending)
+    fabric = Fabric(1e4, 0.5, (c, s), (-s, c))
     conditions = {"bottom": Condition("bottom"), "top": Condition("top", (6.0, -0.3))}
     mesh = rectangle(WIDTH, HEIGHT, (4, 6), "irregular")
     return run_of(mesh, fabric, conditions, steps=1)
 
 
-@pytest.mark.parametrize("degrees", [10, 20, -20])
+@pytest.mark.parametrize("degrees", [10, 30, -20])
 def test_fibres_compressed_beyond_the_shear_stiffness_are_a_warning(degrees):
     (warning,) = [x for x in inclined(degrees).warnings if "compressed" in x]
     assert "below -G, -0.5 N/mm" in warning
@@ -127,14 +125,19 @@ def test_fibres_compressed_beyond_the_shear_stiffness_are_a_warning(degrees):
 
 
 def test_fibres_with_bending_stiffness_may_be_compressed():
-    result = inclined(20, (5.0, 5.0))
-    assert compression_warning(result.ply, result.states[-1]) == ""
+    result = inclined(30)
+    fabric = replace(result.ply.fabric, bending=(5.0, 5.0))
+    ply, state = Ply(result.ply.mesh, fabric), result.states[-1]
+    assert compression_warning(result.ply, state)
+    assert compression_warning(ply, state) == ""
 
 
 @pytest.mark.parametrize("kind", ["irregular", "delaunay"])
 @pytest.mark.parametrize("scene", [strip, bias_extension, picture_frame])
 def test_tests_whose_load_converges_have_no_such_warning(scene, kind):
-    result = scene_run(scene(kind, (6, 9)), steps=4)
+    scene = scene(kind, (4, 6))
+    fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
+    result = run_of(scene.mesh, fabric, scene.conditions)
     error = result.error
     assert error.reactions
     assert error.warnings == []
