@@ -23,8 +23,8 @@ from .states import State
 _INEXTENSIBLE = 10.0
 
 # Mean compression of a family, relative to G, from which reactions are uncertain: half
-# of its fibres at their limit of buckling, the others without tension.  It is 1.05 to
-# 40 in simple shear between clamps of fibres inclined by 10° to 45°, and below 0.01 in
+# of its fibres at their limit of buckling, the others without tension.  It is 1 to 20
+# in simple shear between clamps of fibres inclined by 10° to 30°, and below 0.01 in
 # bias extension, in simple shear along fibres and in the scene `strip`.
 _BUCKLED = 0.5
 
