@@ -40,6 +40,7 @@ from ..ply.formulations import (
     Macro,
 )
 from ..ply.terms import Formulation
+from .conditioning import uncertain_reactions
 from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
 from .linear.solver import Clock
@@ -119,12 +120,15 @@ class ErrorInterval:
         Half-width of the reaction of each condition in N, shape (d,).
     reason
         Reason why the interval, or its load, is not available; else empty.
+    warnings
+        Reactions that the mesh determines poorly, one line each.
     """
 
     load: float | None = None
     shear_angle: float | None = None
     reactions: dict[str, ndarray] = field(default_factory=dict)
     reason: str = ""
+    warnings: list[str] = field(default_factory=list)
     _half_width: Callable[[Quantity], tuple[float, float]] | None = field(
         default=None, repr=False
     )
@@ -242,8 +246,10 @@ class _Changes:
     the tension.  The group with the largest half-width counts.
     """
 
-    ply: Ply
+    problem: Problem
     u: ndarray
+    tangent: Tangent
+    rate: ndarray
     by_role: dict[str, _Change]
     groups: _Groups
 
@@ -263,7 +269,7 @@ class _Changes:
             motion, after = tangent.settled(f)
             work = float(_work(problem, after, motion, p, rate).sum())
             by_role[role] = _Change(motion, work, problem.reactions(after, u))
-        return cls(ply, u, by_role, groups)
+        return cls(problem, u, tangent, rate, by_role, groups)
 
     def largest(self, of: Callable[[_Change], Any]) -> Any:
         """Half-width of a quantity, from its derivative for each change."""
@@ -292,24 +298,40 @@ class _Changes:
 
         return {name: half_width(name) for name in names}
 
+    def widened(
+        self, reactions: dict[str, ndarray], state: State, work: float
+    ) -> tuple[dict[str, ndarray], list[str]]:
+        """Half-widths of the reactions at a state, and warnings of wide ones.
+
+        ``work`` is the half-width of the work in N·mm.
+        """
+        arguments = self.problem, self.tangent, state, self.rate, work
+        uncertain = list(uncertain_reactions(*arguments))
+        wide = {
+            x.name: np.maximum(reactions.get(x.name, 0.0), x.half_width)
+            for x in uncertain
+        }
+        return reactions | wide, [x.warning for x in uncertain]
+
     def half_width(self, quantity: Quantity) -> tuple[float, float]:
         """Value of a quantity, and half the width of its interval."""
         half = self.largest(lambda change: self._slope(quantity, change.motion))
-        return float(quantity(self.ply, self.u)), float(half)
+        return float(quantity(self.problem.ply, self.u)), float(half)
 
     @property
     def shear_angle(self) -> float:
         """Estimated root mean square error of the shear angle in radians."""
-        motion = np.zeros_like(self.u)
+        ply, motion = self.problem.ply, np.zeros_like(self.u)
         for role, change in self.by_role.items():
             if role in _NUMERICAL:
-                motion += self.ply.formulation.log_range(self.ply.mesh) * change.motion
+                motion += ply.formulation.log_range(ply.mesh) * change.motion
         change = self._slope(Ply.shear_angle, motion)
-        return SHEAR_ANGLE_OVER_CHANGE * _rms(self.ply, change)
+        return SHEAR_ANGLE_OVER_CHANGE * _rms(ply, change)
 
     def _slope(self, quantity: Callable[[Ply, ndarray], Any], motion: ndarray) -> Any:
         """Derivative of a quantity along a motion."""
-        ends = (quantity(self.ply, self.u + h * motion) for h in (-_SHORT, _SHORT))
+        ply = self.problem.ply
+        ends = (quantity(ply, self.u + h * motion) for h in (-_SHORT, _SHORT))
         before, after = ends
         return (after - before) / (2 * _SHORT)
 
@@ -346,7 +368,7 @@ def _interval(
     if problem.in_space:
         return ErrorInterval(None, angle, reason=_IN_SPACE if work else _NO_LOAD)
     if not work:
-        return ErrorInterval(None, angle, reactions, _NO_LOAD, half_width)
+        return ErrorInterval(None, angle, reactions, _NO_LOAD, [], half_width)
     if load and SINGULAR not in (ply.mesh.boundaries or {}):
         wider = 1.0 + _OF_JUMPS * _work_of_jumps(ply, state.u) / load
         load, reactions = wider * load, {k: wider * x for k, x in reactions.items()}
@@ -356,11 +378,11 @@ def _interval(
             value, half = narrow(quantity)
             return value, wider * half
 
-    load /= abs(work)
     numerical = sum(state.shares.get("energy", {}).values())
-    if load > _MOST or numerical > _MOST_NUMERICAL:
+    if load > _MOST * abs(work) or numerical > _MOST_NUMERICAL:
         return ErrorInterval(reason=_NUMERICAL_LOAD)
-    return ErrorInterval(load, angle, reactions, "", half_width)
+    reactions, warnings = changes.widened(reactions, state, load)
+    return ErrorInterval(load / abs(work), angle, reactions, "", warnings, half_width)
 
 
 def _groups(formulation: Formulation, ply: Ply) -> _Groups:

@@ -516,6 +516,14 @@ class Tangent:
         after[fixed] = before[fixed] + self._matrix.coupling.T @ motion[free]
         return plain(motion, turn), plain(after, turn)
 
+    def stiffness(self, motion: ndarray) -> float:
+        """Stiffness against a motion of fixed unknowns that the free ones follow.
+
+        It is twice the energy of the motion, linearised.
+        """
+        forces = self._problem.ply.pattern.matrix(self._blocks) @ motion
+        return float(motion @ self.settled(forces)[1])
+
     def softest(self) -> ndarray:
         """Eigenvector of the smallest stiffness, with largest component 1.
 

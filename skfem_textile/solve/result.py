@@ -11,6 +11,7 @@ from numpy import ndarray
 
 from ..ply import Ply
 from ..ply.terms import ContactTerm
+from .conditioning import compression_warning
 from .conditions import Conditions
 from .continuation import path_warning
 from .interval import ErrorInterval
@@ -198,6 +199,8 @@ class Result:
         if self.unresolved:
             lines.append(path_warning(self.unresolved))
         last = self.states[-1]
+        lines += self.error.warnings
+        lines += filter(None, [compression_warning(self.ply, last)])
         return lines + self.ply.contradictions(
             last.u, last.load_factor, last.parameters
         )
