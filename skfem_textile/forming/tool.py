@@ -22,7 +22,12 @@ from ..mesh.user_input import call_user_function, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ContactTerm
 from ..solve.surface import Surface
-from ..solve.surface.on_surface import CheckedSurface, SurfaceError, check_surface
+from ..solve.surface.on_surface import (
+    CheckedSurface,
+    SurfaceError,
+    check_surface,
+    in_axes_of_ply,
+)
 from ..solve.surface.surface import place
 from .outline import crossing_edges, inside, is_flat
 
@@ -97,7 +102,7 @@ class Tool:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     name: str = "tool"
-    stated: Callable[[ndarray], ndarray] = lambda x: x
+    stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
     def on(self, basis: CellBasis) -> "ToolContact":
         """Term on a basis of the displacement.
@@ -164,6 +169,11 @@ class Gaps(NamedTuple):
     distance: ndarray
     local: ndarray
     slope: ndarray
+
+
+def no_reach(t: float) -> float:
+    """Reach of an `Obstacle` of zero."""
+    return 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,7 +349,7 @@ class Obstacle:
 
     def _side_at_rest(self) -> int:
         """Side of the surface on which the undeformed ply lies."""
-        at = replace(self, reach=lambda t: 0.0).gaps(self.X, 0.0)
+        at = replace(self, reach=no_reach).gaps(self.X, 0.0)
         distance = np.where(np.isfinite(at.gap), at.distance, 0.0)
         size = float(np.ptp(self.X, axis=1).max())
         if not np.isfinite(at.gap).any():

@@ -20,6 +20,7 @@ from skfem import (
 from skfem.helpers import dot, grad
 
 from ..forms import Forms
+from ..forms.form import builds_forms
 from ..mesh.bases import components, node_dofs
 from ..mesh.selection import Where, selected_nodes
 from ..mesh.user_input import call_user_function, real_numbers
@@ -313,6 +314,7 @@ def _prescribed(supports: Any) -> ndarray:
     return q if supports.turn is None else supports.turn @ q
 
 
+@builds_forms
 def _forms(name: str, value: float, factor: Factor) -> Forms:
     """−p V and its derivatives, V = ∫ z (∂x/∂X × ∂x/∂Y)_z."""
 

@@ -20,6 +20,7 @@ point on triangles, which locks, with macro-elements.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -313,7 +314,8 @@ def _interval(
     if reference == ply.formulation:
         changes = _Changes.of(problem, state, _groups(ply.formulation, ply))
         load, reactions = changes.work, changes.reactions
-        angle, half_width = changes.shear_angle, changes.half_width
+        angle = changes.shear_angle
+        half_width: Callable[[Quantity], tuple[float, float]] = changes.half_width
     else:
         other, there = _other(ply, reference, conditions, solver, state)
         changes = _Changes.of(other, there, _groups(ply.formulation, other.ply))
@@ -324,12 +326,7 @@ def _interval(
         }
         off = ply.shear_angle(state.u) - ply.shear_angle(there.u)
         angle = _rms(ply, off) + changes.shear_angle
-
-        def half_width(quantity: Quantity) -> tuple[float, float]:
-            value = float(quantity(ply, state.u))
-            theirs, half = changes.half_width(quantity)
-            return value, abs(value - theirs) + half
-
+        half_width = partial(_half_width, ply, state.u, changes)
     angle = max(angle, _rms_jump(ply, state.u))
     if not np.isfinite([load, angle]).all():
         return ErrorInterval(reason="its half-width is not finite")
@@ -342,6 +339,15 @@ def _interval(
     if load > _MOST or numerical > _MOST_NUMERICAL:
         return ErrorInterval(reason=_NUMERICAL_LOAD)
     return ErrorInterval(load, angle, reactions, "", half_width)
+
+
+def _half_width(
+    ply: Ply, u: ndarray, changes: _Changes, quantity: Quantity
+) -> tuple[float, float]:
+    """Value of a quantity at u, and half its width, from the other formulation."""
+    value = float(quantity(ply, u))
+    theirs, half = changes.half_width(quantity)
+    return value, abs(value - theirs) + half
 
 
 def _groups(formulation: Formulation, ply: Ply) -> _Groups:

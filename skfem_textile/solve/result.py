@@ -119,9 +119,7 @@ class Result:
             solver=Choice("none", "the state was not computed by a run"),
             surfaces=on,
             unchanging=False,
-            interval=lambda _: ErrorInterval(
-                reason="the state was not computed by a run"
-            ),
+            interval=_no_interval,
         )
 
     @property
@@ -343,6 +341,10 @@ class Result:
         if left_out := len(self.states) - len(chosen):
             lines.append(f"          … {left_out} more states in between: see .states")
         return "\n".join([*lines, repr(self)[1:-1]])
+
+
+def _no_interval(state: State) -> ErrorInterval:
+    return ErrorInterval(reason="the state was not computed by a run")
 
 
 class StepError(RuntimeError):

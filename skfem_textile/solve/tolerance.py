@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
+from functools import partial
 from numbers import Real
 from typing import Any
 
@@ -273,9 +274,7 @@ class ToleranceStepper:
                 str(error), self.result, error.elements, error.quantity
             ) from None
         self._stepper, found = stepper, result.error
-        self._interval = lambda state: (
-            found if state is result.states[-1] else result.interval(state)
-        )
+        self._interval = partial(_interval_of, result)
         unknowns, solves = int(result.ply.basis.N), result.linear_solves
         one = Round(density, unknowns, solves, found.load)
         self._rounds.append(one)
@@ -293,6 +292,12 @@ class ToleranceStepper:
 
     def _error(self, why: str) -> StepError:
         return StepError(why, self.result, np.empty(0, dtype=int))
+
+
+def _interval_of(result: Result, state: State) -> ErrorInterval:
+    """Interval of a state; that of the last one is known."""
+    last = state is result.states[-1]
+    return result.error if last else result.interval(state)
 
 
 def _refuse_unless_positive(name: str, value: Any) -> None:

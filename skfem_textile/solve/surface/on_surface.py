@@ -44,6 +44,11 @@ _UNDEFINED = (ValueError, ArithmeticError, LookupError, RuntimeError, AssertionE
 _MOST = 20
 
 
+def in_axes_of_ply(x: ndarray) -> ndarray:
+    """Positions in messages, by default in the axes of the ply."""
+    return x
+
+
 @dataclass(frozen=True, eq=False)
 class OnSurface:
     """Condition that nodes lie on a surface, along which they move freely.
@@ -87,7 +92,7 @@ class OnSurface:
     surface: Surface
     where: Where | None = None
     touch: tuple[float, float] = (0.0, 0.0)
-    stated: Callable[[ndarray], ndarray] = lambda x: x
+    stated: Callable[[ndarray], ndarray] = in_axes_of_ply
 
     def place(self, position: ndarray) -> str:
         """Position in a message, given in the axes of the ply, shape (3,)."""
