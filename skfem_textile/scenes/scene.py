@@ -220,14 +220,22 @@ class Scene:
         Nodes that other conditions hold too are included.  For a ply on a tool along
         the axes of the tool.
         """
-        return self._unrotated(state.forces[self.reacting or self.driven])
+        return self._unrotated(self._of(state.forces, self.reacting or self.driven))
 
     def driven_displacement(self, state: State) -> ndarray:
         """Mean displacement of the nodes of the driven edge in mm, shape (d,).
 
         Along the axes of `reaction`.
         """
-        return self._unrotated(state.displacements[self.driven])
+        return self._unrotated(self._of(state.displacements, self.driven))
+
+    def _of(self, vectors: Mapping[str, ndarray], name: str) -> ndarray:
+        if name not in vectors:
+            raise ValueError(
+                f"the state has no condition {name!r}: it is not one of the scene "
+                f"{self.name}"
+            )
+        return vectors[name]
 
     def _unrotated(self, vector: ndarray) -> ndarray:
         turn = self.turn.T if len(vector) == 2 else self.axes.turn

@@ -34,6 +34,7 @@ from ..ply.formulations import (
     OF_MACRO,
     Macro,
 )
+from ..ply.parameters import Values
 from ..ply.terms import Formulation
 from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
@@ -60,6 +61,10 @@ _STEP_BACK, _SHORT = 1e-3, 1e-3
 # a load.  Supported nodes that follow a triangulated tool do work of up to 0.2 % of the
 # energy; an edge tension does several times the energy.
 _OF_A_LOAD = 0.01
+
+# Residual of a state, relative to its tolerance, above which it belongs to another ply:
+# computed again, it differs by round-off, which is part of the tolerance.
+_UNBALANCED = 10.0
 
 # Roles whose stiffness is numerical.
 _NUMERICAL = "stabilisation", "deviation"
@@ -161,7 +166,18 @@ class ErrorInterval:
 def error_interval(
     problem: Problem, conditions: Conditions, solver: str, state: State
 ) -> ErrorInterval:
-    """Interval of the error of a state of a problem, with a linear solver by name."""
+    """Interval of the error of a state of a problem, with a linear solver by name.
+
+    Raises
+    ------
+    ValueError
+        If the state is not one of the ply.
+    """
+    if not _is_state_of(problem, state):
+        raise ValueError(
+            "the interval is known for states of the same run only: use one of "
+            "result.states"
+        )
     if state.load_factor == 0:
         return ErrorInterval(reason="the ply is not loaded yet")
     if not state.verdict.stable:
@@ -180,6 +196,28 @@ def error_interval(
     except Exception as error:  # from a user's term; computed states are kept
         reason = error_text(error)
     return ErrorInterval(reason=reason)
+
+
+def _is_state_of(problem: Problem, state: State) -> bool:
+    """True if a state is an equilibrium of a problem."""
+    ply, p = problem.ply, state.parameters
+    here = {name: _shapes(values) for name, values in ply.parameters_at_rest.items()}
+    shapes = {name: _shapes(values) for name, values in p.items()}
+    if state.u.shape != (ply.basis.N,) or shapes != here:
+        return False
+    at = problem.at(state.load_factor)
+    with np.errstate(all="ignore"):  # non-finite values are detected
+        try:
+            unbalanced = at.unbalanced(
+                ply.residual(state.u, state.load_factor, p), state.u
+            )
+        except NoEquilibriumError:
+            return False
+    return unbalanced <= _UNBALANCED * max(0.0, state.tolerance, *state.residuals[-1:])
+
+
+def _shapes(values: Values) -> dict[str, tuple[int, ...]]:
+    return {name: np.shape(value) for name, value in values.items()}
 
 
 def work_of(problem: Problem, state: State) -> float:

@@ -104,6 +104,7 @@ class Result:
         state
             State of the ply, such as the result of `equilibrium_near`.
         """
+        ply.refuse_other(state.u)
         on = {k: c for k, c in conditions.items() if isinstance(c, OnSurface)}
         return cls(
             ply=ply,
