@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 from skfem import CellBasis
 
-from ..mesh.user_input import call_user_function, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ElementTerm
 from ..solve.surface import Surface
@@ -68,6 +68,9 @@ class Holder:
     outline: ArrayLike | None = None
     name: str = "holder"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "motion", "outline")
 
     def on(self, basis: CellBasis) -> "ToolContact | HolderPressure":
         """Term on a basis of the displacement.

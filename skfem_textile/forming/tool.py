@@ -18,7 +18,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from skfem import CellBasis, LinearForm, Mesh, asm
 
 from ..mesh.bases import components, node_positions
-from ..mesh.user_input import call_user_function, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ContactTerm
 from ..solve.surface import Surface
@@ -103,6 +103,9 @@ class Tool:
     outline: ArrayLike | None = None
     name: str = "tool"
     stated: Callable[[ndarray], ndarray] = in_axes_of_ply
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "motion", "outline")
 
     def on(self, basis: CellBasis) -> "ToolContact":
         """Term on a basis of the displacement.

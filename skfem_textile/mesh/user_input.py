@@ -56,6 +56,29 @@ def real_numbers(what: str, value: Any) -> "ndarray":
     raise ValueError(f"{what} must be real-valued, got {_shortened(value)}")
 
 
+def keep_copies(owner: Any, *names: str) -> None:
+    """Replace arrays in attributes of a frozen object by copies that are read-only.
+
+    Arrays are also replaced in tuples and lists.  Later changes of the user's arrays
+    then do not change the object.
+    """
+    for name in names:
+        object.__setattr__(owner, name, _own(getattr(owner, name)))
+
+
+def _own(value: Any) -> Any:
+    import numpy as np  # text needs no arrays
+
+    if type(value) in (tuple, list):
+        return type(value)(map(_own, value))
+    if isinstance(value, np.ndarray):
+        value = value.copy()
+        value.flags.writeable = False
+    elif hasattr(value, "toarray"):  # a sparse matrix
+        value = value.copy()
+    return value
+
+
 def refuse_unit(unit: str | None) -> None:
     """Refuse a unit of length that is neither None nor in `IN_MM`."""
     if unit is not None and unit not in IN_MM:

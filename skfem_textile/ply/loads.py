@@ -23,7 +23,7 @@ from ..forms import Forms
 from ..forms.form import builds_forms
 from ..mesh.bases import components, node_dofs
 from ..mesh.selection import Where, selected_nodes
-from ..mesh.user_input import call_user_function, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers
 from .terms import Factor, FormTerm, VectorTerm, factor_at, proportional
 
 #: A vector, or a function of reference position (2, ...) -> (d, ...).
@@ -64,6 +64,9 @@ class Traction:
     factor: Factor = proportional
     name: str = ""
 
+    def __post_init__(self) -> None:
+        keep_copies(self, "value")
+
     def on(self, basis: CellBasis) -> VectorTerm:
         """Term on a basis of the displacement.
 
@@ -96,6 +99,9 @@ class Force:
     total: ArrayLike
     factor: Factor = proportional
     name: str = ""
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "where", "total")
 
     def on(self, basis: CellBasis) -> VectorTerm:
         """Term on a basis of the displacement.
@@ -136,6 +142,9 @@ class BodyForce:
     value: Vector
     factor: Factor = proportional
     name: str = "body force"
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "value")
 
     def on(self, basis: CellBasis) -> VectorTerm:
         """Term on a basis of the displacement.
@@ -219,6 +228,9 @@ class Pressure:
     value: float
     factor: Factor = proportional
     name: str = "pressure"
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "value")
 
     def on(self, basis: CellBasis) -> "PressureTerm":
         """Term on a basis of the displacement.

@@ -1,7 +1,6 @@
 """Displacement conditions and the constraints that they resolve to."""
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeAlias
@@ -16,7 +15,7 @@ from skfem import CellBasis
 from ..fabric import Direction, unit_vectors
 from ..mesh.bases import components, node_dofs, node_positions
 from ..mesh.selection import Where, selected_nodes
-from ..mesh.user_input import call_user_function, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers
 from .surface import OnSurface
 from .surface.nodes import SurfaceNodes
 
@@ -72,10 +71,7 @@ class Condition:
     direction: Direction | None = None
 
     def __post_init__(self) -> None:
-        for name in ("where", "value", "direction"):  # arrays may change later
-            given = getattr(self, name)
-            if not callable(given):
-                object.__setattr__(self, name, deepcopy(given))
+        keep_copies(self, "where", "value", "direction")
 
     def nodes(self, name: str, basis: CellBasis) -> ndarray:
         """Numbers of the nodes of the condition, in the order of its values.
