@@ -1,6 +1,7 @@
 """Functions, numbers and text of users, with one-line errors."""
 
 from collections.abc import Callable
+from copyreg import __newobj__  # type: ignore[attr-defined]
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -15,6 +16,13 @@ MOST_DEGREES = 36_000.0
 # Maximum length of a value or of foreign text in a message.  Chosen: two lines in
 # total.
 _LONGEST_TEXT = 60
+
+
+class CopiedError(Exception):
+    """Base of exceptions with attributes, which copies and pickled ones keep."""
+
+    def __reduce__(self) -> tuple:
+        return __newobj__, (type(self), *self.args), vars(self)
 
 
 def call_user_function(what: str, function: Callable, *arguments: Any) -> Any:

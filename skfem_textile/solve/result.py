@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.user_input import CopiedError
 from ..ply import Ply
 from ..ply.terms import ContactTerm
 from .conditions import Conditions
@@ -348,7 +349,7 @@ def _no_interval(state: State) -> ErrorInterval:
     return ErrorInterval(reason="the state was not computed by a run")
 
 
-class StepError(RuntimeError):
+class StepError(CopiedError, RuntimeError):
     """Error that ends a run: no acceptable state was found.
 
     Attributes
