@@ -86,13 +86,9 @@ def test_other_functions_refuse_a_displacement_of_another_ply():
 
 def test_scenes_and_tools_refuse_states_of_others():
     state = pulled().states[-1]
-    with pytest.raises(
-        ValueError, match=r"no condition 'right': .* of the scene st"
-    ):
+    with pytest.raises(ValueError, match=r"no condition 'right': .* of the scene st"):
         scenes.strip(size=(2, 3)).reaction(state)
-    with pytest.raises(
-        ValueError, match=r"no condition 'right': .* of the scene st"
-    ):
+    with pytest.raises(ValueError, match=r"no condition 'right': .* of the scene st"):
         scenes.strip(size=(2, 3)).driven_displacement(state)
     tool = Tool(drape.Plane((0, 0, -1)), side=1, name="die")
     ply = Ply(MESH, Fabric(1e4, 0.5), terms=[tool], dimension=3)
