@@ -391,8 +391,10 @@ def double_dome(
             "double dome: height, length, width and valley must be positive, and "
             f"waist at least 0 and less than 1, got {(*lengths, waist)}"
         )
-    shape = {"height": height, "length": length, "width": width}
-    return HeightField(partial(_dome, **shape, waist=waist, valley=valley))
+    at = partial(
+        _dome, height=height, length=length, width=width, waist=waist, valley=valley
+    )
+    return HeightField(at)
 
 
 def _dome(
