@@ -124,9 +124,9 @@ def sheared(shear_angle: float, bend: float = 0.0) -> tuple[Turn, Turn]:
     bend
         Final bending angle of a fibre of length `SIDE` in radians.
     """
-    return tuple(
-        partial(_bent, angle=sign * shear_angle / 2, bend=sign * bend)
-        for sign in (1, -1)
+    half = shear_angle / 2
+    return partial(_bent, angle=half, bend=bend), partial(
+        _bent, angle=-half, bend=-bend
     )
 
 
