@@ -20,6 +20,7 @@ from ..mesh.user_input import printable
 from ..scenes.case import Case
 from ..solve.interval import ErrorInterval
 from ..solve.result import Result, StepError
+from ..solve.states import State
 from ..solve.tolerance import ToleranceStepper
 from . import results
 from .curve import CURVE, curve_of, read_test_curve, write_curve
@@ -191,8 +192,11 @@ def _write_again(summary: Mapping[str, Any], curve: "Curve", out: Path) -> None:
 
 def _without_interval(result: Result) -> Result:
     """Result before its error interval, which may be slow and interrupted."""
-    none = ErrorInterval(reason="interrupted")
-    return replace(result, interval=lambda _: none)
+    return replace(result, interval=_interrupted)
+
+
+def _interrupted(state: State) -> ErrorInterval:
+    return ErrorInterval(reason="interrupted")
 
 
 def _print_figure(key: str, value: Any) -> None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.user_input import CopiedError
 from .laying import QUADRANTS, Status
 
 # Rounding of the length of a rod, relative to it.
@@ -14,7 +15,7 @@ _ROUNDING = 1e-6
 _OPEN = 1.5
 
 
-class NetError(ValueError):
+class NetError(CopiedError, ValueError):
     """Net that does not reach a point.
 
     Attributes

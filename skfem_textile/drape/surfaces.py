@@ -7,6 +7,7 @@ height z along it.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -390,29 +391,40 @@ def double_dome(
             "double dome: height, length, width and valley must be positive, and "
             f"waist at least 0 and less than 1, got {(*lengths, waist)}"
         )
-
-    def at(x: ndarray, y: ndarray) -> Height:
-        narrow = waist * np.exp(-((x / valley) ** 2))
-        b = width * (1 - narrow)
-        b_x = width * narrow * 2 * x / valley**2
-        b_xx = width * narrow * (2 - 4 * (x / valley) ** 2) / valley**2
-        r = y / b
-        r_x = -r * b_x / b
-        r_xx = -r_x * b_x / b - r * (b_xx / b - (b_x / b) ** 2)
-        q = (x / length) ** 4 + r**4
-        q_x = 4 * x**3 / length**4 + 4 * r**3 * r_x
-        q_y = 4 * r**3 / b
-        q_xx = 12 * x**2 / length**4 + 12 * r**2 * r_x**2 + 4 * r**3 * r_xx
-        q_xy = 12 * r**2 * r_x / b - 4 * r**3 * b_x / b**2
-        q_yy = 12 * r**2 / b**2
-        e = height * np.exp(-q)
-        return Height(
-            h=e - height,
-            x=-q_x * e,
-            y=-q_y * e,
-            xx=(q_x**2 - q_xx) * e,
-            xy=(q_x * q_y - q_xy) * e,
-            yy=(q_y**2 - q_yy) * e,
-        )
-
+    at = partial(
+        _dome, height=height, length=length, width=width, waist=waist, valley=valley
+    )
     return HeightField(at)
+
+
+def _dome(
+    x: ndarray,
+    y: ndarray,
+    height: float,
+    length: float,
+    width: float,
+    waist: float,
+    valley: float,
+) -> Height:
+    narrow = waist * np.exp(-((x / valley) ** 2))
+    b = width * (1 - narrow)
+    b_x = width * narrow * 2 * x / valley**2
+    b_xx = width * narrow * (2 - 4 * (x / valley) ** 2) / valley**2
+    r = y / b
+    r_x = -r * b_x / b
+    r_xx = -r_x * b_x / b - r * (b_xx / b - (b_x / b) ** 2)
+    q = (x / length) ** 4 + r**4
+    q_x = 4 * x**3 / length**4 + 4 * r**3 * r_x
+    q_y = 4 * r**3 / b
+    q_xx = 12 * x**2 / length**4 + 12 * r**2 * r_x**2 + 4 * r**3 * r_xx
+    q_xy = 12 * r**2 * r_x / b - 4 * r**3 * b_x / b**2
+    q_yy = 12 * r**2 / b**2
+    e = height * np.exp(-q)
+    return Height(
+        h=e - height,
+        x=-q_x * e,
+        y=-q_y * e,
+        xx=(q_x**2 - q_xx) * e,
+        xy=(q_x * q_y - q_xy) * e,
+        yy=(q_y**2 - q_yy) * e,
+    )

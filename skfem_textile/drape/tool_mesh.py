@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import keep_copies, real_numbers
 from ..solve.surface import GrowingSurface, Surface
 from .sheet import boundary_edges, edge_lengths, unit
 
@@ -49,6 +49,7 @@ class ToolMesh:
             ):
                 raise MeshError("tool mesh: an element refers to an undefined node")
         object.__setattr__(self, "points", points)
+        keep_copies(self, "cells")
         if not self.n_elements:
             raise MeshError("tool mesh: there are no triangles or quadrilaterals")
         flat = np.flatnonzero(~(np.linalg.norm(self._area_vectors(), axis=0) > 0))

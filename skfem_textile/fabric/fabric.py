@@ -9,7 +9,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ..mesh.user_input import call_user_function, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers
 from .law import (
     BiaxialLaw,
     Law,
@@ -112,6 +112,7 @@ class Fabric:
     wrinkling_angle: ByElement = 0.5 * np.pi
 
     def __post_init__(self) -> None:
+        keep_copies(self, "tension", "shear", "warp", "weft")
         _ = self.families, self.shear_law
         object.__setattr__(self, "bending", _bending(self.bending))
         object.__setattr__(self, "twist", _stiffness("twist", self.twist))

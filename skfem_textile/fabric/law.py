@@ -21,6 +21,8 @@ from typing import (
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.user_input import keep_copies
+
 #: Quantities of a law.
 Resistance: TypeAlias = Literal["tension", "shear"]
 
@@ -104,6 +106,7 @@ class OneStiffness(ScalarLaw):
         stiffness = np.ravel(self.stiffness)
         if (wrong := stiffness[~(np.isfinite(stiffness) & (stiffness >= 0))]).size:
             raise ValueError(f"stiffness must be a finite number >= 0, got {wrong[0]}")
+        keep_copies(self, "stiffness")
 
     def at(self, element: ndarray | None = None) -> Self:
         """Law at points, given by element numbers; see `Law`."""

@@ -12,7 +12,7 @@ from ..ply import Ply
 from ..solve.problem import OPPOSITE
 from ..solve.surface.on_surface import SurfaceError
 from .contact import Pressing, pressing
-from .tool import Obstacle, ToolContact
+from .tool import Obstacle, ToolContact, no_reach
 
 # Penetration relative to the size of the ply that is round-off, and most projections of
 # a point onto a tool, which are exact to first order.
@@ -194,7 +194,7 @@ def _refuse_asymmetric(ply: Ply, tools: Sequence[Pressing]) -> None:
         travels = np.unique([tool.travel(t) for tool in tools], axis=0)
         moved = np.hstack([X + travel[:, None] for travel in travels])
         for tool in tools:
-            bare = replace(tool._obstacle, reach=lambda t: 0.0, half=0.0)
+            bare = replace(tool._obstacle, reach=no_reach, half=0.0)
             with suppress(SurfaceError):  # not defined everywhere
                 x = _points_of(bare, moved, t, ply)
                 for name in planes if x.size else ():

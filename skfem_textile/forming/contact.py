@@ -91,6 +91,7 @@ def tool_force(ply: Ply, tool: Pressing, state: State) -> ndarray:
 
     Parameters as in `tool_pressure`.
     """
+    _refuse_other(tool, state)
     if isinstance(tool, ToolContact):
         return state.reactions[tool.name]
     u, t, parameters = state.u, state.load_factor, state.parameters[tool.name]
@@ -141,6 +142,15 @@ def _pressed(tool: Pressing, state: State) -> ndarray:
     return np.asarray(force > _NONE * force.max())
 
 
+def _refuse_other(tool: Pressing, state: State) -> None:
+    """Refuse a state of a ply without the tool, or of another mesh."""
+    if tool.name not in state.parameters or state.u.size != 3 * tool.nodes.size:
+        raise ValueError(
+            f"the state is of another ply than the tool {tool.name!r}: use a state "
+            "of the ply with this tool"
+        )
+
+
 def turn_on_tool(ply: Ply, contact: ToolContact, state: State) -> ndarray:
     """Largest angle between the normals of a tool at two corners of an element.
 
@@ -167,4 +177,5 @@ def turn_on_tool(ply: Ply, contact: ToolContact, state: State) -> ndarray:
 
 def _forces(tool: Pressing, state: State) -> ndarray:
     """Normal forces on nodes in N, shape (n_nodes,)."""
+    _refuse_other(tool, state)
     return tool.forces(state.u, state.load_factor, state.parameters[tool.name])

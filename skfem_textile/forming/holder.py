@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -10,13 +11,13 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 from skfem import CellBasis
 
-from ..mesh.user_input import call_user_function, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ElementTerm
 from ..solve.surface import Surface
-from ..solve.surface.on_surface import CheckedSurface
+from ..solve.surface.on_surface import CheckedSurface, in_axes_of_ply
 from .outline import shares_inside
-from .tool import Motion, Obstacle, ToolContact, nodal_matrix, placement
+from .tool import Motion, Obstacle, ToolContact, no_reach, nodal_matrix, placement
 
 # Number of load factors at which a gap or pressure is validated before a run: every
 # 2.5 % of it.
@@ -66,7 +67,10 @@ class Holder:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     name: str = "holder"
-    stated: Callable[[ndarray], ndarray] = lambda x: x
+    stated: Callable[[ndarray], ndarray] = in_axes_of_ply
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "motion", "outline")
 
     def on(self, basis: CellBasis) -> "ToolContact | HolderPressure":
         """Term on a basis of the displacement.
@@ -82,7 +86,7 @@ class Holder:
             raise ValueError(f"{what}: specify either a gap or a pressure")
         if self.gap is None:
             pressure = _amount(f"{what}: pressure", self.pressure, 0.0, "N/mm2")
-            obstacle = Obstacle.of(self, basis, lambda t: 0.0)
+            obstacle = Obstacle.of(self, basis, no_reach)
             term: ToolContact | HolderPressure
             term = HolderPressure(self.name, pressure, obstacle, basis)
         else:
@@ -207,17 +211,20 @@ def _amount(
     what: str, amount: Amount | None, least: float, unit: str
 ) -> Callable[[float], float]:
     """Function of the load factor, validated at each of its values."""
-
-    def at(t: float) -> float:
-        value = call_user_function(what, amount, t) if callable(amount) else amount
-        number = real_numbers(what, value)
-        if number.shape or not least <= number < np.inf:
-            raise ValueError(
-                f"{what} must be a number of at least {least:g} {unit}, got {value!r} "
-                f"at load factor {t:g}"
-            )
-        return float(number)
-
+    at = partial(_amount_at, what, amount, least, unit)
     for t in np.linspace(0.0, 1.0, _CHECKED):
         at(float(t))
     return at
+
+
+def _amount_at(
+    what: str, amount: Amount | None, least: float, unit: str, t: float
+) -> float:
+    value = call_user_function(what, amount, t) if callable(amount) else amount
+    number = real_numbers(what, value)
+    if number.shape or not least <= number < np.inf:
+        raise ValueError(
+            f"{what} must be a number of at least {least:g} {unit}, got {value!r} "
+            f"at load factor {t:g}"
+        )
+    return float(number)

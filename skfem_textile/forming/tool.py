@@ -18,11 +18,16 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from skfem import CellBasis, LinearForm, Mesh, asm
 
 from ..mesh.bases import components, node_positions
-from ..mesh.user_input import call_user_function, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers
 from ..ply.parameters import NO_VALUES, TermParameters, Values
 from ..ply.terms import ContactTerm
 from ..solve.surface import Surface
-from ..solve.surface.on_surface import CheckedSurface, SurfaceError, check_surface
+from ..solve.surface.on_surface import (
+    CheckedSurface,
+    SurfaceError,
+    check_surface,
+    in_axes_of_ply,
+)
 from ..solve.surface.surface import place
 from .outline import crossing_edges, inside, is_flat
 
@@ -97,7 +102,10 @@ class Tool:
     thickness: float = 0.0
     outline: ArrayLike | None = None
     name: str = "tool"
-    stated: Callable[[ndarray], ndarray] = lambda x: x
+    stated: Callable[[ndarray], ndarray] = in_axes_of_ply
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "motion", "outline")
 
     def on(self, basis: CellBasis) -> "ToolContact":
         """Term on a basis of the displacement.
@@ -164,6 +172,11 @@ class Gaps(NamedTuple):
     distance: ndarray
     local: ndarray
     slope: ndarray
+
+
+def no_reach(t: float) -> float:
+    """Reach of an `Obstacle` of zero."""
+    return 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,7 +352,7 @@ class Obstacle:
 
     def _side_at_rest(self) -> int:
         """Side of the surface on which the undeformed ply lies."""
-        at = replace(self, reach=lambda t: 0.0).gaps(self.X, 0.0)
+        at = replace(self, reach=no_reach).gaps(self.X, 0.0)
         distance = np.where(np.isfinite(at.gap), at.distance, 0.0)
         size = float(np.ptp(self.X, axis=1).max())
         if not np.isfinite(at.gap).any():

@@ -17,7 +17,7 @@ from numpy import ndarray
 from skfem import BilinearForm, Functional, LinearForm
 
 from ..fabric import kinematics as kin
-from .form import Forms, deformation, gradient, once
+from .form import Forms, builds_forms, deformation, gradient, once
 
 #: J₀, the area ratio det F below which a corner resists.  Chosen: inextensible
 #: orthogonal fibres reach it at a shear angle of 85.4° (cos 85.4° = 0.08), beyond the
@@ -37,6 +37,7 @@ def resistance(J: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     return b + d * beyond + 0.5 * dd * beyond**2, d + dd * beyond, dd
 
 
+@builds_forms
 def corner_resistance(stiffness: float) -> Forms:
     """Resistance of corners with the energy κ Σ A/n b(det F).
 

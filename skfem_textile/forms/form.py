@@ -10,7 +10,9 @@ their parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from functools import partial, wraps
+from operator import call
+from typing import Any, NamedTuple, ParamSpec
 
 import numpy as np
 from numpy import ndarray
@@ -28,6 +30,33 @@ class Forms(NamedTuple):
     energy: Functional
     residual: LinearForm
     tangent: BilinearForm
+
+
+_P = ParamSpec("_P")
+
+
+class _BuiltForms(Forms):
+    """Forms that are pickled and copied as the call that builds them.
+
+    The functions of forms are local to this call and cannot be pickled.
+    """
+
+    built_by: Callable[[], Forms]
+
+    def __reduce__(self) -> tuple[Callable, tuple]:
+        return call, (self.built_by,)
+
+
+def builds_forms(function: Callable[_P, Forms]) -> Callable[_P, Forms]:
+    """Let the forms that a function of a module returns be pickled."""
+
+    @wraps(function)
+    def build(*args: _P.args, **kwargs: _P.kwargs) -> Forms:
+        forms = _BuiltForms(*function(*args, **kwargs))
+        forms.built_by = partial(build, *args, **kwargs)
+        return forms
+
+    return build
 
 
 def of_density(energy: Callable, stress: Callable, stiffness: Callable) -> Forms:

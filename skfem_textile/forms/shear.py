@@ -13,6 +13,7 @@ from ..fabric import Fabric
 from ..fabric import kinematics as kin
 from .form import (
     Forms,
+    builds_forms,
     contract,
     deformation,
     directions,
@@ -24,6 +25,7 @@ from .form import (
 )
 
 
+@builds_forms
 def shear(fabric: Fabric) -> Forms:
     """In-plane shear: virtual work ∫ M_s δΓ dΩ."""
 
@@ -48,6 +50,7 @@ def shear(fabric: Fabric) -> Forms:
     return of_density(energy, stress, stiffness)
 
 
+@builds_forms
 def shear_continuity(fabric: Fabric, C_j: float) -> Forms:
     """Stabilisation with the energy ½ C_j Σ_edges (A⁺ + A⁻)/4 [[Γ]]².
 

@@ -27,6 +27,7 @@ from ..fabric import Fabric
 from ..fabric import kinematics as kin
 from .form import (
     Forms,
+    builds_forms,
     contract,
     deformation,
     directions,
@@ -41,6 +42,7 @@ from .form import (
 )
 
 
+@builds_forms
 def tension(fabric: Fabric) -> Forms:
     """Fibre tension: virtual work ∫ Σ_α T_α δε_α dΩ.
 
@@ -101,6 +103,7 @@ def tension(fabric: Fabric) -> Forms:
     return of_density(energy, stress, stiffness)
 
 
+@builds_forms
 def mean_tension(fabric: Fabric) -> Forms:
     """Fibre tension with the energy ψ(ln λ̄) + ½ E_d (λ − λ̄)².
 

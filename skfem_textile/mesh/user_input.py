@@ -1,6 +1,7 @@
 """Functions, numbers and text of users, with one-line errors."""
 
 from collections.abc import Callable
+from copyreg import __newobj__  # type: ignore[attr-defined]
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -15,6 +16,13 @@ MOST_DEGREES = 36_000.0
 # Maximum length of a value or of foreign text in a message.  Chosen: two lines in
 # total.
 _LONGEST_TEXT = 60
+
+
+class CopiedError(Exception):
+    """Base of exceptions with attributes, which copies and pickled ones keep."""
+
+    def __reduce__(self) -> tuple:
+        return __newobj__, (type(self), *self.args), vars(self)
 
 
 def call_user_function(what: str, function: Callable, *arguments: Any) -> Any:
@@ -54,6 +62,29 @@ def real_numbers(what: str, value: Any) -> "ndarray":
     except (TypeError, ValueError):  # as of lists of different lengths
         pass
     raise ValueError(f"{what} must be real-valued, got {_shortened(value)}")
+
+
+def keep_copies(owner: Any, *names: str) -> None:
+    """Replace arrays in attributes of a frozen object by copies that are read-only.
+
+    Arrays are also replaced in tuples and lists.  Later changes of the user's arrays
+    then do not change the object.
+    """
+    for name in names:
+        object.__setattr__(owner, name, _own(getattr(owner, name)))
+
+
+def _own(value: Any) -> Any:
+    import numpy as np  # text needs no arrays
+
+    if type(value) in (tuple, list):
+        return type(value)(map(_own, value))
+    if isinstance(value, np.ndarray):
+        value = value.copy()
+        value.flags.writeable = False
+    elif hasattr(value, "toarray"):  # a sparse matrix
+        value = value.copy()
+    return value
 
 
 def refuse_unit(unit: str | None) -> None:

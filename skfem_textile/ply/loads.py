@@ -20,9 +20,10 @@ from skfem import (
 from skfem.helpers import dot, grad
 
 from ..forms import Forms
+from ..forms.form import builds_forms
 from ..mesh.bases import components, node_dofs
 from ..mesh.selection import Where, selected_nodes
-from ..mesh.user_input import call_user_function, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers
 from .terms import Factor, FormTerm, VectorTerm, factor_at, proportional
 
 #: A vector, or a function of reference position (2, ...) -> (d, ...).
@@ -63,6 +64,9 @@ class Traction:
     factor: Factor = proportional
     name: str = ""
 
+    def __post_init__(self) -> None:
+        keep_copies(self, "value")
+
     def on(self, basis: CellBasis) -> VectorTerm:
         """Term on a basis of the displacement.
 
@@ -95,6 +99,9 @@ class Force:
     total: ArrayLike
     factor: Factor = proportional
     name: str = ""
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "where", "total")
 
     def on(self, basis: CellBasis) -> VectorTerm:
         """Term on a basis of the displacement.
@@ -135,6 +142,9 @@ class BodyForce:
     value: Vector
     factor: Factor = proportional
     name: str = "body force"
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "value")
 
     def on(self, basis: CellBasis) -> VectorTerm:
         """Term on a basis of the displacement.
@@ -218,6 +228,9 @@ class Pressure:
     value: float
     factor: Factor = proportional
     name: str = "pressure"
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "value")
 
     def on(self, basis: CellBasis) -> "PressureTerm":
         """Term on a basis of the displacement.
@@ -313,6 +326,7 @@ def _prescribed(supports: Any) -> ndarray:
     return q if supports.turn is None else supports.turn @ q
 
 
+@builds_forms
 def _forms(name: str, value: float, factor: Factor) -> Forms:
     """−p V and its derivatives, V = ∫ z (∂x/∂X × ∂x/∂Y)_z."""
 

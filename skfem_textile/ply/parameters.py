@@ -441,7 +441,7 @@ class AccumulatedMoment(TermParameters):
 
     def __init__(self, fabric: Fabric, C_s: float, basis: CellBasis) -> None:
         self._fabric, self._C_s, self._basis = fabric, C_s, basis
-        self._work = hourglass_rate(fabric, C_s).energy
+        self._forms = hourglass_rate(fabric, C_s)
 
     def at_rest(self) -> Values:
         """Zero moments and zero work."""
@@ -453,7 +453,9 @@ class AccumulatedMoment(TermParameters):
     def advanced(self, values: Values, u: ndarray, t: float) -> Values:
         """Moments and work at the end of a step to ``u``."""
         basis, last, moment = self._basis, values["last"], values["moment"]
-        work = values["work"] + asm(self._work, basis, u=u, last=last, moment=moment)
+        work = values["work"] + asm(
+            self._forms.energy, basis, u=u, last=last, moment=moment
+        )
         w = FormExtraParams(
             x=basis.global_coordinates(),
             u=basis.interpolate(u),

@@ -143,6 +143,7 @@ class SumOfTerms:
             `geometric_tension`: away from equilibrium the tensions of stiff fibres
             differ greatly from those at equilibrium.
         """
+        self.refuse_other(u)
         after = {
             name: declared.updated(parameters[name], u, t, tension)
             for name, declared in self._declared.items()
@@ -164,6 +165,7 @@ class SumOfTerms:
         u, t
             Converged displacement and its load factor.
         """
+        self.refuse_other(u)
         after = {
             name: declared.advanced(parameters[name], u, t)
             for name, declared in self._declared.items()
@@ -232,6 +234,20 @@ class SumOfTerms:
             parameters = self.parameters_at_rest
         return parameters.get(term.name, NO_VALUES)
 
+    def refuse_other(self, u: ndarray) -> None:
+        """Refuse a displacement of another ply.
+
+        Raises
+        ------
+        ValueError
+            If it has not one number for each unknown.
+        """
+        if np.shape(u) != (self.basis.N,):
+            raise ValueError(
+                f"a displacement of this ply has the shape ({self.basis.N},), one "
+                f"number for each unknown, not {np.shape(u)}: use one of the same ply"
+            )
+
     def energies(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
     ) -> dict[str, float]:
@@ -246,6 +262,7 @@ class SumOfTerms:
         terms: Sequence[Term] | None = None,
     ) -> float:
         """Energy in N·mm, including potentials of loads; see `residual`."""
+        self.refuse_other(u)
         energy = 0.0
         for term in self.terms if terms is None else terms:
             if term in self._kinds.by_kernel:
@@ -279,6 +296,7 @@ class SumOfTerms:
         terms
             Terms to sum; by default all.
         """
+        self.refuse_other(u)
         terms, d = self.terms if terms is None else terms, components(self.basis)
         f = np.zeros(len(u))
         for states in self._states(terms, u, t, parameters):
@@ -313,6 +331,7 @@ class SumOfTerms:
         self, u: ndarray, t: float, parameters: PlyParameters | None = None
     ) -> ndarray:
         """Nodal forces of the loads in N."""
+        self.refuse_other(u)
         loads = [term for term in self.terms if term.role == "load"]
         return -self.residual(u, t, parameters, loads) if loads else np.zeros_like(u)
 
@@ -358,6 +377,7 @@ class SumOfTerms:
             True if element matrices are replaced by the nearest positive semi-definite
             ones.
         """
+        self.refuse_other(u)
         matrices: Iterable[ndarray | None] = chain(
             map(element_matrices, self._states(self.terms, u, t, parameters, tension)),
             (
@@ -394,6 +414,8 @@ class SumOfTerms:
         self, u: ndarray, du: ndarray, parameters: PlyParameters | None = None
     ) -> ndarray:
         """`predicted_tension` at the points of the tension term, for `stiffness`."""
+        self.refuse_other(u)
+        self.refuse_other(du)
         if (term := self._tension) is None:
             return np.zeros((2, *self.basis.dx.shape))
         T = np.zeros((2, *term.basis.dx.shape))
@@ -425,6 +447,7 @@ class SumOfTerms:
             Reference coordinates in the unit square or triangle, shape (2, n_points);
             by default the integration points of the ply.
         """
+        self.refuse_other(u)
         xi = self.basis.X if points is None else points
         vector: Any = self.basis.elem
         scalar = vector.elem
@@ -563,6 +586,7 @@ class SumOfTerms:
 
     def nodal(self, u: ndarray) -> ndarray:
         """DOF vector as one column per node of ``nodes``, shape (d, n_nodes)."""
+        self.refuse_other(u)
         return u.reshape(-1, components(self.basis)).T.copy(order="K")
 
     def least_area_ratio(self, u: ndarray) -> ndarray:
@@ -575,6 +599,7 @@ class SumOfTerms:
 
         At rest all point to the same side of the ply.
         """
+        self.refuse_other(u)
         return self.corners.normals(u)
 
     def creased(self, u: ndarray) -> ndarray:

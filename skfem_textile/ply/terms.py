@@ -19,7 +19,7 @@ from ..fabric import Fabric
 from ..forms import Forms
 from ..mesh.bases import components, element_numbers
 from ..mesh.pattern import refuse_unsymmetric
-from ..mesh.user_input import call_user_function, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers
 from .kernels.kernel import Kernel, can_compute, node_pair_blocks
 from .kernels.kernel_forms import with_kernel
 from .parameters import NO_VALUES, TermParameters, Values
@@ -335,6 +335,9 @@ class MatrixTerm(Term):
     matrix: Any
     role: Role = "internal"
 
+    def __post_init__(self) -> None:
+        keep_copies(self, "matrix")
+
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """½ u·K·u."""
         return 0.5 * float(u @ (self.matrix @ u))
@@ -383,6 +386,9 @@ class VectorTerm(Term):
     vector: ndarray
     factor: Factor = proportional
     role: Role = "load"
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "vector")
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Potential −g(t) F·u."""

@@ -10,6 +10,7 @@ and `force` is the force at the top.  A longer ply has another minimum with a sl
 smaller force.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import Literal, TypeAlias, cast, get_args
 
@@ -106,8 +107,8 @@ def bias_extension(
         driven="top",
         displacement=motion.displacement,
         shear_angle=motion.shear_angle,
-        load=lambda law, t: share * float(force(law, t * shear_angle, W, H, theta)),
-        load_lost=lambda f, t: float(lost_to_stretch(f, t * shear_angle, W, H, theta)),
+        load=partial(_scaled, force, shear_angle, (W, H, theta), share),
+        load_lost=partial(_scaled, lost_to_stretch, shear_angle, (W, H, theta), 1.0),
         misfit=misfit(mesh, _fixed_sides(share)),
         shear_test=BiasTest(W, H, theta, share),
     )
@@ -206,18 +207,28 @@ def _motion(theta: float, gamma: float, width: float, height: float) -> Motion:
     """Exact displacement; unclamped fibres rotate towards the load."""
     across, along = width / np.cos(theta) / 2, height / np.sin(theta) / 2
     warp, weft = (across, along), (0.0, along - across)
-
-    def turn(s: ndarray, t: float, low: float, high: float) -> ndarray:
-        return np.where((s > low) & (s < high), 0.5 * t * gamma, 0.0)
-
-    return Motion(
-        (theta, np.pi - theta),
-        (
-            partial(turn, low=warp[0], high=warp[1]),
-            lambda s, t: -turn(s, t, *weft),
-        ),
-        kinks=(warp, weft),
+    half = 0.5 * gamma
+    turns = (
+        partial(_turn, angle=half, ends=warp),
+        partial(_turn, angle=-half, ends=weft),
     )
+    return Motion((theta, np.pi - theta), turns, kinks=(warp, weft))
+
+
+def _turn(s: ndarray, t: float, angle: float, ends: tuple[float, float]) -> ndarray:
+    return np.where((s > ends[0]) & (s < ends[1]), t * angle, 0.0)
+
+
+def _scaled(
+    of: Callable[..., Angle],
+    gamma: float,
+    sides: tuple[float, float, float],
+    share: float,
+    subject: Law | Fabric,
+    t: float,
+) -> float:
+    """Share of a function of law or fabric at the load factor t."""
+    return share * float(of(subject, t * gamma, *sides))
 
 
 def _fixed_sides(share: float) -> tuple[str, ...]:

@@ -16,7 +16,8 @@ before draping.
 
 import logging
 from collections.abc import Callable, Sequence
-from functools import cache, lru_cache, partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Unpack
 
 import numpy as np
@@ -31,7 +32,7 @@ from ..ply.terms import Load
 from ..solve.conditions import Condition
 from ..solve.result import Result
 from ..solve.surface import OffSurfaceError, OnSurface, Surface, onto
-from ..solve.surface.surface import Geodesics, displacement, geodesics
+from ..solve.surface.surface import displacement, geodesics
 from .edge_tension import AROUND, EdgeTension, edge_net
 from .flat_ply import PlyOptions, flat_ply, in_planes
 from .on_tool import CELLS, measured_on_tool
@@ -147,25 +148,8 @@ def draped_ply(
     flat, angles, tension, held = flat_ply(name, mesh, **ply)
     on_tool = OnSurface(surface, stated=axes.of_tool)
 
-    @cache
-    def lay() -> Net:
-        beyond = {} if tension else {"beyond": AROUND}
-        return edge_net(flat, on_tool, angles, held, **beyond)
-
-    def in_net(ply: Ply) -> ndarray | None:
-        """Displacement to the places of the nodes in the net, if it covers the ply."""
-        try:
-            return displacement(ply.nodes, onto(surface, lay().at(ply.nodes)))
-        except (NetError, OffSurfaceError):  # the net ends within the ply
-            return None
-
-    def edge_tension(fabric: Fabric) -> Sequence[Load]:
-        law = fabric.shear_law if fabric.at() is fabric else None
-        if not tension:
-            return []
-        return [EdgeTension(on_tool, tension, angles, law, held, lay)]
-
-    check(flat, lay)
+    laid = _Laid(flat, on_tool, tension, angles, held)
+    check(flat, laid.lay)
     held_at = in_planes(name, flat) if held else _at_middle(name, flat, on_tool)
     c, s = float(np.cos(angles[0])), float(np.sin(angles[0]))
     return Scene(
@@ -178,13 +162,49 @@ def draped_ply(
         shear_angle=exact,
         dimension=3,
         fibre_ends=dict.fromkeys(held, "mirror"),
-        loads_of=edge_tension,
+        loads_of=laid.edge_tension,
         figures=partial(shear_errors, exact=exact),
         measured=partial(measured_on_tool, axes=axes, holding={} if held else held_at),
         misfit=misfit(flat, held) or off_exact(flat.p),
         axes=axes,
-        initial_guess=in_net,
+        initial_guess=laid.in_net,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Laid:
+    """Ply on its tool, whose net is laid at first use; see `EdgeTension`."""
+
+    mesh: Mesh
+    on_tool: OnSurface
+    tension: float
+    angles: tuple[float, float]
+    held: tuple[str, ...]
+
+    @cached_property
+    def _net(self) -> Net:
+        beyond = {} if self.tension else {"beyond": AROUND}
+        return edge_net(self.mesh, self.on_tool, self.angles, self.held, **beyond)
+
+    def lay(self) -> Net:
+        """Net on the tool."""
+        return self._net
+
+    def in_net(self, ply: Ply) -> ndarray | None:
+        """Displacement to the places of the nodes in the net, if it covers the ply."""
+        try:
+            x = onto(self.on_tool.surface, self._net.at(ply.nodes))
+        except (NetError, OffSurfaceError):  # the net ends within the ply
+            return None
+        return displacement(ply.nodes, x)
+
+    def edge_tension(self, fabric: Fabric) -> Sequence[Load]:
+        """Loads of a ply of a fabric."""
+        law = fabric.shear_law if fabric.at() is fabric else None
+        if not self.tension:
+            return []
+        of_ply = self.tension, self.angles, law, self.held, self.lay
+        return [EdgeTension(self.on_tool, *of_ply)]
 
 
 def shear_errors(
@@ -225,18 +245,6 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
         away = mesh.p[:, among] - target[:, None]
         return among[[np.hypot(*away).argmin()]]
 
-    @lru_cache
-    def laid(x: float, y: float) -> Geodesics:
-        return geodesics(on_tool.surface, np.array([[x], [y]]), on_tool.touch)
-
-    @lru_cache
-    def end(x: float, y: float, t: float) -> ndarray:
-        point = np.array([*on_tool.touch, 0.0])
-        return onto(on_tool.at("tool", t), laid(x, y).on_growing(point, t))
-
-    def moves(axis: int) -> Callable[[ndarray, float], ndarray]:
-        return lambda X, t: end(*X[:, 0].tolist(), t)[axis] - X[axis]
-
     x, y = np.eye(3)[:2]
     nodes, off = np.arange(mesh.p.shape[1]), _OFF * np.ptp(mesh.p)
     middle = nearest(np.zeros(2), nodes)
@@ -245,15 +253,46 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
     right = nearest(half, others[mesh.p[0, others] > off])
     left = nearest(-mesh.p[:, right[0]], others[mesh.p[0, others] < -off])
     try:
-        for node in (*middle, *left, *right):
-            end(*mesh.p[:, node].tolist(), 1.0)
+        ends = {
+            node: _End(on_tool, mesh.p[:, [node]]) for node in (*middle, *left, *right)
+        }
     except OffSurfaceError as error:
         raise ValueError(
             f"{name}: the ply leaves the tool at {on_tool.place(error.position)}: use "
             "a smaller ply, or another contact point"
         ) from None
     return {
-        "middle_x": Condition(middle, moves(0), direction=x),
-        "turn_left": Condition(left, moves(1), direction=y),
-        "turn_right": Condition(right, moves(1), direction=y),
+        "middle_x": Condition(middle, ends[middle[0]].along_x, direction=x),
+        "turn_left": Condition(left, ends[left[0]].along_y, direction=y),
+        "turn_right": Condition(right, ends[right[0]].along_y, direction=y),
     }
+
+
+class _End:
+    """Motion of a node at the end of a geodesic of a growing tool.
+
+    The node lies at ``X``, shape (2, 1), in the flat ply.
+    """
+
+    def __init__(self, on_tool: OnSurface, X: ndarray) -> None:
+        self._on_tool, self._X = on_tool, X
+        self._geodesic = geodesics(on_tool.surface, X, on_tool.touch)
+        self._last = 1.0, self._at(1.0)
+
+    def along_x(self, X: ndarray, t: float) -> ndarray:
+        """Displacement along x, shape (1,)."""
+        return self._place(t)[0] - self._X[0]
+
+    def along_y(self, X: ndarray, t: float) -> ndarray:
+        """Displacement along y, shape (1,)."""
+        return self._place(t)[1] - self._X[1]
+
+    def _place(self, t: float) -> ndarray:
+        if t != self._last[0]:
+            self._last = t, self._at(t)
+        return self._last[1]
+
+    def _at(self, t: float) -> ndarray:
+        point = np.array([*self._on_tool.touch, 0.0])
+        x = self._geodesic.on_growing(point, t)
+        return onto(self._on_tool.at("tool", t), x)

@@ -315,11 +315,12 @@ def double_dome_forming(
 
 
 def _raised(surface: HeightField, rise: float) -> HeightField:
-    def at(x: ndarray, y: ndarray) -> Height:
-        height = surface.height(x, y)
-        return height._replace(h=height.h + rise)
+    return HeightField(partial(_height, surface=surface, rise=rise))
 
-    return HeightField(at)
+
+def _height(x: ndarray, y: ndarray, surface: HeightField, rise: float) -> Height:
+    height = surface.height(x, y)
+    return height._replace(h=height.h + rise)
 
 
 def forming(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +35,18 @@ def unknown(X: ndarray, t: float) -> ndarray:
     raise ValueError(
         "the scene has no exact field: use its figures, which contain the exact values"
     )
+
+
+def _no_loads(fabric: Fabric) -> "Sequence[Load]":
+    return ()
+
+
+def _no_figures(result: Result) -> Mapping[str, float]:
+    return {}
+
+
+def _no_guess(ply: "Ply") -> ndarray | None:
+    return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,11 +123,11 @@ class Scene:
     loads: "tuple[Load, ...]" = ()
     tools: "tuple[Tool | Holder, ...]" = ()
     reacting: str = ""
-    loads_of: "Callable[[Fabric], Sequence[Load]]" = lambda fabric: ()
-    figures: Callable[[Result], Mapping[str, float]] = lambda result: {}
-    measured: Callable[[Result], Mapping[str, float | str]] = lambda result: {}
+    loads_of: "Callable[[Fabric], Sequence[Load]]" = _no_loads
+    figures: Callable[[Result], Mapping[str, float]] = _no_figures
+    measured: Callable[[Result], Mapping[str, float | str]] = _no_figures
     axes: Axes = SAME_AXES
-    initial_guess: "Callable[[Ply], ndarray | None]" = lambda ply: None
+    initial_guess: "Callable[[Ply], ndarray | None]" = _no_guess
 
     def rotated(self, angle: float) -> "Scene":
         """The same problem with mesh, fibres and conditions rotated together.
@@ -139,7 +152,6 @@ class Scene:
                 "rotation"
             )
         Q = _rotation(angle)
-        displacement, shear_angle = self.displacement, self.shear_angle
         return replace(
             self,
             mesh=replace(self.mesh, doflocs=Q @ self.mesh.p),
@@ -150,8 +162,8 @@ class Scene:
                 for k, c in self.conditions.items()
                 if isinstance(c, Condition)  # only plies in space are on surfaces
             },
-            displacement=lambda X, t: Q @ displacement(Q.T @ X, t),
-            shear_angle=lambda X, t: shear_angle(Q.T @ X, t),
+            displacement=partial(_turned_vector, of=self.displacement, Q=Q),
+            shear_angle=partial(_turned_number, of=self.shear_angle, Q=Q),
             rotation=self.rotation + angle,
         )
 
@@ -208,14 +220,22 @@ class Scene:
         Nodes that other conditions hold too are included.  For a ply on a tool along
         the axes of the tool.
         """
-        return self._unrotated(state.forces[self.reacting or self.driven])
+        return self._unrotated(self._of(state.forces, self.reacting or self.driven))
 
     def driven_displacement(self, state: State) -> ndarray:
         """Mean displacement of the nodes of the driven edge in mm, shape (d,).
 
         Along the axes of `reaction`.
         """
-        return self._unrotated(state.displacements[self.driven])
+        return self._unrotated(self._of(state.displacements, self.driven))
+
+    def _of(self, vectors: Mapping[str, ndarray], name: str) -> ndarray:
+        if name not in vectors:
+            raise ValueError(
+                f"the state has no condition {name!r}: it is not one of the scene "
+                f"{self.name}"
+            )
+        return vectors[name]
 
     def _unrotated(self, vector: ndarray) -> ndarray:
         turn = self.turn.T if len(vector) == 2 else self.axes.turn
@@ -320,6 +340,14 @@ class Scene:
                 f"{1 - lost:.2f}, not to 1"
             )
         return figures
+
+
+def _turned_vector(X: ndarray, t: float, of: ExactField, Q: ndarray) -> ndarray:
+    return Q @ of(Q.T @ X, t)
+
+
+def _turned_number(X: ndarray, t: float, of: ExactField, Q: ndarray) -> ndarray:
+    return of(Q.T @ X, t)
 
 
 def _rotation(angle: float) -> ndarray:

@@ -52,13 +52,11 @@ def strip(
         weft=(0.0, 1.0),
         conditions={
             "bottom": Condition("bottom"),
-            "right": Condition(
-                "right", lambda X, t: displacement(X, t)[0], direction=(1.0, 0.0)
-            ),
+            "right": Condition("right", _displacement_x, direction=(1.0, 0.0)),
         },
         driven="right",
         displacement=displacement,
-        shear_angle=lambda X, t: t * X[1] / RADIUS,
+        shear_angle=shear_angle,
         misfit=misfit(mesh, ("bottom", "right")),
     )
 
@@ -69,6 +67,15 @@ def displacement(X: ndarray, t: float) -> ndarray:
         return np.zeros_like(X)
     R = RADIUS / t
     return np.stack([R * (1 - np.cos(X[1] / R)), R * np.sin(X[1] / R) - X[1]])
+
+
+def _displacement_x(X: ndarray, t: float) -> ndarray:
+    return displacement(X, t)[0]
+
+
+def shear_angle(X: ndarray, t: float) -> ndarray:
+    """Exact shear angle in radians at the load factor t."""
+    return t * X[1] / RADIUS
 
 
 def _with_named_edges(mesh: Mesh) -> Mesh:

@@ -80,9 +80,13 @@ def hemisphere(
         Sphere(radius, (0.0, 0.0, -radius)),
         mesh,
         **ply,
-        exact=lambda X, t: shear_angle(t * t * _threads(X, fibres, radius)),
+        exact=partial(_of_sphere, fibres=fibres, radius=radius),
         off_exact=partial(_off_exact, fibres=fibres, radius=radius),
     )
+
+
+def _of_sphere(X: ndarray, t: float, fibres: float, radius: float) -> ndarray:
+    return shear_angle(t * t * _threads(X, fibres, radius))
 
 
 def _threads(X: ndarray, fibres: float, radius: float) -> ndarray:
@@ -138,9 +142,13 @@ def cylinder(
         Cylinder(radius, (0.0, 0.0, -radius)),
         mesh,
         **ply,
-        exact=lambda X, t: np.zeros(X.shape[1]),
+        exact=_no_shear,
         off_exact=lambda X: "",
     )
+
+
+def _no_shear(X: ndarray, t: float) -> ndarray:
+    return np.zeros(X.shape[1])
 
 
 def double_dome(mesh: str | Mesh = "irregular", **ply: Unpack[PlyOptions]) -> Scene:
@@ -181,10 +189,11 @@ def saddle(
     """
     if not 0 < radius < np.inf:
         raise ValueError(f"saddle: the radius must be positive, got {radius:g} mm")
+    surface = HeightField(partial(_saddle, radius=radius))
+    return draped_ply("saddle", surface, mesh, **ply)
 
-    def height(x: ndarray, y: ndarray) -> Height:
-        curved, zero = np.full_like(x, 1 / radius), np.zeros_like(x)
-        h = 0.5 * (x * x - y * y) / radius
-        return Height(h, x / radius, -y / radius, curved, zero, -curved)
 
-    return draped_ply("saddle", HeightField(height), mesh, **ply)
+def _saddle(x: ndarray, y: ndarray, radius: float) -> Height:
+    curved, zero = np.full_like(x, 1 / radius), np.zeros_like(x)
+    h = 0.5 * (x * x - y * y) / radius
+    return Height(h, x / radius, -y / radius, curved, zero, -curved)

@@ -8,6 +8,7 @@ boundary follows it; sides may be free or on inclined rollers.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from numbers import Real
 from typing import Literal, TypeAlias
@@ -123,14 +124,10 @@ def sheared(shear_angle: float, bend: float = 0.0) -> tuple[Turn, Turn]:
     bend
         Final bending angle of a fibre of length `SIDE` in radians.
     """
-
-    def warp(s: ndarray, t: float) -> ndarray:
-        return t * (shear_angle / 2 - bend * s / SIDE)
-
-    def weft(s: ndarray, t: float) -> ndarray:
-        return -t * (shear_angle / 2 - bend * s / SIDE)
-
-    return warp, weft
+    half = shear_angle / 2
+    return partial(_bent, angle=half, bend=bend), partial(
+        _bent, angle=-half, bend=-bend
+    )
 
 
 def _with_held(mesh: Mesh, edges: Mapping[str, Edge]) -> Mesh:
@@ -177,7 +174,11 @@ def _conditions(
 def _roller(side: str, inclination: float, motion: "Motion") -> Condition:
     """Condition of a roller: displacement across an inclined line is prescribed."""
     normal = np.array([-np.sin(inclination), np.cos(inclination)])
-    return Condition(side, lambda X, t: normal @ motion.displacement(X, t), normal)
+    return Condition(side, partial(_across, normal=normal, motion=motion), normal)
+
+
+def _across(X: ndarray, t: float, normal: ndarray, motion: "Motion") -> ndarray:
+    return normal @ motion.displacement(X, t)
 
 
 def _is_angle(edge: Edge) -> bool:
@@ -294,11 +295,15 @@ def picture_frame(
     """
     if isinstance(mesh, str):
         mesh = rectangle(side, side, size, mesh, jitter, seed, 0.0, 0.5 * np.pi)
-    turns = (_straight, lambda s, t: np.full(s.shape, -t * shear_angle))
+    turns = _straight, partial(_bent, angle=-shear_angle)
     scene = trellis(mesh, turns=turns)
     fabric = float(np.ptp(scene.mesh.p[1]))
     test = FrameTest(fabric if frame is None else frame, fabric)
     return replace(scene, name="picture_frame", shear_test=test)
+
+
+def _bent(s: ndarray, t: float, angle: float, bend: float = 0.0) -> ndarray:
+    return t * (angle - bend * s / SIDE)
 
 
 def _straight(s: ndarray, t: float) -> ndarray:

@@ -1,21 +1,21 @@
 """Displacement conditions and the constraints that they resolve to."""
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_matrix, identity
+from scipy.sparse import csc_matrix, csr_matrix, identity
 from scipy.sparse.linalg import splu
 from skfem import CellBasis
 
 from ..fabric import Direction, unit_vectors
 from ..mesh.bases import components, node_dofs, node_positions
 from ..mesh.selection import Where, selected_nodes
-from ..mesh.user_input import call_user_function, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers
 from .surface import OnSurface
 from .surface.nodes import SurfaceNodes
 
@@ -71,10 +71,7 @@ class Condition:
     direction: Direction | None = None
 
     def __post_init__(self) -> None:
-        for name in ("where", "value", "direction"):  # arrays may change later
-            given = getattr(self, name)
-            if not callable(given):
-                object.__setattr__(self, name, deepcopy(given))
+        keep_copies(self, "where", "value", "direction")
 
     def nodes(self, name: str, basis: CellBasis) -> ndarray:
         """Numbers of the nodes of the condition, in the order of its values.
@@ -138,23 +135,26 @@ class Condition:
             along: Any = np.eye(2)[axis]
             return Condition(self.where, value[axis], along).turned(Q)  # type: ignore[index, arg-type]
         where, direction = self.where, self.direction
-
-        def turned_value(X: ndarray, t: float) -> ndarray:
-            plain = Q.T @ X
-            n = self.values("turned", plain, t)
-            return Q @ n if direction is None else n[0]
-
-        def turned_where(X: ndarray) -> ndarray:
-            return where(Q.T @ X)  # type: ignore[operator]
-
-        def turned_direction(X: ndarray) -> ndarray:
-            return Q @ unit_vectors("direction", direction, Q.T @ X)  # type: ignore[arg-type]
-
         return Condition(
-            turned_where if callable(where) else where,
-            turned_value,
-            None if direction is None else turned_direction,
+            partial(_turned_where, where=where, Q=Q) if callable(where) else where,
+            partial(_turned_value, condition=self, Q=Q),
+            None
+            if direction is None
+            else partial(_turned_direction, direction=direction, Q=Q),
         )
+
+
+def _turned_where(X: ndarray, where: Callable, Q: ndarray) -> ndarray:
+    return where(Q.T @ X)
+
+
+def _turned_value(X: ndarray, t: float, condition: Condition, Q: ndarray) -> ndarray:
+    n = condition.values("turned", Q.T @ X, t)
+    return Q @ n if condition.direction is None else n[0]
+
+
+def _turned_direction(X: ndarray, direction: Direction, Q: ndarray) -> ndarray:
+    return Q @ unit_vectors("direction", direction, Q.T @ X)
 
 
 #: Conditions on a ply by name.
@@ -270,7 +270,7 @@ class Constraints:
         # The rows of a node couple only its unknowns, with full rank by construction:
         # least squares, with a residual where conditions disagree.
         normal = (self._rows.T @ self._rows).tocsc()
-        self._normal = splu(normal) if len(self.prescribed) else None
+        self._normal = _LU(normal) if len(self.prescribed) else None
 
     def fixed_values(self, t: float) -> ndarray:
         """Values of the prescribed unknowns at the load factor ``t``.
@@ -297,6 +297,19 @@ class Constraints:
                 f"{tuple(self._X[:, node].round(6).tolist())}, at load factor {t:g}"
             )
         return q
+
+
+class _LU:
+    """LU factors of a matrix, which are pickled as the matrix."""
+
+    def __init__(self, matrix: csc_matrix) -> None:
+        self._matrix, self._factors = matrix, splu(matrix)
+
+    def solve(self, b: ndarray) -> ndarray:
+        return self._factors.solve(b)
+
+    def __reduce__(self) -> tuple[type, tuple]:
+        return _LU, (self._matrix,)
 
 
 def _held_directions(

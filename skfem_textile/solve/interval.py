@@ -25,6 +25,7 @@ point on triangles, which locks, with macro-elements.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -39,6 +40,7 @@ from ..ply.formulations import (
     OF_MACRO,
     Macro,
 )
+from ..ply.parameters import Values
 from ..ply.terms import Formulation
 from .conditioning import uncertain_reactions
 from .conditions import Conditions, Constraints, turned
@@ -66,6 +68,10 @@ _STEP_BACK, _SHORT = 1e-3, 1e-3
 # a load.  Supported nodes that follow a triangulated tool do work of up to 0.2 % of the
 # energy; an edge tension does several times the energy.
 _OF_A_LOAD = 0.01
+
+# Residual of a state, relative to its tolerance, above which it belongs to another ply:
+# computed again, it differs by round-off, which is part of the tolerance.
+_UNBALANCED = 10.0
 
 # Roles whose stiffness is numerical.
 _NUMERICAL = "stabilisation", "deviation"
@@ -174,7 +180,18 @@ class ErrorInterval:
 def error_interval(
     problem: Problem, conditions: Conditions, solver: str, state: State
 ) -> ErrorInterval:
-    """Interval of the error of a state of a problem, with a linear solver by name."""
+    """Interval of the error of a state of a problem, with a linear solver by name.
+
+    Raises
+    ------
+    ValueError
+        If the state is not one of the ply.
+    """
+    if not _is_state_of(problem, state):
+        raise ValueError(
+            "the interval is known for states of the same run only: use one of "
+            "result.states"
+        )
     if state.load_factor == 0:
         return ErrorInterval(reason="the ply is not loaded yet")
     if not state.verdict.stable:
@@ -193,6 +210,28 @@ def error_interval(
     except Exception as error:  # from a user's term; computed states are kept
         reason = error_text(error)
     return ErrorInterval(reason=reason)
+
+
+def _is_state_of(problem: Problem, state: State) -> bool:
+    """True if a state is an equilibrium of a problem."""
+    ply, p = problem.ply, state.parameters
+    here = {name: _shapes(values) for name, values in ply.parameters_at_rest.items()}
+    shapes = {name: _shapes(values) for name, values in p.items()}
+    if state.u.shape != (ply.basis.N,) or shapes != here:
+        return False
+    at = problem.at(state.load_factor)
+    with np.errstate(all="ignore"):  # non-finite values are detected
+        try:
+            unbalanced = at.unbalanced(
+                ply.residual(state.u, state.load_factor, p), state.u
+            )
+        except NoEquilibriumError:
+            return False
+    return unbalanced <= _UNBALANCED * max(0.0, state.tolerance, *state.residuals[-1:])
+
+
+def _shapes(values: Values) -> dict[str, tuple[int, ...]]:
+    return {name: np.shape(value) for name, value in values.items()}
 
 
 def work_of(problem: Problem, state: State) -> float:
@@ -345,7 +384,8 @@ def _interval(
     if reference == ply.formulation:
         changes = _Changes.of(problem, state, _groups(ply.formulation, ply))
         load, reactions = changes.work, changes.reactions
-        angle, half_width = changes.shear_angle, changes.half_width
+        angle = changes.shear_angle
+        half_width: Callable[[Quantity], tuple[float, float]] = changes.half_width
     else:
         other, there = _other(ply, reference, conditions, solver, state)
         changes = _Changes.of(other, there, _groups(ply.formulation, other.ply))
@@ -356,12 +396,7 @@ def _interval(
         }
         off = ply.shear_angle(state.u) - ply.shear_angle(there.u)
         angle = _rms(ply, off) + changes.shear_angle
-
-        def half_width(quantity: Quantity) -> tuple[float, float]:
-            value = float(quantity(ply, state.u))
-            theirs, half = changes.half_width(quantity)
-            return value, abs(value - theirs) + half
-
+        half_width = partial(_half_width, ply, state.u, changes)
     angle = max(angle, _rms_jump(ply, state.u))
     if not np.isfinite([load, angle]).all():
         return ErrorInterval(reason="its half-width is not finite")
@@ -383,6 +418,15 @@ def _interval(
         return ErrorInterval(reason=_NUMERICAL_LOAD)
     reactions, warnings = changes.widened(reactions, state, load)
     return ErrorInterval(load / abs(work), angle, reactions, "", warnings, half_width)
+
+
+def _half_width(
+    ply: Ply, u: ndarray, changes: _Changes, quantity: Quantity
+) -> tuple[float, float]:
+    """Value of a quantity at u, and half its width, from the other formulation."""
+    value = float(quantity(ply, u))
+    theirs, half = changes.half_width(quantity)
+    return value, abs(value - theirs) + half
 
 
 def _groups(formulation: Formulation, ply: Ply) -> _Groups:

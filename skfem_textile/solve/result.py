@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.user_input import CopiedError
 from ..ply import Ply
 from ..ply.terms import ContactTerm
 from .conditioning import compression_warning
@@ -105,6 +106,7 @@ class Result:
         state
             State of the ply, such as the result of `equilibrium_near`.
         """
+        ply.refuse_other(state.u)
         on = {k: c for k, c in conditions.items() if isinstance(c, OnSurface)}
         return cls(
             ply=ply,
@@ -120,9 +122,7 @@ class Result:
             solver=Choice("none", "the state was not computed by a run"),
             surfaces=on,
             unchanging=False,
-            interval=lambda _: ErrorInterval(
-                reason="the state was not computed by a run"
-            ),
+            interval=_no_interval,
         )
 
     @property
@@ -348,7 +348,11 @@ class Result:
         return "\n".join([*lines, repr(self)[1:-1]])
 
 
-class StepError(RuntimeError):
+def _no_interval(state: State) -> ErrorInterval:
+    return ErrorInterval(reason="the state was not computed by a run")
+
+
+class StepError(CopiedError, RuntimeError):
     """Error that ends a run: no acceptable state was found.
 
     Attributes

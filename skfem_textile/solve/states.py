@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.user_input import CopiedError
 from ..ply.parameters import PlyParameters
 
 # Folders of library code: of this package, and of installed packages.
@@ -40,7 +41,7 @@ class NoEquilibriumError(Exception):
         self.advice, self.quantity = advice, quantity
 
 
-class UserError(Exception):
+class UserError(CopiedError):
     """Exception raised by a user's function: a term, law, condition or callback.
 
     The message contains type and text of the exception, and the function and line

@@ -367,7 +367,7 @@ def _call(
     The number of the attempt makes each call unique: for an equal call dask would
     return the error of the first.  A worker keeps the limit of one thread, because no
     call can determine when the last one ends.  An exception that cannot be pickled,
-    such as `StepError`, would break some executors and is replaced.
+    because it holds a function of the user, would break some executors and is replaced.
     """
     from threadpoolctl import threadpool_limits
 

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
+from functools import partial
 from numbers import Real
 from typing import Any
 
@@ -25,6 +26,10 @@ _LEAST_STEP, _MOST_STEP, _WITHOUT_INTERVAL = 1.2, 4.0, 2.0
 
 # Margin of the next density, because half-widths do not follow a power exactly.
 _MARGIN = 1.15
+
+# Number of meshes that are generated to find the largest one allowed: the number of
+# unknowns is no exact power of the density.
+_TRIED = 3
 
 # Largest share of stabilisation or deviations in energy and work, above which a
 # tolerance is not met.
@@ -212,18 +217,46 @@ class ToleranceStepper:
 
     def _run_all(self) -> None:
         """Runs on finer and finer meshes, as far as `most_unknowns` allows."""
-        density, stepper = self._density, self._first
-        while self.most_unknowns >= stepper.ply.basis.N:
+        density, stepper, fits = self._density, self._first, True
+        while True:
             self._run(stepper, density)
             result = self.result
-            if result.tolerance_met:
+            if result.tolerance_met or not fits:
                 return
             if result.error.load is None and result.error.shear_angle is not None:
                 raise self._error(
                     "the tolerance is relative to the load, whose error is not known: "
                     f"{result.error.reason}"
                 )
+            solved = density
             density, stepper = self._finer(density, density * self._next(result))
+            fits = self.most_unknowns >= stepper.ply.basis.N
+            if not fits:
+                largest = self._largest(solved, density, stepper)
+                if largest is None:
+                    return
+                density, stepper = largest
+
+    def _largest(
+        self, solved: float, density: float, stepper: LoadStepper
+    ) -> tuple[float, LoadStepper] | None:
+        """Density and stepper of the largest mesh allowed, if it is finer.
+
+        The number of unknowns is interpolated between the solved mesh and one that is
+        too large, as a power of the density.
+        """
+        unknowns, most = self._stepper.ply.basis.N, self.most_unknowns
+        for _ in range(_TRIED):
+            too_many = stepper.ply.basis.N
+            share = np.log(most / unknowns) / np.log(too_many / unknowns)
+            tried = solved * float((density / solved) ** share)
+            at = self._at(tried)
+            if unknowns < at.ply.basis.N <= most:
+                return tried, at
+            if not most < at.ply.basis.N < too_many:
+                return None
+            density, stepper = tried, at
+        return None
 
     def _finer(self, solved: float, density: float) -> tuple[float, LoadStepper]:
         """Density and stepper of a mesh with more unknowns than the solved one."""
@@ -273,9 +306,7 @@ class ToleranceStepper:
                 str(error), self.result, error.elements, error.quantity
             ) from None
         self._stepper, found = stepper, result.error
-        self._interval = lambda state: (
-            found if state is result.states[-1] else result.interval(state)
-        )
+        self._interval = partial(_interval_of, result)
         unknowns, solves = int(result.ply.basis.N), result.linear_solves
         one = Round(density, unknowns, solves, found.load)
         self._rounds.append(one)
@@ -293,6 +324,12 @@ class ToleranceStepper:
 
     def _error(self, why: str) -> StepError:
         return StepError(why, self.result, np.empty(0, dtype=int))
+
+
+def _interval_of(result: Result, state: State) -> ErrorInterval:
+    """Interval of a state; that of the last one is known."""
+    last = state is result.states[-1]
+    return result.error if last else result.interval(state)
 
 
 def _refuse_unless_positive(name: str, value: Any) -> None:

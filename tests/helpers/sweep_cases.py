@@ -80,7 +80,7 @@ def fails_once(file):
 
 
 def fails_with_result(n):
-    """A failing load step holds a result, which cannot be pickled."""
+    """A failing load step whose result holds a function, which cannot be pickled."""
     if n == 1:
         raise StepError("stopped at load factor 0.5", lambda: 0, np.empty(0))
     return n

@@ -148,6 +148,18 @@ def test_a_limit_of_unknowns_is_reported_and_the_result_is_kept():
     assert error.value.elements.size == 0
 
 
+def test_the_largest_mesh_allowed_is_tried_once(monkeypatch):
+    """Nine elements per side have 200 unknowns, the limit."""
+    with_intervals(monkeypatch, 0.9, 0.11, 0.09)
+    result = ToleranceStepper(on_squares(), 0.1, most_unknowns=200).run()
+    assert [one.unknowns for one in result.rounds] == [18, 128, 200]
+    assert result.tolerance_met
+    with_intervals(monkeypatch, 0.9, 0.11, 0.11)
+    with pytest.raises(StepError, match="with at most 200 unknowns") as error:
+        ToleranceStepper(on_squares(), 0.1, most_unknowns=200).run()
+    assert [x.unknowns for x in error.value.result.rounds] == [18, 128, 200]
+
+
 @pytest.mark.parametrize("carrying", ["stabilisation", "deviation"])
 @pytest.mark.parametrize("of", ["energy", "work"])
 def test_a_tolerance_is_not_met_if_numerical_stiffness_carries_a_tenth(of, carrying):

@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply, StepError
+from skfem_textile import (
+    BodyForce,
+    Condition,
+    Fabric,
+    Full,
+    LoadStepper,
+    OnePoint,
+    Ply,
+    StepError,
+    Tool,
+)
+from skfem_textile.drape import Plane
 from skfem_textile.scenes import strip
 from studies.stability.soundness import is_sound
 from tests.helpers import arguments_of
@@ -197,3 +208,22 @@ def test_a_smooth_path_is_resolved_and_a_bifurcating_one_is_not(caplog):
     assert len(caplog.records) == 1
     assert "the path was not resolved at load factor 0.5:" in caplog.text
     assert "another number of steps" in caplog.text
+
+
+def test_round_off_of_the_energy_is_no_jump():
+    """A ply that lies on a table under its weight, after it sank by 10 mm."""
+    mesh = MeshQuad().refined(3).scaled(100.0).translated((-50, -50))
+    table = Tool(Plane((0.0, 0.0, -10.0)), side=1, name="table")
+    ply = Ply(
+        *(mesh, Fabric(5.8e3, 2.0, bending=(23.0, 23.0)), OnePoint()),
+        terms=[table, BodyForce((0.0, 0.0, -4.5e-9), factor=1.0)],
+        dimension=3,
+    )
+    centre, aside = (int(np.hypot(mesh.p[0] - x, mesh.p[1]).argmin()) for x in (0, 25))
+    held = {
+        "centre": Condition([centre], (0.0, 0.0, None)),
+        "turn": Condition([aside], (None, 0.0, None)),
+    }
+    result = LoadStepper(ply, held, 3).run()
+    assert len(result.states) == 4
+    assert not any("work" in state.warnings for state in result.states)

@@ -14,6 +14,7 @@ from skfem import BilinearForm, Functional, LinearForm
 
 from ... import forms
 from ...forms import Forms
+from ...forms.form import builds_forms
 from ...mesh.scikit_fem import (
     Entries,
     OwnAssembly,
@@ -86,6 +87,7 @@ class KernelTangent(OwnAssembly, BilinearForm):
         return matrix_entries(ubasis, K)
 
 
+@builds_forms
 def with_kernel(definition: Forms, kernel: Kernel) -> Forms:
     """Attach a kernel with the same arguments to the forms of a term."""
     energy, residual, tangent = definition

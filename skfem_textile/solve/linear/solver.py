@@ -304,6 +304,10 @@ class ScaledFactors:
                     raise SingularMatrixError
         return scale * x
 
+    def __reduce__(self) -> tuple[Callable, tuple]:
+        """Factors are pickled as their matrix, and computed again."""
+        return self._solver.factors_of, (self._scaled,)
+
     @property
     def _is_certain(self) -> bool:
         pivots_anywhere = SOLVERS[self._solver.choice.name].pivots_anywhere
@@ -371,7 +375,6 @@ class ChosenSolver:
             else:
                 self.choice = Choice(_known(n), "fastest known of the installed ones")
                 self._rivals = rivals if len(rivals) > 1 else ()
-        self._solver: Solver = SOLVERS[self.choice.name].build(lower, unknowns)
         if not self._rivals:
             log.info("linear solver %s: %s", *self.choice)
 
@@ -388,12 +391,26 @@ class ChosenSolver:
         scaled = self._scaling(data)
         with self.lock:
             if self._rivals and (choice := self._measured(scaled.data)):
-                if choice.name != self.choice.name:
-                    build = SOLVERS[choice.name].build
-                    self._solver = build(self._lower, self._unknowns)
                 self.choice, self._rivals = choice, ()
                 log.info("linear solver %s: %s", *choice)
-            return ScaledFactors(self, self._solver.factorise(scaled.data), scaled)
+            return self.factors_of(scaled)
+
+    def factors_of(self, scaled: Scaled) -> ScaledFactors:
+        """Factors of a matrix that is scaled already; errors as of `factorise`."""
+        return ScaledFactors(self, self._analysed.factorise(scaled.data), scaled)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """State without lock and analyses, which cannot be pickled."""
+        dropped = "lock", "_analysed", "pivoting"
+        return {name: x for name, x in vars(self).items() if name not in dropped}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, lock=RLock())
+
+    @cached_property
+    def _analysed(self) -> Solver:
+        """The solver of the choice; analysed at first use."""
+        return SOLVERS[self.choice.name].build(self._lower, self._unknowns)
 
     @cached_property
     def pivoting(self) -> Solver:

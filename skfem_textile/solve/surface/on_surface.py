@@ -15,7 +15,7 @@ from skfem import CellBasis
 
 from ...mesh.bases import node_positions
 from ...mesh.selection import Where, selected_nodes
-from ...mesh.user_input import call_user_function
+from ...mesh.user_input import call_user_function, keep_copies
 from ..states import NoEquilibriumError
 from .surface import GrowingSurface, Surface, place
 
@@ -42,6 +42,11 @@ _UNDEFINED = (ValueError, ArithmeticError, LookupError, RuntimeError, AssertionE
 
 # Maximum number of steps to the surface.
 _MOST = 20
+
+
+def in_axes_of_ply(x: ndarray) -> ndarray:
+    """Positions in messages, by default in the axes of the ply."""
+    return x
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +92,10 @@ class OnSurface:
     surface: Surface
     where: Where | None = None
     touch: tuple[float, float] = (0.0, 0.0)
-    stated: Callable[[ndarray], ndarray] = lambda x: x
+    stated: Callable[[ndarray], ndarray] = in_axes_of_ply
+
+    def __post_init__(self) -> None:
+        keep_copies(self, "where", "touch")
 
     def place(self, position: ndarray) -> str:
         """Position in a message, given in the axes of the ply, shape (3,)."""

@@ -8,6 +8,8 @@ import numpy as np
 from numpy import ndarray
 from skfem import CellBasis
 
+from ...mesh.user_input import CopiedError
+
 # Distance from a surface, relative to the largest coordinate, below which a point is on
 # it, and maximum number of iterations of the projection.  Chosen: far below any element
 # size, and above the rounding of computed surfaces.
@@ -55,7 +57,7 @@ class Surface(Protocol):
         ...
 
 
-class OffSurfaceError(ValueError):
+class OffSurfaceError(CopiedError, ValueError):
     """Point or geodesic that leaves a surface.
 
     Parameters
