@@ -19,7 +19,7 @@ def table(path, separator=",", header=("x", "y", "z"), mark=".", scale=1.0):
     ("separator", "mark"),
     [(",", "."), (";", "."), (";", ","), ("\t", ","), (" ", "."), (" ", ",")],
 )
-@pytest.mark.parametrize("header", [("x", "y", "z"), ("x (mm)", "Y [mm]", "z"), None])
+@pytest.mark.parametrize("header", [("x", "y", "z"), ("# X (MM)", "Y [mm]", "z"), None])
 def test_tables_of_all_separators_are_the_same_curve(tmp_path, separator, mark, header):
     file = table(tmp_path / "curve.csv", separator, header, mark)
     np.testing.assert_allclose(io.read_curve(file), POINTS.T)
@@ -79,10 +79,44 @@ def test_lines_and_arcs_of_a_dxf_that_meet_are_one_curve(tmp_path):
     assert area == pytest.approx(600 + np.pi * 100, rel=1e-3)
 
 
-def test_several_curves_of_a_dxf_are_refused(tmp_path):
+def line_and(space, *more):
+    space.add_line((0, 0), (100, 0))
+    for one in more:
+        space.add_line(*one)
+
+
+@pytest.mark.parametrize(
+    "others",
+    [[((0, 20), (9, 20))], [((100, 0), (150, 0)), ((100, 0), (150, 9))]],
+)
+def test_curves_that_do_not_continue_one_another_are_refused(tmp_path, others):
+    """Apart, and at a branch."""
     file, space = drawing()
-    space.add_circle((0, 0), 5)
-    space.add_circle((20, 0), 5)
+    line_and(space, *others)
     file.saveas(tmp_path / "curve.dxf")
-    with pytest.raises(ValueError, match="has several curves: write one to each file"):
+    with pytest.raises(ValueError, match=r"several curves on layer '0' .* each file"):
+        io.read_curve(tmp_path / "curve.dxf")
+
+
+def test_what_is_hidden_or_no_line_of_a_dxf_is_ignored_in_one_line(tmp_path, caplog):
+    file, space = drawing(units=14)  # decimetres
+    file.layers.add("off").off()
+    space.add_circle((0, 0), 5, dxfattribs={"layer": "off"})
+    space.add_text("text")
+    file.blocks.new("ring").add_circle((0, 0), 1)
+    space.add_blockref("ring", (2, 0), dxfattribs={"xscale": 3, "yscale": 3})
+    file.saveas(tmp_path / "curve.dxf")
+    x, y, z = io.read_curve(tmp_path / "curve.dxf")
+    np.testing.assert_allclose(np.hypot(x - 200, y), 300)
+    assert not z.any()
+    (line,) = caplog.messages
+    assert line.endswith("curve.dxf: ignored: 1 hidden CIRCLE, 1 TEXT")
+
+
+def test_an_unknown_unit_of_a_dxf_is_refused(tmp_path):
+    file, space = drawing()
+    file.header["$INSUNITS"] = 99
+    line_and(space)
+    file.saveas(tmp_path / "curve.dxf")
+    with pytest.raises(ValueError, match=r"the unit 99 of \$INSUNITS is unknown"):
         io.read_curve(tmp_path / "curve.dxf")

@@ -58,7 +58,26 @@ def curves_of_dxf(
     unit: str | None = None,
     layer: str | Sequence[str] | None = None,
 ) -> list[Curve]:
+    """Curves as of `space_curves_of_dxf`, in their common plane.
+
+    Raises
+    ------
+    ValueError
+        Also if a curve does not lie in the plane of the others.
+    """
+    curves = space_curves_of_dxf(path, tolerance, unit, layer)
+    return _in_plane(printable(path), curves)
+
+
+def space_curves_of_dxf(
+    path: str | os.PathLike[str],
+    tolerance: float,
+    unit: str | None = None,
+    layer: str | Sequence[str] | None = None,
+) -> list[Curve]:
     """Visible lines, polylines, arcs and splines of the model space, named by layer.
+
+    Their points have the shape (3, n).
 
     Parameters
     ----------
@@ -76,8 +95,8 @@ def curves_of_dxf(
     ModuleNotFoundError
         If ezdxf is not installed.
     ValueError
-        If the file cannot be read, its unit is unknown, a curve does not lie in the
-        plane of the others, or no curve is visible on a layer.
+        If the file cannot be read, its unit is unknown, a coordinate is not finite, or
+        no curve is visible on a layer.
     """
     refuse_tolerance(tolerance)
     refuse_unit(unit)
@@ -90,7 +109,9 @@ def curves_of_dxf(
         for x, on in reader.curves(drawing.modelspace(), np.eye(4))
     ]
     chosen = selected(what, curves, reader.ignored, layer, str.casefold)
-    return _in_plane(what, chosen)
+    if not all(np.isfinite(curve.points).all() for curve in chosen):
+        raise ValueError(f"{what}: coordinates are not finite")
+    return chosen
 
 
 def _drawing(path: str | os.PathLike[str], what: str) -> Any:
@@ -298,8 +319,6 @@ def _in_plane(what: str, curves: list[Curve]) -> list[Curve]:
     Curves parallel to the x-y plane are seen from above.
     """
     p = np.hstack([curve.points for curve in curves])
-    if not np.isfinite(p).all():
-        raise ValueError(f"{what}: coordinates are not finite")
     depth, axes = _FLAT * np.ptp(p, axis=1).max(), np.eye(3)[:2]
     tilted = [curve for curve in curves if np.ptp(curve.points[2]) > depth]
     if tilted:
