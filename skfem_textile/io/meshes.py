@@ -5,7 +5,7 @@ import io
 import logging
 import os
 import warnings
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -49,7 +49,8 @@ _READERS = {
     ".vtk": vtk.read_legacy,
 }
 
-_CELL_NAMES = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
+#: Names of cells in messages.
+CELL_NAMES = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
 
 
 def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mesh:
@@ -84,10 +85,14 @@ def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mes
         raw, ignored = read_raw(path)
         mesh = _mesh(_content(raw))
         refuse_metres(mesh.p)
-    if left := [name for name in dict.fromkeys(ignored) if name not in others]:
-        names = ", ".join(map(printable, left))
-        log.warning("%s: ignored: %s", printable(path), names)
+    say_ignored(path, [name for name in ignored if name not in others])
     return mesh
+
+
+def say_ignored(path: Path, names: Iterable[str]) -> None:
+    """List the ignored content of a file in the log, each name once."""
+    if listed := ", ".join(map(printable, dict.fromkeys(names))):
+        log.warning("%s: ignored: %s", printable(path), listed)
 
 
 def read_raw(path: Path) -> tuple[meshio.Mesh, list[str]]:
@@ -199,7 +204,7 @@ def _refuse_numbers(raw: meshio.Mesh, blocks: list[int]) -> None:
         listed = np.concatenate([np.asarray(x).astype(np.int64) for x in nodes])
         exists: Any = ((listed >= 0) & (listed < n)).all(axis=1)
         refuse(
-            f"{_CELL_NAMES.get(kind, kind)}(s) refer to an undefined node (node "
+            f"{CELL_NAMES.get(kind, kind)}(s) refer to an undefined node (node "
             f"numbers range from 0 to {n - 1})",
             ~exists,
         )

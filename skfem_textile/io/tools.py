@@ -3,6 +3,7 @@
 import logging
 import os
 import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -15,7 +16,7 @@ from ..drape.tool_mesh import cut_in_two
 from ..mesh.checks import MeshError
 from ..mesh.user_input import IN_MM, printable, refuse_unit
 from .file_numbers import errors_about, from_words
-from .meshes import read_raw, without_messages
+from .meshes import CELL_NAMES, read_raw, say_ignored, without_messages
 
 log = logging.getLogger(__name__)
 
@@ -45,9 +46,9 @@ def read_surface(
 
     Quadrilaterals are cut into triangles.  Other cells are ignored, and so are
     triangles with coincident corners, as at the pole of a sphere.  Several files, and
-    several solids of one file, are sewn.  The log ``skfem_textile`` has a warning for
-    each repair and for each property that affects results
-    (`skfem_textile.drape.TriangleMesh.remarks`).
+    several solids of one file, are sewn.  The log ``skfem_textile`` has a warning that
+    lists what is ignored, and one for each repair and for each property that affects
+    results (`skfem_textile.drape.TriangleMesh.remarks`).
 
     Parameters
     ----------
@@ -212,7 +213,7 @@ def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
 def read_tool_mesh(path: _PathLike) -> ToolMesh:
     """Read the triangles and quadrilaterals of a tool, in the order of the file.
 
-    Other cells are ignored.
+    The log ``skfem_textile`` has a warning that lists what is ignored.
 
     Parameters
     ----------
@@ -230,7 +231,11 @@ def read_tool_mesh(path: _PathLike) -> ToolMesh:
 
 def points_and_cells(path: _PathLike) -> tuple[ndarray, tuple[ndarray, ...]]:
     """Points and cells of a file that meshio reads, as arguments of `ToolMesh`."""
-    raw, _ = read_raw(Path(path))
+    raw, ignored = read_raw(Path(path))
+    others = Counter[str]()
+    for block in raw.cells:
+        if block.type not in ("triangle", "quad") and len(block.data):
+            others[CELL_NAMES.get(block.type, block.type)] += len(block.data)
     cells = tuple(
         np.asarray(block.data, dtype=int).T
         for block in raw.cells
@@ -240,4 +245,6 @@ def points_and_cells(path: _PathLike) -> tuple[ndarray, tuple[ndarray, ...]]:
         raise MeshError("the file contains no triangles or quadrilaterals")
     if np.shape(raw.points)[1:] != (3,):
         raise MeshError("the points must have three coordinates")
+    named = [f"{n} {kind}(s)" for kind, n in others.items()]
+    say_ignored(Path(path), [*ignored, *named])
     return np.asarray(raw.points).T, cells
