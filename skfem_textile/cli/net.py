@@ -184,13 +184,16 @@ def _laid(options: argparse.Namespace) -> Part:
 def _edges(tool: "TriangleMesh", options: argparse.Namespace) -> list[ndarray]:
     """Closed curves along the edges of a tool; none if it is closed."""
     from ..drape.sheet import boundary_edges
+    from ..io.file_numbers import errors_about
 
+    what = ", ".join(map(printable, options.tool))
     if boundary_edges(tool.facets.cells).size:
-        return tool.facets.boundary()
+        with errors_about(what):
+            return tool.facets.boundary()
     if options.trim or options.roll_width is not None:
         return []
     raise ValueError(
-        f"{', '.join(map(printable, options.tool))}: the tool is closed and has no "
+        f"{what}: the tool is closed and has no "
         "edges along which the net is trimmed: specify --trim"
     )
 

@@ -14,9 +14,16 @@ from numpy import ndarray
 from ..drape import ToolMesh, TriangleMesh
 from ..drape.tool_mesh import cut_in_two
 from ..mesh.checks import MeshError
+from ..mesh.other_packages import without_messages
 from ..mesh.user_input import IN_MM, printable, refuse_unit
 from .file_numbers import errors_about, from_words
-from .meshes import CELL_NAMES, read_raw, say_ignored, without_messages
+from .meshes import (
+    CELL_NAMES,
+    damaged,
+    read_raw,
+    refuse_no_file,
+    say_ignored,
+)
 
 log = logging.getLogger(__name__)
 
@@ -32,9 +39,6 @@ _HEADER, _TRIANGLE = 84, 50
 
 _OF_TRIMESH = (".ply", ".obj", ".3mf")
 _EXACT = (".step", ".stp", ".iges", ".igs", ".brep", ".x_t", ".sat")
-
-# Maximum length of the message of another package.
-_LONGEST_REASON = 100
 
 _PathLike: TypeAlias = str | os.PathLike[str]
 
@@ -123,17 +127,14 @@ def _doubt(extent: float, known: bool) -> str:
 
 def _triangles(path: Path) -> tuple[ndarray, ndarray, float | None]:
     """Points, (3, n), triangles, (3, m), and the unit of a file in mm if it has one."""
-    if path.is_dir():
-        raise MeshError("this is a folder")
     suffix = path.suffix.lower()
     if suffix in _EXACT:
         raise MeshError(
             f"a {suffix} file contains exact surfaces: convert it to triangles, with "
             "FreeCAD or by `gmsh -2 -clmax 5 FILE.step -o tool.stl`"
         )
+    refuse_no_file(path)
     if suffix == ".stl":
-        if not path.is_file():
-            raise MeshError("no such file")
         corners = _read_stl(path.read_bytes())
         if not corners.size:
             raise MeshError("the file contains no triangles")
@@ -177,8 +178,6 @@ def _read_stl(content: bytes) -> ndarray:
 
 
 def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
-    if not path.is_file():
-        raise MeshError("no such file")
     suffix = path.suffix.lower()
     options: dict[str, Any] = {"skip_materials": True} if suffix == ".obj" else {}
     try:
@@ -199,12 +198,8 @@ def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
             f"reading a {suffix} file requires {printable(package)}: pip install "
             "'skfem-textile[tools]', or export the tool as STL"
         ) from None
-    except OSError:
-        raise
     except Exception as error:
-        reason = printable(str(error).strip().partition("\n")[0][:_LONGEST_REASON])
-        message = f"the file is not a {suffix} file that trimesh can read: {reason}"
-        raise MeshError(message.removesuffix(": ")) from None
+        raise damaged(path, error) from None
     if not faces.size:
         raise MeshError("the file contains no triangles")
     return points.T.astype(float), faces.T.astype(int), own

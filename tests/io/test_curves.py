@@ -1,9 +1,12 @@
 """Curves in space from tables and DXF files."""
 
+import meshio
 import numpy as np
 import pytest
 
 from skfem_textile import io
+from tests.helpers.command_line import rejected
+from tests.helpers.tool_shapes import bonnet
 
 POINTS = np.array([[0.5, 20.25, -3.0], [1.0, 0.0, 2.5], [1000.5, 7.0, 0.0]])
 
@@ -120,3 +123,40 @@ def test_an_unknown_unit_of_a_dxf_is_refused(tmp_path):
     file.saveas(tmp_path / "curve.dxf")
     with pytest.raises(ValueError, match=r"the unit 99 of \$INSUNITS is unknown"):
         io.read_curve(tmp_path / "curve.dxf")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("curve.csv", "Is a directory"), ("none.csv", "No such file or directory")],
+)
+def test_a_file_that_is_none_is_named(tmp_path, capsys, name, message):
+    (tmp_path / "curve.csv").mkdir()
+    x, t = bonnet()
+    meshio.write_points_cells(tmp_path / "tool.stl", x.T, [("triangle", t.T)])
+    words = ("--tool", str(tmp_path / "tool.stl"), "--out", str(tmp_path / "out"))
+    file = tmp_path / name
+    line = rejected(capsys, "net", *words, "--trim", str(file))
+    assert line.endswith(f"error: {file}: {message}\n")
+
+
+@pytest.mark.parametrize("content", [b"", b"nothing", b"0\nSECTION\n2\nHEADER\n9"])
+def test_a_damaged_dxf_is_refused_without_words_of_ezdxf(tmp_path, content):
+    pytest.importorskip("ezdxf")
+    file = tmp_path / "curve.dxf"
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match="is damaged, or is not a DXF file: save it"):
+        io.read_curve(file)
+
+
+def test_what_ezdxf_logs_about_a_file_is_omitted(tmp_path, capfd, caplog):
+    """A property of a class of the file is taken as the beginning of another one."""
+    file, space = drawing()
+    line_and(space)
+    path = tmp_path / "curve.dxf"
+    file.saveas(path)
+    lines = path.read_text().splitlines()
+    lines[lines.index("ObjectDBX Classes") - 1] = "0"
+    path.write_text("\n".join(lines))
+    np.testing.assert_allclose(io.read_curve(path), [[0, 100], [0, 0], [0, 0]])
+    assert not caplog.messages
+    assert capfd.readouterr() == ("", "")

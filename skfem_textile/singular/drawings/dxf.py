@@ -11,7 +11,8 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import BSpline
 
-from ...mesh.user_input import IN_MM, error_text, excerpt, printable, refuse_unit
+from ...mesh.other_packages import without_messages
+from ...mesh.user_input import IN_MM, excerpt, printable, refuse_unit
 from .curves import (
     FINEST,
     SAGITTA,
@@ -124,15 +125,16 @@ def _drawing(path: str | os.PathLike[str], what: str) -> Any:
             name=error.name,
         ) from None
     try:
-        drawing = ezdxf.readfile(path)
-        drawing.modelspace()
+        with without_messages():
+            drawing = ezdxf.readfile(path)
+            drawing.modelspace()
         return drawing
-    except OSError as error:
-        if error.errno is not None:
-            raise
-        raise ValueError(f"{what} is not a DXF file") from None
     except Exception as error:  # a damaged file raises errors of any type
-        raise ValueError(f"{what}: {printable(error_text(error))}") from None
+        if isinstance(error, OSError) and error.filename is not None:
+            raise
+        raise ValueError(
+            f"{what}: the file is damaged, or is not a DXF file: save it again"
+        ) from None
 
 
 def _scale(what: str, drawing: Any, unit: str | None) -> float:
@@ -231,10 +233,10 @@ class _Reader:
             axes = 2 if is_level else 3  # z may have another scale
             stretch = max(float(np.linalg.norm(M[:axes, :3], 2)), 1e-300)
             points = _flattened(entity, self._tolerance / stretch)
-        except Exception as error:  # curves without control points and the like
+        except Exception:  # curves without control points and the like
             raise ValueError(
                 f"{self._what}: {entity.dxftype()} on layer {layer!r} is not valid: "
-                f"{printable(error_text(error))}"
+                "draw it again"
             ) from None
         return points @ M[:3, :3] + M[3, :3]
 
