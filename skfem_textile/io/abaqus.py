@@ -387,9 +387,8 @@ def _set_members(deck: _Deck, block: Block) -> ndarray:
     if "ELSET" in parameters and keyword == "NSET":
         if words or "GENERATE" in parameters:
             raise MeshError("a set of nodes with ELSET= has no data lines")
-        return _nodes_of_elements(
-            deck, _members_of(deck, "ELSET", deck.local(parameters["ELSET"].encode()))
-        )
+        name = deck.local(parameters["ELSET"].encode())
+        return _nodes_of_elements(deck, _members_of(deck, "ELSET", name))
     if "GENERATE" in parameters:
         return _generated(lines, deck.n_lines)
     names = [word for word in words if not word.isdigit()]
@@ -406,6 +405,8 @@ def _members_of(deck: _Deck, keyword: str, word: bytes) -> ndarray:
     if keyword == "ELSET":
         blocks = ((numbers, elset) for _, numbers, _, elset in deck.blocks if elset)
         found += [numbers for numbers, elset in blocks if elset.upper() == name]
+    if not found and (keyword, name) in deck.of_assembly:
+        return np.empty(0, "i8")
     if not found:
         raise MeshError(
             f"the set {excerpt(name)!r} is not defined before it is used: define it "

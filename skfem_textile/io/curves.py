@@ -136,10 +136,10 @@ def _columns(file: str, header: list[str]) -> tuple[list[int], ndarray]:
 
 def _of_dxf(path: str | os.PathLike[str]) -> ndarray:
     """Points of the only visible curve of a DXF file in mm, shape (n, 3)."""
-    from ..singular.drawings.dxf import space_curves_of_dxf
+    from ..singular.drawings import curves_of_dxf
     from ..singular.drawings.rings import JOINED
 
-    curves = space_curves_of_dxf(path, _TOLERANCE)
+    curves = curves_of_dxf(path, _TOLERANCE, in_space=True)
     parts = [curve.points.T for curve in curves]
     meet = JOINED * float(np.ptp(np.vstack(parts), axis=0).max())
     layers = ", ".join(sorted({curve.where for curve in curves}))

@@ -131,12 +131,13 @@ def test_elements_of_the_assembly_are_ignored_and_said(tmp_path, caplog):
     lines = [*PART, INSTANCE, "*End Instance", "*Node, nset=RP", "1, 50., 0., 0."]
     lines += ["*Element, type=S3, elset=more", "9, 1, 2, 3", "*Element, type=MASS"]
     lines += ["9, 1", "*Elset, elset=again", "more, 9", "*Nset, nset=RPs", "RP"]
-    lines += ["*Nset, nset=b, instance=P-1", "P-1.1, 2", "*End Assembly"]
+    lines += ["*Nset, nset=b, instance=P-1", "P-1.1, 2", "*Nset, nset=c", "RP, P-1.b"]
+    lines += ["*End Assembly"]
     path = deck(tmp_path, *lines)
     mesh = read_mesh(path)
     assert np.array_equal(mesh.p.T, XY)
     assert mesh.nelements == 4
-    assert {k: len(v) for k, v in mesh.boundaries.items()} == {"b": 1}
+    assert {k: len(v) for k, v in mesh.boundaries.items()} == {"b": 1, "c": 1}
     left = ["*NODE", "*ELEMENT", "*ELSET 'again'", "*NSET 'RPs'"]
     named = ", ".join(f"{one} of the assembly" for one in left)
     assert caplog.messages == [f"{path}: ignored: {named}"]

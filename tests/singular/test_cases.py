@@ -172,5 +172,7 @@ def test_holes_are_numbered_as_drawn(tmp_path):
 def test_other_drawings_are_refused_by_name(tmp_path):
     file = tmp_path / "ply.dwg"
     file.write_bytes(b"AC1032")
-    with pytest.raises(ValueError, match=r"ply\.dwg: an outline is read from \.dxf and"):
+    with pytest.raises(
+        ValueError, match=r"ply\.dwg: an outline is read from \.dxf and"
+    ):
         case(mesh={"outline": str(file)})

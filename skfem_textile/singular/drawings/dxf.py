@@ -58,27 +58,9 @@ def curves_of_dxf(
     tolerance: float,
     unit: str | None = None,
     layer: str | Sequence[str] | None = None,
-) -> list[Curve]:
-    """Curves as of `space_curves_of_dxf`, in their common plane.
-
-    Raises
-    ------
-    ValueError
-        Also if a curve does not lie in the plane of the others.
-    """
-    curves = space_curves_of_dxf(path, tolerance, unit, layer)
-    return _in_plane(printable(path), curves)
-
-
-def space_curves_of_dxf(
-    path: str | os.PathLike[str],
-    tolerance: float,
-    unit: str | None = None,
-    layer: str | Sequence[str] | None = None,
+    in_space: bool = False,
 ) -> list[Curve]:
     """Visible lines, polylines, arcs and splines of the model space, named by layer.
-
-    Their points have the shape (3, n).
 
     Parameters
     ----------
@@ -90,14 +72,16 @@ def space_curves_of_dxf(
         Unit of length, ``mm``, ``cm``, ``m`` or ``in``; by default as the file states.
     layer
         Name of a layer, or several, of which curves are read; by default all.
+    in_space
+        Return points in space, shape (3, n), instead of in the plane of the curves.
 
     Raises
     ------
     ModuleNotFoundError
         If ezdxf is not installed.
     ValueError
-        If the file cannot be read, its unit is unknown, a coordinate is not finite, or
-        no curve is visible on a layer.
+        If the file cannot be read, its unit is unknown, a coordinate is not finite, no
+        curve is visible on a layer, or the curves are to be and are not in one plane.
     """
     refuse_tolerance(tolerance)
     refuse_unit(unit)
@@ -112,7 +96,7 @@ def space_curves_of_dxf(
     chosen = selected(what, curves, reader.ignored, layer, str.casefold)
     if not all(np.isfinite(curve.points).all() for curve in chosen):
         raise ValueError(f"{what}: coordinates are not finite")
-    return chosen
+    return chosen if in_space else _in_plane(what, chosen)
 
 
 def _drawing(path: str | os.PathLike[str], what: str) -> Any:

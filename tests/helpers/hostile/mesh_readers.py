@@ -332,7 +332,8 @@ def abaqus(content):
             more = {whole(tag): tuple(map(number, x)) for tag, *x in rows}
             expect(len(more) == len(rows) and not more.keys() & nodes, "a node twice")
             nodes |= more
-            expect({len(x) for x in nodes.values()} in ({2}, {3}), "coordinates")
+            widths = {len(x) for x in nodes.values()}
+            expect(widths in (set(), {2}, {3}), "coordinates")
             if "NSET" in keys:
                 sets["NSET"].setdefault(name_of("NSET", keys), set()).update(more)
         elif keyword == "ELEMENT":
