@@ -56,12 +56,13 @@ def _of_table(path: str | os.PathLike[str]) -> ndarray:
     """Points in a table in mm, shape (n, 3)."""
     file, lines = read_lines(path)
     first = lines[0][1]
+    is_heading = first[0].lstrip().startswith("#")
     first[0] = first[0].lstrip().removeprefix("#")
     words = ",".join(lines[0][1]).split()
     if len(lines[0][1]) == 1 or (len(words) == 3 and all(map(_is_number, words))):
         lines = _spaced(file, lines)
     columns, scale, (number, head) = [0, 1, 2], np.ones(3), lines[0]
-    if len(head) == 3 and all(map(_is_number, head)):
+    if len(head) == 3 and all(map(_is_number, head)) and not is_heading:
         lines[0] = number, [cell.replace(",", ".") for cell in head]
     else:
         columns, scale = _columns(file, head)

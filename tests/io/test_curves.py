@@ -38,6 +38,8 @@ def test_the_unit_of_a_header_counts(tmp_path):
     ("text", "message"),
     [
         ("# exported\nx,y,z\n1.5,2,3\n", "must name the columns x, y and z"),
+        ("# 1,2,3\n4,5,6\n7,8,9\n", "must name the columns x, y and z"),
+        ("# 1 2 3\n4 5 6\n7 8 9\n", "must name the columns x, y and z"),
         ("x,y\n1,2\n", "must name the columns x, y and z"),
         ("x (ft),y,z\n1,2,3\n", "the unit must be one of mm, cm, m, in, got 'ft'"),
         ("x;y;z\n1,5;2.5;0\n", "both decimal points and commas"),
