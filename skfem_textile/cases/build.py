@@ -322,8 +322,12 @@ def _graded(file: CaseFile, laws: Fabric, factor: float) -> "Scene":
     if drawing is None:
         scene = file.scene.build("irregular", size=(1, 1))
     else:
-        is_dxf = drawing.lower().endswith(".dxf")
-        read = Outline.from_dxf if is_dxf else Outline.from_svg
+        readers = {".dxf": Outline.from_dxf, ".svg": Outline.from_svg}
+        read = readers.get(Path(drawing).suffix.lower())
+        if read is None:
+            raise ValueError(
+                f"{printable(drawing)}: an outline is read from .dxf and .svg files"
+            )
         outline = read(drawing, unit=file.mesh.unit, layer=file.mesh.layer)
         scene = file.scene.build(mesh_outline(outline, Fabric(), density=_COARSE))
     density = file.mesh.density

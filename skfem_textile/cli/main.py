@@ -35,7 +35,13 @@ def _dispatch(arguments: Sequence[str]) -> int:
     except OutputError as error:
         complain(f"error: {error}")
         return STOPPED_EARLY
-    except (ValueError, OSError, MemoryError) as error:
+    except OSError as error:
+        from ..mesh.user_input import printable
+
+        name = printable(error.filename or "")
+        complain(f"error: {name and f'{name}: '}{error.strerror or error}")
+        return BAD_INPUT
+    except (ValueError, MemoryError) as error:
         complain(f"error: {error or 'not enough memory'}")
         return BAD_INPUT
 

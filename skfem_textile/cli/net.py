@@ -125,6 +125,7 @@ def _refuse_combinations(options: argparse.Namespace) -> None:
 def _laid(options: argparse.Namespace) -> Part:
     """Read the tool, lay the net and trim its pattern."""
     from .. import drape, io
+    from ..io.file_numbers import errors_about
 
     tool = io.read_surface(options.tool, options.unit)
     warp = np.radians(options.fibres or 0.0)
@@ -148,21 +149,24 @@ def _laid(options: argparse.Namespace) -> Part:
     curves = trim or (loops if has_outline else [])
     inside = np.ones(tool.facets.n_elements, dtype=bool)
     if options.trim:
-        inside = drape.triangles_of_part(spanned, curves[0], curves[1:])[: len(inside)]
-    search, point = None, _start(tool, options.point)
+        with errors_about(", ".join(map(str, options.trim))):
+            of_part = drape.triangles_of_part(spanned, curves[0], curves[1:])
+        inside = of_part[: len(inside)]
+    around = options.trim and not has_outline
+    search, point = None, _start(tool, options.point, inside if around else None)
     start = drape.NetStart(point, drape.Axes.at(tool, point).turn[:, 0])
     if options.best:
         points = tool.facets.points
         if curves:
             points = drape.points_of_part(spanned, curves[0], curves[1:])
-        of_part = float(np.linalg.norm(np.ptp(points, axis=1)))
+        extent = float(np.linalg.norm(np.ptp(points, axis=1)))
         search = drape.best_start(
             spanned,
             cell,
             angles=angles,
             points=points,
             measure=options.best,
-            search_cell=max(cell, _SEARCHED * of_part),
+            search_cell=max(cell, _SEARCHED * extent),
             fixed_direction=options.fibres is not None,
             others=[start],
         )
@@ -180,14 +184,17 @@ def _laid(options: argparse.Namespace) -> Part:
 def _edges(tool: "TriangleMesh", options: argparse.Namespace) -> list[ndarray]:
     """Closed curves along the edges of a tool; none if it is closed."""
     from ..drape.sheet import boundary_edges
+    from ..io.file_numbers import errors_about
 
+    what = ", ".join(map(printable, options.tool))
     if boundary_edges(tool.facets.cells).size:
-        return tool.facets.boundary()
+        with errors_about(what):
+            return tool.facets.boundary()
     if options.trim or options.roll_width is not None:
         return []
     raise ValueError(
-        f"{', '.join(map(printable, options.tool))}: the tool is closed and has no "
-        "edges along which the net is trimmed: specify --trim or --roll-width"
+        f"{what}: the tool is closed and has no "
+        "edges along which the net is trimmed: specify --trim"
     )
 
 
@@ -254,12 +261,12 @@ def _pieces(
         return part._replace(
             pieces=pieces, patterns=[strip.pattern for strip in strips]
         )
-    if options.darts:
+    if options.darts and not curves:
+        part = part._replace(no_darts="the part has no outline")
+    elif options.darts:
         limit = float(np.radians(options.locking_angle))
         try:
             cut = drape.net_with_darts(spanned, cell, limit, **settings)
-            if not curves:
-                raise ValueError(_NO_OUTLINE)
             found = drape.pattern_with_darts(cut, curves[0], holes=curves[1:])
             refuse_overlap(part, found)
             return part._replace(
@@ -281,16 +288,26 @@ def _pieces(
         return part._replace(pieces=pieces, no_pattern=str(error))
 
 
-def _start(tool: "TriangleMesh", point: "Sequence[float] | None") -> ndarray:
-    """Given point of a tool, else the highest, or one near its middle."""
+def _start(
+    tool: "TriangleMesh",
+    point: "Sequence[float] | None",
+    inside: ndarray | None,
+) -> ndarray:
+    """Given point of a tool, else the highest, or one near the middle.
+
+    Of a part around which the tool goes on, by its mask of triangles, it is the middle.
+    """
     from ..scenes.drape import contact_point
 
-    try:
-        return contact_point(tool, point)
-    except ValueError:
-        if point is not None:
-            raise
+    if point is not None or inside is None:
+        try:
+            return contact_point(tool, point)
+        except ValueError:
+            if point is not None:
+                raise
     centres, areas = tool.facets.centres(), tool.facets.areas()
+    if inside is not None:
+        centres, areas = centres[:, inside], areas[inside]
     middle = np.average(centres, axis=1, weights=areas)
     near = np.linalg.norm(centres - middle[:, None], axis=0).argmin()
     return contact_point(tool, centres[:, near].tolist())

@@ -16,7 +16,7 @@ from .crossings import Net
 from .flat_pattern import FlatPattern, SeamLine
 from .kinematic_net import net
 from .laying import Status
-from .sheet import Sheet
+from .sheet import Sheet, boundary_edges, edges_once
 from .surfaces import positive_length
 from .triangle_mesh import TriangleMesh
 
@@ -81,7 +81,8 @@ def courses(
     Raises
     ------
     ValueError
-        If an argument is not valid, or a strip folds.
+        If an argument is not valid, the tool is closed, such as a sphere, or a strip
+        folds.
 
     Examples
     --------
@@ -103,6 +104,7 @@ def courses(
             f"courses: the overlap must be at least 0 and less than the width of "
             f"{width:g} mm, got {overlap:g} mm"
         )
+    _refuse_closed(tool)
     half, inside = across // 2, min(round(overlap / cell), across - 1)
     middle = net(tool, cell, weft=(half, across - half), **start)
     laid = [middle]
@@ -136,6 +138,22 @@ def courses(
             seam = SeamLine(k + 1, *_on_tool(tool, laid[n], line))
             patterns[n] = replace(patterns[n], seams=(*patterns[n].seams, seam))
     return [Course(*of) for of in zip(laid, patterns, strict=True)]
+
+
+def _refuse_closed(tool: TriangleMesh) -> None:
+    """Refuse a closed surface on which every field of directions has a singular point.
+
+    By the theorem of Poincaré and Hopf all have one unless the Euler characteristic is
+    zero, as that of a torus.
+    """
+    triangles = tool.facets.triangles()
+    _, first, _ = edges_once([triangles])
+    euler = np.unique(triangles).size - first.size + triangles.shape[1]
+    if euler and not boundary_edges([triangles]).size:
+        raise ValueError(
+            "courses: the tool is closed, and parallel threads meet at a point of it, "
+            "where any strip folds: cut the tool into parts with edges"
+        )
 
 
 # Options of `net` for the middle course alone.

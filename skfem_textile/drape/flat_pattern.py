@@ -170,7 +170,7 @@ def _outlined(sheet: Sheet, curve: ArrayLike, spacing: float) -> FlatPattern:
         raise ValueError(
             f"flat pattern: the outline jumps by {steps.max():.3g} mm at {point}, "
             "because the ply overlaps itself there or the curve runs around the tool: "
-            "specify another curve"
+            "specify another curve, or a start inside it"
         )
     if steps.any():
         refuse_crossing(outline[:, steps > 0], points[:, steps > 0])

@@ -56,9 +56,7 @@ def points_of_part(
     """
     outline, x = _spaced(tool, curve), tool.facets.points
     disk = _on_disk(x, tool.facets.triangles(), outline)
-    inside = _inside(tool, disk, (outline, *holes), disk)
-    if not inside.any():
-        raise ValueError("part: no vertex of the tool is inside the curve")
+    inside = _inside(tool, disk, (outline, *holes), disk, "vertex")
     return np.hstack([x[:, inside], outline])
 
 
@@ -75,12 +73,12 @@ def triangles_of_part(
     Raises
     ------
     ValueError
-        If a curve is not valid.
+        If a curve is not valid, or no centre is inside.
     """
     triangles = tool.facets.triangles()
     disk = _on_disk(tool.facets.points, triangles, np.asarray(curve))
     centres = disk[:, triangles].mean(axis=1)
-    return _inside(tool, disk, (curve, *holes), centres)
+    return _inside(tool, disk, (curve, *holes), centres, "triangle")
 
 
 def first_layer(net: Net) -> ndarray:
@@ -126,9 +124,16 @@ def _spaced(tool: TriangleMesh, curve: ArrayLike) -> ndarray:
 
 
 def _inside(
-    tool: TriangleMesh, disk: ndarray, curves: Sequence[ArrayLike], places: ndarray
+    tool: TriangleMesh,
+    disk: ndarray,
+    curves: Sequence[ArrayLike],
+    places: ndarray,
+    what: str,
 ) -> ndarray:
-    """Mask of places on the disk, (2, n), inside the first curve and not in others."""
+    """Mask of places on the disk, (2, n), inside the first curve and not in others.
+
+    There must be one, and the end of a tube must not be inside.
+    """
     import shapely
 
     x, triangles = tool.facets.points, tool.facets.triangles()
@@ -138,7 +143,25 @@ def _inside(
     )
     for hole in inner:
         outer = outer.difference(hole)
-    return np.asarray(shapely.contains_xy(outer, *places))
+    ends = _loops(x, triangles)[1:]
+    if any(shapely.contains_xy(outer, *disk[:, end]).any() for end in ends):
+        raise ValueError(
+            "part: the curve runs around the tool and bounds no part of it: specify a "
+            "curve around a part"
+        )
+    inside = np.asarray(shapely.contains_xy(outer, *places))
+    if not inside.any():
+        raise ValueError(
+            f"part: no {what} of the tool is inside the curve: specify a curve around "
+            "a part, or smaller triangles"
+        )
+    return inside
+
+
+def _loops(x: ndarray, triangles: ndarray) -> list[ndarray]:
+    """Vertices along each edge of a tool, the longest one first."""
+    loops = loops_of_edges(boundary_edges([triangles]))
+    return sorted(loops, key=lambda loop: -curve_length(x[:, loop]))
 
 
 def _mapped(x: ndarray, triangles: ndarray, disk: ndarray, points: ndarray) -> ndarray:
@@ -159,8 +182,7 @@ def _on_disk(x: ndarray, triangles: ndarray, curve: ndarray) -> ndarray:
         centres = x[:, triangles].mean(axis=1)
         away, _ = KDTree(curve.T).query(centres.T)
         triangles = np.delete(triangles, away.argmax(), axis=1)
-    loops = loops_of_edges(boundary_edges([triangles]))
-    rim = max(loops, key=lambda loop: curve_length(x[:, loop]))
+    rim = _loops(x, triangles)[0]
     parts = parts_of(x.shape[1], triangles)
     own = np.flatnonzero(parts == parts[rim[0]])
     steps = np.linalg.norm(np.roll(x[:, rim], -1, axis=1) - x[:, rim], axis=0)

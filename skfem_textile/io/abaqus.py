@@ -75,6 +75,7 @@ _PARAMETERS = {
     "ELEMENT": {"TYPE", "ELSET"},
     "NSET": {"NSET", "ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
     "ELSET": {"ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
+    "INSTANCE": {"NAME", "PART"},
 }
 
 # Keywords without effect on the mesh, and keywords that generate or modify parts of it.
@@ -90,17 +91,20 @@ class _Deck:
     """Numbers and positions of nodes, elements, and sets by keyword and name.
 
     ``blocks`` has cell type, numbers, nodes and set of each ``*ELEMENT``.  A generated
-    set has at most one member for each line of the file.  ``instance`` is the name of
-    the instance, and ``after`` the number of nodes in the assembly after it.
+    set has at most one member for each line of the file.  ``part`` and ``instance`` are
+    the names of both, ``after`` has the keywords of nodes and elements in the assembly
+    after the instance, and ``of_assembly`` their sets.
     """
 
     tags: ndarray | None = None
     points: ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    part: str = ""
     instance: str = ""
     within: str = ""
     moved: bool = False
     rotated: bool = False
-    after: int = 0
+    after: set[str] = field(default_factory=set)
+    of_assembly: set[tuple[str, str]] = field(default_factory=set)
     used: set[tuple[str, str]] = field(default_factory=set)
     blocks: list[tuple[str, ndarray, ndarray, str | None]] = field(default_factory=list)
     sets: dict[tuple[str, str], ndarray] = field(default_factory=dict)
@@ -118,6 +122,13 @@ class _Deck:
         if not name or "\ufffd" in name:
             raise MeshError(f"the parameter {keyword} must be a name in UTF-8")
         return self._spelled.setdefault((keyword, name.upper()), name)
+
+    def local(self, word: bytes) -> bytes:
+        """Number or name of a set without the name of the instance and a point."""
+        prefix = f"{self.instance}.".encode()
+        word = word.strip(b'"')
+        is_here = len(prefix) > 1 and word.upper().startswith(prefix)
+        return word[len(prefix) :] if is_here else word
 
 
 def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
@@ -192,13 +203,16 @@ def _read_block(deck: _Deck, block: Block) -> None:
             f"the parameter {printable(min(other))!r} is not supported: list plain "
             "numbers without it"
         )
+    _refuse_unknown(deck, block)
     in_assembly = deck.within in ("ASSEMBLY", "END INSTANCE")
     if in_assembly and deck.tags is not None and _is_of_the_assembly(deck, block):
         deck.ignored.append(f"{block} of the assembly")
     elif keyword == "NODE":
         _add_nodes(deck, parameters, data)
+    elif keyword == "PART":
+        deck.part = _name_of(parameters, "NAME")
     elif keyword == "INSTANCE":
-        deck.instance = parameters.get("NAME", "")
+        deck.instance = _name_of(parameters, "NAME")
         _place(deck, data)
     elif keyword == "ELEMENT":
         kind, corners = _cell(parameters.get("TYPE", ""))
@@ -214,17 +228,49 @@ def _read_block(deck: _Deck, block: Block) -> None:
         deck.ignored.append(f"*{keyword}")
 
 
+def _name_of(parameters: dict[str, str], key: str) -> str:
+    """Name in upper case, as case is ignored."""
+    return parameters.get(key, "").strip('"').upper()
+
+
+def _refuse_unknown(deck: _Deck, block: Block) -> None:
+    """Refuse the name of a part or an instance that is not defined before."""
+    parameters, known = block.parameters, {"INSTANCE": deck.instance}
+    if block.keyword == "INSTANCE" and deck.part:
+        known = {"PART": deck.part}
+    for key, defined in known.items():
+        if key in parameters and _name_of(parameters, key) != defined:
+            raise MeshError(
+                f"the {key.lower()} {excerpt(parameters[key])!r} is not defined before "
+                "it is used: define it before"
+            )
+
+
 def _is_of_the_assembly(deck: _Deck, block: Block) -> bool:
-    """True if a block after the instance has nodes of the assembly, or their sets.
+    """True if a block after the instance has items of the assembly, or their sets.
 
     Numbers of the assembly are independent of numbers of the instance.
     """
-    if block.keyword == "NODE":
-        deck.after += len(block.data)
+    keyword, parameters, data = block
+    if keyword in ("NODE", "ELEMENT"):
+        deck.after.add(keyword)
+        sets = {"NSET", "ELSET"} & set(parameters)
+        deck.of_assembly |= {(key, _name_of(parameters, key)) for key in sets}
         return True
-    of_instance = {"INSTANCE", "ELSET"} & set(block.parameters)
-    numbers = all(word.isdigit() for row in block.data for word in row if word)
-    return block.keyword == "NSET" and deck.after > 0 and not of_instance and numbers
+    numbered = {"NSET": "NODE", "ELSET": "ELEMENT"}.get(keyword)
+    of_instance = ({"INSTANCE", "ELSET"} - {keyword}) & set(parameters)
+    if numbered is None or of_instance:
+        return False
+    words = [word.decode(errors="replace") for row in data for word in row if word]
+    is_own = bool(words) and all(
+        numbered in deck.after
+        if word.isdigit()
+        else (keyword, word.strip('"').upper()) in deck.of_assembly
+        for word in words
+    )
+    if is_own:
+        deck.of_assembly.add((keyword, _name_of(parameters, keyword)))
+    return is_own
 
 
 def _add_nodes(
@@ -336,29 +382,31 @@ def _elements(data: list[list[bytes]], width: int) -> ndarray:
 def _set_members(deck: _Deck, block: Block) -> ndarray:
     """Numbers of the members of a set, which may name sets defined before."""
     keyword, parameters, data = block
-    words = [word for line in data for word in without_trailing_comma(line)]
+    lines = [list(map(deck.local, without_trailing_comma(line))) for line in data]
+    words = [word for line in lines for word in line]
     if "ELSET" in parameters and keyword == "NSET":
         if words or "GENERATE" in parameters:
             raise MeshError("a set of nodes with ELSET= has no data lines")
-        return _nodes_of_elements(deck, _members_of(deck, "ELSET", parameters["ELSET"]))
+        name = deck.local(parameters["ELSET"].encode())
+        return _nodes_of_elements(deck, _members_of(deck, "ELSET", name))
     if "GENERATE" in parameters:
-        return _generated(words, deck.n_lines)
+        return _generated(lines, deck.n_lines)
     names = [word for word in words if not word.isdigit()]
     parts = [from_words([word for word in words if word.isdigit()], "i8")]
-    parts += [_members_of(deck, keyword, w.decode(errors="replace")) for w in names]
+    parts += [_members_of(deck, keyword, word) for word in names]
     return np.unique(np.concatenate(parts))
 
 
-def _members_of(deck: _Deck, keyword: str, name: str) -> ndarray:
+def _members_of(deck: _Deck, keyword: str, word: bytes) -> ndarray:
     """Members of a set that is defined so far."""
-    name = name.strip('"').upper()
-    if deck.instance:
-        name = name.removeprefix(f"{deck.instance.upper()}.")
+    name = word.decode(errors="replace").strip('"').upper()
     deck.used.add((keyword, name))
     found = [m for (k, n), m in deck.sets.items() if k == keyword and n.upper() == name]
     if keyword == "ELSET":
         blocks = ((numbers, elset) for _, numbers, _, elset in deck.blocks if elset)
         found += [numbers for numbers, elset in blocks if elset.upper() == name]
+    if not found and (keyword, name) in deck.of_assembly:
+        return np.empty(0, "i8")
     if not found:
         raise MeshError(
             f"the set {excerpt(name)!r} is not defined before it is used: define it "
@@ -372,28 +420,34 @@ def _nodes_of_elements(deck: _Deck, members: ndarray) -> ndarray:
     return np.unique(np.concatenate([np.empty(0, "i8"), *nodes]))
 
 
-def _generated(words: list[bytes], n_lines: int) -> ndarray:
-    """Members of a set with first, last and step."""
-    if not all(word.isdigit() for word in words):
-        raise MeshError("GENERATE requires numbers")
-    numbers = from_words(words, "i8")
-    if len(numbers) != 3 or numbers[2] < 1 or (numbers[1] - numbers[0]) % numbers[2]:
-        raise MeshError(
-            "GENERATE requires one line with first, last and step, whose steps end "
-            "exactly at last"
-        )
-    first, last, step = numbers.tolist()
-    if not 0 <= (last - first) // step < n_lines:
+def _generated(lines: list[list[bytes]], n_lines: int) -> ndarray:
+    """Members of a set with first, last and possibly a step on each line."""
+    ranges, left = [np.empty(0, "i8")], n_lines
+    for words in lines:
+        if not all(word.isdigit() for word in words):
+            raise MeshError("GENERATE requires numbers")
+        first, last, step = [*from_words(words, "i8").tolist(), 1, 0, 0][:3]
+        if len(words) not in (2, 3) or step < 1 or (last - first) % step:
+            raise MeshError(
+                "GENERATE requires lines with first, last and possibly a step, whose "
+                "steps end exactly at last"
+            )
+        left -= (last - first) // step + 1
+        if last < first or left < 0:
+            break
+        ranges.append(np.arange(first, last + 1, step))
+    if len(ranges) <= max(len(lines), 1):
         raise MeshError(
             "this set has no members, or more members than lines in the file"
         )
-    return np.arange(first, last + 1, step)
+    return np.unique(np.concatenate(ranges))
 
 
 def _mesh(deck: _Deck) -> meshio.Mesh:
     if deck.tags is None or not deck.blocks:
         raise MeshError(
             f"the file contains no *{'NODE' if deck.tags is None else 'ELEMENT'}"
+            f"{' outside of the assembly' if deck.after else ''}"
         )
     refuse_duplicates(deck.tags, "node")
     _drop_unused_nodes(deck)

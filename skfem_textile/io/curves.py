@@ -2,20 +2,16 @@
 
 import os
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
+from scipy.spatial import KDTree
 
 from ..fabric.laws.tabulated import HEADING, read_lines
-from ..mesh.user_input import IN_MM, error_text, excerpt, number_of_text, printable
+from ..mesh.user_input import IN_MM, excerpt, number_of_text, printable
 
-# Distance between a curve of a DXF file and its chords, and between ends that meet,
-# relative to the extent.
-_FLAT, _MEET = 1e-4, 1e-6
-
-# Millimetres in a unit of a DXF file ($INSUNITS); none is mm.
-_DXF_MM = {0: 1.0, 1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0}
+# Distance in mm between a curve of a DXF file and its chords, as of an outline.
+_TOLERANCE = 0.01
 
 
 def read_curve(path: str | os.PathLike[str], least: int = 2) -> ndarray:
@@ -24,11 +20,11 @@ def read_curve(path: str | os.PathLike[str], least: int = 2) -> ndarray:
     Parameters
     ----------
     path
-        A .dxf file with one curve, or a table in UTF-8 with the columns ``x``, ``y``
-        and ``z``, separated by commas, semicolons, tabs or spaces, the numbers with
-        decimal points or commas.  Its first row names the columns, with a unit in
-        brackets if it is not mm, as ``x (m)``; other columns are ignored.  A table of
-        three columns needs no names.
+        A .dxf file with one visible curve, or a table in UTF-8 with the columns ``x``,
+        ``y`` and ``z``, separated by commas, semicolons, tabs or spaces, the numbers
+        with decimal points or commas.  Its first row names the columns, possibly after
+        ``#``, with a unit in brackets if it is not mm, as ``x (m)``; other columns are
+        ignored.  A table of three columns needs no names.
     least
         Least number of different points: three for a closed curve.
 
@@ -41,7 +37,7 @@ def read_curve(path: str | os.PathLike[str], least: int = 2) -> ndarray:
     ------
     ValueError
         If the file is not valid; one line names the file and the row.
-    ImportError
+    ModuleNotFoundError
         If a .dxf is to be read and ezdxf is not installed.
     OSError
         If it cannot be read.
@@ -59,11 +55,14 @@ def read_curve(path: str | os.PathLike[str], least: int = 2) -> ndarray:
 def _of_table(path: str | os.PathLike[str]) -> ndarray:
     """Points in a table in mm, shape (n, 3)."""
     file, lines = read_lines(path)
+    first = lines[0][1]
+    is_heading = first[0].lstrip().startswith("#")
+    first[0] = first[0].lstrip().removeprefix("#")
     words = ",".join(lines[0][1]).split()
     if len(lines[0][1]) == 1 or (len(words) == 3 and all(map(_is_number, words))):
         lines = _spaced(file, lines)
     columns, scale, (number, head) = [0, 1, 2], np.ones(3), lines[0]
-    if len(head) == 3 and all(map(_is_number, head)):
+    if len(head) == 3 and all(map(_is_number, head)) and not is_heading:
         lines[0] = number, [cell.replace(",", ".") for cell in head]
     else:
         columns, scale = _columns(file, head)
@@ -126,7 +125,7 @@ def _columns(file: str, header: list[str]) -> tuple[list[int], ndarray]:
     if any(names.count(axis) != 1 for axis in "xyz"):
         raise ValueError(f"{file}, row 1: the header must name the columns x, y and z")
     columns = [names.index(axis) for axis in "xyz"]
-    units = [one[2] if (one := found[column]) else "mm" for column in columns]
+    units = [one[2].lower() if (one := found[column]) else "mm" for column in columns]
     for unit in units:
         if unit not in IN_MM:
             raise ValueError(
@@ -137,57 +136,35 @@ def _columns(file: str, header: list[str]) -> tuple[list[int], ndarray]:
 
 
 def _of_dxf(path: str | os.PathLike[str]) -> ndarray:
-    """Points of the only curve of a DXF file in mm, shape (n, 3)."""
-    what = printable(Path(path))
-    try:
-        import ezdxf
-        from ezdxf.disassemble import recursive_decompose
-        from ezdxf.path import make_path
-    except ImportError:
-        raise ImportError(
-            "reading a .dxf file requires ezdxf: pip install 'skfem-textile[dxf]'"
-        ) from None
-    try:
-        drawing: Any = ezdxf.readfile(path)
-        entities = recursive_decompose(drawing.modelspace())
-        kinds = ("LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE")
-        curves = [make_path(one) for one in entities if one.dxftype() in kinds]
-        corners = [np.array([tuple(x) for x in c.control_vertices()]) for c in curves]
-        extent = float(np.ptp(np.vstack(corners), axis=0).max()) if curves else 0.0
-        parts = [
-            np.array([tuple(x) for x in c.flattening(_FLAT * extent)]) for c in curves
-        ]
-    except OSError as error:
-        if error.errno is not None:
-            raise
-        raise ValueError(f"{what} is not a DXF file") from None
-    except Exception as error:  # a damaged file raises errors of any type
-        raise ValueError(f"{what}: {printable(error_text(error))}") from None
-    unit = drawing.header.get("$INSUNITS", 0)
-    if unit not in _DXF_MM:
-        raise ValueError(f"{what}: its unit ($INSUNITS {unit}) must be mm, cm, m or in")
-    return _DXF_MM[unit] * _chain(what, parts, _MEET * extent)
+    """Points of the only visible curve of a DXF file in mm, shape (n, 3)."""
+    from ..singular.drawings import curves_of_dxf
+    from ..singular.drawings.rings import JOINED
+
+    curves = curves_of_dxf(path, _TOLERANCE, in_space=True)
+    parts = [curve.points.T for curve in curves]
+    meet = JOINED * float(np.ptp(np.vstack(parts), axis=0).max())
+    layers = ", ".join(sorted({curve.where for curve in curves}))
+    return _chain(f"{printable(path)} has several curves on {layers}", parts, meet)
 
 
-def _chain(what: str, parts: list[ndarray], meet: float) -> ndarray:
-    """Points of curves that continue one another, shape (n, 3)."""
-    if not parts:
-        raise ValueError(f"{what} has no curve")
-    line, *others = parts
-    while others:
-        pairs = [
-            (k, turned, at_end)
-            for k, one in enumerate(others)
-            for turned in (False, True)
-            for at_end in (True, False)
-            if np.linalg.norm(
-                one[-1 if turned == at_end else 0] - line[-1 if at_end else 0]
-            )
-            <= meet
-        ]
-        if not pairs:
-            raise ValueError(f"{what} has several curves: write one to each file")
-        k, turned, at_end = pairs[0]
-        one = others.pop(k)[:: -1 if turned else 1]
-        line = np.vstack([line, one[1:]] if at_end else [one[:-1], line])
-    return line
+def _chain(problem: str, parts: list[ndarray], meet: float) -> ndarray:
+    """Points of curves of which each continues another one, shape (n, 3).
+
+    The ends 2 i and 2 i + 1 are those of curve i.
+    """
+    ends = np.vstack([part[[0, -1]] for part in parts])
+    pairs = KDTree(ends).query_pairs(meet, output_type="ndarray")
+    meeting = np.vstack([pairs, pairs[:, ::-1]])
+    next_end = dict(meeting.tolist())
+    lines: dict[int, ndarray] = {}
+    end = next((i for i in range(len(ends)) if i not in next_end), 0)
+    while end >= 0 and end // 2 not in lines:
+        lines[end // 2] = parts[end // 2][:: -1 if end % 2 else 1]
+        end = next_end.get(end ^ 1, -1)
+    if len(lines) < len(parts) or len(next_end) < len(meeting):
+        raise ValueError(
+            f"{problem} that do not continue one another: write one to each file, or "
+            "switch the layers of the others off"
+        )
+    first, *others = lines.values()
+    return np.vstack([first, *(line[1:] for line in others)])

@@ -1,11 +1,8 @@
 """Meshes from Gmsh, Abaqus and VTK files, and from other formats of meshio."""
 
-import contextlib
-import io
 import logging
 import os
-import warnings
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +19,7 @@ from ..mesh.checks import (
     refuse_metres,
     refuse_positions,
 )
+from ..mesh.other_packages import without_messages
 from ..mesh.progress import shown
 from ..mesh.scikit_fem import with_names
 from ..mesh.selection import with_named_nodes
@@ -33,9 +31,6 @@ from .file_numbers import errors_about
 # Extent of a mesh along z, relative to its largest extent, below which it is plane.
 # Chosen: far above rounding (2e-16).
 _FLAT = 1e-9
-
-# Maximum length of a meshio error in a message.  Chosen: two lines in total.
-_LONGEST_REASON = 100
 
 log = logging.getLogger(__name__)
 
@@ -49,7 +44,8 @@ _READERS = {
     ".vtk": vtk.read_legacy,
 }
 
-_CELL_NAMES = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
+#: Names of cells in messages.
+CELL_NAMES = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
 
 
 def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mesh:
@@ -84,48 +80,56 @@ def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mes
         raw, ignored = read_raw(path)
         mesh = _mesh(_content(raw))
         refuse_metres(mesh.p)
-    if left := [name for name in dict.fromkeys(ignored) if name not in others]:
-        names = ", ".join(map(printable, left))
-        log.warning("%s: ignored: %s", printable(path), names)
+    say_ignored(path, [name for name in ignored if name not in others])
     return mesh
+
+
+def say_ignored(path: Path, names: Iterable[str]) -> None:
+    """List the ignored content of a file in the log, each name once."""
+    if listed := ", ".join(map(printable, dict.fromkeys(names))):
+        log.warning("%s: ignored: %s", printable(path), listed)
 
 
 def read_raw(path: Path) -> tuple[meshio.Mesh, list[str]]:
     """Content of a file, and names of its ignored parts."""
-    if not path.is_file():
-        raise MeshError("no such file")
+    refuse_no_file(path)
     if read := _READERS.get(path.suffix.lower()):
         return read(path.read_bytes())
     return _read_with_meshio(path)
 
 
-@contextlib.contextmanager
-def without_messages() -> Iterator[io.StringIO]:
-    """Collect what other packages print, and omit their warnings and log messages."""
-    printed, other = io.StringIO(), logging.getLogger("trimesh")
-    level = other.level
-    other.setLevel(logging.CRITICAL + 1)
-    try:
-        with (
-            contextlib.redirect_stdout(printed),
-            contextlib.redirect_stderr(printed),
-            warnings.catch_warnings(),
-            np.errstate(all="ignore"),
-        ):
-            warnings.simplefilter("ignore")
-            yield printed
-    finally:
-        other.setLevel(level)
+def refuse_no_file(path: Path) -> None:
+    """Refuse a path of no file."""
+    if not path.is_file():
+        raise MeshError("this is a folder" if path.is_dir() else "no such file")
+
+
+def damaged(path: Path, error: BaseException) -> BaseException:
+    """Error about a file that another package cannot read, without its words.
+
+    An error that names a file, such as one without permission, remains as it is.
+    """
+    if isinstance(error, OSError) and error.filename is not None:
+        return error
+    return MeshError(
+        f"the file is damaged, or is not a {path.suffix} file: export it again"
+    )
 
 
 def _read_with_meshio(path: Path) -> tuple[meshio.Mesh, list[str]]:
     """Read with meshio, which prints messages and exits on errors."""
-    printed = io.StringIO()
+    suffixes = ["".join(path.suffixes[k:]).lower() for k in range(len(path.suffixes))]
+    if not meshio.extension_to_filetypes.keys() & set(suffixes):
+        suffix = (
+            f"{printable(path.suffix)} files" if path.suffix else "files without suffix"
+        )
+        raise MeshError(
+            f"{suffix} are not supported: export the mesh as .stl, .obj, .msh, .inp or "
+            ".vtu"
+        )
     try:
-        with without_messages() as printed:
+        with without_messages():
             raw = meshio.read(path)
-    except OSError:
-        raise
     except ImportError as error:
         package = printable(error.name or "another package")
         raise MeshError(
@@ -138,10 +142,7 @@ def _read_with_meshio(path: Path) -> tuple[meshio.Mesh, list[str]]:
             f"the file refers to {what}, which it does not define"
         ) from None
     except (Exception, SystemExit) as error:
-        reason = (printed.getvalue() or str(error)).strip().partition("\n")[0]
-        reason = printable(reason[:_LONGEST_REASON])
-        message = f"the file is not a mesh that meshio can read: {reason}"
-        raise MeshError(message.removesuffix(": ")) from None
+        raise damaged(path, error) from None
     fields = [n for n in raw.point_data if not n.startswith("gmsh:")]
     fields += [n for n in raw.cell_data if not n.startswith(("gmsh:", "skfem:"))]
     if not any(name.startswith("gmsh:") for name in raw.cell_data):
@@ -199,7 +200,7 @@ def _refuse_numbers(raw: meshio.Mesh, blocks: list[int]) -> None:
         listed = np.concatenate([np.asarray(x).astype(np.int64) for x in nodes])
         exists: Any = ((listed >= 0) & (listed < n)).all(axis=1)
         refuse(
-            f"{_CELL_NAMES.get(kind, kind)}(s) refer to an undefined node (node "
+            f"{CELL_NAMES.get(kind, kind)}(s) refer to an undefined node (node "
             f"numbers range from 0 to {n - 1})",
             ~exists,
         )

@@ -3,6 +3,7 @@
 import logging
 import os
 import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -13,9 +14,16 @@ from numpy import ndarray
 from ..drape import ToolMesh, TriangleMesh
 from ..drape.tool_mesh import cut_in_two
 from ..mesh.checks import MeshError
+from ..mesh.other_packages import without_messages
 from ..mesh.user_input import IN_MM, printable, refuse_unit
 from .file_numbers import errors_about, from_words
-from .meshes import read_raw, without_messages
+from .meshes import (
+    CELL_NAMES,
+    damaged,
+    read_raw,
+    refuse_no_file,
+    say_ignored,
+)
 
 log = logging.getLogger(__name__)
 
@@ -32,9 +40,6 @@ _HEADER, _TRIANGLE = 84, 50
 _OF_TRIMESH = (".ply", ".obj", ".3mf")
 _EXACT = (".step", ".stp", ".iges", ".igs", ".brep", ".x_t", ".sat")
 
-# Maximum length of the message of another package.
-_LONGEST_REASON = 100
-
 _PathLike: TypeAlias = str | os.PathLike[str]
 
 
@@ -45,9 +50,9 @@ def read_surface(
 
     Quadrilaterals are cut into triangles.  Other cells are ignored, and so are
     triangles with coincident corners, as at the pole of a sphere.  Several files, and
-    several solids of one file, are sewn.  The log ``skfem_textile`` has a warning for
-    each repair and for each property that affects results
-    (`skfem_textile.drape.TriangleMesh.remarks`).
+    several solids of one file, are sewn.  The log ``skfem_textile`` has a warning that
+    lists what is ignored, and one for each repair and for each property that affects
+    results (`skfem_textile.drape.TriangleMesh.remarks`).
 
     Parameters
     ----------
@@ -122,17 +127,14 @@ def _doubt(extent: float, known: bool) -> str:
 
 def _triangles(path: Path) -> tuple[ndarray, ndarray, float | None]:
     """Points, (3, n), triangles, (3, m), and the unit of a file in mm if it has one."""
-    if path.is_dir():
-        raise MeshError("this is a folder")
     suffix = path.suffix.lower()
     if suffix in _EXACT:
         raise MeshError(
             f"a {suffix} file contains exact surfaces: convert it to triangles, with "
             "FreeCAD or by `gmsh -2 -clmax 5 FILE.step -o tool.stl`"
         )
+    refuse_no_file(path)
     if suffix == ".stl":
-        if not path.is_file():
-            raise MeshError("no such file")
         corners = _read_stl(path.read_bytes())
         if not corners.size:
             raise MeshError("the file contains no triangles")
@@ -176,8 +178,6 @@ def _read_stl(content: bytes) -> ndarray:
 
 
 def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
-    if not path.is_file():
-        raise MeshError("no such file")
     suffix = path.suffix.lower()
     options: dict[str, Any] = {"skip_materials": True} if suffix == ".obj" else {}
     try:
@@ -198,12 +198,8 @@ def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
             f"reading a {suffix} file requires {printable(package)}: pip install "
             "'skfem-textile[tools]', or export the tool as STL"
         ) from None
-    except OSError:
-        raise
     except Exception as error:
-        reason = printable(str(error).strip().partition("\n")[0][:_LONGEST_REASON])
-        message = f"the file is not a {suffix} file that trimesh can read: {reason}"
-        raise MeshError(message.removesuffix(": ")) from None
+        raise damaged(path, error) from None
     if not faces.size:
         raise MeshError("the file contains no triangles")
     return points.T.astype(float), faces.T.astype(int), own
@@ -212,7 +208,7 @@ def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
 def read_tool_mesh(path: _PathLike) -> ToolMesh:
     """Read the triangles and quadrilaterals of a tool, in the order of the file.
 
-    Other cells are ignored.
+    The log ``skfem_textile`` has a warning that lists what is ignored.
 
     Parameters
     ----------
@@ -230,7 +226,11 @@ def read_tool_mesh(path: _PathLike) -> ToolMesh:
 
 def points_and_cells(path: _PathLike) -> tuple[ndarray, tuple[ndarray, ...]]:
     """Points and cells of a file that meshio reads, as arguments of `ToolMesh`."""
-    raw, _ = read_raw(Path(path))
+    raw, ignored = read_raw(Path(path))
+    others = Counter[str]()
+    for block in raw.cells:
+        if block.type not in ("triangle", "quad") and len(block.data):
+            others[CELL_NAMES.get(block.type, block.type)] += len(block.data)
     cells = tuple(
         np.asarray(block.data, dtype=int).T
         for block in raw.cells
@@ -240,4 +240,6 @@ def points_and_cells(path: _PathLike) -> tuple[ndarray, tuple[ndarray, ...]]:
         raise MeshError("the file contains no triangles or quadrilaterals")
     if np.shape(raw.points)[1:] != (3,):
         raise MeshError("the points must have three coordinates")
+    named = [f"{n} {kind}(s)" for kind, n in others.items()]
+    say_ignored(Path(path), [*ignored, *named])
     return np.asarray(raw.points).T, cells

@@ -30,7 +30,7 @@ LAYERS = {
     "drape": ("solve", "ply", "fabric", "mesh"),
     "forming": ("drape", "solve", "ply", "fabric", "mesh"),
     "scenes": ("forming", "drape", "singular", "solve", "ply", "fabric", "mesh"),
-    "io": ("forming", "drape", "solve", "ply", "fabric", "mesh"),
+    "io": ("forming", "drape", "singular", "solve", "ply", "fabric", "mesh"),
     "cases": (
         *("io", "scenes", "forming", "drape", "singular", "solve"),
         *("ply", "fabric", "mesh"),

@@ -56,9 +56,9 @@ def laid(out, tool, *words, code=0):
     return json.loads((out / "summary.json").read_text())
 
 
-def rectangle(path):
+def rectangle(path, middle=0.0):
     """Curve around 120° and 50 mm of the tube."""
-    t = np.radians(60) * np.array([-1, 1, 1, -1, -1])
+    t = middle + np.radians(60) * np.array([-1, 1, 1, -1, -1])
     z = np.array([20.0, 20, 70, 70, 20])
     k = np.linspace(0, 4, 80, endpoint=False)
     t, z = (np.interp(k, range(5), of) for of in (t, z))
@@ -137,7 +137,46 @@ def test_a_closed_tool_is_trimmed_without_edges(tmp_path, capsys):
     assert summary["area_not_covered_mm2"] == 0
     capsys.readouterr()
     words = ("net", "--tool", str(path), "--out", str(tmp_path / "none"))
-    assert "specify --trim or --roll-width" in rejected(capsys, *words, warnings=1)
+    assert "specify --trim" in rejected(capsys, *words, warnings=1)
+
+
+@pytest.mark.parametrize(
+    ("turn", "message"),
+    [
+        (2 * np.pi, "trim.csv: part: the curve runs around the tool and bounds no"),
+        (0.8, "trim.csv: part: no triangle of the tool is inside the curve"),
+    ],
+)
+def test_a_curve_that_bounds_no_part_is_refused(tmp_path, capsys, tool, turn, message):
+    """Around the tube, and along an arc and back."""
+    a = np.linspace(0, turn, 60, endpoint=False)
+    a = a if turn > 6 else np.hstack([a, a[-2:0:-1]])
+    circle = np.array([RADIUS * np.cos(a), RADIUS * np.sin(a), 45 + 0 * a]).T
+    np.savetxt(tmp_path / "trim.csv", circle, delimiter=",", header="x,y,z")
+    words = ("net", "--tool", str(tool), "--trim", str(tmp_path / "trim.csv"))
+    assert message in rejected(capsys, *words, "--out", str(tmp_path / "out"))
+
+
+def test_a_part_on_the_far_side_of_a_tube_is_the_part(tmp_path, tool):
+    trim = rectangle(tmp_path / "trim.csv", middle=np.pi)
+    summary = laid(tmp_path / "out", tool, "--cell", 4, "--trim", trim)
+    assert summary["start_at_x_mm"] < 0
+    exact = 2 * np.pi / 3 * RADIUS * 50
+    assert summary["pattern_area_mm2"] == pytest.approx(exact, rel=4e-3)
+    assert summary["area_not_covered_mm2"] == 0
+
+
+def test_darts_of_a_part_without_outline_are_said_once(tmp_path, capsys, tool):
+    words = ("--darts", "--locking-angle", 30)
+    laid(tmp_path / "out", tool, *POINT, *words, code=1)
+    shown = capsys.readouterr().out
+    assert shown.count("no closed curve is the outline of a tube") == 1
+    assert "the part has no outline" in shown
+
+
+def test_courses_of_a_closed_tool_are_refused_with_their_cause():
+    with pytest.raises(ValueError, match=r"is closed, and parallel threads meet at a"):
+        drape.courses(drape.TriangleMesh(*sphere()), 3.0, 12.0, point=(0, 0, 30))
 
 
 def test_a_part_without_area_is_left_out():

@@ -1,9 +1,12 @@
 """Curves in space from tables and DXF files."""
 
+import meshio
 import numpy as np
 import pytest
 
 from skfem_textile import io
+from tests.helpers.command_line import rejected
+from tests.helpers.tool_shapes import bonnet
 
 POINTS = np.array([[0.5, 20.25, -3.0], [1.0, 0.0, 2.5], [1000.5, 7.0, 0.0]])
 
@@ -19,7 +22,7 @@ def table(path, separator=",", header=("x", "y", "z"), mark=".", scale=1.0):
     ("separator", "mark"),
     [(",", "."), (";", "."), (";", ","), ("\t", ","), (" ", "."), (" ", ",")],
 )
-@pytest.mark.parametrize("header", [("x", "y", "z"), ("x (mm)", "Y [mm]", "z"), None])
+@pytest.mark.parametrize("header", [("x", "y", "z"), ("# X (MM)", "Y [mm]", "z"), None])
 def test_tables_of_all_separators_are_the_same_curve(tmp_path, separator, mark, header):
     file = table(tmp_path / "curve.csv", separator, header, mark)
     np.testing.assert_allclose(io.read_curve(file), POINTS.T)
@@ -35,6 +38,8 @@ def test_the_unit_of_a_header_counts(tmp_path):
     ("text", "message"),
     [
         ("# exported\nx,y,z\n1.5,2,3\n", "must name the columns x, y and z"),
+        ("# 1,2,3\n4,5,6\n7,8,9\n", "must name the columns x, y and z"),
+        ("# 1 2 3\n4 5 6\n7 8 9\n", "must name the columns x, y and z"),
         ("x,y\n1,2\n", "must name the columns x, y and z"),
         ("x (ft),y,z\n1,2,3\n", "the unit must be one of mm, cm, m, in, got 'ft'"),
         ("x;y;z\n1,5;2.5;0\n", "both decimal points and commas"),
@@ -79,10 +84,81 @@ def test_lines_and_arcs_of_a_dxf_that_meet_are_one_curve(tmp_path):
     assert area == pytest.approx(600 + np.pi * 100, rel=1e-3)
 
 
-def test_several_curves_of_a_dxf_are_refused(tmp_path):
+def line_and(space, *more):
+    space.add_line((0, 0), (100, 0))
+    for one in more:
+        space.add_line(*one)
+
+
+@pytest.mark.parametrize(
+    "others",
+    [[((0, 20), (9, 20))], [((100, 0), (150, 0)), ((100, 0), (150, 9))]],
+)
+def test_curves_that_do_not_continue_one_another_are_refused(tmp_path, others):
+    """Apart, and at a branch."""
     file, space = drawing()
-    space.add_circle((0, 0), 5)
-    space.add_circle((20, 0), 5)
+    line_and(space, *others)
     file.saveas(tmp_path / "curve.dxf")
-    with pytest.raises(ValueError, match="has several curves: write one to each file"):
+    with pytest.raises(ValueError, match=r"several curves on layer '0' .* each file"):
         io.read_curve(tmp_path / "curve.dxf")
+
+
+def test_what_is_hidden_or_no_line_of_a_dxf_is_ignored_in_one_line(tmp_path, caplog):
+    file, space = drawing(units=14)  # decimetres
+    file.layers.add("off").off()
+    space.add_circle((0, 0), 5, dxfattribs={"layer": "off"})
+    space.add_text("text")
+    file.blocks.new("ring").add_circle((0, 0), 1)
+    space.add_blockref("ring", (2, 0), dxfattribs={"xscale": 3, "yscale": 3})
+    file.saveas(tmp_path / "curve.dxf")
+    x, y, z = io.read_curve(tmp_path / "curve.dxf")
+    np.testing.assert_allclose(np.hypot(x - 200, y), 300)
+    assert not z.any()
+    (line,) = caplog.messages
+    assert line.endswith("curve.dxf: ignored: 1 hidden CIRCLE, 1 TEXT")
+
+
+def test_an_unknown_unit_of_a_dxf_is_refused(tmp_path):
+    file, space = drawing()
+    file.header["$INSUNITS"] = 99
+    line_and(space)
+    file.saveas(tmp_path / "curve.dxf")
+    with pytest.raises(ValueError, match=r"the unit 99 of \$INSUNITS is unknown"):
+        io.read_curve(tmp_path / "curve.dxf")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("curve.csv", "Is a directory"), ("none.csv", "No such file or directory")],
+)
+def test_a_file_that_is_none_is_named(tmp_path, capsys, name, message):
+    (tmp_path / "curve.csv").mkdir()
+    x, t = bonnet()
+    meshio.write_points_cells(tmp_path / "tool.stl", x.T, [("triangle", t.T)])
+    words = ("--tool", str(tmp_path / "tool.stl"), "--out", str(tmp_path / "out"))
+    file = tmp_path / name
+    line = rejected(capsys, "net", *words, "--trim", str(file))
+    assert line.endswith(f"error: {file}: {message}\n")
+
+
+@pytest.mark.parametrize("content", [b"", b"nothing", b"0\nSECTION\n2\nHEADER\n9"])
+def test_a_damaged_dxf_is_refused_without_words_of_ezdxf(tmp_path, content):
+    pytest.importorskip("ezdxf")
+    file = tmp_path / "curve.dxf"
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match="is damaged, or is not a DXF file: save it"):
+        io.read_curve(file)
+
+
+def test_what_ezdxf_logs_about_a_file_is_omitted(tmp_path, capfd, caplog):
+    """A property of a class of the file is taken as the beginning of another one."""
+    file, space = drawing()
+    line_and(space)
+    path = tmp_path / "curve.dxf"
+    file.saveas(path)
+    lines = path.read_text().splitlines()
+    lines[lines.index("ObjectDBX Classes") - 1] = "0"
+    path.write_text("\n".join(lines))
+    np.testing.assert_allclose(io.read_curve(path), [[0, 100], [0, 0], [0, 0]])
+    assert not caplog.messages
+    assert capfd.readouterr() == ("", "")

@@ -126,6 +126,58 @@ def test_other_positions_and_sets_are_refused_in_one_line(tmp_path, lines, messa
     assert str(error.value).isprintable()
 
 
+def test_elements_of_the_assembly_are_ignored_and_said(tmp_path, caplog):
+    """Numbers and nodes as in the part, sets of them, and types without cells."""
+    lines = [*PART, INSTANCE, "*End Instance", "*Node, nset=RP", "1, 50., 0., 0."]
+    lines += ["*Element, type=S3, elset=more", "9, 1, 2, 3", "*Element, type=MASS"]
+    lines += ["9, 1", "*Elset, elset=again", "more, 9", "*Nset, nset=RPs", "RP"]
+    lines += ["*Nset, nset=b, instance=P-1", "P-1.1, 2", "*Nset, nset=c", "RP, P-1.b"]
+    lines += ["*End Assembly"]
+    path = deck(tmp_path, *lines)
+    mesh = read_mesh(path)
+    assert np.array_equal(mesh.p.T, XY)
+    assert mesh.nelements == 4
+    assert {k: len(v) for k, v in mesh.boundaries.items()} == {"b": 1, "c": 1}
+    left = ["*NODE", "*ELEMENT", "*ELSET 'again'", "*NSET 'RPs'"]
+    named = ", ".join(f"{one} of the assembly" for one in left)
+    assert caplog.messages == [f"{path}: ignored: {named}"]
+
+
+def test_generated_sets_of_several_lines_without_a_step(tmp_path):
+    sets = ["*Nset, nset=ends, generate", "1, 3", "7, 9, 2,"]
+    mesh = read_mesh(deck(tmp_path, "*Node", *NODES, *PLY, *sets))
+    assert len(mesh.boundaries["ends"]) == 2
+    assert named_nodes(mesh)["ends"].tolist() == [6, 8]
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ([INSTANCE.replace("part=P", "part=Q")], "the part 'Q' is not defined"),
+        ([INSTANCE, "*Nset, nset=n, instance=Q", "1"], "the instance 'Q' is not defin"),
+        ([INSTANCE, "*Elset, elset=e, instance=Q", "1"], "the instance 'Q' is not"),
+        (["*Instance, library=L, instance=I"], "parameter 'INSTANCE' is not supported"),
+        ([INSTANCE, "*Nset, nset=n, generate", "1, 0"], "no members, or more members"),
+        ([INSTANCE, "*Nset, nset=n, generate", *9 * ["1, 9"]], "more members than lin"),
+    ],
+)
+def test_unknown_parts_and_instances_are_refused(tmp_path, lines, message):
+    with pytest.raises(MeshError, match=message):
+        read_mesh(deck(tmp_path, *PART, *lines))
+
+
+def test_cells_and_nodes_of_a_tool_that_are_not_read_are_said(tmp_path, caplog):
+    points, faces = grid()
+    lines = ["*Node", *(f"{i}, {x}, {y}, {z}" for i, (x, y, z) in enumerate(points, 1))]
+    lines += ["*Element, type=R3D3"]
+    lines += [f"{i}, {a + 1}, {b + 1}, {c + 1}" for i, (a, b, c) in enumerate(faces, 1)]
+    more = ["*Element, type=T3D2", "999, 1, 2", "*Node", "999, 0., 0., 90."]
+    path = deck(tmp_path, *lines, *more)
+    assert read_surface(path).facets.points.shape[1] == len(points)
+    named = "node 999 (of no element), 1 edge(s)"
+    assert caplog.messages == [f"{path}: ignored: {named}"]
+
+
 def test_directions_in_a_rotated_instance_are_refused(tmp_path):
     lines = [*PART, INSTANCE, "0, 0, 0", "0, 0, 0, 0, 0, 1, 30", "*End Instance"]
     axes = ["*Orientation, name=O", "1., 0., 0., 0., 1., 0.", "3, 0."]

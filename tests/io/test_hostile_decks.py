@@ -193,7 +193,7 @@ def check_loading_data(cloth, content):
     points, component = {}, ""
     for keyword, parameters, lines in keyword_blocks(content):
         if keyword == "UNIAXIAL":
-            component = parameters["COMPONENT"].upper()
+            component = parameters.get("COMPONENT", "").upper()
         elif keyword == "LOADING DATA":
             rows = [line.split(b",") for line in lines]
             rows = [(float(row[1]), float(row[0])) for row in rows]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skfem_textile.cli import main as cli
-from skfem_textile.io import read_surface
+from skfem_textile.io import read_mesh, read_surface, read_tool_mesh
 from skfem_textile.mesh.checks import MeshError
 from tests.helpers.intervals import no_interval  # noqa: F401
 from tests.helpers.tool_shapes import bonnet, plate
@@ -139,6 +139,52 @@ def test_damaged_files_of_other_formats_are_rejected(tmp_path, suffix):
     with pytest.raises(MeshError, match=f"tool.{suffix}: ") as caught:
         read_surface(file)
     assert "\n" not in str(caught.value)
+
+
+DAMAGED = "the file is damaged, or is not a {} file: export it again"
+UNKNOWN = "{} are not supported: export the mesh as .stl, .obj, .msh, .inp or .vtu"
+
+
+@pytest.mark.parametrize("read", [read_surface, read_tool_mesh, read_mesh])
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.glb", b"glTF", UNKNOWN.format(".glb files")),
+        ("a.rad", b"/NODE\n", UNKNOWN.format(".rad files")),
+        ("a", b"solid\n", UNKNOWN.format("files without suffix")),
+        ("a.off", b"OFF\n8 6 0\n\xf6", DAMAGED.format(".off")),
+        ("a.off", b"OFF\n8 6 0\n1 2 3\n", DAMAGED.format(".off")),
+        ("a.bdf", b"", DAMAGED.format(".bdf")),
+        ("a.mesh", b"\x87", DAMAGED.format(".mesh")),
+        ("a.ugrid", b"1 2", DAMAGED.format(".ugrid")),
+        ("a.vol", b"mesh3d\nsurfaceelements\n2\n1 2 3\n", DAMAGED.format(".vol")),
+        ("a.xdmf", b"<Xdmf>", DAMAGED.format(".xdmf")),
+        ("a.vtk", b"# vtk", "the file does not begin with the header of a VTK file"),
+        ("a.vtu", b"", "the file is not valid XML: no element found"),
+    ],
+)
+def test_no_words_of_other_packages(tmp_path, capfd, read, name, content, message):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(MeshError) as caught:
+        read(tmp_path / name)
+    assert str(caught.value).startswith(f"{tmp_path / name}: {message}")
+    assert str(caught.value).isprintable()
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("content", [b"PK\x03\x04", b"", b"\xff" * 99])
+@pytest.mark.parametrize("suffix", [".ply", ".3mf"])
+def test_no_words_of_trimesh(tmp_path, suffix, content):
+    pytest.importorskip("trimesh")
+    (tmp_path / f"a{suffix}").write_bytes(content)
+    with pytest.raises(MeshError, match=f": {DAMAGED.format(suffix)}$"):
+        read_surface(tmp_path / f"a{suffix}")
+
+
+@pytest.mark.parametrize("read", [read_surface, read_tool_mesh, read_mesh])
+def test_folders_are_no_files(tmp_path, read):
+    with pytest.raises(MeshError, match="this is a folder"):
+        read(tmp_path)
 
 
 # Units

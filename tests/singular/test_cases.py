@@ -167,3 +167,12 @@ def test_holes_are_numbered_as_drawn(tmp_path):
     small, large = (np.ptp(mesh.p[0, mesh.facets[:, e]]) for e in edges)
     assert small == pytest.approx(20, abs=0.1)
     assert large == pytest.approx(24, abs=0.1)
+
+
+def test_other_drawings_are_refused_by_name(tmp_path):
+    file = tmp_path / "ply.dwg"
+    file.write_bytes(b"AC1032")
+    with pytest.raises(
+        ValueError, match=r"ply\.dwg: an outline is read from \.dxf and"
+    ):
+        case(mesh={"outline": str(file)})

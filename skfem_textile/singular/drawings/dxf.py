@@ -11,7 +11,8 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import BSpline
 
-from ...mesh.user_input import IN_MM, error_text, excerpt, printable, refuse_unit
+from ...mesh.other_packages import without_messages
+from ...mesh.user_input import IN_MM, excerpt, printable, refuse_unit
 from .curves import (
     FINEST,
     SAGITTA,
@@ -57,6 +58,7 @@ def curves_of_dxf(
     tolerance: float,
     unit: str | None = None,
     layer: str | Sequence[str] | None = None,
+    in_space: bool = False,
 ) -> list[Curve]:
     """Visible lines, polylines, arcs and splines of the model space, named by layer.
 
@@ -70,14 +72,16 @@ def curves_of_dxf(
         Unit of length, ``mm``, ``cm``, ``m`` or ``in``; by default as the file states.
     layer
         Name of a layer, or several, of which curves are read; by default all.
+    in_space
+        Return points in space, shape (3, n), instead of in the plane of the curves.
 
     Raises
     ------
     ModuleNotFoundError
         If ezdxf is not installed.
     ValueError
-        If the file cannot be read, its unit is unknown, a curve does not lie in the
-        plane of the others, or no curve is visible on a layer.
+        If the file cannot be read, its unit is unknown, a coordinate is not finite, no
+        curve is visible on a layer, or the curves are to be and are not in one plane.
     """
     refuse_tolerance(tolerance)
     refuse_unit(unit)
@@ -90,7 +94,9 @@ def curves_of_dxf(
         for x, on in reader.curves(drawing.modelspace(), np.eye(4))
     ]
     chosen = selected(what, curves, reader.ignored, layer, str.casefold)
-    return _in_plane(what, chosen)
+    if not all(np.isfinite(curve.points).all() for curve in chosen):
+        raise ValueError(f"{what}: coordinates are not finite")
+    return chosen if in_space else _in_plane(what, chosen)
 
 
 def _drawing(path: str | os.PathLike[str], what: str) -> Any:
@@ -103,15 +109,16 @@ def _drawing(path: str | os.PathLike[str], what: str) -> Any:
             name=error.name,
         ) from None
     try:
-        drawing = ezdxf.readfile(path)
-        drawing.modelspace()
+        with without_messages():
+            drawing = ezdxf.readfile(path)
+            drawing.modelspace()
         return drawing
-    except OSError as error:
-        if error.errno is not None:
-            raise
-        raise ValueError(f"{what} is not a DXF file") from None
     except Exception as error:  # a damaged file raises errors of any type
-        raise ValueError(f"{what}: {printable(error_text(error))}") from None
+        if isinstance(error, OSError) and error.filename is not None:
+            raise
+        raise ValueError(
+            f"{what}: the file is damaged, or is not a DXF file: save it again"
+        ) from None
 
 
 def _scale(what: str, drawing: Any, unit: str | None) -> float:
@@ -210,10 +217,10 @@ class _Reader:
             axes = 2 if is_level else 3  # z may have another scale
             stretch = max(float(np.linalg.norm(M[:axes, :3], 2)), 1e-300)
             points = _flattened(entity, self._tolerance / stretch)
-        except Exception as error:  # curves without control points and the like
+        except Exception:  # curves without control points and the like
             raise ValueError(
                 f"{self._what}: {entity.dxftype()} on layer {layer!r} is not valid: "
-                f"{printable(error_text(error))}"
+                "draw it again"
             ) from None
         return points @ M[:3, :3] + M[3, :3]
 
@@ -298,8 +305,6 @@ def _in_plane(what: str, curves: list[Curve]) -> list[Curve]:
     Curves parallel to the x-y plane are seen from above.
     """
     p = np.hstack([curve.points for curve in curves])
-    if not np.isfinite(p).all():
-        raise ValueError(f"{what}: coordinates are not finite")
     depth, axes = _FLAT * np.ptp(p, axis=1).max(), np.eye(3)[:2]
     tilted = [curve for curve in curves if np.ptp(curve.points[2]) > depth]
     if tilted:

@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy import ndarray
 
-from ...mesh.user_input import IN_MM, error_text, excerpt, printable, refuse_unit
+from ...mesh.user_input import IN_MM, excerpt, printable, refuse_unit
 from .curves import Curve, refuse_tolerance, refuse_too_many, selected
 from .shapes import SHAPES, polylines
 from .style import (
@@ -141,7 +141,9 @@ def curves_of_svg(
     try:
         root = ElementTree.fromstring(content)
     except (ElementTree.ParseError, LookupError, ValueError) as error:
-        raise ValueError(f"{what}: {error_text(error)}") from None
+        raise ValueError(
+            f"{what}: the file is not valid XML: {excerpt(str(error))}"
+        ) from None
     if tag_of(root) != "svg":
         raise ValueError(f"{what} is not an SVG file")
     if b"<?xml-stylesheet" in content:

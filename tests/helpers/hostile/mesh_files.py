@@ -219,7 +219,7 @@ def abaqus(mesh, rng):
         lines.insert(at - len(mesh.points) // 2, "*NODE")
         lines += ["*NODE", f"{tag[-1] + 9}, 3., 4.{z}", "*NSET, NSET=Ref"]
         lines += [f"{tag[-1] + 9},", "*ELSET, ELSET=some", "1", "*ELSET, ELSET=again"]
-        lines += ["some, 2", "*NSET, NSET=of some, ELSET=again"]
+        lines += [f"some, {len(mesh.cells)}", "*NSET, NSET=of some, ELSET=again"]
     lower = rng.integers(0, 4) == 0
     lines = [x.lower() if lower and x.startswith("*") else x for x in lines]
     return ("\n".join(lines) + "\n").encode()

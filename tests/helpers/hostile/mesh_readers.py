@@ -276,6 +276,7 @@ _PARAMETERS = {
     "ELEMENT": {"TYPE", "ELSET"},
     "NSET": {"NSET", "ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
     "ELSET": {"ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
+    "INSTANCE": {"NAME", "PART"},
 }
 
 
@@ -303,7 +304,7 @@ def abaqus(content):
     """Read a file of Abaqus."""
     nodes, elements, names, keywords = {}, {}, {}, set()
     sets, of_elements = {"NSET": {}, "ELSET": {}}, set()
-    instance, level = "", ""
+    part, instance, level = "", "", ""
 
     def name_of(kind, options):
         name = options.get(kind, "")
@@ -317,17 +318,22 @@ def abaqus(content):
         expect(set(keys) <= _PARAMETERS.get(keyword, set(keys)), "parameter")
         if keyword in ("INSTANCE", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY"):
             level = keyword
-        if keyword == "INSTANCE":
-            instance = keys.get("NAME", "")
+        in_assembly = nodes and level in ("ASSEMBLY", "END INSTANCE")
+        if keyword == "PART":
+            part = keys.get("NAME", "").upper()
+        elif keyword == "INSTANCE":
+            instance = keys.get("NAME", "").upper()
+            expect(not part or keys.get("PART", part).upper() == part, "part")
             nodes = _placed(nodes, lines)
-        elif keyword == "NODE" and nodes and level in ("ASSEMBLY", "END INSTANCE"):
+        elif keyword in ("NODE", "ELEMENT") and in_assembly:
             continue
         elif keyword == "NODE":
             rows = [[word.strip() for word in line.split(b",")] for line in lines]
             more = {whole(tag): tuple(map(number, x)) for tag, *x in rows}
             expect(len(more) == len(rows) and not more.keys() & nodes, "a node twice")
             nodes |= more
-            expect({len(x) for x in nodes.values()} in ({2}, {3}), "coordinates")
+            widths = {len(x) for x in nodes.values()}
+            expect(widths in (set(), {2}, {3}), "coordinates")
             if "NSET" in keys:
                 sets["NSET"].setdefault(name_of("NSET", keys), set()).update(more)
         elif keyword == "ELEMENT":
@@ -343,7 +349,8 @@ def abaqus(content):
             name = name_of(keyword, keys)
             expect(name not in sets[keyword], "set twice")
             known = {n.upper(): tags for n, tags in sets[keyword].items()}
-            known |= {f"{instance.upper()}.{n}": tags for n, tags in known.items()}
+            expect(keys.get("INSTANCE", instance).upper() == instance, "instance")
+            known |= {f"{instance}.{n}": tags for n, tags in known.items()}
             if keyword == "NSET" and "ELSET" in keys:
                 expect(not lines, "members of a set of nodes of elements")
                 of = {n.upper(): tags for n, tags in sets["ELSET"].items()}
@@ -430,17 +437,23 @@ def _members(lines, generate, known):
     """Members of a set; of first, last and step if they are to be generated."""
     rows = [[word.strip() for word in line.split(b",")] for line in lines]
     words = [word for row in rows for word in (row if row[-1] else row[:-1])]
-    numbers = [int(word) for word in words if word.isdigit()]
+    numbers = {int(word) for word in words if word.isdigit()}
     names = [w.decode(errors="replace").upper() for w in words if not w.isdigit()]
     expect(all(name in known for name in names), "member")
     if not generate:
-        return set(numbers).union(*(known[name] for name in names))
+        return numbers.union(*(known[name] for name in names))
     expect(not names, "GENERATE")
-    expect(len(numbers) == 3 and numbers[2] > 0, "GENERATE")
-    first, last, step = numbers
-    expect(last >= first and (last - first) % step == 0, "GENERATE")
-    expect((last - first) // step < 10**6, "GENERATE")
-    return set(range(first, last + 1, step))
+    members = set()
+    for row in rows:
+        numbers = [int(word) for word in (row if row[-1] else row[:-1])]
+        expect(len(numbers) in (2, 3), "GENERATE")
+        first, last, step = [*numbers, 1][:3]
+        expect(step > 0 and last >= first, "GENERATE")
+        expect((last - first) % step == 0, "GENERATE")
+        expect((last - first) // step < 10**6, "GENERATE")
+        members.update(range(first, last + 1, step))
+    expect(members, "GENERATE")
+    return members
 
 
 # ------------------------------------------------------------------------- VTK, legacy
