@@ -2,16 +2,18 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..drape import SAME_AXES, Axes
+from ..drape import SAME_AXES, Axes, wrinkle_risk
+from ..drape.risks import share_of_area
 from ..fabric import Fabric, Law, is_zero
 from ..solve.conditions import Condition
-from ..solve.result import Result
+from ..solve.quantities import Quantity
+from ..solve.result import Driven, Result, components_mm, most_sheared
 from ..solve.states import State
 from ..solve.surface import OnSurface
 from .shear_test import BiasTest, FrameTest
@@ -85,6 +87,8 @@ class Scene:
         Further figures of a result, besides exact ones.
     measured
         Further figures of a result that need no exact solution.
+    first
+        Those of the figures that are printed first, before those of every ply.
     axes
         Axes of the scene in the axes of the tool on which the ply lies.
     initial_guess
@@ -113,6 +117,7 @@ class Scene:
     loads_of: "Callable[[Fabric], Sequence[Load]]" = lambda fabric: ()
     figures: Callable[[Result], Mapping[str, float]] = lambda result: {}
     measured: Callable[[Result], Mapping[str, float | str]] = lambda result: {}
+    first: Sequence[Quantity] = ()
     axes: Axes = SAME_AXES
     initial_guess: "Callable[[Ply], ndarray | None]" = lambda ply: None
 
@@ -217,6 +222,32 @@ class Scene:
         """
         return self._unrotated(state.displacements[self.driven])
 
+    def driven_curve(self, result: Result) -> tuple[ndarray, ndarray]:
+        """Displacement in mm and force in N of each state, shape (n_states,).
+
+        Of the machine for a shear test, else of the driven edge along the axis of its
+        larger displacement.  Forces below the equilibrium tolerance are 0.
+        """
+        moved = np.array([self.driven_displacement(one) for one in result.states])
+        force = np.array([self.reaction(one) for one in result.states])
+        left = np.array([one.tolerance for one in result.states])
+        force[np.abs(force) <= result.ply.nodes.shape[1] * left[:, None]] = 0.0
+        if self.shear_test is not None:
+            return self.shear_test.measured(moved, force)
+        axis = np.abs(moved).max(axis=0).argmax()
+        return moved[:, axis], force[:, axis]
+
+    def _driven(self, result: Result) -> Driven | None:
+        """Driven edge in the last state; None for a ply on or between tools."""
+        if not isinstance(self.conditions.get(self.driven), Condition):
+            return None
+        displacement, force = (x[-1].item() for x in self.driven_curve(result))
+        if self.shear_test is not None:
+            return Driven("machine", "machine", displacement, force)
+        return Driven(
+            self.driven, self.reacting or self.driven, displacement, force
+        )
+
     def _unrotated(self, vector: ndarray) -> ndarray:
         turn = self.turn.T if len(vector) == 2 else self.axes.turn
         return turn @ vector
@@ -269,7 +300,7 @@ class Scene:
             "shear_angle_error_rms_deg": float(np.degrees(rms_angle)),
         }
 
-    def summary(self, result: Result) -> dict[str, str | int | float | bool]:
+    def summary(self, result: Result) -> dict[str, Any]:
         """Summary of the result with the reaction and errors of this scene.
 
         If the exact solution is valid on the mesh, the summary contains
@@ -279,9 +310,14 @@ class Scene:
         state = result.states[-1]
         reaction = self.reaction(state).tolist()
         carried = state.shares.get(f"{self.reacting or self.driven}_reaction", {})
+        summary = result.summary(self._driven(result))
+        at_risk = wrinkle_risk(result.ply, result.u, state.parameters)
         return {
             "scene": self.name,
-            **result.summary(),
+            **summary,
+            "first": [*(one.declared() for one in self.first), *summary["first"]],
+            **self._place_of_shear(result),
+            "wrinkle_risk_share_of_area": share_of_area(result.ply, at_risk),
             **{f"reaction_{x}": f for x, f in zip("xyz", reaction, strict=False)},
             **{f"reaction_share_of_{k}": v for k, v in carried.items()},
             **self._load_over_exact(result, reaction[1]),
@@ -290,6 +326,13 @@ class Scene:
             **({} if self.misfit else self.figures(result)),
             **({"exact_answer": f"none: {self.misfit}"} if self.misfit else {}),
         }
+
+    def _place_of_shear(self, result: Result) -> dict[str, float]:
+        """Position of the largest shear, in the axes of the tool."""
+        point = most_sheared(result.ply, result.u)
+        if len(point) == 3:
+            point = self.axes.of_tool(point[:, None])[:, 0]
+        return components_mm("max_shear_angle_at", point)
 
     def _load_over_exact(
         self, result: Result, reaction_y: float

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from html import escape
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from .conditions import Conditions
 from .continuation import path_warning
 from .interval import ErrorInterval
 from .linear.solver import Choice
+from .quantities import OF_PLY, Quantity, first_rows
 from .states import State
 from .surface import OnSurface, Surface
 
@@ -45,7 +47,31 @@ class ToolMotion(NamedTuple):
         return f"{self.name} {self.amount:.1f}{' mm' if self.unit == 'mm' else '°'}"
 
 
-@dataclass(frozen=True, eq=False)
+class Driven(NamedTuple):
+    """Displacement of a boundary in mm and load in N, along one axis.
+
+    ``moved`` and ``loaded`` are the names of the boundaries.
+    """
+
+    moved: str
+    loaded: str
+    displacement: float
+    load: float
+
+    def figures(self) -> dict[str, Any]:
+        """Figures of a summary, and how ``first`` declares them."""
+        quantities = [
+            Quantity(f"Load ({self.loaded})", "load_N", "N", has_interval=True),
+            Quantity(f"Displacement ({self.moved})", "displacement_mm", "mm"),
+        ]
+        return {
+            "load_N": self.load,
+            "displacement_mm": self.displacement,
+            "first": [one.declared() for one in quantities],
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """Converged states of a run, beginning with the undeformed ply.
 
@@ -243,9 +269,12 @@ class Result:
             rows.append(row)
         return rows
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self, driven: Driven | None = None) -> dict[str, Any]:
         """Summary of the last converged state and of the run, in N, mm and degrees.
 
+        ``first`` lists the quantities that are printed first, with names and units
+        (`Quantity`).  ``load_N`` and ``displacement_mm`` are those of ``driven``; by
+        default of the condition with the largest displacement, along its axis.
         ``max_fibre_strain`` is the largest magnitude of the strain in the tension law;
         ``max_fibre_tension`` and ``max_shear_angle_deg`` are largest values at the
         integration points of the ply.  ``mesh_fibre_strain`` is evaluated at the fine
@@ -268,6 +297,9 @@ class Result:
             none = "" if angle is None else "; none for the load"
             how = f"{how}{none}: {error.reason}"
         tension = ply.fibre_tension(u, state.parameters)
+        driven = driven or self._driven()
+        of_load = driven.figures() if driven else {}
+        of_tools = self._figures_of_tools()
         return {
             "formulation": ply.formulation.name,
             "n_elements": int(ply.mesh.nelements),
@@ -288,6 +320,8 @@ class Result:
             "mesh_fibre_strain": verdict.mesh_fibre_strain,
             "max_fibre_tension": float(np.abs(tension).max()),
             "max_shear_angle_deg": float(np.degrees(np.abs(ply.shear_angle(u)).max())),
+            **components_mm("max_shear_angle_at", most_sheared(ply, u)),
+            **of_load,
             "load_half_width": error.load,
             "shear_angle_error_deg": (
                 None if angle is None else float(np.degrees(angle))
@@ -299,9 +333,25 @@ class Result:
             "solver": self.solver.name,
             "solver_reason": self.solver.reason,
             **({"not_on_tool": self.not_on_tool} if self.not_on_tool else {}),
-            **self._figures_of_tools(),
+            **of_tools,
+            "first": [
+                *of_load.get("first", []),
+                *of_tools.get("first", []),
+                *(one.declared() for one in OF_PLY),
+            ],
             **({"warnings": self.warnings} if self.warnings else {}),
         }
+
+    def _driven(self) -> Driven | None:
+        """What the condition with the largest displacement moves; None on a surface."""
+        state = self.states[-1]
+        lengths = {k: np.linalg.norm(x) for k, x in state.displacements.items()}
+        name = max(lengths, key=lengths.__getitem__, default="")
+        if self.surfaces or not lengths.get(name):
+            return None
+        moved, force = state.displacements[name], state.reactions[name]
+        axis = np.abs(moved).argmax()
+        return Driven(name, name, float(moved[axis]), float(force[axis]))
 
     def _figures_of_tools(self) -> dict[str, Any]:
         tools = (x for x in self.ply.terms if isinstance(x, ContactTerm))
@@ -310,17 +360,31 @@ class Result:
             figures |= figures_of(self)
         return figures
 
-    def __repr__(self) -> str:
+    def _head(self) -> str:
         end = "converged" if self.converged else "stopped early"
         return (
-            f"<Result: {end} at load factor {self.states[-1].load_factor:g}, "
-            f"{len(self.states) - 1} steps, {self.linear_solves} linear solves>"
+            f"Result: {end} at load factor {self.states[-1].load_factor:g}, "
+            f"{len(self.states) - 1} steps, {self.linear_solves} linear solves"
         )
+
+    def __repr__(self) -> str:
+        """Quantities that are read first, with units and the error interval."""
+        rows = (f"  {name:22}  {text}" for name, _, text in first_rows(self.summary()))
+        return "\n".join([self._head(), *rows])
+
+    def _repr_html_(self) -> str:
+        """The same as a table, for notebooks."""
+        rows = (
+            f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>"
+            for name, _, text in first_rows(self.summary())
+        )
+        return f"<table><caption>{self._head()}</caption>{''.join(rows)}</table>"
 
     def __str__(self) -> str:
         """A compact table of the states; if they are many, of an even selection.
 
-        With the travel of each tool that moves in mm, and its rotation in degrees.
+        With the travel of each tool that moves in mm, and its rotation in degrees; then
+        the quantities that are read first.
         """
         of_tools = [f"{x.name} ({x.unit})" for x in self.tool_motions(0.0)]
         tools = "".join(f"  {head:>9}" for head in of_tools)
@@ -342,7 +406,7 @@ class Result:
             )
         if left_out := len(self.states) - len(chosen):
             lines.append(f"          … {left_out} more states in between: see .states")
-        return "\n".join([*lines, repr(self)[1:-1]])
+        return "\n".join([*lines, repr(self)])
 
 
 class StepError(RuntimeError):
@@ -393,6 +457,18 @@ class StepError(RuntimeError):
             elements,
             getattr(error, "quantity", ""),
         )
+
+
+def most_sheared(ply: Ply, u: ndarray) -> ndarray:
+    """Centre of the element with the largest shear angle in mm, shape (d,)."""
+    corners = ply.mesh.t[:, np.abs(ply.shear_angle(u)).max(axis=1).argmax()]
+    return np.asarray(ply.positions(u)[:, corners].mean(axis=1))
+
+
+def components_mm(name: str, point: ndarray) -> dict[str, float]:
+    """Components of a position in mm by key, such as ``NAME_x_mm``."""
+    axes = zip("xyz", point.tolist(), strict=False)
+    return {f"{name}_{axis}_mm": x for axis, x in axes}
 
 
 def _energies(state: State) -> dict[str, float]:
