@@ -5,6 +5,12 @@ from math import isfinite
 from numbers import Real
 from typing import Any, NamedTuple
 
+# Values below which strains and angles are shown as round-off.
+_ROUND_OFF = {"%": 1e-3, "°": 1e-3}
+
+# Relative rounding of values with four digits: intervals are not narrower.
+_ROUNDED = 1e-3
+
 # Maximum number of rows.  Chosen: with the names of the files they are 15 lines.
 _MOST = 14
 
@@ -51,9 +57,12 @@ class Quantity(NamedTuple):
         interval, reason = self._interval(value, summary)
         unit = self.unit if self.unit == "°" else f" {self.unit}"
         keys = [f"{self.place}_{axis}_mm" for axis in "xyz"]
-        at = ", ".join(f"{summary[key]:.1f}" for key in keys if key in summary)
-        place = f" at ({at}) mm" if at else ""
-        return f"{value:.4g}{interval}{unit}{place}{self.note}{reason}"
+        at = [round(summary[key], 1) + 0.0 for key in keys if key in summary]
+        place = f" at ({', '.join(map(str, at))}) mm" if at else ""
+        number = f"{value:.4g}"
+        if self.unit in _ROUND_OFF and 0 < abs(value) < _ROUND_OFF[self.unit]:
+            number = f"below {_ROUND_OFF[self.unit]:g}"
+        return f"{number}{interval}{unit}{place}{self.note}{reason}"
 
     def _interval(self, value: float, summary: Mapping[str, Any]) -> tuple[str, str]:
         """Half-width of the value, or the reason why there is none."""
@@ -63,7 +72,7 @@ class Quantity(NamedTuple):
             return "", " within the tolerance of the equilibrium"
         half = summary.get("load_half_width")
         if half is not None:
-            return f" ± {abs(half * value):.2g}", ""
+            return f" ± {max(half, _ROUNDED) * abs(value):.2g}", ""
         reason = str(summary.get("error_interval")).partition("none")[2]
         return "", f"; no error interval{reason}"
 

@@ -185,7 +185,7 @@ class Result:
         """
         factors = [state.load_factor for state in self.states]
         motions = []
-        for tool in (x for x in self.ply.terms if isinstance(x, ContactTerm)):
+        for tool in self._tools():
             if any(np.any(tool.travel(x)) for x in factors):
                 far = float(np.linalg.norm(tool.travel(t)))
                 motions.append(ToolMotion(tool.name, far, "mm"))
@@ -274,7 +274,7 @@ class Result:
 
         ``first`` lists the quantities that are printed first, with names and units
         (`Quantity`).  ``load_N`` and ``displacement_mm`` are those of ``driven``; by
-        default of the condition with the largest displacement, along its axis.
+        default of the condition and axis with the largest product of both.
         ``max_fibre_strain`` is the largest magnitude of the strain in the tension law;
         ``max_fibre_tension`` and ``max_shear_angle_deg`` are largest values at the
         integration points of the ply.  ``mesh_fibre_strain`` is evaluated at the fine
@@ -297,9 +297,7 @@ class Result:
             none = "" if angle is None else "; none for the load"
             how = f"{how}{none}: {error.reason}"
         tension = ply.fibre_tension(u, state.parameters)
-        driven = driven or self._driven()
-        of_load = driven.figures() if driven else {}
-        of_tools = self._figures_of_tools()
+        of_load, of_tools = self._figures_of_load(driven), self._figures_of_tools()
         return {
             "formulation": ply.formulation.name,
             "n_elements": int(ply.mesh.nelements),
@@ -342,21 +340,39 @@ class Result:
             **({"warnings": self.warnings} if self.warnings else {}),
         }
 
-    def _driven(self) -> Driven | None:
-        """What the condition with the largest displacement moves; None on a surface."""
-        state = self.states[-1]
-        lengths = {k: np.linalg.norm(x) for k, x in state.displacements.items()}
-        name = max(lengths, key=lengths.__getitem__, default="")
-        if self.surfaces or not lengths.get(name):
-            return None
-        moved, force = state.displacements[name], state.reactions[name]
-        axis = np.abs(moved).argmax()
-        return Driven(name, name, float(moved[axis]), float(force[axis]))
+    def _figures_of_load(self, driven: Driven | None) -> dict[str, Any]:
+        """Load and displacement; the largest displacement if only loads deform a ply.
+
+        Without ``driven`` of the condition and axis with the largest product of both.
+        """
+        state, tools = self.states[-1], self._tools()
+        if driven is None and not self.surfaces:
+            least = self.ply.nodes.shape[1] * state.tolerance
+            pairs = [
+                Driven(name, name, moved, force)
+                for name in state.displacements.keys() - {tool.name for tool in tools}
+                for moved, force in zip(
+                    state.displacements[name].tolist(),
+                    state.reactions[name].tolist(),
+                    strict=True,
+                )
+                if moved and abs(force) > least
+            ]
+            driven = max(pairs, key=lambda x: abs(x.displacement * x.load), default=None)
+        if driven is not None:
+            return driven.figures()
+        if self.surfaces or tools:
+            return {}
+        largest = np.linalg.norm(self.ply.nodal(self.u), axis=0).max()
+        first = Quantity("Largest displacement", "max_displacement_mm", "mm")
+        return {"max_displacement_mm": float(largest), "first": [first.declared()]}
+
+    def _tools(self) -> list[ContactTerm]:
+        return [x for x in self.ply.terms if isinstance(x, ContactTerm)]
 
     def _figures_of_tools(self) -> dict[str, Any]:
-        tools = (x for x in self.ply.terms if isinstance(x, ContactTerm))
         figures: dict[str, Any] = {}
-        for figures_of in dict.fromkeys(type(tool).figures for tool in tools):
+        for figures_of in dict.fromkeys(type(tool).figures for tool in self._tools()):
             figures |= figures_of(self)
         return figures
 
