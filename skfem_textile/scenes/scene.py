@@ -244,9 +244,7 @@ class Scene:
         displacement, force = (x[-1].item() for x in self.driven_curve(result))
         if self.shear_test is not None:
             return Driven("machine", "machine", displacement, force)
-        return Driven(
-            self.driven, self.reacting or self.driven, displacement, force
-        )
+        return Driven(self.driven, self.reacting or self.driven, displacement, force)
 
     def _unrotated(self, vector: ndarray) -> ndarray:
         turn = self.turn.T if len(vector) == 2 else self.axes.turn

@@ -129,6 +129,6 @@ def first_rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     texts = texts or [("Warnings", "", "none")]
     most = _MOST - len(rows) - 1
     if (surplus := len(texts) - most) > 0:
-        texts[most - 1:] = [("Warnings", "bad", f"{surplus + 1} more in summary.json")]
+        texts[most - 1 :] = [("Warnings", "bad", f"{surplus + 1} more in summary.json")]
     time = Quantity("Run time", "wall_time_s", "s").text(summary)
     return [*rows, *texts, *([("Run time", "", time)] if time else [])]

@@ -358,7 +358,9 @@ class Result:
                 )
                 if moved and abs(force) > least
             ]
-            driven = max(pairs, key=lambda x: abs(x.displacement * x.load), default=None)
+            driven = max(
+                pairs, key=lambda x: abs(x.displacement * x.load), default=None
+            )
         if driven is not None:
             return driven.figures()
         if self.surfaces or tools:
