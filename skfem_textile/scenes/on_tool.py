@@ -95,9 +95,9 @@ def measured_on_tool(
 ) -> dict[str, float | str]:
     """Contact point, contact pressures, area fractions of defects, and advice.
 
-    The contact point is in the axes of the tool; ``axes`` are the axes of the ply relative to
-    the tool; ``holding`` are conditions on single nodes that prevent sliding.  Empty
-    for a ply that is not on its tool.
+    The contact point is in the axes of the tool; ``axes`` are the axes of the ply
+    relative to the tool; ``holding`` are conditions on single nodes that prevent
+    sliding.  Empty for a ply that is not on its tool.
     """
     ply, state = result.ply, result.states[-1]
     u, surface = state.u, result.tool(1.0)

@@ -117,7 +117,8 @@ def first_rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     >>> first_rows({"load_N": 12.0, "load_half_width": 0.1, "first": first})
     [('Load', '', '12 ± 1.2 N'), ('Warnings', '', 'none')]
     """
-    rows, texts = [], []
+    rows: list[tuple[str, str, str]] = []
+    texts: list[tuple[str, str, str]] = []
     if summary.get("converged") is False:
         stopped = f"at load factor {summary.get('load_factor'):.4g}, described here"
         rows.append(("Stopped early", "bad", stopped))
