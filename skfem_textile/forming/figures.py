@@ -86,7 +86,7 @@ def _first(result: Result) -> list[Quantity]:
     t, ply = result.states[-1].load_factor, result.ply
     name = max(pressing(ply), key=lambda tool: travel(tool, t)).name
     planes = [*ply.fibre_ends.values()].count("mirror")
-    of = name.capitalize()
+    of = name.replace("_", " ").capitalize()
     return [
         Quantity(
             *(f"{of} force", f"{name}_force_N", "N"),
