@@ -13,7 +13,7 @@ from ..drape.risks import share_of_area
 from ..fabric import Fabric, Law, is_zero
 from ..solve.conditions import Condition
 from ..solve.quantities import Quantity
-from ..solve.result import Driven, Result, components_mm, most_sheared
+from ..solve.result import Driven, Result
 from ..solve.states import State
 from ..solve.surface import OnSurface
 from .shear_test import BiasTest, FrameTest
@@ -314,7 +314,7 @@ class Scene:
             "scene": self.name,
             **summary,
             "first": [*(one.declared() for one in self.first), *summary["first"]],
-            **self._place_of_shear(result),
+            **(result.place_of_shear(self.axes.of_tool) if self.dimension == 3 else {}),
             "wrinkle_risk_share_of_area": share_of_area(result.ply, at_risk),
             **{f"reaction_{x}": f for x, f in zip("xyz", reaction, strict=False)},
             **{f"reaction_share_of_{k}": v for k, v in carried.items()},
@@ -324,13 +324,6 @@ class Scene:
             **({} if self.misfit else self.figures(result)),
             **({"exact_answer": f"none: {self.misfit}"} if self.misfit else {}),
         }
-
-    def _place_of_shear(self, result: Result) -> dict[str, float]:
-        """Position of the largest shear, in the axes of the tool."""
-        point = most_sheared(result.ply, result.u)
-        if len(point) == 3:
-            point = self.axes.of_tool(point[:, None])[:, 0]
-        return components_mm("max_shear_angle_at", point)
 
     def _load_over_exact(
         self, result: Result, reaction_y: float

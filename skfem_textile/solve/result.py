@@ -318,7 +318,7 @@ class Result:
             "mesh_fibre_strain": verdict.mesh_fibre_strain,
             "max_fibre_tension": float(np.abs(tension).max()),
             "max_shear_angle_deg": float(np.degrees(np.abs(ply.shear_angle(u)).max())),
-            **components_mm("max_shear_angle_at", most_sheared(ply, u)),
+            **self.place_of_shear(),
             **of_load,
             "load_half_width": error.load,
             "shear_angle_error_deg": (
@@ -339,6 +339,21 @@ class Result:
             ],
             **({"warnings": self.warnings} if self.warnings else {}),
         }
+
+    def place_of_shear(
+        self, stated: Callable[[ndarray], ndarray] = lambda x: x
+    ) -> dict[str, float]:
+        """Centre of the element with the largest shear angle in mm, for a summary.
+
+        Positions, shape (d, n), are converted by ``stated``.  Empty for a ply that is
+        not on its tool.
+        """
+        if self.not_on_tool:
+            return {}
+        ply, angle = self.ply, np.abs(self.ply.shear_angle(self.u)).max(axis=1)
+        corners = ply.positions(self.u)[:, ply.mesh.t[:, angle.argmax()]]
+        place = stated(corners.mean(axis=1, keepdims=True))[:, 0]
+        return components_mm("max_shear_angle_at", place)
 
     def _figures_of_load(self, driven: Driven | None) -> dict[str, Any]:
         """Load and displacement; the largest displacement if only loads deform a ply.
@@ -475,12 +490,6 @@ class StepError(RuntimeError):
             elements,
             getattr(error, "quantity", ""),
         )
-
-
-def most_sheared(ply: Ply, u: ndarray) -> ndarray:
-    """Centre of the element with the largest shear angle in mm, shape (d,)."""
-    corners = ply.mesh.t[:, np.abs(ply.shear_angle(u)).max(axis=1).argmax()]
-    return np.asarray(ply.positions(u)[:, corners].mean(axis=1))
 
 
 def components_mm(name: str, point: ndarray) -> dict[str, float]:
