@@ -105,7 +105,8 @@ def _run(file: CaseFile, options: argparse.Namespace) -> int:
         with held():
             with out as folder:
                 exported = export.write(result, case.scene.axes, folder)
-                io.write_summary(summary | exported, folder / "summary.json")
+                summary = export.added(summary, exported)
+                io.write_summary(summary, folder / "summary.json")
                 io.write_history(result, folder / "history.csv", case.scene.axes)
                 write_curve(curve, folder / CURVE)
                 written.write(folder)
@@ -116,7 +117,7 @@ def _run(file: CaseFile, options: argparse.Namespace) -> int:
         if code != INTERRUPTED:
             # Include the error interval.
             with shown("estimating the error"):
-                summary = case.summary(result) | provenance | exported
+                summary = export.added(case.summary(result) | provenance, exported)
                 curve = curve_of(case.scene, result)
             _write_again(summary, curve, options)
     except OutputError as error:

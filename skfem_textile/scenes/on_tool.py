@@ -76,7 +76,7 @@ _NO_NET = (
 #: Those of the figures of `measured_on_tool` that are printed first.
 FIRST_ON_TOOL = (
     Quantity(
-        *("Largest contact pressure", "max_contact_pressure_N_per_mm2", "N/mm²"),
+        *("Largest tool pressure", "max_contact_pressure_N_per_mm2", "N/mm²"),
         has_interval=True,
     ),
     Quantity("Bridging", "bridging_share_of_area", "%", note=" of the area"),

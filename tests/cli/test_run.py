@@ -179,7 +179,12 @@ def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypat
     assert 0 < summary["load_factor"] < 1
     fields = sorted((tmp_path / "out" / "fields").glob("step_*.vtu"))
     assert len(fields) == summary["load_steps"] + 1
-    assert capsys.readouterr().err.startswith("skfem-textile: stopped at load factor")
+    out, err = capsys.readouterr()
+    at = f"{summary['load_factor']:.4g}"
+    assert out.startswith(
+        f"Stopped early           at load factor {at}, described here"
+    )
+    assert err.startswith("skfem-textile: stopped at load factor")
 
 
 def test_an_output_folder_that_cannot_be_written_is_rejected(tmp_path, capsys):
