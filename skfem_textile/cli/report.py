@@ -96,7 +96,7 @@ def _first(folder: Path, summary: Mapping[str, Any]) -> Sequence[Row]:
     try:
         return first_rows(summary)
     except (TypeError, ValueError):
-        damaged = f"{printable(folder / 'summary.json')} is damaged: key first"
+        damaged = f"{printable(folder / 'summary.json')} is damaged: repeat the run"
         raise ValueError(damaged) from None
 
 

@@ -59,7 +59,7 @@ class Quantity(NamedTuple):
         keys = [f"{self.place}_{axis}_mm" for axis in "xyz"]
         at = [round(summary[key], 1) + 0.0 for key in keys if key in summary]
         place = f" at ({', '.join(map(str, at))}) mm" if at else ""
-        number = f"{value:.4g}"
+        number = _rounded(value, 4)
         if self.unit in _ROUND_OFF and 0 < abs(value) < _ROUND_OFF[self.unit]:
             number = f"below {_ROUND_OFF[self.unit]:g}"
         return f"{number}{interval}{unit}{place}{self.note}{reason}"
@@ -72,9 +72,14 @@ class Quantity(NamedTuple):
             return "", " within the tolerance of the equilibrium"
         half = summary.get("load_half_width")
         if half is not None:
-            return f" ± {max(half, _ROUNDED) * abs(value):.2g}", ""
+            return f" ± {_rounded(max(half, _ROUNDED) * abs(value), 2)}", ""
         reason = str(summary.get("error_interval")).partition("none")[2]
         return "", f"; no error interval{reason}"
+
+
+def _rounded(value: float, digits: int) -> str:
+    """Number with some digits, without an exponent up to 10¹⁵."""
+    return f"{float(f'{value:.{digits}g}'):.15g}"
 
 
 #: Quantities of every ply.
@@ -87,7 +92,7 @@ OF_PLY = (
     Quantity("Largest fibre strain", "max_fibre_strain", "%"),
     Quantity(
         *("Wrinkle risk", "wrinkle_risk_share_of_area", "%"),
-        note=" of the area, where fibres are compressed",
+        note=" of the area, where compressed fibres may buckle",
     ),
 )
 

@@ -154,6 +154,7 @@ def test_an_early_stop_is_reported(results, tmp_path):
     [
         ("summary.json", "{", "summary.json is not the summary of a run"),
         ("summary.json", '{"reports": {}}', "is not the summary of a run"),
+        ("summary.json", '{"scene": "strip", "first": [1]}', "summary.json is damaged"),
         ("summary.json", None, "is not a results folder: it contains no summary.json"),
         ("case.toml", "x", "is damaged: it is not a valid case file"),
         ("case.toml", NO_CURVE, "no.csv"),
