@@ -34,7 +34,7 @@ Reader = Callable[[Path, str], Results]
 
 _NUMBER = r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 
-_OFFERED = re.compile(r"{download}`(?:[^`]*<)?([^`<>]+)>?`")
+_OFFERED = re.compile(r"\]\(([\w./-]+\.(?!md|ipynb)\w+)\)")
 
 #: Folder of results that replaces DIR.
 OUT = "results"
@@ -236,27 +236,6 @@ DOCUMENTED: Mapping[str, Documented] = {
         )
         for options in ON_TOOLS
     },
-    "hanging strip": Documented(
-        "docs/how-to/in-space.md",
-        "skfem-textile run cantilever --out hanging --set bending.warp_N_mm=6 "
-        "--weight 6e-6",
-        of_summary("tip_z_mm", "exact_tip_z_mm", out="hanging"),
-    ),
-    "tutorial": Documented(
-        "docs/tutorial/index.md",
-        "python whole.py",
-        numbers_after("load_half_width", "force:"),
-    ),
-    "stabilisation without shear": Documented(
-        "docs/theory/equilibrium.md",
-        "skfem-textile run bias_extension --formulation one-point --size 16x32 "
-        "--fibre-stiffness 1e4 --shear-stiffness 0 --out DIR",
-        of_summary(
-            "energy_share_of_stabilisation",
-            "work_share_of_stabilisation",
-            "reaction_share_of_stabilisation",
-        ),
-    ),
     "pull of a bias extension": Documented(
         "docs/how-to/refused-step.md",
         _PULLS,
@@ -268,11 +247,6 @@ DOCUMENTED: Mapping[str, Documented] = {
         _INEXTENSIBLE,
         printed_numbers("sin²", "linear"),
         python=True,
-    ),
-    "ply with a hole": Documented(
-        "docs/how-to/case-files.md",
-        "skfem-textile run examples/hole/hole.toml --out hole-results",
-        of_summary("reaction_y", "load_half_width", out="hole-results"),
     ),
     "ply with a hole, half the element size": Documented(
         "docs/how-to/case-files.md",

@@ -33,9 +33,7 @@ PAGES = (
 )
 
 #: A block: its first line, its name, its content and its last line.
-BLOCK = re.compile(
-    r"^(<!--results ([\w-]+)-->\n)(.*?)^(<!--/results-->)$", re.M | re.S
-)
+BLOCK = re.compile(r"^(<!--results ([\w-]+)-->\n)(.*?)^(<!--/results-->)$", re.M | re.S)
 
 # A result in a template: the study and the name.
 _RESULT = re.compile(r"\{([a-z_0-9]+)\.([^}\s]+)\}")

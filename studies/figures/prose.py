@@ -22,16 +22,10 @@ CHECKED = (
     ),
 )
 
-# Figures and notes, whose content is prose.
-_FIGURE = re.compile(
-    r"^```\{(?:figure|image|note|warning|tip|important|list-table)\}[^\n]*\n(.*?)^```$",
-    re.M | re.S,
-)
-
-# Code, formulas, addresses, MyST directives and front matter.
+# Code, formulas, addresses and front matter.
 _NO_PROSE = re.compile(
-    r"\A---\n.*?\n---$|^```.*?^```$|^:(?!alt:)\w+:[^\n]*$"
-    r"|``[^`]+``|`[^`]*`|\$\$.*?\$\$|\$[^$\n]*\$|\]\([^)]*\)|<[^>\n]*>",
+    r"\A---\n.*?\n---$|^```.*?^```$|``[^`]+``|`[^`]*`|\$\$.*?\$\$|\$[^$\n]*\$"
+    r"|\]\([^)]*\)|<(?:img src=\S+|/?\w*)|\bwidth=\S+",
     re.M | re.S,
 )
 
@@ -114,8 +108,8 @@ def of_page(text: str) -> str:
     >>> of_page("Within `3 %`\n<!--results a-->\n4 %\n<!--/results-->\nat most.")
     'Within · · at most.'
     """
-    text = _FIGURE.sub(r"\1", BLOCK.sub("·", text))
-    return " ".join(_NO_PROSE.sub("·", text).split())
+    text = _NO_PROSE.sub("·", BLOCK.sub("·", text))
+    return " ".join(text.split())
 
 
 def results_in(prose: str) -> Iterator[tuple[str, str]]:

@@ -92,7 +92,7 @@ def test_case_files_among_the_examples_are_valid(case):
 def run_snippets(page):
     """Run the snippets of a page in one namespace, beside the files that it offers."""
     text = page.read_text()
-    for offered in re.findall(r"{download}`(?:[^`]*<)?([^`<>]+)>?`", text):
+    for offered in re.findall(r"\]\(([\w./-]+\.(?!md|ipynb)\w+)\)", text):
         shutil.copy(page.parent / offered, ".")
     variables, missing = {"__name__": page.stem}, set()
     for snippet in SNIPPET.findall(text):
