@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from skfem_textile.fabric import Linear
-from skfem_textile.ply.formulations import Macro
 
 from ..angles import cases as angles
 from ..common.figures import (
@@ -24,7 +23,6 @@ from ..common.figures import (
 )
 from ..common.tables import (
     furthest,
-    grouped,
     having,
     markdown_table,
     median,
@@ -39,11 +37,9 @@ from .cases import (
     AUTO,
     BIAS,
     BIAS_SIN2,
-    DEVIATIONS,
     FOR_LOAD,
     LOCKING,
     MACRO,
-    MACRO_TRIANGLES,
     MEAN_QUADRATIC,
     METHODS,
     PAPER,
@@ -51,7 +47,6 @@ from .cases import (
     RESOLVED,
     SHEARED,
     SPLIT_ONE_POINT,
-    STABILISATIONS,
     STRIP,
     TRELLIS,
     Case,
@@ -194,66 +189,6 @@ def load(rows: list[Row]) -> str:
         resolved.append(line)
     fine = [f"{RESOLVED} across, linear", *map(_ratio, BIAS)]
     return markdown_table(head, lines) + "\n" + markdown_table(fine, resolved)
-
-
-def constants(rows: list[Row]) -> str:
-    """Errors with constants other than the automatic ones."""
-    lines = []
-    for method in (*STABILISATIONS, AUTO, MACRO):
-        group = "methods" if method in METHODS else "stabilisation"
-        line = [f"**{method.name}**" if method in METHODS else method.name]
-        for problem in (STRIP, TRELLIS, *BIAS):
-            seeds = of(rows, group, problem, method, ACROSS[1])
-            if problem == STRIP:
-                line.append(_cell(seeds, "load"))
-            if problem in BIAS:
-                line.append(_over_exact(seeds, problem))
-            if problem != BIAS[0]:  # fibre stretch exceeds the errors there
-                line.append(_cell(seeds, "position"))
-        lines.append(line)
-    load, position, _ = _ERRORS
-    head = ["C_s", *on("strip", [load, position]), *on("trellis", [position])]
-    for problem in BIAS:
-        heads = ["load / exact", position][: 1 if problem == BIAS[0] else 2]
-        head += on(f"E/G = {_ratio(problem)}", heads)
-    return markdown_table(head, lines) + "\n" + _deviations(rows)
-
-
-def _deviations(rows: list[Row]) -> str:
-    """Loads with other deviation stiffnesses."""
-    problems = (*BIAS[::2], *BIAS_SIN2[::2])
-    lines = []
-    for chosen, c in zip((MACRO_TRIANGLES, MACRO), Macro().deviation, strict=True):
-        methods = [m for m in DEVIATIONS if m.mesh == chosen.mesh]
-        for method in (*methods[:2], chosen, *methods[2:]):
-            group = "methods" if method is chosen else "deviation"
-            line = [f"**{chosen.mesh}, {c:g}**" if method is chosen else method.name]
-            for across in ACROSS[:2]:
-                for problem in problems:
-                    seeds = of(rows, group, problem, method, across)
-                    line.append(_over_exact(seeds, problem))
-            lines.append(line)
-    names = [p.name.removeprefix("bias extension, ") for p in problems]
-    head = [f"{n} across: {name}" for n in ACROSS[:2] for name in names]
-    return markdown_table(["deviation", *head], lines)
-
-
-def triangulations(rows: list[Row]) -> str:
-    """Results of ten Delaunay triangulations of the strip with two stiffnesses."""
-    strips = grouped(having(rows, group="triangulations"), "across")
-    lines = [
-        [
-            str(group[0]["elements"] // 3),
-            ", ".join(f"{_per_stiffness(row):.1e}" for row in group),
-            ", ".join(_strain(row["strain"]) for row in group),
-            ", ".join(f"{row['position']:.2e}" for row in group),
-            ", ".join(_count(row["negative_pivots"]) for row in group),
-        ]
-        for group in strips.values()
-    ]
-    return markdown_table(
-        ["triangles", "load / E (mm)", "strain", _ERRORS[1], "negative pivots"], lines
-    )
 
 
 def _per_stiffness(row: Row) -> float:
@@ -423,8 +358,6 @@ class Formulations(Study[Case]):
             {
                 "methods.md": methods,
                 "load.md": load,
-                "constants.md": constants,
-                "triangulations.md": triangulations,
                 "equal.md": equal,
             },
             {"formulations.png": draw_convergence},

@@ -277,22 +277,6 @@ def sheared(rows: Sequence[Row]) -> str:
     return markdown_table(["method", *layouts], lines)
 
 
-def norms(rows: Sequence[Row]) -> str:
-    """The inf-sup constant with the tension norm from successively finer meshes."""
-    often, layout = (REFINED, REFINED + 1), Layout(30)
-    lines = [
-        [
-            method.name,
-            *(
-                _inf_sup(of(rows, method, layout, 0, n), CHECKED_ACROSS, ".4f")
-                for n in often
-            ),
-        ]
-        for method in METHODS
-    ]
-    return markdown_table(["method", *(f"{2**n} × {2**n} parts" for n in often)], lines)
-
-
 def _inf_sup(by_n: dict[int, Row], across: int, form: str) -> str:
     return f"{by_n[across]['inf_sup']:{form}}" if across in by_n else "-"
 
@@ -402,12 +386,10 @@ class InfSup(Study[Case]):
             "inf_sup.csv",
             {
                 "constants.md": lambda rows: constants(rows, "inf_sup"),
-                "in_l2.md": lambda rows: constants(rows, "inf_sup_in_l2"),
                 "kernels.md": kernels,
                 "distances.md": ratios,
                 "stiffness.md": stiffnesses,
                 "sheared.md": sheared,
-                "norms.md": norms,
             },
             {"inf_sup.png": draw_constants},
         ),
