@@ -265,18 +265,6 @@ def kernels(rows: Sequence[Row]) -> str:
     return markdown_table(["method", "unknowns", "constraints", *LAYOUTS], lines)
 
 
-def sheared(rows: Sequence[Row]) -> str:
-    """The inf-sup constant about the flat and the sheared state."""
-    layouts = [layout for layout in LAYOUTS if layout.regular]
-
-    def cell(method: Method, layout: Layout) -> str:
-        pair = (of(rows, method, layout, shear) for shear in (0, SHEARED))
-        return ", ".join(_inf_sup(by_n, SHEARED_ACROSS, ".3g") for by_n in pair)
-
-    lines = [[method.name, *(cell(method, x) for x in layouts)] for method in METHODS]
-    return markdown_table(["method", *layouts], lines)
-
-
 def _inf_sup(by_n: dict[int, Row], across: int, form: str) -> str:
     return f"{by_n[across]['inf_sup']:{form}}" if across in by_n else "-"
 
@@ -389,7 +377,6 @@ class InfSup(Study[Case]):
                 "kernels.md": kernels,
                 "distances.md": ratios,
                 "stiffness.md": stiffnesses,
-                "sheared.md": sheared,
             },
             {"inf_sup.png": draw_constants},
         ),

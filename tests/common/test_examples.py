@@ -167,7 +167,7 @@ def test_the_page_on_the_architecture_names_existing_modules():
 
 def test_the_table_of_rejected_steps_quotes_the_messages():
     rows = re.findall(
-        r"^\| ((?:`[^`]+`(?:, )?)+) \|", ARCHITECTURE.partition("### Rejected")[2], re.M
+        r"^\| ((?:`[^`]+`(?:, )?)+) \|", ARCHITECTURE.partition("## Rejected")[2], re.M
     )
     quoted = [text for row in rows for text in re.findall("`([^`]+)`", row)]
     literals = "".join(
