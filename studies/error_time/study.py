@@ -265,14 +265,11 @@ def _spread(name: str, spread: Spread) -> dict[str, float]:
 
 
 def _point(point: Point | None, criterion: Criterion, named: bool = False) -> str:
-    """Element, mesh, error and time, with ranges."""
+    """Element, mesh, error and time: medians."""
     if point is None:
         return "none"
     code = f"{point.code}, " if named else ""
-    least, most = (criterion.number(one) for one in point.error[1:])
-    error = f"{criterion.text(point.error.median)} ({least} to {most})"
-    median, least, most = (f"{one:.2g}" for one in point.seconds)
-    seconds = f"{median} s ({least} to {most})"
+    error, seconds = criterion.text(point.error.median), f"{point.seconds.median:.2g} s"
     return f"{code}{point.element}, {point.mesh}: {error}, {seconds}"
 
 

@@ -169,7 +169,4 @@ def test_references_are_written_beside_the_judged_loads(tmp_path, monkeypatch):
     stored = json.loads((tmp_path / "references.json").read_text())
     assert [row["shear_angle"] for row in stored] == list(ANGLES)
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {
-        ("angles.csv", "references.json"),
-        provenance.FILE,
-    }
+    assert names == {"angles.csv", "references.json", provenance.FILE}
