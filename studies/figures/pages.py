@@ -1,7 +1,7 @@
 """``python -m studies figures``: update pages and tables from the stored results.
 
-A page states results in blocks, between ``<!--results NAME-->`` and ``<!--/results-->``
-on lines of their own.  The template of a block is the file ``blocks/NAME.md``, where
+Blocks state results between the lines ``<!--results NAME-->`` and ``<!--/results-->`` of
+a page.  The template of a block is the file ``blocks/NAME.md``, where
 ``{laws.worst}`` is the entry ``worst`` of `Study.figures` of the study ``laws``.
 """
 
