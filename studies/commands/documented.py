@@ -145,12 +145,11 @@ def printed_numbers(*names: str) -> Reader:
 def table_of_strip(folder: Path, printed: str) -> dict[str, float]:
     """Read the table of ``examples/strip.py``, by line and column."""
     results: dict[str, float] = {}
-    for line in printed.splitlines():
-        numbers = line.split()[-len(STRIPS) :]
-        if all(re.fullmatch(_NUMBER, x) for x in numbers):
-            key, *_ = line.split()
-            named = zip(STRIPS, map(float, numbers), strict=True)
-            results |= {f"{key}, {name}": x for name, x in named if "time" not in key}
+    for label, numbers in re.findall(
+        rf"^(\S.*?)((?: +{_NUMBER}){{3}})$", printed, re.M
+    ):
+        named = zip(STRIPS, map(float, numbers.split()), strict=True)
+        results |= {f"{label}, {name}": x for name, x in named if "time" not in label}
     return results
 
 

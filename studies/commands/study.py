@@ -142,10 +142,10 @@ def _strip(case: Results) -> dict[str, str]:
     """Results of the strip by formulation: full, point and macro."""
     words: dict[str, str] = {}
     for short, title in zip(("full", "point", "macro"), STRIPS, strict=True):
-        force = case[f"reaction_x, {title}"]
+        force = case[f"force (N), {title}"]
         digits = ".0f" if abs(force) > 100 else ".2f"
-        position = case[f"displacement_error_rms, {title}"]
-        strain = 100 * case[f"max_fibre_strain, {title}"]
+        position = case[f"position error, rms (mm), {title}"]
+        strain = case[f"fibre strain in the law (%), {title}"]
         words |= {
             f"strip_force_{short}": minus(f"{force:{digits}} N"),
             f"strip_position_{short}": f"{position:.3f} mm",
