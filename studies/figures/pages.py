@@ -1,8 +1,8 @@
 """``python -m studies figures``: update pages and tables from the stored results.
 
-Blocks state results between the lines ``<!--results NAME-->`` and ``<!--/results-->`` of
-a page.  The template of a block is the file ``blocks/NAME.md``, where
-``{laws.worst}`` is the entry ``worst`` of `Study.figures` of the study ``laws``.
+Blocks state results between the lines ``<!--results NAME-->`` and
+``<!--/results-->`` of a page.  The template of a block is the file ``blocks/NAME.md``,
+where ``{laws.worst}`` is the entry ``worst`` of `Study.figures` of the study ``laws``.
 """
 
 import re
