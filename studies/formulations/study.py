@@ -34,7 +34,6 @@ from ..common.tables import (
 from ..study import Part, Row, Study
 from .cases import (
     ACROSS,
-    AUTO,
     BIAS,
     BIAS_SIN2,
     FOR_LOAD,
@@ -44,7 +43,6 @@ from .cases import (
     METHODS,
     PAPER,
     QUADRATIC,
-    RESOLVED,
     SHEARED,
     SPLIT_ONE_POINT,
     STRIP,
@@ -165,35 +163,6 @@ def _sheared(rows: list[Row]) -> str:
     for across in ACROSS[:2]:
         head += on(f"{across} across", [*_ERRORS, "linear solves"])
     return markdown_table(head, lines)
-
-
-def load(rows: list[Row]) -> str:
-    """Bias-extension load: worst median and worst case over shear angles."""
-    lines = []
-    for method in FOR_LOAD:
-        for problem in (*BIAS, *BIAS_SIN2):
-            line = [method.name, problem.name.removeprefix("bias extension, ")]
-            for across in ACROSS[1:]:
-                seeds = of(rows, "methods", problem, method, across)
-                line += [_load(x) for x in over_angles(seeds, problem)]
-            lines.append(line)
-    head = ["method", "law, E/G"]
-    for across in ACROSS[1:]:
-        head += on(f"{across} across", ["median", "worst"])
-    resolved = []
-    for method in (MACRO, AUTO):
-        line = [method.name]
-        for problem in BIAS:
-            seeds = of(rows, "resolved", problem, method, RESOLVED)
-            line.append(_over_exact(seeds, problem))
-        resolved.append(line)
-    fine = [f"{RESOLVED} across, linear", *map(_ratio, BIAS)]
-    return markdown_table(head, lines) + "\n" + markdown_table(fine, resolved)
-
-
-def _per_stiffness(row: Row) -> float:
-    """Ratio of the load of a strip to its fibre stiffness in mm."""
-    return row["load"] / float(row["problem"].rpartition(" ")[2])
 
 
 def equal(rows: list[Row]) -> str:
@@ -357,7 +326,6 @@ class Formulations(Study[Case]):
             "formulations.csv",
             {
                 "methods.md": methods,
-                "load.md": load,
                 "equal.md": equal,
             },
             {"formulations.png": draw_convergence},

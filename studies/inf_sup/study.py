@@ -265,10 +265,6 @@ def kernels(rows: Sequence[Row]) -> str:
     return markdown_table(["method", "unknowns", "constraints", *LAYOUTS], lines)
 
 
-def _inf_sup(by_n: dict[int, Row], across: int, form: str) -> str:
-    return f"{by_n[across]['inf_sup']:{form}}" if across in by_n else "-"
-
-
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
     """The results by name; needs the rows of all cases."""
     means = QUADRATIC_MEAN, MACRO, MACRO_TRIANGLES

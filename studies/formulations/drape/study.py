@@ -115,23 +115,6 @@ def _moved(row: Row) -> str:
     return f"with {row['parts'] // 2**halvings} parts, then halved"
 
 
-def free_edges(rows: Sequence[Row]) -> str:
-    """Differences from the net and energy of plies with unloaded edges."""
-    sphere, pulled = having(rows, kind=SPHERE), _DEFAULTS["tension"]
-    settings = {"q in N/mm": "{tension:g}", "D in N·mm": "{bending:g}"}
-    results: Columns = {
-        **_ERRORS,
-        "median in °": "{median:.2f}",
-        "Γ in the corner in °": "{corner_angle:.1f}",
-        f"energy in N·mm, {chebyshev.energy():.1f} for the net": "{energy:.1f}",
-        "elements at risk of wrinkles": "{at_risk:.0%}",
-        "stable": lambda row: "yes" if row["stable"] else "no",
-        **_SOLVES,
-    }
-    selected = [row for row in sphere if row["tension"] < pulled]
-    return of_runs(selected, {**_MESH, **settings, "start": "{start}"}, results)
-
-
 def nets(rows: Sequence[Row]) -> str:
     """Error of kinematic nets."""
     forms = "{parts}", "{largest:.5f}", "{rms:.5f}"
@@ -306,7 +289,6 @@ class Drape(Study[Case | Extreme]):
             {
                 "refinement.md": refinement,
                 "distorted.md": distorted,
-                "free_edges.md": free_edges,
                 "nets.md": nets,
                 "rolled.md": rolled,
             },
