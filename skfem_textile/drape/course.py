@@ -144,7 +144,7 @@ def _refuse_closed(tool: TriangleMesh) -> None:
     """Refuse a closed surface on which every field of directions has a singular point.
 
     By the theorem of Poincaré and Hopf all have one unless the Euler characteristic is
-    zero, as that of a torus.
+    zero, as for a torus.
     """
     triangles = tool.facets.triangles()
     _, first, _ = edges_once([triangles])

@@ -101,7 +101,7 @@ class Scene:
     measured
         Further figures of a result that need no exact solution.
     first
-        Those of the figures that are printed first, before those of every ply.
+        Figures of the scene that are printed before the ones of every ply.
     axes
         Axes of the scene in the axes of the tool on which the ply lies.
     initial_guess

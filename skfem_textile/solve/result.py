@@ -34,7 +34,7 @@ _LINES = 11
 # Maximum number of elements listed in an error message.
 _ELEMENTS = 5
 
-# Relative difference of angles that are equal but for the tolerance of equilibrium.
+# Relative difference of angles that are equal within the tolerance of equilibrium.
 _EQUAL = 1e-6
 
 # Terms that are in every table, listed first and in this order.
@@ -279,7 +279,7 @@ class Result:
         """Summary of the last converged state and of the run, in N, mm and degrees.
 
         ``first`` lists the quantities that are printed first, with names and units
-        (`Quantity`).  ``load_N`` and ``displacement_mm`` are those of ``driven``; by
+        (`Quantity`).  ``load_N`` and ``displacement_mm`` belong to ``driven``; by
         default of the condition and axis with the largest product of both.
         ``max_fibre_strain`` is the largest magnitude of the strain in the tension law;
         ``max_fibre_tension`` and ``max_shear_angle_deg`` are largest values at the
@@ -351,7 +351,7 @@ class Result:
     ) -> dict[str, float]:
         """Centre of the element with the largest shear angle in mm, for a summary.
 
-        The first of those whose angles are equal but for round-off.  Positions, shape
+        The first of those whose angles are equal within round-off.  Positions, shape
         (d, n), are converted by ``stated``.  Empty for a ply that is not on its tool.
         """
         if self.not_on_tool:

@@ -1,4 +1,4 @@
-"""What a run prints: the quantities that its scene declares as first, with units."""
+"""Printed results of a run: the quantities that its scene declares as first, with units."""
 
 import contextlib
 import io
