@@ -1,4 +1,4 @@
-"""Printed results of a run: the quantities that its scene declares as first, with units."""
+"""Printed results: the first quantities that a scene declares, with units."""
 
 import contextlib
 import io
