@@ -37,16 +37,8 @@ _GROUPS = "svg", "g", "a", "switch"
 # Elements that are not drawn where they stand, or describe others.
 _NOT_DRAWN = {
     *("defs", "symbol", "clipPath", "mask", "pattern", "marker", "filter", "style"),
-    *(
-        "linearGradient",
-        "radialGradient",
-        "title",
-        "desc",
-        "metadata",
-        "script",
-        "view",
-    ),
-    *("cursor", "font", "color-profile", ""),
+    *("linearGradient", "radialGradient", "title", "desc", "metadata", "script"),
+    *("view", "cursor", "font", "color-profile", ""),
 }
 
 # Properties that move elements or cut them off, with the values that do not.
