@@ -275,7 +275,8 @@ def validation_report(found: "Sequence[Validation]") -> dict[str, Any]:
                 "points": int(difference.size),
                 "largest_angle_deg": float(np.degrees(prediction.gamma.max())),
                 "slack_mm": one.specimen.slack,
-                "rms_N": float(np.sqrt(np.mean(difference**2))),
+                "rms_N": (rms := float(np.sqrt(np.mean(difference**2)))),
+                "rms_over_largest_force": rms / most,
                 "largest_N": float(np.abs(difference).max()),
                 "largest_over_largest_force": float(np.abs(difference).max()) / most,
                 "noise_N": one.noise,
@@ -347,12 +348,14 @@ def _curve(fit: Fit, i: int, unit: str = "N") -> dict[str, Any]:
     """Residuals of a curve, with the unit of its measured values in the keys."""
     sample, residual = fit.samples[i], fit.residuals[i]
     largest = float(np.abs(sample.measured).max())
+    rms = float(np.sqrt(np.mean(residual**2)))
     return {
         "name": sample.name,
         "points": int(residual.size),
         f"noise_{unit}": float(fit.noise[i]),
         "noise_over_largest": float(fit.noise[i]) / largest if largest else np.nan,
-        f"residual_rms_{unit}": float(np.sqrt(np.mean(residual**2))),
+        f"residual_rms_{unit}": rms,
+        "residual_rms_over_largest": rms / largest if largest else np.nan,
         f"residual_largest_{unit}": float(np.abs(residual).max()),
         "correlation_of_neighbours": float(fit.correlations[i]),
     }

@@ -89,25 +89,14 @@ CURVE = "curve.csv"
 def curve_of(scene: Scene, result: Result) -> dict[str, ndarray]:
     """Columns of the curve by heading, one row per state.
 
-    For a shear test: displacement and force of the machine, the theoretical shear angle
-    in degrees (inextensible fibres), and the normalised shear force. For another scene:
-    the mean displacement and the force of the driven edge along the axis of its larger
-    displacement.
-
-    Forces below the equilibrium tolerance are 0.  The half-width of the force follows
+    Displacement and force (`Scene.driven_curve`); for a shear test also the theoretical
+    shear angle in degrees (inextensible fibres), and the normalised shear force.  The
+    half-width of the force follows
     from the error interval of each state and is nan where there is none; there is no
     such column if no state has one.
     """
     half = np.array([_relative_half_width(result, state) for state in result.states])
-    moved = np.array([scene.driven_displacement(state) for state in result.states])
-    force = np.array([scene.reaction(state) for state in result.states])
-    left = np.array([state.tolerance for state in result.states])
-    force[np.abs(force) <= result.ply.nodes.shape[1] * left[:, None]] = 0.0
-    if scene.shear_test is None:
-        axis = np.abs(moved).max(axis=0).argmax()
-        displacement, pull = moved[:, axis], force[:, axis]
-    else:
-        displacement, pull = scene.shear_test.measured(moved, force)
+    displacement, pull = scene.driven_curve(result)
     curve = {DISPLACEMENT: displacement, FORCE: pull}
     if not np.isnan(half[1:]).all():
         curve[HALF_WIDTH] = half * np.abs(pull)

@@ -29,6 +29,10 @@ _MOST_CORRELATIONS = 12
 
 _PERCENT = f"{100 * CONFIDENCE:g} %"
 
+# Largest relative error of the force of a testing machine of class 1 (ISO 7500-1).
+# Deviations below it are not marked.
+_MACHINE = 0.01
+
 # Length of a line of Python.
 _WIDTH = 76
 
@@ -47,7 +51,7 @@ class Reported(NamedTuple):
         return list(dict.fromkeys([*every, *self.validation["notes"]]))
 
     def verdict(self) -> list[Row]:
-        """Rows: whether the laws follow the data, and predictions are confirmed."""
+        """Rows: errors of laws and predictions, and whether they are within noise."""
         found = [_law_row(title, one) for title, one in self.laws.items()]
         return found + [_prediction_row(one) for one in self.validation["rows"]]
 
@@ -160,28 +164,53 @@ def _title(i: int, name: str) -> str:
 
 
 def _law_row(title: str, one: Mapping[str, Any]) -> Row:
-    """Row of a law: its range, and whether it follows the data."""
-    kind, reach = one["name"], ""
+    """Row of a law: its error, its range, and whether it follows the data."""
+    kind, reach, what = one["name"], "", "load"
     if one["of"] == "bending":
-        kind = "mean of the readings"
+        kind, what = "mean of the readings", "stiffness"
     elif one["of"] == "shear":
         reach = f", up to {one['largest_angle_deg']:.1f}°"
     else:
         reach = f", up to a strain ln λ of {_short(one['largest_strain'])}"
+    error = np.fmax.reduce([c["residual_rms_over_largest"] for c in one["curves"]])
+    text = f"{_error(error, what)}: {kind}{reach}, "
     if one["systematic"]:
+        off = max(map(_systematic, one["curves"]))
         names = ", ".join(one["systematic"])
-        return title, "bad", f"{kind}{reach}: does not follow {names}"
+        text += f"deviates systematically from {names} by {_percent(off)}"
+        return title, "bad" if off > _MACHINE else "", text
     if one["specimens_differ_beyond_noise"]:
-        return title, "", f"{kind}{reach}: the specimens differ beyond their noise"
-    return title, "good", f"{kind}{reach}: follows the data within the noise"
+        return title, "", f"{text}the specimens differ beyond their noise"
+    return title, "good", f"{text}follows the data within the noise"
+
+
+def _systematic(curve: Mapping[str, Any]) -> float:
+    """Smooth part of the residuals of a curve relative to its largest value.
+
+    The covariance of neighbouring residuals is the variance of the smooth part, because
+    noise is independent from point to point.
+    """
+    smooth = max(curve["correlation_of_neighbours"], 0.0)
+    return float(curve["residual_rms_over_largest"] * np.sqrt(smooth))
 
 
 def _prediction_row(one: Mapping[str, Any]) -> Row:
     share = f"{100 * one['inside_simultaneous']:.0f} %"
-    text = f"{share} of the smooth curve is inside the band of a whole curve"
+    inside = f"{share} of the smooth curve is inside the band of a whole curve"
+    error, name = one["rms_over_largest_force"], f"Prediction of {one['name']}"
+    text = _error(error, "load")
     if one["confirmed"]:
-        return f"Prediction of {one['name']}", "good", f"confirmed: {text}"
-    return f"Prediction of {one['name']}", "bad", f"not confirmed: only {text}"
+        return name, "good", f"{text}: confirmed, {inside}"
+    mark = "bad" if error > _MACHINE else ""
+    return name, mark, f"{text}: not confirmed, only {inside}"
+
+
+def _error(error: float, what: str) -> str:
+    return f"error of the {what} {_percent(error)} of its largest value, rms"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %"
 
 
 def _law(title: str, one: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ import json
 import tempfile
 import tomllib
 from argparse import Namespace
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from math import isnan
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 from ..cases.build import case_from_file
 from ..cases.write import CASE
 from ..mesh.user_input import printable
+from ..solve.quantities import first_rows
 from .curve import CURVE, Curve, completed, read_test_curve
 from .output import say
 from .page import Row, formatted, rows, sources, write_page
@@ -20,23 +21,6 @@ from .results import CURVES, draw_curves
 
 #: File of the report.
 REPORT = "report.html"
-
-# Figures at the top of the report, and their labels.
-_FIGURES = {
-    "load_factor": "Load factor reached",
-    "reaction_x": "Force on the driven edge along x (N)",
-    "reaction_y": "Force on the driven edge along y (N)",
-    "load_over_exact": "Load relative to the exact load",
-    "max_shear_angle_deg": "Largest shear angle (°)",
-    "max_fibre_strain": "Largest fibre strain in the tension law",
-    "max_fibre_tension": "Largest fibre tension (N/mm)",
-    "energy": "Energy (N·mm)",
-    "n_elements": "Elements",
-    "n_dofs": "Unknowns",
-    "load_steps": "Load steps",
-    "linear_solves": "Linear solves",
-    "wall_time_s": "Run time (s)",
-}
 
 # Acceptance checks of the last state: name, text if passed, text if failed.
 _CHECKS = {
@@ -83,17 +67,14 @@ def run(options: Namespace) -> int:
             curve = read_test_curve(folder / CURVE)
             curves, no_curves = _drawn_curves(curve, folder, test)
     scene = printable(summary.get("scene", "run")).replace("_", " ").capitalize()
-    figures = {k: v for k, v in summary.items() if k not in ("inputs", "versions")}
+    apart = "inputs", "versions", "first"
+    values = {k: v for k, v in summary.items() if k not in apart}
     content = {
         "title": f"{scene}, {printable(summary.get('formulation', 'unknown'))}",
         "converged": summary.get("converged") is True,
         "load_factor": summary.get("load_factor"),
-        "verdict": list(_verdict(summary)),
-        "figures": [
-            (name, "number", summary[key])
-            for key, name in _FIGURES.items()
-            if summary.get(key) is not None
-        ],
+        "first": _first(folder, summary),
+        "checks": list(_checks(summary)),
         "curves": curves,
         "columns": list(curve),
         "points": _points(curve),
@@ -101,7 +82,7 @@ def run(options: Namespace) -> int:
         "no_curves": no_curves,
         "pictures": sources(folder, _PICTURES),
         "case": text,
-        "every_figure": rows(figures),
+        "every_value": rows(values),
         "versions": rows(summary.get("versions")),
     }
     with ResultFolder(folder, (REPORT,)) as scratch:
@@ -110,7 +91,16 @@ def run(options: Namespace) -> int:
     return 0
 
 
-def _verdict(summary: Mapping[str, Any]) -> Iterator[Row]:
+def _first(folder: Path, summary: Mapping[str, Any]) -> Sequence[Row]:
+    """Rows that the run has printed."""
+    try:
+        return first_rows(summary)
+    except (TypeError, ValueError):
+        damaged = f"{printable(folder / 'summary.json')} is damaged: repeat the run"
+        raise ValueError(damaged) from None
+
+
+def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
     """Rows for the acceptance checks of the last state."""
     for key, (name, good, bad) in _CHECKS.items():
         holds = summary.get(key)
@@ -125,12 +115,6 @@ def _verdict(summary: Mapping[str, Any]) -> Iterator[Row]:
             yield "Elements", "good", f"none folded, {smallest}"
         else:
             yield "Elements", "bad", smallest
-    half, how = summary.get("load_half_width"), summary.get("error_interval", "")
-    if isinstance(half, int | float):
-        how = f"± {100 * half:.2g} % {printable(how)}".strip()
-    yield "Error interval of the load", "", how or "none"
-    if "not_on_tool" in summary:
-        yield "Tool", "bad", summary["not_on_tool"]
     if "exact_answer" in summary:
         yield "Exact solution", "", summary["exact_answer"]
 

@@ -14,6 +14,7 @@ from ..drape import Axes, FlatPattern, Sheet, ToolMesh, fibres_on_tool, flat_pat
 from ..mesh.checks import MeshError
 from ..mesh.user_input import printable
 from ..scenes import Scene
+from ..solve.quantities import Quantity
 from ..solve.result import Result, StepError
 from .curve import (
     ANGLE,
@@ -149,6 +150,18 @@ def write_patterns(folder: Path, patterns: Sequence[FlatPattern]) -> None:
             io.write_pattern(folder / name, patterns)
 
 
+# Figures of exports that are printed, or the reasons why there are none.
+_FIRST = (
+    Quantity("Part", "part"),
+    Quantity(
+        *("Part covered", "part_covered_share_of_elements", "%"),
+        note=" of its elements",
+    ),
+    Quantity("Flat pattern", "pattern"),
+    Quantity("Flat pattern", "pattern_area_mm2", "mm²"),
+)
+
+
 @dataclass(frozen=True, eq=False)
 class DrapeExport:
     """Export of a draped ply: elements of the part, and curves that trim the pattern.
@@ -197,6 +210,12 @@ class DrapeExport:
             except ValueError as error:
                 figures[what] = f"not written: {error}"
         return figures
+
+    @staticmethod
+    def added(summary: Mapping[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:
+        """Summary of a run with the figures of `write`, which are printed too."""
+        first = [quantity.declared() for quantity in _FIRST] if figures else []
+        return {**summary, **figures, "first": [*summary["first"], *first]}
 
     def missing(self, figures: Mapping[str, Any]) -> list[str]:
         """Requested exports that `write` has not written, with reasons."""

@@ -19,6 +19,7 @@ from ..cases.write import WRITTEN_FILES, WrittenCase, refuse_foreign_case, table
 from ..mesh.user_input import printable
 from ..scenes.case import Case
 from ..solve.interval import ErrorInterval
+from ..solve.quantities import first_rows
 from ..solve.result import Result, StepError
 from ..solve.states import State
 from ..solve.tolerance import ToleranceStepper
@@ -26,6 +27,7 @@ from . import results
 from .curve import CURVE, curve_of, read_test_curve, write_curve
 from .interruption import INTERRUPTED, held
 from .output import STOPPED_EARLY, OutputError, complain, say
+from .page import say_rows
 from .progress import load, log_to_stderr, shown
 from .result_folder import ResultFolder
 from .run_options import tables_of_options
@@ -104,7 +106,8 @@ def _run(file: CaseFile, options: argparse.Namespace) -> int:
         with held():
             with out as folder:
                 exported = export.write(result, case.scene.axes, folder)
-                io.write_summary(summary | exported, folder / "summary.json")
+                summary = export.added(summary, exported)
+                io.write_summary(summary, folder / "summary.json")
                 io.write_history(result, folder / "history.csv", case.scene.axes)
                 write_curve(curve, folder / CURVE)
                 written.write(folder)
@@ -115,9 +118,9 @@ def _run(file: CaseFile, options: argparse.Namespace) -> int:
         if code != INTERRUPTED:
             # Include the error interval.
             with shown("estimating the error"):
-                summary = case.summary(result) | provenance | exported
+                summary = export.added(case.summary(result) | provenance, exported)
                 curve = curve_of(case.scene, result)
-            _write_again(summary, curve, options.out)
+            _write_again(summary, curve, options)
     except OutputError as error:
         raise OutputError(f"{error}; {_checkpoint_note(stepper)}") from None
     except KeyboardInterrupt:
@@ -130,15 +133,16 @@ def _run(file: CaseFile, options: argparse.Namespace) -> int:
     if (
         case.pictures
         and code != INTERRUPTED
-        and not _draw(case, refusal or result, curve, test, options.out)
+        and not _draw(case, refusal or result, curve, test, options)
     ):
         code = INTERRUPTED
     if code == 0 and (missing := export.missing(exported)):
         code, message = STOPPED_EARLY, "; ".join(missing)
-    del summary["inputs"], summary["versions"]
-    for key, value in summary.items():
-        _print_figure(key, value)
-    say(f"results written to {printable(options.out)}")
+    if options.json:
+        say((options.out / "summary.json").read_text(encoding="utf-8"), end="")
+    else:
+        say_rows(first_rows(summary))
+        say(f"results written to {printable(options.out)}: all values in summary.json")
     if message:
         complain(message)
     return code
@@ -178,16 +182,18 @@ def _to_tolerance(
     )
 
 
-def _write_again(summary: Mapping[str, Any], curve: "Curve", out: Path) -> None:
+def _write_again(
+    summary: Mapping[str, Any], curve: "Curve", options: argparse.Namespace
+) -> None:
     """Replace summary and curve without an error interval, if possible."""
     from .. import io
 
     try:
-        with held(), ResultFolder(out, ("summary.json", CURVE)) as folder:
+        with held(), ResultFolder(options.out, ("summary.json", CURVE)) as folder:
             io.write_summary(summary, folder / "summary.json")
             write_curve(curve, folder / CURVE)
     except OSError as error:
-        say(f"the error interval was not written: {printable(error)}")
+        _note(f"the error interval was not written: {printable(error)}", options)
 
 
 def _without_interval(result: Result) -> Result:
@@ -199,13 +205,9 @@ def _interrupted(state: State) -> ErrorInterval:
     return ErrorInterval(reason="interrupted")
 
 
-def _print_figure(key: str, value: Any) -> None:
-    """Print a figure, or each item of a list on a line."""
-    for part in value if isinstance(value, list) else [value]:
-        text = f"{part:.6g}" if isinstance(part, float) else part
-        if isinstance(part, dict):
-            text = ", ".join(f"{name} {x}" for name, x in part.items())
-        say(f"{key:33} {text}")
+def _note(text: str, options: argparse.Namespace) -> None:
+    """Print a note; to stderr if stdout is for JSON."""
+    (complain if options.json else say)(text)
 
 
 def _draw(
@@ -213,17 +215,17 @@ def _draw(
     run: Result | StepError,
     curve: "Curve",
     test: "Curve | None",
-    out: Path,
+    options: argparse.Namespace,
 ) -> bool:
     """Draw pictures, or print the reason why not; False after an interruption.
 
     The numbers are already written.
     """
     try:
-        with ResultFolder(out, _PICTURES) as folder, shown("drawing pictures"):
+        with ResultFolder(options.out, _PICTURES) as folder, shown("drawing pictures"):
             results.draw(case.scene, run, curve, test, folder)
     except Exception as error:
-        say(f"the pictures were not drawn: {printable(error)}")
+        _note(f"the pictures were not drawn: {printable(error)}", options)
     except KeyboardInterrupt:
         complain("interrupted: the numerical results are written, the pictures are not")
         return False

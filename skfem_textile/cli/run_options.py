@@ -225,6 +225,11 @@ def _add_course(parser: argparse.ArgumentParser) -> None:
         help="resume an interrupted run from its checkpoint, and continue to write it",
     )
     parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print summary.json instead of the first quantities",
+    )
+    parser.add_argument(
         "-v",
         "--verbose",
         action="count",

@@ -1,12 +1,14 @@
 """Figures of a formed ply for summaries, and advice."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from ..drape.risks import COARSE, share_of_area, wrinkle_risk
 from ..ply import Ply
+from ..solve.quantities import Quantity
 from ..solve.result import Result
 from ..solve.states import State
 from .contact import (
@@ -29,14 +31,14 @@ from .tool import ToolContact
 _RAYS = (0, 45, 90)
 
 
-def formed(result: Result) -> dict[str, float | str]:
+def formed(result: Result) -> dict[str, Any]:
     """Figures of the last state of a ply between tools in N, mm and degrees; advice.
 
     For each tool the last row of `tool_history` and, except for holders with a
     prescribed pressure, ``NAME_penetration_mm``, the largest depth of the ply in the
     tool between nodes (`smallest_gap`).  Places are in the axes ``stated`` by the
     tools.  Of the ply the draw-in, the areal weight relative to the flat ply
-    (`areal_weight`), and risks.
+    (`areal_weight`), and risks.  ``first`` declares the figures that are printed first.
 
     Parameters
     ----------
@@ -68,7 +70,36 @@ def formed(result: Result) -> dict[str, float | str]:
         "max_turn_of_normal_deg": float(turn.max()),
         **(_untouched(ply, history) if result.converged else {}),
         **_advice(result, tools, turn, at_risk),
+        "first": [quantity.declared() for quantity in _first(result)],
     }
+
+
+# Computed part of a ply by its number of planes of symmetry.
+_PARTS = "", " on the computed half", " on the computed quarter"
+
+# Texts among the figures.
+_NOTES = "not_formed", "untouched_tools", "coarse_elements", "wrinkles"
+
+
+def _first(result: Result) -> list[Quantity]:
+    """Figures that are printed first; of the tool that travels farthest."""
+    t, ply = result.states[-1].load_factor, result.ply
+    name = max(pressing(ply), key=lambda tool: travel(tool, t)).name
+    planes = [*ply.fibre_ends.values()].count("mirror")
+    of = name.replace("_", " ").capitalize()
+    return [
+        Quantity(
+            *(f"{of} force", f"{name}_force_N", "N"),
+            has_interval=True,
+            note=_PARTS[planes],
+        ),
+        Quantity(f"{of} travel", f"{name}_travel_mm", "mm"),
+        Quantity(
+            *("Largest draw-in", "max_draw_in_mm", "mm", "max_draw_in_at_flat"),
+            note=" of the flat ply",
+        ),
+        *(Quantity("Note", key) for key in _NOTES),
+    ]
 
 
 def tool_history(result: Result) -> dict[str, ndarray]:

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from typing import Any
 
 from ..fabric import Fabric
 from ..ply import Ply
@@ -99,7 +100,7 @@ class Case:
         """Apply the whole load; see `stepper` and `LoadStepper.run` for errors."""
         return self.stepper().run()
 
-    def summary(self, result: Result) -> dict[str, str | int | float | bool]:
+    def summary(self, result: Result) -> dict[str, Any]:
         """Summary as `Scene.summary`; with further loads there is no exact solution."""
         scene = self.scene
         if self.loads:

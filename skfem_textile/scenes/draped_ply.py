@@ -35,7 +35,7 @@ from ..solve.surface import OffSurfaceError, OnSurface, Surface, onto
 from ..solve.surface.surface import displacement, geodesics
 from .edge_tension import AROUND, EdgeTension, edge_net
 from .flat_ply import PlyOptions, flat_ply, in_planes
-from .on_tool import CELLS, measured_on_tool
+from .on_tool import CELLS, FIRST_ON_TOOL, measured_on_tool
 from .rectangle import misfit
 from .scene import Scene, unknown
 
@@ -164,6 +164,7 @@ def draped_ply(
         fibre_ends=dict.fromkeys(held, "mirror"),
         loads_of=laid.edge_tension,
         figures=partial(shear_errors, exact=exact),
+        first=FIRST_ON_TOOL,
         measured=partial(measured_on_tool, axes=axes, holding={} if held else held_at),
         misfit=misfit(flat, held) or off_exact(flat.p),
         axes=axes,

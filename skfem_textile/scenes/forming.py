@@ -40,6 +40,7 @@ from ..mesh.checks import MeshError
 from ..mesh.user_input import real_numbers
 from ..ply.terms import VectorTerm
 from ..solve.conditions import Condition
+from ..solve.quantities import Quantity
 from ..solve.result import Result
 from ..solve.surface import Surface
 from .flat_ply import PlyOptions, flat_ply, free_edges, in_planes
@@ -134,6 +135,7 @@ def formed_ply(
         fibre_ends=dict.fromkeys(held, "mirror"),
         loads=(ConstantTension(tension, held),) if tension else (),
         tools=tuple(replace(tool, stated=axes.of_tool) for tool in tools),
+        first=(Quantity("Note", "held"),),
         measured=partial(_measured, holding=() if held else tuple(held_at)),
         misfit=_NO_EXACT,
         axes=axes,

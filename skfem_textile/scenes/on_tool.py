@@ -15,11 +15,11 @@ from ..drape import (
     net,
     off_triangles,
     turn_of_normal,
-    wrinkle_risk,
 )
 from ..drape.risks import COARSE, share_of_area
 from ..solve.conditions import Condition
-from ..solve.result import Result
+from ..solve.quantities import Quantity
+from ..solve.result import Result, components_mm
 from ..solve.surface import OnSurface, Surface
 
 #: Number of cells of a net along the longer side of the ply.  Chosen: the error of the
@@ -73,14 +73,31 @@ _NO_NET = (
 )
 
 
+#: Those of the figures of `measured_on_tool` that are printed first.
+FIRST_ON_TOOL = (
+    Quantity(
+        *("Largest tool pressure", "max_contact_pressure_N_per_mm2", "N/mm²"),
+        has_interval=True,
+    ),
+    Quantity("Bridging", "bridging_share_of_area", "%", note=" of the area"),
+    *(
+        Quantity("Note", key)
+        for key in (
+            *("not_on_tool", "beyond_tool", "off_triangles", "coarse_elements"),
+            *("faces_away", "not_the_net"),
+        )
+    ),
+)
+
+
 def measured_on_tool(
     result: Result, axes: Axes, holding: Mapping[str, Condition]
 ) -> dict[str, float | str]:
-    """Largest shear, contact pressures, area fractions of defects, and advice.
+    """Contact point, contact pressures, area fractions of defects, and advice.
 
-    Positions are in the axes of the tool; ``axes`` are the axes of the ply relative to
-    the tool; ``holding`` are conditions on single nodes that prevent sliding.  Empty
-    for a ply that is not on its tool.
+    The contact point is in the axes of the tool; ``axes`` are the axes of the ply
+    relative to the tool; ``holding`` are conditions on single nodes that prevent
+    sliding.  Empty for a ply that is not on its tool.
     """
     ply, state = result.ply, result.states[-1]
     u, surface = state.u, result.tool(1.0)
@@ -94,7 +111,7 @@ def measured_on_tool(
     figures, advice = _figures(result, measured), _advice(result, surface, measured)
     if holding:
         figures["max_holding_force_N"] = _holding_force(result, surface, holding)
-    return {**_positions(result, axes), **figures, **advice}
+    return {**components_mm("touches_at", axes.origin), **figures, **advice}
 
 
 class _Measured(NamedTuple):
@@ -105,28 +122,12 @@ class _Measured(NamedTuple):
     beyond: ndarray | None
 
 
-def _positions(result: Result, axes: Axes) -> dict[str, float]:
-    """Initial contact point of ply and tool, and position of the largest shear."""
-    ply, u = result.ply, result.u
-    sheared = np.abs(ply.shear_angle(u)).max(axis=1).argmax()
-    corners = ply.mesh.t[:, sheared]
-    x = ply.positions(u)
-    centre = axes.of_tool(x[:, corners].mean(axis=1, keepdims=True))[:, 0]
-    return {
-        f"{what}_at_{axis}_mm": at
-        for what, point in (("touches", axes.origin), ("max_shear_angle", centre))
-        for axis, at in zip("xyz", point.tolist(), strict=True)
-    }
-
-
 def _figures(result: Result, measured: _Measured) -> dict[str, float]:
     ply, u, pressure = result.ply, result.u, measured.pressure
-    at_risk = wrinkle_risk(ply, u, result.states[-1].parameters)
     figures = {
         "max_contact_pressure_N_per_mm2": float(pressure.max()),
         "min_contact_pressure_N_per_mm2": float(pressure.min()),
         "bridging_share_of_area": share_of_area(ply, bridging(ply, u, pressure)),
-        "wrinkle_risk_share_of_area": share_of_area(ply, at_risk),
         "max_turn_of_normal_deg": float(measured.turn_deg.max()),
     }
     if measured.beyond is not None:

@@ -3,16 +3,18 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..drape import SAME_AXES, Axes
+from ..drape import SAME_AXES, Axes, wrinkle_risk
+from ..drape.risks import share_of_area
 from ..fabric import Fabric, Law, is_zero
 from ..solve.conditions import Condition
-from ..solve.result import Result
+from ..solve.quantities import Quantity
+from ..solve.result import Driven, Result
 from ..solve.states import State
 from ..solve.surface import OnSurface
 from .shear_test import BiasTest, FrameTest
@@ -98,6 +100,8 @@ class Scene:
         Further figures of a result, besides exact ones.
     measured
         Further figures of a result that need no exact solution.
+    first
+        Those of the figures that are printed first, before those of every ply.
     axes
         Axes of the scene in the axes of the tool on which the ply lies.
     initial_guess
@@ -126,6 +130,7 @@ class Scene:
     loads_of: "Callable[[Fabric], Sequence[Load]]" = _no_loads
     figures: Callable[[Result], Mapping[str, float]] = _no_figures
     measured: Callable[[Result], Mapping[str, float | str]] = _no_figures
+    first: Sequence[Quantity] = ()
     axes: Axes = SAME_AXES
     initial_guess: "Callable[[Ply], ndarray | None]" = _no_guess
 
@@ -237,6 +242,30 @@ class Scene:
             )
         return vectors[name]
 
+    def driven_curve(self, result: Result) -> tuple[ndarray, ndarray]:
+        """Displacement in mm and force in N of each state, shape (n_states,).
+
+        Of the machine for a shear test, else of the driven edge along the axis of its
+        larger displacement.  Forces below the equilibrium tolerance are 0.
+        """
+        moved = np.array([self.driven_displacement(one) for one in result.states])
+        force = np.array([self.reaction(one) for one in result.states])
+        left = np.array([one.tolerance for one in result.states])
+        force[np.abs(force) <= result.ply.nodes.shape[1] * left[:, None]] = 0.0
+        if self.shear_test is not None:
+            return self.shear_test.measured(moved, force)
+        axis = np.abs(moved).max(axis=0).argmax()
+        return moved[:, axis], force[:, axis]
+
+    def _driven(self, result: Result) -> Driven | None:
+        """Driven edge in the last state; None for a ply on or between tools."""
+        if not isinstance(self.conditions.get(self.driven), Condition):
+            return None
+        displacement, force = (x[-1].item() for x in self.driven_curve(result))
+        if self.shear_test is not None:
+            return Driven("machine", "machine", displacement, force)
+        return Driven(self.driven, self.reacting or self.driven, displacement, force)
+
     def _unrotated(self, vector: ndarray) -> ndarray:
         turn = self.turn.T if len(vector) == 2 else self.axes.turn
         return turn @ vector
@@ -289,7 +318,7 @@ class Scene:
             "shear_angle_error_rms_deg": float(np.degrees(rms_angle)),
         }
 
-    def summary(self, result: Result) -> dict[str, str | int | float | bool]:
+    def summary(self, result: Result) -> dict[str, Any]:
         """Summary of the result with the reaction and errors of this scene.
 
         If the exact solution is valid on the mesh, the summary contains
@@ -299,9 +328,14 @@ class Scene:
         state = result.states[-1]
         reaction = self.reaction(state).tolist()
         carried = state.shares.get(f"{self.reacting or self.driven}_reaction", {})
+        summary = result.summary(self._driven(result))
+        at_risk = wrinkle_risk(result.ply, result.u, state.parameters)
         return {
             "scene": self.name,
-            **result.summary(),
+            **summary,
+            "first": [*(one.declared() for one in self.first), *summary["first"]],
+            **(result.place_of_shear(self.axes.of_tool) if self.dimension == 3 else {}),
+            "wrinkle_risk_share_of_area": share_of_area(result.ply, at_risk),
             **{f"reaction_{x}": f for x, f in zip("xyz", reaction, strict=False)},
             **{f"reaction_share_of_{k}": v for k, v in carried.items()},
             **self._load_over_exact(result, reaction[1]),

@@ -8,6 +8,7 @@ from skfem import Mesh
 from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..ply.loads import BodyForce
 from ..solve.conditions import Condition
+from ..solve.quantities import Quantity
 from ..solve.result import Result
 from .elastica import buckled, hanging, peirce
 from .rectangle import misfit, rectangle
@@ -55,6 +56,13 @@ def strip_with_ends(
             )
     return mesh
 
+
+# Figures of a cantilever that are printed first.
+_FIRST_OF_CANTILEVER = (
+    Quantity("Chord angle", "chord_angle_deg", "°"),
+    Quantity("Tip, along x", "tip_x_mm", "mm"),
+    Quantity("Tip, along z", "tip_z_mm", "mm"),
+)
 
 #: Width of strips in mm (ASTM D1388).
 WIDTH = 25.0
@@ -107,6 +115,7 @@ def cantilever(
         dimension=3,
         fibre_ends={"left": "clamped"},
         loads=(BodyForce((0.0, 0.0, -weight), name="weight"),),
+        first=_FIRST_OF_CANTILEVER,
         figures=partial(_cantilever_figures, length=overhang, weight=weight),
         misfit=misfit(mesh, ENDS),
     )
@@ -200,6 +209,7 @@ def buckling(
         driven="right",
         dimension=3,
         loads=(BodyForce((0.0, 0.0, push), factor=1.0, name="push"),) if push else (),
+        first=(Quantity("Height of the buckle", "height_mm", "mm"),),
         figures=partial(
             _buckling_figures, length=length, width=width, shortening=shortening
         ),

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from html import escape
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -17,6 +18,7 @@ from .conditions import Conditions
 from .continuation import path_warning
 from .interval import ErrorInterval
 from .linear.solver import Choice
+from .quantities import OF_PLY, Quantity, first_rows
 from .states import State
 from .surface import OnSurface, Surface
 
@@ -47,7 +49,31 @@ class ToolMotion(NamedTuple):
         return f"{self.name} {self.amount:.1f}{' mm' if self.unit == 'mm' else '°'}"
 
 
-@dataclass(frozen=True, eq=False)
+class Driven(NamedTuple):
+    """Displacement of a boundary in mm and load in N, along one axis.
+
+    ``moved`` and ``loaded`` are the names of the boundaries.
+    """
+
+    moved: str
+    loaded: str
+    displacement: float
+    load: float
+
+    def figures(self) -> dict[str, Any]:
+        """Figures of a summary, and how ``first`` declares them."""
+        quantities = [
+            Quantity(f"Load ({self.loaded})", "load_N", "N", has_interval=True),
+            Quantity(f"Displacement ({self.moved})", "displacement_mm", "mm"),
+        ]
+        return {
+            "load_N": self.load,
+            "displacement_mm": self.displacement,
+            "first": [one.declared() for one in quantities],
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """Converged states of a run, beginning with the undeformed ply.
 
@@ -160,7 +186,7 @@ class Result:
         """
         factors = [state.load_factor for state in self.states]
         motions = []
-        for tool in (x for x in self.ply.terms if isinstance(x, ContactTerm)):
+        for tool in self._tools():
             if any(np.any(tool.travel(x)) for x in factors):
                 far = float(np.linalg.norm(tool.travel(t)))
                 motions.append(ToolMotion(tool.name, far, "mm"))
@@ -246,9 +272,12 @@ class Result:
             rows.append(row)
         return rows
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self, driven: Driven | None = None) -> dict[str, Any]:
         """Summary of the last converged state and of the run, in N, mm and degrees.
 
+        ``first`` lists the quantities that are printed first, with names and units
+        (`Quantity`).  ``load_N`` and ``displacement_mm`` are those of ``driven``; by
+        default of the condition and axis with the largest product of both.
         ``max_fibre_strain`` is the largest magnitude of the strain in the tension law;
         ``max_fibre_tension`` and ``max_shear_angle_deg`` are largest values at the
         integration points of the ply.  ``mesh_fibre_strain`` is evaluated at the fine
@@ -271,6 +300,7 @@ class Result:
             none = "" if angle is None else "; none for the load"
             how = f"{how}{none}: {error.reason}"
         tension = ply.fibre_tension(u, state.parameters)
+        of_load, of_tools = self._figures_of_load(driven), self._figures_of_tools()
         return {
             "formulation": ply.formulation.name,
             "n_elements": int(ply.mesh.nelements),
@@ -291,6 +321,8 @@ class Result:
             "mesh_fibre_strain": verdict.mesh_fibre_strain,
             "max_fibre_tension": float(np.abs(tension).max()),
             "max_shear_angle_deg": float(np.degrees(np.abs(ply.shear_angle(u)).max())),
+            **self.place_of_shear(),
+            **of_load,
             "load_half_width": error.load,
             "shear_angle_error_deg": (
                 None if angle is None else float(np.degrees(angle))
@@ -302,28 +334,93 @@ class Result:
             "solver": self.solver.name,
             "solver_reason": self.solver.reason,
             **({"not_on_tool": self.not_on_tool} if self.not_on_tool else {}),
-            **self._figures_of_tools(),
+            **of_tools,
+            "first": [
+                *of_load.get("first", []),
+                *of_tools.get("first", []),
+                *(one.declared() for one in OF_PLY),
+            ],
             **({"warnings": self.warnings} if self.warnings else {}),
         }
 
+    def place_of_shear(
+        self, stated: Callable[[ndarray], ndarray] = lambda x: x
+    ) -> dict[str, float]:
+        """Centre of the element with the largest shear angle in mm, for a summary.
+
+        Positions, shape (d, n), are converted by ``stated``.  Empty for a ply that is
+        not on its tool.
+        """
+        if self.not_on_tool:
+            return {}
+        ply, angle = self.ply, np.abs(self.ply.shear_angle(self.u)).max(axis=1)
+        corners = ply.positions(self.u)[:, ply.mesh.t[:, angle.argmax()]]
+        place = stated(corners.mean(axis=1, keepdims=True))[:, 0]
+        return components_mm("max_shear_angle_at", place)
+
+    def _figures_of_load(self, driven: Driven | None) -> dict[str, Any]:
+        """Load and displacement; the largest displacement if only loads deform a ply.
+
+        Without ``driven`` of the condition and axis with the largest product of both.
+        """
+        state, tools = self.states[-1], self._tools()
+        if driven is None and not self.surfaces:
+            least = self.ply.nodes.shape[1] * state.tolerance
+            pairs = [
+                Driven(name, name, moved, force)
+                for name in state.displacements.keys() - {tool.name for tool in tools}
+                for moved, force in zip(
+                    state.displacements[name].tolist(),
+                    state.reactions[name].tolist(),
+                    strict=True,
+                )
+                if moved and abs(force) > least
+            ]
+            driven = max(
+                pairs, key=lambda x: abs(x.displacement * x.load), default=None
+            )
+        if driven is not None:
+            return driven.figures()
+        if self.surfaces or tools:
+            return {}
+        largest = np.linalg.norm(self.ply.nodal(self.u), axis=0).max()
+        first = Quantity("Largest displacement", "max_displacement_mm", "mm")
+        return {"max_displacement_mm": float(largest), "first": [first.declared()]}
+
+    def _tools(self) -> list[ContactTerm]:
+        return [x for x in self.ply.terms if isinstance(x, ContactTerm)]
+
     def _figures_of_tools(self) -> dict[str, Any]:
-        tools = (x for x in self.ply.terms if isinstance(x, ContactTerm))
         figures: dict[str, Any] = {}
-        for figures_of in dict.fromkeys(type(tool).figures for tool in tools):
+        for figures_of in dict.fromkeys(type(tool).figures for tool in self._tools()):
             figures |= figures_of(self)
         return figures
 
-    def __repr__(self) -> str:
+    def _head(self) -> str:
         end = "converged" if self.converged else "stopped early"
         return (
-            f"<Result: {end} at load factor {self.states[-1].load_factor:g}, "
-            f"{len(self.states) - 1} steps, {self.linear_solves} linear solves>"
+            f"Result: {end} at load factor {self.states[-1].load_factor:g}, "
+            f"{len(self.states) - 1} steps, {self.linear_solves} linear solves"
         )
+
+    def __repr__(self) -> str:
+        """Quantities that are read first, with units and the error interval."""
+        rows = (f"  {name:22}  {text}" for name, _, text in first_rows(self.summary()))
+        return "\n".join([self._head(), *rows])
+
+    def _repr_html_(self) -> str:
+        """The same as a table, for notebooks."""
+        rows = (
+            f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>"
+            for name, _, text in first_rows(self.summary())
+        )
+        return f"<table><caption>{self._head()}</caption>{''.join(rows)}</table>"
 
     def __str__(self) -> str:
         """A compact table of the states; if they are many, of an even selection.
 
-        With the travel of each tool that moves in mm, and its rotation in degrees.
+        With the travel of each tool that moves in mm, and its rotation in degrees; then
+        the quantities that are read first.
         """
         of_tools = [f"{x.name} ({x.unit})" for x in self.tool_motions(0.0)]
         tools = "".join(f"  {head:>9}" for head in of_tools)
@@ -345,7 +442,7 @@ class Result:
             )
         if left_out := len(self.states) - len(chosen):
             lines.append(f"          … {left_out} more states in between: see .states")
-        return "\n".join([*lines, repr(self)[1:-1]])
+        return "\n".join([*lines, repr(self)])
 
 
 def _no_interval(state: State) -> ErrorInterval:
@@ -400,6 +497,12 @@ class StepError(CopiedError, RuntimeError):
             elements,
             getattr(error, "quantity", ""),
         )
+
+
+def components_mm(name: str, point: ndarray) -> dict[str, float]:
+    """Components of a position in mm by key, such as ``NAME_x_mm``."""
+    axes = zip("xyz", point.tolist(), strict=False)
+    return {f"{name}_{axis}_mm": x for axis, x in axes}
 
 
 def _energies(state: State) -> dict[str, float]:

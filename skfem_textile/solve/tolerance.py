@@ -11,7 +11,8 @@ import numpy as np
 
 from ..mesh.user_input import error_text
 from .interval import ErrorInterval
-from .result import Result, StepError
+from .quantities import Quantity
+from .result import Driven, Result, StepError
 from .states import State
 from .stepper import LoadStepper
 
@@ -91,9 +92,14 @@ class ToleranceResult(Result):
             self.converged and half is not None and half <= self.tolerance and carried
         )
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self, driven: Driven | None = None) -> dict[str, Any]:
         """As in `Result`, with ``tolerance``, ``tolerance_met`` and ``rounds``."""
-        return super().summary() | {
+        summary = super().summary(driven)
+        met = "met" if self.tolerance_met else "not met"
+        note = f" of the load: {met} on mesh {len(self.rounds)}"
+        tolerance = Quantity("Tolerance", "tolerance", "%", note=note)
+        summary["first"].append(tolerance.declared())
+        return summary | {
             "tolerance": self.tolerance,
             "tolerance_met": self.tolerance_met,
             "rounds": [asdict(one) for one in self.rounds],

@@ -254,7 +254,9 @@ def test_a_test_that_was_not_used_is_predicted_and_compared(tmp_path, capsys):
     assert row["confirmed"]
     assert row["inside_simultaneous"] == 1.0
     assert row["largest_over_largest_force"] < 0.05
-    assert "Prediction of held.csv  confirmed" in capsys.readouterr().out
+    error = f"{100 * row['rms_over_largest_force']:.2g} % of its largest value, rms"
+    first = f"Prediction of held.csv  error of the load {error}: confirmed, "
+    assert first in capsys.readouterr().out
     page = Page((out / "report.html").read_text(encoding="utf-8"))
     for part in ("Inside the band of the curve", "Load lost to fibre stretch"):
         assert part in page.text
@@ -263,7 +265,7 @@ def test_a_test_that_was_not_used_is_predicted_and_compared(tmp_path, capsys):
     how = *validated, wrong, "--no-render"
     assert fit("bias-extension", *data, *known, *how) == 0
     assert "the prediction is not confirmed" in capsys.readouterr().out
-    assert "not confirmed: only" in Page((out / "report.html").read_text()).text
+    assert "not confirmed, only" in Page((out / "report.html").read_text()).text
 
 
 def test_only_shear_tests_are_predicted(tmp_path, capsys):

@@ -12,6 +12,7 @@ from skfem_textile import CrimpInterchange, CrimpToe, Linear, Locking, Polynomia
 from skfem_textile.calibration import BiasExtension, PictureFrame
 from skfem_textile.cases import case_from_tables
 from skfem_textile.cli import main as cli
+from skfem_textile.cli.fit_report import _law_row
 from skfem_textile.fabric.files import fabric_text
 from skfem_textile.io import read_fabric
 from tests.helpers.pages import Page, references
@@ -204,6 +205,31 @@ def test_at_most_twelve_parameters_are_in_the_table_of_correlations():
     assert len(table["head"]) == 13
     (row,) = (row for row in table["rows"] if row[0] == "p3")
     assert row[1 + [r[0] for r in table["rows"]].index("p14")] == "-0.50"
+
+
+def test_only_deviations_above_the_error_of_a_machine_are_marked(tmp_path):
+    """A parabola that a line fits, with a curvature of 1 % or 30 % of the force."""
+    gamma = np.radians(np.linspace(0.5, 40.0, 60))
+    rows = []
+    for share in (0.01, 0.3):
+        law = Polynomial((0.1, 0.0, 0.1 * share / np.radians(40.0) ** 2), odd=True)
+        file = tmp_path / "pull.csv"
+        write(
+            file,
+            "displacement (mm),force (N)",
+            FRAME.displacement(gamma),
+            FRAME.force(law, gamma),
+        )
+        how = "--law", "linear", "--slack", 0, "--force-at-rest", 0, "--no-render"
+        fit("picture-frame", file, *FRAME_SIZES, *how, "--out", out := tmp_path / "out")
+        (one,) = json.loads((out / "summary.json").read_text())["laws"].values()
+        assert one["systematic"] == ["pull.csv"]
+        rows.append(_law_row("Shear", one))
+        (curve,) = one["curves"]
+        assert rows[-1][2].startswith(
+            f"error of the load {100 * curve['residual_rms_over_largest']:.2g} %"
+        )
+    assert [mark for _, mark, _ in rows] == ["", "bad"]
 
 
 def test_the_report_of_a_run_does_not_replace_that_of_a_fit(tmp_path, capsys):

@@ -98,7 +98,7 @@ def test_init_writes_a_case_that_requires_a_tool(tool, tmp_path, capsys):
 # Export of a run on a tool: fibres on a part, and its flat pattern
 
 
-def test_fibres_and_pattern_are_exported(tool, tmp_path):
+def test_fibres_and_pattern_are_exported(tool, tmp_path, capsys):
     """On a flat tool the pattern equals the part, and fibres keep their angle."""
     flat = write(tmp_path / "flat.stl", *plate(height=lambda x, y: 0 * x))
     x, t = plate(40.0, 9, lambda x, y: 0 * x)
@@ -109,6 +109,8 @@ def test_fibres_and_pattern_are_exported(tool, tmp_path):
     assert result["part_covered_share_of_elements"] == 1
     assert result["pattern_area_mm2"] == pytest.approx(80 * 80, rel=1e-3)
     assert result["pattern_length_mm"] == pytest.approx(4 * 80, rel=1e-3)
+    area = f"Flat pattern            {result['pattern_area_mm2']:.4g} mm²"
+    assert area in capsys.readouterr().out
     fibres = meshio.read(out / "part.vtu")
     np.testing.assert_allclose(fibres.cell_data["warp_angle_deg"][0], 20, atol=1e-6)
     for name in ("part.csv", "part.inp", "pattern.csv", "pattern.svg"):
@@ -174,12 +176,13 @@ def test_a_failed_export_is_reported_beside_other_results(tool, tmp_path, capsys
     assert not (out / "pattern.csv").exists()
 
 
-def test_a_closed_part_has_fibres_and_no_pattern(tmp_path):
+def test_a_closed_part_has_fibres_and_no_pattern(tmp_path, capsys):
     file, out = write_sphere(tmp_path / "ball.stl", 900), tmp_path / "out"
     options = "--part-mesh", str(file), "--width", "100", "--height", "100"
     assert command(out, *options, tool=file) == 0
     result = summary(out)
     assert "is closed" in result["pattern"]
+    assert f"Flat pattern            {result['pattern']}" in capsys.readouterr().out
     assert 0 < result["part_covered_share_of_elements"] < 0.2
 
 

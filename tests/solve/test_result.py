@@ -74,17 +74,24 @@ def test_history_has_a_row_per_state_with_what_is_needed():
     assert result.linear_solves == sum(row["linear_solves"] for row in rows)
 
 
+def parts_of(result):
+    """Lines of a printed result: the states, and the quantities that come first."""
+    table, _, first = str(result).partition("\nResult")
+    return table.splitlines(), first.splitlines()
+
+
 def test_a_printed_result_is_a_table_of_its_states():
     ply, conditions = pulled(0.5)
     result = LoadStepper(ply, conditions, steps=40).run()
-    lines = str(result).splitlines()
+    lines, (head, *first) = parts_of(result)
     assert lines[0].split()[:2] == ["load", "factor"]
-    assert [line.split()[0] for line in lines[1:-2]] == [
+    assert [line.split()[0] for line in lines[1:-1]] == [
         f"{t:.4f}" for t in np.linspace(0, 1, 11)
     ]
-    assert all(line.endswith("yes") for line in lines[1:-2])
-    assert lines[-2].split()[:3] == ["…", "30", "more"]
-    assert "converged at load factor 1, 40 steps" in lines[-1]
+    assert all(line.endswith("yes") for line in lines[1:-1])
+    assert lines[-1].split()[:3] == ["…", "30", "more"]
+    assert "converged at load factor 1, 40 steps" in head
+    assert first
     assert "…" not in str(LoadStepper(ply, conditions, steps=10).run())
 
 
@@ -141,11 +148,53 @@ def test_a_driven_run_is_not_reported_as_motionless(sheet, caplog):
     assert "nothing changes" not in caplog.text
 
 
+def test_a_result_shows_its_load_with_unit_and_interval():
+    scene = bias_extension(size=(2, 4))
+    ply = Ply(scene.mesh, Fabric(1e5, 0.5, scene.warp, scene.weft))
+    ends = {"<clamp>": Condition("bottom"), "<pull>": scene.conditions["top"]}
+    result = LoadStepper(ply, ends, steps=1).run()
+    load, half = result.states[-1].reactions["<pull>"][1], result.error.load
+    shown = f"{load:.4g} ± {half * load:.2g} N"
+    assert f"Load (&lt;pull&gt;)</th><td>{shown}</td>" in result._repr_html_()
+    head, *rows = repr(result).splitlines()
+    assert head.startswith("Result: converged at load factor 1, 1 steps")
+    assert rows[0].split("  ")[1:] == ["Load (<pull>)", *[""] * 4, f" {shown}"]
+    assert len(rows) <= 14
+    assert "Warning" in repr(result)
+
+
+def test_the_load_of_a_result_is_on_the_condition_that_does_work():
+    """A roller moves farther along its free axis, without a force."""
+    ply, conditions = pulled(0.5)
+    result = without_interval(LoadStepper(ply, conditions, steps=2).run())
+    last = result.states[-1]
+    far, across = np.array([0.0, 9.0]), np.array([5.0, 1e-15])
+    roller = replace(
+        last,
+        displacements={"roller": far, **last.displacements},
+        reactions={"roller": across, **last.reactions},
+    )
+    summary = replace(result, states=[roller]).summary()
+    names = [one["name"] for one in summary["first"]]
+    assert names[:2] == ["Load (pull)", "Displacement (pull)"]
+
+
+def test_a_ply_under_loads_alone_shows_its_largest_displacement():
+    mesh, load = MeshQuad().refined(1).with_defaults(), Force("right", (0.01, 0.0))
+    ply = Ply(mesh, Fabric(10.0, 1.0), terms=[load])
+    result = LoadStepper(ply, {"clamp": Condition("left")}, 2).run()
+    summary = without_interval(result).summary()
+    largest = np.linalg.norm(ply.nodal(result.u), axis=0).max()
+    assert summary["max_displacement_mm"] == pytest.approx(largest)
+    assert f"Largest displacement    {largest:.4g} mm" in repr(result)
+    assert "load_N" not in summary
+
+
 def test_the_strain_in_the_table_enters_the_law():
     scene = bias_extension(split(rectangle(50, 100, (2, 4), "irregular", 0.2)))
     ply = Ply(scene.mesh, Fabric(1e4, 0.5, scene.warp, scene.weft), Macro())
     result = LoadStepper(ply, scene.conditions, 2).run()
-    head, *_, last, _ = str(result).splitlines()
+    (head, *_, last), _ = parts_of(result)
     assert "fibre strain" in head
     assert head.count("strain") == 1
     strain = np.abs(ply.law_strain(result.u)).max()

@@ -1,0 +1,140 @@
+"""Quantities of a summary that are read first, with names and units."""
+
+from collections.abc import Mapping
+from math import isfinite
+from numbers import Real
+from typing import Any, NamedTuple
+
+# Values below which strains and angles are shown as round-off.
+_ROUND_OFF = {"%": 1e-3, "°": 1e-3}
+
+# Relative rounding of values with four digits: intervals are not narrower.
+_ROUNDED = 1e-3
+
+# Maximum number of rows.  Chosen: with the names of the files they are 15 lines.
+_MOST = 14
+
+
+class Quantity(NamedTuple):
+    """Name and unit of an entry of a summary.
+
+    Attributes
+    ----------
+    name
+        Name in tables.
+    key
+        Key in the summary.
+    unit
+        Unit; shares are shown in %.  Empty for a text.
+    place
+        Position in mm, by the keys of its components without ``_x_mm``, ...; empty if
+        there is none.
+    has_interval
+        True if the error interval of the load applies to it.
+    note
+        Words after the unit.
+    """
+
+    name: str
+    key: str
+    unit: str = ""
+    place: str = ""
+    has_interval: bool = False
+    note: str = ""
+
+    def declared(self) -> dict[str, Any]:
+        """Fields that are not empty, by name, for a summary."""
+        return {name: x for name, x in self._asdict().items() if x}
+
+    def text(self, summary: Mapping[str, Any]) -> str:
+        """Value with unit, interval and position; empty if there is no value."""
+        value = summary.get(self.key)
+        if not self.unit:
+            return "" if value is None else str(value)
+        if not (isinstance(value, Real) and isfinite(value)):
+            return ""
+        value = float(value) * (100 if self.unit == "%" else 1)
+        interval, reason = self._interval(value, summary)
+        unit = self.unit if self.unit == "°" else f" {self.unit}"
+        keys = [f"{self.place}_{axis}_mm" for axis in "xyz"]
+        at = [round(summary[key], 1) + 0.0 for key in keys if key in summary]
+        place = f" at ({', '.join(map(str, at))}) mm" if at else ""
+        number = _rounded(value, 4)
+        if self.unit in _ROUND_OFF and 0 < abs(value) < _ROUND_OFF[self.unit]:
+            number = f"below {_ROUND_OFF[self.unit]:g}"
+        return f"{number}{interval}{unit}{place}{self.note}{reason}"
+
+    def _interval(self, value: float, summary: Mapping[str, Any]) -> tuple[str, str]:
+        """Half-width of the value, or the reason why there is none."""
+        if not self.has_interval:
+            return "", ""
+        if value == 0:
+            return "", " within the tolerance of the equilibrium"
+        half = summary.get("load_half_width")
+        if half is not None:
+            return f" ± {_rounded(max(half, _ROUNDED) * abs(value), 2)}", ""
+        reason = str(summary.get("error_interval")).partition("none")[2]
+        return "", f"; no error interval{reason}"
+
+
+def _rounded(value: float, digits: int) -> str:
+    """Number with some digits, without an exponent up to 10¹⁵."""
+    return f"{float(f'{value:.{digits}g}'):.15g}"
+
+
+#: Quantities of every ply.
+OF_PLY = (
+    Quantity("Largest shear angle", "max_shear_angle_deg", "°", "max_shear_angle_at"),
+    Quantity(
+        *("Shear angle error", "shear_angle_error_deg", "°"),
+        note=", root mean square over the ply",
+    ),
+    Quantity("Largest fibre strain", "max_fibre_strain", "%"),
+    Quantity(
+        *("Wrinkle risk", "wrinkle_risk_share_of_area", "%"),
+        note=" of the area, where compressed fibres may buckle",
+    ),
+)
+
+
+def first_rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Rows of the quantities that a summary declares in ``first``.
+
+    Parameters
+    ----------
+    summary
+        Summary of a result, or its copy from a file.
+
+    Returns
+    -------
+    list
+        At most 14 rows: name, ``bad`` or empty, and text.  Numbers come first, then
+        texts and warnings, and the run time.
+
+    Raises
+    ------
+    TypeError
+        If ``first`` is not a list of the fields of quantities.
+
+    Examples
+    --------
+    >>> first = [Quantity("Load", "load_N", "N", has_interval=True).declared()]
+    >>> first_rows({"load_N": 12.0, "load_half_width": 0.1, "first": first})
+    [('Load', '', '12 ± 1.2 N'), ('Warnings', '', 'none')]
+    """
+    rows: list[tuple[str, str, str]] = []
+    texts: list[tuple[str, str, str]] = []
+    if summary.get("converged") is False:
+        stopped = f"at load factor {summary.get('load_factor'):.4g}, described here"
+        rows.append(("Stopped early", "bad", stopped))
+    for one in summary.get("first", ()):
+        quantity = Quantity(**one)
+        if text := quantity.text(summary):
+            (rows if quantity.unit else texts).append((quantity.name, "", text))
+    texts += [("Warning", "bad", str(text)) for text in summary.get("warnings", ())]
+    texts = texts or [("Warnings", "", "none")]
+    most = _MOST - len(rows) - 1
+    if (surplus := len(texts) - most) > 0:
+        texts[most - 1 :] = [("Warnings", "bad", f"{surplus + 1} more in summary.json")]
+    time = Quantity("Run time", "wall_time_s", "s").text(summary)
+    return [*rows, *texts, *([("Run time", "", time)] if time else [])]

@@ -1,0 +1,157 @@
+"""What a run prints: the quantities that its scene declares as first, with units."""
+
+import contextlib
+import io
+import json
+import re
+
+import pytest
+
+from skfem_textile.cases.scenes import SCENES
+from skfem_textile.cli import main as cli
+from skfem_textile.cli import results
+from skfem_textile.solve.quantities import Quantity, first_rows
+from tests.helpers.pages import Page
+from tests.helpers.tools import plate, write
+
+TOOLS = """
+[scene]
+name = "forming"
+part = "quarter"
+width_mm = 100
+height_mm = 100
+[[tools]]
+name = "lower_punch"
+surface = "sphere"
+radius_mm = 60
+centre_mm = [0, 0, -60.2]
+motion_mm = [0, 0, 8]
+[[tools]]
+surface = "plane"
+point_mm = [0, 0, 9]
+"""
+
+UNIT = r" N| mm|°| %| N/mm²| s\b"
+REASON = r"no error interval|within the tolerance|: |^Warnings +none$"
+
+
+def words(scene, folder):
+    """A quick run of a scene."""
+    quick = "--size", "3x3", "--steps", "1", "--no-render", "--out", str(folder / "out")
+    if scene == "forming":
+        (file := folder / "formed.toml").write_text(TOOLS)
+        mesh = "mesh.size=3,3", "mesh.source=aligned", "stepping.steps=1"
+        return ["run", str(file), "--set", *mesh, *quick[4:]]
+    more = {
+        "drape": ("--tool", str(write(folder / "bump.stl", *plate()))),
+        "hemisphere_forming": ("--travel", "10"),
+        "double_dome_forming": ("--travel", "5"),
+    }
+    smaller = ("--width", "100", "--height", "100") if scene == "drape" else ()
+    return ["run", scene, *quick, *more.get(scene, ()), *smaller]
+
+
+@pytest.fixture(scope="module", params=sorted(SCENES))
+def ended(request, tmp_path_factory):
+    """Folder of the results of a scene, and the words of the command."""
+    folder = tmp_path_factory.mktemp(request.param)
+    return folder / "out", words(request.param, folder)
+
+
+@pytest.fixture(scope="module")
+def printed(ended):
+    _, line = ended
+    with contextlib.redirect_stdout(io.StringIO()) as stdout:
+        assert cli.main(line) == 0
+    return stdout.getvalue().splitlines()
+
+
+def test_a_run_prints_at_most_15_lines_with_units_or_reasons(ended, printed):
+    *lines, last = printed
+    assert last == f"results written to {ended[0]}: all values in summary.json"
+    assert len(printed) <= 15
+    assert [x for x in lines if not re.search(f"{UNIT}|{REASON}", x)] == []
+    names = [re.split("  +", line)[0] for line in lines]
+    shear, strain, risk = (
+        names.index(name)
+        for name in ("Largest shear angle", "Largest fibre strain", "Wrinkle risk")
+    )
+    assert 0 < shear < strain < risk < len(names) - 1
+    assert names[-1] == "Run time"
+    assert {"Warning", "Warnings", "Note"} & {*names[risk + 1 : -1]}
+    (load,) = (x for x in lines if re.search(" ± |no error interval|within the", x))
+    assert re.match(r"(Load \(|.+ (force|pressure) )", load)
+    assert re.search(r"°.* at \([-\d., ]+\) mm$", lines[shear])
+
+
+def test_a_report_begins_with_what_the_run_printed(ended, printed):
+    out, _ = ended
+    (out / "curve.csv").unlink()  # drawing takes a second
+    assert cli.main(["report", str(out)]) == 0
+    text = Page((out / "report.html").read_text(encoding="utf-8")).text
+    (first,) = re.findall(r"Results\n(.*?)Pictures\n", text, re.S)
+    assert first.split() == " ".join(printed[:-1]).split()
+    before, _, _ = text.partition("All values")
+    assert "_deg" not in before.partition("Case\n")[0]
+
+
+def test_json_is_the_summary_and_nothing_else(tmp_path, capsys):
+    assert cli.main([*words("strip", tmp_path), "--json"]) == 0
+    file = tmp_path / "out" / "summary.json"
+    summary = json.loads(capsys.readouterr().out)
+    assert summary == json.loads(file.read_text())
+    assert summary["inputs"]["scene"]["name"] == "strip"
+
+
+def test_notes_on_json_are_on_stderr(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(results, "draw", lambda *of: 1 / 0)
+    drawn = [x for x in words("strip", tmp_path) if x != "--no-render"]
+    assert cli.main([*drawn, "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["scene"] == "strip"
+    assert "the pictures were not drawn: division by zero" in err
+
+
+def test_every_declared_quantity_is_in_the_summary_or_a_note(ended, printed):
+    summary = json.loads((ended[0] / "summary.json").read_text())
+    for one in summary["first"]:
+        assert one["key"] in summary or one["name"] == "Note"
+
+
+def test_surplus_warnings_are_counted():
+    first = [Quantity("Load", "load_N", "N").declared()]
+    summary = {"load_N": 1.0, "wall_time_s": 2.0, "first": first}
+    rows = first_rows(summary | {"warnings": [f"warning {i}" for i in range(40)]})
+    assert len(rows) == 14
+    assert rows[0] == ("Load", "", "1 N")
+    assert rows[11] == ("Warning", "bad", "warning 10")
+    assert rows[12] == ("Warnings", "bad", "29 more in summary.json")
+    assert len(first_rows(summary | {"warnings": ["one"] * 12})) == 14
+    assert first_rows(summary)[1] == ("Warnings", "", "none")
+
+
+@pytest.mark.parametrize(
+    ("figures", "text"),
+    [
+        ({"load_N": 12.345, "load_half_width": 0.1}, "12.35 ± 1.2 N"),
+        ({"load_N": 12356.0, "load_half_width": 0.1}, "12360 ± 1200 N"),
+        ({"load_N": -12.0, "load_half_width": 0.1}, "-12 ± 1.2 N"),
+        ({"load_N": 12.0, "load_half_width": 1e-16}, "12 ± 0.012 N"),
+        ({"load_N": 0.0, "load_half_width": 0.1}, "0 N within the tolerance of"),
+        ({"load_N": float("nan")}, ""),
+        ({}, ""),
+        (
+            {"load_N": 2.0, "error_interval": "none: interrupted"},
+            "2 N; no error interval: interrupted",
+        ),
+        (
+            {"load_N": 2.0, "error_interval": "by it; none for the load: in space"},
+            "2 N; no error interval for the load: in space",
+        ),
+    ],
+)
+def test_a_load_has_its_interval_or_a_reason(figures, text):
+    quantity = Quantity("Load", "load_N", "N", has_interval=True)
+    found = quantity.text(figures)
+    assert found.startswith(text)
+    assert bool(found) == bool(text)
