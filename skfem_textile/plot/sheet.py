@@ -276,7 +276,7 @@ def in_perspective(shapes: Sequence[Shape]) -> list[Shape]:
     def of(shape: Shape) -> Shape:
         points, larger = enlarged(shape.points)
         points[:, :2] *= larger[:, None]
-        tool = shape.tool and seen(shape.tool, _BEHIND * distance / _DISTANCE)
+        tool = shape.tool and seen(shape.tool, float(_BEHIND * distance / _DISTANCE))
         return Shape(points, shape.cells, tool, shape.veil and seen(shape.veil))
 
     def seen(tool: Tool, behind: float = 0.0) -> Tool:

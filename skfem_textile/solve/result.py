@@ -34,6 +34,9 @@ _LINES = 11
 # Maximum number of elements listed in an error message.
 _ELEMENTS = 5
 
+# Relative difference of angles that are equal but for the tolerance of equilibrium.
+_EQUAL = 1e-6
+
 # Terms that are in every table, listed first and in this order.
 _TERMS = ("tension", "shear", "stabilisation", "corners")
 
@@ -348,13 +351,14 @@ class Result:
     ) -> dict[str, float]:
         """Centre of the element with the largest shear angle in mm, for a summary.
 
-        Positions, shape (d, n), are converted by ``stated``.  Empty for a ply that is
+        The first of those whose angles are equal but for round-off.  Positions, shape (d, n), are converted by ``stated``.  Empty for a ply that is
         not on its tool.
         """
         if self.not_on_tool:
             return {}
         ply, angle = self.ply, np.abs(self.ply.shear_angle(self.u)).max(axis=1)
-        corners = ply.positions(self.u)[:, ply.mesh.t[:, angle.argmax()]]
+        first = (angle >= (1 - _EQUAL) * angle.max()).argmax()
+        corners = ply.positions(self.u)[:, ply.mesh.t[:, first]]
         place = stated(corners.mean(axis=1, keepdims=True))[:, 0]
         return components_mm("max_shear_angle_at", place)
 
