@@ -112,13 +112,8 @@ def curves_of_svg(
 
     Parameters
     ----------
-    path, tolerance
-        See `curves_of_dxf`.
-    unit
-        Length of one unit of the drawing, ``mm``, ``cm``, ``m`` or ``in``; by default
-        as the width or height of the drawing says.
-    layer
-        ``id`` or label of elements or groups that are read; by default all.
+    path, tolerance, unit, layer
+        See `Outline.from_svg`.
 
     Raises
     ------
