@@ -42,7 +42,7 @@ autosummary_context = {
 autosummary_filename_map = api_pages.file_names()
 # Names in docstrings, between single backticks, are links where they have a page.
 default_role = "py:obj"
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["dollarmath", "html_image"]
 myst_heading_anchors = 3
 # It makes a dash of the two before an option.
 smartquotes = False
@@ -83,17 +83,11 @@ def write_tables(app, name, source):
     source[0] = data_links.with_data(generated_tables.filled(source[0]), page)
 
 
-def remove_comments(app, name, source):
-    """Remove the markers of results, which are comments within sentences and cells."""
-    source[0] = re.sub(r"<!--.*?-->", "", source[0])
-
-
 def setup(app):
     """Connect what this file adds to Sphinx."""
     notebooks.write_tutorial()
     app.connect("builder-inited", api_pages.remove_stale, priority=100)
     app.connect("source-read", write_tables)
-    app.connect("source-read", remove_comments)
     app.connect("doctree-read", keep_numbers_whole)
     app.connect("autodoc-skip-member", api_pages.skip_field)
     app.connect("doctree-read", api_pages.remove_menus, priority=100)

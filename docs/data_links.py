@@ -7,15 +7,17 @@ from pathlib import Path
 # The file of a study about its runs, in the folder of its data.
 _PROVENANCE = "provenance.json"
 
-_INCLUDED = re.compile(r"^```\{(?:include|figure|image)\} (\S+)", re.MULTILINE)
-#: Downloads, and links to files.
-LINKED = re.compile(r"(?:\{download\}`(?:[^`]*<)?|\]\()([^`<>()\s]+)(?:>?`|\))")
+_SHOWN = re.compile(
+    r'^(?:```\{include\} |!\[[^\]]*\]\(|<img src=")([^\s")]+)', re.MULTILINE
+)
+#: Links to files.
+LINKED = re.compile(r"\]\(([^()\s]+)\)")
 
 
 def with_data(text: str, page: Path) -> str:
     """The text of a page, at its end the data of its tables without a link."""
     folder = page.parent
-    studies = {(folder / name).resolve().parent for name in _INCLUDED.findall(text)}
+    studies = {(folder / name).resolve().parent for name in _SHOWN.findall(text)}
     linked = {(folder / name).resolve() for name in LINKED.findall(text)}
     data = sorted(
         file
@@ -27,7 +29,6 @@ def with_data(text: str, page: Path) -> str:
     if not data:
         return text
     links = (
-        f"{{download}}`{file.name} <{os.path.relpath(file, folder.resolve())}>`"
-        for file in data
+        f"[{file.name}]({os.path.relpath(file, folder.resolve())})" for file in data
     )
     return f"{text}\n## Data\n\nAll values: {', '.join(links)}.\n"

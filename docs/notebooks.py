@@ -22,13 +22,10 @@ TUTORIAL = ROOT / "docs" / "tutorial"
 _END = "## The whole script"
 
 _CODE = re.compile(r"^```python\n(.*?)^```\n", re.M | re.S)
-_INCLUDED = re.compile(r"^```\{literalinclude\} (\S+)\n(?::.*\n)*```", re.M)
 
 # What only Sphinx shows, and links to other pages: a notebook stands alone.
 _REPLACED = (
-    (re.compile(r"^```\{image\}.*?^```\n", re.M | re.S), ""),
-    (re.compile(r"<!--.*?-->"), ""),
-    (re.compile(r"\{download\}(?=`)"), ""),
+    (re.compile(r"^<img .*\n", re.M), ""),
     (re.compile(r"\[([^\]]+)\]\((?!https:)[^)]+\)"), r"\1"),
 )
 
@@ -48,15 +45,9 @@ def write_tutorial() -> None:
 
 def _text(part: str) -> str:
     """The text between two snippets, as notebooks show it."""
-    part = _INCLUDED.sub(lambda found: _quoted(TUTORIAL / found[1]), part)
     for found, replacement in _REPLACED:
         part = found.sub(replacement, part)
     return part.strip()
-
-
-def _quoted(file: Path) -> str:
-    """The content of a file, between fences."""
-    return f"```text\n{file.read_text(encoding='utf-8')}```"
 
 
 def write_gallery() -> None:

@@ -351,8 +351,8 @@ class Result:
     ) -> dict[str, float]:
         """Centre of the element with the largest shear angle in mm, for a summary.
 
-        The first of those whose angles are equal but for round-off.  Positions, shape (d, n), are converted by ``stated``.  Empty for a ply that is
-        not on its tool.
+        The first of those whose angles are equal but for round-off.  Positions, shape
+        (d, n), are converted by ``stated``.  Empty for a ply that is not on its tool.
         """
         if self.not_on_tool:
             return {}

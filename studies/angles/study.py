@@ -23,7 +23,6 @@ from ..common.tables import (
 from ..study import Part, Row, Study
 from .cases import (
     ACROSS,
-    AGREEMENT,
     ANGLES,
     CHOOSING,
     INCLINATIONS,
@@ -63,25 +62,6 @@ def errors(rows: Sequence[Row]) -> dict[Key, list[float]]:
         key = Specimen.of(row), row["shear_angle"], *mesh
         by_key.setdefault(key, []).append(row["load_over_reference"] - 1)
     return by_key
-
-
-def agreements(rows: Sequence[Row]) -> str:
-    """The references, with differences between meshes and formulations."""
-    known = {specimen: having(rows, **specimen.row) for specimen in SPECIMENS}
-    lines = [
-        [
-            *specimen.names,
-            *(f"{row['load']:.4f}" for row in group),
-            *(percent(furthest(row[key] for row in group), "+.3f") for key in _CHECKS),
-            "yes" if all(map(agree, group)) else "no",
-            *(percent(-x) for x in (1 - group[-1]["load"], group[-1]["lost"])),
-        ]
-        for specimen, group in known.items()
-        if group
-    ]
-    head = ["fibres", "law", "E/G", *(f"{angle}°" for angle in ANGLES)]
-    head += ["apart", "last halving", f"within {100 * AGREEMENT:g} %"]
-    return markdown_table([*head, f"stretch at {ANGLES[-1]}°", "estimate"], lines)
 
 
 def summary(rows: Sequence[Row]) -> str:
@@ -207,7 +187,6 @@ def _draw(
 
 REFERENCES = Part(
     "references.json",
-    {"references.md": agreements},
     cases=("*E/G = ???",),
 )
 COMPARED = Part(

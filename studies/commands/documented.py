@@ -34,7 +34,7 @@ Reader = Callable[[Path, str], Results]
 
 _NUMBER = r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 
-_OFFERED = re.compile(r"{download}`(?:[^`]*<)?([^`<>]+)>?`")
+_OFFERED = re.compile(r"\]\(([\w./-]+\.(?!md|ipynb)\w+)\)")
 
 #: Folder of results that replaces DIR.
 OUT = "results"
@@ -145,12 +145,11 @@ def printed_numbers(*names: str) -> Reader:
 def table_of_strip(folder: Path, printed: str) -> dict[str, float]:
     """Read the table of ``examples/strip.py``, by line and column."""
     results: dict[str, float] = {}
-    for line in printed.splitlines():
-        numbers = line.split()[-len(STRIPS) :]
-        if all(re.fullmatch(_NUMBER, x) for x in numbers):
-            key, *_ = line.split()
-            named = zip(STRIPS, map(float, numbers), strict=True)
-            results |= {f"{key}, {name}": x for name, x in named if "time" not in key}
+    for label, numbers in re.findall(
+        rf"^(\S.*?)((?: +{_NUMBER}){{3}})$", printed, re.M
+    ):
+        named = zip(STRIPS, map(float, numbers.split()), strict=True)
+        results |= {f"{label}, {name}": x for name, x in named if "time" not in label}
     return results
 
 
@@ -236,27 +235,6 @@ DOCUMENTED: Mapping[str, Documented] = {
         )
         for options in ON_TOOLS
     },
-    "hanging strip": Documented(
-        "docs/how-to/in-space.md",
-        "skfem-textile run cantilever --out hanging --set bending.warp_N_mm=6 "
-        "--weight 6e-6",
-        of_summary("tip_z_mm", "exact_tip_z_mm", out="hanging"),
-    ),
-    "tutorial": Documented(
-        "docs/tutorial/index.md",
-        "python whole.py",
-        numbers_after("load_half_width", "force:"),
-    ),
-    "stabilisation without shear": Documented(
-        "docs/theory/equilibrium.md",
-        "skfem-textile run bias_extension --formulation one-point --size 16x32 "
-        "--fibre-stiffness 1e4 --shear-stiffness 0 --out DIR",
-        of_summary(
-            "energy_share_of_stabilisation",
-            "work_share_of_stabilisation",
-            "reaction_share_of_stabilisation",
-        ),
-    ),
     "pull of a bias extension": Documented(
         "docs/how-to/refused-step.md",
         _PULLS,
@@ -268,11 +246,6 @@ DOCUMENTED: Mapping[str, Documented] = {
         _INEXTENSIBLE,
         printed_numbers("sin²", "linear"),
         python=True,
-    ),
-    "ply with a hole": Documented(
-        "docs/how-to/case-files.md",
-        "skfem-textile run examples/hole/hole.toml --out hole-results",
-        of_summary("reaction_y", "load_half_width", out="hole-results"),
     ),
     "ply with a hole, half the element size": Documented(
         "docs/how-to/case-files.md",

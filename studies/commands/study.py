@@ -4,23 +4,15 @@ import argparse
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 
-import numpy as np
-
 from ..common.tables import (
-    Column,
-    cell,
     grouped,
     markdown_table,
     minus,
     percent,
-    percent_of,
     scientific,
 )
 from ..study import Part, Row, Study, Table
 from .documented import ALONG, DOCUMENTED, ON_TOOLS, STRETCHED, STRIPS, Results
-
-# Width in mm and inclination of the fibres of the bias extension of `_loads`.
-_WIDTH, _THETA = 50.0, np.pi / 4
 
 # Lower limit of numbers in fixed-point notation.
 _PLAIN = 1e-3
@@ -150,66 +142,16 @@ def _strip(case: Results) -> dict[str, str]:
     """Results of the strip by formulation: full, point and macro."""
     words: dict[str, str] = {}
     for short, title in zip(("full", "point", "macro"), STRIPS, strict=True):
-        force = case[f"reaction_x, {title}"]
+        force = case[f"force (N), {title}"]
         digits = ".0f" if abs(force) > 100 else ".2f"
-        position = case[f"displacement_error_rms, {title}"]
-        strain = 100 * case[f"max_fibre_strain, {title}"]
+        position = case[f"position error, rms (mm), {title}"]
+        strain = case[f"fibre strain in the law (%), {title}"]
         words |= {
-            f"strip_force_{short}": f"{force:{digits}} N",
+            f"strip_force_{short}": minus(f"{force:{digits}} N"),
             f"strip_position_{short}": f"{position:.3f} mm",
             f"strip_strain_{short}": f"{strain:.2g} %",
         }
-    locked, point, macro = (case[f"displacement_error_rms, {t}"] for t in STRIPS)
-    words["strip_position_point_over_full"] = f"{point / locked:.1f}"
-    words["strip_position_full_over_macro"] = f"{locked / macro:.1f}"
     return words
-
-
-def _loads(case: Results) -> dict[str, str]:
-    """Loads, the force of a corner fibre, and the contribution of four of them."""
-    load, moment = case["linear"], 0.5 * np.radians(20)
-    corner = load / (2 * np.sin(_THETA)) - _WIDTH * moment / (2 * np.cos(_THETA))
-    return {
-        "load_sin2": f"{case['sin²']:.2f} N",
-        "load_linear": f"{load:.2f} N",
-        "corner_force": f"{corner:.1f} N",
-        "corner_forces": f"{2 * corner * np.sin(_THETA):.1f} of the {load:.1f} N",
-    }
-
-
-def _half_size(case: Results) -> dict[str, str]:
-    change = case["force, 1"] / case["force, 2"] - 1
-    return {"hole_change": f"{100 * abs(change):.1f} %"}
-
-
-#: Results for prose of each case: columns by name, or a function.
-_WORDS: Mapping[str, Mapping[str, Column] | Callable[[Results], dict[str, str]]] = {
-    "strip": _strip,
-    "on a tool: hemisphere": {
-        "hemisphere_estimate": "{shear_angle_error_deg:.2f}°",
-        "hemisphere_error": "{shear_angle_error_rms_deg:.3f}°",
-    },
-    "on a tool: hemisphere --tension 0 --set bending.warp_N_mm=5 bending.weft_N_mm=5": {
-        "hemisphere_at_risk": percent_of("wrinkle_risk_share_of_area", ".0f")
-    },
-    "hanging strip": {
-        "hanging_tip": "{tip_z_mm:.1f} mm",
-        "hanging_elastica": "{exact_tip_z_mm:.1f} mm",
-    },
-    "tutorial": {"tutorial_error": percent_of("load_half_width, 1", ".2f")},
-    "stabilisation without shear": {
-        "unsheared_energy": percent_of("energy_share_of_stabilisation", ".1f"),
-        "unsheared_work": percent_of("work_share_of_stabilisation", ".0f"),
-        "unsheared_forces": percent_of("reaction_share_of_stabilisation", ".2f"),
-    },
-    "pull of a bias extension": {
-        "pull_at_50": "{50°:.1f} mm",
-        "pull_at_90": "{90°:.1f} mm",
-    },
-    "load of a bias extension": _loads,
-    "ply with a hole": {"hole_estimate": percent_of("load_half_width", ".1f")},
-    "ply with a hole, half the element size": _half_size,
-}
 
 
 class Commands(Study[str]):
@@ -240,14 +182,8 @@ class Commands(Study[str]):
         ]
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        words: dict[str, str] = {}
-        for name, case in by_case(rows).items():
-            keys = _WORDS.get(name, {})
-            if callable(keys):
-                words |= keys(case)
-            else:
-                words |= {key: str(cell(case, column)) for key, column in keys.items()}
-        return {name: minus(text) for name, text in words.items()}
+        results = by_case(rows)
+        return _strip(results["strip"]) if "strip" in results else {}
 
 
 STUDY = Commands()

@@ -76,17 +76,6 @@ def machine() -> dict[str, Any]:
     }
 
 
-def sentence(machine: dict[str, Any]) -> str:
-    """Description of a machine."""
-    packages = machine["packages"].items()
-    installed = ", ".join(f"{name} {version}" for name, version in packages if version)
-    return (
-        f"Machine: {machine['processor']}, {machine['cores']} cores, "
-        f"OMP_NUM_THREADS: {machine['threads']}; {machine['system']}, "
-        f"Python {machine['python']}, {installed}."
-    )
-
-
 def _version(name: str) -> str | None:
     try:
         return version(name)

@@ -37,37 +37,12 @@ def shapes(rows: Sequence[Row]) -> str:
     return markdown_table([*heads, "reaction/loads"], lines) if lines else ""
 
 
-def pairs(rows: Sequence[Row]) -> str:
-    """Solves from the net and by growth, and differences of the shear angle."""
-    heads = [
-        *("tool", "fibres", "held by", "largest shear", "solves from the net"),
-        *("growth in 1 step", "growth in 4 steps", "largest difference of Γ"),
-        "reaction/loads",
-    ]
-    lines = []
-    for row in _of(rows, PAIR):
-        by = "tension" if row["tension"] else f"D = {row['bending']:g} N·mm"
-        known = not row["refused"]
-        off = max(row["off_1_steps"], row["off_4_steps"]) if known else None
-        lines.append(
-            [
-                *(row["scene"], f"{row['fibres']:g}°", by, f"{row['shear']:.1f}°"),
-                f"{row['solves']}",
-                f"{row['solves_of_1_steps']}" if known else "stopped",
-                f"{row['solves_of_4_steps']}" if known else "stopped",
-                "–" if off is None else f"{off:.4f}°",
-                _share(row["held"]),
-            ]
-        )
-    return markdown_table(heads, lines) if lines else ""
-
-
 class Draping(Study[Shape | Pair]):
     """Plies on shapes with default options; drapes from the net and by growth."""
 
     parts = (
         Part("shapes.csv", {"shapes.md": shapes}, cases=(f"{SHAPE},*",)),
-        Part("pairs.csv", {"pairs.md": pairs}, cases=(f"{PAIR},*",)),
+        Part("pairs.csv", cases=(f"{PAIR},*",)),
     )
     shown = "{solves} solves"
     sample = str(Shape("hat", 12, 0.0))

@@ -21,13 +21,12 @@ from ..common.figures import (
     plain_numbers,
     style_of,
 )
-from ..common.tables import cell, csv_table, grouped, having, markdown_table, percent
+from ..common.tables import cell, csv_table, having, markdown_table, percent
 from ..study import Part, Row, Study
 from .cases import (
     CELLS,
     CODE,
     FORMULATIONS,
-    GIVEN_UP,
     LONG,
     PATIENCE,
     Reference,
@@ -144,29 +143,6 @@ def _to_errors(rows: Sequence[Row]) -> dict[tuple[str, str], dict[str, str]]:
     }
 
 
-def same_mesh(rows: Sequence[Row]) -> str:
-    """Ratios of other codes to this library, with the same element and mesh."""
-    lines = []
-    for scene, by_set in pairs(rows):
-        one = by_set["required"]
-        assert one.own
-        assert one.other
-        lines.append(
-            [
-                *(SCENES[scene], one.own.element, one.other.code, one.own.across),
-                f"{one.other.solves:g} : {one.own.solves:g}",
-                *(factor_text(by_set[name].per_solve) for name in SETS),
-                *(factor_text(by_set[name].ratio) for name in SETS),
-            ]
-        )
-    head = [
-        *("scene", "element", "code", "across", "solves, other : ours"),
-        *(f"time per solve / ours, {name}" for name in SETS),
-        *(f"time / ours, {name}" for name in SETS),
-    ]
-    return markdown_table(head, lines)
-
-
 def reference(rows: Sequence[Row]) -> str:
     """Loads on fibre-aligned meshes, and their extrapolation."""
     known = {
@@ -181,24 +157,6 @@ def reference(rows: Sequence[Row]) -> str:
         ]
         lines.append([f"`{element}`", *cells, end])
     head = ["load, N", *(f"{n} cells" for n in CELLS), "extrapolated"]
-    return markdown_table(head, lines)
-
-
-def failed(rows: Sequence[Row]) -> str:
-    """Runs without a result: scene, code, element, solver, meshes and seeds."""
-    noted = [
-        row | {"why": GIVEN_UP if GIVEN_UP in note else "failed" if mesh else note}
-        for row in rows
-        for note, mesh in [(row.get("note"), row["across"])]
-        if note
-    ]
-    keys = "scene", "code", "element", "solver", "why"
-    lines = []
-    for (scene, *key), runs in grouped(noted, *keys).items():
-        across = sorted({run["across"] for run in runs if run["across"]})
-        seeds = len({run["seed"] for run in runs})
-        lines.append([SCENES[scene], *key, ", ".join(map(str, across)) or "-", seeds])
-    head = ["scene", "code", "element", "solver", "result", "across", "seeds"]
     return markdown_table(head, lines)
 
 
@@ -307,14 +265,11 @@ def _spread(name: str, spread: Spread) -> dict[str, float]:
 
 
 def _point(point: Point | None, criterion: Criterion, named: bool = False) -> str:
-    """Element, mesh, error and time, with ranges."""
+    """Element, mesh, error and time: medians."""
     if point is None:
         return "none"
     code = f"{point.code}, " if named else ""
-    least, most = (criterion.number(one) for one in point.error[1:])
-    error = f"{criterion.text(point.error.median)} ({least} to {most})"
-    median, least, most = (f"{one:.2g}" for one in point.seconds)
-    seconds = f"{median} s ({least} to {most})"
+    error, seconds = criterion.text(point.error.median), f"{point.seconds.median:.2g} s"
     return f"{code}{point.element}, {point.mesh}: {error}, {seconds}"
 
 
@@ -519,9 +474,7 @@ class ErrorTime(Study[Timed | Reference]):
                 "codes.csv": lambda rows: csv_table([*codes(rows)]),
                 "ratios.md": ratios,
                 "elements.md": elements,
-                "same_mesh.md": same_mesh,
                 "reference.md": reference,
-                "failed.md": failed,
             },
             {
                 **{f"fronts.{x}": draw_fronts for x in ("png", "svg")},

@@ -1,12 +1,13 @@
 """``python -m studies figures``: update pages and tables from the stored results.
 
-A result on a page reads ``<!--laws.worst-->3.3 %<!--/-->``: the name of a study, the
-name of one of its `Study.figures`, and the text.  Markdown renderers hide the comments.
+Blocks state results between the lines ``<!--results NAME-->`` and
+``<!--/results-->`` of a page.  The template of a block is the file ``blocks/NAME.md``,
+where ``{laws.worst}`` is the entry ``worst`` of `Study.figures` of the study ``laws``.
 """
 
 import re
 from argparse import ArgumentParser
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,12 @@ from ..study import Row, Study, descriptions, load
 
 ROOT = Path(__file__).parents[2]
 
-#: Pages that may contain results.
+#: Templates of the blocks.
+BLOCKS = Path(__file__).with_name("blocks")
+
+#: Pages with prose.
 PAGES = (
     ROOT / "README.md",
-    ROOT / "CHANGELOG.md",
     ROOT / "paper" / "paper.md",
     *(
         page
@@ -29,8 +32,11 @@ PAGES = (
     ),
 )
 
-#: A marker with the name of a result, and the enclosed text.
-MARKED = re.compile(r"<!--([a-z_0-9]+)\.(\S+?)-->(.*?)<!--/-->", re.S)
+#: A block: its first line, its name, its content and its last line.
+BLOCK = re.compile(r"^(<!--results ([\w-]+)-->\n)(.*?)^(<!--/results-->)$", re.M | re.S)
+
+# A result in a template: the study and the name.
+_RESULT = re.compile(r"\{([a-z_0-9]+)\.([^}\s]+)\}")
 
 # Relative and absolute tolerances for equal numbers.  Round-off differs between
 # processors and linear-algebra libraries; nearly singular tangents amplify it.  Pages
@@ -45,25 +51,26 @@ def main(check: bool) -> int:
     ----------
     check
         Write nothing.  Report each page and table that differs from the results, each
-        result in prose without a marker, and each sample whose recomputed rows differ.
+        result in prose that no block states, and each sample whose recomputed rows
+        differ.
     """
     from .pictures import reduce, without_palette
-    from .prose import unmarked
+    from .prose import unproven
 
     studies = {name: load(name) for name in descriptions()}
     published = {n: s for n, s in studies.items() if _folder_of(n, s).is_dir()}
     texts: dict[Path, str] = {}
+    results: dict[str, dict[str, str]] = {}
     for name, study in published.items():
-        texts |= _outdated_tables(study, _folder_of(name, study))
-    words: dict[str, dict[str, str]] = {}
+        folder = _folder_of(name, study)
+        texts |= _outdated_tables(study, folder)
+        results[name] = study.figures(study.stored(folder))
     defects = []
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
-        for name in {name for name, _, _ in markers(text)} - words.keys():
-            words[name] = in_words(name, studies[name]) if name in studies else {}
         try:
-            right = filled(text, words)
-        except ValueError as error:
+            right = filled(text, results)
+        except (ValueError, OSError) as error:
             defects.append(f"{_name(page)}: {error}")
             continue
         if right != text:
@@ -73,7 +80,7 @@ def main(check: bool) -> int:
             f"{_name(file)} differs from its data: run python -m studies figures"
             for file in texts
         ]
-        defects += unmarked()
+        defects += unproven()
         defects += [
             f"{_name(file)} has no palette: run python -m studies figures"
             for file in without_palette()
@@ -95,20 +102,8 @@ def main(check: bool) -> int:
     return 1 if defects else 0
 
 
-def markers(text: str) -> Iterator[tuple[str, str, str]]:
-    """Study, name and text of each marked result on a page.
-
-    Examples
-    --------
-    >>> list(markers("in <!--a.count-->3 of 4<!--/--> cases"))
-    [('a', 'count', '3 of 4')]
-    """
-    for match in MARKED.finditer(text):
-        yield match[1], match[2], match[3]
-
-
 def filled(text: str, results: Mapping[str, Mapping[str, str]]) -> str:
-    """The page with the texts between its markers replaced by the results.
+    """The page with its blocks as generated.
 
     Parameters
     ----------
@@ -120,31 +115,22 @@ def filled(text: str, results: Mapping[str, Mapping[str, str]]) -> str:
     Raises
     ------
     ValueError
-        If a marker names an unknown result.
-
-    Examples
-    --------
-    >>> filled("in <!--a.count-->3 of 4<!--/--> cases", {"a": {"count": "4 of 4"}})
-    'in <!--a.count-->4 of 4<!--/--> cases'
+        If a template names an unknown result.
+    OSError
+        If a block has no template.
     """
 
-    def written(match: re.Match[str]) -> str:
-        study, name, _ = match.groups()
+    def result(match: re.Match[str]) -> str:
+        study, name = match.groups()
         if name not in results.get(study, {}):
             raise ValueError(f"unknown result {study}.{name}")
-        return f"<!--{study}.{name}-->{results[study][name]}<!--/-->"
+        return results[study][name]
 
-    return MARKED.sub(written, text)
+    def block(match: re.Match[str]) -> str:
+        template = (BLOCKS / f"{match[2]}.md").read_text(encoding="utf-8")
+        return f"{match[1]}\n{_RESULT.sub(result, template)}\n{match[4]}"
 
-
-def in_words(name: str, study: Study[Any]) -> dict[str, str]:
-    """Formatted results of a study, and the machine of its last run."""
-    folder = _folder_of(name, study)
-    words = study.figures(study.stored(folder))
-    for run in provenance.read(folder).get(name, [])[-1:]:
-        if "packages" in run:
-            words |= {"machine": provenance.sentence(run)}
-    return words
+    return BLOCK.sub(block, text)
 
 
 def _folder_of(name: str, study: Study[Any]) -> Path:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from skfem_textile.fabric import Linear
-from skfem_textile.ply.formulations import Macro
 
 from ..angles import cases as angles
 from ..common.figures import (
@@ -24,7 +23,6 @@ from ..common.figures import (
 )
 from ..common.tables import (
     furthest,
-    grouped,
     having,
     markdown_table,
     median,
@@ -36,22 +34,17 @@ from ..common.tables import (
 from ..study import Part, Row, Study
 from .cases import (
     ACROSS,
-    AUTO,
     BIAS,
     BIAS_SIN2,
-    DEVIATIONS,
     FOR_LOAD,
     LOCKING,
     MACRO,
-    MACRO_TRIANGLES,
     MEAN_QUADRATIC,
     METHODS,
     PAPER,
     QUADRATIC,
-    RESOLVED,
     SHEARED,
     SPLIT_ONE_POINT,
-    STABILISATIONS,
     STRIP,
     TRELLIS,
     Case,
@@ -170,95 +163,6 @@ def _sheared(rows: list[Row]) -> str:
     for across in ACROSS[:2]:
         head += on(f"{across} across", [*_ERRORS, "linear solves"])
     return markdown_table(head, lines)
-
-
-def load(rows: list[Row]) -> str:
-    """Bias-extension load: worst median and worst case over shear angles."""
-    lines = []
-    for method in FOR_LOAD:
-        for problem in (*BIAS, *BIAS_SIN2):
-            line = [method.name, problem.name.removeprefix("bias extension, ")]
-            for across in ACROSS[1:]:
-                seeds = of(rows, "methods", problem, method, across)
-                line += [_load(x) for x in over_angles(seeds, problem)]
-            lines.append(line)
-    head = ["method", "law, E/G"]
-    for across in ACROSS[1:]:
-        head += on(f"{across} across", ["median", "worst"])
-    resolved = []
-    for method in (MACRO, AUTO):
-        line = [method.name]
-        for problem in BIAS:
-            seeds = of(rows, "resolved", problem, method, RESOLVED)
-            line.append(_over_exact(seeds, problem))
-        resolved.append(line)
-    fine = [f"{RESOLVED} across, linear", *map(_ratio, BIAS)]
-    return markdown_table(head, lines) + "\n" + markdown_table(fine, resolved)
-
-
-def constants(rows: list[Row]) -> str:
-    """Errors with constants other than the automatic ones."""
-    lines = []
-    for method in (*STABILISATIONS, AUTO, MACRO):
-        group = "methods" if method in METHODS else "stabilisation"
-        line = [f"**{method.name}**" if method in METHODS else method.name]
-        for problem in (STRIP, TRELLIS, *BIAS):
-            seeds = of(rows, group, problem, method, ACROSS[1])
-            if problem == STRIP:
-                line.append(_cell(seeds, "load"))
-            if problem in BIAS:
-                line.append(_over_exact(seeds, problem))
-            if problem != BIAS[0]:  # fibre stretch exceeds the errors there
-                line.append(_cell(seeds, "position"))
-        lines.append(line)
-    load, position, _ = _ERRORS
-    head = ["C_s", *on("strip", [load, position]), *on("trellis", [position])]
-    for problem in BIAS:
-        heads = ["load / exact", position][: 1 if problem == BIAS[0] else 2]
-        head += on(f"E/G = {_ratio(problem)}", heads)
-    return markdown_table(head, lines) + "\n" + _deviations(rows)
-
-
-def _deviations(rows: list[Row]) -> str:
-    """Loads with other deviation stiffnesses."""
-    problems = (*BIAS[::2], *BIAS_SIN2[::2])
-    lines = []
-    for chosen, c in zip((MACRO_TRIANGLES, MACRO), Macro().deviation, strict=True):
-        methods = [m for m in DEVIATIONS if m.mesh == chosen.mesh]
-        for method in (*methods[:2], chosen, *methods[2:]):
-            group = "methods" if method is chosen else "deviation"
-            line = [f"**{chosen.mesh}, {c:g}**" if method is chosen else method.name]
-            for across in ACROSS[:2]:
-                for problem in problems:
-                    seeds = of(rows, group, problem, method, across)
-                    line.append(_over_exact(seeds, problem))
-            lines.append(line)
-    names = [p.name.removeprefix("bias extension, ") for p in problems]
-    head = [f"{n} across: {name}" for n in ACROSS[:2] for name in names]
-    return markdown_table(["deviation", *head], lines)
-
-
-def triangulations(rows: list[Row]) -> str:
-    """Results of ten Delaunay triangulations of the strip with two stiffnesses."""
-    strips = grouped(having(rows, group="triangulations"), "across")
-    lines = [
-        [
-            str(group[0]["elements"] // 3),
-            ", ".join(f"{_per_stiffness(row):.1e}" for row in group),
-            ", ".join(_strain(row["strain"]) for row in group),
-            ", ".join(f"{row['position']:.2e}" for row in group),
-            ", ".join(_count(row["negative_pivots"]) for row in group),
-        ]
-        for group in strips.values()
-    ]
-    return markdown_table(
-        ["triangles", "load / E (mm)", "strain", _ERRORS[1], "negative pivots"], lines
-    )
-
-
-def _per_stiffness(row: Row) -> float:
-    """Ratio of the load of a strip to its fibre stiffness in mm."""
-    return row["load"] / float(row["problem"].rpartition(" ")[2])
 
 
 def equal(rows: list[Row]) -> str:
@@ -422,9 +326,6 @@ class Formulations(Study[Case]):
             "formulations.csv",
             {
                 "methods.md": methods,
-                "load.md": load,
-                "constants.md": constants,
-                "triangulations.md": triangulations,
                 "equal.md": equal,
             },
             {"formulations.png": draw_convergence},

@@ -265,38 +265,6 @@ def kernels(rows: Sequence[Row]) -> str:
     return markdown_table(["method", "unknowns", "constraints", *LAYOUTS], lines)
 
 
-def sheared(rows: Sequence[Row]) -> str:
-    """The inf-sup constant about the flat and the sheared state."""
-    layouts = [layout for layout in LAYOUTS if layout.regular]
-
-    def cell(method: Method, layout: Layout) -> str:
-        pair = (of(rows, method, layout, shear) for shear in (0, SHEARED))
-        return ", ".join(_inf_sup(by_n, SHEARED_ACROSS, ".3g") for by_n in pair)
-
-    lines = [[method.name, *(cell(method, x) for x in layouts)] for method in METHODS]
-    return markdown_table(["method", *layouts], lines)
-
-
-def norms(rows: Sequence[Row]) -> str:
-    """The inf-sup constant with the tension norm from successively finer meshes."""
-    often, layout = (REFINED, REFINED + 1), Layout(30)
-    lines = [
-        [
-            method.name,
-            *(
-                _inf_sup(of(rows, method, layout, 0, n), CHECKED_ACROSS, ".4f")
-                for n in often
-            ),
-        ]
-        for method in METHODS
-    ]
-    return markdown_table(["method", *(f"{2**n} × {2**n} parts" for n in often)], lines)
-
-
-def _inf_sup(by_n: dict[int, Row], across: int, form: str) -> str:
-    return f"{by_n[across]['inf_sup']:{form}}" if across in by_n else "-"
-
-
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
     """The results by name; needs the rows of all cases."""
     means = QUADRATIC_MEAN, MACRO, MACRO_TRIANGLES
@@ -402,12 +370,9 @@ class InfSup(Study[Case]):
             "inf_sup.csv",
             {
                 "constants.md": lambda rows: constants(rows, "inf_sup"),
-                "in_l2.md": lambda rows: constants(rows, "inf_sup_in_l2"),
                 "kernels.md": kernels,
                 "distances.md": ratios,
                 "stiffness.md": stiffnesses,
-                "sheared.md": sheared,
-                "norms.md": norms,
             },
             {"inf_sup.png": draw_constants},
         ),

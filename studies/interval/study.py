@@ -160,7 +160,7 @@ class Interval(Study[Judged | ToTolerance]):
             {"interval.png": draw},
             cases=("judged: *",),
         ),
-        Part("chosen.csv", {"chosen.md": coverage}, cases=("chosen: *",)),
+        Part("chosen.csv", cases=("chosen: *",)),
         Part("tolerance.csv", {"tolerance.md": tolerances}, cases=("tolerance *",)),
     )
     timed = True

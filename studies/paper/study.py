@@ -193,7 +193,6 @@ class Paper(Study[Strip | str]):
         Part("paper.csv", {"paper.md": table}, cases=("Fig. *",)),
         Part(
             "systems.json",
-            {"systems.md": lambda rows: two_element.table(**_report(rows[0]))},
             cases=(TWO_ELEMENTS,),
         ),
     )

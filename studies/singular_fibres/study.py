@@ -82,41 +82,6 @@ def shape_table(rows: list[Row]) -> str:
     return markdown_table(head, lines)
 
 
-def chosen_table(rows: list[Row]) -> str:
-    """A line for each formulation."""
-    lines = []
-    for formulation, of in grouped(rows, "formulation").items():
-        errors = np.array([np.nan if r["error"] is None else r["error"] for r in of])
-        lines.append(
-            [
-                *(formulation, len(of), int(np.isnan(errors).sum())),
-                percent(float(np.sqrt(np.nanmean(errors**2))), ".2f"),
-                percent(float(errors[np.nanargmax(np.abs(errors))])),
-                f"{median([row['seconds'] for row in of]):.2f}",
-            ]
-        )
-    head = ["formulation", "plies", "refused", "rms error of the load", "largest"]
-    return markdown_table([*head, "seconds, median"], lines)
-
-
-def convergence_table(rows: list[Row]) -> str:
-    """A line for each formulation and specimen, a column for each density."""
-    densities = sorted({row["density"] for row in rows})
-    lines = []
-    keys = "formulation", "ratio", "degrees"
-    for (formulation, ratio, degrees), of in grouped(rows, *keys).items():
-        errors = {row["density"]: row["error"] for row in of}
-        lines.append(
-            [
-                *(formulation, f"{ratio:.0e}", f"{degrees:g}°"),
-                *(percent(errors[density], "+.3f") for density in densities),
-            ]
-        )
-    return markdown_table(
-        ["formulation", "E/G", "fibres", *(f"density {d:g}" for d in densities)], lines
-    )
-
-
 def irregular_table(rows: list[Row]) -> str:
     """A line for each formulation and number of elements across."""
     lines = []
@@ -206,11 +171,10 @@ class SingularFibres(Study[Case | Irregular | Curved | Drawn]):
         Part("specimens.csv", {"specimens.md": summary}, cases=("specimen *",)),
         Part(
             "convergence.csv",
-            {"convergence.md": convergence_table},
             cases=("convergence*",),
         ),
         Part("shapes.csv", {"shapes.md": shape_table}, cases=("*°",)),
-        Part("chosen.csv", {"chosen.md": chosen_table}, cases=("chosen *",)),
+        Part("chosen.csv", cases=("chosen *",)),
         Part(
             "triangles.csv", {"triangles.md": irregular_table}, cases=("triangles *",)
         ),

@@ -4,24 +4,19 @@ A thread samples the call stack of the command and attributes the time since its
 sample to the innermost part of `PARTS` on the stack.
 """
 
-import json
 import sys
 from collections import defaultdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event, Thread, main_thread
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from meshio import Mesh
-from scipy.spatial import ConvexHull
-
-from skfem_textile.drape import double_dome
 
 from ..common.running import in_new_process
 from ..common.tables import Row
-from .solving import Settings, compared, in_checkout
+from .solving import Settings
 
 # Time between samples in s.
 _INTERVAL = 0.002
@@ -72,102 +67,6 @@ def profile(settings: Settings) -> Row:
                 for name, command in commands.items()
             }
         }
-
-
-# Edges of the drapes, numbers of turns, and options of the ply on each tool.
-_SIZES, _TURNS = (12, 48), (3, 1)
-_PLIES: dict[str, dict[str, Any]] = {
-    "hemisphere": {"width": 100.0, "height": 100.0},
-    "sphere": {"fibres": 0.3},
-    "double dome": {"width": 200.0, "height": 140.0, "fibres": 0.5, "point": [0, 0, 0]},
-    "fillet": {"width": 160.0, "height": 120.0, "fibres": 0.2, "point": [0, 0, 25]},
-}
-_DRAPE = """
-import json, sys, time
-import numpy as np
-from skfem_textile import Fabric
-from skfem_textile.io import read_surface
-from skfem_textile.scenes import Case, drape
-
-file, size, ply = sys.argv[1], int(sys.argv[2]), json.loads(sys.argv[3])
-began = time.process_time()
-scene = drape(read_surface(file), size=(size, size), **ply)
-fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
-case = Case(scene=scene, fabric=fabric, steps=4)
-result = case.run()
-case.summary(result)
-seconds = time.process_time() - began
-angle = np.degrees(result.ply.shear_angle(result.u))
-print(json.dumps({"seconds": seconds, "angle": angle.ravel().tolist()}))
-"""
-
-
-def drapes(settings: Settings) -> Row:
-    """Whole drapes on triangles in two alternating checkouts of this project.
-
-    Minimum CPU time from the file of the tool to the summary, without pictures, and the
-    largest difference of the shear angle.
-    """
-    checkouts, rows = compared(settings), []
-    with TemporaryDirectory() as folder:
-        for name, ply in _PLIES.items():
-            tool = Path(folder, f"{name}.stl")
-            write_tool(name, tool)
-            for size, number in zip(_SIZES, _TURNS, strict=True):
-                arguments = str(tool), str(size), json.dumps(ply)
-                turns = [
-                    [
-                        in_checkout(checkout, _DRAPE, *arguments)
-                        for checkout in checkouts.values()
-                    ]
-                    for _ in range(number)
-                ]
-                times = [
-                    min(run["seconds"] for run in runs)
-                    for runs in zip(*turns, strict=True)
-                ]
-                before, after = (np.array(run["angle"]) for run in turns[0])
-                rows.append(
-                    {
-                        "tool": name,
-                        "size": size,
-                        "before": times[0],
-                        "after": times[1],
-                        "difference_deg": float(np.abs(after - before).max()),
-                    }
-                )
-    return {"commits": [*checkouts], "drapes": rows}
-
-
-def write_tool(name: str, file: Path) -> None:
-    """Write a tool of `drapes` as STL."""
-    if name == "hemisphere":
-        return write_hemisphere(file)
-    if name == "sphere":
-        n = 2502
-        polar = np.arccos(1 - (2 * np.arange(n) + 1) / n)
-        around = np.pi * (1 + 5**0.5) * (np.arange(n) + 0.5)
-        unit = [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around)]
-        points = np.stack([*unit, np.cos(polar)], axis=-1)
-        triangles = ConvexHull(points).simplices
-        a, b, c = points[triangles].swapaxes(0, 1)
-        inwards = (np.cross(b - a, c - a) * a).sum(axis=1) < 0
-        triangles[inwards] = triangles[inwards, ::-1]
-        return Mesh(100 * points, [("triangle", triangles)]).write(file)
-    s = (
-        np.linspace(-240, 240, 61)
-        if name == "double dome"
-        else np.linspace(-100, 100, 51)
-    )
-    x, y = (at.ravel() for at in np.meshgrid(s, s))
-    if name == "double dome":
-        z = double_dome().height(x, y).h
-    else:
-        z = 25 - np.hypot(*(5 * np.logaddexp(0, (np.abs([x, y]) - 40) / 5)))
-    n = len(s)
-    k = np.add.outer(n * np.arange(n - 1), np.arange(n - 1)).ravel()
-    triangles = np.hstack([[k, k + 1, k + n + 1], [k, k + n + 1, k + n]]).T
-    return Mesh(np.stack([x, y, z], axis=-1), [("triangle", triangles)]).write(file)
 
 
 def write_hemisphere(file: Path) -> None:

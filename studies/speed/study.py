@@ -45,7 +45,6 @@ BENCHMARKS: dict[str, Callable[[Settings], Row]] = {
     "whole_runs": whole_runs.whole_runs,
     "overhead": solving.overhead,
     "by_turns": solving.by_turns,
-    "drapes": profile.drapes,
 }
 
 _PICTURES = "needs.png", "needs.svg"
@@ -245,19 +244,6 @@ def _two_commits(results: Row) -> dict[str, Column]:
     }
 
 
-def drapes_table(results: Row) -> str:
-    """A line for each tool and size."""
-    columns: dict[str, Column] = {
-        "tool": "{tool}",
-        "elements along each side": "{size}",
-        **_two_commits(results),
-        "largest difference of the shear angle, °": lambda row: scientific(
-            row["difference_deg"], 1
-        ),
-    }
-    return table(results["drapes"], columns)
-
-
 def _share(share: Mapping[str, float]) -> str:
     """Median and quartiles of a fraction in per cent."""
     middle, low, high = (_signed(100 * share[x]) for x in ("median", "low", "high"))
@@ -397,7 +383,6 @@ def _petsc_in_words(results: Row) -> dict[str, str]:
 
     return {
         "petsc": f"PETSc {results['petsc']}",
-        "petsc_machine": provenance.sentence(results["machine"]),
         "petsc_difference": scientific(max(row["difference"] for row in own), 1),
         "petsc_set_up_unknown": f"{of_unknown * 2**10:.1f} KiB",
         "petsc_factors_unknown": f"{factors[-1] * 2**10 / n:.1f} KiB",
@@ -520,7 +505,6 @@ TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
     "whole_runs": {"whole_runs.md": whole_runs.whole_runs_table},
     "overhead": {"overhead.md": overhead_table},
     "by_turns": {"by_turns.md": by_turns_table},
-    "drapes": {"drapes.md": drapes_table},
 }
 
 
@@ -551,8 +535,7 @@ class Speed(Study[Benchmark]):
     def cases(self, options: argparse.Namespace) -> list[Benchmark]:
         settings = Settings(*(getattr(options, name) for name in Settings._fields))
         compared = options.before and options.after
-        two = "by_turns", "drapes"
-        names = [name for name in BENCHMARKS if name not in two or compared]
+        names = [name for name in BENCHMARKS if name != "by_turns" or compared]
         return [Benchmark(name, settings) for name in names]
 
     def line(self, rows: list[Row]) -> str:
@@ -563,12 +546,7 @@ class Speed(Study[Benchmark]):
         )
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        machines = (
-            provenance.sentence(row["machine"])
-            for row in rows
-            if row["case"] != "petsc"
-        )
-        words = {"machines": " ".join(dict.fromkeys(machines))}
+        words: dict[str, str] = {}
         for row in rows:
             if row["case"] in _WORDS:
                 words |= _WORDS[row["case"]](row)

@@ -80,7 +80,8 @@ def test_a_mesh_along_the_fibres_needs_quadratic_triangles(stored):
 def test_one_point_elements_have_a_larger_error_than_locking_ones(stored):
     """The picture of the strip states it beside the strains."""
     words = STUDY.figures(stored)
-    assert float(words["strip_position_point_over_full"]) > 3
+    assert words["strip_position_point"] == "0.206 mm"
+    assert words["strip_position_full"] == "0.060 mm"
     assert words["strip_force_full"] == "−148 N"
 
 
@@ -94,7 +95,7 @@ def test_estimates_of_the_load_lost_to_fibre_stretch_are_within_a_third(stored):
 def test_tables_of_some_cases_agree_with_whole_tables(stored):
     some = [row for row in stored if "hole" in row["case"]]
     assert set(STUDY.tables(some)) == {"commands.csv", "hole.md"}
-    assert set(STUDY.figures(some)) == {"hole_estimate", "hole_change"}
+    assert STUDY.figures(some) == {}
     whole_tables = STUDY.tables(stored)
     assert set(whole_tables) == set(STUDY.files)
     assert STUDY.tables(some)["hole.md"] == whole_tables["hole.md"]

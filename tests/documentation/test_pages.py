@@ -49,10 +49,8 @@ def links(page):
     """Targets of links, images, includes and downloads."""
     text = re.sub(r"(?<!\})`[^`\n]*`", "", prose(page))
     targets = re.findall(r"\]\(([^)\s]+)\)", text)
-    targets += re.findall(
-        r"^```\{(?:image|figure|include|literalinclude)\} (\S+)", text, re.M
-    )
-    return targets + re.findall(r"\{download\}`(?:[^`]*<)?([^`<>]+)>?`", text)
+    targets += re.findall(r'^<img src="([^"]+)"', text, re.M)
+    return targets + re.findall(r"^```\{include\} (\S+)", text, re.M)
 
 
 def anchors(page):

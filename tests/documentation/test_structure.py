@@ -19,6 +19,12 @@ SECTIONS = ["tutorial", "how-to", "gallery", "theory", "benchmarks", "reference"
 MOST_ENTRIES = 9
 MOST_ROWS = 30
 
+#: Pages that the front page links to: a code host shows directives as code.
+FRONT = [
+    ROOT / name
+    for name in re.findall(r"\]\(([\w/-]+\.md)", (ROOT / "README.md").read_text())
+]
+
 #: Words that do not distinguish titles.
 COMMON = {*("a", "an", "and", "as", "at", "between", "by", "for", "from", "in", "of")}
 COMMON |= {"on", "or", "own", "the", "to", "with"}
@@ -46,6 +52,20 @@ def menus(page):
         yield [
             str((page.parent / entry).resolve().relative_to(DOCS)) for entry in entries
         ]
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *PAGES], ids=lambda x: x.stem)
+def test_comments_are_whole_lines(page):
+    assert re.findall(r"^.*\S.*<!--.*$|^.*-->.*\S.*$", page.read_text(), re.M) == []
+
+
+@pytest.mark.parametrize("page", FRONT, ids=lambda x: f"{x.parent.name}/{x.stem}")
+def test_linked_pages_read_as_they_are(page):
+    """Directives and roles only in the menu at the end, which is for Sphinx."""
+    text = re.sub(
+        r"^```\{toctree\}\n:hidden:\n(.*\n)+?```\n\Z", "", page.read_text(), flags=re.M
+    )
+    assert re.findall(r"^```\{.*|\{[a-z:]+\}`|^:::.*", text, re.M) == []
 
 
 def title(page):

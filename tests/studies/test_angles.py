@@ -158,8 +158,6 @@ def test_references_that_disagree_are_reported():
     bad = good | {"apart": -0.0051}
     assert STUDY.complaint([good]) == ""
     assert "1 load(s) are not converged, first: 30°" in STUDY.complaint([good, bad])
-    assert table_cells(study.agreements([good]), *AT_30.names)[-3] == "yes"
-    assert table_cells(study.agreements([bad]), *AT_30.names)[-3] == "no"
 
 
 def test_references_are_written_beside_the_judged_loads(tmp_path, monkeypatch):
@@ -171,7 +169,4 @@ def test_references_are_written_beside_the_judged_loads(tmp_path, monkeypatch):
     stored = json.loads((tmp_path / "references.json").read_text())
     assert [row["shear_angle"] for row in stored] == list(ANGLES)
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {
-        *("angles.csv", "references.json", "references.md"),
-        provenance.FILE,
-    }
+    assert names == {"angles.csv", "references.json", provenance.FILE}

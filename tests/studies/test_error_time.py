@@ -207,9 +207,6 @@ def test_codes_with_the_same_element_are_compared_on_the_finest_mesh_of_all_sets
     (pair,) = fronts.pairs(rows)
     assert pair.by_set["required"].other.across == 8
     assert pair.by_set["fastest"].ratio == 4.0
-    assert "| strip | P2 | FElupe | 8 | 10 : 5 | 2 | 2 | 4 | 4 |" in (
-        study.same_mesh(rows)
-    )
     words = study.in_words(rows)
     assert words["same_strip_required_felupe_p2"] == "4"
     assert words["same_strip_required_ratio"] == "4 to 4"
@@ -221,18 +218,6 @@ def test_the_smallest_error_of_an_element_above_the_target_is_given():
     )
     assert "| **skfem_textile** | P2 | 2 s, 8 across |" in study.elements(THERE)
     assert study.in_words(THERE)["angle_p2"] == "2 s, 8 across"
-
-
-def test_failed_runs_and_missing_codes_are_listed():
-    gone = {"scene": "strip", "code": "third", "element": "P2", "solver": "required"}
-    gone |= {"seed": 1, "across": 0, "note": "skipped"}
-    long = gone | {"across": 8, "note": f"{cases.GIVEN_UP} after 9 s"}
-    lines = study.failed([*ROWS, gone, long]).splitlines()[2:]
-    assert lines == [
-        "| strip | FElupe | P2 | fastest | failed | 16 | 5 |",
-        "| strip | third | P2 | required | skipped | - | 1 |",
-        "| strip | third | P2 | required | given up | 8 | 1 |",
-    ]
 
 
 def test_the_fronts_have_a_line_for_each_code_with_its_name_at_the_end():

@@ -209,10 +209,7 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
     )
     assert "| 2×2 points, quads | 162 | 512 | - | - | 4 | - | - |" in text["kernels.md"]
     values = [float(rows[i]["inf_sup"]) for i in (2, 4, 3, 5)]
-    flat, sheared, twice, thrice = values
-    assert f"| -, - | {flat:.3g}, {sheared:.3g} | -, - |" in text["sheared.md"]
-    line = f"| {MACRO.name} | {twice:.4f} | {thrice:.4f} |"
-    assert line in text["norms.md"]
+    *_, twice, thrice = values
     assert thrice < twice
     line = "2×2 points, quads, 30°, 8 across, refined 2: inf-sup 0.0962, kernel 4"
     assert line in capsys.readouterr().out

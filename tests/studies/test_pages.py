@@ -1,7 +1,5 @@
 """Pages agree with the data of the studies, or the check fails."""
 
-import re
-
 import pytest
 
 from studies.common.tables import rows_of_csv, table
@@ -11,17 +9,28 @@ from studies.study import Part, Study
 PAGE = """\
 # Page
 
-```{figure} a.png
-:width: 100%
+![A picture](a.png)
 
-A caption.
-```
+*A caption.*
 
-It is off by <!--squares.largest-->9 mm<!--/--> with 5 % of noise.
+<!--results squares-->
+
+| largest |
+|---|
+| 9 mm |
+
+<!--/results-->
+
+The error is 9 mm with 5 % of noise.
 
 ```sh
 sleep 3.2
 ```
+"""
+BLOCK = """\
+| largest |
+|---|
+| {squares.largest} |
 """
 SETTINGS = '"docs/page.md" = ["with 5 % of noise"]\n'
 
@@ -66,9 +75,11 @@ def docs(tmp_path, monkeypatch):
     (folder / "provenance.json").write_text('{"squares": []}')
     page, settings = tmp_path / "docs" / "page.md", tmp_path / "settings.toml"
     page.write_text(PAGE)
+    (tmp_path / "squares.md").write_text(BLOCK)
     settings.write_text(SETTINGS)
     monkeypatch.setattr(pages, "load", lambda name: study)
     monkeypatch.setattr(pages, "ROOT", tmp_path)
+    monkeypatch.setattr(pages, "BLOCKS", tmp_path)
     monkeypatch.setattr(pages, "descriptions", lambda: {"squares": "Squares"})
     monkeypatch.setattr(pages, "PAGES", (page,))
     monkeypatch.setattr(prose, "CHECKED", (page,))
@@ -91,34 +102,22 @@ def test_pages_that_agree_with_the_data_pass(docs, capsys):
 @pytest.mark.parametrize(
     ("file", "old", "new", "named"),
     [
-        ("page.md", "9 mm", "8 mm", "docs/page.md differs from its data"),
+        ("page.md", "| 9 mm", "| 8 mm", "docs/page.md differs from its data"),
         ("squares/squares.csv", "3,9.0", "3,9.5", "docs/page.md differs from its data"),
         ("squares/squares.md", "9.0", "9.1", "docs/squares/squares.md differs"),
-        ("page.md", "noise", "noise in 3.2 s", "the result '3.2 s' has no marker"),
-        ("page.md", "A caption", "Within 7 mm", "the result '7 mm' has no marker"),
-        ("page.md", "noise", "noise, 1/3.2 of it", "the result '1/3.2' has no marker"),
-        ("page.md", "noise", "noise, 62 cases", "the result '62 cases' has no marker"),
-        (
-            "page.md",
-            "noise",
-            "noise; 1415 are right",
-            "the result '1415' has no marker",
-        ),
-        (
-            "page.md",
-            "noise",
-            "noise, error = 7.9 %",
-            "the result '7.9 %' has no marker",
-        ),
-        ("page.md", "noise", "noise in 8 linear solves", "result '8 linear solves'"),
-        (
-            "page.md",
-            ":width: 100%",
-            ":alt: 3.1 mm",
-            "the result '3.1 mm' has no marker",
-        ),
+        ("page.md", "is 9 mm", "is 8 mm", "the result '8 mm'"),
+        ("page.md", "is 9 mm", "is 9 N", "the result '9 N'"),
+        ("page.md", "noise", "noise in 3.2 s", "the result '3.2 s'"),
+        ("page.md", "A caption", "Within 7 mm", "the result '7 mm'"),
+        ("page.md", "A picture", "Within 7 mm", "the result '7 mm'"),
+        ("page.md", "noise", "noise, 1/3.2 of it", "the result '1/3.2'"),
+        ("page.md", "noise", "noise, 62 cases", "the result '62'"),
+        ("page.md", "noise", "noise; 1415 are right", "the result '1415'"),
+        ("page.md", "noise", "noise, error = 7.9 %", "the result '7.9 %'"),
+        ("page.md", "noise", "noise in 8 linear solves", "the result '8'"),
         ("page.md", "5 %", "7 %", "'with 5 % of noise' is not in"),
-        ("page.md", ".largest", ".least", "unknown result squares.least"),
+        ("../squares.md", ".largest", ".least", "unknown result squares.least"),
+        ("page.md", "results squares", "results lost", "No such file"),
     ],
 )
 def test_changes_of_pages_or_their_data_are_found(docs, capsys, file, old, new, named):
@@ -145,22 +144,21 @@ def test_results_without_their_origin_are_named(docs, capsys):
 def test_results_are_written_into_pages_and_tables(docs):
     replaced(docs / "squares" / "squares.csv", "3,9.0", "3,16.0")
     assert pages.main(check=False) == 0
-    assert (
-        "by <!--squares.largest-->16 mm<!--/--> with" in (docs / "page.md").read_text()
-    )
+    assert "| 16 mm |\n\n<!--/results-->" in (docs / "page.md").read_text()
     assert "| 3 | 16.0 |" in (docs / "squares" / "squares.md").read_text()
     rows = rows_of_csv((docs / "squares" / "squares.csv").read_text())
     assert rows[1]["square"] == 16.0  # data are never written
 
 
-def test_every_page_with_prose_is_checked_and_every_marker_is_filled():
-    """Pages with tasks or results are checked; interfaces and theory are not."""
+def test_every_page_with_tasks_or_results_is_checked():
     folders = {page.parent.name for page in prose.CHECKED}
     assert folders >= {"docs", "benchmarks", "how-to", "tutorial"}
-    for page in pages.PAGES:
-        text = page.read_text()
-        assert text.count("<!--/-->") == len([*pages.markers(text)]), page
-        # In CommonMark a comment at the beginning of a line ends the paragraph.
-        assert not re.search(r"^\s*<!--", text, re.M), page
-        glued = re.search(r"[\w.,+−-]<!--[a-z]|<!--/-->\w", text)  # 1 before 0.026°
-        assert glued is None, (page, glued)
+
+
+def test_every_template_is_a_block_of_a_page():
+    names = {
+        block[1]
+        for page in pages.PAGES
+        for block in pages.BLOCK.findall(page.read_text())
+    }
+    assert names == {template.stem for template in pages.BLOCKS.iterdir()}

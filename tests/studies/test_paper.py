@@ -90,7 +90,7 @@ def test_the_table_shows_the_printed_digits(digits):
 def test_two_elements_write_their_systems_only(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["paper", "--case", "two elements", "--out", str(out)]) == 0
-    names = {"systems.json", "systems.md", FILE}
+    names = {"systems.json", FILE}
     assert {file.name for file in out.iterdir()} == names
     written = json.loads((out / "systems.json").read_text())
     assert len(written["systems"]) == 3 * 2 * 2 * 2

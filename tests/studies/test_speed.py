@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from skfem_textile import Ply
-from skfem_textile.io import read_surface
 from studies.__main__ import main
-from studies.speed import needs, one_ply, profile, solving, study
+from studies.speed import needs, one_ply, solving, study
 from studies.speed.solving import Settings
 from studies.speed.study import BENCHMARKS, STUDY, TABLES, Benchmark
 
@@ -118,14 +117,6 @@ def costs(median, scatter=0.0):
     return {"median": median, "least": median - scatter, "most": median + scatter}
 
 
-@pytest.mark.parametrize("name", profile._PLIES)
-def test_tools_of_drapes_face_up(tmp_path, name):
-    profile.write_tool(name, tmp_path / "tool.stl")
-    tool = read_surface(tmp_path / "tool.stl")
-    highest = tool.facets.points[:, [tool.facets.points[2].argmax()]]
-    assert tool.gradient(highest)[2, 0] == pytest.approx(1, abs=0.02)
-
-
 def test_changes_within_their_scatter_are_not_significant():
     features = {
         "first": {"memory": costs(60.0)},
@@ -154,5 +145,4 @@ def test_results_are_summarised_in_words(stored, results):
     assert text["strip_modules"].endswith(f" of {results['modules']['modules']}")
     assert text["bending_unused_terms"] == text["bending_unused_modules"] == "0"
     assert text["iteration_elements"] == "60 000"
-    assert text["machines"].startswith("Machine: ")
-    assert STUDY.figures([]) == {"machines": ""}
+    assert STUDY.figures([]) == {}

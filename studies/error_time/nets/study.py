@@ -138,15 +138,6 @@ def times(rows: Sequence[Row]) -> str:
     return markdown_table(["mesh", "element", "code", *_within()], lines)
 
 
-def factors(rows: Sequence[Row]) -> str:
-    """Ratios of times at each level, by cause."""
-    lines = [
-        [gain.cause, *map(_code, (*gain.ends, gain.same)), *map(gain.text, LEVELS)]
-        for gain in gains(rows)
-    ]
-    return markdown_table(["cause", "from", "to", "same", *_within()], lines)
-
-
 def _within() -> list[str]:
     return [f"within {_text(level)}" for level in LEVELS]
 
@@ -162,7 +153,7 @@ def _seconds(point: Point) -> str:
 class Nets(Study[Timed | Meshing]):
     """All codes on irregular meshes and on nets."""
 
-    parts = (Part("nets.csv", {"nets.md": times, "gains.md": factors}),)
+    parts = (Part("nets.csv", {"nets.md": times}),)
     shown = "{across} across: {seconds:.3g} s"
     folder = ERROR_TIME.folder
     timed = True

@@ -98,18 +98,6 @@ def refinement(rows: Sequence[Row]) -> str:
     return of_runs(selected, _MESH, results)
 
 
-def orders(rows: Sequence[Row]) -> str:
-    """Errors with 32 to 128 parts, for two fibre stiffnesses."""
-    formulation, parts = _MESH.items()
-    settings = dict([formulation, ("E in N/mm", "{stretch:g}"), parts])
-    selected = [r for r in _of(rows, SPHERE) if r["parts"] >= 32]
-    selected += [r for r in _of(rows, SPHERE, "stretch") if r["stretch"] > 1e5]
-    largest, rms = _ERRORS.items()
-    corner = "in the corner in °", "{in_corner:.4f}"
-    elsewhere = "largest elsewhere in °", "{but_corner:.4f}"
-    return of_runs(selected, settings, dict([largest, corner, elsewhere, rms]))
-
-
 def distorted(rows: Sequence[Row]) -> str:
     """Errors on meshes with nodes moved by 20 %."""
     formulation, parts = _MESH.items()
@@ -125,46 +113,6 @@ def _moved(row: Row) -> str:
     if not halvings:
         return "in each mesh independently"
     return f"with {row['parts'] // 2**halvings} parts, then halved"
-
-
-def other_drapes(rows: Sequence[Row]) -> str:
-    """Errors with other stiffnesses, initial guesses and surfaces."""
-    words = {
-        "stretch": "E = {stretch:g} N/mm",
-        "surface": "sphere of 5000 triangles",
-        "start": "initial guess: {start}",
-    }
-    selected = [
-        row
-        for name in words
-        for row in _of(rows, SPHERE, name)
-        if row["stretch"] <= _DEFAULTS["stretch"]
-    ]
-
-    def different(row: Row) -> str:
-        return ", ".join(
-            say.format_map(row) for k, say in words.items() if k in _options(row)
-        )
-
-    results = {**_LARGEST, **_SOLVES, "fibre strain": "{fibre_strain:.1e}"}
-    return of_runs(selected, {**_MESH, "difference": different}, results)
-
-
-def free_edges(rows: Sequence[Row]) -> str:
-    """Differences from the net and energy of plies with unloaded edges."""
-    sphere, pulled = having(rows, kind=SPHERE), _DEFAULTS["tension"]
-    settings = {"q in N/mm": "{tension:g}", "D in N·mm": "{bending:g}"}
-    results: Columns = {
-        **_ERRORS,
-        "median in °": "{median:.2f}",
-        "Γ in the corner in °": "{corner_angle:.1f}",
-        f"energy in N·mm, {chebyshev.energy():.1f} for the net": "{energy:.1f}",
-        "elements at risk of wrinkles": "{at_risk:.0%}",
-        "stable": lambda row: "yes" if row["stable"] else "no",
-        **_SOLVES,
-    }
-    selected = [row for row in sphere if row["tension"] < pulled]
-    return of_runs(selected, {**_MESH, **settings, "start": "{start}"}, results)
 
 
 def nets(rows: Sequence[Row]) -> str:
@@ -222,23 +170,6 @@ def outcomes(rows: Sequence[Row]) -> str:
     head = ["group", "drapes", *_WORDS.values(), "right, not compared"]
     head += ["largest difference to the net in °", "to the finer mesh in °"]
     return markdown_table(head, lines)
-
-
-def told_or_refused(rows: Sequence[Row]) -> str:
-    """The extreme drapes that are not right, with reasons."""
-
-    def reason(row: Row) -> str:
-        warning = f" (reported: {row['told']})" if row.get("told") else ""
-        return row["reason"] + warning
-
-    return table(
-        (row for row in rows if row["outcome"] != RIGHT),
-        {
-            "drape": lambda row: row["case"].partition(", ")[2],
-            "outcome": lambda row: _WORDS[row["outcome"]],
-            "reason": reason,
-        },
-    )
 
 
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
@@ -357,10 +288,7 @@ class Drape(Study[Case | Extreme]):
             "drape.csv",
             {
                 "refinement.md": refinement,
-                "orders.md": orders,
                 "distorted.md": distorted,
-                "other.md": other_drapes,
-                "free_edges.md": free_edges,
                 "nets.md": nets,
                 "rolled.md": rolled,
             },
@@ -376,7 +304,7 @@ class Drape(Study[Case | Extreme]):
         ),
         Part(
             "extremes.csv",
-            {"extremes.md": outcomes, "extremes_off.md": told_or_refused},
+            {"extremes.md": outcomes},
             cases=(f"{EXTREME},*",),
         ),
     )

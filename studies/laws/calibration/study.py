@@ -167,7 +167,6 @@ class Calibration(Study[Case]):
         Part(
             "calibration.csv",
             {
-                "coverage.md": lambda rows: of_task(rows, "coverage"),
                 "inverse.md": lambda rows: of_task(rows, "inverse"),
                 "agreement.md": lambda rows: of_task(rows, "agreement"),
                 "round_trip.md": round_trip,

@@ -37,7 +37,7 @@ from ...common.rivals.codes import Dolfinx, FElupe
 from ...common.rivals.newton import STEPS, NotConvergedError
 from ...common.rivals.rival import QUAD4, TRIANGLE6, Rival, Task
 from ...common.running import errors_only, run
-from ...common.tables import markdown_table, percent, scientific
+from ...common.tables import percent, scientific
 from ...study import Part, Row, Study
 from ..soundness import is_sound
 
@@ -287,25 +287,6 @@ def _cell(rows: list[Row], converged: float) -> Cell:
     return Cell(median(loads), max(loads, key=lambda x: abs(x - 1)), solves)
 
 
-def markdown(rows: Sequence[Row]) -> str:
-    """A line for each code and E/G: loads over converged load, and solves."""
-    lines, every = [], cells(rows)
-    distortions = sorted({at[1] for of_code in every.values() for at in of_code})
-    for code, of_code in every.items():
-        for ratio in sorted({at[0] for at in of_code}):
-            line = (of_code.get((ratio, x), Cell()) for x in distortions)
-            lines.append([code, scientific(ratio), *map(_in_table, line)])
-    return markdown_table(
-        ["code, element", "E/G", *(f"{x:g}" for x in distortions)], lines
-    )
-
-
-def _in_table(cell: Cell) -> str:
-    if cell.load is None:
-        return "none"
-    return f"{times(cell.load)} ({cell.solves:.0f})"
-
-
 def times(ratio: float) -> str:
     """A ratio with two or three digits; in scientific notation from 10⁴ on.
 
@@ -401,8 +382,7 @@ class Grid(Study[Case]):
     parts = (
         Part(
             "grid.csv",
-            {"grid.md": markdown},
-            {
+            pictures={
                 "grid.png": lambda rows, file: draw_grid(cells(rows), file),
                 "grid.svg": lambda rows, file: draw_grid(cells(rows), file),
             },
