@@ -146,7 +146,7 @@ def _of_dxf(path: str | os.PathLike[str]) -> ndarray:
 def _chain(problem: str, parts: list[ndarray], meet: float) -> ndarray:
     """Points of curves of which each continues another one, shape (n, 3).
 
-    The ends 2 i and 2 i + 1 are those of curve i.
+    The ends 2 i and 2 i + 1 belong to curve i.
     """
     ends = np.vstack([part[[0, -1]] for part in parts])
     pairs = KDTree(ends).query_pairs(meet, output_type="ndarray")

@@ -29,7 +29,7 @@ _LEAST_STEP, _MOST_STEP, _WITHOUT_INTERVAL = 1.2, 4.0, 2.0
 _MARGIN = 1.15
 
 # Number of meshes that are generated to find the largest one allowed: the number of
-# unknowns is no exact power of the density.
+# unknowns is not an exact power of the density.
 _TRIED = 3
 
 # Largest share of stabilisation or deviations in energy and work, above which a
@@ -333,7 +333,7 @@ class ToleranceStepper:
 
 
 def _interval_of(result: Result, state: State) -> ErrorInterval:
-    """Interval of a state; that of the last one is known."""
+    """Interval of a state; the interval of the last one is known."""
     last = state is result.states[-1]
     return result.error if last else result.interval(state)
 
