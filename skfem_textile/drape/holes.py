@@ -1,5 +1,7 @@
 """Smooth patches over the holes of a triangulated surface."""
 
+from itertools import compress
+
 import numpy as np
 from numpy import ndarray
 
@@ -43,9 +45,7 @@ def filled(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
         np.array([turn[loop].sum() for loop in loops]),
         np.array([part[loop[0]] for loop in loops]),
     )
-    for loop in (
-        loop for loop, is_outer in zip(loops, outer, strict=True) if not is_outer
-    ):
+    for loop in compress(loops, ~outer):
         x, patch = _flat_patch(x, loop)
         around = triangles[:, np.isin(triangles, loop).any(axis=0)]
         free = np.setdiff1d(patch, loop)

@@ -36,13 +36,11 @@ def inside(corners: ndarray, x: ndarray) -> ndarray:
 
 def nearest(corners: ndarray, x: ndarray) -> ndarray:
     """Nearest points on the edges of a polygon, shape (2, n); arguments as `inside`."""
-    begin = corners[:, :, None]
-    along = np.roll(corners, -1, axis=1)[:, :, None] - begin
-    squared = np.maximum((along**2).sum(axis=0), np.finfo(float).tiny)
-    share = ((x[:, None] - begin) * along).sum(axis=0) / squared
-    feet = begin + np.clip(share, 0.0, 1.0) * along
-    distance = ((feet - x[:, None]) ** 2).sum(axis=0)
-    return feet[:, distance.argmin(axis=0), np.arange(x.shape[1])]
+    import shapely
+
+    ring = shapely.LinearRing(corners.T)
+    lines = shapely.shortest_line(ring, shapely.points(x.T))
+    return shapely.get_coordinates(shapely.get_point(lines, 0)).T
 
 
 def region(corners: ndarray) -> "Geometry":

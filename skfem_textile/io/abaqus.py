@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import meshio
 import numpy as np
 from numpy import ndarray
+from scipy.spatial.transform import Rotation
 
 from ..mesh.checks import MeshError
 from ..mesh.user_input import excerpt, printable
@@ -319,15 +320,9 @@ def _place(deck: _Deck, data: list[list[bytes]]) -> None:
         if not (length := np.linalg.norm(axis)):
             raise MeshError("the two points of the axis coincide")
         deck.rotated = bool(row[6] % 360)
-        x = row[:3] + _rotated(x - row[:3], axis / length, np.radians(row[6]))
+        turn = Rotation.from_rotvec(row[6] * axis / length, degrees=True)
+        x = row[:3] + turn.apply(x - row[:3])
     deck.points = x
-
-
-def _rotated(x: ndarray, axis: ndarray, angle: float) -> ndarray:
-    """Vectors, shape (n, 3), turned about a unit vector by Rodrigues' formula."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    along = np.outer(x @ axis, axis)
-    return along + cos * (x - along) + sin * np.cross(axis, x)
 
 
 def _nodes(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from ..fabric.laws.tabulated import HEADING, read_lines
+from ..fabric.laws.tabulated import HEADING, read_lines, with_decimal_points
 from ..mesh.user_input import IN_MM, excerpt, number_of_text, printable
 
 # Distance in mm between a curve of a DXF file and its chords, as of an outline.
@@ -89,11 +89,7 @@ def _spaced(
     (first, head), *others = [(k, ",".join(row).split()) for k, row in lines]
     if not all(map(_is_number, head := _joined_units(head))):
         _columns(file, head)
-    marks = {mark for _, row in others for mark in ".," if mark in "".join(row)}
-    if len(marks) == 2:
-        raise ValueError(f"{file}: numbers have both decimal points and commas")
-    points = [(k, [cell.replace(",", ".") for cell in row]) for k, row in others]
-    return [(first, head), *points]
+    return [(first, head), *with_decimal_points(file, others)]
 
 
 def _joined_units(words: list[str]) -> list[str]:

@@ -8,18 +8,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-# Packages that log messages about files.
-_LOGGING = ("trimesh", "ezdxf")
-
 
 @contextlib.contextmanager
 def without_messages() -> Iterator[None]:
     """Omit what other packages print, their warnings and log messages."""
-    printed = io.StringIO()
-    logs = [logging.getLogger(name) for name in _LOGGING]
-    levels = [log.level for log in logs]
-    for log in logs:
-        log.setLevel(logging.CRITICAL + 1)
+    printed, disabled = io.StringIO(), logging.root.manager.disable
+    logging.disable()
     try:
         with (
             contextlib.redirect_stdout(printed),
@@ -30,5 +24,4 @@ def without_messages() -> Iterator[None]:
             warnings.simplefilter("ignore")
             yield
     finally:
-        for log, level in zip(logs, levels, strict=True):
-            log.setLevel(level)
+        logging.disable(disabled)

@@ -331,9 +331,8 @@ class SumOfTerms:
         self, u: ndarray, t: float, parameters: PlyParameters | None = None
     ) -> ndarray:
         """Nodal forces of the loads in N."""
-        self.refuse_other(u)
         loads = [term for term in self.terms if term.role == "load"]
-        return -self.residual(u, t, parameters, loads) if loads else np.zeros_like(u)
+        return -self.residual(u, t, parameters, loads)
 
     def tangent(
         self,

@@ -263,9 +263,13 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
             "a smaller ply, or another contact point"
         ) from None
     return {
-        "middle_x": Condition(middle, ends[middle[0]].along_x, direction=x),
-        "turn_left": Condition(left, ends[left[0]].along_y, direction=y),
-        "turn_right": Condition(right, ends[right[0]].along_y, direction=y),
+        "middle_x": Condition(
+            middle, partial(ends[middle[0]].along, axis=0), direction=x
+        ),
+        "turn_left": Condition(left, partial(ends[left[0]].along, axis=1), direction=y),
+        "turn_right": Condition(
+            right, partial(ends[right[0]].along, axis=1), direction=y
+        ),
     }
 
 
@@ -280,18 +284,11 @@ class _End:
         self._geodesic = geodesics(on_tool.surface, X, on_tool.touch)
         self._last = 1.0, self._at(1.0)
 
-    def along_x(self, X: ndarray, t: float) -> ndarray:
-        """Displacement along x, shape (1,)."""
-        return self._place(t)[0] - self._X[0]
-
-    def along_y(self, X: ndarray, t: float) -> ndarray:
-        """Displacement along y, shape (1,)."""
-        return self._place(t)[1] - self._X[1]
-
-    def _place(self, t: float) -> ndarray:
+    def along(self, X: ndarray, t: float, axis: int) -> ndarray:
+        """Displacement along an axis, shape (1,)."""
         if t != self._last[0]:
             self._last = t, self._at(t)
-        return self._last[1]
+        return self._last[1][axis] - self._X[axis]
 
     def _at(self, t: float) -> ndarray:
         point = np.array([*self._on_tool.touch, 0.0])

@@ -381,55 +381,45 @@ def _interval(
     """The interval; of the shear angle alone if nothing carries a load."""
     ply, work = problem.ply, work_of(problem, state)
     reference = ply.formulation.reference(ply.mesh)
-    if reference == ply.formulation:
-        changes = _Changes.of(problem, state, _groups(ply.formulation, ply))
-        load, reactions = changes.work, changes.reactions
-        angle = changes.shear_angle
-        half_width: Callable[[Quantity], tuple[float, float]] = changes.half_width
-    else:
+    other, there = problem, state
+    if reference != ply.formulation:
         other, there = _other(ply, reference, conditions, solver, state)
-        changes = _Changes.of(other, there, _groups(ply.formulation, other.ply))
-        load = abs(work - work_of(other, there)) + changes.work
-        reactions = {
-            name: np.abs(state.reactions[name] - there.reactions[name]) + half
-            for name, half in changes.reactions.items()
-        }
-        off = ply.shear_angle(state.u) - ply.shear_angle(there.u)
-        angle = _rms(ply, off) + changes.shear_angle
-        half_width = partial(_half_width, ply, state.u, changes)
-    angle = max(angle, _rms_jump(ply, state.u))
+    changes = _Changes.of(other, there, _groups(ply.formulation, other.ply))
+    load = abs(work - work_of(other, there)) + changes.work
+    reactions = {
+        name: np.abs(state.reactions[name] - there.reactions[name]) + half
+        for name, half in changes.reactions.items()
+    }
+    off = ply.shear_angle(state.u) - ply.shear_angle(there.u)
+    angle = max(_rms(ply, off) + changes.shear_angle, _rms_jump(ply, state.u))
+    half_width = partial(_half_width, ply, state.u, changes)
     if not np.isfinite([load, angle]).all():
         return ErrorInterval(reason="its half-width is not finite")
     if problem.in_space:
         return ErrorInterval(None, angle, reason=_IN_SPACE if work else _NO_LOAD)
     if not work:
-        return ErrorInterval(None, angle, reactions, _NO_LOAD, [], half_width)
+        return ErrorInterval(
+            None, angle, reactions, _NO_LOAD, [], partial(half_width, 1.0)
+        )
+    wider = 1.0
     if load and SINGULAR not in (ply.mesh.boundaries or {}):
         wider = 1.0 + _OF_JUMPS * _work_of_jumps(ply, state.u) / load
         load, reactions = wider * load, {k: wider * x for k, x in reactions.items()}
-        half_width = partial(_wider, wider, half_width)
     numerical = sum(state.shares.get("energy", {}).values())
     if load > _MOST * abs(work) or numerical > _MOST_NUMERICAL:
         return ErrorInterval(reason=_NUMERICAL_LOAD)
     reactions, warnings = changes.widened(reactions, state, load)
-    return ErrorInterval(load / abs(work), angle, reactions, "", warnings, half_width)
-
-
-def _wider(
-    factor: float, narrow: Callable[[Quantity], tuple[float, float]], quantity: Quantity
-) -> tuple[float, float]:
-    """Value of a quantity, and half the width of its interval times a factor."""
-    value, half = narrow(quantity)
-    return value, factor * half
+    of_quantity = partial(half_width, wider)
+    return ErrorInterval(load / abs(work), angle, reactions, "", warnings, of_quantity)
 
 
 def _half_width(
-    ply: Ply, u: ndarray, changes: _Changes, quantity: Quantity
+    ply: Ply, u: ndarray, changes: _Changes, factor: float, quantity: Quantity
 ) -> tuple[float, float]:
-    """Value of a quantity at u, and half its width, from the other formulation."""
+    """Value of a quantity at u, and half the width of its interval."""
     value = float(quantity(ply, u))
     theirs, half = changes.half_width(quantity)
-    return value, abs(value - theirs) + half
+    return value, factor * (abs(value - theirs) + half)
 
 
 def _groups(formulation: Formulation, ply: Ply) -> _Groups:

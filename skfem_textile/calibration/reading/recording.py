@@ -8,6 +8,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -297,7 +298,8 @@ class _File:
         """Tests of the file, each of one table or of several segments."""
         parts = [part for block in self.blocks for part in self._parts(block)]
         tables = [self._tables(block) for block in parts]
-        tests = [test for each in self._beside(tables) for test in _joined(each)]
+        below = (list(filter(None, each)) for each in zip_longest(*tables))
+        tests = [test for each in below for test in _joined(each)]
         longest = max(_length(test) for test in tests)
         tests = [test for test in tests if _length(test) >= _SHORT * longest]
         tests.sort(key=lambda test: (test[0].rows.rows[0], test[0].place))
@@ -354,14 +356,6 @@ class _File:
             return f"specify another column, such as --column {_option(quantity)}=1"
         best = max(found, key=lambda column: found[column])
         return f"use {best.label} with --column {_option(quantity)}={best.position + 1}"
-
-    def _beside(self, tables: list[list["_Table"]]) -> list[list["_Table"]]:
-        """Tables one below the other, for each place beside one another."""
-        places = max(map(len, tables))
-        below = [
-            [one for each in tables for one in each[i : i + 1]] for i in range(places)
-        ]
-        return [each for each in below if each]
 
     def _parts(self, block: Block) -> list[Block]:
         """A block, cut at blank lines or titles below which another test begins.

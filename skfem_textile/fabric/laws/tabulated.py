@@ -159,16 +159,19 @@ def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[
     lines = [(line, row) for line, row in rows if any(map(str.strip, row))]
     if not lines:
         raise ValueError(f"{file}: the file is empty")
-    if separator == ",":
-        return file, lines
-    marks = {mark for _, row in lines[1:] for mark in ".," if mark in "".join(row)}
+    if separator != ",":
+        lines[1:] = with_decimal_points(file, lines[1:])
+    return file, lines
+
+
+def with_decimal_points(
+    file: str, lines: list[tuple[int, list[str]]]
+) -> list[tuple[int, list[str]]]:
+    """Rows of numbers of a file with decimal points instead of commas."""
+    marks = {mark for _, row in lines for mark in ".," if mark in "".join(row)}
     if len(marks) == 2:
         raise ValueError(f"{file}: numbers have both decimal points and commas")
-    head, *others = lines
-    return file, [
-        head,
-        *((line, [cell.replace(",", ".") for cell in row]) for line, row in others),
-    ]
+    return [(line, [cell.replace(",", ".") for cell in row]) for line, row in lines]
 
 
 def _units(

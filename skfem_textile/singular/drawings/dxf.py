@@ -64,14 +64,8 @@ def curves_of_dxf(
 
     Parameters
     ----------
-    path
-        The file.
-    tolerance
-        Largest distance in mm between a curve and its chords.
-    unit
-        Unit of length, ``mm``, ``cm``, ``m`` or ``in``; by default as the file states.
-    layer
-        Name of a layer, or several, of which curves are read; by default all.
+    path, tolerance, unit, layer
+        See `Outline.from_dxf`.
     in_space
         Return points in space, shape (3, n), instead of in the plane of the curves.
 

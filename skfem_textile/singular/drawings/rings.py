@@ -214,15 +214,12 @@ def _traced(
         while i in left:
             left.remove(i)
             numbers.append(i)
-            nodes.append(_other_end(segments[i], nodes[-1]))
+            start, end = segments[i][:2]
+            nodes.append(end if nodes[-1] == start else start)
             i = next((j for j in at[nodes[-1]] if j in left), i)
         if numbers:
             rings.append((nodes[:-1], numbers))
     return rings
-
-
-def _other_end(segment: Segment, node: int) -> int:
-    return segment.end if node == segment.start else segment.start
 
 
 def _merged(ring: Ring) -> Ring:

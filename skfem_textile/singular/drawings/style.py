@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator
 from functools import lru_cache
+from operator import itemgetter
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
@@ -29,7 +30,7 @@ CSS_IN_MM = {
 TRANSPARENT = {"none", "transparent"}
 
 # Angles in degrees.
-_ANGLES = {"": 1.0, "deg": 1.0, "rad": 180 / np.pi, "grad": 0.9, "turn": 360.0}
+_ANGLES = {"deg": 1.0, "rad": 180 / np.pi, "grad": 0.9, "turn": 360.0}
 
 # Properties in a style sheet that hide, move or shape elements, or cut them off.
 _USED = {
@@ -83,7 +84,8 @@ class Styles:
     def __init__(self, what: str, root: Element) -> None:
         self._what = what
         sheets = (e for e in root.iter() if tag_of(e) == "style")
-        self._rules = [r for e in sheets for r in self._read("".join(e.itertext()))]
+        rules = (r for e in sheets for r in self._read("".join(e.itertext())))
+        self._rules = sorted(rules, key=lambda rule: rule.specificity)
 
     def value(self, element: Element, name: str) -> str:
         """Value of a property, '' if it is not given."""
@@ -91,21 +93,11 @@ class Styles:
 
     def styled(self, element: Element, name: str) -> str:
         """Value of a property in the style or in a style sheet, else ''."""
-        inline = _declarations(element.get("style", ""))
-        found = [
-            (
-                rule.declarations[name][1],
-                rule.specificity,
-                i,
-                rule.declarations[name][0],
-            )
-            for i, rule in enumerate(self._rules)
-            if name in rule.declarations and rule.applies(element)
-        ]
-        if name in inline:
-            value, important = inline[name]
-            found.append((important, (2**31, 0, 0), 0, value))
-        return max(found)[-1] if found else ""
+        of_rules = (r.declarations for r in self._rules if r.applies(element))
+        found = [*of_rules, _declarations(element.get("style", ""))]
+        values = [declared[name] for declared in found if name in declared]
+        # The last important one counts, else the last.
+        return max(values[::-1], key=itemgetter(1))[0] if values else ""
 
     def _read(self, sheet: str) -> Iterator[_Rule]:
         """Rules of a style sheet."""
@@ -218,9 +210,10 @@ def _step(kind: str, arguments: list[tuple[float, str]]) -> ndarray | None:
     """Matrix of one function of a transform; None if it is not supported."""
     a, kinds = [value for value, _ in arguments], {unit for _, unit in arguments}
     n, step = len(a), np.eye(3)
-    angular = kind in ("rotate", "skewx", "skewy", "skew")
-    lengths = kind in ("translate", "translatex", "translatey")
-    allowed = {"number", *(["angle"] * angular), *(["length"] * lengths)}
+    k = "xy".find(kind[-1])  # the axis, if the name has one
+    name = kind[:-1] if k >= 0 else kind
+    units = {"translate": "length", "rotate": "angle", "skew": "angle"}
+    allowed = {"number", units.get(name, "number")}
     if not kinds <= allowed or not a:
         return None
     if kind == "matrix" and n == 6:
@@ -229,14 +222,9 @@ def _step(kind: str, arguments: list[tuple[float, str]]) -> ndarray | None:
         step[:2, 2] = a[0], (a[1] if n > 1 else 0.0)
     elif kind == "scale" and n < 3:
         step[[0, 1], [0, 1]] = a[0], a[-1]
-    elif kind in ("translatex", "translatey") and n == 1:
-        step["xy".index(kind[-1]), 2] = a[0]
-    elif kind in ("scalex", "scaley") and n == 1:
-        k = "xy".index(kind[-1])
-        step[k, k] = a[0]
-    elif kind in ("skewx", "skewy") and n == 1:
-        k = "xy".index(kind[-1])
-        step[k, 1 - k] = np.tan(np.radians(a[0]))
+    elif name in ("translate", "scale", "skew") and k >= 0 and n == 1:
+        column = {"translate": 2, "scale": k, "skew": 1 - k}[name]
+        step[k, column] = np.tan(np.radians(a[0])) if name == "skew" else a[0]
     elif kind == "rotate" and n in (1, 3):
         c, s = np.cos(np.radians(a[0])), np.sin(np.radians(a[0]))
         step[:2, :2] = [[c, -s], [s, c]]

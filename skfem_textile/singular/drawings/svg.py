@@ -37,16 +37,8 @@ _GROUPS = "svg", "g", "a", "switch"
 # Elements that are not drawn where they stand, or describe others.
 _NOT_DRAWN = {
     *("defs", "symbol", "clipPath", "mask", "pattern", "marker", "filter", "style"),
-    *(
-        "linearGradient",
-        "radialGradient",
-        "title",
-        "desc",
-        "metadata",
-        "script",
-        "view",
-    ),
-    *("cursor", "font", "color-profile", ""),
+    *("linearGradient", "radialGradient", "title", "desc", "metadata", "script"),
+    *("view", "cursor", "font", "color-profile", ""),
 }
 
 # Properties that move elements or cut them off, with the values that do not.
@@ -120,13 +112,8 @@ def curves_of_svg(
 
     Parameters
     ----------
-    path, tolerance
-        See `curves_of_dxf`.
-    unit
-        Length of one unit of the drawing, ``mm``, ``cm``, ``m`` or ``in``; by default
-        as the width or height of the drawing says.
-    layer
-        ``id`` or label of elements or groups that are read; by default all.
+    path, tolerance, unit, layer
+        See `Outline.from_svg`.
 
     Raises
     ------
