@@ -214,6 +214,8 @@ def error_interval(
 
 def _is_state_of(problem: Problem, state: State) -> bool:
     """True if a state is an equilibrium of a problem."""
+    if not isinstance(state, State):
+        return False
     ply, p = problem.ply, state.parameters
     here = {name: _shapes(values) for name, values in ply.parameters_at_rest.items()}
     shapes = {name: _shapes(values) for name, values in p.items()}
@@ -407,17 +409,22 @@ def _interval(
     if load and SINGULAR not in (ply.mesh.boundaries or {}):
         wider = 1.0 + _OF_JUMPS * _work_of_jumps(ply, state.u) / load
         load, reactions = wider * load, {k: wider * x for k, x in reactions.items()}
-        narrow = half_width
-
-        def half_width(quantity: Quantity) -> tuple[float, float]:
-            value, half = narrow(quantity)
-            return value, wider * half
-
+        half_width = partial(_wider, half_width, wider)
     numerical = sum(state.shares.get("energy", {}).values())
     if load > _MOST * abs(work) or numerical > _MOST_NUMERICAL:
         return ErrorInterval(reason=_NUMERICAL_LOAD)
     reactions, warnings = changes.widened(reactions, state, load)
     return ErrorInterval(load / abs(work), angle, reactions, "", warnings, half_width)
+
+
+def _wider(
+    half_width: Callable[[Quantity], tuple[float, float]],
+    factor: float,
+    quantity: Quantity,
+) -> tuple[float, float]:
+    """Value of a quantity, and half the width of its interval times a factor."""
+    value, half = half_width(quantity)
+    return value, factor * half
 
 
 def _half_width(
