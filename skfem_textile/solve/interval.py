@@ -214,6 +214,8 @@ def error_interval(
 
 def _is_state_of(problem: Problem, state: State) -> bool:
     """True if a state is an equilibrium of a problem."""
+    if not isinstance(state, State):
+        return False
     ply, p = problem.ply, state.parameters
     here = {name: _shapes(values) for name, values in ply.parameters_at_rest.items()}
     shapes = {name: _shapes(values) for name, values in p.items()}

@@ -139,6 +139,23 @@ def test_results_and_steppers_are_copied(name, copied):
     assert_same(result, again.run())
 
 
+@pytest.mark.parametrize("copied", COPIES, ids=["deepcopy", "pickle"])
+@pytest.mark.parametrize("form", [Macro(), OnePoint()])
+def test_intervals_of_loads_are_copied(form, copied):
+    fabric = Fabric(2e3, 0.3, (1, 1), (-1, 1))
+    mesh = MeshQuad.init_tensor(np.linspace(0, 30, 4), np.linspace(0, 60, 7))
+    ply = Ply(mesh.with_defaults(), fabric, form)
+    result = LoadStepper(ply, HELD, 1).run()
+    error = copied(result.error)
+    assert error.load == result.error.load > 0
+    assert error.of(work) == result.error.of(work)
+    assert copied(result).error.of(work) == error.of(work)
+
+
+def work(ply, u):
+    return float(u @ u)
+
+
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_steppers_are_copied_with_any_linear_solver(solver):
     pytest.importorskip(SOLVERS[solver].package)

@@ -49,6 +49,12 @@ def test_an_interval_is_not_given_for_a_state_of_another_ply(other):
         pulled().interval(run(*other).states[-1])
 
 
+@pytest.mark.parametrize("other", [3, None, np.zeros(162)])
+def test_an_interval_is_given_for_states_alone(other):
+    with pytest.raises(ValueError, match=r"states of the same run only: use one of "):
+        pulled().interval(other)
+
+
 def test_an_interval_is_given_for_every_state_of_the_run():
     for state in pulled().states[1:]:
         assert pulled().interval(state).load is not None

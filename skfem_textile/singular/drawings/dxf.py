@@ -245,7 +245,12 @@ def _flattened(entity: Any, tolerance: float) -> ndarray:
         corners = [entity.dxf.start, entity.dxf.end]
     else:
         dxf = entity.dxf
-        radius = dxf.major_axis.magnitude if kind == "ELLIPSE" else abs(dxf.radius)
+        if kind == "ELLIPSE":
+            radius = dxf.major_axis.magnitude
+            if np.isclose(dxf.end_param - dxf.start_param, 2 * np.pi, rtol=1e-9):
+                dxf.start_param, dxf.end_param = 0.0, 2 * np.pi  # ezdxf drops others
+        else:
+            radius = abs(dxf.radius)
         sagitta = np.clip(tolerance, FINEST * radius, SAGITTA * radius)
         corners = list(entity.flattening(sagitta))
     return np.array([tuple(corner) for corner in corners]).reshape(-1, 3)

@@ -110,7 +110,7 @@ def _corners(points: ndarray) -> ndarray:
     gaps = np.hypot(*(np.roll(points, -1, axis=1) - points))
     corners = points[:, gaps > NEAR * size]
     to_first = np.hypot(*(corners - corners[:, :1]))
-    return corners[:, :-1] if to_first[-1:] <= JOINED * size else corners
+    return corners[:, :-1] if (to_first[-1:] <= JOINED * size).any() else corners
 
 
 def _unrepeated(

@@ -213,6 +213,19 @@ KINDS = {
 }
 
 
+def test_a_line_without_length_has_no_effect(read):
+    outline, _ = read(lambda drawing, model: model.add_line((50, 50), (50, 50)))
+    assert outline.shape().area == pytest.approx(1e4)
+
+
+def test_an_ellipse_may_begin_anywhere(read):
+    def ellipse(drawing, model):
+        model.add_ellipse((50, 50), (30, 0), 0.5, 0.3, 0.3 + 2 * np.pi)
+
+    outline, _ = read(ellipse)
+    assert outline.shape().area == pytest.approx(1e4 - 450 * np.pi, rel=1e-3)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_other_entities_are_ignored_and_named(read, kind):
     outline, said = read(lambda drawing, model: KINDS[kind](model))
