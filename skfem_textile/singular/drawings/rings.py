@@ -291,10 +291,12 @@ def _nested(rings: list[Ring], what: str) -> list[Ring]:
             f"{_about(outer[0])}; a ply is one piece: select its layer"
         )
     holes = [ring for ring, d in zip(rings, depth, strict=True) if d]
-    if outer[0].where:
-        inside = f", with the hole(s) {_listed(holes)}" if holes else ""
-        text = "%s: the ply is %s%s; select other layers if this is not so"
-        log.warning(text, what, _about(outer[0]), inside)
+    if holes and outer[0].where:
+        log.warning(
+            "%s: the ply is %s, with the hole(s) %s; select other layers if this is "
+            "not so",
+            *(what, _about(outer[0]), _listed(holes)),
+        )
     return [*outer, *holes]
 
 
