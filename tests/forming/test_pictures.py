@@ -28,10 +28,8 @@ fields = pytest.importorskip("skfem_textile.plot.fields")
 
 @pytest.fixture
 def without_tools(hemisphere):
-    x = np.linspace(0, 1, 3)
-    ply = Ply(MeshQuad.init_tensor(x, x), Fabric(1.0, 0.1), dimension=3)
-    state = hemisphere.states[0]
-    return Result.of_state(ply, {}, state)
+    ply = Ply(hemisphere.ply.mesh, Fabric(1.0, 0.1), dimension=3)
+    return Result.of_state(ply, {}, hemisphere.states[0])
 
 
 def shares(path):
