@@ -287,15 +287,15 @@ class _Changes:
     the tension.  The group with the largest half-width counts.
     """
 
-    problem: Problem
+    ply: Ply
     u: ndarray
-    tangent: Tangent
-    rate: ndarray
     by_role: dict[str, _Change]
     groups: _Groups
 
     @classmethod
-    def of(cls, problem: Problem, state: State, groups: _Groups) -> "_Changes":
+    def of(
+        cls, problem: Problem, tangent: Tangent, state: State, groups: _Groups
+    ) -> "_Changes":
         """Changes to first order, from the tangent at the state."""
         ply, u, p = problem.ply, state.u, state.parameters
         forces: dict[str, ndarray] = {}
@@ -304,13 +304,12 @@ class _Changes:
                 forces[part.role] = forces.get(part.role, 0.0) + part.forces
         if not problem.in_space and any(_VARIATION in group for group in groups):
             forces[_VARIATION] = forces_of_tension_variation(ply, u)
-        tangent, rate = Tangent.at(problem, u, p), _rate(problem)
-        by_role = {}
+        rate, by_role = _rate(problem), {}
         for role, f in forces.items():
             motion, after = tangent.settled(f)
             work = float(_work(problem, after, motion, p, rate).sum())
             by_role[role] = _Change(motion, work, problem.reactions(after, u))
-        return cls(problem, u, tangent, rate, by_role, groups)
+        return cls(ply, u, by_role, groups)
 
     def largest(self, of: Callable[[_Change], Any]) -> Any:
         """Half-width of a quantity, from its derivative for each change."""
@@ -339,30 +338,15 @@ class _Changes:
 
         return {name: half_width(name) for name in names}
 
-    def widened(
-        self, reactions: dict[str, ndarray], state: State, work: float
-    ) -> tuple[dict[str, ndarray], list[str]]:
-        """Half-widths of the reactions at a state, and warnings of wide ones.
-
-        ``work`` is the half-width of the work in N·mm.
-        """
-        arguments = self.problem, self.tangent, state, self.rate, work
-        uncertain = list(uncertain_reactions(*arguments))
-        wide = {
-            x.name: np.maximum(reactions.get(x.name, 0.0), x.half_width)
-            for x in uncertain
-        }
-        return reactions | wide, [x.warning for x in uncertain]
-
     def half_width(self, quantity: Quantity) -> tuple[float, float]:
         """Value of a quantity, and half the width of its interval."""
         half = self.largest(lambda change: self._slope(quantity, change.motion))
-        return float(quantity(self.problem.ply, self.u)), float(half)
+        return float(quantity(self.ply, self.u)), float(half)
 
     @property
     def shear_angle(self) -> float:
         """Estimated root mean square error of the shear angle in radians."""
-        ply, motion = self.problem.ply, np.zeros_like(self.u)
+        ply, motion = self.ply, np.zeros_like(self.u)
         for role, change in self.by_role.items():
             if role in _NUMERICAL:
                 motion += ply.formulation.log_range(ply.mesh) * change.motion
@@ -371,8 +355,7 @@ class _Changes:
 
     def _slope(self, quantity: Callable[[Ply, ndarray], Any], motion: ndarray) -> Any:
         """Derivative of a quantity along a motion."""
-        ply = self.problem.ply
-        ends = (quantity(ply, self.u + h * motion) for h in (-_SHORT, _SHORT))
+        ends = (quantity(self.ply, self.u + h * motion) for h in (-_SHORT, _SHORT))
         before, after = ends
         return (after - before) / (2 * _SHORT)
 
@@ -386,7 +369,9 @@ def _interval(
     other, there = problem, state
     if reference != ply.formulation:
         other, there = _other(ply, reference, conditions, solver, state)
-    changes = _Changes.of(other, there, _groups(ply.formulation, other.ply))
+    tangent = Tangent.at(other, there.u, there.parameters)
+    groups = _groups(ply.formulation, other.ply)
+    changes = _Changes.of(other, tangent, there, groups)
     load = abs(work - work_of(other, there)) + changes.work
     reactions = {
         name: np.abs(state.reactions[name] - there.reactions[name]) + half
@@ -410,7 +395,10 @@ def _interval(
     numerical = sum(state.shares.get("energy", {}).values())
     if load > _MOST * abs(work) or numerical > _MOST_NUMERICAL:
         return ErrorInterval(reason=_NUMERICAL_LOAD)
-    reactions, warnings = changes.widened(reactions, state, load)
+    uncertain = list(uncertain_reactions(other, tangent, state, _rate(other), load))
+    for name, half, _ in uncertain:
+        reactions[name] = np.maximum(reactions.get(name, 0.0), half)
+    warnings = [x.warning for x in uncertain]
     of_quantity = partial(half_width, wider)
     return ErrorInterval(load / abs(work), angle, reactions, "", warnings, of_quantity)
 

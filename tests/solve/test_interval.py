@@ -1,5 +1,6 @@
 """The error interval: its half-width, what it contains, and states without one."""
 
+import gc
 from dataclasses import replace
 
 import numpy as np
@@ -249,6 +250,16 @@ def test_an_interval_needs_one_factorisation(monkeypatch):
     assert len(made) == 1
 
 
+def test_an_interval_keeps_no_factorisation():
+    result = pulled()
+    before = {id(x) for x in gc.get_objects() if type(x) is Tangent}
+    error = result.error
+    gc.collect()
+    after = {id(x) for x in gc.get_objects() if type(x) is Tangent}
+    assert error.load
+    assert after <= before
+
+
 def test_the_printed_interval_has_no_arrays_of_the_ply():
     assert len(repr(pulled().error)) < 400
 
@@ -332,7 +343,8 @@ def test_without_numerical_stiffness_the_interval_contains_that_of_the_reference
     ).at(1.0)
     log_range = reference.log_range(ply.mesh)
     groups = interval._groups(formulation, other)
-    changes = interval._Changes.of(theirs, there, groups)
+    tangent = Tangent.at(theirs, there.u, there.parameters)
+    changes = interval._Changes.of(theirs, tangent, there, groups)
     load, other_load = (s.reactions["top"][1] for s in (result.states[-1], there))
     half = changes.work / work_of(theirs, there) * other_load
     assert log_range > 0 < half
