@@ -137,7 +137,7 @@ def test_the_tutorial_prints_its_listed_output(tmp_path, monkeypatch, capsys):
     run_snippets(TUTORIAL / "index.md")
     printed = capsys.readouterr().out
     blocks = blocks_of_text(TUTORIAL / "index.md")
-    assert len(blocks) == 6
+    assert len(blocks) == 7
     assert [block for block in blocks if block not in printed] == []
 
 

@@ -189,7 +189,7 @@ def test_standard_output_of_the_command_line_contains_no_progress(
         monkeypatch.setenv(SWITCH, switch)
         assert main([*command, str(tmp_path / "out")]) == 0
         out, err = capsys.readouterr()
-        times = "wall_time", "_time_s"
+        times = "wall_time", "_time_s", "Run time"
         return [x for x in out.splitlines() if not any(t in x for t in times)], err
 
     quiet, nothing = printed("0")

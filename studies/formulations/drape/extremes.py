@@ -362,9 +362,9 @@ def judged(case: Extreme) -> Row:
         other = draped(replace(case, mirrored=False))
         row["off_mirror"] = float(np.abs(final.angle - other.angle).max())
     complaints = _complaints(row)
-    notes = _warnings(final)
+    notes = "" if _is_unsound(row) else _warnings(final)
     outcome = WRONG if complaints else RIGHT
-    if complaints and notes and not _is_unsound(row):
+    if complaints and notes:
         outcome = TOLD
     return {"outcome": outcome, "reason": "; ".join(complaints), "told": notes, **row}
 
