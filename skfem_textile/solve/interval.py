@@ -15,7 +15,7 @@ half-width is then twice the change by the omitted forces, if that is larger.
 Elements that contain a jump of the shear angle have an error of the shear angle of the
 size of its differences δ between neighbours.  For a proportional law the numerical
 stiffness is calibrated to it.  The further change of the work of another law is of the
-size of ∫ |M′Γ − M| δ dΩ: see `_work_of_jumps`.
+size of ``∫ |M′Γ − M| δ dΩ``: see `_work_of_jumps`.
 
 The derivative needs no second equilibrium: the numerical stiffness is linear in k, so
 that its nodal forces are the derivative of the residual.  A formulation without
@@ -463,7 +463,7 @@ def _square_jumps(ply: Ply, u: ndarray) -> ndarray:
 
 
 def _work_of_jumps(ply: Ply, u: ndarray) -> float:
-    """Work ∫ |M′Γ − M| δ dΩ in N·mm, with the root mean square jumps δ of Γ.
+    """Work ``∫ |M′Γ − M| δ dΩ`` in N·mm, with the root mean square jumps δ of Γ.
 
     It is zero for a proportional shear law M, and large beside the pole of a law.
     """
