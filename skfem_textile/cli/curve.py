@@ -91,9 +91,8 @@ def curve_of(scene: Scene, result: Result) -> dict[str, ndarray]:
 
     Displacement and force (`Scene.driven_curve`); for a shear test also the theoretical
     shear angle in degrees (inextensible fibres), and the normalised shear force.  The
-    half-width of the force follows
-    from the error interval of each state and is nan where there is none; there is no
-    such column if no state has one.
+    half-width of the force follows from the error interval of each state and is nan
+    where there is none; there is no such column if no state has one.
     """
     half = np.array([_relative_half_width(result, state) for state in result.states])
     displacement, pull = scene.driven_curve(result)

@@ -90,7 +90,15 @@ def deformation(w: FormExtraParams) -> ndarray:
 
 
 def displacement(w: FormExtraParams) -> DiscreteField:
-    """The parameter ``u``; a ValueError if it is missing or not a vector field."""
+    """The parameter ``u``; a ValueError if it is missing or not a vector field.
+
+    Also on a `FacetBasis`, which has normals.
+    """
+    if "n" in w:
+        raise ValueError(
+            "the form is an integral over elements: pass a basis such as "
+            "quad_basis(mesh, CENTRE), not a FacetBasis"
+        )
     u = parameter(w, "u")
     if np.ndim(u) != 3 or len(u) not in (2, 3) or u.grad is None:
         raise ValueError(

@@ -73,7 +73,7 @@ _NO_NET = (
 )
 
 
-#: Those of the figures of `measured_on_tool` that are printed first.
+#: Figures of `measured_on_tool` that are printed first.
 FIRST_ON_TOOL = (
     Quantity(
         *("Largest tool pressure", "max_contact_pressure_N_per_mm2", "N/mm²"),

@@ -254,7 +254,7 @@ class Scene:
         force[np.abs(force) <= result.ply.nodes.shape[1] * left[:, None]] = 0.0
         if self.shear_test is not None:
             return self.shear_test.measured(moved, force)
-        axis = np.abs(moved).max(axis=0).argmax()
+        axis = self._axis(result)
         return moved[:, axis], force[:, axis]
 
     def _driven(self, result: Result) -> Driven | None:
@@ -262,9 +262,21 @@ class Scene:
         if not isinstance(self.conditions.get(self.driven), Condition):
             return None
         displacement, force = (x[-1].item() for x in self.driven_curve(result))
+        error = result.error
+        half = None if error.load is None else error.load * abs(force)
         if self.shear_test is not None:
-            return Driven("machine", "machine", displacement, force)
-        return Driven(self.driven, self.reacting or self.driven, displacement, force)
+            return Driven("machine", "machine", displacement, force, half)
+        name = self.reacting or self.driven
+        if name in error.reactions:  # which count shared nodes in part only
+            halves = self._unrotated(np.diag(error.reactions[name]))
+            own = np.abs(halves[self._axis(result)]).sum().item()
+            half = max(own, half or 0.0)
+        return Driven(self.driven, name, displacement, force, half)
+
+    def _axis(self, result: Result) -> int:
+        """Axis of the larger displacement of the driven edge."""
+        moved = [self.driven_displacement(one) for one in result.states]
+        return int(np.abs(moved).max(axis=0).argmax())
 
     def _unrotated(self, vector: ndarray) -> ndarray:
         turn = self.turn.T if len(vector) == 2 else self.axes.turn

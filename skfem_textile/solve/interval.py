@@ -139,6 +139,11 @@ class ErrorInterval:
         default=None, repr=False
     )
 
+    def half_widths(self, name: str, d: int) -> list[float | None]:
+        """Half-widths of the reaction of a condition in N; d times None if unknown."""
+        known = self.reactions.get(name)
+        return [None] * d if known is None else known.tolist()
+
     def of(self, quantity: Quantity) -> tuple[float, float]:
         """Lower and upper end of the interval of a quantity.
 
@@ -393,7 +398,7 @@ def _interval(
         wider = 1.0 + _OF_JUMPS * _work_of_jumps(ply, state.u) / load
         load, reactions = wider * load, {k: wider * x for k, x in reactions.items()}
     numerical = sum(state.shares.get("energy", {}).values())
-    if load > _MOST * abs(work) or numerical > _MOST_NUMERICAL:
+    if not load <= _MOST * abs(work) or numerical > _MOST_NUMERICAL:
         return ErrorInterval(reason=_NUMERICAL_LOAD)
     uncertain = list(uncertain_reactions(other, tangent, state, _rate(other), load))
     for name, half, _ in uncertain:

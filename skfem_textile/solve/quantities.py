@@ -30,7 +30,7 @@ class Quantity(NamedTuple):
         Position in mm, by the keys of its components without ``_x_mm``, ...; empty if
         there is none.
     has_interval
-        True if the error interval of the load applies to it.
+        True if it has an error interval, whose half-width is ``KEY_half_width``.
     note
         Words after the unit.
     """
@@ -70,9 +70,9 @@ class Quantity(NamedTuple):
             return "", ""
         if value == 0:
             return "", " within the tolerance of the equilibrium"
-        half = summary.get("load_half_width")
+        half = summary.get(f"{self.key}_half_width")
         if half is not None:
-            return f" ± {_rounded(max(half, _ROUNDED) * abs(value), 2)}", ""
+            return f" ± {_rounded(max(half, _ROUNDED * abs(value)), 2)}", ""
         reason = str(summary.get("error_interval")).partition("none")[2]
         return "", f"; no error interval{reason}"
 
@@ -119,7 +119,7 @@ def first_rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     Examples
     --------
     >>> first = [Quantity("Load", "load_N", "N", has_interval=True).declared()]
-    >>> first_rows({"load_N": 12.0, "load_half_width": 0.1, "first": first})
+    >>> first_rows({"load_N": 12.0, "load_N_half_width": 1.2, "first": first})
     [('Load', '', '12 ± 1.2 N'), ('Warnings', '', 'none')]
     """
     rows: list[tuple[str, str, str]] = []

@@ -55,13 +55,15 @@ class ToolMotion(NamedTuple):
 class Driven(NamedTuple):
     """Displacement of a boundary in mm and load in N, along one axis.
 
-    ``moved`` and ``loaded`` are the names of the boundaries.
+    ``moved`` and ``loaded`` are the names of the boundaries.  ``half_width`` of the
+    error interval of the load is in N, or None.
     """
 
     moved: str
     loaded: str
     displacement: float
     load: float
+    half_width: float | None = None
 
     def figures(self) -> dict[str, Any]:
         """Figures of a summary, and how ``first`` declares them."""
@@ -71,6 +73,7 @@ class Driven(NamedTuple):
         ]
         return {
             "load_N": self.load,
+            "load_N_half_width": self.half_width,
             "displacement_mm": self.displacement,
             "first": [one.declared() for one in quantities],
         }
@@ -370,12 +373,15 @@ class Result:
         state, tools = self.states[-1], self._tools()
         if driven is None and not self.surfaces:
             least = self.ply.nodes.shape[1] * state.tolerance
+            of_tools = [tool.name for tool in tools]
             pairs = [
-                Driven(name, name, moved, force)
-                for name in state.displacements.keys() - {tool.name for tool in tools}
-                for moved, force in zip(
-                    state.displacements[name].tolist(),
+                Driven(name, name, moved, force, half)
+                for name, displacement in state.displacements.items()
+                if name not in of_tools
+                for moved, force, half in zip(
+                    displacement.tolist(),
                     state.reactions[name].tolist(),
+                    self.error.half_widths(name, len(displacement)),
                     strict=True,
                 )
                 if moved and abs(force) > least

@@ -133,11 +133,11 @@ def test_surplus_warnings_are_counted():
 @pytest.mark.parametrize(
     ("figures", "text"),
     [
-        ({"load_N": 12.345, "load_half_width": 0.1}, "12.35 ± 1.2 N"),
-        ({"load_N": 12356.0, "load_half_width": 0.1}, "12360 ± 1200 N"),
-        ({"load_N": -12.0, "load_half_width": 0.1}, "-12 ± 1.2 N"),
-        ({"load_N": 12.0, "load_half_width": 1e-16}, "12 ± 0.012 N"),
-        ({"load_N": 0.0, "load_half_width": 0.1}, "0 N within the tolerance of"),
+        ({"load_N": 12.345, "load_N_half_width": 1.2345}, "12.35 ± 1.2 N"),
+        ({"load_N": 12356.0, "load_N_half_width": 1235.6}, "12360 ± 1200 N"),
+        ({"load_N": -12.0, "load_N_half_width": 1.2}, "-12 ± 1.2 N"),
+        ({"load_N": 12.0, "load_N_half_width": 1e-15}, "12 ± 0.012 N"),
+        ({"load_N": 0.0, "load_N_half_width": 0.1}, "0 N within the tolerance of"),
         ({"load_N": float("nan")}, ""),
         ({}, ""),
         (

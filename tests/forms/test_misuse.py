@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from skfem import Basis, ElementQuad1, ElementVector, MeshQuad, asm
+from skfem import Basis, ElementQuad1, ElementVector, FacetBasis, MeshQuad, asm
 
 import skfem_textile
 from skfem_textile import (
@@ -19,6 +19,7 @@ FABRIC, MESH = Fabric(1e3, shear=0.1), MeshQuad().refined(2)
 PLAIN, SCALAR = quad_basis(MESH, CENTRE), Basis(MESH, ElementQuad1())
 HOURGLASS = HourglassBasis(MESH)
 MEANS = MeanBasis(MESH, ElementVector(ElementQuad1()))
+EDGES = FacetBasis(MESH, ElementVector(ElementQuad1()))
 C_S = {"C_s": np.ones((MESH.nelements, 1))}
 E_D = {"E_d": np.ones((2, MESH.nelements, 1))}
 MOMENT = {"moment": np.zeros((MESH.nelements, 1)), "last": PLAIN.zeros()}
@@ -46,6 +47,8 @@ MISUSES = [
     ("tension", (FABRIC,), SCALAR, {}, "displacement with two or three components"),
     ("shear", (FABRIC,), SCALAR, {}, "displacement with two or three components"),
     ("hourglass", (FABRIC, 1.0), SCALAR, {}, "with two or three components"),
+    ("tension", (FABRIC,), EDGES, {}, "integral over elements.* not a FacetBasis"),
+    ("shear", (FABRIC,), EDGES, {}, "integral over elements.* not a FacetBasis"),
 ]
 
 

@@ -321,3 +321,21 @@ def test_failed_checks_that_only_warn_are_in_the_result():
     assert summary["warnings"] == [line]
     (line,) = replace(result, unresolved=(0.5,)).summary()["warnings"]
     assert line.startswith("the path was not resolved at load factor 0.5: another")
+
+
+def test_the_printed_load_has_the_interval_of_its_condition():
+    """Not of the work of all conditions, which move."""
+    mesh = rectangle(50, 100, (6, 12), "irregular", 0.25, 1)
+    moves = {
+        "held": Condition("bottom"),
+        "pull": Condition("top", (0.0, 8.0)),
+        "push": Condition(lambda X: (X[0] > 49.9) & (abs(X[1] - 50) < 15), (-1.0, 0.0)),
+    }
+    ply = Ply(mesh, Fabric(1e4, 0.5, (1, 1.2), (-1, 1.2)))
+    result = LoadStepper(ply, moves, 2).run()
+    summary, error = result.summary(), result.error
+    assert summary["first"][0]["name"] == "Load (pull)"
+    half = error.reactions["pull"][1]
+    assert summary["load_N_half_width"] == half
+    assert half != pytest.approx(error.load * summary["load_N"], rel=1e-3)
+    assert f" ± {float(f'{half:.2g}'):g} N" in repr(result)
