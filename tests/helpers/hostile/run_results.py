@@ -94,9 +94,9 @@ class Results:
         empty = {k for k, v in summary.items() if v is None} - {"negative_pivots"}
         interval = summary["error_interval"]
         if "none for the load: " in interval:
-            empty -= {"load_half_width"}
+            empty -= {"load_half_width", "load_N_half_width"}
         if interval.startswith("none: "):
-            empty -= {"load_half_width", "shear_angle_error_deg"}
+            empty -= {"load_half_width", "load_N_half_width", "shear_angle_error_deg"}
         expect_equal("numbers that are none", empty, set())
         expect_equal("converged", summary["converged"], converged)
         expect_equal("rows", len(rows), summary["load_steps"] + 1)
