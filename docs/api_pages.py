@@ -48,7 +48,7 @@ def file_names() -> dict[str, str]:
 
 
 def remove_stale(app: Any) -> None:
-    """Remove the pages of names that are no longer listed."""
+    """Remove the pages of names that are not listed any more."""
     names = {name for name, _ in listed()}
     names |= set(file_names().values())
     for page in (_REFERENCE / "api" / "generated").glob("*.rst"):

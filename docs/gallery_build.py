@@ -1,4 +1,4 @@
-"""How the gallery is made of the scripts in ``examples`` by sphinx-gallery."""
+"""Gallery of the scripts in ``examples``, built by sphinx-gallery."""
 
 import logging
 import shutil
@@ -17,7 +17,7 @@ _PICTURES = {".png", ".gif"}
 # A picture with more pixels across, 120 mm at 300 dots per inch, has the page's width.
 _COLUMN_WIDTH = 1417
 
-# What is shown after what; a script that is not named comes last.
+# Order of the scripts; a script that is not named comes last.
 _SCRIPTS = {
     "forms": ("own_newton", "ply_newton", "locking", "own_terms", "glued_sheet"),
     "fabrics": (
@@ -127,7 +127,7 @@ CONFIGURATION = {
     "filename_pattern": r"\.py$",
     "ignore_pattern": "half_size",
     "subsection_order": [f"../examples/{folder}" for folder in _SCRIPTS],
-    # By name, so that Sphinx can compare these with those of the last build.
+    # By name, so that Sphinx can compare these with the last build.
     "within_subsection_order": "gallery_build.Order",
     "image_scrapers": ("gallery_build.written_pictures",),
     "reset_argv": "gallery_build.script_knows_its_file",

@@ -8,7 +8,7 @@ from functools import cache
 from skfem_textile.cases.write import reference
 from skfem_textile.cli.parser import command_parser
 
-# On a line of its own: ``OPTIONS-OF command: group`` or ``KEYS-OF table: choices``,
+# A whole line: ``OPTIONS-OF command: group`` or ``KEYS-OF table: choices``,
 # where the choices may be missing.
 _OPTIONS = re.compile(r"^OPTIONS-OF ([^:\n]*): (.*)$", re.MULTILINE)
 _KEYS = re.compile(r"^KEYS-OF ([^:\n]*)(?:: (.*))?$", re.MULTILINE)

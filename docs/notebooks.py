@@ -23,7 +23,7 @@ _END = "## The whole script"
 
 _CODE = re.compile(r"^```python\n(.*?)^```\n", re.M | re.S)
 
-# What only Sphinx shows, and links to other pages: a notebook stands alone.
+# Parts that only Sphinx shows, and links to other pages: a notebook stands alone.
 _REPLACED = (
     (re.compile(r"^<img .*\n", re.M), ""),
     (re.compile(r"\[([^\]]+)\]\((?!https:)[^)]+\)"), r"\1"),

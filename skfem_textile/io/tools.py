@@ -50,9 +50,9 @@ def read_surface(
 
     Quadrilaterals are cut into triangles.  Other cells are ignored, and so are
     triangles with coincident corners, as at the pole of a sphere.  Several files, and
-    several solids of one file, are sewn.  The log ``skfem_textile`` has a warning that
-    lists what is ignored, and one for each repair and for each property that affects
-    results (`skfem_textile.drape.TriangleMesh.remarks`).
+    several solids of one file, are sewn.  Warnings in the log ``skfem_textile``
+    list what is ignored, each repair, and each property that affects results
+    (`skfem_textile.drape.TriangleMesh.remarks`).
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
 def read_tool_mesh(path: _PathLike) -> ToolMesh:
     """Read the triangles and quadrilaterals of a tool, in the order of the file.
 
-    The log ``skfem_textile`` has a warning that lists what is ignored.
+    A warning in the log ``skfem_textile`` lists what is ignored.
 
     Parameters
     ----------
