@@ -1,5 +1,6 @@
 """MKL PARDISO through pypardiso."""
 
+import os
 from weakref import finalize
 
 import numpy as np
@@ -44,6 +45,8 @@ class Pardiso(LatestFactors):
         solver.set_iparm(_ORDER_GIVEN, 1)
         solver.set_iparm(_SMALLEST_PIVOT, round(-np.log10(ROUND_OFF)))
         solver.set_iparm(_BUNCH_KAUFMAN, 1)
+        # The next solvers need not search the environment for the library again.
+        os.environ.setdefault("PYPARDISO_MKL_RT", solver.libmkl._name)
         finalize(self, solver.free_memory, everything=True)
         self.call(_ANALYSE)
 
