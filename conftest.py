@@ -1,5 +1,5 @@
-"""Restores the package log after every test, hides progress and skips doctests that
-need missing packages.
+"""Marks the tests of pages, restores the package log after every test, hides progress
+and skips doctests that need missing packages.
 
 Modules that draw need pyvista and Matplotlib.
 """
@@ -25,6 +25,15 @@ MODULES_THAT_DRAW = (
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
+# Tests of the marker ``pages``: of scripts and texts outside the package.
+PAGES = (
+    "studies",
+    "tests/studies",
+    "tests/documentation",
+    "tests/common/test_examples.py",
+    "tests/common/test_packaging.py",
+)
+
 MISSING = [name for name in ("pyvista", "matplotlib") if find_spec(name) is None]
 
 
@@ -43,6 +52,13 @@ def pytest_collect_file(file_path, parent):
         if any(module.match(pattern) for pattern in MODULES_THAT_DRAW):
             return [Undrawable.from_parent(parent, path=file_path)]
     return collected
+
+
+def pytest_itemcollected(item):
+    if not item.get_closest_marker("slow") and any(
+        item.path.is_relative_to(ROOT / name) for name in PAGES
+    ):
+        item.add_marker("pages")
 
 
 @pytest.fixture(autouse=True)

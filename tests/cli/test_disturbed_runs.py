@@ -463,7 +463,7 @@ FAMILIES = (
 )
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="it forks, and mounts disks")
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
 def test_no_saved_result_is_lost(family):

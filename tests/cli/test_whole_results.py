@@ -116,7 +116,7 @@ def test_unfinished_files_of_a_running_run_are_kept(tmp_path):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
 @pytest.mark.parametrize(
     "arguments",
-    [pytest.param(("list",), marks=pytest.mark.long), ("--help",), ("run", "strip")],
+    [pytest.param(("list",), marks=pytest.mark.slow), ("--help",), ("run", "strip")],
 )
 def test_a_failure_to_print_is_reported_in_one_line(tmp_path, arguments):
     if arguments[0] == "run":

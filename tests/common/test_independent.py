@@ -199,7 +199,7 @@ def independent_terms(case, problem):
         pytest.param(
             *(case, seed),
             id=f"{name}-{seed}",
-            marks=[pytest.mark.long] * (seed >= N_LAWS or (number + seed) % 2),
+            marks=[pytest.mark.slow] * (seed >= N_LAWS or (number + seed) % 2),
         )
         for number, (name, case) in enumerate(CASES.items())
         for seed in range(N_PAIRS)

@@ -41,7 +41,7 @@ def pictures(notebook):
     return sum(kind in {"image/png", "image/gif"} for kind in kinds)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [TUTORIAL, *SCRIPTS])
 def test_a_notebook_runs_and_shows_its_pictures(name, built):
     pytest.importorskip("ipykernel")
@@ -53,7 +53,7 @@ def test_a_notebook_runs_and_shows_its_pictures(name, built):
     assert pictures(notebook) > 0
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_the_notebook_of_the_tutorial_contains_its_snippets_and_no_markup(built):
     nbformat = pytest.importorskip("nbformat")
     cells = nbformat.read(built / f"{TUTORIAL}.ipynb", as_version=4).cells

@@ -258,7 +258,7 @@ def test_a_load_that_does_most_of_the_work_drives_a_ply_on_a_tool(w, drives):
     assert loads_drive(problem, *state_data, moves(problem, [1.0])) == drives
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_light_ply_follows_the_path_of_one_without_weight():
     """A difficult step of the ply is not a limit point of the load."""
     scene = hemisphere(

@@ -64,7 +64,7 @@ FABRICS = [
 
 @pytest.mark.parametrize(
     "of_states",
-    [settings(max_examples=3), pytest.param(many, marks=pytest.mark.long)],
+    [settings(max_examples=3), pytest.param(many, marks=pytest.mark.slow)],
 )
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
 @pytest.mark.parametrize(

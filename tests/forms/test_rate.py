@@ -105,7 +105,7 @@ def loaded_with_rotation(steps, angle):
     return np.array([[c, s], [-s, c]]) @ result.states[-1].reactions["top"]
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_rotating_a_loaded_ply_changes_no_load_in_the_limit():
     differences = []
     for steps in (4, 8, 16, 32):

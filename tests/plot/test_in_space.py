@@ -88,7 +88,7 @@ def test_a_view_without_pyvista_is_refused_in_one_line(result, monkeypatch):
         result.view()
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_the_scripts_of_the_pages_write_their_files(tmp_path, draped, monkeypatch):
     """With few elements and steps."""
     script = runpy.run_path(str(MEDIA / "forming_animation.py"))

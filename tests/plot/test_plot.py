@@ -351,7 +351,7 @@ def test_a_crash_of_vtk_is_survived(monkeypatch):
     assert not offscreen._can_draw({})
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_nothing_is_printed_to_stderr(tmp_path):
     script = (
         "from skfem_textile import *; from skfem_textile import plot;"

@@ -97,7 +97,7 @@ def ends_unfolded(ply, conditions, steps):
 
 
 @pytest.mark.parametrize(
-    "seed", [0, 3, *(pytest.param(s, marks=pytest.mark.long) for s in (7, 21))]
+    "seed", [0, 3, *(pytest.param(s, marks=pytest.mark.slow) for s in (7, 21))]
 )
 def test_strips_with_little_stabilisation_end_unfolded(seed):
     """Without resistance these end with a corner at det F < 0, or not at all."""

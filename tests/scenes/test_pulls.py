@@ -145,7 +145,7 @@ def free_weft(law, warp_strain):
     "stretch",
     [
         (0.02, 0.01),
-        pytest.param((0.005, 0.02), marks=pytest.mark.long),
+        pytest.param((0.005, 0.02), marks=pytest.mark.slow),
         (0.025, -0.01),
     ],
 )

@@ -27,7 +27,7 @@ from skfem_textile.solve.search import AcceptedEquilibrium, EquilibriumSearch, T
 from skfem_textile.solve.states import NoEquilibriumError
 
 
-@pytest.mark.parametrize("E", [1e4, pytest.param(1e5, marks=pytest.mark.long), 1e8])
+@pytest.mark.parametrize("E", [1e4, pytest.param(1e5, marks=pytest.mark.slow), 1e8])
 @pytest.mark.parametrize(
     ("formulation", "size", "made"),
     [

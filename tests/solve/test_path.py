@@ -60,9 +60,9 @@ def test_an_easy_path_has_no_extra_cost(scene, steps, monkeypatch):
     [
         (OnePoint(), Sin2(0.5), 60.0),
         (Macro(), Locking(0.5, 0.6), 30.0),
-        pytest.param(Macro(), Sin2(0.5), 60.0, marks=pytest.mark.long),
-        pytest.param(Macro(), Linear(0.5), 60.0, marks=pytest.mark.long),
-        pytest.param(OnePoint(), Locking(0.5, 0.3), 15.5, marks=pytest.mark.long),
+        pytest.param(Macro(), Sin2(0.5), 60.0, marks=pytest.mark.slow),
+        pytest.param(Macro(), Linear(0.5), 60.0, marks=pytest.mark.slow),
+        pytest.param(OnePoint(), Locking(0.5, 0.3), 15.5, marks=pytest.mark.slow),
     ],
 )
 def test_load_and_energy_are_independent_of_the_step_size(formulation, law, degrees):

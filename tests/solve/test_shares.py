@@ -110,7 +110,7 @@ def test_parts_add_up_to_energy_and_forces(name):
     assert ("stabilisation" in roles) == (name != "mean")
 
 
-@pytest.mark.parametrize("E", [1e2, pytest.param(1e4, marks=pytest.mark.long), 1e8])
+@pytest.mark.parametrize("E", [1e2, pytest.param(1e4, marks=pytest.mark.slow), 1e8])
 @pytest.mark.parametrize("name", FORMULATIONS)
 def test_ordinary_bias_extension_passes(caplog, name, E):
     """At most 0.06 of energy and work with 16 elements across."""

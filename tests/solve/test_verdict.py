@@ -76,7 +76,7 @@ def test_a_check_may_be_changed_to_a_warning(caplog):
     ("C_s", "steps"),
     [
         *((1.0, 1), (0.01, 8)),
-        *(pytest.param(1.0, n, marks=pytest.mark.long) for n in (10, 50, 100)),
+        *(pytest.param(1.0, n, marks=pytest.mark.slow) for n in (10, 50, 100)),
     ],
 )
 def test_the_strip_ends_on_a_stable_state_from_any_number_of_steps(C_s, steps):
@@ -114,7 +114,7 @@ STIFF_RUNS = [(1, 1e8), (1, 1e10), (5, 1e6), (5, 1e8), (5, 1e10), (20, 1e6), (20
     ("steps", "E"),
     [
         *((1, 1e6), (20, 1e10)),
-        *(pytest.param(n, E, marks=pytest.mark.long) for n, E in STIFF_RUNS),
+        *(pytest.param(n, E, marks=pytest.mark.slow) for n, E in STIFF_RUNS),
     ],
 )
 def test_stiff_fibres_with_shear_are_loaded_to_the_end(E, steps):

@@ -76,7 +76,7 @@ def started(*words, **options):
     "families",
     [
         ("--case", "tables*"),
-        pytest.param((), id="all", marks=pytest.mark.long),
+        pytest.param((), id="all", marks=pytest.mark.slow),
     ],
 )
 def test_hostile_inputs_have_no_bad_outcome(tmp_path, families):

@@ -229,7 +229,7 @@ def test_cases_are_drawn_as_they_are_needed(monkeypatch):
     assert next(counter) <= 108
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_sweeps_and_the_example_run_on_dask(client, tmp_path, monkeypatch):
     """In one test, because a cluster takes seconds to start."""
     from dask import distributed
@@ -247,7 +247,7 @@ def test_sweeps_and_the_example_run_on_dask(client, tmp_path, monkeypatch):
     runpy.run_path(str(EXAMPLE))["run"](tmp_path, "dask")
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_the_example_starts_a_separate_cluster(tmp_path):
     pytest.importorskip("dask.distributed")
     options = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": str(ROOT)}}

@@ -130,7 +130,7 @@ def test_resuming_without_a_checkpoint_is_rejected(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("steps", "kills"), [(8, 1), pytest.param(40, 20, marks=pytest.mark.long)]
+    ("steps", "kills"), [(8, 1), pytest.param(40, 20, marks=pytest.mark.slow)]
 )
 def test_a_run_killed_at_any_moment_is_resumed(tmp_path, capsys, steps, kills):
     """It is killed at a random time between the first state and the last.

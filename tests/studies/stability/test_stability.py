@@ -224,7 +224,7 @@ def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
 DRAWN = np.random.default_rng(2026).choice(extremes(), len(extremes()) // 10, False)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize("problem", DRAWN, ids=STUDY.name)
 def test_no_problem_of_a_tenth_of_the_study_is_wrong(problem):
     """In 1 to 100 steps, against 400; each is solved in all of them or none."""
