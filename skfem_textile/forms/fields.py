@@ -20,7 +20,6 @@ from ..fabric.regions import fabric_on
 from ..mesh.bases import (
     CENTRE,
     ElementQuad1Fluctuation,
-    MacroBasis,
     MeanBasis,
     quad_basis,
     sided,
@@ -315,9 +314,8 @@ def on_basis(
         )
     fabric = fabric_on(original_elements(displacement.mesh)[1], fabric)
     means = displacement if isinstance(displacement, MeanBasis) else None
-    if isinstance(displacement, MacroBasis):
-        element: Any = displacement.elem
-        displacement = quad_basis(displacement.mesh, CENTRE, element.dim)
+    if means and means.parts is not None:
+        displacement = quad_basis(displacement.mesh, CENTRE, displacement.elem.dim)
     return FabricOnBasis(displacement, fabric, means), values[unknowns]
 
 
