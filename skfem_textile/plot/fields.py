@@ -62,8 +62,8 @@ def results_of(drawn: Sequence[Drawn], state: int = -1) -> tuple[list, list]:
     for result in results:
         if not hasattr(result, "states"):
             raise ValueError(
-                f"pictures require a Result, or {_OF_BASIS}, not a "
-                f"{type(result).__name__}: for a state from equilibrium_near pass "
+                f"pictures require a Result, not a {type(result).__name__}, or "
+                f"{_OF_BASIS}: for a state from equilibrium_near pass "
                 "Result.of_state(ply, conditions, state)"
             )
     fewest = min(len(result.states) for result in results)
