@@ -295,8 +295,9 @@ def on_basis(
     fields = [x for x in _fields(basis) if isinstance(x[0].elem, ElementVector)]
     if len(fields) != 1:
         raise ValueError(
-            f"the basis has {len(fields) or 'no'} vector fields: the displacement must "
-            "be the only one, such as on ElementVector(ElementQuad1())"
+            f"the basis has {len(fields) or 'no'} vector fields, but the displacement "
+            "must be the only one: pass its basis, such as on "
+            "ElementVector(ElementQuad1()), and its unknowns"
         )
     if not isinstance(fabric, Fabric):
         raise ValueError(
@@ -304,7 +305,7 @@ def on_basis(
             "(basis, u, fabric)"
         )
     ((displacement, unknowns),) = fields
-    refuse_basis(displacement)
+    _refuse_basis(displacement)
     values, n = real_numbers("u", u), basis.N
     if values.shape != (n,) or not np.isfinite(values).all():
         found = f"shape {values.shape}" if values.shape != (n,) else "other values"
@@ -335,7 +336,7 @@ def _fields(basis: Any) -> Iterator[tuple[Any, Any]]:
         yield basis, slice(None)
 
 
-def refuse_basis(basis: Any) -> None:
+def _refuse_basis(basis: Any) -> None:
     """Refuse a basis on which the gradient of a displacement cannot be evaluated."""
     if not isinstance(basis, CellBasis):
         raise ValueError(
@@ -354,11 +355,13 @@ def refuse_basis(basis: Any) -> None:
             f"triangles or quadrilaterals, not {basis.elem.dim} on a "
             f"{type(mesh).__name__}"
         )
-    if not isinstance(scalar, ElementH1):
+    if not isinstance(scalar, ElementH1) or not scalar.maxdeg:
         raise ValueError(
-            f"fields require a displacement of an H¹ element such as ElementQuad1, not "
+            "fields require a displacement of an H¹ element such as ElementQuad1, not "
             f"{type(scalar).__name__}"
         )
+    if not basis.nelems:
+        raise ValueError("the basis has no elements: choose others in with_elements")
 
 
 def _kind(x: Any) -> str:

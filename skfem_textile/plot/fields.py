@@ -52,7 +52,7 @@ def results_of(drawn: Sequence[Drawn], state: int = -1) -> tuple[list, list]:
     """
     results: list[Any] = list(drawn)
     if not results:
-        raise ValueError(f"nothing to draw: pass a Result, or {_OF_BASIS}")
+        raise ValueError(f"nothing to draw: pass at least one result, or {_OF_BASIS}")
     if isinstance(results[0], AbstractBasis):
         if len(results) != len(("basis", "u", "fabric")):
             raise ValueError(
