@@ -400,7 +400,7 @@ def draped(
     if not (options.get("size") or options.get("plotter")):
         options["size"] = PAGE
     picture = Picture(results, titles, **options)
-    pairs = zip(results, picture.states, strict=True)
+    pairs = zip(picture.results, picture.states, strict=True)
     pairs_of_fields = [_on_tool(result, at) for result, at in pairs]
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
     pressures = reach([pressure for pressure, _ in pairs_of_fields])
