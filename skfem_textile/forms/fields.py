@@ -35,7 +35,7 @@ Place = Literal["points", "elements", "nodes"]
 class FibreFields(NamedTuple):
     """Fields of warp and weft, the first axis of all except the shear angle.
 
-    The last axes are those of the place: (n_elements, n_points) for points,
+    The last axes depend on the place: (n_elements, n_points) for points,
     (n_elements,) for elements, (n_vertices,) for nodes.
 
     Attributes
@@ -292,7 +292,7 @@ def on_basis(
             "basis must be a scikit-fem basis of the displacement, such as "
             f"quad_basis(mesh, CENTRE), not {_kind(basis)}: pass (basis, u, fabric)"
         )
-    fields = [x for x in _fields(basis) if isinstance(x[0].elem, ElementVector)]
+    fields = list(_vector_fields(basis))
     if len(fields) != 1:
         raise ValueError(
             f"the basis has {len(fields) or 'no'} vector fields, but the displacement "
@@ -320,19 +320,20 @@ def on_basis(
     return FabricOnBasis(displacement, fabric, means), values[unknowns]
 
 
-def _fields(basis: Any) -> Iterator[tuple[Any, Any]]:
-    """Basis and unknowns of each field of a basis."""
+def _vector_fields(basis: Any) -> Iterator[tuple[Any, Any]]:
+    """Basis and unknowns of each vector field of a basis."""
     if hasattr(basis, "bases"):  # a product of bases
         ends = np.cumsum([0, *(x.N for x in basis.bases)])
         for x, first in zip(basis.bases, ends, strict=False):
             start = 0 if basis.equal_dofnum else first
-            yield x, slice(start, start + x.N)
+            if isinstance(x.elem, ElementVector):
+                yield x, slice(start, start + x.N)
     elif isinstance(basis.elem, ElementComposite):
-        for element, unknowns in zip(
-            basis.elem.elems, basis.split_indices(), strict=True
-        ):
-            yield basis.with_element(element), unknowns
-    else:
+        pairs = zip(basis.elem.elems, basis.split_indices(), strict=True)
+        for element, unknowns in pairs:
+            if isinstance(element, ElementVector):
+                yield basis.with_element(element), unknowns
+    elif isinstance(basis.elem, ElementVector):
         yield basis, slice(None)
 
 
@@ -343,16 +344,17 @@ def _refuse_basis(basis: Any) -> None:
             "fields are evaluated in elements: pass a basis such as "
             f"quad_basis(mesh, CENTRE), not {_kind(basis)}"
         )
-    scalar, mesh = basis.elem.elem, basis.mesh
+    element: Any = basis.elem
+    scalar, mesh = element.elem, basis.mesh
     if isinstance(scalar, ElementQuad1Fluctuation):
         raise ValueError(
             "fields require the whole gradient of the displacement: pass a basis such "
             "as quad_basis(mesh, CENTRE), not an HourglassBasis"
         )
-    if mesh.dim() != 2 or basis.elem.dim not in (2, 3):
+    if mesh.dim() != 2 or element.dim not in (2, 3):
         raise ValueError(
             "fields require a displacement with two or three components on a mesh of "
-            f"triangles or quadrilaterals, not {basis.elem.dim} on a "
+            f"triangles or quadrilaterals, not {element.dim} on a "
             f"{type(mesh).__name__}"
         )
     if not isinstance(scalar, ElementH1) or not scalar.maxdeg:

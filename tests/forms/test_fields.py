@@ -221,6 +221,10 @@ MISUSES = {
     "a scalar": ((Basis(SQUARE, ElementQuad1()), U, FABRIC), "has no vector fields"),
     "two": ((Basis(SQUARE, VECTOR * VECTOR), U, FABRIC), "has 2 vector fields"),
     "edges": ((FacetBasis(SQUARE, VECTOR), U, FABRIC), "in elements.* not a FacetBas"),
+    "two fields on edges": (
+        (FacetBasis(SQUARE, VECTOR * ElementQuad1()), U, FABRIC),
+        "in elements.* not a FacetBasis",
+    ),
     "jumps": ((JumpBasis(SQUARE), U, FABRIC), "in elements.* not a JumpBasis"),
     "hourglass": ((HourglassBasis(SQUARE), U, FABRIC), "not an HourglassBasis"),
     "bricks": ((HEX, np.zeros(24), FABRIC), "triangles or quadrilaterals, not 3 on a"),
