@@ -156,8 +156,9 @@ class FabricOnBasis:
         self.mesh, elements = basis.mesh, basis.tind
         self._element = None if elements is None else elements[:, None]
         if elements is not None:
-            names = {"skip_boundaries": True, "skip_subdomains": True}
-            self.mesh = basis.mesh.restrict(elements, **names)
+            self.mesh = basis.mesh.restrict(
+                elements, skip_boundaries=True, skip_subdomains=True
+            )
         self.centre = basis.mesh.refdom.p.mean(axis=1, keepdims=True)
 
     def refuse_other(self, u: ndarray) -> None:
