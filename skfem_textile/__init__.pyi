@@ -24,6 +24,7 @@ from .forms import (
     out_of_plane as out_of_plane,
     shear_continuity as shear_continuity,
 )
+from .forms.fields import FibreFields as FibreFields, fibre_fields as fibre_fields
 from .mesh.bases import (
     CENTRE as CENTRE,
     GAUSS as GAUSS,

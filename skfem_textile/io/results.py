@@ -21,6 +21,7 @@ from ..drape import (
     contact_pressure,
     wrinkle_risk,
 )
+from ..forms.fields import FabricOnBasis
 from ..ply import Ply
 from ..ply.parameters import PlyParameters
 from ..ply.terms import ContactTerm
@@ -31,13 +32,13 @@ from .file_numbers import word_of
 from .vtk import write_grid, write_series
 
 
-def point_fields(ply: Ply, u: ndarray) -> dict[str, ndarray]:
+def point_fields(ply: FabricOnBasis, u: ndarray) -> dict[str, ndarray]:
     """``displacement`` of the vertices in mm, shape (n_vertices, 3)."""
     return {"displacement": _in_space(ply.nodal(u)[:, : ply.mesh.nvertices])}
 
 
 def cell_fields(
-    ply: Ply, u: ndarray, parameters: PlyParameters | None = None
+    ply: FabricOnBasis, u: ndarray, parameters: PlyParameters | None = None
 ) -> dict[str, ndarray]:
     """Fibre strains, tensions and directions, and the shear angle, per element.
 
@@ -170,7 +171,7 @@ def _write_series(
     files = {}
     for i, state in enumerate(result.states):
         name = f"{prefix}step_{i:04d}.vtu"
-        points, fields = _fields(result, state, axes)
+        points, fields = fields_in(result, state, axes)
         write_grid(folder / name, points_on_tool, cells, on_cells(fields), points)
         # Default fields of a viewer for colour and warp; meshio cannot set them.
         text = (folder / name).read_bytes()
@@ -181,8 +182,8 @@ def _write_series(
     write_series(folder / f"{prefix}steps.pvd", files)
 
 
-def _fields(
-    result: Result, state: State, axes: Axes
+def fields_in(
+    result: Result, state: State, axes: Axes = SAME_AXES
 ) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
     """Fields of the vertices and of the elements in a state."""
     ply, u = result.ply, state.u
@@ -203,9 +204,10 @@ def _fields(
     return turned[0], turned[1]
 
 
-def has_tools(ply: Ply) -> bool:
+def has_tools(ply: FabricOnBasis) -> bool:
     """True for a ply between tools, whose modules are imported only then."""
-    return any(isinstance(term, ContactTerm) for term in ply.terms)
+    terms = ply.terms if isinstance(ply, Ply) else ()
+    return any(isinstance(term, ContactTerm) for term in terms)
 
 
 def write_history(

@@ -4,7 +4,7 @@ try:
     from .curves import curves, plot_law, plot_tensions
     from .fields import FIELDS, Field
     from .forming import formed, section, tool_force
-    from .in_space import export_gltf, view
+    from .in_space import export_gltf, to_pyvista, view
     from .motion import animation
     from .nets import net_on_tool, starts
     from .outlines import singular_fibres
@@ -43,6 +43,7 @@ __all__ = [
     "shear_angle",
     "singular_fibres",
     "starts",
+    "to_pyvista",
     "tool_force",
     "verdict",
     "view",

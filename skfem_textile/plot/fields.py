@@ -2,12 +2,15 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
+from skfem.assembly.basis import AbstractBasis
 
 from ..drape.tool_mesh import triangles_within
+from ..fabric import Fabric
+from ..forms.fields import FabricOnBasis, on_basis
 from ..io.results import cell_fields, has_tools, point_fields
 from ..ply import Ply
 from ..solve.result import Result
@@ -19,6 +22,59 @@ from .sheet import LIGHT, Scale, Shape, Tool, eye_axes, in_perspective
 if TYPE_CHECKING:
     from ..forming import PlacedTool
 
+
+#: A result; or, as three arguments, a basis, its DOF vector and a fabric.
+Drawn: TypeAlias = Result | AbstractBasis | ndarray | Fabric
+
+
+@dataclass(frozen=True, eq=False)
+class Displaced:
+    """Fabric on a user's basis in one state, drawn like the result of a run."""
+
+    ply: FabricOnBasis
+    u: ndarray
+    load_factor: float = 1.0
+    parameters: None = None
+
+    @property
+    def states(self) -> "list[Displaced]":
+        """The state itself."""
+        return [self]
+
+    def tool(self, t: float) -> None:
+        """None: there is no tool."""
+
+
+def results_of(drawn: Sequence[Drawn], state: int = -1) -> tuple[list, list]:
+    """Results, and the state of each that is drawn.
+
+    A basis, its DOF vector and a fabric, in this order, are one result.
+    """
+    results: list[Any] = list(drawn)
+    if not results:
+        raise ValueError(f"nothing to draw: pass at least one result, or {_OF_BASIS}")
+    if isinstance(results[0], AbstractBasis):
+        if len(results) != len(("basis", "u", "fabric")):
+            raise ValueError(
+                f"a basis is drawn with its displacement and a fabric: pass {_OF_BASIS}"
+            )
+        results = [Displaced(*on_basis(*results))]
+    for result in results:
+        if not hasattr(result, "states"):
+            raise ValueError(
+                f"pictures require a Result, not a {type(result).__name__}, or "
+                f"{_OF_BASIS}: for a state from equilibrium_near pass "
+                "Result.of_state(ply, conditions, state)"
+            )
+    fewest = min(len(result.states) for result in results)
+    if not -fewest <= state < fewest:
+        raise ValueError(
+            f"there is no state {state}: a result contains {fewest} states"
+        )
+    return results, [result.states[state] for result in results]
+
+
+_OF_BASIS = "(basis, u, fabric)"
 
 #: Colour map of fields with a sign.
 DIVERGING = "RdBu_r"
@@ -51,7 +107,7 @@ class Field:
     """
 
     label: str
-    values: Callable[[Ply, ndarray], ndarray]
+    values: Callable[[Any, ndarray], ndarray]
     cmap: str = "viridis"
     signed: bool = False
 
@@ -64,7 +120,7 @@ def _of_family(label: str, factor: float = 1.0) -> Field:
     )
 
 
-def _mean_displacement(ply: Ply, u: ndarray) -> ndarray:
+def _mean_displacement(ply: FabricOnBasis, u: ndarray) -> ndarray:
     """Mean displacement of the vertices of each element."""
     displacement = point_fields(ply, u)["displacement"]
     return np.linalg.norm(displacement[ply.mesh.t].mean(axis=0), axis=1)
@@ -100,7 +156,7 @@ def field_of(field: str | Field) -> Field:
     return FIELDS[field]
 
 
-def values_of(field: Field, ply: Ply, u: ndarray) -> ndarray:
+def values_of(field: Field, ply: FabricOnBasis, u: ndarray) -> ndarray:
     """Values of a field; refused unless one finite number per element."""
     values = np.asarray(field.values(ply, u), dtype=float)
     if values.shape != (ply.mesh.nelements,):
@@ -225,7 +281,7 @@ def shapes_of(
     return in_perspective(shapes) if in_space else shapes
 
 
-def fibres_of(ply: Ply) -> Fibres:
+def fibres_of(ply: FabricOnBasis) -> Fibres:
     """Fibres of a ply with the vertices of its mesh."""
     shape = 2, ply.mesh.nelements
     directions = (np.broadcast_to(A[..., 0], shape) for A in ply.directions(ply.centre))

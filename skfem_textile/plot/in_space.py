@@ -1,4 +1,4 @@
-"""Results in 3D: an interactive view, and glTF files."""
+"""Results in 3D: an interactive view, glTF files, and grids of pyvista."""
 
 import json
 import os
@@ -12,9 +12,19 @@ from matplotlib.colors import to_rgb
 from numpy import ndarray
 
 from ..drape.tool_mesh import cut_in_two
+from ..io.results import fields_in
 from ..solve.result import Result
 from .drawing import pyvista_drawing
-from .fields import Field, fibres_of, field_of, scale_of, solids_of, values_of
+from .fields import (
+    Drawn,
+    Field,
+    fibres_of,
+    field_of,
+    results_of,
+    scale_of,
+    solids_of,
+    values_of,
+)
 from .picture_files import atomic_file, picture_path
 from .sheet import THREAD, Shape, Tool
 
@@ -124,6 +134,54 @@ def export_gltf(
     plotter.close()
 
 
+def to_pyvista(*drawn: Drawn, state: int = -1) -> "pv.UnstructuredGrid":
+    """Deformed ply as a grid of pyvista, with its fields.
+
+    Parameters
+    ----------
+    *drawn
+        Result of a run; or a basis, its DOF vector and a fabric, as for `fibre_fields`.
+    state
+        Index of the state in ``result.states``; -1 is the last.
+
+    Returns
+    -------
+    pyvista.UnstructuredGrid
+        Vertices in mm in their order in the mesh, displaced, and the elements of the
+        basis.  Point data: ``displacement`` (mm).  Cell data: ``warp_strain``,
+        ``weft_strain``, ``warp_tension``, ``weft_tension`` (N/mm) and ``shear_angle``
+        (degrees), the values of largest magnitude in each element, and
+        ``warp_direction`` and ``weft_direction`` at its centre.  For a ply with tools,
+        also the fields of its files.
+
+    Raises
+    ------
+    ImportError
+        If pyvista is not installed; the message gives the command.
+    ValueError
+        If there is no such state, or another argument is invalid (`fibre_fields`).
+
+    Examples
+    --------
+    >>> from skfem import MeshQuad
+    >>> from skfem_textile import CENTRE, Fabric, plot, quad_basis
+    >>> basis = quad_basis(MeshQuad().refined(2), CENTRE)
+    >>> grid = plot.to_pyvista(basis, basis.zeros(), Fabric(1e4))
+    >>> grid.n_cells, grid.array_names[:2]
+    (16, ['displacement', 'shear_angle'])
+    """
+    results, states = results_of(drawn, state)
+    if len(results) > 1:
+        raise ValueError(f"a grid shows one result, got {len(results)}")
+    (result,), (at,) = results, states
+    shape = Shape.of(result.ply.mesh, result.ply.nodal(at.u))
+    grid = pyvista_drawing().grid(shape.points, shape.cells)
+    points, cells = fields_in(result, at)
+    grid.point_data.update(points)
+    grid.cell_data.update(cells)
+    return grid
+
+
 def _as_shown(rgb: ndarray) -> ndarray:
     return rgb
 
@@ -146,7 +204,7 @@ def _plotter(
 ) -> "pv.Plotter":
     """Plotter with a ply in 3D, with a factor of lengths, and colours of solids."""
     quantity = field_of(field)
-    at = result.states[state]
+    _, (at,) = results_of([result], state)
     values = values_of(quantity, result.ply, at.u)
     scale = scale_of(quantity, [values], cmap, clim)
     pyvista_drawing().require_offscreen()

@@ -19,11 +19,13 @@ from .fibre_lines import Fibres
 from .fields import (
     DIVERGING,
     FIELDS,
+    Drawn,
     Field,
     fibres_of,
     field_of,
     on_one_scale,
     reach,
+    results_of,
     scale_of,
     shapes_of,
     values_of,
@@ -71,7 +73,7 @@ class Picture:
 
     def __init__(
         self,
-        results: Sequence[Result],
+        drawn: Sequence[Drawn],
         titles: Sequence[str] = (),
         *,
         filename: str | os.PathLike[str] | None = None,
@@ -82,28 +84,15 @@ class Picture:
     ) -> None:
         if filename is not None:
             picture_path(filename)
-        if not results:
-            raise ValueError("nothing to draw: pass at least one result")
-        for result in results:
-            if not hasattr(result, "states"):
-                raise ValueError(
-                    f"pictures require a Result, not a {type(result).__name__}: for a "
-                    "state from equilibrium_near pass Result.of_state(ply, conditions, "
-                    "state)"
-                )
-        several = [result.ply.formulation.title for result in results]
-        self._names = titles or (several if len(results) > 1 else [""])
+        self.results, self.states = results_of(drawn, state)
+        results, alone = self.results, len(self.results) == 1
+        several = [] if alone else [x.ply.formulation.title for x in results]
+        self._names = titles or several or [""]
         if len(self._names) != len(results):
             raise ValueError(
                 f"{len(results)} results require {len(results)} titles, got "
                 f"{len(titles)}"
             )
-        fewest = min(len(result.states) for result in results)
-        if not -fewest <= state < fewest:
-            raise ValueError(
-                f"there is no state {state}: a result contains {fewest} states"
-            )
-        self.results, self.states = results, [r.states[state] for r in results]
         self.shapes = shapes_of(results, self.states)
         self._show_edges, self._how = show_edges, (filename, plotter, size)
 
@@ -138,7 +127,7 @@ class Picture:
 
 
 def field(
-    *results: Result,
+    *results: Drawn,
     field: str | Field = "shear_angle",
     titles: Sequence[str] = (),
     cmap: Any = None,
@@ -153,7 +142,7 @@ def field(
     Parameters
     ----------
     *results
-        Results of runs.
+        Results of runs; or a basis, its DOF vector and a fabric, as for `fibre_fields`.
     field
         Name in `FIELDS`, or a custom `Field`.
     titles
@@ -215,13 +204,13 @@ def field(
     row = [
         Panel(title, shape, values, scale, fibres_of(result.ply) if fibres else None)
         for title, shape, values, result in zip(
-            *(picture.titles(), picture.shapes, fields, results), strict=True
+            *(picture.titles(), picture.shapes, fields, picture.results), strict=True
         )
     ]
     return picture.drawn([row], Legend(0, len(row), scale, THREADS if fibres else ()))
 
 
-def shear_angle(*results: Result, **options: Unpack[Options]) -> "pv.Plotter | Figure":
+def shear_angle(*results: Drawn, **options: Unpack[Options]) -> "pv.Plotter | Figure":
     """Shear angle in degrees, one panel per result, with a common scale.
 
     Parameters, returned value and exceptions as for `field`.
@@ -230,7 +219,7 @@ def shear_angle(*results: Result, **options: Unpack[Options]) -> "pv.Plotter | F
 
 
 def fibre_strain(
-    *results: Result,
+    *results: Drawn,
     titles: Sequence[str] = (),
     cmap: Any = None,
     clim: Sequence[float] | None = None,
@@ -248,13 +237,13 @@ def fibre_strain(
     picture = Picture(results, titles, **options)
     rows, scale = _strain_rows(picture, cmap, clim)
     low, high = extent(picture.shapes)
-    if len(results) == 1 and high[1] - low[1] > high[0] - low[0]:
+    if len(picture.results) == 1 and high[1] - low[1] > high[0] - low[0]:
         rows = [[panel for row in rows for panel in row]]
     return picture.drawn(rows, Legend(0, len(rows[0]), scale))
 
 
 def contact_sheet(
-    *results: Result, titles: Sequence[str] = (), **options: Unpack[View]
+    *results: Drawn, titles: Sequence[str] = (), **options: Unpack[View]
 ) -> "pv.Plotter | Figure":
     """Warp strain, weft strain and shear angle in columns, one row per result.
 
@@ -272,15 +261,16 @@ def contact_sheet(
 
 
 def fibre_directions(
-    *results: Result, titles: Sequence[str] = (), **options: Unpack[View]
+    *results: Drawn, titles: Sequence[str] = (), **options: Unpack[View]
 ) -> "pv.Plotter | Figure":
     """Fibres of warp (blue) and weft (red), at equal distances in the flat ply.
 
     Parameters, returned value and exceptions as for `field`.
     """
     picture, row = Picture(results, titles, **options), []
+    titled = picture.titles(alone="Fibre directions")
     for result, title, shape in zip(
-        results, picture.titles(alone="Fibre directions"), picture.shapes, strict=True
+        picture.results, titled, picture.shapes, strict=True
     ):
         row.append(Panel(title, shape, fibres=fibres_of(result.ply)))
     return picture.drawn([row], Legend(0, len(row), keys=FAMILIES))
@@ -311,6 +301,8 @@ def verdict(
     """
     results = [run.result if isinstance(run, StepError) else run for run in runs]
     picture, row = Picture(results, **options), []
+    if not all(hasattr(at, "verdict") for at in picture.states):
+        raise ValueError("a displacement on a basis has no checks: pass a Result")
     ended = [run.quantity for run in runs if isinstance(run, StepError)]
     shown_field = field_of(field or next(filter(None, ended), "area_ratio"))
     fields, scale = picture.on_one_scale(shown_field, cmap, clim)
@@ -408,7 +400,7 @@ def draped(
     if not (options.get("size") or options.get("plotter")):
         options["size"] = PAGE
     picture = Picture(results, titles, **options)
-    pairs = zip(results, picture.states, strict=True)
+    pairs = zip(picture.results, picture.states, strict=True)
     pairs_of_fields = [_on_tool(result, at) for result, at in pairs]
     angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
     pressures = reach([pressure for pressure, _ in pairs_of_fields])

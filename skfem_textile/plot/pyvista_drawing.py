@@ -132,14 +132,14 @@ def _draw_panel(plotter: pv.Plotter, slot: Slot, sheet: Sheet, frame: Frame) -> 
     look = _grey(panel.shape.greys)
     if of := panel.scale:
         look = {"scalars": panel.values, "clim": (of.low, of.high), "cmap": of.colours}
-    meshes = [(_grid(panel.shape.points, panel.shape.cells), look)]
+    meshes = [(grid(panel.shape.points, panel.shape.cells), look)]
     if tool := panel.shape.tool:
-        meshes.append((_grid(tool.points, (tool.triangles,)), _grey(tool.shades)))
+        meshes.append((grid(tool.points, (tool.triangles,)), _grey(tool.shades)))
     if veil := panel.shape.veil:
         look = _grey(veil.shades) | {"opacity": _VEIL}
-        meshes.append((_grid(veil.points, (veil.triangles,)), look))
-    for grid, look in meshes:
-        plotter.add_mesh(grid, show_scalar_bar=False, **_FLAT, **look)
+        meshes.append((grid(veil.points, (veil.triangles,)), look))
+    for elements, look in meshes:
+        plotter.add_mesh(elements, show_scalar_bar=False, **_FLAT, **look)
     lift = (_LIFT_ON_TOOL if panel.shape.tool else _LIFT) / scale
     for i, lines in enumerate(lines_of(panel, scale, sheet.show_edges), start=1):
         ends, colour, width = lines
@@ -173,7 +173,8 @@ def _grey(levels: ndarray) -> dict[str, Any]:
     return {"scalars": levels, "clim": (0.0, 1.0), "cmap": "gray"}
 
 
-def _grid(points: ndarray, cells: tuple[ndarray, ...]) -> pv.UnstructuredGrid:
+def grid(points: ndarray, cells: tuple[ndarray, ...]) -> pv.UnstructuredGrid:
+    """Grid of triangles and quadrilaterals, arrays of shape (3, n) and (4, n)."""
     return pv.UnstructuredGrid({_CELLS[len(cell)]: cell.T for cell in cells}, points)
 
 

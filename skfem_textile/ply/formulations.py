@@ -62,7 +62,6 @@ class Quadrilaterals(Pointwise):
     """Bilinear quadrilaterals, checked at the 2×2 points."""
 
     rule: ClassVar[tuple[ndarray, ndarray]]
-    centre: ClassVar[ndarray] = CENTRE[0]
     fine_points: ClassVar[ndarray] = GAUSS[0]
 
     def working_mesh(self, mesh: Mesh) -> Mesh:
@@ -484,7 +483,6 @@ class Quadratic(Pointwise):
     points: int = 3
 
     name: ClassVar[str] = "quadratic"
-    centre: ClassVar[ndarray] = np.array([[1 / 3], [1 / 3]])
     fine_points: ClassVar[ndarray] = SIX[0]
 
     def __post_init__(self) -> None:

@@ -133,7 +133,7 @@ class Ply(SumOfTerms):
         self.fibre_ends = checked_ends(mesh, fibre_ends or {})
         check_laws(fabric.at(), self.basis.dx.shape)
         self.nodes = node_positions(self.basis)
-        self.centre, self.fine_points = formulation.centre, formulation.fine_points
+        self.fine_points = formulation.fine_points
         self.corners = Corners(self.basis)
         tension, corners = None, None
         if not all(is_zero(family.tension) for family in fabric.families):
@@ -147,7 +147,7 @@ class Ply(SumOfTerms):
                 directions(fabric, FormExtraParams(parameters))
         self.user_terms = tuple(terms)
         every = *needed, *self.user_terms
-        super().__init__(self.basis, every, tension)
+        super().__init__(self.basis, fabric, every, tension)
         self.further_terms = self.terms[len(needed) :]
         turning = any(map(callable, self.fibre_ends.values()))
         self.follows_load_factor = bool(self.further_terms) or turning

@@ -8,13 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
-from skfem import CellBasis, Mesh
+from skfem import CellBasis
 
 from ..fabric import Fabric
-from ..fabric import kinematics as kin
 from ..fabric.law import LawEnd
-from ..forms.form import mean
-from ..mesh.bases import Corners, components, sided
+from ..forms.fields import FabricOnBasis
+from ..mesh.bases import Corners, components
 from ..mesh.pattern import Pattern
 from .kernels.elements import FibreDeformation, IntegrationPoints
 from .kernels.kernel import (
@@ -44,7 +43,7 @@ class _Kinds(NamedTuple):
     by_matrix: list[Term]
 
 
-class SumOfTerms:
+class SumOfTerms(FabricOnBasis):
     """Sum of terms on a basis; base class of `Ply`.
 
     Energies, forces and stiffnesses are pure functions of a displacement ``u``, a load
@@ -53,8 +52,8 @@ class SumOfTerms:
 
     Parameters
     ----------
-    basis
-        Basis of the displacement.
+    basis, fabric
+        Basis of the displacement, fibre directions and laws.
     terms
         Terms and loads with unique names.
     tension
@@ -64,13 +63,8 @@ class SumOfTerms:
     ----------
     roles
         Role of each term, by name.
-    fabric
-        Fibre directions and laws.
-    mesh, parent
-        The computational mesh, and the user's element that contains each of its
-        elements, shape (n_elements,).
-    centre
-        Reference coordinates of the element centre, shape (2, 1).
+    parent
+        The user's element that contains each element of the mesh, shape (n_elements,).
     fine_points
         Reference coordinates of the points at which strain and folding are checked, (2,
         n_points).
@@ -84,21 +78,22 @@ class SumOfTerms:
     """
 
     roles: dict[str, Role]
-    fabric: Fabric
-    mesh: Mesh
     parent: ndarray
-    centre: ndarray
     fine_points: ndarray
     corners: Corners
 
     def __init__(
         self,
         basis: CellBasis,
+        fabric: Fabric,
         terms: Iterable[Term | Load],
         tension: TensionTerm | None = None,
     ) -> None:
+        of_means = tension is not None and tension.of_means is not None
+        means: Any = tension.basis if tension and of_means else None
+        super().__init__(basis, fabric, means)
         self._terms = terms_on_basis(terms, basis)
-        self.basis, self.roles = basis, {x.name: x.role for x in self._terms}
+        self.roles = {x.name: x.role for x in self._terms}
         self._tension: Any = tension
         self._declared = {
             x.name: x.parameters for x in self._terms if x.parameters is not None
@@ -233,20 +228,6 @@ class SumOfTerms:
         if parameters is None:
             parameters = self.parameters_at_rest
         return parameters.get(term.name, NO_VALUES)
-
-    def refuse_other(self, u: ndarray) -> None:
-        """Refuse a displacement of another ply.
-
-        Raises
-        ------
-        ValueError
-            If it has not one number for each unknown.
-        """
-        if np.shape(u) != (self.basis.N,):
-            raise ValueError(
-                f"a displacement of this ply has the shape ({self.basis.N},), one "
-                f"number for each unknown, not {np.shape(u)}: use one of the same ply"
-            )
 
     def energies(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
@@ -404,10 +385,8 @@ class SumOfTerms:
         deviations, whose stiffness is one of the ``parameters``, by default those at
         rest.
         """
-        T, term = self.geometric_tension(u, du, parameters), self._tension
-        if term is None or term.of_means is None:
-            return T
-        return term.basis.to_ply_points(T)
+        T = self.geometric_tension(u, du, parameters)
+        return self.means.to_ply_points(T) if self.means else T
 
     def geometric_tension(
         self, u: ndarray, du: ndarray, parameters: PlyParameters | None = None
@@ -430,72 +409,11 @@ class SumOfTerms:
 
     def arranged(self, tension: ndarray) -> ndarray:
         """Fibre tensions at the points of the ply, rearranged for `stiffness`."""
-        term = self._tension
-        if term is None or term.of_means is None:
-            return tension
-        return term.basis.from_ply_points(tension)
-
-    def gradient(self, u: ndarray, points: ndarray | None = None) -> ndarray:
-        """Displacement gradient ∇u, shape (d, 2, n_elements, n_points).
-
-        Parameters
-        ----------
-        u
-            Displacement.
-        points
-            Reference coordinates in the unit square or triangle, shape (2, n_points);
-            by default the integration points of the ply.
-        """
-        self.refuse_other(u)
-        xi = self.basis.X if points is None else points
-        vector: Any = self.basis.elem
-        scalar = vector.elem
-        n_nodes = len(scalar.doflocs)
-        dN = np.array([scalar.lbasis(xi, i)[1] for i in range(n_nodes)])
-        nodal = u[self.basis.element_dofs].reshape(n_nodes, vector.dim, -1)
-        du_dxi = nodal.transpose(1, 2, 0)[:, None] @ dN.transpose(1, 0, 2)
-        return np.einsum("ijnq,jknq->iknq", du_dxi, self.basis.mapping.invDF(xi))
-
-    def deformation_gradient(
-        self, u: ndarray, points: ndarray | None = None
-    ) -> ndarray:
-        """Deformation gradient F, shape (d, 2, n_elements, n_points)."""
-        return kin.deformation_gradient(self.gradient(u, points))
-
-    def area_ratio(self, u: ndarray, points: ndarray | None = None) -> ndarray:
-        """Current area per reference area, shape (n_elements, n_points).
-
-        In the plane it is det F.  In space it is negative if the normal at a point
-        opposes that at the centre of its element.
-        """
-        F = self.deformation_gradient(u, points)
-        if len(F) == 2:
-            return kin.area_ratio(F)
-        at_centre = self.deformation_gradient(u, self.centre)
-        return sided(kin.area_vector(F), kin.area_vector(at_centre))
+        return self.means.from_ply_points(tension) if self.means else tension
 
     def largest_gradient(self, u: ndarray) -> float:
         """Largest component of the displacement gradient at the fine points."""
         return float(np.abs(self.gradient(u, self.fine_points)).max())
-
-    def fibre_strain(self, u: ndarray, points: ndarray | None = None) -> ndarray:
-        """Fibre strain of warp and weft, shape (2, n_elements, n_points)."""
-        F = self.deformation_gradient(u, points)
-        return np.array([kin.fibre_strain(F, A) for A in self.directions(points)])
-
-    def law_strain(self, u: ndarray) -> ndarray:
-        """Fibre strain of warp and weft that enters the tension law.
-
-        At the integration points of the ply, shape (2, n_elements, n_points): the local
-        fibre strain, or the mean where the law is evaluated at the mean stretch
-        (`Macro`, `Quadratic` with a deviation).
-        """
-        strain, term = self.fibre_strain(u), self._tension
-        if term is None or term.of_means is None:
-            return strain
-        stretch = np.exp(term.basis.from_ply_points(strain))
-        means = mean(term.basis.default_parameters(), stretch)
-        return term.basis.to_ply_points(np.broadcast_to(np.log(means), stretch.shape))
 
     def fibre_tension(
         self, u: ndarray, parameters: PlyParameters | None = None
@@ -519,29 +437,7 @@ class SumOfTerms:
         """
         if parameters is not None:
             return self.predicted_tension(u, np.zeros_like(u), parameters)
-        strain = self.law_strain(u)
-        if self._tension is None:
-            return np.zeros_like(strain)
-        return np.array(self.fabric.at().tensions.value(strain))
-
-    def fibre_direction(self, u: ndarray, points: ndarray | None = None) -> ndarray:
-        """Current unit direction of warp and weft, (2, d, n_elements, n_points).
-
-        The first axis is the family, the second the component.
-        """
-        F = self.deformation_gradient(u, points)
-        a = np.array([kin.fibre(F, A) for A in self.directions(points)])
-        return a / np.linalg.norm(a, axis=1, keepdims=True)
-
-    def shear_angle(self, u: ndarray, points: ndarray | None = None) -> ndarray:
-        """Shear angle Γ in radians, shape (n_elements, n_points)."""
-        F = self.deformation_gradient(u, points)
-        return kin.shear_angle(F, *self.directions(points))
-
-    def directions(self, points: ndarray | None = None) -> tuple[ndarray, ndarray]:
-        """Unit reference directions of warp and weft at the points."""
-        xi = self.basis.X if points is None else points
-        return self.fabric.directions(self.basis.mapping.F(xi))
+        return super().fibre_tension(u)
 
     def on_users_elements(self, values: ndarray) -> ndarray:
         """Area-weighted mean of a field over each of the user's elements.

@@ -427,12 +427,10 @@ def factor_at(owner: str, factor: Factor, t: float) -> float:
 class Formulation(Protocol):
     """Element, integration points of tension and shear, and stabilisation terms.
 
-    ``centre`` is the centre of the reference element, ``fine_points`` are the points at
-    which folding and strain are checked, shape (2, n_points).
+    Folding and strain are checked at the ``fine_points``, shape (2, n_points).
     """
 
     name: ClassVar[str]
-    centre: ClassVar[ndarray]
     fine_points: ClassVar[ndarray]
 
     @property

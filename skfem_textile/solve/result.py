@@ -19,6 +19,7 @@ from .continuation import path_warning
 from .interval import ErrorInterval
 from .linear.solver import Choice
 from .quantities import OF_PLY, Quantity, first_rows
+from .search import state_at
 from .states import State
 from .surface import OnSurface, Surface
 
@@ -126,7 +127,9 @@ class Result:
     interval: Callable[[State], ErrorInterval]
 
     @classmethod
-    def of_state(cls, ply: Ply, conditions: Conditions, state: State) -> "Result":
+    def of_state(
+        cls, ply: Ply, conditions: Conditions, state: State | ndarray
+    ) -> "Result":
         """Result of a single state, for pictures and files.
 
         Times and factorisations are 0, and there is no error interval.
@@ -136,14 +139,25 @@ class Result:
         ply, conditions
             The ply and its conditions by name.
         state
-            State of the ply, such as the result of `equilibrium_near`.
+            State of the ply, such as the result of `equilibrium_near`; or its
+            displacement at the load factor 1, shape (n_unknowns,), which counts as
+            converged if it is an equilibrium under the conditions.
+
+        Raises
+        ------
+        ValueError
+            If it is not a displacement of this ply, or a condition is invalid.
         """
-        ply.refuse_other(state.u)
+        if isinstance(state, State):
+            ply.refuse_other(state.u)
+            converged = state.load_factor == 1.0
+        else:
+            state, converged = state_at(ply, conditions, state)
         on = {k: c for k, c in conditions.items() if isinstance(c, OnSurface)}
         return cls(
             ply=ply,
             states=[state],
-            converged=state.load_factor == 1.0,
+            converged=converged,
             linear_solves=state.linear_solves,
             factorisations=0,
             steps_cut=0,

@@ -1,5 +1,6 @@
 """Search for an accepted equilibrium at one load factor."""
 
+import contextlib
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import partial
@@ -8,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.user_input import real_numbers
 from ..ply import Ply
 from ..ply.parameters import Frozen, PlyParameters
 from . import contact
@@ -15,8 +17,8 @@ from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, SHORTER_AFTER_FLIGHT, loads_drive
 from .linear import ChosenSolver
 from .newton import LESS_ROUNDING, METHODS, MOST_UPDATES, SETTLED, Method
-from .problem import HOLD, InitialGuess, Problem, balanced, between
-from .states import Iteration, NoEquilibriumError, State
+from .problem import HOLD, InitialGuess, Problem, Tangent, balanced, between
+from .states import Equilibrium, Iteration, NoEquilibriumError, State
 from .verdict import Trial
 
 _AT_REST = (
@@ -356,3 +358,32 @@ def equilibrium_near(
     values = constraints.fixed_values(load_factor)
     trial = search(Target(load_factor, 0.0, values, start, None))
     return trial.trial.state(problem.clock.solves)
+
+
+def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]:
+    """State of a displacement at the load factor 1, and whether it is an equilibrium.
+
+    The parameters of the terms are those at rest, updated at the displacement.  A
+    displacement that is not an equilibrium has a warning; no other check is applied.
+    """
+    u = real_numbers("u", u)
+    ply.refuse_other(u)
+    if not np.isfinite(u).all():
+        raise ValueError("u must be finite, one displacement in mm for each unknown")
+    constraints = Constraints(ply.basis, conditions)
+    problem = Problem(ply, constraints, partial(ChosenSolver, "auto")).at(1.0)
+    p, tangent = ply.updated(ply.parameters_at_rest, u), None
+    f = problem.residual(u, p)
+    residual, tolerance = problem.unbalanced(f, u), 0.0
+    with contextlib.suppress(NoEquilibriumError):  # a singular tangent
+        tangent = Tangent.at(problem, u, p)
+        tolerance = tangent.tolerance(u, f, p)
+    equilibrium = Equilibrium(u, f, p, (residual,), tolerance, tangent=tangent)
+    trial = Trial.of(problem, equilibrium, None)
+    fixed = problem.is_fixed(u, constraints.fixed_values(1.0))
+    if not (in_balance := fixed and residual <= tolerance):
+        cause = f"the largest free nodal force is {residual:.3g} N"
+        if not fixed:
+            cause = "nodes do not have their prescribed displacements"
+        trial.warnings["equilibrium"] = f"not an equilibrium: {cause}"
+    return trial.state(0), in_balance

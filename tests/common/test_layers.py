@@ -30,12 +30,17 @@ LAYERS = {
     "drape": ("solve", "ply", "fabric", "mesh"),
     "forming": ("drape", "solve", "ply", "fabric", "mesh"),
     "scenes": ("forming", "drape", "singular", "solve", "ply", "fabric", "mesh"),
-    "io": ("forming", "drape", "singular", "solve", "ply", "fabric", "mesh"),
+    "io": (
+        *("forming", "drape", "singular", "solve", "ply", "forms", "fabric", "mesh"),
+    ),
     "cases": (
         *("io", "scenes", "forming", "drape", "singular", "solve"),
         *("ply", "fabric", "mesh"),
     ),
-    "plot": ("io", "forming", "drape", "singular", "solve", "ply", "fabric", "mesh"),
+    "plot": (
+        *("io", "forming", "drape", "singular", "solve", "ply"),
+        *("forms", "fabric", "mesh"),
+    ),
     "cli.words": ("mesh",),
     "cli.file_options": ("cli.words",),  # also the keys of a file of tests
     "calibration": (

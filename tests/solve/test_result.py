@@ -19,6 +19,7 @@ from skfem_textile import (
     OnePoint,
     Ply,
     Quadratic,
+    Result,
     Sin2,
     Term,
     Traction,
@@ -93,6 +94,52 @@ def test_a_printed_result_is_a_table_of_its_states():
     assert "converged at load factor 1, 40 steps" in head
     assert first
     assert "…" not in str(LoadStepper(ply, conditions, steps=10).run())
+
+
+def test_a_result_of_a_displacement_is_that_of_its_state():
+    ply, conditions = pulled(0.5)
+    run = LoadStepper(ply, conditions, 2).run()
+    of_state = Result.of_state(ply, conditions, run.states[-1])
+    of_u = Result.of_state(ply, conditions, run.u.tolist())
+    assert of_u.converged
+    assert of_u.warnings == of_state.warnings
+    times = {"wall_time_s", "assembly_time_s", "solve_time_s", "linear_solves"}
+    expected = of_state.summary()
+    for key, value in of_u.summary().items():
+        if key not in times and not isinstance(value, str | list):
+            assert value == pytest.approx(expected[key]), key
+
+
+def test_a_result_of_a_displacement_states_that_it_is_not_an_equilibrium():
+    ply, conditions = pulled(0.5)
+    u = LoadStepper(ply, conditions, 2).run().u
+    elsewhere = Result.of_state(ply, conditions, 0.5 * u)
+    assert not elsewhere.converged
+    (line,) = [x for x in elsewhere.warnings if "not an equilibrium" in x]
+    assert "nodes do not have their prescribed displacements" in line
+    moved, (dof,) = u.copy(), ply.basis.nodal_dofs[:1, ply.mesh.interior_nodes()[0]]
+    moved[dof] += 0.01
+    unbalanced = Result.of_state(ply, conditions, moved)
+    assert not unbalanced.converged
+    force = np.abs(ply.residual(moved, 1.0, ply.updated(ply.parameters_at_rest, moved)))
+    (line,) = [x for x in unbalanced.warnings if "not an equilibrium" in x]
+    assert f"the largest free nodal force is {force[dof]:.3g} N" in line
+
+
+@pytest.mark.parametrize(
+    ("u", "message"),
+    [
+        (None, "a displacement of this ply has the shape"),
+        ("u", "u must be real-valued, got 'u'"),
+        (np.zeros(3), r"a displacement of this ply has the shape .* not \(3,\)"),
+    ],
+)
+def test_a_result_of_something_else_is_refused(u, message):
+    ply, conditions = pulled(0.5)
+    with pytest.raises(ValueError, match=message):
+        Result.of_state(ply, conditions, u)
+    with pytest.raises(ValueError, match="u must be finite"):
+        Result.of_state(ply, conditions, ply.basis.zeros() + np.nan)
 
 
 class Grip(Term):
