@@ -170,7 +170,7 @@ def test_every_result_for_prose_stands_in_a_block(name):
     quoted = {
         entry
         for template in pages.BLOCKS.iterdir()
-        for of, entry in pages._RESULT.findall(template.read_text())
+        for of, entry in pages.RESULT.findall(template.read_text())
         if of == name
     }
     folder = pages.ROOT / "docs" / (study.folder or name)

@@ -134,7 +134,7 @@ class Nets(Study[Timed | Meshing]):
         on_nets = [x for x in timings(rows) if x[:2] == ("net", STANDARD)]
         ours = next(x for x in on_nets if x.code == ThisLibrary.code)
         others = [x for x in on_nets if x is not ours]
-        words = {}
+        words: dict[str, str] = {}
         for error in LEVELS:
             level = _number(error)
             reached = {x.code: point for x in on_nets if (point := x.to(error))}
