@@ -14,11 +14,9 @@ import numpy as np
 from ..common.figures import File, colour_of, legend, panels_of, style_of
 from ..common.tables import (
     furthest,
-    having,
     markdown_table,
     median,
     percent,
-    span,
 )
 from ..study import Part, Row, Study
 from .cases import (
@@ -32,7 +30,6 @@ from .cases import (
     MESHES,
     RATIOS,
     SPECIMENS,
-    STEEP,
     Case,
     Reference,
     Specimen,
@@ -89,28 +86,17 @@ def in_words(converged: Sequence[Row], compared: Sequence[Row]) -> dict[str, str
     """The results quoted on pages, by name."""
     errors_by_key = errors(compared)
     medians = _medians(errors_by_key)
-    gentle = [
-        1 - row["load"]
-        for row in having(converged, ratio=max(RATIOS))
-        if row["inclination"] <= STEEP
-    ]
-    lost = [(1 - row["load"]) / row["lost"] for row in converged]
     apart = furthest(row[key] for row in converged for key in _CHECKS)
     single = furthest(error for off in errors_by_key.values() for error in off)
     words = {
         "met": f"{_n_within(medians)} of {len(medians)}",
         "single": percent(abs(single), ".1f"),
         "references": percent(abs(apart), ".2f"),
-        "lost_stiff": percent(max(gentle), ".1f"),
         "lost_most": percent(max(1 - row["load"] for row in converged), ".0f"),
-        "lost_over_estimate": span(lost, ".2f"),
     }
     for n in ACROSS:
         words |= {f"limit_{n}": percent(LIMITS[n], "g")}
         words |= {f"limit_steep_{n}": percent(2 * LIMITS[n], "g")}
-    for kind in KINDS:
-        if of_kind := [middle for key, middle in medians.items() if key[2:] == kind]:
-            words["{}_{}".format(*kind)] = percent(abs(furthest(of_kind)), ".1f")
     return words
 
 

@@ -1,6 +1,6 @@
 """Medians over seeds, Pareto fronts of codes, and time ratios."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -24,8 +24,7 @@ LEAST_SEEDS = 3
 class Criterion:
     """An error measure of a scene, and the levels at which codes are compared.
 
-    With the unit ``%`` errors are relative.  ``beside`` are errors near a step of the
-    ratio, quoted on pages.
+    With the unit ``%`` errors are relative.
     """
 
     scene: str
@@ -33,7 +32,6 @@ class Criterion:
     unit: str
     levels: tuple[float, ...]
     error: Callable[[Row, Load | None], float | None]
-    beside: tuple[float, ...] = ()
 
     @property
     def factor(self) -> float:
@@ -71,9 +69,7 @@ _ANGLE, _LOAD = "strip, rms shear-angle error", "bias extension, load error"
 CRITERIA = {
     "angle": Criterion("strip", _ANGLE, "°", (0.2, 0.1, 0.02), _angle),
     "force": Criterion("strip", "strip, load error", "N", (10.0, 1.0, 0.1), _force),
-    "load": Criterion(
-        *("bias_extension", _LOAD, "%", (0.1, 0.05, 0.03), _load), beside=(0.035,)
-    ),
+    "load": Criterion("bias_extension", _LOAD, "%", (0.1, 0.05, 0.03), _load),
 }
 
 
@@ -240,35 +236,3 @@ def ratios(by_code: Fronts) -> list[tuple[float, float]]:
             known.append((error, ratio))
             before = error
     return known
-
-
-class Pair(NamedTuple):
-    """Comparison with the same element and mesh of another code, by set of solvers."""
-
-    scene: str
-    by_set: dict[str, Comparison]
-
-
-def pairs(rows: Sequence[Row]) -> Iterator[Pair]:
-    """Comparisons with other codes on the finest mesh common to all sets."""
-    for criterion in (CRITERIA["force"], CRITERIA["load"]):
-        known = methods(rows, criterion)
-        for code, element in dict.fromkeys(method[:2] for method in known):
-            if code == ThisLibrary.code:
-                continue
-            common: dict[int, dict[str, Comparison]] = {}
-            for name, solvers in SETS.items():
-                this_library, other = (
-                    {
-                        point.across: point
-                        for solver in solvers
-                        for point in known.get((who, element, solver), [])
-                    }
-                    for who in (ThisLibrary.code, code)
-                )
-                for across in this_library.keys() & other.keys():
-                    pair = Comparison(this_library[across], other[across])
-                    common.setdefault(across, {})[name] = pair
-            complete = [n for n, sets in common.items() if len(sets) == len(SETS)]
-            if complete:
-                yield Pair(criterion.scene, common[max(complete)])

@@ -48,12 +48,8 @@ from .fronts import (
     fastest,
     fronts,
     methods,
-    pairs,
 )
 from .fronts import ratios as ratios_by_error
-
-#: Names of scenes in tables.
-SCENES = {"strip": "strip", "bias_extension": "bias extension"}
 
 # Codes in the order of their colours, and labels of sets of solvers.
 _CODES = (ThisLibrary.code, "scikit-fem", "FElupe", "DOLFINx", "scikit-fem-native")
@@ -121,26 +117,18 @@ def elements(rows: Sequence[Row]) -> str:
 
     If an element does not reach it, its finest mesh is given.
     """
+    known = [(methods(rows, criterion), criterion) for criterion in CRITERIA.values()]
+    order = dict.fromkeys(method for series, _ in known for method in series)
     lines = [
-        [f"**{code}**" if code == ThisLibrary.code else code, element, *cells.values()]
-        for (code, element), cells in _to_errors(rows).items()
+        [
+            *(f"**{code}**" if code == ThisLibrary.code else code, element),
+            *(_to_the_error(by.get((code, element, solver)), of) for by, of in known),
+        ]
+        for code, element, solver in order
+        if solver in SETS["fastest"]
     ]
     head = [f"{c.label}: {c.text(c.levels[1])}" for c in CRITERIA.values()]
     return markdown_table(["code", "element", *head], lines)
-
-
-def _to_errors(rows: Sequence[Row]) -> dict[tuple[str, str], dict[str, str]]:
-    """Cells of `elements` for each code and element, by criterion."""
-    known = {name: methods(rows, criterion) for name, criterion in CRITERIA.items()}
-    order = dict.fromkeys(method for series in known.values() for method in series)
-    return {
-        (code, element): {
-            name: _to_the_error(known[name].get((code, element, solver)), criterion)
-            for name, criterion in CRITERIA.items()
-        }
-        for code, element, solver in order
-        if solver in SETS["fastest"]
-    }
 
 
 def reference(rows: Sequence[Row]) -> str:
@@ -168,76 +156,21 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
         "long": f"{LONG:g} s",
         "patience": f"{PATIENCE:g} s",
     }
-    for name, criterion in CRITERIA.items():
-        for error in (*criterion.levels, *criterion.beside):
-            text = criterion.text(error)
-            words |= {f"{name}_{criterion.number(error)}": text}
     if end := converged(rows):
-        share = end.load / end.inextensible
         words |= {
             "reference": f"{end.load:.2f} N",
-            "reference_share": percent(share, ".2f"),
-            "reference_below": percent(1 - share, ".1f"),
             "reference_uncertainty": percent(end.uncertainty / end.load, ".1g"),
             "inextensible": f"{end.inextensible:.2f} N",
         }
-    for (name, criterion), solvers in product(CRITERIA.items(), SETS):
-        by_code = fronts(rows, criterion, solvers)
-        for error in (*criterion.levels, *criterion.beside):
-            level = criterion.number(error)
-            key = f"{name}_{level}_{solvers.lower()}"
-            words |= _pair_in_words(key, compared(by_code, error), criterion)
-        fastest_points = (compared(by_code, error).other for error in criterion.levels)
-        others = dict.fromkeys(point.code for point in fastest_points if point)
-        words |= {f"{name}_{solvers.lower()}_others": " or ".join(others)}
-    for (code, element), cells in _to_errors(rows).items():
-        if code == ThisLibrary.code:
-            words |= {f"{name}_{key_of(element)}": text for name, text in cells.items()}
-    for pair in pairs(rows):
-        for solvers, one in pair.by_set.items():
-            assert one.other
-            key = f"same_{pair.scene}_{solvers.lower()}"
-            key += f"_{key_of(one.other.code)}_{key_of(one.other.element)}"
-            words[key] = factor_text(one.ratio)
-    return words | _ranges(rows)
-
-
-def _pair_in_words(key: str, pair: Comparison, criterion: Criterion) -> dict[str, str]:
-    alone = pair.own and not pair.other
-    words = {
-        f"{key}_ratio": "not reached" if alone else factor_text(pair.ratio),
-        f"{key}_solves": factor_text(pair.solves),
-        f"{key}_per_solve": factor_text(pair.per_solve),
-        f"{key}_other_code": pair.other.code if pair.other else "none",
-    }
-    for who, point in zip(("ours", "other"), pair, strict=True):
-        parts = ["none"] * 5
-        if point:
-            parts = [
-                *(point.element, point.mesh, criterion.text(point.error.median)),
-                *(f"{point.seconds.median:.2g} s", f"{point.solves:g}"),
-            ]
-        names = "", "_mesh", "_error", "_seconds", "_solves"
-        words |= {
-            f"{key}_{who}{name}": part for name, part in zip(names, parts, strict=True)
-        }
-    return words
-
-
-def _ranges(rows: Sequence[Row]) -> dict[str, str]:
-    """Smallest and largest ratio of times with the same element on the same mesh."""
-    words = {}
-    known = [*pairs(rows)]
-    for scene, solvers in product(SCENES, SETS):
-        ones = [pair.by_set[solvers] for pair in known if pair.scene == scene]
-        for what in ("ratio", "solves", "per_solve"):
-            values = [getattr(one, what) for one in ones]
-            text = (
-                f"{factor_text(min(values))} to {factor_text(max(values))}"
-                if values
-                else "-"
-            )
-            words[f"same_{scene}_{solvers.lower()}_{what}"] = text
+    for name in ("angle", "load"):
+        criterion = CRITERIA[name]
+        by_code = fronts(rows, criterion, "required")
+        for error in criterion.levels:
+            key, pair = f"{name}_{criterion.number(error)}", compared(by_code, error)
+            alone = pair.own and not pair.other
+            words[f"{key}_ratio"] = "not reached" if alone else factor_text(pair.ratio)
+            if pair.other:
+                words[f"{key}_other_code"] = pair.other.code
     return words
 
 
@@ -291,12 +224,6 @@ def factor_text(value: float | None) -> str:
     if value is None:
         return "-"
     return f"{value:.0f}" if value >= 100 else f"{value:.2g}"
-
-
-def key_of(text: str) -> str:
-    """Text as a part of the name of a result."""
-    key = "".join(c if c.isalnum() else "_" for c in text.lower())
-    return "_".join(part for part in key.split("_") if part)
 
 
 def draw_fronts(rows: Sequence[Row], file: File = None) -> Any:
@@ -504,11 +431,8 @@ class ErrorTime(Study[Timed | Reference]):
     def figures(self, rows: list[Row]) -> dict[str, str]:
         """Formatted results.
 
-        ``CRITERION_ERROR_SOLVERS_WHAT`` compares this library with the fastest other
-        code at an error: ``ratio``, ``solves``, ``per_solve``, ``other_code``, and
-        ``ours`` or ``other`` for the element, with ``_mesh``, ``_error``, ``_seconds``
-        and ``_solves``.  ``CRITERION_ELEMENT`` is the time of an element of this
-        library to the middle error.
+        ``CRITERION_ERROR_ratio`` is the ratio of times of the fastest other code, named
+        by ``CRITERION_ERROR_other_code``, and this library with required solvers.
         """
         return in_words(rows)
 

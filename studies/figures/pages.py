@@ -35,8 +35,8 @@ PAGES = (
 #: A block: its first line, its name, its content and its last line.
 BLOCK = re.compile(r"^(<!--results ([\w-]+)-->\n)(.*?)^(<!--/results-->)$", re.M | re.S)
 
-# A result in a template: the study and the name.
-_RESULT = re.compile(r"\{([a-z_0-9]+)\.([^}\s]+)\}")
+#: A result in a template: the study and the name.
+RESULT = re.compile(r"\{([a-z_0-9]+)\.([^}\s]+)\}")
 
 # Relative and absolute tolerances for equal numbers.  Round-off differs between
 # processors and linear-algebra libraries; nearly singular tangents amplify it.  Pages
@@ -128,7 +128,7 @@ def filled(text: str, results: Mapping[str, Mapping[str, str]]) -> str:
 
     def block(match: re.Match[str]) -> str:
         template = (BLOCKS / f"{match[2]}.md").read_text(encoding="utf-8")
-        return f"{match[1]}\n{_RESULT.sub(result, template)}\n{match[4]}"
+        return f"{match[1]}\n{RESULT.sub(result, template)}\n{match[4]}"
 
     return BLOCK.sub(block, text)
 

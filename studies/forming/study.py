@@ -104,26 +104,6 @@ def _within(rows: Sequence[Row]) -> str:
     return f"{within} of {len(both)}"
 
 
-def _forces(rows: Sequence[Row], kind: str) -> dict[str, str]:
-    """Median and largest relative difference of the force between formulations."""
-    off = [
-        abs(row["force_of_one_point"] - row["force"]) / abs(row["force"])
-        for row in _in_both(rows)
-        if row["force"]
-    ]
-    if not off:
-        return {}
-    return {
-        f"{kind}_force_median": f"{100 * median(off):.2g} %",
-        f"{kind}_force_largest": f"{100 * max(off):.2g} %",
-    }
-
-
-def _longest(rows: Sequence[Row]) -> str:
-    """Longest known time of a run."""
-    return f"{max((row.get('seconds', 0.0) for row in rows), default=0.0) / 60:.0f} min"
-
-
 def intervals(rows: Sequence[Row]) -> str:
     """Number of intervals that contain the shear angles of a finer mesh."""
     found = [
@@ -165,27 +145,6 @@ class Forming(Study[Reference | Random | Refined]):
     ) -> Sequence[Reference | Random | Refined]:
         """See `all_cases`."""
         return all_cases(options.seed)
-
-    def figures(self, rows: list[Row]) -> dict[str, str]:
-        """Counts of outcomes."""
-        figures: dict[str, str] = {}
-        for kind in _KINDS:
-            of_kind = _of(rows, kind)
-            found = [outcome(row) for row in of_kind]
-            figures |= {
-                f"{kind}_cases": str(len(found)),
-                f"{kind}_longest": _longest(of_kind),
-                **{f"{kind}_{name}": str(found.count(name)) for name in _OUTCOMES},
-                f"{kind}_within": _within(of_kind),
-                **_forces(of_kind, kind),
-                f"{kind}_refused_of_one_point": str(
-                    sum(bool(x["refused_of_one_point"]) for x in of_kind)
-                ),
-            }
-        refined = _of(rows, REFINED)
-        inside = sum(row["error"] <= row["interval"] for row in refined)
-        figures["refined_inside"] = f"{inside} of {len(refined)}"
-        return figures
 
 
 STUDY = Forming()

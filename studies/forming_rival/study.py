@@ -25,8 +25,8 @@ from .ours import ours
 OURS, DESCENT = "this library", "DOLFINx, descent"
 SNES, FELUPE = "DOLFINx, SNES", "FElupe"
 
-# Short names in names of figures.
-_SHORT = {DESCENT: "descent", SNES: "snes", FELUPE: "felupe"}
+# Codes with a ratio of times on pages, and their short names there.
+_SHORT = {DESCENT: "descent", FELUPE: "felupe"}
 
 # Penalties in N/mm³.  With the last one, close to a constraint, only the fastest code.
 _SOFT, _STIFF = (0.5, 5.0), 50.0
@@ -174,7 +174,8 @@ class FormingRival(Study[Case]):
             found[f"difference_{i}"] = percent(largest, ".2g")
             for row, _ in of_penalty:
                 ratio = row["seconds"] / ours["seconds"]
-                found[f"{_SHORT[row['code']]}_{i}"] = f"{ratio:.2g}"
+                if name := _SHORT.get(row["code"]):
+                    found[f"{name}_{i}"] = f"{ratio:.2g}"
         return found
 
 

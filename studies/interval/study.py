@@ -175,7 +175,6 @@ class Interval(Study[Judged | ToTolerance]):
         outcomes = _outcomes([r for r in rows if r["case"].startswith("tolerance ")])
         return {
             "inside": f"{len(inside)} of {len(known)}",
-            "inside_share": f"{len(inside) / len(known):.0%}",
             "known": f"{len(known)} of {len(converged)}",
             "ratio": f"{median(ratios):.1f}",
             "met_right": str(outcomes["met and right"]),

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..common.tables import grouped, having, markdown_table, percent, span
+from ..common.tables import grouped, having, markdown_table, percent
 from ..study import Part, Row, Study
 from .cases import ANGLES, GROUPS, Case, File, all_cases
 
@@ -186,7 +186,7 @@ def _missed_jointly(rows: Sequence[Row]) -> list[str]:
             texts.append(f"{what}: the joint band is wider than by one test")
         elif alone > 1 and not row["joint"] < _narrowest(row) / (1 + ROUNDING):
             texts.append(f"{what}: the joint band is not narrower")
-    seeds = [row for row in _held_out(rows) if not _known(row, "band_apart")]
+    seeds = _of_seeds(rows)
     for name in _TRUTHS if seeds else ():
         inside = sum(bool(row[f"{name}_inside"]) for row in seeds)
         if inside < PREDICTED * len(seeds):
@@ -209,6 +209,11 @@ def _joint(rows: Sequence[Row]) -> list[Row]:
 
 def _held_out(rows: Sequence[Row]) -> list[Row]:
     return [row for row in rows if _known(row, "converged_share")]
+
+
+def _of_seeds(rows: Sequence[Row]) -> list[Row]:
+    """Held-out predictions with shared simulations, one for each seed."""
+    return [row for row in _held_out(rows) if not _known(row, "band_apart")]
 
 
 def _known(row: Row, key: str) -> bool:
@@ -265,33 +270,12 @@ class Laboratory(Study[Case]):
         return f"{row['case']}: {text}"
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        judged = having(_files(rows), judged=True)
-        found = {"files": str(len(judged))}
-        for group in GROUPS:
-            share = inside(having(judged, group=group))
-            found[group.replace(" ", "_")] = percent(share, ".1f")
+        found = {}
         if errors := [abs(row["error"]) for row in _joint(rows)]:
             found["joint"] = percent(max(errors), ".1f")
-            wider = [row for row in _joint(rows) if row["joint"] > _narrowest(row)]
-            found |= {"bands": str(len(errors)), "wider": str(len(wider))}
-        for row in _repeats(rows):
-            if row["fitted"] != row["known"]:
-                found["repeats_auto"] = f"{row['seconds']:.0f} s"
-        known = [r["seconds"] for r in _repeats(rows) if r["fitted"] == r["known"]]
-        if known:
-            found["repeats"] = f"{span(known, '.0f')} s"
-        held = _held_out(rows)
-        full = [row for row in held if _known(row, "band_apart")]
-        seeds = [row for row in held if row not in full]
-        if full and seeds:
+        if seeds := _of_seeds(rows):
             found["held_out"] = f"{sum(r['converged_inside'] for r in seeds)}"
             found["same_mesh"] = f"{sum(r['same_mesh_inside'] for r in seeds)}"
-            share = float(np.mean([row["same_mesh_share"] for row in seeds]))
-            found["pointwise"] = percent(share, ".1f")
-            share = float(np.mean([row["converged_share"] for row in seeds]))
-            found["pointwise_converged"] = percent(share, ".1f")
-            found["apart"] = percent(max(row["force_apart"] for row in full), ".2f")
-            found["band_apart"] = percent(max(row["band_apart"] for row in full), ".1f")
         return found
 
     def complaint(self, rows: list[Row]) -> str:

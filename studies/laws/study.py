@@ -306,25 +306,18 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
         sum(abs(x) <= share * LIMITS[across] for (*_, across), x in medians.items())
         for share in (1.0, 0.5)
     )
-    changes = [
-        medians[STEEP_SHEAR, method, across]
-        - median(errors(rows, STEEP_SHEAR, more, across))
-        for method, more in zip((QUADS, TRIANGLES), IN_MORE_STEPS, strict=True)
-        for across in ACROSS
-    ]
-    differences = [_differences(_loads(rows, m)) for m in MATERIALS]
-    words = {
-        **{f"limit_{n}": percent(LIMITS[n], "g") for n in ACROSS},
-        **{key: f"{n} of {len(medians)}" for key, n in zip(_MET, passed, strict=True)},
-        "references": percent(np.max(np.abs(differences)), ".2f"),
-        "in_more_steps": percent(max(map(abs, changes)), ".1f"),
-    }
-    for name, method in (("quads", QUADS), ("triangles", TRIANGLES)):
-        for across in ACROSS:
-            off = {m: abs(medians[m, method, across]) for m in MATERIALS}
-            words[f"{name}_{across}"] = percent(max(off.values()), ".1f")
-            words[f"{name}_{across}_steep"] = percent(off.pop(STEEP_SHEAR), ".1f")
-            words[f"{name}_{across}_others"] = percent(max(off.values()), ".1f")
+    words = dict(zip(_MET, (f"{n} of {len(medians)}" for n in passed), strict=True))
+    for across in ACROSS:
+        quads, triangles = (
+            {m: abs(medians[m, method, across]) for m in MATERIALS}
+            for method in (QUADS, TRIANGLES)
+        )
+        steep = triangles.pop(STEEP_SHEAR)
+        words |= {
+            f"quads_{across}": percent(max(quads.values()), ".1f"),
+            f"triangles_{across}_steep": percent(steep, ".1f"),
+            f"triangles_{across}_others": percent(max(triangles.values()), ".1f"),
+        }
     return words
 
 

@@ -94,10 +94,9 @@ def start_table(rows: list[Row]) -> str:
 
 
 def starts_in_words(rows: Sequence[Row]) -> dict[str, str]:
-    """Times and differences, for prose."""
+    """The longest time, for prose."""
     known = [row for row in rows if row["case"].startswith(START)]
     if not known:
         return {}
     seconds = max(row["seconds"] for row in known)
-    off = max(row["best"] - row["random"] for row in known)
-    return {"start_seconds": f"{seconds:.0f} s", "start_off": f"{off:+.1f}°"}
+    return {"start_seconds": f"{seconds:.0f} s"}

@@ -67,14 +67,9 @@ class NetsOnTools(Study[Any]):
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
         words: dict[str, str] = {}
-        for name, row in totals(rows).items():
-            words |= {
-                f"{name}_position": f"{row['away_largest']:.2f} mm",
-                f"{name}_median": f"{row['off_median']:.2f}°",
-                f"{name}_angle": f"{row['off_largest']:.2f}°",
-                f"{name}_inside": f"{row['off_inside_99']:.2f}°",
-                f"{name}_cells": f"{row['off_cells_99']:.2f}°",
-            }
+        if row := totals(rows).get("GeoCourse"):
+            words["GeoCourse_position"] = f"{row['away_largest']:.2f} mm"
+            words["GeoCourse_angle"] = f"{row['off_largest']:.2f}°"
         return words | shapes_in_words(rows) | starts_in_words(rows)
 
 

@@ -218,13 +218,6 @@ class Paper(Study[Strip | str]):
         drawable = [{k: x for k, x in row.items() if k != "drawn"} for row in rows]
         return super().tables(drawable)
 
-    def figures(self, rows: list[Row]) -> dict[str, str]:
-        """Largest difference between energy and rate form at the largest C_s."""
-        by_element = {row["element"]: row for row in rows if "element" in row}
-        energy, rate = (by_element[f"one point, Cs = 10{x}"] for x in ("", ", rate"))
-        apart = max(abs(rate[key] / energy[key] - 1) for key in MEASURED)
-        return {"rate_apart": f"{100 * apart:.1f} %"}
-
     def written(self, cases: Sequence[Strip | str]) -> list[str]:
         """Names of the files; figures are replaced only by runs of all strips."""
         complete = {*map(str, strips())} <= {*map(str, cases)}

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..common import provenance
 from ..common.figures import File, colour_of, panels_of
 from ..common.running import in_new_process
@@ -28,7 +26,7 @@ from ..common.tables import (
 from ..study import Part, Row, Study, Table
 from . import needs, processes, profile, solving, whole_runs
 from .needs import ALONE, COSTS, added
-from .one_ply import FEATURES, UNUSED
+from .one_ply import UNUSED
 from .solving import PARTS, Settings
 
 #: The benchmarks by name.
@@ -270,125 +268,61 @@ def two_digits(change: float, scatter: float = 0.0) -> str:
 
 
 def _needs_in_words(results: Row) -> dict[str, str]:
-    """Increments by features, and costs of features declared as zero."""
-    features, unused = results["features"], results["unused"]
-    words = {
-        "needs_elements": str(results["elements"]),
-        "needs_rounds": str(results["rounds"]),
-        "unused_rounds": str(next(iter(unused.values()))["rounds"]),
-        "import": f"{features[FEATURES[0]]['import']['median']:.2f} s",
-        "import_scikit_fem": f"{features[ALONE]['import']['median']:.2f} s",
-    }
-    for name, costs in added(results).items():
-        key = name.replace(" ", "_").replace("-", "_").lower()
-        for cost, (change, scatter) in costs.items():
-            words[f"{key}_adds_{cost}"] = f"{two_digits(change, scatter)} {COSTS[cost]}"
-    for name, row in unused.items():
-        words[f"{name}_unused_terms"] = str(len(row["further_terms"]))
-        words[f"{name}_unused_modules"] = str(len(row["further_modules"]))
-        for cost, share in row["shares"].items():
-            words[f"{name}_unused_{cost}"] = _share(share)
-    return words
-
-
-def _modules_in_words(results: Row) -> dict[str, str]:
-    """Numbers of modules of this library loaded by each scene."""
-    return {
-        f"{name.replace(' ', '_')}_modules": f"{row['own']} of {results['modules']}"
-        for name, row in results["scenes"].items()
-        if row["own"]
-    }
+    """Costs of bending declared as zero."""
+    row = results["unused"]["bending"]
+    costs = {x: _share(row["shares"][x]) for x in ("memory", "assembly", "solution")}
+    costs["terms"] = str(len(row["further_terms"]))
+    costs["modules"] = str(len(row["further_modules"]))
+    return {f"bending_unused_{name}": text for name, text in costs.items()}
 
 
 def _iteration_in_words(results: Row) -> dict[str, str]:
     """Time ratios: assembly to factorisation, and other codes to this library."""
     name = "assembly over factorisation"
     shares = [x for key, x in results["ratios"].items() if key.startswith(name)]
-    words = {"iteration_elements": thousands(results["elements"])}
+    words = {
+        name: f"{results['ratios'][key]:.1f}"
+        for name, key in _OTHER_CODES.items()
+        if key in results["ratios"]
+    }
     if shares:
         words["assembly_over_factorisation"] = span(shares, ".2f")
-    for key, ratio in results["ratios"].items():
-        other, over, solver = key.partition(" over skfem_textile, ")
-        if over:
-            words[f"{other.split()[0].lower()}_over_{solver}"] = f"{ratio:.1f}"
     return words
 
 
+# Time ratios of other codes to this library, by name on pages.
+_OTHER_CODES = {
+    "dolfinx_over_required": "DOLFINx over skfem_textile, required",
+    "dolfinx_over_cholmod": "DOLFINx over skfem_textile, cholmod",
+    "felupe_over_cholmod": "FElupe with Pardiso over skfem_textile, cholmod",
+}
+
+
 def _whole_strip_in_words(results: Row) -> dict[str, str]:
-    """Linear solves and time ratio."""
-    return {
-        "strip_elements": thousands(results["elements"]),
-        "strip_ratio": f"{results['stock_over_own']:.0f}",
-        "strip_solves": str(results["own"]["linear_solves"]),
-        "strip_stock_solves": str(results["stock"]["linear_solves"]),
-        "strip_stock_steps": str(results["stock"]["steps"]),
-    }
+    """Time ratio."""
+    return {"strip_ratio": f"{results['stock_over_own']:.0f}"}
 
 
 def _scaling_in_words(results: Row) -> dict[str, str]:
-    """The largest mesh with the required solver: iteration, memory and load step."""
-    required = results["solvers"]["rslab"]
-    last = required["sizes"][-1]
+    """The largest mesh with the required solver: unknowns and memory."""
+    last = results["solvers"]["rslab"]["sizes"][-1]
     growth = _TARGET / last["unknowns"]
     return {
         "extrapolated_peak": _rounded(last["peak_GiB"] * growth, "GiB"),
-        "extrapolated_once": _rounded(last["once"] * growth / 60, "min"),
         "extrapolated_factorisation": _rounded(
             last["factorisation"] * growth**1.5 / 60, "min"
         ),
         "largest_unknowns": thousands(last["unknowns"]),
-        "largest_iteration": f"{last['iteration']:.1f} s",
         "largest_peak": f"{last['peak_GiB']:.1f} GiB",
-        "largest_step": f"{last['step']:.0f} s",
-        "exponents": span(required["exponents"].values(), ".2f"),
-    }
-
-
-def _factorisation_in_words(results: Row) -> dict[str, str]:
-    """Time ratios of an indefinite tangent to a definite one."""
-    return {
-        f"indefinite_over_definite_{row['solver']}": f"{row['ratio']:.1f}"
-        for row in results["solvers"]
     }
 
 
 def _iterative_in_words(results: Row) -> dict[str, str]:
-    """Time ratios of conjugate gradients to the direct solver, and iterations."""
+    """Time ratios of conjugate gradients to the direct solver."""
     every = results["sizes"]
     stiff = max((row["E_over_G"] for row in every), default=0.0)
     ratios = [row["iterative_over_direct"] for row in having(every, E_over_G=stiff)]
-    soft = [row["iterations"] for row in every if row["E_over_G"] != stiff]
-    if not (ratios and soft):
-        return {}
-    return {"iterative_ratios": span(ratios, ".0f"), "soft_iterations": span(soft, "")}
-
-
-def _petsc_in_words(results: Row) -> dict[str, str]:
-    """Differences from SuperLU, memory per unknown, and exponents of the factors."""
-    own = having(results["runs"], solver="petsc")
-    alone = having(own, processes=1)
-    if len(alone) < 2:
-        return {}
-    small, large = alone[0], alone[-1]
-    n = large["unknowns"]
-    set_up = [row["peak_MiB"]["set_up"] for row in (small, large)]
-    factors = [row["peak_MiB"]["solution"] - row["peak_MiB"]["set_up"] for row in alone]
-    of_unknown = (set_up[1] - set_up[0]) / (n - small["unknowns"])
-    took = [row["seconds"]["factorisation"] for row in alone]
-
-    def exponent(values: Sequence[float]) -> str:
-        """Exponent of the growth from the smallest to the largest mesh."""
-        ratio = np.log(values[-1] / values[0]) / np.log(n / small["unknowns"])
-        return f"{ratio:.2f}"
-
-    return {
-        "petsc": f"PETSc {results['petsc']}",
-        "petsc_difference": scientific(max(row["difference"] for row in own), 1),
-        "petsc_set_up_unknown": f"{of_unknown * 2**10:.1f} KiB",
-        "petsc_factors_unknown": f"{factors[-1] * 2**10 / n:.1f} KiB",
-        "petsc_factors_exponent": exponent(factors),
-        "petsc_time_exponent": exponent(took),
-    }
+    return {"iterative_ratios": span(ratios, ".0f")} if ratios else {}
 
 
 def _rounded(value: float, unit: str) -> str:
@@ -398,13 +332,10 @@ def _rounded(value: float, unit: str) -> str:
 
 _WORDS: dict[str, Callable[[Row], dict[str, str]]] = {
     "needs": _needs_in_words,
-    "modules": _modules_in_words,
     "iteration": _iteration_in_words,
     "whole_strip": _whole_strip_in_words,
     "scaling": _scaling_in_words,
-    "factorisation": _factorisation_in_words,
     "iterative": _iterative_in_words,
-    "petsc": _petsc_in_words,
 }
 
 

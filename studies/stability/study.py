@@ -30,7 +30,7 @@ from skfem_textile.solve.stepper import LoadStepper
 
 from ..common.figures import File, figure_of
 from ..common.running import errors_only, run
-from ..common.tables import grouped, having, markdown_table, percent, span
+from ..common.tables import grouped, having, markdown_table, span
 from ..study import Part, Row, Study
 from .problems import Extreme, extremes
 from .soundness import is_sound
@@ -277,42 +277,12 @@ def _median_solves(rows: Iterable[Row], steps: int) -> str:
 
 
 def in_words(rows: list[Row]) -> dict[str, str]:
-    """Counts of the outcomes, and differences of right and other runs."""
-    by = {name: having(rows, outcome=kind) for kind, name in OUTCOMES.items()}
-    resolved = [row for row in by["right"] if row["path_resolved"]]
-    corner_rows = [row for row in by["right"] if row["corners_energy"]]
-    problems = grouped(rows, "family", "problem")
-    laws = [key for key in problems if key[0].startswith("laws")]
-    others = [row for row in by["other"] if row["family"].startswith("laws")]
-    several = grouped(others, "family", "problem")
-    corners = (row["corners_energy"] / row["energy"] for row in corner_rows)
+    """Counts of runs, problems and outcomes."""
     return {
-        **{name: str(len(group)) for name, group in by.items()},
         "cases": str(len(rows)),
-        "problems": str(len(problems)),
-        "solvable": str(sum(row["solvable"] for row in rows)),
-        "other_off": _largest(map(_difference, by["other"])),
-        "other_in_laws": str(len(others)),
-        "right_resolved": str(len(resolved)),
-        "right_resolved_off": _largest(map(_difference, resolved)),
-        "right_unresolved": str(len(by["right"]) - len(resolved)),
-        "law_problems_with_several": f"{len(several)} of {len(laws)}",
-        "refused_problems": str(len({row["problem"] for row in by["refused"]})),
-        "corners": str(len(corner_rows)),
-        "corners_share": _largest(corners),
-        "right_min_det_F": f"{min(row['min_det_F'] for row in by['right']):.2g}",
-        "solves_1_step": _median_solves(rows, 1),
-        "solves_20_steps": _median_solves(rows, 20),
+        "problems": str(len(grouped(rows, "family", "problem"))),
+        **{name: str(len(having(rows, outcome=x))) for x, name in OUTCOMES.items()},
     }
-
-
-def _difference(row: Row) -> float:
-    return max(row["energy_off"] or 0.0, row["reactions_off"] or 0.0)
-
-
-def _largest(shares: Iterable[float]) -> str:
-    """The largest fraction in per cent, with two digits."""
-    return percent(float(f"{max(shares, default=0.0):.2g}"), "g")
 
 
 def draw_outcomes(rows: Sequence[Row], file: File = None) -> Any:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ..common.tables import grouped, having, markdown_table
 from ..study import Part, Row, Study
-from .exports import EACH, SEED, SHAPES, TOLERANCE, Export
+from .exports import EACH, SEED, SHAPES, Export
 
 #: Outcomes, in table order: within the tolerances; a line names the true cause; beyond
 #: the tolerances without a line; a line that is not true.
@@ -61,18 +61,12 @@ class Tools(Study[Export]):
         return case.name()
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        fine = [row for row in rows if row["scatter"] <= _FINE]
         wrong = [row for row in rows if row["outcome"] in OUTCOMES[3:]]
         return {
             "exports": str(len(rows)),
             "right": str(len(having(rows, outcome="right"))),
             "one_line": str(sum(r["outcome"] in OUTCOMES[1:3] for r in rows)),
             "wrong": str(len(wrong)),
-            "fine": str(len(fine)),
-            "fine_refused": str(len(_refused_without_cause(rows))),
-            "level_limit": f"{TOLERANCE['level_error']:g}",
-            "normal_limit": f"{TOLERANCE['normal_error_deg']:g}°",
-            "shear_limit": f"{TOLERANCE['shear_error_deg']:g}°",
         }
 
     def complaint(self, rows: list[Row]) -> str:

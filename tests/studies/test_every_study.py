@@ -48,13 +48,12 @@ def test_names_of_cases_are_unique_and_the_sample_is_a_case(name):
 
 
 @each_study
-def test_stored_rows_reproduce_tables_and_words(name):
+def test_stored_rows_reproduce_tables(name):
     study = STUDIES[name]
     folder = DOCS / (study.folder or name)
     rows = stored(name)
     for file, text in study.tables(rows).items():
         assert (folder / file).read_bytes().decode() == text, file
-    assert study.figures(rows)
 
 
 @pytest.mark.parametrize("name", [name for name in STUDIES if name != "paper"])

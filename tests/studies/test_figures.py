@@ -18,7 +18,7 @@ from studies.stability.grid.study import Cell, draw_grid
 from studies.stability.study import draw_outcomes
 
 RUNS = [{"family": "crossing", "outcome": kind} for kind in ("right", "wrong")]
-CELLS = {"code, element": {(1e2, 0.0): Cell(1.5, 1.6, 7), (1e4, 0.0): Cell()}}
+CELLS = {"code, element": {(1e2, 0.0): Cell(1.5, 7), (1e4, 0.0): Cell()}}
 COSTS = {"s": [(2.0, 0.1), (1.0, 0.1), (0.1, 0.2)]}
 FIGURES = {
     "laws": lambda file=None: draw_laws([], file),

@@ -7,7 +7,7 @@ from skfem_textile import drape
 from skfem_textile.scenes import hemisphere_forming
 from studies.forming import triangles
 from studies.forming.cases import _of_triangles
-from studies.forming.study import STUDY, outcome, outcomes
+from studies.forming.study import outcome, outcomes
 
 RNG = np.random.default_rng(7)
 EDGE = 1.0
@@ -107,16 +107,3 @@ def test_outcomes_of_a_run(changed, expected):
     head, _, line = outcomes([row]).splitlines()
     columns = dict(zip(head.split("|"), line.split("|"), strict=True))
     assert [k.strip() for k, n in columns.items() if n.strip() == "1"] == [expected]
-    assert STUDY.figures([row])[f"random_{expected}"] == "1"
-
-
-def test_forces_of_the_formulations_are_compared_where_both_converge():
-    rows = [
-        ROW,
-        ROW | {"force_of_one_point": 7.0},
-        ROW | {"force_of_one_point": 10.5},
-        ROW | {"force_of_one_point": 99.0, "refused_of_one_point": "stopped"},
-    ]
-    figures = STUDY.figures(rows)
-    assert figures["random_force_median"] == "10 %"
-    assert figures["random_force_largest"] == "30 %"

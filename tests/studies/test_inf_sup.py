@@ -226,18 +226,12 @@ def test_words_describe_the_finest_meshes_and_the_largest_differences():
         }
         for c in study.all_cases()
     ]
-    assert in_words(rows) == {
-        **{"means": "0.80", "means_fall": "0.0 %", "means_distance": "0 %"},
-        **{"along": "0.80", "erratic": "0.8, 0.8, 0.8 and 0.8"},
-        **{"finer_norm": "0.0 %", "sheared_most": "2.1"},
-        **{"kernel_along": "4", "kernel_quadratic": "4"},
-    }
+    equal = {"means": "0.80", "means_fall": "0.0 %", "means_distance": "0 %"}
+    assert in_words(rows) == equal
     study.of(rows, MACRO, Layout(15))[24] |= {"inf_sup": 0.72}
     study.of(rows, MACRO, IRREGULAR)[24] |= {"kinked_from_kernel": 0.25}
-    study.of(rows, MACRO, ACROSS_MESH)[8] |= {"inf_sup": 1.0}
     study.of(rows, ONE_POINT, Layout(15))[24] |= {"inf_sup": 0.1}
     words = in_words(rows)
     assert words["means"] == "0.72 to 0.80"
     assert words["means_fall"] == "10.0 %"
     assert words["means_distance"] == "25 %"
-    assert words["finer_norm"] == "0.0 to 20.0 %"

@@ -39,31 +39,22 @@ ROWS = [
 ]
 
 
-def gains():
-    return {gain.key: gain for gain in study.gains(ROWS)}
+def timing(mesh, element, code):
+    return next(x for x in study.timings(ROWS) if x[:3] == (mesh, element, code))
 
 
 def test_a_gain_is_the_ratio_of_two_times_to_one_error():
-    code = gains()[f"code_dolfinx_{OURS}_net_p2_3_points"]
-    assert [code.text(level) for level in LEVELS] == ["0.5", "2", "-"]
-    element = gains()["element_p2_3_points_macro_net_skfem_textile"]
-    assert element.ratio(0.03) == ("", pytest.approx(0.2))
+    slow, fast = (timing("net", STANDARD, code) for code in ("DOLFINx", OURS))
+    ratios = [study.gain(slow, fast, level) for level in LEVELS]
+    assert ratios == [("", pytest.approx(0.5)), ("", pytest.approx(2)), None]
 
 
 def test_a_time_to_an_error_that_is_not_reached_is_a_bound():
-    mesh = gains()["mesh_irregular_net_p2_3_points_dolfinx"]
-    assert mesh.ratio(0.01) == (">", pytest.approx(8.0 / 0.4))
-    assert mesh.text(0.005) == "-"
-    other = gains()["mesh_irregular_net_macro_skfem_textile"]
-    assert [other.text(level) for level in LEVELS[:2]] == ["2", "< 8"]
-
-
-def test_gains_differ_in_one_cause_and_one_end_reaches_an_error():
-    for gain in gains().values():
-        assert sum(a != b for a, b in zip(*(x[:3] for x in gain[1:]), strict=True)) == 1
-    # Neither code reaches an error with this element on irregular meshes.
-    assert f"code_dolfinx_{OURS}_irregular_p2_3_points" not in gains()
-    assert {gain.cause for gain in gains().values()} == {"mesh", "element", "code"}
+    irregular, net = (timing(x, STANDARD, "DOLFINx") for x in MESHES)
+    assert study.gain(irregular, net, 0.01) == (">", pytest.approx(8.0 / 0.4))
+    assert study.gain(irregular, net, 0.005) is None
+    irregular, net = (timing(x, "macro", OURS) for x in MESHES)
+    assert study.gain(irregular, net, 0.01) == ("<", pytest.approx(4.0 / 0.5))
 
 
 def test_tables_have_the_time_the_unknowns_and_the_error():
@@ -74,18 +65,12 @@ def test_tables_have_the_time_the_unknowns_and_the_error():
     assert "| not reached: 90 % in 3 s |" in study.times(ROWS)
 
 
-def test_words_name_the_fastest_of_this_library_and_of_other_codes():
+def test_words_compare_the_codes_on_nets():
     words = STUDY.figures(ROWS)
-    assert words["irregular_ours_1"] == "4 s"
-    assert words["irregular_ours_1_element"] == "macro, this library"
-    assert words["irregular_others_1"] == "not reached"
-    assert words["net_others_3"] == "0.05 s"
-    assert words["codes_3"] == "0.5"
-    assert words["codes_0.5"] == "-"
-    assert words["irregular_reached_3"] == "0 of 2"
-    assert words["net_reached_1"] == "2 of 2"
-    assert words["densities"].endswith("1 and 1.5")
-    assert words[f"net_{OURS}_p2_3_points_1_unknowns"] == "800"
+    assert [words[f"codes_{level}"] for level in ("3", "1", "0.5")] == ["0.5", "2", "-"]
+    assert (words["net_reached_1"], words["net_reached_0.5"]) == ("2 of 2", "0 of 2")
+    assert words["ours_1_solves"] == words["codes_1_solves"] == "5"
+    assert words["ours_0.5_solves"] == words["codes_0.5_solves"] == "-"
 
 
 def test_errors_are_relative_to_the_converged_load():

@@ -4,7 +4,7 @@ import pytest
 
 from studies.common.tables import rows_of_csv, table
 from studies.figures import pages, prose
-from studies.study import Part, Study
+from studies.study import Part, Study, descriptions, load
 
 PAGE = """\
 # Page
@@ -162,3 +162,16 @@ def test_every_template_is_a_block_of_a_page():
         for block in pages.BLOCK.findall(page.read_text())
     }
     assert names == {template.stem for template in pages.BLOCKS.iterdir()}
+
+
+@pytest.mark.parametrize("name", descriptions())
+def test_every_result_for_prose_stands_in_a_block(name):
+    study = load(name)
+    quoted = {
+        entry
+        for template in pages.BLOCKS.iterdir()
+        for of, entry in pages.RESULT.findall(template.read_text())
+        if of == name
+    }
+    folder = pages.ROOT / "docs" / (study.folder or name)
+    assert {*study.figures(study.stored(folder))} == quoted

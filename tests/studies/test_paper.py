@@ -8,7 +8,7 @@ from skfem_textile import Full, OnePoint
 from studies.__main__ import main
 from studies.common.provenance import FILE
 from studies.paper import study
-from studies.paper.study import MEASURED, STUDY, Strip
+from studies.paper.study import STUDY, Strip
 from studies.paper.two_element import report, slips, systems, table
 
 BY_NAME = {system[:4]: system for system in systems()}
@@ -139,11 +139,3 @@ def test_a_run_of_two_elements_keeps_strips_and_pictures(tmp_path, monkeypatch, 
     assert main(["paper", "--case", "two elements", "--out", out]) == 0
     assert {file.name for file in tmp_path.iterdir()} == names
     assert STUDY.stored(tmp_path) == rows
-
-
-def test_the_difference_of_rates_and_energy_is_the_largest_one():
-    energy = {"figure": "11c", "element": "one point, Cs = 10"}
-    energy |= dict.fromkeys(MEASURED, -2.0)
-    rate = energy | {"element": "one point, Cs = 10, rate", "load (N)": -2.1}
-    assert STUDY.figures([energy, rate]) == {"rate_apart": "5.0 %"}
-    assert STUDY.figures([energy, rate | {"strain": -1.0}]) == {"rate_apart": "50.0 %"}

@@ -1,37 +1,27 @@
-"""The bias extension on irregular meshes and on nets: gains by mesh, element and code.
+"""The bias extension on irregular meshes and on nets: times by mesh, element and code.
 
 Errors of the load are relative to the converged load of the study ``error_time``.
 """
 
 import argparse
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
-from itertools import permutations, product
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
-from ...common.tables import grouped, having, markdown_table, median, thousands
+from ...common.tables import markdown_table, thousands
 from ...study import Part, Row, Study
 from ..cases import ThisLibrary, Timed, converged
 from ..fronts import Criterion, Point, fastest, methods
 from ..study import STUDY as ERROR_TIME
-from ..study import factor_text, key_of
-from .cases import ACROSS, EDGES, MESHES, MESHING, SEEDS, Meshing, all_cases
+from ..study import factor_text
+from .cases import MESHES, MESHING, Meshing, all_cases
 
 #: Relative errors of the load at which run times are compared.
 LEVELS = (0.03, 0.01, 0.005)
 
 #: The element that every code has.
 STANDARD = "P2, 3 points"
-
-#: Causes of a gain: entries of timings, and whether a ratio goes from one to another.
-CAUSES: dict[str, Callable[[str, str], bool]] = {
-    "mesh": lambda slow, fast: slow == "irregular",
-    "element": lambda slow, fast: slow == STANDARD,
-    "code": lambda slow, fast: fast == ThisLibrary.code,
-}
 
 _DOCS = Path(__file__).parents[3] / "docs"
 
@@ -66,46 +56,20 @@ class Timing(NamedTuple):
         return f"not reached: {_text(last.error.median)} in {_seconds(last)}"
 
 
-class Gain(NamedTuple):
-    """Two timings that differ in one of `CAUSES`."""
+def gain(slow: Timing, fast: Timing, error: float) -> tuple[str, float] | None:
+    """Ratio of two times to an error, after ``>`` or ``<`` if it is a bound.
 
-    cause: str
-    slow: Timing
-    fast: Timing
-
-    @property
-    def same(self) -> str:
-        """The common entries of both timings."""
-        return "; ".join(getattr(self.fast, x) for x in CAUSES if x != self.cause)
-
-    @property
-    def ends(self) -> tuple[str, str]:
-        """The entries that differ."""
-        return getattr(self.slow, self.cause), getattr(self.fast, self.cause)
-
-    @property
-    def key(self) -> str:
-        """Part of the names of its results."""
-        return key_of(" ".join((self.cause, *self.ends, self.same)))
-
-    def ratio(self, error: float) -> tuple[str, float] | None:
-        """Ratio of the times to an error, after ``>`` or ``<`` if it is a bound.
-
-        A timing that does not reach the error takes longer than its longest run.
-        """
-        ends = [one.to(error) for one in self[1:]]
-        if not any(ends) or not all(one.points for one in self[1:]):
-            return None
-        slow, fast = (
-            end.seconds.median if end else max(p.seconds.median for p in one.points)
-            for end, one in zip(ends, self[1:], strict=True)
-        )
-        return "" if all(ends) else ">" if ends[1] else "<", slow / fast
-
-    def text(self, error: float) -> str:
-        """The ratio as text."""
-        found = self.ratio(error)
-        return f"{found[0]} {factor_text(found[1])}".strip() if found else "-"
+    A timing that does not reach the error takes longer than its longest run.
+    """
+    both = slow, fast
+    ends = [one.to(error) for one in both]
+    if not any(ends) or not all(one.points for one in both):
+        return None
+    longer, shorter = (
+        end.seconds.median if end else max(p.seconds.median for p in one.points)
+        for end, one in zip(ends, both, strict=True)
+    )
+    return "" if all(ends) else ">" if ends[1] else "<", longer / shorter
 
 
 def timings(rows: Sequence[Row]) -> list[Timing]:
@@ -116,17 +80,6 @@ def timings(rows: Sequence[Row]) -> list[Timing]:
         for (code, element, _), points in methods(rows, criterion).items()
         if code != MESHING
     ]
-
-
-def gains(rows: Sequence[Row]) -> Iterator[Gain]:
-    """Pairs that differ in one cause; at least one of both reaches an error."""
-    pairs = [*permutations(timings(rows), 2)]
-    for cause, (slow, fast) in product(CAUSES, pairs):
-        gain = Gain(cause, slow, fast)
-        differ = [x for x in CAUSES if getattr(slow, x) != getattr(fast, x)]
-        known = any(map(gain.ratio, LEVELS))
-        if differ == [cause] and CAUSES[cause](*gain.ends) and known:
-            yield gain
 
 
 def times(rows: Sequence[Row]) -> str:
@@ -172,46 +125,33 @@ class Nets(Study[Timed | Meshing]):
         ]
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        """Formatted results.
+        """Formatted results with `STANDARD` on nets.
 
-        ``MESH_CODE_ELEMENT_ERROR`` is a time to an error, with ``_unknowns`` and
-        ``_solves``.  ``MESH_ours_ERROR`` and ``MESH_others_ERROR`` are the shortest
-        times of this library and of other codes, with ``_element``.
-        ``CAUSE_..._ERROR`` is the ratio of a `Gain`, and ``codes_ERROR`` the range of
-        ratios of codes with `STANDARD` on nets, with ``_solves`` of the other codes.
-        ``MESH_reached_ERROR`` is the number of codes that reach an error with it.
-        ``making_MESH_ACROSS`` is the time to make a mesh.
+        ``net_reached_ERROR`` is the number of codes that reach an error.
+        ``codes_ERROR`` is the range of the ratios of times, other codes to this
+        library; ``codes_ERROR_solves`` and ``ours_ERROR_solves`` are linear solves.
         """
-        words = {"seeds": str(len(SEEDS)), "meshes": _of(ACROSS["irregular"])}
-        words["densities"] = _of(n / (2 * EDGES) for n in ACROSS["net"])
-        made = grouped(having(rows, code=MESHING), "scene", "across")
-        for (mesh, across), of in made.items():
-            seconds = median(row["seconds"] for row in of)
-            words[f"making_{mesh}_{across}"] = f"{seconds:.2g} s"
-        known, pairs = timings(rows), [*gains(rows)]
-        codes = [x for x in pairs if x.cause == "code" and x.same == f"net; {STANDARD}"]
+        on_nets = [x for x in timings(rows) if x[:2] == ("net", STANDARD)]
+        ours = next(x for x in on_nets if x.code == ThisLibrary.code)
+        others = [x for x in on_nets if x is not ours]
+        words: dict[str, str] = {}
         for error in LEVELS:
             level = _number(error)
-            words[f"level_{level}"] = _text(error)
-            for one in known:
-                key = f"{key_of(f'{one.mesh} {one.code} {one.element}')}_{level}"
-                point = one.to(error)
-                words[key] = _seconds(point) if point else "not reached"
-                if point:
-                    words[f"{key}_unknowns"] = thousands(round(point.unknowns))
-                    words[f"{key}_solves"] = f"{point.solves:g}"
-            for mesh in MESHES:
-                same = [x for x in known if x[:2] == (mesh, STANDARD)]
-                reached = sum(x.to(error) is not None for x in same)
-                words[f"{mesh}_reached_{level}"] = f"{reached} of {len(same)}"
-            words |= _shortest(known, error)
-            words |= {f"{gain.key}_{level}": gain.text(error) for gain in pairs}
+            reached = {x.code: point for x in on_nets if (point := x.to(error))}
+            own = reached.pop(ours.code, None)
             ratios = sorted(
-                (found[1], x.text(error)) for x in codes if (found := x.ratio(error))
+                (found[1], f"{found[0]} {factor_text(found[1])}".strip())
+                for x in others
+                if (found := gain(x, ours, error))
             )
-            solves = [p.solves for x in codes if (p := x.slow.to(error))]
-            words[f"codes_{level}"] = _range(text for _, text in ratios)
-            words[f"codes_{level}_solves"] = _range(f"{n:g}" for n in sorted(solves))
+            solves = sorted(point.solves for point in reached.values())
+            words |= {
+                f"level_{level}": _text(error),
+                f"net_reached_{level}": f"{len(reached) + bool(own)} of {len(on_nets)}",
+                f"codes_{level}": _range(text for _, text in ratios),
+                f"codes_{level}_solves": _range(f"{n:g}" for n in solves),
+                f"ours_{level}_solves": f"{own.solves:g}" if own else "-",
+            }
         return words
 
 
@@ -220,30 +160,6 @@ def _range(sorted_texts: Iterable[str]) -> str:
     texts = [*sorted_texts]
     ends = dict.fromkeys((texts[0], texts[-1]) if texts else "-")
     return " to ".join(ends)
-
-
-def _of(numbers: Iterable[float]) -> str:
-    """An enumeration."""
-    *most, last = (f"{n:g}" for n in numbers)
-    return f"{', '.join(most)} and {last}"
-
-
-def _shortest(known: Sequence[Timing], error: float) -> dict[str, str]:
-    """The shortest times of this library and of other codes on each kind of mesh."""
-    words = {}
-    for mesh, who in product(MESHES, ("ours", "others")):
-        reached = [
-            (point.seconds.median, _code(f"{one.element}, {one.code}"))
-            for one in known
-            if one.mesh == mesh
-            and (one.code == ThisLibrary.code) == (who == "ours")
-            and (point := one.to(error))
-        ]
-        key = f"{mesh}_{who}_{_number(error)}"
-        seconds, element = min(reached, default=(np.nan, "none"))
-        words[key] = f"{seconds:.2g} s" if reached else "not reached"
-        words[f"{key}_element"] = element
-    return words
 
 
 @cache

@@ -134,12 +134,3 @@ def error(ply: Ply, u: ndarray) -> tuple[float, float]:
     """Largest and root-mean-square error of Γ at the centres of elements, degrees."""
     off = errors(ply, u)
     return float(np.abs(off).max()), float(np.sqrt(np.mean(off**2)))
-
-
-@cache
-def energy(shear: float = 0.1) -> float:
-    """Shear energy of the net of inextensible fibres in N·mm."""
-    x, w = np.polynomial.legendre.leggauss(20)
-    X = 0.5 * SIDE * (1 + np.array(np.meshgrid(x, x)))
-    weights = 0.25 * SIDE**2 * np.outer(w, w)
-    return float(0.5 * shear * (weights * shear_angle(X) ** 2).sum())

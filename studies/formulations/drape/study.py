@@ -17,11 +17,9 @@ from ...common.tables import (
     markdown_table,
     percent,
     scientific,
-    span,
     table,
 )
 from ...study import Part, Row, Study
-from . import chebyshev
 from .cases import (
     EXPONENTIAL,
     FLAT,
@@ -176,57 +174,37 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
     """Errors, orders and pressures for prose."""
     regular = _by_mesh(_of(rows, SPHERE))
     moved = _by_mesh(_of(rows, SPHERE, "distortion"))
-    halved = _by_mesh(_of(rows, SPHERE, "distortion", "halvings"))
-    stiff = _by_mesh(r for r in _of(rows, SPHERE, "stretch") if r["stretch"] > 1e5)
-    free = _by_mesh(r for r in _of(rows, SPHERE, "tension") if not r["tension"])
     rolled = [r for r in having(rows, kind=ROLLED) if not r["refused"]]
     cylinders = [r for r in rolled if r["surface"] in (CYLINDER, BIAS)]
     along = [r["largest"] for r in rolled if r["surface"] != SQUARES]
     net = _of(rows, PUBLISHED, "surface")
-    growth = having(rows, kind=TIME, start=GROWTH)
-    solves = [r["solves"] for r in growth if not r["refused"]]
-    finest = regular["macro", 128]
-    tensions = finest["least_tension"], finest["largest_tension"]
-    corner = chebyshev.shear_angle(np.full((2, 1), chebyshev.SIDE)).item()
-    of_edges = free["macro", 32]
     return {
         "largest_32": f"{regular['macro', 32]['largest']:.3f}°",
         "solves_32": str(regular["macro", 32]["solves"]),
-        "corner": f"{np.degrees(corner):.1f}°",
-        "orders": _orders(regular, "macro", "largest"),
-        "orders_flat": _orders(regular, FLAT, "largest"),
-        "orders_rms_stiff": _orders(stiff, "macro", "rms"),
-        "tensions": f"{tensions[0]:.1f} to {tensions[1]:.1f} N/mm",
+        "orders": _orders(regular),
         "pressure": _largest(r for (_, n), r in regular.items() if n >= 16),
         "pressure_moved": _largest([moved["macro", 128]]),
-        "pressure_halved": _largest([halved["macro", 128]]),
         "pressure_cylinder": _largest(cylinders),
         "pressure_cone": _largest(having(rolled, surface=FAN)),
         "rolled": f"{scientific(max(along), 1)}°",
         "nets": f"{max(r['largest'] for r in net):.2f}°",
-        "growth_solves": span(solves, ""),
-        "free_energy": percent(1 - of_edges["energy"] / chebyshev.energy(), ".0f"),
-        "free_compression": f"{-of_edges['least_tension']:.2f} N/mm",
     } | extremes_in_words(having(rows, kind=EXTREME))
 
 
 def extremes_in_words(rows: Sequence[Row]) -> dict[str, str]:
-    """Numbers of extreme drapes, of each outcome, and of right drapes with warnings.
+    """Numbers of extreme drapes and of each outcome.
 
     Examples
     --------
-    >>> rows = [{"outcome": "right", "told": told} for told in ("wrinkles", None)]
-    >>> words = extremes_in_words([*rows, {"outcome": "refused", "told": None}])
-    >>> words["extremes"], words["extremes_right"], words["extremes_right_reported"]
-    ('3', '2', '1 of 2')
+    >>> words = extremes_in_words([{"outcome": "right"}, {"outcome": "refused"}])
+    >>> words["extremes"], words["extremes_right"]
+    ('2', '1')
     """
     count = Counter(row["outcome"] for row in rows)
-    reported = sum(bool(row["told"]) for row in having(rows, outcome=RIGHT))
     names = {RIGHT: "right", TOLD: "reported", REFUSED: "refused", WRONG: "wrong"}
     return {
         "extremes": str(len(rows)),
         **{f"extremes_{name}": str(count[kind]) for kind, name in names.items()},
-        "extremes_right_reported": f"{reported} of {count[RIGHT]}",
     }
 
 
@@ -235,16 +213,15 @@ def _by_mesh(rows: Iterable[Row]) -> dict[tuple[str, int], Row]:
     return {(row["formulation"], row["parts"]): row for row in rows}
 
 
-def _orders(rows: dict[tuple[str, int], Row], formulation: str, error: str) -> str:
-    """Convergence orders of an error from 32 to 64 and from 64 to 128 parts.
+def _orders(rows: dict[tuple[str, int], Row]) -> str:
+    """Orders of the largest error of macro-elements, 32 to 64 and 64 to 128 parts.
 
     Examples
     --------
-    >>> rows = {("a", n): {"rms": n**-2} for n in (32, 64, 128)}
-    >>> _orders(rows, "a", "rms")
+    >>> _orders({("macro", n): {"largest": n**-2} for n in (32, 64, 128)})
     '2.0 and 2.0'
     """
-    coarse, middle, fine = (rows[formulation, n][error] for n in (32, 64, 128))
+    coarse, middle, fine = (rows["macro", n]["largest"] for n in (32, 64, 128))
     return f"{np.log2(coarse / middle):.1f} and {np.log2(middle / fine):.1f}"
 
 

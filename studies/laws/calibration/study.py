@@ -18,14 +18,10 @@ from ...common.tables import (
     markdown_table,
     percent,
     percent_of,
-    span,
     table,
 )
 from ...study import Part, Row, Study
 from .cases import ANGLES, PUBLISHED, Agreement, Case, all_cases, example
-
-#: Nominal coverage of the confidence bands.
-CONFIDENCE = 0.95
 
 #: Accepted coverage of the bands, and largest width over the Cramér–Rao bound.
 INSIDE, WIDTH = (0.930, 0.970), 1.5
@@ -127,30 +123,18 @@ def missed(rows: Sequence[Row]) -> list[str]:
 
 
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
-    """Ranges of the tables, and the standard deviation of the coverage."""
+    """Coverage, widths and largest errors of the tables."""
     bands = having(rows, task="coverage")
     inside = [100 * row["inside"] for row in bands]
     widest = max(row["width_over_cramer_rao"] for row in bands)
-    chance = np.sqrt(CONFIDENCE * (1 - CONFIDENCE) / bands[0]["seeds"])
     words = {
         "inside": f"{min(inside):.1f} to {max(inside):.1f} %",
         "wider": percent(widest - 1, ".1f"),
-        "chance": percent(chance, ".1f"),
     }
     for task, key in (("inverse", "off_over_largest"), ("benchmark", "off")):
         most = max(abs(row[key]) for row in having(rows, task=task))
         words[task] = percent(most, ".1f")
-    return words | _of_laboratories(having(rows, task="benchmark"))
-
-
-def _of_laboratories(rows: Sequence[Row]) -> dict[str, str]:
-    """Published ranges of the bias extension relative to each other and to the fits."""
-    ranges, _ = PUBLISHED.values()
-    lowest = dict(zip(ANGLES, ranges, strict=True))
-    return {
-        "spread": span((high / low for low, high in ranges), ".1f"),
-        "above": span((lowest[r["angle"]][0] / r["shear_force"] for r in rows), ".1f"),
-    }
+    return words
 
 
 def draw_fit(rows: Sequence[Row], file: Path) -> None:

@@ -11,7 +11,7 @@ without inverted elements.  `soundness` verifies all final states.
 """
 
 import argparse
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -37,7 +37,7 @@ from ...common.rivals.codes import Dolfinx, FElupe
 from ...common.rivals.newton import STEPS, NotConvergedError
 from ...common.rivals.rival import QUAD4, TRIANGLE6, Rival, Task
 from ...common.running import errors_only, run
-from ...common.tables import percent, scientific
+from ...common.tables import scientific
 from ...study import Part, Row, Study
 from ..soundness import is_sound
 
@@ -46,10 +46,6 @@ OURS, REFERENCE = "this library, macro-elements", "converged"
 
 #: Largest accepted relative load error.
 LIMIT = 0.05
-
-#: Outcomes of a cell: error within `LIMIT`; larger error; no stable equilibrium without
-#: inverted elements on most meshes.
-RIGHT, OFF, NONE = "right", "off", "none"
 
 #: Ratios E/G, and largest displacements of nodes relative to the spacing.
 RATIOS = (1e2, 1e4, 1e5, 1e6, 1e8, 1e10)
@@ -69,12 +65,6 @@ RIVALS: tuple[tuple[Rival, Formulation], ...] = (
     (FElupe(QUAD4), Full()),
     (Dolfinx(TRIANGLE6), Quadratic()),
 )
-
-# Upper limits of E/G for the errors of this library in prose.
-_UP_TO = 1e4, 1e6, 1e8
-
-# Codes in the names of results.
-_SHORT = {OURS: "ours", "FElupe": "felupe", "DOLFINx": "dolfinx"}
 
 # Width and height of the figure in inches, 160 mm in print.
 _SIZE = 6.3, 2.9
@@ -242,22 +232,12 @@ class Cell(NamedTuple):
     ----------
     load
         Load over converged load; None if most meshes have no result.
-    worst
-        The load with the largest error.
     solves
         Linear solves.
     """
 
     load: float | None = None
-    worst: float | None = None
     solves: float | None = None
-
-    @property
-    def outcome(self) -> str:
-        """One of `RIGHT`, `OFF` and `NONE`."""
-        if self.load is None:
-            return NONE
-        return RIGHT if abs(self.load - 1) <= LIMIT else OFF
 
 
 #: Cells of each code by E/G and distortion.
@@ -284,55 +264,7 @@ def _cell(rows: list[Row], converged: float) -> Cell:
         return Cell()
     loads = [row["load"] / converged for row in sound]
     solves = median(row["linear_solves"] for row in sound)
-    return Cell(median(loads), max(loads, key=lambda x: abs(x - 1)), solves)
-
-
-def times(ratio: float) -> str:
-    """A ratio with two or three digits; in scientific notation from 10⁴ on.
-
-    Examples
-    --------
-    >>> times(1.2345), times(52.03), times(6711131.8)
-    ('1.23', '52', '7·10⁶')
-    """
-    if ratio >= 1e4:
-        return scientific(ratio, 1)
-    return f"{ratio:.2f}" if ratio < 10 else f"{ratio:.0f}"
-
-
-def in_words(rows: Sequence[Row]) -> dict[str, str]:
-    """Counts of outcomes and the largest load of each code, and errors of this library.
-
-    ``ours_median_to_1e6`` is the largest error of a median up to E/G = 10⁶,
-    ``ours_worst_to_1e6`` the largest error of a single mesh.
-    """
-    words, every = {}, cells(rows)
-    for code, of_code in every.items():
-        name = _SHORT.get(code) or _SHORT[code.partition(",")[0]]
-        outcomes = [cell.outcome for cell in of_code.values()]
-        for outcome in (RIGHT, OFF, NONE):
-            count = outcomes.count(outcome)
-            words[f"{name}_{outcome}"] = f"{count} of {len(outcomes)}"
-        loads = [cell.load for cell in of_code.values() if cell.load is not None]
-        words[f"{name}_largest"] = times(max(loads, default=0.0))
-    for most in _UP_TO:
-        ours = [cell for (x, _), cell in every.get(OURS, {}).items() if x <= most]
-        to = f"to_{most:.0e}".replace("e+0", "e")
-        words[f"ours_median_{to}"] = _largest_error(cell.load for cell in ours)
-        words[f"ours_worst_{to}"] = _largest_error(cell.worst for cell in ours)
-    unsure = (
-        max(abs(row["halving"]), abs(row["apart"]))
-        for row in rows
-        if row["code"] == REFERENCE
-    )
-    words["converged_to"] = f"{100 * max(unsure, default=0.0):.1g} %"
-    return words
-
-
-def _largest_error(loads: Iterable[float | None]) -> str:
-    """The largest load error in per cent."""
-    errors = (abs(load - 1) for load in loads if load is not None)
-    return percent(max(errors, default=0.0), ".1f")
+    return Cell(median(loads), solves)
 
 
 def draw_grid(cells: Cells, file: File = None) -> Any:
@@ -417,9 +349,6 @@ class Grid(Study[Case]):
         (row,) = rows
         load = f"{row['load']:.4g}" if row.get("load") else row["note"]
         return f"{row['case']}: {load}"
-
-    def figures(self, rows: list[Row]) -> dict[str, str]:
-        return in_words(rows)
 
 
 STUDY = Grid()

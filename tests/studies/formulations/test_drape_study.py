@@ -118,13 +118,6 @@ def test_a_failed_row_is_marked():
     assert text.splitlines()[-1] == "| macro | refused | – |"
 
 
-def test_the_energy_of_the_net_is_the_sum_over_its_cells():
-    n = 100
-    net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / n, (0, n), (0, n))
-    of_cells = 0.5 * 0.1 * (net.shear_angle() ** 2).sum() * (chebyshev.SIDE / n) ** 2
-    assert chebyshev.energy() == pytest.approx(of_cells, rel=1e-3)
-
-
 def test_macro_elements_without_stabilisation_out_of_plane_differ_by_that_alone():
     ply, *_ = chebyshev.problem(FORMULATIONS[FLAT], 2)
     whole, *_ = chebyshev.problem(FORMULATIONS["macro"], 2)
