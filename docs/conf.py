@@ -15,6 +15,7 @@ import data_links
 import gallery_build
 import generated_tables
 import notebooks
+import plain_markdown
 
 project = "skfem_textile"
 author = "The skfem_textile developers"
@@ -78,9 +79,10 @@ def keep_numbers_whole(app, document):
 
 
 def write_tables(app, name, source):
-    """Write generated tables in place of their markers, and links to the data."""
+    """Write generated tables in place of their markers, links to the data and menus."""
     page = Path(app.srcdir, f"{name}.md")
-    source[0] = data_links.with_data(generated_tables.filled(source[0]), page)
+    text = data_links.with_data(generated_tables.filled(source[0]), page)
+    source[0] = plain_markdown.for_sphinx(text, name)
 
 
 def setup(app):

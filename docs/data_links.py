@@ -8,7 +8,7 @@ from pathlib import Path
 _PROVENANCE = "provenance.json"
 
 _SHOWN = re.compile(
-    r'^(?:```\{include\} |!\[[^\]]*\]\(|<img src=")([^\s")]+)', re.MULTILINE
+    r'^(?:\[Table: [^\]]+\]\(|!\[[^\]]*\]\(|<img src=")([^\s")]+)', re.MULTILINE
 )
 #: Links to files.
 LINKED = re.compile(r"\]\(([^()\s]+)\)")

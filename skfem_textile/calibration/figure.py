@@ -25,7 +25,7 @@ Panel: TypeAlias = Callable[[Axes], None]
 # Number of points of a line.
 _N = 201
 
-# Upper limit of the axes, relative to the largest fitted force or angle.
+# Largest force and angle of the points shown, relative to the fitted ones.
 _MOST = 1.6
 
 _STYLE = {"axes.spines.top": False, "axes.spines.right": False, "font.size": 10}
@@ -58,7 +58,9 @@ def draw(result: FabricFit, filename: str | os.PathLike[str]) -> None:
         Output file: PNG, or vector graphics (.svg, .pdf or .eps).
     """
     path = picture_path(filename)
-    _save([x for part in result.parts for x in law_panels(result, part).values()], path)
+    save_panels(
+        [x for part in result.parts for x in law_panels(result, part).values()], path
+    )
 
 
 def draw_panels(panels: Mapping[str, Panel], folder: Path) -> dict[str, str]:
@@ -73,11 +75,12 @@ def draw_panels(panels: Mapping[str, Panel], folder: Path) -> dict[str, str]:
     """
     captions = {f"{i}.png": caption for i, caption in enumerate(panels)}
     for name, panel in zip(captions, panels.values(), strict=True):
-        _save([panel], folder / name)
+        save_panels([panel], folder / name)
     return captions
 
 
-def _save(panels: list[Panel], path: Path) -> None:
+def save_panels(panels: list[Panel], path: Path) -> None:
+    """Write a picture with two panels in a row."""
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
     width, height = _SIZE
@@ -216,27 +219,29 @@ def _fill(
 
 
 def _forces(result: FabricFit) -> Panel:
-    """Forces of the shear tests, and of the law."""
+    """Forces of the shear tests, and of the law.
+
+    Excluded points far beyond the fitted ones, which would hide these, are not drawn.
+    """
     fit, up_to = result.parts["shear"], result.choice.up_to
+    most = _MOST * max(float(s.force[s.used(up_to)].max()) for s in result.specimens)
+    widest = _MOST * float(np.degrees(result.largest_angle))
 
     def panel(axes: Axes) -> None:
-        colours, largest = cycle(COLOURS[1:]), 0.0
+        colours = cycle(COLOURS[1:])
         for i, specimen in enumerate(result.specimens):
             colour, used = next(colours), specimen.used(up_to)
             angle, force = np.degrees(result.zeroed(i).angle), specimen.force
             order = np.argsort(angle[used])
-            largest = max(largest, float(force[used].max()))
+            beside = ~used & (force <= most) & (angle <= widest)
             axes.plot(angle[used], force[used], ".", color=colour, label=specimen.name)
-            axes.plot(angle[~used], force[~used], "x", color=colour, ms=3)
+            axes.plot(angle[beside], force[beside], "x", color=colour, ms=3)
             curves = np.array([*fit.curve_band(i), fit.predicted(i)])
             low, high, law = curves[:, order]
             x = angle[used][order]
             _fill(axes, x, (low, high), colour, 0.15)
             axes.plot(x, law, color=colour)
         axes.set(xlabel=_SHEAR_ANGLE, ylabel="force (N)")
-        if axes.get_ylim()[1] > _MOST * largest:  # excluded points would hide others
-            axes.set_ylim(-0.05 * largest, _MOST * largest)
-            axes.set_xlim(right=_MOST * float(np.degrees(result.largest_angle)))
 
     return panel
 

@@ -30,7 +30,7 @@ _NO_PROSE = re.compile(
 )
 
 # Tables that a page includes.
-_INCLUDED = re.compile(r"^```\{include\} (\S+)", re.M)
+_INCLUDED = re.compile(r"^\[Table: [^\]]+\]\((\S+)\)$", re.M)
 
 # A number, and the features of a result: a unit, a per cent, a factor, a ratio, a count
 # of runs, or sufficient size or precision.

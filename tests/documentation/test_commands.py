@@ -24,7 +24,7 @@ def with_includes(page):
         return (page.parent / match[1]).read_text(encoding="utf-8")
 
     text = page.read_text(encoding="utf-8")
-    return re.sub(r"^```\{include\} (\S+)\n```", included, text, flags=re.M)
+    return re.sub(r"^\[Table: [^\]]+\]\((\S+)\)$", included, text, flags=re.M)
 
 
 @pytest.mark.parametrize("name", DOCUMENTED)

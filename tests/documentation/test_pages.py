@@ -26,9 +26,6 @@ RESULTS = (DOCS / "reference" / "results.md").read_text()
 #: A block between fences, and the text after the first.
 FENCED = re.compile(r"^```(.*)\n(?:.*\n)*?```$", re.M)
 
-#: Targets that are made with the pages.
-BUILT = {"gallery/index", "tutorial.ipynb"}
-
 #: Every external address that a page links to.
 EXTERNAL = {
     "https://gmsh.info",
@@ -46,11 +43,10 @@ def prose(page):
 
 
 def links(page):
-    """Targets of links, images, includes and downloads."""
+    """Targets of links, tables, images and downloads."""
     text = re.sub(r"(?<!\})`[^`\n]*`", "", prose(page))
     targets = re.findall(r"\]\(([^)\s]+)\)", text)
-    targets += re.findall(r'^<img src="([^"]+)"', text, re.M)
-    return targets + re.findall(r"^```\{include\} (\S+)", text, re.M)
+    return targets + re.findall(r'^<img src="([^"]+)"', text, re.M)
 
 
 def anchors(page):
@@ -63,7 +59,7 @@ def anchors(page):
 def test_links_have_existing_targets(page):
     lost = []
     for target in links(page):
-        if target.startswith("http") or target in BUILT:
+        if target.startswith("http"):
             continue
         name, _, anchor = target.partition("#")
         file = page.parent / name if name else page
@@ -86,7 +82,7 @@ def test_no_line_of_a_page_is_a_comment():
 def test_included_files_are_not_separate_pages():
     """They are in the folder of a study, which Sphinx excludes."""
     for page in DOCS.rglob("*.md"):
-        for name in re.findall(r"^```\{include\} (\S+)", page.read_text(), re.M):
+        for name in re.findall(r"^\[Table: .*\]\((\S+)\)$", page.read_text(), re.M):
             file = (page.parent / name).resolve().relative_to(DOCS)
             assert (DOCS / file.parts[0] / "provenance.json").is_file()
 

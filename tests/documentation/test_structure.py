@@ -40,18 +40,14 @@ def loaded(name):
 
 TABLES = loaded("generated_tables")
 DATA = loaded("data_links")
+PLAIN = loaded("plain_markdown")
 
 
-def menus(page):
-    """The entries of each menu of a page, as paths below the folder of the pages."""
-    for menu in re.findall(
-        r"^```\{toctree\}\n(.*?)^```", page.read_text(), re.M | re.S
-    ):
-        lines = [line for line in menu.splitlines() if line and line[0] != ":"]
-        entries = [re.sub(r".*<(.*)>", r"\1", line) for line in lines]
-        yield [
-            str((page.parent / entry).resolve().relative_to(DOCS)) for entry in entries
-        ]
+def menu(page):
+    """The entries of the menu of a page, as paths below the folder of the pages."""
+    lines = PLAIN.MENUS.get(str(page.relative_to(DOCS).with_suffix("")), [])
+    entries = [re.sub(r".*<(.*)>", r"\1", line) for line in lines]
+    return [str((page.parent / entry).resolve().relative_to(DOCS)) for entry in entries]
 
 
 @pytest.mark.parametrize("page", [ROOT / "README.md", *PAGES], ids=lambda x: x.stem)
@@ -61,11 +57,17 @@ def test_comments_are_whole_lines(page):
 
 @pytest.mark.parametrize("page", FRONT, ids=lambda x: f"{x.parent.name}/{x.stem}")
 def test_linked_pages_read_as_they_are(page):
-    """Directives and roles only in the menu at the end, which is for Sphinx."""
-    text = re.sub(
-        r"^```\{toctree\}\n:hidden:\n(.*\n)+?```\n\Z", "", page.read_text(), flags=re.M
-    )
-    assert re.findall(r"^```\{.*|\{[a-z:]+\}`|^:::.*", text, re.M) == []
+    """They contain neither directives nor roles."""
+    found = re.findall(r"^```\{.*|\{[a-z:]+\}`|^:::.*", page.read_text(), re.M)
+    assert found == []
+
+
+def test_sphinx_shows_tables_built_pages_and_menus():
+    text = "[Table: a](../x/a.md)\n\n[gallery](../examples)\n"
+    shown = PLAIN.for_sphinx(text, "how-to/files")
+    assert "```{include} ../x/a.md\n```\n" in shown
+    assert "[gallery](gallery/index.rst)" in shown
+    assert shown.endswith("```{toctree}\n:hidden:\n\ncase-files\ndecks\n```\n")
 
 
 def title(page):
@@ -74,24 +76,24 @@ def title(page):
 
 def in_menus():
     """The entries of all menus."""
-    return [entry for page in PAGES for menu in menus(page) for entry in menu]
+    return [entry for page in PAGES for entry in menu(page)]
 
 
 def included():
     """Files that pages include."""
     for page in PAGES:
-        for name in re.findall(r"^```\{include\} (\S+)", page.read_text(), re.M):
+        for name in PLAIN.TABLE.findall(page.read_text()):
             yield (page.parent / name).resolve()
 
 
 def test_the_menu_begins_with_the_sections():
-    (menu,) = menus(DOCS / "index.md")
-    assert menu == ["self", *(f"{section}/index" for section in SECTIONS)]
+    sections = [f"{section}/index" for section in SECTIONS]
+    assert menu(DOCS / "index.md") == ["self", *sections]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_menus_are_short(page):
-    assert all(len(menu) <= MOST_ENTRIES for menu in menus(page))
+    assert len(menu(page)) <= MOST_ENTRIES
 
 
 def test_every_page_is_in_one_menu():
@@ -119,7 +121,7 @@ def test_titles_do_not_compete():
             titles[script] = script.read_text().split("\n", 2)[1]
     words = {page: words_of(text) for page, text in titles.items()}
     below = {
-        page: {DOCS / f"{entry}.md" for menu in menus(page) for entry in menu}
+        page: {DOCS / f"{entry}.md" for entry in menu(page)}
         for page in titles
         if page.suffix == ".md"
     }

@@ -144,6 +144,13 @@ def draw_fit(rows: Sequence[Row], file: Path) -> None:
     draw(example(), file)
 
 
+def draw_forces(rows: Sequence[Row], file: Path) -> None:
+    """Draw the forces of this fit."""
+    from skfem_textile.calibration.figure import law_panels, save_panels
+
+    save_panels([*law_panels(example(), "shear").values()][:1], file)
+
+
 class Calibration(Study[Case]):
     """Confidence bands, inverse fits, agreement of tests, round trips."""
 
@@ -155,7 +162,7 @@ class Calibration(Study[Case]):
                 "agreement.md": lambda rows: of_task(rows, "agreement"),
                 "round_trip.md": round_trip,
             },
-            {"fit.png": draw_fit},
+            {"fit.png": draw_fit, "forces.png": draw_forces},
             ("coverage:*", "inverse:*", "agreement", "round trip:*"),
         ),
         Part(
