@@ -146,12 +146,17 @@ def components(basis: AbstractBasis) -> int:
     return len(basis.nodal_dofs)
 
 
+def main_basis(basis: Any) -> Any:
+    """The first basis of a product of bases; any other basis itself."""
+    return getattr(basis, "bases", (basis,))[0]
+
+
 def element_numbers(basis: Any) -> ndarray:
     """Element number at each point of a basis, shape (n_elements, n_points)."""
-    defaults = basis.default_parameters()
+    defaults, tind = basis.default_parameters(), main_basis(basis).tind
     if "element" in defaults:
         return np.asarray(defaults["element"])
-    numbers = np.arange(basis.nelems) if basis.tind is None else basis.tind
+    numbers = np.arange(basis.nelems) if tind is None else tind
     return np.broadcast_to(numbers[:, None], basis.dx.shape)
 
 

@@ -43,7 +43,7 @@ def set_positions(basis: AbstractBasis, x: ndarray) -> None:
 
 
 class OwnAssembly:
-    """Mixin for forms that may compute their entries without evaluating their function.
+    """Mixin for forms that check their parameters or compute their entries themselves.
 
     It must precede a scikit-fem form in the bases of a class.
     """
@@ -54,12 +54,44 @@ class OwnAssembly:
         """Entries computed directly, or None to evaluate the form as usual."""
         raise NotImplementedError
 
+    def checked(self, basis: Any, parameters: dict[str, Any]) -> dict[str, Any]:
+        """Parameters for the function of the form, before interpolation."""
+        return parameters
+
+    def block(self, fields: tuple[DiscreteField, ...]) -> tuple[DiscreteField, ...]:
+        """Fields for the function of the form, of those of a composite basis."""
+        return fields
+
     def _assemble(self, ubasis: Any, vbasis: Any = None, **parameters: Any) -> Any:
         entries = self.entries(ubasis, vbasis, parameters)
         if entries is not None:
             return entries
         form: Any = super()
         return form._assemble(ubasis, vbasis, **parameters)
+
+    def _normalize_asm_kwargs(self, w: dict[str, Any], basis: Any) -> dict[str, Any]:
+        form: Any = super()
+        fields = form._normalize_asm_kwargs(self.checked(basis, w), basis)
+        for name, value in fields.items():
+            if isinstance(value, tuple) and isinstance(value[0], DiscreteField):
+                used = self.block(value)
+                fields[name] = used[0] if len(used) == 1 else used
+        return fields
+
+    def _kernel(self, *arguments: Any) -> ndarray:
+        *functions, w, dx = arguments
+        used, form = [self.block(fields) for fields in functions], super()
+        changed = any(len(x) < len(y) for x, y in zip(used, functions, strict=True))
+        if changed and any(map(_vanishes, used)):  # a function of another field
+            return np.zeros(len(dx))
+        evaluated: Any = form
+        return evaluated._kernel(*used, w, dx)
+
+
+def _vanishes(fields: tuple[DiscreteField, ...]) -> bool:
+    """True if fields and their derivatives are zero at all points."""
+    values = (x for field in fields for x in field.astuple if x is not None)
+    return not any(map(np.any, values))
 
 
 def number_entries(value: float) -> Entries:

@@ -27,8 +27,8 @@ from numpy import ndarray
 from skfem import CellBasis, ElementVector
 
 from ...fabric import Fabric, Slopes, TwoLaws, is_zero
-from ...forms.form import parameter
 from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
+from ...mesh.user_input import parameter
 from .elements import (
     Deformations,
     ElementGroup,
