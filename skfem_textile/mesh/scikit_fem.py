@@ -81,11 +81,11 @@ class OwnAssembly:
     def _kernel(self, *arguments: Any) -> ndarray:
         *functions, w, dx = arguments
         used, form = [self.block(fields) for fields in functions], super()
-        changed = any(len(x) < len(y) for x, y in zip(used, functions, strict=True))
-        if changed and any(map(_vanishes, used)):  # a function of another field
+        selected = any(len(x) < len(y) for x, y in zip(used, functions, strict=True))
+        if selected and any(map(_vanishes, used)):  # a function of another field
             return np.zeros(len(dx))
-        evaluated: Any = form
-        return evaluated._kernel(*used, w, dx)
+        kernel: Any = form._kernel  # type: ignore[misc]
+        return kernel(*used, w, dx)
 
 
 def _vanishes(fields: tuple[DiscreteField, ...]) -> bool:
