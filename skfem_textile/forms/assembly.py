@@ -86,7 +86,7 @@ class OfDisplacement(OwnAssembly):
             return []
         w = self.checked(basis, parameters)
         return [
-            KernelState(kernel, g, g.points, g.deformations(u, g.points), w)
+            KernelState(kernel, g, g.points, g.last_deformations(u), w)
             for g in element_groups(basis, kernel.fabric)
         ]
 

@@ -4,13 +4,16 @@ Written for scikit-fem 12.  `tests/mesh/test_scikit_fem.py` fails if a later ver
 differs.
 """
 
-from dataclasses import replace
-from typing import Any, TypeAlias, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, TypeAlias, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy import ndarray
+from scipy.sparse import csr_matrix
 from skfem import DiscreteField, Mesh
 from skfem.assembly.basis.abstract_basis import AbstractBasis
+from skfem.assembly.form.coo_data import COOData
 
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
@@ -69,6 +72,15 @@ class OwnAssembly:
         form: Any = super()
         return form._assemble(ubasis, vbasis, **parameters)
 
+    def coo_data(self, ubasis: Any, vbasis: Any = None, **parameters: Any) -> COOData:
+        """Entries for `skfem.asm`, with stored positions if computed directly."""
+        entries = self.entries(ubasis, vbasis, parameters)
+        if entries is None:
+            form: Any = super()
+            return form.coo_data(ubasis, vbasis, **parameters)
+        matrix = len(entries[2]) == 2
+        return _OfBasis(*entries, basis=ubasis) if matrix else COOData(*entries)
+
     def _normalize_asm_kwargs(self, w: dict[str, Any], basis: Any) -> dict[str, Any]:
         form: Any = super()
         fields = form._normalize_asm_kwargs(self.checked(basis, w), basis)
@@ -107,7 +119,51 @@ def vector_entries(basis: Any, f: ndarray) -> Entries:
 
 def matrix_entries(basis: Any, K: ndarray) -> Entries:
     """Entries of a symmetric form, as (n_functions, n_functions, n_elements)."""
-    dofs = basis.element_dofs
-    rows, cols = np.broadcast_arrays(dofs[None], dofs[:, None])
-    indices = np.array([rows.ravel(), cols.ravel()])
+    indices = _positions(basis).indices
     return indices, K.ravel(), (basis.N, basis.N), (basis.Nbfun, basis.Nbfun)
+
+
+class _Positions(NamedTuple):
+    """Positions of the entries of element matrices.
+
+    ``indices`` are rows and columns, ``slots`` the positions in the data of ``whole``,
+    a CSR matrix with all entries, also zero ones.
+    """
+
+    indices: ndarray
+    slots: ndarray
+    whole: csr_matrix
+
+
+_POSITIONS: WeakKeyDictionary[Any, _Positions] = WeakKeyDictionary()
+
+
+def _positions(basis: Any) -> _Positions:
+    """Positions for a basis, computed once."""
+    if basis not in _POSITIONS:
+        dofs, n = basis.element_dofs, basis.N
+        rows, cols = np.broadcast_arrays(dofs[None], dofs[:, None])
+        indices = np.array([rows.ravel(), cols.ravel()])
+        keys = indices[0] * np.int64(n) + indices[1]
+        distinct, slots = np.unique(keys, return_inverse=True)
+        row, col = np.divmod(distinct, n)
+        starts = np.searchsorted(row, np.arange(n + 1))
+        whole = csr_matrix((np.zeros(len(col)), col, starts), (n, n))
+        _POSITIONS[basis] = _Positions(indices, slots, whole)
+    return _POSITIONS[basis]
+
+
+@dataclass
+class _OfBasis(COOData):
+    """Entries of the element matrices of a basis."""
+
+    basis: Any = None
+
+    def tocsr(self) -> csr_matrix:
+        """Sum of the entries."""
+        if self.local_shape is None:  # added to other entries
+            return super().tocsr()
+        _, slots, whole = _positions(self.basis)
+        K = whole.copy()
+        K.data = np.bincount(slots, self.data, len(K.data))
+        return K
