@@ -12,7 +12,6 @@ their parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
 from collections.abc import Callable, Mapping
 from functools import partial, wraps
 from inspect import signature
-from numbers import Real
 from operator import call
 from typing import Any, NamedTuple, Never, ParamSpec
 
@@ -51,6 +50,9 @@ class Forms(NamedTuple):
 
 
 _P = ParamSpec("_P")
+
+# Arguments of forms that are numbers in N/mm.
+_STIFFNESSES = ("C_s", "C_j", "stiffness")
 
 
 class _BuiltForms(Forms):
@@ -100,15 +102,18 @@ def builds_forms(
 
 
 def _refuse_arguments(name: str, arguments: Mapping[str, Any]) -> None:
-    """Refuse an argument ``fabric`` or a stiffness of the wrong type."""
+    """Refuse a fabric or a stiffness of the wrong type."""
     for argument, value in arguments.items():
-        if argument == "fabric":
-            if not isinstance(value, Fabric):
+        if argument == "fabric" and not isinstance(value, Fabric):
+            raise ValueError(
+                f"{name} requires a Fabric such as Fabric(1e4), not {value!r}"
+            )
+        if argument in _STIFFNESSES and value is not None:
+            number = isinstance(value, int | float | np.number)
+            if not number or not value >= 0:
                 raise ValueError(
-                    f"{name} requires a Fabric such as Fabric(1e4), not {value!r}"
+                    f"{name}: {argument} must be a number >= 0, not {value!r}"
                 )
-        elif value is not None and not (isinstance(value, Real) and value >= 0):
-            raise ValueError(f"{name}: {argument} must be a number >= 0, not {value!r}")
 
 
 def of_density(energy: Callable, stress: Callable, stiffness: Callable) -> Forms:

@@ -391,7 +391,7 @@ class MacroBasis(MeanBasis):
         set_positions(part, np.asarray(self.global_coordinates())[:, rows])
         set_element_dofs(part, self.element_dofs[:, rows])
         part.basis = [
-            (DiscreteField(np.asarray(field)[:, rows], field.grad[:, :, rows]),)
+            (DiscreteField(field[:, rows], np.asarray(field.grad)[:, :, rows]),)
             for (field,) in self.basis
         ]
         return part

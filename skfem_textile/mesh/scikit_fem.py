@@ -92,12 +92,12 @@ class OwnAssembly:
 
     def _kernel(self, *arguments: Any) -> ndarray:
         *functions, w, dx = arguments
-        used, form = [self.block(fields) for fields in functions], super()
+        used = [self.block(fields) for fields in functions]
         selected = any(len(x) < len(y) for x, y in zip(used, functions, strict=True))
         if selected and any(map(_vanishes, used)):  # a function of another field
             return np.zeros(len(dx))
-        kernel: Any = form._kernel  # type: ignore[misc]
-        return kernel(*used, w, dx)
+        form: Any = super()
+        return form._kernel(*used, w, dx)
 
 
 def _vanishes(fields: tuple[DiscreteField, ...]) -> bool:
