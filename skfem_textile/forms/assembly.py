@@ -195,24 +195,23 @@ def _refuse_displacement(name: str, value: Any, basis: Any) -> None:
 
 
 def _refuse_shape(name: str, value: Any, basis: Any) -> None:
-    """Refuse values that are not given by element or by point."""
-    array, leading = np.asarray(value), _LEADING.get(name, (2,))
+    """Refuse values that are not given by element or by point, or are negative."""
+    array, direction = np.asarray(value), name in _DIRECTIONS
     if array.dtype.kind not in "biuf":
         raise ValueError(f"{name} must be real-valued, got {array.dtype}")
-    if name in _DIRECTIONS:
-        if array.ndim == 1 and array.size == basis.N:
-            return  # a DOF vector
-        leading = (len(array),) if array.ndim and len(array) in (2, 3) else leading
-    elif array.ndim == 0 and not leading:
-        return
-    if array.ndim != len(leading) + 2 or array.shape[:-2] != leading:
-        shape = ", ".join([*map(str, leading), "n_elements", "1"])
-        also = " or a DOF vector of the basis" if name in _DIRECTIONS else ""
-        raise ValueError(
-            f"{name} must have the shape ({shape}), or (..., n_points) by point"
-            f"{also}, got {array.shape}"
-        )
-    _refuse_points(name, array.shape, basis)
+    if direction and array.shape == (basis.N,):
+        return  # a DOF vector
+    in_space = direction and array.shape[:1] == (3,)
+    leading = (3,) if in_space else _LEADING.get(name, (2,))
+    if array.ndim or leading:
+        if array.ndim != len(leading) + 2 or array.shape[:-2] != leading:
+            shape = ", ".join([*map(str, leading), "n_elements", "1"])
+            also = " or a DOF vector of the basis" if direction else ""
+            raise ValueError(
+                f"{name} must have the shape ({shape}), or (..., n_points) by point"
+                f"{also}, got {array.shape}"
+            )
+        _refuse_points(name, array.shape, basis)
     if name in ("C_s", "E_d") and (array < 0).any():
         raise ValueError(f"{name} must be >= 0, got {array.min():g}")
 

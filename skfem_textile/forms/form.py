@@ -83,8 +83,7 @@ def builds_forms(
     def decorate(function: Callable[_P, Forms]) -> Callable[_P, Forms]:
         @wraps(function)
         def build(*args: _P.args, **kwargs: _P.kwargs) -> Forms:
-            arguments = signature(function).bind(*args, **kwargs).arguments
-            _refuse_arguments(function.__name__, arguments)
+            arguments = _checked_arguments(function, *args, **kwargs)
             own: Any = {"fabric": arguments.get("fabric")}
             energy, residual, tangent = function(*args, **kwargs)
             own["kernel"] = None if kernel is None else kernel(*args, **kwargs)
@@ -101,19 +100,25 @@ def builds_forms(
     return decorate
 
 
-def _refuse_arguments(name: str, arguments: Mapping[str, Any]) -> None:
-    """Refuse a fabric or a stiffness of the wrong type."""
+def _checked_arguments(
+    function: Callable, *args: Any, **kwargs: Any
+) -> Mapping[str, Any]:
+    """Arguments by name; a ValueError for a fabric or stiffness of the wrong type."""
+    expected, name = signature(function), function.__name__
+    arguments = expected.bind(*args, **kwargs).arguments
     for argument, value in arguments.items():
         if argument == "fabric" and not isinstance(value, Fabric):
             raise ValueError(
                 f"{name} requires a Fabric such as Fabric(1e4), not {value!r}"
             )
-        if argument in _STIFFNESSES and value is not None:
+        omitted = value is None and expected.parameters[argument].default is None
+        if argument in _STIFFNESSES and not omitted:
             number = isinstance(value, int | float | np.number)
             if not number or not value >= 0:
                 raise ValueError(
                     f"{name}: {argument} must be a number >= 0, not {value!r}"
                 )
+    return arguments
 
 
 def of_density(energy: Callable, stress: Callable, stiffness: Callable) -> Forms:

@@ -77,7 +77,7 @@ class OwnAssembly:
         entries = self.entries(ubasis, vbasis, parameters)
         if entries is None:
             form: Any = super()
-            return form.coo_data(ubasis, vbasis, **parameters)
+            return COOData(*form._assemble(ubasis, vbasis, **parameters))
         matrix = len(entries[2]) == 2
         return _OfBasis(*entries, basis=ubasis) if matrix else COOData(*entries)
 
