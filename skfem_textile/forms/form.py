@@ -4,9 +4,9 @@ The internal energy of a ply is
 
     Ψ(u) = ∫ Σ_α ψ(ε_α) dΩ + ∫ w(Γ) dΩ + stabilisation.
 
-Every other module in this folder defines the energy, residual (first derivative) and
-tangent (second derivative) of one term, as scikit-fem forms with the displacement as
-their parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
+The modules named after terms define the energy, residual (first derivative) and tangent
+(second derivative) of each term, as scikit-fem forms with the displacement as their
+parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
 """
 
 from collections.abc import Callable, Mapping
@@ -29,7 +29,15 @@ from .kernels.kernel import Kernel
 
 
 class Forms(NamedTuple):
-    """Energy, residual and tangent of one term, with the parameter ``u``."""
+    """Energy, residual and tangent of one term, with the parameter ``u``.
+
+    The forms of this library can be assembled on any basis of the displacement: on all
+    or some elements, and in composite elements, of which the first vector field is the
+    displacement.  ``u`` is a DOF vector of the basis, or an interpolated field.
+
+    The directions of the fabric may be replaced by parameters ``warp`` and ``weft``:
+    DOF vectors of the basis, or arrays of shape (2, n_elements, n_points).
+    """
 
     energy: Functional
     residual: LinearForm
