@@ -95,7 +95,7 @@ def test_a_ply_without_stiffness_carries_a_sheet_and_a_band_of_fabric(dimension)
     parts = {"band": np.array([0, 3]), "bare": np.array([1, 2, 4, 5])}
     mesh = distorted(1).with_subdomains(parts)
     fabrics = {"band": Fabric(1e3, 0.5), "bare": Fabric(0.0)}
-    ply = Ply(mesh, fabrics, OnePoint(2.0), dimension=dimension)
+    ply = Ply(mesh, fabrics, OnePoint(), dimension=dimension)
     more = shear(Fabric(0.0, Sin2(2.0), warp=(2, 1)))
     some = ply.basis.with_elements(np.array([2, 5]))
     bonded = ply.with_terms(
