@@ -39,8 +39,8 @@ class Ply(SumOfTerms):
         `read_mesh` for a file with both kinds of elements.
     fabric
         Fibre directions and laws; or a fabric for each of the mesh's subdomains, by
-        name: ``Fabric(0.0)`` where there is none.  Values per element refer to the user's elements or to the elements of
-        ``ply.mesh``.
+        name: ``Fabric(0.0)`` where there is none.  Values per element refer to the
+        user's elements or to the elements of ``ply.mesh``.
     formulation
         `Macro`, `OnePoint`, `Full` or `Quadratic`.
     terms

@@ -17,6 +17,7 @@ from skfem import (
 from skfem.element import ElementQuad2
 
 from skfem_textile import (
+    GAUSS,
     Fabric,
     FormTerm,
     Full,
@@ -30,6 +31,8 @@ from skfem_textile import (
     Sin2,
     hourglass,
     mean_tension,
+    quad_basis,
+    shear,
     tension,
 )
 from skfem_textile.forms.corners import RESISTING
@@ -266,6 +269,24 @@ def test_the_reference_data_of_a_basis_are_computed_once():
     ply = next(plies(FABRICS["even"]))
     groups = element_groups(ply.basis, ply.fabric)
     assert element_groups(ply.basis, ply.fabric) is groups
+
+
+def test_forms_of_a_basis_compute_each_displacement_once(monkeypatch):
+    basis, calls = quad_basis(distorted(1), GAUSS), []
+    fibres = QuadPoints.fibres
+
+    def counted(points, u, block):
+        calls.append(points)
+        return fibres(points, u, block)
+
+    monkeypatch.setattr(QuadPoints, "fibres", counted)
+    u = np.random.default_rng(6).standard_normal(basis.N) * 0.05
+    for expected in (1, 2):
+        for forms in (tension(FABRICS["even"]), shear(FABRICS["even"])):
+            for form, slow in zip(forms, defined(forms), strict=True):
+                assert_same(asm(form, basis, u=u), asm(slow, basis, u=u))
+        assert len(calls) == expected
+        u[3] += 0.01
 
 
 def test_the_pattern_keeps_entries_that_happen_to_be_zero():
