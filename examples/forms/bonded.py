@@ -4,8 +4,7 @@ Fabric bonded to a part of an elastic sheet
 
 A band of fabric reinforces the middle of a sheet under tension between rollers. The
 sheet is scikit-fem's own linear elasticity, on the whole mesh; the fabric covers one
-subdomain. Both are in equilibrium in one load stepper. The force agrees with that of
-springs in series.
+subdomain. One load stepper solves for both. The force agrees with springs in series.
 """
 
 import matplotlib.pyplot as plt

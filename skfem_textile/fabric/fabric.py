@@ -228,7 +228,7 @@ class Fabric:
             Element numbers of the points, shape (n_elements, n_points); by default the
             row numbers.
         given
-            Directions at the points that replace those of ``warp`` or ``weft``.
+            Directions at the points, by family, instead of the fabric's own.
 
         Returns
         -------

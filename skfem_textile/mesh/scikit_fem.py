@@ -62,7 +62,7 @@ class OwnAssembly:
         return parameters
 
     def block(self, fields: tuple[DiscreteField, ...]) -> tuple[DiscreteField, ...]:
-        """Fields for the function of the form, of those of a composite basis."""
+        """Fields of a composite basis that the function of the form takes."""
         return fields
 
     def _assemble(self, ubasis: Any, vbasis: Any = None, **parameters: Any) -> Any:

@@ -406,7 +406,7 @@ class ElementGroup:
         self._last: tuple[ndarray, Deformations] = np.empty(0), []
 
     def last_deformations(self, u: ndarray) -> Deformations:
-        """Deformations at all points; those of the last ``u`` are kept.
+        """Deformations at all points, kept for the last ``u``.
 
         Forms on one basis share them, as do residual and tangent.
         """
