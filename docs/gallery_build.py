@@ -19,7 +19,10 @@ _COLUMN_WIDTH = 1417
 
 # Order of the scripts; a script that is not named comes last.
 _SCRIPTS = {
-    "forms": ("own_newton", "ply_newton", "locking", "own_terms", "glued_sheet"),
+    "forms": (
+        *("paper_element", "own_newton", "ply_newton", "locking", "own_terms"),
+        *("glued_sheet", "bonded", "two_fields"),
+    ),
     "fabrics": (
         "bias_extension",
         "picture_frame",

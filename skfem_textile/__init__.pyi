@@ -20,9 +20,13 @@ from .fabric.files import read_law as read_law, write_law as write_law
 from .forming import Holder as Holder, Tool as Tool
 from .forms import (
     Forms as Forms,
+    hourglass as hourglass,
     hourglass_rate as hourglass_rate,
+    mean_tension as mean_tension,
     out_of_plane as out_of_plane,
+    shear as shear,
     shear_continuity as shear_continuity,
+    tension as tension,
 )
 from .forms.fields import FibreFields as FibreFields, fibre_fields as fibre_fields
 from .mesh.bases import (
@@ -44,12 +48,6 @@ from .ply.formulations import (
     Macro as Macro,
     OnePoint as OnePoint,
     Quadratic as Quadratic,
-)
-from .ply.kernels.kernel_forms import (
-    hourglass as hourglass,
-    mean_tension as mean_tension,
-    shear as shear,
-    tension as tension,
 )
 from .ply.loads import (
     BodyForce as BodyForce,

@@ -1,8 +1,9 @@
 """Fabric model: fibre directions, tension laws, shear law and bending stiffnesses."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
@@ -212,7 +213,10 @@ class Fabric:
         return closest_end(domains, (*strain, angle))
 
     def directions(
-        self, x: ndarray, element: ndarray | None = None
+        self,
+        x: ndarray,
+        element: ndarray | None = None,
+        given: Mapping[str, ndarray] = MappingProxyType({}),
     ) -> tuple[ndarray, ndarray]:
         """Unit reference directions (A₁, A₂) at the points ``x``.
 
@@ -223,13 +227,18 @@ class Fabric:
         element
             Element numbers of the points, shape (n_elements, n_points); by default the
             row numbers.
+        given
+            Directions at the points, by family, instead of the fabric's own.
 
         Returns
         -------
         tuple of ndarray
             Each with a shape that broadcasts with ``x``.
         """
-        A1, A2 = (unit_vectors(f.name, f.direction, x, element) for f in self.families)
+        A1, A2 = (
+            unit_vectors(f.name, given.get(f.name, f.direction), x, element)
+            for f in self.families
+        )
         if np.any(np.abs(A1[0] * A2[1] - A1[1] * A2[0]) < _PARALLEL):
             raise ValueError("warp and weft are parallel: they must cross at an angle")
         return A1, A2

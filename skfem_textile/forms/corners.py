@@ -37,7 +37,7 @@ def resistance(J: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     return b + d * beyond + 0.5 * dd * beyond**2, d + dd * beyond, dd
 
 
-@builds_forms
+@builds_forms()
 def corner_resistance(stiffness: float) -> Forms:
     """Resistance of corners with the energy κ Σ A/n b(det F).
 

@@ -4,15 +4,16 @@ The internal energy of a ply is
 
     Ψ(u) = ∫ Σ_α ψ(ε_α) dΩ + ∫ w(Γ) dΩ + stabilisation.
 
-Every other module in this folder defines the energy, residual (first derivative) and
-tangent (second derivative) of one term, as scikit-fem forms with the displacement as
-their parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
+The modules named after terms define the energy, residual (first derivative) and tangent
+(second derivative) of each term, as scikit-fem forms with the displacement as their
+parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
 """
 
 from collections.abc import Callable, Mapping
 from functools import partial, wraps
+from inspect import signature
 from operator import call
-from typing import Any, NamedTuple, ParamSpec
+from typing import Any, NamedTuple, Never, ParamSpec
 
 import numpy as np
 from numpy import ndarray
@@ -22,17 +23,44 @@ from skfem.helpers import ddot, grad
 
 from ..fabric import Fabric, is_zero
 from ..fabric import kinematics as kin
+from ..mesh.user_input import parameter
+from .assembly import EnergyForm, ResidualForm, TangentForm, is_displacement
+from .kernels.kernel import Kernel
 
 
 class Forms(NamedTuple):
-    """Energy, residual and tangent of one term, with the parameter ``u``."""
+    """Energy, residual and tangent of one term, with the parameter ``u``.
+
+    The forms of this library can be assembled on any basis of the displacement: on all
+    or some elements, and in composite elements, of which the first vector field is the
+    displacement.  ``u`` is a DOF vector of the basis, or an interpolated field.
+
+    The directions of the fabric may be replaced by parameters ``warp`` and ``weft``:
+    DOF vectors of the basis, or arrays of shape (2, n_elements, n_points).
+    """
 
     energy: Functional
     residual: LinearForm
     tangent: BilinearForm
 
+    @property
+    def kernel(self) -> Kernel | None:
+        """Kernel of all three forms; None if they have none in common."""
+        first, *others = (getattr(form, "kernel", None) for form in self)
+        return first if all(kernel is first for kernel in others) else None
+
+    @property
+    def form(self) -> Never:
+        """Not defined: `asm` takes one of the three forms."""
+        raise ValueError(
+            "asm assembles one form: pass forms.energy, forms.residual or forms.tangent"
+        )
+
 
 _P = ParamSpec("_P")
+
+# Arguments of forms that are numbers in N/mm.
+_STIFFNESSES = ("C_s", "C_j", "stiffness")
 
 
 class _BuiltForms(Forms):
@@ -47,16 +75,58 @@ class _BuiltForms(Forms):
         return call, (self.built_by,)
 
 
-def builds_forms(function: Callable[_P, Forms]) -> Callable[_P, Forms]:
-    """Let the forms that a function of a module returns be pickled."""
+def builds_forms(
+    kernel: Callable[..., Kernel] | None = None,
+) -> Callable[[Callable[_P, Forms]], Callable[_P, Forms]]:
+    """Decorate a function that defines the forms of a term.
 
-    @wraps(function)
-    def build(*args: _P.args, **kwargs: _P.kwargs) -> Forms:
-        forms = _BuiltForms(*function(*args, **kwargs))
-        forms.built_by = partial(build, *args, **kwargs)
-        return forms
+    The forms can be assembled on any basis (`assembly`), and pickled.
 
-    return build
+    Parameters
+    ----------
+    kernel
+        Function of the same arguments that returns a kernel with the same values.
+    """
+
+    def decorate(function: Callable[_P, Forms]) -> Callable[_P, Forms]:
+        @wraps(function)
+        def build(*args: _P.args, **kwargs: _P.kwargs) -> Forms:
+            arguments = _checked_arguments(function, *args, **kwargs)
+            own: Any = {"fabric": arguments.get("fabric")}
+            energy, residual, tangent = function(*args, **kwargs)
+            own["kernel"] = None if kernel is None else kernel(*args, **kwargs)
+            forms = _BuiltForms(
+                EnergyForm(energy, **own),
+                ResidualForm(residual, **own),
+                TangentForm(tangent, **own),
+            )
+            forms.built_by = partial(build, *args, **kwargs)
+            return forms
+
+        return build
+
+    return decorate
+
+
+def _checked_arguments(
+    function: Callable, *args: Any, **kwargs: Any
+) -> Mapping[str, Any]:
+    """Arguments by name; a ValueError for a fabric or stiffness of the wrong type."""
+    expected, name = signature(function), function.__name__
+    arguments = expected.bind(*args, **kwargs).arguments
+    for argument, value in arguments.items():
+        if argument == "fabric" and not isinstance(value, Fabric):
+            raise ValueError(
+                f"{name} requires a Fabric such as Fabric(1e4), not {value!r}"
+            )
+        omitted = value is None and expected.parameters[argument].default is None
+        if argument in _STIFFNESSES and not omitted:
+            number = isinstance(value, int | float | np.number)
+            if not number or not value >= 0:
+                raise ValueError(
+                    f"{name}: {argument} must be a number >= 0, not {value!r}"
+                )
+    return arguments
 
 
 def of_density(energy: Callable, stress: Callable, stiffness: Callable) -> Forms:
@@ -100,21 +170,12 @@ def displacement(w: FormExtraParams) -> DiscreteField:
             "quad_basis(mesh, CENTRE), not a FacetBasis"
         )
     u = parameter(w, "u")
-    if np.ndim(u) != 3 or len(u) not in (2, 3) or u.grad is None:
+    if not is_displacement(u):
         raise ValueError(
             "the form requires a displacement with two or three components: pass a "
             "basis such as quad_basis(mesh, CENTRE), and u of shape (basis.N,)"
         )
     return u
-
-
-def parameter(w: Mapping[str, Any], name: str) -> Any:
-    """Parameter of a form; a ValueError if it is missing."""
-    if name not in w:
-        raise ValueError(
-            f"the form requires the parameter {name!r}: asm(form, basis, {name}=...)"
-        )
-    return w[name]
 
 
 def gradient(u: DiscreteField) -> ndarray:
@@ -128,8 +189,19 @@ def gradient(u: DiscreteField) -> ndarray:
 
 
 def directions(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarray]:
-    """Unit reference directions of warp and weft."""
-    return fabric.directions(np.asarray(w["x"]), elements(w))
+    """Unit reference directions of warp and weft.
+
+    Parameters ``warp`` and ``weft`` replace the directions of the fabric.
+    """
+    given = {name: _in_plane(name, w[name]) for name in ("warp", "weft") if name in w}
+    return fabric.directions(np.asarray(w["x"]), elements(w), given)
+
+
+def _in_plane(name: str, field: Any) -> ndarray:
+    """Components along x and y of a direction field; the third must be zero."""
+    if np.any(field[2:]):
+        raise ValueError(f"{name} must lie in the plane of the mesh: z = 0")
+    return np.asarray(field[:2])
 
 
 def elements(w: FormExtraParams) -> ndarray | None:

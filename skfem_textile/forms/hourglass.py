@@ -32,6 +32,7 @@ from skfem.helpers import ddot, dot, grad, inv
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
 from ..mesh.bases import centre_grad
+from ..mesh.user_input import parameter
 from .form import (
     Forms,
     builds_forms,
@@ -39,14 +40,14 @@ from .form import (
     directions,
     displacement,
     once,
-    parameter,
 )
+from .kernels.kernel import HourglassKernel
 
 #: A function of the parameters of a form.
 Pointwise: TypeAlias = Callable[[FormExtraParams], ndarray]
 
 
-@builds_forms
+@builds_forms(HourglassKernel)
 def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
     """Stabilisation with the energy ½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))².
 
@@ -84,7 +85,7 @@ def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
     return Forms(energy, *_residual_and_tangent(fabric, variation, moment, stiffness))
 
 
-@builds_forms
+@builds_forms()
 def hourglass_rate(fabric: Fabric, C_s: float) -> Forms:
     """Stabilisation by accumulated rates, the procedure of the paper.
 
@@ -187,7 +188,7 @@ def _fluctuation(u: DiscreteField) -> ndarray:
     return _grad(u) - centre_grad(u)
 
 
-@builds_forms
+@builds_forms()
 def isotropic_hourglass(stiffness: float) -> Forms:
     """Stabilisation with the energy ½ κ Σ_k A/4 ‖∇u(ξ_k) − ∇u(0)‖².
 
@@ -216,7 +217,7 @@ def isotropic_hourglass(stiffness: float) -> Forms:
     return Forms(energy, residual, tangent)
 
 
-@builds_forms
+@builds_forms()
 def out_of_plane() -> Forms:
     """Stabilisation with the energy ½ C_s Σ_k A/4 ‖N·(∇u(ξ_k) − ∇u(0))‖².
 

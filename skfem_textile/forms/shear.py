@@ -23,9 +23,10 @@ from .form import (
     once,
     outer,
 )
+from .kernels.kernel import ShearKernel
 
 
-@builds_forms
+@builds_forms(ShearKernel)
 def shear(fabric: Fabric) -> Forms:
     """In-plane shear: virtual work ∫ M_s δΓ dΩ."""
 
@@ -50,7 +51,7 @@ def shear(fabric: Fabric) -> Forms:
     return of_density(energy, stress, stiffness)
 
 
-@builds_forms
+@builds_forms()
 def shear_continuity(fabric: Fabric, C_j: float) -> Forms:
     """Stabilisation with the energy ½ C_j Σ_edges (A⁺ + A⁻)/4 [[Γ]]².
 

@@ -25,6 +25,7 @@ from skfem.helpers import ddot
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
+from ..mesh.user_input import parameter
 from .form import (
     Forms,
     builds_forms,
@@ -38,11 +39,11 @@ from .form import (
     of_density,
     once,
     outer,
-    parameter,
 )
+from .kernels.kernel import MeanTensionKernel, TensionKernel
 
 
-@builds_forms
+@builds_forms(TensionKernel)
 def tension(fabric: Fabric) -> Forms:
     """Fibre tension: virtual work ∫ Σ_α T_α δε_α dΩ.
 
@@ -103,7 +104,7 @@ def tension(fabric: Fabric) -> Forms:
     return of_density(energy, stress, stiffness)
 
 
-@builds_forms
+@builds_forms(MeanTensionKernel)
 def mean_tension(fabric: Fabric) -> Forms:
     """Fibre tension with the energy ψ(ln λ̄) + ½ E_d (λ − λ̄)².
 

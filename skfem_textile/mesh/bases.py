@@ -7,6 +7,7 @@ plus a fluctuation, ∇N(ξ) = ∇N(0) + (∇N(ξ) − ∇N(0)).  The fluctuatio
 quadrilaterals into which an element was split.  Elements fold first at their corners.
 """
 
+from copy import copy
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -16,6 +17,8 @@ from numpy import ndarray
 from skfem import (
     CellBasis,
     DiscreteField,
+    Element,
+    ElementComposite,
     ElementQuad1,
     ElementTriP2,
     ElementVector,
@@ -146,12 +149,17 @@ def components(basis: AbstractBasis) -> int:
     return len(basis.nodal_dofs)
 
 
+def main_basis(basis: Any) -> Any:
+    """The first basis of a product of bases; any other basis itself."""
+    return getattr(basis, "bases", (basis,))[0]
+
+
 def element_numbers(basis: Any) -> ndarray:
     """Element number at each point of a basis, shape (n_elements, n_points)."""
-    defaults = basis.default_parameters()
+    defaults, tind = basis.default_parameters(), main_basis(basis).tind
     if "element" in defaults:
         return np.asarray(defaults["element"])
-    numbers = np.arange(basis.nelems) if basis.tind is None else basis.tind
+    numbers = np.arange(basis.nelems) if tind is None else tind
     return np.broadcast_to(numbers[:, None], basis.dx.shape)
 
 
@@ -182,20 +190,35 @@ class HourglassBasis(CellBasis):
     mesh
         A `skfem.MeshQuad`.
     dimension
-        Components of the displacement.
+        Components of the displacement; or its element ``ElementVector(ElementQuad1(),
+        d)``, also in a composite element.
     mapping, dofs, elements
         See `skfem.CellBasis`.
+    quadrature
+        The 2×2 points; others are refused.
+
+    Raises
+    ------
+    ValueError
+        If other points are given.
     """
 
     def __init__(
         self,
         mesh: Mesh,
-        dimension: int = 2,
+        dimension: int | Element = 2,
         mapping: Any = None,
         dofs: Any = None,
         elements: Any = None,
+        quadrature: tuple[ndarray, ndarray] = GAUSS,
     ) -> None:
-        element = ElementVector(ElementQuad1Fluctuation(), dimension)
+        if not np.array_equal(quadrature[0], GAUSS[0]):
+            raise ValueError("HourglassBasis has the 2×2 points: omit the quadrature")
+        element = (
+            _fluctuating(dimension)
+            if isinstance(dimension, Element)
+            else ElementVector(ElementQuad1Fluctuation(), dimension)
+        )
         # The constructor of CellBasis would evaluate `basis`, of 2.5 kB per element.
         AbstractBasis.__init__(
             self, mesh, element, mapping, quadrature=GAUSS, dofs=dofs
@@ -222,6 +245,15 @@ class HourglassBasis(CellBasis):
         ]
         centre = np.array([centre_grad(field) for field in fields])
         return centre + np.array([field.grad for field in fields]), centre
+
+
+def _fluctuating(element: Any) -> Element:
+    """Element with the gradient of a bilinear displacement replaced."""
+    if isinstance(element, ElementComposite):
+        return ElementComposite(*map(_fluctuating, element.elems))
+    if isinstance(element, ElementVector) and type(element.elem) is ElementQuad1:
+        return ElementVector(ElementQuad1Fluctuation(), element.dim)
+    return element
 
 
 def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:
@@ -345,6 +377,24 @@ class MacroBasis(MeanBasis):
             for N, dN in zip(values, gradients, strict=True)
             for axis in range(dimension)
         ]
+
+    def with_elements(self, elements: Any) -> "MacroBasis":  # type: ignore[override]
+        """Basis on the elements whose quadrilaterals are all among the given ones.
+
+        ``elements`` are numbers or names of subdomains of the split mesh.
+        """
+        chosen = self.mesh.normalize_elements(elements)
+        inside = np.isin(self.parts, chosen) | (self.parts < 0)
+        rows, part = np.flatnonzero(inside.all(axis=1)), copy(self)
+        part.parts, part.corners = self.parts[rows], self.corners[..., rows]
+        part.nelems, part.dx = len(rows), self.dx[rows]
+        set_positions(part, np.asarray(self.global_coordinates())[:, rows])
+        set_element_dofs(part, self.element_dofs[:, rows])
+        part.basis = [
+            (DiscreteField(field[:, rows], np.asarray(field.grad)[:, :, rows]),)
+            for (field,) in self.basis
+        ]
+        return part
 
 
 def _along(axis: int, dimension: int, N: ndarray, dN: ndarray) -> DiscreteField:

@@ -4,13 +4,16 @@ Written for scikit-fem 12.  `tests/mesh/test_scikit_fem.py` fails if a later ver
 differs.
 """
 
-from dataclasses import replace
-from typing import Any, TypeAlias, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, TypeAlias, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy import ndarray
+from scipy.sparse import csr_matrix
 from skfem import DiscreteField, Mesh
 from skfem.assembly.basis.abstract_basis import AbstractBasis
+from skfem.assembly.form.coo_data import COOData
 
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
@@ -43,7 +46,7 @@ def set_positions(basis: AbstractBasis, x: ndarray) -> None:
 
 
 class OwnAssembly:
-    """Mixin for forms that may compute their entries without evaluating their function.
+    """Mixin for forms that check their parameters or compute their entries themselves.
 
     It must precede a scikit-fem form in the bases of a class.
     """
@@ -54,12 +57,53 @@ class OwnAssembly:
         """Entries computed directly, or None to evaluate the form as usual."""
         raise NotImplementedError
 
+    def checked(self, basis: Any, parameters: dict[str, Any]) -> dict[str, Any]:
+        """Parameters for the function of the form, before interpolation."""
+        return parameters
+
+    def block(self, fields: tuple[DiscreteField, ...]) -> tuple[DiscreteField, ...]:
+        """Fields of a composite basis that the function of the form takes."""
+        return fields
+
     def _assemble(self, ubasis: Any, vbasis: Any = None, **parameters: Any) -> Any:
         entries = self.entries(ubasis, vbasis, parameters)
         if entries is not None:
             return entries
         form: Any = super()
         return form._assemble(ubasis, vbasis, **parameters)
+
+    def coo_data(self, ubasis: Any, vbasis: Any = None, **parameters: Any) -> COOData:
+        """Entries for `skfem.asm`, with stored positions if computed directly."""
+        entries = self.entries(ubasis, vbasis, parameters)
+        if entries is None:
+            form: Any = super()
+            return COOData(*form._assemble(ubasis, vbasis, **parameters))
+        matrix = len(entries[2]) == 2
+        return _OfBasis(*entries, basis=ubasis) if matrix else COOData(*entries)
+
+    def _normalize_asm_kwargs(self, w: dict[str, Any], basis: Any) -> dict[str, Any]:
+        form: Any = super()
+        fields = form._normalize_asm_kwargs(self.checked(basis, w), basis)
+        for name, value in fields.items():
+            if isinstance(value, tuple) and isinstance(value[0], DiscreteField):
+                used = self.block(value)
+                fields[name] = used[0] if len(used) == 1 else used
+        return fields
+
+    def _kernel(self, *arguments: Any) -> ndarray:
+        *functions, w, dx = arguments
+        used = [self.block(fields) for fields in functions]
+        selected = any(len(x) < len(y) for x, y in zip(used, functions, strict=True))
+        if selected and any(map(_vanishes, used)):  # a function of another field
+            return np.zeros(len(dx))
+        form: Any = super()
+        return form._kernel(*used, w, dx)
+
+
+def _vanishes(fields: tuple[DiscreteField, ...]) -> bool:
+    """True if fields and their derivatives are zero at all points."""
+    values = (x for field in fields for x in field.astuple if x is not None)
+    return not any(map(np.any, values))
 
 
 def number_entries(value: float) -> Entries:
@@ -75,7 +119,51 @@ def vector_entries(basis: Any, f: ndarray) -> Entries:
 
 def matrix_entries(basis: Any, K: ndarray) -> Entries:
     """Entries of a symmetric form, as (n_functions, n_functions, n_elements)."""
-    dofs = basis.element_dofs
-    rows, cols = np.broadcast_arrays(dofs[None], dofs[:, None])
-    indices = np.array([rows.ravel(), cols.ravel()])
+    indices = _positions(basis).indices
     return indices, K.ravel(), (basis.N, basis.N), (basis.Nbfun, basis.Nbfun)
+
+
+class _Positions(NamedTuple):
+    """Positions of the entries of element matrices.
+
+    ``indices`` are rows and columns, ``slots`` the positions in the data of ``whole``,
+    a CSR matrix with all entries, also zero ones.
+    """
+
+    indices: ndarray
+    slots: ndarray
+    whole: csr_matrix
+
+
+_POSITIONS: WeakKeyDictionary[Any, _Positions] = WeakKeyDictionary()
+
+
+def _positions(basis: Any) -> _Positions:
+    """Positions for a basis, computed once."""
+    if basis not in _POSITIONS:
+        dofs, n = basis.element_dofs, basis.N
+        rows, cols = np.broadcast_arrays(dofs[None], dofs[:, None])
+        indices = np.array([rows.ravel(), cols.ravel()])
+        keys = indices[0] * np.int64(n) + indices[1]
+        distinct, slots = np.unique(keys, return_inverse=True)
+        row, col = np.divmod(distinct, n)
+        starts = np.searchsorted(row, np.arange(n + 1))
+        whole = csr_matrix((np.zeros(len(col)), col, starts), (n, n))
+        _POSITIONS[basis] = _Positions(indices, slots, whole)
+    return _POSITIONS[basis]
+
+
+@dataclass
+class _OfBasis(COOData):
+    """Entries of the element matrices of a basis."""
+
+    basis: Any = None
+
+    def tocsr(self) -> csr_matrix:
+        """Sum of the entries."""
+        if self.local_shape is None:  # added to other entries
+            return super().tocsr()
+        _, slots, whole = _positions(self.basis)
+        K = whole.copy()
+        K.data = np.bincount(slots, self.data, len(K.data))
+        return K

@@ -1,6 +1,6 @@
 """Functions, numbers and text of users, with one-line errors."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copyreg import __newobj__  # type: ignore[attr-defined]
 from typing import TYPE_CHECKING, Any
 
@@ -62,6 +62,15 @@ def real_numbers(what: str, value: Any) -> "ndarray":
     except (TypeError, ValueError):  # as of lists of different lengths
         pass
     raise ValueError(f"{what} must be real-valued, got {_shortened(value)}")
+
+
+def parameter(w: Mapping[str, Any], name: str) -> Any:
+    """Parameter of a form; a ValueError if it is missing."""
+    if name not in w:
+        raise ValueError(
+            f"the form requires the parameter {name!r}: asm(form, basis, {name}=...)"
+        )
+    return w[name]
 
 
 def keep_copies(owner: Any, *names: str) -> None:

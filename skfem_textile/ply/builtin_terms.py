@@ -13,9 +13,9 @@ from skfem import CellBasis, Mesh, asm
 from ..fabric import Fabric
 from ..forms.bending import FIBRE_ENDS, FibreEnd, Turning, bending_matrix, twist_matrix
 from ..forms.corners import RESISTING, corner_resistance
+from ..forms.kernels.kernel import node_pair_blocks
 from ..mesh.bases import CornerBasis, Corners, components
 from ..mesh.user_input import call_user_function, real_numbers
-from .kernels.kernel import node_pair_blocks
 from .parameters import NO_VALUES, Values
 from .terms import ElementTerm, MatrixTerm
 

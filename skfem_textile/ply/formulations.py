@@ -11,6 +11,7 @@ from skfem import CellBasis, ElementQuad1, ElementTriP1, Mesh
 
 from .. import forms
 from ..fabric import Fabric
+from ..forms.kernels.out_of_plane import OutOfPlaneKernel
 from ..mesh.bases import (
     CENTRE,
     GAUSS,
@@ -27,8 +28,6 @@ from ..mesh.bases import (
 from ..mesh.checks import MeshError, check_mesh
 from ..mesh.selection import SINGULAR
 from ..mesh.splitting import SplitMesh, cut, split, was_split
-from .kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
-from .kernels.out_of_plane import OutOfPlaneKernel
 from .parameters import (
     NO_VALUES,
     AccumulatedMoment,
@@ -50,8 +49,7 @@ class Pointwise:
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
         """Tension T(ε) at every point."""
-        definition, kernel = forms.tension(fabric), TensionKernel(fabric)
-        return TensionTerm("tension", definition, basis, kernel)
+        return TensionTerm("tension", forms.tension(fabric), basis)
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """None."""
@@ -96,7 +94,6 @@ def mean_tension_term(
         "tension",
         forms.mean_tension(fabric),
         basis,
-        MeanTensionKernel(fabric),
         parameters=HeldDeviation(fabric, deviation, basis, layer),
         of_means=Values({"E_d": np.zeros((2, basis.nelems, 1))}),
     )
@@ -164,9 +161,9 @@ def hourglass_terms(
         return []
     C_s = None if stabilisation == "auto" else float(stabilisation)
     corners = hourglass_basis(basis)
-    definition, kernel = forms.hourglass(fabric, C_s), HourglassKernel(fabric, C_s)
     automatic = _automatic(basis, fabric) if C_s is None else None
-    terms: list[Term] = [stabilising_term(definition, corners, kernel, automatic)]
+    forms_of_shear = forms.hourglass(fabric, C_s)
+    terms: list[Term] = [stabilising_term(forms_of_shear, corners, automatic)]
     if components(basis) == 3:
         out_of_plane = OutOfPlane(
             "out_of_plane",
@@ -222,7 +219,6 @@ def _automatic(
 def stabilising_term(
     forms: forms.Forms,
     basis: CellBasis | JumpBasis,
-    kernel: HourglassKernel | None = None,
     parameters: TermParameters | None = None,
 ) -> FormTerm:
     """Stabilisation term."""
@@ -230,7 +226,6 @@ def stabilising_term(
         "stabilisation",
         forms,
         basis,
-        kernel,
         role="stabilisation",
         parameters=parameters,
     )

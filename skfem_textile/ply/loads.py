@@ -326,7 +326,7 @@ def _prescribed(supports: Any) -> ndarray:
     return q if supports.turn is None else supports.turn @ q
 
 
-@builds_forms
+@builds_forms()
 def _forms(name: str, value: float, factor: Factor) -> Forms:
     """−p V and its derivatives, V = ∫ z (∂x/∂X × ∂x/∂Y)_z."""
 

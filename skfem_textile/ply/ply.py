@@ -20,7 +20,6 @@ from ..mesh.progress import shown
 from ..mesh.splitting import hat_functions, original_elements
 from .builtin_terms import CornerTerm, bending_term, checked_ends, corner_stiffness
 from .formulations import DEFAULT
-from .kernels.kernel import ShearKernel
 from .parameters import NO_VALUES, PlyParameters
 from .sum_of_terms import SumOfTerms
 from .term_check import check_term, contradiction
@@ -40,8 +39,8 @@ class Ply(SumOfTerms):
         `read_mesh` for a file with both kinds of elements.
     fabric
         Fibre directions and laws; or a fabric for each of the mesh's subdomains, by
-        name.  Values per element refer to the user's elements or to the elements of
-        ``ply.mesh``.
+        name: ``Fabric(0.0)`` where there is none.  Values per element refer to the
+        user's elements or to the elements of ``ply.mesh``.
     formulation
         `Macro`, `OnePoint`, `Full` or `Quadratic`.
     terms
@@ -160,8 +159,7 @@ class Ply(SumOfTerms):
         fabric, basis = self.fabric, self.basis
         terms: list[Term] = [tension] if tension else []
         if not is_zero(fabric.shear_law):
-            kernel = ShearKernel(fabric)
-            terms.append(FormTerm("shear", forms.shear(fabric), basis, kernel))
+            terms.append(FormTerm("shear", forms.shear(fabric), basis))
         if not terms:
             raise ValueError("the fabric has no stiffness: specify tension or shear")
         if corners:

@@ -13,18 +13,17 @@ from skfem import CellBasis
 from ..fabric import Fabric
 from ..fabric.law import LawEnd
 from ..forms.fields import FabricOnBasis
-from ..mesh.bases import Corners, components
-from ..mesh.pattern import Pattern
-from .kernels.elements import FibreDeformation, IntegrationPoints
-from .kernels.kernel import (
+from ..forms.kernels.elements import FibreDeformation, IntegrationPoints
+from ..forms.kernels.kernel import (
     KernelState,
     SharedGroup,
-    can_compute,
     element_forces,
     element_matrices,
     positive_part,
     shared_groups,
 )
+from ..mesh.bases import Corners, components
+from ..mesh.pattern import Pattern
 from .parameters import NO_VALUES, Frozen, PlyParameters, Values
 from .term_check import coupled_nodes, terms_on_basis
 from .terms import Contribution, ElementTerm, FormTerm, Load, Role, TensionTerm, Term
@@ -184,7 +183,7 @@ class SumOfTerms(FabricOnBasis):
     def _kinds(self) -> _Kinds:
         by_kernel, by_element, by_matrix = [], [], []
         for term in self.terms:
-            if isinstance(term, FormTerm) and can_compute(term.kernel, term.basis):
+            if isinstance(term, FormTerm) and term.kernel is not None:
                 by_kernel.append(term)
             elif isinstance(term, ElementTerm):
                 by_element.append(term)

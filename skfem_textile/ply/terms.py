@@ -17,11 +17,10 @@ from skfem.assembly.basis import AbstractBasis
 
 from ..fabric import Fabric
 from ..forms import Forms
+from ..forms.kernels.kernel import Kernel, can_compute, node_pair_blocks
 from ..mesh.bases import components, element_numbers
 from ..mesh.pattern import refuse_unsymmetric
 from ..mesh.user_input import call_user_function, keep_copies, real_numbers
-from .kernels.kernel import Kernel, can_compute, node_pair_blocks
-from .kernels.kernel_forms import with_kernel
 from .parameters import NO_VALUES, TermParameters, Values
 
 #: Role of a term: ``internal`` and ``stabilisation`` terms make up the internal energy,
@@ -212,9 +211,6 @@ class FormTerm(ElementTerm):
     basis
         Any scikit-fem basis of the displacement: on all or some elements, on boundary
         facets, or on interior facets.
-    kernel
-        Fast evaluation of the forms, on the bases that it supports, together with other
-        terms.
     role
         ``"internal"`` or ``"stabilisation"`` for an elastic energy, ``"load"`` for the
         potential of a load.
@@ -243,22 +239,21 @@ class FormTerm(ElementTerm):
     name: str
     forms: Forms
     basis: AbstractBasis
-    kernel: Kernel | None = None
     _: KW_ONLY
     role: Role = "internal"
     parameters: TermParameters | None = None
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Energy form, plus the accumulated work."""
-        return float(self._asm(self._forms.energy, u, t, p)) + float(p.get("work", 0.0))
+        return float(self._asm(self.forms.energy, u, t, p)) + float(p.get("work", 0.0))
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Assembled residual form."""
-        return self._asm(self._forms.residual, u, t, p)
+        return self._asm(self.forms.residual, u, t, p)
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
         """Tangent form."""
-        return self._asm(self._forms.tangent, u, t, p)
+        return self._asm(self.forms.tangent, u, t, p)
 
     def misfit(self, basis: CellBasis) -> str:
         """Reason why the term does not fit a basis; empty if it does."""
@@ -282,8 +277,10 @@ class FormTerm(ElementTerm):
         return node_pair_blocks(K, self.nodes, components(basis))
 
     @cached_property
-    def _forms(self) -> Forms:
-        return with_kernel(self.forms, self.kernel) if self.kernel else self.forms
+    def kernel(self) -> Kernel | None:
+        """Kernel of the forms, if it supports the basis."""
+        kernel = self.forms.kernel
+        return kernel if can_compute(kernel, self.basis) else None
 
     def _asm(self, form: Any, u: ndarray, t: float, p: Values) -> Any:
         return asm(form, self.basis, u=u, **self._form_parameters(t, p))
@@ -310,7 +307,7 @@ class TensionTerm(FormTerm):
     of_means: Values | None = None
 
     def __post_init__(self) -> None:
-        if not can_compute(self.kernel, self.basis):
+        if self.kernel is None:
             raise ValueError(
                 f"term {self.name!r}: the tension term needs a kernel that supports "
                 "its basis"

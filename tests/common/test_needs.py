@@ -13,8 +13,8 @@ from skfem import MeshQuad
 import skfem_textile
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
 from skfem_textile.cli.parser import COMMANDS
+from skfem_textile.forms.kernels import kernel as kernels
 from skfem_textile.mesh.pattern import Pattern
-from skfem_textile.ply.kernels import kernel as kernels
 from skfem_textile.scenes import picture_frame, strip
 from skfem_textile.solve.linear import superlu
 

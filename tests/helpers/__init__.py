@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import shapely
 from scipy.spatial import ConvexHull
-from skfem import MeshQuad, MeshTri
+from skfem import BilinearForm, Functional, LinearForm, MeshQuad, MeshTri
 
-from skfem_textile import BiaxialLaw, Full, Macro, OnePoint, Quadratic, Values
+from skfem_textile import BiaxialLaw, Forms, Full, Macro, OnePoint, Quadratic, Values
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.singular.net import cut_cells
@@ -124,6 +124,12 @@ def assert_derivatives(ply, u, du, parameters=None, step=1e-5, rel=1e-6):
 def values_at_rest(term):
     """Values of the parameters of a term at rest."""
     return Values() if term.parameters is None else term.parameters.at_rest()
+
+
+def defined(forms):
+    """The forms as scikit-fem evaluates their functions, without a kernel."""
+    functions, kinds = (x.form for x in forms), (Functional, LinearForm, BilinearForm)
+    return Forms(*(kind(x) for kind, x in zip(kinds, functions, strict=True)))
 
 
 def form_parameters(term, t=1.0):

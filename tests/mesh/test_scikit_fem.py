@@ -99,6 +99,42 @@ def test_a_form_assembles_its_entries_or_its_function(basis, kind, function, ent
         assert np.max(abs(assembled - expected)) <= 1e-14 * np.max(abs(expected))
 
 
+@pytest.mark.parametrize("threads", [0, 2])
+def test_a_form_checks_its_parameters_and_selects_fields(threads):
+    class Last(OwnAssembly):
+        def entries(self, ubasis, vbasis, parameters):
+            return None
+
+        def checked(self, basis, parameters):
+            return {"factor": 3.0, **parameters}
+
+        def block(self, fields):
+            return fields[-1:]
+
+    class LastOf(Last, LinearForm):
+        pass
+
+    class LastOfBoth(Last, BilinearForm):
+        pass
+
+    class Total(Last, Functional):
+        pass
+
+    both = CellBasis(MESH, ElementVector(ElementQuad1()) * ElementQuad1(), intorder=2)
+    scalar = CellBasis(MESH, ElementQuad1(), intorder=2)
+    x, last = np.arange(both.N) / both.N, both.split_indices()[1]
+    f = asm(LastOf(lambda v, w: w["factor"] * w["x_h"] * v), both, x_h=x)
+    expected = asm(LinearForm(lambda v, w: 3 * w["x_h"] * v), scalar, x_h=x[last])
+    np.testing.assert_allclose(f[last], expected)
+    assert np.count_nonzero(f) == last.size
+    mass = LastOfBoth(lambda u, v, w: w["factor"] * u * v, nthreads=threads)
+    K, M = asm(mass, both), asm(BilinearForm(lambda u, v, w: 3 * u * v), scalar)
+    np.testing.assert_allclose(K.toarray()[np.ix_(last, last)], M.toarray())
+    assert K.count_nonzero() == M.count_nonzero()
+    total = Total(lambda w: w["factor"] * w["x_h"])
+    assert total.elemental(both, x_h=x).sum() == pytest.approx(asm(total, both, x_h=x))
+
+
 def test_a_field_carries_a_third_gradient(basis):
     centre = np.ones((2, 4, 1))
     assert DiscreteField(np.ones((4, 1)), grad3=centre).grad3 is centre
@@ -106,7 +142,10 @@ def test_a_field_carries_a_third_gradient(basis):
 
 
 def test_no_other_module_uses_private_names_of_scikit_fem():
-    private = r"\b_(boundaries|subdomains|assemble|element_dofs|global_coordinates)\b"
+    private = (
+        r"\b_(boundaries|subdomains|assemble|kernel|normalize_asm_kwargs|element_dofs|"
+        r"global_coordinates)\b"
+    )
     files = Path(skfem_textile.__file__).parent.rglob("*.py")
     using = {file.name for file in files if re.search(private, file.read_text())}
     assert using == {"scikit_fem.py"}

@@ -11,14 +11,13 @@ from skfem import (
     BilinearForm,
     CellBasis,
     ElementVector,
-    Functional,
-    LinearForm,
     MeshQuad2,
     asm,
 )
 from skfem.element import ElementQuad2
 
 from skfem_textile import (
+    GAUSS,
     Fabric,
     FormTerm,
     Full,
@@ -32,18 +31,20 @@ from skfem_textile import (
     Sin2,
     hourglass,
     mean_tension,
+    quad_basis,
+    shear,
     tension,
 )
 from skfem_textile.forms.corners import RESISTING
+from skfem_textile.forms.kernels.elements import QuadPoints, element_groups
+from skfem_textile.forms.kernels.kernel import full_matrices, positive_part
 from skfem_textile.mesh import bases as elements
 from skfem_textile.mesh.pattern import Pattern
 from skfem_textile.mesh.splitting import split_cells
-from skfem_textile.ply.kernels.elements import QuadPoints, element_groups
-from skfem_textile.ply.kernels.kernel import full_matrices, positive_part
-from skfem_textile.ply.kernels.kernel_forms import with_kernel
 from tests.helpers import (
     TRIANGLE_AND_QUAD,
     Coupled,
+    defined,
     distorted,
     distorted_for,
     form_parameters,
@@ -70,8 +71,6 @@ FABRICS = {
 FORMULATIONS = (
     *(Full(), OnePoint(2.0), OnePoint(), Macro(), Quadratic(), Quadratic(20.0)),
 )
-READABLE = Functional, LinearForm, BilinearForm
-
 every_fabric = pytest.mark.parametrize("fabric", FABRICS.values(), ids=FABRICS)
 
 
@@ -103,9 +102,8 @@ def test_assembling_a_form_by_its_kernel_or_by_itself_is_the_same(fabric):
         for term in form_terms(ply):
             if term.kernel is None:
                 continue
-            fast = with_kernel(term.forms, term.kernel)
             w = form_parameters(term)
-            for form, slow in zip(fast, term.forms, strict=True):
+            for form, slow in zip(term.forms, defined(term.forms), strict=True):
                 readable = asm(slow, term.basis, u=u, **w)
                 assert_same(asm(form, term.basis, u=u, **w), readable)
 
@@ -119,10 +117,11 @@ def test_a_ply_equals_the_sum_of_its_forms(fabric):
         energy, f, K = 0.0, 0.0, 0.0
         for term in form_terms(ply):
             w = form_parameters(term)
-            energy += asm(term.forms.energy, term.basis, u=u, **w)
-            f = f + asm(term.forms.residual, term.basis, u=u, **w)
+            forms = defined(term.forms)
+            energy += asm(forms.energy, term.basis, u=u, **w)
+            f = f + asm(forms.residual, term.basis, u=u, **w)
             w = w | arguments.get(term.name, {})
-            K = K + asm(term.forms.tangent, term.basis, u=u, **w)
+            K = K + asm(forms.tangent, term.basis, u=u, **w)
         assert ply.energy(u) == pytest.approx(energy, rel=1e-12)
         assert_same(ply.residual(u), f)
         assert_same(ply.tangent(u, tension=tensions), K)
@@ -186,9 +185,9 @@ def test_curved_elements_and_unusual_bases_agree_with_the_forms():
         (mean_tension(fabric), MeanBasis(curved_mesh(), bilinear, intorder=3)),
     ):
         u = np.random.default_rng(4).standard_normal(basis.N) * 0.05
-        for form, readable in zip(forms, READABLE, strict=True):
+        for form, readable in zip(forms, defined(forms), strict=True):
             w = {"E_d": np.full((2, mesh.nelements, 1), 2.0)}
-            slow = asm(readable(form.form), basis, u=u, **w)
+            slow = asm(readable, basis, u=u, **w)
             assert_same(asm(form, basis, u=u, **w), slow)
 
 
@@ -270,6 +269,24 @@ def test_the_reference_data_of_a_basis_are_computed_once():
     ply = next(plies(FABRICS["even"]))
     groups = element_groups(ply.basis, ply.fabric)
     assert element_groups(ply.basis, ply.fabric) is groups
+
+
+def test_forms_of_a_basis_compute_each_displacement_once(monkeypatch):
+    basis, calls = quad_basis(distorted(1), GAUSS), []
+    fibres = QuadPoints.fibres
+
+    def counted(points, u, block):
+        calls.append(points)
+        return fibres(points, u, block)
+
+    monkeypatch.setattr(QuadPoints, "fibres", counted)
+    u = np.random.default_rng(6).standard_normal(basis.N) * 0.05
+    for expected in (1, 2):
+        for forms in (tension(FABRICS["even"]), shear(FABRICS["even"])):
+            for form, slow in zip(forms, defined(forms), strict=True):
+                assert_same(asm(form, basis, u=u), asm(slow, basis, u=u))
+        assert len(calls) == expected
+        u[3] += 0.01
 
 
 def test_the_pattern_keeps_entries_that_happen_to_be_zero():

@@ -6,7 +6,7 @@ from copy import deepcopy
 import numpy as np
 import pytest
 from scipy.sparse import diags
-from skfem import BilinearForm, CellBasis, FacetBasis, InteriorFacetBasis, MeshQuad
+from skfem import BilinearForm, CellBasis, FacetBasis, InteriorFacetBasis, MeshQuad, asm
 
 from skfem_textile import (
     BodyForce,
@@ -26,12 +26,11 @@ from skfem_textile import (
     Term,
     Values,
     VectorTerm,
-    forms,
+    shear,
 )
 from skfem_textile.mesh.splitting import cut
-from skfem_textile.ply.kernels.kernel import ShearKernel
 from skfem_textile.solve.states import NoEquilibriumError
-from tests.helpers import derivative, distorted, random_u
+from tests.helpers import defined, derivative, distorted, random_u
 from tests.helpers.plies import CONDITIONS, ELEMENT, SPRINGS, Spring, drag_term, plain
 
 # User-defined terms: energies, forces and tangent, and runs with them
@@ -77,16 +76,43 @@ def test_a_term_of_quadratic_triangles_depends_on_all_nodes():
 
 
 def test_a_kernel_agrees_with_its_forms():
-    ply, further = plain(), Fabric(1e3, Sin2(2.0))
+    ply, further = plain(), shear(Fabric(1e3, Sin2(2.0)))
     u = random_u(ply, 3)
-    numbers = [
-        ply.with_terms(FormTerm("more", forms.shear(further), ply.basis, kernel))
-        for kernel in (None, ShearKernel(further))
-    ]
-    slow, fast = numbers
+    fast, slow = (
+        ply.with_terms(FormTerm("more", given, ply.basis))
+        for given in (further, defined(further))
+    )
+    assert fast.terms[-1].kernel is not None
+    assert slow.terms[-1].kernel is None
     assert fast.energy(u) == pytest.approx(slow.energy(u), rel=1e-12)
     np.testing.assert_allclose(fast.residual(u), slow.residual(u), atol=1e-9)
     assert abs(fast.tangent(u) - slow.tangent(u)).max() < 1e-9
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_ply_without_stiffness_carries_a_sheet_and_a_band_of_fabric(dimension):
+    """A fabric on a subdomain, a sheet on all, and a second fabric on two elements."""
+    parts = {"band": np.array([0, 3]), "bare": np.array([1, 2, 4, 5])}
+    mesh = distorted(1).with_subdomains(parts)
+    fabrics = {"band": Fabric(1e3, 0.5), "bare": Fabric(0.0)}
+    ply = Ply(mesh, fabrics, OnePoint(), dimension=dimension)
+    more = shear(Fabric(0.0, Sin2(2.0), warp=(2, 1)))
+    some = ply.basis.with_elements(np.array([2, 5]))
+    bonded = ply.with_terms(
+        FormTerm("sheet", SPRINGS, CellBasis(ply.mesh, ply.basis.elem)),
+        FormTerm("more", more, some),
+    )
+    assert bonded.terms[-1].kernel is not None
+    u, du = random_u(ply, 1), random_u(ply, 2)
+    work, f = derivative(bonded.energy, u, du), bonded.residual(u)
+    assert work == pytest.approx(f @ du, rel=1e-6)
+    change = derivative(bonded.residual, u, du)
+    scale = np.abs(change).max()
+    np.testing.assert_allclose(change, bonded.tangent(u) @ du, atol=1e-6 * scale)
+    expected = asm(defined(more).energy, some, u=u)
+    assert bonded.energies(u)["more"] == pytest.approx(expected, rel=1e-12)
+    away = np.setdiff1d(np.arange(ply.basis.N), ply.basis.element_dofs[:, [0, 3]])
+    assert not ply.residual(u)[away].any()
 
 
 @pytest.mark.parametrize("named", [False, True])

@@ -403,6 +403,17 @@ class ElementGroup:
         self.area: ndarray = sum(p.dx.sum(axis=0) for p in points)
         starts = range(0, n, _BLOCK)
         self.blocks = [slice(i, min(i + _BLOCK, n)) for i in starts]
+        self._last: tuple[ndarray, Deformations] = np.empty(0), []
+
+    def last_deformations(self, u: ndarray) -> Deformations:
+        """Deformations at all points, kept for the last ``u``.
+
+        Forms on one basis share them, as do residual and tangent.
+        """
+        last = self._last
+        if not np.array_equal(u, last[0]):
+            self._last = last = u.copy(), self.deformations(u, self.points)
+        return last[1]
 
     def deformations(
         self, u: ndarray, points: Sequence[IntegrationPoints]

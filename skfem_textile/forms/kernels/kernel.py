@@ -21,14 +21,15 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import combinations_with_replacement
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, ElementVector
 
 from ...fabric import Fabric, Slopes, TwoLaws, is_zero
-from ...forms.form import parameter
 from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
+from ...mesh.user_input import parameter
 from .elements import (
     Deformations,
     ElementGroup,
@@ -304,9 +305,20 @@ def can_compute(kernel: Kernel | None, basis: Any) -> bool:
     if not isinstance(basis.elem, ElementVector):
         return False
     fluctuates = isinstance(basis.elem.elem, ElementQuad1Fluctuation)
-    d = basis.elem.dim
-    if d not in (2, 3) or fluctuates != (kernel.basis_type is HourglassBasis):
+    if basis.elem.dim not in (2, 3):
         return False
+    if fluctuates != (kernel.basis_type is HourglassBasis):
+        return False
+    if basis not in _NODE_BY_NODE:
+        _NODE_BY_NODE[basis] = _node_by_node(basis)
+    return _NODE_BY_NODE[basis]
+
+
+_NODE_BY_NODE: WeakKeyDictionary[Any, bool] = WeakKeyDictionary()
+
+
+def _node_by_node(basis: Any) -> bool:
+    d = basis.elem.dim
     of_nodes = basis.element_dofs.reshape(-1, d, basis.nelems)
     first = of_nodes[:, :1]
     return bool(np.all((first % d == 0) & (of_nodes == first + np.arange(d)[:, None])))

@@ -1,0 +1,226 @@
+"""Assembly of the forms of the displacement by `asm`, on any basis of scikit-fem.
+
+On a composite basis a form depends on the first vector field, the displacement, and is
+zero for the others.  A form with a kernel is computed by it on the bases that the
+kernel supports, and evaluated as defined on all others; arguments and results are the
+same.
+"""
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy import ndarray
+from skfem import (
+    BilinearForm,
+    DiscreteField,
+    ElementVector,
+    Functional,
+    LinearForm,
+)
+
+from ..fabric import Fabric
+from ..fabric.regions import fabric_on
+from ..mesh.bases import element_numbers, main_basis
+from ..mesh.scikit_fem import (
+    Entries,
+    OwnAssembly,
+    matrix_entries,
+    number_entries,
+    vector_entries,
+)
+from .kernels.elements import element_groups
+from .kernels.kernel import (
+    Kernel,
+    KernelState,
+    can_compute,
+    element_forces,
+    element_matrices,
+    full_matrices,
+)
+
+#: Arguments of a form by name.
+Parameters: TypeAlias = dict[str, Any]
+
+# Parameters that are displacements or fibre directions, given as DOF vectors or fields.
+_DISPLACEMENTS, _DIRECTIONS = ("u", "last"), ("warp", "weft")
+
+# Leading shape of the parameters at elements and points.
+_LEADING = {"C_s": (), "moment": (), "E_d": (2,), "tension": (2,)}
+
+
+class OfDisplacement(OwnAssembly):
+    """A form with a fabric and a kernel, or None, among its ``params``."""
+
+    params: dict[str, Any]
+
+    @property
+    def kernel(self) -> Kernel | None:
+        """Kernel that computes the form where it can."""
+        return self.params["kernel"]
+
+    def checked(self, basis: Any, parameters: Parameters) -> Parameters:
+        """Parameters with the element numbers; see `OwnAssembly`."""
+        refuse_basis(basis)
+        for name, value in parameters.items():
+            if name in _DISPLACEMENTS:
+                _refuse_displacement(name, value, basis)
+            elif name in _DIRECTIONS or name in _LEADING:
+                _refuse_shape(name, value, basis)
+        fabric: Fabric | None = self.params["fabric"]
+        if fabric is not None:
+            fabric_on(np.arange(basis_mesh(basis).nelements), fabric)
+        return {"element": element_numbers(basis), **parameters}
+
+    def block(self, fields: tuple[DiscreteField, ...]) -> tuple[DiscreteField, ...]:
+        """The displacement, the first vector field; see `OwnAssembly`."""
+        if len(fields) == 1:
+            return fields
+        return next(((x,) for x in fields if is_displacement(x)), fields[:1])
+
+    def states(self, basis: Any, parameters: Parameters) -> list[KernelState]:
+        """Kernel on each group of elements; empty if it does not support the basis."""
+        u, kernel = parameters.get("u"), self.kernel
+        if not isinstance(u, ndarray) or u.ndim != 1 or not can_compute(kernel, basis):
+            return []
+        if kernel is None or any(name in parameters for name in _DIRECTIONS):
+            return []
+        w = self.checked(basis, parameters)
+        return [
+            KernelState(kernel, g, g.points, g.last_deformations(u), w)
+            for g in element_groups(basis, kernel.fabric)
+        ]
+
+
+class EnergyForm(OfDisplacement, Functional):
+    """A functional of the displacement."""
+
+    def entries(
+        self, ubasis: Any, vbasis: Any, parameters: Parameters
+    ) -> Entries | None:
+        """Energy of the kernel."""
+        states = self.states(ubasis, parameters)
+        energy = sum(x.kernel.energy(x) for x in states)
+        return number_entries(energy) if states else None
+
+
+class ResidualForm(OfDisplacement, LinearForm):
+    """A linear form that depends on the displacement."""
+
+    def entries(
+        self, ubasis: Any, vbasis: Any, parameters: Parameters
+    ) -> Entries | None:
+        """Forces of the kernel."""
+        parameters.pop("tension", None)  # only the tangent accepts other tensions
+        states = self.states(ubasis, parameters)
+        if not states:
+            return None
+        f = np.zeros((ubasis.Nbfun, ubasis.nelems))
+        for x in states:
+            forces = element_forces([x])
+            of_unknowns = forces.reshape(-1, forces.shape[-1])
+            f[: len(of_unknowns), x.group.elements] = of_unknowns
+        return vector_entries(ubasis, f)
+
+
+class TangentForm(OfDisplacement, BilinearForm):
+    """A symmetric bilinear form that depends on the displacement."""
+
+    def entries(
+        self, ubasis: Any, vbasis: Any, parameters: Parameters
+    ) -> Entries | None:
+        """Stiffness of the kernel."""
+        states = self.states(ubasis, parameters)
+        if not states or vbasis not in (None, ubasis):
+            return None
+        K = np.zeros((ubasis.Nbfun, ubasis.Nbfun, ubasis.nelems))
+        for x in states:
+            matrices = full_matrices(element_matrices([x]))
+            K[: len(matrices), : len(matrices), x.group.elements] = matrices
+        return matrix_entries(ubasis, K)
+
+
+def is_displacement(field: Any) -> bool:
+    """True for a vector field with two or three components and a gradient."""
+    return (
+        isinstance(field, DiscreteField)
+        and field.ndim == 3
+        and len(field) in (2, 3)
+        and field.grad is not None
+    )
+
+
+def refuse_basis(basis: Any) -> None:
+    """Refuse a basis on which no displacement of a ply is defined.
+
+    The mesh must lie in the plane, and the displacement must vary in elements.
+    """
+    mesh = basis_mesh(basis)
+    if mesh.dim() != 2:
+        raise ValueError(
+            "the form requires a mesh of quadrilaterals or triangles in the plane, not "
+            f"{type(mesh).__name__}"
+        )
+    element: Any = main_basis(basis).elem
+    for part in getattr(element, "elems", (element,)):
+        if isinstance(part, ElementVector) and part.elem.maxdeg == 0:
+            raise ValueError(
+                f"{type(part.elem).__name__} has no gradient: use a displacement that "
+                "varies in elements, such as ElementVector(ElementQuad1())"
+            )
+
+
+def basis_mesh(basis: Any) -> Any:
+    """Mesh of a basis, also of a product of bases."""
+    return main_basis(basis).mesh
+
+
+def _refuse_displacement(name: str, value: Any, basis: Any) -> None:
+    """Refuse a displacement that is neither a DOF vector nor a field of the basis."""
+    if isinstance(value, tuple | DiscreteField):
+        for field in value if isinstance(value, tuple) else (value,):
+            _refuse_points(name, np.shape(field), basis)
+        return
+    if not isinstance(value, ndarray) or value.ndim != 1:
+        kind = type(value).__name__
+        what = f"shape {value.shape}" if isinstance(value, ndarray) else kind
+        raise ValueError(
+            f"{name} must be a DOF vector of shape (basis.N,), or a field "
+            f"basis.interpolate({name}), not {what}"
+        )
+    if len(value) != basis.N or value.dtype.kind not in "biuf":
+        raise ValueError(
+            f"{name} must have {basis.N} real numbers, one for each unknown of the "
+            f"basis, got {len(value)} of type {value.dtype}"
+        )
+
+
+def _refuse_shape(name: str, value: Any, basis: Any) -> None:
+    """Refuse values that are not given by element or by point, or are negative."""
+    array, direction = np.asarray(value), name in _DIRECTIONS
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{name} must be real-valued, got {array.dtype}")
+    if direction and array.shape == (basis.N,):
+        return  # a DOF vector
+    in_space = direction and array.shape[:1] == (3,)
+    leading = (3,) if in_space else _LEADING.get(name, (2,))
+    if array.ndim or leading:
+        if array.ndim != len(leading) + 2 or array.shape[:-2] != leading:
+            shape = ", ".join([*map(str, leading), "n_elements", "1"])
+            also = " or a DOF vector of the basis" if direction else ""
+            raise ValueError(
+                f"{name} must have the shape ({shape}), or (..., n_points) by point"
+                f"{also}, got {array.shape}"
+            )
+        _refuse_points(name, array.shape, basis)
+    if name in ("C_s", "E_d") and (array < 0).any():
+        raise ValueError(f"{name} must be >= 0, got {array.min():g}")
+
+
+def _refuse_points(name: str, shape: tuple[int, ...], basis: Any) -> None:
+    """Refuse a shape whose last two entries do not fit the elements and points."""
+    n_elements, n_points = basis.dx.shape
+    if len(shape) < 2 or shape[-2] != n_elements or shape[-1] not in (1, n_points):
+        raise ValueError(
+            f"{name} has the shape {tuple(shape)}, but the basis has {n_elements} "
+            f"elements with {n_points} point(s)"
+        )

@@ -1,0 +1,250 @@
+"""Forms on parts of a mesh, in composite elements, and with fields as parameters."""
+
+import numpy as np
+import pytest
+from skfem import (
+    CellBasis,
+    ElementQuad0,
+    ElementQuad1,
+    ElementTriP1,
+    ElementVector,
+    MeshQuad,
+    MeshTri,
+    asm,
+    condense,
+    enforce,
+    solve,
+)
+
+from skfem_textile import (
+    CENTRE,
+    GAUSS,
+    Fabric,
+    HourglassBasis,
+    MacroBasis,
+    MeanBasis,
+    OnePoint,
+    Ply,
+    Sin2,
+    forms,
+    hourglass,
+    mean_tension,
+    quad_basis,
+    shear,
+    split,
+    tension,
+)
+from skfem_textile.mesh.bases import element_numbers
+from tests.helpers import defined, derivative, distorted
+
+C_S, ANGLES = 2.0, np.linspace(-0.4, 0.5, 6)
+BY_ELEMENT = np.array([np.cos(ANGLES), np.sin(ANGLES)])
+FABRICS = {
+    "even": Fabric((1e4, 3.0), Sin2(0.7), warp=(2, 1), weft=(-1, 3)),
+    "by element": Fabric(np.arange(1.0, 7.0), np.arange(2.0, 8.0), warp=BY_ELEMENT),
+    "by position": Fabric(50.0, 0.5, warp=lambda x: np.stack([1 + x[1], x[0]])),
+}
+MESH = distorted(1).with_subdomains({"right": np.array([1, 3, 4])})
+PARTS = ("energy", "residual", "tangent")
+ELEMENTS = {
+    "displacement": lambda v: v,
+    "first of two": lambda v: v * ElementQuad1(),
+    "last of three": lambda v: ElementQuad0() * ElementQuad1() * v,
+}
+
+
+def terms(fabric, element, part=None):
+    """The element of Hamila & Boisse by forms, on a part of the mesh."""
+    bases = CellBasis(MESH, element, quadrature=CENTRE), HourglassBasis(MESH, element)
+    if part is not None:
+        bases = tuple(basis.with_elements(part) for basis in bases)
+    forms = tension(fabric), shear(fabric), hourglass(fabric, C_S)
+    return list(zip(forms, (bases[0], *bases), strict=True))
+
+
+def total(terms, name, u):
+    return sum(asm(getattr(forms, name), basis, u=u) for forms, basis in terms)
+
+
+def block_of(basis):
+    """Unknowns of the displacement."""
+    if isinstance(basis.elem, ElementVector):
+        return np.arange(basis.N)
+    (vector,) = (
+        i for i, x in enumerate(basis.elem.elems) if isinstance(x, ElementVector)
+    )
+    return basis.split_indices()[vector]
+
+
+def assert_equal(found, expected):
+    found, expected = (
+        x.toarray() if hasattr(x, "toarray") else np.asarray(x)
+        for x in (found, expected)
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("element", ELEMENTS.values(), ids=ELEMENTS)
+@pytest.mark.parametrize("fabric", FABRICS.values(), ids=FABRICS)
+def test_forms_equal_a_ply_and_are_zero_for_other_fields(fabric, element, dimension):
+    vector = ElementVector(ElementQuad1(), dimension)
+    by_forms = terms(fabric, element(vector))
+    basis = by_forms[0][1]
+    u = 0.05 * np.random.default_rng(1).standard_normal(basis.N)
+    block = block_of(basis)
+    ply = Ply(MESH, fabric, OnePoint(C_S), dimension=dimension)
+    names = ("tension", "shear", "stabilisation")
+    of_ply = [term for term in ply.terms if term.name in names]
+    assert len(of_ply) == 3
+    energy, f, K = (total(by_forms, part, u) for part in PARTS)
+    assert energy == pytest.approx(ply.energy(u[block], terms=of_ply), rel=1e-12)
+    expected = ply.residual(u[block], terms=of_ply)
+    assert_equal(f[block], expected)
+    others = np.setdiff1d(np.arange(basis.N), block)
+    assert not f[others].any()
+    matrices = (term.tangent(u[block], 1.0) for term in of_ply)
+    assert_equal(K.toarray()[np.ix_(block, block)], sum(matrices))
+    assert not K[others].count_nonzero()
+    assert not K[:, others].count_nonzero()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("element", ELEMENTS.values(), ids=ELEMENTS)
+@pytest.mark.parametrize("fabric", FABRICS.values(), ids=FABRICS)
+def test_parts_of_a_mesh_add_up_to_the_whole(fabric, element, dimension):
+    vector = element(ElementVector(ElementQuad1(), dimension))
+    parts = [terms(fabric, vector, part) for part in ("right", np.array([0, 2, 5]))]
+    whole = terms(fabric, vector)
+    u = 0.05 * np.random.default_rng(2).standard_normal(whole[0][1].N)
+    for name in PARTS:
+        found = sum(total(part, name, u) for part in parts)
+        assert_equal(found, total(whole, name, u))
+    for (form, right), (_, left) in zip(*parts, strict=True):
+        for x, definition in zip(form, defined(form), strict=True):
+            both = asm(x, [right, left], u=u)  # a list of bases
+            assert_equal(both, asm(x, right, u=u) + asm(x, left, u=u))
+            if isinstance(right.elem, ElementVector):
+                numbers = element_numbers(right)
+                expected = asm(definition, right, u=u, element=numbers)
+                assert_equal(asm(x, right, u=u), expected)
+
+
+def test_parts_of_macro_elements_add_up_to_the_whole():
+    mesh = split(MeshQuad().refined(1).with_subdomains({"some": [0, 3]}))
+    fabric, whole = Fabric(1e3, warp=(2, 1)), MacroBasis(mesh)
+    E_d = np.arange(1.0, 9.0).reshape(2, 4, 1)
+    u = 0.01 * np.random.default_rng(3).standard_normal(whole.N)
+    some = whole.with_elements("some")
+    rest = whole.with_elements(np.setdiff1d(np.arange(16), mesh.subdomains["some"]))
+    for form in mean_tension(fabric):
+        parts = (
+            asm(form, part, u=u, E_d=E_d[:, rows])
+            for part, rows in ((some, [0, 3]), (rest, [1, 2]))
+        )
+        assert_equal(sum(parts), asm(form, whole, u=u, E_d=E_d))
+
+
+def test_mean_tension_in_a_composite_element_equals_that_of_the_displacement():
+    vector, fabric = ElementVector(ElementQuad1()), FABRICS["by element"]
+    alone = MeanBasis(MESH, vector, quadrature=GAUSS)
+    both = MeanBasis(MESH, vector * ElementQuad1(), quadrature=GAUSS)
+    u = 0.05 * np.random.default_rng(4).standard_normal(both.N)
+    block, w = block_of(both), {"E_d": np.ones((2, 6, 1))}
+    energy, f, K = (asm(form, both, u=u, **w) for form in mean_tension(fabric))
+    expected = [asm(form, alone, u=u[block], **w) for form in mean_tension(fabric)]
+    found = energy, f[block], K.toarray()[np.ix_(block, block)]
+    for x, y in zip(found, expected, strict=True):
+        assert_equal(x, y)
+
+
+def test_a_product_of_bases_and_interpolated_fields_are_composite_too():
+    fabric, centre = FABRICS["even"], quad_basis(MESH, CENTRE)
+    product = centre * CellBasis(MESH, ElementQuad1(), quadrature=CENTRE)
+    u = 0.05 * np.random.default_rng(5).standard_normal(product.N)
+    for form in tension(fabric):
+        expected = asm(form, centre, u=u[: centre.N])
+        for given in (u, product.interpolate(u), product.interpolate(u)[0]):
+            found = asm(form, product, u=given)
+            if np.ndim(found):
+                found = found[: centre.N]
+            if np.ndim(found) == 2:
+                found = found[:, : centre.N]
+            assert_equal(found, expected)
+
+
+def test_quadrilaterals_and_triangles_with_common_nodes_are_assembled_from_a_list():
+    """Two parts of one numbering of nodes equal the ply on each."""
+    p = np.array([[0, 0, 2, 2, 1, 1], [0, 1, 0, 1, 0, 1.0]])
+    quads = MeshQuad(p, np.array([[0, 4, 5, 1]]).T, validate=False)
+    triangles = MeshTri(p, np.array([[4, 2, 5], [2, 3, 5]]).T, validate=False)
+    bases = [
+        CellBasis(quads, ElementVector(ElementQuad1()), intorder=3),
+        CellBasis(triangles, ElementVector(ElementTriP1()), intorder=1),
+    ]
+    u = np.zeros(12)
+    u[0::2] = 0.1 * p[0]
+    energy, f, _ = (asm(x, bases, u=u) for x in tension(Fabric(1e4)))
+    assert energy == pytest.approx(0.5e4 * np.log(1.1) ** 2 * 2.0)
+    T = 1e4 * np.log(1.1) / 1.1
+    assert f[[4, 6]].sum() == pytest.approx(T)
+
+
+def test_condense_and_enforce_solve_the_same_step_of_a_composite_problem():
+    element = ElementVector(ElementQuad1()) * ElementQuad1()
+    by_forms = terms(FABRICS["even"], element)
+    basis = by_forms[0][1]
+    u = basis.zeros()
+    fixed = basis.get_dofs().all()
+    x = basis.zeros()
+    x[fixed] = 1e-3 * np.random.default_rng(6).standard_normal(fixed.size)
+    K, f = total(by_forms, "tangent", u), total(by_forms, "residual", u)
+    pressure = basis.split_indices()[1]
+    held = np.union1d(fixed, pressure)
+    first, second = (
+        solve(*condense(K, -f, x=x, D=held)),
+        solve(*enforce(K, -f, x=x, D=held)),
+    )
+    np.testing.assert_allclose(first, second, atol=1e-12)
+    assert np.abs(first[basis.complement_dofs(held)]).max() > 0
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_directions_are_functions_or_fields_or_dof_vectors(dimension):
+    """A bilinear field of directions, given in three ways."""
+    plain, curved = Fabric(50.0, 0.5), FABRICS["by position"]
+    basis = quad_basis(MESH, GAUSS, dimension)
+    nodal = np.zeros((MESH.nvertices, dimension))
+    nodal[:, :2] = curved.warp(MESH.p).T
+    u = 0.05 * np.random.default_rng(7).standard_normal(basis.N)
+    warp, x = nodal.ravel(), np.asarray(basis.global_coordinates())
+    for given, expected in zip(
+        (*tension(plain), *shear(plain)),
+        (*tension(curved), *shear(curved)),
+        strict=True,
+    ):
+        right = asm(expected, basis, u=u)
+        for field in (warp, basis.interpolate(warp), curved.warp(x)):
+            assert_equal(asm(given, basis, u=u, warp=field), right)
+    corners = HourglassBasis(MESH, dimension)
+    pair = hourglass(plain, C_S).tangent, hourglass(curved, C_S).tangent
+    found, right = asm(pair[0], corners, u=u, warp=warp), asm(pair[1], corners, u=u)
+    assert_equal(found, right)
+
+
+@pytest.mark.parametrize("element", list(ELEMENTS.values())[1:], ids=list(ELEMENTS)[1:])
+def test_residual_and_tangent_of_a_composite_problem_are_derivatives(element):
+    by_forms = terms(FABRICS["by position"], element(ElementVector(ElementQuad1())))
+    u, du = 0.05 * np.random.default_rng(8).standard_normal((2, by_forms[0][1].N))
+    f, K = total(by_forms, "residual", u), total(by_forms, "tangent", u)
+    work = derivative(lambda x: total(by_forms, "energy", x), u, du)
+    assert work == pytest.approx(f @ du, rel=1e-6)
+    change = derivative(lambda x: total(by_forms, "residual", x), u, du)
+    np.testing.assert_allclose(change, K @ du, atol=1e-6 * np.abs(change).max())
+
+
+@pytest.mark.parametrize("name", ["tension", "shear", "hourglass", "mean_tension"])
+def test_there_is_one_function_of_each_name(name):
+    import skfem_textile
+
+    assert getattr(skfem_textile, name) is getattr(forms, name)
