@@ -527,7 +527,7 @@ def test_a_broken_package_of_a_requested_solver_is_named(monkeypatch):
         raise ImportError("a library is missing")
 
     monkeypatch.setattr(linear, "import_module", broken)
-    with pytest.raises(ValueError, match="to import: ImportError: a library is missing"):
+    with pytest.raises(ValueError, match="import: ImportError: a library is missing"):
         check_solver("rslab")
 
 
