@@ -17,11 +17,11 @@ from typing import Any, NamedTuple, ParamSpec
 import numpy as np
 from numpy import ndarray
 from skfem import BilinearForm, DiscreteField, Functional, LinearForm
-from skfem.assembly.form.form import FormExtraParams
 from skfem.helpers import ddot, grad
 
 from ..fabric import Fabric, is_zero
 from ..fabric import kinematics as kin
+from ..mesh.scikit_fem import FormExtraParams
 
 
 class Forms(NamedTuple):

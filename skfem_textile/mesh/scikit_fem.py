@@ -1,7 +1,8 @@
 """Uses of scikit-fem beyond its public interface.
 
-Written for scikit-fem 12.  `tests/mesh/test_scikit_fem.py` fails if a later version
-differs.
+Written for scikit-fem 12.  `PRIVATE` lists them; for each one,
+`tests/mesh/test_scikit_fem.py` fails if a later version differs.  Other modules import
+only from `skfem` and `skfem.helpers`.
 """
 
 from dataclasses import replace
@@ -9,14 +10,27 @@ from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy import ndarray
-from skfem import DiscreteField, Mesh
-from skfem.assembly.basis.abstract_basis import AbstractBasis
+from skfem import AbstractBasis, DiscreteField, Mesh
+from skfem.assembly.form.form import FormExtraParams as FormExtraParams
+from skfem.quadrature import get_quadrature as get_quadrature
 
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
 #: Arguments of `skfem.assembly.form.coo_data.COOData`: indices, values, shapes of the
 #: whole and of an element.
 Entries: TypeAlias = tuple[ndarray, ndarray, tuple[int, ...], tuple[int, ...]]
+
+
+#: What the package uses of scikit-fem beyond its public interface, with its use.
+PRIVATE = {
+    "Mesh._boundaries, Mesh._subdomains": "names that are replaced in a copy of a mesh",
+    "AbstractBasis._element_dofs": "unknowns of the elements of a basis",
+    "AbstractBasis._global_coordinates": "positions of the points of a basis",
+    "Form._assemble": "entries of a form that are computed without its function",
+    "DiscreteField.grad3": "slot for the centre gradient of a bilinear function",
+    "skfem.assembly.form.form.FormExtraParams": "parameters of a form, in annotations",
+    "skfem.quadrature.get_quadrature": "points and weights of a rule on an element",
+}
 
 
 def with_names(

@@ -180,8 +180,7 @@ def test_without_rslab_a_load_stepper_runs_with_one_line():
         ),
         (
             "shapely",
-            "from skfem_textile import Tool, drape\n"
-            "Tool(drape.Plane(), outline=[[0, 1, 1], [0, 0, 1]])",
+            "from skfem_textile.forming import outline\noutline.crossing_edges(None)",
             "the outline of a tool requires shapely: pip install "
             "'skfem-textile[outlines]'",
         ),
