@@ -22,7 +22,7 @@ def test_version_is_the_same_everywhere():
 
 
 def test_recipe_requires_what_the_project_requires():
-    """The packages, and those of the command line."""
+    """The packages for Python and for the command line."""
     extras = PROJECT["optional-dependencies"]
     needed = *PROJECT["dependencies"], *extras["cli"], *extras["outlines"]
     needed = [one.partition(";")[0] for one in needed if "skfem-textile" not in one]
