@@ -21,7 +21,7 @@ _Mesh = TypeVar("_Mesh", bound=Mesh)
 Entries: TypeAlias = tuple[ndarray, ndarray, tuple[int, ...], tuple[int, ...]]
 
 
-#: Everything that the package uses of scikit-fem beyond its public interface, with its use.
+#: Private names of scikit-fem that the package uses, with their use.
 PRIVATE = {
     "Mesh._boundaries, Mesh._subdomains": "names that are replaced in a copy of a mesh",
     "AbstractBasis._element_dofs": "unknowns of the elements of a basis",
