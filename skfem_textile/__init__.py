@@ -5,4 +5,4 @@ from .lazy import on_first_use
 
 __version__ = "0.3.0"
 
-__getattr__, __dir__ = on_first_use(__name__, __file__)
+__getattr__, __dir__ = on_first_use(__name__, __file__, needs={"singular": "shapely"})

@@ -7,15 +7,16 @@ Python when a name is first used.
 
 import ast
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 
 def on_first_use(
-    package: str, file: str
+    package: str, file: str, needs: Mapping[str, str] = MappingProxyType({})
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Import the names of a package on first use.
 
@@ -25,6 +26,9 @@ def on_first_use(
         ``__name__`` and ``__file__`` of the package.  The stub beside the file consists
         of imports ``from .module import name as name``.  No module of the package may
         have the name of another object: its import would hide that object.
+    needs
+        Modules of the stub that require another package, with its name.  Without it,
+        ``from package import *`` omits their names.
 
     Returns
     -------
@@ -44,7 +48,8 @@ def on_first_use(
 
     def attribute(name: str) -> Any:
         if name == "__all__":
-            return list(origins())
+            missing = {module for module in needs if not _imports(needs[module])}
+            return [name for name, module in origins().items() if module not in missing]
         if name not in origins():
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         if module := origins()[name]:
@@ -58,3 +63,12 @@ def on_first_use(
         return sorted({*origins(), *vars(sys.modules[package])})
 
     return attribute, names
+
+
+def _imports(package: str) -> bool:
+    """True if a package can be imported."""
+    try:
+        import_module(package)
+    except ImportError:
+        return False
+    return True

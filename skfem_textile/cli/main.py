@@ -41,7 +41,7 @@ def _dispatch(arguments: Sequence[str]) -> int:
         name = printable(error.filename or "")
         complain(f"error: {name and f'{name}: '}{error.strerror or error}")
         return BAD_INPUT
-    except (ValueError, MemoryError) as error:
+    except (ValueError, MemoryError, ModuleNotFoundError) as error:
         complain(f"error: {error or 'not enough memory'}")
         return BAD_INPUT
 

@@ -69,6 +69,14 @@ class _Parser(argparse.ArgumentParser):
         return super().parse_args(arguments, namespace)
 
 
+def _require_packages() -> None:
+    """Raise an error if a package that a command requires is not installed."""
+    from ..mesh.requirements import require
+
+    packages = "jinja2", "msgspec", "shapely", "tomli_w"
+    require("the command line", "cli", *packages)
+
+
 def command_parser(arguments: Sequence[str] | None = None) -> argparse.ArgumentParser:
     """Build the parser; it sets ``command``.
 
@@ -88,6 +96,7 @@ def command_parser(arguments: Sequence[str] | None = None) -> argparse.ArgumentP
     for name, command in COMMANDS.items():
         own = commands.add_parser(name, help=command.about)
         if words is None or words[:1] == [name]:
+            _require_packages()
             options = import_module(f".{command.options}", __package__)
             getattr(options, f"add_{name}")(own, words and words[1:])
     return parser

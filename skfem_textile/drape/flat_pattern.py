@@ -9,6 +9,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..mesh.contact import Boundary, contact_of, signed_areas
+from ..mesh.requirements import require
 from ..mesh.user_input import real_numbers
 from .sheet import Sheet, SheetPoints
 from .surfaces import positive_length
@@ -151,6 +152,7 @@ def flat_pattern(
     outer = _outlined(sheet, curve, spacing)
     if not len(holes):
         return outer
+    require("a flat pattern with holes", "outlines", "shapely")
     inner = tuple(_outlined(sheet, hole, spacing) for hole in holes)
     refuse_holes(outer, inner)
     return replace(outer, holes=inner)

@@ -6,12 +6,16 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from ..mesh.requirements import require
 from .crossings import Net
 from .flat_pattern import spaced_curve
 from .holes import laplacian, parts_of
 from .sheet import Sheet, boundary_edges, closest_on_triangles
 from .tool_mesh import curve_length, loops_of_edges
 from .triangle_mesh import TriangleMesh
+
+# Ability that requires shapely.
+_PART = "a part of a tool"
 
 
 def points_of_part(
@@ -54,6 +58,7 @@ def points_of_part(
     >>> bool(np.abs(points[:2]).max() == 22)
     True
     """
+    require(_PART, "outlines", "shapely")
     outline, x = _spaced(tool, curve), tool.facets.points
     disk = _on_disk(x, tool.facets.triangles(), outline)
     inside = _inside(tool, disk, (outline, *holes), disk, "vertex")
@@ -75,6 +80,7 @@ def triangles_of_part(
     ValueError
         If a curve is not valid, or no centre is inside.
     """
+    require(_PART, "outlines", "shapely")
     triangles = tool.facets.triangles()
     disk = _on_disk(tool.facets.points, triangles, np.asarray(curve))
     centres = disk[:, triangles].mean(axis=1)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from ..mesh.requirements import require
 from .crossings import Net
 from .flat_pattern import FlatPattern, flat_pattern
 from .sheet import Sheet
@@ -62,6 +63,7 @@ def trimmed(
     ValueError
         See `flat_pattern`.
     """
+    require("a trimmed net", "outlines", "shapely")
     pattern = flat_pattern(Sheet.of_net(net), curve, spacing, holes)
     return TrimmedNet(net, pattern, shares_inside(net, pattern))
 

@@ -6,8 +6,13 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
+from ..mesh.requirements import require
+
 if TYPE_CHECKING:
     from shapely import Geometry
+
+# Ability that requires shapely.
+_OUTLINE = "the outline of a tool"
 
 # Distance of points of an outline, relative to its extent, that is round-off.
 _ROUND_OFF = 1e-9
@@ -45,6 +50,7 @@ def nearest(corners: ndarray, x: ndarray) -> ndarray:
 
 def region(corners: ndarray) -> "Geometry":
     """Points inside a polygon as a geometry, by the rule of `inside`."""
+    require(_OUTLINE, "outlines", "shapely")
     import shapely
 
     return shapely.make_valid(shapely.Polygon(_rounded(corners).T))
@@ -57,6 +63,7 @@ def is_flat(corners: ndarray) -> bool:
 
 def crossing_edges(corners: ndarray) -> tuple[int, int] | None:
     """Two edges of a polygon that cross, by their first corners; None without any."""
+    require(_OUTLINE, "outlines", "shapely")
     import shapely
 
     x = _rounded(corners).T

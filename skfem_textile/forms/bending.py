@@ -39,6 +39,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.sparse import block_diag, csr_matrix, diags, hstack, identity, kron
 from skfem import (
+    AbstractBasis,
     BilinearForm,
     CellBasis,
     ElementQuad1,
@@ -49,7 +50,6 @@ from skfem import (
     Mesh,
     asm,
 )
-from skfem.assembly.basis import AbstractBasis
 from skfem.helpers import dot, grad
 
 from ..mesh.bases import components

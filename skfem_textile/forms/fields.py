@@ -10,8 +10,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
-from skfem import CellBasis, ElementQuad1, ElementTriP1, ElementVector
-from skfem.assembly.basis import AbstractBasis
+from skfem import AbstractBasis, CellBasis, ElementQuad1, ElementTriP1, ElementVector
 from skfem.element import ElementComposite, ElementH1
 
 from ..fabric import Fabric

@@ -18,11 +18,11 @@ from typing import Any, NamedTuple, Never, ParamSpec
 import numpy as np
 from numpy import ndarray
 from skfem import BilinearForm, DiscreteField, Functional, LinearForm
-from skfem.assembly.form.form import FormExtraParams
 from skfem.helpers import ddot, grad
 
 from ..fabric import Fabric, is_zero
 from ..fabric import kinematics as kin
+from ..mesh.scikit_fem import FormExtraParams
 from ..mesh.user_input import parameter
 from .assembly import EnergyForm, ResidualForm, TangentForm, is_displacement
 from .kernels.kernel import Kernel

@@ -26,12 +26,12 @@ from typing import TypeAlias
 import numpy as np
 from numpy import ndarray
 from skfem import BilinearForm, DiscreteField, Functional, LinearForm
-from skfem.assembly.form.form import FormExtraParams
 from skfem.helpers import ddot, dot, grad, inv
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
 from ..mesh.bases import centre_grad
+from ..mesh.scikit_fem import FormExtraParams
 from ..mesh.user_input import parameter
 from .form import (
     Forms,

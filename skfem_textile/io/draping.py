@@ -22,6 +22,7 @@ from ..drape import (
     fibres_on_ply,
 )
 from ..fabric.directions import FibreDirections
+from ..mesh.requirements import require
 from ..mesh.user_input import printable
 from ..solve.result import Result
 from .abaqus import deck_of
@@ -305,13 +306,9 @@ def _write_svg(path: Path, curves: list[FlatPattern], seams: list[SeamLine]) -> 
 
 
 def _write_dxf(path: Path, curves: list[FlatPattern], seams: list[SeamLine]) -> None:
-    try:
-        import ezdxf
-    except ImportError:
-        raise ImportError(
-            "writing a .dxf file requires ezdxf: pip install 'skfem-textile[dxf]', or "
-            "write a .svg file"
-        ) from None
+    require("writing a .dxf file", "dxf", "ezdxf")
+    import ezdxf
+
     low, high, middle, arrows = _Drawing.of(curves)
     file = ezdxf.new("R2000", units=_MILLIMETRES)
     space = file.modelspace()

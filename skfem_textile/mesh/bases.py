@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 from skfem import (
+    AbstractBasis,
     CellBasis,
     DiscreteField,
     Element,
@@ -26,10 +27,8 @@ from skfem import (
     MappingIsoparametric,
     Mesh,
 )
-from skfem.assembly.basis import AbstractBasis
-from skfem.quadrature import get_quadrature
 
-from .scikit_fem import set_element_dofs, set_positions
+from .scikit_fem import get_quadrature, set_element_dofs, set_positions
 
 # A corner is flat if det J is below this share of the largest value of its element.
 # Chosen: far above rounding, as in `checks`.

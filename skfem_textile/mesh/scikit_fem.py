@@ -1,7 +1,8 @@
 """Uses of scikit-fem beyond its public interface.
 
-Written for scikit-fem 12.  `tests/mesh/test_scikit_fem.py` fails if a later version
-differs.
+Written for scikit-fem 12.  `PRIVATE` lists them; for each one,
+`tests/mesh/test_scikit_fem.py` fails if a later version differs.  Other modules import
+only from `skfem` and `skfem.helpers`.
 """
 
 from dataclasses import dataclass, replace
@@ -11,15 +12,31 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
-from skfem import DiscreteField, Mesh
-from skfem.assembly.basis.abstract_basis import AbstractBasis
+from skfem import AbstractBasis, DiscreteField, Mesh
 from skfem.assembly.form.coo_data import COOData
+from skfem.assembly.form.form import FormExtraParams as FormExtraParams
+from skfem.quadrature import get_quadrature as get_quadrature
 
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
-#: Arguments of `skfem.assembly.form.coo_data.COOData`: indices, values, shapes of the
+#: Arguments of `COOData`: indices, values, shapes of the
 #: whole and of an element.
 Entries: TypeAlias = tuple[ndarray, ndarray, tuple[int, ...], tuple[int, ...]]
+
+
+#: Private names of scikit-fem that the package uses, with their use.
+PRIVATE = {
+    "Mesh._boundaries, Mesh._subdomains": "names that are replaced in a copy of a mesh",
+    "AbstractBasis._element_dofs": "unknowns of the elements of a basis",
+    "AbstractBasis._global_coordinates": "positions of the points of a basis",
+    "Form._assemble": "entries of a form that are computed without its function",
+    "Form._normalize_asm_kwargs": "parameters of a form, checked and completed",
+    "Form._kernel": "fields of a composite basis on which a form depends",
+    "DiscreteField.grad3": "slot for the centre gradient of a bilinear function",
+    "skfem.assembly.form.coo_data.COOData": "entries of an assembled form",
+    "skfem.assembly.form.form.FormExtraParams": "parameters of a form, in annotations",
+    "skfem.quadrature.get_quadrature": "points and weights of a rule on an element",
+}
 
 
 def with_names(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
-from skfem.assembly.basis import AbstractBasis
+from skfem import AbstractBasis
 
 from ..drape.tool_mesh import triangles_within
 from ..fabric import Fabric

@@ -21,7 +21,6 @@ from typing import (
 import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, asm
-from skfem.assembly.form.form import FormExtraParams
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
@@ -29,6 +28,7 @@ from ..fabric.law import Law, mean_slope
 from ..forms.form import mean
 from ..forms.hourglass import hourglass_rate, rate_increment
 from ..mesh.bases import MeanBasis, displacement_gradient, element_numbers
+from ..mesh.scikit_fem import FormExtraParams
 
 T = TypeVar("T")
 

@@ -7,7 +7,6 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 from skfem import Mesh
-from skfem.assembly.form.form import FormExtraParams
 
 from .. import forms
 from ..fabric import Fabric, is_zero
@@ -17,6 +16,7 @@ from ..forms.bending import FibreEnd
 from ..forms.form import directions
 from ..mesh.bases import Corners, components, node_positions
 from ..mesh.progress import shown
+from ..mesh.scikit_fem import FormExtraParams
 from ..mesh.splitting import hat_functions, original_elements
 from .builtin_terms import CornerTerm, bending_term, checked_ends, corner_stiffness
 from .formulations import DEFAULT

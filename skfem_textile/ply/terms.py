@@ -12,8 +12,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeAlias
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
-from skfem import CellBasis, Mesh, asm
-from skfem.assembly.basis import AbstractBasis
+from skfem import AbstractBasis, CellBasis, Mesh, asm
 
 from ..fabric import Fabric
 from ..forms import Forms

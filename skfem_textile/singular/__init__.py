@@ -1,5 +1,9 @@
 """Outlines of plies, and fibres across which the shear angle may jump."""
 
+from ..mesh.requirements import require
+
+require("a mesh of an outline", "outlines", "shapely")
+
 from .along import along_edges
 from .cells import CORNER
 from .fibres import SingularFibre, SingularFibres, singular_fibres

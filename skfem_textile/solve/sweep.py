@@ -29,6 +29,7 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import Any, Generic, TypeVar
 
+from ..mesh.requirements import require
 from ..mesh.user_input import error_text
 from .checksummed import Lock
 from .linear.rslab import threads as rslab_threads
@@ -139,6 +140,7 @@ def sweep(
     SweepInterrupted
         On Ctrl-C.  Results that were computed are in ``out``.
     """
+    require("a sweep", "sweep", "threadpoolctl")
     from threadpoolctl import threadpool_limits
 
     file = None if out is None else ResultsFile(Path(out))

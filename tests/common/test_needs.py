@@ -123,6 +123,104 @@ def loaded_by(script):
     return set(child.stderr.split())
 
 
+# Environments without a package: a finder refuses to import it
+
+EXTRAS = ("jinja2", "matplotlib", "msgspec", "shapely", "threadpoolctl", "tomli_w")
+
+PLAIN_SCRIPT = """
+from skfem import MeshQuad, asm
+from skfem_textile import *
+mesh = MeshQuad().refined(2).with_defaults()
+fabric = Fabric(1e3, 1.0, (1, 1), (-1, 1))
+basis = quad_basis(mesh, CENTRE)
+for form in tension(fabric):
+    asm(form, basis, u=basis.zeros())
+ply = Ply(mesh, fabric, OnePoint(10.0))
+conditions = {"clamp": Condition("bottom"), "pull": Condition("top", (0, 0.01))}
+assert LoadStepper(ply, conditions, 1).run().converged
+"""
+
+
+def without(packages, script):
+    """A process in which these packages cannot be found."""
+    blocked = f"""
+import sys
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {tuple(packages)}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Blocked())
+"""
+    command = [sys.executable, "-c", blocked + script]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_forms_plies_and_load_steppers_need_no_extra():
+    loaded = without((*EXTRAS, "meshio", "pyvista", "PIL"), PLAIN_SCRIPT)
+    assert (loaded.returncode, loaded.stderr) == (0, "")
+
+
+def test_without_rslab_a_load_stepper_runs_with_one_line():
+    found = without(["rslab", *OPTIONAL_SOLVERS], PLAIN_SCRIPT)
+    assert found.returncode == 0
+    assert found.stderr.splitlines() == [
+        "solver rslab is not installed (pip install rslab): superlu takes over, which "
+        "is slower"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("package", "script", "line"),
+    [
+        (
+            "shapely",
+            "from skfem_textile import Outline",
+            "a mesh of an outline requires shapely: pip install "
+            "'skfem-textile[outlines]'",
+        ),
+        (
+            "shapely",
+            "from skfem_textile.forming import outline\noutline.crossing_edges(None)",
+            "the outline of a tool requires shapely: pip install "
+            "'skfem-textile[outlines]'",
+        ),
+        *(
+            (
+                package,
+                "from skfem_textile.cases import case_from_file",
+                f"a case file requires {package}: pip install 'skfem-textile[cli]'",
+            )
+            for package in ("msgspec", "tomli_w")
+        ),
+        (
+            "threadpoolctl",
+            "from skfem_textile.solve.sweep import sweep\nnext(sweep(abs, [1], None))",
+            "a sweep requires threadpoolctl: pip install 'skfem-textile[sweep]'",
+        ),
+        (
+            "matplotlib",
+            "from skfem_textile import plot\nplot.curves",
+            "No module named 'matplotlib': pip install 'skfem-textile[plot]'",
+        ),
+    ],
+)
+def test_an_ability_without_its_package_names_the_extra(package, script, line):
+    assert without([package], script).stderr.splitlines()[-1] == (
+        f"ModuleNotFoundError: {line}"
+    )
+
+
+@pytest.mark.parametrize("package", ["jinja2", "msgspec", "shapely", "tomli_w"])
+def test_the_command_line_without_a_package_says_so_in_one_line(package):
+    script = "from skfem_textile.cli.main import main; sys.exit(main(['list']))"
+    found = without([package], script)
+    assert (found.returncode, found.stdout) == (2, "")
+    assert found.stderr == (
+        f"skfem-textile: error: the command line requires {package}: pip install "
+        "'skfem-textile[cli]'\n"
+    )
+
+
 def test_importing_the_package_loads_nothing_that_is_only_used_later():
     loaded = loaded_by("import skfem_textile.scenes, skfem_textile.cli.run_options")
     assert loaded & {*HEAVY, *OPTIONAL_SOLVERS} == {"msgspec"}

@@ -23,14 +23,15 @@ PACKAGES = [
 ]
 
 
-def blocks():
+def blocks(pages=LISTS):
     """The names of each table."""
-    for page in LISTS:
+    for page in pages:
         for names in BLOCK.findall(page.read_text(encoding="utf-8")):
             yield [f"skfem_textile.{name}" for name in names.split()]
 
 
 LISTED = [name for names in blocks() for name in names]
+INTERNAL = {name for names in blocks(LISTS[-1:]) for name in names}
 
 
 def documented():
@@ -62,6 +63,27 @@ def test_every_public_name_is_documented(package):
         and not any(name == entry and same(x, value) for entry, value in entries)
     ]
     assert missing == []
+
+
+#: A module and its names on the page of public names.
+MODULE = re.compile(r"^`(skfem_textile[\w.]*)`\n\n```text\n(.*?)```", re.M | re.S)
+
+PAGE_OF_NAMES = (REFERENCE / "public-names.md").read_text(encoding="utf-8")
+NAMED = {module: names.split() for module, names in MODULE.findall(PAGE_OF_NAMES)}
+
+
+@pytest.mark.parametrize("package", [*PACKAGES, ".cases", ".fabric", ".singular"])
+def test_the_page_of_public_names_lists_those_of_each_package(package):
+    package = f"skfem_textile{package}"
+    assert NAMED[package] == sorted(import_module(package).__all__)
+
+
+def test_the_page_of_public_names_lists_the_names_of_the_api():
+    named = {f"{module}.{name}" for module, names in NAMED.items() for name in names}
+    assert {name for name in LISTED if name not in INTERNAL} - named == set()
+    for name in named:
+        module, _, name = name.rpartition(".")
+        assert hasattr(import_module(module), name)
 
 
 def test_every_name_is_listed_once_in_a_table_of_at_most_thirty_rows():

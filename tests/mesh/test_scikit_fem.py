@@ -1,10 +1,12 @@
 """Internals of scikit-fem used by the package behave as expected."""
 
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
+import skfem
 from skfem import (
     BilinearForm,
     CellBasis,
@@ -20,7 +22,11 @@ from skfem.helpers import ddot, grad
 
 import skfem_textile
 from skfem_textile.mesh.scikit_fem import (
+    PRIVATE,
+    COOData,
+    FormExtraParams,
     OwnAssembly,
+    get_quadrature,
     matrix_entries,
     number_entries,
     set_element_dofs,
@@ -141,11 +147,77 @@ def test_a_field_carries_a_third_gradient(basis):
     assert basis.interpolate(basis.zeros()).grad3 is None
 
 
+def is_used(private, public):
+    """True if an attribute of a basis returns what is set under a private name."""
+    basis, marker = vector_basis(), object()
+    setattr(basis, private, marker)
+    return getattr(basis, public) is marker
+
+
+#: For each of `PRIVATE`, an expression that is true as long as scikit-fem has it.
+CANARIES = {
+    "Mesh._boundaries, Mesh._subdomains": lambda: (
+        {"_boundaries", "_subdomains"} <= {field.name for field in fields(MeshQuad)}
+    ),
+    "AbstractBasis._element_dofs": lambda: is_used("_element_dofs", "element_dofs"),
+    "AbstractBasis._global_coordinates": lambda: hasattr(
+        vector_basis(), "_global_coordinates"
+    ),
+    "Form._assemble": lambda: all(
+        len(form(lambda *fields: 0 * fields[-1].x[0])._assemble(vector_basis())) == 4
+        for form in (Functional, LinearForm, BilinearForm)
+    ),
+    "Form._normalize_asm_kwargs": lambda: (
+        LinearForm(lambda v, w: 0 * v)
+        ._normalize_asm_kwargs({"u": vector_basis().zeros()}, vector_basis())["u"]
+        .grad
+        is not None
+    ),
+    "Form._kernel": lambda: (
+        LinearForm(lambda v, w: w["factor"] * v[0])
+        ._kernel(vector_basis().basis[0], {"factor": 2.0}, vector_basis().dx)
+        .shape
+        == (vector_basis().nelems,)
+    ),
+    "DiscreteField.grad3": lambda: "grad3" in DiscreteField._extra_attrs,
+    "skfem.assembly.form.coo_data.COOData": lambda: isinstance(
+        LinearForm(lambda v, w: 0 * v[0]).coo_data(vector_basis()), COOData
+    ),
+    "skfem.assembly.form.form.FormExtraParams": lambda: (
+        FormExtraParams(x=1).x == FormExtraParams(x=1)["x"] == 1
+    ),
+    "skfem.quadrature.get_quadrature": lambda: (
+        get_quadrature(ElementQuad1, 2)[0].shape == (2, 4)
+    ),
+}
+
+
+def vector_basis():
+    return CellBasis(MESH, ElementVector(ElementQuad1()), intorder=1)
+
+
+def test_every_private_name_has_a_canary():
+    assert CANARIES.keys() == PRIVATE.keys()
+
+
+@pytest.mark.parametrize("name", PRIVATE)
+def test_scikit_fem_still_has(name):
+    change = f"scikit-fem {skfem.__version__} changed {name} ({PRIVATE[name]})"
+    try:
+        found = CANARIES[name]()
+    except Exception as error:
+        pytest.fail(f"{change}: {error!r}")
+    assert found, change
+
+
 def test_no_other_module_uses_private_names_of_scikit_fem():
     private = (
         r"\b_(boundaries|subdomains|assemble|kernel|normalize_asm_kwargs|element_dofs|"
         r"global_coordinates)\b"
     )
+    deep = r"^ *(from|import) skfem\.(?!helpers\b)"
     files = Path(skfem_textile.__file__).parent.rglob("*.py")
-    using = {file.name for file in files if re.search(private, file.read_text())}
-    assert using == {"scikit_fem.py"}
+    found = re.compile(f"{private}|{deep}", re.MULTILINE)
+    assert {file.name for file in files if found.search(file.read_text())} == {
+        "scikit_fem.py"
+    }

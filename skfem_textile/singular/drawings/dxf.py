@@ -12,6 +12,7 @@ from numpy import ndarray
 from scipy.interpolate import BSpline
 
 from ...mesh.other_packages import without_messages
+from ...mesh.requirements import require
 from ...mesh.user_input import IN_MM, excerpt, printable, refuse_unit
 from .curves import (
     FINEST,
@@ -95,13 +96,9 @@ def curves_of_dxf(
 
 def _drawing(path: str | os.PathLike[str], what: str) -> Any:
     """The file as read by ezdxf."""
-    try:
-        import ezdxf
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            "reading a .dxf file requires ezdxf: pip install 'skfem-textile[dxf]'",
-            name=error.name,
-        ) from None
+    require("reading a .dxf file", "dxf", "ezdxf")
+    import ezdxf
+
     try:
         with without_messages():
             drawing = ezdxf.readfile(path)

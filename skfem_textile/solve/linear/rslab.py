@@ -14,7 +14,7 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix
 
 from .scaling import ROUND_OFF
-from .solver import FORKED, REFINEMENTS, CountedPivots, LatestFactors
+from .solver import FORKED, HIDDEN, REFINEMENTS, CountedPivots, LatestFactors
 from .unknowns import Unknowns
 
 # Approximate minimum degree takes less time than nested dissection, and the factors of
@@ -117,4 +117,5 @@ def _replace_after_fork() -> None:
 
 def _hide() -> None:
     """Make RSLAB fail to import in this process."""
+    HIDDEN.add("rslab")
     sys.modules["rslab"] = None  # type: ignore[assignment]

@@ -5,10 +5,9 @@ large systems.
 """
 
 import logging
-import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from importlib import import_module
 from importlib.util import find_spec
 from threading import Lock, RLock
@@ -20,6 +19,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
+from ...mesh.user_input import error_text
 from .scaling import ROUND_OFF, Scaled, Scaling, SingularMatrixError
 from .unknowns import Unknowns
 
@@ -35,6 +35,9 @@ FORKED = (
     "solver 'rslab' cannot be used in a forked process, which lacks its threads: start "
     "processes by spawn, or choose another solver"
 )
+
+#: Solvers that are hidden from this process, a forked one.
+HIDDEN: set[str] = set()
 
 #: Number of unknowns from which ``auto`` measures.  The measurement then takes 2 s, of
 #: which 0.6 s load PARDISO; a solver that saves a third of the time repays this in 25
@@ -446,13 +449,13 @@ def check_solver(name: str) -> None:
             f"unknown solver {name!r}: choose one of auto, {', '.join(SOLVERS)}"
         )
     package, install = SOLVERS[name].package, SOLVERS[name].install
-    if find_spec(package) is None:
-        if name == "rslab" and package in sys.modules:
-            raise ValueError(FORKED)
-        install = install or f"pip install {package}"
-        raise ValueError(f"solver {name!r} needs {package}: {install}")
+    if name in HIDDEN:
+        raise ValueError(FORKED)
     try:
-        import_module(SOLVERS[name].needs)
+        _import(name)
+    except ModuleNotFoundError:
+        install = install or f"pip install {package}"
+        raise ValueError(f"solver {name!r} needs {package}: {install}") from None
     except ImportError as error:
         raise ValueError(
             f"solver {name!r} needs {package}, which fails to import: {error}"
@@ -470,16 +473,46 @@ def _known(unknowns: int) -> str:
 
 
 def _first_importable(names: Iterable[str]) -> str:
-    """First of these solvers whose package imports; if there is none, SuperLU."""
+    """First of these solvers whose package imports; if there is none, SuperLU.
+
+    A warning names a package that fails to import, and RSLAB if it is not installed.
+    """
     for name in names:
-        if find_spec(SOLVERS[name].package):
-            try:
-                import_module(SOLVERS[name].needs)
-            except ImportError as error:  # incompletely installed
-                log.warning("solver %s: %s", name, error)
-            else:
-                return name
+        instead = ": superlu takes over, which is slower" if name == "rslab" else ""
+        try:
+            _import(name)
+            return name
+        except ModuleNotFoundError:
+            if instead and name not in HIDDEN:
+                missing = f"solver {name} is not installed (pip install {name})"
+                _warn_once(f"{missing}{instead}")
+        except ImportError as error:
+            _warn_once(f"solver {name}: {error}{instead}")
     return "superlu"
+
+
+def _import(name: str) -> None:
+    """Import the package of a solver.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If it is not installed.
+    ImportError
+        If it fails to import.
+    """
+    try:
+        import_module(SOLVERS[name].needs)
+    except Exception as error:  # of any type, as by NumPy for another binary interface
+        if getattr(error, "name", None) in (SOLVERS[name].package, SOLVERS[name].needs):
+            raise
+        raise ImportError(error_text(error)) from error
+
+
+@cache
+def _warn_once(message: str) -> None:
+    """Log a warning, once per process."""
+    log.warning("%s", message)
 
 
 def _measured(

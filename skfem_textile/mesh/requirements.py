@@ -1,0 +1,37 @@
+"""Packages that only some abilities require, and the extras that install them."""
+
+from importlib.util import find_spec
+
+
+def is_installed(package: str) -> bool:
+    """True if a package can be found; it is not imported."""
+    try:
+        return find_spec(package) is not None
+    except ImportError:  # by a finder that blocks it
+        return False
+
+
+def require(ability: str, extra: str, *packages: str) -> None:
+    """Raise an error if a package that an ability requires is not installed.
+
+    Parameters
+    ----------
+    ability
+        The ability, as the subject of the message.
+    extra
+        Extra of this package that installs what is missing.
+    packages
+        Packages by the names by which they are imported.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        With one line that names the ability, the packages and the extra.
+    """
+    missing = [package for package in packages if not is_installed(package)]
+    if missing:
+        raise ModuleNotFoundError(
+            f"{ability} requires {', '.join(missing)}: "
+            f"pip install 'skfem-textile[{extra}]'",
+            name=missing[0],
+        )
