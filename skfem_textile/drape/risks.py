@@ -207,10 +207,29 @@ def wrinkle_risk(
     ndarray
         Bool, shape (n_elements,), of the elements of ``ply.mesh``.
     """
+    return np.asarray(~(_distance_to_buckling(ply, u, parameters) >= 0))  # with NaN
+
+
+def most_compressed(
+    ply: Ply, u: ndarray, parameters: PlyParameters | None = None
+) -> int | None:
+    """Element with the greatest `wrinkle_risk`; None if no element is at risk.
+
+    Its fibres are compressed most beyond the limit.  Parameters as there.
+    """
+    distance = _distance_to_buckling(ply, u, parameters)
+    first = int(np.nan_to_num(distance, nan=-np.inf).argmin())
+    return None if distance[first] >= 0 else first
+
+
+def _distance_to_buckling(
+    ply: Ply, u: ndarray, parameters: PlyParameters | None
+) -> ndarray:
+    """Smaller mean tension of both families above buckling in N/mm, (n_elements,)."""
     tension, weight = ply.fibre_tension(u, parameters), ply.basis.dx
     mean = (tension * weight).sum(axis=-1) / weight.sum(axis=-1)
     sheared, fabric = np.abs(ply.shear_angle(u)).max(axis=1), ply.fabric.at()
     stiffness = fabric.shear_law.tangent(np.zeros((len(sheared), 1)))[:, 0]
     none = _NONE * np.abs(mean).max(initial=0.0)
     stands = np.where(sheared > fabric.wrinkling_angle, none, stiffness)
-    return np.asarray((~(mean >= -stands)).any(axis=0))  # includes NaN
+    return np.asarray((mean + stands).min(axis=0))  # NaN where a tension is

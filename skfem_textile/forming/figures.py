@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from ..drape.risks import COARSE, share_of_area, wrinkle_risk
+from ..drape.risks import COARSE, most_compressed, share_of_area, wrinkle_risk
 from ..ply import Ply
 from ..solve.quantities import Quantity
 from ..solve.result import Result
@@ -34,11 +34,12 @@ _RAYS = (0, 45, 90)
 def formed(result: Result) -> dict[str, Any]:
     """Figures of the last state of a ply between tools in N, mm and degrees; advice.
 
-    For each tool the last row of `tool_history` and, except for holders with a
-    prescribed pressure, ``NAME_penetration_mm``, the largest depth of the ply in the
-    tool between nodes (`smallest_gap`).  Places are in the axes ``stated`` by the
-    tools.  Of the ply the draw-in, the areal weight relative to the flat ply
-    (`areal_weight`), and risks.  ``first`` declares the figures that are printed first.
+    For each tool the last row of `tool_history`; ``NAME_force_on_whole_ply_N``, if a
+    half or quarter of the ply is computed; and, except for holders with a prescribed
+    pressure, ``NAME_penetration_mm``, the largest depth of the ply in the tool between
+    nodes (`smallest_gap`).  Places are in the axes ``stated`` by the tools.  Of the ply
+    the draw-in, the areal weight relative to the flat ply (`areal_weight`), and risks.
+    ``first`` declares the figures that are printed first.
 
     Parameters
     ----------
@@ -56,50 +57,90 @@ def formed(result: Result) -> dict[str, Any]:
     if not tools:
         return {}
     gaps = {x.name: smallest_gap(ply, x, state.u, state.load_factor) for x in tools}
+    deepest = _deepest(tools, gaps)
     turn = np.degrees(np.max([turn_on_tool(ply, x, state) for x in tools], axis=0))
     at_risk = wrinkle_risk(ply, state.u, state.parameters)
+    most = most_compressed(ply, state.u, state.parameters)
+    stated = tools[0].stated
     history = tool_history(result)
     return {
         **{name: column[-1].item() for name, column in history.items()},
+        **_of_whole_ply(ply, history),
         **{f"{name}_penetration_mm": _depth(gap) for name, gap in gaps.items()},
-        **_deepest(tools, gaps),
+        **deepest,
         **_draw_in(ply, state.u),
         **_areal_weight(ply, state.u),
         **_curvature(ply, state, tools),
         "wrinkle_risk_share_of_area": share_of_area(ply, at_risk),
+        **({} if most is None else result.place_of(most, "wrinkle_risk_at", stated)),
         "max_turn_of_normal_deg": float(turn.max()),
         **(_untouched(ply, history) if result.converged else {}),
         **_advice(result, tools, turn, at_risk),
-        "first": [quantity.declared() for quantity in _first(result)],
+        "first": [quantity.declared() for quantity in _first(result, deepest)],
     }
 
 
-# Computed part of a ply by its number of planes of symmetry.
-_PARTS = "", " on the computed half", " on the computed quarter"
+#: Computed part of a ply by the number of its mirror images.
+PARTS = {2: "half", 4: "quarter"}
 
 # Texts among the figures.
 _NOTES = "not_formed", "untouched_tools", "coarse_elements", "wrinkles"
 
 
-def _first(result: Result) -> list[Quantity]:
+def _first(result: Result, deepest: Mapping[str, float | str]) -> list[Quantity]:
     """Figures that are printed first; of the tool that travels farthest."""
     t, ply = result.states[-1].load_factor, result.ply
     name = max(pressing(ply), key=lambda tool: travel(tool, t)).name
-    planes = [*ply.fibre_ends.values()].count("mirror")
-    of = name.replace("_", " ").capitalize()
+    parts, of = mirror_images(ply), name.replace("_", " ").capitalize()
+    inside = deepest.get("max_penetration_tool")
+    key, note = f"{name}_force_N", ""
+    if parts in PARTS:
+        key = f"{name}_force_on_whole_ply_N"
+        note = f" on the whole ply, {parts} times that on the computed {PARTS[parts]}"
     return [
-        Quantity(
-            *(f"{of} force", f"{name}_force_N", "N"),
-            has_interval=True,
-            note=_PARTS[planes],
-        ),
+        Quantity(f"{of} force", key, "N", has_interval=True, note=note),
         Quantity(f"{of} travel", f"{name}_travel_mm", "mm"),
         Quantity(
             *("Largest draw-in", "max_draw_in_mm", "mm", "max_draw_in_at_flat"),
-            note=" of the flat ply",
+            at=" in the flat ply at",
+        ),
+        Quantity(
+            *("Largest penetration", "max_penetration_mm", "mm", "max_penetration_at"),
+            note=f" into the tool {inside!r}" if inside else "",
         ),
         *(Quantity("Note", key) for key in _NOTES),
     ]
+
+
+def mirror_images(ply: Ply) -> int:
+    """Number of copies of a ply, by its planes of symmetry, that are the whole ply.
+
+    1 without planes; 2 for one plane, and 4 for two at right angles; 0 if the copies do
+    not fit together.
+    """
+    mesh = ply.mesh
+    names = [name for name, end in ply.fibre_ends.items() if end == "mirror"]
+    ends = np.array([mesh.p[:, mesh.facets[:, mesh.boundaries[x][0]]] for x in names])
+    if len(names) == 2:
+        one, other = ends[..., 1] - ends[..., 0]
+        if abs(one @ other) > _ACROSS * np.linalg.norm(one) * np.linalg.norm(other):
+            return 0
+    return {0: 1, 1: 2, 2: 4}.get(len(names), 0)
+
+
+# Cosine of the angle between two planes above which they are not at right angles.
+_ACROSS = 1e-6
+
+
+def _of_whole_ply(ply: Ply, history: Mapping[str, ndarray]) -> dict[str, float]:
+    """Forces of the tools on the whole ply, if a part of it is computed."""
+    parts = mirror_images(ply)
+    if parts not in PARTS:
+        return {}
+    keys = {x.name: f"{x.name}_force_on_whole_ply_N" for x in pressing(ply)}
+    return {
+        key: parts * history[f"{name}_force_N"][-1].item() for name, key in keys.items()
+    }
 
 
 def tool_history(result: Result) -> dict[str, ndarray]:
@@ -177,14 +218,15 @@ def _depth(least: SmallestGap | None) -> float:
 def _deepest(
     tools: Sequence[ToolContact], gaps: dict[str, SmallestGap | None]
 ) -> dict[str, float | str]:
-    """Tool, place and element of the deepest penetration; empty if there is none."""
+    """Deepest penetration in mm; its tool, place and element, if there is one."""
     inside = {name: x for name, x in gaps.items() if x is not None and x.gap < 0}
     if not inside:
-        return {}
+        return {"max_penetration_mm": 0.0}
     name, deepest = min(inside.items(), key=lambda item: item[1].gap)
     at = tools[0].stated(deepest.place[:, None])[:, 0]
     places = zip("xyz", at.tolist(), strict=True)
     return {
+        "max_penetration_mm": -deepest.gap,
         "max_penetration_tool": name,
         **{f"max_penetration_at_{axis}_mm": x for axis, x in places},
         "max_penetration_element": deepest.element,

@@ -25,6 +25,7 @@ from ..forming import (
     tool_forces,
     travels,
 )
+from ..forming.figures import PARTS, mirror_images
 from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
@@ -255,7 +256,8 @@ def tool_force(
     """Plot the force of each tool on the ply over the travel.
 
     The component along the motion of the tool that travels farthest, against its
-    travel.
+    travel.  If a half or quarter of the ply is computed, the label says that the forces
+    are those on it.
 
     Parameters
     ----------
@@ -273,7 +275,9 @@ def tool_force(
     far = travels(result)
     longest = max(far, key=lambda name: far[name].max())
     lines = {name: (far[longest], force) for name, force in tool_forces(result).items()}
-    labels = f"Travel of {longest} (mm)", "Force on the ply (N)"
+    part = PARTS.get(mirror_images(result.ply))
+    what = f"the computed {part} of the ply" if part else "the ply"
+    labels = f"Travel of {longest} (mm)", f"Force on {what} (N)"
     return curves({"": lines}, *labels, filename)
 
 

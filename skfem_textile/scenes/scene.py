@@ -10,7 +10,7 @@ from numpy import ndarray
 from skfem import Mesh
 
 from ..drape import SAME_AXES, Axes, wrinkle_risk
-from ..drape.risks import share_of_area
+from ..drape.risks import most_compressed, share_of_area
 from ..fabric import Fabric, Law, is_zero
 from ..solve.conditions import Condition
 from ..solve.quantities import Quantity
@@ -341,13 +341,20 @@ class Scene:
         reaction = self.reaction(state).tolist()
         carried = state.shares.get(f"{self.reacting or self.driven}_reaction", {})
         summary = result.summary(self._driven(result))
-        at_risk = wrinkle_risk(result.ply, result.u, state.parameters)
+        of_ply = result.ply, result.u, state.parameters
+        at_risk, most = wrinkle_risk(*of_ply), most_compressed(*of_ply)
+        stated = self.axes.of_tool if self.dimension == 3 else np.asarray
         return {
             "scene": self.name,
             **summary,
             "first": [*(one.declared() for one in self.first), *summary["first"]],
-            **(result.place_of_shear(self.axes.of_tool) if self.dimension == 3 else {}),
+            **result.place_of_shear(stated),
             "wrinkle_risk_share_of_area": share_of_area(result.ply, at_risk),
+            **(
+                {}
+                if most is None or result.not_on_tool
+                else result.place_of(most, "wrinkle_risk_at", stated)
+            ),
             **{f"reaction_{x}": f for x, f in zip("xyz", reaction, strict=False)},
             **{f"reaction_share_of_{k}": v for k, v in carried.items()},
             **self._load_over_exact(result, reaction[1]),

@@ -5,8 +5,8 @@ from math import isfinite
 from numbers import Real
 from typing import Any, NamedTuple
 
-# Values below which strains and angles are shown as round-off.
-_ROUND_OFF = {"%": 1e-3, "°": 1e-3}
+# Values below which strains, angles and lengths are shown as round-off.
+_ROUND_OFF = {"%": 1e-3, "°": 1e-3, "mm": 1e-6}
 
 # Relative rounding of values with four digits: intervals are not narrower.
 _ROUNDED = 1e-3
@@ -33,6 +33,8 @@ class Quantity(NamedTuple):
         True if it has an error interval, whose half-width is ``KEY_half_width``.
     note
         Words after the unit.
+    at
+        Words before the position.
     """
 
     name: str
@@ -41,10 +43,12 @@ class Quantity(NamedTuple):
     place: str = ""
     has_interval: bool = False
     note: str = ""
+    at: str = " at"
 
     def declared(self) -> dict[str, Any]:
-        """Fields that are not empty, by name, for a summary."""
-        return {name: x for name, x in self._asdict().items() if x}
+        """Fields other than the defaults, by name, for a summary."""
+        left_out = self._field_defaults
+        return {k: x for k, x in self._asdict().items() if x != left_out.get(k)}
 
     def text(self, summary: Mapping[str, Any]) -> str:
         """Value with unit, interval and position; empty if there is no value."""
@@ -58,11 +62,11 @@ class Quantity(NamedTuple):
         unit = self.unit if self.unit == "°" else f" {self.unit}"
         keys = [f"{self.place}_{axis}_mm" for axis in "xyz"]
         at = [round(summary[key], 1) + 0.0 for key in keys if key in summary]
-        place = f" at ({', '.join(map(str, at))}) mm" if at else ""
+        place = f"{self.at} ({', '.join(map(str, at))}) mm" if at else ""
         number = _rounded(value, 4)
         if self.unit in _ROUND_OFF and 0 < abs(value) < _ROUND_OFF[self.unit]:
             number = f"below {_ROUND_OFF[self.unit]:g}"
-        return f"{number}{interval}{unit}{place}{self.note}{reason}"
+        return f"{number}{interval}{unit}{self.note}{place}{reason}"
 
     def _interval(self, value: float, summary: Mapping[str, Any]) -> tuple[str, str]:
         """Half-width of the value, or the reason why there is none."""
@@ -91,8 +95,9 @@ OF_PLY = (
     ),
     Quantity("Largest fibre strain", "max_fibre_strain", "%"),
     Quantity(
-        *("Wrinkle risk", "wrinkle_risk_share_of_area", "%"),
+        *("Wrinkle risk", "wrinkle_risk_share_of_area", "%", "wrinkle_risk_at"),
         note=" of the area, where compressed fibres may buckle",
+        at="; most compressed at",
     ),
 )
 
@@ -108,8 +113,8 @@ def first_rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     Returns
     -------
     list
-        At most 14 rows: name, ``bad`` or empty, and text.  Numbers come first, then
-        texts and warnings, and the run time.
+        At most 14 rows: name, ``bad`` or empty, and text.  Texts and warnings, which
+        qualify the numbers, come first, then the numbers, and the run time.
 
     Raises
     ------
@@ -121,20 +126,24 @@ def first_rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     >>> first = [Quantity("Load", "load_N", "N", has_interval=True).declared()]
     >>> first_rows({"load_N": 12.0, "load_N_half_width": 1.2, "first": first})
     [('Load', '', '12 ± 1.2 N'), ('Warnings', '', 'none')]
+    >>> first_rows({"load_N": 12.0, "first": first[:1], "warnings": ["not stable"]})[0]
+    ('Warning', 'bad', 'not stable')
     """
     rows: list[tuple[str, str, str]] = []
     texts: list[tuple[str, str, str]] = []
-    if summary.get("converged") is False:
-        stopped = f"at load factor {summary.get('load_factor'):.4g}, described here"
-        rows.append(("Stopped early", "bad", stopped))
     for one in summary.get("first", ()):
         quantity = Quantity(**one)
         if text := quantity.text(summary):
             (rows if quantity.unit else texts).append((quantity.name, "", text))
     texts += [("Warning", "bad", str(text)) for text in summary.get("warnings", ())]
-    texts = texts or [("Warnings", "", "none")]
-    most = _MOST - len(rows) - 1
+    if not texts:
+        rows.append(("Warnings", "", "none"))
+    if time := Quantity("Run time", "wall_time_s", "s").text(summary):
+        rows.append(("Run time", "", time))
+    if summary.get("converged") is False:
+        stopped = f"at load factor {summary.get('load_factor'):.4g}, described here"
+        texts.insert(0, ("Stopped early", "bad", stopped))
+    most = _MOST - len(rows)
     if (surplus := len(texts) - most) > 0:
         texts[most - 1 :] = [("Warnings", "bad", f"{surplus + 1} more in summary.json")]
-    time = Quantity("Run time", "wall_time_s", "s").text(summary)
-    return [*rows, *texts, *([("Run time", "", time)] if time else [])]
+    return [*texts, *rows]

@@ -239,7 +239,7 @@ class Result:
                 failed.setdefault(check, []).append(state)
         lines = [UNCHANGING] if self.unchanging else []
         for check, (first, *others) in failed.items():
-            more = f" (and in {len(others)} more states)" if others else ""
+            more = f" (and in {_counted(len(others), 'more state')})" if others else ""
             where = f"load factor {first.load_factor:g}"
             lines.append(f"{where}: {first.warnings[check]}{more}")
         if self.unresolved:
@@ -373,11 +373,20 @@ class Result:
         """
         if self.not_on_tool:
             return {}
-        ply, angle = self.ply, np.abs(self.ply.shear_angle(self.u)).max(axis=1)
-        first = (angle >= (1 - _EQUAL) * angle.max()).argmax()
-        corners = ply.positions(self.u)[:, ply.mesh.t[:, first]]
+        angle = np.abs(self.ply.shear_angle(self.u)).max(axis=1)
+        first = int((angle >= (1 - _EQUAL) * angle.max()).argmax())
+        return self.place_of(first, "max_shear_angle_at", stated)
+
+    def place_of(
+        self, element: int, name: str, stated: Callable[[ndarray], ndarray]
+    ) -> dict[str, float]:
+        """Current centre of an element in mm, by keys that begin with a name.
+
+        The position, shape (d, 1), is converted by ``stated``.
+        """
+        corners = self.ply.positions(self.u)[:, self.ply.mesh.t[:, element]]
         place = stated(corners.mean(axis=1, keepdims=True))[:, 0]
-        return components_mm("max_shear_angle_at", place)
+        return components_mm(name, place)
 
     def _figures_of_load(self, driven: Driven | None) -> dict[str, Any]:
         """Load and displacement; the largest displacement if only loads deform a ply.
@@ -422,10 +431,10 @@ class Result:
 
     def _head(self) -> str:
         end = "converged" if self.converged else "stopped early"
-        return (
-            f"Result: {end} at load factor {self.states[-1].load_factor:g}, "
-            f"{len(self.states) - 1} steps, {self.linear_solves} linear solves"
-        )
+        steps = _counted(len(self.states) - 1, "step")
+        solves = _counted(self.linear_solves, "linear solve")
+        at = f"{self.states[-1].load_factor:g}"
+        return f"Result: {end} at load factor {at}, {steps}, {solves}"
 
     def __repr__(self) -> str:
         """Quantities that are read first, with units and the error interval."""
@@ -465,8 +474,13 @@ class Result:
                 f"{'yes' if verdict.stable else 'no':>8}"
             )
         if left_out := len(self.states) - len(chosen):
-            lines.append(f"          … {left_out} more states in between: see .states")
+            more = _counted(left_out, "more state")
+            lines.append(f"          … {more} in between: see .states")
         return "\n".join([*lines, repr(self)])
+
+
+def _counted(n: int, what: str) -> str:
+    return f"{n} {what}{'s' * (n != 1)}"
 
 
 def _no_interval(state: State) -> ErrorInterval:

@@ -78,7 +78,9 @@ def test_a_run_prints_at_most_15_lines_with_units_or_reasons(ended, printed):
     )
     assert 0 < shear < strain < risk < len(names) - 1
     assert names[-1] == "Run time"
-    assert {"Warning", "Warnings", "Note"} & {*names[risk + 1 : -1]}
+    notes = [i for i, x in enumerate(names) if x in ("Note", "Warning")]
+    assert notes == [*range(len(notes))]
+    assert ("Warnings" in names[risk + 1 : -1]) == (not notes)
     (load,) = (x for x in lines if re.search(" ± |no error interval|within the", x))
     assert re.match(r"(Load \(|.+ (force|pressure) )", load)
     assert re.search(r"°.* at \([-\d., ]+\) mm$", lines[shear])
@@ -118,14 +120,36 @@ def test_every_declared_quantity_is_in_the_summary_or_a_note(ended, printed):
         assert one["key"] in summary or one["name"] == "Note"
 
 
+def test_the_force_on_a_quarter_is_printed_for_the_whole_ply(ended, printed):
+    summary = json.loads((ended[0] / "summary.json").read_text())
+    if "forming" not in summary["scene"]:
+        return
+    (line,) = (x for x in printed if " force " in x)
+    if summary["inputs"]["scene"]["part"] == "quarter":
+        assert "on the whole ply, 4 times that on the computed quarter" in line
+        for key in [x for x in summary if x.endswith("_force_on_whole_ply_N")]:
+            part = summary[key.replace("_on_whole_ply", "")]
+            assert summary[key] == pytest.approx(4 * part)
+    (line,) = (x for x in printed if x.startswith("Largest penetration "))
+    assert ("into the tool " in line) == (summary["max_penetration_mm"] > 0)
+
+
+def test_the_words_before_a_position_follow_the_note():
+    summary = {"risk": 0.5, "risk_at_x_mm": 1.0, "risk_at_y_mm": 2.0}
+    risk = Quantity("Risk", "risk", "%", "risk_at", note=" of it", at="; most at")
+    assert risk.text(summary) == "50 % of it; most at (1.0, 2.0) mm"
+    assert risk.text({"risk": 0.0}) == "0 % of it"
+    assert Quantity(**risk.declared()) == risk
+
+
 def test_surplus_warnings_are_counted():
     first = [Quantity("Load", "load_N", "N").declared()]
     summary = {"load_N": 1.0, "wall_time_s": 2.0, "first": first}
     rows = first_rows(summary | {"warnings": [f"warning {i}" for i in range(40)]})
     assert len(rows) == 14
-    assert rows[0] == ("Load", "", "1 N")
-    assert rows[11] == ("Warning", "bad", "warning 10")
-    assert rows[12] == ("Warnings", "bad", "29 more in summary.json")
+    assert rows[10] == ("Warning", "bad", "warning 10")
+    assert rows[11] == ("Warnings", "bad", "29 more in summary.json")
+    assert rows[12] == ("Load", "", "1 N")
     assert len(first_rows(summary | {"warnings": ["one"] * 12})) == 14
     assert first_rows(summary)[1] == ("Warnings", "", "none")
 
