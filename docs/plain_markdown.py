@@ -8,7 +8,7 @@ import re
 import tomllib
 from pathlib import Path
 
-#: A link to a table of a study, on a line of its own.
+#: A link to a table of a study that fills a line.
 TABLE = re.compile(r"^\[Table: [^\]]+\]\((\S+)\)$", re.MULTILINE)
 
 #: Built pages by their source, as linked from the page that is its neighbour.

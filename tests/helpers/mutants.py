@@ -5,8 +5,8 @@
 draws changes by a seed: of signs, factors, indices, families, terms and limits, equally
 many of each kind and spread over the folders.  Each is written into a copy of the
 checkout, where the tests of its folder run, those first that name its module; with
-``--lane``, all tests of the library run for those that survive.  Rows that the file
-has already are not run again.
+``--lane``, all tests of the library run for those that survive.  Rows of an existing
+file are not run again.
 """
 
 import ast
