@@ -98,7 +98,8 @@ def run(options: argparse.Namespace) -> int:
             pictures=sources(folder, _CAPTIONS),
         )
     say_rows(verdict)
-    say(f"results written to {printable(options.out)}: open {_PAGE}")
+    written_to = f"results written to {printable(options.out)}"
+    say(f"{written_to}: open {_PAGE}{out.removed_text()}")
     is_found = part.patterns and cover.is_whole and not part.no_darts
     return 0 if is_found else STOPPED_EARLY
 

@@ -29,6 +29,7 @@ from .interruption import INTERRUPTED, held
 from .output import STOPPED_EARLY, OutputError, complain, say
 from .page import say_rows
 from .progress import load, log_to_stderr, shown
+from .report import REPORT
 from .result_folder import ResultFolder
 from .run_options import tables_of_options
 from .words import is_case_file
@@ -90,7 +91,7 @@ def _run(file: CaseFile, options: argparse.Namespace) -> int:
         fields = (f"fields/{name}" for name in io.FIELDS)
         tables = ("summary.json", "history.csv", CURVE)
         drapes = *io.DRAPED, *export.files
-        files = (*tables, *WRITTEN_FILES, *drapes, *fields, *_PICTURES)
+        files = (*tables, *WRITTEN_FILES, *drapes, *fields, *_PICTURES, REPORT)
         out = ResultFolder(options.out, files)
         resume = options.resume is not None
         code, message, refusal = load(stepper, resume)
@@ -142,7 +143,8 @@ def _run(file: CaseFile, options: argparse.Namespace) -> int:
         say((options.out / "summary.json").read_text(encoding="utf-8"), end="")
     else:
         say_rows(first_rows(summary))
-        say(f"results written to {printable(options.out)}: all values in summary.json")
+        written_to = f"results written to {printable(options.out)}"
+        say(f"{written_to}: all values in summary.json{out.removed_text()}")
     if message:
         complain(message)
     return code

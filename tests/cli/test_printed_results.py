@@ -123,13 +123,14 @@ def test_every_declared_quantity_is_in_the_summary_or_a_note(ended, printed):
 def test_the_force_on_a_quarter_is_printed_for_the_whole_ply(ended, printed):
     summary = json.loads((ended[0] / "summary.json").read_text())
     if "forming" not in summary["scene"]:
-        return
+        pytest.skip("no tools")
     (line,) = (x for x in printed if " force " in x)
-    if summary["inputs"]["scene"]["part"] == "quarter":
-        assert "on the whole ply, 4 times that on the computed quarter" in line
-        for key in [x for x in summary if x.endswith("_force_on_whole_ply_N")]:
-            part = summary[key.replace("_on_whole_ply", "")]
-            assert summary[key] == pytest.approx(4 * part)
+    assert "on the whole ply, 4 times that on the computed quarter" in line
+    whole = [x for x in summary if x.endswith("_force_on_whole_ply_N")]
+    assert len(whole) > 1
+    for key in whole:
+        part = summary[key.replace("_on_whole_ply", "")]
+        assert summary[key] == pytest.approx(4 * part)
     (line,) = (x for x in printed if x.startswith("Largest penetration "))
     assert ("into the tool " in line) == (summary["max_penetration_mm"] > 0)
 

@@ -157,7 +157,7 @@ def test_a_result_shows_its_load_with_unit_and_interval():
     shown = f"{load:.4g} ± {half * load:.2g} N"
     assert f"Load (&lt;pull&gt;)</th><td>{shown}</td>" in result._repr_html_()
     head, *rows = repr(result).splitlines()
-    assert head.startswith("Result: converged at load factor 1, 1 steps")
+    assert head.startswith("Result: converged at load factor 1, 1 step, ")
     assert rows[0].split("  ")[1:] == ["Load (<pull>)", *[""] * 4, f" {shown}"]
     assert len(rows) <= 14
     assert "Warning" in repr(result)
