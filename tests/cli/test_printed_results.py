@@ -135,6 +135,26 @@ def test_the_force_on_a_quarter_is_printed_for_the_whole_ply(ended, printed):
     assert ("into the tool " in line) == (summary["max_penetration_mm"] > 0)
 
 
+def test_a_default_fabric_is_a_note(tmp_path, capsys):
+    line, note = (
+        words("strip", tmp_path),
+        "Note  .*the default of the scene strip is used",
+    )
+    assert cli.main(line) == 0
+    both = f"{note} for tension 10000 N/mm and shear 0 N/mm, .*no wrinkling angle"
+    assert re.search(both, capsys.readouterr().out)
+    (tmp_path / "out" / "report.html").write_text("of the earlier run")
+    assert cli.main([*line, "--fibre-stiffness", "2000"]) == 0
+    out = capsys.readouterr().out
+    assert re.search(f"{note} for shear 0 N/mm, ", out)
+    assert "removed from an earlier run: report.html" in out
+    given = ["--fibre-stiffness", "2000", "--shear-stiffness", "0.5"]
+    assert cli.main([*line, *given]) == 0
+    out = capsys.readouterr().out
+    assert "default of the scene" not in out
+    assert "removed" not in out
+
+
 def test_the_words_before_a_position_follow_the_note():
     summary = {"risk": 0.5, "risk_at_x_mm": 1.0, "risk_at_y_mm": 2.0}
     risk = Quantity("Risk", "risk", "%", "risk_at", note=" of it", at="; most at")
