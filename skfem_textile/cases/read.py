@@ -317,7 +317,7 @@ def default_laws(tables: Mapping[str, Any]) -> tuple[str, ...]:
     if tables.get("fabric", {}).get("file") is not None:
         return ()
     given = [tables, *tables.get("regions", {}).values()]
-    kinds = {"tension": Tension, "shear": Shear}
+    kinds: dict[str, type[Struct]] = {"tension": Tension, "shear": Shear}
     return tuple(
         name
         for name, kind in kinds.items()
