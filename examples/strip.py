@@ -37,15 +37,22 @@ def draw_locking(results, exact, filename):
     from matplotlib import colors, pyplot
     from matplotlib.collections import PolyCollection
 
+    from skfem_textile.plot import FIELDS
+
     pyplot.rcParams["font.size"] = 9
     figure, rows = pyplot.subplots(2, 3, figsize=(6.3, 3.7), layout="constrained")
-    strain = {"norm": colors.LogNorm(1e-4, 3), "cmap": "magma_r"}  # %
+    scale = colors.SymLogNorm(1e-3, vmin=-3, vmax=3)
+    strain = {"norm": scale, "cmap": FIELDS["warp_strain"].cmap}  # %
     error = {"norm": colors.Normalize(0, 0.3), "cmap": "viridis_r"}  # mm
     for column, result in zip(rows.T, results, strict=True):
         ply, moved = result.ply, result.ply.nodal(result.u)
-        largest = 100 * np.abs(ply.law_strain(result.u)).max(axis=(0, 2))
+        strains = 100 * ply.law_strain(result.u)
+        low, high = strains.min(axis=(0, 2)), strains.max(axis=(0, 2))
+        largest = np.where(-low > high, low, high)
         off = np.linalg.norm(moved - exact(ply.nodes, 1.0), axis=0)
-        column[0].set_title(f"{ply.formulation.title}\nup to {largest.max():.2g} %")
+        column[0].set_title(
+            f"{ply.formulation.title}\nup to {np.abs(largest).max():.2g} %"
+        )
         column[1].set_title(f"rms {np.sqrt(np.mean(off**2)):.3f} mm")
         shown = (largest, strain), (off[ply.mesh.t].mean(axis=0), error)
         for axes, (values, scale) in zip(column, shown, strict=True):
@@ -57,7 +64,7 @@ def draw_locking(results, exact, filename):
             axes.set_aspect("equal")
             axes.set_axis_off()
     labels = "Fibre strain in the law (%)", "Position error (mm)"
-    for row, label, extend in zip(rows, labels, ("min", "max"), strict=True):
+    for row, label, extend in zip(rows, labels, ("neither", "max"), strict=True):
         shown = row[0].collections[0]
         figure.colorbar(shown, ax=row, label=label, extend=extend, format="%g")
     figure.savefig(filename, dpi=300)

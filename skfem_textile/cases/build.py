@@ -3,7 +3,7 @@
 import filecmp
 import logging
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,14 @@ from ..ply.loads import BodyForce, Force
 from ..ply.terms import Load
 from ..scenes.case import Case
 from ..solve.surface import OnSurface
-from .read import CaseFileError, declared, name_of_tool, read_tables, with_files
+from .read import (
+    CaseFileError,
+    declared,
+    default_laws,
+    name_of_tool,
+    read_tables,
+    with_files,
+)
 from .scenes import Formed, OnTool, PlaneScene, Specimen
 from .schema import (
     MESH_KINDS,
@@ -102,12 +109,27 @@ def case_from_tables(
     skfem_textile.cases.read.CaseFileError: stepping.steps is a function, ...
     """
     try:
-        return built(declared(tables, folder))
+        return built(declared(tables, folder), default=default_laws(tables))
     except ValueError as error:
         raise CaseFileError(str(error)) from None
 
 
-def built(file: CaseFile, density: float = 1.0) -> Case:
+def _defaults(file: CaseFile, case: Case, default: Collection[str]) -> str:
+    """Note on default laws, and on a wrinkling angle that a ply in space lacks."""
+    stiffness = [
+        f"{x} {getattr(file, x).law.stiffness_N_per_mm:g} N/mm" for x in default
+    ]
+    notes = []
+    if stiffness:
+        scene = f"the default of the scene {case.scene.name}"
+        notes = [f"{scene} is used for {' and '.join(stiffness)}, linear, no locking"]
+    in_space = case.scene.dimension == 3
+    if (in_space or notes) and np.min(case.fabric.wrinkling_angle) >= 0.5 * np.pi:
+        notes.append("no wrinkling angle is given")
+    return "; ".join(notes)
+
+
+def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -> Case:
     """Build the case of a declaration.
 
     Parameters
@@ -116,6 +138,8 @@ def built(file: CaseFile, density: float = 1.0) -> Case:
         The declaration.
     density
         Factor of the number of lines of a graded mesh, or of elements along each side.
+    default
+        Names of laws that are defaults, for a note in the summary.
 
     Raises
     ------
@@ -140,7 +164,7 @@ def built(file: CaseFile, density: float = 1.0) -> Case:
     if file.regions:
         fabric = _with_regions(scene, fabric, file)
         scene = replace(scene, misfit="the fabric differs between regions")
-    return Case(
+    case = Case(
         scene=scene,
         fabric=fabric,
         loads=_loads(file, scene.turn),
@@ -151,6 +175,7 @@ def built(file: CaseFile, density: float = 1.0) -> Case:
         solver=file.stepping.solver,
         pictures=file.output.pictures,
     )
+    return replace(case, defaults=_defaults(file, case, default))
 
 
 def _refuse_missing(key: str, name: str) -> str:

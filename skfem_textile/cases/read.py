@@ -312,6 +312,19 @@ def _law_nested(table: Any, kind: type[Struct], stiffness: float) -> Any:
     return {**outer, "law": law}
 
 
+def default_laws(tables: Mapping[str, Any]) -> tuple[str, ...]:
+    """Names of the laws, tension and shear, that tables of a case leave out."""
+    if tables.get("fabric", {}).get("file") is not None:
+        return ()
+    given = [tables, *tables.get("regions", {}).values()]
+    kinds: dict[str, type[Struct]] = {"tension": Tension, "shear": Shear}
+    return tuple(
+        name
+        for name, kind in kinds.items()
+        if not any({*x.get(name, {})} - _keys_beside_law(kind) for x in given)
+    )
+
+
 def _keys_beside_law(kind: type[Struct]) -> set[str]:
     return {name for name in kind.__struct_fields__ if name != "law"}
 

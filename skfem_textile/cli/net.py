@@ -11,7 +11,15 @@ from numpy import ndarray
 
 from ..mesh.user_input import printable
 from .interruption import held
-from .net_report import Cells, Cover, Part, figures_of, refuse_overlap, verdict_of
+from .net_report import (
+    Cells,
+    Cover,
+    Part,
+    figures_of,
+    refuse_overlap,
+    useless_darts,
+    verdict_of,
+)
 from .output import STOPPED_EARLY, complain, say
 from .page import rows, say_rows, sources, write_page
 from .progress import log_to_stderr, shown
@@ -22,6 +30,7 @@ if TYPE_CHECKING:
     from ..drape import (
         FibresInSpace,
         FlatPattern,
+        Net,
         TriangleMesh,
     )
 
@@ -98,8 +107,10 @@ def run(options: argparse.Namespace) -> int:
             pictures=sources(folder, _CAPTIONS),
         )
     say_rows(verdict)
-    say(f"results written to {printable(options.out)}: open {_PAGE}")
-    is_found = part.patterns and cover.is_whole and not part.no_darts
+    written_to = f"results written to {printable(options.out)}"
+    say(f"{written_to}: open {_PAGE}{out.removed_text()}")
+    no_use = part.no_darts or useless_darts(part, cells)
+    is_found = part.patterns and cover.is_whole and not no_use
     return 0 if is_found else STOPPED_EARLY
 
 
@@ -270,7 +281,10 @@ def _pieces(
             found = drape.pattern_with_darts(cut, curves[0], holes=curves[1:])
             refuse_overlap(part, found)
             return part._replace(
-                pieces=cut.pieces, patterns=[found.pattern], darts=found.darts
+                pieces=cut.pieces,
+                patterns=[found.pattern],
+                darts=found.darts,
+                uncut_angle=_uncut_angle(part, cut.uncut, curves),
             )
         except ValueError as error:
             part = part._replace(no_darts=str(error))
@@ -286,6 +300,22 @@ def _pieces(
     except ValueError as error:
         pieces = [(net, first_layer(net))]
         return part._replace(pieces=pieces, no_pattern=str(error))
+
+
+def _uncut_angle(part: Part, uncut: "Net", curves: "Sequence[ndarray]") -> float | None:
+    """Largest shear angle without darts in degrees; None if no pattern is whole."""
+    from .. import drape
+
+    if uncut.folds.size:
+        return None
+    part = part._replace(pieces=uncut.pieces)
+    try:
+        sheet = drape.Sheet.of_net(part)
+        pattern = drape.flat_pattern(sheet, curves[0], holes=curves[1:])
+        cells = Cells.of(part._replace(patterns=[pattern]))
+    except ValueError:
+        return None
+    return float(cells.angles.max())
 
 
 def _start(

@@ -33,7 +33,8 @@ class Part(NamedTuple):
     """Nets on a tool, their flat pattern, or why there is none, and the search.
 
     Courses have one pattern for each net.  ``inside`` is the mask of the triangles of
-    the tool in the part, ``no_darts`` the reason why darts were left out, and
+    the tool in the part, ``no_darts`` the reason why darts were left out,
+    ``uncut_angle`` the largest shear angle without darts in degrees, and
     ``meets_itself`` is true of nets around tubes and closed tools.
     """
 
@@ -43,6 +44,7 @@ class Part(NamedTuple):
     darts: "Sequence[Dart]" = ()
     no_pattern: str = ""
     no_darts: str = ""
+    uncut_angle: float | None = None
     search: "BestStart | None" = None
     inside: ndarray = np.ones(1, dtype=bool)
     meets_itself: bool = False
@@ -180,6 +182,8 @@ def figures_of(
         figures["darts"] = len(part.darts)
         figures["dart_areas_mm2"] = [dart.area for dart in part.darts]
         figures["dart_lengths_mm"] = [list(dart.lengths) for dart in part.darts]
+    if part.uncut_angle is not None:
+        figures["max_shear_angle_without_darts_deg"] = part.uncut_angle
     return figures
 
 
@@ -208,6 +212,10 @@ def verdict_of(
     if part.no_darts:
         text = f"no pattern with darts was found, the net has none: {part.no_darts}"
         verdict.append(("Darts", "bad", text))
+    elif useless := useless_darts(part, cells):
+        verdict.append(("Darts", "bad", useless))
+    elif options.darts and not part.darts:
+        verdict.append(("Darts", "good", "none is needed"))
     elif part.darts:
         areas = ", ".join(f"{dart.area:.0f}" for dart in part.darts)
         lengths = np.array([dart.lengths for dart in part.darts])
@@ -216,6 +224,8 @@ def verdict_of(
             f"{len(part.darts)}, of {areas} mm²; the lengths of both edges differ by "
             f"at most {100 * apart:.1f} %"
         )
+        if part.uncut_angle is not None:
+            text += f"; without darts the shear angle is up to {part.uncut_angle:.1f}°"
         verdict.append(("Darts", "", text))
     if options.roll_width is not None:
         text = f"{len(part.patterns)}, each {options.roll_width:g} mm wide"
@@ -230,6 +240,22 @@ def verdict_of(
     else:
         verdict.append(("Flat pattern", "bad", part.no_pattern))
     return verdict
+
+
+def useless_darts(part: Part, cells: Cells) -> str:
+    """Reason why the darts of a part are useless; empty if they are not."""
+    largest, uncut = float(cells.angles.max()), part.uncut_angle
+    if not part.darts or uncut is None or largest < uncut - _LOWERED:
+        return ""
+    return (
+        f"{len(part.darts)} without use: the shear angle is up to {largest:.1f}°, and "
+        f"{uncut:.1f}° without darts: omit --darts, or choose another start"
+    )
+
+
+# Reduction of the largest shear angle in degrees below which darts are useless: the
+# printed digit.
+_LOWERED = 0.1
 
 
 def _net_row(part: Part, cover: Cover, options: argparse.Namespace) -> Row:

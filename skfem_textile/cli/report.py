@@ -173,6 +173,8 @@ def _drawn_curves(
         case = folder / CASE
         of = case_from_file(case).scene.shear_test if case.is_file() else None
         measured = completed(read_test_curve(test), of)
+    elif (folder / "tool_force.png").is_file() and not (folder / "load.png").is_file():
+        return {}, "The pictures contain the force of the tools."
     with tempfile.TemporaryDirectory() as scratch:
         try:
             draw_curves(run, measured, Path(scratch))

@@ -23,6 +23,8 @@ class ResultFolder:
     was created for the result and is still empty, it is then removed. Incomplete files
     of a killed run are removed at the start.
 
+    ``removed`` lists the names of files of an earlier run without a new file.
+
     ``summary.json`` is removed first and written last, so that it never describes files
     that are missing, even if the process is killed.
 
@@ -45,6 +47,7 @@ class ResultFolder:
     def __init__(self, path: str | os.PathLike[str], names: Sequence[str]) -> None:
         self.path = Path(path)
         self._names = sorted(names, key=self._is_summary, reverse=True)
+        self.removed: list[str] = []
         try:
             _refuse_unwritable(self.path)
             for name in names:
@@ -93,7 +96,10 @@ class ResultFolder:
     def _move(self) -> None:
         """Replace the files of an earlier run by the new ones."""
         for name in self._names:
-            for old_file in self.path.glob(name):
+            old_files = [*self.path.glob(name)]
+            if old_files and not any(self._scratch.glob(name)):
+                self.removed.append(name)
+            for old_file in old_files:
                 old_file.unlink()
         for file in sorted(self._scratch.rglob("*"), key=self._is_summary):
             target = self.path / file.relative_to(self._scratch)
@@ -101,6 +107,11 @@ class ResultFolder:
                 target.mkdir(exist_ok=True)
             else:
                 file.replace(target)
+
+    def removed_text(self) -> str:
+        """Note on the removed files that no later file replaces; empty if none."""
+        names = [name for name in self.removed if not any(self.path.glob(name))]
+        return f"; removed from an earlier run: {', '.join(names)}" if names else ""
 
     @staticmethod
     def _is_summary(file: str | Path) -> bool:

@@ -65,7 +65,8 @@ def draw(
 ) -> None:
     """Draw all pictures into a folder; signals wait until the current one is done.
 
-    For a run that stopped early: pictures of its result, and where it stopped.
+    For a run that stopped early: pictures of its result, and where it stopped.  Without
+    a test curve, the forces of the tools are the only plot of a ply between tools.
     """
     result = run.result if isinstance(run, StepError) else run
     with held():  # VTK may crash if it is interrupted
@@ -91,6 +92,9 @@ def draw(
         with held():
             picture(of, filename=folder / name)
     measured = completed(test, scene.shear_test) if test else None
+    of_tool = "tool_force.png" in pictures and scene.driven not in scene.conditions
+    if measured is None and of_tool:
+        return
     draw_curves(curve, measured, folder)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import __version__
 from ..cases.build import built
-from ..cases.read import CaseFileError, declared, read_tables
+from ..cases.read import CaseFileError, declared, default_laws, read_tables
 from ..cases.schema import CaseFile
 from ..cases.write import WRITTEN_FILES, WrittenCase, refuse_foreign_case, tables_of
 from ..mesh.user_input import printable
@@ -29,6 +29,7 @@ from .interruption import INTERRUPTED, held
 from .output import STOPPED_EARLY, OutputError, complain, say
 from .page import say_rows
 from .progress import load, log_to_stderr, shown
+from .report import REPORT
 from .result_folder import ResultFolder
 from .run_options import tables_of_options
 from .words import is_case_file
@@ -56,27 +57,28 @@ def run(options: argparse.Namespace) -> int:
     """
     if not is_case_file(options.scene):
         tables: dict[str, Any] = {"scene": {"name": options.scene}}
-        return _run(declared(tables_of_options(tables, options)), options)
+        return _run(tables_of_options(tables, options), Path(), options)
     path = Path(options.scene)
     tables = read_tables(path)
     try:
-        return _run(declared(tables_of_options(tables, options), path.parent), options)
+        return _run(tables_of_options(tables, options), path.parent, options)
     except ValueError as error:
         raise CaseFileError(f"{printable(path)}: {error}") from None
 
 
 @np.errstate(over="ignore", invalid="ignore")  # results that are not finite are refused
-def _run(file: CaseFile, options: argparse.Namespace) -> int:
-    """Run a case and write its results; returns the exit code."""
+def _run(tables: Mapping[str, Any], base: Path, options: argparse.Namespace) -> int:
+    """Run the case of tables with files in a folder; returns the exit code."""
     from .. import io
 
+    file = declared(tables, base)
     if options.no_render:
         file = msgspec.structs.replace(
             file, output=msgspec.structs.replace(file.output, pictures=False)
         )
     log_to_stderr(options.verbose)
     with shown("preparing the case"):
-        case = built(file)
+        case = built(file, default=default_laws(tables))
         export = results.DrapeExport.read(file.output)
         written = WrittenCase(file)
         checkpoint = _checkpoint(options.out, options.checkpoint, options.resume)
@@ -88,9 +90,9 @@ def _run(file: CaseFile, options: argparse.Namespace) -> int:
         test = None if named is None else read_test_curve(named)
         refuse_foreign_case(options.out)
         fields = (f"fields/{name}" for name in io.FIELDS)
-        tables = ("summary.json", "history.csv", CURVE)
+        numbers = ("summary.json", "history.csv", CURVE)
         drapes = *io.DRAPED, *export.files
-        files = (*tables, *WRITTEN_FILES, *drapes, *fields, *_PICTURES)
+        files = (*numbers, *WRITTEN_FILES, *drapes, *fields, *_PICTURES, REPORT)
         out = ResultFolder(options.out, files)
         resume = options.resume is not None
         code, message, refusal = load(stepper, resume)
@@ -142,7 +144,8 @@ def _run(file: CaseFile, options: argparse.Namespace) -> int:
         say((options.out / "summary.json").read_text(encoding="utf-8"), end="")
     else:
         say_rows(first_rows(summary))
-        say(f"results written to {printable(options.out)}: all values in summary.json")
+        written_to = f"results written to {printable(options.out)}"
+        say(f"{written_to}: all values in summary.json{out.removed_text()}")
     if message:
         complain(message)
     return code

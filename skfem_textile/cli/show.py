@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     if not options.no_render:
         _draw(mesh, directions, options.out)
     _print_figures(mesh, directions)
-    say(f"directions written to {printable(options.out)}")
+    say(f"directions written to {printable(options.out)}{results.removed_text()}")
     return 0
 
 

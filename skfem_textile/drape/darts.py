@@ -55,11 +55,14 @@ class NetWithDarts:
         The seams of the darts, None without darts.
     locking_angle
         The locking angle in radians.
+    uncut
+        The net without darts.
     """
 
     sides: tuple[Net, Net]
     seams: Seams | None
     locking_angle: float
+    uncut: Net
 
     @property
     def darts(self) -> tuple[Seam, ...]:
@@ -96,6 +99,11 @@ class NetWithDarts:
         cells = of.cells
         if of.seams is not None:
             cells = cells & _any_corner(sign * of.seams >= 0)
+        if not cells.any():
+            raise ValueError(
+                "net with darts: no net can be laid on one side of the darts: use a "
+                "larger locking angle, or choose another start"
+            )
         return Sheet.of_net(_Piece([(of, cells)]))
 
     def in_spots(self, of: Net, mask: ndarray) -> ndarray:
@@ -149,7 +157,7 @@ def net_with_darts(
         )
     cell = positive_length("net with darts: cell", cell)
     uncut = net(tool, cell, **start)
-    laid = NetWithDarts((uncut, uncut), None, locking_angle)
+    laid = NetWithDarts((uncut, uncut), None, locking_angle, uncut)
     curvature = GaussCurvature(tool)
     for _ in range(_ROUNDS):
         places = _locking(tool, laid, curvature)
@@ -158,7 +166,7 @@ def net_with_darts(
             break
         seams = Seams((*laid.darts, *more), curvature.within, cell)
         sides = nets_at_seams(tool, cell, seams, locking_angle, **start)
-        laid = NetWithDarts(sides, seams, locking_angle)
+        laid = NetWithDarts(sides, seams, locking_angle, uncut)
     return laid
 
 

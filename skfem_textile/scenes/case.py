@@ -10,6 +10,7 @@ from ..ply import Ply
 from ..ply.formulations import DEFAULT
 from ..ply.terms import Formulation, Load
 from ..solve.newton import Method
+from ..solve.quantities import Quantity
 from ..solve.result import Result
 from ..solve.stepper import DEFAULT_WARN_ONLY, LoadStepper
 from .scene import Scene
@@ -34,6 +35,8 @@ class Case:
         As for `LoadStepper`.
     pictures
         True if pictures are written in addition to summary, history and fields.
+    defaults
+        Note on default laws, which is printed; empty if there are none.
 
     Examples
     --------
@@ -54,6 +57,7 @@ class Case:
     warn_only: Collection[str] = DEFAULT_WARN_ONLY
     solver: str = "auto"
     pictures: bool = True
+    defaults: str = ""
 
     def ply(self) -> Ply:
         """The ply at rest.
@@ -107,4 +111,9 @@ class Case:
             scene = replace(
                 scene, misfit=("forces act in addition to the conditions of the scene")
             )
-        return scene.summary(result)
+        summary = scene.summary(result)
+        if not self.defaults:
+            return summary
+        note = Quantity("Note", "default_fabric").declared()
+        first = [note, *summary["first"]]
+        return {**summary, "default_fabric": self.defaults, "first": first}

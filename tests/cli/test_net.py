@@ -1,6 +1,7 @@
 """The command ``net``."""
 
 import json
+import re
 from types import SimpleNamespace
 
 import meshio
@@ -10,7 +11,7 @@ from scipy.spatial import KDTree
 
 from skfem_textile import drape
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.net_report import Part, refuse_overlap
+from skfem_textile.cli.net_report import Part, refuse_overlap, useless_darts
 from skfem_textile.io import read_surface
 from tests.helpers import tool_shapes
 from tests.helpers.command_line import rejected
@@ -119,6 +120,46 @@ def test_a_box_gets_darts_at_its_corners(tmp_path):
     assert summary["area_of_part_mm2"] == pytest.approx(
         summary["area_of_tool_mm2"], rel=0.01
     )
+
+
+def test_darts_that_do_not_lower_the_shear_are_told():
+    cells = SimpleNamespace(angles=np.array([3.0, 40.0]))
+    part = Part(None, darts=("a dart",), uncut_angle=40.05)
+    useless = "1 without use: the shear angle is up to 40.0°, and 40.0° without darts"
+    assert useless_darts(part, cells).startswith(useless)
+    assert useless_darts(part._replace(uncut_angle=45.0), cells) == ""
+    assert useless_darts(part._replace(uncut_angle=None), cells) == ""
+    assert useless_darts(part._replace(darts=()), cells) == ""
+
+
+def test_darts_are_compared_with_the_net_without_them(tmp_path, capsys):
+    x, triangles = tool_shapes.height_field(
+        lambda x, y: np.sqrt(100.0**2 - x**2 - y**2) - 100.0, 120.0, 120.0, 5.0
+    )
+    path = tmp_path / "cap.stl"
+    meshio.write_points_cells(path, x.T, [("triangle", triangles.T)])
+    words = ("--no-render", "--cell", 5, "--darts", "--locking-angle")
+    one = laid(tmp_path / "cut", path, *words, 15)
+    without = laid(tmp_path / "none", path, *words, 30)
+    uncut = one["max_shear_angle_without_darts_deg"]
+    assert without["max_shear_angle_deg"] == pytest.approx(uncut)
+    assert one["max_shear_angle_deg"] < 15
+    out = capsys.readouterr().out
+    assert "; without darts the shear angle is up to 22.2°" in out
+    assert re.search("Darts +none is needed", out)
+
+
+def test_a_side_of_darts_without_cells_is_told(tmp_path, capsys):
+    def dome(x, y):
+        return np.where(np.hypot(x, y) < 50, 30 * (1 - (x**2 + y**2) / 50**2) ** 2, 0)
+
+    x, triangles = tool_shapes.height_field(dome, 200.0, 200.0, 10.0)
+    path = tmp_path / "dome.stl"
+    meshio.write_points_cells(path, x.T, [("triangle", triangles.T)])
+    words = ("--cell", "8", "--locking-angle", "15", "--darts", "--no-render")
+    arguments = ("net", "--tool", str(path), "--out", str(tmp_path / "out"))
+    assert cli.main([*arguments, *words]) == 1
+    assert "no net can be laid on one side of the darts" in capsys.readouterr().out
 
 
 def test_options_that_contradict_each_other_are_refused(tmp_path, tool, capsys):

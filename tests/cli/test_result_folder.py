@@ -15,10 +15,12 @@ def test_a_result_replaces_the_previous_one_and_nothing_else(tmp_path):
             (folder / name).write_text("old")
     (out / "fields" / "mine.pvsm").write_text("kept")
     (out / "mine").write_text("kept")
-    with ResultFolder(out, NAMES) as folder:
+    with (results := ResultFolder(out, NAMES)) as folder:
         (folder / "fields").mkdir()
         for name in ("summary.json", "fields/step_0000.vtu"):
             (folder / name).write_text("new")
+    removed = "; removed from an earlier run: picture.png"
+    assert results.removed_text() == removed
     files = {str(p.relative_to(out)): p for p in out.rglob("*") if p.is_file()}
     assert set(files) == {
         "summary.json",

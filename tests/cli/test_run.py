@@ -36,6 +36,7 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
         *("min_det_F", "wall_time_s", "assembly_time_s", "solve_time_s", "reaction_x"),
         *("load_N", "load_N_half_width", "displacement_mm", "first"),
         "wrinkle_risk_share_of_area",
+        *("wrinkle_risk_at_x_mm", "wrinkle_risk_at_y_mm", "default_fabric"),
         *("max_shear_angle_at_x_mm", "max_shear_angle_at_y_mm"),
         *("reaction_y", "displacement_error_rms", "displacement_error_max"),
         *(

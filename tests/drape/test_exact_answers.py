@@ -248,6 +248,8 @@ def test_any_compression_beyond_the_wrinkling_angle_is_a_risk():
         u[0::3] = x * (stretch * np.cos(angle) - 1.0)
         u[1::3] = x * stretch * np.sin(angle)
         np.testing.assert_array_equal(drape.wrinkle_risk(ply, u), right & risk)
+        most = drape.risks.most_compressed(ply, u)
+        assert right[most] if risk else most is None
 
 
 @pytest.mark.parametrize(("tension", "risk"), [(-0.99, False), (-1.01, True)])
