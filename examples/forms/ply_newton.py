@@ -8,12 +8,10 @@ clamp to clamp, so shear is largest in the centre of the strip. The triangles at
 clamps hardly shear.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
 from skfem import MeshQuad, condense, solve
-from skfem.visuals.matplotlib import plot
 
-from skfem_textile import Fabric, Ply
+from skfem_textile import Fabric, Ply, plot
 
 LENGTH, WIDTH, PULLED, STEPS = 150.0, 50.0, 14.0, 35  # mm
 
@@ -60,17 +58,7 @@ print(f"largest fibre strain {100 * strain:.2f} %")
 assert strain < 0.01
 
 # %%
-# A ``LoadStepper`` also checks each state, and reduces a step that fails. The plots of
-# this library require its results; this figure is drawn by scikit-fem.
+# A ``LoadStepper`` also checks each state, and reduces a step that fails. Plots take
+# its result, or basis, displacement and fabric.
 
-deformed = type(ply.mesh)(ply.mesh.p + ply.nodal(u), ply.mesh.t)
-angle = np.degrees(ply.shear_angle(u).mean(axis=1))
-
-plt.rcParams["font.size"] = 8
-figure, axes = plt.subplots(figsize=(3.35, 1.8), layout="constrained")
-plot(deformed, angle, ax=axes, cmap="cividis", vmin=-5, vmax=25)
-axes.set_aspect("equal")
-axes.axis("off")
-label = "Shear angle (°)"
-figure.colorbar(axes.collections[0], label=label, location="bottom", aspect=30)
-figure.savefig("shear_angle.png", dpi=300)
+plot.shear_angle(ply.basis, u, ply.fabric, filename="shear_angle.png")
