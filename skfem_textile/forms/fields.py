@@ -10,8 +10,15 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
-from skfem import AbstractBasis, CellBasis, ElementQuad1, ElementTriP1, ElementVector
-from skfem.element import ElementComposite, ElementH1
+from skfem import (
+    AbstractBasis,
+    CellBasis,
+    ElementComposite,
+    ElementH1,
+    ElementQuad1,
+    ElementTriP1,
+    ElementVector,
+)
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
