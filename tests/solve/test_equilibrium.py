@@ -175,7 +175,14 @@ def test_every_solver_gives_the_same_final_state(solver):
 
 
 @pytest.mark.parametrize(
-    ("n", "E", "size"), [(8, 1e4, 1.0), (8, 1e7, 50.0), (16, 1e4, 50.0), (16, 1e7, 1.0)]
+    ("n", "E", "size"),
+    [
+        (8, 1e4, 1.0),
+        *(
+            pytest.param(*given, marks=pytest.mark.slow)
+            for given in [(8, 1e7, 50.0), (16, 1e4, 50.0), (16, 1e7, 1.0)]
+        ),
+    ],
 )
 def test_the_residual_of_round_off_is_within_the_tolerance(n, E, size):
     """The load is a few thousand times the round-off; below, it is named."""
