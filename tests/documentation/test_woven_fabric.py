@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from skfem import asm
+from skfem import Basis, ElementVector, asm
 
 from skfem_textile import (
     CENTRE,
@@ -43,4 +43,16 @@ def test_residual_tangent_and_stabilisation_are_those_of_the_forms(example):
 def test_the_middle_shears_as_with_inextensible_fibres(example):
     fixed = 90 - 2 * np.degrees(np.arccos((1 + 15 / 50) / np.sqrt(2)))
     middle = np.abs(example["mesh"].p[1, example["mesh"].t].mean(axis=0) - 50) < 6
-    assert abs(np.median(-example["shear"][middle]) - fixed) < 0.5
+    assert abs(np.median(example["angle"][middle]) - fixed) < 0.5
+    assert example["locked"] > 10 * example["load"]
+
+
+def test_the_fluctuation_of_a_linear_displacement_is_zero_on_any_mesh(example):
+    regular = example["mesh"]
+    p, inside = regular.p.copy(), regular.interior_nodes()
+    p[:, inside] += np.random.default_rng(1).uniform(-1, 1, (2, inside.size))
+    element = ElementVector(example["Fluctuation"]())
+    basis = Basis(type(regular)(p, regular.t), element, intorder=2)
+    linear = basis.zeros()
+    linear[basis.nodal_dofs] = 0.1 * p[::-1]
+    assert np.abs(basis.interpolate(linear).grad).max() < 1e-13
