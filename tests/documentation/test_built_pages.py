@@ -31,7 +31,7 @@ def test_links_within_the_pages_and_to_other_sites_are_right(build):
         ('<a href="../other.html#lost">', "anchor"),
         ('<a href="#lost">', "anchor"),
         ('<a href="/index.html">', "absolute"),
-        ('<img src="file:///tmp/picture.png">', "absolute"),
+        ('<img src="file:///pictures/strip.png">', "absolute"),
         ('<script src="//example.org/x.js">', "absolute"),
         ('<a href="../../outside.html">', "out of the pages"),
         ('<script src="https://example.org/x.js">', "network"),
