@@ -19,8 +19,7 @@ from skfem.quadrature import get_quadrature as get_quadrature
 
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
-#: Arguments of `COOData`: indices, values, shapes of the
-#: whole and of an element.
+#: Arguments of `COOData`: indices, values, shapes of the whole and of an element.
 Entries: TypeAlias = tuple[ndarray, ndarray, tuple[int, ...], tuple[int, ...]]
 
 
