@@ -127,6 +127,15 @@ def test_weights_are_forces(tmp_path):
         assert one.columns["force"] == pytest.approx(force)
 
 
+@pytest.mark.parametrize("last", ["40.5-3", "40;3", "40,2.1.3"])
+def test_a_damaged_last_row_is_named(tmp_path, last):
+    rows = "".join(f"{i},{0.1 * i}\n" for i in range(40))
+    (recording,) = read(tmp_path, f"displacement (mm),force (N)\n{rows}{last}\n")
+    (note,) = [text for text in recording.statements if "row" in text]
+    assert note.startswith("row 42: ")
+    assert note.endswith("left out")
+
+
 def test_rows_without_numbers_are_named(tmp_path):
     rows = [f"{x},{2 * x}" for x in range(40)]
     rows[7], rows[9], rows[12] = "7,OVERLOAD", "9,", "pause"

@@ -149,7 +149,9 @@ def blocks_of(text: str, separator: str) -> list[Block]:
 
 
 def _has_number(cells: Sequence[str]) -> bool:
-    return any(map(is_number, cells)) and not any(map(recognised, cells))
+    """True for numbers, also damaged ones: digits without letters."""
+    numbers = (any(map(str.isdigit, x)) and not any(map(str.isalpha, x)) for x in cells)
+    return any(numbers) and not any(map(recognised, cells))
 
 
 def _is_data(cells: Sequence[str], least: int) -> bool:
