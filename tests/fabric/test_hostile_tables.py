@@ -124,12 +124,9 @@ def stated_column(recording, lines, key):
     position, unit = int(stated[1]) - 1, ALSO.get(stated[2], stated[2])
     cells = [lines[row - 1][position].strip() for row in recording.rows]
     expect(all(map(NUMBER.fullmatch, cells)), f"{cells} were taken for numbers")
-    # The heading of a further segment of a test is above the row that is stated.
-    said = re.search(r"tables, from rows (.*) on, are segments", str(recording))
-    headings = {int(row) - 2 for row in said[1].split(", ")[1:]} if said else set()
-    first = recording.rows[0] - 1
-    below = [lines[i] for i in range(first, len(lines)) if i not in headings]
-    others = len([line for line in below if any(map(str.strip, line))]) - len(cells)
+    # Lines without a digit are headings of further segments, or text.
+    below = map(",".join, lines[recording.rows[0] - 1 :])
+    others = len([line for line in below if re.search(r"\d", line)]) - len(cells)
     named = any("left out" in said for said in recording.statements)
     expect(others == 0 or named, "rows were left out silently")
     return np.array(cells, dtype=float) * UNITS[key][unit]
