@@ -1,5 +1,5 @@
-"""Marks the tests of pages, restores the package log after every test, hides progress
-and skips doctests that need missing packages.
+"""Marks the tests of pages, restores the package log after every test, hides progress,
+skips doctests that need missing packages and, with ``--dear``, checks processor times.
 
 Modules that draw need pyvista and Matplotlib.
 """
@@ -33,6 +33,9 @@ PAGES = (
     "tests/common/test_examples.py",
     "tests/common/test_packaging.py",
 )
+
+# Longest test that need not be marked ``dear``, in processor seconds.
+DEAR = 0.5
 
 MISSING = [name for name in ("pyvista", "matplotlib") if find_spec(name) is None]
 
@@ -69,3 +72,41 @@ def _restore_log():
     yield
     log.handlers[:] = handlers
     log.setLevel(level)
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--dear",
+        action="store_true",
+        help=f"fail if a test not marked `dear` takes over {DEAR} processor seconds",
+    )
+
+
+def _processor_seconds():
+    """Of this process and its children that ended."""
+    return sum(os.times()[:4])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item):
+    start = _processor_seconds()
+    try:
+        return (yield)
+    finally:
+        item.user_properties.append(("seconds", _processor_seconds() - start))
+
+
+def pytest_sessionfinish(session):
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if not session.config.getoption("dear") or hasattr(session.config, "workerinput"):
+        return
+    dear = {
+        report.nodeid: seconds
+        for report in reporter.stats.get("passed", [])
+        if "dear" not in report.keywords
+        and (seconds := dict(report.user_properties)["seconds"]) > DEAR
+    }
+    for name, seconds in sorted(dear.items(), key=lambda one: -one[1]):
+        reporter.write_line(f"{seconds:6.2f} processor seconds: {name}")
+    if dear:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
