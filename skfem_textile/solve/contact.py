@@ -1,4 +1,4 @@
-"""Contact with tools: states, and increments that find the nodes that touch.
+"""Contact with tools: states, and the direction that finds the nodes that touch.
 
 The contact forces λ of a state are parameters, multipliers of the augmented Lagrangian
 (`ContactTerm`) with a contact as stiff as the fibres.  No state depends on that
@@ -6,22 +6,19 @@ stiffness, because updates of the forces reduce the penetration to round-off.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
 from ..ply.parameters import Frozen, PlyParameters, Values
 from ..ply.terms import STIFFNESS_OF_GAP
-from .problem import Problem, Tangent
+from .direction import NEAR, TINY, Increment, Iterate
+from .problem import InitialGuess, Problem, Tangent
 from .states import NoEquilibriumError
 
 #: Penetration and contact force over stiffness, relative to the size of the ply, below
 #: which contact is a constraint.
 CLOSED = 1e-9
-
-# Smallest stiffness by which forces are divided, in N/mm.
-_TINY = 1e-300
 
 # Maximum number of linear solves by which an increment finds the nodes that touch.
 # Chosen: with more, early iterations solve for nodes that the next ones change; with
@@ -94,7 +91,7 @@ def error(problem: Problem, u: ndarray, parameters: PlyParameters) -> float:
     for contact in problem.contacts:
         p = parameters[contact.name]
         force = contact.forces(u, problem.load_factor, p)
-        off = np.abs(force - p["force"]) / np.maximum(p["stiffness"], _TINY)
+        off = np.abs(force - p["force"]) / np.maximum(p["stiffness"], TINY)
         worst = max(worst, float(off.max()))
     return worst
 
@@ -119,35 +116,16 @@ def resultants(
     }
 
 
-class Increment(NamedTuple):
-    """Increment of the displacement.
-
-    Attributes
-    ----------
-    du
-        The increment, shape (n_unknowns,).
-    tangent
-        Tangent with the nodes that touch.
-    forces
-        Contact forces after it to first order, by name of the tool.
-    shifted
-        True if the tangent was not positive definite.
-    """
-
-    du: ndarray
-    tangent: Tangent
-    forces: dict[str, ndarray]
-    shifted: bool
-
-
-class Increments:
-    """Increments to the minimum of a model of the energy, with linearised gaps.
+class ActiveSet:
+    """Direction to the minimum of a model of the energy, with linearised gaps.
 
     Apart from contact the model is of second order.  The nodes that touch after the
     increment are found by a primal–dual active set strategy (Hintermüller, Ito &
     Kunisch 2002): each linear solve assumes those after the previous one, until they
     remain the same.  A tangent that is not positive definite is shifted (Wächter &
-    Biegler 2006, algorithm IC).
+    Biegler 2006, algorithm IC).  It counts as projected only near the equilibrium,
+    where it shows that there are others, because increments do not follow the load
+    path.
 
     Parameters
     ----------
@@ -159,33 +137,21 @@ class Increments:
         self._problem, self._nodes = problem, _of_nodes(problem)
         self._last_shift = 0.0
 
-    def __call__(
-        self,
-        u: ndarray,
-        f: ndarray,
-        parameters: PlyParameters,
-        tension: ndarray,
-        forces: dict[str, ndarray],
-        fixed_values: ndarray,
-    ) -> Increment:
-        """Increment from a displacement.
+    def first(self, start: InitialGuess) -> Iterate:
+        """See `Direction`."""
+        problem, u, p = self._problem, start.u, start.parameters
+        tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
+        if not is_set(problem, p):
+            p = with_stiffness(problem, u, p, tension)
+        return Iterate(u, problem.residual(u, p), p, tension, forces(problem, p))
 
-        Parameters
-        ----------
-        u, f, parameters
-            Displacement, its nodal forces, and parameters of the terms.
-        tension
-            Fibre tensions in the geometric stiffness.
-        forces
-            Contact forces λ in −λ∇²g, by name of the tool.
-        fixed_values
-            Values of the fixed unknowns after the increment.
-        """
-        problem, t = self._problem, self._problem.load_factor
-        f, K = self._without_contact(u, f, parameters, tension, forces)
+    def increment(self, at: Iterate, fixed_values: ndarray) -> Increment:
+        """See `Direction`."""
+        problem, t, p = self._problem, self._problem.load_factor, at.parameters
+        f, K = self._without_contact(at)
         gaps = [
             _LinearGap(
-                x.gaps(u, t), x.normals(u, t), parameters[x.name], forces[x.name]
+                x.gaps(at.u, t), x.normals(at.u, t), p[x.name], at.contact[x.name]
             )
             for x in problem.contacts
         ]
@@ -195,33 +161,38 @@ class Increments:
             for gap in gaps:
                 stiffness[self._nodes] += gap.stiffness()
                 force += gap.residual()
-            tangent, shift = self._definite(u, stiffness, gaps[0].kappa, shift)
-            du = tangent.increment(force, u, fixed_values)
+            tangent, shift = self._definite(at.u, stiffness, gaps[0].kappa, shift)
+            du = tangent.increment(force, at.u, fixed_values)
             changed = [gap.changed(problem.nodal(du)) for gap in gaps]
             if not any(changed):
                 break
         self._last_shift = shift or self._last_shift
+        tangent.projected = shift > 0
         names = [contact.name for contact in problem.contacts]
         after = {x: gap.force for x, gap in zip(names, gaps, strict=True)}
-        return Increment(du, tangent, after, shift > 0)
+        return Increment(du, tangent, du, after)
 
-    def _without_contact(
-        self,
-        u: ndarray,
-        f: ndarray,
-        parameters: PlyParameters,
-        tension: ndarray,
-        forces: dict[str, ndarray],
-    ) -> tuple[ndarray, ndarray]:
+    def after(self, at: Iterate, increment: Increment) -> Iterate:
+        """See `Direction`."""
+        problem, du, tangent = self._problem, increment.du, increment.tangent
+        share = np.linalg.norm(du) / max(np.linalg.norm(increment.whole), TINY)
+        tension = problem.ply.geometric_tension(at.u, du, at.parameters)
+        u = problem.moved(at.u, du)
+        p = towards(problem, at.parameters, increment.contact, float(share))
+        at = Iterate(u, problem.residual(u, p), p, tension, increment.contact)
+        tangent.projected &= at.unbalanced(problem) <= NEAR
+        return at
+
+    def _without_contact(self, at: Iterate) -> tuple[ndarray, ndarray]:
         """Nodal forces without tools, and stiffness less λ∇²g."""
-        problem, t = self._problem, self._problem.load_factor
-        arguments = u, t, without(problem, parameters), tension
+        problem, (u, f, p, tension, forces, _) = self._problem, at
+        arguments = u, problem.load_factor, without(problem, p), tension
         K = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
         for contact in problem.contacts:
-            f = f - contact.residual(u, t, parameters[contact.name])
+            f = f - contact.residual(u, problem.load_factor, p[contact.name])
             force = forces[contact.name]
             nodes = np.flatnonzero(force)
-            curvature = contact.curvatures(u, t, nodes)
+            curvature = contact.curvatures(u, problem.load_factor, nodes)
             K[self._nodes[nodes]] -= (force[nodes] * curvature).T
         return f, K
 

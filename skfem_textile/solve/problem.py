@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix
 
 from ..mesh.bases import components, node_positions
 from ..ply import Ply
-from ..ply.parameters import Frozen, PlyParameters, Values
+from ..ply.parameters import Frozen, PlyParameters
 from ..ply.terms import STIFFNESS_OF_GAP, ContactTerm
 from .conditions import Constraints, plain, turned
 from .linear.scaling import ROUND_OFF, SingularMatrixError
@@ -376,15 +376,6 @@ def balanced(
     work = motions @ f
     values = {x.name: x.balanced(parameters[x.name], motions, work) for x in changed}
     return Frozen({**parameters, **values})
-
-
-def between(before: PlyParameters, after: PlyParameters, share: float) -> PlyParameters:
-    """Parameters interpolated between two sets."""
-
-    def mixed(old: Values, new: Values) -> Values:
-        return type(old)({name: x + share * (new[name] - x) for name, x in old.items()})
-
-    return Frozen({term: mixed(old, after[term]) for term, old in before.items()})
 
 
 class Tangent:

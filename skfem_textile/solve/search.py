@@ -16,15 +16,19 @@ from . import contact
 from .conditions import Conditions, Constraints
 from .continuation import MOST_PROJECTED, SHORTER_AFTER_FLIGHT, loads_drive
 from .linear import ChosenSolver
-from .newton import LESS_ROUNDING, METHODS, MOST_UPDATES, SETTLED, Method
-from .problem import HOLD, InitialGuess, Problem, Tangent, balanced, between
+from .newton import LESS_ROUNDING, METHODS, Method
+from .problem import HOLD, InitialGuess, Problem, Tangent, balanced
 from .states import Equilibrium, Iteration, NoEquilibriumError, State
+from .updates import SETTLED, Damped
 from .verdict import Trial
 
 _AT_REST = (
     "less tension, compression or load at rest, loads that grow with the load factor, "
     "or more shear stiffness"
 )
+
+# Maximum number of repetitions of the iteration at a state with updated parameters.
+_MOST_UPDATES = 8
 
 # Shortest relative step in the search for the equilibrium at rest, for a ply that is
 # stable there and for one that is not.  With longer steps, heavy cantilevers with
@@ -126,11 +130,11 @@ class EquilibriumSearch:
         the supports without reactions are corrected together with the parameters.
         Raises a `NoEquilibriumError` if there is no such state.
         """
-        trial, share, last = self._first(target), 1.0, np.inf
+        trial, damped = self._first(target), Damped()
         most = min(target.most_projected, MOST_PROJECTED)
         limit = _limit_of_change(self.problem)
         target = target._replace(most_projected=most)
-        for _ in range(MOST_UPDATES):
+        for _ in range(_MOST_UPDATES):
             problem, (u, f, p, *_) = trial.trial.problem, trial.trial.equilibrium
             tangent, balance = trial.trial.equilibrium.tangent, _balances(trial.trial)
             closed = _is_closed(trial.trial)
@@ -138,16 +142,12 @@ class EquilibriumSearch:
                 with np.errstate(all="ignore"):  # what is not finite is caught
                     after = problem.ply.updated(p, u, target.load_factor)
                     change = 0.0 if after is p else _change(trial.trial, after)
-                    # Further changes form a geometric series of this ratio.
-                    rate = change / last if change else 0.0
-                    settled = change <= limit * (1.0 - rate)
+                    settled = damped.converges(change, limit)
                     if settled and balance and closed:
                         return trial._replace(settled=True)
                     if not settled:
-                        share, last = share if rate <= 0.5 else share / 2, change
-                        if share < 1.0:
-                            of_tools = contact.of_tools(problem, after)
-                            after = Frozen({**between(p, after, share), **of_tools})
+                        of_tools = contact.of_tools(problem, after)
+                        after = Frozen({**damped(p, after, change), **of_tools})
                     if not balance:
                         after = balanced(problem, u, f, after, tangent)
                     start = problem.start(u, after, tangent)

@@ -1,0 +1,228 @@
+"""Iterates, and directions of increments; between tools see `contact.ActiveSet`."""
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy import ndarray
+
+from ..ply.parameters import PlyParameters
+from .problem import InitialGuess, Problem, Tangent
+from .states import NoEquilibriumError
+
+# Fibre tension in N/mm in the first geometric stiffness of a ply whose tangent is
+# singular, and the minimum one in a projected tangent in space, off surfaces.  Along
+# the fibres it must not outweigh the stiffness of a crimped fabric at rest.
+_FIRST_TENSION = 0.1
+
+# Where nodes are on surfaces, the minimum fibre tension in that stiffness relative to
+# the shear stiffness: an initial guess there is far from inextensible.
+_OVER_SHEAR_STIFFNESS = 10.0
+
+#: Unbalanced share of the largest force below which an equilibrium is near, and mean
+#: stretches are accurate enough for a stiffness.
+NEAR = 0.1
+
+#: Smallest force by which others are divided, in N.
+TINY = 1e-300
+
+
+class Iterate(NamedTuple):
+    """Displacement between two increments.
+
+    Attributes
+    ----------
+    u, f, parameters
+        Displacement, nodal forces, and parameters of the terms.
+    tension
+        Fibre tensions that the last increment predicts, for the geometric stiffness;
+        None before the first one.
+    contact
+        Contact forces λ that it predicts: of nodes on surfaces, shape (n,), or by name
+        of the tool, each of shape (n_nodes,).
+    tangent
+        Tangent of the next increment, if it is known; at an equilibrium the consistent
+        one, None if it is singular.
+    """
+
+    u: ndarray
+    f: ndarray
+    parameters: PlyParameters
+    tension: ndarray | None = None
+    contact: Any = None
+    tangent: Any = None
+
+    @property
+    def unstable(self) -> bool:
+        """True if the consistent tangent is regular and indefinite."""
+        return self.tangent is not None and bool(self.tangent.negative_pivots)
+
+    def unbalanced(self, problem: Problem) -> float:
+        """Largest free nodal force relative to the largest nodal or contact force."""
+        of_tools = self.contact.values() if problem.contacts else ()
+        largest = max(float(np.abs(x).max(initial=TINY)) for x in (self.f, *of_tools))
+        return problem.unbalanced(self.f, self.u) / largest
+
+
+class Increment(NamedTuple):
+    """Increment of the displacement.
+
+    Attributes
+    ----------
+    du
+        The increment, shape (n_unknowns,).
+    tangent
+        Tangent of which it is the solution.
+    whole
+        The solution itself, of which ``du`` is a share.
+    contact
+        Contact forces after it to first order, by name of the tool.
+    """
+
+    du: ndarray
+    tangent: Tangent
+    whole: ndarray
+    contact: Any = None
+
+
+class Direction(Protocol):
+    """Linearised problem whose solutions are the increments of an iteration."""
+
+    def first(self, start: InitialGuess) -> Iterate:
+        """The iterate before the first increment."""
+        ...
+
+    def increment(self, at: Iterate, fixed_values: ndarray) -> Increment:
+        """Increment that balances the linearised forces.
+
+        ``fixed_values`` are the values of the fixed unknowns after it.
+        """
+        ...
+
+    def after(self, at: Iterate, increment: Increment) -> Iterate:
+        """The iterate after an increment."""
+        ...
+
+
+class Consistent:
+    """The consistent tangent.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+
+    def first(self, start: InitialGuess) -> Iterate:
+        """See `Direction`."""
+        problem, u, p = self._problem, start.u, start.parameters
+        # Surfaces move with the load factor.
+        tangent = None if problem.surfaces else start.tangent
+        return Iterate(u, problem.residual(u, p), p, tangent=tangent)
+
+    def increment(self, at: Iterate, fixed_values: ndarray) -> Increment:
+        """See `Direction`."""
+        tangent = at.tangent or self._tangent(at)
+        du = tangent.increment(at.f, at.u, fixed_values)
+        return Increment(du, tangent, du)
+
+    def after(self, at: Iterate, increment: Increment) -> Iterate:
+        """See `Direction`."""
+        u = self._problem.moved(at.u, increment.du)
+        return Iterate(u, self._problem.residual(u, at.parameters), at.parameters)
+
+    def _tangent(self, at: Iterate) -> Tangent:
+        return Tangent.at(self._problem, at.u, at.parameters)
+
+
+class Definite(Consistent):
+    """A positive definite tangent with predicted tensions, see `definite`."""
+
+    def first(self, start: InitialGuess) -> Iterate:
+        """See `Direction`."""
+        problem, u = self._problem, start.u
+        tangent, p = _first_tangent(problem, start)
+        changed = problem.surfaces or problem.ply.follows_load_factor
+        f = problem.residual(u, p) if changed else start.f
+        return Iterate(u, f, p, tangent=tangent)
+
+    def after(self, at: Iterate, increment: Increment) -> Iterate:
+        """See `Direction`."""
+        du = increment.du
+        tension = self._problem.ply.geometric_tension(at.u, du, at.parameters)
+        contact = increment.tangent.contact(at.f, du)
+        return super().after(at, increment)._replace(tension=tension, contact=contact)
+
+    def _tangent(self, at: Iterate) -> Tangent:
+        return definite(self._problem, at.u, at.parameters, at.tension, at.contact)
+
+
+def _first_tangent(
+    problem: Problem, start: InitialGuess
+) -> tuple[Tangent, PlyParameters]:
+    """The first tangent and parameters.
+
+    Where the tangent at the start is singular, a fibre tension is added to it. On
+    surfaces the parameters are then updated with the tension due to the loads, because
+    those at rest are too small if it is large.
+    """
+    u, p = start.u, start.parameters
+    regular = start.tangent and start.tangent.negative_pivots is not None
+    if start.tangent and regular and not problem.surfaces:
+        return start.tangent, p
+    tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
+    if regular:  # but surfaces have moved with the load factor
+        return definite(problem, u, p, tension), p
+    size = _FIRST_TENSION
+    if problem.surfaces:
+        # As in a square, two sides of which carry all loads along surfaces. With a ten
+        # times larger or smaller value, a sphere takes twice as many solves.
+        along = problem.nodal(problem.unfixed(problem.load(u, p), u))
+        sides = 2 * np.sqrt(problem.ply.basis.dx.sum())
+        of_loads = np.full_like(tension, np.linalg.norm(along, axis=0).sum() / sides)
+        p = problem.ply.updated(p, u, problem.load_factor, of_loads)
+        G = problem.ply.fabric.shear_law.tangent(np.zeros((tension.shape[1], 1))).mean()
+        size = max(float(of_loads.max()), _OVER_SHEAR_STIFFNESS * G) or size
+    first = np.full_like(tension, size)
+    return Tangent.at(problem, u, p, first, contact=0.0), p
+
+
+def definite(
+    problem: Problem,
+    u: ndarray,
+    parameters: PlyParameters,
+    tension: ndarray,
+    contact: ndarray | float | None = None,
+) -> Tangent:
+    """The tangent; where it is not positive definite, a projected one.
+
+    The projected tangent has no compressive fibre tensions, positive semi-definite
+    projections of the element matrices, and on surfaces no contact forces.  In space,
+    off surfaces, it has a minimum fibre tension. If it is still not definite, the
+    tensions at ``u`` are used. Arguments and exceptions are as for `Tangent`.
+    """
+    try:
+        tangent = Tangent.at(problem, u, parameters, tension, contact=contact)
+        if tangent.definite:
+            return tangent
+    except NoEquilibriumError:
+        pass
+    free_in_space = problem.in_space and not problem.surfaces
+    least = _FIRST_TENSION if free_in_space else 0.0
+
+    def projected(tension: ndarray) -> Tangent:
+        clipped = np.maximum(tension, least)
+        tangent = Tangent.at(problem, u, parameters, clipped, True, contact=0.0)
+        tangent.projected = True
+        return tangent
+
+    try:
+        tangent = projected(tension)
+        if tangent.definite:
+            return tangent
+    except NoEquilibriumError:
+        pass
+    # A law without slope at rest predicts no tension.
+    return projected(problem.ply.geometric_tension(u, np.zeros_like(u), parameters))

@@ -1,0 +1,163 @@
+"""Globalisation of an iteration: the share of an increment that is applied."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy import ndarray
+
+from ..ply.parameters import PlyParameters
+from .direction import Increment, Iterate
+from .problem import EPSILON, Problem
+from .states import NoEquilibriumError
+
+# Trial lengths of an increment, each half the previous one, until every law has a value
+# or the energy decreases.  Chosen: the last, 2⁻¹¹, is shorter than any in a converging
+# iteration.
+_HALVINGS = 12
+
+# Number of increments that may follow one that did not decrease the energy, the last of
+# which must have decreased it.  Chosen: with fewer, a slack ply of stiff fibres takes
+# more than twice as many solves, with more as many (`pytest
+# tests/forming/test_stiff_fibres.py` compares 0 with 8).
+_WATCHED = 8
+
+# Share of the predicted decrease of the energy that an increment must reach (Armijo's
+# rule, with the constant of Nocedal & Wright, Numerical Optimization, 2006, section
+# 3.1).
+_ARMIJO = 1e-4
+
+
+class Globalisation(Protocol):
+    """Rule for the share of an increment that is applied."""
+
+    def __call__(self, at: Iterate, increment: Increment) -> tuple[Iterate, Increment]:
+        """The iterate from which the iteration continues, and the increment there."""
+        ...
+
+
+@dataclass
+class Whole:
+    """Whole increments, up to a length, within all laws.
+
+    The first increment of a ply in its plane has any length: it brings the fixed
+    unknowns to their values.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    longest
+        Largest change of the displacement gradient in an increment.
+    """
+
+    problem: Problem
+    longest: float = np.inf
+
+    def __call__(self, at: Iterate, increment: Increment) -> tuple[Iterate, Increment]:
+        """See `Globalisation`."""
+        problem, du = self.problem, increment.du
+        if at.tension is not None or problem.in_space:
+            du = du / max(1.0, problem.ply.largest_gradient(du) / self.longest)
+        du = within_laws(problem, at.u, du, at.parameters)
+        return at, increment._replace(du=du)
+
+
+@dataclass
+class LineSearch(Whole):
+    """Increments that are halved until the energy decreases, except for the first."""
+
+    def __call__(self, at: Iterate, increment: Increment) -> tuple[Iterate, Increment]:
+        """See `Globalisation`."""
+        at, increment = super().__call__(at, increment)
+        if at.tension is not None:
+            du = Line(self.problem, at, increment.du).halved()
+            increment = increment._replace(du=du)
+        return at, increment
+
+
+@dataclass
+class Watchdog(Whole):
+    """Increments that may increase the energy for a while.
+
+    An increment that rotates nearly inextensible fibres also stretches them, to second
+    order, and may increase the energy, which the next ones then decrease.  If the
+    eighth increment after it has not decreased the energy either, the iteration
+    continues from the displacement before the first, with a halved increment (the
+    watchdog technique of Chamberlain et al. 1982; Nocedal & Wright 2006, section 15.6).
+    """
+
+    _watched: "tuple[Line, Increment] | None" = None
+    _left: int = 0
+
+    def __call__(self, at: Iterate, increment: Increment) -> tuple[Iterate, Increment]:
+        """See `Globalisation`."""
+        at, increment = super().__call__(at, increment)
+        if self._watched is None:
+            line = Line(self.problem, at, increment.du)
+            self._watched, self._left = (line, increment), _WATCHED
+        line, first = self._watched
+        if line.falls_to(self.problem.moved(at.u, increment.du)):
+            self._watched = None
+        elif not self._left:
+            at, increment = line.at, first._replace(du=line.halved())
+            self._watched = None
+        self._left -= 1
+        return at, increment
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Energy along an increment.
+
+    Attributes
+    ----------
+    problem, at, du
+        The problem, the iterate before the increment, and the increment.
+    """
+
+    problem: Problem
+    at: Iterate
+    du: ndarray
+
+    @cached_property
+    def energy(self) -> float:
+        """Energy before the increment in N·mm."""
+        return self.problem.energy(self.at.u, self.at.parameters)
+
+    def falls_to(self, u: ndarray, share: float = 1.0) -> bool:
+        """True if the energy at u is as small as its slope f·du predicts for a share.
+
+        Also true if the slope is not negative.
+        """
+        slope, round_off = float(self.at.f @ self.du), 8 * EPSILON * abs(self.energy)
+        if slope >= 0:
+            return True
+        fall = self.problem.energy(u, self.at.parameters) - self.energy
+        return fall <= _ARMIJO * share * slope + round_off
+
+    def halved(self) -> ndarray:
+        """The increment, halved until the energy falls; the whole one if none does."""
+        for share in 0.5 ** np.arange(_HALVINGS):
+            if self.falls_to(self.problem.moved(self.at.u, share * self.du), share):
+                return share * self.du
+        return self.du
+
+
+def within_laws(
+    problem: Problem, u: ndarray, du: ndarray, parameters: PlyParameters
+) -> ndarray:
+    """The increment, halved until every law has a value; an error if none has one."""
+    for share in 0.5 ** np.arange(_HALVINGS):
+        if problem.in_domain(u + share * du, parameters):
+            return share * du
+    end = problem.ply.closest_end(u + share * du)
+    raise NoEquilibriumError(
+        "even the shortest increment leaves the domain of a law"
+        + (f": {end}" if end else ""),
+        end.elements if end else (),
+        "a law with a larger domain (for a table: more points, or "
+        "extrapolation='linear'), or a smaller load",
+        end.quantity if end else "",
+    )
