@@ -311,7 +311,7 @@ class _Changes:
             forces[_VARIATION] = forces_of_tension_variation(ply, u)
         rate, by_role = _rate(problem), {}
         for role, f in forces.items():
-            motion, after = tangent.settled(f)
+            motion, after = tangent.equilibrated(f)
             work = float(_work(problem, after, motion, p, rate).sum())
             by_role[role] = _Change(motion, work, problem.reactions(after, u))
         return cls(ply, u, by_role, groups)

@@ -12,7 +12,7 @@ from .direction import Consistent, Definite, Direction, Iterate
 from .globalisation import Globalisation, LineSearch, Watchdog, Whole
 from .problem import HOLD, InitialGuess, Problem, Tangent, tangent_at
 from .states import Equilibrium, NoEquilibriumError
-from .updates import NearEquilibrium, kept
+from .updates import NearEquilibrium, unchanged
 
 # Ratio of residual to tolerance up to which a failed iteration counts as limited by
 # round-off.
@@ -108,8 +108,8 @@ class Newton:
     increment changes the displacement gradient by more than ``longest``, except for the
     first of a ply in its plane, which brings the fixed unknowns to their values.
 
-    An iteration that has not converged after ``most`` increments but has a positive
-    definite tangent continues with a line search (`LineSearch`).  Where a term has a
+    An iteration that has not converged after ``most`` increments continues with a line
+    search (`LineSearch`).  Where a term has a
     ``line_search``, this holds for every increment after the first.  Near the
     equilibrium the parameters of the terms are updated (`NearEquilibrium`).
 
@@ -150,21 +150,18 @@ class Newton:
     ) -> Equilibrium:
         """See `Method`."""
         between_tools = bool(problem.contacts)
-        most_projected = np.inf if between_tools else most_projected
+        follows = most_projected < np.inf and not between_tools
+        most_projected = most_projected if follows else np.inf
         progress = _Progress(problem, fixed_values, most_projected, report)
         direction: Direction = (ActiveSet if between_tools else Definite)(problem)
+        kept = between_tools and start.keeps_parameters
         at = direction.first(start)
         for globalisation, most in self._stages(problem):
             if progress.is_balanced:
                 at = self._beside(problem, at)
-            update = NearEquilibrium(problem)
-            if between_tools and start.keeps_parameters:
-                update = kept
+            update = unchanged if kept else NearEquilibrium(problem)
             at = iterate(progress, at, direction, globalisation, update, most)
-            if progress.is_balanced:
-                if most_projected < np.inf or not at.unstable:
-                    break
-            elif progress.tangent.projected and most_projected < np.inf:
+            if progress.is_balanced and (follows or not at.unstable):
                 break
         return progress.equilibrium(at)
 
@@ -216,7 +213,7 @@ class PlainNewton:
         progress = _Progress(problem, fixed_values, most_projected, report)
         direction = Consistent(problem)
         at = direction.first(start)
-        at = iterate(progress, at, direction, Whole(problem), kept, self.most)
+        at = iterate(progress, at, direction, Whole(problem), unchanged, self.most)
         return progress.equilibrium(at)
 
 
@@ -238,8 +235,8 @@ class _Progress:
     is_balanced: bool = False
     tangent: Tangent | None = None
 
-    def balanced(self, tangent: Tangent, at: Iterate) -> bool:
-        """True if the forces balance after an increment by a tangent.
+    def record(self, tangent: Tangent, at: Iterate) -> bool:
+        """Record an iteration by a tangent; True if the forces balance after it.
 
         Raises an error if too many tangents were projected, forces are not finite, or
         the ply flies away.
@@ -306,7 +303,7 @@ def iterate(
         increment = direction.increment(at, progress.fixed_values)
         at, increment = globalisation(at, increment)
         at = update(direction.after(at, increment))
-        if progress.balanced(increment.tangent, at):
+        if progress.record(increment.tangent, at):
             tangent = tangent_at(progress.problem, at.u, at.parameters)
             return at._replace(tangent=tangent)
     return at

@@ -498,7 +498,7 @@ class Tangent:
         after = f + problem.ply.pattern.matrix(self._blocks) @ du
         return _multipliers(problem, self._u, after)
 
-    def settled(self, f: ndarray) -> tuple[ndarray, ndarray]:
+    def equilibrated(self, f: ndarray) -> tuple[ndarray, ndarray]:
         """Increment that balances the forces, and the forces after it, linearised."""
         problem, turn = self._problem, self._turn
         free, fixed = problem.constraints.free, problem.constraints.fixed
@@ -513,7 +513,7 @@ class Tangent:
         It is twice the energy of the motion, linearised.
         """
         forces = self._problem.ply.pattern.matrix(self._blocks) @ motion
-        return float(motion @ self.settled(forces)[1])
+        return float(motion @ self.equilibrated(forces)[1])
 
     def softest(self) -> ndarray:
         """Eigenvector of the smallest stiffness, with largest component 1.

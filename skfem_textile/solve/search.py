@@ -125,26 +125,25 @@ class EquilibriumSearch:
         """State that passes all checks, with converged parameters where possible.
 
         Parameters that would change the state are updated, and equilibrium is restored.
-        An update, except of contact forces, is halved if the changes do not decrease by
-        half.  Loads that leave
-        the supports without reactions are corrected together with the parameters.
+        Updates, except of contact forces, are damped (`Damped`).  Loads that leave the
+        supports without reactions are corrected together with the parameters.
         Raises a `NoEquilibriumError` if there is no such state.
         """
-        trial, damped = self._first(target), Damped()
+        found, damped = self._first(target), Damped()
         most = min(target.most_projected, MOST_PROJECTED)
         limit = _limit_of_change(self.problem)
         target = target._replace(most_projected=most)
         for _ in range(_MOST_UPDATES):
-            problem, (u, f, p, *_) = trial.trial.problem, trial.trial.equilibrium
-            tangent, balance = trial.trial.equilibrium.tangent, _balances(trial.trial)
-            closed = _is_closed(trial.trial)
+            trial = found.trial
+            problem, (u, f, p, *_, tangent) = trial.problem, trial.equilibrium
+            balance, closed = _balances(trial), _is_closed(trial)
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
                     after = problem.ply.updated(p, u, target.load_factor)
-                    change = 0.0 if after is p else _change(trial.trial, after)
+                    change = 0.0 if after is p else _change(trial, after)
                     settled = damped.converges(change, limit)
                     if settled and balance and closed:
-                        return trial._replace(settled=True)
+                        return found._replace(settled=True)
                     if not settled:
                         of_tools = contact.of_tools(problem, after)
                         after = Frozen({**damped(p, after, change), **of_tools})
@@ -157,12 +156,12 @@ class EquilibriumSearch:
                 if not closed:
                     raise
                 break
-            trial = again._replace(projected=max(trial.projected, again.projected))
-        if not _is_closed(trial.trial):
+            found = again._replace(projected=max(found.projected, again.projected))
+        if not _is_closed(found.trial):
             raise NoEquilibriumError(
                 "the contact forces do not converge", advice="more steps"
             )
-        return trial
+        return found
 
     def at_rest(self, start: InitialGuess, values: ndarray) -> AcceptedEquilibrium:
         """State at load factor 0 of a ply that is not in equilibrium when undeformed.
@@ -185,7 +184,7 @@ class EquilibriumSearch:
             begin = self.problem.at(0.0, held).start(u, p, tangent)
             target = Target(0.0, 0.0, share * values, begin, None, most, held)
             try:
-                trial = self(target)
+                found = self(target)
             except NoEquilibriumError as failure:
                 flies = failure.advice == HOLD
                 step /= SHORTER_AFTER_FLIGHT if flies else 2
@@ -194,10 +193,10 @@ class EquilibriumSearch:
                         raise
                     step, most = 1.0, np.inf
                 continue
-            projected = max(projected, trial.projected)
+            projected = max(projected, found.projected)
             if share == 1.0:
-                return trial._replace(projected=projected)
-            last = trial.trial.next_guess()
+                return found._replace(projected=projected)
+            last = found.trial.next_guess()
             u, p, tangent = last.u, last.parameters, last.tangent
             done, step = share, 2 * step
 
@@ -283,7 +282,7 @@ def _change(trial: Trial, parameters: PlyParameters) -> float:
         return 0.0
     if tangent is None or tangent.negative_pivots is None:
         return np.inf
-    du, after = tangent.settled(start.f)
+    du, after = tangent.equilibrated(start.f)
     theirs = np.array([*problem.forces(after).values()])
     force = np.linalg.norm(ours - theirs, axis=1).max() - tolerance * u.size
     energy = abs(end + (0.5 * start.f + start.load) @ du - before)
@@ -356,8 +355,8 @@ def equilibrium_near(
         problem, method_of(method), frozenset(warn_only), lambda _: None
     )
     values = constraints.fixed_values(load_factor)
-    trial = search(Target(load_factor, 0.0, values, start, None))
-    return trial.trial.state(problem.clock.solves)
+    found = search(Target(load_factor, 0.0, values, start, None))
+    return found.trial.state(problem.clock.solves)
 
 
 def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]:

@@ -445,7 +445,7 @@ class Run:
         most_projected = self.continuation.most_projected(step, t, driven)
         guess = surface_predictor(problem.at(t), start)
         try:
-            trial = self._search(Target(t, step, values, guess, start, most_projected))
+            found = self._search(Target(t, step, values, guess, start, most_projected))
         except NoEquilibriumError as failure:
             # A growing surface has no limit load.
             loaded = driven and problem.surfaces is None
@@ -453,13 +453,13 @@ class Run:
             self.continuation.failed(failure, last.load_factor, t, t_end, growth)
             return
         before = sum(state.linear_solves for state in self.states)
-        state = trial.trial.state(problem.clock.solves - before)
-        settled = trial.settled and not self._depends_on_steps(state)
-        projected = trial.projected
+        state = found.trial.state(problem.clock.solves - before)
+        settled = found.settled and not self._depends_on_steps(state)
+        projected = found.projected
         if problem.contacts:  # more steps do not resolve a path
             settled, projected = settled and not projected, 0
         if self.continuation.accepts(step, state, projected, settled):
-            self._append(state, trial.trial)
+            self._append(state, found.trial)
         else:
             log.info(
                 "the step to load factor %g was difficult and is repeated as two steps",

@@ -98,6 +98,6 @@ class NearEquilibrium:
         return abs(new - old) / abs(old) if old else np.inf
 
 
-def kept(at: Iterate) -> Iterate:
-    """The iterate with its parameters."""
+def unchanged(at: Iterate) -> Iterate:
+    """The iterate, without an update."""
     return at

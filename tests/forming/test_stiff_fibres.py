@@ -8,7 +8,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, LoadStepper, Ply, Tool, drape
 from skfem_textile.scenes import Case, hemisphere_forming
-from skfem_textile.solve import newton
+from skfem_textile.solve import globalisation
 
 
 def formed(fabric, steps=1, **options):
@@ -39,7 +39,7 @@ def test_a_slack_ply_is_formed_and_its_other_states_are_announced():
 def test_increments_may_stretch_rotating_fibres_for_a_while(monkeypatch):
     """If each has to decrease the energy, they are far shorter and more."""
     solves = slack(30.0).linear_solves
-    monkeypatch.setattr(newton, "_WATCHED", 0)
+    monkeypatch.setattr(globalisation, "_WATCHED", 0)
     short = slack.__wrapped__(30.0)
     assert short.converged
     assert solves < 0.6 * short.linear_solves
@@ -51,21 +51,23 @@ def test_an_iteration_whose_energy_stays_high_returns_to_the_start(monkeypatch):
     Where no halved increment does, the whole one is applied.
     """
     starts, descends, reached = [], [], []
-    halved, moved = newton.Line.halved, newton.Problem.moved
+    halved, moved = globalisation.Line.halved, globalisation.Problem.moved
 
     def recorded(line):
         du = halved(line)
-        starts.append(line.u)
-        descends.append(line.problem.energy(line.u + du, line.parameters) < line.energy)
+        starts.append(line.at.u)
+        descends.append(
+            line.problem.energy(line.at.u + du, line.at.parameters) < line.energy
+        )
         return du
 
     def recorded_move(problem, u, du):
         reached.append(moved(problem, u, du))
         return reached[-1]
 
-    monkeypatch.setattr(newton, "_WATCHED", 3)
-    monkeypatch.setattr(newton.Line, "halved", recorded)
-    monkeypatch.setattr(newton.Problem, "moved", recorded_move)
+    monkeypatch.setattr(globalisation, "_WATCHED", 3)
+    monkeypatch.setattr(globalisation.Line, "halved", recorded)
+    monkeypatch.setattr(globalisation.Problem, "moved", recorded_move)
     assert slack.__wrapped__(30.0).converged
     assert len(starts) > 5
     assert all(any(np.array_equal(u, x) for x in reached) for u in starts)

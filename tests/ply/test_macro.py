@@ -19,7 +19,7 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split, split_cells
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve import newton, search
+from skfem_textile.solve import search, updates
 from tests.helpers import (
     TRIANGLE_AND_QUAD,
     acting_tension,
@@ -244,7 +244,7 @@ def test_half_of_a_ply_has_half_of_the_force(monkeypatch):
     reactions at the symmetry line.
     """
     monkeypatch.setattr(search, "SETTLED", 1e-4)
-    monkeypatch.setattr(newton, "SETTLED", 1e-4)
+    monkeypatch.setattr(updates, "SETTLED", 1e-4)
     loads = []
     for part, width, size in (("whole", 50, (8, 16)), ("half", 25, (4, 16))):
         mesh = split(rectangle(width, 100, size, "aligned"))

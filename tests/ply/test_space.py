@@ -21,8 +21,8 @@ from skfem_textile import (
 from skfem_textile.forms.corners import RESISTING
 from skfem_textile.scenes import bias_extension
 from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.direction import definite
 from skfem_textile.solve.linear import solver_named
-from skfem_textile.solve.newton import definite
 from skfem_textile.solve.problem import Problem, Tangent
 from tests.helpers import (
     Coupled,

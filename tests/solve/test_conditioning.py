@@ -98,7 +98,7 @@ def test_the_stiffness_in_the_warning_is_that_of_a_shifted_clamp():
         problem.nodal(u)[:, top] += distance * n[:, None]
         for _ in range(3):
             f = problem.residual(u, state.parameters)
-            u = u + Tangent.at(problem, u, state.parameters).settled(f)[0]
+            u = u + Tangent.at(problem, u, state.parameters).equilibrated(f)[0]
         f = problem.residual(u, state.parameters)
         return n @ problem.reactions(f, u)["top"]
 

@@ -90,7 +90,7 @@ def settled(problem, u, parameters):
     """The equilibrium near a displacement with held stiffnesses, by Newton's method."""
     for _ in range(3):
         force = problem.residual(u, parameters)
-        u = u + Tangent.at(problem, u, parameters).settled(force)[0]
+        u = u + Tangent.at(problem, u, parameters).equilibrated(force)[0]
     return u, problem.residual(u, parameters)
 
 

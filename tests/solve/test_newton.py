@@ -21,7 +21,7 @@ from skfem_textile import (
 )
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension
-from skfem_textile.solve import newton, search
+from skfem_textile.solve import globalisation, newton, search
 from skfem_textile.solve.problem import InitialGuess
 from skfem_textile.solve.search import AcceptedEquilibrium, EquilibriumSearch, Target
 from skfem_textile.solve.states import NoEquilibriumError
@@ -59,7 +59,7 @@ class Found(NamedTuple):
 
 
 def test_an_updated_state_keeps_its_difficulty(monkeypatch):
-    ply = SimpleNamespace(updated=lambda p, u, t: "after", terms=())
+    ply = SimpleNamespace(updated=lambda p, u, t: {}, terms=())
     start = InitialGuess(1.0, *np.zeros((3, 1)), {}, {})
     problem = SimpleNamespace(ply=ply, start=lambda *_: start, contacts=())
     trial = SimpleNamespace(problem=problem, equilibrium=Found())
@@ -121,15 +121,15 @@ def test_an_unconverged_iteration_continues_downhill(monkeypatch):
         method = Newton(most=5)
         return LoadStepper(ply, scene.conditions, 1, method=method, max_halvings=0)
 
-    energies, halved = [], newton.Line.halved
+    energies, halved = [], globalisation.Line.halved
 
     def recorded(line):
         du = halved(line)
-        after = line.problem.energy(line.u + du, line.parameters)
+        after = line.problem.energy(line.at.u + du, line.at.parameters)
         energies.append((line.energy, after))
         return du
 
-    monkeypatch.setattr(newton.Line, "halved", recorded)
+    monkeypatch.setattr(globalisation.Line, "halved", recorded)
     assert run().run().converged
     assert energies
     assert all(after <= before for before, after in energies)
