@@ -183,6 +183,9 @@ class ActiveSet:
         tangent.projected &= at.unbalanced(problem) <= NEAR
         return at
 
+    def tangent(self, at: Iterate) -> None:
+        """None: it depends on the nodes that touch."""
+
     def _without_contact(self, at: Iterate) -> tuple[ndarray, ndarray]:
         """Nodal forces without tools, and stiffness less λ∇²g."""
         problem, (u, f, p, tension, forces, _) = self._problem, at

@@ -40,7 +40,7 @@ class Iterate(NamedTuple):
         Contact forces λ that it predicts: of nodes on surfaces, shape (n,), or by name
         of the tool, each of shape (n_nodes,).
     tangent
-        Tangent of the next increment, if it is known; at an equilibrium the consistent
+        Tangent of the next increment, if it is known; at equilibrium the consistent
         one, None if it is singular.
     """
 
@@ -53,8 +53,11 @@ class Iterate(NamedTuple):
 
     @property
     def unstable(self) -> bool:
-        """True if the consistent tangent is regular and indefinite."""
-        return self.tangent is not None and bool(self.tangent.negative_pivots)
+        """True if the tangent is regular and indefinite, or has been projected."""
+        tangent = self.tangent
+        return tangent is not None and bool(
+            tangent.projected or tangent.negative_pivots
+        )
 
     def unbalanced(self, problem: Problem) -> float:
         """Largest free nodal force relative to the largest nodal or contact force."""
@@ -102,6 +105,10 @@ class Direction(Protocol):
         """The iterate after an increment."""
         ...
 
+    def tangent(self, at: Iterate) -> Tangent | None:
+        """Tangent of the next increment; None if the increment itself determines it."""
+        ...
+
 
 class Consistent:
     """The consistent tangent.
@@ -124,7 +131,7 @@ class Consistent:
 
     def increment(self, at: Iterate, fixed_values: ndarray) -> Increment:
         """See `Direction`."""
-        tangent = at.tangent or self._tangent(at)
+        tangent = at.tangent or self.tangent(at)
         du = tangent.increment(at.f, at.u, fixed_values)
         return Increment(du, tangent, du)
 
@@ -133,7 +140,8 @@ class Consistent:
         u = self._problem.moved(at.u, increment.du)
         return Iterate(u, self._problem.residual(u, at.parameters), at.parameters)
 
-    def _tangent(self, at: Iterate) -> Tangent:
+    def tangent(self, at: Iterate) -> Tangent:
+        """See `Direction`."""
         return Tangent.at(self._problem, at.u, at.parameters)
 
 
@@ -155,7 +163,8 @@ class Definite(Consistent):
         contact = increment.tangent.contact(at.f, du)
         return super().after(at, increment)._replace(tension=tension, contact=contact)
 
-    def _tangent(self, at: Iterate) -> Tangent:
+    def tangent(self, at: Iterate) -> Tangent:
+        """See `Direction`."""
         return definite(self._problem, at.u, at.parameters, at.tension, at.contact)
 
 

@@ -109,18 +109,18 @@ class Newton:
     first of a ply in its plane, which brings the fixed unknowns to their values.
 
     An iteration that has not converged after ``most`` increments continues with a line
-    search (`LineSearch`).  Where a term has a
-    ``line_search``, this holds for every increment after the first.  Near the
-    equilibrium the parameters of the terms are updated (`NearEquilibrium`).
+    search (`LineSearch`).  Where a term has a ``line_search``, this holds for every
+    increment after the first.  Near the equilibrium the parameters of the terms are
+    updated (`NearEquilibrium`).
 
     Between tools, each increment finds the nodes that touch (`ActiveSet`), and may
     increase the energy for a while (`Watchdog`).  The parameters are updated in the
     first iteration at a load factor, and kept in those that follow an update at an
     equilibrium.
 
-    The iteration leaves an unstable equilibrium along its softest mode, and continues,
-    without tools with the line search, except where the load path is followed, which
-    avoids it.
+    The iteration leaves an unstable equilibrium, or a state with an indefinite tangent
+    at which it has not converged, along the softest mode, and continues, without tools
+    with the line search, except where the load path is followed, which avoids both.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ class Newton:
         kept = between_tools and start.keeps_parameters
         at = direction.first(start)
         for globalisation, most in self._stages(problem):
-            if progress.is_balanced:
+            if progress.residuals and at.unstable and not follows:
                 at = self._beside(problem, at)
             update = unchanged if kept else NearEquilibrium(problem)
             at = iterate(progress, at, direction, globalisation, update, most)
@@ -181,10 +181,12 @@ class Newton:
         ]
 
     def _beside(self, problem: Problem, at: Iterate) -> Iterate:
-        """An iterate beside an unstable equilibrium, along its softest mode."""
+        """An iterate beside one with an indefinite tangent, along its softest mode."""
         motion = self.imperfection * problem.element_size * at.tangent.softest()
-        u = problem.moved(at.u, motion)
-        return at._replace(u=u, f=problem.residual(u, at.parameters), tangent=None)
+        u, p = problem.moved(at.u, motion), at.parameters
+        tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
+        f = problem.residual(u, p)
+        return at._replace(u=u, f=f, tension=tension, tangent=None)
 
 
 @dataclass(frozen=True)
@@ -297,7 +299,7 @@ def iterate(
 ) -> Iterate:
     """Iterate until the forces balance, or ``most`` times.
 
-    An equilibrium has its consistent tangent.
+    The last iterate has a tangent: at equilibrium the consistent one.
     """
     for _ in range(most):
         increment = direction.increment(at, progress.fixed_values)
@@ -306,4 +308,4 @@ def iterate(
         if progress.record(increment.tangent, at):
             tangent = tangent_at(progress.problem, at.u, at.parameters)
             return at._replace(tangent=tangent)
-    return at
+    return at._replace(tangent=direction.tangent(at))
