@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from ..ply.parameters import Frozen, PlyParameters, Values
 from ..ply.terms import STIFFNESS_OF_GAP
-from .direction import NEAR, TINY, Increment, Iterate
+from .direction import NEAR, TINY, Direction, Increment, Iterate
 from .problem import InitialGuess, Problem, Tangent
 from .states import NoEquilibriumError
 
@@ -116,7 +116,7 @@ def resultants(
     }
 
 
-class ActiveSet:
+class ActiveSet(Direction):
     """Direction to the minimum of a model of the energy, with linearised gaps.
 
     Apart from contact the model is of second order.  The nodes that touch after the
@@ -134,11 +134,12 @@ class ActiveSet:
     """
 
     def __init__(self, problem: Problem) -> None:
-        self._problem, self._nodes = problem, _of_nodes(problem)
+        super().__init__(problem)
+        self._nodes = _of_nodes(problem)
         self._last_shift = 0.0
 
     def first(self, start: InitialGuess) -> Iterate:
-        """See `Direction`."""
+        """The iterate before the first increment, with contacts as stiff as fibres."""
         problem, u, p = self._problem, start.u, start.parameters
         tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
         if not is_set(problem, p):
@@ -146,7 +147,7 @@ class ActiveSet:
         return Iterate(u, problem.residual(u, p), p, tension, forces(problem, p))
 
     def increment(self, at: Iterate, fixed_values: ndarray) -> Increment:
-        """See `Direction`."""
+        """Increment to the minimum, with the contact forces there."""
         problem, t, p = self._problem, self._problem.load_factor, at.parameters
         f, K = self._without_contact(at)
         gaps = [
@@ -173,7 +174,7 @@ class ActiveSet:
         return Increment(du, tangent, du, after)
 
     def after(self, at: Iterate, increment: Increment) -> Iterate:
-        """See `Direction`."""
+        """The iterate after an increment, with a share of its contact forces."""
         problem, du, tangent = self._problem, increment.du, increment.tangent
         share = np.linalg.norm(du) / max(np.linalg.norm(increment.whole), TINY)
         tension = problem.ply.geometric_tension(at.u, du, at.parameters)

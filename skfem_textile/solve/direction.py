@@ -1,6 +1,6 @@
 """Iterates, and directions of increments; between tools see `contact.ActiveSet`."""
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -87,31 +87,10 @@ class Increment(NamedTuple):
     contact: Any = None
 
 
-class Direction(Protocol):
-    """Linearised problem whose solutions are the increments of an iteration."""
+class Direction:
+    """Linearised problem with the consistent tangent.
 
-    def first(self, start: InitialGuess) -> Iterate:
-        """The iterate before the first increment."""
-        ...
-
-    def increment(self, at: Iterate, fixed_values: ndarray) -> Increment:
-        """Increment that balances the linearised forces.
-
-        ``fixed_values`` are the values of the fixed unknowns after it.
-        """
-        ...
-
-    def after(self, at: Iterate, increment: Increment) -> Iterate:
-        """The iterate after an increment."""
-        ...
-
-    def tangent(self, at: Iterate) -> Tangent | None:
-        """Tangent of the next increment; None if the increment itself determines it."""
-        ...
-
-
-class Consistent:
-    """The consistent tangent.
+    Derived classes have other tangents.
 
     Parameters
     ----------
@@ -123,48 +102,61 @@ class Consistent:
         self._problem = problem
 
     def first(self, start: InitialGuess) -> Iterate:
-        """See `Direction`."""
+        """The iterate before the first increment."""
         problem, u, p = self._problem, start.u, start.parameters
         # Surfaces move with the load factor.
         tangent = None if problem.surfaces else start.tangent
         return Iterate(u, problem.residual(u, p), p, tangent=tangent)
 
     def increment(self, at: Iterate, fixed_values: ndarray) -> Increment:
-        """See `Direction`."""
+        """Increment that balances the linearised forces.
+
+        ``fixed_values`` are the values of the fixed unknowns after it.
+        """
         tangent = at.tangent or self.tangent(at)
         du = tangent.increment(at.f, at.u, fixed_values)
         return Increment(du, tangent, du)
 
     def after(self, at: Iterate, increment: Increment) -> Iterate:
-        """See `Direction`."""
-        u = self._problem.moved(at.u, increment.du)
-        return Iterate(u, self._problem.residual(u, at.parameters), at.parameters)
+        """The iterate after an increment."""
+        return self.beside(at, self._problem.moved(at.u, increment.du))
 
-    def tangent(self, at: Iterate) -> Tangent:
-        """See `Direction`."""
+    def beside(self, at: Iterate, u: ndarray) -> Iterate:
+        """An iterate at another displacement, with the same parameters."""
+        f = self._problem.residual(u, at.parameters)
+        return at._replace(u=u, f=f, tangent=None)
+
+    def tangent(self, at: Iterate) -> Any:
+        """Tangent of the next increment; None if the increment itself determines it."""
         return Tangent.at(self._problem, at.u, at.parameters)
 
 
-class Definite(Consistent):
+class Definite(Direction):
     """A positive definite tangent with predicted tensions, see `definite`."""
 
     def first(self, start: InitialGuess) -> Iterate:
-        """See `Direction`."""
+        """The iterate before the first increment."""
         problem, u = self._problem, start.u
         tangent, p = _first_tangent(problem, start)
         changed = problem.surfaces or problem.ply.follows_load_factor
         f = problem.residual(u, p) if changed else start.f
         return Iterate(u, f, p, tangent=tangent)
 
-    def after(self, at: Iterate, increment: Increment) -> Iterate:
-        """See `Direction`."""
-        du = increment.du
-        tension = self._problem.ply.geometric_tension(at.u, du, at.parameters)
-        contact = increment.tangent.contact(at.f, du)
-        return super().after(at, increment)._replace(tension=tension, contact=contact)
+    def beside(self, at: Iterate, u: ndarray) -> Iterate:
+        """An iterate at another displacement, with the tensions there."""
+        du = np.zeros_like(u)
+        tension = self._problem.ply.geometric_tension(u, du, at.parameters)
+        return super().beside(at, u)._replace(tension=tension)
 
-    def tangent(self, at: Iterate) -> Tangent:
-        """See `Direction`."""
+    def after(self, at: Iterate, increment: Increment) -> Iterate:
+        """The iterate after an increment, with the tensions that it predicts."""
+        problem, p, du = self._problem, at.parameters, increment.du
+        tension = problem.ply.geometric_tension(at.u, du, p)
+        contact, u = increment.tangent.contact(at.f, du), problem.moved(at.u, du)
+        return Iterate(u, problem.residual(u, p), p, tension, contact)
+
+    def tangent(self, at: Iterate) -> Any:
+        """Tangent of the next increment."""
         return definite(self._problem, at.u, at.parameters, at.tension, at.contact)
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -29,14 +28,6 @@ _WATCHED = 8
 _ARMIJO = 1e-4
 
 
-class Globalisation(Protocol):
-    """Rule for the share of an increment that is applied."""
-
-    def __call__(self, at: Iterate, increment: Increment) -> tuple[Iterate, Increment]:
-        """The iterate from which the iteration continues, and the increment there."""
-        ...
-
-
 @dataclass
 class Whole:
     """Whole increments, up to a length, within all laws.
@@ -56,7 +47,7 @@ class Whole:
     longest: float = np.inf
 
     def __call__(self, at: Iterate, increment: Increment) -> tuple[Iterate, Increment]:
-        """See `Globalisation`."""
+        """The iterate from which the iteration continues, and the increment there."""
         problem, du = self.problem, increment.du
         if at.tension is not None or problem.in_space:
             du = du / max(1.0, problem.ply.largest_gradient(du) / self.longest)
@@ -69,7 +60,7 @@ class LineSearch(Whole):
     """Increments that are halved until the energy decreases, except for the first."""
 
     def __call__(self, at: Iterate, increment: Increment) -> tuple[Iterate, Increment]:
-        """See `Globalisation`."""
+        """The iterate, and a share of its increment."""
         at, increment = super().__call__(at, increment)
         if at.tension is not None:
             du = Line(self.problem, at, increment.du).halved()
@@ -92,7 +83,7 @@ class Watchdog(Whole):
     _left: int = 0
 
     def __call__(self, at: Iterate, increment: Increment) -> tuple[Iterate, Increment]:
-        """See `Globalisation`."""
+        """The iterate or an earlier one, and the increment there."""
         at, increment = super().__call__(at, increment)
         if self._watched is None:
             line = Line(self.problem, at, increment.du)

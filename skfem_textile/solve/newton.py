@@ -8,8 +8,8 @@ import numpy as np
 from numpy import ndarray
 
 from .contact import ActiveSet
-from .direction import Consistent, Definite, Direction, Iterate
-from .globalisation import Globalisation, LineSearch, Watchdog, Whole
+from .direction import Definite, Direction, Iterate
+from .globalisation import LineSearch, Watchdog, Whole
 from .problem import HOLD, InitialGuess, Problem, Tangent, tangent_at
 from .states import Equilibrium, NoEquilibriumError
 from .updates import NearEquilibrium, unchanged
@@ -149,44 +149,38 @@ class Newton:
         report: Report,
     ) -> Equilibrium:
         """See `Method`."""
-        between_tools = bool(problem.contacts)
-        follows = most_projected < np.inf and not between_tools
+        follows = most_projected < np.inf and not problem.contacts
         most_projected = most_projected if follows else np.inf
         progress = _Progress(problem, fixed_values, most_projected, report)
-        direction: Direction = (ActiveSet if between_tools else Definite)(problem)
-        kept = between_tools and start.keeps_parameters
+        direction = (ActiveSet if problem.contacts else Definite)(problem)
         at = direction.first(start)
-        for globalisation, most in self._stages(problem):
+        for stage in self._stages(problem, start.keeps_parameters):
             if progress.residuals and at.unstable and not follows:
-                at = self._beside(problem, at)
-            update = unchanged if kept else NearEquilibrium(problem)
-            at = iterate(progress, at, direction, globalisation, update, most)
+                motion = self.imperfection * problem.element_size * at.tangent.softest()
+                at = direction.beside(at, problem.moved(at.u, motion))
+            at = iterate(progress, at, direction, *stage)
             if progress.is_balanced and (follows or not at.unstable):
                 break
         return progress.equilibrium(at)
 
-    def _stages(self, problem: Problem) -> list[tuple[Globalisation, int]]:
-        """Globalisations until the iteration converges, and their most iterations.
+    def _stages(
+        self, problem: Problem, keeps_parameters: bool
+    ) -> list[tuple[Whole, Update, int]]:
+        """Globalisations with updates of the parameters, and their most iterations.
 
-        The second one follows if it does not converge, or at an unstable equilibrium.
+        The second one follows if the first does not converge, or at an unstable
+        equilibrium.
         """
+        each = problem, self.longest
         if problem.contacts:
+            update = unchanged if keeps_parameters else NearEquilibrium(problem)
             most = _BETWEEN_TOOLS * self.most
-            return [(Watchdog(problem, self.longest), most) for _ in range(2)]
-        first = LineSearch if problem.line_search else Whole
-        last = LineSearch(problem, self.longest)
+            return [(Watchdog(*each), update, most) for _ in range(2)]
+        first = (LineSearch if problem.line_search else Whole)(*each)
         return [
-            (first(problem, self.longest), self.most),
-            (last, _DESCENT * self.most),
+            (first, NearEquilibrium(problem), self.most),
+            (LineSearch(*each), NearEquilibrium(problem), _DESCENT * self.most),
         ]
-
-    def _beside(self, problem: Problem, at: Iterate) -> Iterate:
-        """An iterate beside one with an indefinite tangent, along its softest mode."""
-        motion = self.imperfection * problem.element_size * at.tangent.softest()
-        u, p = problem.moved(at.u, motion), at.parameters
-        tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
-        f = problem.residual(u, p)
-        return at._replace(u=u, f=f, tension=tension, tangent=None)
 
 
 @dataclass(frozen=True)
@@ -213,7 +207,7 @@ class PlainNewton:
     ) -> Equilibrium:
         """See `Method`."""
         progress = _Progress(problem, fixed_values, most_projected, report)
-        direction = Consistent(problem)
+        direction = Direction(problem)
         at = direction.first(start)
         at = iterate(progress, at, direction, Whole(problem), unchanged, self.most)
         return progress.equilibrium(at)
@@ -293,7 +287,7 @@ def iterate(
     progress: _Progress,
     at: Iterate,
     direction: Direction,
-    globalisation: Globalisation,
+    globalisation: Whole,
     update: Update,
     most: int,
 ) -> Iterate:
