@@ -16,12 +16,6 @@ from .states import NoEquilibriumError
 # iteration.
 _HALVINGS = 12
 
-# Number of increments that may follow one that did not decrease the energy, the last of
-# which must have decreased it.  Chosen: with fewer, a slack ply of stiff fibres takes
-# more than twice as many solves, with more as many (`pytest
-# tests/forming/test_stiff_fibres.py` compares 0 with 8).
-_WATCHED = 8
-
 # Share of the predicted decrease of the energy that an increment must reach (Armijo's
 # rule, with the constant of Nocedal & Wright, Numerical Optimization, 2006, section
 # 3.1).
@@ -56,38 +50,33 @@ class Whole:
 
 
 @dataclass
-class LineSearch(Whole):
-    """Increments that are halved until the energy decreases, except for the first."""
+class Descent(Whole):
+    """Increments after which the energy decreases, at once or a few increments later.
 
-    def __call__(self, at: Iterate, increment: Increment) -> tuple[Iterate, Increment]:
-        """The iterate, and a share of its increment."""
-        at, increment = super().__call__(at, increment)
-        if at.tension is not None:
-            du = Line(self.problem, at, increment.du).halved()
-            increment = increment._replace(du=du)
-        return at, increment
+    The first increment of a ply in its plane is exempt.  If an increment increases the
+    energy, and so many further ones as the patience have not decreased it either, the
+    iteration continues from the displacement before the first, with a halved increment:
+    a line search with no patience, else the watchdog technique of Chamberlain et al.
+    (1982; Nocedal & Wright 2006, section 15.6).
 
-
-@dataclass
-class Watchdog(Whole):
-    """Increments that may increase the energy for a while.
-
-    An increment that rotates nearly inextensible fibres also stretches them, to second
-    order, and may increase the energy, which the next ones then decrease.  If the
-    eighth increment after it has not decreased the energy either, the iteration
-    continues from the displacement before the first, with a halved increment (the
-    watchdog technique of Chamberlain et al. 1982; Nocedal & Wright 2006, section 15.6).
+    Parameters
+    ----------
+    patience
+        Number of further increments.
     """
 
+    patience: int = 0
     _watched: "tuple[Line, Increment] | None" = None
     _left: int = 0
 
     def __call__(self, at: Iterate, increment: Increment) -> tuple[Iterate, Increment]:
         """The iterate or an earlier one, and the increment there."""
         at, increment = super().__call__(at, increment)
+        if at.tension is None:
+            return at, increment
         if self._watched is None:
             line = Line(self.problem, at, increment.du)
-            self._watched, self._left = (line, increment), _WATCHED
+            self._watched, self._left = (line, increment), self.patience
         line, first = self._watched
         if line.falls_to(self.problem.moved(at.u, increment.du)):
             self._watched = None
@@ -130,7 +119,7 @@ class Line:
 
     def halved(self) -> ndarray:
         """The increment, halved until the energy falls; the whole one if none does."""
-        for share in 0.5 ** np.arange(_HALVINGS):
+        for share in 0.5 ** np.arange(1, _HALVINGS):
             if self.falls_to(self.problem.moved(self.at.u, share * self.du), share):
                 return share * self.du
         return self.du

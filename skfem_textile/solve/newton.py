@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from .contact import ActiveSet
 from .direction import Definite, Direction, Iterate
-from .globalisation import LineSearch, Watchdog, Whole
+from .globalisation import Descent, Whole
 from .problem import HOLD, InitialGuess, Problem, Tangent, tangent_at
 from .states import Equilibrium, NoEquilibriumError
 from .updates import NearEquilibrium, unchanged
@@ -39,6 +39,12 @@ _DESCENT = 3
 # many wrinkled states, often take more than a hundred, and halving a step takes longer
 # than continuing.
 _BETWEEN_TOOLS = 5
+
+# Number of increments between tools that may follow one that did not decrease the
+# energy, the last of which must have decreased it.  Chosen: with fewer, a slack ply of
+# stiff fibres takes more than twice as many solves, with more as many (`pytest
+# tests/forming/test_stiff_fibres.py` compares 0 with 8).
+_WATCHED = 8
 
 #: Update of the parameters of an iterate.
 Update = Callable[[Iterate], Iterate]
@@ -109,14 +115,15 @@ class Newton:
     first of a ply in its plane, which brings the fixed unknowns to their values.
 
     An iteration that has not converged after ``most`` increments continues with a line
-    search (`LineSearch`).  Where a term has a ``line_search``, this holds for every
+    search (`Descent`).  Where a term has a ``line_search``, this holds for every
     increment after the first.  Near the equilibrium the parameters of the terms are
     updated (`NearEquilibrium`).
 
-    Between tools, each increment finds the nodes that touch (`ActiveSet`), and may
-    increase the energy for a while (`Watchdog`).  The parameters are updated in the
-    first iteration at a load factor, and kept in those that follow an update at an
-    equilibrium.
+    Between tools, each increment finds the nodes that touch (`ActiveSet`).  One that
+    rotates nearly inextensible fibres also stretches them, to second order, and may
+    increase the energy, which the next ones then decrease (`Descent`).  The parameters
+    are updated in the first iteration at a load factor, and kept in those that follow
+    an update at an equilibrium.
 
     The iteration leaves an unstable equilibrium, or a state with an indefinite tangent
     at which it has not converged, along the softest mode, and continues, without tools
@@ -175,11 +182,11 @@ class Newton:
         if problem.contacts:
             update = unchanged if keeps_parameters else NearEquilibrium(problem)
             most = _BETWEEN_TOOLS * self.most
-            return [(Watchdog(*each), update, most) for _ in range(2)]
-        first = (LineSearch if problem.line_search else Whole)(*each)
+            return [(Descent(*each, _WATCHED), update, most) for _ in range(2)]
+        first = (Descent if problem.line_search else Whole)(*each)
         return [
             (first, NearEquilibrium(problem), self.most),
-            (LineSearch(*each), NearEquilibrium(problem), _DESCENT * self.most),
+            (Descent(*each), NearEquilibrium(problem), _DESCENT * self.most),
         ]
 
 

@@ -8,7 +8,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, LoadStepper, Ply, Tool, drape
 from skfem_textile.scenes import Case, hemisphere_forming
-from skfem_textile.solve import globalisation
+from skfem_textile.solve import globalisation, newton
 
 
 def formed(fabric, steps=1, **options):
@@ -39,7 +39,7 @@ def test_a_slack_ply_is_formed_and_its_other_states_are_announced():
 def test_increments_may_stretch_rotating_fibres_for_a_while(monkeypatch):
     """If each has to decrease the energy, they are far shorter and more."""
     solves = slack(30.0).linear_solves
-    monkeypatch.setattr(globalisation, "_WATCHED", 0)
+    monkeypatch.setattr(newton, "_WATCHED", 0)
     short = slack.__wrapped__(30.0)
     assert short.converged
     assert solves < 0.6 * short.linear_solves
@@ -65,7 +65,7 @@ def test_an_iteration_whose_energy_stays_high_returns_to_the_start(monkeypatch):
         reached.append(moved(problem, u, du))
         return reached[-1]
 
-    monkeypatch.setattr(globalisation, "_WATCHED", 3)
+    monkeypatch.setattr(newton, "_WATCHED", 3)
     monkeypatch.setattr(globalisation.Line, "halved", recorded)
     monkeypatch.setattr(globalisation.Problem, "moved", recorded_move)
     assert slack.__wrapped__(30.0).converged

@@ -121,15 +121,15 @@ def test_an_unconverged_iteration_continues_downhill(monkeypatch):
         method = Newton(most=5)
         return LoadStepper(ply, scene.conditions, 1, method=method, max_halvings=0)
 
-    energies, halved = [], globalisation.Line.halved
+    energies, applied = [], globalisation.Descent.__call__
 
-    def recorded(line):
-        du = halved(line)
-        after = line.problem.energy(line.at.u + du, line.at.parameters)
-        energies.append((line.energy, after))
-        return du
+    def recorded(descent, *others):
+        at, increment = applied(descent, *others)
+        reached = at.u, at.u + increment.du
+        energies.append([descent.problem.energy(u, at.parameters) for u in reached])
+        return at, increment
 
-    monkeypatch.setattr(globalisation.Line, "halved", recorded)
+    monkeypatch.setattr(globalisation.Descent, "__call__", recorded)
     assert run().run().converged
     assert energies
     assert all(after <= before for before, after in energies)
