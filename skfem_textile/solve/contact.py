@@ -176,10 +176,11 @@ class ActiveSet(Direction):
     def after(self, at: Iterate, increment: Increment) -> Iterate:
         """The iterate after an increment, with a share of its contact forces."""
         problem, du, tangent = self._problem, increment.du, increment.tangent
-        share = np.linalg.norm(du) / max(np.linalg.norm(increment.whole), TINY)
+        whole = float(np.linalg.norm(increment.whole))
+        share = float(np.linalg.norm(du)) / max(whole, TINY)
         tension = problem.ply.geometric_tension(at.u, du, at.parameters)
         u = problem.moved(at.u, du)
-        p = towards(problem, at.parameters, increment.contact, float(share))
+        p = towards(problem, at.parameters, increment.contact, share)
         at = Iterate(u, problem.residual(u, p), p, tension, increment.contact)
         tangent.projected &= at.unbalanced(problem) <= NEAR
         return at

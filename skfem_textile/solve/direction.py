@@ -157,6 +157,7 @@ class Definite(Direction):
 
     def tangent(self, at: Iterate) -> Any:
         """Tangent of the next increment."""
+        assert at.tension is not None  # the first iterate has its tangent
         return definite(self._problem, at.u, at.parameters, at.tension, at.contact)
 
 
