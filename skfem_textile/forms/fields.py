@@ -173,13 +173,16 @@ class FabricOnBasis:
         Raises
         ------
         ValueError
-            If it has not one number for each unknown.
+            If it is not an array with one real number for each unknown.
         """
         if np.shape(u) != (self.basis.N,):
             raise ValueError(
                 f"a displacement of this ply has the shape ({self.basis.N},), one "
                 f"number for each unknown, not {np.shape(u)}: use one of the same ply"
             )
+        if not isinstance(u, ndarray) or u.dtype.kind not in "biuf":
+            found = u.dtype if isinstance(u, ndarray) else with_article(u)
+            raise ValueError(f"a displacement is an array of real numbers, not {found}")
 
     def nodal(self, u: ndarray) -> ndarray:
         """Displacement of the vertices of ``mesh``, shape (d, n_vertices).
