@@ -70,7 +70,7 @@ def test_example_43_load_steps_of_a_twisted_strip():
     fabric = Fabric((Pretensioned(Linear(2.0), 1.0), 2.0), 0.5)
     mesh = MeshQuad.init_tensor(np.linspace(0, 1, 10), np.array([-0.1, 0.1]))
     mesh = mesh.with_defaults()
-    basis = Basis(mesh, ElementVector(ElementQuad1(), 3), intorder=2)
+    basis = Basis(mesh, ElementVector(ElementQuad1(), 3), intorder=1)
     terms = (tension(fabric), basis), (shear(fabric), basis)
 
     def end(X, t):
@@ -279,5 +279,6 @@ def test_example_51_contact_of_two_bodies():
     load = VectorTerm("load", force)
     ply = Ply(both, fabric, OnePoint(C_S), [contact, load])
     held = {"ends": Condition(lambda x: (x[0] == 0) | (x[0] == 5))}
-    expected = LoadStepper(ply, held, steps=1).run().states[-1].u
+    stepper = LoadStepper(ply, held, steps=1, initial_guess=u)
+    expected = stepper.run().states[-1].u
     np.testing.assert_allclose(u, expected, atol=1e-10)
