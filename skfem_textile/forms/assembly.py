@@ -132,8 +132,16 @@ class TangentForm(OfDisplacement, BilinearForm):
         self, ubasis: Any, vbasis: Any, parameters: Parameters
     ) -> Entries | None:
         """Stiffness of the kernel."""
+        vbasis = ubasis if vbasis is None else vbasis
+        sizes = [(basis.N, basis.nelems) for basis in (ubasis, vbasis)]
+        if sizes[0] != sizes[1]:
+            (n, elements), (m, others) = sizes
+            raise ValueError(
+                "the tangent requires one basis, or two of the same unknowns and "
+                f"elements: got {n} and {m} unknowns in {elements} and {others} elements"
+            )
         states = self.states(ubasis, parameters)
-        if not states or vbasis not in (None, ubasis):
+        if not states or vbasis is not ubasis:
             return None
         K = np.zeros((ubasis.Nbfun, ubasis.Nbfun, ubasis.nelems))
         for x in states:
@@ -171,6 +179,8 @@ def refuse_basis(basis: Any, kind: type) -> None:
             "the form requires a mesh of quadrilaterals or triangles in the plane, not "
             f"{type(mesh).__name__}"
         )
+    if not np.isfinite(basis.dx).all():
+        raise ValueError("the mesh of the basis has positions that are not finite")
     element: Any = main_basis(basis).elem
     for part in getattr(element, "elems", (element,)):
         if isinstance(part, ElementVector) and part.elem.maxdeg == 0:

@@ -123,7 +123,13 @@ def _checked_arguments(
 ) -> Mapping[str, Any]:
     """Arguments by name; a ValueError for a fabric or stiffness of the wrong type."""
     expected, name = signature(function), function.__name__
-    arguments = expected.bind(*args, **kwargs).arguments
+    try:
+        arguments = expected.bind(*args, **kwargs).arguments
+    except TypeError as error:
+        raise TypeError(
+            f"{name}({', '.join(expected.parameters)}): {error}; it returns the forms "
+            "energy, residual and tangent for asm"
+        ) from None
     for argument, value in arguments.items():
         if argument == "fabric" and not isinstance(value, Fabric):
             raise ValueError(

@@ -86,8 +86,8 @@ class OwnAssembly:
     def _entries(
         self, ubasis: Any, vbasis: Any, parameters: dict[str, Any]
     ) -> Entries | None:
-        for basis in (ubasis, vbasis):
-            if not isinstance(basis, AbstractBasis | None):
+        for basis in (ubasis, ubasis if vbasis is None else vbasis):
+            if not isinstance(basis, AbstractBasis):
                 raise ValueError(
                     "asm takes bases by position and parameters by name, asm(form, "
                     f"basis, u=u): got {with_article(basis)} in place of a basis"

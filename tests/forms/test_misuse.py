@@ -208,6 +208,34 @@ def test_a_displacement_in_place_of_a_basis_is_refused(part):
     for arguments in ((PLAIN, U), (U,)):
         with pytest.raises(ValueError, match=r"u=u\): got an ndarray in place of a ba"):
             asm(form, *arguments)
+    for basis, kind in ((None, "a NoneType"), (MESH, "a MeshQuad1")):
+        with pytest.raises(ValueError, match=f"got {kind} in place of a basis"):
+            asm(form, basis, u=U)
+
+
+def test_a_tangent_on_two_bases_needs_the_same_unknowns_and_elements():
+    tangent = forms.tension(FABRIC).tangent
+    again = quad_basis(MESH, CENTRE)
+    difference = asm(tangent, PLAIN, again, u=U) - asm(tangent, PLAIN, u=U)
+    assert abs(difference).max() < 1e-9
+    with pytest.raises(ValueError, match="got 50 and 75 unknowns in 16 and 16 elem"):
+        asm(tangent, PLAIN, IN_SPACE, u=U)
+    with pytest.raises(ValueError, match="50 and 50 unknowns in 3 and 16 elements"):
+        asm(tangent, PART, PLAIN, u=U)
+
+
+def test_a_function_that_returns_forms_is_not_a_form():
+    with pytest.raises(TypeError, match=r"^tension\(fabric\): too many.* for asm$"):
+        asm(forms.tension, PLAIN, u=U)
+
+
+def test_a_mesh_with_positions_that_are_not_finite_is_refused():
+    p = MESH.p.copy()
+    p[0, 3] = np.nan
+    broken = quad_basis(MeshQuad(p, MESH.t), CENTRE)
+    for form in forms.shear(FABRIC):
+        with pytest.raises(ValueError, match="positions that are not finite"):
+            asm(form, broken, u=U)
 
 
 @pytest.mark.parametrize(
