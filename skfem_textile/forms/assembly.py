@@ -138,7 +138,7 @@ class TangentForm(OfDisplacement, BilinearForm):
             (n, elements), (m, others) = sizes
             raise ValueError(
                 "the tangent requires one basis, or two of the same unknowns and "
-                f"elements: got {n} and {m} unknowns in {elements} and {others} elements"
+                f"elements: got {n} and {m} unknowns, {elements} and {others} elements"
             )
         states = self.states(ubasis, parameters)
         if not states or vbasis is not ubasis:

@@ -218,9 +218,9 @@ def test_a_tangent_on_two_bases_needs_the_same_unknowns_and_elements():
     again = quad_basis(MESH, CENTRE)
     difference = asm(tangent, PLAIN, again, u=U) - asm(tangent, PLAIN, u=U)
     assert abs(difference).max() < 1e-9
-    with pytest.raises(ValueError, match="got 50 and 75 unknowns in 16 and 16 elem"):
+    with pytest.raises(ValueError, match="got 50 and 75 unknowns, 16 and 16 elem"):
         asm(tangent, PLAIN, IN_SPACE, u=U)
-    with pytest.raises(ValueError, match="50 and 50 unknowns in 3 and 16 elements"):
+    with pytest.raises(ValueError, match="50 and 50 unknowns, 3 and 16 elements"):
         asm(tangent, PART, PLAIN, u=U)
 
 
