@@ -319,17 +319,18 @@ def unit_vectors(
     a = real_numbers(name, value)
     if element is not None and a.ndim == 2 and a.shape[1] > element.max():
         a = a[:, element]
-    a = a.reshape(a.shape + (1,) * (x.ndim - a.ndim))
+    given = a.shape
+    a = a.reshape(given + (1,) * (x.ndim - a.ndim))
     try:
         shape = d, *x.shape[1:]
         fits = len(a) == d and np.broadcast_shapes(a.shape, shape) == shape
     except (TypeError, ValueError):
         fits = False
     if not fits:
+        points = f" for points of shape {x.shape}" if callable(direction) else ""
         raise ValueError(
-            f"{name} must be a vector, a function of position or one vector per "
-            f"element, shape ({d}, n_elements); the shape {a.shape} does not fit "
-            f"points of shape {x.shape}"
+            f"{name} must be a vector of {d} components, a function of position or one "
+            f"vector per element, shape ({d}, n_elements); got shape {given}{points}"
         )
     largest = np.abs(a).max(axis=0)
     if not np.all(np.isfinite(largest) & (largest > 0)):

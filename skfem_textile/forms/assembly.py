@@ -6,12 +6,14 @@ kernel supports, and evaluated as defined on all others; arguments and results a
 same.
 """
 
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 from skfem import (
     BilinearForm,
+    CellBasis,
     DiscreteField,
     ElementVector,
     Functional,
@@ -28,6 +30,7 @@ from ..mesh.scikit_fem import (
     number_entries,
     vector_entries,
 )
+from ..mesh.user_input import with_article
 from .kernels.elements import element_groups
 from .kernels.kernel import (
     Kernel,
@@ -60,7 +63,7 @@ class OfDisplacement(OwnAssembly):
 
     def checked(self, basis: Any, parameters: Parameters) -> Parameters:
         """Parameters with the element numbers; see `OwnAssembly`."""
-        refuse_basis(basis)
+        refuse_basis(basis, self.params["basis"])
         for name, value in parameters.items():
             if name in _DISPLACEMENTS:
                 _refuse_displacement(name, value, basis)
@@ -129,8 +132,16 @@ class TangentForm(OfDisplacement, BilinearForm):
         self, ubasis: Any, vbasis: Any, parameters: Parameters
     ) -> Entries | None:
         """Stiffness of the kernel."""
+        vbasis = ubasis if vbasis is None else vbasis
+        sizes = [(basis.N, basis.nelems) for basis in (ubasis, vbasis)]
+        if sizes[0] != sizes[1]:
+            (n, elements), (m, others) = sizes
+            raise ValueError(
+                "the tangent requires one basis, or two of the same unknowns and "
+                f"elements: got {n} and {m} unknowns, {elements} and {others} elements"
+            )
         states = self.states(ubasis, parameters)
-        if not states or vbasis not in (None, ubasis):
+        if not states or vbasis is not ubasis:
             return None
         K = np.zeros((ubasis.Nbfun, ubasis.Nbfun, ubasis.nelems))
         for x in states:
@@ -149,17 +160,27 @@ def is_displacement(field: Any) -> bool:
     )
 
 
-def refuse_basis(basis: Any) -> None:
-    """Refuse a basis on which no displacement of a ply is defined.
+def refuse_basis(basis: Any, kind: type) -> None:
+    """Refuse a basis of another kind, or on which no displacement of a ply is defined.
 
     The mesh must lie in the plane, and the displacement must vary in elements.
     """
+    if not isinstance(main_basis(basis), kind):
+        required = (
+            "is an integral over elements: pass a basis such as quad_basis(mesh, "
+            "CENTRE)"
+            if kind is CellBasis
+            else f"requires a basis {kind.__name__}(mesh)"
+        )
+        raise ValueError(f"the form {required}, not {with_article(basis)}")
     mesh = basis_mesh(basis)
     if mesh.dim() != 2:
         raise ValueError(
             "the form requires a mesh of quadrilaterals or triangles in the plane, not "
             f"{type(mesh).__name__}"
         )
+    if not np.isfinite(basis.dx).all():
+        raise ValueError("the mesh of the basis has positions that are not finite")
     element: Any = main_basis(basis).elem
     for part in getattr(element, "elems", (element,)):
         if isinstance(part, ElementVector) and part.elem.maxdeg == 0:
@@ -176,9 +197,9 @@ def basis_mesh(basis: Any) -> Any:
 
 def _refuse_displacement(name: str, value: Any, basis: Any) -> None:
     """Refuse a displacement that is neither a DOF vector nor a field of the basis."""
-    if isinstance(value, tuple | DiscreteField):
-        for field in value if isinstance(value, tuple) else (value,):
-            _refuse_points(name, np.shape(field), basis)
+    fields = value if isinstance(value, tuple) else (value,)
+    if all(isinstance(field, DiscreteField) for field in fields):
+        _refuse_fields(name, fields, basis)
         return
     if not isinstance(value, ndarray) or value.ndim != 1:
         kind = type(value).__name__
@@ -192,6 +213,29 @@ def _refuse_displacement(name: str, value: Any, basis: Any) -> None:
             f"{name} must have {basis.N} real numbers, one for each unknown of the "
             f"basis, got {len(value)} of type {value.dtype}"
         )
+    _refuse_infinite(name, value)
+
+
+def _refuse_fields(name: str, fields: Sequence[DiscreteField], basis: Any) -> None:
+    """Refuse interpolated fields of another basis."""
+    of_basis = {len(x) for x in basis.basis[0] if is_displacement(x)}
+    for field in fields:
+        _refuse_points(name, np.shape(field), basis)
+        if is_displacement(field):
+            if of_basis and len(field) not in of_basis:
+                raise ValueError(
+                    f"{name} has {len(field)} components, but the displacement of the "
+                    f"basis has {of_basis.pop()}"
+                )
+            _refuse_infinite(name, np.asarray(field.grad))
+
+
+def _refuse_infinite(name: str, values: ndarray) -> None:
+    wrong = values.size - np.count_nonzero(np.isfinite(values))
+    if wrong:
+        raise ValueError(
+            f"{name} must be finite: {wrong} of its {values.size} values are not"
+        )
 
 
 def _refuse_shape(name: str, value: Any, basis: Any) -> None:
@@ -201,7 +245,7 @@ def _refuse_shape(name: str, value: Any, basis: Any) -> None:
         raise ValueError(f"{name} must be real-valued, got {array.dtype}")
     if direction and array.shape == (basis.N,):
         return  # a DOF vector
-    in_space = direction and array.shape[:1] == (3,)
+    in_space = direction and array.ndim == 3 and len(array) == 3
     leading = (3,) if in_space else _LEADING.get(name, (2,))
     if array.ndim or leading:
         if array.ndim != len(leading) + 2 or array.shape[:-2] != leading:
@@ -212,6 +256,8 @@ def _refuse_shape(name: str, value: Any, basis: Any) -> None:
                 f"{also}, got {array.shape}"
             )
         _refuse_points(name, array.shape, basis)
+    if not direction:
+        _refuse_infinite(name, array)
     if name in ("C_s", "E_d") and (array < 0).any():
         raise ValueError(f"{name} must be >= 0, got {array.min():g}")
 

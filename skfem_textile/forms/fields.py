@@ -31,7 +31,7 @@ from ..mesh.bases import (
     sided,
 )
 from ..mesh.splitting import original_elements
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import real_numbers, with_article
 from .form import mean
 
 #: Where fields are evaluated.
@@ -173,13 +173,16 @@ class FabricOnBasis:
         Raises
         ------
         ValueError
-            If it has not one number for each unknown.
+            If it is not an array with one real number for each unknown.
         """
         if np.shape(u) != (self.basis.N,):
             raise ValueError(
                 f"a displacement of this ply has the shape ({self.basis.N},), one "
                 f"number for each unknown, not {np.shape(u)}: use one of the same ply"
             )
+        if not isinstance(u, ndarray) or u.dtype.kind not in "biuf":
+            found = u.dtype if isinstance(u, ndarray) else with_article(u)
+            raise ValueError(f"a displacement is an array of real numbers, not {found}")
 
     def nodal(self, u: ndarray) -> ndarray:
         """Displacement of the vertices of ``mesh``, shape (d, n_vertices).
@@ -297,7 +300,8 @@ def on_basis(
     if not isinstance(basis, AbstractBasis):
         raise ValueError(
             "basis must be a scikit-fem basis of the displacement, such as "
-            f"quad_basis(mesh, CENTRE), not {_kind(basis)}: pass (basis, u, fabric)"
+            f"quad_basis(mesh, CENTRE), not {with_article(basis)}: pass (basis, u, "
+            "fabric)"
         )
     fields = list(_vector_fields(basis))
     if len(fields) != 1:
@@ -308,8 +312,8 @@ def on_basis(
         )
     if not isinstance(fabric, Fabric):
         raise ValueError(
-            f"fabric must be a Fabric such as Fabric(1e4), not {_kind(fabric)}: pass "
-            "(basis, u, fabric)"
+            "fabric must be a Fabric such as Fabric(1e4), not "
+            f"{with_article(fabric)}: pass (basis, u, fabric)"
         )
     ((displacement, unknowns),) = fields
     _refuse_basis(displacement)
@@ -349,7 +353,7 @@ def _refuse_basis(basis: Any) -> None:
     if not isinstance(basis, CellBasis):
         raise ValueError(
             "fields are evaluated in elements: pass a basis such as "
-            f"quad_basis(mesh, CENTRE), not {_kind(basis)}"
+            f"quad_basis(mesh, CENTRE), not {with_article(basis)}"
         )
     element: Any = basis.elem
     scalar, mesh = element.elem, basis.mesh
@@ -371,11 +375,6 @@ def _refuse_basis(basis: Any) -> None:
         )
     if not basis.nelems:
         raise ValueError("the basis has no elements: choose others in with_elements")
-
-
-def _kind(x: Any) -> str:
-    name = type(x).__name__
-    return f"{'an' if name[0].lower() in 'aeiou' else 'a'} {name}"
 
 
 def _unit(a: ndarray) -> ndarray:

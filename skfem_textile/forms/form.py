@@ -17,7 +17,14 @@ from typing import Any, NamedTuple, Never, ParamSpec
 
 import numpy as np
 from numpy import ndarray
-from skfem import BilinearForm, DiscreteField, Functional, LinearForm
+from skfem import (
+    AbstractBasis,
+    BilinearForm,
+    CellBasis,
+    DiscreteField,
+    Functional,
+    LinearForm,
+)
 from skfem.helpers import ddot, grad
 
 from ..fabric import Fabric, is_zero
@@ -77,6 +84,7 @@ class _BuiltForms(Forms):
 
 def builds_forms(
     kernel: Callable[..., Kernel] | None = None,
+    basis: type[AbstractBasis] = CellBasis,
 ) -> Callable[[Callable[_P, Forms]], Callable[_P, Forms]]:
     """Decorate a function that defines the forms of a term.
 
@@ -86,13 +94,15 @@ def builds_forms(
     ----------
     kernel
         Function of the same arguments that returns a kernel with the same values.
+    basis
+        Class of the bases on which the forms are integrals; others are refused.
     """
 
     def decorate(function: Callable[_P, Forms]) -> Callable[_P, Forms]:
         @wraps(function)
         def build(*args: _P.args, **kwargs: _P.kwargs) -> Forms:
             arguments = _checked_arguments(function, *args, **kwargs)
-            own: Any = {"fabric": arguments.get("fabric")}
+            own: Any = {"fabric": arguments.get("fabric"), "basis": basis}
             energy, residual, tangent = function(*args, **kwargs)
             own["kernel"] = None if kernel is None else kernel(*args, **kwargs)
             forms = _BuiltForms(
@@ -113,7 +123,13 @@ def _checked_arguments(
 ) -> Mapping[str, Any]:
     """Arguments by name; a ValueError for a fabric or stiffness of the wrong type."""
     expected, name = signature(function), function.__name__
-    arguments = expected.bind(*args, **kwargs).arguments
+    try:
+        arguments = expected.bind(*args, **kwargs).arguments
+    except TypeError as error:
+        raise TypeError(
+            f"{name}({', '.join(expected.parameters)}): {error}; it returns the forms "
+            "energy, residual and tangent for asm"
+        ) from None
     for argument, value in arguments.items():
         if argument == "fabric" and not isinstance(value, Fabric):
             raise ValueError(
@@ -160,15 +176,7 @@ def deformation(w: FormExtraParams) -> ndarray:
 
 
 def displacement(w: FormExtraParams) -> DiscreteField:
-    """The parameter ``u``; a ValueError if it is missing or not a vector field.
-
-    Also on a `FacetBasis`, which has normals.
-    """
-    if "n" in w:
-        raise ValueError(
-            "the form is an integral over elements: pass a basis such as "
-            "quad_basis(mesh, CENTRE), not a FacetBasis"
-        )
+    """The parameter ``u``; a ValueError if it is missing or not a vector field."""
     u = parameter(w, "u")
     if not is_displacement(u):
         raise ValueError(

@@ -17,6 +17,8 @@ from skfem.assembly.form.coo_data import COOData
 from skfem.assembly.form.form import FormExtraParams as FormExtraParams
 from skfem.quadrature import get_quadrature as get_quadrature
 
+from .user_input import with_article
+
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
 #: Arguments of `COOData`: indices, values, shapes of the whole and of an element.
@@ -81,8 +83,19 @@ class OwnAssembly:
         """Fields of a composite basis that the function of the form takes."""
         return fields
 
+    def _entries(
+        self, ubasis: Any, vbasis: Any, parameters: dict[str, Any]
+    ) -> Entries | None:
+        for basis in (ubasis, ubasis if vbasis is None else vbasis):
+            if not isinstance(basis, AbstractBasis):
+                raise ValueError(
+                    "asm takes bases by position and parameters by name, asm(form, "
+                    f"basis, u=u): got {with_article(basis)} in place of a basis"
+                )
+        return self.entries(ubasis, vbasis, parameters)
+
     def _assemble(self, ubasis: Any, vbasis: Any = None, **parameters: Any) -> Any:
-        entries = self.entries(ubasis, vbasis, parameters)
+        entries = self._entries(ubasis, vbasis, parameters)
         if entries is not None:
             return entries
         form: Any = super()
@@ -90,7 +103,7 @@ class OwnAssembly:
 
     def coo_data(self, ubasis: Any, vbasis: Any = None, **parameters: Any) -> COOData:
         """Entries for `skfem.asm`, with stored positions if computed directly."""
-        entries = self.entries(ubasis, vbasis, parameters)
+        entries = self._entries(ubasis, vbasis, parameters)
         if entries is None:
             form: Any = super()
             return COOData(*form._assemble(ubasis, vbasis, **parameters))

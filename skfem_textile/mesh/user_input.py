@@ -17,6 +17,9 @@ MOST_DEGREES = 36_000.0
 # total.
 _LONGEST_TEXT = 60
 
+# Beginnings of names with the article "an".
+_WITH_AN = *"aeiou", "hour", "ndarray"
+
 
 class CopiedError(Exception):
     """Base of exceptions with attributes, which copies and pickled ones keep."""
@@ -62,6 +65,12 @@ def real_numbers(what: str, value: Any) -> "ndarray":
     except (TypeError, ValueError):  # as of lists of different lengths
         pass
     raise ValueError(f"{what} must be real-valued, got {_shortened(value)}")
+
+
+def with_article(x: Any) -> str:
+    """Name of the class of an object, with its article."""
+    name = type(x).__name__
+    return f"{'an' if name.lower().startswith(_WITH_AN) else 'a'} {name}"
 
 
 def parameter(w: Mapping[str, Any], name: str) -> Any:

@@ -30,7 +30,7 @@ from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
 from .curves import COLOURS, curves
-from .fields import FIELDS, fibres_of
+from .fields import FIELDS, fibres_of, refuse_other_than_result
 from .layout import COLUMN, PAGE
 from .picture_files import picture_path, save
 from .pictures import Picture, View, stage_of
@@ -282,5 +282,6 @@ def tool_force(
 
 
 def _refuse_without_tools(result: Result) -> None:
+    refuse_other_than_result("a picture of tools", result)
     if not contacts(result.ply):
         raise ValueError("a ply has no tools between which it is formed: add a Tool")

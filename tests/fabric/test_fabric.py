@@ -56,7 +56,7 @@ def test_a_family_of_a_coupled_law_has_its_tension_with_the_other_unstrained():
         ({"warp": (0, 0)}, "warp must be a non-zero finite vector"),
         ({"weft": (np.nan, 1)}, "weft must be a non-zero finite vector"),
         ({"warp": (1, 1), "weft": (-2, -2)}, "parallel"),
-        ({"warp": (1, 0, 0)}, "warp must be a vector"),
+        ({"warp": (1, 0, 0)}, r"vector of 2 components.* got shape \(3,\)$"),
         ({"warp": 1.0}, "warp must be a vector"),
         ({"warp": lambda x: x, "weft": (0, 0)}, "weft must be a non-zero"),
         ({"tension": Linear}, "tension must be a number or a law"),

@@ -71,12 +71,25 @@ def test_a_view_without_trame_is_a_picture(result, monkeypatch):
 
 
 def test_every_element_of_a_view_has_its_value(draped):
-    plotter = in_space._plotter(draped, field="weft_strain", state=1)
+    plotter = in_space._plotter([draped], field="weft_strain", state=1)
     surface = plotter.actors[next(iter(plotter.actors))].mapper.dataset
     values = plot.FIELDS["weft_strain"].values(draped.ply, draped.states[1].u)
     drawn = surface.point_data["values"].reshape(-1, 4)
     np.testing.assert_allclose(drawn, np.tile(values[:, None], 4))
     plotter.close()
+
+
+def test_a_view_of_a_displacement_on_a_basis_is_that_of_its_result(result):
+    ply = result.ply
+    views = (result,), (ply.basis, result.u, ply.fabric)
+    plotters = [in_space._plotter(drawn, field="warp_strain") for drawn in views]
+    of_result, of_basis = (
+        next(iter(plotter.actors.values())).mapper.dataset for plotter in plotters
+    )
+    np.testing.assert_array_equal(of_basis.points, of_result.points)
+    np.testing.assert_array_equal(of_basis["values"], of_result["values"])
+    for plotter in plotters:
+        plotter.close()
 
 
 def test_a_view_without_pyvista_is_refused_in_one_line(result, monkeypatch):

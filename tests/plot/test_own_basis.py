@@ -141,9 +141,18 @@ def test_a_returned_plotter_draws_more(result, tmp_path):
     assert after.mean() < before.mean() - 5
 
 
+@pytest.mark.parametrize("name", ["animation", "export_gltf", "section", "tool_force"])
+def test_what_needs_the_states_of_a_run_names_what_draws_a_basis(result, name):
+    text = r"requires the Result of a run, not a CellBasis: .* draw \(basis, u, fabric"
+    with pytest.raises(ValueError, match=text):
+        getattr(plot, name)(result.ply.basis, "x.png")
+    with pytest.raises(ValueError, match=text):
+        plot.formed(*own(result))
+
+
 def test_wrong_arguments_are_refused_in_one_line(result):
     basis, u, fabric = own(result)
-    for draw in (plot.fibre_strain, plot.shear_angle, plot.to_pyvista):
+    for draw in (plot.fibre_strain, plot.shear_angle, plot.to_pyvista, plot.view):
         with pytest.raises(ValueError, match=r"with its displacement and a fabric: pa"):
             draw(basis, u)
         with pytest.raises(ValueError, match="fabric must be a Fabric"):
@@ -156,6 +165,10 @@ def test_wrong_arguments_are_refused_in_one_line(result):
             draw()
     with pytest.raises(ValueError, match="a grid shows one result, got 2"):
         plot.to_pyvista(result, result)
+    with pytest.raises(ValueError, match="filename must be a path, not a Result"):
+        plot.animation(result, result)
+    with pytest.raises(ValueError, match="a view shows one result, got 2"):
+        plot.view(result, result)
     with pytest.raises(ValueError, match="there is no state 9"):
         plot.view(result, state=9)
     with pytest.raises(ValueError, match="has no checks: pass a Result"):

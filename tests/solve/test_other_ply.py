@@ -77,6 +77,16 @@ def test_a_displacement_of_another_ply_is_refused(method, size):
         getattr(ply, method)(u)
 
 
+@pytest.mark.parametrize("method", ["energy", "residual", "tangent", "shear_angle"])
+def test_a_displacement_is_an_array_of_real_numbers(method):
+    ply = pulled().ply
+    call, u = getattr(ply, method), ply.basis.zeros()
+    with pytest.raises(ValueError, match="array of real numbers, not a list"):
+        call(list(u))
+    with pytest.raises(ValueError, match="array of real numbers, not complex128"):
+        call(u + 0j)
+
+
 def test_other_functions_refuse_a_displacement_of_another_ply():
     ply, state = pulled().ply, run(FABRIC, MESH.refined()).states[-1]
     for call in (

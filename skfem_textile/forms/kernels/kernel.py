@@ -296,13 +296,13 @@ class MeanTensionKernel:
 
 
 def can_compute(kernel: Kernel | None, basis: Any) -> bool:
-    """True if there is a kernel that supports a basis, with unknowns node by node.
+    """True if a kernel supports a basis: one with elements, and unknowns node by node.
 
     Node k has the unknowns from dk on, with d = 2 or 3 components.
     """
     if kernel is None or not isinstance(basis, kernel.basis_type):
         return False
-    if not isinstance(basis.elem, ElementVector):
+    if not isinstance(basis.elem, ElementVector) or not basis.nelems:
         return False
     fluctuates = isinstance(basis.elem.elem, ElementQuad1Fluctuation)
     if basis.elem.dim not in (2, 3):
