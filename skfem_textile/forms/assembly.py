@@ -6,6 +6,7 @@ kernel supports, and evaluated as defined on all others; arguments and results a
 same.
 """
 
+from collections.abc import Iterable
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -114,12 +115,10 @@ class ResidualForm(OfDisplacement, LinearForm):
         states = self.states(ubasis, parameters)
         if not states:
             return None
-        f = np.zeros((ubasis.Nbfun, ubasis.nelems))
-        for x in states:
-            forces = element_forces([x])
-            of_unknowns = forces.reshape(-1, forces.shape[-1])
-            f[: len(of_unknowns), x.group.elements] = of_unknowns
-        return vector_entries(ubasis, f)
+        forces = (element_forces([x]) for x in states)
+        parts = (f.reshape(-1, f.shape[-1]) for f in forces)
+        shape = ubasis.Nbfun, ubasis.nelems
+        return vector_entries(ubasis, _of_groups(states, parts, shape))
 
 
 class TangentForm(OfDisplacement, BilinearForm):
@@ -132,11 +131,26 @@ class TangentForm(OfDisplacement, BilinearForm):
         states = self.states(ubasis, parameters)
         if not states or vbasis not in (None, ubasis):
             return None
-        K = np.zeros((ubasis.Nbfun, ubasis.Nbfun, ubasis.nelems))
-        for x in states:
-            matrices = full_matrices(element_matrices([x]))
-            K[: len(matrices), : len(matrices), x.group.elements] = matrices
-        return matrix_entries(ubasis, K)
+        parts = (full_matrices(element_matrices([x])) for x in states)
+        shape = ubasis.Nbfun, ubasis.Nbfun, ubasis.nelems
+        return matrix_entries(ubasis, _of_groups(states, parts, shape))
+
+
+def _of_groups(
+    states: Iterable[KernelState], parts: Iterable[ndarray], shape: tuple[int, ...]
+) -> ndarray:
+    """Arrays of groups of elements as one array of the whole basis.
+
+    Groups may have fewer unknowns than the basis; the rest is zero.
+    """
+    whole = None
+    for x, part in zip(states, parts, strict=True):
+        if part.shape == shape:
+            return part
+        if whole is None:
+            whole = np.zeros(shape)
+        whole[*(slice(n) for n in part.shape[:-1]), x.group.elements] = part
+    return whole
 
 
 def is_displacement(field: Any) -> bool:

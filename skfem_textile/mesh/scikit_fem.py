@@ -142,12 +142,12 @@ def matrix_entries(basis: Any, K: ndarray) -> Entries:
 class _Positions(NamedTuple):
     """Positions of the entries of element matrices.
 
-    ``indices`` are rows and columns, ``slots`` the positions in the data of ``whole``,
-    a CSR matrix with all entries, also zero ones.
+    ``indices`` are rows and columns.  ``sums`` maps the entries to the data of
+    ``whole``, a CSR matrix with all entries, also zero ones.
     """
 
     indices: ndarray
-    slots: ndarray
+    sums: csr_matrix
     whole: csr_matrix
 
 
@@ -161,11 +161,16 @@ def _positions(basis: Any) -> _Positions:
         rows, cols = np.broadcast_arrays(dofs[None], dofs[:, None])
         indices = np.array([rows.ravel(), cols.ravel()])
         keys = indices[0] * np.int64(n) + indices[1]
-        distinct, slots = np.unique(keys, return_inverse=True)
+        order = np.argsort(keys, kind="stable")
+        distinct, starts = np.unique(keys[order], return_index=True)
+        ends = np.append(starts, len(keys))
+        sums = csr_matrix(
+            (np.ones(len(keys)), order, ends), (len(distinct), len(keys))
+        )
         row, col = np.divmod(distinct, n)
-        starts = np.searchsorted(row, np.arange(n + 1))
-        whole = csr_matrix((np.zeros(len(col)), col, starts), (n, n))
-        _POSITIONS[basis] = _Positions(indices, slots, whole)
+        ends = np.searchsorted(row, np.arange(n + 1))
+        whole = csr_matrix((np.zeros(len(col)), col, ends), (n, n))
+        _POSITIONS[basis] = _Positions(indices, sums, whole)
     return _POSITIONS[basis]
 
 
@@ -179,7 +184,8 @@ class _OfBasis(COOData):
         """Sum of the entries."""
         if self.local_shape is None:  # added to other entries
             return super().tocsr()
-        _, slots, whole = _positions(self.basis)
-        K = whole.copy()
-        K.data = np.bincount(slots, self.data, len(K.data))
+        _, sums, whole = _positions(self.basis)
+        own = whole.indices.copy(), whole.indptr.copy()
+        K = csr_matrix((sums @ self.data, *own), whole.shape)
+        K.has_canonical_format = True
         return K

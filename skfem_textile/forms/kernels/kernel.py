@@ -439,20 +439,23 @@ def element_matrices(states: Sequence[KernelState]) -> ndarray:
     group, stresses = states[0].group, _sum_of_stresses(states)
     d, n_nodes = states[0].fibres[0].v.shape[2], len(group.nodes)
     rank_one = [s for x in states for s in x.kernel.stiffnesses(x)]
-    modes, n_pairs = range(group.n_modes), group.n_modes * (group.n_modes + 1) // 2
+    pairs = [*combinations_with_replacement(range(group.n_modes), 2)]
+    n_modes = max(points.n_modes for points in stresses)
+    used = [i for i, (_, c) in enumerate(pairs) if c < n_modes]
     K = np.empty((n_nodes * (n_nodes + 1) // 2, d, d, group.area.size))
     for block in group.blocks:
-        k = np.zeros((n_pairs, d, d, block.stop - block.start))
+        k = np.zeros((len(pairs), d, d, block.stop - block.start))
         for points, (fibres, stress) in stresses.items():
             points.add_stiffness(k, *fibres.stiffness(stress.of(block), block), block)
         for stiffness, gradients in rank_one:  # Σ s g_a g_cᵀ over points
             g = gradients(block)
             scaled = stiffness[:, block][:, None, None] * g
-            for pair, (a, c) in enumerate(combinations_with_replacement(modes, 2)):
+            for pair in used:
+                a, c = pairs[pair]
                 k[pair] += np.einsum("pin,pjn->ijn", scaled[:, a], g[:, c])
-        K[..., block] = (
-            k if group.modes is None else nodal_blocks(k, group.modes[..., block])
-        )
+        if group.modes is not None:
+            k = nodal_blocks(k[used], group.modes[:n_modes, :, block])
+        K[..., block] = k
     return K
 
 
