@@ -453,9 +453,10 @@ def element_matrices(states: Sequence[KernelState]) -> ndarray:
             for pair in used:
                 a, c = pairs[pair]
                 k[pair] += np.einsum("pin,pjn->ijn", scaled[:, a], g[:, c])
-        if group.modes is not None:
-            k = nodal_blocks(k[used], group.modes[:n_modes, :, block])
-        K[..., block] = k
+        if group.modes is None:
+            K[..., block] = k
+        else:
+            nodal_blocks(k[used], group.modes[:n_modes, :, block], K[..., block])
     return K
 
 
@@ -478,15 +479,16 @@ def _sum_of_stresses(
     return sums
 
 
-def nodal_blocks(K: ndarray, modes: ndarray) -> ndarray:
+def nodal_blocks(K: ndarray, modes: ndarray, out: ndarray) -> None:
     """Blocks of the pairs of nodes from blocks of the pairs of modes: Rᵀ K R."""
-    (n_modes, _, n), d = modes.shape, K.shape[1]
+    (n_modes, n_nodes, n), d = modes.shape, K.shape[1]
     k = full_matrices(K).reshape(n_modes, d, n_modes, d, n)
     half = np.einsum("ran,risjn->asijn", modes, k)
-    rows = [
-        np.einsum("sijn,scn->cijn", row, modes[:, a:]) for a, row in enumerate(half)
-    ]
-    return np.concatenate(rows)
+    start = 0
+    for a, row in enumerate(half):
+        end = start + n_nodes - a
+        np.einsum("sijn,scn->cijn", row, modes[:, a:], out=out[start:end])
+        start = end
 
 
 def full_matrices(K: ndarray) -> ndarray:
