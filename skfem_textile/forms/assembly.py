@@ -29,7 +29,7 @@ from ..mesh.scikit_fem import (
     number_entries,
     vector_entries,
 )
-from .kernels.elements import element_groups
+from .kernels.elements import ElementGroup, element_groups
 from .kernels.kernel import (
     Kernel,
     KernelState,
@@ -50,14 +50,19 @@ _LEADING = {"C_s": (), "moment": (), "E_d": (2,), "tension": (2,)}
 
 
 class OfDisplacement(OwnAssembly):
-    """A form with a fabric and a kernel, or None, among its ``params``."""
+    """A form of one or more terms.
+
+    Its ``params`` are the ``fabrics`` of the terms, and their ``kernels``: empty if a
+    term has none.
+    """
 
     params: dict[str, Any]
 
     @property
     def kernel(self) -> Kernel | None:
-        """Kernel that computes the form where it can."""
-        return self.params["kernel"]
+        """Kernel that computes the form where it can; None for several terms."""
+        kernels = self.params["kernels"]
+        return kernels[0] if len(kernels) == 1 else None
 
     def checked(self, basis: Any, parameters: Parameters) -> Parameters:
         """Parameters with the element numbers; see `OwnAssembly`."""
@@ -67,8 +72,7 @@ class OfDisplacement(OwnAssembly):
                 _refuse_displacement(name, value, basis)
             elif name in _DIRECTIONS or name in _LEADING:
                 _refuse_shape(name, value, basis)
-        fabric: Fabric | None = self.params["fabric"]
-        if fabric is not None:
+        for fabric in self.params["fabrics"]:
             fabric_on(np.arange(basis_mesh(basis).nelements), fabric)
         return {"element": element_numbers(basis), **parameters}
 
@@ -78,18 +82,21 @@ class OfDisplacement(OwnAssembly):
             return fields
         return next(((x,) for x in fields if is_displacement(x)), fields[:1])
 
-    def states(self, basis: Any, parameters: Parameters) -> list[KernelState]:
-        """Kernel on each group of elements; empty if it does not support the basis."""
-        u, kernel = parameters.get("u"), self.kernel
-        if not isinstance(u, ndarray) or u.ndim != 1 or not can_compute(kernel, basis):
+    def states(self, basis: Any, parameters: Parameters) -> list[list[KernelState]]:
+        """Kernels on each group of elements; empty if one does not support the basis."""
+        u, kernels = parameters.get("u"), self.params["kernels"]
+        if not isinstance(u, ndarray) or u.ndim != 1:
             return []
-        if kernel is None or any(name in parameters for name in _DIRECTIONS):
+        if not kernels or not all(can_compute(x, basis) for x in kernels):
             return []
-        w = self.checked(basis, parameters)
-        return [
-            KernelState(kernel, g, g.points, g.last_deformations(u), w)
-            for g in element_groups(basis, kernel.fabric)
-        ]
+        if any(name in parameters for name in _DIRECTIONS):
+            return []
+        w, groups = self.checked(basis, parameters), dict[ElementGroup, list]()
+        for x in kernels:
+            for g in element_groups(basis, x.fabric):
+                state = KernelState(x, g, g.points, g.last_deformations(u), w)
+                groups.setdefault(g, []).append(state)
+        return list(groups.values())
 
 
 class EnergyForm(OfDisplacement, Functional):
@@ -100,7 +107,7 @@ class EnergyForm(OfDisplacement, Functional):
     ) -> Entries | None:
         """Energy of the kernel."""
         states = self.states(ubasis, parameters)
-        energy = sum(x.kernel.energy(x) for x in states)
+        energy = sum(x.kernel.energy(x) for group in states for x in group)
         return number_entries(energy) if states else None
 
 
@@ -115,10 +122,10 @@ class ResidualForm(OfDisplacement, LinearForm):
         states = self.states(ubasis, parameters)
         if not states:
             return None
-        forces = (element_forces([x]) for x in states)
+        forces = map(element_forces, states)
         parts = (f.reshape(-1, f.shape[-1]) for f in forces)
         shape = ubasis.Nbfun, ubasis.nelems
-        return vector_entries(ubasis, _of_groups(states, parts, shape))
+        return vector_entries(ubasis, _sum_of_groups(states, parts, shape))
 
 
 class TangentForm(OfDisplacement, BilinearForm):
@@ -131,25 +138,27 @@ class TangentForm(OfDisplacement, BilinearForm):
         states = self.states(ubasis, parameters)
         if not states or vbasis not in (None, ubasis):
             return None
-        parts = (full_matrices(element_matrices([x])) for x in states)
+        parts = (full_matrices(element_matrices(x)) for x in states)
         shape = ubasis.Nbfun, ubasis.Nbfun, ubasis.nelems
-        return matrix_entries(ubasis, _of_groups(states, parts, shape))
+        return matrix_entries(ubasis, _sum_of_groups(states, parts, shape))
 
 
-def _of_groups(
-    states: Iterable[KernelState], parts: Iterable[ndarray], shape: tuple[int, ...]
+def _sum_of_groups(
+    states: list[list[KernelState]], parts: Iterable[ndarray], shape: tuple[int, ...]
 ) -> ndarray:
-    """Arrays of groups of elements as one array of the whole basis.
+    """Sum of the arrays of groups of elements, as one array of the whole basis.
 
     Groups may have fewer unknowns than the basis; the rest is zero.
     """
-    whole = None
-    for x, part in zip(states, parts, strict=True):
-        if part.shape == shape:
-            return part
-        if whole is None:
-            whole = np.zeros(shape)
-        whole[*(slice(n) for n in part.shape[:-1]), x.group.elements] = part
+    if len(states) == 1:  # avoids a copy
+        (whole,) = parts
+        if whole.shape == shape:
+            return whole
+        parts = [whole]
+    whole = np.zeros(shape)
+    for (x, *_), part in zip(states, parts, strict=True):
+        unknowns = (slice(n) for n in part.shape[:-1])
+        whole[*unknowns, x.group.elements] += part
     return whole
 
 

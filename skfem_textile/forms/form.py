@@ -9,10 +9,10 @@ The modules named after terms define the energy, residual (first derivative) and
 parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial, wraps
 from inspect import signature
-from operator import call
+from operator import add, call
 from typing import Any, NamedTuple, Never, ParamSpec
 
 import numpy as np
@@ -37,6 +37,9 @@ class Forms(NamedTuple):
 
     The directions of the fabric may be replaced by parameters ``warp`` and ``weft``:
     DOF vectors of the basis, or arrays of shape (2, n_elements, n_points).
+
+    The sum of the forms of terms on one basis, ``tension(fabric) + shear(fabric)``, is
+    assembled at once, in the time of one term.
     """
 
     energy: Functional
@@ -48,6 +51,24 @@ class Forms(NamedTuple):
         """Kernel of all three forms; None if they have none in common."""
         first, *others = (getattr(form, "kernel", None) for form in self)
         return first if all(kernel is first for kernel in others) else None
+
+    def __add__(self, other: object) -> "Forms":  # type: ignore[override]
+        """Forms of both terms."""
+        if not isinstance(other, Forms):
+            return NotImplemented
+        a, b = (tuple(form.form for form in forms) for forms in (self, other))
+        params = [form.params for form, _, _ in ((*self,), (*other,))]
+        kernels = [one.get("kernels", ()) for one in params]
+        return _built(
+            partial(add, self, other),
+            (
+                lambda w: a[0](w) + b[0](w),
+                lambda v, w: a[1](v, w) + b[1](v, w),
+                lambda u, v, w: a[2](u, v, w) + b[2](u, v, w),
+            ),
+            fabrics=sum((one.get("fabrics", ()) for one in params), ()),
+            kernels=sum(kernels, ()) if all(kernels) else (),
+        )
 
     @property
     def form(self) -> Never:
@@ -75,6 +96,17 @@ class _BuiltForms(Forms):
         return call, (self.built_by,)
 
 
+def _built(
+    built_by: Callable[[], Forms], functions: Iterable[Any], **params: Any
+) -> Forms:
+    """Forms of three functions or forms, with the `OfDisplacement.params`."""
+    kinds = EnergyForm, ResidualForm, TangentForm
+    pairs = zip(kinds, functions, strict=True)
+    forms = _BuiltForms(*(kind(function, **params) for kind, function in pairs))
+    forms.built_by = built_by
+    return forms
+
+
 def builds_forms(
     kernel: Callable[..., Kernel] | None = None,
 ) -> Callable[[Callable[_P, Forms]], Callable[_P, Forms]]:
@@ -92,16 +124,12 @@ def builds_forms(
         @wraps(function)
         def build(*args: _P.args, **kwargs: _P.kwargs) -> Forms:
             arguments = _checked_arguments(function, *args, **kwargs)
-            own: Any = {"fabric": arguments.get("fabric")}
-            energy, residual, tangent = function(*args, **kwargs)
-            own["kernel"] = None if kernel is None else kernel(*args, **kwargs)
-            forms = _BuiltForms(
-                EnergyForm(energy, **own),
-                ResidualForm(residual, **own),
-                TangentForm(tangent, **own),
+            return _built(
+                partial(build, *args, **kwargs),
+                function(*args, **kwargs),
+                fabrics=tuple(v for k, v in arguments.items() if k == "fabric"),
+                kernels=() if kernel is None else (kernel(*args, **kwargs),),
             )
-            forms.built_by = partial(build, *args, **kwargs)
-            return forms
 
         return build
 
