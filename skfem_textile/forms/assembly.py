@@ -7,6 +7,7 @@ same.
 """
 
 from collections.abc import Iterable
+from functools import reduce
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,11 +20,11 @@ from skfem import (
     LinearForm,
 )
 
-from ..fabric import Fabric
 from ..fabric.regions import fabric_on
-from ..mesh.bases import element_numbers, main_basis
+from ..mesh.bases import components, element_numbers, main_basis
+from ..mesh.pattern import full_matrices
 from ..mesh.scikit_fem import (
-    Entries,
+    COOData,
     OwnAssembly,
     matrix_entries,
     number_entries,
@@ -36,7 +37,6 @@ from .kernels.kernel import (
     can_compute,
     element_forces,
     element_matrices,
-    full_matrices,
 )
 
 #: Arguments of a form by name.
@@ -83,7 +83,7 @@ class OfDisplacement(OwnAssembly):
         return next(((x,) for x in fields if is_displacement(x)), fields[:1])
 
     def states(self, basis: Any, parameters: Parameters) -> list[list[KernelState]]:
-        """Kernels on each group of elements; empty if one does not support the basis."""
+        """Kernels by group of elements; empty if one does not support the basis."""
         u, kernels = parameters.get("u"), self.params["kernels"]
         if not isinstance(u, ndarray) or u.ndim != 1:
             return []
@@ -104,7 +104,7 @@ class EnergyForm(OfDisplacement, Functional):
 
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: Parameters
-    ) -> Entries | None:
+    ) -> COOData | None:
         """Energy of the kernel."""
         states = self.states(ubasis, parameters)
         energy = sum(x.kernel.energy(x) for group in states for x in group)
@@ -116,7 +116,7 @@ class ResidualForm(OfDisplacement, LinearForm):
 
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: Parameters
-    ) -> Entries | None:
+    ) -> COOData | None:
         """Forces of the kernel."""
         parameters.pop("tension", None)  # only the tangent accepts other tensions
         states = self.states(ubasis, parameters)
@@ -133,13 +133,17 @@ class TangentForm(OfDisplacement, BilinearForm):
 
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: Parameters
-    ) -> Entries | None:
+    ) -> COOData | None:
         """Stiffness of the kernel."""
         states = self.states(ubasis, parameters)
         if not states or vbasis not in (None, ubasis):
             return None
-        parts = (full_matrices(element_matrices(x)) for x in states)
+        matrices = map(element_matrices, states)
+        n_nodes = ubasis.Nbfun // components(ubasis)
+        if all(x.group.nodes.shape == (n_nodes, ubasis.nelems) for (x, *_) in states):
+            return matrix_entries(ubasis, reduce(np.add, matrices))
         shape = ubasis.Nbfun, ubasis.Nbfun, ubasis.nelems
+        parts = map(full_matrices, matrices)
         return matrix_entries(ubasis, _sum_of_groups(states, parts, shape))
 
 
@@ -150,11 +154,6 @@ def _sum_of_groups(
 
     Groups may have fewer unknowns than the basis; the rest is zero.
     """
-    if len(states) == 1:  # avoids a copy
-        (whole,) = parts
-        if whole.shape == shape:
-            return whole
-        parts = [whole]
     whole = np.zeros(shape)
     for (x, *_), part in zip(states, parts, strict=True):
         unknowns = (slice(n) for n in part.shape[:-1])

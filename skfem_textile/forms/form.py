@@ -52,22 +52,25 @@ class Forms(NamedTuple):
         first, *others = (getattr(form, "kernel", None) for form in self)
         return first if all(kernel is first for kernel in others) else None
 
-    def __add__(self, other: object) -> "Forms":  # type: ignore[override]
-        """Forms of both terms."""
+    def __add__(self, other: object) -> "Forms":
+        """Forms of the sum of both terms."""
         if not isinstance(other, Forms):
             return NotImplemented
-        a, b = (tuple(form.form for form in forms) for forms in (self, other))
-        params = [form.params for form, _, _ in ((*self,), (*other,))]
-        kernels = [one.get("kernels", ()) for one in params]
+        a, b = self.energy, other.energy
+        energies, residuals, tangents = (
+            (x.form, y.form) for x, y in zip(self, other, strict=True)
+        )
+        kernels = [form.params.get("kernels", ()) for form in (a, b)]
+        fabrics = [form.params.get("fabrics", ()) for form in (a, b)]
         return _built(
             partial(add, self, other),
-            (
-                lambda w: a[0](w) + b[0](w),
-                lambda v, w: a[1](v, w) + b[1](v, w),
-                lambda u, v, w: a[2](u, v, w) + b[2](u, v, w),
+            Forms(
+                Functional(lambda w: _total(energies, w)),
+                LinearForm(lambda v, w: _total(residuals, v, w)),
+                BilinearForm(lambda u, v, w: _total(tangents, u, v, w)),
             ),
-            fabrics=sum((one.get("fabrics", ()) for one in params), ()),
-            kernels=sum(kernels, ()) if all(kernels) else (),
+            fabrics=(*fabrics[0], *fabrics[1]),
+            kernels=(*kernels[0], *kernels[1]) if all(kernels) else (),
         )
 
     @property
@@ -96,15 +99,20 @@ class _BuiltForms(Forms):
         return call, (self.built_by,)
 
 
-def _built(
-    built_by: Callable[[], Forms], functions: Iterable[Any], **params: Any
-) -> Forms:
-    """Forms of three functions or forms, with the `OfDisplacement.params`."""
-    kinds = EnergyForm, ResidualForm, TangentForm
-    pairs = zip(kinds, functions, strict=True)
-    forms = _BuiltForms(*(kind(function, **params) for kind, function in pairs))
-    forms.built_by = built_by
-    return forms
+def _total(functions: Iterable[Callable | None], *fields: Any) -> Any:
+    """Sum of the functions of forms."""
+    return sum(function(*fields) for function in functions if function)
+
+
+def _built(built_by: Callable[[], Forms], forms: Forms, **params: Any) -> Forms:
+    """The forms with the parameters of `OfDisplacement`."""
+    built = _BuiltForms(
+        EnergyForm(forms.energy, **params),
+        ResidualForm(forms.residual, **params),
+        TangentForm(forms.tangent, **params),
+    )
+    built.built_by = built_by
+    return built
 
 
 def builds_forms(

@@ -1,5 +1,6 @@
 """Forms on parts of a mesh, in composite elements, and with fields as parameters."""
 
+import operator
 import pickle
 
 import numpy as np
@@ -22,7 +23,6 @@ from skfem_textile import (
     CENTRE,
     GAUSS,
     Fabric,
-    Forms,
     HourglassBasis,
     MacroBasis,
     MeanBasis,
@@ -131,6 +131,18 @@ def test_parts_of_a_mesh_add_up_to_the_whole(fabric, element, dimension):
                 numbers = element_numbers(right)
                 expected = asm(definition, right, u=u, element=numbers)
                 assert_equal(asm(x, right, u=u), expected)
+
+
+def test_element_matrices_are_read_changed_and_added_as_those_of_other_forms():
+    basis, form = quad_basis(MESH, GAUSS), tension(FABRICS["even"])
+    u = 0.05 * np.random.default_rng(12).standard_normal(basis.N)
+    (own,) = asm(form.tangent, basis, u=u, to=list)
+    (expected,) = asm(defined(form).tangent, basis, u=u, to=list)
+    assert_equal(own.tolocal(), expected.tolocal())
+    doubled = own.fromlocal(2 * own.tolocal())
+    assert_equal(doubled.tocsr(), 2 * expected.tocsr())
+    assert_equal((own + expected).tocsr(), 2 * form.tangent.assemble(basis, u=u))
+    assert_equal(own.dot(u), expected.tocsr() @ u)
 
 
 def test_parts_of_macro_elements_add_up_to_the_whole():
@@ -255,7 +267,7 @@ def test_forms_of_ones_own_add_to_forms_and_nothing_else_does():
         assert both.kernel is None
         assert_sum(both, one, own, basis, u=u, element=element_numbers(basis))
     with pytest.raises(TypeError, match=r"\+"):
-        one + (own.energy,)
+        operator.add(one, (own.energy,))
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

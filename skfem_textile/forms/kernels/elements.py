@@ -163,6 +163,11 @@ class IntegrationPoints(Protocol):
     dx: ndarray
     b: ndarray
 
+    @property
+    def n_modes(self) -> int:
+        """Number of modes on which the fibres depend, the first of all."""
+        ...
+
     def fibres(self, u: ndarray, block: slice) -> ndarray:
         """Fibre vectors a of warp and weft, shape (2, P, d, n), for modes u."""
         ...

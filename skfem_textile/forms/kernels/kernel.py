@@ -29,6 +29,7 @@ from skfem import CellBasis, ElementVector
 
 from ...fabric import Fabric, Slopes, TwoLaws, is_zero
 from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
+from ...mesh.pattern import full_matrices
 from ...mesh.user_input import parameter
 from .elements import (
     Deformations,
@@ -489,16 +490,6 @@ def nodal_blocks(K: ndarray, modes: ndarray, out: ndarray) -> None:
         end = start + n_nodes - a
         np.einsum("sijn,scn->cijn", row, modes[:, a:], out=out[start:end])
         start = end
-
-
-def full_matrices(K: ndarray) -> ndarray:
-    """Matrices over the unknowns of an element, shape (d n_nodes, d n_nodes, n)."""
-    n_nodes, d = int(np.sqrt(2 * len(K))), K.shape[1]  # of n (n + 1) / 2 pairs
-    full = np.empty((n_nodes, d, n_nodes, d, K.shape[-1]))
-    pairs = combinations_with_replacement(range(n_nodes), 2)
-    for (a, c), block in zip(pairs, K, strict=True):
-        full[a, :, c], full[c, :, a] = block, block.transpose(1, 0, 2)
-    return full.reshape(d * n_nodes, d * n_nodes, -1)
 
 
 def positive_part(K: ndarray | None) -> ndarray | None:
