@@ -183,12 +183,13 @@ def refuse_basis(basis: Any) -> None:
             f"{type(mesh).__name__}"
         )
     element: Any = main_basis(basis).elem
-    for part in getattr(element, "elems", (element,)):
-        if isinstance(part, ElementVector) and part.elem.maxdeg == 0:
-            raise ValueError(
-                f"{type(part.elem).__name__} has no gradient: use a displacement that "
-                "varies in elements, such as ElementVector(ElementQuad1())"
-            )
+    parts = getattr(element, "elems", (element,))
+    first = next((x for x in parts if isinstance(x, ElementVector)), None)
+    if first and first.elem.maxdeg == 0:
+        raise ValueError(
+            f"{type(first.elem).__name__} has no gradient: use a displacement that "
+            "varies in elements, such as ElementVector(ElementQuad1())"
+        )
 
 
 def basis_mesh(basis: Any) -> Any:
