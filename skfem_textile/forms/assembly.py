@@ -21,7 +21,13 @@ from skfem import (
 )
 
 from ..fabric.regions import fabric_on
-from ..mesh.bases import components, element_numbers, main_basis
+from ..mesh.bases import (
+    NO_SECOND_FIELD,
+    MacroBasis,
+    components,
+    element_numbers,
+    main_basis,
+)
 from ..mesh.pattern import full_matrices
 from ..mesh.scikit_fem import (
     COOData,
@@ -176,6 +182,8 @@ def refuse_basis(basis: Any) -> None:
 
     The mesh must lie in the plane, and the displacement must vary in elements.
     """
+    if any(isinstance(x, MacroBasis) for x in getattr(basis, "bases", ())):
+        raise ValueError(f"the form is on a product of bases: {NO_SECOND_FIELD}")
     mesh = basis_mesh(basis)
     if mesh.dim() != 2:
         raise ValueError(

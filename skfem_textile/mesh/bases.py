@@ -316,6 +316,14 @@ class MeanBasis(CellBasis):
         return values
 
 
+#: Line on a `MacroBasis` in a composite problem.
+NO_SECOND_FIELD = (
+    "a MacroBasis has the displacement alone: for a second field use a basis such as "
+    "quad_basis(mesh, CENTRE).with_element(element), or assemble the second field on "
+    "a basis of its own"
+)
+
+
 class MacroBasis(MeanBasis):
     """Basis of the displacement on the original elements of a split mesh.
 
@@ -339,11 +347,21 @@ class MacroBasis(MeanBasis):
     corners
         Local node number in the element of each corner of its quadrilaterals, shape (4,
         n_points, n_elements).
+
+    Raises
+    ------
+    ValueError
+        If ``dimension`` is an element.
     """
 
     parts: ndarray
 
     def __init__(self, mesh: Any, dimension: int = 2, **kwargs: Any) -> None:
+        if isinstance(dimension, Element):
+            raise ValueError(
+                "MacroBasis: dimension must be 2 or 3, not an element: "
+                f"{NO_SECOND_FIELD}"
+            )
         element = ElementVector(ElementQuad1(), dimension)
         super().__init__(mesh, element, quadrature=CENTRE, **kwargs)
         bilinear: Any = self.basis

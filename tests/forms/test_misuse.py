@@ -166,3 +166,16 @@ def test_bases_of_other_points_are_refused(part):
     form = getattr(forms.mean_tension(FABRIC), part)
     with pytest.raises(ValueError, match=r"E_d has the shape \(2, 64, 1\).* 16 elem"):
         asm(form, macro, u=macro.zeros(), E_d=np.ones((2, 64, 1)))
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_second_field_with_macro_elements_is_refused_with_the_way_out(swapped):
+    line = "MacroBasis has the displacement alone: for a second field use a basis such"
+    macro = MacroBasis(split(MESH))
+    other = Basis(macro.mesh, ElementQuad1(), quadrature=CENTRE)
+    product = other * macro if swapped else macro * other
+    for form in forms.mean_tension(FABRIC):
+        with pytest.raises(ValueError, match=line):
+            asm(form, product, u=np.zeros(product.N), E_d=np.ones((2, N, 1)))
+    with pytest.raises(ValueError, match=f"not an element: a {line}"):
+        macro.with_element(VECTOR * ElementQuad1())
