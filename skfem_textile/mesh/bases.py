@@ -320,7 +320,7 @@ class MeanBasis(CellBasis):
 NO_SECOND_FIELD = (
     "a MacroBasis has the displacement alone: for a second field use a basis such as "
     "quad_basis(mesh, CENTRE).with_element(element), or assemble the second field on "
-    "a basis of its own"
+    "another basis"
 )
 
 
