@@ -38,8 +38,8 @@ class Forms(NamedTuple):
     The directions of the fabric may be replaced by parameters ``warp`` and ``weft``:
     DOF vectors of the basis, or arrays of shape (2, n_elements, n_points).
 
-    The sum of the forms of terms on one basis, ``tension(fabric) + shear(fabric)``, is
-    assembled at once, in the time of one term.
+    Forms of terms on one basis add, ``tension(fabric) + shear(fabric)``: their sum is
+    assembled at once, which takes less time.
     """
 
     energy: Functional
