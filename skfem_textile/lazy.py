@@ -48,7 +48,9 @@ def on_first_use(
 
     def attribute(name: str) -> Any:
         if name == "__all__":
-            missing = {module for module in needs if not _imports(needs[module])}
+            from .mesh.requirements import is_installed
+
+            missing = {x for x, required in needs.items() if not is_installed(required)}
             return [name for name, module in origins().items() if module not in missing]
         if name not in origins():
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
@@ -63,12 +65,3 @@ def on_first_use(
         return sorted({*origins(), *vars(sys.modules[package])})
 
     return attribute, names
-
-
-def _imports(package: str) -> bool:
-    """True if a package can be imported."""
-    try:
-        import_module(package)
-    except ImportError:
-        return False
-    return True

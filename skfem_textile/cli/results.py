@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -12,6 +11,7 @@ from numpy import ndarray
 from ..cases.schema import Output
 from ..drape import Axes, FlatPattern, Sheet, ToolMesh, fibres_on_tool, flat_pattern
 from ..mesh.checks import MeshError
+from ..mesh.requirements import is_installed
 from ..mesh.user_input import printable
 from ..scenes import Scene
 from ..solve.quantities import Quantity
@@ -150,7 +150,7 @@ def write_patterns(folder: Path, patterns: Sequence[FlatPattern]) -> None:
     from .. import io
 
     for name in PATTERN:
-        if not name.endswith("dxf") or find_spec("ezdxf"):
+        if not name.endswith("dxf") or is_installed("ezdxf"):
             io.write_pattern(folder / name, patterns)
 
 

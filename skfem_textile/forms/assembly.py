@@ -6,7 +6,8 @@ kernel supports, and evaluated as defined on all others; arguments and results a
 same.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import reduce
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -20,25 +21,30 @@ from skfem import (
     LinearForm,
 )
 
-from ..fabric import Fabric
 from ..fabric.regions import fabric_on
-from ..mesh.bases import element_numbers, main_basis
+from ..mesh.bases import (
+    NO_SECOND_FIELD,
+    MacroBasis,
+    components,
+    element_numbers,
+    main_basis,
+)
+from ..mesh.pattern import full_matrices
 from ..mesh.scikit_fem import (
-    Entries,
+    COOData,
     OwnAssembly,
     matrix_entries,
     number_entries,
     vector_entries,
 )
 from ..mesh.user_input import with_article
-from .kernels.elements import element_groups
+from .kernels.elements import ElementGroup, element_groups
 from .kernels.kernel import (
     Kernel,
     KernelState,
     can_compute,
     element_forces,
     element_matrices,
-    full_matrices,
 )
 
 #: Arguments of a form by name.
@@ -52,14 +58,19 @@ _LEADING = {"C_s": (), "moment": (), "E_d": (2,), "tension": (2,)}
 
 
 class OfDisplacement(OwnAssembly):
-    """A form with a fabric and a kernel, or None, among its ``params``."""
+    """A form of one or more terms.
+
+    Its ``params`` are the ``fabrics`` of the terms, and their ``kernels``: empty if a
+    term has none.
+    """
 
     params: dict[str, Any]
 
     @property
     def kernel(self) -> Kernel | None:
-        """Kernel that computes the form where it can."""
-        return self.params["kernel"]
+        """Kernel that computes the form where it can; None for several terms."""
+        kernels = self.params["kernels"]
+        return kernels[0] if len(kernels) == 1 else None
 
     def checked(self, basis: Any, parameters: Parameters) -> Parameters:
         """Parameters with the element numbers; see `OwnAssembly`."""
@@ -69,8 +80,7 @@ class OfDisplacement(OwnAssembly):
                 _refuse_displacement(name, value, basis)
             elif name in _DIRECTIONS or name in _LEADING:
                 _refuse_shape(name, value, basis)
-        fabric: Fabric | None = self.params["fabric"]
-        if fabric is not None:
+        for fabric in self.params["fabrics"]:
             fabric_on(np.arange(basis_mesh(basis).nelements), fabric)
         return {"element": element_numbers(basis), **parameters}
 
@@ -80,18 +90,21 @@ class OfDisplacement(OwnAssembly):
             return fields
         return next(((x,) for x in fields if is_displacement(x)), fields[:1])
 
-    def states(self, basis: Any, parameters: Parameters) -> list[KernelState]:
-        """Kernel on each group of elements; empty if it does not support the basis."""
-        u, kernel = parameters.get("u"), self.kernel
-        if not isinstance(u, ndarray) or u.ndim != 1 or not can_compute(kernel, basis):
+    def states(self, basis: Any, parameters: Parameters) -> list[list[KernelState]]:
+        """Kernels by group of elements; empty if one does not support the basis."""
+        u, kernels = parameters.get("u"), self.params["kernels"]
+        if not isinstance(u, ndarray) or u.ndim != 1:
             return []
-        if kernel is None or any(name in parameters for name in _DIRECTIONS):
+        if not kernels or not all(can_compute(x, basis) for x in kernels):
             return []
-        w = self.checked(basis, parameters)
-        return [
-            KernelState(kernel, g, g.points, g.last_deformations(u), w)
-            for g in element_groups(basis, kernel.fabric)
-        ]
+        if any(name in parameters for name in _DIRECTIONS):
+            return []
+        w, groups = self.checked(basis, parameters), dict[ElementGroup, list]()
+        for x in kernels:
+            for g in element_groups(basis, x.fabric):
+                state = KernelState(x, g, g.points, g.last_deformations(u), w)
+                groups.setdefault(g, []).append(state)
+        return list(groups.values())
 
 
 class EnergyForm(OfDisplacement, Functional):
@@ -99,10 +112,10 @@ class EnergyForm(OfDisplacement, Functional):
 
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: Parameters
-    ) -> Entries | None:
+    ) -> COOData | None:
         """Energy of the kernel."""
         states = self.states(ubasis, parameters)
-        energy = sum(x.kernel.energy(x) for x in states)
+        energy = sum(x.kernel.energy(x) for group in states for x in group)
         return number_entries(energy) if states else None
 
 
@@ -111,18 +124,16 @@ class ResidualForm(OfDisplacement, LinearForm):
 
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: Parameters
-    ) -> Entries | None:
+    ) -> COOData | None:
         """Forces of the kernel."""
         parameters.pop("tension", None)  # only the tangent accepts other tensions
         states = self.states(ubasis, parameters)
         if not states:
             return None
-        f = np.zeros((ubasis.Nbfun, ubasis.nelems))
-        for x in states:
-            forces = element_forces([x])
-            of_unknowns = forces.reshape(-1, forces.shape[-1])
-            f[: len(of_unknowns), x.group.elements] = of_unknowns
-        return vector_entries(ubasis, f)
+        forces = map(element_forces, states)
+        parts = (f.reshape(-1, f.shape[-1]) for f in forces)
+        shape = ubasis.Nbfun, ubasis.nelems
+        return vector_entries(ubasis, _sum_of_groups(states, parts, shape))
 
 
 class TangentForm(OfDisplacement, BilinearForm):
@@ -130,7 +141,7 @@ class TangentForm(OfDisplacement, BilinearForm):
 
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: Parameters
-    ) -> Entries | None:
+    ) -> COOData | None:
         """Stiffness of the kernel."""
         vbasis = ubasis if vbasis is None else vbasis
         sizes = [(basis.N, basis.nelems) for basis in (ubasis, vbasis)]
@@ -143,11 +154,27 @@ class TangentForm(OfDisplacement, BilinearForm):
         states = self.states(ubasis, parameters)
         if not states or vbasis is not ubasis:
             return None
-        K = np.zeros((ubasis.Nbfun, ubasis.Nbfun, ubasis.nelems))
-        for x in states:
-            matrices = full_matrices(element_matrices([x]))
-            K[: len(matrices), : len(matrices), x.group.elements] = matrices
-        return matrix_entries(ubasis, K)
+        matrices = map(element_matrices, states)
+        n_nodes = ubasis.Nbfun // components(ubasis)
+        if all(x.group.nodes.shape == (n_nodes, ubasis.nelems) for (x, *_) in states):
+            return matrix_entries(ubasis, reduce(np.add, matrices))
+        shape = ubasis.Nbfun, ubasis.Nbfun, ubasis.nelems
+        parts = map(full_matrices, matrices)
+        return matrix_entries(ubasis, _sum_of_groups(states, parts, shape))
+
+
+def _sum_of_groups(
+    states: list[list[KernelState]], parts: Iterable[ndarray], shape: tuple[int, ...]
+) -> ndarray:
+    """Sum of the arrays of groups of elements, as one array of the whole basis.
+
+    Groups may have fewer unknowns than the basis; the rest is zero.
+    """
+    whole = np.zeros(shape)
+    for (x, *_), part in zip(states, parts, strict=True):
+        unknowns = (slice(n) for n in part.shape[:-1])
+        whole[*unknowns, x.group.elements] += part
+    return whole
 
 
 def is_displacement(field: Any) -> bool:
@@ -165,6 +192,8 @@ def refuse_basis(basis: Any, kind: type) -> None:
 
     The mesh must lie in the plane, and the displacement must vary in elements.
     """
+    if any(isinstance(x, MacroBasis) for x in getattr(basis, "bases", ())):
+        raise ValueError(f"the form is on a product of bases: {NO_SECOND_FIELD}")
     if not isinstance(main_basis(basis), kind):
         required = (
             "is an integral over elements: pass a basis such as quad_basis(mesh, "
@@ -182,12 +211,13 @@ def refuse_basis(basis: Any, kind: type) -> None:
     if not np.isfinite(basis.dx).all():
         raise ValueError("the mesh of the basis has positions that are not finite")
     element: Any = main_basis(basis).elem
-    for part in getattr(element, "elems", (element,)):
-        if isinstance(part, ElementVector) and part.elem.maxdeg == 0:
-            raise ValueError(
-                f"{type(part.elem).__name__} has no gradient: use a displacement that "
-                "varies in elements, such as ElementVector(ElementQuad1())"
-            )
+    parts = getattr(element, "elems", (element,))
+    first = next((x for x in parts if isinstance(x, ElementVector)), None)
+    if first and first.elem.maxdeg == 0:
+        raise ValueError(
+            f"{type(first.elem).__name__} has no gradient: use a displacement that "
+            "varies in elements, such as ElementVector(ElementQuad1())"
+        )
 
 
 def basis_mesh(basis: Any) -> Any:

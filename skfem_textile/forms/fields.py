@@ -74,8 +74,8 @@ def fibre_fields(
     Parameters
     ----------
     basis
-        `skfem.CellBasis` with the displacement as its only vector field, on a mesh of
-        triangles or quadrilaterals, or on some of its elements.
+        `skfem.CellBasis` with the displacement as its first vector field, as for the
+        forms, on a mesh of triangles or quadrilaterals, or on some of its elements.
     u
         DOF vector of the basis, shape (basis.N,), displacements in mm.
     fabric
@@ -303,19 +303,17 @@ def on_basis(
             f"quad_basis(mesh, CENTRE), not {with_article(basis)}: pass (basis, u, "
             "fabric)"
         )
-    fields = list(_vector_fields(basis))
-    if len(fields) != 1:
+    if not (fields := list(_vector_fields(basis))):
         raise ValueError(
-            f"the basis has {len(fields) or 'no'} vector fields, but the displacement "
-            "must be the only one: pass its basis, such as on "
-            "ElementVector(ElementQuad1()), and its unknowns"
+            "the basis has no vector field, and so no displacement: pass a basis such "
+            "as on ElementVector(ElementQuad1())"
         )
     if not isinstance(fabric, Fabric):
         raise ValueError(
             "fabric must be a Fabric such as Fabric(1e4), not "
             f"{with_article(fabric)}: pass (basis, u, fabric)"
         )
-    ((displacement, unknowns),) = fields
+    displacement, unknowns = fields[0]
     _refuse_basis(displacement)
     values, n = real_numbers("u", u), basis.N
     if values.shape != (n,) or not np.isfinite(values).all():

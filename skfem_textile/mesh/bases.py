@@ -332,6 +332,14 @@ class MeanBasis(CellBasis):
         return values
 
 
+#: Line on a `MacroBasis` in a composite problem.
+NO_SECOND_FIELD = (
+    "a MacroBasis has the displacement alone: for a second field use a basis such as "
+    "quad_basis(mesh, CENTRE).with_element(element), or assemble the second field on "
+    "another basis"
+)
+
+
 class MacroBasis(MeanBasis):
     """Basis of the displacement on the original elements of a split mesh.
 
@@ -355,11 +363,21 @@ class MacroBasis(MeanBasis):
     corners
         Local node number in the element of each corner of its quadrilaterals, shape (4,
         n_points, n_elements).
+
+    Raises
+    ------
+    ValueError
+        If ``dimension`` is an element.
     """
 
     parts: ndarray
 
     def __init__(self, mesh: Any, dimension: int = 2, **kwargs: Any) -> None:
+        if isinstance(dimension, Element):
+            raise ValueError(
+                "MacroBasis: dimension must be 2 or 3, not an element: "
+                f"{NO_SECOND_FIELD}"
+            )
         if not len(getattr(mesh, "parent", ())):
             raise ValueError(
                 "MacroBasis requires a split mesh, MacroBasis(split(mesh)), not "

@@ -30,8 +30,12 @@ def require(ability: str, extra: str, *packages: str) -> None:
     """
     missing = [package for package in packages if not is_installed(package)]
     if missing:
-        raise ModuleNotFoundError(
-            f"{ability} requires {', '.join(missing)}: "
-            f"pip install 'skfem-textile[{extra}]'",
-            name=missing[0],
-        )
+        raise ModuleNotFoundError(lacks(ability, extra, *missing), name=missing[0])
+
+
+def lacks(ability: str, extra: str, *packages: str) -> str:
+    """Line that an ability requires packages, with the command that installs them."""
+    return (
+        f"{ability} requires {', '.join(packages)}: pip install "
+        f"'skfem-textile[{extra}]'"
+    )

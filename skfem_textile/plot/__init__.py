@@ -1,27 +1,26 @@
 """Pictures of meshes and results: pixels by pyvista, vectors by matplotlib."""
 
-try:
-    from .curves import curves, plot_law, plot_tensions
-    from .fields import FIELDS, Field
-    from .forming import formed, section, tool_force
-    from .in_space import export_gltf, to_pyvista, view
-    from .motion import animation
-    from .nets import net_on_tool, starts
-    from .outlines import singular_fibres
-    from .pictures import (
-        contact_sheet,
-        draped,
-        fibre_directions,
-        fibre_strain,
-        field,
-        mesh_and_fibres,
-        shear_angle,
-        verdict,
-    )
-except ModuleNotFoundError as error:
-    raise ModuleNotFoundError(
-        f"{error}: pip install 'skfem-textile[plot]'", name=error.name
-    ) from None
+from ..mesh.requirements import require
+
+require("a picture", "plot", "matplotlib")
+
+from .curves import curves, plot_law, plot_tensions
+from .fields import FIELDS, Field
+from .forming import formed, section, tool_force
+from .in_space import export_gltf, to_pyvista, view
+from .motion import animation
+from .nets import net_on_tool, starts
+from .outlines import singular_fibres
+from .pictures import (
+    contact_sheet,
+    draped,
+    fibre_directions,
+    fibre_strain,
+    field,
+    mesh_and_fibres,
+    shear_angle,
+    verdict,
+)
 
 __all__ = [
     "FIELDS",

@@ -3,7 +3,6 @@
 import json
 import os
 from collections.abc import Callable, Sequence
-from importlib.util import find_spec
 from itertools import product
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -13,6 +12,7 @@ from numpy import ndarray
 
 from ..drape.tool_mesh import cut_in_two
 from ..io.results import fields_in
+from ..mesh.requirements import is_installed
 from ..solve.result import Result
 from .drawing import pyvista_drawing
 from .fields import (
@@ -97,7 +97,7 @@ def view(*drawn: Drawn, **options: Unpack[Options]) -> Any:
     --------
     >>> view(result, field="displacement")  # doctest: +SKIP
     """
-    backend = None if find_spec("trame") else "static"
+    backend = None if is_installed("trame") else "static"
     plotter = _plotter(drawn, **options)
     return plotter.show(jupyter_backend=backend, return_viewer=True)
 

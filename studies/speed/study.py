@@ -24,7 +24,7 @@ from ..common.tables import (
     thousands,
 )
 from ..study import Part, Row, Study, Table
-from . import needs, processes, profile, solving, whole_runs
+from . import needs, plain_forms, processes, profile, solving, whole_runs
 from .needs import ALONE, COSTS, added
 from .one_ply import UNUSED
 from .solving import PARTS, Settings
@@ -41,6 +41,7 @@ BENCHMARKS: dict[str, Callable[[Settings], Row]] = {
     "petsc": processes.processes,
     "whole_strip": solving.whole_strip,
     "whole_runs": whole_runs.whole_runs,
+    "plain_forms": plain_forms.plain_forms,
     "overhead": solving.overhead,
     "by_turns": solving.by_turns,
 }
@@ -336,6 +337,7 @@ _WORDS: dict[str, Callable[[Row], dict[str, str]]] = {
     "whole_strip": _whole_strip_in_words,
     "scaling": _scaling_in_words,
     "iterative": _iterative_in_words,
+    "plain_forms": plain_forms.in_words,
 }
 
 
@@ -434,6 +436,7 @@ TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
     "petsc": {"petsc.md": petsc_table},
     "whole_strip": {"whole_strip.md": whole_strip_table},
     "whole_runs": {"whole_runs.md": whole_runs.whole_runs_table},
+    "plain_forms": {"plain_forms.md": plain_forms.plain_forms_table},
     "overhead": {"overhead.md": overhead_table},
     "by_turns": {"by_turns.md": by_turns_table},
 }

@@ -18,8 +18,8 @@ PACKAGE = Path(skfem_textile.__file__).parent
 LAYERS = {
     "cli.interruption": (),
     "cli.output": (),
-    "lazy": (),
     "mesh": (),
+    "lazy": ("mesh",),
     "fabric": ("mesh",),
     "forms.kernels": ("fabric", "mesh"),
     "forms": ("forms.kernels", "fabric", "mesh"),

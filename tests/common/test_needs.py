@@ -200,7 +200,7 @@ def test_without_rslab_a_load_stepper_runs_with_one_line():
         (
             "matplotlib",
             "from skfem_textile import plot\nplot.curves",
-            "No module named 'matplotlib': pip install 'skfem-textile[plot]'",
+            "a picture requires matplotlib: pip install 'skfem-textile[plot]'",
         ),
     ],
 )

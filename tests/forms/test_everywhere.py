@@ -1,5 +1,8 @@
 """Forms on parts of a mesh, in composite elements, and with fields as parameters."""
 
+import operator
+import pickle
+
 import numpy as np
 import pytest
 from skfem import (
@@ -130,6 +133,18 @@ def test_parts_of_a_mesh_add_up_to_the_whole(fabric, element, dimension):
                 assert_equal(asm(x, right, u=u), expected)
 
 
+def test_element_matrices_are_read_changed_and_added_as_those_of_other_forms():
+    basis, form = quad_basis(MESH, GAUSS), tension(FABRICS["even"])
+    u = 0.05 * np.random.default_rng(12).standard_normal(basis.N)
+    (own,) = asm(form.tangent, basis, u=u, to=list)
+    (expected,) = asm(defined(form).tangent, basis, u=u, to=list)
+    assert_equal(own.tolocal(), expected.tolocal())
+    doubled = own.fromlocal(2 * own.tolocal())
+    assert_equal(doubled.tocsr(), 2 * expected.tocsr())
+    assert_equal((own + expected).tocsr(), 2 * form.tangent.assemble(basis, u=u))
+    assert_equal(own.dot(u), expected.tocsr() @ u)
+
+
 def test_parts_of_macro_elements_add_up_to_the_whole():
     mesh = split(MeshQuad().refined(1).with_subdomains({"some": [0, 3]}))
     fabric, whole = Fabric(1e3, warp=(2, 1)), MacroBasis(mesh)
@@ -209,6 +224,50 @@ def test_condense_and_enforce_solve_the_same_step_of_a_composite_problem():
     )
     np.testing.assert_allclose(first, second, atol=1e-12)
     assert np.abs(first[basis.complement_dofs(held)]).max() > 0
+
+
+def assert_sum(both, one, other, basis, **parameters):
+    for name in PARTS:
+        parts = (asm(getattr(x, name), basis, **parameters) for x in (one, other))
+        assert_equal(asm(getattr(both, name), basis, **parameters), sum(parts))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("element", ELEMENTS.values(), ids=ELEMENTS)
+@pytest.mark.parametrize("part", [None, "right"])
+@pytest.mark.parametrize("rule", [CENTRE, GAUSS], ids=["one point", "2×2 points"])
+def test_a_sum_of_forms_is_assembled_as_its_terms(rule, part, element, dimension):
+    vector = element(ElementVector(ElementQuad1(), dimension))
+    basis = CellBasis(MESH, vector, quadrature=rule).with_elements(part)
+    u = 0.05 * np.random.default_rng(9).standard_normal(basis.N)
+    for fabric in (FABRICS["even"], FABRICS["by element"]):
+        one, other = tension(FABRICS["even"]), shear(fabric)
+        assert_sum(one + other, one, other, basis, u=u)
+
+
+def test_a_sum_of_forms_takes_the_parameters_of_its_terms():
+    fabric, basis = FABRICS["even"], MacroBasis(split(MESH))
+    one, other = mean_tension(fabric), shear(fabric)
+    given = {
+        "u": 0.05 * np.random.default_rng(10).standard_normal(basis.N),
+        "E_d": np.arange(1.0, 13.0).reshape(2, 6, 1),
+    }
+    assert_sum(one + other, one, other, basis, **given)
+    T = np.ones((2, *basis.dx.shape))
+    assert_sum(one + other, one, other, basis, **given, tension=T)
+    with pytest.raises(ValueError, match="E_d"):
+        asm((one + other).energy, basis, u=given["u"])
+
+
+def test_forms_of_ones_own_add_to_forms_and_nothing_else_does():
+    basis, one = quad_basis(MESH, GAUSS), shear(FABRICS["even"])
+    own = defined(one)
+    u = 0.05 * np.random.default_rng(11).standard_normal(basis.N)
+    for both in (own + one, one + own, pickle.loads(pickle.dumps(one + one))):
+        assert both.kernel is None
+        assert_sum(both, one, own, basis, u=u, element=element_numbers(basis))
+    with pytest.raises(TypeError, match=r"\+"):
+        operator.add(one, (own.energy,))
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

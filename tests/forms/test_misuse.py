@@ -224,6 +224,11 @@ def test_a_tangent_on_two_bases_needs_the_same_unknowns_and_elements():
         asm(tangent, PART, PLAIN, u=U)
 
 
+def test_forms_on_bases_of_different_classes_do_not_add():
+    with pytest.raises(ValueError, match="assembled before they are added"):
+        forms.tension(FABRIC) + forms.shear_continuity(FABRIC, 1.0)
+
+
 def test_a_function_that_returns_forms_is_not_a_form():
     with pytest.raises(TypeError, match=r"^tension\(fabric\): too many.* for asm$"):
         asm(forms.tension, PLAIN, u=U)
@@ -289,3 +294,16 @@ def test_bases_of_other_points_are_refused(part):
     form = getattr(forms.mean_tension(FABRIC), part)
     with pytest.raises(ValueError, match=r"E_d has the shape \(2, 64, 1\).* 16 elem"):
         asm(form, macro, u=macro.zeros(), E_d=np.ones((2, 64, 1)))
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_second_field_with_macro_elements_is_refused_with_the_way_out(swapped):
+    line = "MacroBasis has the displacement alone: for a second field use a basis such"
+    macro = MacroBasis(split(MESH))
+    other = Basis(macro.mesh, ElementQuad1(), quadrature=CENTRE)
+    product = other * macro if swapped else macro * other
+    for form in forms.mean_tension(FABRIC):
+        with pytest.raises(ValueError, match=line):
+            asm(form, product, u=np.zeros(product.N), E_d=np.ones((2, N, 1)))
+    with pytest.raises(ValueError, match=f"not an element: a {line}"):
+        macro.with_element(VECTOR * ElementQuad1())

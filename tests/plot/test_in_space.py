@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from skfem_textile import Fabric
+from skfem_textile.mesh import requirements
 from skfem_textile.scenes import Case, hemisphere
 
 pv = pytest.importorskip("pyvista")
@@ -63,7 +64,7 @@ def test_a_view_without_trame_is_a_picture(result, monkeypatch):
     """As in Jupyter, off screen."""
     monkeypatch.setattr(pv, "OFF_SCREEN", True)
     monkeypatch.setattr(pv.global_theme, "notebook", True)
-    monkeypatch.setattr(in_space, "find_spec", lambda name: None)
+    monkeypatch.setattr(in_space, "is_installed", lambda name: False)
     picture = result.view(field="displacement")
     assert isinstance(picture, Image.Image)
     pixels = np.asarray(picture.convert("RGB")).astype(int)
@@ -93,10 +94,7 @@ def test_a_view_of_a_displacement_on_a_basis_is_that_of_its_result(result):
 
 
 def test_a_view_without_pyvista_is_refused_in_one_line(result, monkeypatch):
-    def missing(*_):
-        raise ModuleNotFoundError("No module named 'pyvista'", name="pyvista")
-
-    monkeypatch.setattr("skfem_textile.plot.drawing.import_module", missing)
+    monkeypatch.setattr(requirements, "is_installed", lambda name: name != "pyvista")
     with pytest.raises(ImportError, match=r"pip install 'skfem-textile\[plot\]'$"):
         result.view()
 

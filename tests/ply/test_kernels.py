@@ -37,9 +37,9 @@ from skfem_textile import (
 )
 from skfem_textile.forms.corners import RESISTING
 from skfem_textile.forms.kernels.elements import QuadPoints, element_groups
-from skfem_textile.forms.kernels.kernel import full_matrices, positive_part
+from skfem_textile.forms.kernels.kernel import positive_part
 from skfem_textile.mesh import bases as elements
-from skfem_textile.mesh.pattern import Pattern
+from skfem_textile.mesh.pattern import Pattern, full_matrices
 from skfem_textile.mesh.splitting import split_cells
 from tests.helpers import (
     TRIANGLE_AND_QUAD,
