@@ -28,7 +28,7 @@ def on_first_use(
         have the name of another object: its import would hide that object.
     needs
         Modules of the stub that require another package, with its name.  Without it,
-        ``from package import *`` omits their names.
+        ``from package import *``, `dir` and `help` omit their names.
 
     Returns
     -------
@@ -62,6 +62,6 @@ def on_first_use(
         return found
 
     def names() -> list[str]:
-        return sorted({*origins(), *vars(sys.modules[package])})
+        return sorted({*attribute("__all__"), *vars(sys.modules[package])})
 
     return attribute, names

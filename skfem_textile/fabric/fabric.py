@@ -252,10 +252,15 @@ def _law(name: str, law: Stiffness) -> Law:
         )
     by_element = isinstance(law, ndarray) and law.ndim == 1
     if not by_element and not isinstance(law, int | float | np.number):
-        parts = ("energy", "value", "tangent")
-        if isinstance(law, type) or not all(hasattr(law, part) for part in parts):
+        if isinstance(law, type):
             raise ValueError(
-                f"{name} must be a number or a law with energy, value and tangent"
+                f"{name} must be a law: {law.__name__} is a class, pass an instance"
+            )
+        parts = ("energy", "value", "tangent")
+        if missing := [part for part in parts if not hasattr(law, part)]:
+            raise ValueError(
+                f"{name} must be a number or a law with energy, value and tangent: "
+                f"{type(law).__name__} has no {' and no '.join(missing)}"
             )
         return law  # type: ignore[return-value]
     stiffness = real_numbers(name, law)

@@ -52,8 +52,9 @@ class Law(Protocol):
     with parameters that broadcast with x.
 
     A law may have a ``domain``, the smallest and the largest x for which it is valid;
-    states beyond it are refused.  Without a domain the law ends where its energy is not
-    finite, such as beyond a pole; the domain ``(-inf, inf)`` avoids this check.
+    a `Ply` and its load stepper refuse states beyond it, bare forms do not.  Without a
+    domain the law ends where its energy is not finite, such as beyond a pole; the
+    domain ``(-inf, inf)`` avoids this check.
 
     A law may have the attributes ``of`` and ``shown``, see `ScalarLaw`.
     """

@@ -19,7 +19,7 @@ from .linear import ChosenSolver
 from .newton import LESS_ROUNDING, METHODS, MOST_UPDATES, SETTLED, Method
 from .problem import HOLD, InitialGuess, Problem, Tangent, balanced, between
 from .states import Equilibrium, Iteration, NoEquilibriumError, State
-from .verdict import Trial
+from .verdict import CHECKS, Trial
 
 _AT_REST = (
     "less tension, compression or load at rest, loads that grow with the load factor, "
@@ -363,8 +363,8 @@ def equilibrium_near(
 def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]:
     """State of a displacement at the load factor 1, and whether it is an equilibrium.
 
-    The parameters of the terms are those at rest, updated at the displacement.  A
-    displacement that is not an equilibrium has a warning; no other check is applied.
+    The parameters of the terms are those at rest, updated at the displacement.  What
+    a `LoadStepper` would refuse is a warning.
     """
     u = real_numbers("u", u)
     ply.refuse_other(u)
@@ -386,4 +386,8 @@ def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]
         if not fixed:
             cause = "nodes do not have their prescribed displacements"
         trial.warnings["equilibrium"] = f"not an equilibrium: {cause}"
+    try:
+        trial.apply_checks(CHECKS)
+    except NoEquilibriumError as failure:
+        trial.warnings["energy"] = str(failure)
     return trial.state(0), in_balance

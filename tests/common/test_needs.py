@@ -160,6 +160,16 @@ def test_forms_plies_and_load_steppers_need_no_extra():
     assert (loaded.returncode, loaded.stderr) == (0, "")
 
 
+def test_help_omits_names_whose_package_is_missing():
+    script = """
+import inspect, skfem_textile
+names = dict(inspect.getmembers(skfem_textile))
+assert "Ply" in names and "mesh_outline" not in names
+"""
+    found = without(["shapely"], script)
+    assert (found.returncode, found.stderr) == (0, "")
+
+
 def test_without_rslab_a_load_stepper_runs_with_one_line():
     found = without(["rslab", *OPTIONAL_SOLVERS], PLAIN_SCRIPT)
     assert found.returncode == 0

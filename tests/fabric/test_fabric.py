@@ -59,7 +59,7 @@ def test_a_family_of_a_coupled_law_has_its_tension_with_the_other_unstrained():
         ({"warp": (1, 0, 0)}, r"vector of 2 components.* got shape \(3,\)$"),
         ({"warp": 1.0}, "warp must be a vector"),
         ({"warp": lambda x: x, "weft": (0, 0)}, "weft must be a non-zero"),
-        ({"tension": Linear}, "tension must be a number or a law"),
+        ({"tension": Linear}, "tension must be a law: Linear is a class"),
         ({"warp": np.ones((2, 5)), "weft": np.ones((2, 4))}, "weft must be a vector"),
     ],
 )
@@ -92,3 +92,13 @@ def test_one_direction_per_element_must_count_the_elements():
 def test_invalid_directions_are_named(warp, message):
     with pytest.raises(ValueError, match=message):
         Fabric(1.0, warp=warp)
+
+
+def test_the_missing_methods_of_a_law_are_named():
+    class Half:
+        def energy(self, x):
+            return x**2
+
+    line = "shear must be a number or a law .*: Half has no value and no tangent"
+    with pytest.raises(ValueError, match=line):
+        Fabric(1e3, Half())

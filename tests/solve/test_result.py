@@ -29,6 +29,7 @@ from skfem_textile.mesh.splitting import split
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.verdict import CHECKS
 from tests.helpers import Pretensioned, arguments_of
 from tests.helpers.intervals import without_interval
 from tests.helpers.pulled import ShortSteps, load_factors, pulled
@@ -115,6 +116,8 @@ def test_a_result_of_a_displacement_states_that_it_is_not_an_equilibrium():
     u = LoadStepper(ply, conditions, 2).run().u
     elsewhere = Result.of_state(ply, conditions, 0.5 * u)
     assert not elsewhere.converged
+    assert repr(elsewhere).startswith("Result: no equilibrium at load factor 1")
+    assert "Stopped early" not in repr(elsewhere)
     (line,) = [x for x in elsewhere.warnings if "not an equilibrium" in x]
     assert "nodes do not have their prescribed displacements" in line
     moved, (dof,) = u.copy(), ply.basis.nodal_dofs[:1, ply.mesh.interior_nodes()[0]]
@@ -124,6 +127,15 @@ def test_a_result_of_a_displacement_states_that_it_is_not_an_equilibrium():
     force = np.abs(ply.residual(moved, 1.0, ply.updated(ply.parameters_at_rest, moved)))
     (line,) = [x for x in unbalanced.warnings if "not an equilibrium" in x]
     assert f"the largest free nodal force is {force[dof]:.3g} N" in line
+
+
+def test_a_result_of_a_displacement_warns_of_what_a_load_stepper_would_refuse():
+    scene = bias_extension("irregular", (4, 8), shear_angle=0.2)
+    ply = Ply(scene.mesh, Fabric(1e3, 0.1, scene.warp, scene.weft), OnePoint(20.0))
+    run = LoadStepper(ply, scene.conditions, 2, warn_only=CHECKS).run()
+    of_u = Result.of_state(ply, scene.conditions, run.u)
+    assert of_u.converged
+    assert [*of_u.states[0].warnings] == [*run.states[-1].warnings] == ["stabilisation"]
 
 
 @pytest.mark.parametrize(
