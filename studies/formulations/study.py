@@ -178,7 +178,7 @@ def equal(rows: list[Row]) -> str:
             lines.append(line)
     head = ["scene", "unknowns"]
     for what in ("load error", *_ERRORS[1:]):
-        head += [f"macro: {what}", f"C_s = 1: {what}"]
+        head += [f"macro: {what}", f"C_s = 1 N/mm: {what}"]
     return markdown_table(head, lines)
 
 
@@ -308,7 +308,7 @@ def draw_convergence(rows: Sequence[Row], file: File = None) -> Any:
     return figure
 
 
-_NOT_DRAWN = "rates, C_s = 1", "isotropic, κ = C/8", "one point, triangles"
+_NOT_DRAWN = "rates, C_s = 1 N/mm", "isotropic, κ = C/8", "one point, triangles"
 
 
 class Formulations(Study[Case]):

@@ -99,8 +99,8 @@ def irregular_table(rows: list[Row]) -> str:
             ]
         )
     head = [
-        *("formulation", "elements across", "runs", "rms error of the load"),
-        *("largest", "rms error of the shear angle, median", "largest"),
+        *("formulation", "elements across", "runs", "load error, rms over runs"),
+        *("largest", "shear-angle error, rms over area: median", "largest"),
     ]
     return markdown_table([*head, "most unknowns"], lines)
 
