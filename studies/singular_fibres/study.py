@@ -31,15 +31,11 @@ _MOST = 6000
 
 
 def summary(rows: list[Row]) -> str:
-    """A line for each formulation and shear law, and for all specimens."""
-    lines = []
-    for formulation, of in grouped(rows, "formulation").items():
-        by_law = {**grouped(of, "law"), "all": of}
-        lines += [[formulation, *_line(law, own)] for law, own in by_law.items()]
+    """A line for each formulation."""
+    lines = [_line(name, of) for name, of in grouped(rows, "formulation").items()]
     head = [
         *(
             "formulation",
-            "shear law",
             "specimens",
             "refused",
             "median error",
