@@ -216,6 +216,11 @@ def _automatic(
     return HeldStabilisation(fabric, points, by_tension=False, by_grip=not across)
 
 
+def _stiffness_title(C_s: float | str) -> str:
+    """Stabilisation stiffness in the titles of pictures, with its unit."""
+    return f"C_s = {C_s}" if C_s == "auto" else f"C_s = {C_s:g} N/mm"
+
+
 def stabilising_term(
     forms: forms.Forms,
     basis: CellBasis | JumpBasis,
@@ -316,8 +321,7 @@ class OnePoint(Quadrilaterals):
     def title(self) -> str:
         """Name in pictures."""
         kind = "" if self.kind == "energy" else f", {self.kind}"
-        C_s = self.stabilisation
-        return f"one point, Cs = {C_s if C_s == 'auto' else f'{C_s:g}'}{kind}"
+        return f"one point, {_stiffness_title(self.stabilisation)}{kind}"
 
     def reference(self, mesh: Mesh) -> "OnePoint | Macro":
         """Macro-elements on split triangles, else itself with stabilisation.
@@ -404,7 +408,7 @@ class Macro(Quadrilaterals):
         C_s, default = self.stabilisation, self.deviation == Macro.deviation
         return (
             "macro-elements"
-            + ("" if C_s == "auto" else f", Cs = {C_s:g}")
+            + ("" if C_s == "auto" else f", {_stiffness_title(C_s)}")
             + ("" if default else ", {:g} and {:g}".format(*self.deviation))
         )
 

@@ -25,7 +25,7 @@ from ..common.tables import (
 )
 from ..study import Part, Row, Study, Table
 from . import needs, plain_forms, processes, profile, solving, whole_runs
-from .needs import ALONE, COSTS, added
+from .needs import COSTS, added
 from .one_ply import UNUSED
 from .solving import PARTS, Settings
 
@@ -48,9 +48,6 @@ BENCHMARKS: dict[str, Callable[[Settings], Row]] = {
 
 _PICTURES = "needs.png", "needs.svg"
 
-# Decimals of costs.
-_DIGITS = {"import": 2, "memory": 0, "assembly": 1, "solution": 0, "once": 2}
-
 # Colour of changes within their scatter.
 _NONE = "#bbbbbb"
 
@@ -59,23 +56,6 @@ _TARGET = 10**8
 
 # Gap between a bar and its number, and width of a number, relative to the scale.
 _GAP, _ROOM = 0.03, 0.36
-
-
-def needs_table(results: Row) -> str:
-    """Total costs with each feature."""
-    units = {"assembly": "assembly per iteration", "solution": "solution"}
-    lines = [
-        [
-            name if name == ALONE else f"+ {name}",
-            *(
-                f"{costs[cost]['median']:.{digits}f}" if cost in costs else ""
-                for cost, digits in _DIGITS.items()
-            ),
-        ]
-        for name, costs in results["features"].items()
-    ]
-    head = [f"{units.get(cost, cost)}, {unit}" for cost, unit in COSTS.items()]
-    return markdown_table(["feature", *head], lines)
 
 
 def unused_table(results: Row) -> str:
@@ -426,7 +406,7 @@ def _of_row(function: Callable[[Row], str]) -> Table:
 
 #: Table functions of each benchmark by file name.
 TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
-    "needs": {"needs.md": needs_table, "unused.md": unused_table},
+    "needs": {"unused.md": unused_table},
     "modules": {"modules.md": modules_table},
     "iteration": {"iteration.md": iteration_table},
     "scaling": {"scaling.md": scaling_table},

@@ -63,7 +63,7 @@ def test_the_strip_prints_a_short_table_with_units_and_no_warnings(
     strip["main"].__globals__["draw_locking"] = no_picture
     strip["main"]()
     printed, announced = capsys.readouterr()
-    for label in ("energy (N·mm)", "force (N)", "position error, rms (mm)"):
+    for label in ("energy (N·mm)", "force (N)", "position error, rms over nodes (mm)"):
         assert re.search(rf"^{re.escape(label)} +-?[\d.]+ ", printed, re.M)
     assert len(printed.splitlines()) <= 12
     results = table_of_strip(tmp_path, printed)

@@ -51,7 +51,7 @@ def test_ply_and_tools_are_drawn_in_three_panels(hemisphere, tmp_path, monkeypat
     words = [text.get_text() for text in figure.axes[0].texts]
     for word in ("Shear angle (°)", "Warp", "Weft"):
         assert word in words
-    assert words.count("A, load factor 1.00, punch 15.0 mm") == 3
+    assert " ".join(words).count("A, load factor 1.00, punch 15.0 mm") == 3
     assert "0" in words  # of the shear angle only
     assert words.count("0") == 1
 

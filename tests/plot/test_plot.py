@@ -71,7 +71,7 @@ def test_strains_of_all_formulations_are_the_ones_that_enter_the_law(results, sh
             np.testing.assert_allclose(np.abs(panel.values), largest)
     largest = [np.abs(drawn.rows[0][i].values).max() for i in (0, 1)]
     assert largest[0] > 10 * largest[1]
-    assert drawn.legends[0].scale.label == "Fibre strain in the law (%)"
+    assert drawn.legends[0].scale.label == "Fibre strain (%)"
 
 
 def colours_at(plotter, panel, points):

@@ -33,3 +33,8 @@ def test_every_start_is_on_the_map(searched, tmp_path):
         np.degrees(best.measures[laid])
     )
     assert (tmp_path / "starts.png").stat().st_size > 10_000
+    low, high = dots.get_clim()
+    ends = plot.fields.scale_of(
+        plot.FIELDS["shear_angle"], [np.array([low, high])], clim=(low, high)
+    ).colours([0.0, 1.0])
+    assert np.asarray(dots.get_cmap()([0.0, 1.0])) == pytest.approx(ends)

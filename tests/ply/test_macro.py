@@ -194,6 +194,8 @@ def test_titles_contain_the_chosen_stiffnesses():
     chosen = (Macro(), Macro(4.0), Macro(deviation=(1.0, 2.0)))
     chosen += (Quadratic(), Quadratic(0.0), OnePoint(), OnePoint(1.0, "rate"))
     assert len({formulation.title for formulation in chosen}) == len(chosen)
+    assert Macro(4.0).title == "macro-elements, C_s = 4 N/mm"
+    assert OnePoint(0.01).title == "one point, C_s = 0.01 N/mm"
 
 
 @pytest.mark.parametrize("seed", [1, 2])

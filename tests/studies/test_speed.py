@@ -53,7 +53,7 @@ def test_one_benchmark_keeps_the_results_of_others(tmp_path, monkeypatch, result
     for name, content in others.items():
         if name != "provenance.json":
             assert (tmp_path / name).read_bytes() == content
-    assert (tmp_path / "needs.md").read_text() == (DOCS / "needs.md").read_text()
+    assert (tmp_path / "unused.md").read_text() == (DOCS / "unused.md").read_text()
     assert json.loads((tmp_path / "provenance.json").read_text())["speed"]
 
 
