@@ -1,4 +1,4 @@
-"""Damaged mesh files are rejected in one line, or read as by a plain reader."""
+"""Damaged mesh files are rejected in one line, or read as by another reader."""
 
 import contextlib
 import io
@@ -121,7 +121,9 @@ def attempt(file):
             content = READERS[path.suffix](file.content)
         except readers.MalformedError as error:
             raise WrongAnswerError(f"malformed: {error}") from None
-        compare(mesh, content)
+        expect(content or file.damage, "meshio cannot read a sound file")
+        if content:
+            compare(mesh, content)
         if file.is_loaded:
             heard.clear()
             try:

@@ -50,7 +50,7 @@ def test_law158_couples_logarithmic_springs(tmp_path):
 
 
 def test_flexions_and_the_tangent_have_defaults(tmp_path):
-    """One flexion is that of the other family; the tangent is a quarter of E1 + E2."""
+    """One flexion is that of the other family; the crimp is 0.1; GT is (E1 + E2)/4."""
     cards = [*LAW58[:3], card(c0_2=1000.0, c4_2=800.0), card(c0_2=0.5, c4_2=45.0)]
     for given, springs in (
         ({}, (0.001, 0.001)),
@@ -58,9 +58,10 @@ def test_flexions_and_the_tangent_have_defaults(tmp_path):
         ({"c8_2": 0.3}, (0.3, 0.3)),
         ({"c6_2": 0.2, "c8_2": 0.3}, (0.2, 0.3)),
     ):
-        lines = [*cards, card(c0_2=0.05, **given), *LAW58[6:]]
+        last = card(c0_1=1, c1_1=1, c4_2=0.04, **given)
+        lines = [*cards, card(c0_2=0.05), last]
         cloth = read_fabric(rad(tmp_path, *lines), thickness=0.2).fabric
-        sines = np.sin(np.arccos(1 / (1 + np.array([0.05, 0.04]))))
+        sines = np.sin(np.arccos(1 / (1 + np.array([0.1, 0.04]))))
         expected = np.array(springs) * [200.0, 160.0] * sines
         assert cloth.tensions.springs == pytest.approx(expected)
         locked = 0.2 * 0.25 * (1000.0 + 800.0) / 2
