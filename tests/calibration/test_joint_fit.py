@@ -245,6 +245,9 @@ def test_each_family_of_a_biaxial_test_has_its_own_slack():
     fit = fit_tests([biaxial(LOOSE, (0.02, 0.01), 0.005)])
     found = [fit.parts[name].zeros(0)[f"{name} slack"][0] for name in ("warp", "weft")]
     assert found == pytest.approx([0.02, 0.01], abs=1e-3)
+    for i, (name, taut) in enumerate((("warp", 0.03), ("weft", 0.04))):
+        ((curve, _),) = fit.along(name)
+        assert curve.along(i).strain.max() == pytest.approx(np.log1p(taut), abs=1e-3)
     coupled = residuals.biaxial_coupled(fit.tests[0])
     predicted = coupled.predict({"both": TwoLaws(LOOSE, LOOSE)}, 0.02, 0.01)
     measured = fit.tests[0].force

@@ -18,8 +18,9 @@ from skfem_textile.calibration import (
     predict,
     validate,
 )
-from skfem_textile.calibration.report import joint_report
+from skfem_textile.calibration.report import joint_report, validation_report
 from skfem_textile.calibration.simulation import FIBRES
+from skfem_textile.cli import fit_report
 from tests.helpers import fits
 from tests.helpers.fits import FRAME
 
@@ -160,3 +161,20 @@ def test_the_band_of_a_load_includes_the_possible_zeros():
     assert len(ratios) > 1
     assert np.min(ratios) > 0.9
     assert np.max(ratios) < 2.0
+
+
+def test_a_report_says_how_far_a_prediction_is_off_and_where_it_is_inside():
+    found = validate(fitted(), Fabric(FIBRES), [specimen(FRAME, scale=1.4)], COARSE)
+    report = validation_report(found)
+    (row,), one = report["rows"], found[0]
+    off = 1 - one.prediction.force[-1] / (1.4 * FRAME.force(LAW, GAMMA[-1]))
+    assert row["largest_over_largest_force"] == pytest.approx(off)
+    assert row["largest_N"] == pytest.approx(off * one.measured.max())
+    assert 0.2 < off < 0.4
+    assert row["rms_N"] == pytest.approx(np.sqrt(np.mean(one.difference**2)))
+    assert row["parameters_N"] == one.prediction.pointwise.max()
+    (lines,) = fit_report._validation(report).values()
+    said = {line[0]: line[-1] for line in lines}
+    assert f" N, {100 * off:.1f} % of the largest" in said["Largest difference"]
+    assert said["Inside the band of a point"] == "0 %"
+    assert said["Largest shear angle"] == "35.0°"
