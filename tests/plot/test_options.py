@@ -7,6 +7,7 @@ import pytest
 
 from skfem_textile import Fabric, Full, LoadStepper, Ply, StepError
 from skfem_textile.scenes import strip
+from tests.helpers.pictures import coloured
 
 pv = pytest.importorskip("pyvista")
 matplotlib = pytest.importorskip("matplotlib")
@@ -14,16 +15,6 @@ Image = pytest.importorskip("PIL.Image")
 plot = pytest.importorskip("skfem_textile.plot")
 drawing = pytest.importorskip("skfem_textile.plot.drawing")
 sheet = pytest.importorskip("skfem_textile.plot.sheet")
-
-
-def coloured(plotter):
-    """Ranges and colours of the panels that are coloured."""
-    return [
-        (tuple(actor.mapper.scalar_range), actor.mapper.lookup_table.cmap.name)
-        for renderer in plotter.renderers
-        for actor in renderer.actors.values()
-        if isinstance(actor, pv.Actor) and actor.mapper.scalar_visibility
-    ]
 
 
 def test_subplots_of_a_plotter_share_a_given_scale(result):
@@ -51,6 +42,9 @@ def test_several_results_share_one_scale_that_holds_all_values(result):
     both = coloured(plot.shear_angle(less, result))
     assert both[0] == both[1] == coloured(plot.shear_angle(result))[0]
     assert coloured(plot.shear_angle(less)) != both[:1]
+    ((low, high), _), _ = both
+    largest = np.degrees(result.ply.shear_angle(result.u)).max()
+    assert low <= 0 < largest <= high < 1.5 * largest
 
 
 def test_a_state_is_drawn_in_its_deformed_shape(result, sheets):
