@@ -12,16 +12,13 @@ from skfem_textile.cli import main as cli
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.problem import Problem
+from studies.formulations.drape import chebyshev
 from tests.helpers import graph, sphere
 
 # Square plies that are draped on surfaces, with symmetry conditions
 
 
 RADIUS = 60.0
-
-#: A sphere with its pole at the origin, and the side of a ply on it in mm.
-SIDE = 100.0
-SPHERE = drape.Sphere(SIDE, (0.0, 0.0, -SIDE))
 SYMMETRY = {
     "x": Condition("left", (0.0, None, None)),
     "y": Condition("bottom", (None, 0.0, None)),
@@ -63,8 +60,8 @@ def rolled(X):
 def on_net(X):
     """Points of the flat ply in the Chebyshev net of the sphere."""
     n = 200
-    net = drape.net(SPHERE, SIDE / n, (0, n), (0, n))
-    s = np.linspace(0, SIDE, n + 1)
+    net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / n, (0, n), (0, n))
+    s = np.linspace(0, chebyshev.SIDE, n + 1)
     spline = RegularGridInterpolator((s, s), np.moveaxis(net.positions, 0, -1), "cubic")
     return spline(X.T).T
 
