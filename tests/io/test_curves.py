@@ -45,9 +45,12 @@ def test_a_dxf_curve_is_read_in_space_and_in_its_unit(tmp_path):
 
 
 def test_lines_and_arcs_of_a_dxf_that_meet_are_one_curve(tmp_path):
-    """A stadium of the width 20 mm and the length 50 mm, drawn in any order."""
+    """A stadium of the width 20 mm and the length 50 mm, drawn in any order.
+
+    Ends meet within 1e-5 of the extent, 0.5 µm.
+    """
     file, space = drawing()
-    space.add_line((-15, -10), (15, -10))
+    space.add_line((-15, -10), (15 - 4e-4, -10))
     space.add_arc((-15, 0), 10, 90, 270)
     space.add_line((-15, 10), (15, 10))
     space.add_arc((15, 0), 10, -90, 90)
@@ -65,10 +68,14 @@ def line_and(space, *more):
 
 @pytest.mark.parametrize(
     "others",
-    [[((0, 20), (9, 20))], [((100, 0), (150, 0)), ((100, 0), (150, 9))]],
+    [
+        [((0, 20), (9, 20))],
+        [((100.002, 0), (150, 0))],
+        [((100, 0), (150, 0)), ((100, 0), (150, 9))],
+    ],
 )
 def test_curves_that_do_not_continue_one_another_are_refused(tmp_path, others):
-    """Apart, and at a branch."""
+    """Apart by far or by 2 µm, and at a branch."""
     file, space = drawing()
     line_and(space, *others)
     file.saveas(tmp_path / "curve.dxf")

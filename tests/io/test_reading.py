@@ -1,4 +1,4 @@
-"""Names in files, and data that are ignored."""
+"""Meshes and names in files, and data that are ignored."""
 
 import logging
 from pathlib import Path
@@ -69,6 +69,33 @@ POINTS = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1,
 QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
 TRIANGLES = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
 CELLS = {"quads": ("quad", QUADS), "triangles": ("triangle", TRIANGLES)}
+
+
+@pytest.mark.parametrize("kind", CELLS)
+def test_cells_in_a_plane_are_read_unchanged(tmp_path, kind):
+    """Up to round-off of the plane, which is anywhere."""
+    name, cells = CELLS[kind]
+    points = POINTS + np.outer(3 + 1e-16 * np.arange(6), [0, 0, 1])
+    meshio.Mesh(points, {name: cells}).write(tmp_path / "m.vtu")
+    mesh = read_mesh(tmp_path / "m.vtu")
+    assert type(mesh) is {"quad": MeshQuad, "triangle": MeshTri}[name]
+    np.testing.assert_array_equal(np.sort(mesh.t.T), np.sort(cells))
+    np.testing.assert_array_equal(mesh.p, POINTS[:, :2].T)
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        [("triangle", TRIANGLES[:2]), ("quad", QUADS[1:])],
+        [("quad", QUADS[:1]), *(("triangle", TRIANGLES[i : i + 1]) for i in (2, 3))],
+    ],
+)
+def test_mixed_meshes_are_split(tmp_path, cells):
+    meshio.Mesh(POINTS, cells).write(tmp_path / "m.vtu")
+    mesh = read_mesh(tmp_path / "m.vtu")
+    assert mesh.nelements == 2 * 3 + 4
+    np.testing.assert_array_equal(mesh.p[:, :6], POINTS[:, :2].T)
+    assert sum(c.shape[1] for c in mesh.cells) == sum(len(c) for _, c in cells)
 
 
 @pytest.mark.parametrize("kind", CELLS)
