@@ -52,7 +52,7 @@ def test_lines_and_arcs_of_a_dxf_that_meet_are_one_curve(tmp_path):
     file, space = drawing()
     space.add_line((-15, -10), (15 - 4e-4, -10))
     space.add_arc((-15, 0), 10, 90, 270)
-    space.add_line((-15, 10), (15, 10))
+    space.add_line((-15, 10), (15 - 4e-4, 10))
     space.add_arc((15, 0), 10, -90, 90)
     file.saveas(tmp_path / "curve.dxf")
     x, y, _ = io.read_curve(tmp_path / "curve.dxf")
