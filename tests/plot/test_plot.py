@@ -1,6 +1,9 @@
+"""Pictures of results: colours, scales, titles, files, animations, load curves."""
+
 import subprocess
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -280,3 +283,17 @@ def test_a_mesh_of_both_kinds_is_drawn_with_its_fibres_before_a_run(tmp_path):
         assert plot.mesh_and_fibres(mesh, directions, **options) is plotter
         pictures.append(plotter.screenshot(return_img=True).tobytes())
     assert pictures[0] != pictures[1]
+
+
+@pytest.mark.parametrize(
+    ("domain", "ends"),
+    [
+        ((-np.inf, np.inf), (-0.5, 0.5)),
+        ((1.0, np.inf), (1.0, 2.0)),
+        ((-np.inf, -1.0), (-2.0, -1.0)),
+        ((-0.2, 0.3), (-0.2, 0.3)),
+    ],
+)
+def test_a_law_is_drawn_over_the_finite_part_of_its_domain(domain, ends):
+    law = SimpleNamespace(domain=domain)
+    assert plot.curves._ends(law, 0.5) == ends
