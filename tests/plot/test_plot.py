@@ -24,6 +24,7 @@ Shape = pytest.importorskip("skfem_textile.plot.sheet").Shape
 offscreen = pytest.importorskip("skfem_textile.plot.pyvista_drawing")
 curves = pytest.importorskip("skfem_textile.plot.curves").curves
 COLOURS = pytest.importorskip("skfem_textile.plot.curves").COLOURS
+ends_of = pytest.importorskip("skfem_textile.plot.curves")._ends
 
 
 def test_fibre_strain_is_drawn_on_one_scale_with_its_middle_at_zero(results, tmp_path):
@@ -296,4 +297,4 @@ def test_a_mesh_of_both_kinds_is_drawn_with_its_fibres_before_a_run(tmp_path):
 )
 def test_a_law_is_drawn_over_the_finite_part_of_its_domain(domain, ends):
     law = SimpleNamespace(domain=domain)
-    assert plot.curves._ends(law, 0.5) == ends
+    assert ends_of(law, 0.5) == ends
