@@ -55,7 +55,7 @@ def test_coefficients_are_within_their_bands_at_the_stated_rate():
 def test_the_band_accounts_for_estimated_weights():
     """The covariance is (JᵀWJ)⁻¹ (1 + 4 Σ s (1 − s)/ν), s = 1/3, ν = 59.
 
-    The band is that of Student's t with the 179 degrees of freedom.
+    The band has the quantile of Student's t for 179 degrees of freedom.
     """
     three = [specimen(FRAME, Linear(0.1), 0.02, i) for i in range(3)]
     fit = of_shear(three, "linear")

@@ -1,4 +1,4 @@
-"""What is drawn in a window."""
+"""Panels of a window, for tests of colours."""
 
 
 def coloured(plotter):

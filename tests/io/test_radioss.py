@@ -50,7 +50,7 @@ def test_law158_couples_logarithmic_springs(tmp_path):
 
 
 def test_flexions_and_the_tangent_have_defaults(tmp_path):
-    """One flexion is that of the other family; the crimp is 0.1; GT is (E1 + E2)/4."""
+    """A flexion alone holds for both families; the crimp is 0.1; GT is (E1 + E2)/4."""
     cards = [*LAW58[:3], card(c0_2=1000.0, c4_2=800.0), card(c0_2=0.5, c4_2=45.0)]
     for given, springs in (
         ({}, (0.001, 0.001)),
