@@ -79,24 +79,6 @@ def test_forces_are_those_of_a_homogeneous_stretch(tmp_path):
     np.testing.assert_allclose(both[1], 80.0 * law.value(np.log([1.01])) / 1.01)
 
 
-def test_invalid_biaxial_tests_are_rejected(tmp_path):
-    file = tmp_path / "pull.csv"
-    file.write_text("warp strain (%),warp force (N)\n2,3\n")
-    with pytest.raises(ValueError, match="the column 'weft strain' is missing"):
-        read_biaxial(file, (1.0, 1.0))
-    curves = pulls(CrimpInterchange(2e3, 0.01, 5.0, 2e-3, 0.15))
-    with pytest.raises(ValueError, match="unknown law 'sin2': choose one of crimp-toe"):
-        fit_tension(curves, "sin2")
-    still = [BiaxialCurve("one", np.zeros((2, 9)), np.zeros((2, 9)), (1.0, 1.0))]
-    with pytest.raises(
-        ValueError, match="no test contains a positive strain of the warp"
-    ):
-        fit_tension(still)
-    pushed = [BiaxialCurve("one", c.strain, -c.force, c.widths) for c in curves]
-    with pytest.raises(ValueError, match="forces along the warp must be positive"):
-        fit_tension(pushed)
-
-
 def test_the_band_of_a_linear_law_follows_from_the_band_of_its_stiffness():
     curves = pulls(TwoLaws(Linear(5e3), Linear(3e3)), noise=0.02)
     fitted = fit_tension(curves, "linear")
@@ -121,7 +103,7 @@ def test_a_family_unloaded_in_one_test_is_identified_from_the_others():
     assert np.isnan(unloaded["noise_over_largest"])
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_parameter_at_its_bound_is_reported(seed):
     """The noise would give a negative stiffness at rest."""
     e, rng = np.linspace(0.0, 0.02, 41)[1:], np.random.default_rng(seed)

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from skfem_textile import MeshError
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_directions, read_fabric, write_fabric
-from studies.common.running import errors_only
 from tests.helpers.hostile import (
     RIGHT,
     Family,
     UnclearError,
+    errors_only,
     expect_close,
     expect_equal,
     is_clear,
@@ -136,6 +136,7 @@ def decks(draw, write):
 # Expected content of a deck
 
 
+@errors_only()
 def attempt_abaqus(deck):
     seed, content, damage = deck
     path = Path("deck.inp")
@@ -143,8 +144,7 @@ def attempt_abaqus(deck):
     if seed % 6 == 0:
         return show(path, damage)
     try:
-        with errors_only():
-            directions, cloth = read_directions(path), read(path)
+        directions, cloth = read_directions(path), read(path)
     except MeshError as error:
         return rejected_if_damaged(error, damage)
     check_loading_data(cloth, content)
@@ -156,14 +156,14 @@ def attempt_abaqus(deck):
     return RIGHT
 
 
+@errors_only()
 def attempt_radioss(deck):
     """Laws vanish at rest, and their values are slopes of the energy."""
     seed, content, damage = deck
     path = Path("deck.rad")
     path.write_bytes(content)
     try:
-        with errors_only():
-            cloth = read(path)
+        cloth = read(path)
     except MeshError as error:
         return rejected_if_damaged(error, damage)
     rest, step = np.zeros((2, 1)), 1e-6
@@ -255,11 +255,7 @@ def check_written(cloth):
 def show(path, damage):
     """Show a deck on the command line: all files, or none and one line."""
     out, printed, heard = Path("out"), io.StringIO(), io.StringIO()
-    with (
-        errors_only(),
-        contextlib.redirect_stdout(printed),
-        contextlib.redirect_stderr(heard),
-    ):
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(heard):
         code = cli.main(["show", str(path), "--no-render", "--out", "out"])
     message = heard.getvalue().removesuffix("\n")
     if code == 2 and not out.exists() and not printed.getvalue():

@@ -7,23 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric
-from skfem_textile.mesh import requirements
-from skfem_textile.scenes import Case, hemisphere
-
 pv = pytest.importorskip("pyvista")
 Image = pytest.importorskip("PIL.Image")
 plot = pytest.importorskip("skfem_textile.plot")
 in_space = pytest.importorskip("skfem_textile.plot.in_space")
 
 MEDIA = Path(__file__).parents[2] / "examples" / "media"
-
-
-@pytest.fixture(scope="module")
-def draped():
-    scene = hemisphere(size=(4, 4))
-    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
-    return Case(scene=scene, fabric=fabric, steps=1).run()
 
 
 def test_a_gltf_file_is_valid_and_in_metres_with_y_upwards(draped, tmp_path):
@@ -52,12 +41,6 @@ def test_a_gltf_file_contains_its_data_and_colours_without_a_tint(draped, tmp_pa
     assert ply["doubleSided"]
     assert tool["doubleSided"]
     assert len(content["meshes"]) == 2
-
-
-@pytest.mark.parametrize("name", ["x.glb", "x.png"])
-def test_only_gltf_is_written(draped, tmp_path, name):
-    with pytest.raises(ValueError, match=r"only to \.gltf files: name it x\.gltf"):
-        plot.export_gltf(draped, tmp_path / name)
 
 
 def test_a_view_without_trame_is_a_picture(result, monkeypatch):
@@ -91,12 +74,6 @@ def test_a_view_of_a_displacement_on_a_basis_is_that_of_its_result(result):
     np.testing.assert_array_equal(of_basis["values"], of_result["values"])
     for plotter in plotters:
         plotter.close()
-
-
-def test_a_view_without_pyvista_is_refused_in_one_line(result, monkeypatch):
-    monkeypatch.setattr(requirements, "is_installed", lambda name: name != "pyvista")
-    with pytest.raises(ImportError, match=r"pip install 'skfem-textile\[plot\]'$"):
-        result.view()
 
 
 @pytest.mark.slow

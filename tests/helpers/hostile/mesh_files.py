@@ -337,6 +337,7 @@ def vtk(mesh, rng):
         text += put("LOOKUP_TABLE default", [0.5] * n, "d")
     if names:
         text += f"CELL_DATA {m}\nFIELD FieldData {len(names)}\n".encode()
+        kind = "vtktypeint64" if new else "long"
         for name, values in names.items():
-            text += put(f"{name} 1 {m} long", values, "q")
+            text += put(f"{name} 1 {m} {kind}", values, "q")
     return text

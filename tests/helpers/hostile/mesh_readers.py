@@ -1,18 +1,22 @@
-"""Plain readers of mesh files, independent of the library and of meshio.
+"""Readers of mesh files that are independent of the library.
 
-They read the output of the writers in `mesh_files`, damaged or not.
+They read the output of the writers in `mesh_files`, damaged or not: files of Gmsh and
+Abaqus with plain code, files of VTK with meshio.
 """
 
 import math
 import re
 import struct
-import zlib
-from binascii import a2b_base64
+import warnings
 from collections import Counter, deque
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
+from io import StringIO
 from itertools import pairwise
-from xml.dom import minidom
-from xml.parsers.expat import ExpatError
+from pathlib import Path
+
+import meshio
+import numpy as np
 
 _WHOLE = re.compile(rb"[+-]?\d+")
 _NUMBER = re.compile(rb"[+-]?((\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|(?i:nan|inf|infinity))")
@@ -456,26 +460,41 @@ def _members(lines, generate, known):
     return members
 
 
-# ------------------------------------------------------------------------- VTK, legacy
+# --------------------------------------------------------------------------------- VTK
 
-# Number of nodes by VTK's number of a cell, and codes of kinds of numbers.
-_OF_VTK = {1: 1, 3: 2, 5: 3, 9: 4}
-_LEGACY = {"int": "i", "long": "q", "vtktypeint64": "q", "float": "f", "double": "d"}
+# Number of nodes by meshio's name of a cell.
+_OF_VTK = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4}
 
 
-def _mesh_of_vtk(points, types, cells, data):
-    """The mesh of points, three numbers each, cells, and scikit-fem's names in data."""
-    n = len(points) // 3
-    expect(len(points) == 3 * n and len(types) == len(cells), "counts")
-    mesh = MeshContent([tuple(points[3 * i : 3 * i + 3]) for i in range(n)])
-    for kind, cell in zip(types, cells, strict=True):
-        expect(_OF_VTK.get(kind) == len(cell), "kind of cell")
-        expect(all(0 <= node < n for node in cell), "no such node")
-        mesh.cells += [tuple(cell)] * (len(cell) > 2)
-    expect(not data or set(types) in ({5}, {9}), "names of one kind")
-    for key, values in data.items():
-        expect(len(values) == len(mesh.cells), "length of names")
+def vtk(content, suffix=".vtk"):
+    """Read a file of VTK with meshio; None if meshio cannot read it."""
+    path = Path(f"meshio{suffix}")
+    path.write_bytes(content)
+    try:
+        with (
+            warnings.catch_warnings(),
+            redirect_stdout(StringIO()),
+            redirect_stderr(StringIO()),
+        ):
+            warnings.simplefilter("ignore")
+            read = meshio.read(path)
+    except (Exception, SystemExit):
+        return None
+    finally:
+        path.unlink()
+    mesh = MeshContent(read.points.tolist())
+    for block in read.cells:
+        expect(block.type in _OF_VTK, "kind of cell")
+        inside = (block.data >= 0) & (block.data < len(mesh.points))
+        expect(inside.all(), "no such node")
+        cells = block.data.tolist() if _OF_VTK[block.type] > 2 else []
+        mesh.cells += map(tuple, cells)
+    data = {key: x for key, x in read.cell_data.items() if key.startswith("skfem:")}
+    kinds = {block.type for block in read.cells}
+    expect(not data or kinds in ({"triangle"}, {"quad"}), "names of one kind")
+    for key, blocks in data.items():
         _, kind, name = key.split(":", 2) if key.count(":") > 1 else ("", "", "")
+        values = np.concatenate(blocks).ravel().tolist()
         for i, (value, cell) in enumerate(zip(values, mesh.cells, strict=True)):
             most = {"s": 1, "b": 2 ** len(cell) - 1}.get(kind, -1)
             expect(value in range(most + 1), "names")
@@ -487,255 +506,6 @@ def _mesh_of_vtk(points, types, cells, data):
     return mesh
 
 
-def _as(code, values):
-    """Numbers as their kind can hold them."""
-    try:
-        form = f"{len(values)}{code}"
-        return list(struct.unpack(form, struct.pack(form, *values)))
-    except (struct.error, OverflowError):
-        raise MalformedError("a number is too large") from None
-
-
-class _Legacy(_Stream):
-    """The rest of a legacy file."""
-
-    def __init__(self, content):
-        head, _, kind, *rest = [*content.split(b"\n", 3), b"", b""][:4]
-        words = head.split()
-        expect(b" ".join(words[:4]).lower() == b"# vtk datafile version", "header")
-        versions = b"1.0", b"2.0", b"3.0", b"4.0", b"4.1", b"4.2", b"5.1"
-        expect(len(words) == 5 and words[4] in versions, "version")
-        expect(kind.strip().upper() in (b"ASCII", b"BINARY"), "kind")
-        super().__init__(*rest, ">" * (kind.strip().upper() == b"BINARY"))
-        self.new = words[4] == b"5.1"
-
-    def words(self, length=None):
-        """Words of the next line that is not blank."""
-        self.rest = self.rest.lstrip()
-        words = [word.decode(errors="replace") for word in self.line().split()]
-        expect(length in (None, len(words)), "words of a line")
-        return words
-
-    def numbers(self, count, kind):
-        """The next numbers of a kind."""
-        expect(kind.lower() in _LEGACY, "kind of numbers")
-        code = _LEGACY[kind.lower()]
-        values = self.take(count, code)
-        return _as(code, values) if code == "f" else values
-
-    def cells(self, n, size):
-        """Nodes of each cell."""
-        if self.new:
-            parts = []
-            for name, count in (("OFFSETS", n), ("CONNECTIVITY", size)):
-                keyword, kind = self.words(2)
-                expect(keyword.upper() == name, name)
-                parts.append(self.numbers(count, kind))
-            offsets, nodes = parts
-            expect(n and offsets[0] == 0 and offsets[-1] == size, "offsets")
-            expect(offsets == sorted(offsets), "offsets")
-            return [nodes[a:b] for a, b in pairwise(offsets)]
-        numbers, cells = self.numbers(size, "int"), []
-        while numbers:
-            k, *numbers = numbers
-            expect(0 <= k <= len(numbers), "size of a cell")
-            cells.append(numbers[:k])
-            numbers = numbers[k:]
-        expect(len(cells) == n, "count of cells")
-        return cells
-
-
-def vtk(content):
-    """Read a legacy file of VTK."""
-    file, parts, names, count, of_cells = _Legacy(content), {}, {}, 0, False
-
-    def keep(name, size, n, kind):
-        values = file.numbers(size * n, kind)
-        if of_cells and name.startswith("skfem:"):
-            expect(name not in names and size == 1 and n == count, "names")
-            names[name] = values
-
-    while words := file.words():
-        keyword, options = words[0].upper(), words[1:]
-        expect(keyword not in parts, f"two {keyword}")
-        lengths = {"DATASET": 1, "CELL_TYPES": 1, "POINT_DATA": 1, "CELL_DATA": 1}
-        expect(len(options) == lengths.get(keyword, len(options)), keyword)
-        if keyword == "DATASET":
-            expect(options == ["UNSTRUCTURED_GRID"], "dataset")
-        elif keyword == "SCALARS":
-            expect(len(options) in (2, 3), keyword)
-            table, _ = file.words(2)
-            expect(table.upper() == "LOOKUP_TABLE", keyword)
-            keep(options[0], *map(_count, options[2:] or "1"), count, options[1])
-        elif keyword == "FIELD":
-            expect(len(options) == 2, keyword)
-            for _ in range(_count(options[1])):
-                name, size, n, kind = file.words(4)
-                keep(name, _count(size), _count(n), kind)
-        elif keyword == "CELL_TYPES":
-            parts[keyword] = file.numbers(_count(options[0]), "int")
-        elif keyword in ("POINT_DATA", "CELL_DATA"):
-            parts[keyword] = count = _count(options[0])
-            of_cells = keyword == "CELL_DATA"
-        else:
-            expect(keyword in ("POINTS", "CELLS") and len(options) == 2, keyword)
-            if keyword == "POINTS":
-                parts[keyword] = file.numbers(3 * _count(options[0]), options[1])
-            else:
-                parts[keyword] = file.cells(*map(_count, options))
-    expect({"POINTS", "CELLS", "CELL_TYPES"} <= set(parts), "parts are missing")
-    points, cells = parts["POINTS"], parts["CELLS"]
-    expect(parts.get("POINT_DATA", len(points) // 3) == len(points) // 3, "data")
-    expect(parts.get("CELL_DATA", len(cells)) == len(cells), "data")
-    return _mesh_of_vtk(points, parts["CELL_TYPES"], cells, names)
-
-
-def _count(word):
-    count = whole(word.encode())
-    expect(count >= 0, "count")
-    return count
-
-
-# ---------------------------------------------------------------------------- VTK, XML
-
-# Codes of `struct` by type of number.
-_XML = {
-    **{"Int8": "b", "Int16": "h", "Int32": "i", "Int64": "q"},
-    **{"UInt8": "B", "UInt16": "H", "UInt32": "I", "UInt64": "Q"},
-    **{"Float32": "f", "Float64": "d"},
-}
-
-# Base64: groups of four characters, the last of which may be padded.
-_GROUPS = re.compile(rb"([A-Za-z0-9+/]{4})*([A-Za-z0-9+/]{2}(==|[A-Za-z0-9+/]=))?")
-
-
-class _Tree:
-    """The tree of a file, and how its arrays are written."""
-
-    def __init__(self, content):
-        cut = re.search(rb"<AppendedData[^>]*>\s*_(.*)</AppendedData>", content, re.S)
-        self.appended = cut[1] if cut else b""
-        text = content[: cut.start(1)] + content[cut.end(1) :] if cut else content
-        try:
-            self.root = minidom.parseString(text).documentElement
-        except (ExpatError, ValueError, LookupError):
-            raise MalformedError("no XML") from None
-        get = self.root.getAttribute
-        expect(self.root.tagName == "VTKFile", "no VTKFile")
-        expect(get("type") == "UnstructuredGrid", "type")
-        orders = {"": "<", "LittleEndian": "<", "BigEndian": ">"}
-        self.order = orders.get(get("byte_order"), "")
-        self.head = {"UInt32": "I", "UInt64": "Q", "": "I"}.get(get("header_type"), "")
-        expect(get("version") in ("0.1", "1.0", "") and self.order, "header")
-        self.zipped = get("compressor") == "vtkZLibDataCompressor"
-        expect(self.head and (self.zipped or not get("compressor")), "header")
-        self.raw = False
-        if cut:
-            encoding = _child(self.root, "AppendedData").getAttribute("encoding")
-            expect(encoding in ("raw", "base64"), "encoding")
-            self.raw = encoding == "raw"
-
-    def array(self, element, count, wholes=False):
-        """The numbers of an array."""
-        kind, encoding = element.getAttribute("type"), element.getAttribute("format")
-        expect(kind in _XML and not (wholes and kind.startswith("F")), "type")
-        code = _XML[kind]
-        nodes = element.childNodes
-        text = "".join(n.data for n in nodes if n.nodeType in (3, 4)).encode()
-        if encoding in ("ascii", ""):
-            read = number if code in "fd" else whole
-            values = [read(word) for word in text.split()]
-            expect(len(values) == count, "count of an array")
-            return _as(code, values)
-        expect(encoding in ("binary", "appended"), "format")
-        raw = self.raw and encoding == "appended"
-        if encoding == "appended":
-            text = self.appended if raw else b"".join(self.appended.split())
-            text = text[whole(element.getAttribute("offset").encode()) :]
-        else:
-            text = b"".join(text.split())
-        held, left = self.held(text, raw)
-        expect(encoding == "appended" or not left, "an array is too long")
-        expect(len(held) == count * struct.calcsize(f"<{code}"), "size of an array")
-        return list(struct.unpack(f"{self.order}{count}{code}", held))
-
-    def held(self, text, raw):
-        """The bytes of an array, and the text after it."""
-        size = struct.calcsize(self.order + self.head)
-        start, _ = _start(text, size, raw)
-        (count,) = struct.unpack(self.order + self.head, start[:size])
-        if not self.zipped:
-            alone = -(-size // 3) * 4
-            if not raw and text[:alone].endswith(b"=" * (-size % 3)):
-                return _run(text[alone:], count, raw)
-            content, left = _run(text, size + count, raw)
-            return content[size:], left
-        expect(count < len(text), "count of blocks")
-        head, text = _run(text, size * (3 + count), raw)
-        numbers = struct.unpack(f"{self.order}{3 + count}{self.head}", head)
-        packed, left = _run(text, sum(numbers[3:]), raw)
-        content = b""
-        for i, length in enumerate(numbers[3:]):
-            due = numbers[2] or numbers[1] if i == count - 1 else numbers[1]
-            try:
-                block = zlib.decompress(packed[:length])
-            except zlib.error:
-                raise MalformedError("it cannot be unpacked") from None
-            expect(len(block) == due, "size of a block")
-            content, packed = content + block, packed[length:]
-        return content, left
-
-
-def _run(text, count, raw):
-    """A count of bytes that are encoded together, and the text after them."""
-    content, rest = _start(text, count, raw)
-    expect(len(content) == count, "length of an array")
-    return content, rest
-
-
-def _start(text, count, raw):
-    """At least a count of bytes, from whole groups, and the text after them."""
-    end = count if raw else -(-count // 3) * 4
-    expect(end <= len(text), "an array is cut off")
-    expect(raw or _GROUPS.fullmatch(text[:end]), "no base64")
-    content = text[:end] if raw else a2b_base64(text[:end])
-    expect(len(content) >= count, "an array is cut off")
-    return content, text[end:]
-
-
-def _children(parent, tag):
-    return [n for n in parent.childNodes if n.nodeType == 1 and n.tagName == tag]
-
-
-def _child(parent, tag):
-    """The only child with a tag."""
-    with_tag = _children(parent, tag)
-    expect(len(with_tag) == 1, f"one {tag}")
-    return with_tag[0]
-
-
 def vtu(content):
-    """Read an unstructured grid of VTK as XML."""
-    tree = _Tree(content)
-    piece = _child(_child(tree.root, "UnstructuredGrid"), "Piece")
-    n_points, n_cells = (
-        _count(piece.getAttribute(f"NumberOf{x}")) for x in ("Points", "Cells")
-    )
-    positions = _child(_child(piece, "Points"), "DataArray")
-    expect(_count(positions.getAttribute("NumberOfComponents")) == 3, "components")
-    points, arrays, names = tree.array(positions, 3 * n_points), {}, {}
-    for array in _children(_child(piece, "Cells"), "DataArray"):
-        expect(array.getAttribute("Name") not in arrays, "an array twice")
-        arrays[array.getAttribute("Name")] = array
-    expect({"types", "offsets", "connectivity"} <= set(arrays), "arrays of the cells")
-    types = tree.array(arrays["types"], n_cells, True)
-    offsets = [0, *tree.array(arrays["offsets"], n_cells, True)]
-    expect(offsets == sorted(offsets), "offsets")
-    nodes = tree.array(arrays["connectivity"], offsets[-1], True)
-    cells = [nodes[a:b] for a, b in pairwise(offsets)]
-    for part in _children(piece, "CellData"):
-        for array in _children(part, "DataArray"):
-            if (name := array.getAttribute("Name")).startswith("skfem:"):
-                expect(name not in names, "names twice")
-                names[name] = tree.array(array, n_cells)
-    return _mesh_of_vtk(points, types, cells, names)
+    """Read an unstructured grid of VTK as XML; see `vtk`."""
+    return vtk(content, ".vtu")
