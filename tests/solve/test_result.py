@@ -126,22 +126,6 @@ def test_a_result_of_a_displacement_states_that_it_is_not_an_equilibrium():
     assert f"the largest free nodal force is {force[dof]:.3g} N" in line
 
 
-@pytest.mark.parametrize(
-    ("u", "message"),
-    [
-        (None, "a displacement of this ply has the shape"),
-        ("u", "u must be real-valued, got 'u'"),
-        (np.zeros(3), r"a displacement of this ply has the shape .* not \(3,\)"),
-    ],
-)
-def test_a_result_of_something_else_is_refused(u, message):
-    ply, conditions = pulled(0.5)
-    with pytest.raises(ValueError, match=message):
-        Result.of_state(ply, conditions, u)
-    with pytest.raises(ValueError, match="u must be finite"):
-        Result.of_state(ply, conditions, ply.basis.zeros() + np.nan)
-
-
 class Grip(Term):
     """A user-defined term that pulls all nodes to a point that moves with t."""
 

@@ -1,4 +1,5 @@
 import logging
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,9 +18,12 @@ from skfem_textile import (
 )
 from skfem_textile.drape import Plane
 from skfem_textile.scenes import strip
+from skfem_textile.solve.checkpoint import Replay
+from skfem_textile.solve.verdict import _discretisation_checks, _energy_checks
 from studies.stability.soundness import is_sound
 from tests.helpers import arguments_of
 from tests.helpers.intervals import without_interval
+from tests.helpers.pulled import pulled
 
 
 def run(formulation, steps, mesh="irregular", E=1e4, G=0.0, **options):
@@ -75,7 +79,8 @@ def test_a_check_may_be_changed_to_a_warning(caplog):
 @pytest.mark.parametrize(
     ("C_s", "steps"),
     [
-        *((1.0, 1), (0.01, 8)),
+        (1.0, 1),
+        pytest.param(0.01, 8, marks=pytest.mark.slow),
         *(pytest.param(1.0, n, marks=pytest.mark.slow) for n in (10, 50, 100)),
     ],
 )
@@ -107,13 +112,22 @@ def test_stiff_fibres_do_not_change_the_shape():
     assert change < 1e-3 * np.abs(ends[0].u).max()
 
 
-STIFF_RUNS = [(1, 1e8), (1, 1e10), (5, 1e6), (5, 1e8), (5, 1e10), (20, 1e6), (20, 1e8)]
+STIFF_RUNS = [
+    (1, 1e6),
+    (1, 1e8),
+    (20, 1e10),
+    (5, 1e6),
+    (5, 1e8),
+    (5, 1e10),
+    (20, 1e6),
+    (20, 1e8),
+]
 
 
 @pytest.mark.parametrize(
     ("steps", "E"),
     [
-        *((1, 1e6), (20, 1e10)),
+        (1, 1e10),
         *(pytest.param(n, E, marks=pytest.mark.slow) for n, E in STIFF_RUNS),
     ],
 )
@@ -155,17 +169,43 @@ def test_an_element_that_folds_at_its_corner_is_named():
     assert result.ply.area_ratio(result.u, result.ply.fine_points).min() > 0.1
 
 
-def test_torn_fibres_are_rejected():
+@pytest.mark.parametrize(
+    ("ends", "along", "family"),
+    [(("bottom", "top"), (0.0, 2.0), "weft"), (("left", "right"), (2.0, 0.0), "warp")],
+)
+def test_torn_fibres_are_rejected_by_family(ends, along, family):
     mesh = MeshQuad().refined(1).with_defaults()
-    conditions = {
-        "clamp": Condition("bottom"),
-        "pull": Condition("top", (0.0, 2.0)),
-    }
+    clamp, pull = ends
+    conditions = {"clamp": Condition(clamp), "pull": Condition(pull, along)}
     ply = Ply(mesh, Fabric(10.0, 1.0), Full())
-    with pytest.raises(StepError, match="the fibre strain reaches 1"):
-        LoadStepper(ply, conditions, 4, max_halvings=1).run()
+    with pytest.raises(StepError, match="the fibre strain reaches 1") as error:
+        LoadStepper(ply, conditions, 4, max_halvings=0).run()
+    assert error.value.quantity == f"{family}_strain"
     torn = LoadStepper(ply, conditions, 4, warn_only=["strain", "stability"]).run()
     assert torn.states[-1].verdict.mesh_fibre_strain == pytest.approx(np.log(3))
+
+
+def last_step(value):
+    """The trial of the only step of a run."""
+    stepper = LoadStepper(*pulled(value), 1)
+    replay, states = Replay(stepper.problem), stepper.run().states
+    replay.last, _ = replay.trial(states[0])
+    return replay.trial(states[1])[0]
+
+
+@pytest.mark.parametrize(("share", "fails"), [(0.005, False), (0.02, True)])
+def test_a_jump_is_a_per_cent_of_the_work_and_corners_of_the_energy(share, fails):
+    """The energy rises by more or less than the work of the forces at the ends."""
+    trial = last_step(0.02)
+    low, high = sorted(trial.works)
+    total = sum(trial.energies.values())
+    for rise in (high + share * high, low - share * high):
+        start = replace(trial.start, energies={"tension": total - rise})
+        checks = _energy_checks(replace(trial, start=start))
+        assert ("work" in dict(checks)) == fails
+    energies = {"tension": (1 - share) * total, "corners": share * total}
+    checks = _discretisation_checks(replace(trial, energies=energies))
+    assert ("corners" in dict(checks)) == fails
 
 
 def test_stiffening_fibres_may_be_stretched_without_limit():
@@ -185,10 +225,9 @@ def test_stiffening_fibres_may_be_stretched_without_limit():
     assert LoadStepper(ply, held, 4).run().states[-1].verdict.stable
 
 
-@pytest.mark.parametrize("steps", [1, 6])
-def test_a_compressed_rod_buckles(steps):
+def test_a_compressed_rod_buckles():
     """No symmetry of the mesh keeps it at the saddle point."""
-    result = squeezed(steps=steps).run()
+    result = squeezed(steps=1).run()
     assert result.states[-1].verdict.stable
     sideways = np.abs(result.ply.nodal(result.u)[1]).max()
     assert sideways > 0.1
@@ -200,9 +239,9 @@ def test_a_smooth_path_is_resolved_and_a_bifurcating_one_is_not(caplog):
     pushed = {"clamp": Condition("bottom"), "push": Condition("top", -0.3, (0, 1))}
     block = LoadStepper(Ply(mesh, Fabric(10.0, 1.0), Full()), pushed, 4)
     with caplog.at_level(logging.WARNING, logger="skfem_textile"):
-        assert run(Full(), 8).path_resolved
+        assert run(Full(), 4).path_resolved
         # No force and no energy except round-off:
-        assert run(Full(), 8, "aligned").path_resolved
+        assert run(Full(), 4, "aligned").path_resolved
         assert not caplog.records
         assert not without_interval(block.run()).summary()["path_resolved"]
     assert len(caplog.records) == 1
@@ -212,7 +251,7 @@ def test_a_smooth_path_is_resolved_and_a_bifurcating_one_is_not(caplog):
 
 def test_round_off_of_the_energy_is_no_jump():
     """A ply that lies on a table under its weight, after it sank by 10 mm."""
-    mesh = MeshQuad().refined(3).scaled(100.0).translated((-50, -50))
+    mesh = MeshQuad().refined(2).scaled(100.0).translated((-50, -50))
     table = Tool(Plane((0.0, 0.0, -10.0)), side=1, name="table")
     ply = Ply(
         *(mesh, Fabric(5.8e3, 2.0, bending=(23.0, 23.0)), OnePoint()),

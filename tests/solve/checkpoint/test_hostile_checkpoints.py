@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 from skfem import BilinearForm, Functional, LinearForm
 from skfem.helpers import dot
@@ -409,5 +410,6 @@ def expected_remains(folder):
 FAMILY = Family("checkpoints", {"": checkpoints()}, attempt, 2000, short=40)
 
 
+@pytest.mark.slow
 def test_a_damaged_checkpoint_is_rejected_or_resumed_to_the_same_result():
     FAMILY.check(30)
