@@ -95,7 +95,7 @@ def test_an_interval_is_given_for_states_alone():
     for other in (3, None, np.zeros(162)):
         refused(lambda x=other: run().interval(x), "states of the same run only: use ")
     refused(lambda: ErrorInterval(reason="why").of(len), "there is no interval: why")
-    for value in (np.zeros(2), np.nan, None, "1"):
+    for value in (np.zeros(2), np.eye(2), np.nan, None, "1"):
         refused(lambda x=value: run().error.of(lambda *_: x), "the quantity must be")
 
 
