@@ -1,4 +1,7 @@
-"""Messages about laws, fabrics, directions, and their files; each is one line."""
+"""Messages about laws, fabrics, directions, and their files; each is one line.
+
+Those about single arguments of a fabric are in `tests.solve.test_hostile_arguments`.
+"""
 
 import numpy as np
 import pytest

@@ -7,7 +7,6 @@ from skfem import MeshQuad
 from skfem_textile import Fabric, Linear, LoadStepper, Macro, OnePoint, Ply, Sin2
 from skfem_textile.scenes import bias_extension, strip
 from tests.helpers import distorted, random_u
-from tests.helpers.intervals import without_interval
 from tests.helpers.random_plies import Crimped
 
 
@@ -122,12 +121,3 @@ def test_a_warning_is_shown_once_and_logged_for_every_state(caplog):
     ]
     assert len(records) == len(result.states) - 1
     assert records == [logging.WARNING] + [logging.INFO] * (len(records) - 1)
-
-
-@pytest.mark.parametrize("G", [0.5, 0.0])
-def test_a_strip_is_loaded_without_tuned_parameters(G):
-    summary = without_interval(
-        run(strip(), OnePoint("auto"), shear=Linear(G))
-    ).summary()
-    assert summary["stable"]
-    assert summary["converged"]

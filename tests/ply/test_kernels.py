@@ -17,12 +17,10 @@ from skfem import (
 from skfem.element import ElementQuad2
 
 from skfem_textile import (
-    GAUSS,
     Fabric,
     FormTerm,
     Full,
     HourglassBasis,
-    Linear,
     Macro,
     MeanBasis,
     OnePoint,
@@ -31,8 +29,6 @@ from skfem_textile import (
     Sin2,
     hourglass,
     mean_tension,
-    quad_basis,
-    shear,
     tension,
 )
 from skfem_textile.forms.corners import RESISTING
@@ -237,50 +233,10 @@ def test_elemental_matrices_agree_with_the_form():
     assert_same(fast, slow)
 
 
-def test_laws_receive_the_same_points_as_in_the_forms():
-    """A law may have a separate stiffness in each element."""
-
-    class Varied(Linear):
-        def _scaled(self, x):
-            assert x.shape == (6, 4)
-            return np.arange(1.0, 7.0)[:, None] * x
-
-        def energy(self, x):
-            return self._scaled(super().energy(x))
-
-        def value(self, x):
-            return self._scaled(super().value(x))
-
-        def tangent(self, x):
-            return self._scaled(super().tangent(x))
-
-    ply = Ply(distorted(3), Fabric(Varied(10.0), Linear(0.0)), Full())
-    form, u = ply.terms[0].forms.tangent, random_u(ply, 7)
-    assert_same(ply.tangent(u), asm(BilinearForm(form.form), ply.basis, u=u))
-
-
 def test_the_reference_data_of_a_basis_are_computed_once():
     ply = next(plies(FABRICS["even"]))
     groups = element_groups(ply.basis, ply.fabric)
     assert element_groups(ply.basis, ply.fabric) is groups
-
-
-def test_forms_of_a_basis_compute_each_displacement_once(monkeypatch):
-    basis, calls = quad_basis(distorted(1), GAUSS), []
-    fibres = QuadPoints.fibres
-
-    def counted(points, u, block):
-        calls.append(points)
-        return fibres(points, u, block)
-
-    monkeypatch.setattr(QuadPoints, "fibres", counted)
-    u = np.random.default_rng(6).standard_normal(basis.N) * 0.05
-    for expected in (1, 2):
-        for forms in (tension(FABRICS["even"]), shear(FABRICS["even"])):
-            for form, slow in zip(forms, defined(forms), strict=True):
-                assert_same(asm(form, basis, u=u), asm(slow, basis, u=u))
-        assert len(calls) == expected
-        u[3] += 0.01
 
 
 def test_the_pattern_keeps_entries_that_happen_to_be_zero():

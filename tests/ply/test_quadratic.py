@@ -19,7 +19,7 @@ from skfem_textile import (
 from skfem_textile.io import write_fields
 from skfem_textile.io.results import cell_fields
 from skfem_textile.mesh.splitting import cut
-from skfem_textile.scenes import picture_frame, strip, trellis
+from skfem_textile.scenes import picture_frame, strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear.superlu import SuperLU
@@ -164,15 +164,6 @@ def test_the_strip_locks_less_than_with_more_unknowns_of_quadrilaterals():
         result = LoadStepper(ply, scene.conditions, 4).run()
         loads[formulation] = abs(scene.summary(without_interval(result))["reaction_x"])
     assert loads[Quadratic()] < loads[Full()] / 20
-
-
-def test_every_boundary_node_of_a_trellis_is_prescribed():
-    scene = trellis(cut(rectangle(100, 100, (3, 3))))
-    result = run(scene, G=0.5)
-    boundary = Condition("held").nodes("c", result.ply.basis)
-    assert len(boundary) == 2 * 12
-    error = result.ply.nodal(result.u) - scene.displacement(result.ply.nodes, 1.0)
-    assert np.abs(error[:, boundary]).max() < 1e-9
 
 
 def test_the_displacement_error_is_taken_over_all_nodes():

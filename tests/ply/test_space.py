@@ -26,7 +26,6 @@ from skfem_textile.solve.newton import definite
 from skfem_textile.solve.problem import Problem, Tangent
 from tests.helpers import (
     Coupled,
-    assert_derivatives,
     derivative,
     distorted,
     one_quad,
@@ -98,12 +97,6 @@ def rotated(ply, u, Q):
 def flat(u):
     """A displacement in the plane as one in space."""
     return np.pad(u.reshape(-1, 2), ((0, 0), (0, 1))).ravel()
-
-
-@every_pair
-def test_residual_and_tangent_are_derivatives_of_the_energy(fabric, formulation):
-    ply = in_space(fabric, formulation)
-    assert_derivatives(ply, curved_state(ply, 2), random_u(ply, 3, 1.0))
 
 
 @pytest.mark.parametrize("closing", [0.62, 0.66])  # on both sides of the parabola
@@ -253,13 +246,6 @@ def test_the_regularised_tangent_is_definite_in_space():
     tangent = definite(problem, u, rest, slack)
     assert tangent.definite
     assert tangent.projected
-
-
-def test_plies_with_terms_and_loads_stay_in_space():
-    ply = Ply(MeshQuad().refined(1).with_defaults(), Fabric(), dimension=3)
-    loaded = ply.with_terms(Traction("top", (0.0, 1.0, 2.0)))
-    force = loaded.nodal(loaded.load(loaded.basis.zeros(), 1.0)).sum(axis=1)
-    np.testing.assert_allclose(force, [0.0, 1.0, 2.0], atol=1e-14)
 
 
 def test_plies_of_several_blocks_of_elements_have_the_same_stiffness():

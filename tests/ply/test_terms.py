@@ -23,7 +23,6 @@ from skfem_textile import (
     Quadratic,
     Sin2,
     Term,
-    Values,
     VectorTerm,
     shear,
 )
@@ -204,19 +203,6 @@ def test_plies_that_share_a_term_do_not_influence_each_other(role):
         assert second.energies(u, 1.0, advanced)["drag"] == 0.0
 
 
-def test_plies_with_and_without_a_term_have_the_same_parameters():
-    ply = plain(OnePoint())
-    sprung, u = (
-        ply.with_terms(FormTerm("springs", SPRINGS, ply.basis)),
-        random_u(ply, 1),
-    )
-    before = copy_arrays(ply.parameters_at_rest)
-    updated = sprung.updated(sprung.parameters_at_rest, 0.05 * u)
-    assert_unchanged(ply.parameters_at_rest, before)
-    energies = [each.energies(u, 1.0, updated) for each in (ply, sprung)]
-    assert energies[0]["stabilisation"] == energies[1]["stabilisation"]
-
-
 @every_formulation
 def test_updates_return_new_values_and_change_nothing(formulation):
     ply = plain(formulation)
@@ -251,14 +237,6 @@ def test_parameters_cannot_be_changed_in_place(formulation):
                     values[name] = array
                 with pytest.raises(ValueError, match="read-only"):
                     array[...] = 0.0
-
-
-def test_values_are_copies_of_arrays_that_can_be_changed():
-    array = np.zeros(3)
-    values = Values({"last": array})
-    array += 1.0
-    assert not values["last"].any()
-    assert Values({"last": values["last"]})["last"] is values["last"]
 
 
 @pytest.mark.parametrize("copy", [deepcopy, lambda x: pickle.loads(pickle.dumps(x))])

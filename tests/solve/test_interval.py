@@ -306,21 +306,6 @@ def test_without_numerical_stiffness_the_interval_contains_that_of_the_reference
     assert low < there.u @ there.u < high
 
 
-def test_the_same_fabric_per_element_or_subdomain_gives_the_same_half_width():
-    mesh = MeshTri().refined(2).with_defaults()
-    mesh = mesh.with_subdomains({"a": lambda x: x[0] < 0.5, "b": lambda x: x[0] >= 0.5})
-    warp, weft = (1.0, 1.0), (-1.0, 1.0)
-    one = Fabric(1e3, 1.0, warp, weft)
-    each = Fabric(1e3, 1.0, np.tile([[1.0], [1.0]], mesh.nelements), weft)
-    held = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 0.05))}
-    for formulation in (MACRO, OnePoint()):
-        plain, *others = (
-            run_of(Ply(mesh, fabric, formulation), held, 1).error.load
-            for fabric in (one, each, {"a": one, "b": one})
-        )
-        assert others == pytest.approx([plain, plain], rel=1e-6)
-
-
 # Conditions, terms and loads
 
 

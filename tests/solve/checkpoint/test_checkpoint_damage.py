@@ -92,16 +92,6 @@ def test_a_resealed_file_in_the_middle_is_rejected(run):
     assert "state_000002.npz is damaged: it or a previous file was modified" in line
 
 
-def test_a_changed_last_digit_under_the_old_seal_is_reported(run):
-    file = sorted(run.glob("state_*"))[-1]
-    text, arrays, (of_run, name, digest) = read_npz(file)
-    text["energies"]["shear"] *= 1 + 1e-15
-    checksummed.write(file, of_run, name, previous_digest(file), text, arrays)
-    body = file.read_bytes().rpartition(b"\n")[0]
-    file.write_bytes(body + f"\n{of_run} {name} {digest}".encode())
-    assert "damaged" in refusal(run)
-
-
 @pytest.mark.parametrize(
     ("path", "values"),
     [

@@ -225,15 +225,6 @@ def test_a_difference_masked_by_stiff_fibres_is_distinguished(tmp_path, other):
         square(**other).run(resume=True)
 
 
-@pytest.mark.parametrize("C_s", [("auto", 1.0), (1.0, "auto")])
-def test_a_stabilisation_equal_to_auto_at_rest_is_distinguished(tmp_path, C_s):
-    """The automatic C_s is 10⁻⁴ E = 1 N/mm: the first forces are equal."""
-    interrupted_at(tmp_path / "c", 0.5, C_s=C_s[0])
-    with pytest.raises(CheckpointError, match="another run: formulation was") as error:
-        stepper(tmp_path / "c", C_s=C_s[1]).run(resume=True)
-    assert "\n" not in str(error.value)
-
-
 @dataclass(frozen=True)
 class Cubic:
     """M_s = G Γ + a Γ³, with a missing from the repr."""
