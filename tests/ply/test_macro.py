@@ -177,7 +177,7 @@ def test_quadratic_triangles_support_the_mean_strain():
     assert_same_to_first_order(
         lambda u: stiff.energies(u)["tension"],
         plain.energy,
-        random_u(ply, 1),
+        random_u(plain, 1),
     )
 
 

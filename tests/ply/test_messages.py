@@ -74,11 +74,6 @@ def deviation(value):
 
 NOT_NEGATIVE = "deviation must be a finite number >= 0"
 PLIES = [
-    (lambda: Ply(MESH, 1e4), "fabric must be a Fabric such as .*, not 10000.0"),
-    (lambda: Ply(MESH, Fabric), "fabric must be a Fabric"),
-    (lambda: Ply(MESH, Fabric(), "full"), "formulation must be .*, not 'full'"),
-    (lambda: Ply(MESH, Fabric(), OnePoint), "formulation must be a formulation such"),
-    (fabric(tension=0.0), "no stiffness"),
     *((lambda x=x: OnePoint(x), ">= 0 or 'auto', got") for x in (-1.0, np.inf, "much")),
     *((lambda x=x: Macro(x), f">= 0 or 'auto', got {x}") for x in (np.nan, None)),
     (lambda: OnePoint(np.ones((2, 2))), "got .*1. 1."),
