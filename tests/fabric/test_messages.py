@@ -40,106 +40,65 @@ def parametrized(cases):
 
 # Parameters of laws
 
-LAWS = {
-    "one point": (
-        lambda: Tabulated([0.0], [0.0]),
-        "a table requires at least two points, got 1",
-    ),
-    "falling": (
-        lambda: Tabulated([0.0, 0.2, 0.1], [0.0, 1.0, 2.0]),
-        "point 3: the argument 0.1 must be larger than the previous one, 0.2",
-    ),
-    "twice": (
-        lambda: Tabulated([0, 0.1, 0.1], [0, 1, 2]),
-        "point 3: the argument 0.1 must",
-    ),
-    "not finite": (
-        lambda: Tabulated([0.0, 0.1], [0.0, np.nan]),
+
+def of(law, *arguments, **options):
+    return lambda: law(*arguments, **options)
+
+
+def table(*arguments, **options):
+    return of(Tabulated, *arguments, **options)
+
+
+SHORT, LINE = Tabulated([0, 0.01], [0, 1]), Linear(1.0)
+LAWS = [
+    (table([0.0], [0.0]), "a table requires at least two points, got 1"),
+    (table([0.0, 0.2, 0.1], [0, 1, 2]), "point 3: the argument 0.1 must be larger tha"),
+    (table([0, 0.1, 0.1], [0, 1, 2]), "point 3: the argument 0.1 must"),
+    (
+        table([0, 0.1], [0, np.nan]),
         "point 2: both numbers must be finite, got 0.1, nan",
     ),
-    "of two lengths": (
-        lambda: Tabulated([0.0, 0.1], [0.0]),
-        r"the same number of values, got shapes \(2,\) and \(1,\)",
+    (table([0.0, 0.1], [0.0]), r"same number of values, got shapes \(2,\) and \(1,\)"),
+    (table("ab", [0.0]), "arguments must be real-valued"),
+    (
+        table([0, 1], [0, 1], "cubic"),
+        "extrapolation must be refuse or linear, got 'cub",
     ),
-    "text": (lambda: Tabulated("ab", [0.0]), "arguments must be real-valued"),
-    "another extrapolation": (
-        lambda: Tabulated([0, 1], [0, 1], "cubic"),
-        "extrapolation must be refuse or linear, got 'cubic'",
+    (
+        table([-1, 1], [0, 1], odd=True),
+        "have arguments >= 0 and.* but point 1 is -1, 0",
     ),
-    "odd of both signs": (
-        lambda: Tabulated([-1, 1], [0, 1], odd=True),
-        "an odd law must have arguments >= 0 and.* but point 1 is -1, 0",
+    (table([0, 1], [0.5, 1], odd=True), "the value 0 at 0, but point 1 is 0, 0.5"),
+    (table([0.1, 1], [0.5, 1]), "covers 0.1 to 1, which excludes 0, the state at rest"),
+    (table([0, 1e-300], [0, 1e300]), "the table overflows"),
+    (table([0, 60], [0, 1]), "in degrees"),
+    (of(Polynomial, ()), "coefficients must be finite numbers"),
+    (of(Polynomial, (1, "a")), "coefficients must be finite"),
+    (of(Polynomial, 3.0), "coefficients must be finite numbers"),
+    (of(CrimpToe, 1e5, 0.0, 1.0), "toe must be a finite number > 0, got 0.0"),
+    (of(CrimpToe, 1e5, 0.1, -1.0), "initial stiffness must be a finite number >= 0, g"),
+    (of(CrimpToe, 1e4, 3, 1.0), "in per cent"),
+    (of(Locking, 0.5, None), "locking angle must be a finite number > 0, got None"),
+    (of(Locking, 0.1, 40.0), "in degrees"),
+    (of(TensionOnly, LINE, 0.0), "width must be a finite number > 0, got 0.0"),
+    (
+        of(TensionOnly, Pretensioned(LINE, 3.0)),
+        "must be zero at rest, but is 3 N/mm th",
     ),
-    "odd with a jump": (
-        lambda: Tabulated([0, 1], [0.5, 1], odd=True),
-        "and the value 0 at 0, but point 1 is 0, 0.5",
-    ),
-    "without rest": (
-        lambda: Tabulated([0.1, 1], [0.5, 1]),
-        "the table covers 0.1 to 1, which excludes 0, the state at rest",
-    ),
-    "too steep": (
-        lambda: Tabulated([0, 1e-300], [0, 1e300]),
-        "the table overflows",
-    ),
-    "no coefficient": (lambda: Polynomial(()), "coefficients must be finite numbers"),
-    "one that is none": (lambda: Polynomial((1, "a")), "coefficients must be finite"),
-    "a number": (lambda: Polynomial(3.0), "coefficients must be finite numbers"),
-    "no toe": (
-        lambda: CrimpToe(1e5, 0.0, 1.0),
-        "toe must be a finite number > 0, got 0.0",
-    ),
-    "negative": (
-        lambda: CrimpToe(1e5, 0.1, -1.0),
-        "initial stiffness must be a finite number >= 0, got -1.0",
-    ),
-    "no angle": (
-        lambda: Locking(0.5, None),
-        "locking angle must be a finite number > 0, got None",
-    ),
-    "no width": (
-        lambda: TensionOnly(Linear(1.0), 0.0),
-        "width must be a finite number > 0, got 0.0",
-    ),
-    "force at rest": (
-        lambda: TensionOnly(Pretensioned(Linear(1e3), 3.0)),
-        "law must be zero at rest, but is 3 N/mm there",
-    ),
-    "wider than the law": (
-        lambda: TensionOnly(Tabulated([0, 0.01], [0, 1]), 0.02),
-        "law must be defined from 0 to the switch at 0.02, but its domain is 0 to 0.01",
-    ),
-    "compression without a law": (
-        lambda: Asymmetric(Linear(1.0), Tabulated([0, 0.01], [0, 1])),
-        "compression must be defined from 0 to the switch at -0.0001,",
-    ),
-    "no law": (
-        lambda: TensionOnly(3.0),
-        r"law must be a law, such as Linear\(5e3\), got 3.0",
-    ),
-    "by element": (
-        lambda: TensionOnly(Linear(np.ones(3))),
-        "law must be uniform over the elements; define a fabric",
-    ),
-    "a tension out of reach": (
-        lambda: Pretensioned(Tabulated([0, 0.01], [0, 2]), 3.0),
-        "the law reaches only 2 N/mm at a strain of 0.01, less than the pretension",
-    ),
-    "in tension already": (
-        lambda: Pretensioned(Tabulated([0, 0.01], [1, 2]), 0.5),
+    (of(TensionOnly, SHORT, 0.02), "the switch at 0.02, but its domain is 0 to 0.01"),
+    (of(Asymmetric, LINE, SHORT), "must be defined from 0 to the switch at -0.0001,"),
+    (of(TensionOnly, 3.0), r"law must be a law, such as Linear\(5e3\), got 3.0"),
+    (of(TensionOnly, Linear(np.ones(3))), "uniform over the elements; define a fabric"),
+    (of(Pretensioned, SHORT, 3.0), "reaches only 1 N/mm at a strain of 0.01, less tha"),
+    (
+        of(Pretensioned, Tabulated([0, 0.01], [1, 2]), 0.5),
         "the law has a tension of 1 N/mm at zero strain, more than the pretension",
     ),
-    "an angle in degrees": (lambda: Locking(0.1, 40.0), "in degrees"),
-    "arguments in degrees": (lambda: Tabulated([0, 60], [0, 1]), "in degrees"),
-    "a toe in per cent": (lambda: CrimpToe(1e4, 3, 1.0), "in per cent"),
-    "an element below zero": (
-        lambda: Fabric(1e3, -np.ones(30)),
-        r"^shear stiffness must be .*, got -1\.0$",
-    ),
-}
+    (of(Fabric, 1e3, -np.ones(30)), r"^shear stiffness must be .*, got -1\.0$"),
+]
 
 
-@pytest.mark.parametrize(("call", "text"), LAWS.values(), ids=LAWS)
+@parametrized(LAWS)
 def test_a_parameter_of_a_law_is_refused(call, text):
     refused(call, text)
 

@@ -24,7 +24,6 @@ from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear.superlu import SuperLU
 from skfem_textile.solve.problem import Problem
-from studies.stability.soundness import is_sound
 from tests.helpers import distorted, distorted_for, random_u
 from tests.helpers.intervals import without_interval
 from tests.helpers.plies import ONE, SQUARES, dofs, ply_on, run
@@ -146,7 +145,8 @@ def test_few_triangles_follow_the_smooth_shape_of_the_strip():
     result = run(scene)
     summary = scene.summary(without_interval(result))
     assert summary["n_dofs"] == 330
-    assert is_sound(result.ply, scene, result.u, result.states[-1].parameters)
+    assert summary["stable"]
+    assert summary["min_det_F"] > 0
     assert summary["displacement_error_rms"] < 0.008
     assert summary["shear_angle_error_rms_deg"] < 0.11
     assert -3 < summary["reaction_x"] < 0

@@ -27,6 +27,7 @@ from skfem_textile.solve.linear import (
     solver_named,
 )
 from skfem_textile.solve.linear import solver as linear
+from skfem_textile.solve.linear.petsc import PREFIX
 from skfem_textile.solve.linear.scaling import Scaling
 from skfem_textile.solve.linear.solver import SolverEntry, pivoting_solver
 from skfem_textile.solve.linear.superlu import SuperLU
@@ -518,3 +519,15 @@ def test_inertia_and_solution_do_not_depend_on_the_unit_of_force(
     assert factors.negative_pivots == np.sum(np.linalg.eigvalsh(scaled.toarray()) < 0)
     b = A @ x
     assert np.abs(A @ factors.solve(b) - b).max() <= 1e-9 * np.abs(b).max()
+
+
+def test_options_apply_to_mumps():
+    petsc, lower = pytest.importorskip("petsc4py.PETSc"), identity(4, format="csc")
+    option = f"{PREFIX}mat_mumps_icntl_14"
+    petsc.Options()[option] = 200
+    try:
+        solver = solver_named("petsc")(lower, natural(lower))
+        assert solver.factorise(lower.data).definite
+    finally:
+        petsc.Options().delValue(option)
+    assert solver.ksp.getPC().getFactorMatrix().getMumpsIcntl(14) == 200
