@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from skfem_textile import CrimpInterchange, Fabric, Linear
 
@@ -40,3 +41,10 @@ def test_a_family_of_a_coupled_law_has_its_tension_with_the_other_unstrained():
     assert fabric.tensions is law
     assert fabric.unbounded
     assert fabric.at() is fabric
+
+
+def test_fibres_may_cross_at_a_millionth_of_a_radian_and_no_less():
+    A1, A2 = Fabric(warp=(1, 0), weft=(1, 1e-5)).directions(POINTS)
+    np.testing.assert_allclose(A2[1] - A1[1], 1e-5)
+    with pytest.raises(ValueError, match="parallel"):
+        Fabric(warp=(1, 0), weft=(1, 1e-7))

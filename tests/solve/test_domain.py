@@ -21,6 +21,8 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.elastica import hanging
 from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.solve.states import Equilibrium, NoEquilibriumError
+from skfem_textile.solve.verdict import CHECKS, Trial
 from tests.helpers import Locking, Pretensioned
 
 
@@ -72,7 +74,9 @@ def test_a_message_names_the_law_that_ends_and_its_argument(odd, message):
     assert angles[error.elements].min() >= np.quantile(angles, 0.5)
 
 
-@pytest.mark.parametrize("method", ["newton", "plain"])
+@pytest.mark.parametrize(
+    "method", [pytest.param("newton", marks=pytest.mark.slow), "plain"]
+)
 def test_no_method_accepts_an_infinite_energy(method):
     """The first increment alone passes the pole, and so would a whole step."""
     stepper = pulled(
@@ -148,6 +152,11 @@ def test_no_law_is_evaluated_beyond_its_domain():
     with pytest.raises(StepError, match=r"of a law.* strain is 0\.01,") as caught:
         LoadStepper(ply, held, 5, max_halvings=2).run()
     assert caught.value.quantity in ("warp_strain", "weft_strain")
+    problem, u = LoadStepper(ply, held, 1).problem.at(1.0), 0.05 * ply.nodes.T.ravel()
+    p = ply.parameters_at_rest
+    beyond = Equilibrium(u, problem.residual(u, p), p, (), 0.0)  # of another method
+    with pytest.raises(NoEquilibriumError, match=r"outside its domain: .* 0\.01"):
+        Trial.of(problem, beyond, None).apply_checks(CHECKS)
     gentle = held | {"pull": Condition("top", (0, 0.009))}
     assert LoadStepper(ply, gentle, 2).run().converged
 

@@ -180,7 +180,7 @@ def test_a_tolerance_is_not_met_if_numerical_stiffness_carries_a_tenth(of, carry
 
 def test_without_an_interval_the_tolerance_is_never_met(monkeypatch):
     with_intervals(monkeypatch, 0.3, *[None] * 9)
-    stepper = ToleranceStepper(on_squares(steps=1), 0.1, most_unknowns=100)
+    stepper = ToleranceStepper(on_squares((0.0, 0.5), steps=1), 0.1, most_unknowns=100)
     text = r"the error of the load has no interval \(not known\), but ± 10 %"
     with pytest.raises(StepError, match=text) as error:
         stepper.run()

@@ -25,8 +25,8 @@ from tests.helpers.intervals import without_interval
 from tests.helpers.pulled import pulled
 
 
-def run(formulation, steps, mesh="irregular", E=1e4, G=0.0, **options):
-    scene = strip(mesh)
+def run(formulation, steps, mesh="irregular", E=1e4, G=0.0, size=None, **options):
+    scene = strip(mesh, *[size] if size else [])
     ply = Ply(scene.mesh, Fabric(E, G), formulation)
     return LoadStepper(ply, scene.conditions, steps, **options).run()
 
@@ -240,9 +240,9 @@ def test_a_smooth_path_is_resolved_and_a_bifurcating_one_is_not(caplog):
     pushed = {"clamp": Condition("bottom"), "push": Condition("top", -0.3, (0, 1))}
     block = LoadStepper(Ply(mesh, Fabric(10.0, 1.0), Full()), pushed, 4)
     with caplog.at_level(logging.WARNING, logger="skfem_textile"):
-        assert run(Full(), 4).path_resolved
+        assert run(Full(), 4, size=(4, 6)).path_resolved
         # No force and no energy except round-off:
-        assert run(Full(), 4, "aligned").path_resolved
+        assert run(Full(), 4, "aligned", size=(4, 6)).path_resolved
         assert not caplog.records
         assert not without_interval(block.run()).summary()["path_resolved"]
     assert len(caplog.records) == 1
