@@ -25,13 +25,7 @@ from skfem_textile import (
 from skfem_textile.fabric import CrimpedYarns, Softening
 from skfem_textile.fabric.directions import AlongCurve, FibreDirections
 from skfem_textile.fabric.files import read_law
-
-
-def refused(call, text):
-    with pytest.raises(ValueError, match=text) as error:
-        call()
-    assert "\n" not in str(error.value)
-    return str(error.value)
+from tests.helpers import refused
 
 
 def parametrized(cases):

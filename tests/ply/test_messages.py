@@ -26,16 +26,10 @@ from skfem_textile import (
     split,
 )
 from skfem_textile.solve.conditions import Constraints
-from tests.helpers import distorted
+from tests.helpers import distorted, refused
 from tests.helpers.plies import ELEMENT, SPRINGS, SQUARES, Spring, plain, ply_on
 
 MESH = MeshQuad().refined(1).with_defaults()
-
-
-def refused(call, text):
-    with pytest.raises(ValueError, match=text) as error:
-        call()
-    assert "\n" not in str(error.value)
 
 
 def moved(node, by):

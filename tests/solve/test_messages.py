@@ -30,15 +30,10 @@ from skfem_textile.mesh.selection import with_named_nodes
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import check_solver, solver_named
 from skfem_textile.solve.linear import solver as linear
+from tests.helpers import refused
 
 SQUARE = MeshQuad().refined(2).with_defaults()
 IN_SPACE = quad_basis(SQUARE, GAUSS, 3)
-
-
-def refused(call, text):
-    with pytest.raises(ValueError, match=text) as error:
-        call()
-    assert "\n" not in str(error.value)
 
 
 IN_SPACE_ONLY = [
