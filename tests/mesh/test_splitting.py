@@ -90,6 +90,17 @@ def test_quadrilaterals_are_split_in_four_or_via_triangles_in_six(prepared, part
     assert set(mesh.boundaries) == {"left", "right", "bottom", "top"}
 
 
+def test_squares_are_cut_along_one_diagonal_whatever_the_round_off():
+    """From the second node to the last."""
+    c, s = np.cos(0.7), np.sin(0.7)
+    squares = MeshQuad().refined(2)
+    squares = replace(squares, doflocs=np.array([[c, -s], [s, c]]) @ squares.p)
+    triangles = cut(squares)
+    for k in (1, 3):
+        corner = squares.t[k, triangles.parent]
+        assert (triangles.t == corner).any(axis=0).all()
+
+
 def test_a_quadrilateral_that_is_not_convex_is_cut_in_two_first():
     p = np.array([[0.0, 1, 0.4, 0, 2, 2], [0.0, 0, 0.4, 1, 0, 1]])
     t = np.array([[0, 1, 2, 3], [1, 4, 5, 2]]).T

@@ -248,7 +248,7 @@ LARGE, LARGEST = 100, 200
 class Fakes:
     """Solvers whose speed is set by a simulated clock."""
 
-    def __init__(self, monkeypatch, **seconds):
+    def __init__(self, monkeypatch):
         self._monkeypatch, self.time, self.factorised = monkeypatch, 0.0, []
         monkeypatch.setattr(linear, "SOLVERS", {"superlu": SOLVERS["superlu"]})
         monkeypatch.setattr(linear, "_MEASURED", {})
