@@ -162,8 +162,11 @@ def rectangle_pulled(turn=0.0, mm=1.0, formulation=MACRO):
     return run_of(ply, held).error, R
 
 
-@pytest.mark.parametrize("formulation", [MACRO, Full()], ids=repr)
-@pytest.mark.parametrize("options", [{"turn": 0.5}, {"mm": 1e-3}], ids=str)
+@pytest.mark.parametrize(
+    ("formulation", "options"),
+    [(MACRO, {"turn": 0.5}), (Full(), {"mm": 1e-3})],
+    ids=repr,
+)
 def test_a_rotation_or_other_units_change_no_half_width(formulation, options):
     plain, _ = rectangle_pulled(formulation=formulation)
     other, R = rectangle_pulled(formulation=formulation, **options)

@@ -151,7 +151,7 @@ def pushed_in(by):
         return -by * t * np.where(X.sum(axis=0) == 2, np.ones(X.shape), 0.0)
 
     ply = Ply(mesh, Fabric(10.0, 1.0), OnePoint(1.0))
-    return LoadStepper(ply, {"edge": Condition("edge", value)}, 4)
+    return LoadStepper(ply, {"edge": Condition("edge", value)}, 4, max_halvings=3)
 
 
 FOLDED = (
