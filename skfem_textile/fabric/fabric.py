@@ -10,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ..mesh.user_input import call_user_function, keep_copies, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from .law import (
     BiaxialLaw,
     Law,
@@ -286,7 +286,7 @@ def _stiffness(name: str, value: Any) -> ByElement:
     if D.ndim > 1 or not (np.isfinite(D) & (D >= 0)).all():
         raise ValueError(
             f"{name} must be a finite number >= 0 in N·mm, or one per element, got "
-            f"{value}"
+            f"{shortened(value)}"
         )
     return D if D.ndim else float(D)
 
@@ -298,7 +298,7 @@ def _angle(value: Any) -> ByElement:
     if angle.ndim > 1 or not ((angle > 0) & (angle <= 0.5 * np.pi)).all():
         raise ValueError(
             "wrinkling angle must be above 0 and at most π/2 radians, as one number "
-            f"or one per element, got {value}"
+            f"or one per element, got {shortened(value)}"
         )
     return angle if angle.ndim else float(angle)
 

@@ -64,7 +64,7 @@ def real_numbers(what: str, value: Any) -> "ndarray":
             return array.astype(float)
     except (TypeError, ValueError):  # as of lists of different lengths
         pass
-    raise ValueError(f"{what} must be real-valued, got {_shortened(value)}")
+    raise ValueError(f"{what} must be real-valued, got {shortened(value)}")
 
 
 def with_article(x: Any) -> str:
@@ -142,7 +142,7 @@ def excerpt(text: bytes | str) -> str:
     return printable(text[:_LONGEST_TEXT])
 
 
-def _shortened(value: Any) -> str:
+def shortened(value: Any) -> str:
     """Value as text on one line, or its type if that is too long."""
-    text = " ".join(repr(value).split())
+    text = " ".join((repr if isinstance(value, str) else str)(value).split())
     return text if len(text) <= _LONGEST_TEXT else type(value).__name__

@@ -15,7 +15,7 @@ from ..forms.bending import FIBRE_ENDS, FibreEnd, Turning, bending_matrix, twist
 from ..forms.corners import RESISTING, corner_resistance
 from ..forms.kernels.kernel import node_pair_blocks
 from ..mesh.bases import CornerBasis, Corners, components
-from ..mesh.user_input import call_user_function, real_numbers
+from ..mesh.user_input import call_user_function, real_numbers, shortened
 from .parameters import NO_VALUES, Values
 from .terms import ElementTerm, MatrixTerm
 
@@ -122,7 +122,8 @@ def turn_of(name: str, end: Turning, t: float, d: int) -> ndarray:
     if angle.shape != ((3,) if d == 3 else ()) or not np.isfinite(angle).all():
         kind = "a vector of 3 angles" if d == 3 else "an angle"
         raise ValueError(
-            f"{subject} must be {kind} in radians, got {angle} at load factor {t:g}"
+            f"{subject} must be {kind} in radians, got {shortened(angle)} at load "
+            f"factor {t:g}"
         )
     axis = angle if d == 3 else np.array([0.0, 0.0, angle])
     return expm(np.cross(np.eye(3), axis))[:d, :d]

@@ -28,6 +28,7 @@ from ..mesh.bases import (
 from ..mesh.checks import MeshError, check_mesh
 from ..mesh.selection import SINGULAR
 from ..mesh.splitting import SplitMesh, cut, split, was_split
+from ..mesh.user_input import shortened
 from .parameters import (
     NO_VALUES,
     AccumulatedMoment,
@@ -111,7 +112,8 @@ def refuse_stiffness(name: str, value: float | str, also: str = "") -> None:
     if also and isinstance(value, str) and value == "auto":
         return
     if not isinstance(value, Real) or not (np.isfinite(value) and value >= 0):
-        raise ValueError(f"{name} must be a finite number >= 0{also}, got {value}")
+        given = shortened(value)
+        raise ValueError(f"{name} must be a finite number >= 0{also}, got {given}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

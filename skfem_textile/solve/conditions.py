@@ -15,7 +15,7 @@ from skfem import CellBasis
 from ..fabric import Direction, unit_vectors
 from ..mesh.bases import components, node_dofs, node_positions
 from ..mesh.selection import Where, selected_nodes
-from ..mesh.user_input import call_user_function, keep_copies, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from .surface import OnSurface
 from .surface.nodes import SurfaceNodes
 
@@ -124,7 +124,7 @@ class Condition:
             raise ValueError(
                 f"condition {name!r}: a value with None must have {d} components, at "
                 "least one of them a number, and cannot be combined with a direction; "
-                f"got {value}"
+                f"got {shortened(value)}"
             )
         return axes
 

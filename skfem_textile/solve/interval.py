@@ -33,7 +33,7 @@ from numpy import ndarray
 
 from ..mesh.bases import element_numbers
 from ..mesh.selection import SINGULAR
-from ..mesh.user_input import error_text, real_numbers
+from ..mesh.user_input import error_text, real_numbers, shortened
 from ..ply import Ply
 from ..ply.formulations import (
     OF_DEVIATION_BELOW_ONE_POINT,
@@ -175,7 +175,8 @@ class ErrorInterval:
         def number(ply: Ply, u: ndarray) -> float:
             value = real_numbers("the quantity", quantity(ply, u))
             if value.shape or not np.isfinite(value):
-                raise ValueError(f"the quantity must be a finite number, got {value}")
+                given = shortened(value)
+                raise ValueError(f"the quantity must be a finite number, got {given}")
             return float(value)
 
         value, half_width = self._half_width(number)

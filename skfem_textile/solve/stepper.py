@@ -13,7 +13,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.progress import clear, shown
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import real_numbers, shortened
 from ..ply import Ply
 from .checkpoint import Checkpoint, CheckpointError, Progress, Replay
 from .conditions import Conditions, Constraints
@@ -512,18 +512,19 @@ def _check_arguments(
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
     if not _is_whole(steps, 1, _MOST_STEPS):
         raise ValueError(
-            f"steps must be a whole number from 1 to {_MOST_STEPS}, got {steps!r}"
+            f"steps must be a whole number from 1 to {_MOST_STEPS}, got "
+            f"{shortened(steps)}"
         )
     if not _is_whole(max_halvings, 0, _MOST_HALVINGS):
         raise ValueError(
             f"max_halvings must be a whole number from 0 to {_MOST_HALVINGS}, got "
-            f"{max_halvings!r}"
+            f"{shortened(max_halvings)}"
         )
     known = ", ".join(CHECKS)
     # A bare string is also a collection, of its letters.
     if isinstance(warn_only, str) or not isinstance(warn_only, Collection):
         raise ValueError(
-            f"warn_only must be a list of checks ({known}), got {warn_only!r}"
+            f"warn_only must be a list of checks ({known}), got {shortened(warn_only)}"
         )
     for name in warn_only:
         if name not in [*CHECKS]:  # names may have any type, even an unhashable one

@@ -14,7 +14,7 @@ FORMULATIONS = {
 
 
 def stepper(name, folder=None, **options):
-    scene = bias_extension(size=(4, 8))
+    scene = bias_extension(size=(2, 4))
     fabric = Fabric(1e4, Sin2(0.5), scene.warp, scene.weft)
     ply = Ply(scene.mesh, fabric, FORMULATIONS[name])
     return LoadStepper(

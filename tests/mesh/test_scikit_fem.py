@@ -141,12 +141,6 @@ def test_a_form_checks_its_parameters_and_selects_fields(threads):
     assert total.elemental(both, x_h=x).sum() == pytest.approx(asm(total, both, x_h=x))
 
 
-def test_a_field_carries_a_third_gradient(basis):
-    centre = np.ones((2, 4, 1))
-    assert DiscreteField(np.ones((4, 1)), grad3=centre).grad3 is centre
-    assert basis.interpolate(basis.zeros()).grad3 is None
-
-
 def is_used(private, public):
     """True if an attribute of a basis returns what is set under a private name."""
     basis, marker = vector_basis(), object()

@@ -23,7 +23,6 @@ from skfem_textile.solve import newton, search
 from tests.helpers import (
     TRIANGLE_AND_QUAD,
     acting_tension,
-    assert_derivatives,
     derivative,
     distorted,
     random_u,
@@ -113,17 +112,6 @@ def test_the_mean_strain_enters_the_law(mesh, formulation):
 
 
 @every_mesh
-def test_residual_and_tangent_are_derivatives(mesh):
-    ply = tension(Fabric((1e3, 400.0), 0.02), mesh)
-    u = random_u(ply, 1)
-    assert_derivatives(ply, u, random_u(ply, 2, 1.0))
-    K = ply.tangent(u)
-    T = acting_tension(ply, u)
-    assert abs(ply.tangent(u, tension=T) - K).max() < 1e-12 * abs(K).max()
-    assert abs(ply.tangent(u, tension=0 * T) - K).max() > 1.0
-
-
-@every_mesh
 def test_the_tensions_that_act_do_the_work_of_the_forces(mesh):
     """The predicted tensions are their first-order approximation."""
     ply = tension(Fabric((1e3, 400.0), 0.02), mesh)
@@ -176,20 +164,6 @@ def test_both_stiffnesses_may_be_chosen():
     assert "stabilisation" not in softer.energies(u)
 
 
-def test_invalid_stiffnesses_are_rejected():
-    for bad in (-1.0, np.nan, "much"):
-        with pytest.raises(ValueError, match=r"deviation must be a finite number >= 0"):
-            Macro(deviation=(400.0, bad))
-        with pytest.raises(ValueError, match=r"deviation must be a finite number >= 0"):
-            Quadratic(deviation=bad)
-    for bad in (400.0, (1.0, 2.0, 3.0)):
-        with pytest.raises(ValueError, match="deviation must be a pair"):
-            Macro(deviation=bad)
-    for bad in (np.nan, None):
-        with pytest.raises(ValueError, match=f">= 0 or 'auto', got {bad}"):
-            Macro(bad)
-
-
 def test_titles_contain_the_chosen_stiffnesses():
     chosen = (Macro(), Macro(4.0), Macro(deviation=(1.0, 2.0)))
     chosen += (Quadratic(), Quadratic(0.0), OnePoint(), OnePoint(1.0, "rate"))
@@ -198,33 +172,24 @@ def test_titles_contain_the_chosen_stiffnesses():
     assert OnePoint(0.01).title == "one point, C_s = 0.01 N/mm"
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_quadratic_triangles_support_the_mean_strain(seed):
-    mesh = cut(distorted(seed, jitter=0.2))
-    ply = Ply(mesh, Fabric((1e3, 400.0), 0.02), Quadratic(80.0))
-    ply._terms = tuple(term for term in ply.terms if term.name == "tension")
-    u = random_u(ply, 1)
-    assert_derivatives(ply, u, random_u(ply, 2, 1.0))
-    K = ply.tangent(u)
-    error = ply.tangent(u, tension=acting_tension(ply, u)) - K
-    assert abs(error).max() < 1e-12 * abs(K).max()
+def test_quadratic_triangles_support_the_mean_strain():
+    mesh = cut(distorted(1, jitter=0.2))
     plain = Ply(mesh, Fabric((1e3, 400.0)), Quadratic())
     stiff = Ply(mesh, Fabric((1e3, 400.0), 1e9), Quadratic(80.0))
     assert_same_to_first_order(
         lambda u: stiff.energies(u)["tension"],
         plain.energy,
-        random_u(ply, 1),
+        random_u(plain, 1),
     )
 
 
 def test_delaunay_triangles_of_the_strip_meet_the_tolerances():
     """Load below 1e-5 E and strain below 2e-5, with fibres of any stiffness."""
     scene = strip(split(rectangle(40, 60, (12, 18), "delaunay")))
-    for E in (1e4, 1e6):
-        summary = run(scene, Macro(), E)
-        assert summary["negative_pivots"] == 0
-        assert abs(summary["reaction_x"]) < 1e-5 * E
-        assert summary["max_fibre_strain"] < 2e-5
+    summary = run(scene, Macro(), 1e6)
+    assert summary["negative_pivots"] == 0
+    assert abs(summary["reaction_x"]) < 1e-5 * 1e6
+    assert summary["max_fibre_strain"] < 2e-5
 
 
 @pytest.mark.parametrize("formulation", [Macro(), Quadratic(80.0)])
@@ -248,7 +213,7 @@ def test_half_of_a_ply_has_half_of_the_force(monkeypatch):
     monkeypatch.setattr(search, "SETTLED", 1e-4)
     monkeypatch.setattr(newton, "SETTLED", 1e-4)
     loads = []
-    for part, width, size in (("whole", 50, (8, 16)), ("half", 25, (4, 16))):
+    for part, width, size in (("whole", 50, (4, 8)), ("half", 25, (2, 8))):
         mesh = split(rectangle(width, 100, size, "aligned"))
         scene = bias_extension(mesh, part=part)
         loads.append(run(scene, Macro(), 1e5, 0.5)["load_over_exact"])
@@ -292,7 +257,14 @@ def test_soft_fibres_agree_with_one_point_elements(curved):
 
 
 @pytest.mark.parametrize(
-    ("E", "law"), [(1e4, Sin2(0.5)), (1e5, Linear(0.5)), (1e6, Sin2(0.5))]
+    ("E", "law"),
+    [
+        (1e6, Sin2(0.5)),
+        *(
+            pytest.param(*given, marks=pytest.mark.slow)
+            for given in [(1e4, Sin2(0.5)), (1e5, Linear(0.5))]
+        ),
+    ],
 )
 def test_the_load_of_a_bias_extension_is_accurate_for_any_fibre_stiffness(E, law):
     mesh = split(rectangle(50, 100, (8, 16), jitter=0.25))
@@ -302,8 +274,8 @@ def test_the_load_of_a_bias_extension_is_accurate_for_any_fibre_stiffness(E, law
 
 
 def test_macro_elements_of_triangles_do_not_lock():
-    """One point in each part alone overestimates the load by 44 % here."""
-    mesh = split(cut(rectangle(50, 100, (8, 16), jitter=0.25, seed=2)))
+    """One point in each part alone overestimates the load by half here."""
+    mesh = split(cut(rectangle(50, 100, (6, 12), jitter=0.25, seed=2)))
     macro, plain = (
         run(bias_extension(mesh), f, 1e6, 0.5) for f in (Macro(), OnePoint())
     )
@@ -312,7 +284,7 @@ def test_macro_elements_of_triangles_do_not_lock():
     assert plain["displacement_error_rms"] > 2 * macro["displacement_error_rms"]
 
 
-@pytest.mark.parametrize("E", [1e4, 1e6])
+@pytest.mark.parametrize("E", [1e6, pytest.param(1e4, marks=pytest.mark.slow)])
 def test_the_shape_of_a_strip_converges(E):
     """Position errors decrease more than threefold as the element size halves."""
     errors = []

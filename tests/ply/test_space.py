@@ -26,7 +26,6 @@ from skfem_textile.solve.newton import definite
 from skfem_textile.solve.problem import Problem, Tangent
 from tests.helpers import (
     Coupled,
-    assert_derivatives,
     derivative,
     distorted,
     one_quad,
@@ -69,7 +68,7 @@ every_pair = pytest.mark.parametrize(
     ("fabric", "formulation"),
     [
         *((FABRICS["bending"], formulation) for formulation in FORMULATIONS.values()),
-        *((fabric, OnePoint()) for fabric in FABRICS.values()),
+        *((fabric, OnePoint()) for k, fabric in FABRICS.items() if k != "bending"),
     ],
 )
 every_formulation = pytest.mark.parametrize(
@@ -98,12 +97,6 @@ def rotated(ply, u, Q):
 def flat(u):
     """A displacement in the plane as one in space."""
     return np.pad(u.reshape(-1, 2), ((0, 0), (0, 1))).ravel()
-
-
-@every_pair
-def test_residual_and_tangent_are_derivatives_of_the_energy(fabric, formulation):
-    ply = in_space(fabric, formulation)
-    assert_derivatives(ply, curved_state(ply, 2), random_u(ply, 3, 1.0))
 
 
 @pytest.mark.parametrize("closing", [0.62, 0.66])  # on both sides of the parabola
@@ -167,7 +160,7 @@ def test_a_flat_ply_has_the_same_forces_as_in_the_plane(fabric, formulation):
     "formulation", [OnePoint(), Macro()], ids=["one point", "macro"]
 )
 def test_a_bias_extension_held_in_its_plane_agrees_with_the_plane(formulation):
-    scene = bias_extension(size=(4, 8))
+    scene = bias_extension(size=(2, 4))
     fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
     top = scene.conditions["top"].value
     held = {
@@ -253,27 +246,6 @@ def test_the_regularised_tangent_is_definite_in_space():
     tangent = definite(problem, u, rest, slack)
     assert tangent.definite
     assert tangent.projected
-
-
-@pytest.mark.parametrize("dimension", [1, 4, "3", None])
-def test_a_ply_has_two_dimensions_or_three(dimension):
-    with pytest.raises(ValueError, match=r"dimension must be 2 .* or 3"):
-        Ply(MeshQuad(), Fabric(), dimension=dimension)
-
-
-@pytest.mark.parametrize("kind", ["rate", "continuity"])
-def test_stabilisations_of_the_plane_are_rejected_in_space(kind):
-    with pytest.raises(ValueError, match=f"kind {kind} requires a ply in the plane"):
-        Ply(MeshQuad().refined(1), Fabric(), OnePoint(1.0, kind), dimension=3)
-
-
-def test_plies_with_terms_and_loads_stay_in_space():
-    ply = Ply(MeshQuad().refined(1).with_defaults(), Fabric(), dimension=3)
-    loaded = ply.with_terms(Traction("top", (0.0, 1.0, 2.0)))
-    force = loaded.nodal(loaded.load(loaded.basis.zeros(), 1.0)).sum(axis=1)
-    np.testing.assert_allclose(force, [0.0, 1.0, 2.0], atol=1e-14)
-    with pytest.raises(ValueError, match=r"shape \(3,\)"):
-        ply.with_terms(Traction("top", (0.0, 1.0)))
 
 
 def test_plies_of_several_blocks_of_elements_have_the_same_stiffness():

@@ -52,16 +52,13 @@ def changed(text, file, value):
 
 
 @pytest.mark.parametrize("file", ["run.npz", "state_000000.npz", "state_000002.npz"])
-@pytest.mark.parametrize("damage", ["cut", "flipped", "text", "empty"])
-def test_a_damaged_checkpoint_is_rejected(run, file, damage):
-    path = run / file
-    whole = path.read_bytes()
+def test_a_damaged_checkpoint_is_rejected(run, file):
+    path, whole = run / file, (run / file).read_bytes()
     middle = len(whole) // 2
     flipped = whole[:middle] + bytes([whole[middle] ^ 255]) + whole[middle + 1 :]
-    broken = {"cut": whole[:middle], "flipped": flipped, "text": b"hello", "empty": b""}
-    path.write_bytes(broken[damage])
-    line = refusal(run)
-    assert "damaged" in line
+    for damaged in (whole[:middle], flipped, b"hello", b""):
+        path.write_bytes(damaged)
+        assert "damaged" in refusal(run)
 
 
 @pytest.mark.parametrize("file", ["run.npz", "state_000001.npz"])
@@ -95,16 +92,6 @@ def test_a_resealed_file_in_the_middle_is_rejected(run):
     assert "state_000002.npz is damaged: it or a previous file was modified" in line
 
 
-def test_a_changed_last_digit_under_the_old_seal_is_reported(run):
-    file = sorted(run.glob("state_*"))[-1]
-    text, arrays, (of_run, name, digest) = read_npz(file)
-    text["energies"]["shear"] *= 1 + 1e-15
-    checksummed.write(file, of_run, name, previous_digest(file), text, arrays)
-    body = file.read_bytes().rpartition(b"\n")[0]
-    file.write_bytes(body + f"\n{of_run} {name} {digest}".encode())
-    assert "damaged" in refusal(run)
-
-
 @pytest.mark.parametrize(
     ("path", "values"),
     [
@@ -133,30 +120,27 @@ def test_a_changed_last_digit_under_the_old_seal_is_reported(run):
         (("verdict",), [None, {}]),
     ],
 )
-def test_an_inconsistent_last_state_is_rejected(folders, tmp_path, path, values):
+def test_an_inconsistent_last_state_is_rejected(made, tmp_path, path, values):
     """The digest is valid."""
     for i, value in enumerate(values):
-        folder = shutil.copytree(folders[0], tmp_path / f"{i}")
+        folder = shutil.copytree(made, tmp_path / f"{i}")
         file = sorted(folder.glob("state_*"))[-1]
         text, arrays, (of_run, name, _) = read_npz(file)
         changed(text, path, value)
         checksummed.write(file, of_run, name, previous_digest(file), text, arrays)
-        line = refusal(folder)
-        assert line, value
+        assert refusal(folder), value
 
 
 @pytest.mark.parametrize("array", ["u", "stabilisation C_s"])
-def test_arrays_of_a_last_state_of_another_ply_are_rejected(folders, tmp_path, array):
-    for i, change in enumerate(
-        [lambda x: x[:-1], lambda x: x + np.nan, lambda x: x + 1]
-    ):
-        folder = shutil.copytree(folders[0], tmp_path / f"{i}")
+def test_arrays_of_a_last_state_of_another_ply_are_rejected(made, tmp_path, array):
+    changes = [lambda x: x[:-1], lambda x: x + np.nan, lambda x: x + 1]
+    for i, change in enumerate(changes):
+        folder = shutil.copytree(made, tmp_path / f"{i}")
         file = sorted(folder.glob("state_*"))[-1]
         text, arrays, (of_run, name, _) = read_npz(file)
         arrays[array] = change(arrays[array])
         checksummed.write(file, of_run, name, previous_digest(file), text, arrays)
-        line = refusal(folder)
-        assert line, i
+        assert refusal(folder), i
 
 
 # Checkpoints edited with valid digests, and paths that are not files
@@ -178,8 +162,7 @@ def test_resealing_alone_has_no_effect(run):
     assert stepper(run).run(resume=True).converged
 
 
-@pytest.mark.parametrize("number", [1, 2, 3])
-@pytest.mark.parametrize("factor", [1.01, 1 + 3e-8])
+@pytest.mark.parametrize(("number", "factor"), [(1, 1.01), (3, 1 + 3e-8)])
 def test_a_state_inconsistent_with_its_displacement_is_rejected(run, number, factor):
     def edit(text, arrays):
         text["reactions"]["pull"][0] = text["reactions"]["pull"][0] * factor + (
@@ -192,19 +175,17 @@ def test_a_state_inconsistent_with_its_displacement_is_rejected(run, number, fac
     assert "its reactions do not match its displacement" in line
 
 
-@pytest.mark.parametrize("value", [0.0, [0.0], [[0.0, 0.0]]])
-def test_a_vector_of_another_shape_is_rejected(run, value):
-    forge(run, 1, lambda text, arrays: text["displacements"].update(clamp=value))
-    assert "state_000000.npz" in refusal(run)
-
-
-@pytest.mark.parametrize("number", [1, 2, 3])
-def test_complex_parameters_are_rejected(run, number):
-    def edit(text, arrays):
+def test_vectors_of_another_shape_and_complex_parameters_are_rejected(made, tmp_path):
+    def complex_C_s(text, arrays):
         arrays["stabilisation C_s"] = arrays["stabilisation C_s"].astype(complex)
 
-    forge(run, number, edit)
-    assert f"state_{number - 1:06d}.npz" in refusal(run)
+    edits = [complex_C_s]
+    for value in (0.0, [0.0], [[0.0, 0.0]]):
+        edits.append(lambda text, _, v=value: text["displacements"].update(clamp=v))
+    for i, edit in enumerate(edits):
+        folder = shutil.copytree(made, tmp_path / f"{i}")
+        forge(folder, 1, edit)
+        assert "state_000000.npz" in refusal(folder)
 
 
 def test_files_of_another_format_are_rejected_in_one_line(run):

@@ -34,13 +34,8 @@ from tests.helpers.strip_runs import assert_same, interrupted_at, stepper, whole
 # An interrupted or killed run is resumed to the same result
 
 
-@pytest.mark.parametrize(
-    ("kind", "at"), [("energy", 0.1), ("energy", 0.8), ("rate", 0.5)]
-)
-def test_a_resumed_run_gives_the_same_result_to_the_last_bit(tmp_path, kind, at):
-    interrupted_at(tmp_path / "c", at, kind=kind)
-    resumed = stepper(tmp_path / "c", kind=kind).run(resume=True)
-    assert_same(resumed, whole_run(kind))
+def test_a_resumed_run_gives_the_same_result_to_the_last_bit(half):
+    assert_same(stepper(half).run(resume=True), whole_run())
 
 
 # Runs every formulation, from the beginning and from its checkpoint.
@@ -124,11 +119,6 @@ def test_an_unfinished_run_is_not_overwritten_and_a_finished_one_is(half):
     stepper(half, C_s=10.0).run()
 
 
-def test_resuming_without_a_checkpoint_is_rejected(tmp_path):
-    with pytest.raises(ValueError, match="no checkpoint to resume from"):
-        stepper(None).run(resume=True)
-
-
 @pytest.mark.parametrize(
     ("steps", "kills"), [(8, 1), pytest.param(40, 20, marks=pytest.mark.slow)]
 )
@@ -139,15 +129,10 @@ def test_a_run_killed_at_any_moment_is_resumed(tmp_path, capsys, steps, kills):
     """
     rng = np.random.default_rng(0)
     program = sys.executable, "-m", "skfem_textile"
-    command = ["run", "strip", "--no-render", "--size", "4x6", "--steps", str(steps)]
-    command += [
-        "--formulation",
-        "one-point",
-        "--set",
-        "formulation.stabilisation=rate",
-        "--set",
-        "formulation.cs_N_per_mm=1",
-    ]
+    command = ["run", "strip", "--no-render", "--size", "3x4", "--steps", str(steps)]
+    command += ["--formulation", "one-point"]
+    command += ["--set", "formulation.stabilisation=rate"]
+    command += ["--set", "formulation.cs_N_per_mm=1"]
 
     def killed(out, kill_at):
         """Exit code; the kill comes shortly after this many states."""
@@ -178,15 +163,6 @@ def test_a_run_killed_at_any_moment_is_resumed(tmp_path, capsys, steps, kills):
 
 
 # A checkpoint of another run is rejected for any small difference
-
-
-def test_a_coupled_law_is_resumed_and_distinguished_from_another(tmp_path):
-    laws = [CrimpInterchange(1e4, c, 1.0, 1e-2, 100.0) for c in (0.01, 0.02)]
-    interrupted_at(tmp_path / "c", 0.3, E=laws[0], steps=2)
-    with pytest.raises(CheckpointError, match=r"warp law was Crimp.* now Crimp.*0.02"):
-        stepper(tmp_path / "c", E=laws[1], steps=2).run(resume=True)
-    whole_run = stepper(None, E=laws[0], steps=2).run()
-    assert_same(stepper(tmp_path / "c", E=laws[0], steps=2).run(resume=True), whole_run)
 
 
 class Hidden(Coupled):
@@ -232,8 +208,9 @@ def test_a_checkpoint_of_another_run_is_rejected(half, other, reason):
         {"shear": 1.0},
         {"shear": Sin2(0.5)},
         {"path": lambda t: t**2},
+        {"path": lambda t: t + 0.01 * np.sin(2 * np.pi * t)},
     ],
-    ids=["stabilisation", "shear", "law", "path"],
+    ids=["stabilisation", "shear", "law", "path", "between states"],
 )
 def test_a_difference_masked_by_stiff_fibres_is_distinguished(tmp_path, other):
     def square(C_s=1.0, shear=0.5, path=lambda t: t):
@@ -246,24 +223,6 @@ def test_a_difference_masked_by_stiff_fibres_is_distinguished(tmp_path, other):
     square().run()
     with pytest.raises(CheckpointError, match="belongs to another run"):
         square(**other).run(resume=True)
-
-
-def test_a_state_of_another_run_is_rejected(tmp_path):
-    for name, E in (("a", 1e4), ("b", 2e4)):
-        interrupted_at(tmp_path / name, 0.5, E=E)
-    state = "state_000001.npz"
-    (tmp_path / "b" / state).rename(tmp_path / "a" / state)
-    with pytest.raises(CheckpointError, match=r"000001\.npz belongs to another run"):
-        stepper(tmp_path / "a").run(resume=True)
-
-
-@pytest.mark.parametrize("C_s", [("auto", 1.0), (1.0, "auto")])
-def test_a_stabilisation_equal_to_auto_at_rest_is_distinguished(tmp_path, C_s):
-    """The automatic C_s is 10⁻⁴ E = 1 N/mm: the first forces are equal."""
-    interrupted_at(tmp_path / "c", 0.5, C_s=C_s[0])
-    with pytest.raises(CheckpointError, match="another run: formulation was") as error:
-        stepper(tmp_path / "c", C_s=C_s[1]).run(resume=True)
-    assert "\n" not in str(error.value)
 
 
 @dataclass(frozen=True)
@@ -366,7 +325,7 @@ def test_a_finished_run_stays_until_the_next_has_a_state_on_disk(done, monkeypat
         assert_same(stepper(done).run(resume=True), whole_run())
 
 
-@pytest.mark.parametrize("at", range(10))
+@pytest.mark.parametrize("at", range(7))
 def test_a_run_killed_while_it_replaces_another_is_resumable(done, monkeypatch, at):
     """One of the two runs is resumed to its end, or resumption is rejected."""
     calls = []
@@ -386,7 +345,7 @@ def test_a_run_killed_while_it_replaces_another_is_resumable(done, monkeypatch, 
         stepper(done, C_s=2.0).run()
     monkeypatch.undo()
     if sorted(done.glob("state*")):
-        C_s = 1.0 if at < 7 else 2.0
+        C_s = 1.0 if at < 4 else 2.0
         with pytest.raises(
             CheckpointError, match="belongs to another run: formulation was"
         ):
