@@ -7,8 +7,8 @@ from skfem_textile import Fabric, LoadStepper, Macro, OnePoint, drape, equilibri
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
 from skfem_textile.solve import search
-from studies.formulations.drape import chebyshev
 from tests.helpers import graph
+from tests.helpers.tools import chebyshev, exact_shear_angle
 
 
 def skew_bump():
@@ -22,15 +22,15 @@ def skew_bump():
 def constant_angle_error(ply, u):
     """Root-mean-square error in radians of the element-wise constant angle."""
     xi = (np.indices((8, 8)).reshape(2, -1) + 0.5) / 8
-    exact = chebyshev.shear_angle(ply.basis.mapping.F(xi))
+    exact = exact_shear_angle(ply.basis.mapping.F(xi))
     error = ply.shear_angle(u).mean(axis=1)[:, None] - exact
     return float(np.sqrt(np.mean(error**2)))
 
 
-@pytest.mark.parametrize("cells", [4, 8, 16])
+@pytest.mark.parametrize("cells", [4, 8])
 @pytest.mark.parametrize("formulation", [Macro(), OnePoint()], ids=repr)
 def test_the_error_of_the_shear_angle_is_estimated_on_a_sphere(formulation, cells):
-    ply, conditions, start = chebyshev.problem(formulation, cells)
+    ply, conditions, start = chebyshev(formulation, cells)
     warn = ["stabilisation", "deviation"]
     state = equilibrium_near(ply, conditions, start, warn_only=warn)
     estimate = LoadStepper(ply, conditions, 1).interval("superlu", state)
@@ -60,7 +60,7 @@ def test_a_ply_without_loads_has_an_error_of_the_shear_angle(fibres):
 def test_forces_at_constrained_nodes_are_not_reported(caplog, monkeypatch):
     """A point force, here of tractions without balance, affects few elements only."""
     monkeypatch.setattr(search, "_IN_BALANCE", np.inf)
-    size = {"size": (6, 6), "width": 150.0, "height": 150.0}
+    size = {"size": (4, 4), "width": 150.0, "height": 150.0}
     scene = on_tool(skew_bump(), fibres=0.5, **size)
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
     result = Case(scene=scene, fabric=fabric, steps=1).run()

@@ -70,12 +70,16 @@ def chebyshev(formulation, cells, stretch=1e5, shear=0.1, tension=2.0):
 
     ``cells`` are the user's elements per side.
     """
-    scene = hemisphere(
-        "aligned", width=2 * SIDE, height=2 * SIDE, size=(cells, cells), tension=tension
-    )
+    scene = _quarter(cells, tension)
     fabric = Fabric(stretch, shear, scene.warp, scene.weft)
     ply = Case(scene=scene, fabric=fabric, formulation=formulation).ply()
     return ply, scene.conditions, geodesic_u(ply, SPHERE)
+
+
+@cache
+def _quarter(cells, tension):
+    sides = {"width": 2 * SIDE, "height": 2 * SIDE, "size": (cells, cells)}
+    return hemisphere("aligned", **sides, tension=tension)
 
 
 def exact_shear_angle(X):
