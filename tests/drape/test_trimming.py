@@ -46,13 +46,6 @@ def test_holes_are_cut_out_of_net_and_pattern():
     assert part.pattern.area == pytest.approx(whole.pattern.area - cut.pattern.area)
 
 
-@pytest.mark.parametrize("hole", [circle(0.2, (0.6, 0.0)), circle(0.1, (1.5, 0.0))])
-def test_holes_outside_the_outline_are_rejected(hole):
-    net = drape.net(SPHERE, 2.5, (40, 64), (32, 32))
-    with pytest.raises(ValueError, match=r"crosses the outline or another hole|lie on"):
-        drape.trimmed(net, circle(0.7), [hole])
-
-
 @pytest.mark.parametrize(
     ("shape", "cell"),
     [
