@@ -100,22 +100,3 @@ def test_an_outline_moves_with_its_holder():
     expected = [PRESSURE * 50.0 * 30.0]
     found = forces(square(6), box(-25, 25, -15, 15), motion=motion)
     assert found == pytest.approx(expected, rel=1e-9)
-
-
-@pytest.mark.parametrize("press", [{"pressure": 0.1}, {"pressure": None, "gap": 0.3}])
-@pytest.mark.parametrize(
-    ("outline", "text"),
-    [
-        (
-            [[0, 50, 0, 50], [0, 50, 50, 0]],
-            "edges of the outline from corner 0 and from",
-        ),
-        ([[0, 50, 20], [0, 50, 20]], "the outline encloses no area"),
-        (box(200, 300, 0, 100), "'holder 0': no part of the undeformed ply is within"),
-    ],
-)
-def test_outlines_that_cross_themselves_or_hold_nothing_are_refused(
-    press, outline, text
-):
-    with pytest.raises(ValueError, match=text):
-        forces(square(4), outline, **press)
