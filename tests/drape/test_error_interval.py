@@ -60,7 +60,7 @@ def test_a_ply_without_loads_has_an_error_of_the_shear_angle(fibres):
 def test_forces_at_constrained_nodes_are_not_reported(caplog, monkeypatch):
     """A point force, here of tractions without balance, affects few elements only."""
     monkeypatch.setattr(search, "_IN_BALANCE", np.inf)
-    size = {"size": (4, 4), "width": 150.0, "height": 150.0}
+    size = {"size": (6, 6), "width": 150.0, "height": 150.0}
     scene = on_tool(skew_bump(), fibres=0.5, **size)
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
     result = Case(scene=scene, fabric=fabric, steps=1).run()

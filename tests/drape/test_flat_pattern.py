@@ -52,7 +52,7 @@ def test_the_pattern_on_a_sphere_agrees_with_the_exact_net():
     """For a draped ply and for a net."""
     drawn = circle(360)
     curve = on_net(drawn)
-    ply, conditions, start = chebyshev(Macro(), 8)
+    ply, conditions, start = chebyshev(Macro(), 16)
     u = equilibrium_near(ply, conditions, start).u
     errors = []
     for n in (16, 32):

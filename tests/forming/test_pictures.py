@@ -213,3 +213,9 @@ def test_a_run_that_stopped_is_drawn_at_its_travel(stopped, tmp_path):
     assert lines_of(axes)[:, 1].max() == pytest.approx(5.0 - GAP / 2, abs=0.01)
     plot.verdict(stopped, filename=tmp_path / "refused.png")
     assert shares(tmp_path / "refused.png")[1] > 0.02
+
+
+def test_a_ply_without_tools_is_refused(without_tools):
+    for picture in (plot.formed, plot.section, plot.tool_force):
+        with pytest.raises(ValueError, match="no tools between which it is formed"):
+            picture(without_tools)
