@@ -139,7 +139,7 @@ def test_a_failure_due_to_rounding_is_reported_as_such(monkeypatch):
     ply, conditions = far_ply()
     start = geodesic_u(ply, conditions["on"].surface, touch=(FAR, -FAR))
     with pytest.raises(NoEquilibriumError, match="the residual is") as error:
-        equilibrium_near(ply, conditions, start)
+        equilibrium_near(ply, conditions, start, method=Newton(most=8))
     assert "closer to the origin" in error.value.advice
 
 
@@ -149,7 +149,7 @@ def test_a_failure_at_rest_is_attributed_to_rounding(monkeypatch):
     ply, conditions = far_ply()
     plane = drape.Plane((FAR, -FAR, 0.0), (5e-5, 0.0, 1.0))
     tilted = conditions | {"on": OnSurface(plane, touch=(FAR, -FAR))}
-    stepper = LoadStepper(ply, tilted, 1, method=Newton(most=4))
+    stepper = LoadStepper(ply, tilted, 1, method=Newton(most=2))
     stepper.max_halvings = 0
     with pytest.raises(StepError, match="closer to the origin"):
         stepper.run()

@@ -49,10 +49,9 @@ def test_holes_are_cut_out_of_net_and_pattern():
 @pytest.mark.parametrize(
     ("shape", "cell"),
     [
-        (tool_shapes.hemisphere_with_flange, 4.0),
-        (tool_shapes.hat, 5.0),
-        (tool_shapes.saddle, 5.0),
-        (lambda: tool_shapes.bonnet(askew=True), 8.0),
+        (tool_shapes.hemisphere_with_flange, 5.0),
+        (tool_shapes.saddle, 8.0),
+        (lambda: tool_shapes.bonnet(askew=True), 16.0),
     ],
 )
 def test_a_net_up_to_the_boundary_covers_the_area_of_a_tool(shape, cell):
