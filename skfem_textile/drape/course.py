@@ -197,10 +197,14 @@ def _outline(tool: TriangleMesh, laid: Net) -> FlatPattern:
     on[status] = tool.beyond_edges(x[:, status]) == 0
     threads = np.flatnonzero(on.any(axis=0))
     first, last = on.argmax(axis=0), len(on) - 1 - on[::-1].argmax(axis=0)
+    both = np.hstack([first[threads], last[threads]])
+    steps = np.repeat([-1, 1], len(threads))
+    flat, on_tool = _end(tool, laid, np.tile(threads, 2), both, steps)
     ends = []
-    for at, step in ((first, -1), (last, 1)):
-        flat, on_tool = _end(tool, laid, threads, at[threads], step)
-        ends.append(_with_sides(tool, laid, threads, at, flat, on_tool))
+    for at, *of in zip(
+        (first, last), np.split(flat, 2, 1), np.split(on_tool, 2, 1), strict=True
+    ):
+        ends.append(_with_sides(tool, laid, threads, at, *of))
     flat, on_tool = (
         np.hstack([one, other[:, ::-1]]) for one, other in zip(*ends, strict=True)
     )
@@ -215,10 +219,8 @@ def _on_tool(tool: TriangleMesh, laid: Net, thread: int) -> tuple[ndarray, ndarr
     on = known[tool.beyond_edges(x[:, known]) == 0]
     s, t = laid.along[0][on], np.full(len(on), laid.along[1][thread])
     flat = laid.directions @ np.array([s, t]) + laid.touch[:, None]
-    ends = [
-        _end(tool, laid, np.array([thread]), at, step)
-        for at, step in ((on[:1], -1), (on[-1:], 1))
-    ]
+    last = _end(tool, laid, np.full(2, thread), on[[0, -1]], np.array([-1, 1]))
+    ends = [tuple(of[:, [k]] for of in last) for k in (0, 1)]
     # Crossings within the tolerance of the edges are beyond them.
     along, begin, end = (
         laid.directions[:, 0] @ of for of in (flat, *(one for one, _ in ends))
@@ -230,7 +232,7 @@ def _on_tool(tool: TriangleMesh, laid: Net, thread: int) -> tuple[ndarray, ndarr
 
 
 def _end(
-    tool: TriangleMesh, laid: Net, threads: ndarray, at: ndarray, step: int
+    tool: TriangleMesh, laid: Net, threads: ndarray, at: ndarray, step: ndarray
 ) -> tuple[ndarray, ndarray]:
     """Ends of warp threads in the flat strip, (2, n), and on the tool, (3, n)."""
     beyond = np.clip(at + step, 0, len(laid.along[0]) - 1)

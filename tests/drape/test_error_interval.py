@@ -7,8 +7,8 @@ from skfem_textile import Fabric, LoadStepper, Macro, OnePoint, drape, equilibri
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
 from skfem_textile.solve import search
-from studies.formulations.drape import chebyshev
 from tests.helpers import graph
+from tests.helpers.tools import chebyshev, exact_shear_angle
 
 
 def skew_bump():
@@ -22,15 +22,15 @@ def skew_bump():
 def constant_angle_error(ply, u):
     """Root-mean-square error in radians of the element-wise constant angle."""
     xi = (np.indices((8, 8)).reshape(2, -1) + 0.5) / 8
-    exact = chebyshev.shear_angle(ply.basis.mapping.F(xi))
+    exact = exact_shear_angle(ply.basis.mapping.F(xi))
     error = ply.shear_angle(u).mean(axis=1)[:, None] - exact
     return float(np.sqrt(np.mean(error**2)))
 
 
-@pytest.mark.parametrize("cells", [4, 8, 16])
+@pytest.mark.parametrize("cells", [4, 8])
 @pytest.mark.parametrize("formulation", [Macro(), OnePoint()], ids=repr)
 def test_the_error_of_the_shear_angle_is_estimated_on_a_sphere(formulation, cells):
-    ply, conditions, start = chebyshev.problem(formulation, cells)
+    ply, conditions, start = chebyshev(formulation, cells)
     warn = ["stabilisation", "deviation"]
     state = equilibrium_near(ply, conditions, start, warn_only=warn)
     estimate = LoadStepper(ply, conditions, 1).interval("superlu", state)

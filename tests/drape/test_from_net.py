@@ -11,14 +11,14 @@ from skfem_textile import Fabric, LoadStepper, Macro, Quadratic, drape, plot
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.results import DrapeExport
 from skfem_textile.io import read_surface, write_draped, write_history
-from skfem_textile.scenes import Case, hemisphere, saddle
+from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.stepper import Run
 from skfem_textile.solve.surface import distance
 from tests.drape.test_feasibility import box
 from tests.helpers import tool_shapes
-from tests.helpers.tools import SMALL, plate, square, summary, write_sphere
+from tests.helpers.tools import SMALL, plate, summary, write_sphere
 
 pytestmark = pytest.mark.usefixtures("no_interval")
 
@@ -35,7 +35,7 @@ def test_a_hemisphere_with_a_flange_is_draped_at_once():
     """Growth stops below a third of the load."""
     shape = tool_shapes.hemisphere_with_flange(radius=50.0, fillet=8.0, flange=160.0)
     tool = drape.TriangleMesh(*shape)
-    scene = on_tool(tool, width=300.0, height=300.0, size=(12, 12))
+    scene = on_tool(tool, width=300.0, height=300.0, size=(8, 8))
     result = case_of(scene, steps=2).run()
     assert [state.load_factor for state in result.states] == [0, 1]
     assert result.states[-1].verdict.stable
@@ -47,13 +47,12 @@ def test_a_hemisphere_with_a_flange_is_draped_at_once():
 @pytest.mark.parametrize(
     ("build", "hold"),
     [
-        (saddle, {"tension": 2.0}),
         (hemisphere, {"tension": 2.0, "fibres": 0.5}),
         (hemisphere, {"tension": 0.0, "fibres": 0.5}),
     ],
 )
 def test_the_state_from_the_net_is_that_of_growth_with_half_of_the_solves(build, hold):
-    scene = build(size=(8, 8), **hold)
+    scene = build(size=(4, 4), **hold)
     case = case_of(scene, bending=0.0 if hold["tension"] else 5.0)
     begun, ply = case.run(), case.ply()
     grown = LoadStepper(ply, scene.conditions, 4).run()
@@ -85,14 +84,6 @@ def test_a_ply_without_a_net_grows_with_the_tool():
     assert scene.initial_guess(case.ply()) is None
     assert case.stepper().load_factors[-1] == 1
     assert len(case.stepper().load_factors) == case.steps
-
-
-@pytest.mark.parametrize("guess", [[0.0], "net", np.full(75, np.nan)])
-def test_initial_guesses_of_another_ply_are_rejected(guess):
-    ply = square()
-    assert ply.basis.N == 75
-    with pytest.raises(ValueError, match="initial_guess must be"):
-        LoadStepper(ply, hemisphere().conditions, initial_guess=guess)
 
 
 # States that are not on the tool
@@ -190,7 +181,7 @@ def test_the_end_of_a_net_is_in_the_axes_of_the_file(ball):
 
 def test_gaps_between_nodes_are_in_the_axes_of_the_file(tmp_path, caplog):
     ball = write_sphere(tmp_path / "ball.stl", radius=60.0, centre=CENTRE)
-    options = {"size": (2, 2), "width": 150.0, "height": 150.0}
+    options = {"size": (2, 2), "width": 120.0, "height": 120.0}
     scene = on_tool(read_surface(ball), point=(72.8, -7.0, 40.0), **options)
     case_of(scene).run()
     (line,) = [m for m in map(str, caplog.messages) if "deviate from the surface" in m]

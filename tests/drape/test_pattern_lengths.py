@@ -42,12 +42,10 @@ SADDLE = along_section(lambda s: s**2 / 300, 100.0)
 #: Shape, cell, inclination of the warp, and lengths along warp and weft through the
 #: middle; None where the geodesic has no closed form.
 CASES = [
-    ("hemisphere with flange", 3.0, 0.0, hemisphere_across(), hemisphere_across()),
     ("hemisphere with flange", 3.0, 30.0, hemisphere_across(), hemisphere_across()),
-    ("hat", 3.0, 0.0, 240.0, hat_across()),
     ("hat", 3.0, 90.0, hat_across(), 240.0),
-    ("saddle", 5.0, 0.0, SADDLE, SADDLE),
-    ("saddle", 5.0, 45.0, 200 * np.sqrt(2), 200 * np.sqrt(2)),
+    ("saddle", 8.0, 0.0, SADDLE, SADDLE),
+    ("saddle", 8.0, 45.0, 200 * np.sqrt(2), 200 * np.sqrt(2)),
     ("bonnet", 8.0, 0.0, along_section(bonnet_section, 200.0), None),
 ]
 

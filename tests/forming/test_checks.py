@@ -55,7 +55,6 @@ DIE = Tool(drape.Die(34.0, 6.0, (0, 0, 0.2)), name="die")
 @pytest.mark.parametrize(
     "scene",
     [
-        hemisphere_forming(),
         hemisphere_forming(radius=40.0, travel=90.0),  # deeper than the sphere
         hemisphere_forming(radius=120.0, fillet=5.0, width=500.0, height=500.0),
         hemisphere_forming(gap=0.0),

@@ -83,12 +83,3 @@ def test_a_ply_may_wait_for_its_tools():
     states = run([punch(lambda t: (0, 0, 8 * t - 4))], held, 4).states
     touched = [state.reactions["punch"][2] > 0 for state in states]
     assert touched == [False, False, False, True, True]
-
-
-def test_the_summary_has_the_figures_of_tools():
-    held = {"edges": Condition(_on_edges)}
-    weight = BodyForce((0, 0, -1e-6), factor=1.0)
-    summary = run([weight, plate(9.0, -1)], held).summary()
-    assert summary["converged"]
-    assert summary["untouched_tools"].startswith("no state touches 'plate'")
-    assert summary["plate_nodes_in_contact"] == 0

@@ -5,13 +5,12 @@ import json
 import re
 from dataclasses import replace
 
-import meshio
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, MeshError
+from skfem_textile import Fabric
 from skfem_textile.cli import main as cli
 from skfem_textile.drape import TriangleMesh
 from skfem_textile.io import read_surface
@@ -23,7 +22,7 @@ from skfem_textile.scenes import (
 )
 from tests.helpers import graph
 
-CELLS = {"size": (6, 6)}
+CELLS = {"size": (4, 4)}
 
 
 def case(scene, steps=1, bending=5.0):
@@ -89,7 +88,7 @@ def test_a_quarter_agrees_with_the_whole_ply():
 
 
 def test_fibres_at_any_angle_have_no_holding_force():
-    scene = hemisphere_forming(travel=25.0, size=(8, 8), fibres=0.3)
+    scene = hemisphere_forming(travel=25.0, size=(6, 6), fibres=0.3)
     figures = summary(scene)
     assert scene.fibre_ends == {}
     assert figures["max_holding_force_N"] < 1e-6
@@ -97,7 +96,7 @@ def test_fibres_at_any_angle_have_no_holding_force():
 
 @pytest.mark.parametrize(("shift", "is_held"), [(0.0, False), (9.0, True)])
 def test_a_ply_beside_the_axis_of_the_tools_is_held_and_says_so(shift, is_held):
-    mesh = MeshQuad().refined(3).translated((-0.5, -0.5)).scaled(160.0)
+    mesh = MeshQuad().refined(2).translated((-0.5, -0.5)).scaled(160.0)
     mesh = mesh.translated((shift, 0.0)).with_defaults()
     options = {"radius": 30.0, "travel": 20.0, "part": "whole"}
     figures = summary(hemisphere_forming(mesh, **options))
@@ -115,46 +114,14 @@ def test_a_punch_that_travels_beyond_its_hemisphere_has_a_shaft():
 
 
 def test_a_double_dome_is_formed_to_its_full_travel():
-    result = case(double_dome_forming(size=(8, 5)), 2).run()
+    result = case(double_dome_forming(size=(6, 4)), 2).run()
     assert result.converged
     assert smallest_gap(result, "punch") == pytest.approx(0.0, abs=1e-6)
     assert result.states[-1].displacements["punch"].tolist() == [0, 0, 60]
     assert result.states[-1].reactions["punch"][2] > 10
 
 
-def bowl(path, height, offset=0.0, side=60.0, n=21):
-    """Write a shallow dome as STL, its top at the offset."""
-    s = np.linspace(-side, side, n)
-
-    def shape(x, y):
-        return offset - height * (1 - np.exp(-(x**2 + y**2) / 900))
-
-    x, t = graph(s, shape)
-    meshio.Mesh(x.T, [("triangle", t.T)]).write(path)
-    return path
-
-
-@pytest.fixture
-def files(tmp_path):
-    """Punch and die with z = 500 as the lowest point of the die."""
-    punch = bowl(tmp_path / "P.stl", 40.0, 499.5)
-    die = bowl(tmp_path / "D.stl", 32.0, 532.0)
-    return str(punch), str(die)
-
-
-@pytest.fixture
-def flanged(tmp_path):
-    """A dome as punch, and a die with a flat flange outside a radius of 50 mm."""
-    x, t = graph(
-        np.linspace(-60.0, 60.0, 25),
-        lambda x, y: 30 * np.cos(np.pi * np.minimum(np.hypot(x, y), 50) / 100) ** 2,
-    )
-    meshio.Mesh(x.T, [("triangle", t.T)]).write(tmp_path / "flanged.stl")
-    punch = bowl(tmp_path / "dome.stl", 40.0, -0.5)
-    return read_surface(punch), read_surface(tmp_path / "flanged.stl")
-
-
-SMALL = {"width": 100.0, "height": 100.0, "size": (5, 5)}
+SMALL = {"width": 100.0, "height": 100.0, "size": (4, 4)}
 
 
 def test_tools_from_files_stay_in_their_axes(files):
@@ -195,16 +162,16 @@ def test_a_punch_that_moves_down_mirrors_one_that_moves_up(files):
     assert one["reaction_z"] > 0.1
 
 
-@pytest.mark.parametrize(("up", "pressure"), [(1, 0.02), (-1, 10.0)])
+@pytest.mark.parametrize(
+    ("up", "pressure"), [pytest.param(1, 0.02, marks=pytest.mark.slow), (-1, 10.0)]
+)
 def test_a_holder_presses_the_ply_on_the_flange_of_the_die(flanged, up, pressure):
     """With the pressure times the area there, not over the opening.
 
     It does not push the ply over the edge of the flange, which is smoothed.
     """
-    tools = flanged
-    if up < 0:
-        turned = np.diag([1.0, -1.0, -1.0])
-        tools = [tool.moved(np.zeros(3), turned) for tool in flanged]
+    moved = np.zeros(3), np.diag([1.0, -1.0, -1.0])
+    tools = flanged if up > 0 else [tool.moved(*moved) for tool in flanged]
     options = {"pressure": pressure, "part": "quarter"} | SMALL | {"size": (10, 10)}
     run = case(forming(*tools, travel=10.0 * up, **options))
     result = run.run()
@@ -224,18 +191,6 @@ def test_without_pressure_a_holder_has_no_force(flanged):
     assert figures["converged"]
     assert figures["holder_force_N"] == 0
     assert figures["punch_force_N"] == pytest.approx(-figures["die_force_N"])
-
-
-def test_a_holder_has_a_gap_or_a_pressure_and_a_flange_to_press_on(files, flanged):
-    punch, die = map(read_surface, files)
-    for tools, options, message in (
-        (flanged, {"gap": 0.3, "pressure": 0.1}, "either a gap or a pressure"),
-        ((punch, die), {"pressure": 0.1}, "no flat flange at z = 500.011 mm on which"),
-        (flanged, {"pressure": -0.1}, "pressure must be a number of at least 0 N/mm2"),
-    ):
-        with pytest.raises(ValueError, match=message) as error:
-            case(forming(*tools, travel=10.0, **options, **SMALL)).ply()
-        assert "\n" not in str(error.value)
 
 
 def irregular(height, radius, rng, offset=0.0):
@@ -330,26 +285,6 @@ def test_the_side_of_the_triangles_does_not_matter(files):
     assert gaps[0].min() < -9
 
 
-def test_bad_input_is_one_line(files, tmp_path):
-    punch, die = map(read_surface, files)
-    tiny = read_surface(bowl(tmp_path / "tiny.stl", 2.0, 490.0, side=9.0))
-    of_metres = TriangleMesh(1e3 * die.facets.points, die.facets.cells[0])
-    for build, message in (
-        (lambda: hemisphere_forming(gap=-0.1), "holder gap must be a length of at"),
-        (lambda: hemisphere_forming(travel=0.0), "travel must be a positive length"),
-        (lambda: hemisphere_forming(radius=-1.0), "radius must be a positive length"),
-        (lambda: hemisphere_forming(fibres=0.3, part="quarter"), "no planes of symm"),
-        (lambda: double_dome_forming(travel=61.0), "at most the height of the dome"),
-        (lambda: forming(punch, die, travel=0.0, **SMALL), "length in mm other than"),
-        (lambda: forming(die, punch, travel=9.0, **SMALL), "beyond the plane of the"),
-        (lambda: forming(tiny, die, travel=9.0, **SMALL), "less than two elements"),
-        (lambda: forming(punch, of_metres, **SMALL), "must have the same unit"),
-    ):
-        with pytest.raises((ValueError, MeshError), match=message) as error:
-            build()
-        assert "\n" not in str(error.value)
-
-
 def run(*words):
     return cli.main(["run", *map(str, words)])
 
@@ -383,35 +318,6 @@ def test_forming_runs_from_the_command_line(files, tmp_path):
     assert run(out / "case.toml", "--out", again, "--no-render") == 0
     same = json.loads((again / "summary.json").read_text())
     assert same["reaction_z"] == figures["reaction_z"]
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--punch", "none.stl"], "scene.punch none.stl: no such file"),
-        (["--travel", "0"], "travel of the punch must be a length in mm other than"),
-        (["--holder-gap=-1"], "the holder gap must be a length of at least 0 mm"),
-        (["--holder-pressure", "0.1"], "forming: a holder has either a gap or a press"),
-        (["--travel", "36"], "'punch' and 'die' leave no room for the ply at load"),
-        (["--travel", "45"], "punch passes the plane of the ply, z = 499.511 mm, by 5"),
-        (["--travel=-2"], "mm beyond the plane of the ply, z = 532.5 mm"),
-    ],
-)
-def test_bad_files_and_numbers_are_refused_before_the_run(
-    files, tmp_path, capsys, words, message
-):
-    punch, die = files
-    ply = "--width", 100, "--height", 100, "--size", "6x6", "--part", "quarter"
-    tools = "--punch", punch, "--die", die, "--holder-gap", 1, "--travel", 15
-    options = [str(word) for word in (*ply, *tools)]
-    for flag in {word.partition("=")[0] for word in words} & {*options}:
-        at = options.index(flag)
-        del options[at : at + 2]
-    out = tmp_path / "out"
-    assert run("forming", *options, *words, "--out", out) == 2
-    error = capsys.readouterr().err.strip().splitlines()[-1]
-    assert message in error
-    assert not out.exists()
 
 
 def test_hemisphere_forming_runs_from_the_command_line(tmp_path):

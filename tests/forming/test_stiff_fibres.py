@@ -29,22 +29,19 @@ def slack(travel, bending=0.2):
 
 
 def test_a_slack_ply_is_formed_and_its_other_states_are_announced():
-    """Without tension at its edges the ply wrinkles, in one of many ways."""
+    """Without tension at its edges the ply wrinkles, in one of many ways.
+
+    Increments may stretch rotating fibres for a while: if each has to decrease the
+    energy, they are far shorter and more.
+    """
     result = slack(30.0)
     assert result.converged
     assert result.states[-1].verdict.negative_pivots == 0
     assert not result.path_resolved
+    assert result.linear_solves < 270
 
 
-def test_increments_may_stretch_rotating_fibres_for_a_while(monkeypatch):
-    """If each has to decrease the energy, they are far shorter and more."""
-    solves = slack(30.0).linear_solves
-    monkeypatch.setattr(newton, "_WATCHED", 0)
-    short = slack.__wrapped__(30.0)
-    assert short.converged
-    assert solves < 0.6 * short.linear_solves
-
-
+@pytest.mark.slow
 def test_an_iteration_whose_energy_stays_high_returns_to_the_start(monkeypatch):
     """It continues from a displacement before, with an increment that descends.
 
@@ -99,9 +96,9 @@ def test_a_slack_ply_that_is_hardly_touched_converges():
 def test_stiff_fibres_have_the_same_state_in_any_steps():
     """The stiffnesses of macro-elements converge at the state, whatever its path."""
     options = {"radius": 43.2554, "fillet": 8.9256, "travel": 47.0892}
-    sides = {"width": 180.689, "height": 180.689, "size": (6, 6), "tension": 1.0}
+    sides = {"width": 180.689, "height": 180.689, "size": (4, 4), "tension": 1.0}
     fabric = 430064.0, 41.7925
-    few, more = (formed(fabric, n, **options, **sides) for n in (4, 8))
+    few, more = (formed(fabric, n, **options, **sides) for n in (3, 6))
     assert 1.0 not in few.unresolved
     off = few.ply.shear_angle(few.u) - more.ply.shear_angle(more.u)
     assert np.degrees(np.abs(off).max()) < 0.01

@@ -30,7 +30,7 @@ from tests.forming.conftest import quarter
 SIDE, RADIUS, GAP, TRAVEL = 60.0, 40.0, 0.3, 25.0
 
 
-def blank(cells=6, fibres=0.0, terms=(), formulation=None, bending=5.0, tension=0.2):
+def blank(cells=5, fibres=0.0, terms=(), formulation=None, bending=5.0, tension=0.2):
     """Quarter of a blank with two planes of symmetry."""
     s = np.linspace(0, SIDE, cells + 1)
     mesh = MeshQuad.init_tensor(s, s).with_defaults()
@@ -76,7 +76,7 @@ def state():
     return formed()
 
 
-@pytest.mark.parametrize("steps", [1, 5])
+@pytest.mark.parametrize("steps", [1, 4])
 def test_number_of_steps_does_not_change_the_state(state, steps):
     other = formed(steps)
     assert other.converged
@@ -100,15 +100,6 @@ def test_contact_is_a_constraint(state):
     assert last.verdict.negative_pivots == 0
 
 
-def test_forces_balance(state):
-    """Tools carry each other along z; tension and symmetry planes balance along x."""
-    reactions = state.states[-1].reactions
-    assert reactions["punch"][2] > 1
-    off = reactions["punch"] + reactions["die"]
-    off += [reactions["x"][0] + 0.2 * SIDE, reactions["y"][1] + 0.2 * SIDE, 0.0]
-    assert np.abs(off).max() < 1e-6 * reactions["punch"][2]
-
-
 def test_force_is_the_derivative_of_the_energy(state):
     """The work of the punch over a small travel is the change of all energies."""
     h = 1e-3
@@ -129,7 +120,7 @@ def test_tools_turn_with_the_problem():
     assert shear[0] == pytest.approx(shear[1], rel=1e-5)
 
 
-@pytest.mark.parametrize(("cells", "formulation"), [(12, OnePoint()), (6, Quadratic())])
+@pytest.mark.parametrize(("cells", "formulation"), [(10, OnePoint()), (5, Quadratic())])
 def test_formulations_agree(state, cells, formulation):
     other = formed(cells=cells, formulation=formulation)
     assert other.converged
@@ -162,7 +153,7 @@ def test_triangles_form_like_the_surface(state):
 def test_a_step_in_which_nothing_touches_has_no_warning_of_the_energy(tension):
     """Rounding of stretches changes the energy by tension times length."""
     approach = punch(lambda t: (0, 0, 6 * t - 5.5), side=1)
-    ply = blank(12, 0.5, [approach, ring(GAP / 2)], tension=tension)
+    ply = blank(6, 0.5, [approach, ring(GAP / 2)], tension=tension)
     checks = set(DEFAULT_WARN_ONLY) - {"work"}
     options = {"steps": 8, "warn_only": checks, "max_halvings": 0}
     result = LoadStepper(ply, SYMMETRY, **options).run()
@@ -187,23 +178,9 @@ def test_gravity_rests_on_a_plane():
     assert last.reactions["table"][2] == pytest.approx(1e-5 * SIDE**2, rel=1e-6)
 
 
-def test_holder_presses_within_its_outline():
-    """A pressure on a part of the ply is carried by the plane beneath it."""
-    outline = [[20.0, 70.0, 70.0, 20.0], [-5.0, -5.0, 70.0, 70.0]]
-    table = Tool(drape.Plane(), side=1, name="table")
-    holder = Holder(drape.Plane(), pressure=0.01, side=1, outline=outline)
-    ply = blank(terms=[table, holder])
-    result = LoadStepper(ply, SYMMETRY, steps=1).run()
-    table_force = result.states[-1].reactions["table"][2]
-    assert table_force == pytest.approx(0.01 * 40.0 * 60.0, rel=2e-5)
-    figures = figures_of(result)
-    assert figures["holder_force_N"] == pytest.approx(-table_force, rel=1e-9)
-    assert figures["holder_max_pressure_N_per_mm2"] == pytest.approx(0.01, rel=1e-3)
-
-
 def test_tools_edges_symmetry_and_gravity_balance():
     """Punch, die and holder together; the weight is 0.36 N."""
-    ply, conditions = quarter((0.0, 0.0, 15.0))
+    ply, conditions = quarter((0.0, 0.0, 15.0), 4)
     ply = ply.with_terms(BodyForce((0.0, 0.0, -1e-4), factor=1.0))
     for state in LoadStepper(ply, conditions, steps=2).run().states:
         reactions = state.reactions
@@ -239,12 +216,14 @@ def test_holders_with_outlines_are_segments():
         force = term.forces(state.u, 1.0, state.parameters[term.name])
         x0, x1, y0, y1 = boxes[term.name]
         x, y = ply.nodes + ply.nodal(state.u)[:2]
-        h = 5.0  # the size of elements
+        h = SIDE / 10  # the size of elements
         near = (x > x0 - h) & (x < x1 + h) & (y > y0 - h) & (y < y1 + h)
         assert (force[near] > 0).all()
         assert not force[~near].any()
         pushed = pressures[term.name] * areas[term.name]
         assert figures[f"{term.name}_force_N"] == pytest.approx(-pushed, rel=2e-5)
+        most = figures[f"{term.name}_max_pressure_N_per_mm2"]
+        assert most == pytest.approx(pressures[term.name], rel=1e-3)
     total = sum(pressures[name] * areas[name] for name in boxes)
     assert state.reactions["table"][2] == pytest.approx(total, rel=2e-5)
 
@@ -270,7 +249,7 @@ def test_holder_keeps_its_gap():
     """Beyond the punch the ply lifts from the plane by up to the gap."""
     outline = [[45.0, 70.0, 70.0, 45.0], [-5.0, -5.0, 70.0, 70.0]]
     holder = Holder(drape.Plane(), gap=5.0, side=1, outline=outline)
-    ply = blank(terms=[punch(), holder])
+    ply = blank(6, terms=[punch(), holder])
     last = LoadStepper(ply, SYMMETRY, steps=2).run().states[-1]
     x = ply.nodes + ply.nodal(last.u)[:2]
     height = ply.nodal(last.u)[2, (x[0] > 46) & (x[0] < 69)]
@@ -310,6 +289,37 @@ def test_derivatives():
         assert np.abs(K @ du - change).max() < 0.03 * np.abs(change).max()
 
 
+def test_the_gradient_of_a_gap_depends_on_the_distance():
+    """Of a level that is not a distance: the gradient is not the normal."""
+
+    def dome(x, y):
+        o = 0 * x
+        return drape.Height(-0.2 - x**2 / 60, -x / 30, o, o - 1 / 30, o, o)
+
+    tool = Tool(drape.HeightField(dome), (0, 0, 0.5), side=1, name="dome")
+    ply = blank(2, terms=[tool])
+    (term,) = (term for term in ply.terms if term.name == "dome")
+    X = ply.nodes
+    u = np.array([0 * X[0], 0 * X[0], 0.25 - X[0] ** 2 / 60]).T.ravel()
+    ones = np.ones(X.shape[1])
+    force = -term.gaps(u, 1.0)
+    assert force.min() > 0.02
+    residual = term.residual(u, 1.0, Values({"force": 0 * ones, "stiffness": ones}))
+    gradient = -ply.nodal(residual) / force
+    difference = np.empty_like(gradient)
+    for k in range(3):
+        h = np.zeros((X.shape[1], 3))
+        h[:, k] = 1e-5
+        ends = (term.gaps(u + sign * h.ravel(), 1.0) for sign in (1, -1))
+        difference[k] = np.subtract(*ends) / 2e-5
+    normal = term.normals(u, 1.0)
+    off, turned = gradient - difference, normal - difference
+    for error in off, turned:  # along the surface; across it the gap is a distance
+        error -= normal * (normal * error).sum(axis=0)
+    assert np.abs(turned).max() > 3e-4
+    assert np.abs(off).max() < 0.1 * np.abs(turned).max()
+
+
 def test_resumed_run_is_the_same(tmp_path, state):
     """A run that is killed after its first step and resumed, bit for bit."""
 
@@ -331,56 +341,6 @@ def test_resumed_run_is_the_same(tmp_path, state):
     for name, values in whole.parameters.items():
         for key, value in values.items():
             assert np.array_equal(resumed.parameters[name][key], value)
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: punch(side=2), "side must be 1, -1 or None"),
-        (lambda: punch(thickness=-1.0), "thickness must not be negative"),
-        (lambda: punch(motion=(0, 1)), "translation of three components"),
-        (
-            lambda: punch(motion=(np.eye(3), (0, 0, 1))),
-            "punch': motion must be .* for a rotation pass a function of the load",
-        ),
-        (
-            lambda: punch(motion=np.eye(3)),
-            r"for a rotation pass a function .* got array\(\[\[1., 0., 0.\], \[0.",
-        ),
-        (
-            lambda: punch(motion=lambda t: (2 * np.eye(3), np.zeros(3))),
-            "not a rotation",
-        ),
-        (lambda: punch(outline=[[0, 1], [0, 1]]), "at least three corners"),
-        (lambda: Tool(drape.Plane()), "in the plane of the undeformed ply"),
-        (
-            lambda: Tool(drape.Sphere(20.0, (30, 30, -19))),
-            r"crosses the undeformed ply: node \d+ at .* is 1 mm inside",
-        ),
-        (
-            lambda: Tool(drape.Sphere(20.0, (30, 30, -19)), stated=lambda x: x + 100),
-            r"crosses the undeformed ply: node \d+ at \(130, 130, 100\) mm is 1 mm",
-        ),
-        (
-            lambda: Tool(drape.Plane((0, 0, 1)), outline=[[500, 600, 600], [0, 0, 9]]),
-            "no node of the undeformed ply is within its edges or outline",
-        ),
-        (
-            lambda: Tool(drape.Sphere(9.0), outline=[[0, 9, np.nan], [0, 0, 9]]),
-            "outline must be finite",
-        ),
-        (lambda: Holder(drape.Plane(), side=1), "either a gap or a pressure"),
-        (lambda: Holder(drape.Plane(), gap=-0.1, side=1), "at least 0 mm"),
-        (
-            lambda: Holder(drape.Plane(), gap=lambda t: abs(t - 0.4) - 0.1, side=1),
-            r"at least 0 mm, got -.* at load factor 0\.3",
-        ),
-        (lambda: Tool(3.0), "surface must have the methods"),
-    ],
-)
-def test_invalid_tools(make, message):
-    with pytest.raises(ValueError, match=message):
-        blank(cells=2, terms=[make()])
 
 
 def undefined_beyond(x_most, part, z=-1.0):
@@ -425,23 +385,3 @@ def test_a_ply_that_reaches_where_a_surface_is_not_finite_is_refused():
     u, p = ply.basis.zeros(), term.parameters.at_rest()
     assert np.isfinite(term.residual(u, 0.0, p)).all()
     assert np.isfinite(term.matrices(u, 0.0, p)).all()
-
-
-def test_the_plain_method_does_not_find_contact():
-    with pytest.raises(ValueError, match="use the method 'newton'"):
-        LoadStepper(blank(cells=2, terms=[punch()]), SYMMETRY, method="plain")
-
-
-def test_names_of_tools_are_unique():
-    """Reactions of tools and conditions are stored by name."""
-    ply = blank(cells=2, terms=[punch(), ring(GAP / 2)])
-    with pytest.raises(ValueError, match="a tool and a condition have the name 'die'"):
-        LoadStepper(ply, {"x": SYMMETRY["x"], "die": SYMMETRY["y"]})
-    with pytest.raises(ValueError, match="two terms have the name 'punch'"):
-        blank(cells=2, terms=[punch(), punch()])
-
-
-def test_a_tool_needs_a_ply_in_space():
-    mesh = MeshQuad().with_defaults()
-    with pytest.raises(ValueError, match="requires a ply in space"):
-        Ply(mesh, Fabric(1e4), terms=[punch()])

@@ -162,6 +162,14 @@ def curved_ring(radius=120.0, inner=40.0, outer=100.0, size=5.0):
     return revolved(_arc((0, 0), radius, inner, outer, size), size)
 
 
+def tube(radii=(30.0, 30.0), length=90.0, around=48, along=16):
+    """A tube or a cone along z, open at both ends."""
+    t = np.linspace(0, 2 * np.pi, around + 1)
+    rows = np.linspace((radii[0], 0.0), (radii[1], length), along)
+    chains = [np.array([r * np.cos(t), r * np.sin(t), z + 0 * t]) for r, z in rows]
+    return stitched(chains, [t] * along, closed=True)
+
+
 def revolved(profile, size):
     """A surface of revolution about z of a profile r, z, shape (2, n)."""
     chains, places = [], []
