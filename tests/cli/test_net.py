@@ -14,7 +14,6 @@ from skfem_textile.cli import main as cli
 from skfem_textile.cli.net_report import Part, refuse_overlap, useless_darts
 from skfem_textile.io import read_surface
 from tests.helpers import tool_shapes
-from tests.helpers.command_line import rejected
 from tests.helpers.pages import references
 
 
@@ -78,20 +77,6 @@ def test_fibres_turn_with_the_angle(tmp_path, tool):
     middle = np.hypot(rows["x"], rows["y"]) < 8
     assert middle.any()
     assert rows["warp_angle_deg"][middle] == pytest.approx(30.0, abs=1.0)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--cell", "-1"), "expected a positive length in mm, got '-1'"),
-        (("--point", "0", "0", "90"), "is further from the tool than"),
-        (("--warp-along", "none.csv"), "none.csv"),
-    ],
-)
-def test_wrong_input_is_refused_in_one_line(tmp_path, tool, words, message, capsys):
-    arguments = ["net", "--tool", str(tool), "--out", str(tmp_path / "out"), *words]
-    assert message in rejected(capsys, *arguments)
-    assert not (tmp_path / "out").exists()
 
 
 def test_a_hole_is_cut_out_of_the_pattern_and_of_the_part(tmp_path):
@@ -162,13 +147,6 @@ def test_a_side_of_darts_without_cells_is_told(tmp_path, capsys):
     assert "no net can be laid on one side of the darts" in capsys.readouterr().out
 
 
-def test_options_that_contradict_each_other_are_refused(tmp_path, tool, capsys):
-    common = ("net", "--tool", str(tool), "--out", str(tmp_path / "out"))
-    assert "--darts requires --locking-angle" in rejected(capsys, *common, "--darts")
-    words = ("--best", "mean", "--point", "0", "0", "0")
-    assert "--best cannot be combined with --point" in rejected(capsys, *common, *words)
-
-
 def test_courses_cover_the_tool(tmp_path, tool):
     words = ("--no-render", "--cell", 5, "--roll-width", 40, "--overlap", 10)
     summary = laid(tmp_path, tool, *words)
@@ -178,15 +156,6 @@ def test_courses_cover_the_tool(tmp_path, tool):
     cut = np.isnan(rows["seam"])
     assert set(rows["curve"][cut]) == {1, 2, 3, 4, 5}
     assert set(rows["seam"][~cut]) == {1, 2, 3, 4}
-
-
-@pytest.mark.parametrize("cell", [0.01, 50.0])
-def test_cells_that_are_too_small_or_too_large_are_refused(
-    tmp_path, tool, cell, capsys
-):
-    words = ("net", "--tool", str(tool), "--out", str(tmp_path / "out"))
-    message = rejected(capsys, *words, "--cell", str(cell))
-    assert "the length of a cell must be between" in message
 
 
 def test_largest_shear_is_on_the_part(tmp_path, tool):
@@ -213,26 +182,6 @@ def test_without_a_pattern_the_exit_code_is_one(tmp_path, tool):
     assert cli.main([*words, "--trim", str(curve), "--cell", "4"]) == 1
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert "not written" in summary["pattern"]
-
-
-@pytest.mark.parametrize(
-    ("scale", "message"),
-    [
-        (1.0, "trim.csv: the curve leaves the tool: 3 of its 4 points are up to"),
-        (1e-3, "its coordinates are in m: state this unit in the file, as 'x (m)'"),
-    ],
-)
-def test_a_curve_that_leaves_the_tool_is_refused_before_the_net_is_laid(
-    tmp_path, tool, scale, message, capsys
-):
-    if scale == 1.0:
-        points = [[60, 0, -60, 0], [0, 60, 0, 0], [-20, -20, -20, 0]]
-    else:
-        points = [[40, 0, -40], [0, 40, 0], [np.sqrt(8400) - 100] * 3]
-    curve = curve_file(tmp_path / "trim.csv", scale * np.array(points))
-    words = ("net", "--tool", str(tool), "--out", str(tmp_path / "out"))
-    assert message in rejected(capsys, *words, "--trim", str(curve))
-    assert not (tmp_path / "out").exists()
 
 
 def test_courses_that_do_not_cover_the_tool_are_told(tmp_path):

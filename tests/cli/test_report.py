@@ -20,7 +20,6 @@ from skfem_textile.cli.results import (
     PICTURES,
     REFUSED,
 )
-from tests.helpers.command_line import rejected
 from tests.helpers.pages import Page, references
 
 # The report of a run: one self-contained page
@@ -149,35 +148,6 @@ def test_an_early_stop_is_reported(results, tmp_path):
     assert "The folder contains no curve.csv." in page.text
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("summary.json", "{", "summary.json is not the summary of a run"),
-        ("summary.json", '{"reports": {}}', "is not the summary of a run"),
-        ("summary.json", '{"scene": "strip", "first": [1]}', "summary.json is damaged"),
-        ("summary.json", None, "is not a results folder: it contains no summary.json"),
-        ("case.toml", "x", "is damaged: it is not a valid case file"),
-        ("case.toml", NO_CURVE, "no.csv"),
-        ("curve.csv", "x", "curve.csv: the file contains no rows of numbers"),
-    ],
-)
-def test_damaged_files_are_rejected(results, tmp_path, capsys, name, content, message):
-    for file in ("summary.json", "case.toml", "curve.csv"):
-        (tmp_path / file).write_bytes((results / file).read_bytes())
-    (tmp_path / "case_files").mkdir()
-    (tmp_path / "case_files" / "test_curve.csv").write_text(CURVE)
-    (tmp_path / name).unlink()
-    if content is not None:
-        (tmp_path / name).write_text(content)
-    assert message in rejected(capsys, "report", str(tmp_path))
-    assert not (tmp_path / "report.html").exists()
-
-
-def test_no_folder_is_created_without_results(tmp_path, capsys):
-    assert "is not a results folder" in rejected(capsys, "report", str(tmp_path / "no"))
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_the_citation_equals_the_citation_file(results):
     cited = (Path(__file__).parents[2] / "CITATION.cff").read_text()
     words = " ".join(write_report(results).text.split())
@@ -221,48 +191,3 @@ def test_the_curve_of_a_run_is_read_as_a_curve_of_a_test(tmp_path):
     moment = 0.5 * np.radians(curve["angle (deg)"])
     expected = moment / np.cos(np.radians(curve["angle (deg)"]))
     assert curve["normalised shear force (N/mm)"] == pytest.approx(expected, rel=0.2)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "the file is empty"),
-        ("time (s)\n1\n2\n", "row 2: the columns are named time"),
-        ("force (N)\n1\n2\n", "the headings must name a displacement or an angle"),
-        (
-            "displacement (mm),force (t)\n0,0\n1,1\n",
-            "'force' must be one of N, kN, cN, mN, daN, lbf, kgf, gf, got 't'",
-        ),
-        (
-            "angle (deg),force (N),force (N)\n0,0,0\n1,1,1\n",
-            "column 2 ('force') and column 3 ('force') may each be the force",
-        ),
-        ("angle (deg),force (N)\n0,0\n", "at least two rows"),
-        (
-            "angle (deg),force (N)\n0,0\n1,one\n",
-            "row 3: expected 2 cells with finite numbers, got '1,one'",
-        ),
-        (
-            "angle (deg),force (N)\n0,0\n1,inf\n",
-            "row 3: expected 2 cells with finite numbers, got '1,inf'",
-        ),
-        (
-            "angle (deg),force (N)\n0,0\n1\n",
-            "row 3: expected 2 cells with finite numbers, got '1'",
-        ),
-        ("\0\xff", "no rows of numbers"),
-    ],
-)
-def test_a_file_without_a_curve_stops_the_run(tmp_path, capsys, text, message):
-    file = tmp_path / "test.csv"
-    file.write_text(text, encoding="latin-1")
-    out = ("--out", str(tmp_path / "out"), *OUT)
-    reason = rejected(capsys, "run", "strip", "--test-curve", str(file), *out)
-    assert message in reason
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_missing_file_is_rejected(tmp_path, capsys):
-    out = ("--out", str(tmp_path / "out"), *OUT)
-    message = rejected(capsys, "run", "strip", "--test-curve", "no.csv", *out)
-    assert "output.test_curve no.csv: no such file" in message

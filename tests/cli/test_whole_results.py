@@ -135,11 +135,3 @@ def test_a_failure_to_print_is_reported_in_one_line(tmp_path, arguments):
     assert child.stderr == f"skfem-textile: error: {reason}\n"
     if arguments[0] == "run":
         assert (tmp_path / "out" / "summary.json").exists()
-
-
-def test_a_message_is_one_line_without_control_characters(tmp_path, capsys):
-    command = ["run", "strip", "--mesh", "a\nb\x1b[31m", "--out", str(tmp_path / "o")]
-    assert cli.main(command) == 2
-    stderr = capsys.readouterr().err
-    assert r"mesh.source a\nb\x1b[31m is neither an existing file nor" in stderr
-    assert stderr.count("\n") == 1
