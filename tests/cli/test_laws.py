@@ -67,10 +67,7 @@ def test_tables_of_linear_laws_give_the_answer_of_the_linear_laws(tmp_path, of_l
         ),
         (
             f"{LINEAR} --tension-law crimp-toe {TOE}",
-            "max_fibre_strain",
-            LINEAR,
-            1.5,
-            9.0,
+            *("max_fibre_strain", LINEAR, 50.0, 150.0),
         ),
         # an interchange is a toe without crimp, and softer with it
         (
