@@ -1,18 +1,19 @@
 """Files and messages of a run, runs to a tolerance, and resumed runs."""
 
 import csv
+import io
 import json
-import os
-import subprocess
 import sys
 from pathlib import Path
+from time import sleep
 
 import numpy as np
 import pytest
 
 from skfem_textile import Ply, Result
+from skfem_textile.cli import results
 from skfem_textile.cli.main import main
-from skfem_textile.mesh.progress import SWITCH
+from skfem_textile.mesh import progress
 from skfem_textile.solve.stepper import Run
 from tests.helpers.command_line import QUICK, rejected, run, summary_in
 
@@ -195,49 +196,37 @@ def test_a_second_run_into_a_folder_is_rejected_first(tmp_path, capsys, monkeypa
     assert f"another run is writing to {tmp_path / 'out'}" in stderr
 
 
-def test_a_folder_of_any_name_is_reported_in_one_line(tmp_path):
-    name = "a\nb \udcff ü"
-    command = [sys.executable, "-m", "skfem_textile", "run", "strip", *QUICK]
-    child = subprocess.run(
-        [*command, "--out", str(tmp_path / name)],
-        capture_output=True,
-        check=True,
-        env=os.environ | {"PYTHONIOENCODING": "ascii"},
-    )
-    assert (tmp_path / name / "summary.json").exists()
-    assert child.stderr == b""
-    assert child.stdout.splitlines()[-1].startswith(b"results written to ")
+def test_a_folder_of_any_name_is_reported_in_one_line(tmp_path, capsys, monkeypatch):
+    """Also on a terminal that knows ASCII only."""
+    stdout = io.TextIOWrapper(io.BytesIO(), "ascii")
+    monkeypatch.setattr(sys, "stdout", stdout)
+    out = tmp_path / "a\nb \udcff ü"
+    assert main(["run", "strip", *QUICK, "--out", str(out)]) == 0
+    assert (out / "summary.json").exists()
+    *_, line = stdout.buffer.getvalue().splitlines()
+    assert line.startswith(b"results written to ")
+    assert capsys.readouterr().err == ""
 
 
-def test_progress_of_long_parts_is_shown_on_a_terminal(tmp_path):
-    pty = pytest.importorskip("pty")
-    at_once = (
-        "from skfem_textile.mesh import progress; "
-        "progress._DELAY = progress._REFRESH = 0.001; "
-        "from skfem_textile.cli.main import main; raise SystemExit(main())"
-    )
-    line = "-c", at_once, "run", "trellis", "--size", "24x24", "--steps", "3"
-    ours, theirs = pty.openpty()
-    with subprocess.Popen(
-        [sys.executable, *line, "--out", str(tmp_path / "out")],
-        env=os.environ | {"TERM": "xterm", SWITCH: ""},
-        stdout=subprocess.DEVNULL,
-        stderr=theirs,
-    ) as child:
-        os.close(theirs)
-        output = b"".join(iter(lambda: read(ours), b""))
-    os.close(ours)
-    assert child.returncode == 0
-    parts = b"preparing the case", b", iteration ", b"estimating", b"drawing pictures"
-    assert all(part in output for part in parts)
-    assert output.endswith(b"\r")
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
 
 
-def read(end):
-    try:
-        return os.read(end, 1 << 16)
-    except OSError:  # the other end of a terminal is closed
-        return b""
+def test_progress_of_long_parts_is_shown_on_a_terminal(tmp_path, monkeypatch):
+    pytest.importorskip("pyvista")
+    monkeypatch.setenv(progress.SWITCH, "")
+    monkeypatch.setenv("TERM", "xterm")
+    for name in ("_DELAY", "_REFRESH"):
+        monkeypatch.setattr(progress, name, 0.001)
+    monkeypatch.setattr(results, "draw", lambda *_: sleep(0.1))
+    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+    line = "run trellis --size 8x8 --steps 2 --out"
+    assert main([*line.split(), str(tmp_path / "out")]) == 0
+    shown = terminal.getvalue()
+    for part in ("preparing the case", ", iteration ", "estimating", "drawing pict"):
+        assert part in shown
+    assert shown.endswith("\r")
 
 
 # Runs to a tolerance on the command line
