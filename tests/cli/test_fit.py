@@ -104,7 +104,6 @@ def test_a_table_is_extrapolated_on_request(tmp_path):
         f"--fabric {out / 'fabric.json'}",
         how,
         beyond,
-        "--points 4",
     )
     fabric = read_fabric(out / "fabric.json").fabric
     assert {law.extrapolation for law in fabric.laws} == {"linear"}

@@ -18,7 +18,6 @@ from skfem_textile.cli.interruption import INTERRUPTED, held, raised
 from skfem_textile.cli.result_folder import ResultFolder
 from skfem_textile.solve import interval
 from skfem_textile.solve.stepper import Run
-from skfem_textile.solve.sweep import WorkerProcesses
 from tests.helpers.command_line import DRAWN, QUICK, is_whole
 
 ROOT = Path(__file__).parents[2]
@@ -264,11 +263,3 @@ def test_a_picture_is_finished_despite_a_signal(tmp_path, capsys, monkeypatch):
     message = "interrupted: the numerical results are written, the pictures are not"
     assert capsys.readouterr().err == f"skfem-textile: {message}\n"
     assert is_whole(out)
-
-
-def test_worker_processes_ignore_ctrl_c():
-    """A worker that did not would print a traceback of its imports."""
-    with WorkerProcesses(1) as executor:
-        blocked = executor.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()
-    assert signal.SIGINT in blocked
-    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
