@@ -84,16 +84,18 @@ def only_reexports(module):
     )
 
 
+@cache
 def imported_names(module):
     """Names that a module imports from the package, with the modules they come from."""
     parts = module.split(".") if module else []
     base = parts if MODULES[module].name == "__init__.py" else parts[:-1]
+    names = []
     for node in ast.walk(tree(module)):
         if isinstance(node, ast.ImportFrom) and node.level:
             package = base[: len(base) - node.level + 1]
             origin = [*package, *(node.module.split(".") if node.module else [])]
-            for alias in node.names:
-                yield ".".join(origin), alias.name
+            names += [(".".join(origin), alias.name) for alias in node.names]
+    return names
 
 
 def origins(origin, name):
