@@ -209,19 +209,6 @@ def test_the_fronts_have_a_line_for_each_code_with_its_name_at_the_end():
     assert len(load.lines[2].get_xydata()) == 1
 
 
-def test_text_of_figures_is_at_least_seven_points_at_the_width_of_a_page():
-    pytest.importorskip("matplotlib")
-    for figure in (study.draw_fronts(ROWS), study.draw_ratios(ROWS)):
-        printed = 160 / 25.4 / figure.get_size_inches()[0]
-        figure.canvas.draw()
-        for axes in figure.axes:
-            texts = [axes.title, axes.xaxis.label, *axes.texts]
-            texts += [*axes.get_xticklabels(), *axes.get_yticklabels()]
-            sizes = [t.get_fontsize() * printed for t in texts if t.get_text()]
-            assert min(sizes) >= 7
-            assert not any("$" in t.get_text() for t in texts)  # smaller exponents
-
-
 def test_the_codes_take_turns_on_each_seed():
     timed = [case for case in STUDY.cases(NO_OPTIONS) if isinstance(case, Timed)]
     seeds = [case.seed for case in timed]

@@ -81,11 +81,6 @@ def test_a_strip_imports_no_picture_file_format_or_tool(results):
         assert results["modules"]["scenes"][name]["own"] == current["own"]
 
 
-def test_stored_zero_features_add_nothing(results):
-    for unused in results["needs"]["unused"].values():
-        assert unused["further_terms"] == unused["further_modules"] == []
-
-
 def costs(median, scatter=0.0):
     return {"median": median, "least": median - scatter, "most": median + scatter}
 
