@@ -162,7 +162,7 @@ def held_out(folder):
 
 
 def test_tests_that_were_not_used_are_predicted_and_compared(tmp_path, capsys):
-    """A law that is not that of the second test is not confirmed by it."""
+    """The second test is of another law, which it does not confirm."""
     pytest.importorskip("matplotlib")
     data, out = shear_files(tmp_path), tmp_path / "o"
     how = ZEROS, "--out", out, "--fibre-stiffness 1e6 --validate", held_out(tmp_path)

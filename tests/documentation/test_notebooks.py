@@ -1,6 +1,6 @@
 """Scripts of the gallery run as notebooks, and show their pictures.
 
-Their code runs when the gallery is built, that of the tutorial as snippets of its page.
+All scripts run when the gallery is built, and the tutorial as snippets of its page.
 """
 
 import re

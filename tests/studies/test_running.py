@@ -142,7 +142,7 @@ def test_a_study_whose_cases_are_timed_has_no_workers(squares, monkeypatch, caps
 def test_a_study_with_a_failing_case_or_an_interruption_is_resumed(
     squares, tmp_path, monkeypatch, capsys
 ):
-    """The other cases are reported, and the end is that of an undisturbed run."""
+    """The other cases are reported, and the end equals an undisturbed run."""
     examine, examined = Squares.examine, []
     errors = [ValueError("3"), ValueError("3"), KeyboardInterrupt()]
 
