@@ -20,13 +20,13 @@ from skfem_textile.cli.results import (
     PICTURES,
     REFUSED,
 )
+from tests.helpers.command_line import summary_in
 from tests.helpers.pages import Page, references
 
 # The report of a run: one self-contained page
 
 
 RUN = ("--size", "2x4", "--steps", "2", "--no-render", "--shear-law", "sin2")
-NO_CURVE = "[scene]\nname = 'strip'\n[output]\ntest_curve = 'no.csv'"
 CURVE = "displacement (mm),force (N)\n0,0\n4,1\n8,3\n"
 
 
@@ -46,14 +46,26 @@ def results(tmp_path_factory):
     return out
 
 
-def test_a_report_has_no_external_references(results):
-    write_report(results)
+@pytest.fixture(scope="module")
+def page(results):
+    """The report of this run."""
+    return write_report(results)
+
+
+@pytest.fixture
+def copy(results, tmp_path):
+    """Its results without the curve of a test."""
+    out = tmp_path / "copy"
+    out.mkdir()
+    (out / "summary.json").write_bytes((results / "summary.json").read_bytes())
+    case = (results / "case.toml").read_text()
+    (out / "case.toml").write_text(case.partition("[output]")[0])
+    return out
+
+
+def test_a_report_states_the_results_of_the_run(results, page):
     assert references(results / "report.html") == []
-
-
-def test_a_report_states_the_results_of_the_run(results):
-    page = write_report(results)
-    summary = json.loads((results / "summary.json").read_text())
+    summary = summary_in(results)
     for sentence in (
         f"{summary['load_N']:.4g} ± ",
         "Every step converged",
@@ -94,8 +106,7 @@ def test_curves_of_run_and_test_are_drawn(results, monkeypatch, tmp_path):
     assert drawn["Force against displacement"]["test"][1].tolist() == [0, 1, 7]
 
 
-def test_the_numbers_of_the_curve_are_in_the_page(results, tmp_path):
-    page = write_report(results)
+def test_the_numbers_of_the_curve_are_in_the_page(results, page, copy):
     written = (results / "curve.csv").read_text()
     heading, *lines = written.splitlines()
     for name in heading.split(","):
@@ -104,16 +115,9 @@ def test_the_numbers_of_the_curve_are_in_the_page(results, tmp_path):
         assert f"{float(number):.6g}" in page.text
     (file,) = (x for x in page.sources if x.startswith("data:text/csv;base64,"))
     assert b64decode(file.partition(",")[2]) == (results / "curve.csv").read_bytes()
-    out = tmp_path / "copy"
-    out.mkdir()
-    for name in ("summary.json", "case.toml"):
-        (out / name).write_bytes((results / name).read_bytes())
-    (out / "case.toml").write_text((out / "case.toml").read_text().split("[output]")[0])
-    empty_cell = (
-        "displacement (mm),force (N),half-width of the force (N)\n0,0,\n4,1,2\n"
-    )
-    (out / "curve.csv").write_text(empty_cell)
-    text = write_report(out).text
+    header = "displacement (mm),force (N),half-width of the force (N)"
+    (copy / "curve.csv").write_text(f"{header}\n0,0,\n4,1,2\n")
+    text = write_report(copy).text
     assert "half-width" in text
     assert "nan" not in text.split("Pictures")[0]
 
@@ -123,20 +127,15 @@ def test_every_picture_of_a_run_is_in_the_report():
     assert drawn == {*report._PICTURES, *CURVES}
 
 
-def test_pictures_are_embedded_in_the_page(results, tmp_path):
-    out = tmp_path / "copy"
-    out.mkdir()
-    for name in ("summary.json", "case.toml"):
-        (out / name).write_bytes((results / name).read_bytes())
-    (out / "case.toml").write_text((out / "case.toml").read_text().split("[output]")[0])
-    (out / "shear_angle.png").write_bytes(b"\x89PNG" + bytes(100))
-    (out / "animation.gif").write_bytes(b"GIF89a" + bytes(100))
-    kinds = [source[:16] for source in write_report(out).sources]
+def test_pictures_are_embedded_in_the_page(copy):
+    (copy / "shear_angle.png").write_bytes(b"\x89PNG" + bytes(100))
+    (copy / "animation.gif").write_bytes(b"GIF89a" + bytes(100))
+    kinds = [source[:16] for source in write_report(copy).sources]
     assert kinds == ["data:,", "data:image/png;b", "data:image/gif;b"]
 
 
 def test_an_early_stop_is_reported(results, tmp_path):
-    summary = json.loads((results / "summary.json").read_text())
+    summary = summary_in(results)
     summary |= {"converged": False, "load_factor": 0.25, "stable": None}
     summary["scene"] = "<script>alert(1)</script>"
     (tmp_path / "summary.json").write_text(json.dumps(summary))
@@ -148,9 +147,9 @@ def test_an_early_stop_is_reported(results, tmp_path):
     assert "The folder contains no curve.csv." in page.text
 
 
-def test_the_citation_equals_the_citation_file(results):
+def test_the_citation_equals_the_citation_file(page):
     cited = (Path(__file__).parents[2] / "CITATION.cff").read_text()
-    words = " ".join(write_report(results).text.split())
+    words = " ".join(page.text.split())
     for name in ("title", "journal", "volume", "year"):
         value = re.findall(rf"^ *{name}: *(?:>-)?\s*((?:.+\n?)+?)^ *\w+:", cited, re.M)
         match = re.search(rf"^  +{name}: (?!>-)(.*)", cited, re.M)
