@@ -239,6 +239,7 @@ def test_a_concave_tool_has_a_start_near_its_middle(tmp_path):
         lambda x, y: (x**2 + y**2) / 200.0, 100.0, 100.0, 8.0
     )
     tool = write(tmp_path / "bowl.stl", *bowl)
-    summary = laid(tmp_path / "out", tool, "--cell 8")
+    summary = laid(tmp_path / "out", tool, "")
+    assert summary["cell_mm"] == pytest.approx(1.43, abs=0.01)  # of the diagonal
     start = [summary[f"start_at_{axis}_mm"] for axis in "xy"]
     assert np.hypot(*start) < 10

@@ -66,10 +66,10 @@ def with_missing_corner(W, H):
 
 
 def with_waist(W, H):
-    """Its left side bends in by a hundredth of the width."""
+    """Its left side bends in by a hundred-thousandth of the width."""
     mesh = rectangle(W, H, (8, 16), "aligned")
     x, y = mesh.p
-    bent = x + 0.01 * (W - x) * np.sin(np.pi * y / H)
+    bent = x + 1e-5 * (W - x) * np.sin(np.pi * y / H)
     return MeshQuad(np.stack([bent, y]), mesh.t)
 
 

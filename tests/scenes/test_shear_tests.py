@@ -103,6 +103,8 @@ def test_scenes_give_their_specimens():
     [
         {"weft": np.pi / 2},
         {"height": 90.0},
+        {"height": 100 * (1 - 1e-5)},
+        {"weft": 0.75 * np.pi + 1e-5},
         {"moves": [("bottom", (0, 0)), ("top", (1, 5))]},
         {"moves": [("bottom", (0, 0)), ("top", ("free", 5))]},
         {"moves": [("bottom", ("free", 0)), ("top", (0, 5))]},
