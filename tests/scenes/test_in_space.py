@@ -1,4 +1,4 @@
-"""The scenes in space: cantilever and buckling, from Python and the command line."""
+"""The scenes in space: cantilever and buckling."""
 
 import json
 
@@ -47,21 +47,6 @@ def test_a_strip_buckles_and_agrees_with_the_elastica():
     assert summary["buckling_force_N_per_mm"] == pytest.approx(6.0 * (np.pi / 100) ** 2)
     assert summary["force_over_exact"] == pytest.approx(1.0, abs=3e-3)
     assert summary["height_over_exact"] == pytest.approx(1.0, abs=2e-3)
-
-
-@pytest.mark.parametrize("name", ["cantilever", "buckling"])
-def test_a_scene_in_space_runs_from_the_command_line(name, tmp_path):
-    out = tmp_path / "out"
-    quick = "--size", "8x1", "--steps", "2", "--no-render"
-    assert cli.main(["run", name, *quick, "--out", str(out)]) == 0
-    summary = json.loads((out / "summary.json").read_text())
-    assert summary["converged"]
-    assert "reaction_z" in summary
-    again = "run", str(out / "case.toml"), "--out", str(tmp_path / "again")
-    assert cli.main([*again, "--no-render"]) == 0
-    after = json.loads((tmp_path / "again" / "summary.json").read_text())
-    assert after["energy"] == summary["energy"]
-    assert (out / "fibres.vtu").exists()
 
 
 def test_a_plane_ply_bends_from_the_command_line(tmp_path):
