@@ -10,7 +10,6 @@ from skfem_textile.cli import main as cli
 from skfem_textile.fabric.directions import FibreDirections, directions_of
 from skfem_textile.io import read_directions, write_directions, write_fabric
 from skfem_textile.scenes import bias_extension
-from tests.helpers.command_line import rejected
 
 PULL = bias_extension(size=(4, 8))
 EDGES = PULL.mesh.p[:, PULL.mesh.t[1]] - PULL.mesh.p[:, PULL.mesh.t[0]]
@@ -144,32 +143,6 @@ def test_no_ignored_directions_are_reported_for_fabrics_that_have_none_or_the_sa
     assert "directions are ignored" not in caplog.text
 
 
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (
-            ("--set", "fabric.thickness_mm=0.3"),
-            "fabric.material require fabric.file",
-        ),
-        (("--fabric", "none.json"), "none.json"),
-        (("--fabric", "cloth.json", "--fibre-stiffness", "1"), "[tension] sets a law"),
-        (
-            ("--directions", "ply.vtu"),
-            "there are 32 fibre directions for 18 elements",
-        ),
-        (("--directions", "cloth.json"), "can be read only from"),
-    ],
-)
-def test_options_that_contradict_a_file_are_rejected_before_any_work(
-    tmp_path, mesh, capsys, monkeypatch, words, named
-):
-    monkeypatch.chdir(tmp_path)
-    write_fabric("cloth.json", Fabric())
-    line = ("run", "bias_extension", "--size", "3x6", "--out", "out", *words)
-    assert named in rejected(capsys, *line)
-    assert not (tmp_path / "out").exists()
-
-
 def test_show_draws_the_mesh_and_writes_directions_that_are_read_back(
     tmp_path, mesh, capsys, caplog
 ):
@@ -199,28 +172,3 @@ def test_show_accepts_angles_for_a_mesh_without_directions(tmp_path):
     assert cli.main([*line, "--no-render", "--out", str(out)]) == 0
     warp, weft = read_directions(out / "directions.csv").angles_deg()
     assert np.allclose([warp, weft], [[30] * 32, [120] * 32])
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (("none.vtu",), "no such file"),
-        (("ply.vtu", "--warp", "0"), "must be given together"),
-        (("ply.vtu", "--warp", "0", "--weft", "180"), "parallel"),
-        (("ply.vtu", "--warp", "east", "--weft", "90"), "degrees, got 'east'"),
-        (("ply.vtu", "--warp", "0", "--weft", "90", "--directions", "x"), "omit one"),
-        (
-            ("ply.vtu", "--directions", "other.csv"),
-            "other.csv has fibre directions for 1 elements, but the mesh has 32",
-        ),
-    ],
-)
-def test_show_rejects_invalid_input_in_one_line_and_writes_nothing(
-    tmp_path, mesh, capsys, monkeypatch, words, named
-):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "other.csv").write_text(
-        "element,warp_angle_deg,weft_angle_deg\n1,0,90\n"
-    )
-    assert named in rejected(capsys, "show", *words, "--out", "out")
-    assert not (tmp_path / "out").exists()

@@ -9,43 +9,35 @@ import numpy as np
 import pytest
 
 from skfem_textile import CrimpInterchange, CrimpToe, Linear, Locking, Polynomial
-from skfem_textile.calibration import BiasExtension, PictureFrame
+from skfem_textile.calibration import PictureFrame
 from skfem_textile.cases import case_from_tables
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.fit_report import _law_row
 from skfem_textile.fabric.files import fabric_text
 from skfem_textile.io import read_fabric
+from tests.helpers.curves import (
+    BIAS,
+    BIAXIAL,
+    QUINTIC,
+    joint_file,
+    noisy,
+    shear_file,
+    shear_files,
+    write_columns,
+)
 from tests.helpers.pages import Page, references
 
-BIAS, FRAME = BiasExtension(100.0, 200.0), PictureFrame(200.0, 160.0)
-QUINTIC = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
+FRAME = PictureFrame(200.0, 160.0)
 TOE = CrimpToe(4e3, 0.004, 20.0)
-
-
-def write(path, header, *columns):
-    rows = (",".join(f"{x:.9g}" for x in row) for row in zip(*columns, strict=True))
-    path.write_text("\n".join([header, *rows]))
-    return path
-
-
-def noisy(values, seed=0):
-    noise = np.random.default_rng(seed).standard_normal(values.size)
-    return values + 0.005 * np.abs(values).max() * noise
-
-
-def shear_file(path, test, law=QUINTIC, seed=0):
-    gamma = np.radians(np.linspace(0.5, 40.0, 60))
-    force = noisy(test.force(law, gamma), seed)
-    return write(path, "displacement (mm),force (N)", test.displacement(gamma), force)
 
 
 def biaxial_file(path, law, ratio):
     e = np.linspace(0.0, 0.02, 41)[1:]
     strain = np.array([e, ratio * e])
     force = 100 * np.asarray(law.value(np.log1p(strain))) / (1 + strain)
-    header = "warp strain (-),warp force (N),weft strain (-),weft force (N)"
-    both = (x for pair in zip(strain, map(noisy, force), strict=True) for x in pair)
-    return write(path, header, *both)
+    force = [noisy(one, 0, 0.005) for one in force]
+    both = (x for pair in zip(strain, force, strict=True) for x in pair)
+    return write_columns(path, BIAXIAL, *both)
 
 
 def fit(*arguments):
@@ -56,7 +48,7 @@ def shear(kind, sizes, *how):
     def run(folder, out):
         test = BIAS if kind == "bias-extension" else FRAME
         law = Locking(0.1, np.radians(60.0)) if "locking" in how else QUINTIC
-        data = [shear_file(folder / f"{i}.csv", test, law, i) for i in range(2)]
+        data = shear_files(folder, test, law, n=2, share=0.005)
         fit(kind, *data, *sizes, *how, "--slack", 0, "--no-render", "--out", out)
 
     return run
@@ -70,22 +62,7 @@ def biaxial(folder, out):
 
 
 def joint(folder, out, *how):
-    moved = np.linspace(0.0, 4.0, 60)
-    for seed, family in enumerate(("warp", "weft")):
-        strain = np.log1p(moved / 200)
-        force = noisy(50 * TOE.value(strain) / np.exp(strain), seed)
-        write(folder / f"{family}.csv", "displacement (mm),force (N)", moved, force)
-    shear_file(folder / "bias.csv", BIAS)
-    (folder / "bend.csv").write_text("overhang (mm)\n200\n201\n199.5\n")
-    tests = [
-        'kind = "strip"\ndata = "warp.csv"\nwidth = 50\nlength = 200',
-        'kind = "strip"\ndata = "weft.csv"\nwidth = 50\nlength = 200\nfamily = "weft"',
-        'kind = "bias-extension"\ndata = "bias.csv"\nwidth = 100\nheight = 200',
-        'kind = "cantilever"\ndata = "bend.csv"\nweight = 6e-6\nchord_angle = 41.5',
-    ]
-    file = folder / "tests.toml"
-    file.write_text("\n".join(f"[[test]]\n{one}" for one in tests))
-    fit("joint", file, *(how or ("--no-render",)), "--out", out)
+    fit("joint", joint_file(folder, TOE), *(how or ("--no-render",)), "--out", out)
 
 
 BIAS_SIZES = "--width", 100, "--height", 200
@@ -142,10 +119,8 @@ def test_the_laws_of_a_page_are_those_of_the_fit(name, tmp_path, monkeypatch):
 
 
 def test_the_page_of_a_joint_fit_repeats_it_in_python(tmp_path, monkeypatch):
-    shear_file(tmp_path / "bias.csv", BIAS)
-    zeros = "slack = 0\nforce_at_rest = 0"
-    test = 'kind = "bias-extension"\ndata = "bias.csv"\nwidth = 100\nheight = 200'
-    (file := tmp_path / "tests.toml").write_text(f"[[test]]\n{test}\n{zeros}\n")
+    file = joint_file(tmp_path, TOE, ["bias"])
+    file.write_text(f"{file.read_text()}\nslack = 0\nforce_at_rest = 0\n")
     how = "--degree", 3, "--up-to", 25, "--bound", "c1=0,1", "--simulate", 2
     fit("joint", file, *how, "--no-render", "--out", out := tmp_path / "out")
     monkeypatch.chdir(out)
@@ -209,17 +184,10 @@ def test_at_most_twelve_parameters_are_in_the_table_of_correlations():
 
 def test_only_deviations_above_the_error_of_a_machine_are_marked(tmp_path):
     """A parabola that a line fits, with a curvature of 1 % or 30 % of the force."""
-    gamma = np.radians(np.linspace(0.5, 40.0, 60))
     rows = []
     for share in (0.01, 0.3):
         law = Polynomial((0.1, 0.0, 0.1 * share / np.radians(40.0) ** 2), odd=True)
-        file = tmp_path / "pull.csv"
-        write(
-            file,
-            "displacement (mm),force (N)",
-            FRAME.displacement(gamma),
-            FRAME.force(law, gamma),
-        )
+        file = shear_file(tmp_path / "pull.csv", FRAME, law, share=0.0, n=60)
         how = "--law", "linear", "--slack", 0, "--force-at-rest", 0, "--no-render"
         fit("picture-frame", file, *FRAME_SIZES, *how, "--out", out := tmp_path / "out")
         (one,) = json.loads((out / "summary.json").read_text())["laws"].values()

@@ -57,6 +57,13 @@ def height_field(height, length, width, size):
     return patch(surface, length, width, size)
 
 
+def cap(side=100.0, size=6.0, radius=100.0):
+    """A part of a sphere with its pole at the origin."""
+    return height_field(
+        lambda x, y: np.sqrt(radius**2 - x**2 - y**2) - radius, side, side, size
+    )
+
+
 def cylinder(radius=100.0, length=200.0, angle=120.0, size=8.0):
     """A part of a cylinder along x, with the highest line at y = z = 0."""
     half = np.radians(angle) / 2

@@ -59,9 +59,19 @@ def pulled(law, G, formulation, kind, strain=STRAIN):
     return LoadStepper(ply, conditions, steps=1).run()
 
 
-@pytest.mark.parametrize("G", [0.0, 0.5])
-@pytest.mark.parametrize("formulation", FORMULATIONS.values(), ids=FORMULATIONS)
-@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+@pytest.mark.parametrize(
+    ("law", "formulation", "G"),
+    [
+        pytest.param(
+            *(law, formulation, G),
+            id=f"{of_law}, {of_formulation}, {G}",
+            marks=[pytest.mark.slow] * ((i + j + k) % 2),
+        )
+        for i, (of_law, law) in enumerate(LAWS.items())
+        for j, (of_formulation, formulation) in enumerate(FORMULATIONS.items())
+        for k, G in enumerate((0.0, 0.5))
+    ],
+)
 def test_the_force_is_exact(law, formulation, G):
     result = pulled(law, G, *formulation)
     state, T = result.states[-1], result.ply.fabric.laws[1]

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
-from skfem import MeshHex
 
-from skfem_textile import Fabric, Full, LoadStepper, MeshError, OnePoint, Ply
+from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
 from skfem_textile.mesh.scikit_fem import with_names
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
@@ -126,13 +125,7 @@ def test_meshes_along_the_weft_lock():
 
 
 def test_one_point_and_stabilisation_unlock():
-    scene = strip()
-    locked, unlocked = (run(scene, f).summary() for f in (Full(), OnePoint(1.0)))
-    assert unlocked["max_fibre_strain"] < locked["max_fibre_strain"] / 20
-    assert unlocked["energy"] < locked["energy"] / 100
-
-
-def test_strain_and_load_decrease_in_the_order_of_the_papers_figures():
+    """Strain and load decrease in the order of the paper's figures."""
     scene = strip()
     ends = [
         scene.summary(run(scene, f)) for f in (Full(), OnePoint(10.0), OnePoint(1.0))
@@ -140,6 +133,9 @@ def test_strain_and_load_decrease_in_the_order_of_the_papers_figures():
     for key in ("max_fibre_strain", "reaction_x", "energy"):
         sizes = [abs(summary[key]) for summary in ends]
         assert sizes == sorted(sizes, reverse=True), key
+    locked, _, unlocked = ends
+    assert unlocked["max_fibre_strain"] < locked["max_fibre_strain"] / 20
+    assert unlocked["energy"] < locked["energy"] / 100
 
 
 @pytest.mark.parametrize("angle", [0.3, np.pi / 2, -2.5])
@@ -212,26 +208,3 @@ def test_a_mesh_keeps_its_names_or_is_named_by_its_edges():
     half = mesh.boundaries["right"][:5]
     named = with_names(mesh, {"right": half}, None)
     np.testing.assert_array_equal(strip(named).mesh.boundaries["right"], half)
-
-
-def test_a_mesh_of_another_size_is_rejected():
-    mesh = with_names(strip().mesh, None, None)
-    with pytest.raises(MeshError, match="must lie on y = 0"):
-        strip(mesh.translated((0, 5)))
-    with pytest.raises(MeshError, match="mm high, not 600 mm"):
-        strip(mesh.scaled(10.0))
-    with pytest.raises(MeshError, match=r"must be a skfem.MeshQuad or a skfem.MeshTri"):
-        strip(MeshHex())
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"mesh": "diagonal"}, "unknown mesh 'diagonal'"),
-        ({"size": (0, 15)}, "at least 1x1"),
-        ({"jitter": 1.0}, "jitter must be at least 0"),
-    ],
-)
-def test_invalid_meshes_are_rejected(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        strip(**arguments)

@@ -10,7 +10,8 @@ import pytest
 
 from skfem_textile.solve.sweep import sweep
 from tests.helpers import full_disk
-from tests.helpers.sweep_cases import lines, square
+from tests.helpers.sweep_cases import lines
+from tests.sweep.calls import square
 
 FOREIGN = "not written by a sweep"
 
