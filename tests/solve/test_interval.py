@@ -369,7 +369,7 @@ def there_and_back(X, t):
 
 
 @pytest.mark.parametrize(
-    ("formulation", "value"), [(Full(), there_and_back), (MACRO, 0.0)], ids=repr
+    ("formulation", "value"), [(Full(), there_and_back), (MACRO, 0.0)]
 )
 def test_without_a_load_only_the_shear_angle_has_an_error(formulation, value):
     held = {"bottom": Condition("bottom"), "top": Condition("top", value)}
