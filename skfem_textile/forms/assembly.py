@@ -84,7 +84,7 @@ class OfDisplacement(OwnAssembly):
             fabric_on(np.arange(basis_mesh(basis).nelements), fabric)
         return {"element": element_numbers(basis), **parameters}
 
-    def block(self, fields: tuple[DiscreteField, ...]) -> tuple[DiscreteField, ...]:
+    def taken(self, fields: tuple[DiscreteField, ...]) -> tuple[DiscreteField, ...]:
         """The displacement, the first vector field; see `OwnAssembly`."""
         if len(fields) == 1:
             return fields

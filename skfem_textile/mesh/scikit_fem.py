@@ -79,7 +79,7 @@ class OwnAssembly:
         """Parameters for the function of the form, before interpolation."""
         return parameters
 
-    def block(self, fields: tuple[DiscreteField, ...]) -> tuple[DiscreteField, ...]:
+    def taken(self, fields: tuple[DiscreteField, ...]) -> tuple[DiscreteField, ...]:
         """Fields of a composite basis that the function of the form takes."""
         return fields
 
@@ -106,13 +106,13 @@ class OwnAssembly:
         fields = form._normalize_asm_kwargs(self.checked(basis, w), basis)
         for name, value in fields.items():
             if isinstance(value, tuple) and isinstance(value[0], DiscreteField):
-                used = self.block(value)
+                used = self.taken(value)
                 fields[name] = used[0] if len(used) == 1 else used
         return fields
 
     def _kernel(self, *arguments: Any) -> ndarray:
         *functions, w, dx = arguments
-        used = [self.block(fields) for fields in functions]
+        used = [self.taken(fields) for fields in functions]
         selected = any(len(x) < len(y) for x, y in zip(used, functions, strict=True))
         if selected and any(map(_vanishes, used)):  # a function of another field
             return np.zeros(len(dx))

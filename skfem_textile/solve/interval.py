@@ -41,7 +41,7 @@ from ..ply.formulations import (
     Macro,
 )
 from ..ply.parameters import Values
-from ..ply.terms import Formulation
+from ..ply.terms import FormTerm, Formulation, Term
 from .conditioning import uncertain_reactions
 from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
@@ -100,6 +100,10 @@ _IN_SPACE = (
 _NUMERICAL_LOAD = (
     "most of the resistance is numerical: refine the mesh, or use one that follows the "
     "singular fibres"
+)
+
+_OWN_TERM = (
+    "the discretisation error of the term {} is not known; compare with a finer mesh"
 )
 
 #: A quantity of the user: a number from a ply and its displacement.
@@ -204,6 +208,8 @@ def error_interval(
         return ErrorInterval(reason="the equilibrium is not stable")
     if not problem.constraints.free.size:
         return ErrorInterval(reason="no node is free: refine the mesh")
+    if own := [x.name for x in problem.ply.terms if _has_own_forms(x)]:
+        return ErrorInterval(reason=_OWN_TERM.format(", ".join(own)))
     try:
         with np.errstate(all="ignore"):  # non-finite values are detected
             of_state = problem.at(state.load_factor)
@@ -216,6 +222,12 @@ def error_interval(
     except Exception as error:  # from a user's term; computed states are kept
         reason = error_text(error)
     return ErrorInterval(reason=reason)
+
+
+def _has_own_forms(term: Term) -> bool:
+    """True for an elastic energy by forms that are not those of this library."""
+    elastic = isinstance(term, FormTerm) and term.role == "internal"
+    return elastic and not hasattr(term.forms, "built_by")
 
 
 def _is_state_of(problem: Problem, state: State) -> bool:

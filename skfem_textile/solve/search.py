@@ -363,8 +363,9 @@ def equilibrium_near(
 def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]:
     """State of a displacement at the load factor 1, and whether it is an equilibrium.
 
-    The parameters of the terms are those at rest, updated at the displacement.  What
-    a `LoadStepper` would refuse is a warning.
+    The parameters of the terms are those at rest, updated at the displacement, which
+    may change an equilibrium by `SETTLED`.  What a `LoadStepper` would refuse is a
+    warning.
     """
     u = real_numbers("u", u)
     ply.refuse_other(u)
@@ -372,7 +373,8 @@ def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]
         raise ValueError("u must be finite, one displacement in mm for each unknown")
     constraints = Constraints(ply.basis, conditions)
     problem = Problem(ply, constraints, partial(ChosenSolver, "auto")).at(1.0)
-    p, tangent = ply.updated(ply.parameters_at_rest, u), None
+    at_rest, tangent = ply.parameters_at_rest, None
+    p = ply.updated(at_rest, u)
     f = problem.residual(u, p)
     residual, tolerance = problem.unbalanced(f, u), 0.0
     with contextlib.suppress(NoEquilibriumError):  # a singular tangent
@@ -381,7 +383,10 @@ def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]
     equilibrium = Equilibrium(u, f, p, (residual,), tolerance, tangent=tangent)
     trial = Trial.of(problem, equilibrium, None)
     fixed = problem.is_fixed(u, constraints.fixed_values(1.0))
-    if not (in_balance := fixed and residual <= tolerance):
+    in_balance = fixed and residual <= tolerance
+    if fixed and p is not at_rest and np.isfinite(f).all():
+        in_balance = _change(trial, p) <= _limit_of_change(problem)
+    if not in_balance:
         cause = f"the largest free nodal force is {residual:.3g} N"
         if not fixed:
             cause = "nodes do not have their prescribed displacements"

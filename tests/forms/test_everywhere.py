@@ -6,9 +6,14 @@ import pickle
 import numpy as np
 import pytest
 from skfem import (
+    Basis,
     CellBasis,
     ElementQuad0,
     ElementQuad1,
+    ElementQuadBFS,
+    ElementTriCR,
+    ElementTriDG,
+    ElementTriHermite,
     ElementTriP1,
     ElementVector,
     MeshQuad,
@@ -309,3 +314,28 @@ def test_there_is_one_function_of_each_name(name):
     import skfem_textile
 
     assert getattr(skfem_textile, name) is getattr(forms, name)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "element"),
+    [
+        (MeshTri().refined(1), ElementTriHermite()),
+        (MeshTri(), ElementTriCR()),
+        (MeshTri(), ElementTriDG(ElementTriP1())),
+        (MESH, ElementQuadBFS()),
+    ],
+    ids=lambda x: type(x).__name__,
+)
+def test_elements_with_other_unknowns_than_values_at_nodes_are_right(mesh, element):
+    basis = Basis(mesh, ElementVector(element), intorder=4)
+    u = 0.01 * np.random.default_rng(0).standard_normal(basis.N)
+    for form in (tension(Fabric(1e3)), shear(Fabric(1e3, 0.3))):
+        E = asm(form.energy, basis, u=u)
+        assert pytest.approx(asm(form.energy, basis, u=basis.interpolate(u))) == E
+        f, K = (asm(x, basis, u=u) for x in form[1:])
+        du = 1e-6 * np.random.default_rng(1).standard_normal(basis.N)
+        after, before = (asm(form.energy, basis, u=u + s * du) for s in (1, -1))
+        assert after - before == pytest.approx(2 * f @ du, rel=1e-6)
+        after, before = (asm(form.residual, basis, u=u + s * du) for s in (1, -1))
+        error = np.abs(after - before - 2 * K @ du).max()
+        assert error < 1e-6 * np.abs(K @ du).max()

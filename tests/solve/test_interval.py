@@ -6,13 +6,16 @@ from weakref import ref
 
 import numpy as np
 import pytest
-from skfem import MeshQuad, MeshTri
+from skfem import BilinearForm, CellBasis, Functional, LinearForm, MeshQuad, MeshTri
+from skfem.helpers import dot
 
 from skfem_textile import (
     Condition,
     CrimpToe,
     Fabric,
     Force,
+    Forms,
+    FormTerm,
     Full,
     Linear,
     LoadStepper,
@@ -314,6 +317,18 @@ def test_without_numerical_stiffness_the_interval_contains_that_of_the_reference
 def square(formulation=MACRO, mesh=None):
     mesh = mesh or rectangle(50, 50, (4, 4), "delaunay")
     return Ply(mesh, BIAS, formulation)
+
+
+def test_an_elastic_term_of_ones_own_leaves_no_interval():
+    ply, mass = square(Full()), BilinearForm(lambda u, v, w: dot(u, v))
+    energy = Functional(lambda w: 0.5 * dot(w["u"], w["u"]))
+    forms = Forms(energy, LinearForm(lambda v, w: dot(w["u"], v)), mass)
+    glued = ply.with_terms(FormTerm("glue", forms, CellBasis(ply.mesh, ply.basis.elem)))
+    held = {"bottom": Condition("bottom"), "top": Condition("top", (0, 1.0))}
+    assert run_of(ply, held, 1).error.load is not None
+    error = run_of(glued, held, 1).error
+    assert error.load is None
+    assert error.reason.startswith("the discretisation error of the term glue is not")
 
 
 def rotated(X, t):

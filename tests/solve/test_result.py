@@ -129,6 +129,13 @@ def test_a_result_of_a_displacement_states_that_it_is_not_an_equilibrium():
     assert f"the largest free nodal force is {force[dof]:.3g} N" in line
 
 
+def test_a_displacement_of_macro_elements_is_in_equilibrium():
+    mesh = MeshQuad().refined(2).with_defaults()
+    held = {"clamp": Condition("bottom"), "pull": Condition("top", (0, 0.02))}
+    run = LoadStepper(Ply(mesh, Fabric(1e3, 0.5, (1, 1), (-1, 1))), held, 2).run()
+    assert Result.of_state(run.ply, held, run.u).converged
+
+
 def test_a_result_of_a_displacement_warns_of_what_a_load_stepper_would_refuse():
     scene = bias_extension("irregular", (4, 8), shear_angle=0.2)
     ply = Ply(scene.mesh, Fabric(1e3, 0.1, scene.warp, scene.weft), OnePoint(20.0))

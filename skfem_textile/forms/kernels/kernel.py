@@ -299,14 +299,15 @@ class MeanTensionKernel:
 def can_compute(kernel: Kernel | None, basis: Any) -> bool:
     """True if a kernel supports a basis: one with elements, and unknowns node by node.
 
-    Node k has the unknowns from dk on, with d = 2 or 3 components.
+    Node k has the unknowns from dk on, with d = 2 or 3 components, and vertices are
+    nodes: an unknown is neither a derivative nor discontinuous.
     """
     if kernel is None or not isinstance(basis, kernel.basis_type):
         return False
     if not isinstance(basis.elem, ElementVector) or not basis.nelems:
         return False
     fluctuates = isinstance(basis.elem.elem, ElementQuad1Fluctuation)
-    if basis.elem.dim not in (2, 3):
+    if basis.elem.dim not in (2, 3) or basis.elem.elem.nodal_dofs != 1:
         return False
     if fluctuates != (kernel.basis_type is HourglassBasis):
         return False
