@@ -225,7 +225,7 @@ def error_interval(
 
 
 def _has_own_forms(term: Term) -> bool:
-    """True for an elastic energy by forms that are not those of this library."""
+    """True for an elastic energy given by user-defined forms."""
     elastic = isinstance(term, FormTerm) and term.role == "internal"
     return elastic and not hasattr(term.forms, "built_by")
 
