@@ -114,7 +114,7 @@ def test_a_form_checks_its_parameters_and_selects_fields(threads):
         def checked(self, basis, parameters):
             return {"factor": 3.0, **parameters}
 
-        def block(self, fields):
+        def taken(self, fields):
             return fields[-1:]
 
     class LastOf(Last, LinearForm):
