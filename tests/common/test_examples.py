@@ -146,18 +146,3 @@ def test_the_page_on_the_architecture_names_existing_modules():
     assert len(paths) > 30
     assert len(names) > 60
     assert [n for n in names if not re.search(rf"\b{n}\b", CODE)] == []
-
-
-def test_the_table_of_rejected_steps_quotes_the_messages():
-    rows = re.findall(
-        r"^\| ((?:`[^`]+`(?:, )?)+) \|", ARCHITECTURE.partition("## Rejected")[2], re.M
-    )
-    quoted = [text for row in rows for text in re.findall("`([^`]+)`", row)]
-    literals = "".join(
-        part.value
-        for file in sorted((ROOT / "skfem_textile" / "solve").rglob("*.py"))
-        for part in ast.walk(ast.parse(file.read_text()))
-        if isinstance(part, ast.Constant) and isinstance(part.value, str)
-    )
-    assert len(quoted) > 15
-    assert [text for text in quoted if text not in literals] == []
