@@ -3,7 +3,6 @@
 The scripts of the gallery run when the documentation is built.
 """
 
-import ast
 import re
 import runpy
 import shutil

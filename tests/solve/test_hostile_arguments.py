@@ -183,7 +183,10 @@ SELECTS = (
     "(where (must be|selects no nodes|raised .*Error)|node numbers must be from 0 to 15"
     "|the mesh has no boundary .*'left', 'bottom')"
 )
-LEADS = "direction (must be (a non-zero finite vector|a vector of 2 components,|real-valued)|raised)"
+LEADS = (
+    "direction (must be (a non-zero finite vector|a vector of 2 components,|"
+    "real-valued)|raised)"
+)
 MOVES = (
     r"the value (is not finite at load factor 0|must be real-valued|raised .*Error|"
     r"must have shape \({}4,?\), not)"
