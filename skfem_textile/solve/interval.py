@@ -226,8 +226,9 @@ def error_interval(
 
 def _has_own_forms(term: Term) -> bool:
     """True for an elastic energy given by user-defined forms."""
-    elastic = isinstance(term, FormTerm) and term.role == "internal"
-    return elastic and not hasattr(term.forms, "built_by")
+    if not isinstance(term, FormTerm) or term.role != "internal":
+        return False
+    return not hasattr(term.forms, "built_by")
 
 
 def _is_state_of(problem: Problem, state: State) -> bool:
