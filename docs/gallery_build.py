@@ -81,7 +81,8 @@ def written_pictures(
 def _picture(file: str, source: str) -> str:
     """Return the directive that shows a picture."""
     text = str(figure_rst([file], source))
-    wide = Image.open(file).width > _COLUMN_WIDTH
+    with Image.open(file) as picture:
+        wide = picture.width > _COLUMN_WIDTH
     return text.replace("sphx-glr-single-img", "page-wide") if wide else text
 
 
