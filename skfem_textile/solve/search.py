@@ -272,17 +272,26 @@ def _change(trial: Trial, parameters: PlyParameters) -> float:
     if problem.unbalanced(start.f, u) <= tolerance:
         return 0.0
     before, end = (sum(x.energies.values()) for x in (trial, start))
-    ours = np.array([*problem.forces(f).values()])
-    of_tools = contact.resultants(problem, u, trial.equilibrium.parameters).values()
-    supports = *ours, *(force for force, _ in of_tools)
-    largest = max(float(np.linalg.norm(force)) for force in supports)
-    limit = _limit_of_change(problem)
+    limit, largest = _limit_of_change(problem), _largest_force(trial)
     if abs(end - before) <= limit * abs(before) and (
         np.abs(start.f - f).sum() <= _CERTAINLY * limit * largest
     ):
         return 0.0
+    return _change_to_balance(trial, start)
+
+
+def _change_to_balance(trial: Trial, start: InitialGuess) -> float:
+    """Change of energy and forces from a trial to the balance of an initial guess.
+
+    To first order, at the same displacement; infinite if the tangent is singular.
+    """
+    problem, (u, f, *_) = trial.problem, trial.equilibrium
+    tolerance, tangent = trial.equilibrium.tolerance, trial.equilibrium.tangent
     if tangent is None or tangent.negative_pivots is None:
         return np.inf
+    before, end = (sum(x.energies.values()) for x in (trial, start))
+    largest = _largest_force(trial)
+    ours = np.array([*problem.forces(f).values()])
     du, after = tangent.settled(start.f)
     theirs = np.array([*problem.forces(after).values()])
     force = np.linalg.norm(ours - theirs, axis=1).max() - tolerance * u.size
@@ -290,6 +299,14 @@ def _change(trial: Trial, parameters: PlyParameters) -> float:
     energy -= tolerance * np.abs(u).sum()
     of_force = max(force, 0.0) / largest if largest else 0.0
     return float(max(of_force, max(energy, 0.0) / abs(before)))
+
+
+def _largest_force(trial: Trial) -> float:
+    """Largest force of a condition or tool in N."""
+    problem, (u, f, p, *_) = trial.problem, trial.equilibrium
+    of_tools = (force for force, _ in contact.resultants(problem, u, p).values())
+    forces = *problem.forces(f).values(), *of_tools
+    return max(float(np.linalg.norm(force)) for force in forces)
 
 
 def method_of(method: str | Method) -> Method:
@@ -385,7 +402,8 @@ def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]
     fixed = problem.is_fixed(u, constraints.fixed_values(1.0))
     in_balance = fixed and residual <= tolerance
     if fixed and p is not at_rest and np.isfinite(f).all():
-        in_balance = _change(trial, p) <= _limit_of_change(problem)
+        change = _change_to_balance(trial, problem.start(u, p, tangent))
+        in_balance = change <= _limit_of_change(problem)
     if not in_balance:
         cause = f"the largest free nodal force is {residual:.3g} N"
         if not fixed:

@@ -134,6 +134,9 @@ def test_a_displacement_of_macro_elements_is_in_equilibrium():
     held = {"clamp": Condition("bottom"), "pull": Condition("top", (0, 0.02))}
     run = LoadStepper(Ply(mesh, Fabric(1e3, 0.5, (1, 1), (-1, 1))), held, 2).run()
     assert Result.of_state(run.ply, held, run.u).converged
+    moved = run.u.copy()
+    moved[run.ply.basis.nodal_dofs[0, run.ply.mesh.interior_nodes()[:2]]] += 1e-3
+    assert not Result.of_state(run.ply, held, moved).converged
 
 
 def test_a_result_of_a_displacement_warns_of_what_a_load_stepper_would_refuse():
