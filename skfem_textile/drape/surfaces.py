@@ -15,6 +15,12 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..mesh.user_input import real_numbers
+from ..solve.surface.surface import (
+    displacement as displacement,
+)
+from ..solve.surface.surface import (
+    exponential_map as exponential_map,
+)
 
 #: Three components.
 Vector: TypeAlias = ArrayLike

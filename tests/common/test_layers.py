@@ -20,7 +20,6 @@ LAYERS = {
     "cli.interruption": (),
     "cli.output": (),
     "mesh": (),
-    "lazy": ("mesh",),
     "fabric": ("mesh",),
     "forms.kernels": ("fabric", "mesh"),
     "forms": ("forms.kernels", "fabric", "mesh"),
