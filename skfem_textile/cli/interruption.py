@@ -1,8 +1,8 @@
 """Ctrl-C and SIGTERM on the command line: one line, and exit code 130.
 
-`cli` imports this module first. While modules are imported, a signal ends the process of
-the command line at once, because nothing can be lost. Within `raised` a
-signal raises `KeyboardInterrupt`. After `raised`, signals are ignored.
+`cli` imports this module first.  While modules are imported, a signal ends the process
+of the command line at once, because nothing can be lost.  Within `raised` a signal
+raises `KeyboardInterrupt`.  After `raised`, signals are ignored.
 """
 
 import os
