@@ -13,6 +13,7 @@ from enum import IntEnum
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.bases import cross
 from ..solve.surface import Surface
 from .guide_curve import GuideCurve
 from .seams import Seams
@@ -200,7 +201,7 @@ class _Front:
         self._gradient = surface.gradient(self._start)
         warp, weft = self._along
         self._cosine = (warp * weft).sum(axis=0)
-        turn = (_cross(warp, weft) * self._gradient).sum(axis=0)
+        turn = (cross(warp, weft) * self._gradient).sum(axis=0)
         self._sine = np.copysign(np.sqrt(1 - self._cosine**2), turn)
         self._guides = [
             [
@@ -278,9 +279,9 @@ class _Front:
         other = x - c.x[:, at]
         n = gradient / np.linalg.norm(gradient, axis=0)
         sine = self._sine[row] * (-1 if family == 0 else 1)
-        turned = self._cosine[row] * other + sine * _cross(n, other)
+        turned = self._cosine[row] * other + sine * cross(n, other)
         step[:, turns] = turned[:, turns]
-        through, across = x.copy(), _cross(step, gradient)
+        through, across = x.copy(), cross(step, gradient)
         for k in self._guided(family, row, i, at.shape[1]):
             guide = self._guides[row[k]][family]
             place = guide.after(x[:, k], self._cell)
@@ -363,7 +364,7 @@ def straight(
     ``x`` are their last crossings, and ``before`` the ones before, shape (3, n).
     """
     guess, crosses = 2 * x - before, np.zeros(x.shape[1], dtype=bool)
-    across = _cross(x - before, surface.gradient(x))
+    across = cross(x - before, surface.gradient(x))
     across /= np.linalg.norm(across, axis=0)
     found, _, done = _pinned(surface, guess, x, x, across, crosses, cell)
     return found, _judged(found, guess, x, x, done, crosses, cell)
@@ -397,7 +398,7 @@ def _pinned(
         rod, other = (((v * v).sum(axis=0) / cell - cell) / 2 for v in (p, q))
         off = np.array([level / slope, rod, np.where(meets, other, on_plane)])
         one, two, third = g / slope, p / cell, np.where(meets, q / cell, third)
-        normals = _cross(two, third), _cross(third, one), _cross(one, two)
+        normals = cross(two, third), cross(third, one), cross(one, two)
         det = (one * normals[0]).sum(axis=0)
         with np.errstate(all="ignore"):  # non-finite steps are not made
             step = sum(o * m for o, m in zip(off, normals, strict=True)) / det
@@ -423,7 +424,7 @@ def _judged(
 ) -> ndarray:
     """`Status` of the ends of rods, of which some are done."""
     p, q = x - a, x - b
-    sine = np.sqrt((_cross(p, q) ** 2).sum(axis=0)) / cell**2
+    sine = np.sqrt((cross(p, q) ** 2).sum(axis=0)) / cell**2
     corner = a + b - guess
     backwards = ((x - corner) * (guess - corner)).sum(axis=0) <= 0
     apart = ((a - b) ** 2).sum(axis=0) >= (2 * cell) ** 2 * (1 - FOLDED**2)
@@ -458,14 +459,3 @@ def _assembled(diagonals: list[_Diagonal]) -> list[Quadrant]:
         part = np.s_[..., row, :m, :n]
         quadrants.append(Quadrant(x[part], status[part]))
     return quadrants
-
-
-def _cross(a: ndarray, b: ndarray) -> ndarray:
-    """Cross products of columns, faster than `numpy.cross` for few of them."""
-    return np.array(
-        [
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        ]
-    )
