@@ -50,7 +50,9 @@ def test_a_hemisphere_with_a_flange_is_draped_at_once():
 def test_the_state_from_the_net_is_that_of_growth_with_half_of_the_solves(
     fibres, tension, bending
 ):
-    scene = hemisphere(size=(2, 2), width=120, height=120, fibres=fibres, tension=tension)
+    scene = hemisphere(
+        size=(2, 2), width=120, height=120, fibres=fibres, tension=tension
+    )
     case = case_of(scene, bending)
     begun, ply = case.run(), case.ply()
     grown = LoadStepper(ply, scene.conditions, 3).run()
