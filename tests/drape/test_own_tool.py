@@ -25,7 +25,7 @@ def run(scene):
 def test_triangles_of_a_sphere_cause_its_shear(tmp_path):
     """At a fibre angle without the symmetry of a quarter."""
     mesh = read_surface(write_sphere(tmp_path / "ball.stl"))
-    kwargs = {"size": (6, 6), "fibres": np.radians(17.0), "tension": 2.0}
+    kwargs = {"size": (8, 8), "fibres": np.radians(17.0), "tension": 2.0}
     result, summary = run(on_tool(mesh, **kwargs))
     exact, _ = run(hemisphere(part="whole", **kwargs))
     error = result.ply.shear_angle(result.u) - exact.ply.shear_angle(exact.u)
@@ -37,21 +37,30 @@ def test_triangles_of_a_sphere_cause_its_shear(tmp_path):
     assert "beyond_tool" not in summary
 
 
+FACES_DOWN = "faces down at the contact point"
+
+
+def on_plate(height, side):
+    x, t = plate(n=15, height=height)
+    small = {"size": (2, 2), "width": 100.0, "height": 100.0, "tension": 0.0}
+    return run(on_tool(drape.TriangleMesh(x, t[::side]), **small))[1]
+
+
 def test_an_inverted_tool_is_reported():
-    kwargs = {"size": (2, 2), "width": 100.0, "height": 100.0, "tension": 0.0}
-    round_top = plate(n=15, height=lambda x, y: -(x**2 + y**2) / 400)
-    bumps = plate(n=15, height=lambda x, y: bump_height(x, y) - bump_height(x - 60, y))
-    plain, away, both_ways = (
-        run(on_tool(drape.TriangleMesh(x, t[::side]), **kwargs))[1]
-        for (x, t), side in ((round_top, 1), (round_top, -1), (bumps, -1))
+    plain, away = (
+        on_plate(lambda x, y: -(x**2 + y**2) / 400, side) for side in (1, -1)
     )
     assert "off_triangles" not in plain
     assert "faces_away" not in plain
-    assert both_ways["min_contact_pressure_N_per_mm2"] < 0
-    assert both_ways["max_contact_pressure_N_per_mm2"] > 0
-    for figures in (away, both_ways):
-        assert "faces down at the contact point" in figures["faces_away"]
+    assert FACES_DOWN in away["faces_away"]
     assert away["max_shear_angle_deg"] == pytest.approx(plain["max_shear_angle_deg"])
+
+
+def test_an_inverted_tool_curved_both_ways_is_reported():
+    figures = on_plate(lambda x, y: bump_height(x, y) - bump_height(x - 60, y), -1)
+    assert figures["min_contact_pressure_N_per_mm2"] < 0
+    assert figures["max_contact_pressure_N_per_mm2"] > 0
+    assert FACES_DOWN in figures["faces_away"]
 
 
 def test_a_ply_on_a_flat_tool_has_no_bridging():
@@ -78,7 +87,7 @@ def test_a_rigidly_moved_tool_causes_the_same_shear():
     )
     error = one.ply.shear_angle(one.u) - two.ply.shear_angle(two.u)
     assert np.degrees(np.abs(error).max()) < 0.01
-    assert summary["max_shear_angle_deg"] > 10
+    assert summary["max_shear_angle_deg"] > 5
     at, then = (
         np.array([it[f"max_shear_angle_at_{axis}_mm"] for axis in "xyz"])
         for it in (summary, after)
