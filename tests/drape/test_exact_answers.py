@@ -63,10 +63,13 @@ def test_the_largest_error_converges_with_second_order():
     assert (np.diff(np.log2(errors)) < -1.8).all()
 
 
-@pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
 @pytest.mark.parametrize(
-    ("shear", "tension", "unit"),
-    [(0.1, 0.1, 1.0), (0.1, 50.0, 1e-6), (1e-4, 20.0, 1e3)],
+    ("formulation", "shear", "tension", "unit"),
+    [
+        (Macro(), 0.1, 0.1, 1.0),
+        (OnePoint(), 0.1, 50.0, 1e-6),
+        (OnePoint(), 1e-4, 20.0, 1e3),
+    ],
 )
 def test_no_stiffness_tension_or_unit_of_force_takes_more_solves(
     formulation, shear, tension, unit
@@ -190,7 +193,7 @@ def test_formulations_agree_on_where_fibres_wrinkle():
     fabric = Fabric(2e4, 0.2, (c, s), (-s, c), bending=(40.0, 60.0))
     shares = []
     for formulation in (Macro(), OnePoint(), Quadratic(), Quadratic(10.0)):
-        ply = square(60.0, 12, fabric, formulation)
+        ply = square(60.0, 10, fabric, formulation)
         held = {"on": OnSurface(tool)} | SYMMETRY
         state = equilibrium_near(ply, held, geodesic_u(ply, tool))
         shares.append(drape.wrinkle_risk(ply, state.u).mean())
