@@ -1,12 +1,8 @@
 """Singular fibres of cases that are solved by hand, and of random outlines."""
 
-import re
-
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from skfem_textile import (
     BodyForce,
@@ -617,24 +613,15 @@ def random_fabric(rng):
     return Fabric(1e5, 0.5, spiral(warp, centre), spiral(warp + between, centre))
 
 
-# Reasons why a random case is refused: holes or regions at wrong places, and sources.
-REFUSED = r"touch|lies outside|crosses|source|does not reach"
-
-
-@given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=4, deadline=None)
-def test_random_outlines(seed):
-    """Fibres from edge to edge, along the field, or one line of text."""
+# Seeds 3 and 11 have curved fibres; 3, 13 and 15 a region.
+@pytest.mark.parametrize("seed", [3, 11, 13, 15, 22])
+def test_fibres_of_random_outlines_run_from_edge_to_edge(seed):
     rng = np.random.default_rng(seed)
-    try:
-        outline = random_outline(rng)
-        fabric, other = random_fabric(rng), random_fabric(rng)
-        fabrics = {"r": other} if outline.regions else None
-        held = {"a": Condition("held"), "b": Condition("pulled", (0, 1))}
-        lines = singular_fibres(outline, fabric, held, fabrics=fabrics, finest=8.0)
-    except ValueError as error:
-        assert re.search(REFUSED, str(error))  # noqa: PT017
-        return
+    outline = random_outline(rng)
+    fabric, other = random_fabric(rng), random_fabric(rng)
+    fabrics = {"r": other} if outline.regions else None
+    held = {"a": Condition("held"), "b": Condition("pulled", (0, 1))}
+    lines = singular_fibres(outline, fabric, held, fabrics=fabrics, finest=25.0)
     shape, size = outline.shape(), outline.size
     edges = [shape.boundary, *(shapely.LineString(b.T) for b in lines.borders)]
     every = shapely.union_all(edges)
