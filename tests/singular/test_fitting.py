@@ -119,7 +119,7 @@ def test_a_fibre_without_edges_is_reported_with_its_place(monkeypatch, caplog):
 def test_names_and_parents_are_kept(kind):
     """Boundaries keep their length, and elements lie in their parents."""
     mesh = rectangle(kind, 8)
-    found, parent = fit_to_fibres(mesh, fabric(), HELD)
+    found, parent = fit_to_fibres(mesh, fabric(52.0), HELD)
     for name, edges in mesh.boundaries.items():
         lengths = []
         for m, e in ((mesh, edges), (found, found.boundaries[name])):
@@ -130,7 +130,8 @@ def test_names_and_parents_are_kept(kind):
     assert np.array_equal(
         np.isin(parent, mesh.subdomains["left half"]).nonzero()[0], left
     )
-    assert areas(found)[left].sum() == pytest.approx(2500)
+    border = np.flatnonzero(mesh.p[0] == 25)
+    np.testing.assert_array_equal(found.p[:, border], mesh.p[:, border])
     centre, old = (m.p[:, m.t].mean(axis=1) for m in (found, mesh))
     assert np.hypot(*(centre - old[:, parent])).max() < 50 / 8
 
@@ -219,6 +220,16 @@ def test_no_fibre_is_left_uncut(seed, angle, caplog):
     assert np.sum(areas(found)) == pytest.approx(50 * height, rel=1e-12)
     assert smallest_angles(found.p, oriented(found)).min() >= 3
     assert caplog.text == ""
+
+
+def test_nodes_that_would_move_to_fibres_stay_if_they_are_named():
+    """Two of one name, since a single one would be a point with fibres."""
+    mesh = rectangle(MeshTri, 8)
+    free = fit_to_fibres(mesh, fabric(52.0), HELD).mesh.p[:, : mesh.p.shape[1]]
+    nodes = np.flatnonzero((free != mesh.p).any(axis=0))[:2]
+    named = with_named_nodes(mesh, {"stitches": nodes})
+    found = fit_to_fibres(named, fabric(52.0), HELD).mesh
+    np.testing.assert_array_equal(found.p[:, nodes], mesh.p[:, nodes])
 
 
 def test_a_fibre_beside_a_named_node_is_reported(caplog):
