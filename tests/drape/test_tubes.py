@@ -76,10 +76,14 @@ def test_the_ends_of_tubes_are_no_holes():
         assert len(cone.without_holes().facets.boundary()) == n
 
 
-def test_first_layer_of_a_net_that_does_not_meet_itself_is_whole():
+@pytest.mark.parametrize("cells", [(10, 40), (40, 10)])
+def test_the_first_layer_ends_with_the_cell_that_meets_the_first(cells):
+    """Around a cylinder; on a sphere the net does not meet itself."""
+    around = drape.net(drape.Cylinder(RADIUS, (0, 0, -RADIUS)), 5.0, cells, (2, 2))
+    columns = np.ceil(2 * np.pi * RADIUS / 5.0)
+    assert (first_layer(around).sum(axis=0) == columns).all()
     cap = drape.Sphere(100.0, (0, 0, -100))
-    net = drape.net(cap, 5.0, (16, 16), (16, 16))
-    assert first_layer(net).all()
+    assert first_layer(drape.net(cap, 5.0, (16, 16), (16, 16))).all()
 
 
 @pytest.mark.dear("the net covers the ball several times")
