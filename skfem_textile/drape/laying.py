@@ -199,10 +199,6 @@ class _Front:
         signed = directions[:, None] * signs[None, :, None]
         self._along = signed.reshape(-1, 3, 2).transpose(2, 1, 0)  # (family, 3, row)
         self._gradient = surface.gradient(self._start)
-        warp, weft = self._along
-        self._cosine = (warp * weft).sum(axis=0)
-        turn = (cross(warp, weft) * self._gradient).sum(axis=0)
-        self._sine = np.copysign(np.sqrt(1 - self._cosine**2), turn)
         self._guides = [
             [
                 g if g is None else g.walk(s.point, n)
@@ -246,8 +242,8 @@ class _Front:
         new.status[stopped] = Status.BEHIND
         parts = [
             (crosses, *self._crossing(crosses, a, b, corner)),
-            (warp, *self._straight(0, warp, a, a_0, corner)),
-            (weft, *self._straight(1, weft, b, b_0, corner)),
+            (warp, *self._straight(0, warp, a, a_0)),
+            (weft, *self._straight(1, weft, b, b_0)),
         ]
         self._lay(new, parts)
         # First threads are laid in one quadrant and copied to the neighbour.
@@ -262,25 +258,19 @@ class _Front:
         return p + q - corner, off, p, q, np.zeros_like(p), of_seams
 
     def _straight(
-        self, family: int, at: ndarray, a: _Diagonal, a_0: _Diagonal, c: _Diagonal
+        self, family: int, at: ndarray, a: _Diagonal, a_0: _Diagonal
     ) -> tuple:
         """Guess, its correction, rod end, point and normal of a plane to follow.
 
         A geodesic follows the plane of the last rod and the normal of the surface.
-        Without a last rod it starts at the angle between warp and weft at rest.
+        There is a last rod, except at the start: a crossing on the tool has a neighbour
+        along the other family, unless that one stops all crossings behind it.
         """
         row, i = np.nonzero(at)
         x, gradient, off = (of[:, at] for of in a.values)
         step = x - a_0.x[:, at]
-        fresh = ~np.isfinite(step[0])
-        first = fresh & (at.shape[1] == 2)
-        step[:, first] = self._cell * self._along[family][:, row[first]]
-        turns = fresh & ~first
-        other = x - c.x[:, at]
-        n = gradient / np.linalg.norm(gradient, axis=0)
-        sine = self._sine[row] * (-1 if family == 0 else 1)
-        turned = self._cosine[row] * other + sine * cross(n, other)
-        step[:, turns] = turned[:, turns]
+        if at.shape[1] == 2:
+            step = self._cell * self._along[family][:, row]
         through, across = x.copy(), cross(step, gradient)
         for k in self._guided(family, row, i, at.shape[1]):
             guide = self._guides[row[k]][family]

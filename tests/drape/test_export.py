@@ -158,6 +158,17 @@ def test_any_point_of_a_sheet_is_located(share):
     np.testing.assert_allclose(sheet.flat_at(spots), sheet.flat_at(exact), atol=1e-6)
 
 
+@pytest.mark.parametrize(("degrees", "found"), [(50.0, True), (70.0, False)])
+def test_a_point_over_the_ridge_of_two_elements_has_a_foot(degrees, found):
+    """Its perpendiculars meet both planes beyond the ridge."""
+    flat = 10 * np.array([[-1.0, 0, 1, -1, 0, 1], [0, 0, 0, 1, 1, 1]])
+    c, s = np.cos(np.radians(degrees / 2)), np.sin(np.radians(degrees / 2))
+    x = np.array([c * flat[0], flat[1], -s * np.abs(flat[0])])
+    fibres = np.tile([[1.0], [0.0]], 2), np.tile([[0.0], [1.0]], 2)
+    sheet = drape.Sheet(flat, x, np.array([[0, 1, 4, 3], [1, 2, 5, 4]]).T, *fibres)
+    assert sheet.at(np.array([[0.0], [5.0], [1.0]])).found.all() == found
+
+
 def test_a_tool_is_read_in_the_order_of_its_file(tmp_path):
     part = tool(rolled, 10, 90, 5)
     cells = [("triangle", part.cells[0][:3].T), ("quad", part.cells[0].T)]
