@@ -158,7 +158,7 @@ def test_any_point_of_a_sheet_is_located(share):
     np.testing.assert_allclose(sheet.flat_at(spots), sheet.flat_at(exact), atol=1e-6)
 
 
-@pytest.mark.parametrize(("degrees", "found"), [(35.0, True), (70.0, False)])
+@pytest.mark.parametrize(("degrees", "found"), [(30.0, True), (70.0, False)])
 def test_a_point_over_the_ridge_of_two_elements_has_a_foot(degrees, found):
     """Its perpendiculars meet both planes beyond the ridge."""
     flat = 10 * np.array([[-1.0, 0, 1, -1, 0, 1], [0, 0, 0, 1, 1, 1]])
@@ -176,16 +176,6 @@ def test_a_tool_is_read_in_the_order_of_its_file(tmp_path):
     read = read_tool_mesh(tmp_path / "tool.vtu")
     assert [cell.shape for cell in read.cells] == [(3, 25), (4, 25)]
     np.testing.assert_array_equal(read.cells[1], part.cells[0])
-
-
-def test_the_facets_of_a_smooth_surface_are_its_triangles():
-    part = tool(rolled, 0, 90, 6, quads=False)
-    surface = drape.TriangleMesh(part.points, part.triangles())
-    normals = surface.facets.normals()
-    assert surface.facets.n_elements == part.n_elements == 72
-    np.testing.assert_allclose(
-        sorted(normals[2].round(9)), sorted(part.normals()[2].round(9))
-    )
 
 
 def test_files_contain_the_same_fibres_and_mark_uncovered_elements(tmp_path):

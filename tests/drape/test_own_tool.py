@@ -9,7 +9,7 @@ from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
 from skfem_textile.scenes.drape import contact_point
 from tests.helpers import tool_shapes
-from tests.helpers.tools import bump_height, plate, write, write_sphere
+from tests.helpers.tools import bump_height, plate, write_sphere
 
 pytestmark = pytest.mark.usefixtures("no_interval", "coarse_net")
 
@@ -136,15 +136,6 @@ def test_a_hole_of_the_tool_is_beyond_its_edges():
     _, summary = run(scene)
     share = np.pi * 20**2 / 180**2
     assert summary["beyond_tool_share_of_area"] == pytest.approx(share, rel=0.3)
-
-
-def test_degenerate_triangles_change_nothing(tmp_path):
-    """An STL file of a surface of revolution has them at its pole."""
-    x, t = plate(n=11)
-    plain = read_surface(write(tmp_path / "plain.vtk", x, t))
-    doubled = np.hstack([t, [[5], [5], [6]]])
-    surface = read_surface(write(tmp_path / "doubled.vtk", x, doubled))
-    np.testing.assert_allclose(surface.level(x), plain.level(x), atol=1e-10)
 
 
 @pytest.mark.parametrize("point", [None, (12.0, 30.0, bump_height(12.0, 30.0))])

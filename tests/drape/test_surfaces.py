@@ -20,7 +20,7 @@ from skfem_textile import (
 from skfem_textile.io import read_surface
 from skfem_textile.solve.surface import GrowingSurface, OffSurfaceError, is_on, onto
 from skfem_textile.solve.surface.on_surface import check_surface
-from tests.helpers import facing_outwards, graph, sphere
+from tests.helpers import graph, sphere
 
 RNG = np.random.default_rng(1)
 
@@ -214,14 +214,6 @@ def on_bowl(x, y):
     return np.array([x, y, (x**2 + y**2) / 200])
 
 
-def test_points_over_the_triangles_are_not_beyond_their_edges():
-    rng = np.random.default_rng(1)
-    x = on_bowl(*rng.uniform(-SIDE / 2, SIDE / 2, (2, 400)))
-    tool = bowl()
-    assert not tool.beyond_edges(x).any()
-    np.testing.assert_array_equal(tool.beyond_edges(tool.facets.points), 0.0)
-
-
 @pytest.mark.parametrize("distance", [1.0, 5.0, 40.0])
 def test_points_beyond_edges_and_corners_have_their_distance(distance):
     side = SIDE / 2
@@ -233,13 +225,6 @@ def test_points_beyond_edges_and_corners_have_their_distance(distance):
     flat = distance * np.array([1, 1, 1, np.sqrt(2)])
     assert (beyond > 0.9 * flat).all()
     assert (beyond < 1.2 * flat).all()
-
-
-def test_a_closed_surface_has_no_points_beyond_edges():
-    x, t = drape.triangles_on(drape.Sphere(1.0), *np.full((2, 3), [[-1.1], [1.1]]), 12)
-    t = facing_outwards(x, t)
-    rng = np.random.default_rng(2)
-    assert not drape.TriangleMesh(x, t).beyond_edges(rng.normal(size=(3, 99))).any()
 
 
 def test_derivatives_at_the_same_points_are_computed_once(monkeypatch):

@@ -178,6 +178,7 @@ def test_a_closed_surface_faces_outwards():
     assert "turned outwards" in remark(tool, "turned")
     assert "lies on its outside" in remark(tool, "closed")
     assert (tool.level(52 * x) > 0).all()
+    assert not tool.beyond_edges(60 * x).any()
 
 
 def test_a_surface_with_one_side_is_rejected():

@@ -112,13 +112,6 @@ def test_every_triangle_has_an_edge_along_warp_and_one_along_weft(degrees, caplo
     assert caplog.messages == []
 
 
-@pytest.mark.parametrize("height", [75.0, 100.0, 120.0])
-def test_lines_meet_at_the_sides_however_many_there_are_along_each(height):
-    angles = np.radians([45.0, 135.0])
-    mesh = rectangle(50, height, (17, 3), "aligned", 0.3, 1, *angles)
-    np.testing.assert_array_equal(edges_along(mesh, 45, 135), 1)
-
-
 @settings(max_examples=6, phases=[Phase.explicit, Phase.generate])
 @given(
     warp=st.integers(0, 180),

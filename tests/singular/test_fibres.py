@@ -20,7 +20,6 @@ from skfem_textile import (
     singular_fibres,
 )
 from skfem_textile.drape import Sphere
-from skfem_textile.fabric.directions import AlongCurve
 
 W = 100.0
 HELD = {"fixed": Condition("bottom"), "pulled": Condition("top", (0, 20))}
@@ -516,13 +515,6 @@ def test_closed_fibres_around_a_hole():
     for radius in radii:
         assert np.ptp(radius) < 1e-6 * W
     assert sorted(round(float(r[0]), 6) for r in radii) == [20, 35]
-
-
-def test_directions_along_a_curve():
-    curve = AlongCurve([[-50, 50, 150], [0, 20, 0]])
-    fabric = Fabric(1e9, 0.5, curve, AlongCurve(curve.points, np.pi / 2))
-    lines = singular_fibres(rectangle(W, W), fabric, HELD)
-    assert len(lines.fibres) >= 2
 
 
 # Limits of reflections
