@@ -77,6 +77,7 @@ def test_shear_between_cells_is_second_order():
 @pytest.fixture
 def few_nets(monkeypatch):
     monkeypatch.setattr(start_search, "_SIDE_BY_SIDE", 6)
+    monkeypatch.setattr(start_search, "_FINALISTS", 2)
 
 
 def test_the_best_start_is_not_worse_than_others_with_smaller_cells(best, few_nets):

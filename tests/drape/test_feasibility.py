@@ -96,7 +96,7 @@ def test_a_thread_that_leaves_the_tool_is_not_a_fold(caplog, monkeypatch):
 def test_a_failed_drape_names_elements_and_a_remedy(caplog):
     scene, _ = reported(caplog, box(89.0), size=(2, 2))
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
-    method = Newton(most=2)
+    method = Newton(most=1)
     stepper = Case(scene=scene, fabric=fabric, steps=1, method=method).stepper()
     stepper.max_halvings = 0
     with pytest.raises(StepError) as error:

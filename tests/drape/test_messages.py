@@ -80,7 +80,7 @@ NETS = {
     "warp must be two whole num": lambda: drape.net(SPHERE, 2.0, (0, 0.5), (0, 8)),
     "weft must be two whole num": lambda: drape.net(SPHERE, 2.0, (0, 8), (0, 0)),
     "must not be parallel": lambda: drape.net(
-        SPHERE, 1.0, (0, 1), (0, 1), angles=(0.3, 0.3)
+        SPHERE, 1.0, (0, 1), (0, 1), angles=(0.3, 0.305)
     ),
     "is outside the net, which extends from": lambda: drape.net(
         SPHERE, 5.0, (4, 8), (3, 8)
