@@ -183,6 +183,7 @@ def test_diagonals_become_edges():
     assert len(found.boundaries[SINGULAR]) == 40
 
 
+@pytest.mark.dear("compares the loads of three plies")
 def test_load_on_a_fitted_mesh():
     """The load is within 1.5 %, and without the fit it is not."""
     held = {**HELD, "top": Condition("top", (0.0, 6.0))}

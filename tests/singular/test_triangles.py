@@ -189,6 +189,7 @@ def test_regions_are_subdomains():
     assert Ply(mesh, fabrics, Quadratic(400)).parent.size == mesh.nelements
 
 
+@pytest.mark.dear("locking shows in the loads of three plies")
 def test_curved_fibres_do_not_lock():
     """Log spirals: 6 and 12 elements across agree within 1.5 %; plain ones do not."""
     at = np.linspace(0, 1.2, 41)
