@@ -334,26 +334,20 @@ def test_loads():
 
 
 def test_a_jump_of_a_traction_starts_fibres_and_a_slope_does_not():
-    outline = rectangle(50, 100)
+    """A jump by 2 % of the variation along the edge."""
     at = 17.3
 
-    def step(x):
-        return 0.0, np.where(x[0] < at, 1.0, 1.02)
+    def value(x):
+        return 0.0 * x[0], np.where(x[0] < at, 0.0, 1.0) + x[0] ** 2 / 50
 
-    def ramp(x):
-        return 0.0 * x[0], x[0] ** 2
-
-    jump, smooth = (
-        singular_fibres(outline, bias(45), loads=[Traction("top", value)])
-        for value in (step, ramp)
-    )
-    seeds = [f for f in jump.fibres if f.origin == "jump of traction on top"]
+    loads = [Traction("top", value)]
+    lines = singular_fibres(rectangle(50, 100), bias(45), loads=loads)
+    seeds = [f for f in lines.fibres if f.origin == "jump of traction on top"]
     assert len(seeds) == 2
     for fibre in seeds:
         ends = fibre.points[:, [0, -1]]
         top = ends[:, ends[1].argmax()]
         assert top == pytest.approx([at, 100], abs=1e-7)
-    assert not [f for f in smooth.fibres if f.origin.startswith("jump")]
 
 
 def test_what_is_not_traced_is_logged_and_named(caplog):
