@@ -36,7 +36,7 @@ FORMULATIONS = [
     *(Full(), OnePoint(0.0), OnePoint(3.0), OnePoint(3.0, "continuity")),
     *(Macro(), Quadratic()),
 ]
-many, few = settings(max_examples=15), settings(max_examples=6)
+many, few = settings(max_examples=15), settings(max_examples=2)
 
 
 class Stiffening(Linear):
@@ -64,7 +64,7 @@ FABRICS = [
 
 @pytest.mark.parametrize(
     "of_states",
-    [settings(max_examples=3), pytest.param(many, marks=pytest.mark.slow)],
+    [settings(max_examples=1), pytest.param(many, marks=pytest.mark.slow)],
 )
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
 @pytest.mark.parametrize(
