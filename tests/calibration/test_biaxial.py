@@ -16,9 +16,9 @@ def pulls(law, noise=0.0):
     """Biaxial tests of a law at several strain ratios."""
     curves, rng = [], np.random.default_rng(3)
     for ratio in RATIOS:
-        e = np.linspace(0.0, 0.02, 41)[1:]
+        e = np.linspace(0.0, 0.02, 21)[1:]
         strain = np.array([e, ratio * e]) / max(1.0, ratio)
-        curve = BiaxialCurve(f"{ratio:g}", strain, np.zeros((2, 40)), (100.0, 80.0))
+        curve = BiaxialCurve(f"{ratio:g}", strain, np.zeros((2, 20)), (100.0, 80.0))
         load = forces(law, curve)
         load = load + noise * load.max() * rng.standard_normal(load.shape)
         curves.append(BiaxialCurve(curve.name, strain, load, curve.widths))

@@ -220,7 +220,7 @@ def test_a_large_stabilisation_energy_is_reported():
         fit_shear([specimen(NARROW, Linear(0.5), n=10, end=end)], "linear", settings)
         for end, settings in (
             (45.0, Simulation(across=2, steps=1)),
-            (30.0, Simulation(across=8, steps=1)),
+            (25.0, Simulation(across=6, steps=1)),
         )
     )
     assert fine.stabilisation < 0.1 < coarse.stabilisation
@@ -240,6 +240,3 @@ def test_a_simulation_ends_where_the_measured_angle_shows_slip():
     further = fit_shear([data], "linear", COARSE, up_to=np.radians(40.0))
     assert np.degrees(further.largest_angle) == pytest.approx(40.0, abs=0.5)
     assert "points up to 40.0 degrees are fitted" in notes(further)
-    agreeing = fit_shear([slipping(NARROW, 45.0, 80.0)], "linear", COARSE)
-    assert np.degrees(agreeing.largest_angle) == pytest.approx(45.0, abs=0.5)
-    assert "not simulated" not in notes(agreeing)

@@ -200,6 +200,7 @@ def test_a_table_may_rise_by_almost_nothing():
     assert np.isfinite(law.value(np.linspace(0.0, 1.0, 9))).all()
 
 
+@settings(max_examples=30)
 @given(st.lists(st.floats(0.001, 0.1), min_size=1, max_size=12), st.data())
 def test_a_table_is_monotone_and_interpolates_its_points(steps, data):
     n = len(steps)
@@ -264,6 +265,7 @@ def test_a_run_stops_where_a_table_ends():
 # Tension laws: crimp, fibres without compression, pretension
 
 
+@settings(max_examples=30)
 @given(
     E=st.floats(1.0, 1e8),
     toe=st.floats(1e-4, 0.1),

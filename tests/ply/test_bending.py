@@ -73,11 +73,11 @@ def test_directions_as_a_field_and_per_element_give_the_same_bending():
 
 def test_each_family_and_element_has_a_separate_stiffness():
     """½ D κ² of a cylinder, up to the area beside the ends of the fibres."""
-    mesh = square(8, side=8.0).with_subdomains({"all": np.arange(64)})
+    mesh = square(4, side=8.0).with_subdomains({"all": np.arange(16)})
     x, y = mesh.p
     for stiffnesses, of_warp, of_weft in (
         ((2.0, 3.0), 2.0, 3.0),
-        ((np.full(64, 2.0), 3.0), 2.0, 3.0),
+        ((np.full(16, 2.0), 3.0), 2.0, 3.0),
         ((0.0, 3.0), 0.0, 3.0),
     ):
         fabric = Fabric(bending=stiffnesses)
@@ -116,7 +116,7 @@ def test_plies_with_terms_keep_bending_and_its_ends():
 
 
 def test_twist_is_defined_per_element_and_region():
-    mesh = square(8, side=8.0).with_subdomains({"all": np.arange(64)})
+    mesh = square(4, side=8.0).with_subdomains({"all": np.arange(16)})
     values = np.where(mesh.p[0, mesh.t].mean(axis=0) < 4, 1.0, 3.0)
     fabric = Fabric(twist=values)
     for chosen in (fabric, {"all": fabric}):
@@ -225,7 +225,7 @@ def on_sides(x, y):
 
 @pytest.mark.parametrize(
     ("formulation", "degrees", "bound"),
-    [(OnePoint(), 0, 0.02), (OnePoint(), 45, 0.02), (Quadratic(), 45, 0.012)],
+    [(OnePoint(), 0, 0.02), (Quadratic(), 45, 0.012)],
 )
 def test_a_supported_plate_is_of_second_order(formulation, degrees, bound):
     coarse, fine = (
@@ -302,8 +302,8 @@ def test_the_reference_elastica_has_known_values():
 @pytest.mark.parametrize(
     ("formulation", "halved", "alpha", "weight", "bound"),
     [
-        (OnePoint(), 1, 10.0, False, 1e-3),
-        (Macro(), 2, 8.0, True, 1e-3),
+        (OnePoint(), 1, 8.0, True, 1e-3),
+        pytest.param(Macro(), 2, 10.0, False, 1e-3, marks=pytest.mark.slow),
         pytest.param(Macro(), 2, 1.0, False, 2e-4, marks=pytest.mark.slow),
     ],
 )
@@ -370,7 +370,7 @@ def test_forces_of_rotating_clamps_are_derivatives_of_the_energy(formulation):
     """In the plane, where the fibres along an edge do not end."""
     fabric = Fabric(50.0, 0.5, bending=(3.0, 1.0), twist=0.5)
     ends = {"left": "clamped", "right": lambda t: 0.5 * t, "top": "mirror"}
-    mesh = square(4, 0.2, 10.0)
+    mesh = square(2, 0.2, 10.0)
     ply = Ply(mesh, fabric, formulation, fibre_ends=ends)
     u, du = random_u(ply, 3, 0.1), random_u(ply, 4, 1e-4)
     for t in (0.0, 0.7):

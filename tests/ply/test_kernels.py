@@ -77,7 +77,9 @@ def assert_same(fast, slow):
 
 
 def plies(fabric):
-    for dimension, formulations in ((2, FORMULATIONS), (3, FORMULATIONS[3::2])):
+    """In all formulations, but for fabrics besides the even one in some."""
+    every = FORMULATIONS if fabric is FABRICS["even"] else FORMULATIONS[1::2]
+    for dimension, formulations in ((2, every), (3, every[3::2])):
         for formulation in formulations:
             mesh = distorted_for(formulation, 1)
             yield Ply(mesh, fabric, formulation, dimension=dimension)
@@ -117,9 +119,11 @@ def test_kernels_and_the_ply_equal_the_forms(fabric):
         assert_same(ply.tangent(u, tension=given), with_given)
 
 
-@every_fabric
-def test_the_kernel_out_of_plane_agrees_with_its_forms(fabric):
-    for formulation in (OnePoint(2.0), OnePoint(), Macro()):
+def test_the_kernel_out_of_plane_agrees_with_its_forms():
+    for fabric, formulation in (
+        *((FABRICS["even"], OnePoint(2.0)), (FABRICS["curved"], OnePoint())),
+        (FABRICS["coupled"], Macro()),
+    ):
         ply = Ply(distorted(1), fabric, formulation, dimension=3)
         u, term = random_u(ply, 3), ply.terms[-1]
         w, p = form_parameters(term), values_at_rest(term)
