@@ -217,16 +217,6 @@ def test_a_table_is_monotone_and_interpolates_its_points(steps, data):
     assert (law.value(between) <= y[cell + 1] + rounding).all()
 
 
-@pytest.mark.parametrize("extrapolation", ["refuse", "linear"])
-def test_a_table_of_a_linear_law_equals_the_linear_law(extrapolation):
-    x = np.array([-0.02, -0.011, 0.0, 0.001, 0.03])
-    law, line = Tabulated(x, 1e4 * x, extrapolation), Linear(1e4)
-    at = np.linspace(-0.02, 0.03, 77)
-    for part in ("energy", "value", "tangent"):
-        expected = getattr(line, part)(at)
-        np.testing.assert_allclose(getattr(law, part)(at), expected, rtol=1e-9)
-
-
 def test_a_table_ends_or_is_extrapolated_linearly_with_one_warning(caplog):
     refused, further = (
         Tabulated([0.0, 0.1, 0.3], [0.0, 1.0, 5.0], extrapolation, odd=True)
