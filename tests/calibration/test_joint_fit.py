@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from skfem_textile import CrimpToe, Fabric, Linear, Locking
+from skfem_textile import CrimpToe, Linear, Locking
 from skfem_textile.calibration import (
     BiasExtension,
     BiaxialCurve,
@@ -15,7 +15,6 @@ from skfem_textile.calibration import (
     Simulation,
     fit_tests,
     fitting,
-    read_strips,
     residuals,
 )
 from skfem_textile.calibration.report import joint_report, reports_of
@@ -114,19 +113,6 @@ def test_laws_of_separate_tests_are_those_of_separate_fits():
             joint = together.parts[part]
             np.testing.assert_allclose(joint.values, alone.values, rtol=1e-6)
             np.testing.assert_allclose(joint.intervals, alone.intervals, rtol=1e-5)
-
-
-def test_a_strip_determines_the_law_of_its_family_alone(tmp_path):
-    e = np.linspace(0.0, 0.03, 50)
-    force = 50.0 * 2e3 * np.log1p(e) / (1 + e)
-    rows = "\n".join(f"{200 * x},{f}" for x, f in zip(e, force, strict=True))
-    (tmp_path / "pull.csv").write_text(f"displacement (mm),force (N)\n{rows}\n")
-    strips = read_strips(tmp_path / "pull.csv", "weft", 50.0, 200.0)
-    result = fit_tests(strips, Choice(tension="linear"))
-    assert list(result.parts) == ["weft"]
-    assert result.laws["weft"].stiffness == pytest.approx(2e3)
-    warp, weft = result.fabric(Fabric(7.0)).families
-    assert (warp.tension.stiffness, weft.tension.stiffness) == (7.0, pytest.approx(2e3))
 
 
 def test_parameters_of_one_family_have_their_own_bounds():
@@ -268,13 +254,6 @@ def test_a_family_that_is_not_stretched_has_no_slack():
     assert residuals.biaxial(one, 1).offsets == ()
     found = fit_tests([both, one], Choice(tension="crimp-toe"))
     assert found.laws["weft"].stiffness == pytest.approx(2e3, rel=1e-2)
-
-
-def test_a_frame_and_a_strip_of_the_other_family_do_not_disturb_each_other():
-    one = specimen(FRAME, Linear(0.2), np.radians(np.linspace(1.0, 55.0, 60)))
-    both = fit_tests([one, *drawn(0.01)["strip"][:1]], Choice("linear", "linear"))
-    assert both.laws["shear"].stiffness == pytest.approx(0.2)
-    assert np.degrees(both.largest_angle) == pytest.approx(55.0)
 
 
 def test_the_range_of_each_shear_test_is_its_own():

@@ -11,19 +11,12 @@ from skfem_textile import (
     Fabric,
     Full,
     Locking,
-    Macro,
-    OnePoint,
     Ply,
-    Quadratic,
 )
 from skfem_textile.fabric.law import mean_slope
 from tests.helpers import (
     Coupled,
-    acting_tension,
-    derivative,
     distorted,
-    distorted_for,
-    random_u,
 )
 
 LAWS = {
@@ -179,37 +172,6 @@ def test_inconsistent_parts_are_rejected(law, message):
 
 
 # Plies
-
-
-@pytest.mark.parametrize(
-    ("formulation", "law"),
-    [
-        (OnePoint(2.0), LAWS["straight warp"]),
-        (Macro(), LAWS["unbalanced"]),
-        (Quadratic(20), LAWS["no crimp"]),
-    ],
-)
-def test_forces_and_tangent_of_a_ply_are_derivatives(law, formulation):
-    ply = Ply(distorted_for(formulation, 1), Fabric(law, 0.5), formulation)
-    # All yarns are taut at 3 % stretch, except where the mesh is moved most.
-    u = ply.basis.zeros()
-    u[ply.basis.nodal_dofs] = 0.03 * ply.mesh.p
-    if isinstance(formulation, Quadratic):
-        u[ply.basis.facet_dofs] = 0.03 * ply.mesh.p[:, ply.mesh.facets].mean(axis=1)
-    u += random_u(ply, 3, 0.002)
-    du = random_u(ply, 4, 1.0)
-    K, f = ply.tangent(u), ply.residual(u)
-    work = derivative(ply.energy, u, du, 1e-6)
-    assert work == pytest.approx(f @ du, rel=1e-6, abs=1e-6 * np.abs(f * du).sum())
-    change = derivative(ply.residual, u, du, 1e-6)
-    np.testing.assert_allclose(K @ du, change, atol=1e-6 * np.abs(change).max())
-    assert abs(K - K.T).max() <= 1e-12 * abs(K).max()
-    acting = acting_tension(ply, u)
-    T = derivative(lambda x: acting_tension(ply, x), u, du, 1e-6)
-    predicted = derivative(lambda x: ply.predicted_tension(u, x), 0 * u, du, 1e-6)
-    np.testing.assert_allclose(predicted, T, atol=1e-6 * np.abs(T).max())
-    geometric = ply.geometric_tension(u, 0 * u)
-    np.testing.assert_array_equal(geometric, ply.arranged(acting))
 
 
 def test_the_fixed_stiffness_of_a_family_assumes_constant_strain_of_the_other():
