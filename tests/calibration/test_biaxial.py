@@ -79,6 +79,16 @@ def test_forces_are_those_of_a_homogeneous_stretch(tmp_path):
     np.testing.assert_allclose(both[1], 80.0 * law.value(np.log([1.01])) / 1.01)
 
 
+def test_the_family_with_the_larger_strain_determines_the_loading(tmp_path):
+    e = np.append(np.linspace(0.0, 0.05, 50), np.linspace(0.05, 0.0, 50))
+    columns = np.transpose([0.001 * np.linspace(0, 1, 100), e, 50 * e, 9e3 * e])
+    header = "warp strain (-),weft strain (-),warp force (N),weft force (N)"
+    np.savetxt(tmp_path / "a.csv", columns, delimiter=",", header=header, comments="")
+    (curve,) = read_biaxial(tmp_path / "a.csv", (100.0, 80.0))
+    assert curve.strain.shape[1] in range(48, 53)
+    assert np.all(np.diff(curve.strain[1][:48]) > 0)
+
+
 def test_the_band_of_a_linear_law_follows_from_the_band_of_its_stiffness():
     curves = pulls(TwoLaws(Linear(5e3), Linear(3e3)), noise=0.02)
     fitted = fit_tension(curves, "linear")

@@ -243,6 +243,16 @@ def test_each_family_of_a_biaxial_test_has_its_own_slack():
     np.testing.assert_allclose(predicted, measured.ravel(), atol=0.02 * measured.max())
 
 
+def test_the_slack_of_a_family_is_within_the_range_of_its_own_strains():
+    strain = np.log1p([np.linspace(0.0, 0.02, 60), np.linspace(0.0, 0.05, 60)])
+    one = BiaxialCurve("one", strain, 1e3 * strain, (1.0, 1.0), slack_is_unknown=True)
+    one = replace(one, assumed_slack=(0.001, 0.002))
+    warp, weft = residuals.biaxial_coupled(one).offsets
+    assert weft.high == pytest.approx(2.5 * warp.high)
+    assert (warp.start, weft.start) == (0.001, 0.002)
+    assert residuals.biaxial(one, 1).offsets == (weft,)
+
+
 def test_a_family_that_is_not_stretched_has_no_slack():
     e = np.linspace(0.0, 0.02, 60)
     strain = np.log1p([e, -0.2 * e])

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from skfem_textile import CrimpToe, Linear, Locking, Polynomial
+from skfem_textile import CrimpToe, Linear, Polynomial
 from skfem_textile.calibration import (
     Choice,
     Zeros,
@@ -32,13 +32,9 @@ def chosen(law):
     return fit_shear([specimen(law)], "auto", points=3)
 
 
-LAWS = {"linear": Linear(0.2), "locking": Locking(0.05, np.radians(60.0))}
-
-
-@pytest.mark.parametrize("name", LAWS)
-def test_the_law_of_the_data_is_chosen_by_cross_validation(name):
-    result = chosen(LAWS[name])
-    assert result.parts["shear"].model.name == name
+def test_the_law_of_the_data_is_chosen_by_cross_validation():
+    result = chosen(Linear(0.2))
+    assert result.parts["shear"].model.name == "linear"
     compared = {one.name: one for one in result.candidates["shear"]}
     assert len(compared) == 7
     listed = reports_of(result)["Shear"]["candidates"]
@@ -106,7 +102,7 @@ def test_the_scatter_of_specimens_is_apart_from_the_band_of_the_mean():
 
 def test_the_next_law_is_fitted_if_the_best_is_not_physical(monkeypatch):
     """The range of the final fit is its own, where a law may not be physical."""
-    data, first = [specimen(LAWS["linear"])], chosen(LAWS["linear"])
+    data, first = [specimen(Linear(0.2))], chosen(Linear(0.2))
     name = first.parts["shear"].model.name
     refused = []
 
