@@ -19,7 +19,6 @@ from skfem_textile import (
     Quadratic,
     quad_basis,
 )
-from skfem_textile.mesh.bases import centre_grad
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import (
     Coupled,
@@ -103,27 +102,6 @@ def test_a_superposed_rotation_adds_no_energy(formulation, seed, angle):
     x = ply.nodes + ply.nodal(u)
     turned = (Q @ x - ply.nodes).T.ravel()
     assert ply.energy(turned) == pytest.approx(ply.energy(u), rel=1e-10)
-
-
-@given(seed=seeds)
-@few
-def test_the_fluctuation_equals_the_papers_hourglass_matrix(seed):
-    """grad N(ξ) − grad N(0) = γ ⊗ ∇h, with γ from §3.1 and h = ξη."""
-    mesh = distorted(seed, size=(1, 1)).translated((1.0, 2.0))
-    mesh = one_quad(
-        mesh.p[:, mesh.t[:, 0]] + 0.2 * np.random.default_rng(seed).random((2, 4))
-    )
-    basis = Basis(mesh, ElementQuad1Fluctuation(), quadrature=GAUSS)
-    b = np.array([centre_grad(basis.basis[i][0])[:, 0, 0] for i in range(4)])
-    h = np.array([1.0, -1.0, 1.0, -1.0])
-    gamma = (h - b @ (mesh.p @ h)) / 4
-    xi, eta = 2 * GAUSS[0] - 1
-    dh = 2 * np.array([eta, xi])  # gradient of ξη in the unit square
-    grad_h = np.einsum("jknq,jq->knq", basis.mapping.invDF(GAUSS[0]), dh)
-    for i in range(4):
-        np.testing.assert_allclose(
-            basis.basis[i][0].grad, gamma[i] * grad_h, atol=1e-13
-        )
 
 
 @BilinearForm

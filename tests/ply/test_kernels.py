@@ -229,14 +229,6 @@ def test_threads_may_evaluate_one_ply_at_several_states():
         np.testing.assert_array_equal(f, expected)
 
 
-def test_elemental_matrices_agree_with_the_form():
-    ply = next(plies(FABRICS["even"]))
-    form, u = ply.terms[0].forms.tangent, random_u(ply, 6)
-    fast = form.elemental(ply.basis, u=u).tolocal()
-    slow = BilinearForm(form.form).elemental(ply.basis, u=u).tolocal()
-    assert_same(fast, slow)
-
-
 def test_the_reference_data_of_a_basis_are_computed_once():
     ply = next(plies(FABRICS["even"]))
     groups = element_groups(ply.basis, ply.fabric)
