@@ -92,18 +92,6 @@ def check_derivatives(formulation, fabric, seed):
     assert abs(K - K.T).max() < 1e-12 * abs(K).max()
 
 
-@pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
-@given(seed=seeds, angle=st.floats(-np.pi, np.pi))
-@few
-def test_a_superposed_rotation_adds_no_energy(formulation, seed, angle):
-    ply = Ply(distorted_for(formulation, seed), FABRICS[1], formulation)
-    u = random_u(ply, seed)
-    Q = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    x = ply.nodes + ply.nodal(u)
-    turned = (Q @ x - ply.nodes).T.ravel()
-    assert ply.energy(turned) == pytest.approx(ply.energy(u), rel=1e-10)
-
-
 @BilinearForm
 def all_gradient_components(u, v, w):
     C = np.random.default_rng(0).random((2, 2, 2, 2))

@@ -141,28 +141,6 @@ def test_the_twist_energy_of_a_saddle_is_exact(formulation, degrees):
     assert energy == pytest.approx(64 * 0.5 * 3.0 * 0.01, rel=1e-10)
 
 
-@pytest.mark.parametrize(
-    ("formulation", "degrees"),
-    [(Full(), 15), pytest.param(Quadratic(), 30, marks=pytest.mark.slow)],
-    ids=["quadrilaterals", "triangles"],
-)
-def test_varying_twist_is_of_second_order_on_irregular_meshes(formulation, degrees):
-    angle, k = np.radians(degrees), np.pi / SIDE
-
-    def off(n):
-        fabric = Fabric(50.0, **inclined(degrees), twist=3.0)
-        ply = Ply(square(n, 0.2), fabric, formulation, dimension=3)
-        u = ply.basis.zeros()
-        u[2::3] = np.sin(k * ply.nodes).prod(axis=0)
-        # The twist is k² cos 2α cos kx cos ky, with this mean of its square:
-        mean = 0.25 * np.cos(2 * angle) ** 2 * k**4
-        return ply.energies(u)["bending"] / (0.5 * 3.0 * SIDE**2 * mean) - 1
-
-    coarse, fine = off(12), off(24)
-    assert abs(fine) < 0.02
-    assert abs(coarse) > 2.5 * abs(fine)
-
-
 @every_formulation
 def test_only_rigid_motions_are_free_with_a_twist_stiffness(formulation):
     fabric = Fabric(1e3, 1.0, bending=(1.0, 1.0), twist=0.1)

@@ -193,13 +193,6 @@ def test_a_stabilisation_may_be_one_number_or_one_for_each_point(C_s):
     assert_same(asm(form, basis, u=u, C_s=C_s), slow)
 
 
-def test_forces_of_other_tensions_are_rejected():
-    ply = next(plies(FABRICS["even"]))
-    form, u = ply.terms[0].forms.residual, random_u(ply, 6)
-    T = np.ones((2, *ply.basis.dx.shape))
-    assert_same(asm(form, ply.basis, u=u, tension=T), asm(form, ply.basis, u=u))
-
-
 def test_terms_that_share_points_keep_separate_weights():
     """Tension at the 2×2 points has the weight J, the hourglass term A/4."""
 

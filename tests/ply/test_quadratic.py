@@ -83,17 +83,6 @@ def test_the_node_order_of_a_triangle_has_no_effect():
     assert energies == pytest.approx([energies[0]] * 3, rel=1e-12)
 
 
-def test_conditions_include_the_middles_of_edges():
-    basis = ply_on(SQUARES).basis
-    nodes = ply_on(SQUARES).nodes
-    below = np.flatnonzero(nodes[1] == 0)
-    assert len(below) == 2 * 4 + 1
-    mask = nodes[1] == 0
-    for where in ("bottom", lambda X: X[1] == 0, mask, below):
-        numbers = Condition(where).nodes("c", basis)
-        np.testing.assert_array_equal(np.sort(numbers), below)
-
-
 def test_an_inclined_roller_acts_at_the_middles_of_edges():
     n = np.array([0.6, 0.8])
     ply = ply_on(SQUARES)
