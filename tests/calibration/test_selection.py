@@ -11,6 +11,7 @@ from skfem_textile.calibration import (
     Choice,
     Zeros,
     fitting,
+    selection,
 )
 from skfem_textile.calibration.comparison import with_best
 from skfem_textile.calibration.report import reports_of
@@ -51,6 +52,17 @@ def test_a_curve_that_is_left_out_has_the_zeros_of_the_others():
     found = cross_validated("linear", fit.model, fit.samples, lambda fit: "")
     assert found.zeros == 1
     assert 0.006 < found.error < 0.012
+
+
+def test_the_standard_error_is_that_of_the_root_of_the_mean_square(monkeypatch):
+    """Of mean squares 1, 4 and 9: s/√3 over twice the root."""
+    fit = of_shear([specimen(Linear(0.2))], "linear")
+    folds = [np.full(5, error) for error in (1.0, 2.0, -3.0)]
+    monkeypatch.setattr(selection, "_left_out", lambda *of: folds)
+    found = cross_validated("linear", fit.model, fit.samples, lambda fit: "")
+    assert found.error == pytest.approx(np.sqrt(14 / 3))
+    expected = np.sqrt(49 / 3) / np.sqrt(3) / (2 * np.sqrt(14 / 3))
+    assert found.standard_error == pytest.approx(expected)
 
 
 def test_a_polynomial_of_the_lowest_degree_that_suffices_is_chosen():
