@@ -294,7 +294,9 @@ def test_a_slack_does_not_close_a_frame():
     one = Specimen("one", FRAME, force, moved, zeros=UNKNOWN)
     sample = of_shear([one]).samples[0]
     _, slack = sample.offsets
-    assert np.isfinite(sample.predict({"shear": LAW}, 0.0, slack.low)).all()
+    for law in (LAW, Locking(0.1, np.radians(80.0))):
+        assert np.isfinite(sample.predict({"shear": law}, 0.0, slack.low)).all()
+    assert one.last_angle(np.inf) == pytest.approx(0.999 * np.pi / 2)
 
 
 def test_rows_after_a_break_are_stated_and_left_out():
