@@ -41,6 +41,7 @@ def test_two_crimped_families_are_identified_and_agree_with_uncoupled_laws():
         assert not report["specimens_differ_beyond_noise"]
 
 
+@pytest.mark.dear("two joint fits of coupled laws")
 def test_crimp_interchange_contradicts_uncoupled_laws_and_is_identified():
     law = CrimpInterchange((2e3, 1.5e3), (0.01, 0.015), 5.0, 2e-3, 0.15)
     curves = pulls(law, noise=0.01)

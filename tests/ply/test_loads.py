@@ -194,7 +194,10 @@ def ramped_limit():
 @pytest.mark.parametrize(
     "factor",
     [
-        lambda t: 1 - abs(2 * t - 1),
+        pytest.param(
+            lambda t: 1 - abs(2 * t - 1),
+            marks=pytest.mark.dear("finds the limit twice, to a percent"),
+        ),
         *(
             pytest.param(factor, marks=pytest.mark.slow)
             for factor in (lambda t: 4 * t * (1 - t), lambda t: t**8)
