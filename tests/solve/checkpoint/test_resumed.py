@@ -25,9 +25,8 @@ from skfem_textile import (
     StepError,
 )
 from skfem_textile.cli import main as cli
-from skfem_textile.scenes import bias_extension
 from tests import helpers
-from tests.helpers import Coupled, arguments_of, distorted, extended_runs, full_disk
+from tests.helpers import Coupled, distorted, extended_runs, full_disk
 from tests.helpers.strip_runs import assert_same, interrupted_at, stepper, whole_run
 
 # An interrupted or killed run is resumed to the same result
