@@ -164,7 +164,7 @@ def test_without_rslab_a_load_stepper_runs_with_one_line():
     ]
 
 
-#: What a program tries, and the line about a missing package.
+#: Statements that need a package, and the message without it.
 ABILITIES = {
     "from skfem_textile import Outline": (
         "a mesh of an outline requires shapely: pip install 'skfem-textile[outlines]'"
