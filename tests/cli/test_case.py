@@ -52,7 +52,7 @@ STRAIGHT = "--fibres 20 --weft 100 --bend 0 --shear-stiffness 0"
     ],
 )
 def test_frames_are_exact_with_any_sides(tmp_path, scene, options, inputs):
-    common = "--size 4x4 --steps 3 --no-render"
+    common = "--size 2x2 --steps 2 --no-render"
     summary = computed(tmp_path, scene, common, options)
     assert summary["scene"] == scene
     assert summary["stable"]
@@ -122,7 +122,7 @@ def test_a_force_acts_beside_the_conditions_and_rotates_with_the_scene(tmp_path)
 
 
 def test_a_run_accepts_a_mesh_file_and_full_integration(tmp_path):
-    options = f"--mesh {MESH} --formulation full --steps 4 --no-render"
+    options = f"--mesh {MESH} --formulation full --steps 1 --no-render"
     summary = computed(tmp_path, "strip", options)
     assert summary["formulation"] == "full"
     assert summary["n_elements"] == 184
@@ -150,7 +150,7 @@ ELEMENTS = [
         (scene, *elements)
         for scene in SCENES
         for i, elements in enumerate(ELEMENTS)
-        if scene == "strip" or i in (0, 3, 4)
+        if scene == "strip" or i == 4
     ],
 )
 def test_every_scene_has_every_kind_of_elements(

@@ -136,6 +136,7 @@ def test_all_other_results_are_written_without_gl(tmp_path, capsys, monkeypatch)
     assert len(output) == 1
 
 
+@pytest.mark.dear("the only run whose pictures are drawn")
 def test_pictures_are_written_and_nothing_is_printed_to_stderr(
     tmp_path, capfd, monkeypatch
 ):

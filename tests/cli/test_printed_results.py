@@ -37,10 +37,10 @@ REASON = r"no error interval|within the tolerance|: |^Warnings +none$"
 
 def words(scene, folder):
     """A quick run of a scene."""
-    quick = "--size", "3x3", "--steps", "1", "--no-render", "--out", str(folder / "out")
+    quick = "--size", "2x2", "--steps", "1", "--no-render", "--out", str(folder / "out")
     if scene == "forming":
         (file := folder / "formed.toml").write_text(TOOLS)
-        mesh = "mesh.size=3,3", "mesh.source=aligned", "stepping.steps=1"
+        mesh = "mesh.size=2,2", "mesh.source=aligned", "stepping.steps=1"
         return ["run", str(file), "--set", *mesh, *quick[4:]]
     more = {
         "drape": ("--tool", str(write(folder / "bump.stl", *plate()))),
