@@ -93,7 +93,10 @@ FORCE = 100 * 0.5 * np.pi / 4 * np.cos(np.pi / 4)
         ("buckling", "--steps 3 --size 12x1", ARCH),
         ("hemisphere", "--size 12x12", OF_NET),
         ("cylinder", "--size 4x4", OF_NET),
-        ("double_dome", "--size 12x8", WITHOUT_WRINKLES),
+        pytest.param(
+            *("double_dome", "", WITHOUT_WRINKLES),
+            marks=pytest.mark.dear("a coarser mesh warns of its stabilisation"),
+        ),
         ("saddle", "--size 4x4", WITHOUT_WRINKLES),
     ],
 )

@@ -97,20 +97,14 @@ def test_a_report_begins_with_what_the_run_printed(ended, printed):
     assert "_deg" not in before.partition("Case\n")[0]
 
 
-def test_json_is_the_summary_and_nothing_else(tmp_path, capsys):
-    assert cli.main([*words("strip", tmp_path), "--json"]) == 0
-    file = tmp_path / "out" / "summary.json"
-    summary = json.loads(capsys.readouterr().out)
-    assert summary == json.loads(file.read_text())
-    assert summary["inputs"]["scene"]["name"] == "strip"
-
-
-def test_notes_on_json_are_on_stderr(tmp_path, capsys, monkeypatch):
+def test_json_is_the_summary_and_notes_are_on_stderr(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(results, "draw", lambda *of: 1 / 0)
     drawn = [x for x in words("strip", tmp_path) if x != "--no-render"]
     assert cli.main([*drawn, "--json"]) == 0
     out, err = capsys.readouterr()
-    assert json.loads(out)["scene"] == "strip"
+    file = tmp_path / "out" / "summary.json"
+    assert json.loads(out) == json.loads(file.read_text())
+    assert json.loads(out)["inputs"]["scene"]["name"] == "strip"
     assert "the pictures were not drawn: division by zero" in err
 
 
