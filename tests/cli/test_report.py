@@ -160,7 +160,7 @@ def test_the_citation_equals_the_citation_file(page):
 # Curves of tests in CSV files
 
 
-OUT = ("--size", "2x4", "--steps", "2", "--no-render")
+OUT = ("--size", "4x8", "--steps", "2", "--no-render")
 
 
 def test_columns_are_read_by_their_headings(tmp_path):
