@@ -42,8 +42,8 @@ class _Values(NamedTuple):
 class SurfaceNodes:
     """Nodes constrained to surfaces by conditions; False if there are none.
 
-    Contact forces and curvatures are those of a tool, see `ContactTerm`.  Without
-    nodes, the methods return their arguments.
+    Contact forces and curvatures are defined as in `ContactTerm`.  Without nodes, the
+    methods return their arguments.
 
     Parameters
     ----------
