@@ -73,6 +73,11 @@ class Pattern:
             numbers = d * d * block.reshape(first.shape)[:, None, None] + within
             self._slots.append(numbers.astype(np.int32 if few else np.int64))
 
+    @cached_property
+    def diagonal(self) -> ndarray:
+        """Number of the diagonal block of each node, shape (n_nodes,)."""
+        return np.flatnonzero(self.rows == self.cols)
+
     def sum(self, matrices: Iterable[ndarray | None]) -> ndarray:
         """Blocks of the sum of element matrices, shape (n_blocks, d, d).
 

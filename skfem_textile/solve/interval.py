@@ -261,7 +261,7 @@ def work_of(problem: Problem, state: State) -> float:
     work = _work(problem, problem.residual(u, p), u, p, rate)
     length = np.abs(u).sum() + np.abs(rate).sum()
     least = state.tolerance * length
-    if problem.surfaces is not None:
+    if problem.surfaces:
         least = max(least, _OF_A_LOAD * abs(sum(state.energies.values())))
     return float(work.sum()) if np.abs(work).sum() > least else 0.0
 

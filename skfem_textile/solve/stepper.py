@@ -36,7 +36,6 @@ from .result import UNCHANGING, Result, StepError
 from .search import EquilibriumSearch, Target, method_of
 from .states import Equilibrium, Iteration, NoEquilibriumError, State, UserError
 from .supports import travels
-from .surface import OnSurface
 from .verdict import CHECKS, Trial
 
 log = logging.getLogger(__name__)
@@ -166,9 +165,6 @@ class LoadStepper:
         self.checkpoint = (
             Checkpoint(checkpoint, self.problem, settings) if checkpoint else None
         )
-        self.surfaces = {
-            k: c for k, c in conditions.items() if isinstance(c, OnSurface)
-        }
         self.interval = partial(error_interval, self.problem, conditions)
         self._run = Run(self)
 
@@ -306,7 +302,7 @@ class Run:
             assembly_time_s=clock.seconds["assembly"],
             solve_time_s=clock.seconds["solve"],
             solver=chosen.choice,
-            surfaces=dict(stepper.surfaces),
+            surfaces=self.problem.surfaces.conditions,
             interval=partial(stepper.interval, chosen.choice.name),
         )
 
@@ -448,7 +444,7 @@ class Run:
             trial = self._search(Target(t, step, values, guess, start, most_projected))
         except NoEquilibriumError as failure:
             # A growing surface has no limit load.
-            loaded = driven and problem.surfaces is None
+            loaded = driven and not problem.surfaces
             growth = load_growth(problem, last, t) if loaded else 0.0
             self.continuation.failed(failure, last.load_factor, t, t_end, growth)
             return
