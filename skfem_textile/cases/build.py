@@ -168,7 +168,7 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         scene=scene,
         fabric=fabric,
         loads=_loads(file, scene.turn),
-        formulation=file.formulation.build(),
+        formulation=file.formulation.built(),
         steps=file.stepping.steps,
         method=file.stepping.method,
         warn_only=file.stepping.warn_only,

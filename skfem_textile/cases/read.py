@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import msgspec
 from msgspec import Struct
 
+from ..declarations.fields import FILE
 from ..mesh.user_input import excerpt, printable
 from .scenes import SCENES, Scene
 from .schema import (
@@ -25,7 +26,7 @@ from .schema import (
     Tension,
     Weft,
 )
-from .table import FILE, GRADED, named, tag_of
+from .table import GRADED, named, tag_of
 from .tools import AnyTool
 
 # Limit on the size of a case file; larger ones take long to read.

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 
 from msgspec import field
 
-from .table import FILE, GRADED, Degrees, Table, about, named
+from ..declarations.fields import FILE, about
+from .table import GRADED, Degrees, Table, named
 
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh

@@ -16,12 +16,13 @@ from typing import (
     get_type_hints,
 )
 
-from msgspec import NODEFAULT, Meta, Struct, structs
+from msgspec import NODEFAULT, Struct, structs
 
+from ..declarations.fields import FILE, About
 from .read import with_files
 from .scenes import SCENES
 from .schema import OUTLINES, CaseFile, Region
-from .table import FILE, named, summary_of
+from .table import named, summary_of
 from .tools import AnyTool
 
 #: First line of a case file that a run has written.
@@ -207,8 +208,7 @@ def _block(where: str, table: Struct, choices: str = "") -> str:
 
 def meaning(hint: Any) -> str:
     """Meaning of a key."""
-    metadata = [one for one in get_args(hint) if isinstance(one, Meta)]
-    return "; ".join(one.description for one in metadata if one.description)
+    return "; ".join(one.text for one in get_args(hint) if isinstance(one, About))
 
 
 def _with_words(hint: Any) -> str:

@@ -242,7 +242,7 @@ def test_the_package_imports_its_names_on_first_use():
     assert own(loaded) == {"cli", "lazy"}
     assert not loaded & {"numpy", "scipy", "skfem"}
     loaded = loaded_by("from skfem_textile import Fabric")
-    assert own(loaded) == {"cli", "lazy", "fabric", "mesh"}
+    assert own(loaded) == {"cli", "lazy", "declarations", "fabric", "mesh"}
     assert not loaded & {"scipy", "skfem"}
 
 
@@ -265,7 +265,7 @@ def test_the_help_of_the_command_line_loads_no_command(words):
 def test_the_help_of_a_command_loads_declarations_only(words):
     arguments = words.split()
     loaded = loaded_by(f"from skfem_textile.cli.main import main; main({arguments})")
-    assert own(loaded) == {"cli", "lazy", "cases", "mesh"}
+    assert own(loaded) == {"cli", "lazy", "cases", "declarations", "mesh"}
     assert not loaded & {"numpy", "scipy", "skfem"}
 
 
