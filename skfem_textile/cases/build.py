@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..declarations.scenes import GRADED, Formed, OnTool, PlaneScene, Specimen
 from ..fabric import BiaxialLaw, Fabric, TwoLaws
 from ..fabric.directions import FibreDirections, directions_of, warn_of_directions
 from ..fabric.regions import fabric_of_regions
@@ -27,7 +28,6 @@ from .read import (
     read_tables,
     with_files,
 )
-from .scenes import Formed, OnTool, PlaneScene, Specimen
 from .schema import (
     MESH_KINDS,
     OUTLINES,
@@ -38,7 +38,6 @@ from .schema import (
     Stepping,
     Tension,
 )
-from .table import GRADED
 
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
@@ -210,7 +209,7 @@ def _refuse_contradictions(file: CaseFile) -> None:
                 "them"
             )
     for key in ("part_mesh", "trim"):
-        if getattr(file.output, key) and not isinstance(file.scene, OnTool):
+        if getattr(file.output, key) and not issubclass(file.scene.declaration, OnTool):
             raise ValueError(f"output.{key} requires a scene with a ply on a tool")
     most = file.stepping.most_unknowns
     if file.stepping.tolerance is None and most != Stepping().most_unknowns:
@@ -258,7 +257,9 @@ def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
 
 def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
     """Scene with the tools of the case."""
-    if file.tools and (scene.dimension == 2 or isinstance(file.scene, OnTool)):
+    if file.tools and (
+        scene.dimension == 2 or issubclass(file.scene.declaration, OnTool)
+    ):
         where = "is in its plane" if scene.dimension == 2 else "lies on a surface"
         raise ValueError(
             f"[[tools]] do not apply to the scene {scene.name}, whose ply {where}: use "
@@ -280,7 +281,7 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
             raise ValueError(
                 f"two tools have the name {printable(name)!r}: rename one of them"
             )
-    if tools and not isinstance(file.scene, Formed):
+    if tools and not issubclass(file.scene.declaration, Formed):
         scene = replace(scene, misfit=scene.misfit or "tools act on the ply")
     return replace(scene, tools=all_tools, driven=scene.driven or names[0])
 
@@ -294,15 +295,18 @@ def _refuse_other_mesh_keys(file: CaseFile) -> None:
         for key in ("unit", "layer") if options.outline is None else ():
             if getattr(options, key) is not None:
                 raise ValueError(f"mesh.{key} requires mesh.outline")
-        if not isinstance(file.scene, PlaneScene):
+        of = file.scene.declaration
+        if not issubclass(of, PlaneScene):
             raise ValueError("mesh.source graded applies to scenes in the plane only")
-        if options.outline is not None and not isinstance(file.scene, Specimen):
+        if options.outline is not None and not issubclass(
+            file.scene.declaration, Specimen
+        ):
             raise ValueError("mesh.outline applies to the scene specimen only")
-        for key in ("width_mm", "height_mm") if options.outline is not None else ():
-            if getattr(file.scene, key) != getattr(Specimen(), key):
+        for side in ("width", "height") if options.outline is not None else ():
+            if file.scene.values()[side] != getattr(Specimen, side):
                 raise ValueError(
-                    f"scene.{key} does not apply to the outline of a drawing: omit one "
-                    "of them"
+                    f"scene.{side}_mm does not apply to the outline of a drawing: omit "
+                    "one of them"
                 )
     elif options.source in MESH_KINDS:
         what = f"the mesh {source}"

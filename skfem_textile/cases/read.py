@@ -15,8 +15,9 @@ import msgspec
 from msgspec import Struct
 
 from ..declarations.fields import FILE
+from ..declarations.scenes import GRADED, AnyScene
 from ..mesh.user_input import excerpt, printable
-from .scenes import SCENES, Scene
+from .scenes import SCENES
 from .schema import (
     MESH_KINDS,
     CaseFile,
@@ -26,7 +27,7 @@ from .schema import (
     Tension,
     Weft,
 )
-from .table import GRADED, named, tag_of
+from .table import named, tag_of
 from .tools import AnyTool
 
 # Limit on the size of a case file; larger ones take long to read.
@@ -208,7 +209,7 @@ def _refuse_values(where: str, value: Any) -> None:
             _refuse_values(where, part)
 
 
-def _scene_of(tables: Mapping[str, Any]) -> type[Scene]:
+def _scene_of(tables: Mapping[str, Any]) -> type[AnyScene]:
     table = tables.get("scene", {})
     if not isinstance(table, dict):
         raise ValueError(f"scene must be a table, not {_quoted(table)}")
@@ -216,13 +217,13 @@ def _scene_of(tables: Mapping[str, Any]) -> type[Scene]:
     if not isinstance(name, str) or name not in SCENES:
         reason = "is missing" if name is None else f"is {_quoted(name)}"
         raise ValueError(f"scene.name {reason}: expected one of {', '.join(SCENES)}")
-    return SCENES[name]
+    return SCENES[name].declaration
 
 
 # ---------------------------------------------------------------------------- defaults
 
 
-def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, Any]:
+def _with_defaults(tables: Mapping[str, Any], scene: type[AnyScene]) -> dict[str, Any]:
     """All tables, with the defaults of the scene for missing keys."""
     filled = {name: tables.get(name, {}) for name in CaseFile.__struct_fields__}
     filled |= tables
@@ -249,12 +250,12 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, A
     return _laws_nested({"tension": {}, "shear": {}, **filled}, scene)
 
 
-def _with_kind(mesh: Any, scene: type[Scene]) -> Any:
+def _with_kind(mesh: Any, scene: type[AnyScene]) -> Any:
     """The table of a mesh with its kind, and the defaults of this kind."""
     if not isinstance(mesh, dict):
         return mesh
-    of_grid = {"size": scene.size, "jitter": scene.jitter, "seed": 1}
-    kind = scene.mesh
+    of_grid = {"size": scene.of_grid or scene.size, "jitter": scene.jitter, "seed": 1}
+    kind = scene.kind
     if mesh.get("outline") is not None:
         kind = GRADED
     elif {*of_grid, "directions"} & mesh.keys():
@@ -265,7 +266,7 @@ def _with_kind(mesh: Any, scene: type[Scene]) -> Any:
     return {**of_grid, **mesh} if mesh["source"] in MESH_KINDS else mesh
 
 
-def _laws_nested(tables: Any, scene: type[Scene]) -> Any:
+def _laws_nested(tables: Any, scene: type[AnyScene]) -> Any:
     """Tables in which the keys of each law are nested below it.
 
     A missing stiffness has the default of the scene.

@@ -3,22 +3,38 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, fields
+from functools import partial
 from importlib import import_module
 from math import degrees, radians
-from typing import Annotated, Any, ClassVar, TypeAlias, get_args, get_type_hints
+from types import MappingProxyType, NoneType
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    TypeAlias,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
-from msgspec import NODEFAULT, Meta, Struct, defstruct
+from msgspec import NODEFAULT, Meta, Struct, defstruct, field
 
-from ..declarations.fields import DEGREES, REQUIRED, About, Declared, Key, Range, Unit
+from ..declarations.fields import (
+    DEGREES,
+    REQUIRED,
+    About,
+    Declared,
+    InFile,
+    Key,
+    Range,
+    Unit,
+)
 from ..mesh.user_input import MOST_DEGREES
 
 
 class Table(Struct, kw_only=True, forbid_unknown_fields=True):
     """Table of a case file."""
 
-
-#: Kind of mesh whose edges follow the singular fibres.
-GRADED = "graded"
 
 Degrees: TypeAlias = Annotated[float, Meta(ge=-MOST_DEGREES, le=MOST_DEGREES)]
 
@@ -34,27 +50,28 @@ class DeclaredTable(Table):
     ----------
     declaration
         The dataclass of the parameters.
+    called
+        Name of this class or function.
     names
         Parameters by their keys.
     """
 
     declaration: ClassVar[type[Declared]]
+    called: ClassVar[str]
     names: ClassVar[Mapping[str, str]] = {}
 
     def values(self) -> dict[str, Any]:
-        """Parameters by name, angles in radians."""
+        """Parameters by name, angles in radians, and tables as pairs."""
         return {
-            name: radians(value) if _is_angle(key) and value is not None else value
+            name: _in_python(key, getattr(self, key))
             for key, name in self.names.items()
-            for value in [getattr(self, key)]
         }
 
     @property
     def implementation(self) -> Any:
         """The class or function that has the parameters, imported now."""
-        of = self.declaration
-        module = import_module(f"...{of.module}", __name__)
-        return getattr(module, of.__name__, None) or getattr(module, snake_case(of))
+        module = import_module(f"...{self.declaration.module}", __name__)
+        return getattr(module, self.called)
 
     def built(self, **others: Any) -> Any:
         """Object of the class or function with the parameters, and with others."""
@@ -67,6 +84,13 @@ class DeclaredTable(Table):
         return cls(**{k: degrees(v) if _is_angle(k) else v for k, v in given.items()})
 
 
+def _in_python(key: str, value: Any) -> Any:
+    """Value of a parameter."""
+    if isinstance(value, dict):
+        return tuple(value.items())
+    return radians(value) if _is_angle(key) and value is not None else value
+
+
 def _is_angle(key: str) -> bool:
     return key.endswith(f"_{DEGREES.name}")
 
@@ -75,6 +99,7 @@ def table_of(
     declaration: type[Declared],
     base: type[DeclaredTable] = DeclaredTable,
     tag: str | None = None,
+    also: Mapping[str, Any] = MappingProxyType({}),
     last: Sequence[str] = (),
 ) -> Any:
     """Table of a case file with the keys of declared parameters.
@@ -86,35 +111,33 @@ def table_of(
     base
         Base class, with further keys, which come first.
     tag
-        Name that selects the table; by default the name of the class, its words
-        separated by hyphens.
+        Name that selects the table, and of the function; by default, for a class, its
+        name in lower case with hyphens.
+    also
+        Types of further keys of the table, which are None by default.
     last
-        Parameters that come last, in their order.
+        Keys and parameters that come last, in their order.
     """
     hints = get_type_hints(declaration, include_extras=True)
-    notes = {one: get_args(hint)[1:] for one, hint in hints.items()}
-    stated = [
-        one
-        for one in fields(declaration)
-        if any(isinstance(note, About) for note in notes[one.name])
-    ]
-    stated.sort(
-        key=lambda one: (*last, one.name).index(one.name) if one.name in last else -1
-    )
-    names = {_key(one.name, notes[one.name]): one.name for one in stated}
-    keys = []
-    for (key, name), one in zip(names.items(), stated, strict=True):
-        limits = _limits(key, notes[name])
-        hint = Annotated[hints[name], *limits] if limits else hints[name]
-        keys.append((key, hint, _default(key, one, notes[name])))
+    names, keys = {}, {name: (name, hint, None) for name, hint in also.items()}
+    for one in fields(declaration):
+        kind, *notes = get_args(hints[one.name]) or [Any]
+        if any(isinstance(note, About) for note in notes):
+            key = _key(one.name, notes)
+            kind = _limited(kind, key, notes)
+            hint = Annotated[kind, *notes]  # type: ignore[valid-type]
+            keys[one.name] = key, hint, _default(kind, key, one, notes)
+            names[key] = one.name
+    order = sorted(keys, key=lambda name: last.index(name) if name in last else -1)
     return defstruct(
         declaration.__name__,
-        keys,
+        [keys[name] for name in order],
         bases=(base,),
         namespace={
             "__doc__": declaration.__doc__,
             "declaration": declaration,
-            "names": {**base.names, **names},
+            "called": tag or declaration.__name__,
+            "names": names,
         },
         module=base.__module__,
         tag=tag or snake_case(declaration).replace("_", "-"),
@@ -124,25 +147,30 @@ def table_of(
 
 def _key(name: str, notes: Sequence[Any]) -> str:
     """Key of a parameter."""
-    given = [note.name for note in notes if isinstance(note, Key)]
-    return "_".join(
-        [*(given or [name]), *(n.name for n in notes if isinstance(n, Unit))]
-    )
+    (start,) = [note.name for note in notes if isinstance(note, Key)] or [name]
+    return "_".join([start, *(note.name for note in notes if isinstance(note, Unit))])
 
 
-def _limits(key: str, notes: Sequence[Any]) -> list[Meta]:
-    """Limits of a number, by default those of an angle."""
+def _limited(kind: Any, key: str, notes: Sequence[Any]) -> Any:
+    """Type of a number with its limits, by default those of an angle."""
     limits = [Meta(gt=n.above, le=n.most) for n in notes if isinstance(n, Range)]
-    return limits or [Meta(ge=-MOST_DEGREES, le=MOST_DEGREES)] * _is_angle(key)
+    if not (limits or _is_angle(key)):
+        return kind
+    number: Any = Annotated[float, limits[0]] if limits else Degrees
+    return number | None if NoneType in get_args(kind) else number
 
 
-def _default(key: str, one: Field[Any], notes: Sequence[Any]) -> Any:
+def _default(kind: Any, key: str, one: Field[Any], notes: Sequence[Any]) -> Any:
     """Default of a parameter in the unit of its key."""
-    if one.default is MISSING or REQUIRED in notes:
+    in_file = [note.default for note in notes if isinstance(note, InFile)]
+    (default,) = in_file or [one.default]
+    if default in (MISSING, REQUIRED):
         return NODEFAULT
-    if _is_angle(key) and one.default is not None:
-        return float(f"{degrees(one.default):.{_DIGITS}g}")
-    return one.default
+    if get_origin(kind) is dict:
+        return field(default_factory=partial(dict, default))
+    if _is_angle(key) and default is not None:
+        return float(f"{degrees(default):.{_DIGITS}g}")
+    return default
 
 
 def snake_case(kind: type) -> str:

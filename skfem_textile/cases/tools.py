@@ -127,8 +127,9 @@ class ToolTable(DeclaredTable, tag_field="surface"):
     def surface_in(self, axes: "Axes") -> "Surface":
         """Build the surface in the axes of the ply, which are parallel."""
         values = self.values()
-        moved = {x: values[x] - axes.origin for x in ("point", "centre") if x in values}
-        return self.implementation(**{**values, **moved})
+        for position in {"point", "centre"} & values.keys():
+            values[position] = values[position] - axes.origin
+        return self.implementation(**values)
 
     def _motion(self, what: str, axes: "Axes") -> Any:
         translation = self._translation(what)

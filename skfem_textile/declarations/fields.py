@@ -37,15 +37,26 @@ class Range:
 
 
 @dataclass(frozen=True)
+class InFile:
+    """Default in a case file, if there is another one in Python.
+
+    The key is required if the default is `REQUIRED`.
+    """
+
+    default: Any
+
+
+@dataclass(frozen=True)
 class _Mark:
     """Metadata without a value."""
 
     name: str
 
 
-#: Metadata of a key whose value is the name of a file, and of one that a case file must
-#: contain, although the parameter has a default in Python.
-FILE, REQUIRED = _Mark("file"), _Mark("required")
+#: Metadata of a key whose value is the name of a file.
+FILE = _Mark("file")
+
+REQUIRED = _Mark("required")
 
 MM, DEGREES = Unit("mm"), Unit("deg")
 N_PER_MM, N_PER_MM2 = Unit("N_per_mm"), Unit("N_per_mm2")

@@ -6,7 +6,7 @@ Positions are in mm, directions of any length.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
-from .fields import DEGREES, MM, REQUIRED, Declared, about
+from .fields import DEGREES, MM, REQUIRED, Declared, InFile, about
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     Vector: TypeAlias = ArrayLike
 else:
     Vector = tuple[float, float, float]
+
+_REQUIRED = InFile(REQUIRED)
 
 _ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -37,7 +39,7 @@ class Sphere(Declared, module="drape.surfaces"):
     """sphere"""
 
     radius: _Radius
-    centre: Annotated[Vector, MM, REQUIRED, about("centre of the sphere")] = _ORIGIN
+    centre: Annotated[Vector, MM, _REQUIRED, about("centre of the sphere")] = _ORIGIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,7 @@ class Cylinder(Declared, module="drape.surfaces"):
     """cylinder"""
 
     radius: _Radius
-    point: Annotated[_Point, REQUIRED] = _ORIGIN
+    point: Annotated[_Point, _REQUIRED] = _ORIGIN
     axis: _Axis = (0.0, 1.0, 0.0)
 
 
@@ -54,7 +56,7 @@ class Cone(Declared, module="drape.surfaces"):
     """cone"""
 
     angle: Annotated[float, DEGREES, about("angle between axis and surface")]
-    point: Annotated[Vector, MM, REQUIRED, about("apex")] = _ORIGIN
+    point: Annotated[Vector, MM, _REQUIRED, about("apex")] = _ORIGIN
     axis: Annotated[Vector, about("direction from the apex into the cone")] = _UP
 
 
@@ -64,7 +66,7 @@ class Torus(Declared, module="drape.surfaces"):
 
     radius: Annotated[float, MM, about("radius of the centre line of the tube")]
     tube: Annotated[float, MM, about("radius of the tube")]
-    point: Annotated[Vector, MM, REQUIRED, about("centre")] = _ORIGIN
+    point: Annotated[Vector, MM, _REQUIRED, about("centre")] = _ORIGIN
     axis: _Axis = _UP
 
 
@@ -73,7 +75,7 @@ class Punch(Declared, module="drape.punch_and_die"):
     """shaft with a hemispherical end"""
 
     radius: Annotated[float, MM, about("radius of the shaft and of the hemisphere")]
-    point: Annotated[Vector, MM, REQUIRED, about("centre of the hemisphere")] = _ORIGIN
+    point: Annotated[Vector, MM, _REQUIRED, about("centre of the hemisphere")] = _ORIGIN
     axis: Annotated[Vector, about("direction from the shaft to the tip")] = _UP
 
 

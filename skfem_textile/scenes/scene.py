@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from functools import partial, wraps
+from inspect import signature
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy import ndarray
@@ -30,6 +31,33 @@ ExactField = Callable[[ndarray, float], ndarray]
 
 # Relative load reduction by fibre stretch above which the summary reports it.
 _WORTH_SAYING = 0.01
+
+
+_P = ParamSpec("_P")
+
+_T = TypeVar("_T")
+
+
+def with_parameters(
+    declaration: Callable[_P, _T],
+) -> Callable[[Callable[[_T], "Scene"]], Callable[_P, "Scene"]]:
+    """Give a function of declared parameters these parameters as its own.
+
+    Parameters
+    ----------
+    declaration
+        Dataclass of the parameters, which the function takes as one object.
+    """
+
+    def decorated(build: Callable[[_T], "Scene"]) -> Callable[_P, "Scene"]:
+        @wraps(build)
+        def scene(*args: _P.args, **kwargs: _P.kwargs) -> "Scene":
+            return build(declaration(*args, **kwargs))
+
+        scene.__signature__ = signature(declaration)  # type: ignore[attr-defined]
+        return scene
+
+    return decorated
 
 
 def unknown(X: ndarray, t: float) -> ndarray:
