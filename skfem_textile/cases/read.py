@@ -14,7 +14,6 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import msgspec
 from msgspec import Struct
 
-from ..declarations.fields import FILE
 from ..declarations.scenes import GRADED, AnyScene
 from ..mesh.user_input import excerpt, printable
 from .scenes import SCENES
@@ -27,7 +26,7 @@ from .schema import (
     Tension,
     Weft,
 )
-from .table import named, tag_of
+from .table import FILE, named, tag_of
 from .tools import AnyTool
 
 # Limit on the size of a case file; larger ones take long to read.

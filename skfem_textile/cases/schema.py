@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union, get
 from msgspec import Meta, field
 
 from ..declarations import formulations, laws
-from ..declarations.fields import FILE, about
 from .scenes import AnyScene
-from .table import DeclaredTable, Degrees, Table, table_of
+from .table import FILE, DeclaredTable, Degrees, Table, about, table_of
 from .tools import AnyTool
 
 if TYPE_CHECKING:

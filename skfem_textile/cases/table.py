@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, Field, fields
+from dataclasses import fields
 from functools import partial
 from importlib import import_module
 from math import degrees, radians
@@ -19,16 +19,7 @@ from typing import (
 
 from msgspec import NODEFAULT, Meta, Struct, defstruct, field
 
-from ..declarations.fields import (
-    DEGREES,
-    REQUIRED,
-    About,
-    Declared,
-    InFile,
-    Key,
-    Range,
-    Unit,
-)
+from ..declarations.fields import REQUIRED, Key
 from ..mesh.user_input import MOST_DEGREES
 
 
@@ -36,11 +27,15 @@ class Table(Struct, kw_only=True, forbid_unknown_fields=True):
     """Table of a case file."""
 
 
-Degrees: TypeAlias = Annotated[float, Meta(ge=-MOST_DEGREES, le=MOST_DEGREES)]
+def about(text: str) -> Meta:
+    """Metadata with the meaning of a key."""
+    return Meta(description=text)
 
-# Significant digits of a default in degrees, which the rounding of radians does not
-# reach.
-_DIGITS = 12
+
+#: Metadata of a key whose value is a file name.
+FILE = Meta(extra={"file": True})
+
+Degrees: TypeAlias = Annotated[float, Meta(ge=-MOST_DEGREES, le=MOST_DEGREES)]
 
 
 class DeclaredTable(Table):
@@ -56,7 +51,7 @@ class DeclaredTable(Table):
         Parameters by their keys.
     """
 
-    declaration: ClassVar[type[Declared]]
+    declaration: ClassVar[type[Any]]
     called: ClassVar[str]
     names: ClassVar[Mapping[str, str]] = {}
 
@@ -92,11 +87,11 @@ def _in_python(key: str, value: Any) -> Any:
 
 
 def _is_angle(key: str) -> bool:
-    return key.endswith(f"_{DEGREES.name}")
+    return key.endswith("_deg")
 
 
 def table_of(
-    declaration: type[Declared],
+    declaration: type[Any],
     base: type[DeclaredTable] = DeclaredTable,
     tag: str | None = None,
     also: Mapping[str, Any] = MappingProxyType({}),
@@ -107,7 +102,7 @@ def table_of(
     Parameters
     ----------
     declaration
-        The parameters, see `Declared`.
+        The parameters, see `declaration`.
     base
         Base class, with further keys, which come first.
     tag
@@ -118,16 +113,14 @@ def table_of(
     last
         Keys and parameters that come last, in their order.
     """
-    hints = get_type_hints(declaration, include_extras=True)
+    hints = get_type_hints(declaration)
     names, keys = {}, {name: (name, hint, None) for name, hint in also.items()}
-    for one in fields(declaration):
-        kind, *notes = get_args(hints[one.name]) or [Any]
-        if any(isinstance(note, About) for note in notes):
-            key = _key(one.name, notes)
-            kind = _limited(kind, key, notes)
-            hint = Annotated[kind, *notes]  # type: ignore[valid-type]
-            keys[one.name] = key, hint, _default(kind, key, one, notes)
-            names[key] = one.name
+    for parameter in fields(declaration):
+        if stated := parameter.metadata.get("key"):
+            name = parameter.name
+            key = "_".join(filter(None, (stated.name or name, stated.unit)))
+            keys[name] = key, *_typed(hints[name], stated)
+            names[key] = name
     order = sorted(keys, key=lambda name: last.index(name) if name in last else -1)
     return defstruct(
         declaration.__name__,
@@ -145,32 +138,17 @@ def table_of(
     )
 
 
-def _key(name: str, notes: Sequence[Any]) -> str:
-    """Key of a parameter."""
-    (start,) = [note.name for note in notes if isinstance(note, Key)] or [name]
-    return "_".join([start, *(note.name for note in notes if isinstance(note, Unit))])
-
-
-def _limited(kind: Any, key: str, notes: Sequence[Any]) -> Any:
-    """Type of a number with its limits, by default those of an angle."""
-    limits = [Meta(gt=n.above, le=n.most) for n in notes if isinstance(n, Range)]
-    if not (limits or _is_angle(key)):
-        return kind
-    number: Any = Annotated[float, limits[0]] if limits else Degrees
-    return number | None if NoneType in get_args(kind) else number
-
-
-def _default(kind: Any, key: str, one: Field[Any], notes: Sequence[Any]) -> Any:
-    """Default of a parameter in the unit of its key."""
-    in_file = [note.default for note in notes if isinstance(note, InFile)]
-    (default,) = in_file or [one.default]
-    if default in (MISSING, REQUIRED):
-        return NODEFAULT
+def _typed(kind: Any, stated: Key) -> tuple[Any, Any]:
+    """Type and default of a key."""
+    metadata = [about(stated.about), *[FILE] * stated.file]
+    default: Any = NODEFAULT if stated.default is REQUIRED else stated.default
     if get_origin(kind) is dict:
-        return field(default_factory=partial(dict, default))
-    if _is_angle(key) and default is not None:
-        return float(f"{degrees(default):.{_DIGITS}g}")
-    return default
+        default = field(default_factory=partial(dict, default))
+    if stated.limits is not None:
+        metadata.append(Meta(gt=stated.limits[0], le=stated.limits[1]))
+    elif stated.unit == "deg":
+        kind = Degrees | None if NoneType in get_args(kind) else Degrees
+    return Annotated[kind, *metadata], default
 
 
 def snake_case(kind: type) -> str:

@@ -6,8 +6,7 @@ Each struct builds its surface and imports the modules for it only then.
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 
 from ..declarations import surfaces
-from ..declarations.fields import FILE, about
-from .table import DeclaredTable, Degrees, table_of
+from .table import FILE, DeclaredTable, Degrees, about, table_of
 
 if TYPE_CHECKING:
     from ..drape import Axes

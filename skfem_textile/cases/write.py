@@ -16,13 +16,12 @@ from typing import (
     get_type_hints,
 )
 
-from msgspec import NODEFAULT, Struct, structs
+from msgspec import NODEFAULT, Meta, Struct, structs
 
-from ..declarations.fields import FILE, About
 from .read import with_files
 from .scenes import SCENES
 from .schema import OUTLINES, CaseFile, Region
-from .table import named, summary_of
+from .table import FILE, named, summary_of
 from .tools import AnyTool
 
 #: First line of a case file that a run has written.
@@ -208,7 +207,8 @@ def _block(where: str, table: Struct, choices: str = "") -> str:
 
 def meaning(hint: Any) -> str:
     """Meaning of a key."""
-    return "; ".join(one.text for one in get_args(hint) if isinstance(one, About))
+    metadata = [one for one in get_args(hint) if isinstance(one, Meta)]
+    return "; ".join(one.description for one in metadata if one.description)
 
 
 def _with_words(hint: Any) -> str:

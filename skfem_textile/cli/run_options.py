@@ -10,9 +10,8 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 from ..cases.read import declared
 from ..cases.scenes import SCENES, Scene
 from ..cases.schema import CaseFile
-from ..cases.table import summary_of
+from ..cases.table import FILE, summary_of
 from ..cases.write import key_help, meaning, tables_of
-from ..declarations.fields import FILE
 from ..declarations.scenes import OnTool, Specimen
 from ..mesh.user_input import printable
 from . import words

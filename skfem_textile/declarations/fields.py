@@ -1,84 +1,107 @@
-"""Metadata of parameters: unit, meaning and limits."""
+"""Parameters that a case file states, with their keys."""
 
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, field
+from math import radians
+from typing import Any, TypeVar, dataclass_transform
 
+_T = TypeVar("_T")
 
-@dataclass(frozen=True)
-class About:
-    """Meaning of a key."""
+#: Default in a case file of a parameter that it must state.
+REQUIRED = MISSING
 
-    text: str
-
-
-about = About
+_AS_IN_PYTHON = object()
 
 
 @dataclass(frozen=True)
 class Key:
-    """Name of a key without its unit, if it is not the name of the parameter."""
+    """Key of a case file for a parameter.
 
-    name: str
-
-
-@dataclass(frozen=True)
-class Unit:
-    """Unit in a case file, the end of the key; angles are in radians in Python."""
-
-    name: str
-
-
-@dataclass(frozen=True)
-class Range:
-    """Limits of a number in the unit of a case file."""
-
-    above: float
-    most: float
-
-
-@dataclass(frozen=True)
-class InFile:
-    """Default in a case file, if there is another one in Python.
-
-    The key is required if the default is `REQUIRED`.
+    Attributes
+    ----------
+    about
+        Meaning.
+    unit
+        Unit in the file, with which the key ends; angles are in radians in Python.
+    name
+        Name without the unit; empty if it is the name of the parameter.
+    default
+        Default in the file, in its unit; `REQUIRED` if there is none.
+    limits
+        Limit that a number must exceed, and its largest value, in the unit of the file.
+    file
+        True if the value is the name of a file.
     """
 
-    default: Any
-
-
-@dataclass(frozen=True)
-class _Mark:
-    """Metadata without a value."""
-
+    about: str
+    unit: str
     name: str
+    default: Any
+    limits: tuple[float, float] | None
+    file: bool
 
 
-#: Metadata of a key whose value is the name of a file.
-FILE = _Mark("file")
+def key(
+    about: str,
+    *,
+    default: Any = MISSING,
+    in_file: Any = _AS_IN_PYTHON,
+    unit: str = "",
+    name: str = "",
+    limits: tuple[float, float] | None = None,
+    file: bool = False,
+    kw_only: Any = MISSING,
+) -> Any:
+    """Field of a `declaration` that a case file states.
 
-REQUIRED = _Mark("required")
+    Parameters
+    ----------
+    default
+        Default in Python.
+    in_file
+        Default in a case file, if it is another one.
+    kw_only
+        See `dataclasses.field`.
+    about, unit, name, limits, file
+        See `Key`.
+    """
+    stated = default if in_file is _AS_IN_PYTHON else in_file
+    metadata = {"key": Key(about, unit, name, stated, limits, file)}
+    return field(default=default, kw_only=kw_only, metadata=metadata)
 
-MM, DEGREES = Unit("mm"), Unit("deg")
-N_PER_MM, N_PER_MM2 = Unit("N_per_mm"), Unit("N_per_mm2")
+
+def mm(about: str, *, default: Any = MISSING, **others: Any) -> Any:
+    """Length; see `key`."""
+    return key(about, default=default, unit="mm", **others)
 
 
-@dataclass(frozen=True)
-class Declared:
-    """Base of dataclasses of parameters, each the keys of a table of a case file.
+def deg(about: str, *, default: Any = MISSING, **others: Any) -> Any:
+    """Angle, here in degrees and in Python in radians; see `key`."""
+    stated = {"in_file": default, "unit": "deg", **others}
+    if default is not MISSING and default is not None:
+        default = radians(default)
+    return key(about, default=default, **stated)
 
-    Parameters without `about` exist in Python only.  A docstring begins with the
-    summary that help texts print.
+
+@dataclass_transform(frozen_default=True, field_specifiers=(field, key, mm, deg))
+def declaration(
+    module: str = "", *, kw_only: bool = False, eq: bool = True
+) -> Callable[[type[_T]], type[_T]]:
+    """Frozen dataclass of parameters, those with a `key` also in case files.
+
+    Its docstring is the summary in help texts.
 
     Parameters
     ----------
     module
         Module of the package that contains the class of the same name, or the function
-        of the same name in lower case.
+        of the same name in lower case; empty for a base class.
+    kw_only, eq
+        See `dataclasses.dataclass`.
     """
 
-    module: ClassVar[str] = ""
+    def decorated(kind: Any) -> Any:
+        kind.module = module
+        return dataclass(frozen=True, kw_only=kw_only, eq=eq)(kind)
 
-    def __init_subclass__(cls, module: str | None = None, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        if module is not None:
-            cls.module = module
+    return decorated

@@ -1,67 +1,62 @@
 """Parameters of the formulations."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from .fields import N_PER_MM, Declared, Key, about
+from .fields import declaration, key
 
 if TYPE_CHECKING:
     Points: TypeAlias = int
 else:
     Points = Literal[3, 6]
 
+_C_S = (
+    "stabilisation stiffness C_s, or auto: computed from shear stiffness, tension and "
+    "fibre angle of each element; 1e-4 E without shear stiffness"
+)
+
 Kind: TypeAlias = Literal["energy", "rate", "continuity", "isotropic"]
 
-Stabilisation: TypeAlias = Annotated[
-    float | Literal["auto"],
-    Key("cs"),
-    N_PER_MM,
-    about(
-        "stabilisation stiffness C_s, or auto: computed from shear stiffness, tension "
-        "and fibre angle of each element; 1e-4 E without shear stiffness"
-    ),
-]
 
-
-@dataclass(frozen=True)
-class Macro(Declared, module="ply.formulations"):
+@declaration("ply.formulations")
+class Macro:
     """macro-elements, without parameters"""
 
-    stabilisation: Stabilisation = "auto"
+    stabilisation: float | Literal["auto"] = key(
+        _C_S, default="auto", unit="N_per_mm", name="cs"
+    )
     deviation: tuple[float, float] = (370.0, 700.0)
 
 
-@dataclass(frozen=True)
-class OnePoint(Declared, module="ply.formulations"):
+@declaration("ply.formulations")
+class OnePoint:
     """one stabilised point in every quadrilateral (Hamila & Boisse 2013)"""
 
-    stabilisation: Stabilisation = "auto"
-    kind: Annotated[
-        Kind,
-        Key("stabilisation"),
-        about(
-            "energy: independent of the load path; rate: in rate form, as published; "
-            "continuity: penalty on jumps between elements; isotropic: penalty on "
-            "hourglass modes in all directions. All except energy require a number for "
-            "C_s"
-        ),
-    ] = "energy"
+    stabilisation: float | Literal["auto"] = key(
+        _C_S, default="auto", unit="N_per_mm", name="cs"
+    )
+    kind: Kind = key(
+        "energy: independent of the load path; rate: in rate form, as published; "
+        "continuity: penalty on jumps between elements; isotropic: penalty on "
+        "hourglass modes in all directions. All except energy require a number for "
+        "C_s",
+        default="energy",
+        name="stabilisation",
+    )
 
 
-class Full(Declared, module="ply.formulations"):
+@declaration("ply.formulations")
+class Full:
     """2x2 points in every quadrilateral"""
 
 
-@dataclass(frozen=True)
-class Quadratic(Declared, module="ply.formulations"):
+@declaration("ply.formulations")
+class Quadratic:
     """quadratic triangles; quadrilaterals are cut along a diagonal"""
 
-    deviation: Annotated[
-        float | None,
-        about(
-            "if given, the law is evaluated at the mean stretch, and deviations from "
-            "it have a stiffness of this multiple of shear stiffness and tension (400 "
-            "with 6 points on graded meshes, 80 on others)"
-        ),
-    ] = None
-    points: Annotated[Points, about("number of integration points of a triangle")] = 3
+    deviation: float | None = key(
+        "if given, the law is evaluated at the mean stretch, and deviations from "
+        "it have a stiffness of this multiple of shear stiffness and tension (400 "
+        "with 6 points on graded meshes, 80 on others)",
+        default=None,
+    )
+    points: Points = key("number of integration points of a triangle", default=3)

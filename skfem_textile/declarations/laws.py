@@ -1,54 +1,52 @@
 """Parameters of the laws that a table of a case file contains."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
-from .fields import DEGREES, N_PER_MM, Declared, Key, Range, about
+from .fields import declaration, deg, key
 
 if TYPE_CHECKING:
     from numpy import ndarray
 
-    Uniform: TypeAlias = float
     OrByElement: TypeAlias = float | ndarray
 else:
-    OrByElement = Uniform = Annotated[float, N_PER_MM, about("stiffness E or G")]
+    OrByElement = float
+
+_STIFFNESS = "stiffness E or G"
 
 
-@dataclass(frozen=True)
-class OneStiffness(Declared):
+@declaration()
+class OneStiffness:
     """A law with one parameter."""
 
-    stiffness: OrByElement
+    stiffness: OrByElement = key(_STIFFNESS, unit="N_per_mm")
 
 
-class Linear(OneStiffness, module="fabric.law"):
+@declaration("fabric.law")
+class Linear(OneStiffness):
     """M_s = G gamma, or T = E eps"""
 
 
-class Sin2(OneStiffness, module="fabric.laws.shear"):
+@declaration("fabric.laws.shear")
+class Sin2(OneStiffness):
     """w = G sin^2 gamma / 2"""
 
 
-@dataclass(frozen=True)
-class Locking(Declared, module="fabric.laws.shear"):
+@declaration("fabric.laws.shear")
+class Locking:
     """M_s = G gamma / (1 - (gamma/a)^2)"""
 
-    stiffness: Uniform
-    angle: Annotated[
-        float,
-        DEGREES,
-        Key("locking_angle"),
-        Range(above=0, most=90),
-        about("angle a of the pole of the law"),
-    ]
+    stiffness: float = key(_STIFFNESS, unit="N_per_mm")
+    angle: float = deg(
+        "angle a of the pole of the law", name="locking_angle", limits=(0, 90)
+    )
 
 
-@dataclass(frozen=True)
-class CrimpToe(Declared, module="fabric.laws.tension"):
+@declaration("fabric.laws.tension")
+class CrimpToe:
     """T = E (eps - e0 (1 - exp(-eps/e0))) + k eps, k eps in compression"""
 
-    stiffness: Uniform
-    toe: Annotated[float, about("strain e0")]
-    initial_stiffness: Annotated[
-        float, N_PER_MM, about("stiffness k at rest and in compression")
-    ]
+    stiffness: float = key(_STIFFNESS, unit="N_per_mm")
+    toe: float = key("strain e0")
+    initial_stiffness: float = key(
+        "stiffness k at rest and in compression", unit="N_per_mm"
+    )

@@ -5,19 +5,10 @@ of its class in lower case, which takes the parameters by `with_parameters`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from math import pi, radians
-from typing import (
-    TYPE_CHECKING,
-    Annotated,
-    Any,
-    ClassVar,
-    Literal,
-    TypeAlias,
-    TypedDict,
-)
+from dataclasses import field, fields
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, TypedDict
 
-from .fields import DEGREES, FILE, MM, N_PER_MM, N_PER_MM2, Declared, InFile, Key, about
+from .fields import declaration, deg, key, mm
 
 #: Rotation of a family in radians at the coordinate s along its fibres (mm) and the
 #: load factor t: ``(s, t) -> (n,)``.
@@ -55,12 +46,14 @@ else:
 GRADED = "graded"
 
 
-@dataclass(frozen=True)
-class Scene(Declared):
+@declaration()
+class Scene:
     """A scene.
 
     Attributes
     ----------
+    module
+        See `declaration`.
     kind
         Default kind of mesh of a case.
     of_grid
@@ -73,6 +66,7 @@ class Scene(Declared):
         Default number of load steps.
     """
 
+    module: ClassVar[str]
     kind: ClassVar[str] = "irregular"
     of_grid: ClassVar[tuple[int, int] | None] = None
     fibre_stiffness: ClassVar[float] = 1e4
@@ -81,7 +75,7 @@ class Scene(Declared):
     steps: ClassVar[int] = 20
 
 
-@dataclass(frozen=True)
+@declaration()
 class OnRectangle(Scene):
     """A scene whose generated mesh fills a rectangle."""
 
@@ -91,12 +85,13 @@ class OnRectangle(Scene):
     seed: int = 1
 
 
+@declaration()
 class PlaneScene(OnRectangle):
     """A scene in the plane, which can be rotated."""
 
 
-@dataclass(frozen=True)
-class Strip(PlaneScene, module="scenes.strip"):
+@declaration("scenes.strip")
+class Strip(PlaneScene):
     """a strip bent onto a circle, fibres along its sides, clamped at the bottom"""
 
     shear_stiffness = 0.0
@@ -104,46 +99,35 @@ class Strip(PlaneScene, module="scenes.strip"):
     size: tuple[int, int] = (10, 15)
 
 
-@dataclass(frozen=True)
-class PictureFrame(PlaneScene, module="scenes.trellis"):
+@declaration("scenes.trellis")
+class PictureFrame(PlaneScene):
     """a square sheared by a hinged frame, fibres along its sides"""
 
     kind = GRADED
 
-    shear_angle: Annotated[float, DEGREES, about("final shear angle")] = radians(45)
-    side: Annotated[float, MM, about("side of a generated mesh")] = 100.0
-    frame: Annotated[
-        float | None,
-        MM,
-        about("side of the frame between its hinges (default: the side of the fabric)"),
-    ] = None
+    shear_angle: float = deg("final shear angle", default=45.0)
+    side: float = mm("side of a generated mesh", default=100.0)
+    frame: float | None = mm(
+        "side of the frame between its hinges (default: the side of the fabric)",
+        default=None,
+    )
 
 
-_Warp = Annotated[float, DEGREES, about("inclination of the warp")]
-
-
-@dataclass(frozen=True)
-class Trellis(PlaneScene, module="scenes.trellis"):
+@declaration("scenes.trellis")
+class Trellis(PlaneScene):
     """a square whose edges follow a motion without fibre strain"""
 
-    warp: _Warp = 0.0
-    weft: Annotated[float, DEGREES, about("inclination of the weft")] = pi / 2
+    warp: float = deg("inclination of the warp", default=0.0)
+    weft: float = deg("inclination of the weft", default=90.0)
     turns: tuple[Turn, Turn] | None = None
     edges: Mapping[str, Edge] | None = None
 
 
-_Weft = Annotated[
-    Weft,
-    DEGREES,
-    InFile(None),
-    about("inclination of the weft (default: 180 minus the warp angle)"),
-]
-
-_Width = Annotated[float, MM, about("width of a generated mesh")]
+_WEFT = "inclination of the weft (default: 180 minus the warp angle)"
 
 
-@dataclass(frozen=True)
-class BiasExtension(PlaneScene, module="scenes.bias_extension"):
+@declaration("scenes.bias_extension")
+class BiasExtension(PlaneScene):
     """a rectangle pulled along the bisector of its fibres"""
 
     kind = GRADED
@@ -151,34 +135,27 @@ class BiasExtension(PlaneScene, module="scenes.bias_extension"):
 
     size: tuple[int, int] = (8, 16)
     jitter: float = 0.25
-    warp: Annotated[float, DEGREES, about("inclination of the warp, below 90")] = pi / 4
-    weft: _Weft = 3 * pi / 4
-    shear_angle: Annotated[float, DEGREES, about("final shear angle in the middle")] = (
-        radians(40)
+    warp: float = deg("inclination of the warp, below 90", default=45.0)
+    weft: Weft = deg(_WEFT, default=135.0, in_file=None)
+    shear_angle: float = deg("final shear angle in the middle", default=40.0)
+    part: Literal["whole", "half"] = key(
+        "whole, or half: the half up to the axis of symmetry, with rollers on "
+        "this axis",
+        default="whole",
     )
-    part: Annotated[
-        Literal["whole", "half"],
-        about(
-            "whole, or half: the half up to the axis of symmetry, with rollers on "
-            "this axis"
-        ),
-    ] = "whole"
-    width: _Width = 50.0
-    height: Annotated[
-        float | None,
-        MM,
-        about(
-            "height of a generated mesh between its clamps (default: the smallest, "
-            "2 width tan(warp))"
-        ),
-    ] = None
+    width: float = mm("width of a generated mesh", default=50.0)
+    height: float | None = mm(
+        "height of a generated mesh between its clamps (default: the smallest, "
+        "2 width tan(warp))",
+        default=None,
+    )
 
 
 _MOVES = (("bottom", (0.0, 0.0)), ("top", (0.0, 10.0)))
 
 
-@dataclass(frozen=True)
-class Specimen(PlaneScene, module="scenes.specimen"):
+@declaration("scenes.specimen")
+class Specimen(PlaneScene):
     """a ply with displacements that you prescribe on its boundaries"""
 
     kind = GRADED
@@ -186,26 +163,23 @@ class Specimen(PlaneScene, module="scenes.specimen"):
 
     size: tuple[int, int] = (8, 16)
     jitter: float = 0.25
-    width: _Width = 50.0
-    height: Annotated[float, MM, about("height of a generated mesh")] = 100.0
-    warp: _Warp = pi / 4
-    weft: _Weft = 3 * pi / 4
-    moves: Annotated[
-        Moves,
-        MM,
-        Key("move"),
-        about(
-            "final displacements of boundaries along x and y: 0,0 for a clamped "
-            "boundary, free for a component that is not prescribed"
-        ),
-    ] = _MOVES
-    driven: Annotated[
-        str | None,
-        about("boundary whose reaction is reported (default: the one that moves most)"),
-    ] = None
+    width: float = mm("width of a generated mesh", default=50.0)
+    height: float = mm("height of a generated mesh", default=100.0)
+    warp: float = deg("inclination of the warp", default=45.0)
+    weft: Weft = deg(_WEFT, default=135.0, in_file=None)
+    moves: Moves = mm(
+        "final displacements of boundaries along x and y: 0,0 for a clamped "
+        "boundary, free for a component that is not prescribed",
+        default=_MOVES,
+        name="move",
+    )
+    driven: str | None = key(
+        "boundary whose reaction is reported (default: the one that moves most)",
+        default=None,
+    )
 
 
-@dataclass(frozen=True)
+@declaration()
 class StripInSpace(OnRectangle):
     """A strip that bends."""
 
@@ -216,40 +190,43 @@ class StripInSpace(OnRectangle):
     jitter: float = 0.0
 
 
-@dataclass(frozen=True)
-class Cantilever(StripInSpace, module="scenes.strips_in_space"):
+@declaration("scenes.strips_in_space")
+class Cantilever(StripInSpace):
     """a strip in space that bends under its weight (Peirce)"""
 
     steps = 4
 
-    length: Annotated[float, MM, about("length of the strip")] = 200.0
-    weight: Annotated[
-        float, N_PER_MM2, about("weight per area, such as 6e-6 for 0.6 kg/m2")
-    ] = 6e-6
+    length: float = mm("length of the strip", default=200.0)
+    weight: float = key(
+        "weight per area, such as 6e-6 for 0.6 kg/m2", default=6e-6, unit="N_per_mm2"
+    )
 
 
-@dataclass(frozen=True)
-class Buckling(StripInSpace, module="scenes.strips_in_space"):
+@declaration("scenes.strips_in_space")
+class Buckling(StripInSpace):
     """a strip in space that is compressed along its length"""
 
     fibre_stiffness = 1e5
 
-    shortening: Annotated[
-        float,
-        about(
-            "final shortening of the distance between the ends, relative to the length"
-        ),
-    ] = 0.2
-    push: Annotated[
-        float,
-        N_PER_MM2,
-        about("transverse load, which determines the side to which the strip buckles"),
-    ] = 1e-8
+    shortening: float = key(
+        "final shortening of the distance between the ends, relative to the length",
+        default=0.2,
+    )
+    push: float = key(
+        "transverse load, which determines the side to which the strip buckles",
+        default=1e-8,
+        unit="N_per_mm2",
+    )
 
 
-_Along = "length of the whole ply along {}, for a generated mesh"
-_AlongX = Annotated[float, MM, about(_Along.format("x"))]
-_AlongY = Annotated[float, MM, about(_Along.format("y"))]
+_ALONG_X = "length of the whole ply along x, for a generated mesh"
+
+_ALONG_Y = "length of the whole ply along y, for a generated mesh"
+
+_PART = (
+    "computed part (default: quarter if the fibres are along the sides or at 45 "
+    "degrees to them, else whole)"
+)
 
 
 class PlyOptions(TypedDict, total=False):
@@ -265,7 +242,7 @@ class PlyOptions(TypedDict, total=False):
     part: Part | None
 
 
-@dataclass(frozen=True, kw_only=True)
+@declaration(kw_only=True)
 class WithTools(Scene):
     """A ply in space with tools; the parameters of all such plies."""
 
@@ -274,16 +251,16 @@ class WithTools(Scene):
     size: tuple[int, int] = (16, 16)
     jitter: float = 0.0
     seed: int = 1
-    fibres: Annotated[
-        float, DEGREES, about("inclination of the warp; the weft is at right angles")
-    ] = 0.0
-    width: _AlongX = 180.0
-    height: _AlongY = 180.0
-    tension: Annotated[
-        float,
-        N_PER_MM,
-        about("tension along the fibres on free edges; 0 for none"),
-    ] = 2.0
+    fibres: float = deg(
+        "inclination of the warp; the weft is at right angles", default=0.0
+    )
+    width: float = mm(_ALONG_X, default=180.0)
+    height: float = mm(_ALONG_Y, default=180.0)
+    tension: float = key(
+        "tension along the fibres on free edges; 0 for none",
+        default=2.0,
+        unit="N_per_mm",
+    )
     part: Part | None = None
 
     def ply(self) -> PlyOptions:
@@ -292,89 +269,73 @@ class WithTools(Scene):
         return options
 
 
-_Part = Annotated[
-    Part | None,
-    about(
-        "computed part (default: quarter if the fibres are along the sides or at "
-        "45 degrees to them, else whole)"
-    ),
-]
-
-
+@declaration()
 class OnTool(WithTools):
     """A ply draped on a tool."""
 
     steps = 4
 
 
-@dataclass(frozen=True, kw_only=True)
+@declaration(kw_only=True)
 class OnSymmetricTool(OnTool):
     """A ply on a tool with two planes of symmetry."""
 
-    part: _Part = None
+    part: Part | None = key(_PART, default=None)
 
 
-@dataclass(frozen=True)
-class Hemisphere(OnSymmetricTool, module="scenes.tools"):
+@declaration("scenes.tools")
+class Hemisphere(OnSymmetricTool):
     """a ply on a sphere"""
 
     mesh: MeshOrKind = "irregular"
-    radius: Annotated[float, MM, about("radius of the sphere")] = 100.0
+    radius: float = mm("radius of the sphere", default=100.0)
 
 
-@dataclass(frozen=True)
-class Cylinder(OnSymmetricTool, module="scenes.tools"):
+@declaration("scenes.tools")
+class Cylinder(OnSymmetricTool):
     """a ply on a cylinder, without shear"""
 
     mesh: MeshOrKind = "irregular"
-    radius: Annotated[float, MM, about("radius of the cylinder")] = 100.0
+    radius: float = mm("radius of the cylinder", default=100.0)
 
 
-@dataclass(frozen=True)
-class DoubleDome(OnSymmetricTool, module="scenes.tools"):
+@declaration("scenes.tools")
+class DoubleDome(OnSymmetricTool):
     """a ply on two domes with a waist between them"""
 
     mesh: MeshOrKind = "irregular"
     size: tuple[int, int] = field(default=(32, 18), kw_only=True)
-    width: _AlongX = field(default=470.0, kw_only=True)
-    height: _AlongY = field(default=270.0, kw_only=True)
+    width: float = mm(_ALONG_X, default=470.0, kw_only=True)
+    height: float = mm(_ALONG_Y, default=270.0, kw_only=True)
 
 
-@dataclass(frozen=True)
-class Saddle(OnSymmetricTool, module="scenes.tools"):
+@declaration("scenes.tools")
+class Saddle(OnSymmetricTool):
     """a ply on a saddle"""
 
     mesh: MeshOrKind = "irregular"
-    radius: Annotated[float, MM, about("radius of both curvatures in the middle")] = (
-        150.0
+    radius: float = mm("radius of both curvatures in the middle", default=150.0)
+
+
+@declaration("scenes.drape")
+class Drape(OnTool):
+    """a ply on a tool from a file, such as STL"""
+
+    tool: TriangleMesh = key(
+        "file of triangles, or several that are sewn: STL, PLY, OBJ, 3MF, or "
+        "another that meshio reads",
+        in_file=None,
+        file=True,
+    )
+    mesh: MeshOrKind = "irregular"
+    point: Point | None = mm(
+        "point of the tool that the middle of the ply touches (default: the "
+        "highest point; of several, the one closest to the middle)",
+        default=None,
     )
 
 
-@dataclass(frozen=True)
-class Drape(OnTool, module="scenes.drape"):
-    """a ply on a tool from a file, such as STL"""
-
-    tool: Annotated[
-        TriangleMesh,
-        InFile(None),
-        about(
-            "file of triangles, or several that are sewn: STL, PLY, OBJ, 3MF, or "
-            "another that meshio reads"
-        ),
-        FILE,
-    ]
-    mesh: MeshOrKind = "irregular"
-    point: Annotated[
-        Point | None,
-        MM,
-        about(
-            "point of the tool that the middle of the ply touches (default: the "
-            "highest point; of several, the one closest to the middle)"
-        ),
-    ] = None
-
-
-@dataclass(frozen=True, kw_only=True)
+@declaration(kw_only=True)
 class Formed(WithTools):
     """A ply between punch, die and holder."""
 
@@ -382,104 +343,90 @@ class Formed(WithTools):
     steps = 5
 
     size: tuple[int, int] = (12, 12)
-    width: _AlongX = 300.0
-    height: _AlongY = 300.0
-    tension: Annotated[
-        float,
-        N_PER_MM,
-        about("constant tension along the fibres on free edges; 0 for none"),
-    ] = 0.2
+    width: float = mm(_ALONG_X, default=300.0)
+    height: float = mm(_ALONG_Y, default=300.0)
+    tension: float = key(
+        "constant tension along the fibres on free edges; 0 for none",
+        default=0.2,
+        unit="N_per_mm",
+    )
 
 
-@dataclass(frozen=True, kw_only=True)
+@declaration(kw_only=True)
 class FormedBySymmetricTools(Formed):
     """A ply between tools with two planes of symmetry."""
 
-    part: _Part = None
+    part: Part | None = key(_PART, default=None)
 
 
-_Gap = Annotated[float, MM, Key("holder_gap"), about("distance between die and holder")]
+_GAP = "distance between die and holder"
 
-_Clearance = Annotated[
-    float, MM, about("distance between punch and die in the plane of the ply")
-]
+_CLEARANCE = "distance between punch and die in the plane of the ply"
 
 
-@dataclass(frozen=True)
-class HemisphereForming(FormedBySymmetricTools, module="scenes.forming"):
+@declaration("scenes.forming")
+class HemisphereForming(FormedBySymmetricTools):
     """a ply that a punch with a hemispherical end forms through a round hole"""
 
     mesh: MeshOrKind = "irregular"
-    radius: Annotated[float, MM, about("radius of the punch")] = 75.0
-    fillet: Annotated[float, MM, about("radius of the fillet of the die")] = 10.0
-    travel: Annotated[float, MM, about("final travel of the punch")] = 75.0
-    gap: _Gap = 0.3
-    clearance: _Clearance = 5.0
+    radius: float = mm("radius of the punch", default=75.0)
+    fillet: float = mm("radius of the fillet of the die", default=10.0)
+    travel: float = mm("final travel of the punch", default=75.0)
+    gap: float = mm(_GAP, default=0.3, name="holder_gap")
+    clearance: float = mm(_CLEARANCE, default=5.0)
 
 
-@dataclass(frozen=True)
-class DoubleDomeForming(FormedBySymmetricTools, module="scenes.forming"):
+@declaration("scenes.forming")
+class DoubleDomeForming(FormedBySymmetricTools):
     """a ply that a double dome forms in a die of the same shape"""
 
     mesh: MeshOrKind = "irregular"
     size: tuple[int, int] = field(default=(24, 16), kw_only=True)
-    width: _AlongX = field(default=470.0, kw_only=True)
-    travel: Annotated[float, MM, about("final travel of the punch, at most 60 mm")] = (
-        60.0
-    )
-    gap: _Gap = 0.3
-    clearance: _Clearance = 5.0
+    width: float = mm(_ALONG_X, default=470.0, kw_only=True)
+    travel: float = mm("final travel of the punch, at most 60 mm", default=60.0)
+    gap: float = mm(_GAP, default=0.3, name="holder_gap")
+    clearance: float = mm(_CLEARANCE, default=5.0)
 
 
-@dataclass(frozen=True)
-class Forming(Formed, module="scenes.forming"):
+@declaration("scenes.forming")
+class Forming(Formed):
     """a ply that a punch forms through a die, both from files, or tools of [[tools]]"""
 
     of_grid = (24, 24)
 
-    punch: Annotated[
-        TriangleMesh,
-        InFile(None),
-        about("file of triangles of the punch, or several that are sewn, such as STL"),
-        FILE,
-    ]
-    die: Annotated[
-        TriangleMesh,
-        InFile(None),
-        about("file of triangles of the die, in the same axes"),
-        FILE,
-    ]
+    punch: TriangleMesh = key(
+        "file of triangles of the punch, or several that are sewn, such as STL",
+        in_file=None,
+        file=True,
+    )
+    die: TriangleMesh = key(
+        "file of triangles of the die, in the same axes", in_file=None, file=True
+    )
     mesh: MeshOrKind = "irregular"
-    travel: Annotated[
-        float, MM, about("final travel of the punch along z, negative if it moves down")
-    ] = 50.0
-    gap: Annotated[
-        float | None,
-        MM,
-        Key("holder_gap"),
-        about("distance between die and holder (default: 0.3 without a pressure)"),
-    ] = None
-    centre: Annotated[
-        tuple[float, float],
-        MM,
-        about("centre of the ply, x and y in the axes of the tools"),
-    ] = (0.0, 0.0)
-    pressure: Annotated[
-        float | None,
-        N_PER_MM2,
-        Key("holder_pressure"),
-        about(
-            "instead of the gap: pressure of the holder in N/mm2 on the ply under the "
-            "flat flange of the die"
-        ),
-    ] = None
-    part: Annotated[
-        PartOrWhole,
-        about(
-            "whole, or quarter: the quarter with positive x and y, if tools and fibres "
-            "have two planes of symmetry"
-        ),
-    ] = field(default="whole", kw_only=True)
+    travel: float = mm(
+        "final travel of the punch along z, negative if it moves down", default=50.0
+    )
+    gap: float | None = mm(
+        "distance between die and holder (default: 0.3 without a pressure)",
+        default=None,
+        name="holder_gap",
+    )
+    centre: tuple[float, float] = mm(
+        "centre of the ply, x and y in the axes of the tools", default=(0.0, 0.0)
+    )
+    pressure: float | None = key(
+        "instead of the gap: pressure of the holder in N/mm2 on the ply under the "
+        "flat flange of the die",
+        default=None,
+        unit="N_per_mm2",
+        name="holder_pressure",
+    )
+    part: PartOrWhole = key(
+        "whole, or quarter: the quarter with positive x and y, if tools and fibres "
+        "have two planes of symmetry",
+        default="whole",
+        kw_only=True,
+    )
 
 
 #: Every scene.

@@ -3,10 +3,9 @@
 Positions are in mm, directions of any length.
 """
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
-from .fields import DEGREES, MM, REQUIRED, Declared, InFile, about
+from .fields import REQUIRED, declaration, deg, key, mm
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -15,75 +14,69 @@ if TYPE_CHECKING:
 else:
     Vector = tuple[float, float, float]
 
-_REQUIRED = InFile(REQUIRED)
-
 _ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
-_Point = Annotated[Vector, MM, about("point of the surface or of its axis")]
 
-_Axis = Annotated[Vector, about("direction of the axis")]
-
-_Radius = Annotated[float, MM, about("radius")]
-
-
-@dataclass(frozen=True, eq=False)
-class Plane(Declared, module="drape.surfaces"):
+@declaration("drape.surfaces", eq=False)
+class Plane:
     """plane"""
 
-    point: _Point = _ORIGIN
-    normal: Annotated[Vector, about("normal of any length")] = _UP
+    point: Vector = mm("point of the surface or of its axis", default=_ORIGIN)
+    normal: Vector = key("normal of any length", default=_UP)
 
 
-@dataclass(frozen=True, eq=False)
-class Sphere(Declared, module="drape.surfaces"):
+@declaration("drape.surfaces", eq=False)
+class Sphere:
     """sphere"""
 
-    radius: _Radius
-    centre: Annotated[Vector, MM, _REQUIRED, about("centre of the sphere")] = _ORIGIN
+    radius: float = mm("radius")
+    centre: Vector = mm("centre of the sphere", default=_ORIGIN, in_file=REQUIRED)
 
 
-@dataclass(frozen=True, eq=False)
-class Cylinder(Declared, module="drape.surfaces"):
+@declaration("drape.surfaces", eq=False)
+class Cylinder:
     """cylinder"""
 
-    radius: _Radius
-    point: Annotated[_Point, _REQUIRED] = _ORIGIN
-    axis: _Axis = (0.0, 1.0, 0.0)
+    radius: float = mm("radius")
+    point: Vector = mm(
+        "point of the surface or of its axis", default=_ORIGIN, in_file=REQUIRED
+    )
+    axis: Vector = key("direction of the axis", default=(0.0, 1.0, 0.0))
 
 
-@dataclass(frozen=True, eq=False)
-class Cone(Declared, module="drape.surfaces"):
+@declaration("drape.surfaces", eq=False)
+class Cone:
     """cone"""
 
-    angle: Annotated[float, DEGREES, about("angle between axis and surface")]
-    point: Annotated[Vector, MM, _REQUIRED, about("apex")] = _ORIGIN
-    axis: Annotated[Vector, about("direction from the apex into the cone")] = _UP
+    angle: float = deg("angle between axis and surface")
+    point: Vector = mm("apex", default=_ORIGIN, in_file=REQUIRED)
+    axis: Vector = key("direction from the apex into the cone", default=_UP)
 
 
-@dataclass(frozen=True, eq=False)
-class Torus(Declared, module="drape.surfaces"):
+@declaration("drape.surfaces", eq=False)
+class Torus:
     """torus"""
 
-    radius: Annotated[float, MM, about("radius of the centre line of the tube")]
-    tube: Annotated[float, MM, about("radius of the tube")]
-    point: Annotated[Vector, MM, _REQUIRED, about("centre")] = _ORIGIN
-    axis: _Axis = _UP
+    radius: float = mm("radius of the centre line of the tube")
+    tube: float = mm("radius of the tube")
+    point: Vector = mm("centre", default=_ORIGIN, in_file=REQUIRED)
+    axis: Vector = key("direction of the axis", default=_UP)
 
 
-@dataclass(frozen=True, eq=False)
-class Punch(Declared, module="drape.punch_and_die"):
+@declaration("drape.punch_and_die", eq=False)
+class Punch:
     """shaft with a hemispherical end"""
 
-    radius: Annotated[float, MM, about("radius of the shaft and of the hemisphere")]
-    point: Annotated[Vector, MM, _REQUIRED, about("centre of the hemisphere")] = _ORIGIN
-    axis: Annotated[Vector, about("direction from the shaft to the tip")] = _UP
+    radius: float = mm("radius of the shaft and of the hemisphere")
+    point: Vector = mm("centre of the hemisphere", default=_ORIGIN, in_file=REQUIRED)
+    axis: Vector = key("direction from the shaft to the tip", default=_UP)
 
 
-@dataclass(frozen=True, eq=False)
-class Die(Declared, module="drape.punch_and_die"):
+@declaration("drape.punch_and_die", eq=False)
+class Die:
     """plane with a round hole and a fillet"""
 
-    radius: Annotated[float, MM, about("radius of the hole")]
-    fillet: Annotated[float, MM, about("radius of the fillet")]
-    point: Annotated[Vector, MM, about("centre of the hole in the plane")] = _ORIGIN
-    axis: Annotated[Vector, about("direction from the plane into the hole")] = _UP
+    radius: float = mm("radius of the hole")
+    fillet: float = mm("radius of the fillet")
+    point: Vector = mm("centre of the hole in the plane", default=_ORIGIN)
+    axis: Vector = key("direction from the plane into the hole", default=_UP)

@@ -30,16 +30,18 @@ LAYERS = {
     "solve.sweep": ("solve", "mesh"),
     "singular": ("solve", "ply", "fabric", "mesh"),
     "drape": ("solve", "ply", "fabric", "declarations", "mesh"),
+    "declarations.scenes": ("drape", "declarations"),
     "forming": ("drape", "solve", "ply", "fabric", "mesh"),
     "scenes": (
-        *("forming", "drape", "singular", "solve", "ply"),
+        *("declarations.scenes", "forming", "drape", "singular", "solve", "ply"),
         *("fabric", "declarations", "mesh"),
     ),
     "io": (
         *("forming", "drape", "singular", "solve", "ply", "forms", "fabric", "mesh"),
     ),
     "cases": (
-        *("io", "scenes", "forming", "drape", "singular", "solve"),
+        *("io", "scenes", "declarations.scenes", "forming", "drape", "singular"),
+        "solve",
         *("ply", "fabric", "declarations", "mesh"),
     ),
     "plot": (
@@ -53,7 +55,7 @@ LAYERS = {
     ),
     "cli": (
         *("calibration", "plot", "cases", "io", "scenes", "solve"),
-        *("drape", "ply", "fabric", "declarations", "mesh"),
+        *("declarations.scenes", "drape", "ply", "fabric", "mesh"),
         *("cli.interruption", "cli.output", "cli.words", "cli.file_options"),
     ),
     "__main__": ("cli",),
