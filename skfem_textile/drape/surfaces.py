@@ -16,6 +16,12 @@ from numpy.typing import ArrayLike
 
 from ..declarations import surfaces as declared
 from ..mesh.user_input import real_numbers
+from ..solve.surface.surface import (
+    displacement as displacement,
+)
+from ..solve.surface.surface import (
+    exponential_map as exponential_map,
+)
 
 #: Three components.
 Vector: TypeAlias = ArrayLike

@@ -6,9 +6,8 @@ kernel supports, and evaluated as defined on all others; arguments and results a
 same.
 """
 
-from collections.abc import Iterable, Sequence
-from functools import reduce
-from typing import Any, TypeAlias
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -21,31 +20,13 @@ from skfem import (
     LinearForm,
 )
 
-from ..fabric.regions import fabric_on
-from ..mesh.bases import (
-    NO_SECOND_FIELD,
-    MacroBasis,
-    components,
-    element_numbers,
-    main_basis,
-)
-from ..mesh.pattern import full_matrices
-from ..mesh.scikit_fem import (
-    COOData,
-    OwnAssembly,
-    matrix_entries,
-    number_entries,
-    vector_entries,
-)
+from ..mesh.bases import NO_SECOND_FIELD, MacroBasis, element_numbers, main_basis
+from ..mesh.scikit_fem import COOData, OwnAssembly
 from ..mesh.user_input import with_article
-from .kernels.elements import ElementGroup, element_groups
-from .kernels.kernel import (
-    Kernel,
-    KernelState,
-    can_compute,
-    element_forces,
-    element_matrices,
-)
+from . import kernels
+
+if TYPE_CHECKING:
+    from .kernels.kernel import Kernel, KernelState
 
 #: Arguments of a form by name.
 Parameters: TypeAlias = dict[str, Any]
@@ -60,17 +41,21 @@ _LEADING = {"C_s": (), "moment": (), "E_d": (2,), "tension": (2,)}
 class OfDisplacement(OwnAssembly):
     """A form of one or more terms.
 
-    Its ``params`` are the ``fabrics`` of the terms, and their ``kernels``: empty if a
-    term has none.
+    Its ``params`` are the ``fabrics`` of the terms, and functions that return their
+    ``kernels``: empty if a term has none.
     """
 
     params: dict[str, Any]
 
     @property
-    def kernel(self) -> Kernel | None:
+    def kernels(self) -> "list[Kernel]":
+        """Kernels of the terms."""
+        return [kernel() for kernel in self.params["kernels"]]
+
+    @property
+    def kernel(self) -> "Kernel | None":
         """Kernel that computes the form where it can; None for several terms."""
-        kernels = self.params["kernels"]
-        return kernels[0] if len(kernels) == 1 else None
+        return self.kernels[0] if len(self.params["kernels"]) == 1 else None
 
     def checked(self, basis: Any, parameters: Parameters) -> Parameters:
         """Parameters with the element numbers; see `OwnAssembly`."""
@@ -80,8 +65,12 @@ class OfDisplacement(OwnAssembly):
                 _refuse_displacement(name, value, basis)
             elif name in _DIRECTIONS or name in _LEADING:
                 _refuse_shape(name, value, basis)
-        for fabric in self.params["fabrics"]:
-            fabric_on(np.arange(basis_mesh(basis).nelements), fabric)
+        if self.params["fabrics"]:
+            from ..fabric.regions import fabric_on
+
+            every_element = np.arange(basis_mesh(basis).nelements)
+            for fabric in self.params["fabrics"]:
+                fabric_on(every_element, fabric)
         return {"element": element_numbers(basis), **parameters}
 
     def taken(self, fields: tuple[DiscreteField, ...]) -> tuple[DiscreteField, ...]:
@@ -90,21 +79,15 @@ class OfDisplacement(OwnAssembly):
             return fields
         return next(((x,) for x in fields if is_displacement(x)), fields[:1])
 
-    def states(self, basis: Any, parameters: Parameters) -> list[list[KernelState]]:
-        """Kernels by group of elements; empty if one does not support the basis."""
-        u, kernels = parameters.get("u"), self.params["kernels"]
-        if not isinstance(u, ndarray) or u.ndim != 1:
+    def states(self, basis: Any, parameters: Parameters) -> "list[list[KernelState]]":
+        """States of the kernels; empty if a form is evaluated as defined."""
+        u: Any = parameters.get("u")
+        of_kernels = isinstance(u, ndarray) and u.ndim == 1 and self.params["kernels"]
+        if not of_kernels or any(name in parameters for name in _DIRECTIONS):
             return []
-        if not kernels or not all(can_compute(x, basis) for x in kernels):
+        if not all(kernels.can_compute(kernel, basis) for kernel in self.kernels):
             return []
-        if any(name in parameters for name in _DIRECTIONS):
-            return []
-        w, groups = self.checked(basis, parameters), dict[ElementGroup, list]()
-        for x in kernels:
-            for g in element_groups(basis, x.fabric):
-                state = KernelState(x, g, g.points, g.last_deformations(u), w)
-                groups.setdefault(g, []).append(state)
-        return list(groups.values())
+        return kernels.states(self.kernels, basis, u, self.checked(basis, parameters))
 
 
 class EnergyForm(OfDisplacement, Functional):
@@ -113,10 +96,9 @@ class EnergyForm(OfDisplacement, Functional):
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: Parameters
     ) -> COOData | None:
-        """Energy of the kernel."""
+        """Energy of the kernels."""
         states = self.states(ubasis, parameters)
-        energy = sum(x.kernel.energy(x) for group in states for x in group)
-        return number_entries(energy) if states else None
+        return kernels.energy_entries(states) if states else None
 
 
 class ResidualForm(OfDisplacement, LinearForm):
@@ -125,15 +107,10 @@ class ResidualForm(OfDisplacement, LinearForm):
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: Parameters
     ) -> COOData | None:
-        """Forces of the kernel."""
+        """Forces of the kernels."""
         parameters.pop("tension", None)  # only the tangent accepts other tensions
         states = self.states(ubasis, parameters)
-        if not states:
-            return None
-        forces = map(element_forces, states)
-        parts = (f.reshape(-1, f.shape[-1]) for f in forces)
-        shape = ubasis.Nbfun, ubasis.nelems
-        return vector_entries(ubasis, _sum_of_groups(states, parts, shape))
+        return kernels.force_entries(ubasis, states) if states else None
 
 
 class TangentForm(OfDisplacement, BilinearForm):
@@ -142,7 +119,7 @@ class TangentForm(OfDisplacement, BilinearForm):
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: Parameters
     ) -> COOData | None:
-        """Stiffness of the kernel."""
+        """Stiffness of the kernels."""
         vbasis = ubasis if vbasis is None else vbasis
         sizes = [(basis.N, basis.nelems) for basis in (ubasis, vbasis)]
         if sizes[0] != sizes[1]:
@@ -154,27 +131,7 @@ class TangentForm(OfDisplacement, BilinearForm):
         states = self.states(ubasis, parameters)
         if not states or vbasis is not ubasis:
             return None
-        matrices = map(element_matrices, states)
-        n_nodes = ubasis.Nbfun // components(ubasis)
-        if all(x.group.nodes.shape == (n_nodes, ubasis.nelems) for (x, *_) in states):
-            return matrix_entries(ubasis, reduce(np.add, matrices))
-        shape = ubasis.Nbfun, ubasis.Nbfun, ubasis.nelems
-        parts = map(full_matrices, matrices)
-        return matrix_entries(ubasis, _sum_of_groups(states, parts, shape))
-
-
-def _sum_of_groups(
-    states: list[list[KernelState]], parts: Iterable[ndarray], shape: tuple[int, ...]
-) -> ndarray:
-    """Sum of the arrays of groups of elements, as one array of the whole basis.
-
-    Groups may have fewer unknowns than the basis; the rest is zero.
-    """
-    whole = np.zeros(shape)
-    for (x, *_), part in zip(states, parts, strict=True):
-        unknowns = (slice(n) for n in part.shape[:-1])
-        whole[*unknowns, x.group.elements] += part
-    return whole
+        return kernels.stiffness_entries(ubasis, states)
 
 
 def is_displacement(field: Any) -> bool:

@@ -10,10 +10,10 @@ parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial, wraps
+from functools import cache, partial, wraps
 from inspect import signature
 from operator import add, call
-from typing import Any, NamedTuple, Never, ParamSpec
+from typing import TYPE_CHECKING, Any, NamedTuple, Never, ParamSpec
 
 import numpy as np
 from numpy import ndarray
@@ -31,8 +31,11 @@ from ..fabric import Fabric, is_zero
 from ..fabric import kinematics as kin
 from ..mesh.scikit_fem import FormExtraParams
 from ..mesh.user_input import parameter
+from . import kernels
 from .assembly import EnergyForm, ResidualForm, TangentForm, is_displacement
-from .kernels.kernel import Kernel
+
+if TYPE_CHECKING:
+    from .kernels.kernel import Kernel
 
 
 class Forms(NamedTuple):
@@ -54,7 +57,7 @@ class Forms(NamedTuple):
     tangent: BilinearForm
 
     @property
-    def kernel(self) -> Kernel | None:
+    def kernel(self) -> "Kernel | None":
         """Kernel of all three forms; None if they have none in common."""
         first, *others = (getattr(form, "kernel", None) for form in self)
         return first if all(kernel is first for kernel in others) else None
@@ -64,7 +67,7 @@ class Forms(NamedTuple):
         if not isinstance(other, Forms):
             return NotImplemented
         params = [forms.energy.params for forms in (self, other)]
-        kernels, fabrics = (
+        with_kernel, fabrics = (
             [x.get(k, ()) for x in params] for k in ("kernels", "fabrics")
         )
         kinds = {x.get("basis", CellBasis) for x in params}
@@ -85,7 +88,7 @@ class Forms(NamedTuple):
             ),
             basis=kinds.pop(),
             fabrics=(*fabrics[0], *fabrics[1]),
-            kernels=(*kernels[0], *kernels[1]) if all(kernels) else (),
+            kernels=(*with_kernel[0], *with_kernel[1]) if all(with_kernel) else (),
         )
 
     @property
@@ -131,7 +134,7 @@ def _built(built_by: Callable[[], Forms], forms: Forms, **params: Any) -> Forms:
 
 
 def builds_forms(
-    kernel: Callable[..., Kernel] | None = None,
+    kernel: str = "",
     basis: type[AbstractBasis] = CellBasis,
 ) -> Callable[[Callable[_P, Forms]], Callable[_P, Forms]]:
     """Decorate a function that defines the forms of a term.
@@ -141,7 +144,8 @@ def builds_forms(
     Parameters
     ----------
     kernel
-        Function of the same arguments that returns a kernel with the same values.
+        Class in `kernels`, with the same arguments, that computes the same values.  It
+        is imported at the first assembly.
     basis
         Class of the bases on which the forms are integrals; others are refused.
     """
@@ -150,12 +154,17 @@ def builds_forms(
         @wraps(function)
         def build(*args: _P.args, **kwargs: _P.kwargs) -> Forms:
             arguments = _checked_arguments(function, *args, **kwargs)
+
+            @cache
+            def built_kernel() -> "Kernel":
+                return getattr(kernels, kernel)(*args, **kwargs)
+
             return _built(
                 partial(build, *args, **kwargs),
                 function(*args, **kwargs),
                 basis=basis,
                 fabrics=tuple(v for k, v in arguments.items() if k == "fabric"),
-                kernels=() if kernel is None else (kernel(*args, **kwargs),),
+                kernels=(built_kernel,) if kernel else (),
             )
 
         return build

@@ -24,10 +24,9 @@ from .form import (
     once,
     outer,
 )
-from .kernels.kernel import ShearKernel
 
 
-@builds_forms(ShearKernel)
+@builds_forms("ShearKernel")
 def shear(fabric: Fabric) -> Forms:
     """In-plane shear: virtual work ∫ M_s δΓ dΩ."""
 

@@ -5,10 +5,7 @@ from importlib.util import find_spec
 
 def is_installed(package: str) -> bool:
     """True if a package can be found; it is not imported."""
-    try:
-        return find_spec(package) is not None
-    except ImportError:  # by a finder that blocks it
-        return False
+    return find_spec(package) is not None
 
 
 def require(ability: str, extra: str, *packages: str) -> None:

@@ -17,7 +17,6 @@ from skfem.assembly.form.coo_data import COOData
 from skfem.assembly.form.form import FormExtraParams as FormExtraParams
 from skfem.quadrature import get_quadrature as get_quadrature
 
-from .pattern import full_matrices
 from .user_input import with_article
 
 _Mesh = TypeVar("_Mesh", bound=Mesh)
@@ -192,8 +191,7 @@ class _OfBasis(COOData):
     @property  # type: ignore[misc]
     def data(self) -> ndarray:
         """Entries as (n_functions n_functions n_elements,)."""
-        K = self._given
-        return (full_matrices(K) if K.ndim == _BY_PAIRS else K).ravel()
+        return _in_full(self._given).ravel()
 
     @data.setter
     def data(self, values: ndarray) -> None:
@@ -211,12 +209,19 @@ class _OfBasis(COOData):
         _, order, starts, whole, sums = _positions(self.basis)
         K = self._given
         if K.ndim not in sums:
-            numbers = np.arange(K.size).reshape(K.shape)
-            if K.ndim == _BY_PAIRS:
-                numbers = full_matrices(numbers)
+            numbers = _in_full(np.arange(K.size).reshape(K.shape))
             ones, shape = np.ones(len(order)), (len(starts) - 1, K.size)
             sums[K.ndim] = csr_matrix((ones, numbers.ravel()[order], starts), shape)
         own = whole.indices.copy(), whole.indptr.copy()
         total = csr_matrix((sums[K.ndim] @ K.ravel(), *own), whole.shape)
         total.has_canonical_format = True
         return total
+
+
+def _in_full(K: ndarray) -> ndarray:
+    """Element matrices as (n_functions, n_functions, n_elements)."""
+    if K.ndim != _BY_PAIRS:
+        return K
+    from .pattern import full_matrices
+
+    return full_matrices(K)

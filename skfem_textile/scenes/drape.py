@@ -16,6 +16,7 @@ from ..declarations.scenes import PlyOptions
 from ..drape import Axes, Net, ToolMesh, TriangleMesh
 from ..drape.sheet import boundary_edges
 from ..mesh.contact import signed_areas
+from ..mesh.graph import components
 from ..solve.surface import OffSurfaceError, onto
 from .draped_ply import draped_ply, warn_of_net
 from .scene import Scene, with_parameters
@@ -180,7 +181,8 @@ def _middle_of_top(tool: TriangleMesh) -> tuple[ndarray, bool]:
     vertex = high[np.hypot(*(x[:, high] - middle[:, None])[:2]).argmin()]
     edges = np.hstack([triangles[:2], triangles[1:], triangles[::2]])
     edges = edges[:, is_high[edges].all(axis=0)]
-    top = _connected(edges, x.shape[1], vertex)
+    part = components(x.shape[1], edges)
+    top = part == part[vertex]
     for parts in (triangles, edges):
         parts = parts[:, top[parts].all(axis=0)]
         corners = x[:, parts]
@@ -193,16 +195,6 @@ def _middle_of_top(tool: TriangleMesh) -> tuple[ndarray, bool]:
             if away <= _LEVEL * np.ptp(x) and not tool.beyond_edges(foot)[0]:
                 return foot[:, 0], True
     return x[:, vertex], vertex not in boundary_edges(facets.cells)
-
-
-def _connected(edges: ndarray, n: int, vertex: int) -> ndarray:
-    """Mask of n vertices that edges connect with one of them."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_array((np.ones(edges.shape[1]), tuple(edges)), shape=(n, n))
-    part = connected_components(graph, directed=False)[1]
-    return np.asarray(part == part[vertex])
 
 
 def _xyz(point: ndarray) -> str:

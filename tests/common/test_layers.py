@@ -21,7 +21,6 @@ LAYERS = {
     "cli.output": (),
     "mesh": (),
     "declarations": (),
-    "lazy": ("mesh",),
     "fabric": ("declarations", "mesh"),
     "forms.kernels": ("fabric", "mesh"),
     "forms": ("forms.kernels", "fabric", "mesh"),
