@@ -113,7 +113,7 @@ def declared(
         if not isinstance(tables, Mapping):
             raise ValueError(f"a case must be a table of tables, not {_quoted(tables)}")
         _refuse_values("", tables)
-        scene = _scene_of(tables)
+        scene = _scene_of(tables.get("scene", {}))
         regions = tables.get("regions", {})
         if not isinstance(regions, dict):
             raise ValueError(f"regions must be a table, not {_quoted(regions)}")
@@ -208,8 +208,7 @@ def _refuse_values(where: str, value: Any) -> None:
             _refuse_values(where, part)
 
 
-def _scene_of(tables: Mapping[str, Any]) -> type[AnyScene]:
-    table = tables.get("scene", {})
+def _scene_of(table: Any) -> type[AnyScene]:
     if not isinstance(table, dict):
         raise ValueError(f"scene must be a table, not {_quoted(table)}")
     name = table.get("name")

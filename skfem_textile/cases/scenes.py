@@ -106,7 +106,9 @@ class _OfFiles(Scene):
             of = " of triangles" if key == "tool" else ""
             raise ValueError(f"scene.{key} is missing: name an STL file{of}")
         tools = {key: read_surface(getattr(self, key), self.unit) for key in files}
-        return self.implementation(**{**self.values(), **tools}, mesh=mesh, **generated)
+        return self.implementation()(
+            **{**self.values(), **tools}, mesh=mesh, **generated
+        )
 
 
 _OF_PLY = "fibres", "width", "height", "tension", "part"

@@ -57,33 +57,29 @@ class DeclaredTable(Table):
 
     def values(self) -> dict[str, Any]:
         """Parameters by name, angles in radians, and tables as pairs."""
-        return {
-            name: _in_python(key, getattr(self, key))
-            for key, name in self.names.items()
-        }
+        values = {}
+        for key, name in self.names.items():
+            value = getattr(self, key)
+            if _is_angle(key) and value is not None:
+                value = radians(value)
+            values[name] = tuple(value.items()) if isinstance(value, dict) else value
+        return values
 
-    @property
-    def implementation(self) -> Any:
+    @classmethod
+    def implementation(cls) -> Any:
         """The class or function that has the parameters, imported now."""
-        module = import_module(f"...{self.declaration.module}", __name__)
-        return getattr(module, self.called)
+        module = import_module(f"...{cls.declaration.module}", __name__)
+        return getattr(module, cls.called)
 
     def built(self, **others: Any) -> Any:
         """Object of the class or function with the parameters, and with others."""
-        return self.implementation(**self.values(), **others)
+        return self.implementation()(**self.values(), **others)
 
     @classmethod
     def of(cls, built: Any) -> "DeclaredTable":
         """The table of an object with the parameters."""
         given = {key: getattr(built, name) for key, name in cls.names.items()}
         return cls(**{k: degrees(v) if _is_angle(k) else v for k, v in given.items()})
-
-
-def _in_python(key: str, value: Any) -> Any:
-    """Value of a parameter."""
-    if isinstance(value, dict):
-        return tuple(value.items())
-    return radians(value) if _is_angle(key) and value is not None else value
 
 
 def _is_angle(key: str) -> bool:

@@ -128,7 +128,7 @@ class ToolTable(DeclaredTable, tag_field="surface"):
         values = self.values()
         for position in {"point", "centre"} & values.keys():
             values[position] = values[position] - axes.origin
-        return self.implementation(**values)
+        return self.implementation()(**values)
 
     def _motion(self, what: str, axes: "Axes") -> Any:
         translation = self._translation(what)

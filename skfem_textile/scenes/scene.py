@@ -67,10 +67,6 @@ def unknown(X: ndarray, t: float) -> ndarray:
     )
 
 
-def _no_loads(fabric: Fabric) -> "Sequence[Load]":
-    return ()
-
-
 def _no_figures(result: Result) -> Mapping[str, float]:
     return {}
 
@@ -123,7 +119,7 @@ class Scene:
     tools
         Tools and holders of a ply in space.
     loads_of
-        Further loads, as a function of the fabric.
+        Further loads, as a function of the fabric, or None.
     figures
         Further figures of a result, besides exact ones.
     measured
@@ -155,7 +151,7 @@ class Scene:
     loads: "tuple[Load, ...]" = ()
     tools: "tuple[Tool | Holder, ...]" = ()
     reacting: str = ""
-    loads_of: "Callable[[Fabric], Sequence[Load]]" = _no_loads
+    loads_of: "Callable[[Fabric], Sequence[Load]] | None" = None
     figures: Callable[[Result], Mapping[str, float]] = _no_figures
     measured: Callable[[Result], Mapping[str, float | str]] = _no_figures
     first: Sequence[Quantity] = ()
