@@ -5,7 +5,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from ..fabric import Fabric, Polynomial, TwoLaws
+from ..fabric import Fabric, TwoLaws
 from . import schema
 from .write import tables_of
 
@@ -45,15 +45,7 @@ def _table(law: Any) -> dict[str, Any]:
     """Table of a law with its numbers; empty if there is none for its class."""
     if np.ndim(getattr(law, "stiffness", 0.0)):
         return {}
-    if isinstance(law, Polynomial):
-        return tables_of(
-            schema.Polynomial(
-                coefficients_N_per_mm=tuple(law.coefficients),
-                variable="sine" if law.sine else "angle",
-                continuation="odd" if law.odd else "none",
-            )
-        )
     for table in {*get_args(schema.TensionLaw), *get_args(schema.ShearLaw)}:
-        if table.names and isinstance(law, table.declaration):
+        if table.keys and type(law) is table.implementation():
             return tables_of(table.of(law))
     return {}

@@ -95,7 +95,7 @@ class _OfFiles(Scene):
         """See `Scene.build`."""
         from ..io import read_surface
 
-        files = [key for key in ("tool", "punch", "die") if key in self.names]
+        files = [key for key in ("tool", "punch", "die") if key in self.keys]
         missing = [key for key in files if getattr(self, key) is None]
         if missing == ["punch", "die"]:
             from ..scenes.forming import formed_ply

@@ -159,15 +159,6 @@ class Law(DeclaredTable, tag_field="law"):
         return self.built()
 
 
-Continuation: TypeAlias = Annotated[
-    Literal["none", "odd"],
-    about(
-        "none; odd: the law is given for arguments >= 0 and continued as an odd "
-        "function"
-    ),
-]
-
-
 class Measured(Law, tag="FILE.csv"):
     """a measured law: two columns under a header with units"""
 
@@ -176,7 +167,9 @@ class Measured(Law, tag="FILE.csv"):
         Literal["refuse", "linear"],
         about("beyond the table: refuse every state, or extrapolate linearly"),
     ] = "refuse"
-    continuation: Continuation = "none"
+    continuation: Annotated[Literal["none", "odd"], about(laws.ABOUT_CONTINUATION)] = (
+        "none"
+    )
 
     def build(self, of: "Resistance") -> Any:
         """See `Law.build`."""
@@ -231,23 +224,6 @@ class CrimpInterchange(Law, tag="crimp-interchange"):
         )
 
 
-class Polynomial(Law, tag="polynomial"):
-    """M_s = c1 s + c2 s^2 + ..., s = gamma or sin gamma"""
-
-    coefficients_N_per_mm: Annotated[tuple[float, ...], about("c1, c2, ...")]
-    variable: Annotated[
-        Literal["angle", "sine"], about("s: the angle in radians or its sine")
-    ] = "angle"
-    continuation: Continuation = "none"
-
-    def build(self, of: "Resistance") -> Any:
-        """See `Law.build`."""
-        from ..fabric.laws.polynomial import Polynomial
-
-        sine, odd = self.variable == "sine", self.continuation == "odd"
-        return Polynomial(self.coefficients_N_per_mm, sine, odd)
-
-
 if TYPE_CHECKING:
     TensionLaw: TypeAlias = Law
     ShearLaw: TypeAlias = Law
@@ -261,7 +237,7 @@ else:
         | table_of(laws.Sin2, Law)
         | Measured
         | table_of(laws.Locking, Law)
-        | Polynomial
+        | table_of(laws.Polynomial, Law)
         | LawOfFile
     )
 

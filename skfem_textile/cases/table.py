@@ -11,6 +11,7 @@ from typing import (
     Annotated,
     Any,
     ClassVar,
+    Literal,
     TypeAlias,
     get_args,
     get_origin,
@@ -47,21 +48,23 @@ class DeclaredTable(Table):
         The dataclass of the parameters.
     called
         Name of this class or function.
-    names
-        Parameters by their keys.
+    keys
+        Parameters by their keys in the file, each a name and a `Key`.
     """
 
     declaration: ClassVar[type[Any]]
     called: ClassVar[str]
-    names: ClassVar[Mapping[str, str]] = {}
+    keys: ClassVar[Mapping[str, tuple[str, Key]]] = {}
 
     def values(self) -> dict[str, Any]:
         """Parameters by name, angles in radians, and tables as pairs."""
         values = {}
-        for key, name in self.names.items():
+        for key, (name, stated) in self.keys.items():
             value = getattr(self, key)
-            if _is_angle(key) and value is not None:
+            if stated.unit == "deg" and value is not None:
                 value = radians(value)
+            elif stated.words:
+                value = value == stated.words[True]
             values[name] = tuple(value.items()) if isinstance(value, dict) else value
         return values
 
@@ -78,12 +81,13 @@ class DeclaredTable(Table):
     @classmethod
     def of(cls, built: Any) -> "DeclaredTable":
         """The table of an object with the parameters."""
-        given = {key: getattr(built, name) for key, name in cls.names.items()}
-        return cls(**{k: degrees(v) if _is_angle(k) else v for k, v in given.items()})
-
-
-def _is_angle(key: str) -> bool:
-    return key.endswith("_deg")
+        values = {}
+        for key, (name, stated) in cls.keys.items():
+            value = getattr(built, name)
+            if stated.unit == "deg":
+                value = degrees(value)
+            values[key] = stated.words[value] if stated.words else value
+        return cls(**values)
 
 
 def table_of(
@@ -110,23 +114,23 @@ def table_of(
         Keys and parameters that come last, in their order.
     """
     hints = get_type_hints(declaration)
-    names, keys = {}, {name: (name, hint, None) for name, hint in also.items()}
+    keys, typed = {}, {name: (name, hint, None) for name, hint in also.items()}
     for parameter in fields(declaration):
         if stated := parameter.metadata.get("key"):
             name = parameter.name
             key = "_".join(filter(None, (stated.name or name, stated.unit)))
-            keys[name] = key, *_typed(hints[name], stated)
-            names[key] = name
-    order = sorted(keys, key=lambda name: last.index(name) if name in last else -1)
+            typed[name] = key, *_typed(hints[name], stated)
+            keys[key] = name, stated
+    order = sorted(typed, key=lambda name: last.index(name) if name in last else -1)
     return defstruct(
         declaration.__name__,
-        [keys[name] for name in order],
+        [typed[name] for name in order],
         bases=(base,),
         namespace={
             "__doc__": declaration.__doc__,
             "declaration": declaration,
             "called": tag or declaration.__name__,
-            "names": names,
+            "keys": keys,
         },
         module=base.__module__,
         tag=tag or snake_case(declaration).replace("_", "-"),
@@ -138,6 +142,8 @@ def _typed(kind: Any, stated: Key) -> tuple[Any, Any]:
     """Type and default of a key."""
     metadata = [about(stated.about), *[FILE] * stated.file]
     default: Any = NODEFAULT if stated.default is REQUIRED else stated.default
+    if stated.words:
+        kind, default = Literal[stated.words], stated.words[default]
     if get_origin(kind) is dict:
         default = field(default_factory=partial(dict, default))
     if stated.limits is not None:

@@ -29,6 +29,8 @@ class Key:
         Default in the file, in its unit; `REQUIRED` if there is none.
     limits
         Limit that a number must exceed, and its largest value, in the unit of the file.
+    words
+        Words in the file for False and True; empty if there are none.
     file
         True if the value is the name of a file.
     """
@@ -38,6 +40,7 @@ class Key:
     name: str
     default: Any
     limits: tuple[float, float] | None
+    words: tuple[str, ...]
     file: bool
 
 
@@ -49,6 +52,7 @@ def key(
     unit: str = "",
     name: str = "",
     limits: tuple[float, float] | None = None,
+    words: tuple[str, ...] = (),
     file: bool = False,
     kw_only: Any = MISSING,
 ) -> Any:
@@ -62,11 +66,11 @@ def key(
         Default in a case file, if it is another one.
     kw_only
         See `dataclasses.field`.
-    about, unit, name, limits, file
+    about, unit, name, limits, words, file
         See `Key`.
     """
     stated = default if in_file is _AS_IN_PYTHON else in_file
-    metadata = {"key": Key(about, unit, name, stated, limits, file)}
+    metadata = {"key": Key(about, unit, name, stated, limits, words, file)}
     return field(default=default, kw_only=kw_only, metadata=metadata)
 
 

@@ -1,5 +1,6 @@
 """Parameters of the laws that a table of a case file contains."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 from .fields import declaration, deg, key
@@ -7,8 +8,10 @@ from .fields import declaration, deg, key
 if TYPE_CHECKING:
     from numpy import ndarray
 
+    Coefficients: TypeAlias = Sequence[float]
     OrByElement: TypeAlias = float | ndarray
 else:
+    Coefficients = tuple[float, ...]
     OrByElement = float
 
 _STIFFNESS = "stiffness E or G"
@@ -49,4 +52,29 @@ class CrimpToe:
     toe: float = key("strain e0")
     initial_stiffness: float = key(
         "stiffness k at rest and in compression", unit="N_per_mm"
+    )
+
+
+#: Words of a law that is given for arguments of both signs, or continued.
+CONTINUATION = "none", "odd"
+
+#: Meaning of these words.
+ABOUT_CONTINUATION = (
+    "none; odd: the law is given for arguments >= 0 and continued as an odd function"
+)
+
+
+@declaration("fabric.laws.polynomial")
+class Polynomial:
+    """M_s = c1 s + c2 s^2 + ..., s = gamma or sin gamma"""
+
+    coefficients: Coefficients = key("c1, c2, ...", unit="N_per_mm")
+    sine: bool = key(
+        "s: the angle in radians or its sine",
+        default=False,
+        name="variable",
+        words=("angle", "sine"),
+    )
+    odd: bool = key(
+        ABOUT_CONTINUATION, default=False, name="continuation", words=CONTINUATION
     )
