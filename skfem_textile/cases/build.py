@@ -171,7 +171,7 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         scene=scene,
         fabric=fabric,
         loads=_loads(file.loads, scene.turn),
-        formulation=file.formulation.built(),
+        formulation=file.formulation.construct(),
         steps=file.stepping.steps,
         method=file.stepping.method,
         warn_only=file.stepping.warn_only,

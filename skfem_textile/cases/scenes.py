@@ -29,7 +29,7 @@ class Scene(DeclaredTable, tag_field="name"):
         **generated
             ``size``, ``jitter`` and ``seed`` of a generated mesh.
         """
-        return self.built(mesh=mesh, **generated)
+        return self.construct(mesh=mesh, **generated)
 
 
 class _Plane(Scene):
@@ -158,7 +158,7 @@ def _table_of(scene: type[declared.Scene]) -> type[Scene]:
 _TABLES = tuple(
     _table_of(one)
     for one in vars(declared).values()
-    if isinstance(one, type) and issubclass(one, declared.Scene) and one.module
+    if isinstance(one, type) and issubclass(one, declared.Scene) and one.implemented_in
 )
 
 if TYPE_CHECKING:

@@ -156,7 +156,7 @@ class Law(DeclaredTable, tag_field="law"):
 
     def build(self, of: "Resistance") -> Any:
         """Build the law; ``of`` is tension or shear."""
-        return self.built()
+        return self.construct()
 
 
 class Measured(Law, tag="FILE.csv"):

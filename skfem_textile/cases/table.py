@@ -71,10 +71,10 @@ class DeclaredTable(Table):
     @classmethod
     def implementation(cls) -> Any:
         """The class or function that has the parameters, imported now."""
-        module = import_module(f"...{cls.declaration.module}", __name__)
+        module = import_module(f"...{cls.declaration.implemented_in}", __name__)
         return getattr(module, cls.called)
 
-    def built(self, **others: Any) -> Any:
+    def construct(self, **others: Any) -> Any:
         """Object of the class or function with the parameters, and with others."""
         return self.implementation()(**self.values(), **others)
 

@@ -105,7 +105,7 @@ def declaration(
     """
 
     def decorated(kind: Any) -> Any:
-        kind.module = module
+        kind.implemented_in = module
         return dataclass(frozen=True, kw_only=kw_only, eq=eq)(kind)
 
     return decorated

@@ -52,8 +52,8 @@ class Scene:
 
     Attributes
     ----------
-    module
-        See `declaration`.
+    implemented_in
+        Module of the function, see `declaration`.
     kind
         Default kind of mesh of a case.
     of_grid
@@ -66,7 +66,7 @@ class Scene:
         Default number of load steps.
     """
 
-    module: ClassVar[str]
+    implemented_in: ClassVar[str]
     kind: ClassVar[str] = "irregular"
     of_grid: ClassVar[tuple[int, int] | None] = None
     fibre_stiffness: ClassVar[float] = 1e4

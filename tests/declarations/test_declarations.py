@@ -46,11 +46,11 @@ def test_a_table_of_defaults_has_the_values_of_python(table):
 
 def test_angles_are_in_radians_in_python_and_words_are_flags():
     law = ShearLaw.__args__[3](stiffness_N_per_mm=0.5, locking_angle_deg=60.0)
-    assert law.built() == Locking(0.5, radians(60))
+    assert law.construct() == Locking(0.5, radians(60))
     assert law.of(Locking(0.5, radians(60))).locking_angle_deg == pytest.approx(60)
     table = ShearLaw.__args__[4]
     sine = table(coefficients_N_per_mm=(1.0,), variable="sine")
-    assert sine.built() == Polynomial((1.0,), sine=True)
+    assert sine.construct() == Polynomial((1.0,), sine=True)
     assert table.of(Polynomial((1.0,), odd=True)).continuation == "odd"
 
 
