@@ -15,7 +15,6 @@ from typing import (
     TypeAlias,
     get_args,
     get_origin,
-    get_type_hints,
 )
 
 from msgspec import NODEFAULT, Meta, Struct, defstruct, field
@@ -113,13 +112,12 @@ def table_of(
     last
         Keys and parameters that come last, in their order.
     """
-    hints = get_type_hints(declaration)
     keys, typed = {}, {name: (name, hint, None) for name, hint in also.items()}
     for parameter in fields(declaration):
         if stated := parameter.metadata.get("key"):
             name = parameter.name
             key = "_".join(filter(None, (stated.name or name, stated.unit)))
-            typed[name] = key, *_typed(hints[name], stated)
+            typed[name] = key, *_typed(stated.kind or parameter.type, stated)
             keys[key] = name, stated
     order = sorted(typed, key=lambda name: last.index(name) if name in last else -1)
     return defstruct(

@@ -27,6 +27,8 @@ class Key:
         Name without the unit; empty if it is the name of the parameter.
     default
         Default in the file, in its unit; `REQUIRED` if there is none.
+    kind
+        Type in the file, if it is not the one in Python.
     limits
         Limit that a number must exceed, and its largest value, in the unit of the file.
     words
@@ -39,6 +41,7 @@ class Key:
     unit: str
     name: str
     default: Any
+    kind: Any
     limits: tuple[float, float] | None
     words: tuple[str, ...]
     file: bool
@@ -51,6 +54,7 @@ def key(
     in_file: Any = _AS_IN_PYTHON,
     unit: str = "",
     name: str = "",
+    kind: Any = None,
     limits: tuple[float, float] | None = None,
     words: tuple[str, ...] = (),
     file: bool = False,
@@ -66,11 +70,11 @@ def key(
         Default in a case file, if it is another one.
     kw_only
         See `dataclasses.field`.
-    about, unit, name, limits, words, file
+    about, unit, name, kind, limits, words, file
         See `Key`.
     """
     stated = default if in_file is _AS_IN_PYTHON else in_file
-    metadata = {"key": Key(about, unit, name, stated, limits, words, file)}
+    metadata = {"key": Key(about, unit, name, stated, kind, limits, words, file)}
     return field(default=default, kw_only=kw_only, metadata=metadata)
 
 

@@ -1,13 +1,8 @@
 """Parameters of the formulations."""
 
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 from .fields import declaration, key
-
-if TYPE_CHECKING:
-    Points: TypeAlias = int
-else:
-    Points = Literal[3, 6]
 
 _C_S = (
     "stabilisation stiffness C_s, or auto: computed from shear stiffness, tension and "
@@ -59,4 +54,6 @@ class Quadratic:
         "with 6 points on graded meshes, 80 on others)",
         default=None,
     )
-    points: Points = key("number of integration points of a triangle", default=3)
+    points: int = key(
+        "number of integration points of a triangle", default=3, kind=Literal[3, 6]
+    )

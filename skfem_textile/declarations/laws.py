@@ -1,18 +1,12 @@
 """Parameters of the laws that a table of a case file contains."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 from .fields import declaration, deg, key
 
 if TYPE_CHECKING:
     from numpy import ndarray
-
-    Coefficients: TypeAlias = Sequence[float]
-    OrByElement: TypeAlias = float | ndarray
-else:
-    Coefficients = tuple[float, ...]
-    OrByElement = float
 
 _STIFFNESS = "stiffness E or G"
 
@@ -21,7 +15,7 @@ _STIFFNESS = "stiffness E or G"
 class OneStiffness:
     """A law with one parameter."""
 
-    stiffness: OrByElement = key(_STIFFNESS, unit="N_per_mm")
+    stiffness: "float | ndarray" = key(_STIFFNESS, unit="N_per_mm", kind=float)
 
 
 @declaration("fabric.law")
@@ -68,7 +62,9 @@ ABOUT_CONTINUATION = (
 class Polynomial:
     """M_s = c1 s + c2 s^2 + ..., s = gamma or sin gamma"""
 
-    coefficients: Coefficients = key("c1, c2, ...", unit="N_per_mm")
+    coefficients: Sequence[float] = key(
+        "c1, c2, ...", unit="N_per_mm", kind=tuple[float, ...]
+    )
     sine: bool = key(
         "s: the angle in radians or its sine",
         default=False,

@@ -29,18 +29,10 @@ if TYPE_CHECKING:
 
     from ..drape import TriangleMesh
 
-    MeshOrKind: TypeAlias = str | Mesh
-    PartOrWhole: TypeAlias = Part | None
-    Weft: TypeAlias = float
-    Moves: TypeAlias = Sequence[tuple[str, tuple[float | str, float | str]]]
-    Point: TypeAlias = Sequence[float]
-else:
-    MeshOrKind = ndarray = Any
-    PartOrWhole = Part
-    Weft = float | None
-    Moves = dict[str, tuple[Component, Component]]
-    Point = tuple[float, float, float]
-    TriangleMesh = tuple[str, ...] | str | None
+MeshOrKind: TypeAlias = "str | Mesh"
+
+#: Names of files of triangles that are sewn.
+Files: TypeAlias = tuple[str, ...] | str | None
 
 #: Kind of mesh whose edges follow the singular fibres.
 GRADED = "graded"
@@ -136,7 +128,7 @@ class BiasExtension(PlaneScene):
     size: tuple[int, int] = (8, 16)
     jitter: float = 0.25
     warp: float = deg("inclination of the warp, below 90", default=45.0)
-    weft: Weft = deg(_WEFT, default=135.0, in_file=None)
+    weft: float = deg(_WEFT, default=135.0, in_file=None, kind=float | None)
     shear_angle: float = deg("final shear angle in the middle", default=40.0)
     part: Literal["whole", "half"] = key(
         "whole, or half: the half up to the axis of symmetry, with rollers on "
@@ -166,12 +158,13 @@ class Specimen(PlaneScene):
     width: float = mm("width of a generated mesh", default=50.0)
     height: float = mm("height of a generated mesh", default=100.0)
     warp: float = deg("inclination of the warp", default=45.0)
-    weft: Weft = deg(_WEFT, default=135.0, in_file=None)
-    moves: Moves = mm(
+    weft: float = deg(_WEFT, default=135.0, in_file=None, kind=float | None)
+    moves: Sequence[tuple[str, tuple[float | str, float | str]]] = mm(
         "final displacements of boundaries along x and y: 0,0 for a clamped "
         "boundary, free for a component that is not prescribed",
         default=_MOVES,
         name="move",
+        kind=dict[str, tuple[Component, Component]],
     )
     driven: str | None = key(
         "boundary whose reaction is reported (default: the one that moves most)",
@@ -321,17 +314,19 @@ class Saddle(OnSymmetricTool):
 class Drape(OnTool):
     """a ply on a tool from a file, such as STL"""
 
-    tool: TriangleMesh = key(
+    tool: "TriangleMesh" = key(
         "file of triangles, or several that are sewn: STL, PLY, OBJ, 3MF, or "
         "another that meshio reads",
         in_file=None,
+        kind=Files,
         file=True,
     )
     mesh: MeshOrKind = "irregular"
-    point: Point | None = mm(
+    point: Sequence[float] | None = mm(
         "point of the tool that the middle of the ply touches (default: the "
         "highest point; of several, the one closest to the middle)",
         default=None,
+        kind=tuple[float, float, float] | None,
     )
 
 
@@ -394,13 +389,17 @@ class Forming(Formed):
 
     of_grid = (24, 24)
 
-    punch: TriangleMesh = key(
+    punch: "TriangleMesh" = key(
         "file of triangles of the punch, or several that are sewn, such as STL",
         in_file=None,
+        kind=Files,
         file=True,
     )
-    die: TriangleMesh = key(
-        "file of triangles of the die, in the same axes", in_file=None, file=True
+    die: "TriangleMesh" = key(
+        "file of triangles of the die, in the same axes",
+        in_file=None,
+        kind=Files,
+        file=True,
     )
     mesh: MeshOrKind = "irregular"
     travel: float = mm(
@@ -421,10 +420,11 @@ class Forming(Formed):
         unit="N_per_mm2",
         name="holder_pressure",
     )
-    part: PartOrWhole = key(
+    part: Part | None = key(
         "whole, or quarter: the quarter with positive x and y, if tools and fibres "
         "have two planes of symmetry",
         default="whole",
+        kind=Part,
         kw_only=True,
     )
 

@@ -54,7 +54,8 @@ def with_parameters(
         def scene(*args: _P.args, **kwargs: _P.kwargs) -> "Scene":
             return build(declaration(*args, **kwargs))
 
-        scene.__signature__ = signature(declaration)  # type: ignore[attr-defined]
+        given = signature(declaration).replace(return_annotation=Scene)
+        scene.__signature__ = given  # type: ignore[attr-defined]
         return scene
 
     return decorated
