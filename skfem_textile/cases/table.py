@@ -19,7 +19,7 @@ from typing import (
 
 from msgspec import NODEFAULT, Meta, Struct, defstruct, field
 
-from ..declarations.fields import REQUIRED, Key
+from ..declarations import REQUIRED, Key
 from ..mesh.user_input import MOST_DEGREES
 
 

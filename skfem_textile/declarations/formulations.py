@@ -2,7 +2,7 @@
 
 from typing import Literal, TypeAlias
 
-from .fields import declaration, key
+from . import declaration, key
 
 _C_S = (
     "stabilisation stiffness C_s, or auto: computed from shear stiffness, tension and "

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from .fields import declaration, deg, key
+from . import declaration, deg, key
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -13,7 +13,7 @@ _STIFFNESS = "stiffness E or G"
 
 @declaration()
 class OneStiffness:
-    """A law with one parameter."""
+    """A law with one parameter, as in `fabric.law`, which needs no declarations."""
 
     stiffness: "float | ndarray" = key(_STIFFNESS, unit="N_per_mm", kind=float)
 

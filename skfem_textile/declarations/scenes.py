@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, TypedDict
 
-from .fields import declaration, deg, key, mm
+from . import declaration, deg, key, mm
 
 #: Rotation of a family in radians at the coordinate s along its fibres (mm) and the
 #: load factor t: ``(s, t) -> (n,)``.

@@ -5,7 +5,7 @@ Positions are in mm, directions of any length.
 
 from typing import TYPE_CHECKING, TypeAlias
 
-from .fields import REQUIRED, declaration, deg, key, mm
+from . import REQUIRED, declaration, deg, key, mm
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

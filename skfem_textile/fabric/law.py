@@ -21,7 +21,6 @@ from typing import (
 import numpy as np
 from numpy import ndarray
 
-from ..declarations import laws as declared
 from ..mesh.user_input import keep_copies, shortened
 
 #: Quantities of a law.
@@ -95,12 +94,13 @@ class ScalarLaw:
 
 
 @dataclass(frozen=True)
-class OneStiffness(declared.OneStiffness, ScalarLaw):
+class OneStiffness(ScalarLaw):
     """Law with one parameter, its initial stiffness; finite everywhere.
 
     The stiffness is a number, or one per element, shape (n_elements,).
     """
 
+    stiffness: float | ndarray
     domain: ClassVar[tuple[float, float]] = (-np.inf, np.inf)
 
     def __post_init__(self) -> None:
@@ -119,7 +119,7 @@ class OneStiffness(declared.OneStiffness, ScalarLaw):
 
 
 @dataclass(frozen=True)
-class Linear(declared.Linear, OneStiffness):
+class Linear(OneStiffness):
     """The law ``value = stiffness · x``.
 
     Raises

@@ -11,7 +11,7 @@ from ..law import OneStiffness, Resistance, ScalarLaw, number, refuse_other_unit
 
 
 @dataclass(frozen=True)
-class Sin2(declared.Sin2, OneStiffness):
+class Sin2(OneStiffness):
     """Shear law w = ½ G sin²Γ, M_s = ½ G sin 2Γ, convex up to 45°.
 
     Raises
