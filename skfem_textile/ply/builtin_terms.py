@@ -21,7 +21,7 @@ from .terms import ElementTerm, MatrixTerm
 
 # Lower bound of κ relative to the fibre stiffness.  A larger value adds energy where
 # corners close; a smaller one lets them come closer to folding.  One tenth and ten
-# times this value also keep corners open: pytest tests/ply/test_corners.py -k how_stiff
+# times this value also keep corners open: pytest -m slow tests/ply/test_corners.py
 _SHARE_OF_FIBRES = 1e-5
 
 

@@ -179,6 +179,22 @@ def test_the_limit_of_the_kinematics_is_within_the_test_and_not_due_to_noise():
     assert np.degrees(limit) == pytest.approx(30.0)
 
 
+def test_the_picture_of_a_law_contains_it_and_its_band():
+    pytest.importorskip("matplotlib")
+    from matplotlib.figure import Figure
+
+    from skfem_textile.calibration.figure import law_panels
+
+    fit = fit_shear([specimen(FRAME, QUINTIC, 0.01)])
+    tops = {}
+    for panel in law_panels(fit, "shear").values():
+        axes = Figure().subplots()
+        panel(axes)
+        tops[axes.get_ylabel()] = axes.get_ylim()[1]
+    largest = fit.laws["shear"].value(np.radians(40.0))
+    assert tops["shear moment C (N·mm/mm²)"] == pytest.approx(1.3 * largest, rel=0.01)
+
+
 def test_a_frame_imposes_its_angle_over_the_whole_range():
     fit = fit_shear([specimen(FRAME, QUINTIC, end=60.0, n=60)])
     assert np.degrees(fit.largest_angle) == pytest.approx(60.0)
@@ -220,7 +236,7 @@ def test_a_large_stabilisation_energy_is_reported():
         fit_shear([specimen(NARROW, Linear(0.5), n=10, end=end)], "linear", settings)
         for end, settings in (
             (45.0, Simulation(across=2, steps=1)),
-            (30.0, Simulation(across=8, steps=1)),
+            (25.0, Simulation(across=6, steps=1)),
         )
     )
     assert fine.stabilisation < 0.1 < coarse.stabilisation
@@ -240,6 +256,3 @@ def test_a_simulation_ends_where_the_measured_angle_shows_slip():
     further = fit_shear([data], "linear", COARSE, up_to=np.radians(40.0))
     assert np.degrees(further.largest_angle) == pytest.approx(40.0, abs=0.5)
     assert "points up to 40.0 degrees are fitted" in notes(further)
-    agreeing = fit_shear([slipping(NARROW, 45.0, 80.0)], "linear", COARSE)
-    assert np.degrees(agreeing.largest_angle) == pytest.approx(45.0, abs=0.5)
-    assert "not simulated" not in notes(agreeing)

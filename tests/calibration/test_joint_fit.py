@@ -1,11 +1,12 @@
 """Several kinds of tests of one fabric in one fit."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
-from skfem_textile import CrimpToe, Fabric, Linear, Locking
+from skfem_textile import CrimpToe, Linear, Locking
 from skfem_textile.calibration import (
     BiasExtension,
     BiaxialCurve,
@@ -14,7 +15,6 @@ from skfem_textile.calibration import (
     Simulation,
     fit_tests,
     fitting,
-    read_strips,
     residuals,
 )
 from skfem_textile.calibration.report import joint_report, reports_of
@@ -28,6 +28,12 @@ COARSE = Simulation(across=2, steps=2)
 CHOICE = Choice(shear="locking", tension="linear")
 
 
+@cache
+def of_bias_extension(end):
+    """Simulation of the fabric of `LAWS` up to a shear angle."""
+    return COARSE.test(LAWS, BIAS, end)
+
+
 def drawn(noise):
     """Tests of the fabric of `LAWS` by kind."""
     moved = np.linspace(0.0, 6.0, 40)
@@ -38,8 +44,7 @@ def drawn(noise):
     pulled = noisy(loads / np.exp(strain), noise, 5)
     gamma, bent = np.radians(np.linspace(1.0, 40.0, 30)), np.radians(41.5)
     frame = np.radians(np.linspace(1.0, 55.0, 40))
-    found = COARSE.test(LAWS, BIAS, float(gamma[-1]))
-    simulated = noisy(found.force(LAWS, gamma), noise, 4)
+    simulated = noisy(of_bias_extension(float(gamma[-1])).force(LAWS, gamma), noise, 4)
     one = CantileverTest("a", np.ones(1), np.full(1, bent), 6e-6)
     lengths = np.cbrt(5.0 / one.by_elastica[0]) * (1 + noise * np.linspace(-1, 1, 7))
     return {
@@ -65,6 +70,7 @@ def widths(result):
     return dict(zip(joint.model.parameters, bands, strict=True))
 
 
+@pytest.mark.dear("one fit by simulation of five kinds of tests, and fits of each")
 def test_five_tests_of_one_fabric_determine_all_parameters_at_once():
     tests = drawn(0.002)
     result = fitted(tests, *tests)
@@ -89,10 +95,7 @@ def test_five_tests_of_one_fabric_determine_all_parameters_at_once():
 
 
 def test_a_bias_extension_is_wrong_by_the_stretch_of_its_fibres_without_them():
-    tests = drawn(1e-6)
-    stretched = fitted(tests, "strip", "picture frame", "bias extension")
-    known = LAWS["shear"].stiffness
-    assert stretched.laws["shear"].stiffness == pytest.approx(known, rel=1e-3)
+    tests, known = drawn(1e-6), LAWS["shear"].stiffness
     shear = [*tests["picture frame"], *tests["bias extension"]]
     assert fit_tests(shear, CHOICE).parts["shear"].beyond_noise
     stiff = fit_tests(tests["bias extension"], CHOICE).laws["shear"]
@@ -110,19 +113,6 @@ def test_laws_of_separate_tests_are_those_of_separate_fits():
             joint = together.parts[part]
             np.testing.assert_allclose(joint.values, alone.values, rtol=1e-6)
             np.testing.assert_allclose(joint.intervals, alone.intervals, rtol=1e-5)
-
-
-def test_a_strip_determines_the_law_of_its_family_alone(tmp_path):
-    e = np.linspace(0.0, 0.03, 50)
-    force = 50.0 * 2e3 * np.log1p(e) / (1 + e)
-    rows = "\n".join(f"{200 * x},{f}" for x, f in zip(e, force, strict=True))
-    (tmp_path / "pull.csv").write_text(f"displacement (mm),force (N)\n{rows}\n")
-    strips = read_strips(tmp_path / "pull.csv", "weft", 50.0, 200.0)
-    result = fit_tests(strips, Choice(tension="linear"))
-    assert list(result.parts) == ["weft"]
-    assert result.laws["weft"].stiffness == pytest.approx(2e3)
-    warp, weft = result.fabric(Fabric(7.0)).families
-    assert (warp.tension.stiffness, weft.tension.stiffness) == (7.0, pytest.approx(2e3))
 
 
 def test_parameters_of_one_family_have_their_own_bounds():
@@ -143,14 +133,13 @@ def test_a_strip_has_a_slack():
     assert zeroed.laws["warp"].stiffness < 1.9e3
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_crimped_strip_with_a_slack_has_a_stiffness_and_a_toe(seed):
+def test_a_crimped_strip_with_a_slack_has_a_stiffness_and_a_toe():
     """The initial stiffness is a share of the stiffness: the slack hides it.
 
     Fitted beside the slack, it varies by 20 times, and the stiffness by 20 %.
     """
     law, moved = CrimpToe(2e3, 0.004, 20.0), np.linspace(0.0, 6.0, 400)
-    loose = strip(law, moved, 0.01, seed, 0.12, unknown=True)
+    loose = strip(law, moved, 0.01, 1, 0.12, unknown=True)
     result = fit_tests([loose])
     fit = result.parts["warp"]
     assert fit.model.parameters == ("stiffness", "toe")
@@ -192,15 +181,15 @@ def taut_strip(seed):
     [(taut_strip, 1), (lambda seed: biaxial(Linear(2e3), seed=seed), 2)],
 )
 def test_no_slack_is_invented_on_noisy_tests_in_tension(test, zeros):
-    """An F-test at 5 % rejects zero in 1 of 20 by chance; 4 are improbable."""
+    """An F-test at 5 % rejects zero in 1 of 20 by chance; 3 of 8 are improbable."""
     invented = 0
-    for seed in range(20):
+    for seed in range(8):
         result = fit_tests([test(seed)], Choice(tension="linear"))
         for name, fit in result.parts.items():
             (low, high), value = fit.intervals[0], fit.law.stiffness
             assert low <= value <= high, name
             invented += np.count_nonzero(np.concatenate(fit.offsets))
-    assert invented < 4 * zeros
+    assert invented < 3 * zeros
 
 
 @pytest.mark.parametrize(
@@ -208,7 +197,10 @@ def test_no_slack_is_invented_on_noisy_tests_in_tension(test, zeros):
     [
         (loose_strip(), "crimp-toe"),
         (biaxial(LOOSE, (0.02, 0.01), 0.005), "crimp-toe"),
-        (loose_strip(), "tabulated"),
+        pytest.param(
+            *(loose_strip(), "tabulated"),
+            marks=pytest.mark.dear("a table has many parameters beside the slack"),
+        ),
     ],
     ids=["strip", "biaxial", "table"],
 )
@@ -254,24 +246,28 @@ def test_each_family_of_a_biaxial_test_has_its_own_slack():
     np.testing.assert_allclose(predicted, measured.ravel(), atol=0.02 * measured.max())
 
 
+def test_the_slack_of_a_family_is_within_the_range_of_its_own_strains():
+    strain = np.log1p([np.linspace(0.0, 0.02, 60), np.linspace(0.0, 0.05, 60)])
+    one = BiaxialCurve("one", strain, 1e3 * strain, (1.0, 1.0), slack_is_unknown=True)
+    one = replace(one, assumed_slack=(0.001, 0.002))
+    warp, weft = residuals.biaxial_coupled(one).offsets
+    assert weft.high == pytest.approx(2.5 * warp.high)
+    assert (warp.start, weft.start) == (0.001, 0.002)
+    assert residuals.biaxial(one, 1).offsets == (weft,)
+
+
 def test_a_family_that_is_not_stretched_has_no_slack():
     e = np.linspace(0.0, 0.02, 60)
-    strain = np.log1p([e, 0 * e])
+    strain = np.log1p([e, -0.2 * e])
     law = CrimpToe(2e3, 0.004, 20.0)
-    force = 100 * law.value(strain) / np.exp(strain)
+    force = 100 * law.value(np.maximum(strain, 0.0)) / np.exp(strain)
     both = BiaxialCurve("both", strain[[0, 0]], force[[0, 0]], (100.0, 100.0))
     one = BiaxialCurve("one", strain, force, (100.0, 100.0), slack_is_unknown=True)
     assert [o.name for o in residuals.biaxial_coupled(one).offsets] == ["warp slack"]
     assert residuals.biaxial(one, 1).offsets == ()
+    np.testing.assert_allclose(one.taut(1, 0.001), strain[1])
     found = fit_tests([both, one], Choice(tension="crimp-toe"))
     assert found.laws["weft"].stiffness == pytest.approx(2e3, rel=1e-2)
-
-
-def test_a_frame_and_a_strip_of_the_other_family_do_not_disturb_each_other():
-    one = specimen(FRAME, Linear(0.2), np.radians(np.linspace(1.0, 55.0, 60)))
-    both = fit_tests([one, *drawn(0.01)["strip"][:1]], Choice("linear", "linear"))
-    assert both.laws["shear"].stiffness == pytest.approx(0.2)
-    assert np.degrees(both.largest_angle) == pytest.approx(55.0)
 
 
 def test_the_range_of_each_shear_test_is_its_own():

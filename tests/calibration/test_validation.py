@@ -58,7 +58,7 @@ def test_a_frame_is_predicted_without_a_discretisation_error():
 
 def test_the_slopes_of_a_bias_extension_are_those_of_simulations():
     """The band is computed without a simulation for each parameter."""
-    coarse, gamma = Simulation(across=4, steps=4), np.linspace(0.0, GAMMA[-1], 5)[1:]
+    coarse, gamma = Simulation(across=4, steps=2), np.linspace(0.0, GAMMA[-1], 3)[1:]
     strip = fits.strip(Linear(5e3), np.linspace(0.0, 6.0, 50))
     tests = [specimen(FRAME, 0.01), strip]
     result = fit_tests(tests, Choice("linear", "linear"))

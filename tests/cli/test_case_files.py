@@ -3,7 +3,6 @@
 import json
 import shutil
 import tomllib
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +66,7 @@ def test_the_written_case_has_every_default(tmp_path):
     text = (tmp_path / "out" / "case.toml").read_text()
     assert tomllib.loads(text) == {
         "scene": {"name": "strip", "rotate_deg": 0.0},
-        "mesh": {"source": "irregular", "size": [3, 4], "jitter": 0.3, "seed": 1},
+        "mesh": {"source": "irregular", "size": [2, 3], "jitter": 0.3, "seed": 1},
         "fabric": {"units": "N mm"},
         "tension": {
             "law": "linear",
@@ -186,7 +185,7 @@ pretension_N_per_mm = 0.2
 def test_warp_and_weft_have_separate_laws_and_pretension(tmp_path):
     """On triangles, rotated, and again from the case that the run writes."""
     text = SPECIMEN.replace('compression = "none"', FIBRES)
-    text = text.replace("size = [3, 7]", 'source = "delaunay"\nsize = [3, 7]')
+    text = text.replace("size = [3, 7]", 'source = "delaunay"\nsize = [2, 3]')
     file = write_case(tmp_path, text)
     (tmp_path / "tables" / "tension.csv").write_text(
         "fibre strain (-),tension (N/mm)\n0,0\n0.01,10\n0.05,100\n"
@@ -219,7 +218,7 @@ OF_FILES = """
 [scene]
 name = "bias_extension"
 [mesh]
-size = [3, 6]
+size = [2, 4]
 directions = "fibres.csv"
 [fabric]
 file = "cloth.inp"
@@ -233,30 +232,18 @@ pictures = false
 
 
 def test_a_run_of_the_written_case_is_bitwise_identical(tmp_path):
-    outs = [tmp_path / name for name in ("a", "b", "c")]
+    outs = [tmp_path / name for name in ("a", "b")]
     assert run(write_case(tmp_path), outs[0]) == 0
     shutil.rmtree(tmp_path / "tables")  # the results contain a copy
-    for before, after in pairwise(outs):
-        assert_runs_alike(before, after, "curve.csv")
-    first, last = (summary_of(out) for out in (outs[0], outs[-1]))
+    assert_runs_alike(*outs, "curve.csv")
+    first, last = map(summary_of, outs)
     assert [first.pop("inputs"), last.pop("inputs")]
     assert first == last
 
 
-def test_a_run_of_the_written_case_agrees_with_the_default_solver(tmp_path):
-    auto = SPECIMEN.replace('solver = "superlu"', 'solver = "auto"')
-    assert run(write_case(tmp_path, auto), tmp_path / "a") == 0
-    assert run(tmp_path / "a" / "case.toml", tmp_path / "b") == 0
-    first, last = (
-        np.loadtxt(tmp_path / out / "curve.csv", delimiter=",", skiprows=1)
-        for out in "ab"
-    )
-    assert np.abs(first - last).max() <= 1e-10 * np.abs(first).max()
-
-
 def test_a_command_line_and_its_written_case_agree(tmp_path):
     """On a mesh of triangles from a file."""
-    line = ["run", "strip", "--mesh", str(MESH), "--steps", "2", "--no-render"]
+    line = ["run", "strip", "--mesh", str(MESH), "--steps", "1", "--no-render"]
     laws = ["--shear-law", "sin2", "--shear-stiffness", "1", "--solver", "superlu"]
     laws += ["--formulation", "one-point"]
     assert (
@@ -281,7 +268,7 @@ def test_the_file_of_a_law_is_copied_beside_the_written_case(tmp_path):
 
 def test_directions_and_fabric_are_read_from_files_beside_the_case(tmp_path):
     """The results contain copies of them beside their case."""
-    scene = bias_extension(size=(3, 6))
+    scene = bias_extension(size=(2, 4))
     fabric = Fabric(warp=scene.warp, weft=scene.weft)
     field = directions_of(scene.mesh, fabric)
     turned = FibreDirections.of_angles(*(angle + 5 for angle in field.angles_deg()))

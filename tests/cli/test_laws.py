@@ -7,7 +7,7 @@ from tests.helpers.command_line import computed, rejected, run
 pytestmark = pytest.mark.usefixtures("no_interval")
 
 # Without a shear stiffness, which contradicts some shear laws.
-QUICK = "--size 2x3 --steps 2 --no-render --set formulation.cs_N_per_mm=10"
+QUICK = "--size 2x2 --steps 1 --no-render --set formulation.cs_N_per_mm=10"
 
 SHEAR = "shear angle (deg),moment (N mm/mm2)\n"
 TENSION = "fibre strain (-),tension (N/mm)\n"
@@ -108,7 +108,7 @@ def test_a_checkpoint_distinguishes_tables_by_their_points(tmp_path, capsys):
 def test_no_exact_solution_is_given_for_an_angle_beyond_a_pole(tmp_path):
     """Fibres stretch before they reach the pole; 40 degrees are not reached."""
     law = "--shear-law locking --set shear.locking_angle_deg=35"
-    few = "--size 2x4 --steps 4 --no-render"
+    few = "--size 2x4 --steps 2 --no-render"
     summary = computed(tmp_path, "bias_extension", few, law)
     assert summary["exact_answer"].startswith("none: for inextensible fibres")
     assert "load_over_exact" not in summary

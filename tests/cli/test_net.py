@@ -63,18 +63,25 @@ def test_a_net_covers_the_cap_and_its_pattern_is_larger(net):
     assert max(at) <= 50.0 + 2.0
 
 
-def test_files_and_page_are_written(tmp_path, tool):
-    line = f"net --tool {tool} --out {tmp_path} --cell 8 --locking-angle 5"
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory, tool):
+    """Folder of a drawn net on the cap."""
+    out = tmp_path_factory.mktemp("drawn")
+    line = f"net --tool {tool} --out {out} --cell 8 --locking-angle 10"
     assert cli.main(line.split()) == 0
-    assert {p.name for p in tmp_path.iterdir()} >= {
+    return out
+
+
+def test_files_and_page_are_written(drawn):
+    assert {p.name for p in drawn.iterdir()} >= {
         *("fibres.vtu", "fibres.csv", "fibres.inp", "net.vtu", "net.png"),
         *("net.html", "pattern.csv", "pattern.svg", "summary.json"),
     }
-    page = (tmp_path / "net.html").read_text(encoding="utf-8")
-    assert "above the locking angle of 5°" in page
+    page = (drawn / "net.html").read_text(encoding="utf-8")
+    assert "above the locking angle of 10°" in page
     assert page.count("data:image/") == 2
-    assert references(tmp_path / "net.html") == []
-    cells = meshio.read(tmp_path / "net.vtu")
+    assert references(drawn / "net.html") == []
+    cells = meshio.read(drawn / "net.vtu")
     assert np.isfinite(cells.points).all()
     assert cells.cell_data["shear_angle_deg"][0].size == len(cells.cells[0].data)
 
@@ -89,15 +96,16 @@ def test_fibres_turn_with_the_angle(tmp_path, tool):
 
 def test_a_hole_is_cut_out_of_the_pattern_and_of_the_part(tmp_path):
     ring = write(tmp_path / "ring.stl", *tool_shapes.ring(inner=40.0, outer=100.0))
-    summary = laid(tmp_path / "out", ring, "--cell 8 --point 70 0 0")
+    summary = laid(tmp_path / "out", ring, "--cell 12 --point 70 0 0")
     area = np.pi * (100.0**2 - 40.0**2)
     for what in ("pattern_area_mm2", "area_of_part_mm2", "area_of_tool_mm2"):
         assert summary[what] == pytest.approx(area, rel=5e-3)
     assert summary["pattern_length_mm"] == pytest.approx(2 * np.pi * 140.0, rel=5e-3)
 
 
+@pytest.mark.dear("the only box that gets darts")
 def test_a_box_gets_darts_at_its_corners(tmp_path, capsys):
-    box = tool_shapes.deep_box(100.0, 80.0, 30.0, flange=20.0, size=5.0)
+    box = tool_shapes.deep_box(60.0, 50.0, 20.0, flange=14.0, size=5.0)
     tool = write(tmp_path / "box.stl", *box)
     summary = laid(tmp_path / "out", tool, "--cell 5 --locking-angle 50 --darts")
     uncut = summary["max_shear_angle_without_darts_deg"]
@@ -106,9 +114,8 @@ def test_a_box_gets_darts_at_its_corners(tmp_path, capsys):
     assert told in capsys.readouterr().out
     assert summary["max_shear_angle_deg"] < 50
     assert summary["darts"] == 4
-    assert summary["area_of_part_mm2"] == pytest.approx(
-        summary["area_of_tool_mm2"], rel=0.01
-    )
+    covered = summary["area_of_tool_mm2"] - summary["area_not_covered_mm2"]
+    assert summary["area_of_part_mm2"] == pytest.approx(covered, rel=0.01)
 
 
 def test_darts_that_do_not_lower_the_shear_are_told():
@@ -132,13 +139,13 @@ def test_a_side_of_darts_without_cells_is_told(tmp_path, capsys):
 
     shape = tool_shapes.height_field(dome, 200.0, 200.0, 10.0)
     tool = write(tmp_path / "dome.stl", *shape)
-    words = "--cell 8 --locking-angle 15 --darts"
+    words = "--cell 10 --locking-angle 15 --darts"
     laid(tmp_path / "out", tool, words, code=1)
     assert "no net can be laid on one side of the darts" in capsys.readouterr().out
 
 
 def test_courses_cover_the_tool(tmp_path, tool):
-    summary = laid(tmp_path, tool, "--cell 8 --roll-width 40 --overlap 10")
+    summary = laid(tmp_path, tool, "--cell 8.5 --roll-width 40 --overlap 10")
     assert summary["courses"] == 4
     assert summary["area_of_courses_mm2"] > summary["area_of_tool_mm2"]
     rows = np.genfromtxt(tmp_path / "pattern.csv", delimiter=",", names=True)
@@ -162,6 +169,7 @@ def test_without_a_pattern_the_exit_code_is_one(tmp_path, tool):
     assert "not written" in summary["pattern"]
 
 
+@pytest.mark.dear("the only tool that courses do not cover")
 def test_courses_that_do_not_cover_the_tool_are_told(tmp_path):
     """Three quarters of a flat ring: threads do not come back to its end."""
 
@@ -173,9 +181,11 @@ def test_courses_that_do_not_cover_the_tool_are_told(tmp_path):
     tool = write(tmp_path / "sector.stl", *shape)
     words = "--point 100 0 0 --cell 8 --fibres 90 --roll-width 40"
     summary = laid(tmp_path / "out", tool, words, code=1)
-    assert summary["area_not_covered_mm2"] > 0.1 * summary["area_of_tool_mm2"]
+    bare = summary["area_not_covered_mm2"] / summary["area_of_tool_mm2"]
+    assert bare > 0.1
     verdict = (tmp_path / "out" / "net.html").read_text(encoding="utf-8")
-    assert "% of the tool, but not" in verdict
+    shown = re.search(r"([\d.]+) % of the tool, but not", verdict)[1]
+    assert 0 <= 100 * (1 - bare) - float(shown) < 0.1
 
 
 @pytest.mark.parametrize(("fibres", "warp"), [("", 0), ("--fibres 30", 30)])
@@ -210,16 +220,14 @@ def test_the_best_start_is_searched_over_the_trimmed_part(
 
 
 def test_without_a_pattern_with_darts_the_uncut_one_is_given(
-    tmp_path, tool, monkeypatch
+    tmp_path, tool, drawn, monkeypatch
 ):
     def crossing(*of, **settings):
         raise ValueError("the outline crosses itself")
 
-    words = "--cell 8 --locking-angle 10"
-    uncut = laid(tmp_path / "uncut", tool, words)
     monkeypatch.setattr(drape, "pattern_with_darts", crossing)
-    out = tmp_path / "out"
-    summary = laid(out, tool, f"{words} --darts", code=1)
+    uncut, out = summary_in(drawn), tmp_path / "out"
+    summary = laid(out, tool, "--cell 8 --locking-angle 10 --darts", code=1)
     assert summary["darts"] == "not found: the outline crosses itself"
     same = ("pattern_area_mm2", "area_of_part_mm2", "max_shear_angle_deg")
     assert [summary[key] for key in same] == [uncut[key] for key in same]

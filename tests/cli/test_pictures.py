@@ -14,31 +14,16 @@ from skfem_textile.scenes.bias_extension import WIDTH
 from tests.helpers.command_line import DRAWN, run
 
 
-@pytest.mark.parametrize(
-    ("error", "code", "text"),
-    [
-        (ValueError("no ink"), 0, ("the pictures were not drawn: no ink", "")),
-        (
-            KeyboardInterrupt,
-            130,
-            (
-                "",
-                "interrupted: the numerical results are written, "
-                "the pictures are not\n",
-            ),
-        ),
-    ],
-)
-def test_failed_drawing_loses_nothing(tmp_path, capsys, monkeypatch, error, code, text):
+def test_failed_drawing_loses_nothing(tmp_path, capsys, monkeypatch):
     def draw(*_):
-        raise error
+        raise ValueError("no ink")
 
     monkeypatch.setattr(results, "draw", draw)
-    assert run(tmp_path, *DRAWN) == code
+    assert run(tmp_path, *DRAWN) == 0
     assert (tmp_path / "out" / "summary.json").exists()
     out, err = capsys.readouterr()
-    assert text[0] in out
-    assert err == (f"skfem-textile: {text[1]}" if text[1] else "")
+    assert "the pictures were not drawn: no ink" in out
+    assert err == ""
 
 
 def test_the_load_is_plotted_against_the_driven_displacement(tmp_path, monkeypatch):
@@ -136,6 +121,7 @@ def test_all_other_results_are_written_without_gl(tmp_path, capsys, monkeypatch)
     assert len(output) == 1
 
 
+@pytest.mark.dear("the only run whose pictures are drawn")
 def test_pictures_are_written_and_nothing_is_printed_to_stderr(
     tmp_path, capfd, monkeypatch
 ):

@@ -26,7 +26,7 @@ from tests.helpers.pages import Page, references
 # The report of a run: one self-contained page
 
 
-RUN = ("--size", "2x4", "--steps", "2", "--no-render", "--shear-law", "sin2")
+RUN = ("--size", "2x4", "--steps", "1", "--no-render", "--shear-law", "sin2")
 CURVE = "displacement (mm),force (N)\n0,0\n4,1\n8,3\n"
 
 

@@ -48,11 +48,11 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
         ),
     }
     assert summary["inputs"]["formulation"]["cs_N_per_mm"] == 10.0
-    assert summary["inputs"]["mesh"]["size"] == [3, 4]
+    assert summary["inputs"]["mesh"]["size"] == [2, 3]
     assert summary["scene"] == "strip"
     assert summary["formulation"] == "macro"
     assert summary["converged"] is True
-    assert summary["n_elements"] == 4 * 12
+    assert summary["n_elements"] == 4 * 6
     assert summary["shear_energy"] > 0
     with open(out / "history.csv") as file:
         assert len(list(csv.DictReader(file))) == summary["load_steps"] + 1
@@ -105,7 +105,8 @@ def test_an_interrupted_run_is_saved_and_resumed(tmp_path, capsys, monkeypatch):
     assert "resume" in rejected(
         capsys, "run", "strip", "--out", str(out), *QUICK, "--checkpoint"
     )
-    assert run(tmp_path, *QUICK, "--resume") == 0
+    assert run(tmp_path, *QUICK, "--resume", "-v") == 0
+    assert "resumed at load factor 0.333333" in capsys.readouterr().err
     assert (out / "history.csv").read_text() == whole
 
 
@@ -118,16 +119,6 @@ def test_a_checkpoint_in_any_folder_is_rejected_by_another_run(tmp_path, capsys)
     capsys.readouterr()
     assert "belongs to another run: warp law was Linear" in rejected(capsys, *command)
     assert not (tmp_path / "new").exists()
-
-
-def test_resume_continues_from_the_given_checkpoint(tmp_path, capsys, monkeypatch):
-    folder = str(tmp_path / "c")
-    with monkeypatch.context() as patch:
-        interrupt_at(patch, 2)
-        assert run(tmp_path, *QUICK, "--checkpoint", folder) == 130
-    capsys.readouterr()
-    assert run(tmp_path, *QUICK, "--checkpoint", folder, "--resume", "-v") == 0
-    assert "resumed at load factor 0.333333" in capsys.readouterr().err
 
 
 def test_numbers_that_json_cannot_represent_are_null(tmp_path, monkeypatch):
@@ -148,16 +139,15 @@ def test_numbers_that_json_cannot_represent_are_null(tmp_path, monkeypatch):
 def test_steps_and_iterations_are_logged_on_request(tmp_path, capsys):
     """With a fixed C_s every linear solve is an iteration."""
     lines = []
-    for verbose in ((), ("-v",), ("-vv",)):
-        assert run(tmp_path, *QUICK, "--formulation", "one-point", *verbose) == 0
+    for verbose in ("-v", "-vv"):
+        assert run(tmp_path, *QUICK, "--formulation", "one-point", verbose) == 0
         lines.append(capsys.readouterr().err.splitlines())
     summary = summary_in(tmp_path / "out")
-    assert lines[0] == []
-    solver, *states = lines[1]
+    solver, *states = lines[0]
     assert solver.startswith("linear solver ")
     assert len(states) == summary["load_steps"] + 1
-    assert len(lines[2]) == len(lines[1]) + summary["linear_solves"]
-    assert "N, tolerance" in lines[2][2]
+    assert len(lines[1]) == len(lines[0]) + summary["linear_solves"]
+    assert "N, tolerance" in lines[1][2]
 
 
 def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypatch):
@@ -221,7 +211,7 @@ def test_progress_of_long_parts_is_shown_on_a_terminal(tmp_path, monkeypatch):
         monkeypatch.setattr(progress, name, 0.001)
     monkeypatch.setattr(results, "draw", lambda *_: sleep(0.1))
     monkeypatch.setattr(sys, "stderr", terminal := Terminal())
-    line = "run trellis --size 8x8 --steps 2 --out"
+    line = "run trellis --size 4x4 --steps 2 --out"
     assert main([*line.split(), str(tmp_path / "out")]) == 0
     shown = terminal.getvalue()
     for part in ("preparing the case", ", iteration ", "estimating", "drawing pict"):
@@ -232,7 +222,7 @@ def test_progress_of_long_parts_is_shown_on_a_terminal(tmp_path, monkeypatch):
 # Runs to a tolerance on the command line
 
 
-BIAS = "bias_extension", "--mesh delaunay --size 2x4 --steps 2 --no-render"
+BIAS = "bias_extension", "--mesh delaunay --size 2x4 --steps 1 --no-render"
 
 
 def run_to_tolerance(out, scene, *options):
@@ -279,7 +269,7 @@ HOLE = Path(__file__).parents[2] / "examples" / "meshes" / "hole.msh"
 )
 def test_graded_meshes_are_made_denser(tmp_path, scene, options, source):
     """They also replace the mesh of a file."""
-    few = "--steps 2 --no-render"
+    few = "--steps 1 --no-render"
     code, summary = run_to_tolerance(tmp_path, scene, options, few)
     assert code == 0
     assert summary["tolerance_met"] is True

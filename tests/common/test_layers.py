@@ -6,7 +6,6 @@ is put together at run time are not found: `SolverEntry` imports the linear solv
 way, and `cli.main` the commands.
 """
 
-import ast
 import re
 from functools import cache
 from pathlib import Path
@@ -74,19 +73,22 @@ def modules():
 MODULES = modules()
 
 
+#: Relative imports: dots, the module and the names.
+IMPORT = re.compile(r"^\s*from (\.+)([\w.]*) import (\([^)]*\)|.*)", re.M)
+
+
 @cache
-def tree(module):
+def code(module):
     """Code of a module, or of its stub if there is one."""
     stub = MODULES[module].with_suffix(".pyi")
-    return ast.parse((stub if stub.exists() else MODULES[module]).read_text())
+    return (stub if stub.exists() else MODULES[module]).read_text()
 
 
+@cache
 def only_reexports(module):
     """True for a package that defines nothing and only re-exports names."""
-    defined = (ast.FunctionDef, ast.ClassDef)
-    return MODULES[module].name == "__init__.py" and not any(
-        isinstance(node, defined) for node in tree(module).body
-    )
+    is_package = MODULES[module].name == "__init__.py"
+    return is_package and not re.search(r"^(def|class) ", code(module), re.M)
 
 
 @cache
@@ -94,15 +96,16 @@ def imported_names(module):
     """Names that a module imports from the package, with the modules they come from."""
     parts = module.split(".") if module else []
     base = parts if MODULES[module].name == "__init__.py" else parts[:-1]
-    names = []
-    for node in ast.walk(tree(module)):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            package = base[: len(base) - node.level + 1]
-            origin = [*package, *(node.module.split(".") if node.module else [])]
-            names += [(".".join(origin), alias.name) for alias in node.names]
-    return names
+    pairs = []
+    for dots, inner, names in IMPORT.findall(code(module)):
+        package = base[: len(base) - len(dots) + 1]
+        origin = ".".join([*package, *inner.split(".")]).strip(".")
+        plain = re.sub(r"#.*|[()]", "", names)
+        pairs += [(origin, one.split()[0]) for one in plain.split(",") if one.strip()]
+    return pairs
 
 
+@cache
 def origins(origin, name):
     """Modules that define a name, also if packages re-export it.
 
@@ -116,7 +119,7 @@ def origins(origin, name):
     for other, handed in imported_names(origin):
         if handed == name and (other, handed) != (origin, name):
             return origins(other, handed)
-    return set()
+    return frozenset()
 
 
 @cache
@@ -129,8 +132,9 @@ def imports(module):
 def test_imports_of_the_package_are_relative():
     """Only relative imports are followed here."""
     absolute = re.compile(rf"^\s*(?:from|import) {PACKAGE.name}\b", re.M)
-    texts = {module: file.read_text() for module, file in MODULES.items()}
-    assert [module for module, text in texts.items() if absolute.search(text)] == []
+    assert [
+        file for file in MODULES.values() if absolute.search(file.read_text())
+    ] == []
 
 
 WORKING = [module for module in MODULES if not only_reexports(module)]

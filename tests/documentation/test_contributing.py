@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import skfem_textile
+from conftest import CORE
 
 PACKAGE = Path(skfem_textile.__file__).parent
 TEXT = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text()
@@ -119,3 +120,11 @@ def test_a_law_and_a_scene_of_the_page_are_run_together(checkout, tmp_path):
         assert summary["max_shear_angle_deg"] == pytest.approx(30)
         assert summary["shear_energy"] == pytest.approx(density * 80**2)
         assert summary["inputs"]["shear"]["law"] == "stiffening"
+
+
+def test_the_core_consists_of_tests_that_exist():
+    for module, names in CORE.items():
+        defined = re.findall(
+            r"^def test_(\w+)\(", (PACKAGE.parent / module).read_text(), re.M
+        )
+        assert {*names.split()} <= {*defined}, module

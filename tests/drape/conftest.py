@@ -20,7 +20,7 @@ def quick():
 
 @pytest.fixture(scope="session")
 def tool(tmp_path_factory):
-    return write(tmp_path_factory.mktemp("tool") / "bump.stl", *plate())
+    return write(tmp_path_factory.mktemp("tool") / "bump.stl", *plate(n=15))
 
 
 @pytest.fixture

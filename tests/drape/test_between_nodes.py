@@ -74,7 +74,7 @@ def test_a_mesh_that_resolves_the_fillets_is_not_reported(ratio):
     assert gaps_at(ply, surface, state.u).share.max() < 0.1
 
 
-@pytest.mark.parametrize("ratio", [1.12, 2.2, 4.5])
+@pytest.mark.parametrize("ratio", [1.12, 2.2])
 def test_elements_as_large_as_a_fillet_have_a_position_and_share(ratio):
     surface, cells = rounded(SIDE / 8 / ratio), 8
     ply, conditions, start = draped(surface, cells)
@@ -99,7 +99,7 @@ def test_elements_as_large_as_a_fillet_have_a_position_and_share(ratio):
 
 
 def test_a_run_warns_and_continues(caplog):
-    ply, conditions, _ = draped(rounded(5.0), 6)
+    ply, conditions, _ = draped(rounded(5.0), 4)
     with caplog.at_level(logging.WARNING):
         result = LoadStepper(ply, conditions, 2).run()
     assert result.states[-1].load_factor == 1.0

@@ -23,7 +23,7 @@ def laid(tool, overlap, degrees):
     return drape.courses(tool, CELL, WIDTH, overlap, point=top, angles=angles)
 
 
-@pytest.mark.parametrize("degrees", [0.0, 30.0])
+@pytest.mark.parametrize("degrees", [30.0])
 def test_strips_without_overlap_have_the_area_of_a_developable_tool(degrees):
     """The outer ones end with the first whole cell beyond the tool."""
     strips = laid(CYLINDER, 0.0, degrees)
@@ -34,8 +34,13 @@ def test_strips_without_overlap_have_the_area_of_a_developable_tool(degrees):
     assert np.degrees(max(shear)) < 0.2
 
 
-def test_a_strip_starts_at_the_overlap_from_the_edge_of_its_neighbour():
-    one, other = laid(BONNET, 10.0, 20.0)[-2:]
+@pytest.fixture(scope="module")
+def strips():
+    return laid(BONNET, 10.0, 20.0)
+
+
+def test_a_strip_starts_at_the_overlap_from_the_edge_of_its_neighbour(strips):
+    one, other = strips[-2:]
     edge = one.net.positions[:, :, -1 - round(10.0 / CELL)]
     start = other.net.positions[:, :, 0]
     for x in start.T[np.isfinite(start[0])]:
@@ -62,8 +67,7 @@ def test_both_sides_of_a_seam_are_one_line_on_the_tool(overlap):
         assert away.min(axis=0).max() < 0.52 * CELL
 
 
-def test_patterns_side_by_side_do_not_overlap_and_carry_their_seams():
-    strips = laid(BONNET, 10.0, 20.0)
+def test_patterns_side_by_side_do_not_overlap_and_carry_their_seams(strips):
     moved = drape.side_by_side([strip.pattern for strip in strips], gap=7.0)
     weft = moved[0].weft[:, 0]
     spans = [(weft @ one.outline).min() for one in moved]

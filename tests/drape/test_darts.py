@@ -134,6 +134,7 @@ def test_a_hole_is_cut_out_on_its_side_of_the_darts(laid, pattern):
     assert pattern.pattern.area - found.pattern.area == pytest.approx(area, rel=1e-3)
 
 
+@pytest.mark.dear("finds four darts, one after the other")
 def test_a_dart_of_a_dome_begins_in_the_curvature_that_causes_the_shear():
     """A hemisphere with a flange, whose curvature is the opposite at its foot.
 

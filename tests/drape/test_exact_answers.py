@@ -51,22 +51,13 @@ def test_the_chebyshev_net_is_found_in_a_few_solves(formulation, bound):
     assert np.log2(errors[0] / errors[1]) > 1.2
 
 
-@pytest.mark.slow
-def test_the_largest_error_converges_with_second_order():
-    errors = []
-    for cells in (8, 16, 32):
-        ply, conditions, start = chebyshev(Macro(), cells)
-        state = equilibrium_near(ply, conditions, start)
-        assert state.linear_solves <= 8
-        errors.append(shear_error(ply, state.u))
-    assert errors[1] < 0.03
-    assert (np.diff(np.log2(errors)) < -1.8).all()
-
-
-@pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
 @pytest.mark.parametrize(
-    ("shear", "tension", "unit"),
-    [(0.1, 0.1, 1.0), (0.1, 50.0, 1e-6), (1e-4, 20.0, 1e3)],
+    ("formulation", "shear", "tension", "unit"),
+    [
+        (Macro(), 0.1, 0.1, 1.0),
+        (OnePoint(), 0.1, 50.0, 1e-6),
+        (OnePoint(), 1e-4, 20.0, 1e3),
+    ],
 )
 def test_no_stiffness_tension_or_unit_of_force_takes_more_solves(
     formulation, shear, tension, unit
@@ -75,15 +66,6 @@ def test_no_stiffness_tension_or_unit_of_force_takes_more_solves(
     ply, conditions, start = chebyshev(formulation, 6, *stiffnesses)
     state = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
     assert state.linear_solves <= 8
-
-
-def test_a_net_is_an_equally_good_initial_guess():
-    ply, conditions, _ = chebyshev(OnePoint(), 16)
-    net = drape.net(SPHERE, SIDE / 16, (0, 16), (0, 16))
-    start = drape.displacement(ply.nodes, net.at(ply.nodes))
-    state = equilibrium_near(ply, conditions, start)
-    assert shear_error(ply, state.u) < 0.05
-    assert state.linear_solves <= 6
 
 
 def rolled(angle, formulation, q=1.0, side=SIDE, mesh=MeshQuad, warn_only=()):
@@ -189,8 +171,8 @@ def test_formulations_agree_on_where_fibres_wrinkle():
     tool, c, s = drape.Sphere(150.0, (0, 0, -150)), np.cos(0.3), np.sin(0.3)
     fabric = Fabric(2e4, 0.2, (c, s), (-s, c), bending=(40.0, 60.0))
     shares = []
-    for formulation in (Macro(), OnePoint(), Quadratic(), Quadratic(10.0)):
-        ply = square(60.0, 12, fabric, formulation)
+    for formulation in (Macro(), OnePoint(), Quadratic()):
+        ply = square(60.0, 10, fabric, formulation)
         held = {"on": OnSurface(tool)} | SYMMETRY
         state = equilibrium_near(ply, held, geodesic_u(ply, tool))
         shares.append(drape.wrinkle_risk(ply, state.u).mean())

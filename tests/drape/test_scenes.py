@@ -16,7 +16,8 @@ from skfem_textile import (
 )
 from skfem_textile.cli import main as cli
 from skfem_textile.fabric import Linear
-from skfem_textile.scenes import Case, cylinder, hemisphere, saddle
+from skfem_textile.scenes import Case, cylinder, hemisphere, on_tool, saddle
+from skfem_textile.scenes import draped_ply as draped_module
 from skfem_textile.scenes.draped_ply import draped_ply
 from skfem_textile.scenes.edge_tension import EdgeTension
 from tests.helpers import arguments_of
@@ -26,7 +27,7 @@ from tests.helpers.tools import square
 
 
 meshio = pytest.importorskip("meshio")
-pytestmark = pytest.mark.usefixtures("no_interval")
+pytestmark = pytest.mark.usefixtures("no_interval", "coarse_net")
 
 
 def run(scene, steps=1, fabric=None, **more):
@@ -54,13 +55,15 @@ def test_a_hemisphere_agrees_with_its_chebyshev_net(fibres):
     assert errors[0] / errors[1] > 2.5
 
 
-@pytest.mark.parametrize("build", [hemisphere, saddle])
-@pytest.mark.parametrize("fibres", [0, 45])
-def test_a_quarter_agrees_with_the_whole(build, fibres):
-    (quarter, one), (whole, other) = (
-        run(build(size=(n, n), fibres=degrees(fibres), part=part))
-        for part, n in (("quarter", 4), ("whole", 8))
-    )
+@pytest.mark.parametrize(("build", "fibres"), [(hemisphere, 45), (saddle, 0)])
+def test_a_quarter_agrees_with_the_whole(build, fibres, monkeypatch):
+    """Also their nets, whose cells are a share of the ply."""
+    ends = []
+    for part, n in (("quarter", 2), ("whole", 4)):
+        for module in (draped_module, on_tool):
+            monkeypatch.setattr(module, "CELLS", 16 * n)
+        ends.append(run(build(size=(n, n), fibres=degrees(fibres), part=part)))
+    (quarter, one), (whole, other) = ends
     assert whole.ply.mesh.nelements == 4 * quarter.ply.mesh.nelements
     assert one["max_shear_angle_deg"] == pytest.approx(
         other["max_shear_angle_deg"], rel=1e-4
@@ -119,12 +122,6 @@ def test_a_whole_ply_is_held_by_three_nodes_however_coarse_its_mesh(size):
     assert np.hypot(*middle) == np.hypot(*scene.mesh.p).min()
 
 
-def test_a_ply_of_two_elements_along_x_is_draped():
-    scene = hemisphere(size=(2, 8), fibres=degrees(30), tension=0.0)
-    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
-    assert run(scene, fabric=fabric)[1]["converged"]
-
-
 def test_the_position_of_the_largest_shear_is_reported_on_the_tool():
     _, summary = run(hemisphere(size=(6, 6)))
     x = np.array([summary[f"max_shear_angle_at_{axis}_mm"] for axis in "xyz"])
@@ -134,11 +131,11 @@ def test_the_position_of_the_largest_shear_is_reported_on_the_tool():
 
 
 def test_the_summary_without_tension_and_bending_denies_a_net():
-    _, free = run(hemisphere(size=(4, 4), tension=0.0))
+    _, free = run(hemisphere(size=(2, 2), tension=0.0))
     assert "the state differs from the kinematic net" in free["not_the_net"]
-    _, pulled = run(hemisphere(size=(4, 4)))
+    _, pulled = run(hemisphere(size=(2, 2)))
     assert "not_the_net" not in pulled
-    scene = hemisphere(size=(4, 4), tension=0.0)
+    scene = hemisphere(size=(2, 2), tension=0.0)
     _, bent = run(scene, fabric=Fabric(1e4, 0.1, bending=(5.0, 5.0)))
     assert "not_the_net" not in bent
 
@@ -146,9 +143,9 @@ def test_the_summary_without_tension_and_bending_denies_a_net():
 def test_the_wrinkling_angle_is_in_the_summary():
     shares = []
     for angle in (90, 15):
-        scene = hemisphere(size=(4, 4), tension=0.0)
+        scene = hemisphere(size=(3, 3), tension=0.0)
         fabric = Fabric(1e4, 0.1, wrinkling_angle=degrees(angle))
-        shares.append(run(scene, 2, fabric)[1]["wrinkle_risk_share_of_area"])
+        shares.append(run(scene, 1, fabric)[1]["wrinkle_risk_share_of_area"])
     assert 0 < shares[0] < shares[1] < 1
 
 
@@ -175,25 +172,16 @@ def test_quadratic_triangles_are_draped():
     assert summary["bridging_share_of_area"] == 0
 
 
-SMALL = "--size", "4x4", "--steps", "2", "--no-render"
+SMALL = "--size", "2x2", "--steps", "2", "--no-render"
 
 
-@pytest.mark.parametrize(
-    ("name", "fibres"),
-    [
-        ("hemisphere", "-45"),
-        ("cylinder", "10"),
-        ("double_dome", "-45"),
-        ("saddle", "0"),
-    ],
-)
-def test_a_tool_is_draped_from_the_command_line(name, fibres, tmp_path):
+def test_a_tool_is_draped_from_the_command_line(tmp_path):
     out = tmp_path / "out"
-    line = "run", name, f"--fibres={fibres}", *SMALL, "--steps", "1", "--out", str(out)
-    assert cli.main(line) == 0
+    line = "run", "hemisphere", "--fibres=-45", *SMALL, "--steps", "1"
+    assert cli.main([*line, "--out", str(out)]) == 0
     summary = json.loads((out / "summary.json").read_text())
     assert summary["converged"]
-    assert summary["inputs"]["scene"]["fibres_deg"] == float(fibres)
+    assert summary["inputs"]["scene"]["fibres_deg"] == -45
     again = tmp_path / "again"
     line = "run", str(out / "case.toml"), "--out", str(again), "--no-render"
     assert cli.main(line) == 0
@@ -214,7 +202,7 @@ def test_fields_of_a_tool_are_written_for_the_state_on_it(tmp_path):
     assert np.isfinite(pressure).all()
     assert pressure.max() == pytest.approx(summary["max_contact_pressure_N_per_mm2"])
     on_elements = meshio.read(tmp_path / "fields" / "own_step_0001.vtu")
-    assert len(on_elements.cell_data["bridging"][0]) == 32
+    assert len(on_elements.cell_data["bridging"][0]) == 8
     flat = "run", "strip", *SMALL, "--out", str(tmp_path)
     assert cli.main(flat) == 0
     fields = meshio.read(tmp_path / "fields" / "step_0002.vtu")
@@ -290,13 +278,12 @@ def along_the_tool(result, names, forces):
     return forces - (forces * n).sum(axis=0) * n
 
 
-@pytest.mark.parametrize("size", [(6, 6)])
-def test_supports_have_no_reactions_under_edge_tension(size):
+def test_supports_have_no_reactions_under_edge_tension():
     """On a tool and a ply without any symmetry."""
     surface = drape.HeightField(
         lambda x, y: valley(np.asarray(x) + TOUCH[0], np.asarray(y) + TOUCH[1])
     )
-    options = {"size": size, "width": 110.0, "height": 90.0, "fibres": 0.3}
+    options = {"size": (4, 4), "width": 110.0, "height": 90.0, "fibres": 0.3}
     scene = draped_ply("valley", surface, "irregular", **options)
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
     result = Case(scene=scene, fabric=fabric).run()

@@ -20,7 +20,7 @@ from skfem_textile import (
 from skfem_textile.io import read_surface
 from skfem_textile.solve.surface import GrowingSurface, OffSurfaceError, is_on, onto
 from skfem_textile.solve.surface.on_surface import check_surface
-from tests.helpers import facing_outwards, graph, sphere
+from tests.helpers import graph, sphere
 
 RNG = np.random.default_rng(1)
 
@@ -106,15 +106,13 @@ def test_a_punch_pushes_points_on_its_axis_to_the_tip():
 
 def test_the_level_of_a_die_is_the_distance_from_its_section():
     """The distance outside is computed from points along plane, fillet and wall."""
-    die, turn = drape.Die(80.0, 10.0, (0, 0, 1)), np.linspace(0, np.pi / 2, 2001)
+    die, turn = drape.Die(80.0, 10.0, (0, 0, 1)), np.linspace(0, np.pi / 2, 501)
     r, z = 90 - 10 * np.sin(turn), 11 - 10 * np.cos(turn)
-    far = np.linspace(0, 100, 20001)
+    far = np.linspace(0, 100, 4001)
     section = np.array(
         [[*r, *(90 + far), *(80 + 0 * far)], [*z, *(1 + 0 * far), *(11 + far)]]
     )
-    x = np.array(
-        [RNG.uniform(41, 150, 300), 0 * np.ones(300), RNG.uniform(-40, 60, 300)]
-    )
+    x = np.array([RNG.uniform(41, 150, 100), np.zeros(100), RNG.uniform(-40, 60, 100)])
     away = np.hypot(*(x[::2, :, None] - section[:, None])).min(axis=1)
     level = die.level(x)
     np.testing.assert_allclose(np.abs(level), away, atol=2e-3)
@@ -149,7 +147,7 @@ def test_a_surface_grows_out_of_its_tangent_plane():
 
 @pytest.mark.parametrize("form", ["binary", "ascii"])
 def test_normals_of_an_stl_file_agree_with_the_sphere(tmp_path, form):
-    p, t = sphere(2502)
+    p, t = sphere(1500)
     file = tmp_path / "sphere.stl"
     meshio.Mesh(100 * p.T, [("triangle", t.T)]).write(file, binary=form == "binary")
     surface = read_surface(file)
@@ -216,14 +214,6 @@ def on_bowl(x, y):
     return np.array([x, y, (x**2 + y**2) / 200])
 
 
-def test_points_over_the_triangles_are_not_beyond_their_edges():
-    rng = np.random.default_rng(1)
-    x = on_bowl(*rng.uniform(-SIDE / 2, SIDE / 2, (2, 400)))
-    tool = bowl()
-    assert not tool.beyond_edges(x).any()
-    np.testing.assert_array_equal(tool.beyond_edges(tool.facets.points), 0.0)
-
-
 @pytest.mark.parametrize("distance", [1.0, 5.0, 40.0])
 def test_points_beyond_edges_and_corners_have_their_distance(distance):
     side = SIDE / 2
@@ -235,13 +225,6 @@ def test_points_beyond_edges_and_corners_have_their_distance(distance):
     flat = distance * np.array([1, 1, 1, np.sqrt(2)])
     assert (beyond > 0.9 * flat).all()
     assert (beyond < 1.2 * flat).all()
-
-
-def test_a_closed_surface_has_no_points_beyond_edges():
-    x, t = drape.triangles_on(drape.Sphere(1.0), *np.full((2, 3), [[-1.1], [1.1]]), 12)
-    t = facing_outwards(x, t)
-    rng = np.random.default_rng(2)
-    assert not drape.TriangleMesh(x, t).beyond_edges(rng.normal(size=(3, 99))).any()
 
 
 def test_derivatives_at_the_same_points_are_computed_once(monkeypatch):
@@ -463,5 +446,5 @@ def test_a_run_stops_at_the_last_state_before_its_surface_ends(error, low):
         f"of the surface raised {error.__name__}: .?beyond the table.?; try a surface"
     )
     with pytest.raises(StepError, match=text) as stop:
-        LoadStepper(ply(cells=3, bending=(5.0, 5.0)), held, 2).run()
+        LoadStepper(ply(cells=2, bending=(5.0, 5.0)), held, 2, max_halvings=1).run()
     assert "\n" not in str(stop.value)

@@ -49,8 +49,8 @@ def test_holes_are_cut_out_of_net_and_pattern():
 @pytest.mark.parametrize(
     ("shape", "cell"),
     [
-        (tool_shapes.hemisphere_with_flange, 5.0),
-        (tool_shapes.saddle, 8.0),
+        (lambda: tool_shapes.hemisphere_with_flange(40.0, 10.0, 15.0), 6.0),
+        (tool_shapes.saddle, 12.0),
         (lambda: tool_shapes.bonnet(askew=True), 16.0),
     ],
 )

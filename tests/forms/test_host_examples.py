@@ -35,13 +35,10 @@ from skfem_textile import (
     Fabric,
     Forms,
     FormTerm,
-    Full,
     HourglassBasis,
-    Linear,
     LoadStepper,
     OnePoint,
     Ply,
-    Pretensioned,
     Term,
     VectorTerm,
     hourglass,
@@ -63,41 +60,6 @@ def assert_quadratic(increments):
     assert increments[-1] < 1e-10
     x = np.log([a for a in increments if a > 1e-14][-3:])
     assert (x[2] - x[1]) / (x[1] - x[0]) > 1.6
-
-
-def test_example_43_load_steps_of_a_twisted_strip():
-    """Three of its seven steps; the box is a prestressed strip one element wide."""
-    fabric = Fabric((Pretensioned(Linear(2.0), 1.0), 2.0), 0.5)
-    mesh = MeshQuad.init_tensor(np.linspace(0, 1, 10), np.array([-0.1, 0.1]))
-    mesh = mesh.with_defaults()
-    basis = Basis(mesh, ElementVector(ElementQuad1(), 3), intorder=1)
-    terms = (tension(fabric), basis), (shear(fabric), basis)
-
-    def end(X, t):
-        (x, y), turn = X, 3 / 7 * np.pi * t
-        return np.array(
-            [0 * x - 0.1 * 3 / 7 * t, y * np.cos(turn) - y, y * np.sin(turn)]
-        )
-
-    right, D = basis.get_dofs("right"), basis.get_dofs({"left", "right"})
-    moved = right.all().reshape(-1, 3).T
-    u, change = basis.zeros(), basis.zeros()
-    for t in (1 / 3, 2 / 3, 1.0):
-        increments = []
-        for _ in range(10):
-            change[moved] = end(basis.doflocs[:, moved[0]], t) - u[moved]
-            field = basis.interpolate(u)
-            f, K = total(terms, "residual", field), total(terms, "tangent", field)
-            du = solve(*condense(K, -f, x=change, D=D))
-            u += du
-            increments.append(np.linalg.norm(du))
-            if increments[-1] < 1e-10:
-                break
-        assert_quadratic(increments)
-    ply = Ply(mesh, fabric, Full(), dimension=3)
-    conditions = {"held": Condition("left"), "turned": Condition("right", end)}
-    expected = LoadStepper(ply, conditions, steps=3).run().states[-1].u
-    np.testing.assert_allclose(u, expected, atol=1e-10)
 
 
 K_A = 100.0  # N/mm, stiffness against changes of area
@@ -236,7 +198,7 @@ def test_example_51_contact_of_two_bodies():
     fabric = Fabric(2.0, 0.5)
     meshes = [
         MeshQuad.init_tensor(np.linspace(0, 5, n), np.linspace(y, y + 0.25, 3))
-        for n, y in ((11, 0.0), (9, -0.5))
+        for n, y in ((6, 0.0), (5, -0.5))
     ]
     meshes = [mesh.with_defaults() for mesh in meshes]
     bases = [quad_basis(mesh, CENTRE) for mesh in meshes]

@@ -9,7 +9,7 @@ MESH = Path(__file__).parents[2] / "examples" / "meshes" / "strip.msh"
 
 #: A run that takes a moment and draws its pictures, which take seconds.
 DRAWN = [
-    *("--size", "3x4", "--steps", "3", "--shear-stiffness", "1"),
+    *("--size", "2x3", "--steps", "3", "--shear-stiffness", "1"),
     *("--set", "formulation.cs_N_per_mm=10"),
 ]
 

@@ -96,7 +96,7 @@ def shear_error(ply, u):
 
 @cache
 def _net_spline():
-    n = 200
+    n = 100
     net = drape.net(SPHERE, SIDE / n, (0, n), (0, n))
     s = np.linspace(0, SIDE, n + 1)
     return RegularGridInterpolator((s, s), np.moveaxis(net.positions, 0, -1), "cubic")

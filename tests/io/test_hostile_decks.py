@@ -2,6 +2,8 @@
 
 import contextlib
 import io
+import re
+from collections import deque
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +24,6 @@ from tests.helpers.hostile import (
     seeds,
 )
 from tests.helpers.hostile.damage import damaged
-from tests.helpers.hostile.mesh_readers import keyword_blocks
 
 # Given thickness in mm.
 THICKNESS = 0.25
@@ -209,6 +210,24 @@ def check_loading_data(cloth, content):
                 x, expected = -x, -expected
         scale = ROUND_OFF * np.abs(expected) + 1e-300
         expect_close(component, (inner.value(x) - expected) / scale, 0.0, 1.0)
+
+
+def keyword_blocks(content):
+    """Keyword, parameters by name, and lines of data of each block of a file."""
+    lines = [line.strip() for line in re.split(rb"\r\n|[\r\n]", content)]
+    lines = deque(line for line in lines if line and not line.startswith(b"**"))
+    while lines:
+        head, data = lines.popleft(), []
+        while head.endswith(b",") and lines:
+            head += lines.popleft()
+        while lines and not lines[0].startswith(b"*"):
+            data.append(lines.popleft())
+        keyword, *parameters = head[1:].decode(errors="replace").split(",")
+        arguments = {}
+        for parameter in filter(str.strip, parameters):
+            key, _, value = (part.strip() for part in parameter.partition("="))
+            arguments[key.upper()] = value
+        yield " ".join(keyword.upper().split()), arguments, data
 
 
 def first_axes(content):

@@ -33,6 +33,7 @@ def coloured_and_grey(path):
     return (spread > 30).mean(), grey.mean()
 
 
+@pytest.mark.dear("the only tools whose pixels are counted")
 @pytest.mark.parametrize("suffix", ["png", "pdf"])
 def test_a_tool_is_drawn_under_the_ply(draped, tmp_path, monkeypatch, suffix):
     """It hides nothing of a ply that faces the camera."""
@@ -67,7 +68,7 @@ def test_a_tool_is_near_the_ply_at_every_load_factor(draped):
 def test_shear_and_pressure_stand_side_by_side_with_risks_marked(sheets, mesh):
     """Also of quadratic triangles."""
     formulation = OnePoint() if mesh == "irregular" else Quadratic()
-    scene = hemisphere(mesh, size=(4, 4), tension=0.0)
+    scene = hemisphere(mesh, size=(3, 3), tension=0.0)
     result = result_of(scene, bending=(5.0, 5.0), formulation=formulation)
     plot.draped(result, titles=["free"])
     ((_, layout),) = sheets
@@ -101,7 +102,7 @@ def bump(high):
 @pytest.mark.parametrize("side", [60.0, 200.0])
 def test_a_tool_of_triangles_is_drawn_to_its_edges(side):
     """A small ply has the tool nearby, a large one all of it and nothing beyond."""
-    scene = on_tool(bump(9.0), size=(4, 4), width=side, height=side, tension=0.0)
+    scene = on_tool(bump(9.0), size=(3, 3), width=side, height=side, tension=0.0)
     result = result_of(scene, bending=(5.0, 5.0))
     surface = result.tool(1.0)
     points = np.pad(result.ply.mesh.p, ((0, 1), (0, 0))).T

@@ -168,6 +168,8 @@ def test_fields_are_legible_in_grey_and_zero_is_marked_if_they_have_a_sign(
         (mark,) = bar.zero
         share = (mark.x + 0.5 * mark.width - bar.box.x) / bar.box.width
         assert scale.low + share * (scale.high - scale.low) == pytest.approx(0.0)
+        below, above = bar.box.y - mark.y, mark.y + mark.height - bar.box.y
+        assert 0 < below == pytest.approx(above - bar.box.height)
         assert greys(scale, [0.0]) > 0.95
         assert all((np.diff(greys(scale, x)) <= 0.004).all() for x in (down, up))
     else:

@@ -81,8 +81,9 @@ def test_unsmoothed_edges_are_tolerated(monkeypatch):
     assert difference(DRAWN[name](), name) < SAME
 
 
-@pytest.mark.parametrize("name", ["fibre_strain", "verdict"])
-@pytest.mark.parametrize("wrong", ["longer", "colours"])
+@pytest.mark.parametrize(
+    ("name", "wrong"), [("fibre_strain", "longer"), ("verdict", "colours")]
+)
 def test_a_wrong_scale_is_detected(name, wrong):
     (((low, high), _),) = {*coloured(DRAWN[name]())}
     how = {"colours": {"cmap": "plasma"}, "longer": {"clim": (1.2 * low, 1.2 * high)}}

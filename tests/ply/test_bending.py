@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_bvp
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 from skfem import MeshQuad, MeshTri
@@ -19,6 +18,7 @@ from skfem_textile import (
     Quadratic,
     Traction,
 )
+from skfem_textile.scenes.elastica import hanging
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
@@ -73,11 +73,11 @@ def test_directions_as_a_field_and_per_element_give_the_same_bending():
 
 def test_each_family_and_element_has_a_separate_stiffness():
     """½ D κ² of a cylinder, up to the area beside the ends of the fibres."""
-    mesh = square(8, side=8.0).with_subdomains({"all": np.arange(64)})
+    mesh = square(4, side=8.0).with_subdomains({"all": np.arange(16)})
     x, y = mesh.p
     for stiffnesses, of_warp, of_weft in (
         ((2.0, 3.0), 2.0, 3.0),
-        ((np.full(64, 2.0), 3.0), 2.0, 3.0),
+        ((np.full(16, 2.0), 3.0), 2.0, 3.0),
         ((0.0, 3.0), 0.0, 3.0),
     ):
         fabric = Fabric(bending=stiffnesses)
@@ -116,7 +116,7 @@ def test_plies_with_terms_keep_bending_and_its_ends():
 
 
 def test_twist_is_defined_per_element_and_region():
-    mesh = square(8, side=8.0).with_subdomains({"all": np.arange(64)})
+    mesh = square(4, side=8.0).with_subdomains({"all": np.arange(16)})
     values = np.where(mesh.p[0, mesh.t].mean(axis=0) < 4, 1.0, 3.0)
     fabric = Fabric(twist=values)
     for chosen in (fabric, {"all": fabric}):
@@ -126,21 +126,6 @@ def test_twist_is_defined_per_element_and_region():
             u[2::3] = 0.1 * ply.nodes.prod(axis=0)
             energy = ply.energies(u)["bending"]
             assert energy == pytest.approx(64 * 0.5 * 2.0 * 0.01, rel=1e-12)
-
-
-def test_a_free_flat_patch_with_bending_has_known_zero_modes():
-    """Rigid motions and z = xy, which a small stiffness against twist removes."""
-    lines = np.linspace(0, 10, 5)
-    mesh = MeshQuad.init_tensor(lines, lines)
-    for formulation, modes in (
-        (OnePoint(0.0), 7),
-        (Full(), 7),
-        (Quadratic(), 7),
-        (OnePoint(), 6),
-    ):
-        fabric = Fabric(1e3, 1.0, bending=(1.0, 1.0))
-        ply = Ply(mesh, fabric, formulation, dimension=3)
-        assert zero_modes(ply.tangent(ply.basis.zeros())) == modes
 
 
 @every_formulation
@@ -154,28 +139,6 @@ def test_the_twist_energy_of_a_saddle_is_exact(formulation, degrees):
     u = turn @ [*ply.nodes, 0.1 * s * t] - [*ply.nodes, 0 * s]
     energy = ply.energies(u.T.ravel())["bending"]
     assert energy == pytest.approx(64 * 0.5 * 3.0 * 0.01, rel=1e-10)
-
-
-@pytest.mark.parametrize(
-    ("formulation", "degrees"),
-    [(Full(), 15), pytest.param(Quadratic(), 30, marks=pytest.mark.slow)],
-    ids=["quadrilaterals", "triangles"],
-)
-def test_varying_twist_is_of_second_order_on_irregular_meshes(formulation, degrees):
-    angle, k = np.radians(degrees), np.pi / SIDE
-
-    def off(n):
-        fabric = Fabric(50.0, **inclined(degrees), twist=3.0)
-        ply = Ply(square(n, 0.2), fabric, formulation, dimension=3)
-        u = ply.basis.zeros()
-        u[2::3] = np.sin(k * ply.nodes).prod(axis=0)
-        # The twist is k² cos 2α cos kx cos ky, with this mean of its square:
-        mean = 0.25 * np.cos(2 * angle) ** 2 * k**4
-        return ply.energies(u)["bending"] / (0.5 * 3.0 * SIDE**2 * mean) - 1
-
-    coarse, fine = off(12), off(24)
-    assert abs(fine) < 0.02
-    assert abs(coarse) > 2.5 * abs(fine)
 
 
 @every_formulation
@@ -225,7 +188,7 @@ def on_sides(x, y):
 
 @pytest.mark.parametrize(
     ("formulation", "degrees", "bound"),
-    [(OnePoint(), 0, 0.02), (OnePoint(), 45, 0.02), (Quadratic(), 45, 0.012)],
+    [(OnePoint(), 0, 0.02), (Quadratic(), 45, 0.012)],
 )
 def test_a_supported_plate_is_of_second_order(formulation, degrees, bound):
     coarse, fine = (
@@ -254,22 +217,6 @@ def test_planes_of_symmetry_replace_the_other_half():
 # Cantilevers against the elastica
 
 
-def elastica(alpha, weight=False):
-    """Tip of a cantilever of unit length and stiffness."""
-
-    def slopes(s, y):
-        load = alpha * (1 - s) if weight else alpha
-        return np.array([y[1], -load * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])])
-
-    def ends(a, b):
-        return np.array([a[0], b[1], a[2], a[3]])
-
-    s = np.linspace(0, 1, 201)
-    guess = np.array([s * min(1.2, alpha / 3), 1 - s, s, 0 * s])
-    solution = solve_bvp(slopes, ends, s, guess, tol=1e-10, max_nodes=100_000)
-    return solution.y[2:, -1]
-
-
 def cantilever(n, alpha, weight, formulation):
     """Tip over the length after a single step, and the number of steps taken."""
     mesh = MeshQuad.init_tensor(np.linspace(0, SIDE, n + 1), np.linspace(0, 20, 3))
@@ -289,28 +236,19 @@ def cantilever(n, alpha, weight, formulation):
     return np.array([1 + x, z]), len(result.states) - 1
 
 
-def test_the_reference_elastica_has_known_values():
-    """Values computed by another program."""
-    for alpha, weight, tip in (
-        (1.0, False, (0.943567, 0.301721)),
-        (10.0, False, (0.445004, 0.810609)),
-        (8.0, True, (0.724425, 0.640631)),
-    ):
-        np.testing.assert_allclose(elastica(alpha, weight), tip, atol=1e-6)
-
-
 @pytest.mark.parametrize(
     ("formulation", "halved", "alpha", "weight", "bound"),
     [
-        (OnePoint(), 1, 10.0, False, 1e-3),
-        (Macro(), 2, 8.0, True, 1e-3),
+        (OnePoint(), 1, 8.0, True, 1e-3),
+        pytest.param(Macro(), 2, 10.0, False, 1e-3, marks=pytest.mark.slow),
         pytest.param(Macro(), 2, 1.0, False, 2e-4, marks=pytest.mark.slow),
     ],
 )
 def test_a_cantilever_converges_to_the_elastica_in_one_step(
     formulation, halved, alpha, weight, bound
 ):
-    exact = elastica(alpha, weight)
+    shape = hanging(*((alpha, 0.0) if weight else (0.0, alpha)))
+    exact = np.array([shape.x[-1], -shape.z[-1]])
     (coarse, _), (fine, steps) = (
         cantilever(n // halved, alpha, weight, formulation) for n in (16, 32)
     )
@@ -370,7 +308,7 @@ def test_forces_of_rotating_clamps_are_derivatives_of_the_energy(formulation):
     """In the plane, where the fibres along an edge do not end."""
     fabric = Fabric(50.0, 0.5, bending=(3.0, 1.0), twist=0.5)
     ends = {"left": "clamped", "right": lambda t: 0.5 * t, "top": "mirror"}
-    mesh = square(4, 0.2, 10.0)
+    mesh = square(2, 0.2, 10.0)
     ply = Ply(mesh, fabric, formulation, fibre_ends=ends)
     u, du = random_u(ply, 3, 0.1), random_u(ply, 4, 1e-4)
     for t in (0.0, 0.7):

@@ -106,9 +106,23 @@ def test_strips_with_little_stabilisation_end_unfolded(seed):
     ends_unfolded(ply, scene.conditions, 3)
 
 
-@pytest.mark.parametrize(
-    ("scale", "seed"), [(10.0, 3), pytest.param(0.1, 0, marks=pytest.mark.slow)]
-)
+def test_corners_are_as_stiff_as_shear_or_a_small_share_of_the_fibres():
+    for fabric, stiffness in (
+        (Fabric((1e5, 3e5), 0.5), 2.0),
+        (Fabric(1e4, 0.5), 0.5),
+        (Fabric(1e4), 0.1),
+    ):
+        ply = Ply(one_quad([[0, 2, 2, 0], [0, 0, 2, 2]]), fabric, Full())
+        u = ply.basis.zeros()
+        u[ply.basis.nodal_dofs[:, 2]] = -0.99
+        b, *_ = resistance(ply.corners.area_ratio(u))
+        assert b.sum() > 0
+        expected = stiffness * b.sum() * 4.0 / 4
+        assert ply.energies(u)["corners"] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("scale", "seed"), [(10.0, 3), (0.1, 0)])
 def test_the_stiffness_of_corners_has_little_effect(scale, seed, monkeypatch):
     monkeypatch.setattr(
         builtin_terms, "_SHARE_OF_FIBRES", scale * builtin_terms._SHARE_OF_FIBRES

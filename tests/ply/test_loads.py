@@ -187,14 +187,17 @@ def ramped_limit():
     """The load factor at which a ramped load of 3.75 N passes its limit."""
     ramped = sheared_by(3.75, lambda t: t)
     with pytest.raises(RuntimeError, match="the load exceeds a limit") as stopped:
-        LoadStepper(ramped, CLAMP, 10).run()
+        LoadStepper(ramped, CLAMP, 2).run()
     return stopped.value.result.states[-1].load_factor
 
 
 @pytest.mark.parametrize(
     "factor",
     [
-        lambda t: 1 - abs(2 * t - 1),
+        pytest.param(
+            lambda t: 1 - abs(2 * t - 1),
+            marks=pytest.mark.dear("finds the limit twice, to a percent"),
+        ),
         *(
             pytest.param(factor, marks=pytest.mark.slow)
             for factor in (lambda t: 4 * t * (1 - t), lambda t: t**8)
@@ -206,7 +209,7 @@ def test_a_limit_point_is_reported_for_any_later_load(factor):
     """To a percent of the load, not of the load factor."""
     ply = sheared_by(3.75, factor)
     with pytest.raises(RuntimeError, match="the load exceeds a limit") as stopped:
-        LoadStepper(ply, CLAMP, 10).run()
+        LoadStepper(ply, CLAMP, 4).run()
     low, high = map(
         float, re.findall(r"factors (\S+) and (\S+): ", str(stopped.value))[0]
     )
@@ -227,9 +230,9 @@ def test_a_constant_load_is_not_a_limit_point(formulation):
     mesh = MeshQuad().refined(2).scaled(10.0).with_defaults()
     ply = Ply(mesh, Fabric(1e3, 1.0), formulation)
     held = Force("top", (1.0, 2.0), factor=lambda t: min(1.0, 2 * t))
-    assert LoadStepper(ply.with_terms(held), CLAMP, 4).run().converged
+    assert LoadStepper(ply.with_terms(held), CLAMP, 2).run().converged
     on_clamp = BodyForce((0.01, -0.02), factor=1.0), Traction("bottom", (0.0, 1.0))
-    assert LoadStepper(ply.with_terms(*on_clamp), CLAMP, 4).run().converged
+    assert LoadStepper(ply.with_terms(*on_clamp), CLAMP, 2).run().converged
 
 
 def test_a_load_beyond_the_limit_at_rest_is_rejected():
@@ -349,8 +352,8 @@ def test_edges_on_planes_of_symmetry_move_along_them():
     """A quarter of a square bulges like the whole square."""
     heights = []
     for side, n, fixed in (
-        (100.0, 4, ("left", "bottom", "right", "top")),
-        (50.0, 2, ("left", "bottom")),
+        (100.0, 2, ("left", "bottom", "right", "top")),
+        (50.0, 1, ("left", "bottom")),
     ):
         lines = np.linspace(0, side, n + 1)
         mesh = MeshQuad.init_tensor(lines, lines).with_defaults()

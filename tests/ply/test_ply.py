@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -8,7 +9,7 @@ from skfem_textile import (
     OnePoint,
     Ply,
 )
-from tests.helpers import derivative, distorted, random_u
+from tests.helpers import Coupled, derivative, distorted, random_u
 
 
 def term_names(fabric, formulation):
@@ -26,13 +27,17 @@ def test_only_needed_terms_are_built():
     assert term_names(Fabric((1.0, 0.0)), Full()) == ["tension", "corners"]
 
 
-def test_predicted_tension_is_the_first_order_of_tension():
-    ply = Ply(distorted(2), Fabric((10.0, 20.0)), Full())
+@pytest.mark.parametrize(
+    "law", [(10.0, 20.0), Coupled(10.0, 6.0)], ids=["plain", "coupled"]
+)
+def test_predicted_tension_is_the_first_order_of_tension(law):
+    ply = Ply(distorted(2), Fabric(law), Full())
     u, du = random_u(ply, 2), random_u(ply, 3, 1.0)
     rate = derivative(ply.fibre_tension, u, du)
-    np.testing.assert_allclose(
-        ply.predicted_tension(u, du), ply.fibre_tension(u) + rate, atol=1e-6
-    )
+    expected = ply.fibre_tension(u) + rate
+    np.testing.assert_allclose(ply.predicted_tension(u, du), expected, atol=1e-6)
+    acting, geometric = ply.predicted_tension(u, 0 * u), ply.geometric_tension(u, 0 * u)
+    np.testing.assert_array_equal(geometric, ply.arranged(acting))
 
 
 def test_strains_of_a_homogeneous_stretch():

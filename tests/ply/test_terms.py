@@ -131,7 +131,7 @@ def test_a_run_uses_all_terms_with_their_roles(tmp_path):
         VectorTerm("lift", force),
     )
     loaded = ply.with_terms(*terms)
-    whole = LoadStepper(loaded, CONDITIONS, 4).run()
+    whole = LoadStepper(loaded, CONDITIONS, 2).run()
     state = whole.states[-1]
     assert list(state.potentials) == ["lift"]
     assert {"springs", "held"} < set(state.energies)
@@ -145,14 +145,14 @@ def test_a_run_uses_all_terms_with_their_roles(tmp_path):
         if state.load_factor > 0.4:
             raise KeyboardInterrupt
 
-    stepper = LoadStepper(loaded, CONDITIONS, 4, checkpoint=tmp_path, on_step=stop)
+    stepper = LoadStepper(loaded, CONDITIONS, 2, checkpoint=tmp_path, on_step=stop)
     with pytest.raises(KeyboardInterrupt):
         stepper.run()
-    resumed = LoadStepper(loaded, CONDITIONS, 4, checkpoint=tmp_path).run(resume=True)
+    resumed = LoadStepper(loaded, CONDITIONS, 2, checkpoint=tmp_path).run(resume=True)
     np.testing.assert_array_equal(resumed.u, whole.u)
     assert resumed.states[-1].potentials == state.potentials
     with pytest.raises(ValueError, match="belongs to another run"):
-        LoadStepper(ply, CONDITIONS, 4, checkpoint=tmp_path).run(resume=True)
+        LoadStepper(ply, CONDITIONS, 2, checkpoint=tmp_path).run(resume=True)
 
 
 # Parameters of terms: immutable values, which plies do not store

@@ -112,13 +112,6 @@ def test_every_triangle_has_an_edge_along_warp_and_one_along_weft(degrees, caplo
     assert caplog.messages == []
 
 
-@pytest.mark.parametrize("height", [75.0, 100.0, 120.0])
-def test_lines_meet_at_the_sides_however_many_there_are_along_each(height):
-    angles = np.radians([45.0, 135.0])
-    mesh = rectangle(50, height, (17, 3), "aligned", 0.3, 1, *angles)
-    np.testing.assert_array_equal(edges_along(mesh, 45, 135), 1)
-
-
 @settings(max_examples=6, phases=[Phase.explicit, Phase.generate])
 @given(
     warp=st.integers(0, 180),
@@ -284,7 +277,7 @@ def test_a_bent_trellis_converges_along_inclined_fibres():
 def test_the_command_line_generates_meshes_along_the_fibres(tmp_path):
     command = ["run", "bias_extension", "--mesh", "aligned", "--size", "3x6"]
     command += ["--fibres", "52.5", "--fibre-stiffness", "5e9"]
-    command += ["--formulation", "quadratic", "--steps", "4", "--no-render"]
+    command += ["--formulation", "quadratic", "--steps", "2", "--no-render"]
     assert cli.main([*command, "--out", str(tmp_path)]) == 0
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["displacement_error_max"] < 1e-6

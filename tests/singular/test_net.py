@@ -158,14 +158,6 @@ def test_an_edge_held_up_to_a_position_ends_at_a_node(size, limit):
     assert mesh.p[1].max() == 150.0
 
 
-def test_every_key_is_a_line():
-    random = np.random.default_rng(3)
-    for _ in range(20):
-        keys = np.sort(random.uniform(-100, 100, 6))
-        strong = random.random(6) < 0.5
-        assert np.isin(keys, graded(keys, strong, 0.1, 20.0, 2.0)).all()
-
-
 def test_the_size_is_divided_by_the_density():
     outline = Outline([[0, W, W, 0], [0, 0, H, H]])
     sizes = [

@@ -186,7 +186,10 @@ def test_the_residual_of_round_off_is_within_the_tolerance(n, E, size):
         run(1e-4 * weight, method=Newton(most=2))
 
 
-@pytest.mark.parametrize(("n", "weight"), [(4, 1e-10), (2, 1e-8)])
+@pytest.mark.parametrize(
+    ("n", "weight"),
+    [pytest.param(4, 1e-10, marks=pytest.mark.slow), (2, 1e-8)],
+)
 def test_a_weight_near_round_off_is_no_obstacle_to_a_motion(n, weight):
     terms = [BodyForce((0.0, 0.0, -weight), factor=1.0)]
     mesh = rectangle(100.0, 100.0, (n, n))

@@ -121,7 +121,7 @@ def test_energy_is_independent_of_the_load_history():
         conditions = scene.conditions | {"top": top}
         return loaded(replace(scene, conditions=conditions), Macro(), steps, 0.5)
 
-    back = pulled(lambda t: min(2 * t, 1.9 - 1.8 * t), 10)
+    back = pulled(lambda t: min(2 * t, 1.9 - 1.8 * t), 6)
     straight = pulled(lambda t: 0.1 * t, 2)
     assert back.path_resolved
     assert energy_of(back) == pytest.approx(energy_of(straight), rel=0.005)

@@ -2,6 +2,7 @@
 
 import logging
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -52,10 +53,10 @@ def test_a_uniform_pull_is_exact():
 
 def test_reactions_do_the_work_of_the_energy():
     ply, conditions = pulled(lambda X, t: 0.3 * t * X[0])
-    result = LoadStepper(ply, conditions, steps=40).run()
+    result = LoadStepper(ply, conditions, steps=20).run()
     rows = result.history()
     assert rows[-1]["work"] == pytest.approx(rows[-1]["energy"], rel=1e-3)
-    assert rows[20]["work"] == pytest.approx(rows[20]["energy"], rel=1e-2)
+    assert rows[10]["work"] == pytest.approx(rows[10]["energy"], rel=1e-2)
 
 
 def test_history_has_a_row_per_state_with_what_is_needed():
@@ -312,19 +313,20 @@ every_formulation = pytest.mark.parametrize(
 )
 
 
+@cache
 def extended(formulation):
-    """Ply and conditions of a bias extension, its sides under a traction."""
+    """Bias extension, its sides under a traction: ply, conditions and states."""
     scene = bias_extension(size=(4, 8))
     fabric = Fabric(1e4, Sin2(0.5), scene.warp, scene.weft)
     loads = [Traction(side, (0.0, 0.002)) for side in ("left", "right")]
-    return Ply(scene.mesh, fabric, formulation, loads), scene.conditions
+    ply = Ply(scene.mesh, fabric, formulation, loads)
+    return ply, scene.conditions, LoadStepper(ply, scene.conditions, 2).run().states
 
 
 @every_formulation
 def test_the_parameters_of_a_state_give_its_energies_and_forces(formulation):
-    ply, conditions = extended(formulation)
+    ply, conditions, states = extended(formulation)
     free = Constraints(ply.basis, conditions).free
-    states = LoadStepper(ply, conditions, 2).run().states
     assert len(states) > 2
     for state in states:
         assert state.parameters.keys() == ply.parameters_at_rest.keys()
@@ -339,9 +341,8 @@ def test_the_parameters_of_a_state_give_its_energies_and_forces(formulation):
 
 @pytest.mark.parametrize("formulation", [Macro(), OnePoint(), Quadratic(80.0)])
 def test_other_parameters_do_not_balance_a_state(formulation):
-    ply, conditions = extended(formulation)
+    ply, conditions, (*_, last) = extended(formulation)
     free = Constraints(ply.basis, conditions).free
-    last = LoadStepper(ply, conditions, 2).run().states[-1]
     f = ply.residual(last.u, last.load_factor)
     assert np.abs(f[free]).max() > 1e3 * last.tolerance
     assert ply.energies(last.u) != last.energies | last.potentials
@@ -349,8 +350,7 @@ def test_other_parameters_do_not_balance_a_state(formulation):
 
 @pytest.mark.parametrize("formulation", [Macro(), OnePoint(), Quadratic(80.0)])
 def test_a_state_is_recomputed_from_its_displacement_and_parameters(formulation):
-    ply, conditions = extended(formulation)
-    last = LoadStepper(ply, conditions, 2).run().states[-1]
+    ply, conditions, (*_, last) = extended(formulation)
     arguments, warn_only = (ply, conditions, last.u), ("stabilisation", "deviation")
     near, far = (
         equilibrium_near(*arguments, parameters=parameters, warn_only=warn_only)

@@ -129,7 +129,7 @@ def test_ordinary_bias_extension_passes(caplog, name, across, E, share):
 @pytest.mark.parametrize("name", FORMULATIONS)
 @pytest.mark.parametrize("scene", [strip, trellis])
 def test_ordinary_runs_of_other_scenes_pass(caplog, scene, name):
-    result = case(scene, name, 8).run()
+    result = case(scene, name, 8, steps=1).run()
     assert not reported(caplog)
     for of in result.states[-1].shares:
         assert largest(result, of) < (0.2 if "reaction" in of else 0.06)
@@ -160,7 +160,7 @@ def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation,
 @pytest.mark.parametrize("name", FORMULATIONS)
 def test_the_artificial_share_without_shear_stiffness_is_nearly_one(caplog, name):
     """No fabric term resists: 58° instead of the prescribed 40°."""
-    this = case(bias_extension, name, 8, G=0.0, steps=6)
+    this = case(bias_extension, name, 8, G=0.0, steps=3)
     summary = this.summary(without_interval(this.run()))
     role = "deviation" if name == "mean" else "stabilisation"
     assert summary["converged"]
@@ -256,6 +256,7 @@ def held_at_a_node(refinements):
     return equilibrium_near(ply, conditions, start)
 
 
+@pytest.mark.dear("two meshes show that the share remains on the finer one")
 def test_forces_at_fixed_nodes_are_no_reason_to_reject_a_state():
     """Deviations cause much of its force, which a finer mesh hardly changes."""
     coarse, fine = held_at_a_node(3), held_at_a_node(4)

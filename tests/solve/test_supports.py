@@ -96,7 +96,7 @@ def test_an_inclined_roller_on_a_clamped_node_carries_half_across_its_slope():
     np.testing.assert_allclose(shared["clamp"] + shared["roller"], force, atol=1e-12)
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-8, 1e-4])
+@pytest.mark.parametrize("angle", [0.0, 1e-8, 1e-5])
 def test_rollers_that_differ_by_round_off_share_equally(angle):
     """A larger angle is another direction, whose roller carries nothing here."""
     shared = resolved(
