@@ -1,4 +1,4 @@
-"""Tables of case files have the parameters of the classes and functions."""
+"""A table of a case file contains the parameters of its class or function."""
 
 from dataclasses import MISSING, fields
 from inspect import signature
