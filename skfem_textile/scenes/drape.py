@@ -51,7 +51,7 @@ def drape(given: declared.Drape) -> Scene:
     ----------
     tool
         The tool, see `skfem_textile.io.read_surface`.
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         See `draped_ply`, except for ``part``: the whole ply is computed.
     point
         Contact point of the centre of the ply with the tool, in mm.  By default the

@@ -219,7 +219,7 @@ def hemisphere_forming(given: declared.HemisphereForming) -> Scene:
 
     Parameters
     ----------
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         See `formed_ply`.
     radius
         Radius of the punch in mm.
@@ -266,7 +266,7 @@ def double_dome_forming(given: declared.DoubleDomeForming) -> Scene:
 
     Parameters
     ----------
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         See `formed_ply`; the size is 24 × 16 and the width 470 mm by default.
     travel
         Final travel of the punch in mm, at most the height of the dome.
@@ -317,7 +317,7 @@ def forming(given: declared.Forming) -> Scene:
     ----------
     punch, die
         Triangulated tools, see `skfem_textile.io.read_surface`.
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         See `formed_ply`; the part is the whole ply by default.
     travel
         Final travel of the punch along z in mm, negative if it moves down.

@@ -61,7 +61,7 @@ def hemisphere(given: declared.Hemisphere) -> Scene:
     ----------
     radius
         Radius in mm.
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         As for `draped_ply`.
 
     Raises
@@ -121,7 +121,7 @@ def cylinder(given: declared.Cylinder) -> Scene:
     ----------
     radius
         Radius in mm.
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         As for `draped_ply`.
 
     Raises
@@ -149,7 +149,7 @@ def double_dome(given: declared.DoubleDome) -> Scene:
 
     Parameters
     ----------
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         As for `draped_ply`.
 
     Raises
@@ -168,7 +168,7 @@ def saddle(given: declared.Saddle) -> Scene:
     ----------
     radius
         Radius R of both curvatures in the middle, in mm.
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         As for `draped_ply`.
 
     Raises
