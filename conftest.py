@@ -41,7 +41,6 @@ CORE = {
     "tests/forms/test_everywhere.py": "forms_equal_a_ply_and_are_zero_for_other_fields",
     "tests/forms/test_forms.py": "residual_and_tangent_are_derivatives",
     "tests/ply/test_derivatives.py": (
-        "residual_and_tangent_are_derivatives_in_the_plane "
         "residual_and_tangent_are_derivatives_in_space_with_bending"
     ),
     "tests/ply/test_space.py": (
