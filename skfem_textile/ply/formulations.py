@@ -3,13 +3,14 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Real
-from typing import Any, ClassVar, Literal, TypeAlias, get_args
+from typing import Any, ClassVar, TypeAlias, get_args
 
 import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, ElementQuad1, ElementTriP1, Mesh
 
 from .. import forms
+from ..declarations import formulations as declared
 from ..fabric import Fabric
 from ..forms.kernels.out_of_plane import OutOfPlaneKernel
 from ..mesh.bases import (
@@ -239,7 +240,7 @@ def stabilising_term(
 
 
 @dataclass(frozen=True)
-class Full(Quadrilaterals):
+class Full(declared.Full, Quadrilaterals):
     """2×2 points, no stabilisation: locks unless the mesh follows the fibres."""
 
     name: ClassVar[str] = "full"
@@ -275,11 +276,13 @@ _OF_NUMBER = 1.0
 # on others.
 _ALONG_SINGULAR, _ACROSS_SINGULAR = 400.0, 70.0
 
-Kind: TypeAlias = Literal["energy", "rate", "continuity", "isotropic"]
+
+#: Stabilisations of one point.
+Kind: TypeAlias = declared.Kind
 
 
 @dataclass(frozen=True)
-class OnePoint(Quadrilaterals):
+class OnePoint(declared.OnePoint, Quadrilaterals):
     """One integration point, with the non-constant shear angle stabilised.
 
     Parameters
@@ -300,9 +303,6 @@ class OnePoint(Quadrilaterals):
         If the stabilisation is negative or not finite, if ``auto`` is used with a kind
         other than ``energy``, or if the kind is unknown.
     """
-
-    stabilisation: float | Literal["auto"] = "auto"
-    kind: Kind = "energy"
 
     name: ClassVar[str] = "one-point"
     rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE
@@ -365,7 +365,7 @@ class OnePoint(Quadrilaterals):
 
 
 @dataclass(frozen=True)
-class Macro(Quadrilaterals):
+class Macro(declared.Macro, Quadrilaterals):
     """Macro-elements: elements split into parts with one point each.
 
     The full stiffness of the fibres of a macro-element (`split`) acts on the mean
@@ -387,9 +387,6 @@ class Macro(Quadrilaterals):
     ValueError
         If a stiffness is negative or not finite.
     """
-
-    stabilisation: float | Literal["auto"] = "auto"
-    deviation: tuple[float, float] = (370.0, 700.0)
 
     name: ClassVar[str] = "macro"
     rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE
@@ -455,7 +452,7 @@ _RULES = {3: THREE, 6: SIX}
 
 
 @dataclass(frozen=True)
-class Quadratic(Pointwise):
+class Quadratic(declared.Quadratic, Pointwise):
     """Quadratic triangles without stabilisation.
 
     The element is `skfem.ElementTriP2` on triangles; quadrilaterals are cut into
@@ -479,9 +476,6 @@ class Quadratic(Pointwise):
         If the deviation is negative or not finite, or the number of points is not 3 or
         6.
     """
-
-    deviation: float | None = None
-    points: int = 3
 
     name: ClassVar[str] = "quadratic"
     fine_points: ClassVar[ndarray] = SIX[0]

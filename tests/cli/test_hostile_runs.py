@@ -151,7 +151,7 @@ def check_odd_word(path, word, case):
 
 def compare_with_line(line, case):
     """Check a written case for the values of the line, and defaults otherwise."""
-    expected, scene = defaults(line.scene), SCENES[line.scene]
+    expected, scene = defaults(line.scene), SCENES[line.scene].declaration
     source = options.kind_of_mesh(line.scene, line.values)
     expected["mesh"] = {"source": source}
     if source == options.GRADED:

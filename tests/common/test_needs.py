@@ -246,7 +246,7 @@ for words in {lines}:
                 *("run strip --help", "run strip --help all", "run drape --help"),
                 "fit joint --help",
             ],
-            {"cli", "cases", "mesh"},
+            {"cli", "cases", "declarations", "mesh"},
             set(),
         ),
     ],
