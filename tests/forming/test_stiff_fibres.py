@@ -28,6 +28,7 @@ def slack(travel, bending=0.2):
     return formed((3e5, bending), travel=travel, **options, **sides)
 
 
+@pytest.mark.dear("alone finds increments that may not stretch rotating fibres")
 def test_a_slack_ply_is_formed_and_its_other_states_are_announced():
     """Without tension at its edges the ply wrinkles, in one of many ways.
 
@@ -71,7 +72,7 @@ def test_an_iteration_whose_energy_stays_high_returns_to_the_start(monkeypatch):
 
 def test_moving_edges_pull_a_ply_over_a_tool():
     """In one step, although the motion of the edges increases the energy."""
-    mesh = MeshQuad().refined(3).translated((-0.5, -0.5)).scaled(100.0)
+    mesh = MeshQuad().refined(2).translated((-0.5, -0.5)).scaled(100.0)
     ball = Tool(drape.Sphere(60.0, (0, 0, -60.5)), name="ball")
     fabric = Fabric(1e3, shear=0.1, bending=(1.0, 1.0))
     ply = Ply(mesh.with_defaults(), fabric, terms=[ball], dimension=3)
@@ -93,6 +94,7 @@ def test_a_slack_ply_that_is_hardly_touched_converges():
     assert result.linear_solves < 100
 
 
+@pytest.mark.slow
 def test_stiff_fibres_have_the_same_state_in_any_steps():
     """The stiffnesses of macro-elements converge at the state, whatever its path."""
     options = {"radius": 43.2554, "fillet": 8.9256, "travel": 47.0892}

@@ -13,6 +13,7 @@ from skfem_textile import (
     Fabric,
     Holder,
     LoadStepper,
+    Macro,
     OnePoint,
     Ply,
     Quadratic,
@@ -25,12 +26,11 @@ from skfem_textile import (
 from skfem_textile.forming.figures import formed as figures_of
 from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
 from skfem_textile.solve.surface.on_surface import SurfaceError
-from tests.forming.conftest import quarter
 
-SIDE, RADIUS, GAP, TRAVEL = 60.0, 40.0, 0.3, 25.0
+SIDE, RADIUS, GAP, TRAVEL = 60.0, 40.0, 0.3, 15.0
 
 
-def blank(cells=5, fibres=0.0, terms=(), formulation=None, bending=5.0, tension=0.2):
+def blank(cells=3, fibres=0.0, terms=(), formulation=None, bending=5.0, tension=0.2):
     """Quarter of a blank with two planes of symmetry."""
     s = np.linspace(0, SIDE, cells + 1)
     mesh = MeshQuad.init_tensor(s, s).with_defaults()
@@ -66,8 +66,8 @@ def ring(z, **options):
     return Tool(torus, name="die", **options)
 
 
-def formed(steps=2, **options):
-    ply = blank(terms=[punch(), ring(GAP / 2)], **options)
+def formed(steps=1, motion=(0, 0, TRAVEL), **options):
+    ply = blank(terms=[punch(motion), ring(GAP / 2)], **options)
     return LoadStepper(ply, SYMMETRY, steps=steps).run()
 
 
@@ -76,9 +76,13 @@ def state():
     return formed()
 
 
-@pytest.mark.parametrize("steps", [1, 4])
-def test_number_of_steps_does_not_change_the_state(state, steps):
-    other = formed(steps)
+@pytest.fixture(scope="module")
+def in_steps():
+    return formed(3)
+
+
+def test_number_of_steps_does_not_change_the_state(state, in_steps):
+    other = in_steps
     assert other.converged
     assert state.path_resolved
     angles = [np.degrees(x.ply.shear_angle(x.u)) for x in (state, other)]
@@ -100,37 +104,42 @@ def test_contact_is_a_constraint(state):
     assert last.verdict.negative_pivots == 0
 
 
-def test_force_is_the_derivative_of_the_energy(state):
+def test_force_is_the_derivative_of_the_energy():
     """The work of the punch over a small travel is the change of all energies."""
-    h = 1e-3
-    energies = []
-    for travel in (TRAVEL - h, TRAVEL + h):
-        ply = blank(terms=[punch((0, 0, travel)), ring(GAP / 2)])
-        last = LoadStepper(ply, SYMMETRY, steps=1).run().states[-1]
-        loads = sum(v for k, v in last.potentials.items() if k.startswith("traction"))
-        energies.append(sum(last.energies.values()) + loads)
-    force = (energies[1] - energies[0]) / (2 * h)
-    assert force == pytest.approx(state.states[-1].reactions["punch"][2], rel=1e-3)
+
+    def motion(t):
+        return 0.0, 0.0, TRAVEL - 0.01 if t == 0.5 else TRAVEL * t
+
+    result = formed(2, motion)
+    before, after = result.states[-2:]
+    energies = [
+        sum(x.energies.values())
+        + sum(v for k, v in x.potentials.items() if k.startswith("traction"))
+        for x in (before, after)
+    ]
+    forces = [x.reactions["punch"][2] for x in (before, after)]
+    assert np.diff(energies) / 0.01 == pytest.approx(np.mean(forces), rel=1e-3)
 
 
 def test_tools_turn_with_the_problem():
     """Fibres at 45° and at 135° to a quarter are the same ply."""
-    one, other = (formed(1, fibres=np.radians(angle)) for angle in (45, 135))
+    one, other = (formed(fibres=np.radians(angle), cells=2) for angle in (45, 135))
     shear = [np.abs(x.ply.shear_angle(x.u)).max() for x in (one, other)]
     assert shear[0] == pytest.approx(shear[1], rel=1e-5)
 
 
-@pytest.mark.parametrize(("cells", "formulation"), [(10, OnePoint()), (5, Quadratic())])
-def test_formulations_agree(state, cells, formulation):
-    other = formed(cells=cells, formulation=formulation)
-    assert other.converged
-    forces = [x.states[-1].reactions["punch"][2] for x in (state, other)]
-    assert forces[0] == pytest.approx(forces[1], rel=0.1)
+@pytest.mark.slow
+def test_formulations_agree():
+    options = {"cells": 5}, {"cells": 10, "formulation": OnePoint()}
+    options += ({"cells": 5, "formulation": Quadratic()},)
+    results = [formed(2, (0, 0, 25.0), **more) for more in options]
+    first, *others = (x.states[-1].reactions["punch"][2] for x in results)
+    assert others == pytest.approx([first, first], rel=0.1)
 
 
 def test_triangles_form_like_the_surface(state):
-    """A punch of triangles of 2 mm, open at its rim."""
-    n = 50
+    """A punch of triangles of 3 mm, open at its rim."""
+    n = 30
     s = np.linspace(-45.0, 45.0, n + 1)
     x, y = (a.ravel() for a in np.meshgrid(s, s))
     z = np.sqrt(np.maximum(RADIUS**2 - x**2 - y**2, 0)) - RADIUS - GAP / 2
@@ -142,7 +151,7 @@ def test_triangles_form_like_the_surface(state):
         motion=(0, 0, TRAVEL),
         name="punch",
     )
-    result = LoadStepper(blank(terms=[tool, ring(GAP / 2)]), SYMMETRY, steps=2).run()
+    result = LoadStepper(blank(terms=[tool, ring(GAP / 2)]), SYMMETRY, steps=1).run()
     forces = [x.states[-1].reactions["punch"][2] for x in (state, result)]
     assert forces[0] == pytest.approx(forces[1], rel=0.01)
     angles = [np.degrees(x.ply.shear_angle(x.u)) for x in (state, result)]
@@ -152,13 +161,13 @@ def test_triangles_form_like_the_surface(state):
 @pytest.mark.parametrize("tension", [0.2, 20.0])
 def test_a_step_in_which_nothing_touches_has_no_warning_of_the_energy(tension):
     """Rounding of stretches changes the energy by tension times length."""
-    approach = punch(lambda t: (0, 0, 6 * t - 5.5), side=1)
-    ply = blank(6, 0.5, [approach, ring(GAP / 2)], tension=tension)
+    approach = punch(lambda t: (0, 0, 6 * t - 5.2), side=1)
+    ply = blank(3, 0.5, [approach, ring(GAP / 2)], tension=tension)
     checks = set(DEFAULT_WARN_ONLY) - {"work"}
-    options = {"steps": 8, "warn_only": checks, "max_halvings": 0}
+    options = {"steps": 3, "warn_only": checks, "max_halvings": 0}
     result = LoadStepper(ply, SYMMETRY, **options).run()
     assert result.converged
-    assert [s.reactions["punch"][2] > 0 for s in result.states] == [False] * 8 + [True]
+    assert [s.reactions["punch"][2] > 0 for s in result.states] == [False] * 3 + [True]
 
 
 def test_thickness_keeps_the_nodes_away():
@@ -170,23 +179,25 @@ def test_thickness_keeps_the_nodes_away():
     assert distance.min() == pytest.approx(RADIUS + 0.5, abs=1e-6)
 
 
-def test_gravity_rests_on_a_plane():
-    """The plane carries the weight."""
+@pytest.mark.parametrize("formulation", [Macro(), OnePoint(), Quadratic()], ids=repr)
+def test_gravity_rests_on_a_plane(formulation):
+    """The plane carries the weight, with a uniform pressure on the stretched ply."""
     weight = BodyForce((0, 0, -1e-5), factor=1.0)
-    ply = blank(terms=[weight, Tool(drape.Plane(), side=1, name="table")])
-    last = LoadStepper(ply, SYMMETRY, steps=1).run().states[-1]
-    assert last.reactions["table"][2] == pytest.approx(1e-5 * SIDE**2, rel=1e-6)
+    table = Tool(drape.Plane(), side=1, name="table")
+    ply = blank(2, terms=[weight, table], formulation=formulation)
+    result = LoadStepper(ply, SYMMETRY, steps=1).run()
+    force = result.states[-1].reactions["table"][2]
+    assert force == pytest.approx(1e-5 * SIDE**2, rel=1e-6)
+    most = figures_of(result)["table_max_pressure_N_per_mm2"]
+    assert most == pytest.approx(1e-5 / (1 + 2e-5) ** 2, rel=1e-6)
 
 
-def test_tools_edges_symmetry_and_gravity_balance():
-    """Punch, die and holder together; the weight is 0.36 N."""
-    ply, conditions = quarter((0.0, 0.0, 15.0), 4)
-    ply = ply.with_terms(BodyForce((0.0, 0.0, -1e-4), factor=1.0))
-    for state in LoadStepper(ply, conditions, steps=2).run().states:
+def test_tools_edges_and_symmetry_balance(hemisphere):
+    """Punch, die and holder together."""
+    for state in hemisphere.states:
         reactions = state.reactions
         assert set(reactions) == {"x", "y", "punch", "die", "holder"}
-        pulled = np.array([0.2 * SIDE, 0.2 * SIDE, -1e-4 * SIDE**2])
-        off = sum(reactions.values()) + pulled
+        off = sum(reactions.values()) + [0.2 * SIDE, 0.2 * SIDE, 0.0]
         largest = max(np.abs(force).max() for force in reactions.values())
         assert np.abs(off).max() < 1e-6 * largest
     assert reactions["punch"][2] > 1
@@ -208,7 +219,7 @@ def test_holders_with_outlines_are_segments():
         )
         for name, (x0, x1, y0, y1) in boxes.items()
     ]
-    ply = blank(terms=[table, *holders])
+    ply = blank(5, terms=[table, *holders])
     result = LoadStepper(ply, SYMMETRY, steps=1).run()
     figures, state = figures_of(result), result.states[-1]
     areas = {"a": 22.5 * 27.5, "b": 17.5 * 22.5}
@@ -249,8 +260,8 @@ def test_holder_keeps_its_gap():
     """Beyond the punch the ply lifts from the plane by up to the gap."""
     outline = [[45.0, 70.0, 70.0, 45.0], [-5.0, -5.0, 70.0, 70.0]]
     holder = Holder(drape.Plane(), gap=5.0, side=1, outline=outline)
-    ply = blank(6, terms=[punch(), holder])
-    last = LoadStepper(ply, SYMMETRY, steps=2).run().states[-1]
+    ply = blank(4, terms=[punch((0, 0, 25.0)), holder])
+    last = LoadStepper(ply, SYMMETRY, steps=1).run().states[-1]
     x = ply.nodes + ply.nodal(last.u)[:2]
     height = ply.nodal(last.u)[2, (x[0] > 46) & (x[0] < 69)]
     assert height.max() == pytest.approx(5.0, abs=1e-6)
@@ -268,7 +279,7 @@ def test_derivatives():
         Holder(drape.Sphere(300.0, (0, 0, -300.5)), gap=0.2, name="holder"),
         Holder(drape.Sphere(300.0, (0, 0, -300.5)), pressure=0.1, name="pressed"),
     ]
-    ply = blank(terms=tools)
+    ply = blank(5, terms=tools)
     u = rng.normal(0, 0.02, ply.basis.N)
     du = rng.normal(0, 1, ply.basis.N)
     for term in ply.terms[-4:]:
@@ -320,7 +331,7 @@ def test_the_gradient_of_a_gap_depends_on_the_distance():
     assert np.abs(off).max() < 0.1 * np.abs(turned).max()
 
 
-def test_resumed_run_is_the_same(tmp_path, state):
+def test_resumed_run_is_the_same(tmp_path, in_steps):
     """A run that is killed after its first step and resumed, bit for bit."""
 
     class KilledError(Exception):
@@ -331,11 +342,11 @@ def test_resumed_run_is_the_same(tmp_path, state):
 
     def stepper(**options):
         ply = blank(terms=[punch(), ring(GAP / 2)])
-        return LoadStepper(ply, SYMMETRY, steps=2, checkpoint=tmp_path, **options)
+        return LoadStepper(ply, SYMMETRY, steps=3, checkpoint=tmp_path, **options)
 
     with pytest.raises(StepError):
         stepper(on_step=kill).run()
-    resumed, whole = stepper().run(resume=True).states[-1], state.states[-1]
+    resumed, whole = stepper().run(resume=True).states[-1], in_steps.states[-1]
     assert np.array_equal(resumed.u, whole.u)
     assert np.array_equal(resumed.reactions["punch"], whole.reactions["punch"])
     for name, values in whole.parameters.items():
