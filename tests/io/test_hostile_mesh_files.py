@@ -161,7 +161,10 @@ def in_file(nodes, n):
 
 
 def compare_with_meshio(mesh, path):
-    """Check positions and cells, unless meshio cannot read the file."""
+    """Check positions and cells, unless meshio cannot read the file.
+
+    meshio finds no nodes between lines that end with a vertical tab.
+    """
     heard = io.StringIO()
     try:
         with contextlib.redirect_stdout(heard), contextlib.redirect_stderr(heard):
@@ -169,6 +172,8 @@ def compare_with_meshio(mesh, path):
     except (Exception, SystemExit):
         return
     n = len(other.points)
+    if not n:
+        return
     expect(np.array_equal(mesh.p[:, :n].T, other.points[:, :2]), "positions differ")
     blocks = [x.data.tolist() for x in other.cells if x.type in ("triangle", "quad")]
     cells = {tuple(sorted(cell)) for block in blocks for cell in block}
