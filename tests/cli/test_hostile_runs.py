@@ -286,7 +286,7 @@ def takes_long(content):
 
 
 FAMILIES = (
-    Family("options", options.any_line(), attempt_line, 10_000, 60, SECONDS),
+    Family("options", options.any_line(), attempt_line, 2500, 60, SECONDS),
     Family("case files", {"": case_files()}, attempt_case, 2000, 25, SECONDS / 2),
 )
 
