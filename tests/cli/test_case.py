@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skfem_textile import Fabric, LoadStepper, Macro, OnePoint, Ply
-from skfem_textile.scenes import bias_extension, strip
+from skfem_textile.scenes import bias_extension
 from tests.helpers.command_line import MESH, QUICK, computed, rejected
 from tests.helpers.specimen import save_strip
 
@@ -84,10 +84,11 @@ def test_half_a_bias_extension_runs_with_given_fibres(tmp_path):
 def test_a_run_accepts_the_papers_stabilisation(tmp_path, kind):
     options = f"--formulation one-point --set formulation.stabilisation={kind}"
     options += " --shear-stiffness 1 --set formulation.cs_N_per_mm=10"
-    few = "--size 2x3 --steps 1 --no-render"
-    summary = computed(tmp_path, "strip", few, options)
-    scene = strip(size=(2, 3))
-    ply = Ply(scene.mesh, Fabric(1e4, 1.0), OnePoint(10.0, kind))
+    few = "--size 2x4 --shear-angle 5 --steps 1 --no-render"
+    summary = computed(tmp_path, "bias_extension", few, options)
+    scene = bias_extension(size=(2, 4), shear_angle=np.radians(5.0))
+    fabric = Fabric(1e5, 1.0, scene.warp, scene.weft)
+    ply = Ply(scene.mesh, fabric, OnePoint(10.0, kind))
     expected = LoadStepper(ply, scene.conditions, 1).run().summary()
     found = summary["stabilisation_energy"]
     assert found == pytest.approx(expected["stabilisation_energy"], rel=1e-9)
