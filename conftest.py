@@ -77,6 +77,9 @@ CORE = {
     "tests/forming/test_tools.py": "contact_is_a_constraint",
 }
 
+# Examples of docstrings in the lane ``slow``; tests of its folder are about the same.
+SLOW_EXAMPLES = {"skfem_textile.drape.start_search.best_start"}
+
 # Longest test that need not be marked ``dear``, in processor seconds.
 DEAR = 0.5
 
@@ -113,6 +116,8 @@ def pytest_itemcollected(item):
     name = getattr(item, "originalname", item.name).removeprefix("test_")
     if name in CORE.get(module, "").split() and not item.get_closest_marker("slow"):
         item.add_marker("core")
+    if item.name in SLOW_EXAMPLES:
+        item.add_marker("slow")
     if not item.get_closest_marker("slow") and any(
         item.path.is_relative_to(ROOT / name) for name in PAGES
     ):

@@ -88,13 +88,13 @@ def courses(
     --------
     >>> import numpy as np
     >>> from skfem_textile import drape
-    >>> x, y = (a.ravel() for a in np.meshgrid(*2 * [np.linspace(-100, 100, 21)]))
-    >>> k = np.add.outer(21 * np.arange(20), np.arange(20)).ravel()
-    >>> t = np.hstack([[k, k + 1, k + 22], [k, k + 22, k + 21]])
+    >>> x, y = (a.ravel() for a in np.meshgrid(*2 * [np.linspace(-100, 100, 5)]))
+    >>> k = np.add.outer(5 * np.arange(4), np.arange(4)).ravel()
+    >>> t = np.hstack([[k, k + 1, k + 6], [k, k + 6, k + 5]])
     >>> flat = drape.TriangleMesh(np.array([x, y, 0 * x]), t)
-    >>> strips = drape.courses(flat, 5.0, 60.0, 10.0, point=(0, 0, 0))
+    >>> strips = drape.courses(flat, 20.0, 120.0, 20.0, point=(0, 0, 0))
     >>> [round(strip.pattern.area) for strip in strips]
-    [6000, 12000, 12000, 12000, 6000]
+    [12000, 24000, 12000]
     """
     cell = positive_length("courses: cell", cell)
     width = positive_length("courses: width", width)

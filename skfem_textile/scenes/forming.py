@@ -241,7 +241,7 @@ def hemisphere_forming(given: declared.HemisphereForming) -> Scene:
     --------
     >>> from skfem_textile import Fabric
     >>> from skfem_textile.scenes import Case, hemisphere_forming
-    >>> scene = hemisphere_forming("aligned", travel=20.0, size=(6, 6))
+    >>> scene = hemisphere_forming("aligned", travel=5.0, size=(4, 4))
     >>> fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
     >>> summary = Case(scene=scene, fabric=fabric, steps=1).run().summary()
     >>> summary["converged"]

@@ -85,11 +85,11 @@ def test_a_report_states_the_results_of_the_run(results, page):
 
 def test_curves_of_run_and_test_are_drawn(results, monkeypatch, tmp_path):
     curves = pytest.importorskip("skfem_textile.plot.curves")
-    drawn, draw = {}, curves.curves
+    drawn = {}
 
     def kept(panels, xlabel, ylabel, file):
         drawn[CURVES[file.name][0]] = panels[""]
-        draw(panels, xlabel, ylabel, file)
+        file.write_text(f"picture {file.name}")
 
     monkeypatch.setattr(curves, "curves", kept)
     assert len(write_report(results).sources) == 5  # with icon and numbers

@@ -141,7 +141,7 @@ def test_an_extent_beyond_tools_is_reported_with_a_given_unit_too(tmp_path, capl
 
 @pytest.mark.usefixtures("no_interval")
 def test_a_run_on_two_files_in_metres_is_repeated_from_its_case(tmp_path, caplog):
-    x, t = plate(200.0, 200.0, 12.0)
+    x, t = plate(200.0, 200.0, 25.0)
     left = x[0, t].mean(axis=0) < 0
     files = []
     for name, part in (("a.stl", t[:, left]), ("b.stl", t[:, ~left])):

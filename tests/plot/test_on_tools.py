@@ -92,7 +92,7 @@ def test_lines_behind_a_tool_are_omitted_from_vectors():
 
 def plate(height):
     """A tool z = h(x, y) of triangles over 160 mm × 160 mm."""
-    return drape.TriangleMesh(*graph(np.linspace(-80, 80, 25), height))
+    return drape.TriangleMesh(*graph(np.linspace(-80, 80, 17), height))
 
 
 def bump(high):

@@ -131,7 +131,7 @@ def test_macro_elements_are_drawn_with_the_mean_strain():
 
 
 def test_a_returned_plotter_draws_more(result, tmp_path):
-    plotter = plot.shear_angle(*own(result))
+    plotter = plot.shear_angle(*own(result), size=60)
     plotter.subplot(0, 0)
     before = plotter.screenshot(return_img=True)
     plotter.add_mesh(plot.to_pyvista(*own(result)), color="black", lighting=False)
