@@ -143,10 +143,14 @@ def attempt_line(line):
 
 
 def check_odd_word(path, word, case):
-    """Check that a number that was taken is the one that Python reads."""
+    """Check that a number that was taken is the one that TOML or Python reads."""
     table, key = path.split(".")
     if isinstance(value := case.get(table, {}).get(key), float):
-        expect_equal(path, value, float(word))
+        try:
+            number = tomllib.loads(f"x = {word}")["x"]
+        except tomllib.TOMLDecodeError:
+            number = word
+        expect_equal(path, value, float(number))
 
 
 def compare_with_line(line, case):
