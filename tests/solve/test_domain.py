@@ -64,7 +64,7 @@ def test_a_locking_angle_is_never_exceeded(formulation):
 )
 def test_a_message_names_the_law_that_ends_and_its_argument(odd, message):
     shear = Tabulated(np.radians([0, 20, 40, 50]), [0, 0.02, 0.12, 0.9], odd=odd)
-    stepper = pulled(*FORMULATIONS["macro"], 20.0, shear, 4, max_halvings=1)
+    stepper = pulled(*FORMULATIONS["macro"], 20.0, shear, 2, max_halvings=0)
     with pytest.raises(StepError, match=message) as caught:
         stepper.run()
     error = caught.value

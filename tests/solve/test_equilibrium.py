@@ -164,7 +164,7 @@ def test_every_solver_gives_the_same_final_state(solver):
 @pytest.mark.parametrize(
     ("n", "E", "size"),
     [
-        (4, 1e4, 1.0),
+        (2, 1e4, 1.0),
         *(
             pytest.param(*given, marks=pytest.mark.slow)
             for given in [(8, 1e4, 1.0), (8, 1e7, 50.0), (16, 1e7, 1.0)]

@@ -137,8 +137,8 @@ def test_ordinary_runs_of_other_scenes_pass(caplog, scene, name):
 
 @cache
 def fine_load(name):
-    """Of a bias extension with 16 elements across, over the exact load."""
-    fine = case(bias_extension, name, 16)
+    """Of a bias extension with 12 elements across, over the exact load."""
+    fine = case(bias_extension, name, 12)
     return fine.summary(without_interval(fine.run()))["load_over_exact"]
 
 

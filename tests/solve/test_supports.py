@@ -155,7 +155,8 @@ def test_a_run_that_stops_states_the_prescribed_displacement():
     """The load moves the top along x, in which its condition leaves it free."""
     law = Tabulated([0, 0.3], [0, 1.5], odd=True)
     fabric = Fabric(100.0, law)
-    ply = Ply(MESH, fabric, Full(), terms=[Force("top", (20.0, 0.0))])
+    mesh = MeshQuad().refined(1).with_defaults()
+    ply = Ply(mesh, fabric, Full(), terms=[Force("top", (20.0, 0.0))])
     rail = {"clamp": Condition("bottom"), "rail": Condition("top", (None, 0.01))}
     with pytest.raises(StepError, match=r"\(rail moved by 0\.00\d+ mm\)") as stop:
         LoadStepper(ply, rail, steps=4, max_halvings=2).run()
