@@ -35,7 +35,7 @@ SCENE = {
 
 
 def tables(*tools, scene=SCENE, **others):
-    return {"scene": scene, "mesh": {"size": [4, 4]}, "tools": [*tools], **others}
+    return {"scene": scene, "mesh": {"size": [3, 3]}, "tools": [*tools], **others}
 
 
 def test_tools_of_a_case_move_with_the_load_factor():
@@ -148,7 +148,7 @@ def test_tools_apply_to_any_scene_in_space():
     plate = {"surface": "plane", "point_mm": [0, 0, -20.0], "name": "table"}
     scene = {"name": "cantilever"}
     case = case_from_tables(
-        {"scene": scene, "mesh": {"size": [8, 1]}, "tools": [plate]}
+        {"scene": scene, "mesh": {"size": [5, 1]}, "tools": [plate]}
     )
     result = case.run()
     figures = case.summary(result)

@@ -15,6 +15,7 @@ from skfem_textile import (
     LoadStepper,
     Macro,
     OnePoint,
+    OnSurface,
     Ply,
     Quadratic,
     StepError,
@@ -197,11 +198,11 @@ def test_tools_edges_and_symmetry_balance(hemisphere):
     for state in hemisphere.states:
         reactions = state.reactions
         assert set(reactions) == {"x", "y", "punch", "die", "holder"}
-        off = sum(reactions.values()) + [0.2 * SIDE, 0.2 * SIDE, 0.0]
+        off = sum(reactions.values()) + 0.2 * SIDE * np.array([1, 1, 0])
         largest = max(np.abs(force).max() for force in reactions.values())
         assert np.abs(off).max() < 1e-6 * largest
     assert reactions["punch"][2] > 1
-    assert min(abs(reactions[name][2]) for name in ("die", "holder")) > 0.1
+    assert min(abs(reactions[name][2]) for name in ("die", "holder")) > 0.01
 
 
 def test_holders_with_outlines_are_segments():
@@ -237,6 +238,36 @@ def test_holders_with_outlines_are_segments():
         assert most == pytest.approx(pressures[term.name], rel=1e-3)
     total = sum(pressures[name] * areas[name] for name in boxes)
     assert state.reactions["table"][2] == pytest.approx(total, rel=2e-5)
+
+
+def test_a_holder_presses_on_the_undeformed_area_at_the_present_position():
+    """A ply is stretched to twice its width, half of which is inside."""
+    outline = [[60.0, 200.0, 200.0, 60.0], [-90.0, -90.0, 90.0, 90.0]]
+    ply = blank(terms=[Holder(drape.Plane(), None, 0.01, side=1, outline=outline)])
+    (term,) = (x for x in ply.terms if x.name == "holder")
+    u = np.array([ply.nodes[0], 0 * ply.nodes[0], 0 * ply.nodes[0]]).T.ravel()
+    force = term.forces(u, 1.0, term.parameters.updated({}, u, 1.0))
+    assert force.sum() == pytest.approx(0.01 * 30 * 60)
+
+
+def test_a_ply_that_flies_away_is_no_equilibrium():
+    ply = blank(2, terms=[BodyForce((0, 0, 1e-4), factor=1.0), punch()])
+    with pytest.raises(StepError, match=r"moves by .* far beyond its size"):
+        LoadStepper(ply, SYMMETRY, steps=1).run()
+
+
+def test_a_ply_on_a_surface_flies_if_it_is_far_from_where_the_surface_is():
+    ply, ball = blank(2), drape.Sphere(200.0, (0, 0, -200.0))
+    problem = LoadStepper(ply, {"ball": OnSurface(ball)}, steps=1).problem
+    assert not problem.flies(np.full(ply.basis.N, 3e3), np.zeros(0))
+    assert problem.flies(np.full(ply.basis.N, 3e4), np.zeros(0))
+
+
+def test_a_tool_that_touches_nothing_restrains_nothing():
+    pulled = SYMMETRY | {"pull": Condition("right", (1.0, None, None))}
+    ply = blank(2, terms=[punch((0, 0, -10.0))], tension=0.0)
+    with pytest.raises(StepError, match="a mechanism is present; try supports, or a"):
+        LoadStepper(ply, pulled, steps=1).run()
 
 
 def test_travel_is_from_the_initial_position():
