@@ -65,7 +65,7 @@ def stopped():
 
     few = Newton(most=2)
     with pytest.raises(StepError) as caught:
-        LoadStepper(*quarter(motion), steps=2, max_halvings=0, method=few).run()
+        LoadStepper(*quarter(motion, 3), steps=2, max_halvings=0, method=few).run()
     return caught.value
 
 

@@ -13,6 +13,7 @@ from skfem_textile.cases import case_from_tables
 from skfem_textile.drape import TriangleMesh
 from skfem_textile.io import read_surface
 from skfem_textile.scenes import double_dome_forming, forming, hemisphere_forming
+from tests.forming import test_tools
 from tests.forming.conftest import bowl
 from tests.forming.test_scenes import SMALL, case, run
 from tests.forming.test_tool_tables import (
@@ -22,8 +23,10 @@ from tests.forming.test_tool_tables import (
     graph_file,
     tables,
 )
-from tests.forming.test_tools import GAP, SYMMETRY, blank, punch, ring
+from tests.forming.test_tools import GAP, SYMMETRY, punch, ring
 from tests.helpers import graph
+
+blank = partial(test_tools.blank, 2, bending=0.0)
 
 
 def refused(call, message, kind=ValueError):
@@ -81,12 +84,12 @@ def refused(call, message, kind=ValueError):
     ],
 )
 def test_invalid_tools(make, message):
-    refused(lambda: blank(cells=2, terms=[make()]), message)
+    refused(lambda: blank(terms=[make()]), message)
 
 
 def test_plies_and_methods_that_tools_do_not_suit_are_refused():
     """Reactions of tools and conditions are stored by name."""
-    ply = blank(cells=2, terms=[punch(), ring(GAP / 2)])
+    ply = blank(terms=[punch(), ring(GAP / 2)])
     plane, named = MeshQuad().with_defaults(), {"x": SYMMETRY["x"]}
     for call, message in (
         (
@@ -98,7 +101,7 @@ def test_plies_and_methods_that_tools_do_not_suit_are_refused():
             "a tool and a condition have the name 'die'",
         ),
         (
-            lambda: blank(cells=2, terms=[punch(), punch()]),
+            lambda: blank(terms=[punch(), punch()]),
             "two terms have the name 'punch'",
         ),
         (
@@ -128,7 +131,7 @@ def test_outlines_that_cross_themselves_or_hold_nothing_are_refused(
     press, outline, text
 ):
     holder = Holder(drape.Plane(), side=1, outline=outline, **press)
-    refused(lambda: blank(cells=2, terms=[holder]), text)
+    refused(lambda: blank(terms=[holder]), text)
 
 
 # Tools of case files
