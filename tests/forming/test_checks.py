@@ -1,6 +1,7 @@
 """Checks of tools before a run: room between them, sides, contact."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from skfem_textile import (
     BodyForce,
     Condition,
     Fabric,
+    Full,
     Holder,
     LoadStepper,
     Ply,
@@ -29,15 +31,14 @@ SIDE = np.linspace(-60.0, 60.0, 9)
 MESH = MeshQuad.init_tensor(SIDE, SIDE).with_defaults()
 
 
-def ply(*terms):
-    fabric = Fabric(1e4, 0.1, bending=(5.0, 5.0))
-    return Ply(MESH, fabric, terms=terms, dimension=3)
+QUARTER = MeshQuad.init_tensor(SIDE[4:], SIDE[4:]).with_defaults()
 
 
-def quarter(*terms):
-    mesh = MeshQuad.init_tensor(SIDE[4:], SIDE[4:]).with_defaults()
-    fabric = Fabric(1e4, 0.1, bending=(5.0, 5.0))
-    return Ply(mesh, fabric, terms=terms, dimension=3, fibre_ends=MIRRORS)
+def ply(*terms, mesh=MESH, **options):
+    return Ply(mesh, Fabric(1e4), Full(), terms=terms, dimension=3, **options)
+
+
+quarter = partial(ply, mesh=QUARTER, fibre_ends=MIRRORS)
 
 
 def punch(travel, radius=30.0, **options):

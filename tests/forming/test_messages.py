@@ -13,8 +13,8 @@ from skfem_textile.cases import case_from_tables
 from skfem_textile.drape import TriangleMesh
 from skfem_textile.io import read_surface
 from skfem_textile.scenes import double_dome_forming, forming, hemisphere_forming
+from tests.forming import test_tools
 from tests.forming.conftest import bowl
-from tests.forming.test_pressed_area import box, forces, square
 from tests.forming.test_scenes import SMALL, case, run
 from tests.forming.test_tool_tables import (
     DIE,
@@ -23,8 +23,10 @@ from tests.forming.test_tool_tables import (
     graph_file,
     tables,
 )
-from tests.forming.test_tools import GAP, SYMMETRY, blank, punch, ring
+from tests.forming.test_tools import GAP, SYMMETRY, punch, ring
 from tests.helpers import graph
+
+blank = partial(test_tools.blank, 2, bending=0.0)
 
 
 def refused(call, message, kind=ValueError):
@@ -82,12 +84,12 @@ def refused(call, message, kind=ValueError):
     ],
 )
 def test_invalid_tools(make, message):
-    refused(lambda: blank(cells=2, terms=[make()]), message)
+    refused(lambda: blank(terms=[make()]), message)
 
 
 def test_plies_and_methods_that_tools_do_not_suit_are_refused():
     """Reactions of tools and conditions are stored by name."""
-    ply = blank(cells=2, terms=[punch(), ring(GAP / 2)])
+    ply = blank(terms=[punch(), ring(GAP / 2)])
     plane, named = MeshQuad().with_defaults(), {"x": SYMMETRY["x"]}
     for call, message in (
         (
@@ -99,7 +101,7 @@ def test_plies_and_methods_that_tools_do_not_suit_are_refused():
             "a tool and a condition have the name 'die'",
         ),
         (
-            lambda: blank(cells=2, terms=[punch(), punch()]),
+            lambda: blank(terms=[punch(), punch()]),
             "two terms have the name 'punch'",
         ),
         (
@@ -110,7 +112,7 @@ def test_plies_and_methods_that_tools_do_not_suit_are_refused():
         refused(call, message)
 
 
-@pytest.mark.parametrize("press", [{"pressure": 0.1}, {"pressure": None, "gap": 0.3}])
+@pytest.mark.parametrize("press", [{"pressure": 0.1}, {"gap": 0.3}])
 @pytest.mark.parametrize(
     ("outline", "text"),
     [
@@ -119,14 +121,17 @@ def test_plies_and_methods_that_tools_do_not_suit_are_refused():
             "edges of the outline from corner 0 and from",
         ),
         ([[0, 50, 20], [0, 50, 20]], "the outline encloses no area"),
-        (box(200, 300, 0, 100), "'holder 0': no part of the undeformed ply is within"),
+        (
+            [[200, 300, 300, 200], [0, 0, 99, 99]],
+            "'holder': no part of the undeformed ply is within",
+        ),
     ],
 )
 def test_outlines_that_cross_themselves_or_hold_nothing_are_refused(
     press, outline, text
 ):
-    with pytest.raises(ValueError, match=text):
-        forces(square(4), outline, **press)
+    holder = Holder(drape.Plane(), side=1, outline=outline, **press)
+    refused(lambda: blank(terms=[holder]), text)
 
 
 # Tools of case files
@@ -135,7 +140,7 @@ def test_outlines_that_cross_themselves_or_hold_nothing_are_refused(
 @pytest.mark.parametrize(
     ("unit", "message"),
     [
-        ("mm", "extends over 0.08 mm, less than two elements of the ply, 7.5 mm each"),
+        ("mm", "extends over 0.08 mm, less than two elements of the ply, 10 mm each"),
         ("m", "extends over 8e+04 mm, over 100 times the size of the ply, 60 mm"),
     ],
 )

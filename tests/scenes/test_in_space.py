@@ -16,7 +16,7 @@ def fabric(scene, **stiffnesses):
     return Fabric(1e5, 0.1, scene.warp, scene.weft, **stiffnesses)
 
 
-@pytest.mark.parametrize("weight", [6e-7, 6e-6])
+@pytest.mark.parametrize("weight", [pytest.param(6e-7, marks=pytest.mark.slow), 6e-6])
 def test_a_cantilever_agrees_with_the_elastica(weight):
     errors = []
     for n in (8, 16):

@@ -138,8 +138,9 @@ def test_one_point_and_stabilisation_unlock():
     assert unlocked["energy"] < locked["energy"] / 100
 
 
-@pytest.mark.parametrize("angle", [0.3, np.pi / 2, -2.5])
-@pytest.mark.parametrize("formulation", [Full(), OnePoint(10.0)], ids=repr)
+@pytest.mark.parametrize(
+    ("formulation", "angle"), [(Full(), 0.3), (OnePoint(10.0), -2.5)]
+)
 def test_a_rotated_problem_has_the_same_answer(formulation, angle):
     scene = strip(size=(5, 8))
     turned = scene.rotated(angle)
@@ -175,7 +176,7 @@ def test_the_exact_motion_stretches_no_fibre():
 
 def test_shear_energy_equals_the_work_of_the_reactions():
     """Ψ = 40 ∫ w(tY/R) dY for stiff fibres, and the reactions do that work."""
-    scene = strip("aligned", (8, 60))
+    scene = strip("aligned", (2, 60))
     G, steps = 0.5, 20
     result = run(scene, Full(), G, steps, E=1e8)
     exact = 40 * G / 2 * 60**3 / 3 / 55**2
