@@ -29,11 +29,7 @@ from tests.helpers import graph
 
 SIDE = np.linspace(-60.0, 60.0, 9)
 MESH = MeshQuad.init_tensor(SIDE, SIDE).with_defaults()
-
-
 QUARTER = MeshQuad.init_tensor(SIDE[4:], SIDE[4:]).with_defaults()
-
-
 UP = (0, 0, 8.0)
 SHEET = np.array([[-90.0, 90.0, 90.0, -90.0], [-90.0, -90.0, 90.0, 90.0]])
 
