@@ -91,16 +91,12 @@ def test_draw_in_of_a_quarter_is_along_the_planes_of_symmetry(formulation):
     assert drawn.at(np.pi / 4) == pytest.approx(18 / np.sqrt(2))
     assert drawn.at(np.radians(20)) == pytest.approx(6.0)
     assert drawn.at(np.pi) is None
+    stretched = moved(ply, lambda x, y: (1.1 * x, y, 0))
+    assert draw_in(ply, stretched).at(0.0) == pytest.approx(-6.0)
     inner = (drawn.x[0] == 0) & (drawn.x[1] < 60) | (drawn.x[1] == 0) & (
         drawn.x[0] < 60
     )
     assert np.abs(drawn.inwards[inner]).max() < 1e-12
-
-
-def test_a_ply_that_is_stretched_has_a_negative_draw_in():
-    ply = square()
-    u = moved(ply, lambda x, y: (1.1 * x, y, 0))
-    assert draw_in(ply, u).at(0.0) == pytest.approx(-6.0)
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS)

@@ -240,23 +240,6 @@ def test_sides_of_tools_with_sharp_edges_are_known():
     assert case(scene).stepper()
 
 
-@pytest.mark.parametrize("shift", [(4.0, 0.0), (0.0, 4.0)])
-def test_a_quarter_of_tools_without_its_symmetry_is_refused(files, shift):
-    punch, die = map(read_surface, files)
-    boundary = "left" if shift[0] else "bottom"
-    for part in ("quarter", "whole"):
-        scene = forming(
-            punch, die, travel=20.0, gap=1.0, centre=shift, part=part, **SMALL
-        )
-        if part == "whole":
-            assert case(scene).stepper()
-            continue
-        message = f"'punch' is not symmetric about the boundary '{boundary}'.*whole ply"
-        with pytest.raises(ValueError, match=message) as error:
-            case(scene).run()
-        assert "\n" not in str(error.value)
-
-
 def test_a_quarter_of_the_tools_suffices_for_a_quarter_of_the_ply(tmp_path):
     x, t = graph(np.linspace(0.0, 60.0, 13), lambda x, y: -(x**2 + y**2) / 200 - 0.5)
     punch = TriangleMesh(x, t)

@@ -242,9 +242,15 @@ def test_holders_with_outlines_are_segments():
 
 
 def test_a_holder_presses_on_the_undeformed_area_at_the_present_position():
-    """A ply is stretched to twice its width, half of which is inside."""
+    """A ply is stretched to twice its width, half of which is inside.
+
+    The level of the surface is three times the distance from it.
+    """
+    plane, names = drape.Plane(), ("level", "gradient", "hessian")
+    thrice = {x: lambda at, x=x: 3 * getattr(plane, x)(at) for x in names}
     outline = [[60.0, 200.0, 200.0, 60.0], [-90.0, -90.0, 90.0, 90.0]]
-    ply = blank(terms=[Holder(drape.Plane(), None, 0.01, side=1, outline=outline)])
+    holder = Holder(SimpleNamespace(**thrice), None, 0.01, side=1, outline=outline)
+    ply = blank(terms=[holder])
     (term,) = (x for x in ply.terms if x.name == "holder")
     u = np.array([ply.nodes[0], 0 * ply.nodes[0], 0 * ply.nodes[0]]).T.ravel()
     force = term.forces(u, 1.0, term.parameters.updated({}, u, 1.0))
