@@ -1,7 +1,7 @@
 """Threads of the linear solvers that are built in a context, which sweeps limit.
 
-Apart from the solvers, because their import takes four times as long as that of a
-sweep, in every worker process.
+Sweeps import this module without the solvers, whose import would take most of the start
+of every worker process.
 """
 
 from contextvars import ContextVar

@@ -34,6 +34,7 @@ from skfem_textile.forming import (
     travels,
     turn_on_tool,
 )
+from skfem_textile.forming.figures import mirror_images
 from skfem_textile.io.forming import fields_between_tools
 
 R = 50.0
@@ -274,6 +275,8 @@ def test_summary_of_a_formed_ply(hemisphere):
     state = hemisphere.states[-1]
     assert figures["punch_travel_mm"] == pytest.approx(15.0)
     assert figures["punch_force_N"] == pytest.approx(state.reactions["punch"][2])
+    whole = figures["punch_force_on_whole_ply_N"]
+    assert whole == pytest.approx(4 * figures["punch_force_N"])
     x = hemisphere.ply.nodal(state.u)
     (tip,) = np.flatnonzero((hemisphere.ply.nodes.T == (60, 0)).all(axis=1))
     assert figures["draw_in_at_0_deg_mm"] == pytest.approx(-x[0, tip])
@@ -290,6 +293,22 @@ def test_summary_of_a_formed_ply(hemisphere):
     assert "untouched_tools" not in figures
     numbers = [x for x in figures.values() if not isinstance(x, str | list)]
     assert np.isfinite(numbers).all()
+
+
+@pytest.mark.parametrize(
+    ("planes", "copies"),
+    [
+        ([], 1),
+        (["left"], 2),
+        (["left", "bottom"], 4),
+        (["left", "right"], 0),
+        (["left", "bottom", "top"], 0),
+    ],
+)
+def test_mirror_images_of_a_part_fit_together_or_are_not_counted(planes, copies):
+    ends = dict.fromkeys(planes, "mirror")
+    ply = Ply(square(n=1).mesh, Fabric(1.0), dimension=3, fibre_ends=ends)
+    assert mirror_images(ply) == copies
 
 
 def test_a_tool_that_touches_the_ply_in_no_state_is_named():

@@ -94,7 +94,6 @@ DAMAGED = {
         lambda *x: b"".join(x) + b"a note\n" * 8,
         *([], "7, 8, 9, 10, 11, and 3 more are damaged"),
     ),
-    # An equal result is none of them.
     "with two results": (
         lambda *x: b"".join(x) + OTHER + x[0],
         [2],
