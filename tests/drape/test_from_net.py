@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric, LoadStepper, Macro, Quadratic, drape, plot
+from skfem_textile import Fabric, LoadStepper, Macro, Quadratic, drape
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.results import DrapeExport
 from skfem_textile.io import read_surface, write_draped, write_history
@@ -111,6 +111,9 @@ def test_a_state_on_the_enlarged_tool_is_not_written_as_if_on_the_tool(
     written = DrapeExport(flat_part).write(stopped, scene.axes, tmp_path)
     assert written["part"] == f"not written: {reason}"
     assert not list(tmp_path.iterdir())
+    pytest.importorskip("matplotlib")
+    from skfem_textile import plot
+
     with pytest.raises(ValueError, match="does not lie on its tool at the load factor"):
         plot.draped(stopped)
 

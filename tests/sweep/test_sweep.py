@@ -15,7 +15,6 @@ from pathlib import Path
 from threading import Event
 
 import pytest
-from threadpoolctl import threadpool_limits
 
 from skfem_textile.solve.sweep import (
     SweepError,
@@ -25,6 +24,8 @@ from skfem_textile.solve.sweep import (
 from skfem_textile.solve.threads import solver_threads
 from tests.helpers.sweep_cases import is_alive, lines, process_pool, wait_until
 from tests.sweep import calls
+
+threadpoolctl = pytest.importorskip("threadpoolctl")
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "runs" / "sweep.py"
@@ -121,7 +122,7 @@ def test_libraries_loaded_by_a_call_have_one_thread(executor):
 
 
 def test_the_threads_of_the_caller_are_unchanged():
-    with threadpool_limits(3), ThreadPoolExecutor(2) as executor:
+    with threadpoolctl.threadpool_limits(3), ThreadPoolExecutor(2) as executor:
         before = calls.threads(None)
         results = dict(sweep(calls.threads, range(8), executor))
         assert all(set(threads) == {1} for threads in results.values())
