@@ -8,8 +8,8 @@ __version__ = "0.3.0"
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
-if find_spec("shapely") is None:  # for ``import *`` and `help`
-    _OF_SINGULAR = "Outline along_edges fit_to_fibres mesh_along_fibres mesh_outline"
-    _MISSING = {*_OF_SINGULAR.split(), "singular_fibres"}
+if find_spec("shapely") is None:  # names of `singular`, for ``import *`` and `help`
+    _MISSING = {"Outline", "along_edges", "fit_to_fibres", "mesh_along_fibres"}
+    _MISSING |= {"mesh_outline", "singular_fibres"}
     __all__ = [name for name in __all__ if name not in _MISSING]
     __dir__ = __all__.copy
