@@ -1,5 +1,6 @@
-"""Marks the tests of pages, restores the package log after every test, hides progress,
-skips doctests that need missing packages and, with ``--dear``, checks processor times.
+"""Marks the tests of pages and of the core, restores the package log after every test,
+hides progress, skips doctests that need missing packages and, with ``--dear``, checks
+processor times.
 
 Modules that draw need pyvista and Matplotlib.
 """
@@ -34,6 +35,51 @@ PAGES = (
     "tests/common/test_packaging.py",
 )
 
+# Tests of the marker ``core``: claims that define the library, by module.
+CORE = {
+    "tests/ply/test_kernels.py": "kernels_and_the_ply_equal_the_forms",
+    "tests/forms/test_everywhere.py": "forms_equal_a_ply_and_are_zero_for_other_fields",
+    "tests/forms/test_forms.py": "residual_and_tangent_are_derivatives",
+    "tests/ply/test_derivatives.py": (
+        "residual_and_tangent_are_derivatives_in_space_with_bending"
+    ),
+    "tests/ply/test_space.py": (
+        "a_rotation_in_space_rotates_forces_and_preserves_energy "
+        "a_free_flat_patch_has_known_zero_modes"
+    ),
+    "tests/ply/test_macro.py": "macro_elements_of_triangles_do_not_lock",
+    "tests/mesh/test_splitting.py": "a_strip_of_triangles_does_not_lock",
+    "tests/scenes/test_strip.py": (
+        "meshes_along_the_warp_do_not_lock one_point_and_stabilisation_unlock "
+        "the_exact_motion_stretches_no_fibre"
+    ),
+    "tests/scenes/test_trellis.py": (
+        "a_picture_frame_is_exact a_straight_trellis_is_exact_at_any_fibre_angles"
+    ),
+    "tests/scenes/test_bias_extension.py": (
+        "the_exact_motion_stretches_no_fibre_and_has_uniform_shear_zones"
+    ),
+    "tests/fabric/test_laws.py": "value_and_tangent_are_the_exact_derivatives",
+    "tests/fabric/test_kinematics.py": "derivatives_are_exact",
+    "tests/fabric/test_law_check.py": "an_inconsistent_law_is_rejected_in_one_line",
+    "tests/solve/test_result.py": (
+        "a_uniform_pull_is_exact reactions_do_the_work_of_the_energy"
+    ),
+    "tests/solve/test_interval.py": "the_interval_contains_the_converged_load",
+    "tests/solve/checkpoint/test_resumed.py": (
+        "a_resumed_run_gives_the_same_result_to_the_last_bit"
+    ),
+    "tests/drape/test_net.py": "a_net_on_the_sphere_converges_to_the_chebyshev_net",
+    "tests/drape/test_exact_answers.py": (
+        "the_chebyshev_net_is_found_in_a_few_solves "
+        "a_cylinder_causes_no_shear_and_a_pressure_of_tension_over_radius"
+    ),
+    "tests/forming/test_tools.py": "contact_is_a_constraint",
+}
+
+# Examples of docstrings in the lane ``slow``; tests of its folder are about the same.
+SLOW_EXAMPLES = {"skfem_textile.drape.start_search.best_start"}
+
 # Longest test that need not be marked ``dear``, in processor seconds.
 DEAR = 0.5
 
@@ -57,7 +103,21 @@ def pytest_collect_file(file_path, parent):
     return collected
 
 
+def pytest_ignore_collect(collection_path, config):
+    """``-m core`` imports the modules of `CORE` only."""
+    if config.option.markexpr == "core" and collection_path.is_file():
+        name = collection_path.relative_to(ROOT).as_posix()
+        return True if name not in CORE else None
+    return None
+
+
 def pytest_itemcollected(item):
+    module = item.path.relative_to(ROOT).as_posix()
+    name = getattr(item, "originalname", item.name).removeprefix("test_")
+    if name in CORE.get(module, "").split() and not item.get_closest_marker("slow"):
+        item.add_marker("core")
+    if item.name in SLOW_EXAMPLES:
+        item.add_marker("slow")
     if not item.get_closest_marker("slow") and any(
         item.path.is_relative_to(ROOT / name) for name in PAGES
     ):

@@ -2,6 +2,8 @@
 
 import logging
 import shutil
+import warnings
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +81,8 @@ def written_pictures(
 def _picture(file: str, source: str) -> str:
     """Return the directive that shows a picture."""
     text = str(figure_rst([file], source))
-    wide = Image.open(file).width > _COLUMN_WIDTH
+    with Image.open(file) as picture:
+        wide = picture.width > _COLUMN_WIDTH
     return text.replace("sphx-glr-single-img", "page-wide") if wide else text
 
 
@@ -89,6 +92,19 @@ def script_knows_its_file(
     """Define ``__file__``, beside which a script finds its data; no arguments."""
     script_vars["example_globals"]["__file__"] = script_vars["src_file"]
     return []
+
+
+_running = ExitStack()
+
+
+def warnings_are_errors(
+    gallery_conf: dict[str, Any], file: str | None, when: str
+) -> None:
+    """Let a script end with an error where it would warn."""
+    _running.close()
+    if when == "before" and file is not None:
+        _running.enter_context(warnings.catch_warnings())
+        warnings.simplefilter("error")
 
 
 # The first cell of each notebook.
@@ -133,6 +149,8 @@ CONFIGURATION = {
     # By name, so that Sphinx can compare these with the last build.
     "within_subsection_order": "gallery_build.Order",
     "image_scrapers": ("gallery_build.written_pictures",),
+    "reset_modules": ("matplotlib", "gallery_build.warnings_are_errors"),
+    "reset_modules_order": "both",
     "reset_argv": "gallery_build.script_knows_its_file",
     "thumbnail_size": (400, 280),
     "capture_repr": (),

@@ -1,8 +1,15 @@
 """Mechanics of woven reinforcements on scikit-fem, free of tension locking."""
 
-from .cli import interruption as interruption
-from .lazy import on_first_use
+from importlib.util import find_spec
+
+import lazy_loader
 
 __version__ = "0.3.0"
 
-__getattr__, __dir__ = on_first_use(__name__, __file__, needs={"singular": "shapely"})
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+if find_spec("shapely") is None:  # names of `singular`, for ``import *`` and `help`
+    _MISSING = {"Outline", "along_edges", "fit_to_fibres", "mesh_along_fibres"}
+    _MISSING |= {"mesh_outline", "singular_fibres"}
+    __all__ = [name for name in __all__ if name not in _MISSING]
+    __dir__ = __all__.copy

@@ -201,8 +201,6 @@ def _render(study: Study[Any], rows: list[Row], results: Any, code: int) -> int:
     except KeyboardInterrupt:
         complain("interrupted; tables are written, figures are not")
         return INTERRUPTED
-    except ImportError as error:
-        say(f"no figures: {error}; pip install 'skfem-textile[plot]'")
     except Exception as error:
         say(f"no figures: {error}")
     return code

@@ -76,5 +76,6 @@ exact = 3 * W * (COLD + SLOPE / 2) * half / (np.cos(half) - np.sin(half))
 print(f"load {load:.3f} N, at the mean temperature {exact:.3f} N")
 assert abs(load / exact - 1) < 0.05
 moment = skfem.Functional(lambda w: shear(w)[0] * shear(w)[1]).elemental(basis, u=x)
-plot(mesh, moment / basis.dx[:, 0], figsize=(3.5, 4), colorbar="Moment (N/mm)")
+values = moment / basis.dx[:, 0]
+plot(mesh, values, figsize=(3.5, 4), cmap="viridis", colorbar="Moment (N/mm)")
 savefig("moment.png", dpi=200)

@@ -63,7 +63,7 @@ vertices = ply.mesh.nvertices
 flat = ply.nodes[:, :vertices]
 draped = np.vstack([flat, 0 * flat[:1]]) + ply.nodal(u)[:, :vertices]
 quads = np.insert(ply.mesh.t, 0, 4, axis=0).T
-shear = np.degrees(np.abs(ply.shear_angle(u)).mean(axis=1))
+shear = np.degrees(ply.shear_angle(u).mean(axis=1))
 
 plotter = pv.Plotter(off_screen=True, window_size=(2000, 960), lighting="none")
 plotter.set_background("white")
@@ -80,8 +80,8 @@ for sides in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
     actor = plotter.add_mesh(
         quarter,
         scalars="shear",
-        clim=(0, 25),
-        cmap="plasma_r",
+        clim=(-30, 30),
+        cmap=plot.FIELDS["shear_angle"].cmap,
         smooth_shading=True,
         ambient=0.5,
         diffuse=0.6,
@@ -100,7 +100,7 @@ plotter.enable_anti_aliasing("ssaa")
 plotter.add_scalar_bar(
     "Shear angle (°)",
     mapper=actor.mapper,
-    n_labels=6,
+    n_labels=5,
     fmt="%.0f",
     position_x=0.61,
     position_y=0.03,

@@ -9,6 +9,7 @@ travel, and a report in one page. The same run is available on the command line.
 """
 
 import shutil
+import sys
 from pathlib import Path
 from tempfile import mkdtemp
 
@@ -22,7 +23,8 @@ from skfem_textile.cli.main import main
 # The punch is an oval dome with walls of 60°. The die is 5 mm wider and has a fillet of
 # radius 18 mm at its flange, z = 0. Both are in their initial positions: the top of the
 # punch is in the plane of the holder. To use other tools, replace both files; their
-# triangles must be in mm and well shaped.
+# triangles must be in mm and well shaped. They are written into the folder that is the
+# argument.
 
 RADIUS, CLEARANCE, FILLET, STEEPEST, WALL = 50.0, 5.0, 18.0, np.radians(60), 20.0
 FOOT = (RADIUS + CLEARANCE + FILLET) * np.sin(STEEPEST) + WALL / np.tan(STEEPEST)
@@ -54,7 +56,7 @@ def write(file, height, half, n=64):
     meshio.write_points_cells(file, points, [("triangle", corners)])
 
 
-folder = Path(mkdtemp())
+folder = Path(sys.argv[1] if sys.argv[1:] else mkdtemp())
 write(folder / "punch.stl", lambda r: dome(r, RADIUS) - HOLDER_GAP, 75.0)
 write(folder / "die.stl", cavity, 125.0)
 
@@ -109,7 +111,7 @@ assert result.converged
 # folder of the report.
 
 report = folder / "report"
-report.mkdir()
+report.mkdir(exist_ok=True)
 
 
 def draw(picture, name):

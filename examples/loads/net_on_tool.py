@@ -58,26 +58,22 @@ plot.net_on_tool(net, tool, np.radians(30), filename="from_top.png")
 plot.net_on_tool(best.net, tool, np.radians(30), filename="from_best.png")
 
 # %%
-# Places of all starts, with the largest shear angle of the net, and the flat patterns.
+# Places of all starts, with the largest shear angle of the net.
+
+plot.starts(best, tool, "starts.png")
+
+# %%
+# The flat patterns.
 
 plt.rcParams["font.size"] = 8
-figure, (left, right) = plt.subplots(1, 2, figsize=(6.85, 2.9), layout="constrained")
-dots = left.scatter(
-    *best.points[:2], c=np.degrees(best.measures), s=12, cmap="viridis", vmax=60
-)
-left.plot(*outline[:2, [*range(outline.shape[1]), 0]], color="black", linewidth=0.8)
-left.plot(*best.start.point[:2], "x", color="#E6007E", label="best start")
-left.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0))
-left.set(title="Starts, from above", aspect="equal")
-left.set_axis_off()
-figure.colorbar(dots, ax=left, label="Largest shear angle (°)", extend="max")
+figure, axes = plt.subplots(figsize=(3.35, 2.6), layout="constrained")
 for one, label in ((part, "from the top"), (best_part, "from the best start")):
     rim = one.pattern.outline - one.pattern.outline.mean(axis=1, keepdims=True)
-    right.plot(*rim[:, [*range(rim.shape[1]), 0]], label=label)
-right.legend(loc="center")
-right.set(title="Flat patterns", aspect="equal")
-right.set_axis_off()
-figure.savefig("starts.png", dpi=300)
+    axes.plot(*rim[:, [*range(rim.shape[1]), 0]], label=label)
+axes.legend(loc="center")
+axes.set_aspect("equal")
+axes.set_axis_off()
+figure.savefig("patterns.png", dpi=300)
 
 # %%
 # The equivalent command, which also writes the pattern for the cutter and the fibres:

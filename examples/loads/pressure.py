@@ -10,10 +10,11 @@ its magnitude per initial area are constant.
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.colors import CenteredNorm
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from skfem import MeshQuad
 
-from skfem_textile import BodyForce, Condition, CrimpToe, Fabric, LoadStepper, Ply
+from skfem_textile import BodyForce, Condition, CrimpToe, Fabric, LoadStepper, Ply, plot
 
 SIDE, PRESSURE = 100.0, 0.02  # mm, N/mm²
 
@@ -55,7 +56,8 @@ axes = figure.add_subplot(projection="3d", proj_type="ortho")
 faces = Poly3DCollection(
     points.T[ply.mesh.t.T],
     array=tension,
-    cmap="cividis",
+    cmap=plot.FIELDS["warp_tension"].cmap,
+    norm=CenteredNorm(),
     edgecolor="k",
     linewidth=0.1,
     clip_on=False,
@@ -66,5 +68,7 @@ axes.set_box_aspect((4, 4, 1), zoom=1.4)
 axes.view_init(elev=28, azim=-60)
 axes.set_axis_off()
 label = "Warp tension (N/mm)"
-figure.colorbar(faces, label=label, location="bottom", shrink=0.8, aspect=30, pad=0)
+of = {"location": "bottom", "shrink": 0.8, "aspect": 30, "pad": 0}
+scale = figure.colorbar(faces, label=label, **of)
+scale.ax.set_xlim(0, tension.max())
 figure.savefig("bulge.png", dpi=300)

@@ -178,6 +178,5 @@ def _smooth(law: Any) -> Any:
 def _strain_slack(curve: BiaxialCurve, family: int) -> Offset:
     """Unknown elongation per length at which a family is taut."""
     low, high = slack_range(np.expm1(curve.strain[family]))
-    high = max(high, -low)
     start = float(np.clip((curve.assumed_slack or (0.0, 0.0))[family], low, high))
     return Offset(f"{FAMILIES[family]} slack", "-", start, low, high, True)

@@ -1,8 +1,9 @@
 """Cases: declaration of a problem, and its construction."""
 
-from ..lazy import on_first_use
+import lazy_loader
+
 from ..mesh.requirements import require
 
 require("a case file", "cli", "msgspec", "tomli_w")
 
-__getattr__, __dir__ = on_first_use(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -3,7 +3,7 @@
 import filecmp
 import logging
 import os
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..declarations.scenes import GRADED, Formed, OnTool, PlaneScene, Specimen
 from ..fabric import BiaxialLaw, Fabric, TwoLaws
 from ..fabric.directions import FibreDirections, directions_of, warn_of_directions
 from ..fabric.regions import fabric_of_regions
@@ -27,18 +28,20 @@ from .read import (
     read_tables,
     with_files,
 )
-from .scenes import Formed, OnTool, PlaneScene, Specimen
+from .scenes import Scene as SceneTable
 from .schema import (
     MESH_KINDS,
     OUTLINES,
     Bending,
     CaseFile,
     FabricOfFile,
+    Loads,
+    Mesh,
     Shear,
     Stepping,
     Tension,
 )
-from .table import GRADED
+from .tools import ToolTable
 
 if TYPE_CHECKING:
     from skfem import Mesh as SkfemMesh
@@ -155,7 +158,7 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
         if file.fabric.file is None
         else _fabric_of_file(file.fabric.file, file.fabric)
     )
-    scene = _with_tools(_scene(file, laws, density), file)
+    scene = _with_tools(_scene(file, laws, density), file.scene, file.tools)
     fabric = replace(laws, warp=scene.warp, weft=scene.weft)
     if file.mesh.directions is not None:
         scene, fabric = _with_directions(file.mesh.directions, scene, fabric)
@@ -167,8 +170,8 @@ def built(file: CaseFile, density: float = 1.0, default: Collection[str] = ()) -
     case = Case(
         scene=scene,
         fabric=fabric,
-        loads=_loads(file, scene.turn),
-        formulation=file.formulation.build(),
+        loads=_loads(file.loads, scene.turn),
+        formulation=file.formulation.construct(),
         steps=file.stepping.steps,
         method=file.stepping.method,
         warn_only=file.stepping.warn_only,
@@ -210,7 +213,7 @@ def _refuse_contradictions(file: CaseFile) -> None:
                 "them"
             )
     for key in ("part_mesh", "trim"):
-        if getattr(file.output, key) and not isinstance(file.scene, OnTool):
+        if getattr(file.output, key) and not issubclass(file.scene.declaration, OnTool):
             raise ValueError(f"output.{key} requires a scene with a ply on a tool")
     most = file.stepping.most_unknowns
     if file.stepping.tolerance is None and most != Stepping().most_unknowns:
@@ -219,14 +222,13 @@ def _refuse_contradictions(file: CaseFile) -> None:
         )
 
 
-def _loads(file: CaseFile, turn: np.ndarray) -> tuple[Load, ...]:
+def _loads(of: Loads, turn: np.ndarray) -> tuple[Load, ...]:
     """Forces on boundaries and the weight, those in the plane rotated."""
     loads: list[Load] = [
         Force(name, turn @ total if len(total) == 2 else total)
-        for name, total in file.loads.force_N.items()
+        for name, total in of.force_N.items()
     ]
-    weight = file.loads.weight_N_per_mm2
-    if weight is not None:
+    if (weight := of.weight_N_per_mm2) is not None:
         value = turn @ weight if len(weight) == 2 else weight
         loads.append(BodyForce(value, factor=1.0, name="weight"))
     return tuple(loads)
@@ -238,7 +240,7 @@ def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
     For a run to a tolerance a mesh along the singular fibres replaces a file's mesh.
     """
     scene, options = file.scene, file.mesh
-    _refuse_other_mesh_keys(file)
+    _refuse_other_mesh_keys(scene, options)
     mesh: str | SkfemMesh = options.source
     size = options.size and tuple(round(density * n) for n in options.size)
     of_grid = {"size": size, "jitter": options.jitter, "seed": options.seed}
@@ -252,13 +254,13 @@ def _scene(file: CaseFile, laws: Fabric, density: float) -> "Scene":
         built = scene.build(mesh)
         if file.stepping.tolerance is not None:
             _refuse_fields(file, built)
-            built = built.graded(laws, density, _loads(file, np.eye(2)))
+            built = built.graded(laws, density, _loads(file.loads, np.eye(2)))
     return built.rotated(np.radians(getattr(scene, "rotate_deg", 0.0)))
 
 
-def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
+def _with_tools(scene: "Scene", of: SceneTable, tables: Sequence[ToolTable]) -> "Scene":
     """Scene with the tools of the case."""
-    if file.tools and (scene.dimension == 2 or isinstance(file.scene, OnTool)):
+    if tables and (scene.dimension == 2 or issubclass(of.declaration, OnTool)):
         where = "is in its plane" if scene.dimension == 2 else "lies on a surface"
         raise ValueError(
             f"[[tools]] do not apply to the scene {scene.name}, whose ply {where}: use "
@@ -266,7 +268,7 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
         )
     tools = tuple(
         tool.build(name_of_tool(number), number, scene.axes)
-        for number, tool in enumerate(file.tools, 1)
+        for number, tool in enumerate(tables, 1)
     )
     all_tools = *scene.tools, *tools
     if not (scene.driven or all_tools):
@@ -280,29 +282,28 @@ def _with_tools(scene: "Scene", file: CaseFile) -> "Scene":
             raise ValueError(
                 f"two tools have the name {printable(name)!r}: rename one of them"
             )
-    if tools and not isinstance(file.scene, Formed):
+    if tools and not issubclass(of.declaration, Formed):
         scene = replace(scene, misfit=scene.misfit or "tools act on the ply")
     return replace(scene, tools=all_tools, driven=scene.driven or names[0])
 
 
-def _refuse_other_mesh_keys(file: CaseFile) -> None:
+def _refuse_other_mesh_keys(scene: SceneTable, options: Mesh) -> None:
     """Refuse keys of the mesh that do not apply to its kind."""
-    options = file.mesh
     source = printable(options.source)
     if options.source == GRADED:
         what, suitable = "a graded mesh", {"outline", "density", "unit", "layer"}
         for key in ("unit", "layer") if options.outline is None else ():
             if getattr(options, key) is not None:
                 raise ValueError(f"mesh.{key} requires mesh.outline")
-        if not isinstance(file.scene, PlaneScene):
+        if not issubclass(scene.declaration, PlaneScene):
             raise ValueError("mesh.source graded applies to scenes in the plane only")
-        if options.outline is not None and not isinstance(file.scene, Specimen):
+        if options.outline is not None and scene.declaration is not Specimen:
             raise ValueError("mesh.outline applies to the scene specimen only")
-        for key in ("width_mm", "height_mm") if options.outline is not None else ():
-            if getattr(file.scene, key) != getattr(Specimen(), key):
+        for side in ("width", "height") if options.outline is not None else ():
+            if scene.values()[side] != getattr(Specimen, side):
                 raise ValueError(
-                    f"scene.{key} does not apply to the outline of a drawing: omit one "
-                    "of them"
+                    f"scene.{side}_mm does not apply to the outline of a drawing: omit "
+                    "one of them"
                 )
     elif options.source in MESH_KINDS:
         what = f"the mesh {source}"
@@ -357,7 +358,7 @@ def _graded(file: CaseFile, laws: Fabric, factor: float) -> "Scene":
         scene = file.scene.build(mesh_outline(outline, Fabric(), density=_COARSE))
     density = file.mesh.density
     assert density is not None  # by default 1
-    return scene.graded(laws, factor * density, _loads(file, np.eye(2)), outline)
+    return scene.graded(laws, factor * density, _loads(file.loads, np.eye(2)), outline)
 
 
 def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh":

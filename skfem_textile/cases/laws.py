@@ -1,41 +1,13 @@
 """Tables of a case file for the laws of a fabric."""
 
-from collections.abc import Callable, Collection
-from typing import Any
+from collections.abc import Collection
+from typing import Any, get_args
 
 import numpy as np
 
-from ..fabric import (
-    CrimpToe,
-    Fabric,
-    Linear,
-    Locking,
-    Polynomial,
-    Sin2,
-    TwoLaws,
-)
+from ..fabric import Fabric, TwoLaws
 from . import schema
 from .write import tables_of
-
-# Tables of laws by class.
-_TABLES: dict[type[Any], Callable[[Any], schema.Law]] = {
-    Linear: lambda law: schema.Linear(stiffness_N_per_mm=law.stiffness),
-    Sin2: lambda law: schema.Sin2(stiffness_N_per_mm=law.stiffness),
-    Locking: lambda law: schema.Locking(
-        stiffness_N_per_mm=law.stiffness,
-        locking_angle_deg=float(np.degrees(law.angle)),
-    ),
-    Polynomial: lambda law: schema.Polynomial(
-        coefficients_N_per_mm=tuple(law.coefficients),
-        variable="sine" if law.sine else "angle",
-        continuation="odd" if law.odd else "none",
-    ),
-    CrimpToe: lambda law: schema.CrimpToe(
-        stiffness_N_per_mm=law.stiffness,
-        toe=law.toe,
-        initial_stiffness_N_per_mm=law.initial_stiffness,
-    ),
-}
 
 
 def fabric_tables(fabric: Fabric, tables: Collection[str], file: str) -> dict[str, Any]:
@@ -71,7 +43,9 @@ def fabric_tables(fabric: Fabric, tables: Collection[str], file: str) -> dict[st
 
 def _table(law: Any) -> dict[str, Any]:
     """Table of a law with its numbers; empty if there is none for its class."""
-    declared = _TABLES.get(type(law))
-    if declared is None or np.ndim(getattr(law, "stiffness", 0.0)):
+    if np.ndim(getattr(law, "stiffness", 0.0)):
         return {}
-    return tables_of(declared(law))
+    for table in {*get_args(schema.TensionLaw), *get_args(schema.ShearLaw)}:
+        if table.keys and type(law) is table.implementation():
+            return tables_of(table.of(law))
+    return {}

@@ -14,8 +14,9 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import msgspec
 from msgspec import Struct
 
+from ..declarations.scenes import GRADED, AnyScene
 from ..mesh.user_input import excerpt, printable
-from .scenes import SCENES, Scene
+from .scenes import SCENES
 from .schema import (
     MESH_KINDS,
     CaseFile,
@@ -25,7 +26,7 @@ from .schema import (
     Tension,
     Weft,
 )
-from .table import FILE, GRADED, named, tag_of
+from .table import FILE, named, tag_of
 from .tools import AnyTool
 
 # Limit on the size of a case file; larger ones take long to read.
@@ -112,7 +113,7 @@ def declared(
         if not isinstance(tables, Mapping):
             raise ValueError(f"a case must be a table of tables, not {_quoted(tables)}")
         _refuse_values("", tables)
-        scene = _scene_of(tables)
+        scene = _scene_of(tables.get("scene", {}))
         regions = tables.get("regions", {})
         if not isinstance(regions, dict):
             raise ValueError(f"regions must be a table, not {_quoted(regions)}")
@@ -207,21 +208,20 @@ def _refuse_values(where: str, value: Any) -> None:
             _refuse_values(where, part)
 
 
-def _scene_of(tables: Mapping[str, Any]) -> type[Scene]:
-    table = tables.get("scene", {})
+def _scene_of(table: Any) -> type[AnyScene]:
     if not isinstance(table, dict):
         raise ValueError(f"scene must be a table, not {_quoted(table)}")
     name = table.get("name")
     if not isinstance(name, str) or name not in SCENES:
         reason = "is missing" if name is None else f"is {_quoted(name)}"
         raise ValueError(f"scene.name {reason}: expected one of {', '.join(SCENES)}")
-    return SCENES[name]
+    return SCENES[name].declaration
 
 
 # ---------------------------------------------------------------------------- defaults
 
 
-def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, Any]:
+def _with_defaults(tables: Mapping[str, Any], scene: type[AnyScene]) -> dict[str, Any]:
     """All tables, with the defaults of the scene for missing keys."""
     filled = {name: tables.get(name, {}) for name in CaseFile.__struct_fields__}
     filled |= tables
@@ -248,12 +248,12 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, A
     return _laws_nested({"tension": {}, "shear": {}, **filled}, scene)
 
 
-def _with_kind(mesh: Any, scene: type[Scene]) -> Any:
+def _with_kind(mesh: Any, scene: type[AnyScene]) -> Any:
     """The table of a mesh with its kind, and the defaults of this kind."""
     if not isinstance(mesh, dict):
         return mesh
-    of_grid = {"size": scene.size, "jitter": scene.jitter, "seed": 1}
-    kind = scene.mesh
+    of_grid = {"size": scene.of_grid or scene.size, "jitter": scene.jitter, "seed": 1}
+    kind = scene.kind
     if mesh.get("outline") is not None:
         kind = GRADED
     elif {*of_grid, "directions"} & mesh.keys():
@@ -264,7 +264,7 @@ def _with_kind(mesh: Any, scene: type[Scene]) -> Any:
     return {**of_grid, **mesh} if mesh["source"] in MESH_KINDS else mesh
 
 
-def _laws_nested(tables: Any, scene: type[Scene]) -> Any:
+def _laws_nested(tables: Any, scene: type[AnyScene]) -> Any:
     """Tables in which the keys of each law are nested below it.
 
     A missing stiffness has the default of the scene.

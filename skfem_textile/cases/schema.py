@@ -7,18 +7,17 @@ imports the modules for it only then.
 """
 
 from dataclasses import replace
-from math import radians
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union, get_args
 
 from msgspec import Meta, field
 
+from ..declarations import formulations, laws
 from .scenes import AnyScene
-from .table import FILE, Degrees, Table, about
+from .table import FILE, DeclaredTable, Degrees, Table, about, table_of
 from .tools import AnyTool
 
 if TYPE_CHECKING:
     from ..fabric.law import Resistance
-    from ..ply.terms import Formulation
 
 MeshKind: TypeAlias = Literal[
     "graded", "aligned", "irregular", "horizontal", "vertical", "delaunay"
@@ -152,35 +151,12 @@ class FabricOfFile(Table):
 # -------------------------------------------------------------------------------- laws
 
 
-class Law(Table, tag_field="law"):
+class Law(DeclaredTable, tag_field="law"):
     """Constitutive law of tension T(ε) or shear M_s(γ)."""
 
     def build(self, of: "Resistance") -> Any:
         """Build the law; ``of`` is tension or shear."""
-        raise NotImplementedError
-
-
-Stiffness: TypeAlias = Annotated[float, about("stiffness E or G")]
-
-Continuation: TypeAlias = Annotated[
-    Literal["none", "odd"],
-    about(
-        "none; odd: the law is given for arguments >= 0 and continued as an odd "
-        "function"
-    ),
-]
-
-
-class Linear(Law, tag="linear"):
-    """M_s = G gamma, or T = E eps"""
-
-    stiffness_N_per_mm: Stiffness
-
-    def build(self, of: "Resistance") -> Any:
-        """See `Law.build`."""
-        from ..fabric.law import Linear
-
-        return Linear(self.stiffness_N_per_mm)
+        return self.construct()
 
 
 class Measured(Law, tag="FILE.csv"):
@@ -191,7 +167,9 @@ class Measured(Law, tag="FILE.csv"):
         Literal["refuse", "linear"],
         about("beyond the table: refuse every state, or extrapolate linearly"),
     ] = "refuse"
-    continuation: Continuation = "none"
+    continuation: Annotated[Literal["none", "odd"], about(laws.ABOUT_CONTINUATION)] = (
+        "none"
+    )
 
     def build(self, of: "Resistance") -> Any:
         """See `Law.build`."""
@@ -221,28 +199,10 @@ class LawOfFile(Law, tag="FILE.json"):
         return law
 
 
-class CrimpToe(Law, tag="crimp-toe"):
-    """T = E (eps - e0 (1 - exp(-eps/e0))) + k eps, k eps in compression"""
-
-    stiffness_N_per_mm: Stiffness
-    toe: Annotated[float, about("strain e0")]
-    initial_stiffness_N_per_mm: Annotated[
-        float, about("stiffness k at rest and in compression")
-    ]
-
-    def build(self, of: "Resistance") -> Any:
-        """See `Law.build`."""
-        from ..fabric.laws.tension import CrimpToe
-
-        return CrimpToe(
-            self.stiffness_N_per_mm, self.toe, self.initial_stiffness_N_per_mm
-        )
-
-
 class CrimpInterchange(Law, tag="crimp-interchange"):
     """crimp interchange between warp and weft: saw-tooth of crimp-toe yarns"""
 
-    stiffness_N_per_mm: Stiffness
+    stiffness_N_per_mm: Annotated[float, about("stiffness E or G")]
     warp_crimp: Annotated[float, about("crimp c of the warp")]
     weft_crimp: Annotated[float, about("crimp c of the weft")]
     bending_N_per_mm: Annotated[float, about("resistance K to crimp interchange")]
@@ -264,54 +224,22 @@ class CrimpInterchange(Law, tag="crimp-interchange"):
         )
 
 
-class Sin2(Law, tag="sin2"):
-    """w = G sin^2 gamma / 2"""
-
-    stiffness_N_per_mm: Stiffness
-
-    def build(self, of: "Resistance") -> Any:
-        """See `Law.build`."""
-        from ..fabric.laws.shear import Sin2
-
-        return Sin2(self.stiffness_N_per_mm)
-
-
-class Locking(Law, tag="locking"):
-    """M_s = G gamma / (1 - (gamma/a)^2)"""
-
-    stiffness_N_per_mm: Stiffness
-    locking_angle_deg: Annotated[
-        float, Meta(gt=0, le=90), about("angle a of the pole of the law")
-    ]
-
-    def build(self, of: "Resistance") -> Any:
-        """See `Law.build`."""
-        from ..fabric.laws.shear import Locking
-
-        angle = radians(self.locking_angle_deg)
-        return Locking(self.stiffness_N_per_mm, angle)
-
-
-class Polynomial(Law, tag="polynomial"):
-    """M_s = c1 s + c2 s^2 + ..., s = gamma or sin gamma"""
-
-    coefficients_N_per_mm: Annotated[tuple[float, ...], about("c1, c2, ...")]
-    variable: Annotated[
-        Literal["angle", "sine"], about("s: the angle in radians or its sine")
-    ] = "angle"
-    continuation: Continuation = "none"
-
-    def build(self, of: "Resistance") -> Any:
-        """See `Law.build`."""
-        from ..fabric.laws.polynomial import Polynomial
-
-        sine, odd = self.variable == "sine", self.continuation == "odd"
-        return Polynomial(self.coefficients_N_per_mm, sine, odd)
-
-
-TensionLaw: TypeAlias = Linear | Measured | CrimpToe | CrimpInterchange | LawOfFile
-
-ShearLaw: TypeAlias = Linear | Sin2 | Measured | Locking | Polynomial | LawOfFile
+if TYPE_CHECKING:
+    TensionLaw: TypeAlias = Law
+    ShearLaw: TypeAlias = Law
+else:
+    _Linear = table_of(laws.Linear, Law)
+    TensionLaw = (
+        _Linear | Measured | table_of(laws.CrimpToe, Law) | CrimpInterchange | LawOfFile
+    )
+    ShearLaw = (
+        _Linear
+        | table_of(laws.Sin2, Law)
+        | Measured
+        | table_of(laws.Locking, Law)
+        | table_of(laws.Polynomial, Law)
+        | LawOfFile
+    )
 
 
 class InCompression(Table):
@@ -409,89 +337,19 @@ class Region(Table):
 # ------------------------------------------------------------------------ formulations
 
 
-class FormulationTable(Table, tag_field="name"):
+class FormulationTable(DeclaredTable, tag_field="name"):
     """Elements and their stabilisation."""
 
-    def build(self) -> "Formulation":
-        """Build the formulation."""
-        raise NotImplementedError
 
-
-Stabilisation: TypeAlias = Annotated[
-    float | Literal["auto"],
-    about(
-        "stabilisation stiffness C_s, or auto: computed from shear stiffness, tension "
-        "and fibre angle of each element; 1e-4 E without shear stiffness"
-    ),
-]
-
-
-class Macro(FormulationTable, tag="macro"):
-    """macro-elements, without parameters"""
-
-    cs_N_per_mm: Stabilisation = "auto"
-
-    def build(self) -> "Formulation":
-        """See `FormulationTable.build`."""
-        from ..ply.formulations import Macro
-
-        return Macro(self.cs_N_per_mm)
-
-
-class OnePoint(FormulationTable, tag="one-point"):
-    """one stabilised point in every quadrilateral (Hamila & Boisse 2013)"""
-
-    stabilisation: Annotated[
-        Literal["energy", "rate", "continuity", "isotropic"],
-        about(
-            "energy: independent of the load path; rate: in rate form, as published; "
-            "continuity: penalty on jumps between elements; isotropic: penalty on "
-            "hourglass modes in all directions. All except energy require a number for "
-            "C_s"
-        ),
-    ] = "energy"
-    cs_N_per_mm: Stabilisation = "auto"
-
-    def build(self) -> "Formulation":
-        """See `FormulationTable.build`."""
-        from ..ply.formulations import OnePoint
-
-        return OnePoint(self.cs_N_per_mm, self.stabilisation)
-
-
-class Full(FormulationTable, tag="full"):
-    """2x2 points in every quadrilateral"""
-
-    def build(self) -> "Formulation":
-        """See `FormulationTable.build`."""
-        from ..ply.formulations import Full
-
-        return Full()
-
-
-class Quadratic(FormulationTable, tag="quadratic"):
-    """quadratic triangles; quadrilaterals are cut along a diagonal"""
-
-    deviation: Annotated[
-        float | None,
-        about(
-            "if given, the law is evaluated at the mean stretch, and deviations from "
-            "it have a stiffness of this multiple of shear stiffness and tension (400 "
-            "with 6 points on graded meshes, 80 on others)"
-        ),
-    ] = None
-    points: Annotated[
-        Literal[3, 6], about("number of integration points of a triangle")
-    ] = 3
-
-    def build(self) -> "Formulation":
-        """See `FormulationTable.build`."""
-        from ..ply.formulations import Quadratic
-
-        return Quadratic(self.deviation, self.points)
-
-
-AnyFormulation: TypeAlias = OnePoint | Macro | Full | Quadratic
+if TYPE_CHECKING:
+    AnyFormulation: TypeAlias = FormulationTable
+else:
+    AnyFormulation = Union[  # noqa: UP007 - of a sequence
+        table_of(formulations.OnePoint, FormulationTable, last=["stabilisation"]),
+        table_of(formulations.Macro, FormulationTable),
+        table_of(formulations.Full, FormulationTable),
+        table_of(formulations.Quadratic, FormulationTable),
+    ]
 
 # ---------------------------------------------------------------------------- the rest
 

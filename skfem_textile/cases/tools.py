@@ -3,14 +3,12 @@
 Each struct builds its surface and imports the modules for it only then.
 """
 
-from math import radians
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 
-from .table import FILE, Degrees, Table, about
+from ..declarations import surfaces
+from .table import FILE, DeclaredTable, Degrees, about, table_of
 
 if TYPE_CHECKING:
-    from numpy import ndarray
-
     from ..drape import Axes
     from ..forming import Holder, Tool
     from ..solve.surface import Surface
@@ -26,7 +24,7 @@ _ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 _ROWS = "rows of load factor and value, linear between them"
 
 
-class ToolTable(Table, tag_field="surface"):
+class ToolTable(DeclaredTable, tag_field="surface"):
     """Rigid tool that a ply in space cannot penetrate, or a holder.
 
     Positions are in mm in the axes of the tools of the scene.
@@ -127,7 +125,10 @@ class ToolTable(Table, tag_field="surface"):
 
     def surface_in(self, axes: "Axes") -> "Surface":
         """Build the surface in the axes of the ply, which are parallel."""
-        raise NotImplementedError
+        values = self.values()
+        for position in {"point", "centre"} & values.keys():
+            values[position] = values[position] - axes.origin
+        return self.implementation()(**values)
 
     def _motion(self, what: str, axes: "Axes") -> Any:
         translation = self._translation(what)
@@ -144,7 +145,7 @@ class ToolTable(Table, tag_field="surface"):
         from .rows import RigidMotion
 
         angle = _amount(f"{what}.motion_deg", self.motion_deg)
-        point = _moved(self.motion_point_mm, axes)
+        point = self.motion_point_mm - axes.origin
         return RigidMotion(translation, angle, self.motion_axis, point)
 
     def _translation(self, what: str) -> Any:
@@ -169,13 +170,6 @@ def _rows(what: str, rows: Any) -> "Rows":
     from .rows import Rows
 
     return Rows(what, rows)
-
-
-Point: TypeAlias = Annotated[Vector, about("point of the surface or of its axis")]
-
-Axis: TypeAlias = Annotated[Vector, about("direction of the axis")]
-
-Radius: TypeAlias = Annotated[float, about("radius")]
 
 
 class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
@@ -217,119 +211,16 @@ class TrianglesTool(ToolTable, tag="triangles", kw_only=True):
         return surface.moved(turn.T @ (axes.origin - self.offset_mm), turn.T)
 
 
-class PlaneTool(ToolTable, tag="plane", kw_only=True):
-    """plane"""
-
-    point_mm: Point = _ORIGIN
-    normal: Annotated[Vector, about("normal of any length")] = _UP
-
-    def surface_in(self, axes: "Axes") -> "Surface":
-        """See `ToolTable.surface_in`."""
-        from ..drape import Plane
-
-        return Plane(_moved(self.point_mm, axes), self.normal)
-
-
-class SphereTool(ToolTable, tag="sphere", kw_only=True):
-    """sphere"""
-
-    radius_mm: Radius
-    centre_mm: Annotated[Vector, about("centre of the sphere")]
-
-    def surface_in(self, axes: "Axes") -> "Surface":
-        """See `ToolTable.surface_in`."""
-        from ..drape import Sphere
-
-        return Sphere(self.radius_mm, _moved(self.centre_mm, axes))
-
-
-class CylinderTool(ToolTable, tag="cylinder", kw_only=True):
-    """cylinder"""
-
-    radius_mm: Radius
-    point_mm: Point
-    axis: Axis = (0.0, 1.0, 0.0)
-
-    def surface_in(self, axes: "Axes") -> "Surface":
-        """See `ToolTable.surface_in`."""
-        from ..drape import Cylinder
-
-        return Cylinder(self.radius_mm, _moved(self.point_mm, axes), self.axis)
-
-
-class ConeTool(ToolTable, tag="cone", kw_only=True):
-    """cone"""
-
-    angle_deg: Annotated[Degrees, about("angle between axis and surface")]
-    point_mm: Annotated[Vector, about("apex")]
-    axis: Annotated[Vector, about("direction from the apex into the cone")] = _UP
-
-    def surface_in(self, axes: "Axes") -> "Surface":
-        """See `ToolTable.surface_in`."""
-        from ..drape import Cone
-
-        angle = radians(self.angle_deg)
-        return Cone(angle, _moved(self.point_mm, axes), self.axis)
-
-
-class TorusTool(ToolTable, tag="torus", kw_only=True):
-    """torus"""
-
-    radius_mm: Annotated[float, about("radius of the centre line of the tube")]
-    tube_mm: Annotated[float, about("radius of the tube")]
-    point_mm: Annotated[Vector, about("centre")]
-    axis: Axis = _UP
-
-    def surface_in(self, axes: "Axes") -> "Surface":
-        """See `ToolTable.surface_in`."""
-        from ..drape import Torus
-
-        point = _moved(self.point_mm, axes)
-        return Torus(self.radius_mm, self.tube_mm, point, self.axis)
-
-
-class PunchTool(ToolTable, tag="punch", kw_only=True):
-    """shaft with a hemispherical end"""
-
-    radius_mm: Annotated[float, about("radius of the shaft and of the hemisphere")]
-    point_mm: Annotated[Vector, about("centre of the hemisphere")]
-    axis: Annotated[Vector, about("direction from the shaft to the tip")] = _UP
-
-    def surface_in(self, axes: "Axes") -> "Surface":
-        """See `ToolTable.surface_in`."""
-        from ..drape import Punch
-
-        return Punch(self.radius_mm, _moved(self.point_mm, axes), self.axis)
-
-
-class DieTool(ToolTable, tag="die", kw_only=True):
-    """plane with a round hole and a fillet"""
-
-    radius_mm: Annotated[float, about("radius of the hole")]
-    fillet_mm: Annotated[float, about("radius of the fillet")]
-    point_mm: Annotated[Vector, about("centre of the hole in the plane")] = _ORIGIN
-    axis: Annotated[Vector, about("direction from the plane into the hole")] = _UP
-
-    def surface_in(self, axes: "Axes") -> "Surface":
-        """See `ToolTable.surface_in`."""
-        from ..drape import Die
-
-        point = _moved(self.point_mm, axes)
-        return Die(self.radius_mm, self.fillet_mm, point, self.axis)
-
-
-AnyTool: TypeAlias = (
-    TrianglesTool
-    | PlaneTool
-    | SphereTool
-    | CylinderTool
-    | ConeTool
-    | TorusTool
-    | PunchTool
-    | DieTool
-)
-
-
-def _moved(point: Vector, axes: "Axes") -> "ndarray":
-    """Point in the axes of the ply."""
-    return point - axes.origin
+if TYPE_CHECKING:
+    AnyTool: TypeAlias = ToolTable
+else:
+    AnyTool = Union[
+        TrianglesTool,
+        *(
+            table_of(surface, ToolTable)
+            for surface in (
+                *(surfaces.Plane, surfaces.Sphere, surfaces.Cylinder, surfaces.Cone),
+                *(surfaces.Torus, surfaces.Punch, surfaces.Die),
+            )
+        ),
+    ]

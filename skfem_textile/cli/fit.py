@@ -164,8 +164,7 @@ def _pictures(
     try:
         return pictures_of(result, [*result.tests, *held_out], found), ""
     except ImportError as error:
-        reason = f"The pictures were not drawn: {printable(error)}: "
-        return {}, f"{reason}pip install 'skfem-textile[plot]'."
+        return {}, f"The pictures were not drawn: {printable(error)}."
 
 
 def _add_missing(

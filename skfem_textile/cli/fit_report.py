@@ -379,7 +379,7 @@ def _python(fabric: Fabric, tables: Sequence[str]) -> str:
     lines = [f"{name} = {_source(law)}" for name, law in laws.items()]
     text = "\n".join([*lines, f"fabric = {_call('Fabric', given)}"])
     classes = sorted(set(re.findall(r"\b([A-Za-z]\w*)\(", text)))
-    if not {*classes} <= {*fabrics.__all__}:
+    if not {*classes} <= {*dir(fabrics)}:
         read = 'fabric = read_fabric("fabric.json").fabric'
         return f"from skfem_textile.io import read_fabric\n\n{read}"
     return f"from skfem_textile.fabric import {', '.join(classes)}\n\n{text}"

@@ -1,8 +1,8 @@
 """Ctrl-C and SIGTERM on the command line: one line, and exit code 130.
 
-The package imports this module first. While modules are imported, a signal ends the
-process of the command line at once, because nothing can be lost. Within `raised` a
-signal raises `KeyboardInterrupt`. After `raised`, signals are ignored.
+`cli` imports this module first.  While modules are imported, a signal ends the process
+of the command line at once, because nothing can be lost.  Within `raised` a signal
+raises `KeyboardInterrupt`.  After `raised`, signals are ignored.
 """
 
 import os
@@ -98,7 +98,7 @@ def _end(number: int, frame: Any) -> None:
 def _is_command() -> bool:
     """True if this process is the command line, not one of its workers."""
     script, words = (sys.argv or [""])[0], sys.orig_argv
-    if script == "-m":  # Python still looks for the module
+    if script.endswith("__main__.py"):
         return ("-m", "skfem_textile") in pairwise(words)
     return Path(script).stem == "skfem-textile" and script in words
 

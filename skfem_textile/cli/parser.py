@@ -98,5 +98,5 @@ def command_parser(arguments: Sequence[str] | None = None) -> argparse.ArgumentP
         if words is None or words[:1] == [name]:
             _require_packages()
             options = import_module(f".{command.options}", __package__)
-            getattr(options, f"add_{name}")(own, words and words[1:])
+            getattr(options, f"add_{name}")(own, words and words[1:2])
     return parser

@@ -178,8 +178,8 @@ def _drawn_curves(
     with tempfile.TemporaryDirectory() as scratch:
         try:
             draw_curves(run, measured, Path(scratch))
-        except ImportError:
-            return {}, "Curves require matplotlib: pip install 'skfem-textile[plot]'."
+        except ImportError as error:
+            return {}, f"No curve is drawn: {error}."
         titles = {name: title for name, (title, *_) in CURVES.items()}
         return sources(
             Path(scratch), titles

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -12,6 +11,7 @@ from numpy import ndarray
 from ..cases.schema import Output
 from ..drape import Axes, FlatPattern, Sheet, ToolMesh, fibres_on_tool, flat_pattern
 from ..mesh.checks import MeshError
+from ..mesh.requirements import is_installed, lacks
 from ..mesh.user_input import printable
 from ..scenes import Scene
 from ..solve.quantities import Quantity
@@ -26,6 +26,7 @@ from .curve import (
     completed,
 )
 from .interruption import held
+from .output import say
 
 #: Pictures of every run.
 PICTURES = (
@@ -150,7 +151,9 @@ def write_patterns(folder: Path, patterns: Sequence[FlatPattern]) -> None:
     from .. import io
 
     for name in PATTERN:
-        if not name.endswith("dxf") or find_spec("ezdxf"):
+        if name.endswith("dxf") and not is_installed("ezdxf"):
+            say(f"not written: {lacks(name, 'dxf', 'ezdxf')}")
+        else:
             io.write_pattern(folder / name, patterns)
 
 

@@ -8,10 +8,11 @@ from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from ..cases.read import declared
-from ..cases.scenes import SCENES, OnTool, Scene, Specimen
+from ..cases.scenes import SCENES, Scene
 from ..cases.schema import CaseFile
 from ..cases.table import FILE, summary_of
 from ..cases.write import key_help, meaning, tables_of
+from ..declarations.scenes import OnTool, Specimen
 from ..mesh.user_input import printable
 from . import words
 from .options import add_outputs
@@ -131,8 +132,9 @@ def _add_scene(
                 flag = _RENAMED.get(key, _without_unit(key)).replace("_", "-")
                 help_text = meaning(hint) + _default(defaults["scene"].get(key))
                 _add_key(of_scene, flag, f"scene.{key}", hint, help_text)
-        options = _OPTIONS | (_OPTIONS_ON_TOOL if issubclass(scene, OnTool) else {})
-        options |= _OPTIONS_OF_DRAWINGS if scene is Specimen else {}
+        of = scene.declaration
+        options = _OPTIONS | (_OPTIONS_ON_TOOL if issubclass(of, OnTool) else {})
+        options |= _OPTIONS_OF_DRAWINGS if of is Specimen else {}
         group = parser.add_argument_group("mesh, laws, elements and load steps")
         for flag, (path, about) in options.items():
             table, key = path.split(".")

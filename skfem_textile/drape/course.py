@@ -88,13 +88,13 @@ def courses(
     --------
     >>> import numpy as np
     >>> from skfem_textile import drape
-    >>> x, y = (a.ravel() for a in np.meshgrid(*2 * [np.linspace(-100, 100, 21)]))
-    >>> k = np.add.outer(21 * np.arange(20), np.arange(20)).ravel()
-    >>> t = np.hstack([[k, k + 1, k + 22], [k, k + 22, k + 21]])
+    >>> x, y = (a.ravel() for a in np.meshgrid(*2 * [np.linspace(-100, 100, 5)]))
+    >>> k = np.add.outer(5 * np.arange(4), np.arange(4)).ravel()
+    >>> t = np.hstack([[k, k + 1, k + 6], [k, k + 6, k + 5]])
     >>> flat = drape.TriangleMesh(np.array([x, y, 0 * x]), t)
-    >>> strips = drape.courses(flat, 5.0, 60.0, 10.0, point=(0, 0, 0))
+    >>> strips = drape.courses(flat, 20.0, 120.0, 20.0, point=(0, 0, 0))
     >>> [round(strip.pattern.area) for strip in strips]
-    [6000, 12000, 12000, 12000, 6000]
+    [12000, 24000, 12000]
     """
     cell = positive_length("courses: cell", cell)
     width = positive_length("courses: width", width)
@@ -197,10 +197,14 @@ def _outline(tool: TriangleMesh, laid: Net) -> FlatPattern:
     on[status] = tool.beyond_edges(x[:, status]) == 0
     threads = np.flatnonzero(on.any(axis=0))
     first, last = on.argmax(axis=0), len(on) - 1 - on[::-1].argmax(axis=0)
+    both = np.hstack([first[threads], last[threads]])
+    steps = np.repeat([-1, 1], len(threads))
+    flat, on_tool = _end(tool, laid, np.tile(threads, 2), both, steps)
     ends = []
-    for at, step in ((first, -1), (last, 1)):
-        flat, on_tool = _end(tool, laid, threads, at[threads], step)
-        ends.append(_with_sides(tool, laid, threads, at, flat, on_tool))
+    for at, *of in zip(
+        (first, last), np.split(flat, 2, 1), np.split(on_tool, 2, 1), strict=True
+    ):
+        ends.append(_with_sides(tool, laid, threads, at, *of))
     flat, on_tool = (
         np.hstack([one, other[:, ::-1]]) for one, other in zip(*ends, strict=True)
     )
@@ -215,10 +219,8 @@ def _on_tool(tool: TriangleMesh, laid: Net, thread: int) -> tuple[ndarray, ndarr
     on = known[tool.beyond_edges(x[:, known]) == 0]
     s, t = laid.along[0][on], np.full(len(on), laid.along[1][thread])
     flat = laid.directions @ np.array([s, t]) + laid.touch[:, None]
-    ends = [
-        _end(tool, laid, np.array([thread]), at, step)
-        for at, step in ((on[:1], -1), (on[-1:], 1))
-    ]
+    last = _end(tool, laid, np.full(2, thread), on[[0, -1]], np.array([-1, 1]))
+    ends = [tuple(of[:, [k]] for of in last) for k in (0, 1)]
     # Crossings within the tolerance of the edges are beyond them.
     along, begin, end = (
         laid.directions[:, 0] @ of for of in (flat, *(one for one, _ in ends))
@@ -230,7 +232,7 @@ def _on_tool(tool: TriangleMesh, laid: Net, thread: int) -> tuple[ndarray, ndarr
 
 
 def _end(
-    tool: TriangleMesh, laid: Net, threads: ndarray, at: ndarray, step: int
+    tool: TriangleMesh, laid: Net, threads: ndarray, at: ndarray, step: ndarray
 ) -> tuple[ndarray, ndarray]:
     """Ends of warp threads in the flat strip, (2, n), and on the tool, (3, n)."""
     beyond = np.clip(at + step, 0, len(laid.along[0]) - 1)

@@ -5,6 +5,7 @@ from itertools import compress
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.graph import components
 from .sheet import boundary_edges
 from .tool_mesh import curve_length, loops_of_edges
 
@@ -89,13 +90,7 @@ def of_outer_edges(turn: ndarray, part: ndarray) -> ndarray:
 
 def parts_of(n: int, triangles: ndarray) -> ndarray:
     """Number of the connected part of each of n vertices, shape (n,)."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    ends = np.hstack([triangles[:2], triangles[1:]])
-    graph = coo_array((np.ones(ends.shape[1]), tuple(ends)), shape=(n, n))
-    labels: ndarray = connected_components(graph, directed=False)[1]
-    return labels
+    return components(n, np.hstack([triangles[:2], triangles[1:]]))
 
 
 def _flat_patch(x: ndarray, loop: ndarray) -> tuple[ndarray, ndarray]:

@@ -13,6 +13,7 @@ from enum import IntEnum
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.bases import cross
 from ..solve.surface import Surface
 from .guide_curve import GuideCurve
 from .seams import Seams
@@ -198,10 +199,6 @@ class _Front:
         signed = directions[:, None] * signs[None, :, None]
         self._along = signed.reshape(-1, 3, 2).transpose(2, 1, 0)  # (family, 3, row)
         self._gradient = surface.gradient(self._start)
-        warp, weft = self._along
-        self._cosine = (warp * weft).sum(axis=0)
-        turn = (_cross(warp, weft) * self._gradient).sum(axis=0)
-        self._sine = np.copysign(np.sqrt(1 - self._cosine**2), turn)
         self._guides = [
             [
                 g if g is None else g.walk(s.point, n)
@@ -245,8 +242,8 @@ class _Front:
         new.status[stopped] = Status.BEHIND
         parts = [
             (crosses, *self._crossing(crosses, a, b, corner)),
-            (warp, *self._straight(0, warp, a, a_0, corner)),
-            (weft, *self._straight(1, weft, b, b_0, corner)),
+            (warp, *self._straight(0, warp, a, a_0)),
+            (weft, *self._straight(1, weft, b, b_0)),
         ]
         self._lay(new, parts)
         # First threads are laid in one quadrant and copied to the neighbour.
@@ -261,26 +258,20 @@ class _Front:
         return p + q - corner, off, p, q, np.zeros_like(p), of_seams
 
     def _straight(
-        self, family: int, at: ndarray, a: _Diagonal, a_0: _Diagonal, c: _Diagonal
+        self, family: int, at: ndarray, a: _Diagonal, a_0: _Diagonal
     ) -> tuple:
         """Guess, its correction, rod end, point and normal of a plane to follow.
 
         A geodesic follows the plane of the last rod and the normal of the surface.
-        Without a last rod it starts at the angle between warp and weft at rest.
+        There is a last rod, except at the start: a crossing on the tool has a neighbour
+        along the other family, unless that one stops all crossings behind it.
         """
         row, i = np.nonzero(at)
         x, gradient, off = (of[:, at] for of in a.values)
         step = x - a_0.x[:, at]
-        fresh = ~np.isfinite(step[0])
-        first = fresh & (at.shape[1] == 2)
-        step[:, first] = self._cell * self._along[family][:, row[first]]
-        turns = fresh & ~first
-        other = x - c.x[:, at]
-        n = gradient / np.linalg.norm(gradient, axis=0)
-        sine = self._sine[row] * (-1 if family == 0 else 1)
-        turned = self._cosine[row] * other + sine * _cross(n, other)
-        step[:, turns] = turned[:, turns]
-        through, across = x.copy(), _cross(step, gradient)
+        if at.shape[1] == 2:
+            step = self._cell * self._along[family][:, row]
+        through, across = x.copy(), cross(step, gradient)
         for k in self._guided(family, row, i, at.shape[1]):
             guide = self._guides[row[k]][family]
             place = guide.after(x[:, k], self._cell)
@@ -363,7 +354,7 @@ def straight(
     ``x`` are their last crossings, and ``before`` the ones before, shape (3, n).
     """
     guess, crosses = 2 * x - before, np.zeros(x.shape[1], dtype=bool)
-    across = _cross(x - before, surface.gradient(x))
+    across = cross(x - before, surface.gradient(x))
     across /= np.linalg.norm(across, axis=0)
     found, _, done = _pinned(surface, guess, x, x, across, crosses, cell)
     return found, _judged(found, guess, x, x, done, crosses, cell)
@@ -397,7 +388,7 @@ def _pinned(
         rod, other = (((v * v).sum(axis=0) / cell - cell) / 2 for v in (p, q))
         off = np.array([level / slope, rod, np.where(meets, other, on_plane)])
         one, two, third = g / slope, p / cell, np.where(meets, q / cell, third)
-        normals = _cross(two, third), _cross(third, one), _cross(one, two)
+        normals = cross(two, third), cross(third, one), cross(one, two)
         det = (one * normals[0]).sum(axis=0)
         with np.errstate(all="ignore"):  # non-finite steps are not made
             step = sum(o * m for o, m in zip(off, normals, strict=True)) / det
@@ -423,7 +414,7 @@ def _judged(
 ) -> ndarray:
     """`Status` of the ends of rods, of which some are done."""
     p, q = x - a, x - b
-    sine = np.sqrt((_cross(p, q) ** 2).sum(axis=0)) / cell**2
+    sine = np.sqrt((cross(p, q) ** 2).sum(axis=0)) / cell**2
     corner = a + b - guess
     backwards = ((x - corner) * (guess - corner)).sum(axis=0) <= 0
     apart = ((a - b) ** 2).sum(axis=0) >= (2 * cell) ** 2 * (1 - FOLDED**2)
@@ -458,14 +449,3 @@ def _assembled(diagonals: list[_Diagonal]) -> list[Quadrant]:
         part = np.s_[..., row, :m, :n]
         quadrants.append(Quadrant(x[part], status[part]))
     return quadrants
-
-
-def _cross(a: ndarray, b: ndarray) -> ndarray:
-    """Cross products of columns, faster than `numpy.cross` for few of them."""
-    return np.array(
-        [
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        ]
-    )

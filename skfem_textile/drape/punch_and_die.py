@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy import ndarray
 
-from .surfaces import OfRevolution, Vector, positive_length
-
-_ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+from ..declarations import surfaces as declared
+from .surfaces import OfRevolution, positive_length
 
 # Lower bound in mm of a distance used as a divisor.
 _TINY = 1e-300
@@ -23,7 +22,7 @@ _SLOPE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Punch(OfRevolution):
+class Punch(declared.Punch, OfRevolution):
     """Cylindrical shaft with a hemispherical end; φ is the distance, positive outside.
 
     Within half of the radius from the axis of the shaft and from the centre of the
@@ -47,10 +46,6 @@ class Punch(OfRevolution):
     >>> drape.Punch(30.0).level(np.array([[0.0, 34.0], [0.0, 0.0], [32.0, -50.0]]))
     array([2., 4.])
     """
-
-    radius: float
-    point: Vector = _ORIGIN
-    axis: Vector = _UP
 
     def __post_init__(self) -> None:
         radius = positive_length("punch: radius", self.radius)
@@ -97,7 +92,7 @@ class Punch(OfRevolution):
 
 
 @dataclass(frozen=True, eq=False)
-class Die(OfRevolution):
+class Die(declared.Die, OfRevolution):
     """Plane with a round hole and a fillet; φ is the distance, positive outside.
 
     Within half of the radius from the axis of the hole φ is a smooth function instead
@@ -124,11 +119,6 @@ class Die(OfRevolution):
     >>> die.level(np.array([[120.0, 82.0], [0.0, 0.0], [-2.0, 2.0]])).round(4)
     array([2.    , 1.3137])
     """
-
-    radius: float
-    fillet: float
-    point: Vector = _ORIGIN
-    axis: Vector = _UP
 
     def __post_init__(self) -> None:
         for name in ("radius", "fillet"):

@@ -4,6 +4,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
+from ..mesh.graph import components
 from .holes import of_outer_edges, parts_of, turning
 from .sewing import Sewing, sewn
 from .sheet import edges_once
@@ -199,19 +200,9 @@ def _with_area(x: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray, int]:
     return x[used], numbers.reshape(3, -1), int((~keep).sum())
 
 
-def _components(n: int, pairs: ndarray) -> ndarray:
-    """Number of the connected component of each of n items, shape (n,)."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(n, n))
-    labels: ndarray = connected_components(graph, directed=False)[1]
-    return labels
-
-
 def _refuse_loose(x: ndarray, triangles: ndarray) -> None:
     """Refuse triangles that do not meet."""
-    part = _components(triangles.shape[1], _neighbours(triangles)[0])
+    part = components(triangles.shape[1], _neighbours(triangles)[0])
     n = int(part.max()) + 1
     if n <= max(_LOOSE * triangles.shape[1], 1):
         return
@@ -245,7 +236,7 @@ def _around_openings(
     """
     edges, first, count = edges_once([triangles])
     open_edges = edges[:, first[count == 1]]
-    loop = _components(len(x), open_edges)[open_edges[0]]
+    loop = components(len(x), open_edges)[open_edges[0]]
     length = np.linalg.norm(x[open_edges[0]] - x[open_edges[1]], axis=1)
     _, loop = np.unique(loop, return_inverse=True)
     return np.bincount(loop.reshape(-1), length), open_edges, loop.reshape(-1)
@@ -285,7 +276,7 @@ def _sides(triangles: ndarray) -> ndarray:
     pairs, same = _neighbours(triangles)
     both = np.hstack([pairs, pairs + n])
     both[1] = np.where(np.tile(same, 2) > 0, both[1], (both[1] + n) % (2 * n))
-    return _components(2 * n, both)
+    return components(2 * n, both)
 
 
 def _oriented(x: ndarray, triangles: ndarray) -> tuple[ndarray, str]:
@@ -335,7 +326,7 @@ def _oriented(x: ndarray, triangles: ndarray) -> tuple[ndarray, str]:
 
 
 def _of_parts(x: ndarray, triangles: ndarray) -> str:
-    part = _components(triangles.shape[1], _neighbours(triangles)[0])
+    part = components(triangles.shape[1], _neighbours(triangles)[0])
     a, b, c = x[triangles]
     area = np.bincount(part, np.linalg.norm(np.cross(b - a, c - a), axis=1))
     share = np.sort(area / area.sum())[::-1]

@@ -10,8 +10,8 @@ from ..solve.surface import GrowingSurface, Surface
 #: Rotation of the tool normal over an element in degrees above which a mesh is coarse.
 #: Measured on boxes and domes with walls of 50° and fillets of 6 to 60 mm, against
 #: elements of a quarter of the size: up to 27° all shear angles are within 0.9°, from
-#: 36° to 50° the largest errors are 0.4° to 2.9° (`pytest
-#: tests/drape/test_coarse_elements.py` has one of each).
+#: 36° to 50° the largest errors are 0.4° to 2.9° (`pytest -m slow
+#: tests/drape/test_between_nodes.py` has one of each).
 COARSE = 30.0
 
 # Share of the largest tension below which a tension is zero: the tolerance of

@@ -11,6 +11,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
+from ..mesh.graph import components
 from .sheet import edges_once
 
 # Distance, relative to the extent, below which vertices coincide: single precision.
@@ -119,8 +120,6 @@ def _copies(
 
     Also True if no vertices are closer than the largest share of an edge.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
 
     ends, first, count = edges_once([triangles])
@@ -141,8 +140,7 @@ def _copies(
     limit = np.where(is_open[one] & is_open[other], share, min(share, _TWICE))
     copies = distance < limit * np.minimum(shortest[one], shortest[other])
     one, other, distance = one[copies], other[copies], distance[copies]
-    graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(x), len(x)))
-    groups = connected_components(graph, directed=False)[1]
+    groups = components(len(x), (one, other))
     return groups, float(distance.max(initial=0.0)), False
 
 

@@ -43,18 +43,20 @@ class Elements:
         Returns local coordinates, and the vectors to the points.
         """
         centre = self.corners.mean(axis=0)[:, None]
-        local = np.tile(centre, len(element))
+        local, left = np.tile(centre, len(element)), np.arange(len(element))
         for _ in range(_ITERATIONS):
-            away = points - self.between(positions, element, local)
-            slopes = self.slopes(positions, element, local)
+            before, some = local[:, left], element[left]
+            away = points[:, left] - self.between(positions, some, before)
+            slopes = self.slopes(positions, some, before)
             normal = np.einsum("ijn,ikn->njk", slopes, slopes)
             size = np.trace(normal, axis1=1, axis2=2)
             normal += _RIDGE * size[:, None, None] * np.eye(2)
             right = np.einsum("ijn,in->nj", slopes, away)
             step = np.linalg.solve(normal, right[:, :, None])[:, :, 0].T
             # Far beyond its edges the mapping of an element is meaningless.
-            before, local = local, np.clip(local + step, -1.0, 2.0)
-            if np.abs(local - before).max(initial=0.0) <= _ROUNDING:
+            local[:, left] = np.clip(before + step, -1.0, 2.0)
+            left = left[np.abs(local[:, left] - before).max(axis=0) > _ROUNDING]
+            if not left.size:
                 break
         return local, points - self.between(positions, element, local)
 

@@ -125,11 +125,11 @@ def best_start(
     --------
     >>> import numpy as np
     >>> from skfem_textile import drape
-    >>> x, y = (a.ravel() for a in np.meshgrid(*2 * [np.linspace(-50, 50, 11)]))
-    >>> k = np.add.outer(11 * np.arange(10), np.arange(10)).ravel()
-    >>> t = np.hstack([[k, k + 1, k + 12], [k, k + 12, k + 11]])
+    >>> x, y = (a.ravel() for a in np.meshgrid(*2 * [np.linspace(-50, 50, 7)]))
+    >>> k = np.add.outer(7 * np.arange(6), np.arange(6)).ravel()
+    >>> t = np.hstack([[k, k + 1, k + 8], [k, k + 8, k + 7]])
     >>> tool = drape.TriangleMesh(np.array([x, y, x**2 / 200]), t)
-    >>> best = drape.best_start(tool, 25.0, trials=32)
+    >>> best = drape.best_start(tool, 50.0, trials=8)
     >>> bool(best.measure < np.radians(0.1))
     True
     """

@@ -14,19 +14,24 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from ..declarations import surfaces as declared
 from ..mesh.user_input import real_numbers
+from ..solve.surface.surface import (
+    displacement as displacement,
+)
+from ..solve.surface.surface import (
+    exponential_map as exponential_map,
+)
 
 #: Three components.
 Vector: TypeAlias = ArrayLike
-
-_ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 # Lower bound in mm of a distance from an axis or a centre used as a divisor.
 _TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
-class Plane:
+class Plane(declared.Plane):
     """Plane through a point, with φ as the height above it.
 
     Parameters
@@ -36,9 +41,6 @@ class Plane:
     normal
         Normal of any length.
     """
-
-    point: Vector = _ORIGIN
-    normal: Vector = _UP
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", _vector("plane: point", self.point))
@@ -58,7 +60,7 @@ class Plane:
 
 
 @dataclass(frozen=True, eq=False)
-class Sphere:
+class Sphere(declared.Sphere):
     """Sphere, with φ as the distance from it.
 
     Parameters
@@ -68,9 +70,6 @@ class Sphere:
     centre
         Centre in mm.
     """
-
-    radius: float
-    centre: Vector = _ORIGIN
 
     def __post_init__(self) -> None:
         object.__setattr__(
@@ -167,7 +166,7 @@ class OfRevolution:
 
 
 @dataclass(frozen=True, eq=False)
-class Cylinder(OfRevolution):
+class Cylinder(declared.Cylinder, OfRevolution):
     """Cylinder, with φ as the distance from it.
 
     Parameters
@@ -179,10 +178,6 @@ class Cylinder(OfRevolution):
     axis
         Direction of the axis.
     """
-
-    radius: float
-    point: Vector = _ORIGIN
-    axis: Vector = (0.0, 1.0, 0.0)
 
     def __post_init__(self) -> None:
         object.__setattr__(
@@ -198,7 +193,7 @@ class Cylinder(OfRevolution):
 
 
 @dataclass(frozen=True, eq=False)
-class Cone(OfRevolution):
+class Cone(declared.Cone, OfRevolution):
     """Cone that opens along its axis; φ is the distance on the opening side.
 
     Parameters
@@ -210,10 +205,6 @@ class Cone(OfRevolution):
     axis
         Direction from the apex along the axis into the cone.
     """
-
-    angle: float
-    point: Vector = _ORIGIN
-    axis: Vector = _UP
 
     def __post_init__(self) -> None:
         angle = float(real_numbers("cone: angle", self.angle))
@@ -233,7 +224,7 @@ class Cone(OfRevolution):
 
 
 @dataclass(frozen=True, eq=False)
-class Torus(OfRevolution):
+class Torus(declared.Torus, OfRevolution):
     """Torus, with φ as the distance from it.
 
     Parameters
@@ -247,11 +238,6 @@ class Torus(OfRevolution):
     axis
         Direction of the axis.
     """
-
-    radius: float
-    tube: float
-    point: Vector = _ORIGIN
-    axis: Vector = _UP
 
     def __post_init__(self) -> None:
         for name in ("radius", "tube"):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ..mesh.user_input import call_user_function, keep_copies, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from .law import (
     BiaxialLaw,
     Law,
@@ -252,10 +252,15 @@ def _law(name: str, law: Stiffness) -> Law:
         )
     by_element = isinstance(law, ndarray) and law.ndim == 1
     if not by_element and not isinstance(law, int | float | np.number):
-        parts = ("energy", "value", "tangent")
-        if isinstance(law, type) or not all(hasattr(law, part) for part in parts):
+        if isinstance(law, type):
             raise ValueError(
-                f"{name} must be a number or a law with energy, value and tangent"
+                f"{name} must be a law: {law.__name__} is a class, pass an instance"
+            )
+        parts = ("energy", "value", "tangent")
+        if missing := [part for part in parts if not hasattr(law, part)]:
+            raise ValueError(
+                f"{name} must be a number or a law with energy, value and tangent: "
+                f"{type(law).__name__} has no {' and no '.join(missing)}"
             )
         return law  # type: ignore[return-value]
     stiffness = real_numbers(name, law)
@@ -281,7 +286,7 @@ def _stiffness(name: str, value: Any) -> ByElement:
     if D.ndim > 1 or not (np.isfinite(D) & (D >= 0)).all():
         raise ValueError(
             f"{name} must be a finite number >= 0 in N·mm, or one per element, got "
-            f"{value}"
+            f"{shortened(value)}"
         )
     return D if D.ndim else float(D)
 
@@ -293,7 +298,7 @@ def _angle(value: Any) -> ByElement:
     if angle.ndim > 1 or not ((angle > 0) & (angle <= 0.5 * np.pi)).all():
         raise ValueError(
             "wrinkling angle must be above 0 and at most π/2 radians, as one number "
-            f"or one per element, got {value}"
+            f"or one per element, got {shortened(value)}"
         )
     return angle if angle.ndim else float(angle)
 
@@ -319,17 +324,18 @@ def unit_vectors(
     a = real_numbers(name, value)
     if element is not None and a.ndim == 2 and a.shape[1] > element.max():
         a = a[:, element]
-    a = a.reshape(a.shape + (1,) * (x.ndim - a.ndim))
+    given = a.shape
+    a = a.reshape(given + (1,) * (x.ndim - a.ndim))
     try:
         shape = d, *x.shape[1:]
         fits = len(a) == d and np.broadcast_shapes(a.shape, shape) == shape
     except (TypeError, ValueError):
         fits = False
     if not fits:
+        points = f" for points of shape {x.shape}" if callable(direction) else ""
         raise ValueError(
-            f"{name} must be a vector, a function of position or one vector per "
-            f"element, shape ({d}, n_elements); the shape {a.shape} does not fit "
-            f"points of shape {x.shape}"
+            f"{name} must be a vector of {d} components, a function of position or one "
+            f"vector per element, shape ({d}, n_elements); got shape {given}{points}"
         )
     largest = np.abs(a).max(axis=0)
     if not np.all(np.isfinite(largest) & (largest > 0)):

@@ -21,7 +21,7 @@ from typing import (
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.user_input import keep_copies
+from ..mesh.user_input import keep_copies, shortened
 
 #: Quantities of a law.
 Resistance: TypeAlias = Literal["tension", "shear"]
@@ -52,8 +52,9 @@ class Law(Protocol):
     with parameters that broadcast with x.
 
     A law may have a ``domain``, the smallest and the largest x for which it is valid;
-    states beyond it are refused.  Without a domain the law ends where its energy is not
-    finite, such as beyond a pole; the domain ``(-inf, inf)`` avoids this check.
+    a `Ply` and its load stepper refuse states beyond it, bare forms do not.  Without a
+    domain the law ends where its energy is not finite, such as beyond a pole; the
+    domain ``(-inf, inf)`` avoids this check.
 
     A law may have the attributes ``of`` and ``shown``, see `ScalarLaw`.
     """
@@ -391,7 +392,8 @@ def number(name: str, value: Any, above: float | None = None) -> float:
         converted = math.nan
     large_enough = converted >= 0 if above is None else converted > above
     if not (math.isfinite(converted) and large_enough):
-        raise ValueError(f"{name} must be a finite number {least}, got {value!r}")
+        given = shortened(value)
+        raise ValueError(f"{name} must be a finite number {least}, got {given}")
     return converted
 
 
@@ -432,7 +434,7 @@ def pair(name: str, value: Any, above: float | None = None) -> tuple[float, floa
     both = tuple(value) if isinstance(value, tuple | list) else (value, value)
     if len(both) != 2:
         raise ValueError(
-            f"{name} must be a number or a pair (warp, weft), got {value!r}"
+            f"{name} must be a number or a pair (warp, weft), got {shortened(value)}"
         )
     return number(name, both[0], above), number(name, both[1], above)
 

@@ -86,7 +86,7 @@ class Tool:
 
     >>> from skfem import MeshQuad
     >>> from skfem_textile import Condition, Fabric, LoadStepper, Ply, Tool, drape
-    >>> mesh = MeshQuad().refined(3).translated((-0.5, -0.5)).scaled(100.0)
+    >>> mesh = MeshQuad().refined(2).translated((-0.5, -0.5)).scaled(100.0)
     >>> punch = Tool(drape.Sphere(30.0, (0, 0, -30)), motion=(0, 0, 20), name="punch")
     >>> fabric = Fabric(10.0, shear=0.5, bending=(1.0, 1.0))
     >>> ply = Ply(mesh.with_defaults(), fabric, terms=[punch], dimension=3)

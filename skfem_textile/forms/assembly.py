@@ -6,37 +6,27 @@ kernel supports, and evaluated as defined on all others; arguments and results a
 same.
 """
 
-from typing import Any, TypeAlias
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 from skfem import (
     BilinearForm,
+    CellBasis,
     DiscreteField,
     ElementVector,
     Functional,
     LinearForm,
 )
 
-from ..fabric import Fabric
-from ..fabric.regions import fabric_on
-from ..mesh.bases import element_numbers, main_basis
-from ..mesh.scikit_fem import (
-    Entries,
-    OwnAssembly,
-    matrix_entries,
-    number_entries,
-    vector_entries,
-)
-from .kernels.elements import element_groups
-from .kernels.kernel import (
-    Kernel,
-    KernelState,
-    can_compute,
-    element_forces,
-    element_matrices,
-    full_matrices,
-)
+from ..mesh.bases import NO_SECOND_FIELD, MacroBasis, element_numbers, main_basis
+from ..mesh.scikit_fem import COOData, OwnAssembly
+from ..mesh.user_input import with_article
+from . import kernels
+
+if TYPE_CHECKING:
+    from .kernels.kernel import Kernel, KernelState
 
 #: Arguments of a form by name.
 Parameters: TypeAlias = dict[str, Any]
@@ -49,46 +39,55 @@ _LEADING = {"C_s": (), "moment": (), "E_d": (2,), "tension": (2,)}
 
 
 class OfDisplacement(OwnAssembly):
-    """A form with a fabric and a kernel, or None, among its ``params``."""
+    """A form of one or more terms.
+
+    Its ``params`` are the ``fabrics`` of the terms, and functions that return their
+    ``kernels``: empty if a term has none.
+    """
 
     params: dict[str, Any]
 
     @property
-    def kernel(self) -> Kernel | None:
-        """Kernel that computes the form where it can."""
-        return self.params["kernel"]
+    def kernels(self) -> "list[Kernel]":
+        """Kernels of the terms."""
+        return [kernel() for kernel in self.params["kernels"]]
+
+    @property
+    def kernel(self) -> "Kernel | None":
+        """Kernel that computes the form where it can; None for several terms."""
+        return self.kernels[0] if len(self.params["kernels"]) == 1 else None
 
     def checked(self, basis: Any, parameters: Parameters) -> Parameters:
         """Parameters with the element numbers; see `OwnAssembly`."""
-        refuse_basis(basis)
+        refuse_basis(basis, self.params["basis"])
         for name, value in parameters.items():
             if name in _DISPLACEMENTS:
                 _refuse_displacement(name, value, basis)
             elif name in _DIRECTIONS or name in _LEADING:
                 _refuse_shape(name, value, basis)
-        fabric: Fabric | None = self.params["fabric"]
-        if fabric is not None:
-            fabric_on(np.arange(basis_mesh(basis).nelements), fabric)
+        if self.params["fabrics"]:
+            from ..fabric.regions import fabric_on
+
+            every_element = np.arange(basis_mesh(basis).nelements)
+            for fabric in self.params["fabrics"]:
+                fabric_on(every_element, fabric)
         return {"element": element_numbers(basis), **parameters}
 
-    def block(self, fields: tuple[DiscreteField, ...]) -> tuple[DiscreteField, ...]:
+    def taken(self, fields: tuple[DiscreteField, ...]) -> tuple[DiscreteField, ...]:
         """The displacement, the first vector field; see `OwnAssembly`."""
         if len(fields) == 1:
             return fields
         return next(((x,) for x in fields if is_displacement(x)), fields[:1])
 
-    def states(self, basis: Any, parameters: Parameters) -> list[KernelState]:
-        """Kernel on each group of elements; empty if it does not support the basis."""
-        u, kernel = parameters.get("u"), self.kernel
-        if not isinstance(u, ndarray) or u.ndim != 1 or not can_compute(kernel, basis):
+    def states(self, basis: Any, parameters: Parameters) -> "list[list[KernelState]]":
+        """States of the kernels; empty if a form is evaluated as defined."""
+        u: Any = parameters.get("u")
+        of_kernels = isinstance(u, ndarray) and u.ndim == 1 and self.params["kernels"]
+        if not of_kernels or any(name in parameters for name in _DIRECTIONS):
             return []
-        if kernel is None or any(name in parameters for name in _DIRECTIONS):
+        if not all(kernels.can_compute(kernel, basis) for kernel in self.kernels):
             return []
-        w = self.checked(basis, parameters)
-        return [
-            KernelState(kernel, g, g.points, g.last_deformations(u), w)
-            for g in element_groups(basis, kernel.fabric)
-        ]
+        return kernels.states(self.kernels, basis, u, self.checked(basis, parameters))
 
 
 class EnergyForm(OfDisplacement, Functional):
@@ -96,11 +95,10 @@ class EnergyForm(OfDisplacement, Functional):
 
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: Parameters
-    ) -> Entries | None:
-        """Energy of the kernel."""
+    ) -> COOData | None:
+        """Energy of the kernels."""
         states = self.states(ubasis, parameters)
-        energy = sum(x.kernel.energy(x) for x in states)
-        return number_entries(energy) if states else None
+        return kernels.energy_entries(states) if states else None
 
 
 class ResidualForm(OfDisplacement, LinearForm):
@@ -108,18 +106,11 @@ class ResidualForm(OfDisplacement, LinearForm):
 
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: Parameters
-    ) -> Entries | None:
-        """Forces of the kernel."""
+    ) -> COOData | None:
+        """Forces of the kernels."""
         parameters.pop("tension", None)  # only the tangent accepts other tensions
         states = self.states(ubasis, parameters)
-        if not states:
-            return None
-        f = np.zeros((ubasis.Nbfun, ubasis.nelems))
-        for x in states:
-            forces = element_forces([x])
-            of_unknowns = forces.reshape(-1, forces.shape[-1])
-            f[: len(of_unknowns), x.group.elements] = of_unknowns
-        return vector_entries(ubasis, f)
+        return kernels.force_entries(ubasis, states) if states else None
 
 
 class TangentForm(OfDisplacement, BilinearForm):
@@ -127,16 +118,20 @@ class TangentForm(OfDisplacement, BilinearForm):
 
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: Parameters
-    ) -> Entries | None:
-        """Stiffness of the kernel."""
+    ) -> COOData | None:
+        """Stiffness of the kernels."""
+        vbasis = ubasis if vbasis is None else vbasis
+        sizes = [(basis.N, basis.nelems) for basis in (ubasis, vbasis)]
+        if sizes[0] != sizes[1]:
+            (n, elements), (m, others) = sizes
+            raise ValueError(
+                "the tangent requires one basis, or two of the same unknowns and "
+                f"elements: got {n} and {m} unknowns, {elements} and {others} elements"
+            )
         states = self.states(ubasis, parameters)
-        if not states or vbasis not in (None, ubasis):
+        if not states or vbasis is not ubasis:
             return None
-        K = np.zeros((ubasis.Nbfun, ubasis.Nbfun, ubasis.nelems))
-        for x in states:
-            matrices = full_matrices(element_matrices([x]))
-            K[: len(matrices), : len(matrices), x.group.elements] = matrices
-        return matrix_entries(ubasis, K)
+        return kernels.stiffness_entries(ubasis, states)
 
 
 def is_displacement(field: Any) -> bool:
@@ -149,24 +144,37 @@ def is_displacement(field: Any) -> bool:
     )
 
 
-def refuse_basis(basis: Any) -> None:
-    """Refuse a basis on which no displacement of a ply is defined.
+def refuse_basis(basis: Any, kind: type) -> None:
+    """Refuse a basis of another kind, or on which no displacement of a ply is defined.
 
     The mesh must lie in the plane, and the displacement must vary in elements.
     """
+    if any(isinstance(x, MacroBasis) for x in getattr(basis, "bases", ())):
+        raise ValueError(f"the form is on a product of bases: {NO_SECOND_FIELD}")
+    if not isinstance(main_basis(basis), kind):
+        required = (
+            "is an integral over elements: pass a basis such as quad_basis(mesh, "
+            "CENTRE)"
+            if kind is CellBasis
+            else f"requires a basis {kind.__name__}(mesh)"
+        )
+        raise ValueError(f"the form {required}, not {with_article(basis)}")
     mesh = basis_mesh(basis)
     if mesh.dim() != 2:
         raise ValueError(
             "the form requires a mesh of quadrilaterals or triangles in the plane, not "
             f"{type(mesh).__name__}"
         )
+    if not np.isfinite(basis.dx).all():
+        raise ValueError("the mesh of the basis has positions that are not finite")
     element: Any = main_basis(basis).elem
-    for part in getattr(element, "elems", (element,)):
-        if isinstance(part, ElementVector) and part.elem.maxdeg == 0:
-            raise ValueError(
-                f"{type(part.elem).__name__} has no gradient: use a displacement that "
-                "varies in elements, such as ElementVector(ElementQuad1())"
-            )
+    parts = getattr(element, "elems", (element,))
+    first = next((x for x in parts if isinstance(x, ElementVector)), None)
+    if first and first.elem.maxdeg == 0:
+        raise ValueError(
+            f"{type(first.elem).__name__} has no gradient: use a displacement that "
+            "varies in elements, such as ElementVector(ElementQuad1())"
+        )
 
 
 def basis_mesh(basis: Any) -> Any:
@@ -176,9 +184,9 @@ def basis_mesh(basis: Any) -> Any:
 
 def _refuse_displacement(name: str, value: Any, basis: Any) -> None:
     """Refuse a displacement that is neither a DOF vector nor a field of the basis."""
-    if isinstance(value, tuple | DiscreteField):
-        for field in value if isinstance(value, tuple) else (value,):
-            _refuse_points(name, np.shape(field), basis)
+    fields = value if isinstance(value, tuple) else (value,)
+    if all(isinstance(field, DiscreteField) for field in fields):
+        _refuse_fields(name, fields, basis)
         return
     if not isinstance(value, ndarray) or value.ndim != 1:
         kind = type(value).__name__
@@ -192,6 +200,29 @@ def _refuse_displacement(name: str, value: Any, basis: Any) -> None:
             f"{name} must have {basis.N} real numbers, one for each unknown of the "
             f"basis, got {len(value)} of type {value.dtype}"
         )
+    _refuse_infinite(name, value)
+
+
+def _refuse_fields(name: str, fields: Sequence[DiscreteField], basis: Any) -> None:
+    """Refuse interpolated fields of another basis."""
+    of_basis = {len(x) for x in basis.basis[0] if is_displacement(x)}
+    for field in fields:
+        _refuse_points(name, np.shape(field), basis)
+        if is_displacement(field):
+            if of_basis and len(field) not in of_basis:
+                raise ValueError(
+                    f"{name} has {len(field)} components, but the displacement of the "
+                    f"basis has {of_basis.pop()}"
+                )
+            _refuse_infinite(name, np.asarray(field.grad))
+
+
+def _refuse_infinite(name: str, values: ndarray) -> None:
+    wrong = values.size - np.count_nonzero(np.isfinite(values))
+    if wrong:
+        raise ValueError(
+            f"{name} must be finite: {wrong} of its {values.size} values are not"
+        )
 
 
 def _refuse_shape(name: str, value: Any, basis: Any) -> None:
@@ -201,7 +232,7 @@ def _refuse_shape(name: str, value: Any, basis: Any) -> None:
         raise ValueError(f"{name} must be real-valued, got {array.dtype}")
     if direction and array.shape == (basis.N,):
         return  # a DOF vector
-    in_space = direction and array.shape[:1] == (3,)
+    in_space = direction and array.ndim == 3 and len(array) == 3
     leading = (3,) if in_space else _LEADING.get(name, (2,))
     if array.ndim or leading:
         if array.ndim != len(leading) + 2 or array.shape[:-2] != leading:
@@ -212,6 +243,8 @@ def _refuse_shape(name: str, value: Any, basis: Any) -> None:
                 f"{also}, got {array.shape}"
             )
         _refuse_points(name, array.shape, basis)
+    if not direction:
+        _refuse_infinite(name, array)
     if name in ("C_s", "E_d") and (array < 0).any():
         raise ValueError(f"{name} must be >= 0, got {array.min():g}")
 

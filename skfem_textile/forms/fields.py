@@ -31,7 +31,7 @@ from ..mesh.bases import (
     sided,
 )
 from ..mesh.splitting import original_elements
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import real_numbers, with_article
 from .form import mean
 
 #: Where fields are evaluated.
@@ -74,8 +74,8 @@ def fibre_fields(
     Parameters
     ----------
     basis
-        `skfem.CellBasis` with the displacement as its only vector field, on a mesh of
-        triangles or quadrilaterals, or on some of its elements.
+        `skfem.CellBasis` with the displacement as its first vector field, as for the
+        forms, on a mesh of triangles or quadrilaterals, or on some of its elements.
     u
         DOF vector of the basis, shape (basis.N,), displacements in mm.
     fabric
@@ -173,13 +173,16 @@ class FabricOnBasis:
         Raises
         ------
         ValueError
-            If it has not one number for each unknown.
+            If it is not an array with one real number for each unknown.
         """
         if np.shape(u) != (self.basis.N,):
             raise ValueError(
                 f"a displacement of this ply has the shape ({self.basis.N},), one "
                 f"number for each unknown, not {np.shape(u)}: use one of the same ply"
             )
+        if not isinstance(u, ndarray) or u.dtype.kind not in "biuf":
+            found = u.dtype if isinstance(u, ndarray) else with_article(u)
+            raise ValueError(f"a displacement is an array of real numbers, not {found}")
 
     def nodal(self, u: ndarray) -> ndarray:
         """Displacement of the vertices of ``mesh``, shape (d, n_vertices).
@@ -297,21 +300,20 @@ def on_basis(
     if not isinstance(basis, AbstractBasis):
         raise ValueError(
             "basis must be a scikit-fem basis of the displacement, such as "
-            f"quad_basis(mesh, CENTRE), not {_kind(basis)}: pass (basis, u, fabric)"
+            f"quad_basis(mesh, CENTRE), not {with_article(basis)}: pass (basis, u, "
+            "fabric)"
         )
-    fields = list(_vector_fields(basis))
-    if len(fields) != 1:
+    if not (fields := list(_vector_fields(basis))):
         raise ValueError(
-            f"the basis has {len(fields) or 'no'} vector fields, but the displacement "
-            "must be the only one: pass its basis, such as on "
-            "ElementVector(ElementQuad1()), and its unknowns"
+            "the basis has no vector field, and so no displacement: pass a basis such "
+            "as on ElementVector(ElementQuad1())"
         )
     if not isinstance(fabric, Fabric):
         raise ValueError(
-            f"fabric must be a Fabric such as Fabric(1e4), not {_kind(fabric)}: pass "
-            "(basis, u, fabric)"
+            "fabric must be a Fabric such as Fabric(1e4), not "
+            f"{with_article(fabric)}: pass (basis, u, fabric)"
         )
-    ((displacement, unknowns),) = fields
+    displacement, unknowns = fields[0]
     _refuse_basis(displacement)
     values, n = real_numbers("u", u), basis.N
     if values.shape != (n,) or not np.isfinite(values).all():
@@ -349,7 +351,7 @@ def _refuse_basis(basis: Any) -> None:
     if not isinstance(basis, CellBasis):
         raise ValueError(
             "fields are evaluated in elements: pass a basis such as "
-            f"quad_basis(mesh, CENTRE), not {_kind(basis)}"
+            f"quad_basis(mesh, CENTRE), not {with_article(basis)}"
         )
     element: Any = basis.elem
     scalar, mesh = element.elem, basis.mesh
@@ -371,11 +373,6 @@ def _refuse_basis(basis: Any) -> None:
         )
     if not basis.nelems:
         raise ValueError("the basis has no elements: choose others in with_elements")
-
-
-def _kind(x: Any) -> str:
-    name = type(x).__name__
-    return f"{'an' if name[0].lower() in 'aeiou' else 'a'} {name}"
 
 
 def _unit(a: ndarray) -> ndarray:

@@ -9,23 +9,33 @@ The modules named after terms define the energy, residual (first derivative) and
 parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
 """
 
-from collections.abc import Callable, Mapping
-from functools import partial, wraps
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache, partial, wraps
 from inspect import signature
-from operator import call
-from typing import Any, NamedTuple, Never, ParamSpec
+from operator import add, call
+from typing import TYPE_CHECKING, Any, NamedTuple, Never, ParamSpec
 
 import numpy as np
 from numpy import ndarray
-from skfem import BilinearForm, DiscreteField, Functional, LinearForm
+from skfem import (
+    AbstractBasis,
+    BilinearForm,
+    CellBasis,
+    DiscreteField,
+    Functional,
+    LinearForm,
+)
 from skfem.helpers import ddot, grad
 
 from ..fabric import Fabric, is_zero
 from ..fabric import kinematics as kin
 from ..mesh.scikit_fem import FormExtraParams
 from ..mesh.user_input import parameter
+from . import kernels
 from .assembly import EnergyForm, ResidualForm, TangentForm, is_displacement
-from .kernels.kernel import Kernel
+
+if TYPE_CHECKING:
+    from .kernels.kernel import Kernel
 
 
 class Forms(NamedTuple):
@@ -37,6 +47,9 @@ class Forms(NamedTuple):
 
     The directions of the fabric may be replaced by parameters ``warp`` and ``weft``:
     DOF vectors of the basis, or arrays of shape (2, n_elements, n_points).
+
+    Forms of terms on one basis add, ``tension(fabric) + shear(fabric)``: their sum is
+    assembled at once, which takes less time.
     """
 
     energy: Functional
@@ -44,10 +57,39 @@ class Forms(NamedTuple):
     tangent: BilinearForm
 
     @property
-    def kernel(self) -> Kernel | None:
+    def kernel(self) -> "Kernel | None":
         """Kernel of all three forms; None if they have none in common."""
         first, *others = (getattr(form, "kernel", None) for form in self)
         return first if all(kernel is first for kernel in others) else None
+
+    def __add__(self, other: object) -> "Forms":
+        """Forms of the sum of both terms, on one basis."""
+        if not isinstance(other, Forms):
+            return NotImplemented
+        params = [forms.energy.params for forms in (self, other)]
+        with_kernel, fabrics = (
+            [x.get(k, ()) for x in params] for k in ("kernels", "fabrics")
+        )
+        kinds = {x.get("basis", CellBasis) for x in params}
+        if len(kinds) > 1:
+            raise ValueError(
+                "forms on bases of different classes are assembled before they are "
+                "added: asm(a.residual, basis, u=u) + asm(b.residual, jumps, u=u)"
+            )
+        energies, residuals, tangents = (
+            (x.form, y.form) for x, y in zip(self, other, strict=True)
+        )
+        return _built(
+            partial(add, self, other),
+            Forms(
+                Functional(lambda w: _total(energies, w)),
+                LinearForm(lambda v, w: _total(residuals, v, w)),
+                BilinearForm(lambda u, v, w: _total(tangents, u, v, w)),
+            ),
+            basis=kinds.pop(),
+            fabrics=(*fabrics[0], *fabrics[1]),
+            kernels=(*with_kernel[0], *with_kernel[1]) if all(with_kernel) else (),
+        )
 
     @property
     def form(self) -> Never:
@@ -75,8 +117,25 @@ class _BuiltForms(Forms):
         return call, (self.built_by,)
 
 
+def _total(functions: Iterable[Callable | None], *fields: Any) -> Any:
+    """Sum of the functions of forms."""
+    return sum(function(*fields) for function in functions if function)
+
+
+def _built(built_by: Callable[[], Forms], forms: Forms, **params: Any) -> Forms:
+    """The forms with the parameters of `OfDisplacement`."""
+    built = _BuiltForms(
+        EnergyForm(forms.energy, **params),
+        ResidualForm(forms.residual, **params),
+        TangentForm(forms.tangent, **params),
+    )
+    built.built_by = built_by
+    return built
+
+
 def builds_forms(
-    kernel: Callable[..., Kernel] | None = None,
+    kernel: str = "",
+    basis: type[AbstractBasis] = CellBasis,
 ) -> Callable[[Callable[_P, Forms]], Callable[_P, Forms]]:
     """Decorate a function that defines the forms of a term.
 
@@ -85,23 +144,28 @@ def builds_forms(
     Parameters
     ----------
     kernel
-        Function of the same arguments that returns a kernel with the same values.
+        Class in `kernels`, with the same arguments, that computes the same values.  It
+        is imported at the first assembly.
+    basis
+        Class of the bases on which the forms are integrals; others are refused.
     """
 
     def decorate(function: Callable[_P, Forms]) -> Callable[_P, Forms]:
         @wraps(function)
         def build(*args: _P.args, **kwargs: _P.kwargs) -> Forms:
             arguments = _checked_arguments(function, *args, **kwargs)
-            own: Any = {"fabric": arguments.get("fabric")}
-            energy, residual, tangent = function(*args, **kwargs)
-            own["kernel"] = None if kernel is None else kernel(*args, **kwargs)
-            forms = _BuiltForms(
-                EnergyForm(energy, **own),
-                ResidualForm(residual, **own),
-                TangentForm(tangent, **own),
+
+            @cache
+            def built_kernel() -> "Kernel":
+                return getattr(kernels, kernel)(*args, **kwargs)
+
+            return _built(
+                partial(build, *args, **kwargs),
+                function(*args, **kwargs),
+                basis=basis,
+                fabrics=tuple(v for k, v in arguments.items() if k == "fabric"),
+                kernels=(built_kernel,) if kernel else (),
             )
-            forms.built_by = partial(build, *args, **kwargs)
-            return forms
 
         return build
 
@@ -113,7 +177,13 @@ def _checked_arguments(
 ) -> Mapping[str, Any]:
     """Arguments by name; a ValueError for a fabric or stiffness of the wrong type."""
     expected, name = signature(function), function.__name__
-    arguments = expected.bind(*args, **kwargs).arguments
+    try:
+        arguments = expected.bind(*args, **kwargs).arguments
+    except TypeError as error:
+        raise TypeError(
+            f"{name}({', '.join(expected.parameters)}): {error}; it returns the forms "
+            "energy, residual and tangent for asm"
+        ) from None
     for argument, value in arguments.items():
         if argument == "fabric" and not isinstance(value, Fabric):
             raise ValueError(
@@ -160,15 +230,7 @@ def deformation(w: FormExtraParams) -> ndarray:
 
 
 def displacement(w: FormExtraParams) -> DiscreteField:
-    """The parameter ``u``; a ValueError if it is missing or not a vector field.
-
-    Also on a `FacetBasis`, which has normals.
-    """
-    if "n" in w:
-        raise ValueError(
-            "the form is an integral over elements: pass a basis such as "
-            "quad_basis(mesh, CENTRE), not a FacetBasis"
-        )
+    """The parameter ``u``; a ValueError if it is missing or not a vector field."""
     u = parameter(w, "u")
     if not is_displacement(u):
         raise ValueError(

@@ -41,13 +41,12 @@ from .form import (
     displacement,
     once,
 )
-from .kernels.kernel import HourglassKernel
 
 #: A function of the parameters of a form.
 Pointwise: TypeAlias = Callable[[FormExtraParams], ndarray]
 
 
-@builds_forms(HourglassKernel)
+@builds_forms("HourglassKernel")
 def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
     """Stabilisation with the energy ½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))².
 

@@ -40,10 +40,9 @@ from .form import (
     once,
     outer,
 )
-from .kernels.kernel import MeanTensionKernel, TensionKernel
 
 
-@builds_forms(TensionKernel)
+@builds_forms("TensionKernel")
 def tension(fabric: Fabric) -> Forms:
     """Fibre tension: virtual work ∫ Σ_α T_α δε_α dΩ.
 
@@ -104,7 +103,7 @@ def tension(fabric: Fabric) -> Forms:
     return of_density(energy, stress, stiffness)
 
 
-@builds_forms(MeanTensionKernel)
+@builds_forms("MeanTensionKernel")
 def mean_tension(fabric: Fabric) -> Forms:
     """Fibre tension with the energy ψ(ln λ̄) + ½ E_d (λ − λ̄)².
 

@@ -439,7 +439,7 @@ def _values(deck: _Deck, block: Block, width: int) -> ndarray:
     by_element: list[tuple[bytes, list[bytes]]] = []
     values, with_default = np.full((width, len(numbers)), np.nan), False
     for words in block.data:
-        row = words[:-1] if len(words) > width + 1 and words[-1] == b"" else words
+        row = without_trailing_comma(words)
         if len(row) != width + 1:
             shown = excerpt(b", ".join(words))
             raise MeshError(

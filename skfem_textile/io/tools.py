@@ -15,6 +15,7 @@ from ..drape import ToolMesh, TriangleMesh
 from ..drape.tool_mesh import cut_in_two
 from ..mesh.checks import MeshError
 from ..mesh.other_packages import without_messages
+from ..mesh.requirements import lacks
 from ..mesh.user_input import IN_MM, printable, refuse_unit
 from .file_numbers import errors_about, from_words
 from .meshes import (
@@ -195,8 +196,8 @@ def _read_with_trimesh(path: Path) -> tuple[ndarray, ndarray, float | None]:
     except ImportError as error:
         package = error.name or "trimesh"
         raise MeshError(
-            f"reading a {suffix} file requires {printable(package)}: pip install "
-            "'skfem-textile[tools]', or export the tool as STL"
+            lacks(f"reading a {suffix} file", "tools", printable(package))
+            + ", or export the tool as STL"
         ) from None
     except Exception as error:
         raise damaged(path, error) from None

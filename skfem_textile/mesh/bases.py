@@ -26,9 +26,12 @@ from skfem import (
     InteriorFacetBasis,
     MappingIsoparametric,
     Mesh,
+    MeshQuad,
+    MeshTri,
 )
 
 from .scikit_fem import get_quadrature, set_element_dofs, set_positions
+from .user_input import with_article
 
 # A corner is flat if det J is below this share of the largest value of its element.
 # Chosen: far above rounding, as in `checks`.
@@ -114,7 +117,10 @@ def centre_grad(u: DiscreteField) -> ndarray:
         If it is a field on another element.
     """
     if u.grad3 is None:
-        raise ValueError("the form requires a basis HourglassBasis(mesh)")
+        raise ValueError(
+            "the form requires a basis HourglassBasis(mesh) with the displacement "
+            "ElementVector(ElementQuad1()), and u on this basis"
+        )
     return np.asarray(u.grad3)
 
 
@@ -132,14 +138,23 @@ def quad_basis(
     dimension
         Number of displacement components: 2 in the plane, 3 in space.
     """
+    _refuse_mesh("quad_basis", mesh)
     element = ElementVector(ElementQuad1(), dimension)
     return CellBasis(mesh, element, QuadMapping(mesh), quadrature=rule)
+
+
+def _refuse_mesh(what: str, mesh: Any, kind: type[Mesh] = MeshQuad) -> None:
+    """Refuse a mesh of elements of another shape, and what is not a mesh."""
+    if not isinstance(mesh, Mesh) or mesh.refdom is not kind.elem.refdom:
+        shape = "quadrilaterals" if kind is MeshQuad else "triangles"
+        raise ValueError(f"{what} requires a mesh of {shape}, not {with_article(mesh)}")
 
 
 def triangle_basis(
     mesh: Mesh, dimension: int = 2, rule: tuple[ndarray, ndarray] = THREE
 ) -> CellBasis:
     """Basis of a quadratic displacement on a `skfem.MeshTri`."""
+    _refuse_mesh("triangle_basis", mesh, MeshTri)
     return CellBasis(mesh, ElementVector(ElementTriP2(), dimension), quadrature=rule)
 
 
@@ -199,7 +214,7 @@ class HourglassBasis(CellBasis):
     Raises
     ------
     ValueError
-        If other points are given.
+        If other points or another mesh are given.
     """
 
     def __init__(
@@ -211,6 +226,7 @@ class HourglassBasis(CellBasis):
         elements: Any = None,
         quadrature: tuple[ndarray, ndarray] = GAUSS,
     ) -> None:
+        _refuse_mesh("HourglassBasis", mesh)
         if not np.array_equal(quadrature[0], GAUSS[0]):
             raise ValueError("HourglassBasis has the 2×2 points: omit the quadrature")
         element = (
@@ -316,6 +332,14 @@ class MeanBasis(CellBasis):
         return values
 
 
+#: Line on a `MacroBasis` in a composite problem.
+NO_SECOND_FIELD = (
+    "a MacroBasis has the displacement alone: for a second field use a basis such as "
+    "quad_basis(mesh, CENTRE).with_element(element), or assemble the second field on "
+    "another basis"
+)
+
+
 class MacroBasis(MeanBasis):
     """Basis of the displacement on the original elements of a split mesh.
 
@@ -339,11 +363,26 @@ class MacroBasis(MeanBasis):
     corners
         Local node number in the element of each corner of its quadrilaterals, shape (4,
         n_points, n_elements).
+
+    Raises
+    ------
+    ValueError
+        If ``dimension`` is an element.
     """
 
     parts: ndarray
 
     def __init__(self, mesh: Any, dimension: int = 2, **kwargs: Any) -> None:
+        if isinstance(dimension, Element):
+            raise ValueError(
+                "MacroBasis: dimension must be 2 or 3, not an element: "
+                f"{NO_SECOND_FIELD}"
+            )
+        if not len(getattr(mesh, "parent", ())):
+            raise ValueError(
+                "MacroBasis requires a split mesh, MacroBasis(split(mesh)), not "
+                f"{with_article(mesh)}"
+            )
         element = ElementVector(ElementQuad1(), dimension)
         super().__init__(mesh, element, quadrature=CENTRE, **kwargs)
         bilinear: Any = self.basis
@@ -529,7 +568,18 @@ class Corners:
         x = np.pad(self._X, ((0, 0), (0, 1))) + moved
         edges = [self._edges @ component[self._nodes] for component in x.T]
         first, second = np.array(edges)[:, self._pairs].transpose(2, 0, 1, 3)
-        return np.cross(first, second, axis=0)
+        return cross(first, second)
+
+
+def cross(a: ndarray, b: ndarray) -> ndarray:
+    """Cross products of columns, faster than `numpy.cross` for few of them."""
+    return np.array(
+        [
+            a[1] * b[2] - a[2] * b[1],
+            a[2] * b[0] - a[0] * b[2],
+            a[0] * b[1] - a[1] * b[0],
+        ]
+    )
 
 
 def sided(vectors: ndarray, normals: ndarray) -> ndarray:
@@ -566,6 +616,7 @@ class JumpBasis(InteriorFacetBasis):
     """
 
     def __init__(self, mesh: Mesh, **kwargs: Any) -> None:
+        _refuse_mesh("JumpBasis", mesh)
         element = ElementVector(ElementQuad1())
         super().__init__(mesh, element, quadrature=_MIDDLE, **kwargs)
         other = InteriorFacetBasis(mesh, element, quadrature=_MIDDLE, side=1, **kwargs)

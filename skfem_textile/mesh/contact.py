@@ -11,9 +11,9 @@ from itertools import product
 
 import numpy as np
 from numpy import ndarray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from skfem import Mesh
+
+from .graph import components
 
 # Share of the shorter edge below which nodes coincide.  Chosen: above the rounding of
 # coordinates with seven digits.
@@ -192,13 +192,13 @@ def _coincident_off_cuts(joined: ndarray, seam: ndarray, n_nodes: int) -> ndarra
     ``joined`` are pairs of coincident nodes, and ``seam`` nodes of coincident edges of
     opposite direction, shape (2, n) each.
     """
-    group = _groups(joined, n_nodes)
+    group = components(n_nodes, joined)
     group_size = np.bincount(group)
     doubled = np.flatnonzero(group_size[group] > 1)
     if not doubled.size:
         return doubled
     sides = np.unique(np.sort(group[seam], axis=0), axis=1)
-    line = _groups(sides, len(group_size))
+    line = components(len(group_size), sides)
     is_end = np.bincount(sides.ravel(), minlength=len(group_size)) == 1
     has_end, has_open_end = (
         np.bincount(line[ends], minlength=line.max() + 1) > 0
@@ -207,19 +207,13 @@ def _coincident_off_cuts(joined: ndarray, seam: ndarray, n_nodes: int) -> ndarra
     return doubled[~(has_end & ~has_open_end)[line[group[doubled]]]]
 
 
-def _groups(pairs: ndarray, n: int) -> ndarray:
-    """Connected-component label of each of n items, from pairs of joined items."""
-    joined = coo_matrix((np.ones(pairs.shape[1]), tuple(pairs)), shape=(n, n))
-    return connected_components(joined, directed=False)[1]
-
-
 def cells_within(boundary: Boundary) -> ndarray:
     """Boundary cells that lie in other cells without crossing edges.
 
     Either one part of the mesh lies in another, or cells that share one node overlap.
     """
     ends = boundary.ends
-    piece = _groups(ends, boundary.p.shape[1])[ends[0]]
+    piece = components(boundary.p.shape[1], ends)[ends[0]]
     x, y = boundary.p[:, ends] - boundary.p[:, :1, None]
     area = np.bincount(piece, x[0] * y[1] - x[1] * y[0])
     _, first = np.unique(piece, return_index=True)

@@ -6,6 +6,7 @@ one block, below the diagonal.  Zero entries are kept.
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
+from itertools import combinations_with_replacement
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,6 +72,11 @@ class Pattern:
             within = np.where(flipped, d * j + i, d * i + j)
             numbers = d * d * block.reshape(first.shape)[:, None, None] + within
             self._slots.append(numbers.astype(np.int32 if few else np.int64))
+
+    @cached_property
+    def diagonal(self) -> ndarray:
+        """Number of the diagonal block of each node, shape (n_nodes,)."""
+        return np.flatnonzero(self.rows == self.cols)
 
     def sum(self, matrices: Iterable[ndarray | None]) -> ndarray:
         """Blocks of the sum of element matrices, shape (n_blocks, d, d).
@@ -150,6 +156,20 @@ class Pattern:
         col = (d * self.cols[:, None, None] + j).ravel()
         slots = np.flatnonzero(row >= col)
         return slots, row[slots], col[slots]
+
+
+def full_matrices(K: ndarray) -> ndarray:
+    """Matrices over the unknowns of an element, shape (d n_nodes, d n_nodes, n).
+
+    From the blocks of the pairs of nodes (a, c), a ≤ c, in the order of
+    `numpy.triu_indices`: shape (n_pairs, d, d, n).
+    """
+    n_nodes, d = int(np.sqrt(2 * len(K))), K.shape[1]  # of n (n + 1) / 2 pairs
+    full = np.empty((n_nodes, d, n_nodes, d, K.shape[-1]), K.dtype)
+    pairs = combinations_with_replacement(range(n_nodes), 2)
+    for (a, c), block in zip(pairs, K, strict=True):
+        full[a, :, c], full[c, :, a] = block, block.transpose(1, 0, 2)
+    return full.reshape(d * n_nodes, d * n_nodes, -1)
 
 
 class _Added(NamedTuple):

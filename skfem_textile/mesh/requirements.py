@@ -5,10 +5,7 @@ from importlib.util import find_spec
 
 def is_installed(package: str) -> bool:
     """True if a package can be found; it is not imported."""
-    try:
-        return find_spec(package) is not None
-    except ImportError:  # by a finder that blocks it
-        return False
+    return find_spec(package) is not None
 
 
 def require(ability: str, extra: str, *packages: str) -> None:
@@ -30,8 +27,12 @@ def require(ability: str, extra: str, *packages: str) -> None:
     """
     missing = [package for package in packages if not is_installed(package)]
     if missing:
-        raise ModuleNotFoundError(
-            f"{ability} requires {', '.join(missing)}: "
-            f"pip install 'skfem-textile[{extra}]'",
-            name=missing[0],
-        )
+        raise ModuleNotFoundError(lacks(ability, extra, *missing), name=missing[0])
+
+
+def lacks(ability: str, extra: str, *packages: str) -> str:
+    """Line that an ability requires packages, with the command that installs them."""
+    return (
+        f"{ability} requires {', '.join(packages)}: pip install "
+        f"'skfem-textile[{extra}]'"
+    )

@@ -6,7 +6,7 @@ only from `skfem` and `skfem.helpers`.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -17,11 +17,12 @@ from skfem.assembly.form.coo_data import COOData
 from skfem.assembly.form.form import FormExtraParams as FormExtraParams
 from skfem.quadrature import get_quadrature as get_quadrature
 
+from .user_input import with_article
+
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
-#: Arguments of `COOData`: indices, values, shapes of the whole and of an element.
-Entries: TypeAlias = tuple[ndarray, ndarray, tuple[int, ...], tuple[int, ...]]
-
+# Number of axes of element matrices given by pairs of nodes.
+_BY_PAIRS = 4
 
 #: Private names of scikit-fem that the package uses, with their use.
 PRIVATE = {
@@ -69,7 +70,7 @@ class OwnAssembly:
 
     def entries(
         self, ubasis: Any, vbasis: Any, parameters: dict[str, Any]
-    ) -> Entries | None:
+    ) -> COOData | None:
         """Entries computed directly, or None to evaluate the form as usual."""
         raise NotImplementedError
 
@@ -77,38 +78,40 @@ class OwnAssembly:
         """Parameters for the function of the form, before interpolation."""
         return parameters
 
-    def block(self, fields: tuple[DiscreteField, ...]) -> tuple[DiscreteField, ...]:
+    def taken(self, fields: tuple[DiscreteField, ...]) -> tuple[DiscreteField, ...]:
         """Fields of a composite basis that the function of the form takes."""
         return fields
 
     def _assemble(self, ubasis: Any, vbasis: Any = None, **parameters: Any) -> Any:
-        entries = self.entries(ubasis, vbasis, parameters)
-        if entries is not None:
-            return entries
-        form: Any = super()
-        return form._assemble(ubasis, vbasis, **parameters)
+        x = self.coo_data(ubasis, vbasis, **parameters)
+        return x.indices, x.data, x.shape, x.local_shape
 
     def coo_data(self, ubasis: Any, vbasis: Any = None, **parameters: Any) -> COOData:
-        """Entries for `skfem.asm`, with stored positions if computed directly."""
+        """Entries for `skfem.asm`."""
+        for basis in (ubasis, ubasis if vbasis is None else vbasis):
+            if not isinstance(basis, AbstractBasis):
+                raise ValueError(
+                    "asm takes bases by position and parameters by name, asm(form, "
+                    f"basis, u=u): got {with_article(basis)} in place of a basis"
+                )
         entries = self.entries(ubasis, vbasis, parameters)
         if entries is None:
             form: Any = super()
-            return COOData(*form._assemble(ubasis, vbasis, **parameters))
-        matrix = len(entries[2]) == 2
-        return _OfBasis(*entries, basis=ubasis) if matrix else COOData(*entries)
+            entries = COOData(*form._assemble(ubasis, vbasis, **parameters))
+        return entries
 
     def _normalize_asm_kwargs(self, w: dict[str, Any], basis: Any) -> dict[str, Any]:
         form: Any = super()
         fields = form._normalize_asm_kwargs(self.checked(basis, w), basis)
         for name, value in fields.items():
             if isinstance(value, tuple) and isinstance(value[0], DiscreteField):
-                used = self.block(value)
+                used = self.taken(value)
                 fields[name] = used[0] if len(used) == 1 else used
         return fields
 
     def _kernel(self, *arguments: Any) -> ndarray:
         *functions, w, dx = arguments
-        used = [self.block(fields) for fields in functions]
+        used = [self.taken(fields) for fields in functions]
         selected = any(len(x) < len(y) for x, y in zip(used, functions, strict=True))
         if selected and any(map(_vanishes, used)):  # a function of another field
             return np.zeros(len(dx))
@@ -122,33 +125,41 @@ def _vanishes(fields: tuple[DiscreteField, ...]) -> bool:
     return not any(map(np.any, values))
 
 
-def number_entries(value: float) -> Entries:
+def number_entries(value: float) -> COOData:
     """Entries of a functional."""
-    return np.array([]), np.array([value]), (), ()
+    return COOData(np.array([]), np.array([value]), (), ())
 
 
-def vector_entries(basis: Any, f: ndarray) -> Entries:
+def vector_entries(basis: Any, f: ndarray) -> COOData:
     """Entries of a linear form, given as (n_functions, n_elements)."""
     rows = np.array([basis.element_dofs.ravel()])
-    return rows, f.ravel(), (basis.N,), (basis.Nbfun,)
+    return COOData(rows, f.ravel(), (basis.N,), (basis.Nbfun,))
 
 
-def matrix_entries(basis: Any, K: ndarray) -> Entries:
-    """Entries of a symmetric form, as (n_functions, n_functions, n_elements)."""
-    indices = _positions(basis).indices
-    return indices, K.ravel(), (basis.N, basis.N), (basis.Nbfun, basis.Nbfun)
+def matrix_entries(basis: Any, K: ndarray) -> COOData:
+    """Entries of a symmetric form.
+
+    Given as (n_functions, n_functions, n_elements), or by pairs of nodes, see
+    `full_matrices`.
+    """
+    shape, local = (basis.N, basis.N), (basis.Nbfun, basis.Nbfun)
+    return _OfBasis(_positions(basis).indices, K, shape, local, basis)
 
 
 class _Positions(NamedTuple):
     """Positions of the entries of element matrices.
 
-    ``indices`` are rows and columns, ``slots`` the positions in the data of ``whole``,
-    a CSR matrix with all entries, also zero ones.
+    ``indices`` are rows and columns.  ``order`` sorts the entries by them, ``starts``
+    is the first in ``order`` of each entry of ``whole``, a CSR matrix with all entries,
+    also zero ones.  ``sums`` maps element matrices, by their number of axes, to the
+    data of ``whole``.
     """
 
     indices: ndarray
-    slots: ndarray
+    order: ndarray
+    starts: ndarray
     whole: csr_matrix
+    sums: dict[int, csr_matrix]
 
 
 _POSITIONS: WeakKeyDictionary[Any, _Positions] = WeakKeyDictionary()
@@ -161,25 +172,56 @@ def _positions(basis: Any) -> _Positions:
         rows, cols = np.broadcast_arrays(dofs[None], dofs[:, None])
         indices = np.array([rows.ravel(), cols.ravel()])
         keys = indices[0] * np.int64(n) + indices[1]
-        distinct, slots = np.unique(keys, return_inverse=True)
+        order = np.argsort(keys, kind="stable")
+        distinct, starts = np.unique(keys[order], return_index=True)
         row, col = np.divmod(distinct, n)
-        starts = np.searchsorted(row, np.arange(n + 1))
-        whole = csr_matrix((np.zeros(len(col)), col, starts), (n, n))
-        _POSITIONS[basis] = _Positions(indices, slots, whole)
+        ends = np.searchsorted(row, np.arange(n + 1))
+        whole = csr_matrix((np.zeros(len(col)), col, ends), (n, n))
+        starts = np.append(starts, len(keys))
+        _POSITIONS[basis] = _Positions(indices, order, starts, whole, {})
     return _POSITIONS[basis]
 
 
 @dataclass
 class _OfBasis(COOData):
-    """Entries of the element matrices of a basis."""
+    """Entries of the element matrices of a basis, in full when they are read."""
 
     basis: Any = None
+
+    @property  # type: ignore[misc]
+    def data(self) -> ndarray:
+        """Entries as (n_functions n_functions n_elements,)."""
+        return _in_full(self._given).ravel()
+
+    @data.setter
+    def data(self, values: ndarray) -> None:
+        vars(self)["data"] = values
+
+    @property
+    def _given(self) -> ndarray:
+        """Element matrices, in full or by pairs of nodes."""
+        return vars(self)["data"]
 
     def tocsr(self) -> csr_matrix:
         """Sum of the entries."""
         if self.local_shape is None:  # added to other entries
             return super().tocsr()
-        _, slots, whole = _positions(self.basis)
-        K = whole.copy()
-        K.data = np.bincount(slots, self.data, len(K.data))
+        _, order, starts, whole, sums = _positions(self.basis)
+        K = self._given
+        if K.ndim not in sums:
+            numbers = _in_full(np.arange(K.size).reshape(K.shape))
+            ones, shape = np.ones(len(order)), (len(starts) - 1, K.size)
+            sums[K.ndim] = csr_matrix((ones, numbers.ravel()[order], starts), shape)
+        own = whole.indices.copy(), whole.indptr.copy()
+        total = csr_matrix((sums[K.ndim] @ K.ravel(), *own), whole.shape)
+        total.has_canonical_format = True
+        return total
+
+
+def _in_full(K: ndarray) -> ndarray:
+    """Element matrices as (n_functions, n_functions, n_elements)."""
+    if K.ndim != _BY_PAIRS:
         return K
+    from .pattern import full_matrices
+
+    return full_matrices(K)

@@ -17,6 +17,9 @@ MOST_DEGREES = 36_000.0
 # total.
 _LONGEST_TEXT = 60
 
+# Beginnings of names with the article "an".
+_WITH_AN = *"aeiou", "hour", "ndarray"
+
 
 class CopiedError(Exception):
     """Base of exceptions with attributes, which copies and pickled ones keep."""
@@ -61,7 +64,13 @@ def real_numbers(what: str, value: Any) -> "ndarray":
             return array.astype(float)
     except (TypeError, ValueError):  # as of lists of different lengths
         pass
-    raise ValueError(f"{what} must be real-valued, got {_shortened(value)}")
+    raise ValueError(f"{what} must be real-valued, got {shortened(value)}")
+
+
+def with_article(x: Any) -> str:
+    """Name of the class of an object, with its article."""
+    name = type(x).__name__
+    return f"{'an' if name.lower().startswith(_WITH_AN) else 'a'} {name}"
 
 
 def parameter(w: Mapping[str, Any], name: str) -> Any:
@@ -133,7 +142,7 @@ def excerpt(text: bytes | str) -> str:
     return printable(text[:_LONGEST_TEXT])
 
 
-def _shortened(value: Any) -> str:
+def shortened(value: Any) -> str:
     """Value as text on one line, or its type if that is too long."""
-    text = " ".join(repr(value).split())
+    text = " ".join((repr if isinstance(value, str) else str)(value).split())
     return text if len(text) <= _LONGEST_TEXT else type(value).__name__

@@ -1,50 +1,9 @@
 """Pictures of meshes and results: pixels by pyvista, vectors by matplotlib."""
 
-try:
-    from .curves import curves, plot_law, plot_tensions
-    from .fields import FIELDS, Field
-    from .forming import formed, section, tool_force
-    from .in_space import export_gltf, to_pyvista, view
-    from .motion import animation
-    from .nets import net_on_tool, starts
-    from .outlines import singular_fibres
-    from .pictures import (
-        contact_sheet,
-        draped,
-        fibre_directions,
-        fibre_strain,
-        field,
-        mesh_and_fibres,
-        shear_angle,
-        verdict,
-    )
-except ModuleNotFoundError as error:
-    raise ModuleNotFoundError(
-        f"{error}: pip install 'skfem-textile[plot]'", name=error.name
-    ) from None
+import lazy_loader
 
-__all__ = [
-    "FIELDS",
-    "Field",
-    "animation",
-    "contact_sheet",
-    "curves",
-    "draped",
-    "export_gltf",
-    "fibre_directions",
-    "fibre_strain",
-    "field",
-    "formed",
-    "mesh_and_fibres",
-    "net_on_tool",
-    "plot_law",
-    "plot_tensions",
-    "section",
-    "shear_angle",
-    "singular_fibres",
-    "starts",
-    "to_pyvista",
-    "tool_force",
-    "verdict",
-    "view",
-]
+from ..mesh.requirements import require
+
+require("a picture", "plot", "matplotlib")
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -17,6 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon, Rectangle
 from numpy import ndarray
 
+from ..mesh.requirements import require
 from .layout import (
     KEY,
     POINT,
@@ -72,11 +73,8 @@ def draw(
 
 def pyvista_drawing() -> Any:
     """Import the module that draws with pyvista, which takes a second."""
-    try:
-        return import_module(".pyvista_drawing", __package__)
-    except ModuleNotFoundError as error:
-        message = f"{error}: pip install 'skfem-textile[plot]'"
-        raise ModuleNotFoundError(message, name=error.name) from None
+    require("a picture of pixels", "plot", "pyvista")
+    return import_module(".pyvista_drawing", __package__)
 
 
 # Width in points of the edge that closes gaps between polygons in viewers.

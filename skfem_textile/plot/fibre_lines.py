@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix, identity
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
 
 from ..drape.tool_mesh import cut_in_two
+from ..mesh.graph import components
 from ..mesh.splitting import edges_of
 
 # Weight of A·∇ψ = 0.  Chosen: lines deviate by less than their width from the fibres.
@@ -133,6 +133,4 @@ def _connected(triangles: ndarray, A: ndarray) -> ndarray:
     same = edge[order[1:]] == edge[order[:-1]]
     one, other = order[:-1][same] % n, order[1:][same] % n
     continues = (A[:, one] * A[:, other]).sum(axis=0) >= _CONTINUES
-    pairs = one[continues], other[continues]
-    graph = csr_matrix((np.ones(pairs[0].size), pairs), (n, n))
-    return np.asarray(connected_components(graph, directed=False)[1])
+    return components(n, (one[continues], other[continues]))

@@ -12,6 +12,7 @@ from ..drape.tool_mesh import triangles_within
 from ..fabric import Fabric
 from ..forms.fields import FabricOnBasis, on_basis
 from ..io.results import cell_fields, has_tools, point_fields
+from ..mesh.user_input import with_article
 from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
@@ -62,7 +63,7 @@ def results_of(drawn: Sequence[Drawn], state: int = -1) -> tuple[list, list]:
     for result in results:
         if not hasattr(result, "states"):
             raise ValueError(
-                f"pictures require a Result, not a {type(result).__name__}, or "
+                f"pictures require a Result, not {with_article(result)}, or "
                 f"{_OF_BASIS}: for a state from equilibrium_near pass "
                 "Result.of_state(ply, conditions, state)"
             )
@@ -75,6 +76,16 @@ def results_of(drawn: Sequence[Drawn], state: int = -1) -> tuple[list, list]:
 
 
 _OF_BASIS = "(basis, u, fabric)"
+
+
+def refuse_other_than_result(what: str, result: Any) -> None:
+    """Refuse what has no states, where a displacement on a basis is not enough."""
+    if not hasattr(result, "states"):
+        raise ValueError(
+            f"{what} requires the Result of a run, not {with_article(result)}: "
+            f"plot.field and plot.view draw {_OF_BASIS}"
+        )
+
 
 #: Colour map of fields with a sign.
 DIVERGING = "RdBu_r"

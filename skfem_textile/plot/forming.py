@@ -30,7 +30,7 @@ from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
 from .curves import COLOURS, curves
-from .fields import FIELDS, fibres_of
+from .fields import FIELDS, fibres_of, refuse_other_than_result
 from .layout import COLUMN, PAGE
 from .picture_files import picture_path, save
 from .pictures import Picture, View, stage_of
@@ -39,6 +39,9 @@ from .style import figure_style
 
 if TYPE_CHECKING:
     import pyvista as pv
+
+# Width of the three panels in mm: labels are legible at 400 pixels.
+_WIDTH = 105.0
 
 # Label of the areal weight.
 _AREAL_WEIGHT = "Areal weight relative to the flat ply"
@@ -51,13 +54,13 @@ def formed(
 
     With the tools behind the ply where they stand: of each the faces towards the
     viewer.  Elements with a risk of wrinkling are marked on the shear angle.  The
-    default width is 174 mm.
+    default width is 105 mm.
 
     Parameters, returned value and exceptions as for `field`; `ValueError` for a ply
     without tools.
     """
     if not (options.get("size") or options.get("plotter")):
-        options["size"] = PAGE
+        options["size"] = _WIDTH
     picture = Picture(results, titles, **options)
     for result in results:
         _refuse_without_tools(result)
@@ -282,5 +285,6 @@ def tool_force(
 
 
 def _refuse_without_tools(result: Result) -> None:
+    refuse_other_than_result("a picture of tools", result)
     if not contacts(result.ply):
         raise ValueError("a ply has no tools between which it is formed: add a Tool")

@@ -3,7 +3,6 @@
 import json
 import os
 from collections.abc import Callable, Sequence
-from importlib.util import find_spec
 from itertools import product
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -13,6 +12,7 @@ from numpy import ndarray
 
 from ..drape.tool_mesh import cut_in_two
 from ..io.results import fields_in
+from ..mesh.requirements import is_installed
 from ..solve.result import Result
 from .drawing import pyvista_drawing
 from .fields import (
@@ -20,6 +20,7 @@ from .fields import (
     Field,
     fibres_of,
     field_of,
+    refuse_other_than_result,
     results_of,
     scale_of,
     solids_of,
@@ -59,7 +60,7 @@ class Options(TypedDict, total=False):
     fibres: bool
 
 
-def view(result: Result, **options: Unpack[Options]) -> Any:
+def view(*drawn: Drawn, **options: Unpack[Options]) -> Any:
     """Show a state in 3D, to be turned: a field, the fibres, and the tools behind.
 
     In Jupyter the view is interactive if trame is installed (``pip install
@@ -67,8 +68,8 @@ def view(result: Result, **options: Unpack[Options]) -> Any:
 
     Parameters
     ----------
-    result
-        Result of a run.
+    *drawn
+        Result of a run; or a basis, its DOF vector and a fabric, as for `fibre_fields`.
     state
         Index of the state in ``result.states``; -1, the default, is the last.
     field
@@ -90,14 +91,14 @@ def view(result: Result, **options: Unpack[Options]) -> Any:
     RuntimeError
         If off-screen drawing fails; the message names the packages to install.
     ValueError
-        If there is no such state, field or colour map.
+        If there is no such state, field or colour map, or another argument is invalid.
 
     Examples
     --------
     >>> view(result, field="displacement")  # doctest: +SKIP
     """
-    backend = None if find_spec("trame") else "static"
-    plotter = _plotter(result, **options)
+    backend = None if is_installed("trame") else "static"
+    plotter = _plotter(drawn, **options)
     return plotter.show(jupyter_backend=backend, return_viewer=True)
 
 
@@ -123,8 +124,9 @@ def export_gltf(
     --------
     >>> export_gltf(result, "formed.gltf")  # doctest: +SKIP
     """
+    refuse_other_than_result("export_gltf", result)
     path = picture_path(filename, (".gltf",))
-    plotter = _plotter(result, **options, size=_METRE, solid=_linear)
+    plotter = _plotter([result], **options, size=_METRE, solid=_linear)
     with atomic_file(path.with_suffix(".gltf"), ".gltf") as file:
         plotter.export_gltf(str(file))
         content = json.loads(file.read_text())
@@ -170,16 +172,21 @@ def to_pyvista(*drawn: Drawn, state: int = -1) -> "pv.UnstructuredGrid":
     >>> grid.n_cells, grid.array_names[:2]
     (16, ['displacement', 'shear_angle'])
     """
-    results, states = results_of(drawn, state)
-    if len(results) > 1:
-        raise ValueError(f"a grid shows one result, got {len(results)}")
-    (result,), (at,) = results, states
+    result, at = _one_of("a grid", drawn, state)
     shape = Shape.of(result.ply.mesh, result.ply.nodal(at.u))
     grid = pyvista_drawing().grid(shape.points, shape.cells)
     points, cells = fields_in(result, at)
     grid.point_data.update(points)
     grid.cell_data.update(cells)
     return grid
+
+
+def _one_of(what: str, drawn: Sequence[Drawn], state: int) -> tuple[Any, Any]:
+    """The only result, and its state that is drawn."""
+    results, states = results_of(drawn, state)
+    if len(results) > 1:
+        raise ValueError(f"{what} shows one result, got {len(results)}")
+    return results[0], states[0]
 
 
 def _as_shown(rgb: ndarray) -> ndarray:
@@ -193,7 +200,7 @@ def _linear(rgb: ndarray) -> ndarray:
 
 
 def _plotter(
-    result: Result,
+    drawn: Sequence[Drawn],
     state: int = -1,
     field: str | Field = "shear_angle",
     cmap: Any = None,
@@ -204,7 +211,7 @@ def _plotter(
 ) -> "pv.Plotter":
     """Plotter with a ply in 3D, with a factor of lengths, and colours of solids."""
     quantity = field_of(field)
-    _, (at,) = results_of([result], state)
+    result, at = _one_of("a view", drawn, state)
     values = values_of(quantity, result.ply, at.u)
     scale = scale_of(quantity, [values], cmap, clim)
     pyvista_drawing().require_offscreen()

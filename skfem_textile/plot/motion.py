@@ -12,7 +12,15 @@ from numpy import ndarray
 
 from ..solve.result import Result
 from .drawing import pyvista_drawing
-from .fields import Field, fibres_of, field_of, scale_of, shapes_of, values_of
+from .fields import (
+    Field,
+    fibres_of,
+    field_of,
+    refuse_other_than_result,
+    scale_of,
+    shapes_of,
+    values_of,
+)
 from .layout import PRINTED, lay_out
 from .picture_files import atomic_file, picture_path
 from .pictures import stage_of
@@ -58,6 +66,7 @@ def animation(
     Other parameters and exceptions as for `field`; `FileNotFoundError` also if ffmpeg
     is not installed, and `RuntimeError` if it fails.
     """
+    refuse_other_than_result("animation", result)
     path = picture_path(filename, (".gif", *_CODECS))
     suffix = path.suffix.lower() or ".gif"
     if suffix in _CODECS and shutil.which("ffmpeg") is None:

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from ..drape import Axes, BestStart, Pieces, Sheet, TriangleMesh
 from .drawing import draw
 from .fibre_lines import Fibres
-from .fields import reach, tool_under
+from .fields import FIELDS, reach, tool_under
 from .layout import PAGE, default_width
 from .picture_files import picture_path, save
 from .sheet import (
@@ -62,7 +62,7 @@ def net_on_tool(
     (shape,) = in_perspective([on])
     angles = [piece.shear_angle()[cells] for piece, cells in pieces]
     angle = np.degrees(np.abs(np.concatenate(angles)))
-    scale = Scale.of("Magnitude of the shear angle (°)", reach([angle]), "viridis")
+    scale = _scale("Magnitude of the shear angle (°)", reach([angle]))
     marked, keys = np.empty(0, dtype=int), []
     if locking_angle is not None:
         marked = np.flatnonzero(angle > np.degrees(locking_angle))
@@ -75,6 +75,11 @@ def net_on_tool(
     legends = [Legend(0, 1, scale, keys), Legend(1, 2, keys=FAMILIES)]
     picture = Picture([panels], legends, extent([shape]))
     return draw(picture, filename, plotter, PAGE if size is None else size)
+
+
+def _scale(label: str, limits: tuple[float, float]) -> Scale:
+    """Colours of the shear angle in all pictures, between two magnitudes."""
+    return Scale.of(label, limits, FIELDS["shear_angle"].cmap, signed=True)
 
 
 # Length of the line along the warp at a start, and smallest and largest height of the
@@ -131,8 +136,10 @@ def starts(
         axes.plot(*at[:, ~laid], "x", color="0.55", markersize=3, zorder=2)
         degrees = np.degrees(best.measures[laid])
         x, y = at[:, laid]
-        dots = axes.scatter(x, y, c=degrees, s=9, cmap="viridis_r", zorder=3)
-        figure.colorbar(dots, ax=axes, label="Shear angle (°)")
+        scale = _scale("Shear angle (°)", (degrees.min(), degrees.max()))
+        shown = {"cmap": scale.colours, "vmin": scale.low, "vmax": scale.high}
+        dots = axes.scatter(x, y, c=degrees, s=9, zorder=3, **shown)
+        figure.colorbar(dots, ax=axes, label=scale.label)
         chosen = np.asarray(best.start.point)[[i, j]]
         axes.plot(*chosen, "o", mfc="none", mec=REFUSED, markersize=9, zorder=4)
         axes.set(aspect="equal", xlabel=f"{'xyz'[i]} (mm)", ylabel=f"{'xyz'[j]} (mm)")

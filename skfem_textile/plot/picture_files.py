@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..mesh.user_input import with_article
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -38,10 +40,12 @@ def picture_path(
     Raises
     ------
     ValueError
-        If the suffix is not accepted.
+        If it is not a path, or its suffix is not accepted.
     FileNotFoundError
         If the folder of the file does not exist.
     """
+    if not isinstance(filename, str | os.PathLike):
+        raise ValueError(f"filename must be a path, not {with_article(filename)}")
     path = Path(filename)
     if path.suffix.lower() not in ("", *suffixes):
         raise ValueError(

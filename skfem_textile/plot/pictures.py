@@ -342,7 +342,7 @@ def _strain_rows(
         [values_of(f, result.ply, at.u) for result, at in pairs]
         for f in fields.values()
     ]
-    of_both = replace(fields["Warp"], label="Fibre strain in the law (%)")
+    of_both = replace(fields["Warp"], label="Fibre strain (%)")
     scale = scale_of(of_both, [values for row in strains for values in row], cmap, clim)
     rows = [
         [

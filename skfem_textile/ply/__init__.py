@@ -2,6 +2,6 @@
 displacement.
 """
 
-from .ply import Ply
+import lazy_loader
 
-__all__ = ["Ply"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

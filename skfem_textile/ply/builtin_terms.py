@@ -15,13 +15,13 @@ from ..forms.bending import FIBRE_ENDS, FibreEnd, Turning, bending_matrix, twist
 from ..forms.corners import RESISTING, corner_resistance
 from ..forms.kernels.kernel import node_pair_blocks
 from ..mesh.bases import CornerBasis, Corners, components
-from ..mesh.user_input import call_user_function, real_numbers
+from ..mesh.user_input import call_user_function, real_numbers, shortened
 from .parameters import NO_VALUES, Values
 from .terms import ElementTerm, MatrixTerm
 
 # Lower bound of κ relative to the fibre stiffness.  A larger value adds energy where
 # corners close; a smaller one lets them come closer to folding.  One tenth and ten
-# times this value also keep corners open: pytest tests/ply/test_corners.py -k how_stiff
+# times this value also keep corners open: pytest -m slow tests/ply/test_corners.py
 _SHARE_OF_FIBRES = 1e-5
 
 
@@ -122,7 +122,8 @@ def turn_of(name: str, end: Turning, t: float, d: int) -> ndarray:
     if angle.shape != ((3,) if d == 3 else ()) or not np.isfinite(angle).all():
         kind = "a vector of 3 angles" if d == 3 else "an angle"
         raise ValueError(
-            f"{subject} must be {kind} in radians, got {angle} at load factor {t:g}"
+            f"{subject} must be {kind} in radians, got {shortened(angle)} at load "
+            f"factor {t:g}"
         )
     axis = angle if d == 3 else np.array([0.0, 0.0, angle])
     return expm(np.cross(np.eye(3), axis))[:d, :d]

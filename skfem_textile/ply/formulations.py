@@ -3,13 +3,14 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Real
-from typing import Any, ClassVar, Literal, TypeAlias, get_args
+from typing import Any, ClassVar, TypeAlias, get_args
 
 import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, ElementQuad1, ElementTriP1, Mesh
 
 from .. import forms
+from ..declarations import formulations as declared
 from ..fabric import Fabric
 from ..forms.kernels.out_of_plane import OutOfPlaneKernel
 from ..mesh.bases import (
@@ -28,6 +29,7 @@ from ..mesh.bases import (
 from ..mesh.checks import MeshError, check_mesh
 from ..mesh.selection import SINGULAR
 from ..mesh.splitting import SplitMesh, cut, split, was_split
+from ..mesh.user_input import shortened
 from .parameters import (
     NO_VALUES,
     AccumulatedMoment,
@@ -111,7 +113,8 @@ def refuse_stiffness(name: str, value: float | str, also: str = "") -> None:
     if also and isinstance(value, str) and value == "auto":
         return
     if not isinstance(value, Real) or not (np.isfinite(value) and value >= 0):
-        raise ValueError(f"{name} must be a finite number >= 0{also}, got {value}")
+        given = shortened(value)
+        raise ValueError(f"{name} must be a finite number >= 0{also}, got {given}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -216,6 +219,11 @@ def _automatic(
     return HeldStabilisation(fabric, points, by_tension=False, by_grip=not across)
 
 
+def _stiffness_title(C_s: float | str) -> str:
+    """Stabilisation stiffness in the titles of pictures, with its unit."""
+    return f"C_s = {C_s}" if C_s == "auto" else f"C_s = {C_s:g} N/mm"
+
+
 def stabilising_term(
     forms: forms.Forms,
     basis: CellBasis | JumpBasis,
@@ -232,7 +240,7 @@ def stabilising_term(
 
 
 @dataclass(frozen=True)
-class Full(Quadrilaterals):
+class Full(declared.Full, Quadrilaterals):
     """2×2 points, no stabilisation: locks unless the mesh follows the fibres."""
 
     name: ClassVar[str] = "full"
@@ -268,11 +276,13 @@ _OF_NUMBER = 1.0
 # on others.
 _ALONG_SINGULAR, _ACROSS_SINGULAR = 400.0, 70.0
 
-Kind: TypeAlias = Literal["energy", "rate", "continuity", "isotropic"]
+
+#: Stabilisations of one point.
+Kind: TypeAlias = declared.Kind
 
 
 @dataclass(frozen=True)
-class OnePoint(Quadrilaterals):
+class OnePoint(declared.OnePoint, Quadrilaterals):
     """One integration point, with the non-constant shear angle stabilised.
 
     Parameters
@@ -294,9 +304,6 @@ class OnePoint(Quadrilaterals):
         other than ``energy``, or if the kind is unknown.
     """
 
-    stabilisation: float | Literal["auto"] = "auto"
-    kind: Kind = "energy"
-
     name: ClassVar[str] = "one-point"
     rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE
 
@@ -316,8 +323,7 @@ class OnePoint(Quadrilaterals):
     def title(self) -> str:
         """Name in pictures."""
         kind = "" if self.kind == "energy" else f", {self.kind}"
-        C_s = self.stabilisation
-        return f"one point, Cs = {C_s if C_s == 'auto' else f'{C_s:g}'}{kind}"
+        return f"one point, {_stiffness_title(self.stabilisation)}{kind}"
 
     def reference(self, mesh: Mesh) -> "OnePoint | Macro":
         """Macro-elements on split triangles, else itself with stabilisation.
@@ -359,7 +365,7 @@ class OnePoint(Quadrilaterals):
 
 
 @dataclass(frozen=True)
-class Macro(Quadrilaterals):
+class Macro(declared.Macro, Quadrilaterals):
     """Macro-elements: elements split into parts with one point each.
 
     The full stiffness of the fibres of a macro-element (`split`) acts on the mean
@@ -382,9 +388,6 @@ class Macro(Quadrilaterals):
         If a stiffness is negative or not finite.
     """
 
-    stabilisation: float | Literal["auto"] = "auto"
-    deviation: tuple[float, float] = (370.0, 700.0)
-
     name: ClassVar[str] = "macro"
     rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE
 
@@ -404,7 +407,7 @@ class Macro(Quadrilaterals):
         C_s, default = self.stabilisation, self.deviation == Macro.deviation
         return (
             "macro-elements"
-            + ("" if C_s == "auto" else f", Cs = {C_s:g}")
+            + ("" if C_s == "auto" else f", {_stiffness_title(C_s)}")
             + ("" if default else ", {:g} and {:g}".format(*self.deviation))
         )
 
@@ -449,7 +452,7 @@ _RULES = {3: THREE, 6: SIX}
 
 
 @dataclass(frozen=True)
-class Quadratic(Pointwise):
+class Quadratic(declared.Quadratic, Pointwise):
     """Quadratic triangles without stabilisation.
 
     The element is `skfem.ElementTriP2` on triangles; quadrilaterals are cut into
@@ -473,9 +476,6 @@ class Quadratic(Pointwise):
         If the deviation is negative or not finite, or the number of points is not 3 or
         6.
     """
-
-    deviation: float | None = None
-    points: int = 3
 
     name: ClassVar[str] = "quadratic"
     fine_points: ClassVar[ndarray] = SIX[0]

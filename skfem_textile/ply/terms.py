@@ -19,7 +19,7 @@ from ..forms import Forms
 from ..forms.kernels.kernel import Kernel, can_compute, node_pair_blocks
 from ..mesh.bases import components, element_numbers
 from ..mesh.pattern import refuse_unsymmetric
-from ..mesh.user_input import call_user_function, keep_copies, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from .parameters import NO_VALUES, TermParameters, Values
 
 #: Role of a term: ``internal`` and ``stabilisation`` terms make up the internal energy,
@@ -415,7 +415,8 @@ def factor_at(owner: str, factor: Factor, t: float) -> float:
     value = real_numbers(subject, answer)
     if value.shape or not np.isfinite(value):
         raise ValueError(
-            f"{subject} must be a finite number, got {answer} at load factor {t:g}"
+            f"{subject} must be a finite number, got {shortened(answer)} at load "
+            f"factor {t:g}"
         )
     return float(value)
 

@@ -18,35 +18,26 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
+from ..declarations import scenes as declared
 from ..fabric import Fabric, Law
 from ..fabric.law import mean_slope
-from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..mesh.checks import MeshError
 from ..solve.conditions import Condition
-from .rectangle import misfit, rectangle
-from .scene import Scene
+from .rectangle import given_or_rectangle, misfit
+from .scene import Scene, with_parameters
 from .shear_test import Angle, BiasTest, force_of_moments, free_length
 from .trellis import Motion
 
 #: Width of the ply in mm.
-WIDTH = 50.0
+WIDTH = declared.BiasExtension.width
 
 Part: TypeAlias = Literal["whole", "half"]
 
 PARTS: tuple[str, ...] = get_args(Part)
 
 
-def bias_extension(
-    mesh: str | Mesh = "irregular",
-    size: tuple[int, int] = (8, 16),
-    jitter: float = 0.25,
-    seed: int = 1,
-    warp: float = np.pi / 4,
-    weft: float = 3 * np.pi / 4,
-    shear_angle: float = np.radians(40.0),
-    part: Part = "whole",
-    width: float = WIDTH,
-    height: float | None = None,
-) -> Scene:
+@with_parameters(declared.BiasExtension)
+def bias_extension(given: declared.BiasExtension) -> Scene:
     """A rectangle stretched along the bisector of its fibres, in equal steps of γ.
 
     Parameters
@@ -74,22 +65,19 @@ def bias_extension(
         If the mesh is not valid or does not fit, the fibres are not symmetric about the
         loading direction, γ is not between 0 and π − 2θ, or the part is unknown.
     """
+    part, shear_angle = given.part, given.shear_angle
     if part not in PARTS:
         raise ValueError(f"unknown part {part!r}: choose one of {', '.join(PARTS)}")
-    theta = _inclination(warp, weft)
+    theta = _inclination(given.warp, given.weft)
     if not 0 < shear_angle < np.pi - 2 * theta:
         raise ValueError(
             f"the shear angle must be between 0 and {180 - 2 * np.degrees(theta):g} "
             f"degrees, got {np.degrees(shear_angle):g} degrees"
         )
     share = 0.5 if part == "half" else 1.0
-    if isinstance(mesh, str):
-        high = 2 * width * np.tan(theta) if height is None else height
-        fibres = theta, np.pi - theta
-        mesh = rectangle(share * width, high, size, mesh, jitter, seed, *fibres)
-    else:
-        check_mesh(mesh)
-        mesh = with_edges(mesh)
+    width, height = given.width, given.height
+    high = 2 * width * np.tan(theta) if height is None else height
+    mesh = given_or_rectangle(given, share * width, high, theta, np.pi - theta)
     W, H = _sides(mesh, theta, share)
     motion = _motion(theta, shear_angle, W, H)
     conditions = {

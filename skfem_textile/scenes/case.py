@@ -68,7 +68,8 @@ class Case:
             See `Ply`.
         """
         scene = self.scene
-        loads = *scene.loads, *scene.loads_of(self.fabric), *self.loads
+        of_fabric = scene.loads_of(self.fabric) if scene.loads_of else ()
+        loads = *scene.loads, *of_fabric, *self.loads
         return Ply(
             *(scene.mesh, self.fabric, self.formulation, (*loads, *scene.tools)),
             dimension=scene.dimension,

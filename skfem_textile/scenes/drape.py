@@ -6,19 +6,20 @@ ply.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Unpack
 
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
+from ..declarations import scenes as declared
+from ..declarations.scenes import PlyOptions
 from ..drape import Axes, Net, ToolMesh, TriangleMesh
 from ..drape.sheet import boundary_edges
 from ..mesh.contact import signed_areas
+from ..mesh.graph import components
 from ..solve.surface import OffSurfaceError, onto
 from .draped_ply import draped_ply, warn_of_net
-from .flat_ply import PlyOptions
-from .scene import Scene
+from .scene import Scene, with_parameters
 
 # Height difference, relative to the extent of the tool, within which vertices are
 # equally high.
@@ -42,19 +43,15 @@ _MOST, _SETTLED, _STRAIGHT = 50, 1e-9, 1e-3
 _LEVEL = 0.02
 
 
-def drape(
-    tool: TriangleMesh,
-    mesh: str | Mesh = "irregular",
-    point: Sequence[float] | None = None,
-    **ply: Unpack[PlyOptions],
-) -> Scene:
+@with_parameters(declared.Drape)
+def drape(given: declared.Drape) -> Scene:
     """Complete ply on a triangulated tool.
 
     Parameters
     ----------
     tool
         The tool, see `skfem_textile.io.read_surface`.
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         See `draped_ply`, except for ``part``: the whole ply is computed.
     point
         Contact point of the centre of the ply with the tool, in mm.  By default the
@@ -66,16 +63,16 @@ def drape(
         See `draped_ply`.  Also if the tool has no such point or is not horizontal
         there, if it is much smaller than the ply, or if its triangles are much larger.
     """
-    facets = tool.facets
-    axes = Axes.at(tool, contact_point(tool, point))
-    surface = tool.moved(*axes)
-    options: PlyOptions = {**ply, "part": "whole"}
+    facets = given.tool.facets
+    axes = Axes.at(given.tool, contact_point(given.tool, given.point))
+    surface = given.tool.moved(*axes)
+    options: PlyOptions = {**given.ply(), "part": "whole"}
 
     def check(flat: Mesh, lay: Callable[[], Net]) -> None:
         _refuse_sizes(facets, flat)
         warn_of_net(lay, flat.p, axes)
 
-    return draped_ply("drape", surface, mesh, **options, axes=axes, check=check)
+    return draped_ply("drape", surface, given.mesh, **options, axes=axes, check=check)
 
 
 def contact_point(tool: TriangleMesh, point: Sequence[float] | None = None) -> ndarray:
@@ -184,7 +181,8 @@ def _middle_of_top(tool: TriangleMesh) -> tuple[ndarray, bool]:
     vertex = high[np.hypot(*(x[:, high] - middle[:, None])[:2]).argmin()]
     edges = np.hstack([triangles[:2], triangles[1:], triangles[::2]])
     edges = edges[:, is_high[edges].all(axis=0)]
-    top = _connected(edges, x.shape[1], vertex)
+    part = components(x.shape[1], edges)
+    top = part == part[vertex]
     for parts in (triangles, edges):
         parts = parts[:, top[parts].all(axis=0)]
         corners = x[:, parts]
@@ -197,16 +195,6 @@ def _middle_of_top(tool: TriangleMesh) -> tuple[ndarray, bool]:
             if away <= _LEVEL * np.ptp(x) and not tool.beyond_edges(foot)[0]:
                 return foot[:, 0], True
     return x[:, vertex], vertex not in boundary_edges(facets.cells)
-
-
-def _connected(edges: ndarray, n: int, vertex: int) -> ndarray:
-    """Mask of n vertices that edges connect with one of them."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_array((np.ones(edges.shape[1]), tuple(edges)), shape=(n, n))
-    part = connected_components(graph, directed=False)[1]
-    return np.asarray(part == part[vertex])
 
 
 def _xyz(point: ndarray) -> str:

@@ -24,6 +24,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
+from ..declarations.scenes import PlyOptions
 from ..drape import SAME_AXES, Axes, Net, NetError
 from ..fabric import Fabric
 from ..mesh.checks import MeshError
@@ -34,7 +35,7 @@ from ..solve.result import Result
 from ..solve.surface import OffSurfaceError, OnSurface, Surface, onto
 from ..solve.surface.surface import displacement, geodesics
 from .edge_tension import AROUND, EdgeTension, edge_net
-from .flat_ply import PlyOptions, flat_ply, in_planes
+from .flat_ply import flat_ply, in_planes
 from .on_tool import CELLS, FIRST_ON_TOOL, measured_on_tool
 from .rectangle import misfit
 from .scene import Scene, unknown

@@ -1,35 +1,21 @@
 """Flat ply of a scene in space: its mesh, fibres and planes of symmetry."""
 
-from typing import Literal, NamedTuple, TypeAlias, TypedDict
+from typing import NamedTuple, Unpack
 
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
+from ..declarations.scenes import OnTool, PlyOptions
 from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..solve.conditions import Condition
 from .rectangle import rectangle
-
-Part: TypeAlias = Literal["quarter", "whole"]
 
 #: Sides in planes of symmetry, and their normals.
 _SYMMETRY = {"left": (0.0, None, None), "bottom": (None, 0.0, None)}
 
 # Tolerances of angles in radians, and of lengths relative to the ply.
 _OFF = 1e-6
-
-
-class PlyOptions(TypedDict, total=False):
-    """Common parameters of all plies with tools; see `flat_ply`."""
-
-    size: tuple[int, int]
-    jitter: float
-    seed: int
-    fibres: float
-    width: float
-    height: float
-    tension: float
-    part: Part | None
 
 
 class FlatPly(NamedTuple):
@@ -56,15 +42,7 @@ class FlatPly(NamedTuple):
 def flat_ply(
     name: str,
     mesh: str | Mesh,
-    *,
-    size: tuple[int, int] = (16, 16),
-    jitter: float = 0.0,
-    seed: int = 1,
-    fibres: float = 0.0,
-    width: float = 180.0,
-    height: float = 180.0,
-    tension: float = 2.0,
-    part: Part | None = None,
+    **ply: Unpack[PlyOptions],
 ) -> FlatPly:
     """Flat ply of a scene with planes of symmetry.
 
@@ -92,7 +70,9 @@ def flat_ply(
         If the mesh is not valid, a number is not positive, or the part does not match
         the fibres.
     """
-    _refuse_numbers(name, width, height, tension, fibres)
+    given = OnTool(**ply)
+    fibres, part, width, height = given.fibres, given.part, given.width, given.height
+    _refuse_numbers(name, given)
     symmetric = abs(fibres / (np.pi / 4) - round(fibres / (np.pi / 4))) < _OFF
     if part == "quarter" and not symmetric:
         raise ValueError(
@@ -104,13 +84,13 @@ def flat_ply(
     angles = fibres, fibres + np.pi / 2
     if isinstance(mesh, str):
         sides = share * width, share * height
-        flat = rectangle(*sides, size, mesh, jitter, seed, *angles)
+        flat = rectangle(*sides, given.size, mesh, given.jitter, given.seed, *angles)
         if part == "whole":
             flat = flat.translated((-0.5 * width, -0.5 * height))
     else:
         check_mesh(mesh)
         flat = with_edges(mesh)
-    return FlatPly(flat, angles, tension, held)
+    return FlatPly(flat, angles, given.tension, held)
 
 
 def in_planes(name: str, mesh: Mesh) -> dict[str, Condition]:
@@ -142,17 +122,15 @@ def free_edges(mesh: Mesh, held: tuple[str, ...]) -> ndarray:
     return free.astype(int)
 
 
-def _refuse_numbers(
-    name: str, width: float, height: float, tension: float, fibres: float
-) -> None:
-    for what, side in (("width", width), ("height", height)):
+def _refuse_numbers(name: str, ply: OnTool) -> None:
+    for what, side in (("width", ply.width), ("height", ply.height)):
         if not 0 < side < np.inf:
             raise ValueError(f"{name}: the {what} must be positive, got {side:g} mm")
-    if not 0 <= tension < np.inf:
+    if not 0 <= ply.tension < np.inf:
         raise ValueError(
-            f"{name}: the edge tension must be 0 or positive, got {tension:g} N/mm"
+            f"{name}: the edge tension must be 0 or positive, got {ply.tension:g} N/mm"
         )
-    if not np.isfinite(fibres):
+    if not np.isfinite(ply.fibres):
         raise ValueError(
-            f"{name}: the angle of the fibres must be finite, got {fibres:g}"
+            f"{name}: the angle of the fibres must be finite, got {ply.fibres:g}"
         )

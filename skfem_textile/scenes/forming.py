@@ -21,6 +21,8 @@ import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, FacetBasis, LinearForm, Mesh, asm
 
+from ..declarations import scenes as declared
+from ..declarations.scenes import PlyOptions
 from ..drape import (
     SAME_AXES,
     Axes,
@@ -43,12 +45,11 @@ from ..solve.conditions import Condition
 from ..solve.quantities import Quantity
 from ..solve.result import Result
 from ..solve.surface import Surface
-from .flat_ply import PlyOptions, flat_ply, free_edges, in_planes
-from .scene import Scene
+from .flat_ply import flat_ply, free_edges, in_planes
+from .scene import Scene, with_parameters
 
-#: Default distances between punch and die in the plane of a ply, and between die and
-#: holder, in mm.
-CLEARANCE, GAP = 5.0, 0.3
+#: Default distance between die and holder in mm.
+GAP = declared.HemisphereForming.gap
 
 # Distance from the lowest point of a die, relative to its size, within which its flange
 # is flat.  Chosen: 0.03 mm of a die of 300 mm, above the rounding of files.
@@ -120,7 +121,7 @@ def formed_ply(
     ValueError
         If the mesh is not valid or does not fit, or a number is not.
     """
-    options: PlyOptions = {**_BLANK, **ply}
+    options = declared.Formed(**ply).ply()
     flat, angles, tension, held = flat_ply(name, mesh, **options)
     held_at = in_planes(name, flat) if held else _at_centre(name, flat, not tension)
     c, s = float(np.cos(angles[0])), float(np.sin(angles[0]))
@@ -140,15 +141,6 @@ def formed_ply(
         misfit=_NO_EXACT,
         axes=axes,
     )
-
-
-# Defaults of the plies of all scenes.
-_BLANK: PlyOptions = {
-    "size": (12, 12),
-    "width": 300.0,
-    "height": 300.0,
-    "tension": 0.2,
-}
 
 
 def _pressed(
@@ -221,20 +213,13 @@ def _measured(result: Result, holding: Collection[str]) -> dict[str, float | str
     return figures
 
 
-def hemisphere_forming(
-    mesh: str | Mesh = "irregular",
-    radius: float = 75.0,
-    fillet: float = 10.0,
-    travel: float = 75.0,
-    gap: float = GAP,
-    clearance: float = CLEARANCE,
-    **ply: Unpack[PlyOptions],
-) -> Scene:
+@with_parameters(declared.HemisphereForming)
+def hemisphere_forming(given: declared.HemisphereForming) -> Scene:
     """Ply that a punch with a hemispherical end forms through a round hole.
 
     Parameters
     ----------
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         See `formed_ply`.
     radius
         Radius of the punch in mm.
@@ -256,28 +241,24 @@ def hemisphere_forming(
     --------
     >>> from skfem_textile import Fabric
     >>> from skfem_textile.scenes import Case, hemisphere_forming
-    >>> scene = hemisphere_forming("aligned", travel=20.0, size=(6, 6))
+    >>> scene = hemisphere_forming("aligned", travel=5.0, size=(4, 4))
     >>> fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
     >>> summary = Case(scene=scene, fabric=fabric, steps=1).run().summary()
     >>> summary["converged"]
     True
     """
     name = "hemisphere_forming"
-    radius, middle = positive_length(f"{name}: radius", radius), 0.5 * _gap(name, gap)
+    radius, gap = positive_length(f"{name}: radius", given.radius), given.gap
+    middle = 0.5 * _gap(name, gap)
     punch = Punch(radius, (0.0, 0.0, -radius - middle))
-    hole = radius + positive_length(f"{name}: clearance", clearance)
-    die = Die(hole, fillet, (0.0, 0.0, middle))
-    tools = _pressed(name, punch, die, _upwards(name, travel), gap)
-    return formed_ply(name, tools, mesh, **ply)
+    hole = radius + positive_length(f"{name}: clearance", given.clearance)
+    die = Die(hole, given.fillet, (0.0, 0.0, middle))
+    tools = _pressed(name, punch, die, _upwards(name, given.travel), gap)
+    return formed_ply(name, tools, given.mesh, **given.ply())
 
 
-def double_dome_forming(
-    mesh: str | Mesh = "irregular",
-    travel: float = 60.0,
-    gap: float = GAP,
-    clearance: float = CLEARANCE,
-    **ply: Unpack[PlyOptions],
-) -> Scene:
+@with_parameters(declared.DoubleDomeForming)
+def double_dome_forming(given: declared.DoubleDomeForming) -> Scene:
     """Ply that a double dome forms in a die of the same shape.
 
     The punch is `skfem_textile.drape.double_dome`, its long side along x.  The cavity
@@ -285,7 +266,7 @@ def double_dome_forming(
 
     Parameters
     ----------
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         See `formed_ply`; the size is 24 × 16 and the width 470 mm by default.
     travel
         Final travel of the punch in mm, at most the height of the dome.
@@ -302,18 +283,17 @@ def double_dome_forming(
     """
     name = "double_dome_forming"
     height, length, width = 60.0, 180.0, 75.0
-    middle = 0.5 * _gap(name, gap)
+    middle, travel = 0.5 * _gap(name, given.gap), given.travel
     if _upwards(name, travel) > height:
         raise ValueError(
             f"{name}: the travel must be at most the height of the dome, {height:g} "
             f"mm, got {travel:g} mm"
         )
     punch = _raised(dome(height, length, width), -middle)
-    clearance = positive_length(f"{name}: clearance", clearance)
+    clearance = positive_length(f"{name}: clearance", given.clearance)
     cavity = dome(height, length + clearance, width + clearance)
-    tools = _pressed(name, punch, _raised(cavity, height + middle), travel, gap)
-    options: PlyOptions = {"size": (24, 16), "width": 470.0, **ply}
-    return formed_ply(name, tools, mesh, **options)
+    tools = _pressed(name, punch, _raised(cavity, height + middle), travel, given.gap)
+    return formed_ply(name, tools, given.mesh, **given.ply())
 
 
 def _raised(surface: HeightField, rise: float) -> HeightField:
@@ -325,16 +305,8 @@ def _height(x: ndarray, y: ndarray, surface: HeightField, rise: float) -> Height
     return height._replace(h=height.h + rise)
 
 
-def forming(
-    punch: TriangleMesh,
-    die: TriangleMesh,
-    mesh: str | Mesh = "irregular",
-    travel: float = 50.0,
-    gap: float | None = None,
-    centre: tuple[float, float] = (0.0, 0.0),
-    pressure: float | None = None,
-    **ply: Unpack[PlyOptions],
-) -> Scene:
+@with_parameters(declared.Forming)
+def forming(given: declared.Forming) -> Scene:
     """Ply that a punch from a file forms through a die from a file.
 
     Punch and die are in their initial positions, in the same axes.  The ply lies
@@ -345,7 +317,7 @@ def forming(
     ----------
     punch, die
         Triangulated tools, see `skfem_textile.io.read_surface`.
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         See `formed_ply`; the part is the whole ply by default.
     travel
         Final travel of the punch along z in mm, negative if it moves down.
@@ -365,21 +337,21 @@ def forming(
         the ply or passes it completely, or if a holder with a pressure has no flange
         to press on.
     """
-    if gap is not None and pressure is not None:
+    punch, die, travel, pressure = given.punch, given.die, given.travel, given.pressure
+    if given.gap is not None and pressure is not None:
         raise ValueError(
             "forming: a holder has either a gap or a pressure: omit one of them"
         )
-    gap = _gap("forming", GAP if gap is None else gap)
+    gap = _gap("forming", GAP if given.gap is None else given.gap)
     _refuse_units(punch, die)
     middle, up = 0.5 * gap, float(np.sign(travel))
     flange = float((up * die.facets.points[2]).min())
-    axes = Axes(np.array([*centre, up * (flange - middle)]))
+    axes = Axes(np.array([*given.centre, up * (flange - middle)]))
     punch, die = punch.moved(*axes), die.moved(*axes)
     outline = None if pressure is None else _flange(die, up, flange)
     sides = _side(punch, up), _side(die, -up)
     tools = _pressed("forming", punch, die, travel, gap, pressure, outline, sides)
-    options: PlyOptions = {"part": "whole", **ply}
-    scene = formed_ply("forming", tools, mesh, axes, **options)
+    scene = formed_ply("forming", tools, given.mesh, axes, **given.ply())
     for name, tool in ("punch", punch), ("die", die):
         refuse_extent(f"forming: the {name}", tool, scene.mesh)
     heights, plane = up * punch.facets.points[2], f"{axes.origin[2]:.6g} mm"

@@ -7,7 +7,8 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
-from ..mesh.checks import with_edges
+from ..declarations.scenes import OnRectangle
+from ..mesh.checks import check_mesh, with_edges
 from ..mesh.selection import named_nodes
 
 Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical", "delaunay"]
@@ -94,6 +95,32 @@ def rectangle(
     node = np.arange(x.size).reshape(x.shape)
     corners = node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]
     return with_edges(MeshQuad(points, np.stack([c.ravel() for c in corners])))
+
+
+def given_or_rectangle(
+    given: OnRectangle, width: float, height: float, *fibres: float
+) -> Mesh:
+    """The given mesh, with named edges, or a `rectangle` with the given parameters.
+
+    Parameters
+    ----------
+    given
+        Parameters of the scene.
+    width, height
+        Sides in mm.
+    *fibres
+        Inclination of warp and weft in radians, for ``aligned``.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is not valid; see also `rectangle`.
+    """
+    if not isinstance(given.mesh, str):
+        check_mesh(given.mesh)
+        return with_edges(given.mesh)
+    grid = given.size, given.mesh, given.jitter, given.seed
+    return rectangle(width, height, *grid, *fibres)
 
 
 def misfit(mesh: Mesh, sides: Iterable[str]) -> str:

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from functools import partial, wraps
+from inspect import signature
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy import ndarray
@@ -32,15 +33,39 @@ ExactField = Callable[[ndarray, float], ndarray]
 _WORTH_SAYING = 0.01
 
 
+_P = ParamSpec("_P")
+
+_T = TypeVar("_T")
+
+
+def with_parameters(
+    declaration: Callable[_P, _T],
+) -> Callable[[Callable[[_T], "Scene"]], Callable[_P, "Scene"]]:
+    """Give a function of declared parameters these parameters as its own.
+
+    Parameters
+    ----------
+    declaration
+        Dataclass of the parameters, which the function takes as one object.
+    """
+
+    def decorated(build: Callable[[_T], "Scene"]) -> Callable[_P, "Scene"]:
+        @wraps(build)
+        def scene(*args: _P.args, **kwargs: _P.kwargs) -> "Scene":
+            return build(declaration(*args, **kwargs))
+
+        given = signature(declaration).replace(return_annotation=Scene)
+        scene.__signature__ = given  # type: ignore[attr-defined]
+        return scene
+
+    return decorated
+
+
 def unknown(X: ndarray, t: float) -> ndarray:
     """Field without an exact solution; raises a ValueError."""
     raise ValueError(
         "the scene has no exact field: use its figures, which contain the exact values"
     )
-
-
-def _no_loads(fabric: Fabric) -> "Sequence[Load]":
-    return ()
 
 
 def _no_figures(result: Result) -> Mapping[str, float]:
@@ -95,7 +120,7 @@ class Scene:
     tools
         Tools and holders of a ply in space.
     loads_of
-        Further loads, as a function of the fabric.
+        Further loads, as a function of the fabric, or None.
     figures
         Further figures of a result, besides exact ones.
     measured
@@ -127,7 +152,7 @@ class Scene:
     loads: "tuple[Load, ...]" = ()
     tools: "tuple[Tool | Holder, ...]" = ()
     reacting: str = ""
-    loads_of: "Callable[[Fabric], Sequence[Load]]" = _no_loads
+    loads_of: "Callable[[Fabric], Sequence[Load]] | None" = None
     figures: Callable[[Result], Mapping[str, float]] = _no_figures
     measured: Callable[[Result], Mapping[str, float | str]] = _no_figures
     first: Sequence[Quantity] = ()

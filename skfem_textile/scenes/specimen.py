@@ -7,16 +7,17 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..declarations import scenes as declared
+from ..mesh.checks import MeshError
 from ..mesh.selection import named_nodes
 from ..mesh.user_input import printable
 from ..solve.conditions import Condition
-from .rectangle import rectangle
-from .scene import Scene
+from .rectangle import given_or_rectangle
+from .scene import Scene, with_parameters
 from .shear_test import BiasTest
 
 #: Sides of a generated ply in mm.
-WIDTH, HEIGHT = 50.0, 100.0
+WIDTH, HEIGHT = declared.Specimen.width, declared.Specimen.height
 
 #: A component of a displacement in mm, or `FREE`.
 Component: TypeAlias = float | str
@@ -24,25 +25,12 @@ Component: TypeAlias = float | str
 #: Free component.
 FREE = "free"
 
-# Default displacements along x and y in mm.
-_MOVES = (("bottom", (0.0, 0.0)), ("top", (0.0, 10.0)))
-
 # Tolerance of a rectangular outline at the origin, relative to its size.
 _OFF = 1e-6
 
 
-def specimen(
-    mesh: str | Mesh = "irregular",
-    size: tuple[int, int] = (8, 16),
-    jitter: float = 0.25,
-    seed: int = 1,
-    width: float = WIDTH,
-    height: float = HEIGHT,
-    warp: float = np.pi / 4,
-    weft: float = 3 * np.pi / 4,
-    moves: Sequence[tuple[str, tuple[Component, Component]]] = _MOVES,
-    driven: str | None = None,
-) -> Scene:
+@with_parameters(declared.Specimen)
+def specimen(given: declared.Specimen) -> Scene:
     """Ply with fixed or displaced boundaries, without an exact solution.
 
     Parameters
@@ -76,14 +64,12 @@ def specimen(
     >>> scene.driven, scene.conditions["top"].value
     ('top', (None, 40.0))
     """
-    if isinstance(mesh, str):
-        for name, side in (("width", width), ("height", height)):
-            if not (np.isfinite(side) and side > 0):
-                raise ValueError(f"the {name} must be positive, got {side:g} mm")
-        mesh = rectangle(width, height, size, mesh, jitter, seed, warp, weft)
-    else:
-        check_mesh(mesh)
-        mesh = with_edges(mesh)
+    warp, weft, moves = given.warp, given.weft, given.moves
+    sides = {"width": given.width, "height": given.height}
+    for name, side in sides.items() if isinstance(given.mesh, str) else ():
+        if not (np.isfinite(side) and side > 0):
+            raise ValueError(f"the {name} must be positive, got {side:g} mm")
+    mesh = given_or_rectangle(given, *sides.values(), warp, weft)
     conditions = {}
     for name, components in moves:
         if name in conditions:
@@ -99,7 +85,7 @@ def specimen(
         warp=(float(np.cos(warp)), float(np.sin(warp))),
         weft=(float(np.cos(weft)), float(np.sin(weft))),
         conditions=conditions,
-        driven=_driven(moves, conditions, driven),
+        driven=_driven(moves, conditions, given.driven),
         displacement=_unknown_displacement,
         shear_angle=_unknown_shear_angle,
         misfit="the displacements are user-defined",

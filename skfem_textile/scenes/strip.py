@@ -10,20 +10,17 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..declarations import scenes as declared
+from ..mesh.checks import MeshError
 from ..solve.conditions import Condition
-from .rectangle import misfit, rectangle
-from .scene import Scene
+from .rectangle import given_or_rectangle, misfit
+from .scene import Scene, with_parameters
 
 WIDTH, HEIGHT, RADIUS = 40.0, 60.0, 55.0
 
 
-def strip(
-    mesh: str | Mesh = "irregular",
-    size: tuple[int, int] = (10, 15),
-    jitter: float = 0.3,
-    seed: int = 1,
-) -> Scene:
+@with_parameters(declared.Strip)
+def strip(given: declared.Strip) -> Scene:
     """Strip deformed to a circle, with fibres along its sides, clamped at the bottom.
 
     Parameters
@@ -41,10 +38,8 @@ def strip(
     ValueError
         If the mesh is not valid or does not fit.
     """
-    if isinstance(mesh, str):
-        mesh = rectangle(WIDTH, HEIGHT, size, mesh, jitter, seed)
-    else:
-        mesh = _with_named_edges(mesh)
+    mesh = given_or_rectangle(given, WIDTH, HEIGHT)
+    _refuse_misfit(mesh)
     return Scene(
         name="strip",
         mesh=mesh,
@@ -78,10 +73,8 @@ def shear_angle(X: ndarray, t: float) -> ndarray:
     return t * X[1] / RADIUS
 
 
-def _with_named_edges(mesh: Mesh) -> Mesh:
-    """Mesh with its bottom and right edges named, if it fits the scene."""
-    check_mesh(mesh)
-    mesh = with_edges(mesh)
+def _refuse_misfit(mesh: Mesh) -> None:
+    """Refuse a mesh that does not fit the scene."""
     for name in ("bottom", "right"):
         if name not in mesh.boundaries:
             raise MeshError(
@@ -95,4 +88,3 @@ def _with_named_edges(mesh: Mesh) -> Mesh:
             f"strip: the mesh must be less than {RADIUS * np.pi / 2:.1f} mm high, not "
             f"{mesh.p[1].max():g} mm, because the shear angle would exceed 90 degrees"
         )
-    return mesh

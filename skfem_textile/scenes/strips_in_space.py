@@ -5,54 +5,43 @@ from functools import partial
 import numpy as np
 from skfem import Mesh
 
-from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..declarations import scenes as declared
+from ..declarations.scenes import OnRectangle
+from ..mesh.checks import MeshError
 from ..ply.loads import BodyForce
 from ..solve.conditions import Condition
 from ..solve.quantities import Quantity
 from ..solve.result import Result
 from .elastica import buckled, hanging, peirce
-from .rectangle import misfit, rectangle
-from .scene import Scene
+from .rectangle import given_or_rectangle, misfit
+from .scene import Scene, with_parameters
 
 #: Names of the ends of a strip.
 ENDS = ("left", "right")
 
 
-def strip_with_ends(
-    scene: str,
-    mesh: str | Mesh,
-    sides: tuple[float, float],
-    size: tuple[int, int],
-    jitter: float,
-    seed: int,
-) -> Mesh:
+def strip_with_ends(name: str, given: OnRectangle, length: float) -> Mesh:
     """Mesh of a strip with ends named ``left`` and ``right``.
 
     Parameters
     ----------
-    scene
+    name
         Name of the scene, for error messages.
-    mesh
-        A mesh, or the kind of `rectangle` to generate.
-    sides
-        Length and width of a generated mesh in mm.
-    size, jitter, seed
-        As for `rectangle`.
+    given
+        Parameters of the scene.
+    length
+        Length of a generated mesh in mm.
 
     Raises
     ------
     ValueError
         If the mesh is not valid, or an end is not straight.
     """
-    if isinstance(mesh, str):
-        return rectangle(*sides, size, mesh, jitter, seed)
-    check_mesh(mesh)
-    mesh = with_edges(mesh)
-    for name in ENDS:
-        if name not in mesh.boundaries:
+    mesh = given_or_rectangle(given, length, WIDTH)
+    for end in ENDS:
+        if end not in mesh.boundaries:
             raise MeshError(
-                f"{scene}: the mesh has no straight {name} edge: name a boundary "
-                f"{name!r}"
+                f"{name}: the mesh has no straight {end} edge: name a boundary {end!r}"
             )
     return mesh
 
@@ -68,14 +57,8 @@ _FIRST_OF_CANTILEVER = (
 WIDTH = 25.0
 
 
-def cantilever(
-    mesh: str | Mesh = "irregular",
-    size: tuple[int, int] = (16, 2),
-    jitter: float = 0.0,
-    seed: int = 1,
-    length: float = 200.0,
-    weight: float = 6e-6,
-) -> Scene:
+@with_parameters(declared.Cantilever)
+def cantilever(given: declared.Cantilever) -> Scene:
     """Strip clamped at its left edge that bends under its weight.
 
     Parameters
@@ -96,10 +79,11 @@ def cantilever(
     ValueError
         If the mesh is not valid or does not fit, or a number is not positive.
     """
-    for name, number in (("length", length), ("weight", weight)):
+    weight = given.weight
+    for name, number in (("length", given.length), ("weight", weight)):
         if not 0 < number < np.inf:
             raise ValueError(f"the {name} must be positive, got {number:g}")
-    mesh = strip_with_ends("cantilever", mesh, (length, WIDTH), size, jitter, seed)
+    mesh = strip_with_ends("cantilever", given, given.length)
     overhang = float(np.ptp(mesh.p[0]))
     return Scene(
         name="cantilever",
@@ -162,14 +146,8 @@ def _cantilever_figures(
     }
 
 
-def buckling(
-    mesh: str | Mesh = "irregular",
-    size: tuple[int, int] = (16, 2),
-    jitter: float = 0.0,
-    seed: int = 1,
-    shortening: float = 0.2,
-    push: float = 1e-8,
-) -> Scene:
+@with_parameters(declared.Buckling)
+def buckling(given: declared.Buckling) -> Scene:
     """Hinged strip that is compressed along its length and buckles.
 
     Parameters
@@ -191,11 +169,12 @@ def buckling(
         If the mesh is not valid or does not fit, the shortening is not between 0 and 1,
         or the push is not finite.
     """
+    shortening, push = given.shortening, given.push
     if not 0 < shortening < 1:
         raise ValueError(f"the shortening must be between 0 and 1, got {shortening:g}")
     if not np.isfinite(push):
         raise ValueError(f"the push must be a finite number, got {push:g} N/mm2")
-    mesh = strip_with_ends("buckling", mesh, (100.0, WIDTH), size, jitter, seed)
+    mesh = strip_with_ends("buckling", given, 100.0)
     length, width = np.ptp(mesh.p, axis=1).tolist()
     return Scene(
         name="buckling",

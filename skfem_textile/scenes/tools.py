@@ -2,17 +2,15 @@
 
 from collections.abc import Callable
 from functools import cache, partial
-from typing import Unpack
 
 import numpy as np
 from numpy import ndarray
-from skfem import Mesh
 
+from ..declarations import scenes as declared
 from ..drape import Cylinder, Height, HeightField, Sphere
 from ..drape import double_dome as tool
 from .draped_ply import draped_ply
-from .flat_ply import PlyOptions
-from .scene import Scene
+from .scene import Scene, with_parameters
 
 #: Argument at which the net folds, ω = 0.
 FOLD = 1.8616
@@ -51,11 +49,8 @@ def shear_angle(z: ndarray) -> ndarray:
 _OFF = 1e-6
 
 
-def hemisphere(
-    mesh: str | Mesh = "irregular",
-    radius: float = 100.0,
-    **ply: Unpack[PlyOptions],
-) -> Scene:
+@with_parameters(declared.Hemisphere)
+def hemisphere(given: declared.Hemisphere) -> Scene:
     """Ply on a sphere with its pole at the origin.
 
     If the ply is symmetric about the fibres through the pole (fibres along the sides,
@@ -66,7 +61,7 @@ def hemisphere(
     ----------
     radius
         Radius in mm.
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         As for `draped_ply`.
 
     Raises
@@ -74,12 +69,12 @@ def hemisphere(
     ValueError
         See `draped_ply`; also if the radius is not positive.
     """
-    fibres = ply.get("fibres", 0.0)
+    fibres, radius = given.fibres, given.radius
     return draped_ply(
         "hemisphere",
         Sphere(radius, (0.0, 0.0, -radius)),
-        mesh,
-        **ply,
+        given.mesh,
+        **given.ply(),
         exact=partial(_of_sphere, fibres=fibres, radius=radius),
         off_exact=partial(_off_exact, fibres=fibres, radius=radius),
     )
@@ -116,11 +111,8 @@ def _off_exact(X: ndarray, fibres: float, radius: float) -> str:
     return ""
 
 
-def cylinder(
-    mesh: str | Mesh = "irregular",
-    radius: float = 100.0,
-    **ply: Unpack[PlyOptions],
-) -> Scene:
+@with_parameters(declared.Cylinder)
+def cylinder(given: declared.Cylinder) -> Scene:
     """Ply on a cylinder with its axis along y below the origin.
 
     The exact solution for fibres at any angle is zero shear.
@@ -129,7 +121,7 @@ def cylinder(
     ----------
     radius
         Radius in mm.
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         As for `draped_ply`.
 
     Raises
@@ -139,9 +131,9 @@ def cylinder(
     """
     return draped_ply(
         "cylinder",
-        Cylinder(radius, (0.0, 0.0, -radius)),
-        mesh,
-        **ply,
+        Cylinder(given.radius, (0.0, 0.0, -given.radius)),
+        given.mesh,
+        **given.ply(),
         exact=_no_shear,
         off_exact=lambda X: "",
     )
@@ -151,12 +143,13 @@ def _no_shear(X: ndarray, t: float) -> ndarray:
     return np.zeros(X.shape[1])
 
 
-def double_dome(mesh: str | Mesh = "irregular", **ply: Unpack[PlyOptions]) -> Scene:
+@with_parameters(declared.DoubleDome)
+def double_dome(given: declared.DoubleDome) -> Scene:
     """Ply on `skfem_textile.drape.double_dome` with its long side along x.
 
     Parameters
     ----------
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         As for `draped_ply`.
 
     Raises
@@ -164,22 +157,18 @@ def double_dome(mesh: str | Mesh = "irregular", **ply: Unpack[PlyOptions]) -> Sc
     ValueError
         See `draped_ply`.
     """
-    options: PlyOptions = {"size": (32, 18), "width": 470.0, "height": 270.0, **ply}
-    return draped_ply("double_dome", tool(), mesh, **options)
+    return draped_ply("double_dome", tool(), given.mesh, **given.ply())
 
 
-def saddle(
-    mesh: str | Mesh = "irregular",
-    radius: float = 150.0,
-    **ply: Unpack[PlyOptions],
-) -> Scene:
+@with_parameters(declared.Saddle)
+def saddle(given: declared.Saddle) -> Scene:
     """Ply on a saddle that is concave along x and convex along y.
 
     Parameters
     ----------
     radius
         Radius R of both curvatures in the middle, in mm.
-    mesh, **ply
+    mesh, size, jitter, seed, fibres, width, height, tension, part
         As for `draped_ply`.
 
     Raises
@@ -187,10 +176,11 @@ def saddle(
     ValueError
         See `draped_ply`; also if the radius is not positive.
     """
+    radius = given.radius
     if not 0 < radius < np.inf:
         raise ValueError(f"saddle: the radius must be positive, got {radius:g} mm")
     surface = HeightField(partial(_saddle, radius=radius))
-    return draped_ply("saddle", surface, mesh, **ply)
+    return draped_ply("saddle", surface, given.mesh, **given.ply())
 
 
 def _saddle(x: ndarray, y: ndarray, radius: float) -> Height:

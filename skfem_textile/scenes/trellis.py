@@ -6,35 +6,28 @@ angles through which f′ and g′ turn away from A₁ and A₂ describe the mot
 boundary follows it; sides may be free or on inclined rollers.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from numbers import Real
-from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 from numpy.polynomial.legendre import leggauss
 from skfem import Mesh
 
-from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..declarations import scenes as declared
+from ..declarations.scenes import Edge, Turn
+from ..mesh.checks import MeshError
 from ..mesh.scikit_fem import with_names
 from ..solve.conditions import Condition
-from .rectangle import rectangle
-from .scene import Scene
+from .rectangle import given_or_rectangle
+from .scene import Scene, with_parameters
 from .shear_test import FrameTest
 
 #: Side of the ply in mm.
 SIDE = 100.0
-
-#: Rotation of a family in radians at the coordinate s along its fibres (mm) and the
-#: load factor t: ``(s, t) -> (n,)``.
-Turn: TypeAlias = Callable[[ndarray, float], ndarray]
-
-#: Support of a side: ``held`` prescribes the whole displacement, ``free`` nothing.  A
-#: number is the inclination in radians of the line along which a roller rolls.
-Edge: TypeAlias = Literal["held", "free"] | float
 
 #: Sides; the first that is not free is the driven edge.
 SIDES = ("top", "right", "bottom", "left")
@@ -42,16 +35,8 @@ SIDES = ("top", "right", "bottom", "left")
 _XI, _WEIGHTS = leggauss(24)
 
 
-def trellis(
-    mesh: str | Mesh = "irregular",
-    size: tuple[int, int] = (10, 10),
-    jitter: float = 0.3,
-    seed: int = 1,
-    warp: float = 0.0,
-    weft: float = np.pi / 2,
-    turns: tuple[Turn, Turn] | None = None,
-    edges: Mapping[str, Edge] | None = None,
-) -> Scene:
+@with_parameters(declared.Trellis)
+def trellis(given: declared.Trellis) -> Scene:
     """Ply whose boundary follows a motion without fibre strain.
 
     Without shear stiffness the motion requires no force, whichever sides are free. With
@@ -88,20 +73,16 @@ def trellis(
     >>> list(scene.conditions), scene.driven
     (['held', 'left', 'top'], 'top')
     """
-    if isinstance(mesh, str):
-        mesh = rectangle(SIDE, SIDE, size, mesh, jitter, seed, warp, weft)
-    else:
-        check_mesh(mesh)
-        mesh = with_edges(mesh)
-        if "top" not in mesh.boundaries:
-            raise MeshError(
-                "trellis: the mesh has no straight top edge: name a boundary 'top'"
-            )
-    turns = sheared(np.pi / 4, np.pi / 6) if turns is None else turns
-    motion = Motion((warp, weft), turns)
+    warp, weft, edges = given.warp, given.weft, given.edges or {}
+    mesh = given_or_rectangle(given, SIDE, SIDE, warp, weft)
+    if "top" not in mesh.boundaries:
+        raise MeshError(
+            "trellis: the mesh has no straight top edge: name a boundary 'top'"
+        )
+    motion = Motion((warp, weft), given.turns or sheared(np.pi / 4, np.pi / 6))
     motion.check(mesh.p)
-    mesh = _with_held(mesh, edges or {})
-    conditions, driven = _conditions(mesh, edges or {}, motion)
+    mesh = _with_held(mesh, edges)
+    conditions, driven = _conditions(mesh, edges, motion)
     return Scene(
         name="trellis",
         mesh=mesh.with_boundaries({"boundary": mesh.boundary_facets()}),
@@ -258,15 +239,8 @@ def _curve(
     return x
 
 
-def picture_frame(
-    mesh: str | Mesh = "irregular",
-    size: tuple[int, int] = (10, 10),
-    jitter: float = 0.3,
-    seed: int = 1,
-    shear_angle: float = np.pi / 4,
-    side: float = SIDE,
-    frame: float | None = None,
-) -> Scene:
+@with_parameters(declared.PictureFrame)
+def picture_frame(given: declared.PictureFrame) -> Scene:
     """Square ply in a hinged frame with fibres along its sides.
 
     The bottom bar is fixed and the side bars rotate: at the load factor t the shear
@@ -293,12 +267,12 @@ def picture_frame(
         If the mesh is not valid, the frame would close, or it is smaller than the
         fabric.
     """
-    if isinstance(mesh, str):
-        mesh = rectangle(side, side, size, mesh, jitter, seed, 0.0, 0.5 * np.pi)
-    turns = _straight, partial(_bent, angle=-shear_angle)
+    mesh = given_or_rectangle(given, given.side, given.side)
+    turns = _straight, partial(_bent, angle=-given.shear_angle)
     scene = trellis(mesh, turns=turns)
     fabric = float(np.ptp(scene.mesh.p[1]))
-    test = FrameTest(fabric if frame is None else frame, fabric)
+    frame = fabric if given.frame is None else given.frame
+    test = FrameTest(frame, fabric)
     return replace(scene, name="picture_frame", shear_test=test)
 
 

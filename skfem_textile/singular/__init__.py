@@ -1,26 +1,9 @@
 """Outlines of plies, and fibres across which the shear angle may jump."""
 
+import lazy_loader
+
 from ..mesh.requirements import require
 
 require("a mesh of an outline", "outlines", "shapely")
 
-from .along import along_edges
-from .cells import CORNER
-from .fibres import SingularFibre, SingularFibres, singular_fibres
-from .fitting import FittedMesh, fit_to_fibres
-from .meshing import SINGULAR, mesh_along_fibres, mesh_outline
-from .outline import Outline
-
-__all__ = [
-    "CORNER",
-    "SINGULAR",
-    "FittedMesh",
-    "Outline",
-    "SingularFibre",
-    "SingularFibres",
-    "along_edges",
-    "fit_to_fibres",
-    "mesh_along_fibres",
-    "mesh_outline",
-    "singular_fibres",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -380,7 +380,7 @@ class _Fit:
         middle = shapely.points(x.mean(axis=1).T)
         along[along] = shapely.distance(fibre, middle) < _SHARE * length
         edges = shapely.linestrings(fitted.p[:, ends[:, along]].transpose(2, 1, 0))
-        missed = fibre.length - 2 * self._near - shapely.length(edges).sum()
+        missed = fibre.length - shapely.length(edges).sum()
         if missed > _MISSED * fibre.length:
             rest = fibre - shapely.buffer(shapely.union_all(edges), 10 * self._near)
             part = max(shapely.get_parts(rest), key=shapely.length, default=fibre)
@@ -398,7 +398,7 @@ class _Fit:
 def _regions(mesh: Mesh) -> ndarray:
     """Number of each element's set of subdomains, shape (n_elements,)."""
     sub = [np.asarray(s, dtype=int) for s in (mesh.subdomains or {}).values()]
-    inside = np.zeros((len(sub) + 1, mesh.nelements), dtype=bool)
-    for row, elements in zip(inside, sub, strict=False):
+    inside = np.zeros((len(sub), mesh.nelements), dtype=bool)
+    for row, elements in zip(inside, sub, strict=True):
         row[elements] = True
     return np.unique(inside, axis=1, return_inverse=True)[1].ravel()

@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 from scipy.integrate import cumulative_trapezoid
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
+from ..mesh.graph import components
 from .outline import NEAR
 
 log = logging.getLogger(__name__)
@@ -198,8 +197,7 @@ class _Sides:
         joined = self._oblique[1, side]
         i, j = i[joined], np.searchsorted(b, at[joined]) - 1 + len(counts[0])
         n = len(counts[0]) + len(counts[1])
-        graph = coo_matrix((np.ones(len(i)), (i, j)), (n, n))
-        _, label = connected_components(graph, directed=False)
+        label = components(n, (i, j))
         most = np.zeros(n)
         np.maximum.at(most, label, np.concatenate(counts))
         return np.split(most[label], [len(counts[0])])

@@ -15,7 +15,7 @@ from skfem import CellBasis
 from ..fabric import Direction, unit_vectors
 from ..mesh.bases import components, node_dofs, node_positions
 from ..mesh.selection import Where, selected_nodes
-from ..mesh.user_input import call_user_function, keep_copies, real_numbers
+from ..mesh.user_input import call_user_function, keep_copies, real_numbers, shortened
 from .surface import OnSurface
 from .surface.nodes import SurfaceNodes
 
@@ -124,7 +124,7 @@ class Condition:
             raise ValueError(
                 f"condition {name!r}: a value with None must have {d} components, at "
                 "least one of them a number, and cannot be combined with a direction; "
-                f"got {value}"
+                f"got {shortened(value)}"
             )
         return axes
 
@@ -183,7 +183,7 @@ class Constraints:
     prescribed
         Numbers of the (rotated) unknowns fixed by displacement conditions.
     surfaces
-        Nodes on surfaces; None if there are none.
+        Nodes on surfaces.
     fixed, free
         Numbers of the fixed unknowns, including those normal to surfaces, and of the
         free ones.
@@ -232,16 +232,14 @@ class Constraints:
         _, node, direction = zip(*rows, strict=True)
         self._node = np.concatenate(node)
         self._resolve(basis, np.concatenate(direction, axis=1))
-        self.fixed, self.surfaces = self.prescribed, None
-        if on:
-            if self._d != 3:
-                raise ValueError(
-                    f"condition {next(iter(on))!r}: a surface requires a ply in "
-                    "space: use Ply(..., dimension=3)"
-                )
-            geometry = self._X, self.turn, self.prescribed
-            self.surfaces = SurfaceNodes(on, acting, *geometry)
-            self.fixed = np.union1d(self.prescribed, self.surfaces.eliminated)
+        if on and self._d != 3:
+            raise ValueError(
+                f"condition {next(iter(on))!r}: a surface requires a ply in space: use "
+                "Ply(..., dimension=3)"
+            )
+        geometry = self._X, self.turn, self.prescribed
+        self.surfaces = SurfaceNodes(on, acting, *geometry)
+        self.fixed = np.union1d(self.prescribed, self.surfaces.eliminated)
         self.free = np.setdiff1d(np.arange(basis.N), self.fixed)
 
     def _resolve(self, basis: CellBasis, direction: ndarray) -> None:
@@ -278,8 +276,7 @@ class Constraints:
         Raises an error if two conditions prescribe different displacements of a node or
         if a surface cannot grow.
         """
-        if self.surfaces:
-            self.surfaces.check(t)
+        self.surfaces.check(t)
         if self._normal is None:
             return np.empty(0)
         g = np.concatenate(

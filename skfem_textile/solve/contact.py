@@ -47,7 +47,7 @@ def with_stiffness(
     """
     ply, bare = problem.ply, without(problem, parameters)
     blocks = ply.stiffness(u, problem.load_factor, bare, tension)
-    largest = np.linalg.eigvalsh(blocks[_of_nodes(problem)])[:, -1].mean()
+    largest = np.linalg.eigvalsh(blocks[ply.pattern.diagonal])[:, -1].mean()
 
     def stiff(values: Values) -> Values:
         stiffness = np.full_like(values["stiffness"], largest)
@@ -135,7 +135,7 @@ class ActiveSet(Direction):
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem)
-        self._nodes = _of_nodes(problem)
+        self._nodes = problem.ply.pattern.diagonal
         self._last_shift = 0.0
 
     def first(self, start: InitialGuess) -> Iterate:
@@ -195,10 +195,7 @@ class ActiveSet(Direction):
         K = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
         for contact in problem.contacts:
             f = f - contact.residual(u, problem.load_factor, p[contact.name])
-            force = forces[contact.name]
-            nodes = np.flatnonzero(force)
-            curvature = contact.curvatures(u, problem.load_factor, nodes)
-            K[self._nodes[nodes]] -= (force[nodes] * curvature).T
+            K = problem.curved(u, K, contact, forces[contact.name])
         return f, K
 
     def _definite(
@@ -255,9 +252,3 @@ class _LinearGap:
         before, gap = self.force > 0, self.gap + (self.normal * du).sum(axis=0)
         self.force = np.maximum(self.p["force"] - self.kappa * gap, 0.0)
         return not np.array_equal(before, self.force > 0)
-
-
-def _of_nodes(problem: Problem) -> ndarray:
-    """Numbers of the diagonal blocks of the nodes in the pattern."""
-    pattern = problem.ply.pattern
-    return np.flatnonzero(pattern.rows == pattern.cols)

@@ -302,8 +302,6 @@ def surface_predictor(problem: Problem, start: InitialGuess) -> InitialGuess:
     Returns the initial guess itself if no surface grows, or if carrying it folds the
     ply or leaves the domain of a law.
     """
-    if problem.surfaces is None:
-        return start
     u = problem.surfaces.carried(start.u, start.load_factor, problem.load_factor)
     if u is None:
         return start

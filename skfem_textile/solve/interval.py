@@ -33,7 +33,7 @@ from numpy import ndarray
 
 from ..mesh.bases import element_numbers
 from ..mesh.selection import SINGULAR
-from ..mesh.user_input import error_text, real_numbers
+from ..mesh.user_input import error_text, real_numbers, shortened
 from ..ply import Ply
 from ..ply.formulations import (
     OF_DEVIATION_BELOW_ONE_POINT,
@@ -41,7 +41,7 @@ from ..ply.formulations import (
     Macro,
 )
 from ..ply.parameters import Values
-from ..ply.terms import Formulation
+from ..ply.terms import FormTerm, Formulation, Term
 from .conditioning import uncertain_reactions
 from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
@@ -100,6 +100,10 @@ _IN_SPACE = (
 _NUMERICAL_LOAD = (
     "most of the resistance is numerical: refine the mesh, or use one that follows the "
     "singular fibres"
+)
+
+_OWN_TERM = (
+    "the discretisation error of the term {} is not known; compare with a finer mesh"
 )
 
 #: A quantity of the user: a number from a ply and its displacement.
@@ -175,7 +179,8 @@ class ErrorInterval:
         def number(ply: Ply, u: ndarray) -> float:
             value = real_numbers("the quantity", quantity(ply, u))
             if value.shape or not np.isfinite(value):
-                raise ValueError(f"the quantity must be a finite number, got {value}")
+                given = shortened(value)
+                raise ValueError(f"the quantity must be a finite number, got {given}")
             return float(value)
 
         value, half_width = self._half_width(number)
@@ -203,6 +208,8 @@ def error_interval(
         return ErrorInterval(reason="the equilibrium is not stable")
     if not problem.constraints.free.size:
         return ErrorInterval(reason="no node is free: refine the mesh")
+    if own := [x.name for x in problem.ply.terms if _has_own_forms(x)]:
+        return ErrorInterval(reason=_OWN_TERM.format(", ".join(own)))
     try:
         with np.errstate(all="ignore"):  # non-finite values are detected
             of_state = problem.at(state.load_factor)
@@ -215,6 +222,13 @@ def error_interval(
     except Exception as error:  # from a user's term; computed states are kept
         reason = error_text(error)
     return ErrorInterval(reason=reason)
+
+
+def _has_own_forms(term: Term) -> bool:
+    """True for an elastic energy given by user-defined forms."""
+    if not isinstance(term, FormTerm) or term.role != "internal":
+        return False
+    return not hasattr(term.forms, "built_by")
 
 
 def _is_state_of(problem: Problem, state: State) -> bool:
@@ -247,7 +261,7 @@ def work_of(problem: Problem, state: State) -> float:
     work = _work(problem, problem.residual(u, p), u, p, rate)
     length = np.abs(u).sum() + np.abs(rate).sum()
     least = state.tolerance * length
-    if problem.surfaces is not None:
+    if problem.surfaces:
         least = max(least, _OF_A_LOAD * abs(sum(state.energies.values())))
     return float(work.sum()) if np.abs(work).sum() > least else 0.0
 

@@ -23,6 +23,7 @@ from .linear.solver import Clock, SolverOfPattern
 from .linear.system import System
 from .states import NoEquilibriumError
 from .supports import reactions
+from .surface.nodes import SurfaceNodes
 
 #: Relative round-off of a number.
 EPSILON = 2.0**-53
@@ -121,7 +122,7 @@ class Problem:
     in_space
         True if the displacement has three components.
     surfaces
-        Nodes on surfaces; None if there are none.
+        Nodes on surfaces.
     loaded, line_search
         True if there are loads, or a term with a ``line_search``, respectively.
     moves
@@ -216,7 +217,7 @@ class Problem:
         far, t = np.abs(u).max(initial=0.0), self.load_factor
         size = self._size + np.abs(fixed_values).max(initial=0.0)
         size += sum(np.linalg.norm(x.travel(t)) for x in self.contacts)
-        if self.surfaces and far > _FAR * size:
+        if far > _FAR * size:
             size += self.surfaces.farthest(t)
         return bool(not far <= _FAR * size)
 
@@ -271,8 +272,6 @@ class Problem:
 
         None if they are the same.  The unknowns of nodes on a surface rotate with it.
         """
-        if self.surfaces is None:
-            return self.constraints.turn
         return self.surfaces.turn(u, self.load_factor)
 
     def moved(self, u: ndarray, du: ndarray) -> ndarray:
@@ -280,8 +279,6 @@ class Problem:
 
         Raises an error if the projection of a node fails.
         """
-        if self.surfaces is None:
-            return u + du
         return self.surfaces.onto(u + du, self.load_factor)
 
     def motions_of_supports(self, u: ndarray) -> ndarray:
@@ -292,11 +289,8 @@ class Problem:
         turn, prescribed = self.constraints.turn, self.constraints.prescribed
         units = np.zeros((len(prescribed), len(u)))
         units[np.arange(len(prescribed)), prescribed] = 1.0
-        motions = [plain(unit, turn) for unit in units]
-        if self.surfaces:
-            along = [self.surfaces.along(u, self.load_factor, x) for x in motions]
-            motions = along
-        return np.array(motions)
+        t, motions = self.load_factor, [plain(unit, turn) for unit in units]
+        return np.array([self.surfaces.motion(u, t, x, along=True) for x in motions])
 
     def unfixed(self, f: ndarray, u: ndarray) -> ndarray:
         """DOF vector without its components along the fixed directions at ``u``."""
@@ -330,11 +324,11 @@ class Problem:
 
     def is_fixed(self, u: ndarray, fixed_values: ndarray) -> bool:
         """True if fixed unknowns have their values, and nodes are on surfaces."""
-        constraints, surfaces = self.constraints, self.surfaces
+        constraints = self.constraints
         off = turned(u, constraints.turn)[constraints.prescribed] - fixed_values
         size = np.abs(u).max(initial=0.0) + np.abs(self.nodes).max()
         held = bool((np.abs(off) <= 8 * EPSILON * size).all())
-        return held and (surfaces is None or surfaces.are_on(u, self.load_factor))
+        return held and self.surfaces.are_on(u, self.load_factor)
 
     def in_domain(self, u: ndarray, parameters: PlyParameters) -> bool:
         """True if every law is defined at ``u`` and has a finite energy."""
@@ -348,11 +342,27 @@ class Problem:
         On a surface, an element is inverted if it faces opposite to most elements.
         """
         ply, ratio = self.ply, self.ply.least_area_ratio(u)
-        if self.surfaces is None:
+        if not self.surfaces:
             return ratio
         elements = ply.basis.element_dofs[:: self._dimension] // self._dimension
         arguments = u, self.load_factor, elements, ply.normals(u)
         return ratio * self.surfaces.facing(*arguments)
+
+    def curved(
+        self,
+        u: ndarray,
+        blocks: ndarray,
+        contact: ContactTerm | SurfaceNodes,
+        forces: ndarray | float | None,
+    ) -> ndarray:
+        """Blocks of a tangent less λ∇²g of contact forces λ, shape (n_nodes,)."""
+        if forces is None or not np.any(forces):
+            return blocks
+        nodes, blocks = np.flatnonzero(forces), blocks.copy()
+        curvatures = contact.curvatures(u, self.load_factor, nodes)
+        diagonal = self.ply.pattern.diagonal[nodes]
+        blocks[diagonal] -= (np.asarray(forces)[nodes] * curvatures).T
+        return blocks
 
     def around(self, u: ndarray) -> ndarray:
         """Elements at the node where a DOF vector is largest."""
@@ -432,13 +442,16 @@ class Tangent:
         positive
             True if the element matrices are projected onto positive semi-definite ones.
         contact
-            Multipliers λ of nodes on surfaces, instead of the multipliers at ``u``; 0
-            for a tangent without contact forces.
+            Contact forces of nodes on surfaces, shape (n_nodes,), instead of those at
+            ``u``; 0 for a tangent without contact forces.
         """
-        arguments = u, problem.load_factor, parameters, tension, positive
+        t, surfaces = problem.load_factor, problem.surfaces
+        arguments = u, t, parameters, tension, positive
         blocks = problem.clock.time("assembly", problem.ply.stiffness, *arguments)
-        if problem.surfaces:
-            blocks = _curved(problem, u, parameters, blocks, contact)
+        if contact is None and surfaces:
+            f = problem.nodal(problem.residual(u, parameters))
+            contact = surfaces.forces(u, t, f)
+        blocks = problem.curved(u, blocks, surfaces, contact)
         if problem.contacts:
             blocks = _between_tools(problem, u, parameters, blocks)
         return cls(problem, u, blocks)
@@ -488,15 +501,15 @@ class Tangent:
         return motions
 
     def contact(self, f: ndarray, du: ndarray) -> ndarray | None:
-        """Multipliers λ of nodes on surfaces after an increment, to first order.
+        """Contact forces of nodes on surfaces after an increment, to first order.
 
         None if there are no such nodes.
         """
         problem = self._problem
         if not problem.surfaces:
             return None
-        after = f + problem.ply.pattern.matrix(self._blocks) @ du
-        return _multipliers(problem, self._u, after)
+        after = problem.nodal(f + problem.ply.pattern.matrix(self._blocks) @ du)
+        return problem.surfaces.forces(self._u, problem.load_factor, after)
 
     def equilibrated(self, f: ndarray) -> tuple[ndarray, ndarray]:
         """Increment that balances the forces, and the forces after it, linearised."""
@@ -577,33 +590,6 @@ class Tangent:
         return float(ROUNDINGS * EPSILON * size * rows.max(initial=0.0))
 
 
-def _multipliers(problem: Problem, u: ndarray, f: ndarray) -> ndarray:
-    """λ of nodes on surfaces, shape (n,): normal forces f over the slope of φ."""
-    assert problem.surfaces
-    contact = problem.surfaces.contact(u, problem.load_factor)
-    across = (problem.nodal(f)[:, contact.nodes] * contact.across).sum(axis=0)
-    return across / contact.slope
-
-
-def _curved(
-    problem: Problem,
-    u: ndarray,
-    parameters: PlyParameters,
-    blocks: ndarray,
-    contact: ndarray | float | None,
-) -> ndarray:
-    """Blocks of a tangent less λ∇²φ of nodes on surfaces."""
-    surfaces, pattern = problem.surfaces, problem.ply.pattern
-    assert surfaces
-    if contact is None:
-        contact = _multipliers(problem, u, problem.residual(u, parameters))
-    entries = np.flatnonzero(pattern.rows == pattern.cols)[surfaces.nodes]
-    blocks = blocks.copy()
-    hessian = surfaces.hessian(u, problem.load_factor)
-    blocks[entries] -= np.reshape(contact, (-1, 1, 1)) * hessian
-    return blocks
-
-
 def _between_tools(
     problem: Problem, u: ndarray, parameters: PlyParameters, blocks: ndarray
 ) -> ndarray:
@@ -611,7 +597,7 @@ def _between_tools(
 
     Tools on one side restrain only nodes that touch them.
     """
-    t, pattern = problem.load_factor, problem.ply.pattern
+    t = problem.load_factor
     gap = np.concatenate([x.gaps(u, t) for x in problem.contacts])
     n = np.hstack([x.normals(u, t) for x in problem.contacts])
     force, stiffness = (
@@ -624,8 +610,8 @@ def _between_tools(
     off = reached & ~(force - stiffness * np.where(reached, gap, 0.0) > 0)
     n, kappa = n[:, off], STIFFNESS_OF_GAP * stiffness[off]
     nodes = np.flatnonzero(off) % problem.nodes.shape[1]
-    entries = np.flatnonzero(pattern.rows == pattern.cols)[nodes]
-    np.add.at(blocks, entries, (kappa * n[:, None] * n).T)
+    diagonal = problem.ply.pattern.diagonal[nodes]
+    np.add.at(blocks, diagonal, (kappa * n[:, None] * n).T)
     return blocks
 
 

@@ -140,7 +140,7 @@ def first_rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
         rows.append(("Warnings", "", "none"))
     if time := Quantity("Run time", "wall_time_s", "s").text(summary):
         rows.append(("Run time", "", time))
-    if summary.get("converged") is False:
+    if summary.get("converged") is False and summary.get("load_factor") != 1.0:
         stopped = f"at load factor {summary.get('load_factor'):.4g}, described here"
         texts.insert(0, ("Stopped early", "bad", stopped))
     most = _MOST - len(rows)

@@ -141,7 +141,8 @@ class Result:
         state
             State of the ply, such as the result of `equilibrium_near`; or its
             displacement at the load factor 1, shape (n_unknowns,), which counts as
-            converged if it is an equilibrium under the conditions.
+            converged if it is an equilibrium under the conditions.  What a
+            `LoadStepper` would refuse is a warning.
 
         Raises
         ------
@@ -431,6 +432,8 @@ class Result:
 
     def _head(self) -> str:
         end = "converged" if self.converged else "stopped early"
+        if not self.converged and self.states[-1].load_factor == 1.0:
+            end = "no equilibrium"
         steps = _counted(len(self.states) - 1, "step")
         solves = _counted(self.linear_solves, "linear solve")
         at = f"{self.states[-1].load_factor:g}"

@@ -20,7 +20,7 @@ from .newton import LESS_ROUNDING, METHODS, Method
 from .problem import HOLD, InitialGuess, Problem, Tangent, balanced
 from .states import Equilibrium, Iteration, NoEquilibriumError, State
 from .updates import SETTLED, Damped
-from .verdict import Trial
+from .verdict import CHECKS, Trial
 
 _AT_REST = (
     "less tension, compression or load at rest, loads that grow with the load factor, "
@@ -271,17 +271,26 @@ def _change(trial: Trial, parameters: PlyParameters) -> float:
     if problem.unbalanced(start.f, u) <= tolerance:
         return 0.0
     before, end = (sum(x.energies.values()) for x in (trial, start))
-    ours = np.array([*problem.forces(f).values()])
-    of_tools = contact.resultants(problem, u, trial.equilibrium.parameters).values()
-    supports = *ours, *(force for force, _ in of_tools)
-    largest = max(float(np.linalg.norm(force)) for force in supports)
-    limit = _limit_of_change(problem)
+    limit, largest = _limit_of_change(problem), _largest_force(trial)
     if abs(end - before) <= limit * abs(before) and (
         np.abs(start.f - f).sum() <= _CERTAINLY * limit * largest
     ):
         return 0.0
+    return _change_to_balance(trial, start)
+
+
+def _change_to_balance(trial: Trial, start: InitialGuess) -> float:
+    """Change of energy and forces from a trial to the balance of an initial guess.
+
+    To first order, at the same displacement; infinite if the tangent is singular.
+    """
+    problem, (u, f, *_) = trial.problem, trial.equilibrium
+    tolerance, tangent = trial.equilibrium.tolerance, trial.equilibrium.tangent
     if tangent is None or tangent.negative_pivots is None:
         return np.inf
+    before, end = (sum(x.energies.values()) for x in (trial, start))
+    largest = _largest_force(trial)
+    ours = np.array([*problem.forces(f).values()])
     du, after = tangent.equilibrated(start.f)
     theirs = np.array([*problem.forces(after).values()])
     force = np.linalg.norm(ours - theirs, axis=1).max() - tolerance * u.size
@@ -289,6 +298,14 @@ def _change(trial: Trial, parameters: PlyParameters) -> float:
     energy -= tolerance * np.abs(u).sum()
     of_force = max(force, 0.0) / largest if largest else 0.0
     return float(max(of_force, max(energy, 0.0) / abs(before)))
+
+
+def _largest_force(trial: Trial) -> float:
+    """Largest force of a condition or tool in N."""
+    problem, (u, f, p, *_) = trial.problem, trial.equilibrium
+    of_tools = (force for force, _ in contact.resultants(problem, u, p).values())
+    forces = *problem.forces(f).values(), *of_tools
+    return max(float(np.linalg.norm(force)) for force in forces)
 
 
 def method_of(method: str | Method) -> Method:
@@ -362,8 +379,9 @@ def equilibrium_near(
 def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]:
     """State of a displacement at the load factor 1, and whether it is an equilibrium.
 
-    The parameters of the terms are those at rest, updated at the displacement.  A
-    displacement that is not an equilibrium has a warning; no other check is applied.
+    The parameters of the terms are those at rest, updated at the displacement, which
+    may change an equilibrium by `SETTLED`.  What a `LoadStepper` would refuse is a
+    warning.
     """
     u = real_numbers("u", u)
     ply.refuse_other(u)
@@ -371,7 +389,8 @@ def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]
         raise ValueError("u must be finite, one displacement in mm for each unknown")
     constraints = Constraints(ply.basis, conditions)
     problem = Problem(ply, constraints, partial(ChosenSolver, "auto")).at(1.0)
-    p, tangent = ply.updated(ply.parameters_at_rest, u), None
+    at_rest, tangent = ply.parameters_at_rest, None
+    p = ply.updated(at_rest, u)
     f = problem.residual(u, p)
     residual, tolerance = problem.unbalanced(f, u), 0.0
     with contextlib.suppress(NoEquilibriumError):  # a singular tangent
@@ -380,9 +399,17 @@ def state_at(ply: Ply, conditions: Conditions, u: ndarray) -> tuple[State, bool]
     equilibrium = Equilibrium(u, f, p, (residual,), tolerance, tangent=tangent)
     trial = Trial.of(problem, equilibrium, None)
     fixed = problem.is_fixed(u, constraints.fixed_values(1.0))
-    if not (in_balance := fixed and residual <= tolerance):
+    in_balance = fixed and residual <= tolerance
+    if fixed and p is not at_rest and np.isfinite(f).all():
+        change = _change_to_balance(trial, problem.start(u, p, tangent))
+        in_balance = change <= _limit_of_change(problem)
+    if not in_balance:
         cause = f"the largest free nodal force is {residual:.3g} N"
         if not fixed:
             cause = "nodes do not have their prescribed displacements"
         trial.warnings["equilibrium"] = f"not an equilibrium: {cause}"
+    try:
+        trial.apply_checks(CHECKS)
+    except NoEquilibriumError as failure:
+        trial.warnings["energy"] = str(failure)
     return trial.state(0), in_balance

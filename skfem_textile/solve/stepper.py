@@ -13,7 +13,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.progress import clear, shown
-from ..mesh.user_input import real_numbers
+from ..mesh.user_input import real_numbers, shortened
 from ..ply import Ply
 from .checkpoint import Checkpoint, CheckpointError, Progress, Replay
 from .conditions import Conditions, Constraints
@@ -36,7 +36,6 @@ from .result import UNCHANGING, Result, StepError
 from .search import EquilibriumSearch, Target, method_of
 from .states import Equilibrium, Iteration, NoEquilibriumError, State, UserError
 from .supports import travels
-from .surface import OnSurface
 from .verdict import CHECKS, Trial
 
 log = logging.getLogger(__name__)
@@ -166,9 +165,6 @@ class LoadStepper:
         self.checkpoint = (
             Checkpoint(checkpoint, self.problem, settings) if checkpoint else None
         )
-        self.surfaces = {
-            k: c for k, c in conditions.items() if isinstance(c, OnSurface)
-        }
         self.interval = partial(error_interval, self.problem, conditions)
         self._run = Run(self)
 
@@ -306,7 +302,7 @@ class Run:
             assembly_time_s=clock.seconds["assembly"],
             solve_time_s=clock.seconds["solve"],
             solver=chosen.choice,
-            surfaces=dict(stepper.surfaces),
+            surfaces=self.problem.surfaces.conditions,
             interval=partial(stepper.interval, chosen.choice.name),
         )
 
@@ -448,7 +444,7 @@ class Run:
             found = self._search(Target(t, step, values, guess, start, most_projected))
         except NoEquilibriumError as failure:
             # A growing surface has no limit load.
-            loaded = driven and problem.surfaces is None
+            loaded = driven and not problem.surfaces
             growth = load_growth(problem, last, t) if loaded else 0.0
             self.continuation.failed(failure, last.load_factor, t, t_end, growth)
             return
@@ -512,18 +508,19 @@ def _check_arguments(
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
     if not _is_whole(steps, 1, _MOST_STEPS):
         raise ValueError(
-            f"steps must be a whole number from 1 to {_MOST_STEPS}, got {steps!r}"
+            f"steps must be a whole number from 1 to {_MOST_STEPS}, got "
+            f"{shortened(steps)}"
         )
     if not _is_whole(max_halvings, 0, _MOST_HALVINGS):
         raise ValueError(
             f"max_halvings must be a whole number from 0 to {_MOST_HALVINGS}, got "
-            f"{max_halvings!r}"
+            f"{shortened(max_halvings)}"
         )
     known = ", ".join(CHECKS)
     # A bare string is also a collection, of its letters.
     if isinstance(warn_only, str) or not isinstance(warn_only, Collection):
         raise ValueError(
-            f"warn_only must be a list of checks ({known}), got {warn_only!r}"
+            f"warn_only must be a list of checks ({known}), got {shortened(warn_only)}"
         )
     for name in warn_only:
         if name not in [*CHECKS]:  # names may have any type, even an unhashable one

@@ -41,9 +41,8 @@ def reactions(
     u, t
         Displacement and load factor, on which the normals of surfaces depend.
     """
-    fixed = [_Fixed(*x) for x in constraints.fixed_directions]
-    if constraints.surfaces is not None:
-        fixed += [_Fixed(*x) for x in constraints.surfaces.normals(u, t)]
+    on_surfaces = constraints.surfaces.fixed_directions(u, t)
+    fixed = [_Fixed(*x) for x in (*constraints.fixed_directions, *on_surfaces)]
     d, n_nodes = forces.shape
     sums = np.zeros((n_nodes, d, d))
     for _, nodes, n in fixed:

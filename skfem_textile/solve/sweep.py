@@ -32,7 +32,7 @@ from typing import Any, Generic, TypeVar
 from ..mesh.requirements import require
 from ..mesh.user_input import error_text
 from .checksummed import Lock
-from .linear.rslab import threads as rslab_threads
+from .threads import solver_threads
 
 Case = TypeVar("Case")
 Result = TypeVar("Result")
@@ -375,7 +375,7 @@ def _call(
 
     threadpool_limits(1)
     _name_messages()
-    before, threads_before = _case.set(name), rslab_threads.set(1)
+    before, threads_before = _case.set(name), solver_threads.set(1)
     if parent_process() is not None:  # for libraries loaded later
         os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:
@@ -388,7 +388,7 @@ def _call(
         raise
     finally:
         _case.reset(before)
-        rslab_threads.reset(threads_before)
+        solver_threads.reset(threads_before)
 
 
 def _name_messages() -> None:

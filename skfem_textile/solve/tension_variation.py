@@ -12,13 +12,12 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from skfem import LinearForm, asm
 from skfem.helpers import ddot, grad
 
 from ..fabric import kinematics as kin
 from ..mesh.bases import MeanBasis, displacement_gradient, element_numbers
+from ..mesh.graph import components
 from ..mesh.selection import SINGULAR
 from ..ply import Ply
 from ..ply.terms import TensionTerm
@@ -85,7 +84,5 @@ def _vertices(mesh: Any) -> ndarray:
         pairs.append(
             [number[i, e] for i, e in zip(corners, mesh.f2t[:, inner], strict=True)]
         )
-    one, other = np.concatenate(pairs, axis=1)
-    shape = (mesh.t.size, mesh.t.size)
-    joined = coo_matrix((np.ones(one.size), (one, other)), shape)
-    return connected_components(joined, directed=False)[1].reshape(mesh.t.shape)
+    joined = np.concatenate(pairs, axis=1)
+    return components(mesh.t.size, joined).reshape(mesh.t.shape)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..mesh.user_input import error_text
+from ..mesh.user_input import error_text, shortened
 from .interval import ErrorInterval
 from .quantities import Quantity
 from .result import Driven, Result, StepError
@@ -166,7 +166,7 @@ class ToleranceStepper:
             _refuse_unless_positive(name, value)
         if not tolerance < 1:
             raise ValueError(
-                f"the tolerance must be between 0 and 1, got {tolerance!r}"
+                f"the tolerance must be between 0 and 1, got {shortened(tolerance)}"
             )
         self._at, self.tolerance, self._density = stepper_at, tolerance, density
         self.most_unknowns, self.on_round = most_unknowns, on_round
@@ -340,4 +340,4 @@ def _interval_of(result: Result, state: State) -> ErrorInterval:
 
 def _refuse_unless_positive(name: str, value: Any) -> None:
     if not (isinstance(value, Real) and 0 < float(value) < np.inf):
-        raise ValueError(f"{name} must be a number above 0, got {value!r}")
+        raise ValueError(f"{name} must be a number above 0, got {shortened(value)}")

@@ -396,7 +396,7 @@ def _discretisation_checks(trial: Trial) -> _Failures:
 def _surface_check(trial: Trial) -> _Failures:
     """Elements that deviate from their surface between nodes."""
     problem, basis = trial.problem, trial.problem.ply.basis
-    if problem.surfaces is None:
+    if not problem.surfaces:
         return
     try:
         gaps = problem.surfaces.gaps(trial.equilibrium.u, problem.load_factor, basis)
@@ -428,9 +428,7 @@ def _point_supports(problem: Problem, u: ndarray) -> list[str]:
     constraints = problem.constraints
     held = np.abs(turned(u, constraints.turn)[constraints.prescribed])
     moved = constraints.prescribed[held > _ROUND_OFF * np.abs(u).max(initial=0.0)]
-    moved_nodes = moved // len(problem.nodal(u))
-    if problem.surfaces:
-        moved_nodes = np.setdiff1d(moved_nodes, problem.surfaces.nodes)
+    moved_nodes = np.setdiff1d(moved // len(problem.nodal(u)), problem.surfaces.nodes)
     return [
         name
         for name, nodes in constraints.nodes.items()

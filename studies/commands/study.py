@@ -61,7 +61,7 @@ def _along_fibres(results: Mapping[str, Results]) -> str:
 def _on_tools(results: Mapping[str, Results]) -> str:
     head = [
         *("command", "largest shear angle", "largest error against the exact net"),
-        *("rms error", "bridging", "solves in 4 steps"),
+        *("error, rms over elements", "bridging", "solves in 4 steps"),
     ]
     lines = []
     for options in ON_TOOLS:
@@ -144,8 +144,8 @@ def _strip(case: Results) -> dict[str, str]:
     for short, title in zip(("full", "point", "macro"), STRIPS, strict=True):
         force = case[f"force (N), {title}"]
         digits = ".0f" if abs(force) > 100 else ".2f"
-        position = case[f"position error, rms (mm), {title}"]
-        strain = case[f"fibre strain in the law (%), {title}"]
+        position = case[f"position error, rms over nodes (mm), {title}"]
+        strain = case[f"largest fibre strain (%), {title}"]
         words |= {
             f"strip_force_{short}": minus(f"{force:{digits}} N"),
             f"strip_position_{short}": f"{position:.3f} mm",

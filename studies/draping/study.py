@@ -3,7 +3,7 @@
 import argparse
 from collections.abc import Sequence
 
-from ..common.tables import markdown_table
+from ..common.tables import grouped, markdown_table
 from ..study import Part, Row, Study
 from .cases import PAIR, SHAPE, Pair, Shape, all_cases
 
@@ -12,26 +12,16 @@ def _of(rows: Sequence[Row], kind: str) -> list[Row]:
     return [row for row in rows if row["kind"] == kind]
 
 
-def _share(x: float | None) -> str:
-    return "–" if x is None else f"{x:.0e}"
-
-
 def shapes(rows: Sequence[Row]) -> str:
-    """Load factor, solves and reactions of the plies on shapes."""
-    heads = "shape", "elements", "fibres", "load factor", "solves", "largest shear"
-    lines = [
-        [
-            row["shape"],
-            f"{row['cells']}×{row['cells']}",
-            f"{row['fibres']:g}°",
-            f"{row['load_factor']:g}",
-            f"{row['solves']}",
-            f"{row['shear']:.1f}°",
-            _share(row["held"]),
-        ]
-        for row in _of(rows, SHAPE)
-    ]
-    return markdown_table([*heads, "reaction/loads"], lines) if lines else ""
+    """Largest shear angle and solves of the plies on shapes, by the mesh."""
+    on_shapes = _of(rows, SHAPE)
+    cells = list(grouped(on_shapes, "cells"))
+    lines = []
+    for (shape, fibres), group in grouped(on_shapes, "shape", "fibres").items():
+        by_mesh = {x["cells"]: f"{x['shear']:.1f}°, {x['solves']}" for x in group}
+        lines.append([shape, f"{fibres:g}°", *(by_mesh.get(n, "-") for n in cells)])
+    head = ["largest shear angle, solves", "fibres", *(f"{n}×{n}" for n in cells)]
+    return markdown_table(head, lines) if lines else ""
 
 
 class Draping(Study[Shape | Pair]):

@@ -51,8 +51,14 @@ from .fronts import (
 )
 from .fronts import ratios as ratios_by_error
 
-# Codes in the order of their colours, and labels of sets of solvers.
+# Codes in the order of their colours, their names in figures, and labels of sets of
+# solvers.
 _CODES = (ThisLibrary.code, "scikit-fem", "FElupe", "DOLFINx", "scikit-fem-native")
+_NAMES = {
+    ThisLibrary.code: "this library",
+    "scikit-fem": "scikit-fem (NumPy)",
+    "scikit-fem-native": "scikit-fem (C++)",
+}
 _SET_NAMES = {"required": "required packages", "fastest": "fastest solvers"}
 
 # Font size in points.
@@ -65,21 +71,23 @@ _MOST = {"angle": 2.0, "force": 100.0, "load": 1.0}
 def ratios(rows: Sequence[Row]) -> str:
     """The fastest element and mesh of this library and of other codes, by error."""
     lines = []
-    for criterion, solvers in product(CRITERIA.values(), SETS):
-        by_code = fronts(rows, criterion, solvers)
+    for criterion in CRITERIA.values():
+        by_code, required = (
+            fronts(rows, criterion, solvers) for solvers in ("fastest", "required")
+        )
         for error in criterion.levels:
             pair = compared(by_code, error)
             shares = pair.ratio, pair.solves, pair.per_solve
             lines.append(
                 [
-                    *(criterion.label, criterion.text(error), solvers),
+                    *(criterion.label, criterion.text(error)),
                     *(_point(pair.own, criterion), _point(pair.other, criterion, True)),
-                    *map(factor_text, shares),
+                    *map(factor_text, (*shares, compared(required, error).ratio)),
                 ]
             )
     head = [
-        *("criterion", "error at most", "solvers", "skfem_textile", "fastest other"),
-        *("time ratio", "= ratio of solves", "× ratio of times per solve"),
+        *("criterion", "error at most", "skfem_textile", "fastest other", "time ratio"),
+        *("= ratio of solves", "× ratio of times per solve", "with required packages"),
     ]
     return markdown_table(head, lines)
 
@@ -278,7 +286,7 @@ def _label_ends(axes: Any, ends: Sequence[tuple[str, float, float, str]]) -> Non
     at = _apart(wanted, 0.075)  # text height over axes height
     for i, (code, x, y, colour) in enumerate(ends):
         axes.annotate(
-            code.replace("skfem_textile", "this library"),
+            _NAMES.get(code, code),
             *((x, y), (1.02, at[i])),
             textcoords="axes fraction",
             color=colour,
@@ -367,7 +375,8 @@ def draw_elements(rows: Sequence[Row], name: str, file: File = None) -> Any:
             axes.plot(times, errors, marker=markers[element], **style)
         _frame(axes, criterion, "run time (s)")
         styles: dict[str, dict[str, Any]] = {
-            code: {"color": _line_style(code)[0]} for code, _, _ in known
+            _NAMES.get(code, code): {"color": _line_style(code)[0]}
+            for code, _, _ in known
         }
         for element, marker in markers.items():
             styles[element] = {"color": "0.3", "linestyle": "", "marker": marker}

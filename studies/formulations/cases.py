@@ -66,7 +66,7 @@ def _scaled(name: str, k: float, kind: Kind = "energy") -> Method:
 MACRO = Method("macro, quads", "quads", 2, Macro())
 MACRO_TRIANGLES = Method("macro, triangles", "triangles", 2, Macro())
 AUTO = Method("one point, auto", "quads", 1, OnePoint())
-PAPER = Method("one point, C_s = 1", "quads", 1, OnePoint(1.0))
+PAPER = Method("one point, C_s = 1 N/mm", "quads", 1, OnePoint(1.0))
 MEAN_QUADRATIC = Method(
     "quadratic, mean stretch", "triangles", 2, Quadratic(deviation=80.0)
 )
@@ -81,7 +81,7 @@ LOCKING = QUADRATIC, FULL
 #: One or two methods of each formulation, parameter-free ones first.
 METHODS = (
     *(MACRO, MACRO_TRIANGLES, AUTO, SPLIT_ONE_POINT, MEAN_QUADRATIC, QUADRATIC),
-    *(PAPER, Method("rates, C_s = 1", "quads", 1, OnePoint(1.0, "rate"))),
+    *(PAPER, Method("rates, C_s = 1 N/mm", "quads", 1, OnePoint(1.0, "rate"))),
     _scaled("continuity, C_j = C", 1.0, "continuity"),
     _scaled("isotropic, κ = C", 1.0, "isotropic"),
     _scaled("isotropic, κ = C/8", 1 / 8, "isotropic"),

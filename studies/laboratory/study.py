@@ -55,16 +55,11 @@ def coverage(rows: list[Row]) -> str:
                 *(group, len(own), len(own) - len(read)),
                 sum(bool(row["misread"]) for row in read),
                 percent(inside(own), ".1f"),
-                *(
-                    percent(float(np.mean([r[f"inside_{a}"] for r in read])), ".1f")
-                    for a in ANGLES
-                ),
                 percent(float(np.median([row["width"] for row in read])), ".1f"),
                 percent(float(np.median([row["error"] for row in read])), ".1f"),
             ]
         )
     head = ["files", "group", "number", "refused", "misread", "inside"]
-    head += [f"at {angle}°" for angle in ANGLES]
     return markdown_table([*head, "width of the band", "error"], lines)
 
 

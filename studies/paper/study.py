@@ -33,9 +33,9 @@ MEASURED = {
     "strain": "max_fibre_strain",
     "mesh strain": "mesh_fibre_strain",
     "load (N)": "reaction_x",
-    "position, rms (mm)": "displacement_error_rms",
+    "position, rms over nodes (mm)": "displacement_error_rms",
     "max (mm)": "displacement_error_max",
-    "angle, rms (°)": "shear_angle_error_rms_deg",
+    "angle, rms over elements (°)": "shear_angle_error_rms_deg",
 }
 
 
@@ -182,7 +182,7 @@ def _caption(case: Strip, row: Row) -> str:
     if row["load_factor"] < 1:
         return f"{caption}, t = {row['load_factor']:.2f}"
     if isinstance(case.formulation, OnePoint):
-        caption += f", Cs = {case.formulation.stabilisation:g}"
+        caption += f", C_s = {case.formulation.stabilisation:g} N/mm"
     return caption
 
 

@@ -31,15 +31,11 @@ _MOST = 6000
 
 
 def summary(rows: list[Row]) -> str:
-    """A line for each formulation and shear law, and for all specimens."""
-    lines = []
-    for formulation, of in grouped(rows, "formulation").items():
-        by_law = {**grouped(of, "law"), "all": of}
-        lines += [[formulation, *_line(law, own)] for law, own in by_law.items()]
+    """A line for each formulation."""
+    lines = [_line(name, of) for name, of in grouped(rows, "formulation").items()]
     head = [
         *(
             "formulation",
-            "shear law",
             "specimens",
             "refused",
             "median error",
@@ -99,8 +95,8 @@ def irregular_table(rows: list[Row]) -> str:
             ]
         )
     head = [
-        *("formulation", "elements across", "runs", "rms error of the load"),
-        *("largest", "rms error of the shear angle, median", "largest"),
+        *("formulation", "elements across", "runs", "load error, rms over runs"),
+        *("largest", "shear-angle error, rms over area: median", "largest"),
     ]
     return markdown_table([*head, "most unknowns"], lines)
 

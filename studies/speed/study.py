@@ -24,8 +24,8 @@ from ..common.tables import (
     thousands,
 )
 from ..study import Part, Row, Study, Table
-from . import needs, processes, profile, solving, whole_runs
-from .needs import ALONE, COSTS, added
+from . import needs, plain_forms, processes, profile, solving, whole_runs
+from .needs import COSTS, added
 from .one_ply import UNUSED
 from .solving import PARTS, Settings
 
@@ -41,14 +41,12 @@ BENCHMARKS: dict[str, Callable[[Settings], Row]] = {
     "petsc": processes.processes,
     "whole_strip": solving.whole_strip,
     "whole_runs": whole_runs.whole_runs,
+    "plain_forms": plain_forms.plain_forms,
     "overhead": solving.overhead,
     "by_turns": solving.by_turns,
 }
 
 _PICTURES = "needs.png", "needs.svg"
-
-# Decimals of costs.
-_DIGITS = {"import": 2, "memory": 0, "assembly": 1, "solution": 0, "once": 2}
 
 # Colour of changes within their scatter.
 _NONE = "#bbbbbb"
@@ -58,23 +56,6 @@ _TARGET = 10**8
 
 # Gap between a bar and its number, and width of a number, relative to the scale.
 _GAP, _ROOM = 0.03, 0.36
-
-
-def needs_table(results: Row) -> str:
-    """Total costs with each feature."""
-    units = {"assembly": "assembly per iteration", "solution": "solution"}
-    lines = [
-        [
-            name if name == ALONE else f"+ {name}",
-            *(
-                f"{costs[cost]['median']:.{digits}f}" if cost in costs else ""
-                for cost, digits in _DIGITS.items()
-            ),
-        ]
-        for name, costs in results["features"].items()
-    ]
-    head = [f"{units.get(cost, cost)}, {unit}" for cost, unit in COSTS.items()]
-    return markdown_table(["feature", *head], lines)
 
 
 def unused_table(results: Row) -> str:
@@ -336,6 +317,7 @@ _WORDS: dict[str, Callable[[Row], dict[str, str]]] = {
     "whole_strip": _whole_strip_in_words,
     "scaling": _scaling_in_words,
     "iterative": _iterative_in_words,
+    "plain_forms": plain_forms.in_words,
 }
 
 
@@ -424,7 +406,7 @@ def _of_row(function: Callable[[Row], str]) -> Table:
 
 #: Table functions of each benchmark by file name.
 TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
-    "needs": {"needs.md": needs_table, "unused.md": unused_table},
+    "needs": {"unused.md": unused_table},
     "modules": {"modules.md": modules_table},
     "iteration": {"iteration.md": iteration_table},
     "scaling": {"scaling.md": scaling_table},
@@ -434,6 +416,7 @@ TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
     "petsc": {"petsc.md": petsc_table},
     "whole_strip": {"whole_strip.md": whole_strip_table},
     "whole_runs": {"whole_runs.md": whole_runs.whole_runs_table},
+    "plain_forms": {"plain_forms.md": plain_forms.plain_forms_table},
     "overhead": {"overhead.md": overhead_table},
     "by_turns": {"by_turns.md": by_turns_table},
 }

@@ -4,7 +4,7 @@ from time import perf_counter
 
 from skfem_textile import Fabric, LoadStepper, Ply
 from skfem_textile.scenes import bias_extension
-from skfem_textile.solve.linear.rslab import threads
+from skfem_textile.solve.threads import solver_threads
 
 from ..common.running import in_new_process
 from ..common.tables import Row, table
@@ -31,7 +31,7 @@ def whole_runs(settings: Settings) -> Row:
 def _whole_run(
     size: tuple[int, int], steps: int, number: int, with_error: bool
 ) -> list[Row]:
-    threads.set(number)
+    solver_threads.set(number)
     scene = bias_extension(size=size)
     start = perf_counter()
     ply = Ply(scene.mesh, Fabric(_E, _G, scene.warp, scene.weft))

@@ -239,7 +239,8 @@ def counts(rows: list[Row]) -> str:
         solves = [_median_solves(group, steps) for steps in (1, 20)]
         numbers = [len(group), *(n[kind] for kind in OUTCOMES), unresolved]
         lines.append([family, *numbers, *solves])
-    head = ["family", "cases", "right", "on another equilibrium, reported", "refused"]
+    head = ["family (E, G, C_s in N/mm)", "cases", "right"]
+    head += ["on another equilibrium, reported", "refused"]
     head += ["refused though solvable", "wrong", "right, path not resolved"]
     return markdown_table([*head, "solves, 1 step", "20 steps"], lines)
 
@@ -263,7 +264,8 @@ def failures(rows: list[Row]) -> str:
                 message or "-",
             ]
         )
-    head = ["problem", "outcome", "steps", "last load factor", "reason"]
+    head = ["problem (E, G, C_s in N/mm)", "outcome", "steps"]
+    head += ["last load factor", "reason"]
     return markdown_table(head, lines)
 
 

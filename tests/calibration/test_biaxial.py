@@ -16,9 +16,9 @@ def pulls(law, noise=0.0):
     """Biaxial tests of a law at several strain ratios."""
     curves, rng = [], np.random.default_rng(3)
     for ratio in RATIOS:
-        e = np.linspace(0.0, 0.02, 41)[1:]
+        e = np.linspace(0.0, 0.02, 21)[1:]
         strain = np.array([e, ratio * e]) / max(1.0, ratio)
-        curve = BiaxialCurve(f"{ratio:g}", strain, np.zeros((2, 40)), (100.0, 80.0))
+        curve = BiaxialCurve(f"{ratio:g}", strain, np.zeros((2, 20)), (100.0, 80.0))
         load = forces(law, curve)
         load = load + noise * load.max() * rng.standard_normal(load.shape)
         curves.append(BiaxialCurve(curve.name, strain, load, curve.widths))
@@ -41,6 +41,7 @@ def test_two_crimped_families_are_identified_and_agree_with_uncoupled_laws():
         assert not report["specimens_differ_beyond_noise"]
 
 
+@pytest.mark.dear("two joint fits of coupled laws")
 def test_crimp_interchange_contradicts_uncoupled_laws_and_is_identified():
     law = CrimpInterchange((2e3, 1.5e3), (0.01, 0.015), 5.0, 2e-3, 0.15)
     curves = pulls(law, noise=0.01)
@@ -79,22 +80,14 @@ def test_forces_are_those_of_a_homogeneous_stretch(tmp_path):
     np.testing.assert_allclose(both[1], 80.0 * law.value(np.log([1.01])) / 1.01)
 
 
-def test_invalid_biaxial_tests_are_rejected(tmp_path):
-    file = tmp_path / "pull.csv"
-    file.write_text("warp strain (%),warp force (N)\n2,3\n")
-    with pytest.raises(ValueError, match="the column 'weft strain' is missing"):
-        read_biaxial(file, (1.0, 1.0))
-    curves = pulls(CrimpInterchange(2e3, 0.01, 5.0, 2e-3, 0.15))
-    with pytest.raises(ValueError, match="unknown law 'sin2': choose one of crimp-toe"):
-        fit_tension(curves, "sin2")
-    still = [BiaxialCurve("one", np.zeros((2, 9)), np.zeros((2, 9)), (1.0, 1.0))]
-    with pytest.raises(
-        ValueError, match="no test contains a positive strain of the warp"
-    ):
-        fit_tension(still)
-    pushed = [BiaxialCurve("one", c.strain, -c.force, c.widths) for c in curves]
-    with pytest.raises(ValueError, match="forces along the warp must be positive"):
-        fit_tension(pushed)
+def test_the_family_with_the_larger_strain_determines_the_loading(tmp_path):
+    e = np.append(np.linspace(0.0, 0.05, 50), np.linspace(0.05, 0.0, 50))
+    columns = np.transpose([0.001 * np.linspace(0, 1, 100), e, 50 * e, 9e3 * e])
+    header = "warp strain (-),weft strain (-),warp force (N),weft force (N)"
+    np.savetxt(tmp_path / "a.csv", columns, delimiter=",", header=header, comments="")
+    (curve,) = read_biaxial(tmp_path / "a.csv", (100.0, 80.0))
+    assert curve.strain.shape[1] in range(48, 53)
+    assert np.all(np.diff(curve.strain[1][:48]) > 0)
 
 
 def test_the_band_of_a_linear_law_follows_from_the_band_of_its_stiffness():
@@ -121,7 +114,7 @@ def test_a_family_unloaded_in_one_test_is_identified_from_the_others():
     assert np.isnan(unloaded["noise_over_largest"])
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_parameter_at_its_bound_is_reported(seed):
     """The noise would give a negative stiffness at rest."""
     e, rng = np.linspace(0.0, 0.02, 41)[1:], np.random.default_rng(seed)

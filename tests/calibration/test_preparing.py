@@ -7,8 +7,6 @@ import pytest
 
 from skfem_textile import Locking, Polynomial, Sin2
 from skfem_textile.calibration import (
-    BiasExtension,
-    PictureFrame,
     Preparation,
     Recording,
     Specimen,
@@ -18,10 +16,9 @@ from skfem_textile.calibration import (
 from skfem_textile.calibration.preparing.outliers import outliers, overloads
 from skfem_textile.calibration.report import data_report
 from skfem_textile.calibration.specimens import BELIEVED
-from tests.helpers.fits import fit_shear, of_shear
+from tests.helpers.fits import BIAS, FRAME, fit_shear, of_shear
 
 LAW = Polynomial((0.3, 0.0, -0.3, 0.0, 0.6))
-BIAS = BiasExtension(100.0, 200.0)
 MOVED = np.linspace(0.0, float(BIAS.displacement(np.radians(39.0))), 100)
 FORCE = BIAS.force(LAW, BIAS.shear_angle(MOVED))
 
@@ -60,8 +57,6 @@ def test_the_first_complete_cycle_is_used():
     assert "loading of cycle 2 of 2 is used" in said(prepared(moved, force))
     first = prepared(moved, force, cycle=1).recording.columns["displacement"]
     assert first.max() <= half[-1]
-    with pytest.raises(ValueError, match="no loading of cycle 3: the test has 2"):
-        prepared(moved, force, cycle=3)
 
 
 def test_a_dwell_at_the_end_is_left_out():
@@ -84,8 +79,6 @@ def test_the_unloading_of_the_fitted_cycle_is_used():
     assert "unloading of cycle 2 of 2 is used" in said(back)
     assert back.recording.columns["displacement"].max() > half[-1]
     ended = moved[:-100], force[:-100]
-    with pytest.raises(ValueError, match="no unloading of cycle 2: the test has 2"):
-        prepared(*ended, branch="unloading")
     assert prepared(*ended, branch="unloading", cycle=1).recording.rows.size > 40
 
 
@@ -105,6 +98,7 @@ def test_outliers_are_left_out_of_each_branch():
     assert prepared(moved, force, branch="both").outliers.tolist() == [22, 102, 152]
 
 
+@pytest.mark.slow
 def test_normal_noise_has_no_outliers():
     """At most one in a thousand curves, by definition; of 300, five is improbable."""
     found = 0
@@ -197,6 +191,7 @@ def test_the_force_at_rest_is_fitted_where_the_data_show_it():
     assert of_shear([specimen(toe=3.0)]).free == {"slack"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("toe", [0.0, 2.0])
 def test_bands_contain_the_law_at_the_stated_rate_with_unknown_zeros(toe):
     """The rate is 95 %: of 25 seeds, three standard deviations are 3.3 seeds."""
@@ -242,20 +237,19 @@ def correlated(rng, n, rho):
     return e
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.8])
-def test_no_slack_is_invented_on_noisy_frames_that_begin_at_the_origin(rho):
-    """An F-test at 5 % rejects zero in 1 of 20 by chance; 6 are improbable."""
-    frame, law, invented = PictureFrame(200.0, 160.0), Sin2(0.1), 0
-    moved = np.linspace(0.0, float(frame.displacement(np.radians(44.0))), 150)
-    exact = frame.force(law, frame.shear_angle(moved))
-    for seed in range(20):
-        noise = correlated(np.random.default_rng(seed), 150, rho)
-        one = Specimen("one", frame, exact + 0.05 * exact.max() * noise, moved)
+def test_no_slack_is_invented_on_noisy_frames_that_begin_at_the_origin():
+    """An F-test at 5 % rejects zero in 1 of 20 by chance; 4 of 8 are improbable."""
+    law, invented = Sin2(0.1), 0
+    moved = np.linspace(0.0, float(FRAME.displacement(np.radians(44.0))), 150)
+    exact = FRAME.force(law, FRAME.shear_angle(moved))
+    for seed in range(8):
+        noise = correlated(np.random.default_rng(seed), 150, 0.8)
+        one = Specimen("one", FRAME, exact + 0.05 * exact.max() * noise, moved)
         fit = of_shear([replace(one, zeros=Zeros(None, 0.0))], "sin2")
         invented += "slack" in fit.free
         ((low, high),) = fit.intervals
         assert low <= fit.values[0] <= high
-    assert invented < 6
+    assert invented < 4
 
 
 def test_repeats_have_a_toe_each():
@@ -285,35 +279,24 @@ def test_a_measured_angle_determines_the_slack():
     ],
 )
 def test_every_law_is_fitted_with_a_toe(name, law):
-    frame = PictureFrame(200.0, 160.0)
-    moved = np.linspace(0.0, 60.0, 200)
-    force = frame.force(law, frame.shear_angle(np.maximum(moved - 3.0, 0.0)))
-    one = Specimen("one", frame, force, moved, zeros=Zeros(None, None))
-    fit = of_shear([one], name)
+    moved = np.linspace(0.0, 60.0, 41)
+    force = FRAME.force(law, FRAME.shear_angle(np.maximum(moved - 3.0, 0.0)))
+    one = Specimen("one", FRAME, force, moved, zeros=Zeros(None, None))
+    fit = of_shear([one], name, points=3)
     gamma = np.radians([10.0, 20.0])
     np.testing.assert_allclose(fit.law.value(gamma), law.value(gamma), rtol=0.03)
 
 
 def test_a_slack_does_not_close_a_frame():
     """A negative slack would continue the motion beyond a right angle."""
-    frame = PictureFrame(200.0, 160.0)
-    moved = np.linspace(0.0, float(frame.displacement(np.radians(84.0))), 200)
-    force = frame.force(LAW, frame.shear_angle(moved))
-    one = Specimen("one", frame, force, moved, zeros=UNKNOWN)
+    moved = np.linspace(0.0, float(FRAME.displacement(np.radians(84.0))), 200)
+    force = FRAME.force(LAW, FRAME.shear_angle(moved))
+    one = Specimen("one", FRAME, force, moved, zeros=UNKNOWN)
     sample = of_shear([one]).samples[0]
     _, slack = sample.offsets
-    assert np.isfinite(sample.predict({"shear": LAW}, 0.0, slack.low)).all()
-
-
-@pytest.mark.parametrize(("n", "rows"), [(8, [4]), (60, [30, 31, 32])])
-def test_overloads_that_are_not_outliers_of_a_curve_are_refused(n, rows):
-    x = np.linspace(0.0, 30.0, n)
-    force = x**2 + 1.0
-    force[rows] = 99999.0
-    named = ", ".join(str(2 + i) for i in rows)
-    with pytest.raises(ValueError, match=f"the force of 99999 in rows? {named} is far"):
-        prepared(x, force)
-    assert prepared(x, force, outliers=False).recording.rows.size == n
+    for law in (LAW, Locking(0.1, np.radians(80.0))):
+        assert np.isfinite(sample.predict({"shear": law}, 0.0, slack.low)).all()
+    assert one.last_angle(np.inf) == pytest.approx(0.999 * np.pi / 2)
 
 
 def test_rows_after_a_break_are_stated_and_left_out():
@@ -333,16 +316,6 @@ def test_the_end_of_a_curve_that_rises_steeply_is_not_an_overload():
     assert overloads(np.array([0.0, 0.0, 5.0, 0.0])).tolist() == [0, 0, 1, 0]
 
 
-def test_invalid_choices_are_refused():
-    for choice in ({"slack": np.nan}, {"force_at_rest": np.inf}):
-        with pytest.raises(ValueError, match="must be finite, got"):
-            Preparation(**choice)
-    with pytest.raises(ValueError, match="the branch must be one of loading"):
-        Preparation(branch="up")
-    with pytest.raises(ValueError, match="numbered from 1 on"):
-        Preparation(cycle=0)
-
-
 def noisy_toe(seed, toe=8.0, law=LAW):
     """Curve beyond the range, of 45 degrees, with much noise and a long toe."""
     end = float(BIAS.displacement(np.radians(45.0))) + toe
@@ -355,7 +328,7 @@ def noisy_toe(seed, toe=8.0, law=LAW):
 
 def test_the_range_ends_at_the_angle_of_the_fitted_slack():
     step = np.radians(1.5)  # of two points, between which a range may alternate
-    for seed in range(10):
+    for seed in range(3):
         fit = fit_shear([noisy_toe(seed)])
         (one,) = fit.specimens
         (slack, *_) = fit.parts["shear"].zeros(0)["slack"]
@@ -370,6 +343,6 @@ def test_a_range_is_found_from_any_assumed_slack_near_it():
     one = noisy_toe(0)
     found = [
         fit_shear([replace(one, assumed_slack=slack)]).parts["shear"].zeros(0)["slack"]
-        for slack in (6.0, 8.0, 10.0)
+        for slack in (6.0, 10.0)
     ]
-    np.testing.assert_allclose(found[1:], found[:1] * np.ones((2, 1)), rtol=1e-4)
+    np.testing.assert_allclose(found[1:], found[:1], rtol=1e-4)

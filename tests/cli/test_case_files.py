@@ -3,7 +3,6 @@
 import json
 import shutil
 import tomllib
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ import pytest
 
 from skfem_textile import (
     Asymmetric,
-    CrimpInterchange,
     CrimpToe,
     Fabric,
     Force,
@@ -22,7 +20,6 @@ from skfem_textile import (
     TensionOnly,
 )
 from skfem_textile.cases import (
-    CaseFileError,
     case_from_file,
     case_from_tables,
     declared,
@@ -35,12 +32,12 @@ from skfem_textile.fabric.files import write_law
 from skfem_textile.io import write_directions, write_fabric
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
-from tests.helpers.command_line import MESH, QUICK, rejected
+from tests.helpers.command_line import QUICK, rejected
 from tests.helpers.specimen import (
-    SHEAR,
     SPECIMEN,
     assert_runs_alike,
     run,
+    save_strip,
     summary_of,
     write_case,
 )
@@ -70,7 +67,7 @@ def test_the_written_case_has_every_default(tmp_path):
     text = (tmp_path / "out" / "case.toml").read_text()
     assert tomllib.loads(text) == {
         "scene": {"name": "strip", "rotate_deg": 0.0},
-        "mesh": {"source": "irregular", "size": [3, 4], "jitter": 0.3, "seed": 1},
+        "mesh": {"source": "irregular", "size": [2, 3], "jitter": 0.3, "seed": 1},
         "fabric": {"units": "N mm"},
         "tension": {
             "law": "linear",
@@ -140,21 +137,38 @@ pictures = false
 """
 
 
-def test_a_region_has_separate_laws_and_fibres(tmp_path):
-    mesh = rectangle(50, 100, (4, 8), "aligned")
-    file = tmp_path / "regions.toml"
-    file.write_text(REGIONS)
+def with_region(folder, text=REGIONS):
+    """A case file, and its mesh with a region."""
+    mesh = rectangle(50, 100, (2, 4), "aligned")
     named = mesh.with_subdomains({"patch": lambda x: x[1] > 60})
-    named.save(tmp_path / "two.vtk", encode_cell_data=True, encode_point_data=False)
-    case = case_from_file(file)
+    named.save(folder / "two.vtk", encode_cell_data=True, encode_point_data=False)
+    return write_case(folder, text)
+
+
+def shear_moments(case, gamma):
+    """The moment of the shear law in the region, and outside it."""
     patch = case.scene.mesh.subdomains["patch"]
-    laws = [case.fabric.at(np.array([[i]])).shear_law for i in (patch[0], 0)]
-    gamma = np.array([[0.3]])
-    values = [float(law.value(gamma)[0, 0]) for law in (Sin2(7.0), Linear(0.5))]
-    assert [float(law.value(gamma)[0, 0]) for law in laws] == pytest.approx(values)
+    elements = np.array([[patch[0]], [0]])
+    return case.fabric.at(elements).shear_law.value(np.full((2, 1), gamma)).ravel()
+
+
+def test_a_region_has_separate_laws_and_fibres(tmp_path):
+    file = with_region(tmp_path)
+    expected = [float(law.value(np.array(0.3))) for law in (Sin2(7.0), Linear(0.5))]
+    assert shear_moments(case_from_file(file), 0.3) == pytest.approx(expected)
     assert run(file, tmp_path / "a") == 0
     assert_runs_alike(tmp_path / "a", tmp_path / "b")
     assert "the fabric differs" in summary_of(tmp_path / "a")["exact_answer"]
+
+
+def test_a_region_has_the_defaults_of_its_scene(tmp_path):
+    """A region has a table of shear, and the scene a stiffness."""
+    old = 'law = "sin2"\nstiffness_N_per_mm = 7\n'
+    assert old in REGIONS
+    table = 'law = "tables/shear.csv"\ncontinuation = "odd"\n'
+    case = case_from_file(with_region(tmp_path, REGIONS.replace(old, table)))
+    expected = [0.1, 0.5 * np.radians(30.0)]
+    assert shear_moments(case, np.radians(30.0)) == pytest.approx(expected)
 
 
 FIBRES = """
@@ -172,7 +186,8 @@ pretension_N_per_mm = 0.2
 def test_warp_and_weft_have_separate_laws_and_pretension(tmp_path):
     """On triangles, rotated, and again from the case that the run writes."""
     text = SPECIMEN.replace('compression = "none"', FIBRES)
-    text = text.replace("size = [3, 7]", 'source = "delaunay"\nsize = [3, 7]')
+    text = text.replace("size = [3, 7]", 'source = "delaunay"\nsize = [2, 3]')
+    text = text.replace("steps = 2", "steps = 1")
     file = write_case(tmp_path, text)
     (tmp_path / "tables" / "tension.csv").write_text(
         "fibre strain (-),tension (N/mm)\n0,0\n0.01,10\n0.05,100\n"
@@ -189,187 +204,6 @@ def test_warp_and_weft_have_separate_laws_and_pretension(tmp_path):
     assert_runs_alike(tmp_path / "a", tmp_path / "b", "curve.csv")
 
 
-def test_a_region_has_the_defaults_of_its_scene(tmp_path):
-    """A region has a table of shear, and the scene a stiffness."""
-    mesh = rectangle(50, 100, (4, 8), "aligned")
-    named = mesh.with_subdomains({"patch": lambda x: x[1] > 60})
-    named.save(tmp_path / "two.vtk", encode_cell_data=True, encode_point_data=False)
-    (tmp_path / "shear.csv").write_text(SHEAR)
-    file = tmp_path / "regions.toml"
-    old = 'law = "sin2"\nstiffness_N_per_mm = 7\n'
-    assert old in REGIONS
-    file.write_text(REGIONS.replace(old, 'law = "shear.csv"\ncontinuation = "odd"\n'))
-    case = case_from_file(file)
-    patch = case.scene.mesh.subdomains["patch"]
-    law = case.fabric.at(np.array([[patch[0]]])).shear_law
-    assert law.value(np.radians([[30.0]])) == pytest.approx(0.1)
-
-
-# Invalid case files are rejected in one line that quotes them
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("steps = 2", "stepz = 2", "stepping has no key 'stepz'; did you mean 'steps'"),
-        ("[stepping]", "[steping]", "there is no table 'steping'; did you mean 'st"),
-        ("steps = 2", "steps = 2.5", "stepping.steps must be an integer, got a number"),
-        ("steps = 2", "steps = '2'", "stepping.steps must be an integer, got text"),
-        ("steps = 2", "steps = 0", "steps must be a whole number"),
-        ("steps = 2", "steps", "the file is not valid TOML: "),
-        ("stiffness_N_per_mm", "stiffness", "did you mean 'stiffness_N_per_mm'"),
-        (
-            "stiffness_N_per_mm",
-            "stiffness_kN_per_m",
-            "did you mean 'stiffness_N_per_mm'",
-        ),
-        ("height_mm = 110", "height_cm = 11", "did you mean 'height_mm'"),
-        (
-            "height_mm = 110",
-            "height_mm = nan",
-            "scene.height_mm must be a finite number, got nan",
-        ),
-        (
-            "rotate_deg = 20",
-            "rotate_deg = inf",
-            "scene.rotate_deg must be a finite number",
-        ),
-        (
-            "rotate_deg = 20",
-            "bend_deg = 20",
-            "scene.bend_deg requires that scene.name is trellis",
-        ),
-        ('"specimen"', '"speciment"', "scene.name is 'speciment': expected one of"),
-        ("[shear]", "[tension.weft]\ntoe = 1\n[shear]", "tension.weft.toe requires"),
-        ("[shear]", "[tension.wefd]\n[shear]", "'wefd'; did you mean 'weft'"),
-        ("[shear]", "[tension.in_compression]\n[shear]", "in_compression is a law"),
-        ("[shear]", "[tension.weft.weft]\n[shear]", "tension.weft has no key 'weft'"),
-        (
-            'compression = "none"',
-            "pretension_N_per_mm = -1",
-            "tension pretension must be a finite number >= 0",
-        ),
-        ("toe = 0.004\n", "", "tension.toe is missing"),
-        ("toe = 0.004", "toe = -1", "toe must be a finite number > 0, got -1.0"),
-        (
-            '"crimp-toe"',
-            '"linear"',
-            "tension.toe requires that tension.law is crimp-toe",
-        ),
-        (
-            '"crimp-toe"',
-            '"crimp"',
-            "tension.law is 'crimp': expected one of linear",
-        ),
-        ("tables/shear", "shear", "shear.law "),
-        (
-            '"odd"',
-            '"old"',
-            "'old': expected one of none, odd; did you mean 'odd'",
-        ),
-        (
-            '"one-point"',
-            '"full"',
-            "formulation.cs_N_per_mm requires that formulation.name",
-        ),
-        (
-            "cs_N_per_mm = 2",
-            "cs_N_per_mm = 'aut'",
-            "is 'aut': expected one of a number, auto",
-        ),
-        (
-            '["free", 12]',
-            '["fre", 12]',
-            "scene.move_mm is 'fre': expected one of a number",
-        ),
-        ('["free", 12]', "[12]", "scene.move_mm"),
-        ("top = ", "lid = ", "the mesh has no boundary 'lid'"),
-        (
-            "right = [0.5, 0]",
-            "right = [inf, 0]",
-            "loads.force_N.right must be a finite number",
-        ),
-        ("size = [3, 7]", "source = 'x.msh'", "is neither an existing file nor one of"),
-        (
-            "size = [3, 7]",
-            "size = [3]",
-            "must be an array of length 2, got 1",
-        ),
-        (
-            "size = [3, 7]",
-            "size = 1979-05-27",
-            "must be an array, got a date",
-        ),
-        ('solver = "superlu"', 'solver = "supreme"', "expected one of auto, rslab"),
-        (
-            "[loads.force_N]",
-            "[loads]\nforce_N = 1\n[x]",
-            "loads.force_N must be a table, got an integer",
-        ),
-        (
-            "[shear]",
-            "[regions.patch]\n[shear]",
-            "no subdomain 'patch' (available: none)",
-        ),
-        (
-            "[shear]",
-            "[regions.a]\n[fabric]\nfile = 'a.inp'\n[shear]",
-            "[tension] sets a law, but fabric.file",
-        ),
-        (
-            "[shear]",
-            "[fabric]\nunits = 'N m'\n[shear]",
-            "fabric.material require fabric.file",
-        ),
-        (
-            "[shear]",
-            "[fabric]\nfile = 'a.inp'\n[shear]",
-            "[tension] sets a law, but fabric.file",
-        ),
-        ("[mesh]", "[mesh]\ndirections = 'a.csv'", "a.csv"),
-        ("[shear]", "[regions.a.tensio]\n[shear]", "regions.a has no key 'tensio'"),
-    ],
-)
-def test_an_invalid_file_is_rejected_in_one_line_that_quotes_it(
-    tmp_path, capsys, old, new, message
-):
-    assert old in SPECIMEN
-    file = write_case(tmp_path, SPECIMEN.replace(old, new))
-    reason = rejected(capsys, "run", str(file), "--out", str(tmp_path / "out"))
-    assert message in reason
-    assert "one.toml: " in reason
-    assert "--" not in reason
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"\xff", "the file is not a text file in UTF-8"),
-        (b"x = " + b"[" * 100_000, "too deeply"),
-        (b"#" * 1_000_001, "at most 1000000 bytes"),
-        (b"", "scene.name is missing: expected one of strip"),
-        (b"scene = 3", "scene must be a table, not 3"),
-        (
-            b"[scene]\nname = 'strip'\n[stepping]\nsteps = " + b"9" * 5000,
-            "not valid TOML",
-        ),
-    ],
-)
-def test_a_file_without_a_case_is_rejected(tmp_path, capsys, content, message):
-    file = tmp_path / "bad.TOML"
-    file.write_bytes(content)
-    assert message in rejected(capsys, "run", str(file), "--out", str(tmp_path / "o"))
-
-
-def test_a_missing_file_is_rejected(tmp_path, capsys):
-    out = ("--out", str(tmp_path / "out"))
-    assert "no.toml" in rejected(capsys, "run", str(tmp_path / "no.toml"), *out)
-    (tmp_path / "folder.toml").mkdir()
-    assert "folder.toml" in rejected(capsys, "run", str(tmp_path / "folder.toml"), *out)
-    assert "must end with .toml" in rejected(capsys, "init", str(tmp_path / "x.txt"))
-
-
 def test_a_case_of_the_user_is_not_replaced(tmp_path, capsys):
     file = write_case(tmp_path).rename(tmp_path / "case.toml")
     message = rejected(capsys, "run", str(file), "--out", str(tmp_path))
@@ -379,12 +213,6 @@ def test_a_case_of_the_user_is_not_replaced(tmp_path, capsys):
     assert run(tmp_path / "out" / "case.toml", tmp_path / "out") == 0  # in its place
 
 
-def test_functions_are_rejected(tmp_path):
-    tables = {"scene": {"name": "strip"}, "shear": {"law": lambda x: x}}
-    with pytest.raises(CaseFileError, match=r"shear\.law is a function, which a case"):
-        case_from_tables(tables)
-
-
 # The case written by a run: a run of it gives the same results
 
 
@@ -392,13 +220,13 @@ OF_FILES = """
 [scene]
 name = "bias_extension"
 [mesh]
-size = [3, 6]
+size = [2, 4]
 directions = "fibres.csv"
 [fabric]
 file = "cloth.inp"
 thickness_mm = 0.2
 [stepping]
-steps = 2
+steps = 1
 solver = "superlu"
 [output]
 pictures = false
@@ -406,30 +234,19 @@ pictures = false
 
 
 def test_a_run_of_the_written_case_is_bitwise_identical(tmp_path):
-    outs = [tmp_path / name for name in ("a", "b", "c")]
+    outs = [tmp_path / name for name in ("a", "b")]
     assert run(write_case(tmp_path), outs[0]) == 0
     shutil.rmtree(tmp_path / "tables")  # the results contain a copy
-    for before, after in pairwise(outs):
-        assert_runs_alike(before, after, "curve.csv")
-    first, last = (summary_of(out) for out in (outs[0], outs[-1]))
+    assert_runs_alike(*outs, "curve.csv")
+    first, last = map(summary_of, outs)
     assert [first.pop("inputs"), last.pop("inputs")]
     assert first == last
 
 
-def test_a_run_of_the_written_case_agrees_with_the_default_solver(tmp_path):
-    auto = SPECIMEN.replace('solver = "superlu"', 'solver = "auto"')
-    assert run(write_case(tmp_path, auto), tmp_path / "a") == 0
-    assert run(tmp_path / "a" / "case.toml", tmp_path / "b") == 0
-    first, last = (
-        np.loadtxt(tmp_path / out / "curve.csv", delimiter=",", skiprows=1)
-        for out in "ab"
-    )
-    assert np.abs(first - last).max() <= 1e-10 * np.abs(first).max()
-
-
 def test_a_command_line_and_its_written_case_agree(tmp_path):
     """On a mesh of triangles from a file."""
-    line = ["run", "strip", "--mesh", str(MESH), "--steps", "2", "--no-render"]
+    mesh = save_strip(tmp_path / "strip.msh", "triangles")
+    line = ["run", "strip", "--mesh", mesh, "--steps", "1", "--no-render"]
     laws = ["--shear-law", "sin2", "--shear-stiffness", "1", "--solver", "superlu"]
     laws += ["--formulation", "one-point"]
     assert (
@@ -437,7 +254,7 @@ def test_a_command_line_and_its_written_case_agree(tmp_path):
         == 0
     )
     copied = tmp_path / "a" / "case_files" / "mesh.msh"
-    assert copied.read_bytes() == MESH.read_bytes()
+    assert copied.read_bytes() == (tmp_path / "strip.msh").read_bytes()
     assert_runs_alike(tmp_path / "a", tmp_path / "b")
 
 
@@ -454,7 +271,7 @@ def test_the_file_of_a_law_is_copied_beside_the_written_case(tmp_path):
 
 def test_directions_and_fabric_are_read_from_files_beside_the_case(tmp_path):
     """The results contain copies of them beside their case."""
-    scene = bias_extension(size=(3, 6))
+    scene = bias_extension(size=(2, 4))
     fabric = Fabric(warp=scene.warp, weft=scene.weft)
     field = directions_of(scene.mesh, fabric)
     turned = FibreDirections.of_angles(*(angle + 5 for angle in field.angles_deg()))
@@ -478,26 +295,6 @@ def test_directions_and_fabric_are_read_from_files_beside_the_case(tmp_path):
         "thickness_mm": 0.2,
         "units": "N mm",
     }
-
-
-@pytest.mark.parametrize(
-    ("tables", "message"),
-    [
-        (None, "a case must be a table of tables, not None"),
-        ({"scene": {"name": "strip"}, "loads": np.zeros(3)}, "loads is a ndarray"),
-        ({"scene": {"name": "strip"}, "mesh": {"size": {2, 3}}}, "size is a set"),
-    ],
-)
-def test_values_without_a_file_format_are_rejected(tables, message):
-    with pytest.raises(CaseFileError, match=message):
-        case_from_tables(tables)
-
-
-def test_tables_that_contain_themselves_are_rejected():
-    tables = {"scene": {"name": "strip"}}
-    tables["scene"]["again"] = tables
-    with pytest.raises(CaseFileError, match="nested too deeply"):
-        case_from_tables(tables)
 
 
 def test_a_bending_table_of_a_region_takes_missing_values_from_the_scene():
@@ -562,31 +359,3 @@ def test_a_case_adds_a_law_in_compression_to_a_fabric_of_a_file(
     (tmp_path / "again.toml").write_text(case_text(file, "# again"))
     again = case_from_file(tmp_path / "again.toml").fabric.families
     assert again[0].tension == warp.tension
-
-
-@pytest.mark.parametrize(
-    ("tension", "keys", "message"),
-    [
-        (TensionOnly(Linear(1e4)), 'compression = "none"', "already contains a law"),
-        (
-            CrimpInterchange(1e4, 0.01, 1.0, 1e-3, 1.0),
-            'compression = "none"',
-            "tension law of both strains",
-        ),
-        (
-            Linear(1e4),
-            'compression = "none"\n[fabric.in_compression]\nstiffness_N_per_mm = 3',
-            "compression is 'none', but in_compression is a law: omit one",
-        ),
-        (Linear(1e4), '[tension]\ncompression = "none"', "fabric.in_compression add"),
-    ],
-)
-def test_two_statements_about_compression_are_refused(tmp_path, tension, keys, message):
-    with pytest.raises(CaseFileError, match=message):
-        case_of_fabric(tmp_path, Fabric(tension, 0.1), keys)
-
-
-def test_compression_of_a_fabric_requires_its_file(tmp_path):
-    text = FITTED.replace('file = "fabric.json"', 'compression = "none"')
-    with pytest.raises(CaseFileError, match="require fabric"):
-        case_from_file(write_case(tmp_path, text))

@@ -9,43 +9,35 @@ import numpy as np
 import pytest
 
 from skfem_textile import CrimpInterchange, CrimpToe, Linear, Locking, Polynomial
-from skfem_textile.calibration import BiasExtension, PictureFrame
+from skfem_textile.calibration import PictureFrame
 from skfem_textile.cases import case_from_tables
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.fit_report import _law_row
 from skfem_textile.fabric.files import fabric_text
 from skfem_textile.io import read_fabric
+from tests.helpers.curves import (
+    BIAS,
+    BIAXIAL,
+    QUINTIC,
+    joint_file,
+    noisy,
+    shear_file,
+    shear_files,
+    write_columns,
+)
 from tests.helpers.pages import Page, references
 
-BIAS, FRAME = BiasExtension(100.0, 200.0), PictureFrame(200.0, 160.0)
-QUINTIC = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
+FRAME = PictureFrame(200.0, 160.0)
 TOE = CrimpToe(4e3, 0.004, 20.0)
 
 
-def write(path, header, *columns):
-    rows = (",".join(f"{x:.9g}" for x in row) for row in zip(*columns, strict=True))
-    path.write_text("\n".join([header, *rows]))
-    return path
-
-
-def noisy(values, seed=0):
-    noise = np.random.default_rng(seed).standard_normal(values.size)
-    return values + 0.005 * np.abs(values).max() * noise
-
-
-def shear_file(path, test, law=QUINTIC, seed=0):
-    gamma = np.radians(np.linspace(0.5, 40.0, 60))
-    force = noisy(test.force(law, gamma), seed)
-    return write(path, "displacement (mm),force (N)", test.displacement(gamma), force)
-
-
 def biaxial_file(path, law, ratio):
-    e = np.linspace(0.0, 0.02, 41)[1:]
+    e = np.linspace(0.0, 0.02, 16)[1:]
     strain = np.array([e, ratio * e])
     force = 100 * np.asarray(law.value(np.log1p(strain))) / (1 + strain)
-    header = "warp strain (-),warp force (N),weft strain (-),weft force (N)"
-    both = (x for pair in zip(strain, map(noisy, force), strict=True) for x in pair)
-    return write(path, header, *both)
+    force = [noisy(one, 0, 0.005) for one in force]
+    both = (x for pair in zip(strain, force, strict=True) for x in pair)
+    return write_columns(path, BIAXIAL, *both)
 
 
 def fit(*arguments):
@@ -56,7 +48,7 @@ def shear(kind, sizes, *how):
     def run(folder, out):
         test = BIAS if kind == "bias-extension" else FRAME
         law = Locking(0.1, np.radians(60.0)) if "locking" in how else QUINTIC
-        data = [shear_file(folder / f"{i}.csv", test, law, i) for i in range(2)]
+        data = shear_files(folder, test, law, n=2, share=0.005)
         fit(kind, *data, *sizes, *how, "--slack", 0, "--no-render", "--out", out)
 
     return run
@@ -70,22 +62,13 @@ def biaxial(folder, out):
 
 
 def joint(folder, out, *how):
-    moved = np.linspace(0.0, 4.0, 60)
-    for seed, family in enumerate(("warp", "weft")):
-        strain = np.log1p(moved / 200)
-        force = noisy(50 * TOE.value(strain) / np.exp(strain), seed)
-        write(folder / f"{family}.csv", "displacement (mm),force (N)", moved, force)
-    shear_file(folder / "bias.csv", BIAS)
-    (folder / "bend.csv").write_text("overhang (mm)\n200\n201\n199.5\n")
-    tests = [
-        'kind = "strip"\ndata = "warp.csv"\nwidth = 50\nlength = 200',
-        'kind = "strip"\ndata = "weft.csv"\nwidth = 50\nlength = 200\nfamily = "weft"',
-        'kind = "bias-extension"\ndata = "bias.csv"\nwidth = 100\nheight = 200',
-        'kind = "cantilever"\ndata = "bend.csv"\nweight = 6e-6\nchord_angle = 41.5',
-    ]
-    file = folder / "tests.toml"
-    file.write_text("\n".join(f"[[test]]\n{one}" for one in tests))
-    fit("joint", file, *(how or ("--no-render",)), "--out", out)
+    fit(
+        "joint",
+        joint_file(folder, TOE),
+        *(how or ("--degree", 3, "--no-render")),
+        "--out",
+        out,
+    )
 
 
 BIAS_SIZES = "--width", 100, "--height", 200
@@ -94,7 +77,9 @@ FITS = {
     "polynomial": shear("bias-extension", BIAS_SIZES),
     "sin2": shear("picture-frame", FRAME_SIZES, "--law", "sin2"),
     "locking": shear("picture-frame", FRAME_SIZES, "--law", "locking"),
-    "tabulated": shear("bias-extension", BIAS_SIZES, "--law", "tabulated"),
+    "tabulated": shear(
+        "bias-extension", BIAS_SIZES, "--law", "tabulated", "--points", 3
+    ),
     "linear": shear("picture-frame", FRAME_SIZES, "--law", "linear"),
     "crimp-interchange": biaxial,
     "joint": joint,
@@ -141,18 +126,19 @@ def test_the_laws_of_a_page_are_those_of_the_fit(name, tmp_path, monkeypatch):
     same_laws(case_from_tables({"scene": scene, "mesh": mesh} | known).fabric, fabric)
 
 
+@pytest.mark.dear("the only fit that a page repeats")
 def test_the_page_of_a_joint_fit_repeats_it_in_python(tmp_path, monkeypatch):
-    shear_file(tmp_path / "bias.csv", BIAS)
-    zeros = "slack = 0\nforce_at_rest = 0"
-    test = 'kind = "bias-extension"\ndata = "bias.csv"\nwidth = 100\nheight = 200'
-    (file := tmp_path / "tests.toml").write_text(f"[[test]]\n{test}\n{zeros}\n")
+    file = joint_file(tmp_path, TOE, ["bias"])
+    file.write_text(f"{file.read_text()}\nslack = 0\nforce_at_rest = 0\n")
     how = "--degree", 3, "--up-to", 25, "--bound", "c1=0,1", "--simulate", 2
     fit("joint", file, *how, "--no-render", "--out", out := tmp_path / "out")
     monkeypatch.chdir(out)
     names = {}
     exec(f"{block(out, 'python')}\n{block(out, 'repetition')}", names)
     found = names["fabric_fit"].fit.joint
-    summary = json.loads((out / "summary.json").read_text())["joint"]
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["laws"]["Shear"]["compared_with"] == "simulations"
+    summary = summary["joint"]
     assert (
         list(found.model.parameters)
         == summary["parameters"]
@@ -163,8 +149,17 @@ def test_the_page_of_a_joint_fit_repeats_it_in_python(tmp_path, monkeypatch):
     assert deviations == pytest.approx(summary["standard_deviations"], rel=1e-6)
 
 
-def test_a_page_has_every_part_and_no_external_references(tmp_path):
-    pytest.importorskip("matplotlib")
+def keep_panels(panels, folder):
+    """A file in place of each picture."""
+    for i in range(len(panels)):
+        (folder / f"{i}.png").write_bytes(b"\x89PNG")
+    return {f"{i}.png": caption for i, caption in enumerate(panels)}
+
+
+@pytest.mark.dear("the only joint comparison of laws")
+def test_a_page_has_every_part_and_no_external_references(tmp_path, monkeypatch):
+    figure = pytest.importorskip("skfem_textile.calibration.figure")
+    monkeypatch.setattr(figure, "draw_panels", keep_panels)
     joint(tmp_path, out := tmp_path / "out", "--shear-law", "auto")
     assert references(out / "report.html") == []
     page = Page((out / "report.html").read_text(encoding="utf-8"))
@@ -209,17 +204,10 @@ def test_at_most_twelve_parameters_are_in_the_table_of_correlations():
 
 def test_only_deviations_above_the_error_of_a_machine_are_marked(tmp_path):
     """A parabola that a line fits, with a curvature of 1 % or 30 % of the force."""
-    gamma = np.radians(np.linspace(0.5, 40.0, 60))
     rows = []
     for share in (0.01, 0.3):
         law = Polynomial((0.1, 0.0, 0.1 * share / np.radians(40.0) ** 2), odd=True)
-        file = tmp_path / "pull.csv"
-        write(
-            file,
-            "displacement (mm),force (N)",
-            FRAME.displacement(gamma),
-            FRAME.force(law, gamma),
-        )
+        file = shear_file(tmp_path / "pull.csv", FRAME, law, share=0.0, n=60)
         how = "--law", "linear", "--slack", 0, "--force-at-rest", 0, "--no-render"
         fit("picture-frame", file, *FRAME_SIZES, *how, "--out", out := tmp_path / "out")
         (one,) = json.loads((out / "summary.json").read_text())["laws"].values()
@@ -240,13 +228,23 @@ def test_the_report_of_a_run_does_not_replace_that_of_a_fit(tmp_path, capsys):
     assert (out / "report.html").read_bytes() == before
 
 
-def test_two_files_of_one_name_have_their_own_pictures(tmp_path):
-    pytest.importorskip("matplotlib")
+def test_two_files_of_one_name_have_their_own_pictures(tmp_path, monkeypatch):
+    figure = pytest.importorskip("skfem_textile.calibration.figure")
+
+    def save(panels, path):
+        """The plotted forces in place of a picture."""
+        (panel,) = panels
+        panel(axes := figure.Figure().add_subplot())
+        lines = [np.asarray(line.get_ydata(), float) for line in axes.lines]
+        path.write_bytes(b"".join(line.tobytes() for line in lines))
+
+    monkeypatch.setattr(figure, "save_panels", save)
     for i, law in enumerate((Linear(0.1), Linear(0.3))):
         (tmp_path / str(i)).mkdir()
-        shear_file(tmp_path / str(i) / "pull.csv", FRAME, law)
+        shear_file(tmp_path / str(i) / "pull.csv", FRAME, law, n=15)
     data = [tmp_path / str(i) / "pull.csv" for i in range(2)]
-    fit("picture-frame", *data, *FRAME_SIZES, "--out", tmp_path / "out")
+    how = "--law", "linear", "--slack", 0, "--force-at-rest", 0
+    fit("picture-frame", *data, *FRAME_SIZES, *how, "--out", tmp_path / "out")
     text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     pictures = re.findall(r'src="([^"]*)" alt="[12]\. pull', text)
     assert len({*pictures}) == 2

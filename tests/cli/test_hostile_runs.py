@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import meshio
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 
 from skfem_textile.cases.scenes import SCENES
@@ -127,21 +128,34 @@ def attempt_line(line):
         if ended.code not in (0, 1):
             raise UnclearError(ended)
         expect_clear(ended, line.is_verbose)
-        out = Path(line.out)
-        if line.values is None and not (out / "case.toml").exists():
-            return RIGHT  # the folder of the results is unknown
-        results = Results(out)
+        if line.is_cut:
+            return RIGHT  # it may run another case, in another folder
+        results = Results(Path(line.out))
         results.check(ended.code == 0)
-        if line.values is not None:
+        if line.odd:
+            check_odd_word(*line.odd, results.case)
+        else:
             compare_with_line(line, results.case)
-            folder = line.checkpoint and Path(line.checkpoint)
-            results.check_checkpoint(out / "checkpoint" if folder == "" else folder)
+        folder = line.checkpoint and Path(line.checkpoint)
+        kept = Path(line.out, "checkpoint") if folder == "" else folder
+        results.check_checkpoint(kept)
         return RIGHT
+
+
+def check_odd_word(path, word, case):
+    """Check that a number that was taken is the one that TOML or Python reads."""
+    table, key = path.split(".")
+    if isinstance(value := case.get(table, {}).get(key), float):
+        try:
+            number = tomllib.loads(f"x = {word}")["x"]
+        except tomllib.TOMLDecodeError:
+            number = word
+        expect_equal(path, value, float(number))
 
 
 def compare_with_line(line, case):
     """Check a written case for the values of the line, and defaults otherwise."""
-    expected, scene = defaults(line.scene), SCENES[line.scene]
+    expected, scene = defaults(line.scene), SCENES[line.scene].declaration
     source = options.kind_of_mesh(line.scene, line.values)
     expected["mesh"] = {"source": source}
     if source == options.GRADED:
@@ -151,6 +165,7 @@ def compare_with_line(line, case):
     name = options.formulation(line.scene, line.values)
     if name in line.values.values() or name != expected["formulation"]["name"]:
         expected["formulation"] = {"name": name}
+    expected["output"] = expected["output"] | {"pictures": False}
     for path, value in line.values.items():
         table, key = path.split(".")
         expected[table] = expected[table] | {key: value}
@@ -275,14 +290,16 @@ def takes_long(content):
 
 
 FAMILIES = (
-    Family("options", options.any_line(), attempt_line, 10_000, 60, SECONDS),
+    Family("options", options.any_line(), attempt_line, 2500, 60, SECONDS),
     Family("case files", {"": case_files()}, attempt_case, 2000, 25, SECONDS / 2),
 )
 
 
+@pytest.mark.dear("random lines of the whole command line")
 def test_a_line_is_rejected_or_runs_as_written():
-    FAMILIES[0].check(12)
+    FAMILIES[0].check(4)
 
 
+@pytest.mark.dear("random case files")
 def test_a_case_file_is_rejected_or_runs_as_written():
-    FAMILIES[1].check(15)
+    FAMILIES[1].check(2)

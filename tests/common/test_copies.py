@@ -2,7 +2,7 @@
 
 import pickle
 from copy import deepcopy
-from functools import cache
+from functools import partial
 
 import numpy as np
 import pytest
@@ -16,7 +16,6 @@ from skfem_textile import (
     CrimpToe,
     Fabric,
     Force,
-    Full,
     Holder,
     Linear,
     LoadStepper,
@@ -46,52 +45,42 @@ from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.surface import OffSurfaceError
 
 COPIES = [deepcopy, lambda x: pickle.loads(pickle.dumps(x))]
-MESH = MeshQuad().refined(2).scaled(100.0).with_defaults()
+MESH = MeshQuad().refined(1).scaled(100.0).with_defaults()
 STEEP = Fabric(1e4, 0.5, (1, 1), (-1, 1))
-HELD = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 1.0))}
+HELD = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 0.1))}
 SPACE = {"dimension": 3}
 EDGES = {name: Condition(name) for name in ("left", "right", "bottom", "top")}
 BENT = Fabric(1e3, 0.5, bending=(5.0, 5.0))
-PUNCH = Tool(drape.Sphere(30.0, (50, 50, -30)), motion=(0, 0, 2), name="punch")
+PUNCH = Tool(drape.Sphere(30.0, (50, 50, -30)), motion=(0, 0, 0.5), name="punch")
 
 
 def in_scene(scene, **fabric):
     fabric = Fabric(1e4, 0.5, scene.warp, scene.weft, **fabric)
-    return scenes.Case(scene=scene, fabric=fabric, steps=2).stepper()
+    return scenes.Case(scene=scene, fabric=fabric, steps=1).stepper()
 
 
 def on_mesh(formulation=None, fabric=STEEP, conditions=HELD, terms=(), **ply):
     ply = Ply(MESH, fabric, formulation or OnePoint(), terms, **ply)
-    return LoadStepper(ply, conditions, 2)
+    return LoadStepper(ply, conditions, 1)
 
 
 STEPPERS = {
-    "strip": lambda: in_scene(scenes.strip(size=(2, 3))),
     "turned strip": lambda: in_scene(scenes.strip(size=(2, 3)).rotated(0.3)),
-    "bias": lambda: in_scene(scenes.bias_extension(size=(2, 4))),
     "trellis": lambda: in_scene(
         scenes.trellis(size=(2, 2), edges={"top": 0.3, "left": "free"})
     ),
-    "frame": lambda: in_scene(scenes.picture_frame(size=(2, 2))),
-    "cantilever": lambda: in_scene(scenes.cantilever(size=(4, 1)), bending=(5.0, 5.0)),
-    "hemisphere": lambda: in_scene(scenes.hemisphere(size=(3, 3))),
+    "cantilever": lambda: in_scene(scenes.cantilever(size=(2, 1)), bending=(5.0, 5.0)),
     "tensioned": lambda: in_scene(
-        scenes.hemisphere(size=(3, 3), part="whole", tension=0.2)
+        scenes.hemisphere(size=(2, 2), part="whole", tension=0.2)
     ),
-    "saddle": lambda: in_scene(scenes.saddle(size=(3, 3))),
-    "double dome": lambda: in_scene(scenes.double_dome(size=(4, 3))),
+    "double dome": lambda: in_scene(scenes.double_dome(size=(3, 2))),
     "forming": lambda: in_scene(
-        scenes.hemisphere_forming("aligned", travel=2.0, size=(4, 4)),
+        scenes.hemisphere_forming("aligned", travel=0.3, size=(2, 2)),
         bending=(5.0, 5.0),
     ),
-    "deep dome": lambda: in_scene(
-        scenes.double_dome_forming(travel=0.5, size=(6, 4)), bending=(5.0, 5.0)
-    ),
     "macro": lambda: on_mesh(Macro()),
-    "full": lambda: on_mesh(Full()),
     "quadratic": lambda: on_mesh(Quadratic(400, points=6)),
     "rates": lambda: on_mesh(OnePoint(1.0, kind="rate")),
-    "isotropic": lambda: on_mesh(OnePoint(1.0, kind="isotropic")),
     "loads": lambda: on_mesh(
         terms=[Traction("top", (1.0, 0.0)), BodyForce((0, -1e-3))]
     ),
@@ -107,19 +96,16 @@ STEPPERS = {
 }
 
 
-@cache
-def run(name):
-    """A stepper that was run, and its result with its interval."""
-    stepper = STEPPERS[name]()
-    result = stepper.run()
-    _ = result.error
-    return stepper, result
+def same_states(result, other):
+    for state, copied in zip(result.states, other.states, strict=True):
+        np.testing.assert_allclose(copied.u, state.u, atol=1e-9)
 
 
-def assert_same(result, other):
-    for one, state in zip(result.states, other.states, strict=True):
-        np.testing.assert_allclose(state.u, one.u, atol=1e-9)
-    one, two = result.summary(), other.summary()
+def assert_same(result, other, one=None):
+    """The second is a copy; `one` is the summary of the first, if it is known."""
+    one = one or result.summary()
+    same_states(result, other)
+    two = other.summary()
     assert one.keys() == two.keys()
     for name, value in one.items():
         if isinstance(value, float) and not name.endswith("time_s"):
@@ -129,21 +115,22 @@ def assert_same(result, other):
     np.testing.assert_allclose(*fields, atol=1e-9)
 
 
-@pytest.mark.parametrize("copied", COPIES, ids=["deepcopy", "pickle"])
 @pytest.mark.parametrize("name", STEPPERS)
-def test_results_and_steppers_are_copied(name, copied):
-    stepper, result = run(name)
-    assert_same(result, copied(result))
-    again = copied(stepper)
-    assert_same(result, again.result)
-    assert_same(result, again.run())
+def test_results_and_steppers_are_copied(name):
+    stepper = STEPPERS[name]()
+    result = stepper.run()
+    same = partial(assert_same, result, one=result.summary())
+    for copied in COPIES:
+        same(copied(result))
+        same_states(result, copied(stepper).result)
+    same(copied(stepper).run())
 
 
 @pytest.mark.parametrize("copied", COPIES, ids=["deepcopy", "pickle"])
 @pytest.mark.parametrize("form", [Macro(), OnePoint()])
 def test_intervals_of_loads_are_copied(form, copied):
     fabric = Fabric(2e3, 0.3, (1, 1), (-1, 1))
-    mesh = MeshQuad.init_tensor(np.linspace(0, 30, 4), np.linspace(0, 60, 7))
+    mesh = MeshQuad.init_tensor(np.linspace(0, 30, 3), np.linspace(0, 60, 5))
     ply = Ply(mesh.with_defaults(), fabric, form)
     result = LoadStepper(ply, HELD, 1).run()
     error = copied(result.error)
@@ -249,7 +236,7 @@ OF_ARRAYS = {
     "vector": (lambda a: VectorTerm("v", a), np.ones(3)),
     "guess": (
         lambda a: LoadStepper(Ply(MESH, STEEP), HELD, 1, initial_guess=a).initial_guess,
-        np.zeros(162),
+        np.zeros(50),
     ),
 }
 

@@ -218,7 +218,7 @@ def test_energies_and_forces_agree_with_their_definitions(case, seed):
     assert_close(whole, expected_whole)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("name", ["energy", "macro both", "quadratic"])
 def test_closing_corners_resist_as_defined(name, seed):
     problem = random_problem(CASES[name], seed)

@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.helpers import built_pages
 from tests.helpers.built_pages import ROOT, defects
 
 GOOD = """<a id="top" href="other.html#part">x</a> <a href="https://example.org">y</a>
@@ -44,3 +45,17 @@ def test_each_kind_of_defect_is_found(tag, reason, build):
     (defect,) = defects(build)
     assert defect.startswith("sub/page.html: ")
     assert reason in defect
+
+
+def test_a_script_of_the_gallery_without_its_picture_is_found(tmp_path, monkeypatch):
+    monkeypatch.setattr(built_pages, "ROOT", tmp_path)
+    scripts, pages = tmp_path / "examples" / "a", tmp_path / "gallery" / "a"
+    for folder in (scripts, pages):
+        folder.mkdir(parents=True)
+    (scripts / "GALLERY_HEADER.rst").touch()
+    for name in ("drawn", "blank", "lost"):
+        (scripts / f"{name}.py").touch()
+    (pages / "drawn.html").write_text('<img src="../sphx_glr_drawn_001.png">')
+    (pages / "blank.html").write_text('<img src="icon.png">')
+    without = built_pages.without_picture(tmp_path)
+    assert [script.stem for script in without] == ["blank", "lost"]

@@ -55,12 +55,9 @@ def stored():
     return STUDY.stored(STORED)
 
 
-def test_every_case_is_stored(stored):
-    assert {row["case"] for row in stored} == {*DOCUMENTED, *STRETCHED}
-
-
-@pytest.mark.parametrize("name", ["load of a bias extension", "strip"])
-def test_a_command_gives_its_stored_result(stored, name):
+def test_a_command_gives_its_stored_result(stored):
+    """`python -m studies figures --check` runs the script of the strip."""
+    name = "load of a bias extension"
     rows = [row for row in stored if row["case"] == name]
     for row, was in zip(STUDY.examine(name), rows, strict=True):
         assert row["quantity"] == was["quantity"]

@@ -1,54 +1,53 @@
-"""Plies on tools from files, from the command line."""
+"""Plies on tools from files, from the command line: their files, cases and exports."""
+
+from contextlib import redirect_stdout
+from functools import partial
+from io import StringIO
+from types import SimpleNamespace
 
 import meshio
 import numpy as np
 import pytest
 
+from skfem_textile import drape
 from skfem_textile.cli import main as cli
-from skfem_textile.io import read_tool_mesh
-from tests.helpers.command_line import rejected
+from skfem_textile.cli.results import DrapeExport
+from skfem_textile.drape import Axes
+from tests.helpers import sphere
 from tests.helpers.tools import (
+    SPHERE,
     bump_height,
     command,
+    geodesic_u,
     plate,
-    run_words,
+    square,
     summary,
     write,
-    write_sphere,
 )
 
-pytestmark = pytest.mark.usefixtures("coarse_net", "no_interval")
+pytestmark = pytest.mark.usefixtures("quick")
 
-# A ply on a tool of a file, from the command line: its files and its case
-
-
-def test_a_ply_beyond_the_edges_of_its_tool_is_reported(tmp_path):
-    """The flat tool has a known share of area, a sentence and a field."""
-    flat = write(tmp_path / "flat.stl", *plate(60.0, 13, lambda x, y: 0 * x))
-    out = tmp_path / "out"
-    assert command(out, "--width", "150", "--height", "100", tool=flat) == 0
-    result = summary(out)
-    assert result["beyond_tool_share_of_area"] == pytest.approx(1 - 120 / 150, abs=0.06)
-    assert "use a smaller ply or a larger tool" in result["beyond_tool"]
-    fields = meshio.read(out / "fields" / "step_0001.vtu")
-    beyond = fields.cell_data["beyond_tool"][0]
-    middle = fields.points[fields.cells[0].data].mean(axis=1)
-    np.testing.assert_array_equal(beyond, np.abs(middle[:, 0]) > 60)
+SHIFT = np.array([[300.0], [0], [9]])
 
 
-def test_files_are_in_the_axes_of_the_tool(tool, tmp_path):
-    shifted = read_tool_mesh(tool)
-    file = write(
-        tmp_path / "t.stl",
-        shifted.points + np.array([[300], [0], [9]]),
-        shifted.triangles(),
-    )
-    out = tmp_path / "out"
-    assert command(out, "--fibres", "25", "--width", "120", tool=file) == 0
-    last = meshio.read(out / "fields" / "step_0001.vtu")
+@pytest.fixture(scope="module")
+def draped(tmp_path_factory, quick):
+    """Tool and results of a ply with a part, on a tool that is not at the origin."""
+    folder = tmp_path_factory.mktemp("draped")
+    x, t = plate()
+    tool = write(folder / "tool.stl", x + SHIFT, t)
+    x, t = plate(40.0, 9)
+    part = write(folder / "part.stl", x + SHIFT, t)
+    options = "--fibres", "35", "--point", "296", "3", "38", "--part-mesh", str(part)
+    assert command(folder / "out", *options, "--checkpoint", tool=tool) == 0
+    return SimpleNamespace(tool=tool, out=folder / "out", options=options)
+
+
+def test_files_are_in_the_axes_of_the_tool(draped):
+    last = meshio.read(draped.out / "fields" / "step_0001.vtu")
     for x in (
         last.points + last.point_data["displacement"],
-        meshio.read(out / "fibres.vtu").points,
+        meshio.read(draped.out / "fibres.vtu").points,
     ):
         z = bump_height(x[:, 0] - 300, x[:, 1]) + 9
         assert np.abs(x[:, 2] - z).max() < 0.1
@@ -57,219 +56,122 @@ def test_files_are_in_the_axes_of_the_tool(tool, tmp_path):
     np.testing.assert_allclose(np.linalg.norm(warp, axis=1), 1)
 
 
-def test_the_written_case_describes_the_same_tool(tool, tmp_path):
-    x, t = plate(40.0, 9)
-    part = write(tmp_path / "part.stl", x, t)
-    options = "--fibres", "35", "--point", "-4", "3", "29", "--part-mesh", str(part)
-    out, again = tmp_path / "out", tmp_path / "again"
-    assert command(out, *options, tool=tool) == 0
-    run_words = "run", str(out / "case.toml"), "--no-render", "--out", str(again)
-    assert cli.main(run_words) == 0
-    one, other = summary(out), summary(again)
+def test_the_written_case_describes_the_same_tool(draped, tmp_path):
+    run_words = "run", str(draped.out / "case.toml"), "--no-render"
+    assert cli.main([*run_words, "--out", str(tmp_path)]) == 0
+    one, other = summary(draped.out), summary(tmp_path)
     for key in ("energy", "touches_at_x_mm", "pattern_area_mm2"):
         assert one[key] == other[key]
-    assert (again / "case.toml").read_text() == (out / "case.toml").read_text()
-    for name in ("tool.stl", "part_mesh.stl"):
-        assert (again / "case_files" / name).read_bytes() == (
-            out / "case_files" / name
-        ).read_bytes()
+    for name in ("case.toml", "case_files/tool.stl", "case_files/part_mesh.stl"):
+        assert (tmp_path / name).read_bytes() == (draped.out / name).read_bytes()
 
 
-def test_a_run_on_a_tool_is_resumed_from_its_checkpoint(tool, tmp_path, capsys):
-    out = tmp_path / "out"
-    assert command(out, "--checkpoint", tool=tool) == 0
-    assert command(out, "--resume", tool=tool) == 0
-    other = write(
-        tmp_path / "other.stl", *plate(height=lambda x, y: 0.9 * bump_height(x, y))
-    )
-    assert command(out, "--resume", tool=other) == 2
+def test_a_run_on_a_tool_is_resumed_from_its_checkpoint(draped, tmp_path, capsys):
+    x, t = plate(n=21, height=lambda x, y: bump_height(x, y) + 0.01 * x)
+    other = write(tmp_path / "other.stl", x + SHIFT, t)
+    resume = partial(command, draped.out, *draped.options, "--checkpoint", "--resume")
+    assert resume(tool=other) == 2
     assert "checkpoint" in capsys.readouterr().err
+    assert resume(tool=draped.tool) == 0
 
 
-def test_init_writes_a_case_that_requires_a_tool(tool, tmp_path, capsys):
+def test_init_writes_a_case_that_requires_a_tool(tmp_path, capsys):
     file = tmp_path / "new.toml"
     assert cli.main(["init", str(file), "--scene", "drape"]) == 0
-    text = file.read_text()
-    assert "# tool is not given" in text
+    assert "# tool is not given" in file.read_text()
     assert cli.main(["run", str(file), "--out", str(tmp_path / "out")]) == 2
     assert "scene.tool is missing: name an STL file" in capsys.readouterr().err
 
 
-# Export of a run on a tool: fibres on a part, and its flat pattern
+# Exports of a run on a flat tool: what is beyond it, fibres on a part, its pattern
 
 
-def test_fibres_and_pattern_are_exported(tool, tmp_path, capsys):
-    """On a flat tool the pattern equals the part, and fibres keep their angle."""
-    flat = write(tmp_path / "flat.stl", *plate(height=lambda x, y: 0 * x))
-    x, t = plate(40.0, 9, lambda x, y: 0 * x)
-    part, out = write(tmp_path / "part.stl", x, t), tmp_path / "out"
-    options = "--fibres", "20", "--part-mesh", str(part)
-    assert command(out, *options, tool=flat) == 0
-    result = summary(out)
-    assert result["part_covered_share_of_elements"] == 1
-    assert result["pattern_area_mm2"] == pytest.approx(80 * 80, rel=1e-3)
-    assert result["pattern_length_mm"] == pytest.approx(4 * 80, rel=1e-3)
-    area = f"Flat pattern            {result['pattern_area_mm2']:.4g} mm²"
-    assert area in capsys.readouterr().out
-    fibres = meshio.read(out / "part.vtu")
-    np.testing.assert_allclose(fibres.cell_data["warp_angle_deg"][0], 20, atol=1e-6)
-    for name in ("part.csv", "part.inp", "pattern.csv", "pattern.svg"):
-        assert (out / name).stat().st_size > 100
-    assert {f.name for f in (out / "case_files").iterdir()} == {
-        "tool.stl",
-        "part_mesh.stl",
-    }
-
-
-def test_the_cut_area_is_the_area_of_all_pieces_without_their_holes(tmp_path):
-    flat = write(tmp_path / "flat.stl", *plate(height=lambda x, y: 0 * x))
+@pytest.fixture(scope="module")
+def flat(tmp_path_factory, quick):
+    """A flat tool of 120 mm, a ply of 150 mm, and a part of two pieces with a hole."""
+    folder = tmp_path_factory.mktemp("flat")
+    tool = write(folder / "flat.stl", *plate(60.0, 13, lambda x, y: 0 * x))
     x, t = plate(40.0, 9, lambda x, y: 0 * x)
     middle = x[:, t].mean(axis=1)
     gap = np.abs(middle[0]) < 10
     hole = (np.abs(middle[0] + 25) < 5) & (np.abs(middle[1]) < 10)
-    part = write(tmp_path / "part.stl", x, t[:, ~(gap | hole)])
-    out = tmp_path / "out"
-    assert command(out, "--part-mesh", str(part), tool=flat) == 0
+    part = write(folder / "part.stl", x, t[:, ~(gap | hole)])
+    size = "--width", "150", "--height", "100"
+    options = *size, "--fibres", "20", "--part-mesh", str(part)
+    with redirect_stdout(StringIO()) as printed:
+        assert command(folder / "out", *options, tool=tool) == 0
+    printed = printed.getvalue()
+    return SimpleNamespace(tool=tool, out=folder / "out", size=size, printed=printed)
+
+
+def test_a_ply_beyond_the_edges_of_its_tool_is_reported(flat):
+    """The share of area is known; there are a sentence and a field."""
+    result = summary(flat.out)
+    assert result["beyond_tool_share_of_area"] == pytest.approx(1 - 120 / 150, abs=0.06)
+    assert "use a smaller ply or a larger tool" in result["beyond_tool"]
+    fields = meshio.read(flat.out / "fields" / "step_0001.vtu")
+    beyond = fields.cell_data["beyond_tool"][0]
+    middle = fields.points[fields.cells[0].data].mean(axis=1)
+    np.testing.assert_array_equal(beyond, np.abs(middle[:, 0]) > 60)
+
+
+def test_fibres_and_pattern_are_exported(flat):
+    """The pattern equals the part, and fibres keep their angle."""
+    result = summary(flat.out)
+    assert result["part_covered_share_of_elements"] == 1
     area = 80 * 80 - 20 * 80 - 10 * 20
-    assert summary(out)["pattern_area_mm2"] == pytest.approx(area, rel=1e-3)
+    assert result["pattern_area_mm2"] == pytest.approx(area, rel=1e-3)
+    edges = 4 * (30 + 80) + 2 * (10 + 20)
+    assert result["pattern_length_mm"] == pytest.approx(edges, rel=1e-3)
+    text = f"Flat pattern            {result['pattern_area_mm2']:.4g} mm²"
+    assert text in flat.printed
+    fibres = meshio.read(flat.out / "part.vtu")
+    np.testing.assert_allclose(fibres.cell_data["warp_angle_deg"][0], 20, atol=1e-6)
+    for name in ("part.csv", "part.inp", "pattern.csv", "pattern.svg"):
+        assert (flat.out / name).stat().st_size > 100
+    files = {file.name for file in (flat.out / "case_files").iterdir()}
+    assert files == {"tool.stl", "part_mesh.stl"}
 
 
-def test_a_curve_trims_the_pattern(tool, tmp_path):
+def test_a_curve_trims_the_pattern_and_the_next_run_removes_it(flat, tmp_path, capsys):
     a = np.linspace(0, 2 * np.pi, 60, endpoint=False)
-    x, y = 5 + 40 * np.cos(a), 40 * np.sin(a)
     curve, out = tmp_path / "curve.csv", tmp_path / "out"
-    rows = np.column_stack([a, x, y, bump_height(x, y)])
+    rows = np.column_stack([a, 5 + 40 * np.cos(a), 40 * np.sin(a), 0 * a])
     np.savetxt(curve, rows, delimiter=",", header="angle,X,y (mm), z", comments="")
-    assert command(out, "--trim", str(curve), tool=tool) == 0
-    result = summary(out)
-    assert np.pi * 40**2 < result["pattern_area_mm2"] < 1.3 * np.pi * 40**2
+    assert command(out, *flat.size, "--trim", str(curve), tool=flat.tool) == 0
+    area = summary(out)["pattern_area_mm2"]
+    assert area == pytest.approx(np.pi * 40**2, rel=3e-3)
     assert not (out / "part.vtu").exists()
-    # A run without it removes the one of an earlier run.
-    assert command(out, tool=tool) == 0
-    assert not (out / "pattern.csv").exists()
-
-
-def test_a_failed_export_is_reported_beside_other_results(tool, tmp_path, capsys):
     x, t = plate(40.0, 9)
     far = write(tmp_path / "far.stl", x + np.array([[500], [0], [0]]), t)
-    out = tmp_path / "out"
-    assert command(out, "--part-mesh", str(far), tool=tool) == 1
+    capsys.readouterr()
+    assert command(out, *flat.size, "--part-mesh", str(far), tool=flat.tool) == 1
     assert "part: not written: fibres on a tool" in capsys.readouterr().err
     result = summary(out)
     assert result["converged"]
     assert result["part"].startswith("not written: ")
     assert (out / "fibres.vtu").exists()
-    assert not (out / "part.vtu").exists()
-    # The boundary leaves the ply, but not all elements do: only fibres are exported.
-    assert command(out, "--width", "60", "--part-mesh", str(tool), tool=tool) == 0
-    result = summary(out)
-    assert 0 < result["part_covered_share_of_elements"] < 1
-    assert "does not lie on" in result["pattern"]
-    # The curve leaves the ply.
-    curve = tmp_path / "curve.csv"
-    curve.write_text("x,y,z\n-95,0,0\n95,0,0\n0,95,0\n")
-    assert command(out, "--trim", str(curve), tool=tool) == 1
-    assert (
-        "pattern: not written: flat pattern: the ply does not lie"
-        in capsys.readouterr().err
-    )
-    assert not (out / "pattern.csv").exists()
+    assert not [name for name in DrapeExport.files if (out / name).exists()]
 
 
-def test_a_closed_part_has_fibres_and_no_pattern(tmp_path, capsys):
-    file, out = write_sphere(tmp_path / "ball.stl", 900), tmp_path / "out"
-    options = "--part-mesh", str(file), "--width", "100", "--height", "100"
-    assert command(out, *options, tool=file) == 0
-    result = summary(out)
-    assert "is closed" in result["pattern"]
-    assert f"Flat pattern            {result['pattern']}" in capsys.readouterr().out
-    assert 0 < result["part_covered_share_of_elements"] < 0.2
-
-
-# Invalid tools, curves and options of a run on a tool
-
-
-EMPTY = "solid nothing\nendsolid nothing\n"
-
-
-def invalid_tools(folder):
-    """Invalid files of tools, the expected messages, and the numbers of warnings."""
-    x, t = plate()
-    both = np.hstack([x, x - [[0], [0], [2]]])
-    shell = np.hstack([t, t[::-1] + x.shape[1]])
-    yield folder / "no.stl", "no.stl: no such file", 0
-    empty = folder / "empty.stl"
-    empty.write_text(EMPTY)
-    yield empty, "empty.stl: the file contains no triangles", 0
-    yield write(folder / "few.stl", x[:, :], t[:, :3]), "vertices, but at least", 0
-    yield write(folder / "shell.stl", both, shell), "only the side that is draped", 0
-    bad = x.copy()
-    bad[2, 5] = np.nan
-    yield write(folder / "nan.stl", bad, t), "far from all others", 0
-    steep = plate(height=lambda x, y: 0.3 * x)
-    yield write(folder / "steep.stl", *steep), "is at its edge or on a slope", 0
-    hollow = plate(height=lambda x, y: -bump_height(x, y))
-    yield write(folder / "hollow.stl", *hollow), "is at its edge or on a slope", 0
-    yield (
-        write(folder / "metres.stl", 1e-3 * x, t),
-        "use a smaller ply, or specify the unit of the tool file",
-        1,
-    )
-    for scale in (1e3, 1e30):
-        large = write(folder / f"{scale:g}.stl", scale * x, t)
-        yield large, "use a larger ply, or specify the unit of the tool file", 1
-
-
-def test_invalid_tools_are_rejected_in_one_line(tmp_path, capsys):
-    for file, reason, warnings in invalid_tools(tmp_path):
-        words = run_words(tmp_path / "out", tool=file)
-        assert reason in rejected(capsys, *words, warnings=warnings)
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("options", "reason"),
-    [
-        (("--point", "0", "0", "nan"), "scene.point_mm must be a finite number"),
-        (("--point", "0", "0", "90"), "specify a point on the tool"),
-        (("--point", "0", "0", "1e306"), "specify a point on the tool"),
-        (("--point", "130", "0", "0"), "the contact point of the ply, (129.8"),
-        (("--point", "0", "0"), "expected 3 arguments"),
-        (("--part-mesh", "none.stl"), "output.part_mesh none.stl: no such file"),
-        (("--trim", "none.csv"), "output.trim none.csv: no such file"),
-        (("--width", "-5"), "the width must be positive"),
-    ],
-)
-def test_bad_options_are_rejected_in_one_line(tool, options, reason, tmp_path, capsys):
-    assert reason in rejected(capsys, *run_words(tmp_path / "out", *options, tool=tool))
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("x,y\n0,0\n", "row 1: the header must name the columns x, y and z"),
-        (
-            "x,y,z\n0,0,0\n1,0,0\n1,nan,0\n",
-            "row 4: expected three finite coordinates, got '1,nan,0'",
-        ),
-        ("x,y,z\n0,0,0\n1,0\n", "row 3: expected three finite coordinates, got '1,0'"),
-        ("x,y,z\n0,0,0\n1,0,0\n0,0,0\n", "at least 3 are required"),
-        ("", "the file is empty"),
-    ],
-)
-def test_invalid_curves_are_rejected_in_one_line(tool, text, reason, tmp_path, capsys):
-    curve = tmp_path / "curve.csv"
-    curve.write_text(text)
-    words = run_words(tmp_path / "out", "--trim", str(curve), tool=tool)
-    assert reason in rejected(capsys, *words)
-
-
-def test_a_bending_stiffness_is_required_without_a_net(tmp_path, capsys, monkeypatch):
-    monkeypatch.undo()  # a coarse net would miss the fold
-    file = write_sphere(tmp_path / "ball.stl", 900)
-    large = "--width", "330", "--height", "330", "--tension", "2"
-    words = run_words(tmp_path / "out", *large, tool=file)
-    _, warning, message = rejected(capsys, *words, warnings=2).splitlines()
-    assert "their net folds at" in warning
-    assert "give the fibres a bending stiffness" in message
+def test_what_cannot_be_exported_is_named(tmp_path):
+    """Beside a part that the ply does not cover, a curve beyond, and a closed part."""
+    ply = square(60.0, 6)
+    u = geodesic_u(ply, SPHERE)
+    result = SimpleNamespace(ply=ply, u=u, converged=True)
+    x, t = sphere(900)
+    ball = drape.ToolMesh(100 * x - [[0], [0], [100]], (t,))
+    turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    ring = 90 * np.array([np.cos(turn), np.sin(turn), 0 * turn])
+    ring[2] = np.sqrt(1e4 - 90**2) - 100
+    closed = DrapeExport(ball, no_curves="ball.stl: the tool is closed")
+    for export, missing in (
+        (closed, []),
+        (DrapeExport(ball, [ring], trimmed=True), ["pattern: not written: flat"]),
+    ):
+        figures = export.write(result, Axes(np.zeros(3)), tmp_path)
+        assert 0 < figures["part_covered_share_of_elements"] < 0.2
+        found = export.missing(figures)
+        assert [x[: len(y)] for x, y in zip(found, missing, strict=True)] == missing
+        assert "is closed" in figures["pattern"] or "does not lie on" in found[0]
+        assert not (tmp_path / "pattern.csv").exists()

@@ -59,6 +59,7 @@ def test_nets_on_both_sides_of_darts_do_not_lock(laid):
         assert (mask & net.cut).sum() < 4 * (DEPTH + 2 * FLANGE) / 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [30, 45])
 def test_turned_fibres_have_darts_at_the_same_places(laid, degrees):
     """A dart belongs to a place of the tool, not to the direction of the fibres."""
@@ -70,33 +71,32 @@ def test_turned_fibres_have_darts_at_the_same_places(laid, degrees):
         away = [np.linalg.norm(tip - other.points[:, 0]) for other in laid.darts]
         assert min(away) < 1.5
     pattern = drape.pattern_with_darts(turned, BOX.facets.boundary()[0])
+    check_pattern(pattern)
+    assert pattern.shear_angle_beside_spots < np.radians(10)
+
+
+def check_pattern(pattern):
+    """Area of the tool, darts whose edges have one length, and their seams.
+
+    Chords on fillets of 5 mm shorten the walls by 0.4 % with cells of 4 mm.  Cells of
+    spots that would lock are left open, another 0.4 % of this small box.
+    """
     assert pattern.pattern.area == pytest.approx(BOX.facets.area, rel=5e-3)
     assert pattern.area_on_tool == pytest.approx(BOX.facets.area, rel=1e-2)
     assert len(pattern.darts) == 4
     for dart in pattern.darts:
         one, other = dart.lengths
         assert one == pytest.approx(other, rel=0.01)
-    assert pattern.shear_angle_beside_spots < np.radians(10)
     numbers = [seam.number for seam in pattern.pattern.seams]
     assert numbers == [1, 1, 2, 2, 3, 3, 4, 4]
 
 
-def test_the_pattern_with_darts_has_the_area_of_the_tool(pattern):
-    """Chords on fillets of 5 mm shorten the walls by 0.4 % with cells of 4 mm.
-
-    Cells of spots that would lock are left open, another 0.4 % of this small box.
-    """
-    assert pattern.pattern.area == pytest.approx(BOX.facets.area, rel=5e-3)
-    assert pattern.area_on_tool == pytest.approx(BOX.facets.area, rel=1e-2)
+def test_the_pattern_with_darts_is_the_tool_without_its_darts(pattern):
+    check_pattern(pattern)
     assert pattern.shear_angle < LOCKING
-
-
-def test_both_edges_of_a_dart_have_one_length(pattern):
-    assert len(pattern.darts) == 4
     for dart in pattern.darts:
         seam = np.linalg.norm(np.diff(dart.seam), axis=0).sum()
-        one, other = dart.lengths
-        assert one == pytest.approx(other, rel=0.01)
+        one, _ = dart.lengths
         # The seam is longer at the corner of the flange, which is curved backwards.
         assert 0.94 * seam < one < seam
         # The walls are taken out twice, and the flange around its corner.
@@ -125,33 +125,27 @@ def test_a_tool_that_does_not_lock_has_no_darts():
     assert pattern.area_on_tool == pytest.approx(200 * 150, rel=1e-6)
 
 
-def test_a_locking_angle_is_an_angle():
-    with pytest.raises(ValueError, match="locking angle must be between 0 and 90"):
-        drape.net_with_darts(BOX, 4.0, 50.0, point=TOP)
-
-
-def test_a_hole_is_cut_out_on_its_side_of_the_darts(laid):
+def test_a_hole_is_cut_out_on_its_side_of_the_darts(laid, pattern):
     (outline,) = BOX.facets.boundary()
     turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     hole = np.array([8 * np.cos(turn), 8 * np.sin(turn), np.full(24, DEPTH)])
     found = drape.pattern_with_darts(laid, outline, holes=[hole])
-    without = drape.pattern_with_darts(laid, outline)
     area = 12 * 8**2 * np.sin(2 * np.pi / 24)
-    assert without.pattern.area - found.pattern.area == pytest.approx(area, rel=1e-3)
+    assert pattern.pattern.area - found.pattern.area == pytest.approx(area, rel=1e-3)
 
 
-@pytest.mark.parametrize("degrees", [0, 30])
-def test_a_dart_of_a_dome_begins_in_the_curvature_that_causes_the_shear(degrees):
+@pytest.mark.dear("finds four darts, one after the other")
+def test_a_dart_of_a_dome_begins_in_the_curvature_that_causes_the_shear():
     """A hemisphere with a flange, whose curvature is the opposite at its foot.
 
     A dart that begins where the net locks, at the foot, would take nothing out.
     """
-    tool = drape.TriangleMesh(*tool_shapes.hemisphere_with_flange())
-    start = {"point": (0, 0, 50.0), "angles": np.radians([degrees, degrees + 90])}
-    limit = np.radians(50)
-    uncut = np.abs(drape.net(tool, 4.0, **start).shear_angle())
+    shape = {"fillet": 10.0, "flange": 10.0, "size": 4.0}
+    tool = drape.TriangleMesh(*tool_shapes.hemisphere_with_flange(50.0, **shape))
+    limit, point = np.radians(42), (0, 0, 50.0)
+    uncut = np.abs(drape.net(tool, 6.0, point=point).shear_angle())
     assert np.nanmax(uncut) > limit
-    laid = drape.net_with_darts(tool, 4.0, limit, **start)
+    laid = drape.net_with_darts(tool, 6.0, limit, point=point)
     assert len(laid.darts) == 4
     (outline,) = tool.facets.boundary()
     found = drape.pattern_with_darts(laid, outline)

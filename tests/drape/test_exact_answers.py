@@ -1,4 +1,4 @@
-"""Plies on surfaces against exact solutions."""
+"""Plies on surfaces have the shear angles and pressures of exact solutions."""
 
 import numpy as np
 import pytest
@@ -17,14 +17,16 @@ from skfem_textile import (
     equilibrium_near,
 )
 from skfem_textile.solve.states import NoEquilibriumError
-from studies.formulations.drape import chebyshev
-from studies.formulations.drape import rolled as rolled_plies
-from studies.formulations.drape.rolled import FAN
 from tests.helpers import arguments_of
-from tests.helpers.tools import SYMMETRY, geodesic_u, square
-
-# Plies on surfaces against exact solutions: shear angles and contact pressure
-
+from tests.helpers.tools import (
+    SIDE,
+    SPHERE,
+    SYMMETRY,
+    chebyshev,
+    geodesic_u,
+    shear_error,
+    square,
+)
 
 SADDLE = drape.HeightField(
     lambda x, y: drape.Height(
@@ -34,59 +36,39 @@ SADDLE = drape.HeightField(
 )
 
 
-@pytest.mark.parametrize("cells", [16, 32])
+@pytest.mark.parametrize(("formulation", "bound"), [(Macro(), 0.1), (OnePoint(), 0.05)])
+def test_the_chebyshev_net_is_found_in_a_few_solves(formulation, bound):
+    """Errors of second order: the warp of a sphere is not resisted."""
+    errors, parts = [], 2 if isinstance(formulation, Macro) else 1
+    for cells in (8, 16):
+        ply, conditions, start = chebyshev(formulation, cells // parts)
+        warned = ["stabilisation"] if cells == 8 else []
+        state = equilibrium_near(ply, conditions, start, warn_only=warned)
+        assert state.linear_solves <= 8
+        assert state.verdict.stable
+        errors.append(shear_error(ply, state.u))
+    assert errors[1] < bound
+    assert np.log2(errors[0] / errors[1]) > 1.2
+
+
 @pytest.mark.parametrize(
-    ("formulation", "bounds"),
-    [(Macro(), {16: 0.1, 32: 0.03}), (OnePoint(), {16: 0.05, 32: 0.015})],
+    ("formulation", "shear", "tension", "unit"),
+    [
+        (Macro(), 0.1, 0.1, 1.0),
+        (OnePoint(), 0.1, 50.0, 1e-6),
+        (OnePoint(), 1e-4, 20.0, 1e3),
+    ],
 )
-def test_the_chebyshev_net_is_found_in_a_few_solves(formulation, bounds, cells):
-    parts = 2 if isinstance(formulation, Macro) else 1
-    ply, conditions, start = chebyshev.problem(formulation, cells // parts)
-    state = equilibrium_near(ply, conditions, start)
-    largest, _ = chebyshev.error(ply, state.u)
-    assert largest < bounds[cells]
-    assert state.linear_solves <= 8
-    assert state.verdict.stable
-
-
-def test_the_largest_error_converges_with_second_order():
-    """The out-of-plane stabilisation does not resist the warp of a sphere."""
-    errors = []
-    for parts in (8, 16, 32):
-        ply, conditions, start = chebyshev.problem(Macro(), parts)
-        state = equilibrium_near(ply, conditions, start)
-        assert state.linear_solves <= 8
-        errors.append(chebyshev.error(ply, state.u)[0])
-    assert (np.diff(np.log2(errors)) < -1.8).all()
-
-
-@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e3])
-@pytest.mark.parametrize(("shear", "tension"), [(0.1, 0.1), (0.1, 50.0), (1e-4, 20.0)])
-def test_no_stiffness_tension_or_unit_of_force_takes_more_solves(shear, tension, unit):
-    for formulation, cells in ((Macro(), 8), (OnePoint(), 16)):
-        stiffnesses = (unit * x for x in (1e5, shear, tension))
-        ply, conditions, start = chebyshev.problem(formulation, cells, *stiffnesses)
-        state = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
-        assert state.linear_solves <= 8
-
-
-def test_a_coarse_mesh_takes_no_more_solves():
-    """Its stiffnesses use predicted tensions and are not updated."""
-    ply, conditions, start = chebyshev.problem(Macro(), 4)
+def test_no_stiffness_tension_or_unit_of_force_takes_more_solves(
+    formulation, shear, tension, unit
+):
+    stiffnesses = (unit * x for x in (1e5, shear, tension))
+    ply, conditions, start = chebyshev(formulation, 6, *stiffnesses)
     state = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
     assert state.linear_solves <= 8
 
 
-def test_a_net_is_an_equally_good_initial_guess():
-    ply, conditions, _ = chebyshev.problem(OnePoint(), 16)
-    net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / 16, (0, 16), (0, 16))
-    start = drape.displacement(ply.nodes, net.at(ply.nodes))
-    state = equilibrium_near(ply, conditions, start)
-    assert chebyshev.error(ply, state.u)[0] < 0.05
-    assert state.linear_solves <= 6
-
-
-def rolled(angle, formulation, q=1.0, side=chebyshev.SIDE, mesh=MeshQuad, warn_only=()):
+def rolled(angle, formulation, q=1.0, side=SIDE, mesh=MeshQuad, warn_only=()):
     """A ply rolled around a cylinder of radius 60, pulled along and around it."""
     radius = 60.0
     end = side / radius
@@ -109,7 +91,7 @@ def test_a_cylinder_causes_no_shear_and_a_pressure_of_tension_over_radius(formul
     ply, cylinder, state = rolled(0.0, formulation)
     assert np.abs(ply.shear_angle(state.u)).max() < 1e-8
     pressure = drape.contact_pressure(ply, cylinder, *arguments_of(state))
-    inner = ply.nodes[0] < chebyshev.SIDE - 1e-9
+    inner = ply.nodes[0] < SIDE - 1e-9
     np.testing.assert_allclose(pressure[inner], 1.0 / 60.0, rtol=0.02)
     assert not drape.wrinkle_risk(ply, state.u).any()
 
@@ -121,51 +103,20 @@ def test_a_cylinder_shears_a_bias_ply_at_its_pulled_edges_only(formulation):
     ply, _, state = rolled(np.pi / 4, formulation, q=0.0)
     assert np.abs(ply.shear_angle(state.u)).max() < 1e-8
     ply, _, state = rolled(np.pi / 4, formulation, q)
-    h = chebyshev.SIDE / (12 * (2 if isinstance(formulation, Macro) else 1))
+    h = SIDE / (12 * (2 if isinstance(formulation, Macro) else 1))
     exact = q * h**2 / (8 * radius**2 * (q + 2 * shear))
     np.testing.assert_allclose(np.abs(ply.shear_angle(state.u)), exact, rtol=0.01)
 
 
-@pytest.mark.parametrize("tension", [0.0, 1.0])
-@pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
-@pytest.mark.parametrize(
-    "how", [rolled_plies.CYLINDER, rolled_plies.BIAS, rolled_plies.FAN]
-)
-def test_elements_between_generators_cause_no_shear(how, formulation, tension):
-    """Pulled in the planes of its strips, or not."""
-    cells = 6 if isinstance(formulation, Macro) else 12
-    ply, conditions, surface, start = rolled_plies.problem(
-        how, formulation, cells, 12, tension
-    )
-    state = equilibrium_near(ply, conditions, start)
-    assert np.abs(ply.shear_angle(state.u)).max() < 1e-10
-    pressure = drape.contact_pressure(ply, surface, *arguments_of(state))
-    mesh = ply.users_mesh
-    on_edge = np.isin(mesh.t, mesh.boundary_nodes()).any(axis=0)[ply.parent]
-    inner = np.setdiff1d(ply.mesh.t, ply.mesh.t[:, on_edge])
-    exact = rolled_plies.pressure(how, tension, ply.nodes)
-    np.testing.assert_allclose(pressure[inner], exact[inner], rtol=0.01, atol=1e-9)
-
-
-@pytest.mark.parametrize("degrees", [0.0, 25.0, 45.0])
-def test_a_cone_causes_no_shear_at_any_fibre_angle(degrees):
-    plain, conditions, _, start = rolled_plies.problem(FAN, Macro(), 6, 12)
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    fabric = Fabric(1e5, 0.1, warp=(c, s), weft=(-s, c))
-    ply = Ply(plain.users_mesh, fabric, Macro(), dimension=3)
-    state = equilibrium_near(ply, conditions, start)
-    assert np.abs(ply.shear_angle(state.u)).max() < 1e-10
-
-
 def test_the_pressure_on_a_sphere_is_the_sum_of_tensions_over_the_radius():
-    ply, conditions, start = chebyshev.problem(OnePoint(), 24)
+    ply, conditions, start = chebyshev(OnePoint(), 16)
     state = equilibrium_near(ply, conditions, start)
-    pressure = drape.contact_pressure(ply, chebyshev.SPHERE, *arguments_of(state))
+    pressure = drape.contact_pressure(ply, SPHERE, *arguments_of(state))
     tension = ply.fibre_tension(state.u)[..., 0].sum(axis=0)
     angle = ply.shear_angle(state.u)[:, 0]
-    exact = tension / chebyshev.RADIUS / np.cos(angle)
+    exact = tension / 100.0 / np.cos(angle)
     centres = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
-    inner = (centres < 0.95 * chebyshev.SIDE).all(axis=0)
+    inner = (centres < 0.92 * SIDE).all(axis=0)
     of_elements = pressure[ply.mesh.t].mean(axis=0)
     np.testing.assert_allclose(of_elements[inner], exact[inner], rtol=0.02)
 
@@ -175,10 +126,8 @@ def test_a_saddle_has_positive_and_negative_pressures(tension):
     """Fibres along x lift off the saddle, fibres along y press on it."""
     loads = [
         Traction(name, sign * tension[i] * np.eye(3)[i])
-        for name, i, sign in zip(
-            *(("left", "right", "bottom", "top"), (0, 0, 1, 1), (-1, 1, -1, 1)),
-            strict=True,
-        )
+        for i, (low, high) in enumerate((("left", "right"), ("bottom", "top")))
+        for name, sign in ((low, -1), (high, 1))
     ]
     s = np.linspace(-30, 30, 13)
     mesh = MeshQuad.init_tensor(s, s).with_defaults()
@@ -189,8 +138,7 @@ def test_a_saddle_has_positive_and_negative_pressures(tension):
         "x": Condition(lambda X: np.abs(X[0]) < 1e-9, (0.0, None, None)),
         "y": Condition(lambda X: np.abs(X[1]) < 1e-9, (None, 0.0, None)),
     }
-    start = geodesic_u(ply, SADDLE)
-    state = equilibrium_near(ply, conditions, start)
+    state = equilibrium_near(ply, conditions, geodesic_u(ply, SADDLE))
     pressure = drape.contact_pressure(ply, SADDLE, *arguments_of(state))
     warp, weft = tension
     assert pressure[middle] == pytest.approx(0.004 * (weft - warp), rel=0.02)
@@ -223,8 +171,8 @@ def test_formulations_agree_on_where_fibres_wrinkle():
     tool, c, s = drape.Sphere(150.0, (0, 0, -150)), np.cos(0.3), np.sin(0.3)
     fabric = Fabric(2e4, 0.2, (c, s), (-s, c), bending=(40.0, 60.0))
     shares = []
-    for formulation in (Macro(), OnePoint(), Quadratic(), Quadratic(10.0)):
-        ply = square(60.0, 12, fabric, formulation)
+    for formulation in (Macro(), OnePoint(), Quadratic()):
+        ply = square(60.0, 10, fabric, formulation)
         held = {"on": OnSurface(tool)} | SYMMETRY
         state = equilibrium_near(ply, held, geodesic_u(ply, tool))
         shares.append(drape.wrinkle_risk(ply, state.u).mean())

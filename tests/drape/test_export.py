@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from skfem import MeshQuad, MeshTri
 
-from skfem_textile import Fabric, MeshError, Ply, Quadratic, drape
+from skfem_textile import Fabric, Ply, Quadratic, drape
 from skfem_textile.io import read_tool_mesh, write_fibres
-from studies.formulations.drape import chebyshev
-from tests.helpers.tools import on_net, rolled
+from tests.helpers.tools import SPHERE, exact_shear_angle, on_net, rolled
 
 
 def on_cylinder(n=24, turn=0.0, mesh=MeshQuad):
@@ -69,20 +68,22 @@ def in_plane(v, normal):
 
 def test_fibres_on_a_sphere_converge_to_the_exact_net():
     """Fibres and shear angle in the planes of the tool's elements, up to the edges."""
-    part = tool(on_net, 0, 100, 30)
-    s = np.linspace(0, 100, 31)
+    part = tool(on_net, 0, 100, 20)
+    s = np.linspace(0, 100, 21)
     X = np.array(np.meshgrid(*2 * [0.5 * (s[1:] + s[:-1])], indexing="ij"))
     X = X.reshape(2, -1)
-    exact = [in_plane(f(X.T).T, part.normals()) for f in chebyshev._directions()]
+    h = 1e-3 * np.eye(2)[:, :, None]
+    along = [(on_net(X + step) - on_net(X - step)) / 2e-3 for step in h]
+    exact = [in_plane(of, part.normals()) for of in along]
     errors = []
     for n in (8, 16):
-        net = drape.net(chebyshev.SPHERE, 100 / n, (0, n), (0, n))
+        net = drape.net(SPHERE, 100 / n, (0, n), (0, n))
         fibres = drape.fibres_on_tool(drape.Sheet.of_net(net), part)
         turned = [
             np.degrees(np.arccos(np.minimum((a * b).sum(axis=0), 1)))
             for a, b in zip((fibres.warp, fibres.weft), exact, strict=True)
         ]
-        sheared = np.degrees(fibres.shear_angle - chebyshev.shear_angle(X))
+        sheared = np.degrees(fibres.shear_angle - exact_shear_angle(X))
         errors.append([np.max(turned), np.abs(sheared).max()])
     assert max(errors[1]) < 0.05
     assert (np.log2(np.divide(*errors)) > 1.7).all()
@@ -157,6 +158,17 @@ def test_any_point_of_a_sheet_is_located(share):
     np.testing.assert_allclose(sheet.flat_at(spots), sheet.flat_at(exact), atol=1e-6)
 
 
+@pytest.mark.parametrize(("degrees", "found"), [(30.0, True), (70.0, False)])
+def test_a_point_over_the_ridge_of_two_elements_has_a_foot(degrees, found):
+    """Its perpendiculars meet both planes beyond the ridge."""
+    flat = 10 * np.array([[-1.0, 0, 1, -1, 0, 1], [0, 0, 0, 1, 1, 1]])
+    c, s = np.cos(np.radians(degrees / 2)), np.sin(np.radians(degrees / 2))
+    x = np.array([c * flat[0], flat[1], -s * np.abs(flat[0])])
+    fibres = np.tile([[1.0], [0.0]], 2), np.tile([[0.0], [1.0]], 2)
+    sheet = drape.Sheet(flat, x, np.array([[0, 1, 4, 3], [1, 2, 5, 4]]).T, *fibres)
+    assert sheet.at(np.array([[0.0], [5.0], [1.0]])).found.all() == found
+
+
 def test_a_tool_is_read_in_the_order_of_its_file(tmp_path):
     part = tool(rolled, 10, 90, 5)
     cells = [("triangle", part.cells[0][:3].T), ("quad", part.cells[0].T)]
@@ -164,46 +176,6 @@ def test_a_tool_is_read_in_the_order_of_its_file(tmp_path):
     read = read_tool_mesh(tmp_path / "tool.vtu")
     assert [cell.shape for cell in read.cells] == [(3, 25), (4, 25)]
     np.testing.assert_array_equal(read.cells[1], part.cells[0])
-    with pytest.raises(MeshError, match=r"none\.stl: no such file"):
-        read_tool_mesh(tmp_path / "none.stl")
-
-
-def test_the_facets_of_a_smooth_surface_are_its_triangles():
-    part = tool(rolled, 0, 90, 6, quads=False)
-    surface = drape.TriangleMesh(part.points, part.triangles())
-    normals = surface.facets.normals()
-    assert surface.facets.n_elements == part.n_elements == 72
-    np.testing.assert_allclose(
-        sorted(normals[2].round(9)), sorted(part.normals()[2].round(9))
-    )
-
-
-@pytest.mark.parametrize(
-    ("points", "cells", "message"),
-    [
-        (np.zeros((2, 3)), (np.zeros((3, 1), int),), "shape"),
-        (np.zeros((3, 3)), (), "no triangles or quadrilaterals"),
-        (np.eye(3), (np.array([[0], [1], [7]]),), "an undefined node"),
-        (np.eye(3), (np.array([[0], [1], [1]]),), "element 1 has zero area"),
-        (np.full((3, 3), np.nan), (np.array([[0], [1], [2]]),), "must be finite"),
-    ],
-)
-def test_invalid_tools_are_rejected_in_one_line(points, cells, message):
-    with pytest.raises(MeshError, match=message) as error:
-        drape.ToolMesh(points, cells)
-    assert "\n" not in str(error.value)
-
-
-def test_invalid_arguments_are_rejected():
-    ply, u = on_cylinder(4)
-    sheet, part = drape.Sheet.of_ply(ply, u), tool(rolled, 10, 90, 3)
-    with pytest.raises(ValueError, match="axis must be a nonzero finite vector"):
-        drape.fibres_on_tool(sheet, part, (0, 0, 0))
-    with pytest.raises(ValueError, match="reach must be a positive length"):
-        drape.fibres_on_tool(sheet, part, reach=-1.0)
-    flat = Ply(MeshQuad(), Fabric(1.0))
-    with pytest.raises(ValueError, match="must be in space"):
-        drape.fibres_on_ply(flat, flat.basis.zeros())
 
 
 def test_files_contain_the_same_fibres_and_mark_uncovered_elements(tmp_path):
@@ -225,8 +197,6 @@ def test_files_contain_the_same_fibres_and_mark_uncovered_elements(tmp_path):
     left = [row for row in rows if row["covered"] == "0"]
     assert {row[name] for row in left for name in names} == {""}
     assert [row["covered"] for row in rows] == [str(int(c)) for c in fibres.covered]
-    with pytest.raises(ValueError, match="fibres can be written only to"):
-        write_fibres(tmp_path / "fibres.txt", fibres)
 
 
 def orientation(lines, name):

@@ -34,7 +34,7 @@ def box(slope_deg, edge=6.0):
 
 
 def reported(caplog, tool, **kwargs):
-    kwargs = {"width": 160.0, "height": 160.0, "tension": 0.0, "size": (6, 6)} | kwargs
+    kwargs = {"width": 160.0, "height": 160.0, "tension": 0.0, "size": (4, 4)} | kwargs
     scene = on_tool(tool, **kwargs)
     return scene, [record.getMessage() for record in caplog.records]
 
@@ -68,18 +68,17 @@ def test_a_feasible_tool_is_not_reported(caplog, slope, side):
     assert not messages
 
 
-@pytest.mark.parametrize(("size", "fibres"), [((8, 8), 0.3), ((16, 16), 0.0)])
-def test_shear_of_smooth_curvature_is_not_reported(caplog, size, fibres):
+def test_shear_of_smooth_curvature_is_not_reported(caplog):
     """A net on a sphere shears as far as behind a corner, but gradually."""
-    s = np.linspace(-150, 150, 51)
+    s = np.linspace(-150, 150, 41)
     X = np.array(np.meshgrid(s, s)).reshape(2, -1)
     x = drape.exponential_map(SPHERE, X * np.abs(X).max(axis=0) / np.hypot(*X + 1e-9))
-    c = np.add.outer(51 * np.arange(50), np.arange(50)).ravel()
-    t = np.hstack([[c, c + 1, c + 52], [c, c + 52, c + 51]])
+    c = np.add.outer(41 * np.arange(40), np.arange(40)).ravel()
+    t = np.hstack([[c, c + 1, c + 42], [c, c + 42, c + 41]])
     tool = drape.TriangleMesh(x, t)
-    kwargs = {"width": 200.0, "height": 200.0, "size": size, "fibres": fibres}
+    kwargs = {"width": 200.0, "height": 200.0, "size": (8, 8), "fibres": 0.3}
     scene, messages = reported(caplog, tool, **kwargs)
-    net = net_over(scene.mesh.p, OnSurface(SPHERE), (fibres, fibres + H))
+    net = net_over(scene.mesh.p, OnSurface(SPHERE), (0.3, 0.3 + H))
     assert np.degrees(np.nanmax(np.abs(net.shear_angle()))) > 45
     assert not messages
 
@@ -95,9 +94,9 @@ def test_a_thread_that_leaves_the_tool_is_not_a_fold(caplog, monkeypatch):
 
 
 def test_a_failed_drape_names_elements_and_a_remedy(caplog):
-    scene, _ = reported(caplog, box(89.0))
+    scene, _ = reported(caplog, box(89.0), size=(2, 2))
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
-    method = Newton(most=6)
+    method = Newton(most=1)
     stepper = Case(scene=scene, fabric=fabric, steps=1, method=method).stepper()
     stepper.max_halvings = 0
     with pytest.raises(StepError) as error:
@@ -112,14 +111,3 @@ def test_loads_of_a_scene_share_one_net():
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
     (first,), (second,) = scene.loads_of(fabric), scene.loads_of(fabric)
     assert first.net() is second.net()
-
-
-def test_loads_on_a_tool_do_not_depend_on_the_mesh():
-    forces = []
-    for n in (4, 8):
-        scene = draped_ply.draped_ply("sphere", SPHERE, "aligned", size=(n, n))
-        fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
-        ply = Case(scene=scene, fabric=fabric).ply()
-        load = ply.load(ply.basis.zeros(), 1.0)
-        forces.append(load.reshape(-1, 3).sum(axis=0))
-    np.testing.assert_allclose(*forces, rtol=1e-3)

@@ -1,7 +1,6 @@
 """Flat patterns of trimmed parts, against exact solutions."""
 
 import csv
-import sys
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -9,12 +8,9 @@ import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, MeshError, Ply, drape, equilibrium_near
+from skfem_textile import Fabric, Ply, drape
 from skfem_textile.io import write_pattern
-from skfem_textile.mesh import contact
-from studies.formulations.drape import chebyshev
-from studies.formulations.drape.cases import FORMULATIONS
-from tests.helpers.tools import on_net, rolled
+from tests.helpers.tools import SPHERE, on_net, rolled
 
 
 def on_cylinder(n):
@@ -29,11 +25,6 @@ def on_cylinder(n):
 def circle(n, middle=50.0, radius=30.0):
     t = np.linspace(0, 2 * np.pi, n, endpoint=False)
     return middle + radius * np.array([np.cos(t), np.sin(t)])
-
-
-def there_and_back():
-    x = 50 + 30 * np.cos(np.linspace(0, 2 * np.pi, 60, endpoint=False))
-    return np.array([x, 0.5 * x + 10])
 
 
 def test_the_pattern_on_a_cylinder_is_the_unrolled_curve():
@@ -51,27 +42,16 @@ def test_the_pattern_on_a_cylinder_is_the_unrolled_curve():
     assert np.log2(errors[0] / errors[1]) == pytest.approx(3, abs=0.3)
 
 
-def test_length_and_area_of_the_pattern_of_a_circle():
-    pattern = drape.flat_pattern(on_cylinder(24), rolled(circle(720)))
-    assert pattern.length == pytest.approx(2 * np.pi * 30, rel=1e-5)
-    assert pattern.area == pytest.approx(np.pi * 900, rel=2e-5)
-
-
 def test_the_pattern_on_a_sphere_agrees_with_the_exact_net():
-    """For a draped ply and for a net."""
     drawn = circle(360)
     curve = on_net(drawn)
-    ply, conditions, start = chebyshev.problem(FORMULATIONS["macro"], 16)
-    u = equilibrium_near(ply, conditions, start).u
     errors = []
     for n in (16, 32):
-        net = drape.net(chebyshev.SPHERE, 100 / n, (0, n), (0, n))
+        net = drape.net(SPHERE, 100 / n, (0, n), (0, n))
         pattern = drape.flat_pattern(drape.Sheet.of_net(net), curve)
         errors.append(np.abs(pattern.outline - drawn).max())
     assert errors[1] < 0.02
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.3)
-    pattern = drape.flat_pattern(drape.Sheet.of_ply(ply, u), curve)
-    assert np.abs(pattern.outline - drawn).max() < 0.02
 
 
 def test_a_curve_with_few_points_is_refined():
@@ -85,8 +65,6 @@ def test_a_curve_with_few_points_is_refined():
     repeated = np.column_stack([few, few[:, :1]])
     again = drape.flat_pattern(sheet, repeated, spacing=1.0)
     np.testing.assert_array_equal(again.outline, pattern.outline)
-    with pytest.raises(ValueError, match="specify more points"):
-        drape.flat_pattern(sheet, few[:, ::4])
 
 
 def holed_tool():
@@ -107,62 +85,11 @@ def test_the_boundary_of_a_tool_is_its_outline_and_its_holes():
     assert outer.length == pytest.approx(240, rel=1e-4)
 
 
-def test_a_closed_tool_has_no_boundary():
-    t = np.array([[0, 0, 0, 1], [1, 2, 3, 3], [2, 3, 1, 2]])
-    points = np.array([[0.0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-    with pytest.raises(MeshError, match="no boundary"):
-        drape.ToolMesh(points, (t,)).boundary()
-
-
-@pytest.mark.parametrize(
-    ("curve", "spacing", "message"),
-    [
-        (rolled(circle(60, 80.0)), None, r"does not lie on \d+ of \d+ points"),
-        (rolled(circle(60)) * 1000, None, r"does not lie on \d+ of \d+ points"),
-        (rolled(circle(60)) * 1e15, None, r"does not lie on \d+ of 60 points"),
-        (rolled(circle(60)) * 1e305, None, r"does not lie on \d+ of 60 points"),
-        (rolled(circle(60, radius=1e-300)), None, "at least three distinct points"),
-        (np.array([[0, 0, 1], [0, 1, 0], [0, 0, 0]]) * 1e-300, None, "no area"),
-        (rolled(there_and_back()), None, "encloses no area"),
-        (rolled(circle(60)), 1e-5, r"1.88e\+07 points, but at most 1000000"),
-        (rolled(circle(60)), 1e-320, "inf points, but at most 1000000"),
-        (circle(60), None, r"shape \(3, n\)"),
-        (np.full((3, 9), np.nan), None, "finite numbers"),
-        (np.ones((3, 9)), None, "at least three distinct points"),
-        (rolled(circle(60)), 0.0, "spacing must be a positive length"),
-        (rolled(circle(60)), np.nan, "spacing must be a positive length"),
-    ],
-)
-def test_invalid_curves_are_rejected_in_one_line(curve, spacing, message):
-    with pytest.raises(ValueError, match=message) as error:
-        drape.flat_pattern(on_cylinder(12), curve, spacing)
-    assert "\n" not in str(error.value)
-
-
-TURN = np.linspace(0, 2 * np.pi, 60, endpoint=False)
-
-
 def polygon(x, y):
     """Points along the sides of a polygon, 40 a side."""
     corners, share = np.array([x, y]), np.arange(40) / 40
     along = np.roll(corners, -1, axis=1) - corners
     return (corners[:, :, None] + along[:, :, None] * share).reshape(2, -1)
-
-
-@pytest.mark.parametrize(
-    "curve",
-    [
-        50 + 30 * np.array([np.sin(2 * TURN + 0.01), np.sin(TURN)]),
-        50 + 30 * np.array([np.sin(2 * TURN), np.sin(TURN)]),  # a point twice
-        polygon([20.0, 80.0, 80.0, 20.0], [20.0, 80.0, 20.0, 80.0]),
-        np.tile(circle(40), 2),
-        np.hstack([circle(40), circle(40, radius=20.0)]),
-    ],
-)
-def test_a_curve_that_crosses_itself_is_rejected_with_the_position(curve):
-    with pytest.raises(ValueError, match=r"crosses itself at \[.*a curve that") as exc:
-        drape.flat_pattern(on_cylinder(24), rolled(curve))
-    assert "\n" not in str(exc.value)
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -267,38 +194,3 @@ def test_seam_lines_are_in_all_files_with_their_numbers(tmp_path, patterns):
         points = np.array([p[:2] for p in polyline.get_points()]).T
         np.testing.assert_array_equal(points, line.flat)
     assert [t.dxf.text for t in space.query("TEXT[layer=='SEAM']")] == ["7", "7"]
-
-
-def test_a_dxf_without_its_package_is_rejected(tmp_path, patterns, monkeypatch):
-    monkeypatch.setitem(sys.modules, "ezdxf", None)
-    with pytest.raises(ImportError, match=r"a \.dxf file requires ezdxf"):
-        write_pattern(tmp_path / "pattern.dxf", patterns)
-    with pytest.raises(ValueError, match="patterns can be written only to"):
-        write_pattern(tmp_path / "pattern.txt", patterns)
-    with pytest.raises(ValueError, match="no pattern to write"):
-        write_pattern(tmp_path / "pattern.svg", [])
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_curve_where_the_ply_overlaps_itself_is_rejected():
-    """A net that goes around a tube by more than a turn."""
-    tube = drape.Cylinder(10.0, (0, 0, -10))
-    sheet = drape.Sheet.of_net(drape.net(tube, 1.0, (45, 45), (10, 10)))
-    t = np.linspace(0, 2 * np.pi, 90, endpoint=False)
-    ring = [10 * np.sin(t), 0 * t, 10 * np.cos(t) - 10]
-    with pytest.raises(ValueError, match=r"the outline jumps by 6\d.* mm at"):
-        drape.flat_pattern(sheet, ring)
-
-
-def test_an_outline_that_cannot_be_checked_is_rejected(monkeypatch):
-    sheet = on_cylinder(12)
-    monkeypatch.setattr(contact, "_MOST_PAIRS", 100)
-    with pytest.raises(ValueError, match="to determine whether it crosses itself"):
-        drape.flat_pattern(sheet, rolled(circle(720)))
-
-
-def test_the_spacing_of_a_pattern_is_finite():
-    sheet = drape.Sheet.of_net(drape.net(drape.Plane(), 1.0, (5, 5), (5, 5)))
-    square = [[-2.0, 2.0, 2.0, -2.0], [-2.0, -2.0, 2.0, 2.0], 4 * [0.0]]
-    with pytest.raises(ValueError, match="spacing must be a positive length"):
-        drape.flat_pattern(sheet, square, np.inf)

@@ -7,20 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric, LoadStepper, Macro, Quadratic, drape, plot
+from skfem_textile import Fabric, LoadStepper, Macro, Quadratic, drape
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.results import DrapeExport
 from skfem_textile.io import read_surface, write_draped, write_history
-from skfem_textile.scenes import Case, hemisphere, saddle
+from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.stepper import Run
 from skfem_textile.solve.surface import distance
 from tests.drape.test_feasibility import box
 from tests.helpers import tool_shapes
-from tests.helpers.tools import SMALL, plate, square, summary, write_sphere
+from tests.helpers.tools import SMALL, plate, summary, write_sphere
 
-pytestmark = pytest.mark.usefixtures("no_interval")
+pytestmark = pytest.mark.usefixtures("no_interval", "coarse_net")
 
 
 def case_of(scene, bending=0.0, **options):
@@ -31,11 +31,11 @@ def case_of(scene, bending=0.0, **options):
 # Equilibrium from the net
 
 
+@pytest.mark.dear("a fillet and a flange around a dome need elements and triangles")
 def test_a_hemisphere_with_a_flange_is_draped_at_once():
-    """Growth stops below a third of the load."""
-    shape = tool_shapes.hemisphere_with_flange(radius=50.0, fillet=8.0, flange=160.0)
-    tool = drape.TriangleMesh(*shape)
-    scene = on_tool(tool, width=300.0, height=300.0, size=(12, 12))
+    """Growth stops on its way."""
+    shape = tool_shapes.hemisphere_with_flange(50.0, fillet=8.0, flange=70.0, size=4.0)
+    scene = on_tool(drape.TriangleMesh(*shape), width=180.0, height=180.0, size=(4, 4))
     result = case_of(scene, steps=2).run()
     assert [state.load_factor for state in result.states] == [0, 1]
     assert result.states[-1].verdict.stable
@@ -45,18 +45,17 @@ def test_a_hemisphere_with_a_flange_is_draped_at_once():
 
 
 @pytest.mark.parametrize(
-    ("build", "hold"),
-    [
-        (saddle, {"tension": 2.0}),
-        (hemisphere, {"tension": 2.0, "fibres": 0.5}),
-        (hemisphere, {"tension": 0.0, "fibres": 0.5}),
-    ],
+    ("fibres", "tension", "bending"), [(np.pi / 4, 2.0, 0.0), (0.5, 0.0, 5.0)]
 )
-def test_the_state_from_the_net_is_that_of_growth_with_half_of_the_solves(build, hold):
-    scene = build(size=(8, 8), **hold)
-    case = case_of(scene, bending=0.0 if hold["tension"] else 5.0)
+def test_the_state_from_the_net_is_that_of_growth_with_half_of_the_solves(
+    fibres, tension, bending
+):
+    scene = hemisphere(
+        size=(2, 2), width=120, height=120, fibres=fibres, tension=tension
+    )
+    case = case_of(scene, bending)
     begun, ply = case.run(), case.ply()
-    grown = LoadStepper(ply, scene.conditions, 4).run()
+    grown = LoadStepper(ply, scene.conditions, 3).run()
     off = ply.shear_angle(grown.u) - ply.shear_angle(begun.u)
     assert np.degrees(np.abs(off).max()) < 0.01
     assert begun.linear_solves <= grown.linear_solves / 2
@@ -68,15 +67,12 @@ def test_every_node_starts_on_the_tool_in_the_net(formulation):
     scene = hemisphere("delaunay", size=(4, 4), fibres=np.pi / 4)
     ply = case_of(scene, formulation=formulation).ply()
     x = ply.positions(scene.initial_guess(ply))
-    surface = scene.conditions["tool"].surface
-    assert np.abs(distance(surface, x)).max() < 1e-8
-    c = np.sqrt(0.5)
-    net = drape.net(surface, 1.0, (0, 150), (-0 + 70, 70), angles=(c, c + np.pi / 2))
-    assert net.positions.shape[0] == len(x)
+    assert np.abs(distance(scene.conditions["tool"].surface, x)).max() < 1e-8
     middle = np.hypot(*ply.nodes) < 30
-    radius = np.linalg.norm(x[:, middle], axis=0)
+    # From the pole, along the surface.
+    away = 100 * np.arcsin(np.hypot(*x[:2, middle]) / 100)
     flat = np.hypot(*ply.nodes[:, middle])
-    assert np.abs(radius - flat).max() < 0.05 * 30
+    np.testing.assert_allclose(away, flat, atol=0.01 * 30)
 
 
 def test_a_ply_without_a_net_grows_with_the_tool():
@@ -87,19 +83,20 @@ def test_a_ply_without_a_net_grows_with_the_tool():
     assert len(case.stepper().load_factors) == case.steps
 
 
-@pytest.mark.parametrize("guess", [[0.0], "net", np.full(75, np.nan)])
-def test_initial_guesses_of_another_ply_are_rejected(guess):
-    ply = square()
-    assert ply.basis.N == 75
-    with pytest.raises(ValueError, match="initial_guess must be"):
-        LoadStepper(ply, hemisphere().conditions, initial_guess=guess)
-
-
 # States that are not on the tool
 
 
-def test_a_state_on_the_enlarged_tool_is_not_written_as_if_on_the_tool(tmp_path):
-    scene = on_tool(drape.TriangleMesh(*plate()), size=(4, 4), width=120.0, height=90.0)
+@pytest.fixture(scope="module")
+def flat_part():
+    x, t = plate(40.0, 5)
+    return drape.ToolMesh(x, (t,))
+
+
+def test_a_state_on_the_enlarged_tool_is_not_written_as_if_on_the_tool(
+    tmp_path, flat_part
+):
+    coarse = drape.TriangleMesh(*plate(n=15))
+    scene = on_tool(coarse, size=(2, 2), width=120.0, height=90.0)
     case = case_of(scene)
     grown = LoadStepper(case.ply(), scene.conditions, 2).run()
     assert not grown.not_on_tool
@@ -111,17 +108,14 @@ def test_a_state_on_the_enlarged_tool_is_not_written_as_if_on_the_tool(tmp_path)
     assert not [key for key in figures if any(word in key for word in of_tool)]
     with pytest.raises(ValueError, match=reason):
         write_draped(stopped, tmp_path, scene.axes)
-    export = DrapeExport(drape.ToolMesh(*_part()))
-    written = export.write(stopped, scene.axes, tmp_path)
+    written = DrapeExport(flat_part).write(stopped, scene.axes, tmp_path)
     assert written["part"] == f"not written: {reason}"
     assert not list(tmp_path.iterdir())
+    pytest.importorskip("matplotlib")
+    from skfem_textile import plot
+
     with pytest.raises(ValueError, match="does not lie on its tool at the load factor"):
         plot.draped(stopped)
-
-
-def _part():
-    x, t = plate(40.0, 5)
-    return x, (t,)
 
 
 def stops(*_):
@@ -136,32 +130,31 @@ def interrupts(*_):
 def test_a_drape_that_ends_early_leaves_nothing_beside_its_tool(
     end, code, tool, tmp_path, monkeypatch, capsys
 ):
-    out, part = tmp_path / "out", ("--part-mesh", str(tool))
-    words = "run", "drape", "--tool", str(tool), *SMALL, *part, "--out", str(out)
-    assert cli.main(list(words)) == 0
-    assert (out / "fibres.vtu").exists()
-    capsys.readouterr()
+    """Files of an earlier run are removed."""
+    for name in ("fibres.vtu", "part.vtu", "part.csv"):
+        (tmp_path / name).touch()
     for way in ("_reach", "_step"):
         monkeypatch.setattr(Run, way, end)
-    assert cli.main(list(words)) == code
-    assert not [
-        file.name for file in out.iterdir() if file.name[:4] in ("fibr", "part")
-    ]
-    figures = summary(out)
-    assert figures["not_on_tool"] == "the ply is flat: no state on the tool was found"
+    words = "run", "drape", "--tool", str(tool), *SMALL, "--part-mesh", str(tool)
+    assert cli.main([*words, "--out", str(tmp_path)]) == code
+    assert not [*tmp_path.glob("fibr*"), *tmp_path.glob("part*")]
+    figures = summary(tmp_path)
+    reason = "the ply is flat: no state on the tool was found"
+    assert figures["not_on_tool"] == reason
     assert not figures["converged"]
     message = capsys.readouterr().err
-    assert "the ply is flat: no state on the tool was found" in message
+    assert reason in message
     assert "turn_left" not in message
     assert "instead of the load" not in message
-    assert cli.main(["report", str(out)]) == 0
-    assert figures["not_on_tool"] in (out / "report.html").read_text()
+    assert cli.main(["report", str(tmp_path)]) == 0
+    assert reason in (tmp_path / "report.html").read_text()
 
 
-# Axes of messages
+# Axes of messages: a sphere far from the origin, touched by the ply on its side
 
 
 CENTRE = np.array([13.0, -7.0, 40.0])
+SIDE = (112.8, -7.0, 40.0)
 
 
 def place_in(text):
@@ -170,17 +163,14 @@ def place_in(text):
     return np.array(found[1].split(","), dtype=float)
 
 
-@pytest.fixture
-def ball(tmp_path):
-    """A sphere far from the origin, touched by the ply on its side."""
-    return write_sphere(tmp_path / "ball.stl", centre=CENTRE)
-
-
-SIDE = (112.8, -7.0, 40.0)
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory):
+    file = tmp_path_factory.mktemp("ball") / "ball.stl"
+    return read_surface(write_sphere(file, n=642, centre=CENTRE))
 
 
 def test_the_end_of_a_net_is_in_the_axes_of_the_file(ball):
-    scene = on_tool(read_surface(ball), point=SIDE, width=330.0, height=330.0)
+    scene = on_tool(ball, point=SIDE, width=400.0, height=400.0, size=(4, 4))
     with pytest.raises(ValueError, match="does not reach all edges") as error:
         case_of(scene).ply()
     assert "fewer cells" not in str(error.value)
@@ -188,32 +178,23 @@ def test_the_end_of_a_net_is_in_the_axes_of_the_file(ball):
     assert np.linalg.norm(at - CENTRE) == pytest.approx(100.0, abs=2)
 
 
-def test_gaps_between_nodes_are_in_the_axes_of_the_file(tmp_path, caplog):
-    ball = write_sphere(tmp_path / "ball.stl", radius=60.0, centre=CENTRE)
-    options = {"size": (2, 2), "width": 150.0, "height": 150.0}
-    scene = on_tool(read_surface(ball), point=(72.8, -7.0, 40.0), **options)
-    case_of(scene).run()
+def test_gaps_between_nodes_are_in_the_axes_of_the_file(ball, caplog):
+    options = {"size": (2, 2), "width": 200.0, "height": 200.0}
+    case_of(on_tool(ball, point=SIDE, **options)).run()
     (line,) = [m for m in map(str, caplog.messages) if "deviate from the surface" in m]
-    assert np.linalg.norm(place_in(line) - CENTRE) == pytest.approx(60.0, abs=12)
+    assert np.linalg.norm(place_in(line) - CENTRE) == pytest.approx(100.0, abs=20)
 
 
-def test_places_are_converted_to_the_axes_of_the_file(ball):
-    scene = on_tool(read_surface(ball), point=SIDE, size=(4, 4))
-    place = scene.conditions["tool"].place(np.zeros(3))
-    np.testing.assert_allclose(place_in(f"at {place}"), scene.axes.origin, atol=0.1)
-    assert np.linalg.norm(place_in(f"at {place}") - SIDE) < 1
-
-
-def test_reactions_are_in_the_axes_of_the_file(ball, tmp_path):
+def test_reactions_and_places_are_in_the_axes_of_the_file(ball, tmp_path):
     """A ply without further loads is in equilibrium: the tool pushes it outwards."""
-    scene = on_tool(
-        read_surface(ball), point=SIDE, size=(4, 4), width=80.0, height=80.0
-    )
-    case = case_of(scene)
-    result = case.run()
+    scene = on_tool(ball, point=SIDE, size=(2, 2), width=80.0, height=80.0)
+    touch = place_in(f"at {scene.conditions['tool'].place(np.zeros(3))}")
+    np.testing.assert_allclose(touch, scene.axes.origin, atol=0.1)
+    np.testing.assert_allclose(touch, SIDE, atol=1)
+    result = case_of(scene).run()
     pushed = scene.reaction(result.states[-1])
     assert pushed @ (1, 0, 0) == pytest.approx(np.linalg.norm(pushed), rel=1e-2)
     write_history(result, tmp_path / "history.csv", scene.axes)
     (*_, last) = csv.DictReader((tmp_path / "history.csv").read_text().splitlines())
     written = [float(last[f"tool_reaction_{axis}"]) for axis in "xyz"]
-    np.testing.assert_allclose(written, pushed, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(written, pushed, rtol=1e-6, atol=1e-6 * pushed[0])

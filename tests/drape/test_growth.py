@@ -21,14 +21,13 @@ from skfem_textile.solve import problem as tangent_module
 from skfem_textile.solve.continuation import surface_predictor
 from skfem_textile.solve.problem import Tangent
 from skfem_textile.solve.states import NoEquilibriumError
-from studies.formulations.drape import chebyshev
-from tests.helpers.tools import SYMMETRY, geodesic_u, problem_of, square
+from tests.helpers.tools import SYMMETRY, chebyshev, geodesic_u, problem_of, square
 
 
 def test_a_ply_grows_with_the_surface():
     sphere = drape.Sphere(100.0, (0, 0, -100))
     c = np.sqrt(0.5)
-    ply = square(100.0, 8, Fabric(1e5, 0.1, warp=(c, c), weft=(-c, c)))
+    ply = square(100.0, 4, Fabric(1e5, 0.1, warp=(c, c), weft=(-c, c)))
     conditions = {"on": OnSurface(sphere)} | SYMMETRY
     result = LoadStepper(ply, conditions, 2).run()
     assert result.converged
@@ -40,10 +39,8 @@ def test_a_ply_grows_with_the_surface():
 
 
 @pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
-@pytest.mark.parametrize("parts", [8, 16, 32])
-def test_the_chebyshev_net_needs_one_step_of_a_few_solves(formulation, parts):
-    solves = 2 if isinstance(formulation, Macro) else 1
-    ply, conditions, start = chebyshev.problem(formulation, parts // solves)
+def test_the_chebyshev_net_needs_one_step_of_a_few_solves(formulation):
+    ply, conditions, start = chebyshev(formulation, 4)
     result = LoadStepper(ply, conditions, 1).run()
     assert len(result.states) == 2
     assert result.linear_solves <= 8
@@ -51,10 +48,10 @@ def test_the_chebyshev_net_needs_one_step_of_a_few_solves(formulation, parts):
     np.testing.assert_allclose(result.u, along.u, atol=1e-3)
 
 
-@pytest.mark.parametrize("fibres", [0, 45])
-@pytest.mark.parametrize("stretch", [1e4, 1e5])
+@pytest.mark.usefixtures("coarse_net", "no_interval")
+@pytest.mark.parametrize(("fibres", "stretch"), [(0, 1e5), (45, 1e4)])
 def test_a_double_dome_needs_one_step_of_a_few_solves(fibres, stretch):
-    scene = double_dome(size=(16, 9), fibres=float(np.radians(fibres)))
+    scene = double_dome(size=(5, 3), fibres=float(np.radians(fibres)))
     fabric = Fabric(stretch, 0.1, scene.warp, scene.weft)
     result = Case(scene=scene, fabric=fabric, steps=1).run()
     assert result.converged
@@ -111,13 +108,13 @@ FAR = 1e4
 
 def far_ply():
     """A quarter ply that touches its sphere far from the origin."""
-    ply = square(60.0, 4, Fabric(1e5, 0.1), Macro(), corner=(FAR, -FAR))
+    ply = square(60.0, 2, Fabric(1e5, 0.1), Macro(), corner=(FAR, -FAR))
     sphere = drape.Sphere(100.0, (FAR, -FAR, -100.0))
     return ply, {"on": OnSurface(sphere, touch=(FAR, -FAR))} | SYMMETRY
 
 
 def test_the_residual_far_from_the_origin_is_limited_by_rounding_of_positions():
-    near = square(60.0, 4, Fabric(1e5, 0.1), Macro())
+    near = square(60.0, 2, Fabric(1e5, 0.1), Macro())
     sphere = drape.Sphere(100.0, (0, 0, -100.0))
     result = LoadStepper(near, {"on": OnSurface(sphere)} | SYMMETRY, 1).run()
     ply, conditions = far_ply()
@@ -143,7 +140,7 @@ def test_a_failure_due_to_rounding_is_reported_as_such(monkeypatch):
     ply, conditions = far_ply()
     start = geodesic_u(ply, conditions["on"].surface, touch=(FAR, -FAR))
     with pytest.raises(NoEquilibriumError, match="the residual is") as error:
-        equilibrium_near(ply, conditions, start)
+        equilibrium_near(ply, conditions, start, method=Newton(most=8))
     assert "closer to the origin" in error.value.advice
 
 
@@ -153,19 +150,20 @@ def test_a_failure_at_rest_is_attributed_to_rounding(monkeypatch):
     ply, conditions = far_ply()
     plane = drape.Plane((FAR, -FAR, 0.0), (5e-5, 0.0, 1.0))
     tilted = conditions | {"on": OnSurface(plane, touch=(FAR, -FAR))}
-    stepper = LoadStepper(ply, tilted, 1, method=Newton(most=4))
+    stepper = LoadStepper(ply, tilted, 1, method=Newton(most=1))
     stepper.max_halvings = 0
     with pytest.raises(StepError, match="closer to the origin"):
         stepper.run()
 
 
+@pytest.mark.usefixtures("coarse_net", "no_interval")
 @pytest.mark.parametrize("tension", [0.0, 2.0])
 def test_a_rotation_by_half_a_turn_leaves_a_draped_ply_unchanged(tension):
     """The double dome has equal constraint forces on both sides of its middle."""
-    kwargs = {"width": 160.0, "height": 110.0, "size": (6, 6), "part": "whole"}
+    kwargs = {"width": 160.0, "height": 110.0, "size": (4, 4), "part": "whole"}
     scene = double_dome(fibres=np.radians(30), tension=tension, **kwargs)
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
-    result = Case(scene=scene, fabric=fabric, steps=2).run()
+    result = Case(scene=scene, fabric=fabric, steps=1).run()
     ply, angle = result.ply, result.ply.shear_angle(result.u).mean(axis=1)
     centre = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
     across = np.linalg.norm(centre[:, :, None] + centre[:, None], axis=0).argmin(axis=0)

@@ -1,4 +1,4 @@
-"""Kinematic nets and exponential maps, against exact solutions and a published code."""
+"""Kinematic nets and exponential maps, against exact solutions."""
 
 import numpy as np
 import pytest
@@ -6,16 +6,7 @@ import pytest
 from skfem_textile import drape
 from skfem_textile.solve.surface import GrowingSurface
 from skfem_textile.solve.surface.surface import geodesics
-from studies.formulations.drape.chebyshev import SIDE, SPHERE, shear_angle
-from studies.formulations.drape.published import (
-    DRAPINGS,
-    corner_shear,
-    differences,
-    published_net,
-)
-
-# Kinematic nets and exponential maps, against exact solutions
-
+from tests.helpers.tools import SIDE, SPHERE, exact_shear_angle
 
 ANGLES = (0.3, 0.3 + np.pi / 2)
 CYLINDER = drape.Cylinder(60.0, (0, 0, -60))
@@ -26,14 +17,16 @@ def test_the_exact_net_has_the_shear_angles_of_the_literature():
     z = np.array([0.25, 0.5, 0.75, 1.0])
     X = SIDE * np.sqrt(z) * np.ones((2, 1))
     expected = [14.2744, 28.2568, 41.6795, 54.3183]
-    np.testing.assert_allclose(np.degrees(shear_angle(X)), expected, atol=1e-4)
+    np.testing.assert_allclose(np.degrees(exact_shear_angle(X)), expected, atol=1e-4)
 
 
 def test_a_net_on_the_sphere_converges_to_the_chebyshev_net():
     errors = []
     for n in (16, 32):
         net = drape.net(SPHERE, SIDE / n, (0, n), (0, n))
-        errors.append(np.abs(net.shear_angle() - shear_angle(net.centres())).max())
+        errors.append(
+            np.abs(net.shear_angle() - exact_shear_angle(net.centres())).max()
+        )
     assert np.degrees(errors[1]) < 0.003  # required at 64 cells: 0.1
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.2)
     corner = net.positions[:, -1, -1] / SIDE
@@ -48,11 +41,11 @@ def test_a_net_and_its_mirror_image_agree():
 
 @pytest.mark.parametrize("angles", [(0.0, np.pi / 2), ANGLES])
 def test_a_net_on_a_cylinder_is_not_sheared(angles):
-    net = drape.net(CYLINDER, 4.0, (10, 15), (12, 20), angles=angles)
+    net = drape.net(CYLINDER, 6.0, (4, 7), (5, 8), angles=angles)
     np.testing.assert_allclose(net.shear_angle(), 0.0, atol=1e-10)
     for axis in (1, 2):
         rods = np.linalg.norm(np.diff(net.positions, axis=axis), axis=0)
-        np.testing.assert_allclose(rods, 4.0, rtol=1e-10)
+        np.testing.assert_allclose(rods, 6.0, rtol=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -78,23 +71,6 @@ def test_points_between_crossings_are_interpolated():
     flat = np.einsum("ij,jab->iab", net.directions, np.array(np.meshgrid(*net.along)))
     x = net.at(flat.reshape(2, -1)).reshape(3, *flat.shape[1:])
     np.testing.assert_allclose(x, net.positions.swapaxes(1, 2), atol=1e-9)
-    with pytest.raises(ValueError, match="is outside the net, which extends from"):
-        net.at(np.array([[100.0], [0.0]]))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((0.0, (0, 8), (0, 8)), "cell must be a positive length"),
-        ((2.0, (0, 0.5), (0, 8)), "warp must be two whole numbers of cells"),
-        ((2.0, (0, 8), (0, 0)), "weft must be two whole numbers of cells"),
-    ],
-)
-def test_nets_that_do_not_exist_are_rejected(arguments, message):
-    with pytest.raises(ValueError, match=f"net: .*{message}"):
-        drape.net(SPHERE, *arguments)
-    with pytest.raises(ValueError, match="must not be parallel"):
-        drape.net(SPHERE, 1.0, (0, 1), (0, 1), angles=(0.3, 0.3))
 
 
 def test_the_exponential_map_preserves_lengths_and_directions():
@@ -107,15 +83,6 @@ def test_the_exponential_map_preserves_lengths_and_directions():
         SIDE * np.cos(r / SIDE) - SIDE,
     ]
     np.testing.assert_allclose(drape.exponential_map(SPHERE, X), expected, atol=1e-4)
-
-
-def test_the_exponential_map_unrolls_a_cylinder():
-    X = np.random.default_rng(1).uniform(-90, 90, (2, 50))
-    x = drape.exponential_map(CYLINDER, X)
-    rolled = [60 * np.sin(X[0] / 60), X[1], 60 * np.cos(X[0] / 60) - 60]
-    np.testing.assert_allclose(x, rolled, atol=1e-3)
-    with pytest.raises(ValueError, match="normal to the surface"):
-        drape.exponential_map(SPHERE, X, first=(0, 0, 1))
 
 
 @pytest.mark.parametrize("t", [0.0, 0.3, 1.0])
@@ -131,9 +98,9 @@ def test_geodesics_on_a_growing_surface_are_parts_of_those_on_the_surface(t):
 
 def test_a_part_of_a_net_is_the_net_over_these_points():
     X = np.array([[-31.0, 22.0, 40.0], [12.0, -18.0, 33.0]])
-    counts = (10, 10), (10, 10)
-    whole = drape.net(SPHERE, 5.0, *counts, angles=ANGLES)
-    part = drape.net(SPHERE, 5.0, *counts, angles=ANGLES, over=X)
+    counts = (6, 6), (6, 6)
+    whole = drape.net(SPHERE, 10.0, *counts, angles=ANGLES)
+    part = drape.net(SPHERE, 10.0, *counts, angles=ANGLES, over=X)
     expected = part.shear_angle()
     assert np.isnan(expected).any()
     assert np.isfinite(expected).any()
@@ -145,17 +112,17 @@ def test_a_net_covers_the_given_points_only():
     sphere, half = drape.Sphere(100.0, (0, 0, -100)), np.pi / 4
     side = np.linspace(-75, 75, 31)
     ply = np.array(np.meshgrid(side, side)).reshape(2, -1)
-    counts = (60, 60), (60, 60)
+    counts = (40, 40), (40, 40)
     angles = {"angles": (half, half + np.pi / 2)}
-    laid = drape.net(sphere, 2.5, *counts, **angles, over=ply)
+    laid = drape.net(sphere, 3.75, *counts, **angles, over=ply)
     assert np.isnan(laid.positions).any()
-    part = drape.net(sphere, 2.5, (20, 20), (20, 20), **angles)
-    inner = np.s_[:, 40:81, 40:81]
+    part = drape.net(sphere, 3.75, (13, 13), (13, 13), **angles)
+    inner = np.s_[:, 27:54, 27:54]
     shared = np.isfinite(laid.positions[inner])
-    assert shared[:, 20].all()
+    assert shared[:, 13].all()
     np.testing.assert_array_equal(laid.positions[inner][shared], part.positions[shared])
     assert np.isfinite(laid.at(ply)).all()
-    whole = drape.net(sphere, 2.5, *counts, **angles)
+    whole = drape.net(sphere, 3.75, *counts, **angles)
     assert whole.folds.shape[1]
     with pytest.raises(drape.FoldedNetError, match="threads fold"):
         whole.at(whole.centres().reshape(2, -1))
@@ -165,8 +132,8 @@ def test_tangents_of_a_net_agree_with_its_threads():
     """A thread on a cylinder is a helix; the error is quadratic in the cell size."""
     angle, errors = 0.4, []
     X = np.array([[31.0, 7.3, -22.0], [12.0, -9.1, 15.5]])
-    for cell in (4.0, 2.0):
-        n = int(80 / cell)
+    for cell in (8.0, 4.0):
+        n = int(48 / cell)
         net = drape.net(
             drape.Cylinder(50.0, (0, 0, -50)),
             *(cell, (n, n), (n, n)),
@@ -230,52 +197,3 @@ def test_a_geodesic_through_the_tip_of_a_cone_is_rejected_with_its_end():
     assert np.isfinite(x).all()
     with pytest.raises(ValueError, match="cannot be projected onto the surface"):
         drape.exponential_map(cone, X, point=start)
-
-
-# Nets against nets by the method of KinDrape, implemented in the studies
-
-
-POLE = DRAPINGS["hemisphere, from the pole"]
-
-
-def test_cells_of_the_published_net_have_sides_of_one_length_on_the_mould():
-    x = published_net(POLE, np.array([-4.0, -4.0, np.sqrt(1e4 - 32)]))
-    for axis in (1, 2):
-        sides = np.linalg.norm(np.diff(x, axis=axis), axis=0)
-        np.testing.assert_allclose(sides, POLE.cell, rtol=1e-10)
-    np.testing.assert_allclose(np.linalg.norm(x, axis=0), 100.0, rtol=1e-12)
-
-
-def test_generator_cells_of_the_published_net_are_square_on_a_sphere():
-    """The net is symmetric about the diagonals of its first cell."""
-    x = published_net(POLE, np.array([-4.0, -4.0, np.sqrt(1e4 - 32)]))
-    for strip in (x[:, 11:13], x[:, :, 11:13].swapaxes(1, 2)):
-        corners = np.stack(
-            [strip[:, 0, :-1], strip[:, 1, :-1], strip[:, 1, 1:], strip[:, 0, 1:]], 1
-        )
-        assert np.degrees(corner_shear(corners).max()) < 1e-5
-    np.testing.assert_allclose(x[[1, 0, 2]], x.swapaxes(1, 2), atol=1e-5)
-
-
-@pytest.mark.parametrize("name", DRAPINGS)
-def test_shear_angles_of_both_nets_converge_to_each_other(name):
-    """First threads and generator cells agree to second order in the cell size."""
-    means = []
-    for finer in (1, 2):
-        shear, error = differences(name, finer)
-        assert shear.max() > 20
-        assert np.abs(error).max() < 1.0
-        means.append(np.abs(error).mean())
-    assert means[0] < 0.05
-    assert np.log2(means[0] / means[1]) > 1.7
-
-
-def test_derivatives_of_the_cubic_mould_are_consistent():
-    surface = DRAPINGS["double-curved mould"].surface
-    x = np.random.default_rng(1).uniform(50, 450, (3, 20))
-    for i, h in enumerate(1e-3 * np.eye(3)):
-        one, other = x + h[:, None], x - h[:, None]
-        slope = (surface.level(one) - surface.level(other)) / 2e-3
-        np.testing.assert_allclose(surface.gradient(x)[i], slope, atol=1e-6)
-        bend = (surface.gradient(one) - surface.gradient(other)) / 2e-3
-        np.testing.assert_allclose(surface.hessian(x)[i], bend, atol=1e-8)

@@ -35,8 +35,9 @@ def covered(inside, net, parts=6):
     return float((inside(*points).mean(axis=0) * net.areas()[cells]).sum())
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.5, 2.0])
-@pytest.mark.parametrize("point", [(0, 0, 0), (-93, 66, 0), (99, 10, 0)])
+@pytest.mark.parametrize(
+    ("point", "angle"), [((0, 0, 0), 0.0), ((-93, 66, 0), 0.5), ((99, 10, 0), 2.0)]
+)
 def test_a_net_from_any_start_covers_a_plate_up_to_its_edges(angle, point):
     """Most first threads miss the far corners: their neighbours go on alone."""
     angles = angle, angle + np.pi / 2
@@ -52,19 +53,18 @@ def test_a_net_from_any_start_covers_a_plate_up_to_its_edges(angle, point):
     )
 
 
-BONNET = drape.TriangleMesh(*tool_shapes.bonnet())
-CYLINDER = drape.TriangleMesh(*tool_shapes.cylinder())
-SADDLE = drape.TriangleMesh(*tool_shapes.saddle())
+BONNET = drape.TriangleMesh(*tool_shapes.bonnet(size=20.0))
+CYLINDER = drape.TriangleMesh(*tool_shapes.cylinder(size=12.0))
+SADDLE = drape.TriangleMesh(*tool_shapes.saddle(size=12.0))
 
 
 @pytest.mark.parametrize(
     ("tool", "turn", "between", "cell"),
     [
-        (BONNET, 45, 45, 8.0),
-        (BONNET, 70, 45, 8.0),
-        (BONNET, 45, 60, 5.0),
-        (CYLINDER, 20, 135, 5.0),
-        (SADDLE, 20, 135, 5.0),
+        (BONNET, 45, 45, 16.0),
+        (BONNET, 70, 60, 16.0),
+        (CYLINDER, 20, 135, 12.0),
+        (SADDLE, 20, 135, 12.0),
     ],
 )
 def test_a_net_with_any_angle_between_fibres_covers_a_tool(tool, turn, between, cell):
@@ -84,13 +84,6 @@ def test_a_net_past_the_edges_of_a_tool_does_not_end_there():
     assert np.isfinite(goes_on.positions).all()
     with pytest.raises(drape.NetError, match="ends at the edge of the tool"):
         ends.at(np.array([[-139.0], [0.0]]))
-
-
-def test_a_start_beyond_the_edges_is_rejected():
-    with pytest.raises(ValueError, match=r"beyond the edges of the tool: start on"):
-        drape.net(PLATE, 7.0, point=(120, 0, 0))
-    with pytest.raises(ValueError, match="specify the numbers of cells along the weft"):
-        drape.net(drape.Plane(), 1.0, (1, 1))
 
 
 def test_a_net_ends_where_it_folds_and_only_behind():
@@ -116,8 +109,8 @@ def test_nets_side_by_side_are_single_nets():
         drape.NetStart((40, 20, 89.0), (1, 2, 0)),
         drape.NetStart((-50, -30, 81.0), (0, 1, 1)),
     ]
-    for start, net in zip(starts, drape.nets(CAP, 9.0, starts), strict=True):
-        alone = drape.net(CAP, 9.0, point=start.point, first=start.first)
+    for start, net in zip(starts, drape.nets(CAP, 16.0, starts), strict=True):
+        alone = drape.net(CAP, 16.0, point=start.point, first=start.first)
         np.testing.assert_array_equal(net.status, alone.status)
         np.testing.assert_allclose(net.positions, alone.positions, atol=1e-9)
 
@@ -147,6 +140,21 @@ def test_a_first_thread_follows_a_curve_in_equal_chords():
         for a, b in ((1, 0), (0, 1))
     )
     assert abs(warp @ weft) / 36 < 0.05
+    assert np.cross(warp, weft) @ net.positions[:, i, j] > 0.9 * 36 * 100  # outwards
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_second_thread_is_to_the_left_of_a_curve_in_either_sense(sign):
+    """Both of its sides, and with the warp and the weft along the curve."""
+    curve = np.array([[-90.0, 0.0, 90.0], 3 * [0.0], 3 * [0.0]])[:, ::sign]
+    for given, left in (("warp_along", 1.0), ("weft_along", -1.0)):
+        net = drape.net(PLATE, 20.0, point=(0, 0, 0), **{given: curve})
+        (i, j), x = net.start, net.positions
+        along, across = x[:, i + 1, j], x[:, i, j + 1]
+        if given == "weft_along":
+            along, across = across, along
+        np.testing.assert_allclose(along, [sign * 20.0, 0, 0], atol=1e-9)
+        np.testing.assert_allclose(across, [0, left * sign * 20.0, 0], atol=1e-9)
 
 
 def test_both_first_threads_follow_curves():
@@ -162,13 +170,6 @@ def test_both_first_threads_follow_curves():
     assert distance.max() < 0.2
 
 
-def test_a_curve_that_misses_the_start_is_rejected():
-    with pytest.raises(ValueError, match=r"passes the start .* at a distance of"):
-        drape.net(CAP, 6.0, point=(0, 0, 100), warp_along=arc(-0.4))
-    with pytest.raises(ValueError, match="must have two distinct points"):
-        drape.net(CAP, 6.0, point=(0, 0, 100), weft_along=np.ones((3, 4)))
-
-
 def test_edges_of_an_outline_end_at_its_corners():
     (outline,) = PLATE.facets.boundary()
     for point, axis, value in (((0, -75, 0), 1, -75), ((100, 0, 0), 0, 100)):
@@ -179,24 +180,3 @@ def test_edges_of_an_outline_end_at_its_corners():
     circle = np.array([np.cos(t), np.sin(t), 0 * t])
     closed = drape.edge_through(circle, (1, 0, 0))
     np.testing.assert_allclose(closed[:, [0, -1]], circle[:, [0, 0]])
-
-
-def test_first_threads_along_one_curve_are_refused():
-    tool = drape.TriangleMesh(*tool_shapes.plate())
-    curve = np.array([[-50.0, 0.0, 50.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    with pytest.raises(ValueError, match="the first threads are parallel"):
-        drape.net(tool, 5.0, point=(0, 0, 0), warp_along=curve, weft_along=curve)
-
-
-def test_a_curve_that_leaves_the_tool_is_refused():
-    tool = drape.TriangleMesh(*tool_shapes.plate())
-    curve = np.array([[0.0, 20.0, 80.0], [0.0, 0.0, 0.0], [0.0, 0.0, 40.0]])
-    with pytest.raises(ValueError, match="mm away from the tool"):
-        drape.net(tool, 5.0, point=(0, 0, 0), warp_along=curve)
-
-
-@pytest.mark.parametrize("point", [(0, 0), (0, 0, np.nan)])
-def test_a_start_that_is_not_a_point_is_refused(point):
-    tool = drape.TriangleMesh(*tool_shapes.plate())
-    with pytest.raises(ValueError, match="net: the start must be three finite"):
-        drape.net(tool, 5.0, point=point)

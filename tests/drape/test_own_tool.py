@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 from skfem_textile import Fabric, drape
-from skfem_textile.io import read_surface, read_tool_mesh
+from skfem_textile.io import read_surface
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
 from skfem_textile.scenes.drape import contact_point
 from tests.helpers import tool_shapes
-from tests.helpers.tools import bump_height, plate, write, write_sphere
+from tests.helpers.tools import bump_height, plate, write_sphere
 
-pytestmark = pytest.mark.usefixtures("no_interval")
-unpulled = pytest.mark.usefixtures("coarse_net")
+pytestmark = pytest.mark.usefixtures("no_interval", "coarse_net")
 
 
 def run(scene):
@@ -22,13 +21,11 @@ def run(scene):
     return result, case.summary(result)
 
 
-@pytest.mark.parametrize(("fibres", "tension"), [(17.0, 2.0), (63.0, 0.0)])
-def test_triangles_of_a_sphere_cause_its_shear(tmp_path, fibres, tension):
-    """5000 triangles at fibre angles without the symmetry of a quarter."""
-    file, angle = write_sphere(tmp_path / "ball.stl"), np.radians(fibres)
-    mesh = read_surface(file)
-    assert mesh.facets.n_elements == 5000
-    kwargs = {"size": (8, 8), "fibres": angle, "tension": tension}
+@pytest.mark.dear("5000 triangles are as accurate as a sphere")
+def test_triangles_of_a_sphere_cause_its_shear(tmp_path):
+    """At a fibre angle without the symmetry of a quarter."""
+    mesh = read_surface(write_sphere(tmp_path / "ball.stl"))
+    kwargs = {"size": (8, 8), "fibres": np.radians(17.0), "tension": 2.0}
     result, summary = run(on_tool(mesh, **kwargs))
     exact, _ = run(hemisphere(part="whole", **kwargs))
     error = result.ply.shear_angle(result.u) - exact.ply.shear_angle(exact.u)
@@ -40,44 +37,49 @@ def test_triangles_of_a_sphere_cause_its_shear(tmp_path, fibres, tension):
     assert "beyond_tool" not in summary
 
 
-@unpulled
+FACES_DOWN = "faces down at the contact point"
+
+
+def on_plate(height, side):
+    x, t = plate(n=15, height=height)
+    small = {"size": (2, 2), "width": 100.0, "height": 100.0, "tension": 0.0}
+    return run(on_tool(drape.TriangleMesh(x, t[::side]), **small))[1]
+
+
 def test_an_inverted_tool_is_reported():
-    x, t = plate(height=lambda x, y: -(x**2 + y**2) / 400)
-    kwargs = {"size": (4, 4), "width": 100.0, "height": 100.0, "tension": 0.0}
-    _, plain = run(on_tool(drape.TriangleMesh(x, t), **kwargs))
+    plain, away = (
+        on_plate(lambda x, y: -(x**2 + y**2) / 400, side) for side in (1, -1)
+    )
     assert "off_triangles" not in plain
     assert "faces_away" not in plain
-    _, away = run(on_tool(drape.TriangleMesh(x, t[::-1]), **kwargs))
-    assert "faces down at the contact point" in away["faces_away"]
-    bumped = plate(height=lambda x, y: bump_height(x, y) - bump_height(x - 60, y))
-    _, both_ways = run(
-        on_tool(drape.TriangleMesh(bumped[0], bumped[1][::-1]), **kwargs)
-    )
-    assert both_ways["min_contact_pressure_N_per_mm2"] < 0
-    assert both_ways["max_contact_pressure_N_per_mm2"] > 0
-    assert "faces down at the contact point" in both_ways["faces_away"]
+    assert FACES_DOWN in away["faces_away"]
     assert away["max_shear_angle_deg"] == pytest.approx(plain["max_shear_angle_deg"])
+
+
+def test_an_inverted_tool_curved_both_ways_is_reported():
+    figures = on_plate(lambda x, y: bump_height(x, y) - bump_height(x - 60, y), -1)
+    assert figures["min_contact_pressure_N_per_mm2"] < 0
+    assert figures["max_contact_pressure_N_per_mm2"] > 0
+    assert FACES_DOWN in figures["faces_away"]
 
 
 def test_a_ply_on_a_flat_tool_has_no_bridging():
     """At any inclination; the pressure of round-off is 1e-8 N/mm²."""
-    x, t = plate(height=lambda x, y: 0.3 * x - 0.2 * y)
+    x, t = plate(n=15, height=lambda x, y: 0.3 * x - 0.2 * y)
     tool, middle = drape.TriangleMesh(x, t), np.zeros(3)
-    _, data = run(on_tool(tool, point=middle, size=(6, 6), width=120.0, height=120.0))
+    _, data = run(on_tool(tool, point=middle, size=(4, 4), width=120.0, height=120.0))
     assert 0 < abs(data["min_contact_pressure_N_per_mm2"]) < 1e-7
     assert data["bridging_share_of_area"] == 0
 
 
-@unpulled
-def test_a_rigidly_moved_tool_causes_the_same_shear(tmp_path):
+def test_a_rigidly_moved_tool_causes_the_same_shear():
     """Rotated about y, with the normal in the xz plane: x of the ply follows."""
-    mesh = read_tool_mesh(write(tmp_path / "bump.stl", *plate()))
+    x, t = plate(n=19)
     c, s = np.cos(0.6), np.sin(0.6)
     Q, shift = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]), np.array([40.0, 9.0, -7.0])
-    moved = Q @ mesh.points + shift[:, None]
-    surface = drape.TriangleMesh(mesh.points, mesh.triangles())
-    other = drape.TriangleMesh(moved, mesh.triangles())
-    kwargs = {"size": (6, 6), "width": 150.0, "fibres": 0.4, "tension": 0.0}
+    surface = drape.TriangleMesh(x, t)
+    other = drape.TriangleMesh(Q @ x + shift[:, None], t)
+    kwargs = {"size": (2, 2), "width": 150.0, "fibres": 0.4, "tension": 0.0}
     spot = np.array([-10.0, 0.0, bump_height(-10.0, 0.0)])
     (one, summary), (two, after) = (
         run(on_tool(surface, point=spot, **kwargs)),
@@ -85,7 +87,7 @@ def test_a_rigidly_moved_tool_causes_the_same_shear(tmp_path):
     )
     error = one.ply.shear_angle(one.u) - two.ply.shear_angle(two.u)
     assert np.degrees(np.abs(error).max()) < 0.01
-    assert summary["max_shear_angle_deg"] > 10
+    assert summary["max_shear_angle_deg"] > 5
     at, then = (
         np.array([it[f"max_shear_angle_at_{axis}_mm"] for axis in "xyz"])
         for it in (summary, after)
@@ -93,7 +95,6 @@ def test_a_rigidly_moved_tool_causes_the_same_shear(tmp_path):
     np.testing.assert_allclose(then, Q @ at + shift, atol=0.1)
 
 
-@unpulled
 @pytest.mark.parametrize(
     ("height", "top"),
     [
@@ -113,9 +114,9 @@ def test_a_ply_first_touches_the_highest_point_nearest_to_the_middle(height, top
 @pytest.mark.parametrize(
     ("tool", "top"),
     [
-        (tool_shapes.deep_box(size=3.0), (0, 0, 60)),
-        (tool_shapes.hat(size=7.0), (0, 0, 40)),
-        (tool_shapes.ring(), None),
+        (tool_shapes.deep_box(60.0, 40.0, 20.0, flange=5.0, size=2.5), (0, 0, 20)),
+        (tool_shapes.hat(120.0, flange=10.0, size=7.0), (0, 0, 40)),
+        (tool_shapes.ring(size=9.0), None),
     ],
 )
 def test_the_middle_of_a_flat_top_is_its_centroid(tool, top):
@@ -128,7 +129,6 @@ def test_the_middle_of_a_flat_top_is_its_centroid(tool, top):
         np.testing.assert_allclose(contact_point(tool), top, atol=1e-3)
 
 
-@unpulled
 def test_a_hole_of_the_tool_is_beyond_its_edges():
     x, t = plate(height=lambda x, y: 0 * x)
     solid = np.hypot(*x[:2, t].mean(axis=1) - [[50], [0]]) > 20
@@ -138,25 +138,6 @@ def test_a_hole_of_the_tool_is_beyond_its_edges():
     assert summary["beyond_tool_share_of_area"] == pytest.approx(share, rel=0.3)
 
 
-@unpulled
-def test_duplicate_triangles_change_nothing():
-    x, t = plate()
-    kwargs = {"size": (4, 4), "width": 120.0, "tension": 0.0}
-    once, _ = run(on_tool(drape.TriangleMesh(x, t), **kwargs))
-    twice, _ = run(on_tool(drape.TriangleMesh(x, np.hstack([t, t])), **kwargs))
-    np.testing.assert_allclose(once.u, twice.u, atol=1e-9)
-
-
-def test_degenerate_triangles_change_nothing(tmp_path):
-    """An STL file of a surface of revolution has them at its pole."""
-    x, t = plate(n=11)
-    plain = read_surface(write(tmp_path / "plain.vtk", x, t))
-    doubled = np.hstack([t, [[5], [5], [6]]])
-    surface = read_surface(write(tmp_path / "doubled.vtk", x, doubled))
-    np.testing.assert_allclose(surface.level(x), plain.level(x), atol=1e-10)
-
-
-@unpulled
 @pytest.mark.parametrize("point", [None, (12.0, 30.0, bump_height(12.0, 30.0))])
 def test_a_regular_coarse_tool_is_rotated_without_change_of_its_surface(point):
     """Many vertices are equidistant there, and a fit uses only some."""
@@ -176,13 +157,11 @@ def test_a_regular_coarse_tool_is_rotated_without_change_of_its_surface(point):
     scene.conditions["tool"].at("tool", 0.5)  # it touches the plane of the ply
 
 
-@unpulled
 @pytest.mark.parametrize("side", [1, -1])
-@pytest.mark.parametrize("tilt", [-0.005, 0.0, 0.005])
-@pytest.mark.parametrize("axis", ["x", "y"])
+@pytest.mark.parametrize(("axis", "tilt"), [("x", -0.005), ("x", 0.005), ("y", 0.005)])
 def test_a_wall_is_viewed_along_its_normal(axis, tilt, side):
     """Upright to half a degree; z of the tool replaces x across the wall."""
-    x, t = plate()
+    x, t = plate(n=15)
     order = {"x": [2, 0, 1], "y": [1, 2, 0]}[axis]
     x = np.array([[1], [1], [side]]) * x + np.array([[0], [0], [tilt]]) * x[:1]
     wall = drape.TriangleMesh(x[order], t[::side])
@@ -196,9 +175,9 @@ def test_a_wall_is_viewed_along_its_normal(axis, tilt, side):
 
 def test_edge_tensions_off_the_top_of_a_tool_are_balanced():
     """No node prevents the ply from sliding; the net alone would need 10 N there."""
-    round_top = plate(height=lambda x, y: 30 * np.exp(-(x**2 + y**2) / 3200))
+    round_top = plate(n=15, height=lambda x, y: 30 * np.exp(-(x**2 + y**2) / 3200))
     tool = drape.TriangleMesh(*round_top)
-    kwargs = {"width": 100.0, "height": 100.0, "size": (6, 6)}
+    kwargs = {"width": 100.0, "height": 100.0, "size": (4, 4)}
     result, off_top = run(on_tool(tool, point=(30.0, 0.0, 22.6), **kwargs))
     assert off_top["max_holding_force_N"] < 0.01
     balance = result.states[-1].parameters["edge tension"]["balance"]

@@ -4,26 +4,22 @@ import json
 
 import numpy as np
 import pytest
-from skfem import MeshQuad, MeshTri
+from skfem import MeshQuad
 
 from skfem_textile import (
     Fabric,
     Locking,
-    MeshError,
     OnSurface,
     Quadratic,
-    StepError,
     Tabulated,
     drape,
 )
 from skfem_textile.cli import main as cli
 from skfem_textile.fabric import Linear
-from skfem_textile.fabric.directions import directions_of
-from skfem_textile.io import write_directions, write_fabric
-from skfem_textile.scenes import Case, cylinder, double_dome, hemisphere, saddle
+from skfem_textile.scenes import Case, cylinder, hemisphere, on_tool, saddle
+from skfem_textile.scenes import draped_ply as draped_module
 from skfem_textile.scenes.draped_ply import draped_ply
 from skfem_textile.scenes.edge_tension import EdgeTension
-from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import arguments_of
 from tests.helpers.tools import square
 
@@ -31,7 +27,7 @@ from tests.helpers.tools import square
 
 
 meshio = pytest.importorskip("meshio")
-pytestmark = pytest.mark.usefixtures("no_interval")
+pytestmark = pytest.mark.usefixtures("no_interval", "coarse_net")
 
 
 def run(scene, steps=1, fabric=None, **more):
@@ -59,13 +55,15 @@ def test_a_hemisphere_agrees_with_its_chebyshev_net(fibres):
     assert errors[0] / errors[1] > 2.5
 
 
-@pytest.mark.parametrize("build", [hemisphere, saddle])
-@pytest.mark.parametrize("fibres", [0, 45])
-def test_a_quarter_agrees_with_the_whole(build, fibres):
-    (quarter, one), (whole, other) = (
-        run(build(size=(n, n), fibres=degrees(fibres), part=part))
-        for part, n in (("quarter", 4), ("whole", 8))
-    )
+@pytest.mark.parametrize(("build", "fibres"), [(hemisphere, 45), (saddle, 0)])
+def test_a_quarter_agrees_with_the_whole(build, fibres, monkeypatch):
+    """Also their nets, whose cells are a share of the ply."""
+    ends = []
+    for part, n in (("quarter", 2), ("whole", 4)):
+        for module in (draped_module, on_tool):
+            monkeypatch.setattr(module, "CELLS", 16 * n)
+        ends.append(run(build(size=(n, n), fibres=degrees(fibres), part=part)))
+    (quarter, one), (whole, other) = ends
     assert whole.ply.mesh.nelements == 4 * quarter.ply.mesh.nelements
     assert one["max_shear_angle_deg"] == pytest.approx(
         other["max_shear_angle_deg"], rel=1e-4
@@ -78,11 +76,11 @@ def test_a_quarter_agrees_with_the_whole(build, fibres):
 
 def test_fibres_at_any_angle_are_in_equilibrium_on_a_sphere():
     """The model has no symmetry planes; pressures follow from the tensions."""
-    result, summary = run(hemisphere(size=(12, 12), fibres=degrees(30)), steps=3)
+    result, summary = run(hemisphere(size=(8, 8), fibres=degrees(30)))
     assert "45 degrees" in summary["exact_answer"]
     ply, u = result.ply, result.u
     assert np.ptp(ply.nodes, axis=1) == pytest.approx([180, 180])
-    inner = (np.abs(ply.mesh.p[:, ply.mesh.t]) < 80).all(axis=(0, 1))
+    inner = (np.abs(ply.mesh.p[:, ply.mesh.t]) < 75).all(axis=(0, 1))
     tension = ply.fibre_tension(u).mean(axis=2).sum(axis=0)
     exact = tension / 100 / np.cos(ply.shear_angle(u, ply.centre)[:, 0])
     pressure = drape.contact_pressure(
@@ -124,21 +122,6 @@ def test_a_whole_ply_is_held_by_three_nodes_however_coarse_its_mesh(size):
     assert np.hypot(*middle) == np.hypot(*scene.mesh.p).min()
 
 
-def test_a_ply_of_two_elements_along_x_is_draped(tmp_path):
-    line = ["run", "hemisphere", "--fibres", "30", "--size", "2x8", "--tension", "0"]
-    bending = ["--set", "bending.warp_N_mm=5", "--set", "bending.weft_N_mm=5"]
-    out = ["--no-render", "--out", str(tmp_path / "out")]
-    assert cli.main([*line, *bending, *out]) == 0
-
-
-def test_a_mesh_without_three_nodes_to_constrain_is_rejected():
-    one = MeshTri(
-        np.array([[-90.0, 90, 90], [-50, -90, 90]]), np.array([[0], [1], [2]])
-    )
-    with pytest.raises(MeshError, match="no three such nodes: refine the mesh"):
-        hemisphere(mesh=one, part="whole")
-
-
 def test_the_position_of_the_largest_shear_is_reported_on_the_tool():
     _, summary = run(hemisphere(size=(6, 6)))
     x = np.array([summary[f"max_shear_angle_at_{axis}_mm"] for axis in "xyz"])
@@ -148,41 +131,26 @@ def test_the_position_of_the_largest_shear_is_reported_on_the_tool():
 
 
 def test_the_summary_without_tension_and_bending_denies_a_net():
-    _, free = run(hemisphere(size=(4, 4), tension=0.0))
+    _, free = run(hemisphere(size=(2, 2), tension=0.0))
     assert "the state differs from the kinematic net" in free["not_the_net"]
-    _, pulled = run(hemisphere(size=(4, 4)))
+    _, pulled = run(hemisphere(size=(2, 2)))
     assert "not_the_net" not in pulled
-    scene = hemisphere(size=(4, 4), tension=0.0)
+    scene = hemisphere(size=(2, 2), tension=0.0)
     _, bent = run(scene, fabric=Fabric(1e4, 0.1, bending=(5.0, 5.0)))
     assert "not_the_net" not in bent
 
 
-def test_the_wrinkling_angle_of_a_case_is_in_the_summary(tmp_path, capsys):
-    line = [
-        "run",
-        "hemisphere",
-        "--size",
-        "4x4",
-        "--tension",
-        "0",
-        "--steps",
-        "2",
-        "--no-render",
-    ]
-    angle, shares = "shear.wrinkling_angle_deg", {}
-    for degrees in ("90", "15"):
-        out = tmp_path / degrees
-        assert cli.main([*line, "--set", f"{angle}={degrees}", "--out", str(out)]) == 0
-        summary = json.loads((out / "summary.json").read_text())
-        shares[degrees] = summary["wrinkle_risk_share_of_area"]
-    assert 0 < shares["90"] < shares["15"] < 1
-    out = str(tmp_path / "91")
-    assert cli.main([*line, "--set", f"{angle}=91", "--out", out]) != 0
-    assert f"{angle} must be a number <= 90" in capsys.readouterr().err
+def test_the_wrinkling_angle_is_in_the_summary():
+    shares = []
+    for angle in (90, 15):
+        scene = hemisphere(size=(3, 3), tension=0.0)
+        fabric = Fabric(1e4, 0.1, wrinkling_angle=degrees(angle))
+        shares.append(run(scene, 1, fabric)[1]["wrinkle_risk_share_of_area"])
+    assert 0 < shares[0] < shares[1] < 1
 
 
 def test_tension_on_the_edges_equals_the_tension_of_the_fibres():
-    result, _ = run(hemisphere(size=(12, 12), tension=3.0))
+    result, _ = run(hemisphere(size=(8, 8), tension=3.0))
     warp, weft = result.ply.fibre_tension(result.u).mean(axis=2)
     right, top = result.ply.mesh.p[:, result.ply.mesh.t].max(axis=1) > 90 - 1e-9
     assert warp[right & ~top] == pytest.approx(3.0, rel=0.06)
@@ -194,8 +162,6 @@ def test_the_edge_tension_of_locking_laws_follows_from_their_moments():
     law = Locking(0.1, degrees(50))
     _, summary = run(scene, fabric=Fabric(1e4, law))
     assert summary["shear_angle_error_rms_deg"] < 0.1
-    with pytest.raises(ValueError, match="beyond the domain of the shear law"):
-        run(scene, fabric=Fabric(1e4, Locking(0.1, degrees(40))))
 
 
 def test_quadratic_triangles_are_draped():
@@ -206,18 +172,16 @@ def test_quadratic_triangles_are_draped():
     assert summary["bridging_share_of_area"] == 0
 
 
-SMALL = "--size", "4x4", "--steps", "2", "--no-render"
+SMALL = "--size", "2x2", "--steps", "2", "--no-render"
 
 
-@pytest.mark.parametrize("name", ["hemisphere", "cylinder", "double_dome", "saddle"])
-@pytest.mark.parametrize("fibres", ["-45", "10"])
-def test_a_tool_is_draped_from_the_command_line(name, fibres, tmp_path):
+def test_a_tool_is_draped_from_the_command_line(tmp_path):
     out = tmp_path / "out"
-    line = "run", name, f"--fibres={fibres}", *SMALL, "--steps", "1", "--out", str(out)
-    assert cli.main(line) == 0
+    line = "run", "hemisphere", "--fibres=-45", *SMALL, "--steps", "1"
+    assert cli.main([*line, "--out", str(out)]) == 0
     summary = json.loads((out / "summary.json").read_text())
     assert summary["converged"]
-    assert summary["inputs"]["scene"]["fibres_deg"] == float(fibres)
+    assert summary["inputs"]["scene"]["fibres_deg"] == -45
     again = tmp_path / "again"
     line = "run", str(out / "case.toml"), "--out", str(again), "--no-render"
     assert cli.main(line) == 0
@@ -238,106 +202,19 @@ def test_fields_of_a_tool_are_written_for_the_state_on_it(tmp_path):
     assert np.isfinite(pressure).all()
     assert pressure.max() == pytest.approx(summary["max_contact_pressure_N_per_mm2"])
     on_elements = meshio.read(tmp_path / "fields" / "own_step_0001.vtu")
-    assert len(on_elements.cell_data["bridging"][0]) == 32
+    assert len(on_elements.cell_data["bridging"][0]) == 8
     flat = "run", "strip", *SMALL, "--out", str(tmp_path)
     assert cli.main(flat) == 0
     fields = meshio.read(tmp_path / "fields" / "step_0002.vtu")
     assert not {"wrinkle_risk", "bridging"} & set(fields.cell_data)
 
 
-def test_a_fabric_of_a_file_is_draped(tmp_path):
-    file = tmp_path / "fabric.json"
-    write_fabric(file, Fabric(1e4, Locking(0.2, degrees(60))))
-    line = "run", "hemisphere", *SMALL, "--fabric", str(file)
-    assert cli.main([*line, "--out", str(tmp_path / "out")]) == 0
-
-
-@pytest.mark.parametrize(
-    ("make", "reason"),
-    [
-        (lambda: hemisphere(width=0.0), "hemisphere: the width must be positive"),
-        (lambda: saddle(height=np.nan), "saddle: the height must be positive"),
-        (lambda: saddle(radius=-1.0), "saddle: the radius must be positive"),
-        (lambda: cylinder(radius=0.0), "radius must be a positive length"),
-        (lambda: double_dome(tension=-1.0), "edge tension must be 0 or positive"),
-        (lambda: cylinder(fibres=np.inf), "angle of the fibres must be finite"),
-        (lambda: cylinder(fibres=0.3, part="quarter"), "use the whole ply"),
-        (
-            lambda: hemisphere(rectangle(40, 40, (2, 2)).translated((1, 0))),
-            "lower left corner of the mesh of a quarter must be at the origin",
-        ),
-        (
-            lambda: hemisphere(rectangle(40, 40, (2, 2)), part="whole"),
-            "origin must be inside the mesh of a whole ply",
-        ),
-        (
-            lambda: hemisphere(
-                MeshQuad(np.array([[0, 9, 8, 1], [0, 0, 9, 9.0]]), [[0], [1], [2], [3]])
-            ),
-            "the mesh of a quarter has no straight left edge",
-        ),
-    ],
-)
-def test_settings_that_do_not_fit_a_tool_are_rejected(make, reason):
-    with pytest.raises((ValueError, MeshError), match=reason):
-        make()
-
-
-@pytest.mark.parametrize(
-    ("options", "reason"),
-    [
-        (("hemisphere", "--width", "-5"), "the width must be positive"),
-        (("hemisphere", "--fibres", "nan"), "scene.fibres_deg must be a finite number"),
-        (("hemisphere", "--fibres", "20", "--part", "quarter"), "use the whole ply"),
-        (("hemisphere", "--part", "half"), "invalid choice: 'half'"),
-        (
-            ("hemisphere", "--width", "320", "--height", "320"),
-            "the kinematic net folds",
-        ),
-        (("saddle", "--rotate", "10"), "unrecognized arguments: --rotate 10"),
-        (("cylinder", "--tension", "-1"), "edge tension must be 0 or positive"),
-    ],
-)
-def test_invalid_options_are_rejected_in_one_line(options, reason, tmp_path, capsys):
-    line = "run", *options, "--size", "4x4", "--no-render"
-    try:
-        code = cli.main([*line, "--out", str(tmp_path / "out")])
-    except SystemExit as stop:
-        code = stop.code
-    stderr = capsys.readouterr().err
-    assert code == 2
-    assert reason in stderr
-    assert stderr.count("\n") == 1
-    assert not (tmp_path / "out").exists()
-
-
-def test_directions_of_a_file_do_not_replace_those_of_a_tool(tmp_path, capsys):
-    mesh, file = hemisphere(size=(4, 4)).mesh, tmp_path / "turned.csv"
-    turned = Fabric(1e4, 0.1, warp=(2.0, 1.0), weft=(-1.0, 2.0))
-    write_directions(file, mesh, directions_of(mesh, turned))
-    line = "run", "hemisphere", "--size", "4x4", "--directions", str(file)
-    assert cli.main([*line, "--out", str(tmp_path / "out")]) == 2
-    stderr = capsys.readouterr().err
-    assert "scene hemisphere: set scene.fibres_deg" in stderr
-
-
-def a_table_from_zero_on(scene):
-    law = Tabulated(np.radians([0, 60]), [0, 0.2])
-    return Fabric(1e4, law, scene.warp, scene.weft)
-
-
 def test_a_table_from_zero_on_suffices_for_shear_of_one_sign():
     """No iteration from the net leaves the table."""
-    scene = hemisphere(size=(4, 4))
-    result = Case(scene=scene, fabric=a_table_from_zero_on(scene)).run()
+    law = Tabulated(np.radians([0, 60]), [0, 0.2])
+    result, _ = run(hemisphere(size=(4, 4)), fabric=Fabric(1e4, law))
     assert result.converged
     assert result.ply.shear_angle(result.u).min() > 0
-
-
-def test_the_missing_range_of_a_table_from_zero_on_is_reported():
-    scene = hemisphere(size=(4, 4), part="whole", tension=0.0)
-    with pytest.raises(StepError, match="a table that starts at 0 requires odd=True"):
-        Case(scene=scene, fabric=a_table_from_zero_on(scene)).run()
 
 
 def test_an_eccentric_ply_has_no_exact_solution():
@@ -401,13 +278,12 @@ def along_the_tool(result, names, forces):
     return forces - (forces * n).sum(axis=0) * n
 
 
-@pytest.mark.parametrize("size", [(6, 6), (12, 12)])
-def test_supports_have_no_reactions_under_edge_tension(size):
+def test_supports_have_no_reactions_under_edge_tension():
     """On a tool and a ply without any symmetry."""
     surface = drape.HeightField(
         lambda x, y: valley(np.asarray(x) + TOUCH[0], np.asarray(y) + TOUCH[1])
     )
-    options = {"size": size, "width": 110.0, "height": 90.0, "fibres": 0.3}
+    options = {"size": (4, 4), "width": 110.0, "height": 90.0, "fibres": 0.3}
     scene = draped_ply("valley", surface, "irregular", **options)
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
     result = Case(scene=scene, fabric=fabric).run()

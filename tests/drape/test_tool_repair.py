@@ -9,18 +9,39 @@ from skfem_textile.mesh.checks import MeshError
 from skfem_textile.solve.surface import onto
 from tests.helpers import sphere
 from tests.helpers.tool_shapes import (
-    SHAPES,
     bonnet,
+    cone,
+    curved_ring,
+    cylinder,
+    double_dome,
     facing_up,
     hat,
+    hemisphere_with_flange,
     patch,
     plate,
     ring,
     saddle,
+    torus_part,
 )
 
-BONNET = bonnet(askew=True)
+BONNET = bonnet(200.0, 150.0, 15.0, askew=True)
+CLEAN = drape.TriangleMesh(*BONNET)
 EDGE = 10.0
+
+#: Small shapes: their roughness and repairs do not depend on their size.
+SMALL = {
+    "plate": plate(80.0, 60.0),
+    "hemisphere with flange": hemisphere_with_flange(25.0, 8.0, 10.0),
+    "hat": hat(60.0, 30.0, 30.0, 15.0),
+    "saddle": saddle(100.0, 80.0),
+    "bonnet": BONNET,
+    "cylinder": cylinder(100.0, 60.0, 60.0),
+    "cone": cone(40.0, 15.0, 40.0),
+    "torus part": torus_part(100.0, 40.0),
+    "double dome": double_dome(),
+    "ring": ring(),
+    "curved ring": curved_ring(),
+}
 
 
 def soup(x, t, scatter=0.0, seed=0):
@@ -55,11 +76,11 @@ def outline(tool):
 # Sewing
 
 
-@pytest.mark.parametrize("name", [name for name in SHAPES if name != "deep box"])
-@pytest.mark.parametrize("scatter", [1e-5, 1e-3, 0.05])
+@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize("scatter", [1e-5, 0.05])
 def test_scattered_vertices_are_sewn(name, scatter):
     """Relative to the mean edge; the mean of six copies scatters less than each."""
-    x, t = SHAPES[name]()
+    x, t = SMALL[name]
     edge = np.linalg.norm(x[:, t[0]] - x[:, t[1]], axis=0).mean()
     clean = drape.TriangleMesh(x, t)
     tool = drape.TriangleMesh(*soup(x, t, scatter * edge))
@@ -72,7 +93,7 @@ def test_scattered_vertices_are_sewn(name, scatter):
 
 def test_clean_triangles_are_not_changed():
     x, t = BONNET
-    tool = drape.TriangleMesh(x, t)
+    tool = CLEAN
     assert tool.remarks == ()
     corners = np.sort(tool.facets.points[:, tool.facets.triangles()].mean(axis=1))
     np.testing.assert_allclose(corners, np.sort(x[:, t].mean(axis=1)), atol=1e-12)
@@ -133,9 +154,8 @@ def test_flipped_triangles_are_turned_to_the_side_of_most(share, scatter):
     turned = (wrong != t).any(axis=0).sum()
     tool = drape.TriangleMesh(*soup(x, wrong, scatter))
     assert remark(tool, "turned").startswith(f"{turned} of {t.shape[1]} triangles")
-    clean = drape.TriangleMesh(x, t)
     points = above(x)
-    np.testing.assert_allclose(tool.level(points), clean.level(points), atol=0.02)
+    np.testing.assert_allclose(tool.level(points), CLEAN.level(points), atol=0.02)
 
 
 def test_triangles_of_which_half_are_flipped_face_upwards():
@@ -158,6 +178,7 @@ def test_a_closed_surface_faces_outwards():
     assert "turned outwards" in remark(tool, "turned")
     assert "lies on its outside" in remark(tool, "closed")
     assert (tool.level(52 * x) > 0).all()
+    assert not tool.beyond_edges(60 * x).any()
 
 
 def test_a_surface_with_one_side_is_rejected():
@@ -177,7 +198,7 @@ def test_triangles_listed_twice_are_removed(scatter):
     x, t = BONNET
     tool = drape.TriangleMesh(*soup(x, np.hstack([t, t[::-1]]), scatter))
     assert f"{t.shape[1]} duplicate triangle(s)" in remark(tool, "duplicate")
-    np.testing.assert_allclose(tool.level(x), 0, atol=0.02)
+    np.testing.assert_allclose(tool.level(x), CLEAN.level(x), atol=1e-9 + scatter)
 
 
 # Shape
@@ -196,7 +217,7 @@ def test_both_sides_of_a_thick_part_remain():
     both = np.hstack([x, x - [[0], [0], [40]]])
     tool = drape.TriangleMesh(both, np.hstack([t, t[::-1] + x.shape[1]]))
     assert "2 separate parts" in remark(tool, "separate")
-    np.testing.assert_allclose(tool.level(x), 0, atol=0.02)
+    np.testing.assert_allclose(tool.level(x), CLEAN.level(x), atol=1e-9)
 
 
 def test_holes_are_reported_with_their_place():
@@ -246,17 +267,15 @@ def test_ribs_are_rejected():
 # Roughness
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", SMALL)
 def test_clean_shapes_have_no_noise(name):
-    assert not any(
-        "scatter by" in r for r in drape.TriangleMesh(*SHAPES[name]()).remarks
-    )
+    assert not any("scatter by" in r for r in drape.TriangleMesh(*SMALL[name]).remarks)
 
 
-@pytest.mark.parametrize("noise", [0.01, 0.03, 0.08])
+@pytest.mark.parametrize("noise", [0.01, 0.08])
 @pytest.mark.parametrize("name", ["plate", "hat", "saddle", "double dome"])
 def test_the_standard_deviation_of_noise_is_measured(name, noise):
-    x, t = SHAPES[name]()
+    x, t = SMALL[name]
     edge = np.linalg.norm(x[:, t[0]] - x[:, t[1]], axis=0).mean()
     rng = np.random.default_rng(4)
     tool = drape.TriangleMesh(x + noise * edge * rng.standard_normal(x.shape), t)
@@ -272,10 +291,10 @@ def shear(tool):
     return np.degrees(drape.net(surface, 70 / 16, (16, 16), (16, 16)).shear_angle())
 
 
-@pytest.mark.parametrize("noise", [0.01, 0.03])
+@pytest.mark.parametrize("noise", [0.03])
 def test_noise_changes_shear_angles_by_less_than_reported(noise):
     """By 150° times the noise relative to the mean edge; up to 125° here."""
-    x, t = hat(bow=400.0, size=4.0)
+    x, t = hat(150.0, flange=30.0, bow=400.0, size=4.0)
     edge = np.linalg.norm(x[:, t[0]] - x[:, t[1]], axis=0).mean()
     rng = np.random.default_rng(0)
     tool = drape.TriangleMesh(x + noise * edge * rng.standard_normal(x.shape), t)
@@ -298,7 +317,7 @@ def test_a_rough_surface_is_rejected():
 @pytest.mark.parametrize("name", ["ring", "curved ring"])
 def test_a_patch_over_a_hole_continues_the_surface(name):
     """A plane exactly; a sphere of R 120 over a hole of R 40 to 0.5 mm."""
-    tool = drape.TriangleMesh(*SHAPES[name]())
+    tool = drape.TriangleMesh(*SMALL[name])
     whole = tool.without_holes()
     assert not any("hole" in line for line in whole.remarks)
     assert len(whole.facets.boundary()) == 1
@@ -317,7 +336,7 @@ def test_a_patch_over_a_hole_continues_the_surface(name):
 
 def test_missing_triangles_are_filled():
     x, t = BONNET
-    tool = drape.TriangleMesh(x, np.delete(t, [500, 1200], axis=1))
+    tool = drape.TriangleMesh(x, np.delete(t, [200, 500], axis=1))
     whole = tool.without_holes()
     assert whole.facets.n_elements == t.shape[1]
     assert len(whole.facets.boundary()) == 1

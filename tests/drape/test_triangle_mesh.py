@@ -79,15 +79,6 @@ def test_many_points_have_the_values_of_each_alone(tool, kind):
         np.testing.assert_allclose(together, np.moveaxis(alone, 0, -1), atol=1e-10)
 
 
-def test_values_do_not_depend_on_points_before(tool):
-    x, other = points("near"), points("far")
-    before = [getattr(tool, part)(x).copy() for part in PARTS]
-    for shift in range(3):
-        tool.level(other + shift)
-    for part, values in zip(PARTS, before, strict=True):
-        np.testing.assert_array_equal(getattr(tool, part)(x), values)
-
-
 def test_derivatives_of_the_continuation_are_those_of_its_level(tool):
     """Where the quadrics straighten, from one to two times their limit and beyond."""
     rng = np.random.default_rng(3)

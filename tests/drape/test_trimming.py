@@ -46,20 +46,12 @@ def test_holes_are_cut_out_of_net_and_pattern():
     assert part.pattern.area == pytest.approx(whole.pattern.area - cut.pattern.area)
 
 
-@pytest.mark.parametrize("hole", [circle(0.2, (0.6, 0.0)), circle(0.1, (1.5, 0.0))])
-def test_holes_outside_the_outline_are_rejected(hole):
-    net = drape.net(SPHERE, 2.5, (40, 64), (32, 32))
-    with pytest.raises(ValueError, match=r"crosses the outline or another hole|lie on"):
-        drape.trimmed(net, circle(0.7), [hole])
-
-
 @pytest.mark.parametrize(
     ("shape", "cell"),
     [
-        (tool_shapes.hemisphere_with_flange, 4.0),
-        (tool_shapes.hat, 5.0),
-        (tool_shapes.saddle, 5.0),
-        (lambda: tool_shapes.bonnet(askew=True), 8.0),
+        (lambda: tool_shapes.hemisphere_with_flange(40.0, 10.0, 15.0), 6.0),
+        (tool_shapes.saddle, 12.0),
+        (lambda: tool_shapes.bonnet(askew=True), 16.0),
     ],
 )
 def test_a_net_up_to_the_boundary_covers_the_area_of_a_tool(shape, cell):

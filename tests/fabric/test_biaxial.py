@@ -11,21 +11,12 @@ from skfem_textile import (
     Fabric,
     Full,
     Locking,
-    Macro,
-    OnePoint,
     Ply,
-    Quadratic,
-    TensionOnly,
 )
 from skfem_textile.fabric.law import mean_slope
-from skfem_textile.fabric.law_check import check_laws
 from tests.helpers import (
     Coupled,
-    acting_tension,
-    derivative,
     distorted,
-    distorted_for,
-    random_u,
 )
 
 LAWS = {
@@ -35,7 +26,6 @@ LAWS = {
     "much crimp": CrimpInterchange((1e3, 1e4), (0.2, 0.1), 5.0, 0.05, 0.0),
     "no crimp": CrimpInterchange((1e3, 1e4), 0.0, 5.0, 0.05, 2.0),
 }
-FORMULATIONS = (Full(), OnePoint(2.0), OnePoint(), Macro(), Quadratic(), Quadratic(20))
 
 every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 
@@ -81,7 +71,7 @@ def test_the_amplitude_minimises_the_energy(law):
     E = [CrimpToe(E, law.toe, 0.0) for E in law.stiffness]
     eta = np.sqrt(2 * np.array(law.crimp))
     least = law.energy(at)
-    for w in np.linspace(-eta[1], eta[0], 200):
+    for w in np.linspace(-eta[1], eta[0], 50):
         shapes = np.array([(eta[0] - w) ** 2, (eta[1] + w) ** 2]) / 2 - law.crimp
         yarns = sum(y.energy(e + s) for y, e, s in zip(E, at, shapes, strict=True))
         other = yarns + law.bending * w**2 / 2
@@ -127,37 +117,6 @@ def test_repr_rebuilds_the_law_and_any_shape_is_accepted(law):
         np.testing.assert_array_equal(value.reshape(2, -1), law.value(at))
         np.testing.assert_array_equal(tangent.reshape(2, 2, -1), law.tangent(at))
     assert law.energy(np.zeros(2)).shape == ()
-
-
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"stiffness": 0.0}, "stiffness must be a finite number > 0, got 0.0"),
-        ({"stiffness": (1.0, -1.0)}, "stiffness must be a finite number > 0, got -1.0"),
-        ({"crimp": -0.1}, "crimp must be a finite number >= 0, got -0.1"),
-        ({"crimp": (0.1, np.nan)}, "crimp must be a finite number >= 0, got nan"),
-        ({"crimp": (0.1, 0.1, 0.1)}, "crimp must be a number or a pair"),
-        ({"bending": 0.0}, "bending must be a finite number > 0, got 0.0"),
-        ({"toe": np.inf}, "toe must be a finite number > 0, got inf"),
-        ({"initial_stiffness": -1}, "initial stiffness must be a finite number >= 0"),
-        ({"stiffness": np.ones(500)}, "stiffness must be .* uniform over the elements"),
-    ],
-)
-def test_invalid_parameters_are_rejected(changed, message):
-    good = {"stiffness": 1e4, "crimp": 0.01, "bending": 1.0, "toe": 1e-3}
-    with pytest.raises(ValueError, match=message) as error:
-        CrimpInterchange(**good | {"initial_stiffness": 1.0} | changed)
-    assert "\n" not in str(error.value)
-
-
-def test_a_coupled_law_is_rejected_as_a_law_of_one_family():
-    law = LAWS["balanced"]
-    with pytest.raises(ValueError, match="shear: CrimpInterchange is a law of both"):
-        Fabric(1e4, law)
-    with pytest.raises(ValueError, match="tension: CrimpInterchange is a law of both"):
-        Fabric((law, 1e4))
-    with pytest.raises(ValueError, match="law must be a law of one strain"):
-        TensionOnly(law)
 
 
 def test_plots_have_a_line_of_each_family_for_each_ratio():
@@ -212,42 +171,7 @@ def test_inconsistent_parts_are_rejected(law, message):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("law", [*LAWS.values(), Coupled(10.0, -3.0)])
-def test_consistent_laws_are_accepted(law):
-    check_laws(Fabric(law), (6, 4))
-
-
 # Plies
-
-
-@pytest.mark.parametrize(
-    ("formulation", "law"),
-    [
-        *((formulation, LAWS["unbalanced"]) for formulation in FORMULATIONS),
-        *((OnePoint(2.0), law) for name, law in LAWS.items() if name != "unbalanced"),
-    ],
-)
-def test_forces_and_tangent_of_a_ply_are_derivatives(law, formulation):
-    ply = Ply(distorted_for(formulation, 1), Fabric(law, 0.5), formulation)
-    # All yarns are taut at 3 % stretch, except where the mesh is moved most.
-    u = ply.basis.zeros()
-    u[ply.basis.nodal_dofs] = 0.03 * ply.mesh.p
-    if isinstance(formulation, Quadratic):
-        u[ply.basis.facet_dofs] = 0.03 * ply.mesh.p[:, ply.mesh.facets].mean(axis=1)
-    u += random_u(ply, 3, 0.002)
-    du = random_u(ply, 4, 1.0)
-    K, f = ply.tangent(u), ply.residual(u)
-    work = derivative(ply.energy, u, du, 1e-6)
-    assert work == pytest.approx(f @ du, rel=1e-6, abs=1e-6 * np.abs(f * du).sum())
-    change = derivative(ply.residual, u, du, 1e-6)
-    np.testing.assert_allclose(K @ du, change, atol=1e-6 * np.abs(change).max())
-    assert abs(K - K.T).max() <= 1e-12 * abs(K).max()
-    acting = acting_tension(ply, u)
-    T = derivative(lambda x: acting_tension(ply, x), u, du, 1e-6)
-    predicted = derivative(lambda x: ply.predicted_tension(u, x), 0 * u, du, 1e-6)
-    np.testing.assert_allclose(predicted, T, atol=1e-6 * np.abs(T).max())
-    geometric = ply.geometric_tension(u, 0 * u)
-    np.testing.assert_array_equal(geometric, ply.arranged(acting))
 
 
 def test_the_fixed_stiffness_of_a_family_assumes_constant_strain_of_the_other():
@@ -275,7 +199,7 @@ def test_states_outside_the_domain_are_rejected():
 def test_every_region_has_its_domain():
     mesh = distorted(1).with_subdomains({"left": [0, 1], "right": [2, 3, 4, 5]})
     regions = {
-        "left": Fabric(LAWS["balanced"]),
+        "left": Fabric(Coupled(10.0, 5.0)),
         "right": Fabric((Locking(2e3, 0.5), 1.0)),
     }
     low, high = Ply(mesh, regions, Full()).fabric.at().tensions.domain

@@ -78,20 +78,6 @@ def test_yarns_of_tables_are_solved_at_all_strains():
     assert np.isfinite(law.value(strain)).all()
 
 
-@pytest.mark.parametrize(
-    ("wrong", "named"),
-    [
-        ({"crimp": 0.0}, "crimp"),
-        ({"springs": -1.0}, "springs"),
-        ({"yarns": (1.0, 2.0)}, "yarn"),
-        ({"coupling": np.nan}, "coupling"),
-    ],
-)
-def test_invalid_yarns_are_rejected(wrong, named):
-    with pytest.raises(ValueError, match=named):
-        CrimpedYarns(**({"yarns": YARNS, "crimp": 0.1, "springs": 0.1} | wrong))
-
-
 def test_shear_beyond_the_locking_angle_is_continuous_with_its_slope():
     law = TangentShear(0.5, 4.0, np.radians(40))
     below, above = law.value(np.radians([40 - 1e-9, 40 + 1e-9]))

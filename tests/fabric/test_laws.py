@@ -200,6 +200,7 @@ def test_a_table_may_rise_by_almost_nothing():
     assert np.isfinite(law.value(np.linspace(0.0, 1.0, 9))).all()
 
 
+@settings(max_examples=30)
 @given(st.lists(st.floats(0.001, 0.1), min_size=1, max_size=12), st.data())
 def test_a_table_is_monotone_and_interpolates_its_points(steps, data):
     n = len(steps)
@@ -214,16 +215,6 @@ def test_a_table_is_monotone_and_interpolates_its_points(steps, data):
     rounding = 1e-12 * y[-1] + np.finfo(float).tiny
     assert (law.value(between) >= y[cell] - rounding).all()
     assert (law.value(between) <= y[cell + 1] + rounding).all()
-
-
-@pytest.mark.parametrize("extrapolation", ["refuse", "linear"])
-def test_a_table_of_a_linear_law_equals_the_linear_law(extrapolation):
-    x = np.array([-0.02, -0.011, 0.0, 0.001, 0.03])
-    law, line = Tabulated(x, 1e4 * x, extrapolation), Linear(1e4)
-    at = np.linspace(-0.02, 0.03, 77)
-    for part in ("energy", "value", "tangent"):
-        expected = getattr(line, part)(at)
-        np.testing.assert_allclose(getattr(law, part)(at), expected, rtol=1e-9)
 
 
 def test_a_table_ends_or_is_extrapolated_linearly_with_one_warning(caplog):
@@ -264,6 +255,7 @@ def test_a_run_stops_where_a_table_ends():
 # Tension laws: crimp, fibres without compression, pretension
 
 
+@settings(max_examples=30)
 @given(
     E=st.floats(1.0, 1e8),
     toe=st.floats(1e-4, 0.1),
@@ -334,105 +326,3 @@ def test_pretensioned_fibres_lose_crimp_and_become_slack_when_shortened():
     np.testing.assert_allclose(line.value(x), 5.0 + 1e4 * x, atol=1e-11)
     np.testing.assert_allclose(line.energy(x), 5.0 * x + 5e3 * x**2, atol=1e-13)
     assert Pretensioned(Linear(1e4), 0.0).strain_before == 0.0
-
-
-# Invalid parameters
-
-
-REFUSED = {
-    "one point": (
-        lambda: Tabulated([0.0], [0.0]),
-        "a table requires at least two points, got 1",
-    ),
-    "falling": (
-        lambda: Tabulated([0.0, 0.2, 0.1], [0.0, 1.0, 2.0]),
-        "point 3: the argument 0.1 must be larger than the previous one, 0.2",
-    ),
-    "twice": (
-        lambda: Tabulated([0, 0.1, 0.1], [0, 1, 2]),
-        "point 3: the argument 0.1 must",
-    ),
-    "not finite": (
-        lambda: Tabulated([0.0, 0.1], [0.0, np.nan]),
-        "point 2: both numbers must be finite, got 0.1, nan",
-    ),
-    "of two lengths": (
-        lambda: Tabulated([0.0, 0.1], [0.0]),
-        r"the same number of values, got shapes \(2,\) and \(1,\)",
-    ),
-    "text": (lambda: Tabulated("ab", [0.0]), "arguments must be real-valued"),
-    "another extrapolation": (
-        lambda: Tabulated([0, 1], [0, 1], "cubic"),
-        "extrapolation must be refuse or linear, got 'cubic'",
-    ),
-    "odd of both signs": (
-        lambda: Tabulated([-1, 1], [0, 1], odd=True),
-        "an odd law must have arguments >= 0 and.* but point 1 is -1, 0",
-    ),
-    "odd with a jump": (
-        lambda: Tabulated([0, 1], [0.5, 1], odd=True),
-        "and the value 0 at 0, but point 1 is 0, 0.5",
-    ),
-    "without rest": (
-        lambda: Tabulated([0.1, 1], [0.5, 1]),
-        "the table covers 0.1 to 1, which excludes 0, the state at rest",
-    ),
-    "too steep": (
-        lambda: Tabulated([0, 1e-300], [0, 1e300]),
-        "the table overflows",
-    ),
-    "no coefficient": (lambda: Polynomial(()), "coefficients must be finite numbers"),
-    "one that is none": (lambda: Polynomial((1, "a")), "coefficients must be finite"),
-    "a number": (lambda: Polynomial(3.0), "coefficients must be finite numbers"),
-    "no toe": (
-        lambda: CrimpToe(1e5, 0.0, 1.0),
-        "toe must be a finite number > 0, got 0.0",
-    ),
-    "negative": (
-        lambda: CrimpToe(1e5, 0.1, -1.0),
-        "initial stiffness must be a finite number >= 0, got -1.0",
-    ),
-    "no angle": (
-        lambda: Locking(0.5, None),
-        "locking angle must be a finite number > 0, got None",
-    ),
-    "no width": (
-        lambda: TensionOnly(Linear(1.0), 0.0),
-        "width must be a finite number > 0, got 0.0",
-    ),
-    "force at rest": (
-        lambda: TensionOnly(Pretensioned(Linear(1e3), 3.0)),
-        "law must be zero at rest, but is 3 N/mm there",
-    ),
-    "wider than the law": (
-        lambda: TensionOnly(Tabulated([0, 0.01], [0, 1]), 0.02),
-        "law must be defined from 0 to the switch at 0.02, but its domain is 0 to 0.01",
-    ),
-    "compression without a law": (
-        lambda: Asymmetric(Linear(1.0), Tabulated([0, 0.01], [0, 1])),
-        "compression must be defined from 0 to the switch at -0.0001,",
-    ),
-    "no law": (
-        lambda: TensionOnly(3.0),
-        r"law must be a law, such as Linear\(5e3\), got 3.0",
-    ),
-    "by element": (
-        lambda: TensionOnly(Linear(np.ones(3))),
-        "law must be uniform over the elements; define a fabric",
-    ),
-    "a tension out of reach": (
-        lambda: Pretensioned(Tabulated([0, 0.01], [0, 2]), 3.0),
-        "the law reaches only 2 N/mm at a strain of 0.01, less than the pretension",
-    ),
-    "in tension already": (
-        lambda: Pretensioned(Tabulated([0, 0.01], [1, 2]), 0.5),
-        "the law has a tension of 1 N/mm at zero strain, more than the pretension",
-    ),
-}
-
-
-@pytest.mark.parametrize(("build", "message"), REFUSED.values(), ids=REFUSED)
-def test_invalid_parameters_are_rejected_in_one_line(build, message):
-    with pytest.raises(ValueError, match=message) as refusal:
-        build()
-    assert "\n" not in str(refusal.value)

@@ -1,5 +1,6 @@
 """A small hemisphere that is formed, completely and half way."""
 
+import meshio
 import numpy as np
 import pytest
 from skfem import MeshQuad
@@ -16,12 +17,14 @@ from skfem_textile import (
     Traction,
     drape,
 )
+from skfem_textile.io import read_surface
+from tests.helpers import graph
 
 SIDE, RADIUS, GAP = 60.0, 30.0, 0.3
 MIRRORS = {"left": "mirror", "bottom": "mirror"}
 
 
-def quarter(motion, cells=6):
+def quarter(motion, cells=4):
     """Quarter of a ply over a hemispherical punch, on a plate that holds it down."""
     x = np.linspace(0, SIDE, cells + 1)
     mesh = MeshQuad.init_tensor(x, x).with_defaults()
@@ -62,5 +65,42 @@ def stopped():
 
     few = Newton(most=2)
     with pytest.raises(StepError) as caught:
-        LoadStepper(*quarter(motion, 4), steps=2, max_halvings=0, method=few).run()
+        LoadStepper(*quarter(motion, 3), steps=2, max_halvings=0, method=few).run()
     return caught.value
+
+
+# Tools from files
+
+
+def bowl(path, height, offset=0.0, side=60.0, n=21):
+    """Write a shallow dome as STL, its top at the offset."""
+    s = np.linspace(-side, side, n)
+
+    def shape(x, y):
+        return offset - height * (1 - np.exp(-(x**2 + y**2) / 900))
+
+    x, t = graph(s, shape)
+    meshio.Mesh(x.T, [("triangle", t.T)]).write(path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def files(tmp_path_factory):
+    """Punch and die with z = 500 as the lowest point of the die."""
+    tmp_path = tmp_path_factory.mktemp("tools")
+    punch = bowl(tmp_path / "P.stl", 40.0, 499.5)
+    die = bowl(tmp_path / "D.stl", 32.0, 532.0)
+    return str(punch), str(die)
+
+
+@pytest.fixture(scope="session")
+def flanged(tmp_path_factory):
+    """A dome as punch, and a die with a flat flange outside a radius of 50 mm."""
+    tmp_path = tmp_path_factory.mktemp("flanged")
+    x, t = graph(
+        np.linspace(-60.0, 60.0, 25),
+        lambda x, y: 30 * np.cos(np.pi * np.minimum(np.hypot(x, y), 50) / 100) ** 2,
+    )
+    meshio.Mesh(x.T, [("triangle", t.T)]).write(tmp_path / "flanged.stl")
+    punch = bowl(tmp_path / "dome.stl", 40.0, -0.5)
+    return read_surface(punch), read_surface(tmp_path / "flanged.stl")

@@ -5,13 +5,12 @@ import json
 import re
 from dataclasses import replace
 
-import meshio
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, MeshError
+from skfem_textile import Fabric
 from skfem_textile.cli import main as cli
 from skfem_textile.drape import TriangleMesh
 from skfem_textile.io import read_surface
@@ -23,7 +22,7 @@ from skfem_textile.scenes import (
 )
 from tests.helpers import graph
 
-CELLS = {"size": (6, 6)}
+CELLS = {"size": (3, 3)}
 
 
 def case(scene, steps=1, bending=5.0):
@@ -42,25 +41,25 @@ def smallest_gap(result, tool):
 
 
 def test_the_tools_push_the_ply_to_the_full_travel():
-    scene = hemisphere_forming(travel=40.0, **CELLS)
+    scene = hemisphere_forming(travel=20.0, **CELLS)
     result = case(scene).run()
     state, figures = result.states[-1], case(scene).summary(result)
     assert figures["converged"]
-    assert scene.driven_displacement(state).tolist() == [0, 0, 40.0]
+    assert scene.driven_displacement(state).tolist() == [0, 0, 20.0]
     assert scene.reaction(state)[2] == pytest.approx(figures["reaction_z"])
-    assert figures["reaction_z"] > 5
+    assert figures["reaction_z"] > 1
     u = result.ply.nodal(state.u)
     centre = np.hypot(*result.ply.nodes).argmin()
-    assert u[2, centre] == pytest.approx(40.0 - 0.15, abs=1e-6)
+    assert u[2, centre] == pytest.approx(20.0 - 0.15, abs=1e-6)
 
 
-def test_a_smaller_clearance_bends_the_ply_more_sharply():
-    """The free ply between punch and die is shorter, and the force is larger."""
-    narrow, wide = (
-        summary(hemisphere_forming("aligned", travel=30.0, clearance=c, **CELLS))
-        for c in (2.0, 20.0)
-    )
-    assert narrow["punch_force_N"] > 1.01 * wide["punch_force_N"]
+def test_the_clearance_is_between_punch_and_die():
+    """Measured in the plane of the ply, from the punch that has passed it."""
+    scene = hemisphere_forming(radius=40.0, clearance=3.0, travel=60.0)
+    punch, die, _ = (tool.surface for tool in scene.tools)
+    x = np.array([[41.0, 43.0], [0.0, 0.0], [-90.0, 20.0]])
+    assert punch.level(x)[0] == pytest.approx(1.0)  # of the shaft below the hemisphere
+    assert die.level(x)[1] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_the_ply_is_pulled_along_the_fibres_at_any_angle():
@@ -76,98 +75,62 @@ def test_the_ply_is_pulled_along_the_fibres_at_any_angle():
         assert np.abs(force[1, inner]).max() < 1e-12
 
 
+@pytest.mark.dear("the whole ply and its quarter are two runs")
 def test_a_quarter_agrees_with_the_whole_ply():
     """To round-off without bending, which differs at the planes of symmetry."""
-    quarter = summary(hemisphere_forming(travel=25.0, size=(4, 4)), bending=0.0)
-    scene = hemisphere_forming(travel=25.0, size=(8, 8), part="whole")
+    quarter = summary(hemisphere_forming(travel=10.0, size=(2, 2)), bending=0.0)
+    scene = hemisphere_forming(travel=10.0, size=(4, 4), part="whole")
     whole = summary(scene, bending=0.0)
     assert whole["reaction_z"] == pytest.approx(4 * quarter["reaction_z"], rel=1e-8)
     for name in ("max_shear_angle_deg", "max_fibre_strain"):
         assert whole[name] == pytest.approx(quarter[name], rel=1e-7)
     assert whole["max_holding_force_N"] < 1e-6
     assert "max_holding_force_N" not in quarter
+    assert "held" not in whole
 
 
 def test_fibres_at_any_angle_have_no_holding_force():
-    scene = hemisphere_forming(travel=25.0, size=(8, 8), fibres=0.3)
+    scene = hemisphere_forming(travel=5.0, fibres=0.3, size=(4, 4))
     figures = summary(scene)
     assert scene.fibre_ends == {}
     assert figures["max_holding_force_N"] < 1e-6
 
 
-@pytest.mark.parametrize(("shift", "is_held"), [(0.0, False), (9.0, True)])
-def test_a_ply_beside_the_axis_of_the_tools_is_held_and_says_so(shift, is_held):
-    mesh = MeshQuad().refined(3).translated((-0.5, -0.5)).scaled(160.0)
-    mesh = mesh.translated((shift, 0.0)).with_defaults()
-    options = {"radius": 30.0, "travel": 20.0, "part": "whole"}
-    figures = summary(hemisphere_forming(mesh, **options))
-    assert ("held" in figures) is is_held
-
-
-def test_a_punch_that_travels_beyond_its_hemisphere_has_a_shaft():
-    """Below the hemisphere the ply is at least one radius away from the axis."""
-    scene = hemisphere_forming(radius=20.0, travel=35.0, **CELLS, width=120, height=120)
-    result = case(scene, 3).run()
-    assert result.converged
-    x = result.ply.positions(result.u)
-    beside = x[:, x[2] < 35.0 - 0.15 - 20.0]
-    assert np.hypot(*beside[:2]).min() >= 20.0 - 1e-6
+def test_a_ply_beside_the_axis_of_the_tools_is_held_and_says_so():
+    mesh = MeshQuad().refined(1).translated((-0.5, -0.5)).scaled(160.0)
+    mesh = mesh.translated((9.0, 0.0)).with_defaults()
+    scene = hemisphere_forming(mesh, radius=30.0, travel=2.0, part="whole")
+    assert "held" in summary(scene)
 
 
 def test_a_double_dome_is_formed_to_its_full_travel():
-    result = case(double_dome_forming(size=(8, 5)), 2).run()
+    result = case(double_dome_forming(size=(3, 2))).run()
     assert result.converged
     assert smallest_gap(result, "punch") == pytest.approx(0.0, abs=1e-6)
     assert result.states[-1].displacements["punch"].tolist() == [0, 0, 60]
     assert result.states[-1].reactions["punch"][2] > 10
 
 
-def bowl(path, height, offset=0.0, side=60.0, n=21):
-    """Write a shallow dome as STL, its top at the offset."""
-    s = np.linspace(-side, side, n)
-
-    def shape(x, y):
-        return offset - height * (1 - np.exp(-(x**2 + y**2) / 900))
-
-    x, t = graph(s, shape)
-    meshio.Mesh(x.T, [("triangle", t.T)]).write(path)
-    return path
+SMALL = {"width": 100.0, "height": 100.0, "size": (3, 3)}
 
 
-@pytest.fixture
-def files(tmp_path):
-    """Punch and die with z = 500 as the lowest point of the die."""
-    punch = bowl(tmp_path / "P.stl", 40.0, 499.5)
-    die = bowl(tmp_path / "D.stl", 32.0, 532.0)
-    return str(punch), str(die)
+@pytest.fixture(scope="module")
+def filed(files):
+    """A case whose tools are files, and its result."""
+    run = case(forming(*map(read_surface, files), travel=4.0, **QUARTER))
+    return run, run.run()
 
 
-@pytest.fixture
-def flanged(tmp_path):
-    """A dome as punch, and a die with a flat flange outside a radius of 50 mm."""
-    x, t = graph(
-        np.linspace(-60.0, 60.0, 25),
-        lambda x, y: 30 * np.cos(np.pi * np.minimum(np.hypot(x, y), 50) / 100) ** 2,
-    )
-    meshio.Mesh(x.T, [("triangle", t.T)]).write(tmp_path / "flanged.stl")
-    punch = bowl(tmp_path / "dome.stl", 40.0, -0.5)
-    return read_surface(punch), read_surface(tmp_path / "flanged.stl")
+QUARTER = SMALL | {"part": "quarter", "gap": 1.0}
 
 
-SMALL = {"width": 100.0, "height": 100.0, "size": (5, 5)}
-
-
-def test_tools_from_files_stay_in_their_axes(files):
-    punch, die = map(read_surface, files)
-    scene = forming(punch, die, travel=20.0, gap=1.0, part="quarter", **SMALL)
-    lowest = die.facets.points[2].min()
-    assert scene.axes.origin[2] == pytest.approx(lowest - 0.5)
-    run = case(scene)
-    result = run.run()
+def test_tools_from_files_stay_in_their_axes(files, filed):
+    (run, result), (_, die) = filed, map(read_surface, files)
+    axes, figures = run.scene.axes, run.summary(result)
+    assert axes.origin[2] == pytest.approx(die.facets.points[2].min() - 0.5)
     assert result.converged
     assert smallest_gap(result, "punch") == pytest.approx(0.0, abs=1e-6)
-    x = result.ply.nodal(result.u)[2] + scene.axes.origin[2]
-    figures = run.summary(result)
+    x = result.ply.nodal(result.u)[2] + axes.origin[2]
     assert x.min() <= figures["max_penetration_at_z_mm"] <= x.max()
 
 
@@ -183,30 +146,29 @@ def test_places_in_messages_are_in_the_axes_of_the_files(files):
     assert np.abs(at[:2]).max() <= 53.0
 
 
-def test_a_punch_that_moves_down_mirrors_one_that_moves_up(files):
-    punch, die = map(read_surface, files)
-    options = SMALL | {"gap": 1.0, "part": "quarter", "size": (3, 3)}
-    one = summary(forming(punch, die, travel=8.0, **options))
+def test_a_punch_that_moves_down_mirrors_one_that_moves_up(files, filed):
     turned = np.diag([1.0, -1.0, -1.0])
-    punch, die = (tool.moved(np.zeros(3), turned) for tool in (punch, die))
-    other = summary(forming(punch, die, travel=-8.0, **options))
+    tools = (read_surface(file).moved(np.zeros(3), turned) for file in files)
+    other = summary(forming(*tools, travel=-4.0, **QUARTER))["reaction_z"]
+    one = filed[0].scene.reaction(filed[1].states[-1])[2]
     # The triangles are not symmetric about y = 0.
-    assert other["reaction_z"] == pytest.approx(-one["reaction_z"], rel=1e-3)
-    assert one["reaction_z"] > 0.1
+    assert other == pytest.approx(-one, rel=1e-3)
+    assert one > 0.1
 
 
-@pytest.mark.parametrize(("up", "pressure"), [(1, 0.02), (-1, 10.0)])
+@pytest.mark.dear("a fillet of a flange over whose edge a holder may push")
+@pytest.mark.parametrize(
+    ("up", "pressure"), [pytest.param(1, 0.02, marks=pytest.mark.slow), (-1, 10.0)]
+)
 def test_a_holder_presses_the_ply_on_the_flange_of_the_die(flanged, up, pressure):
     """With the pressure times the area there, not over the opening.
 
     It does not push the ply over the edge of the flange, which is smoothed.
     """
-    tools = flanged
-    if up < 0:
-        turned = np.diag([1.0, -1.0, -1.0])
-        tools = [tool.moved(np.zeros(3), turned) for tool in flanged]
-    options = {"pressure": pressure, "part": "quarter"} | SMALL | {"size": (10, 10)}
-    run = case(forming(*tools, travel=10.0 * up, **options))
+    moved = np.zeros(3), np.diag([1.0, -1.0, -1.0])
+    tools = flanged if up > 0 else [tool.moved(*moved) for tool in flanged]
+    options = {"pressure": pressure, "part": "quarter"} | SMALL | {"size": (5, 5)}
+    run = case(forming(*tools, travel=5.0 * up, **options))
     result = run.run()
     figures = run.summary(result)
     x = result.ply.nodes + result.ply.nodal(result.u)[:2]
@@ -216,26 +178,15 @@ def test_a_holder_presses_the_ply_on_the_flange_of_the_die(flanged, up, pressure
     assert figures["holder_force_N"] * figures["punch_force_N"] > 0
     forces = [figures[f"{name}_force_N"] for name in ("punch", "die", "holder")]
     assert sum(forces) == pytest.approx(0.0, abs=1e-6)
-    assert abs(forces[0]) == pytest.approx(1.55, rel=2e-3)
+    assert abs(forces[0]) == pytest.approx(0.503, rel=2e-3)
 
 
 def test_without_pressure_a_holder_has_no_force(flanged):
-    figures = summary(forming(*flanged, travel=5.0, pressure=0.0, **SMALL))
+    options = SMALL | {"part": "quarter", "pressure": 0.0}
+    figures = summary(forming(*flanged, travel=1.0, **options))
     assert figures["converged"]
     assert figures["holder_force_N"] == 0
     assert figures["punch_force_N"] == pytest.approx(-figures["die_force_N"])
-
-
-def test_a_holder_has_a_gap_or_a_pressure_and_a_flange_to_press_on(files, flanged):
-    punch, die = map(read_surface, files)
-    for tools, options, message in (
-        (flanged, {"gap": 0.3, "pressure": 0.1}, "either a gap or a pressure"),
-        ((punch, die), {"pressure": 0.1}, "no flat flange at z = 500.011 mm on which"),
-        (flanged, {"pressure": -0.1}, "pressure must be a number of at least 0 N/mm2"),
-    ):
-        with pytest.raises(ValueError, match=message) as error:
-            case(forming(*tools, travel=10.0, **options, **SMALL)).ply()
-        assert "\n" not in str(error.value)
 
 
 def irregular(height, radius, rng, offset=0.0):
@@ -279,39 +230,22 @@ def test_sides_of_tools_with_sharp_edges_are_known():
         r = np.maximum(np.abs(x), np.abs(y))
         return np.clip(2.0 * (top - r), 0.0, most)
 
-    s = np.linspace(-90.0, 90.0, 28)
+    s = np.linspace(-90.0, 90.0, 19)
     die = TriangleMesh(*graph(s, lambda x, y: pyramid(x, y, 50.0, 30.0)))
     punch = graph(0.6 * s, lambda x, y: pyramid(x, y, 50.0, 40.0) - 40.3)
-    scene = forming(TriangleMesh(*punch), die, travel=5.0, part="quarter", **SMALL)
+    scene = forming(TriangleMesh(*punch), die, travel=2.0, part="quarter", **SMALL)
     for tool in scene.tools[:2]:
         with pytest.raises(ValueError, match="crosses the undeformed ply"):
             case(replace(scene, tools=(replace(tool, side=None),))).ply()
-    assert case(scene).run().converged
-
-
-@pytest.mark.parametrize("shift", [(4.0, 0.0), (0.0, 4.0)])
-def test_a_quarter_of_tools_without_its_symmetry_is_refused(files, shift):
-    punch, die = map(read_surface, files)
-    boundary = "left" if shift[0] else "bottom"
-    for part in ("quarter", "whole"):
-        scene = forming(
-            punch, die, travel=20.0, gap=1.0, centre=shift, part=part, **SMALL
-        )
-        if part == "whole":
-            assert case(scene).stepper()
-            continue
-        message = f"'punch' is not symmetric about the boundary '{boundary}'.*whole ply"
-        with pytest.raises(ValueError, match=message) as error:
-            case(scene).run()
-        assert "\n" not in str(error.value)
+    assert case(scene).stepper()
 
 
 def test_a_quarter_of_the_tools_suffices_for_a_quarter_of_the_ply(tmp_path):
     x, t = graph(np.linspace(0.0, 60.0, 13), lambda x, y: -(x**2 + y**2) / 200 - 0.5)
     punch = TriangleMesh(x, t)
     die = TriangleMesh(x + np.array([[0.0], [0.0], [36.5]]), t)
-    scene = forming(punch, die, travel=10.0, part="quarter", **SMALL)
-    assert case(scene).run().converged
+    scene = forming(punch, die, travel=5.0, part="quarter", **SMALL)
+    assert case(scene).stepper()
 
 
 def test_the_side_of_the_triangles_does_not_matter(files):
@@ -330,35 +264,16 @@ def test_the_side_of_the_triangles_does_not_matter(files):
     assert gaps[0].min() < -9
 
 
-def test_bad_input_is_one_line(files, tmp_path):
-    punch, die = map(read_surface, files)
-    tiny = read_surface(bowl(tmp_path / "tiny.stl", 2.0, 490.0, side=9.0))
-    of_metres = TriangleMesh(1e3 * die.facets.points, die.facets.cells[0])
-    for build, message in (
-        (lambda: hemisphere_forming(gap=-0.1), "holder gap must be a length of at"),
-        (lambda: hemisphere_forming(travel=0.0), "travel must be a positive length"),
-        (lambda: hemisphere_forming(radius=-1.0), "radius must be a positive length"),
-        (lambda: hemisphere_forming(fibres=0.3, part="quarter"), "no planes of symm"),
-        (lambda: double_dome_forming(travel=61.0), "at most the height of the dome"),
-        (lambda: forming(punch, die, travel=0.0, **SMALL), "length in mm other than"),
-        (lambda: forming(die, punch, travel=9.0, **SMALL), "beyond the plane of the"),
-        (lambda: forming(tiny, die, travel=9.0, **SMALL), "less than two elements"),
-        (lambda: forming(punch, of_metres, **SMALL), "must have the same unit"),
-    ):
-        with pytest.raises((ValueError, MeshError), match=message) as error:
-            build()
-        assert "\n" not in str(error.value)
-
-
 def run(*words):
     return cli.main(["run", *map(str, words)])
 
 
+@pytest.mark.dear("draws every picture, and runs twice")
 def test_forming_runs_from_the_command_line(files, tmp_path):
     out = tmp_path / "out"
     punch, die = files
-    ply = "--width", 100, "--height", 100, "--size", "4x4", "--part", "quarter"
-    tools = "--punch", punch, "--die", die, "--travel", 15, "--holder-gap", 1
+    ply = "--width", 100, "--height", 100, "--size", "3x3", "--part", "quarter"
+    tools = "--punch", punch, "--die", die, "--travel", 8, "--holder-gap", 1
     assert run("forming", *tools, *ply, "--steps", 1, "--out", out) == 0
     figures = json.loads((out / "summary.json").read_text())
     assert figures["converged"]
@@ -375,6 +290,9 @@ def test_forming_runs_from_the_command_line(files, tmp_path):
         ):
             last = float(history[-1][f"{name}_{what}"])
             assert last == pytest.approx(figures[f"{name}_{what}"], rel=1e-11)
+    last = (out / "curve.csv").read_text().splitlines()[-1].split(",")
+    assert float(last[0]) == 8.0
+    assert float(last[1]) == pytest.approx(figures["reaction_z"], rel=1e-11)
     written = {file.name for file in out.rglob("*")}
     assert {"tool_force.png", "animation.gif", "shear_angle.png"} <= written
     assert "load.png" not in written  # the same curve
@@ -383,41 +301,3 @@ def test_forming_runs_from_the_command_line(files, tmp_path):
     assert run(out / "case.toml", "--out", again, "--no-render") == 0
     same = json.loads((again / "summary.json").read_text())
     assert same["reaction_z"] == figures["reaction_z"]
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--punch", "none.stl"], "scene.punch none.stl: no such file"),
-        (["--travel", "0"], "travel of the punch must be a length in mm other than"),
-        (["--holder-gap=-1"], "the holder gap must be a length of at least 0 mm"),
-        (["--holder-pressure", "0.1"], "forming: a holder has either a gap or a press"),
-        (["--travel", "36"], "'punch' and 'die' leave no room for the ply at load"),
-        (["--travel", "45"], "punch passes the plane of the ply, z = 499.511 mm, by 5"),
-        (["--travel=-2"], "mm beyond the plane of the ply, z = 532.5 mm"),
-    ],
-)
-def test_bad_files_and_numbers_are_refused_before_the_run(
-    files, tmp_path, capsys, words, message
-):
-    punch, die = files
-    ply = "--width", 100, "--height", 100, "--size", "6x6", "--part", "quarter"
-    tools = "--punch", punch, "--die", die, "--holder-gap", 1, "--travel", 15
-    options = [str(word) for word in (*ply, *tools)]
-    for flag in {word.partition("=")[0] for word in words} & {*options}:
-        at = options.index(flag)
-        del options[at : at + 2]
-    out = tmp_path / "out"
-    assert run("forming", *options, *words, "--out", out) == 2
-    error = capsys.readouterr().err.strip().splitlines()[-1]
-    assert message in error
-    assert not out.exists()
-
-
-def test_hemisphere_forming_runs_from_the_command_line(tmp_path):
-    out = tmp_path / "out"
-    quick = "--size", "4x4", "--travel", 15, "--steps", 1, "--no-render"
-    assert run("hemisphere_forming", *quick, "--out", out) == 0
-    last = (out / "curve.csv").read_text().splitlines()[-1].split(",")
-    assert float(last[0]) == 15.0
-    assert float(last[1]) > 0

@@ -28,23 +28,21 @@ def slack(travel, bending=0.2):
     return formed((3e5, bending), travel=travel, **options, **sides)
 
 
+@pytest.mark.dear("alone finds increments that may not stretch rotating fibres")
 def test_a_slack_ply_is_formed_and_its_other_states_are_announced():
-    """Without tension at its edges the ply wrinkles, in one of many ways."""
+    """Without tension at its edges the ply wrinkles, in one of many ways.
+
+    Increments may stretch rotating fibres for a while: if each has to decrease the
+    energy, they are far shorter and more.
+    """
     result = slack(30.0)
     assert result.converged
     assert result.states[-1].verdict.negative_pivots == 0
     assert not result.path_resolved
+    assert result.linear_solves < 270
 
 
-def test_increments_may_stretch_rotating_fibres_for_a_while(monkeypatch):
-    """If each has to decrease the energy, they are far shorter and more."""
-    solves = slack(30.0).linear_solves
-    monkeypatch.setattr(newton, "_WATCHED", 0)
-    short = slack.__wrapped__(30.0)
-    assert short.converged
-    assert solves < 0.6 * short.linear_solves
-
-
+@pytest.mark.slow
 def test_an_iteration_whose_energy_stays_high_returns_to_the_start(monkeypatch):
     """It continues from a displacement before, with an increment that descends.
 
@@ -76,7 +74,7 @@ def test_an_iteration_whose_energy_stays_high_returns_to_the_start(monkeypatch):
 
 def test_moving_edges_pull_a_ply_over_a_tool():
     """In one step, although the motion of the edges increases the energy."""
-    mesh = MeshQuad().refined(3).translated((-0.5, -0.5)).scaled(100.0)
+    mesh = MeshQuad().refined(2).translated((-0.5, -0.5)).scaled(100.0)
     ball = Tool(drape.Sphere(60.0, (0, 0, -60.5)), name="ball")
     fabric = Fabric(1e3, shear=0.1, bending=(1.0, 1.0))
     ply = Ply(mesh.with_defaults(), fabric, terms=[ball], dimension=3)
@@ -98,12 +96,13 @@ def test_a_slack_ply_that_is_hardly_touched_converges():
     assert result.linear_solves < 100
 
 
+@pytest.mark.slow
 def test_stiff_fibres_have_the_same_state_in_any_steps():
     """The stiffnesses of macro-elements converge at the state, whatever its path."""
     options = {"radius": 43.2554, "fillet": 8.9256, "travel": 47.0892}
-    sides = {"width": 180.689, "height": 180.689, "size": (6, 6), "tension": 1.0}
+    sides = {"width": 180.689, "height": 180.689, "size": (4, 4), "tension": 1.0}
     fabric = 430064.0, 41.7925
-    few, more = (formed(fabric, n, **options, **sides) for n in (4, 8))
+    few, more = (formed(fabric, n, **options, **sides) for n in (3, 6))
     assert 1.0 not in few.unresolved
     off = few.ply.shear_angle(few.u) - more.ply.shear_angle(more.u)
     assert np.degrees(np.abs(off).max()) < 0.01

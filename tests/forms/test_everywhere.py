@@ -1,19 +1,24 @@
 """Forms on parts of a mesh, in composite elements, and with fields as parameters."""
 
+import operator
+import pickle
+
 import numpy as np
 import pytest
 from skfem import (
+    Basis,
     CellBasis,
     ElementQuad0,
     ElementQuad1,
+    ElementQuadBFS,
+    ElementTriCR,
+    ElementTriDG,
+    ElementTriHermite,
     ElementTriP1,
     ElementVector,
     MeshQuad,
     MeshTri,
     asm,
-    condense,
-    enforce,
-    solve,
 )
 
 from skfem_textile import (
@@ -26,7 +31,6 @@ from skfem_textile import (
     OnePoint,
     Ply,
     Sin2,
-    forms,
     hourglass,
     mean_tension,
     quad_basis,
@@ -51,6 +55,12 @@ ELEMENTS = {
     "first of two": lambda v: v * ElementQuad1(),
     "last of three": lambda v: ElementQuad0() * ElementQuad1() * v,
 }
+CASES = [
+    ("even", "displacement", 3),
+    ("by position", "displacement", 2),
+    ("by element", "first of two", 2),
+    ("by position", "last of three", 3),
+]
 
 
 def terms(fabric, element, part=None):
@@ -84,12 +94,10 @@ def assert_equal(found, expected):
     np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.parametrize("element", ELEMENTS.values(), ids=ELEMENTS)
-@pytest.mark.parametrize("fabric", FABRICS.values(), ids=FABRICS)
+@pytest.mark.parametrize(("fabric", "element", "dimension"), CASES)
 def test_forms_equal_a_ply_and_are_zero_for_other_fields(fabric, element, dimension):
-    vector = ElementVector(ElementQuad1(), dimension)
-    by_forms = terms(fabric, element(vector))
+    vector, fabric = ElementVector(ElementQuad1(), dimension), FABRICS[fabric]
+    by_forms = terms(fabric, ELEMENTS[element](vector))
     basis = by_forms[0][1]
     u = 0.05 * np.random.default_rng(1).standard_normal(basis.N)
     block = block_of(basis)
@@ -109,11 +117,10 @@ def test_forms_equal_a_ply_and_are_zero_for_other_fields(fabric, element, dimens
     assert not K[:, others].count_nonzero()
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.parametrize("element", ELEMENTS.values(), ids=ELEMENTS)
-@pytest.mark.parametrize("fabric", FABRICS.values(), ids=FABRICS)
+@pytest.mark.parametrize(("fabric", "element", "dimension"), CASES)
 def test_parts_of_a_mesh_add_up_to_the_whole(fabric, element, dimension):
-    vector = element(ElementVector(ElementQuad1(), dimension))
+    vector = ELEMENTS[element](ElementVector(ElementQuad1(), dimension))
+    fabric = FABRICS[fabric]
     parts = [terms(fabric, vector, part) for part in ("right", np.array([0, 2, 5]))]
     whole = terms(fabric, vector)
     u = 0.05 * np.random.default_rng(2).standard_normal(whole[0][1].N)
@@ -128,6 +135,18 @@ def test_parts_of_a_mesh_add_up_to_the_whole(fabric, element, dimension):
                 numbers = element_numbers(right)
                 expected = asm(definition, right, u=u, element=numbers)
                 assert_equal(asm(x, right, u=u), expected)
+
+
+def test_element_matrices_are_read_changed_and_added_as_those_of_other_forms():
+    basis, form = quad_basis(MESH, GAUSS), tension(FABRICS["even"])
+    u = 0.05 * np.random.default_rng(12).standard_normal(basis.N)
+    (own,) = asm(form.tangent, basis, u=u, to=list)
+    (expected,) = asm(defined(form).tangent, basis, u=u, to=list)
+    assert_equal(own.tolocal(), expected.tolocal())
+    doubled = own.fromlocal(2 * own.tolocal())
+    assert_equal(doubled.tocsr(), 2 * expected.tocsr())
+    assert_equal((own + expected).tocsr(), 2 * form.tangent.assemble(basis, u=u))
+    assert_equal(own.dot(u), expected.tocsr() @ u)
 
 
 def test_parts_of_macro_elements_add_up_to_the_whole():
@@ -190,25 +209,53 @@ def test_quadrilaterals_and_triangles_with_common_nodes_are_assembled_from_a_lis
     assert f[[4, 6]].sum() == pytest.approx(T)
 
 
-# With older versions of SciPy, `enforce` adds the missing diagonal of the pressure.
-@pytest.mark.filterwarnings("default::scipy.sparse.SparseEfficiencyWarning")
-def test_condense_and_enforce_solve_the_same_step_of_a_composite_problem():
-    element = ElementVector(ElementQuad1()) * ElementQuad1()
-    by_forms = terms(FABRICS["even"], element)
-    basis = by_forms[0][1]
-    u = basis.zeros()
-    fixed = basis.get_dofs().all()
-    x = basis.zeros()
-    x[fixed] = 1e-3 * np.random.default_rng(6).standard_normal(fixed.size)
-    K, f = total(by_forms, "tangent", u), total(by_forms, "residual", u)
-    pressure = basis.split_indices()[1]
-    held = np.union1d(fixed, pressure)
-    first, second = (
-        solve(*condense(K, -f, x=x, D=held)),
-        solve(*enforce(K, -f, x=x, D=held)),
-    )
-    np.testing.assert_allclose(first, second, atol=1e-12)
-    assert np.abs(first[basis.complement_dofs(held)]).max() > 0
+def assert_sum(both, one, other, basis, **parameters):
+    for name in PARTS:
+        parts = (asm(getattr(x, name), basis, **parameters) for x in (one, other))
+        assert_equal(asm(getattr(both, name), basis, **parameters), sum(parts))
+
+
+@pytest.mark.parametrize(
+    ("rule", "part", "element", "dimension"),
+    [
+        (CENTRE, None, "displacement", 3),
+        (GAUSS, "right", "first of two", 2),
+        (GAUSS, None, "last of three", 3),
+    ],
+    ids=["one point", "part", "last of three"],
+)
+def test_a_sum_of_forms_is_assembled_as_its_terms(rule, part, element, dimension):
+    vector = ELEMENTS[element](ElementVector(ElementQuad1(), dimension))
+    basis = CellBasis(MESH, vector, quadrature=rule).with_elements(part)
+    u = 0.05 * np.random.default_rng(9).standard_normal(basis.N)
+    for fabric in (FABRICS["even"], FABRICS["by element"]):
+        one, other = tension(FABRICS["even"]), shear(fabric)
+        assert_sum(one + other, one, other, basis, u=u)
+
+
+def test_a_sum_of_forms_takes_the_parameters_of_its_terms():
+    fabric, basis = FABRICS["even"], MacroBasis(split(MESH))
+    one, other = mean_tension(fabric), shear(fabric)
+    given = {
+        "u": 0.05 * np.random.default_rng(10).standard_normal(basis.N),
+        "E_d": np.arange(1.0, 13.0).reshape(2, 6, 1),
+    }
+    assert_sum(one + other, one, other, basis, **given)
+    T = np.ones((2, *basis.dx.shape))
+    assert_sum(one + other, one, other, basis, **given, tension=T)
+    with pytest.raises(ValueError, match="E_d"):
+        asm((one + other).energy, basis, u=given["u"])
+
+
+def test_forms_of_ones_own_add_to_forms_and_nothing_else_does():
+    basis, one = quad_basis(MESH, GAUSS), shear(FABRICS["even"])
+    own = defined(one)
+    u = 0.05 * np.random.default_rng(11).standard_normal(basis.N)
+    for both in (own + one, one + own, pickle.loads(pickle.dumps(one + one))):
+        assert both.kernel is None
+        assert_sum(both, one, own, basis, u=u, element=element_numbers(basis))
+    with pytest.raises(TypeError, match=r"\+"):
+        operator.add(one, (own.energy,))
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -234,9 +281,9 @@ def test_directions_are_functions_or_fields_or_dof_vectors(dimension):
     assert_equal(found, right)
 
 
-@pytest.mark.parametrize("element", list(ELEMENTS.values())[1:], ids=list(ELEMENTS)[1:])
-def test_residual_and_tangent_of_a_composite_problem_are_derivatives(element):
-    by_forms = terms(FABRICS["by position"], element(ElementVector(ElementQuad1())))
+def test_residual_and_tangent_of_a_composite_problem_are_derivatives():
+    element = ELEMENTS["last of three"](ElementVector(ElementQuad1()))
+    by_forms = terms(FABRICS["by position"], element)
     u, du = 0.05 * np.random.default_rng(8).standard_normal((2, by_forms[0][1].N))
     f, K = total(by_forms, "residual", u), total(by_forms, "tangent", u)
     work = derivative(lambda x: total(by_forms, "energy", x), u, du)
@@ -245,8 +292,26 @@ def test_residual_and_tangent_of_a_composite_problem_are_derivatives(element):
     np.testing.assert_allclose(change, K @ du, atol=1e-6 * np.abs(change).max())
 
 
-@pytest.mark.parametrize("name", ["tension", "shear", "hourglass", "mean_tension"])
-def test_there_is_one_function_of_each_name(name):
-    import skfem_textile
-
-    assert getattr(skfem_textile, name) is getattr(forms, name)
+@pytest.mark.parametrize(
+    ("mesh", "element"),
+    [
+        (MeshTri().refined(1), ElementTriHermite()),
+        (MeshTri(), ElementTriCR()),
+        (MeshTri(), ElementTriDG(ElementTriP1())),
+        (MESH, ElementQuadBFS()),
+    ],
+    ids=lambda x: type(x).__name__,
+)
+def test_elements_with_other_unknowns_than_values_at_nodes_are_right(mesh, element):
+    basis = Basis(mesh, ElementVector(element), intorder=4)
+    u = 0.01 * np.random.default_rng(0).standard_normal(basis.N)
+    for form in (tension(Fabric(1e3)), shear(Fabric(1e3, 0.3))):
+        E = asm(form.energy, basis, u=u)
+        assert pytest.approx(asm(form.energy, basis, u=basis.interpolate(u))) == E
+        f, K = (asm(x, basis, u=u) for x in form[1:])
+        du = 1e-6 * np.random.default_rng(1).standard_normal(basis.N)
+        after, before = (asm(form.energy, basis, u=u + s * du) for s in (1, -1))
+        assert after - before == pytest.approx(2 * f @ du, rel=1e-6)
+        after, before = (asm(form.residual, basis, u=u + s * du) for s in (1, -1))
+        error = np.abs(after - before - 2 * K @ du).max()
+        assert error < 1e-6 * np.abs(K @ du).max()

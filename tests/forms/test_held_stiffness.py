@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from skfem_textile import Tabulated
+from skfem_textile import Polynomial, Tabulated
 from skfem_textile.fabric.law import mean_slope
 from skfem_textile.ply.parameters import (
     deviation_stiffness,
+    shear_stiffness,
     stabilisation_stiffness,
 )
 
@@ -47,6 +48,14 @@ def test_stiffnesses_are_continuous_at_zero_shear_stiffness(rule):
     fewer = np.abs(np.diff(rule(G[::2], E)))
     assert steps.max() < 0.6 * fewer.max()
     assert rule(G, E).min() > 0
+
+
+def test_the_stiffness_of_shear_is_its_secant_at_any_small_angle():
+    law = Polynomial((1.0, 0.0, 1e10))
+    secants = shear_stiffness(law, np.array([0.0, 1e-5, -2e-5]))
+    np.testing.assert_allclose(secants, [1.0, 2.0, 5.0], rtol=1e-9)
+    softening = Polynomial((1.0, 0.0, -1e10))
+    assert shear_stiffness(softening, np.array(2e-5)) == pytest.approx(0.1)
 
 
 def test_the_stiffness_of_fibres_averages_both_sides_of_a_toe():

@@ -28,6 +28,21 @@ def step_series():
     return summaries
 
 
+def test_rates_and_energy_have_the_same_forces_for_a_small_motion():
+    """In one step, and in two that add their moments."""
+    rate, energy = (
+        Ply(distorted(5), Fabric(1e4), OnePoint(2.0, kind))
+        for kind in ("rate", "energy")
+    )
+    u = random_u(rate, 5, 1e-6)
+    f = energy.residuals(u)["stabilisation"]
+    half = rate.advanced(rate.parameters_at_rest, 0.5 * u)
+    for parameters in (rate.parameters_at_rest, half):
+        found = rate.residuals(u, 1.0, parameters)["stabilisation"]
+        np.testing.assert_allclose(found, f, atol=1e-5 * np.abs(f).max())
+
+
+@pytest.mark.slow
 def test_rates_and_energy_agree_on_the_strip(step_series):
     energy, rate = (runs[-1] for runs in step_series.values())
     for key in (
@@ -39,6 +54,7 @@ def test_rates_and_energy_agree_on_the_strip(step_series):
         assert rate[key] != energy[key], key
 
 
+@pytest.mark.slow
 def test_the_work_of_the_rates_converges_with_the_steps(step_series):
     """With first order, to a fifth more than the energy: it depends on the path."""
     energy, work = (
@@ -75,11 +91,11 @@ def test_a_rotation_superposed_on_the_loading_changes_nothing_in_the_limit():
     """Differences decrease as 1/steps; the extrapolated limit is zero."""
     ply = Ply(distorted(3, jitter=0.25), Fabric(1e4), OnePoint(2.0, "rate"))
     differences = []
-    for steps in (25, 50, 100, 200):
-        plain, turned = (sheared_with_rotation(ply, steps, a) for a in (0.0, 2.0))
+    for steps in (8, 16, 32, 64):
+        plain, turned = (sheared_with_rotation(ply, steps, a) for a in (0.0, 1.0))
         differences.append((turned - plain) / np.abs(plain).max())
     sizes = [np.abs(d).max() for d in differences]
-    np.testing.assert_allclose(np.array(sizes[:-1]) / sizes[1:], 2.0, rtol=0.02)
+    assert sizes[-2] / sizes[-1] == pytest.approx(2.0, rel=0.02)
     assert np.abs(extrapolated(differences)).max() < 1e-6
 
 
@@ -144,27 +160,12 @@ def test_a_homogeneous_increment_changes_no_moments():
 
 def test_the_work_is_the_work_of_the_forces():
     ply = Ply(distorted(5), Fabric(1e4), OnePoint(2.0, "rate"))
-    steps, work, parameters = 100, 0.0, ply.parameters_at_rest
+    steps, work, before, parameters = 10, 0.0, 0.0, ply.parameters_at_rest
     target, u = random_u(ply, 5, 0.3), ply.basis.zeros()
     for t in np.arange(1, steps + 1) / steps:
         f = ply.residuals(t * target, t, parameters)["stabilisation"]
-        work += f @ (t * target - u)
-        u = t * target
+        work += 0.5 * (before + f) @ target / steps
+        u, before = t * target, f
         parameters = ply.advanced(parameters, u, t)
     energy = ply.energies(u, 1.0, parameters)["stabilisation"]
-    assert energy == pytest.approx(work, rel=0.02)
-
-
-def test_a_second_run_starts_from_zero_moments():
-    scene = strip(size=(3, 4))
-    stepper = LoadStepper(
-        Ply(scene.mesh, Fabric(1e4), OnePoint(10.0, "rate")), scene.conditions, 3
-    )
-    first, second = stepper.run(), stepper.run()
-    np.testing.assert_array_equal(first.u, second.u)
-    assert first.states[-1].energies == second.states[-1].energies
-
-
-def test_an_unknown_kind_is_rejected():
-    with pytest.raises(ValueError, match="kind must be one of energy, rate"):
-        OnePoint(1.0, "magic")
+    assert energy == pytest.approx(work, rel=0.01)

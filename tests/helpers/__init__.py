@@ -263,6 +263,14 @@ def facing_outwards(x, triangles):
     return t
 
 
+def refused(call, text):
+    """The message of a `ValueError` of a call: one line that matches a pattern."""
+    with pytest.raises(ValueError, match=text) as error:
+        call()
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
 def full_disk(*_, **__):
     """Raises the error of writing to a full disk."""
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

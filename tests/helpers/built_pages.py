@@ -4,7 +4,8 @@
 
 Pages must work from any folder, from ``file://`` and without a network: each link leads
 to a file, and an anchor, of the build, or to another site; what a page loads is in the
-build; no file names a folder of the machine that built it.
+build; no file names a folder of the machine that built it.  Each script of the gallery
+has a page with a picture that it drew.
 """
 
 import re
@@ -62,6 +63,18 @@ def defects(build: Path) -> Iterator[str]:
                     yield f"{file.relative_to(build)}: {address}: {reason}"
 
 
+def without_picture(build: Path) -> Iterator[Path]:
+    """Scripts of the gallery without a page that shows a picture."""
+    for head in sorted((ROOT / "examples").rglob("GALLERY_HEADER.rst")):
+        for script in sorted(head.parent.glob("*.py")):
+            place = script.relative_to(ROOT / "examples").with_suffix(".html")
+            page = build / "gallery" / place
+            if not page.is_file() or not any(
+                f"sphx_glr_{script.stem}_" in address for address in _page(page).loaded
+            ):
+                yield script
+
+
 def _defect(address: str, file: Path, build: Path) -> str | None:
     """Why an address on a page does not work everywhere; None if it does."""
     parts = urlsplit(address)
@@ -85,6 +98,7 @@ def _defect(address: str, file: Path, build: Path) -> str | None:
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
     found = list(defects(folder))
+    found += [f"{script}: no picture" for script in without_picture(folder)]
     print(*found, sep="\n")
     print(f"{len(found)} defects in {sum(1 for _ in folder.rglob('*.html'))} pages")
     sys.exit(bool(found))

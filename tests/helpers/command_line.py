@@ -9,14 +9,8 @@ MESH = Path(__file__).parents[2] / "examples" / "meshes" / "strip.msh"
 
 #: A run that takes a moment and draws its pictures, which take seconds.
 DRAWN = [
-    "--size",
-    "3x4",
-    "--steps",
-    "3",
-    "--set",
-    "formulation.cs_N_per_mm=10",
-    "--shear-stiffness",
-    "1",
+    *("--size", "2x3", "--steps", "3", "--shear-stiffness", "1"),
+    *("--set", "formulation.cs_N_per_mm=10"),
 ]
 
 #: A run that takes a moment.
@@ -25,6 +19,17 @@ QUICK = [*DRAWN, "--no-render"]
 
 def run(tmp_path, *arguments):
     return cli.main(["run", "strip", "--out", str(tmp_path / "out"), *arguments])
+
+
+def summary_in(out):
+    return json.loads((out / "summary.json").read_text())
+
+
+def computed(out, scene, *words):
+    """Summary of a run that succeeds; each word may be several options."""
+    options = [option for word in words for option in word.split()]
+    assert cli.main(["run", scene, "--out", str(out), *options]) == 0
+    return summary_in(out)
 
 
 def rejected(capsys, *arguments, warnings=0):

@@ -14,11 +14,11 @@ FORMULATIONS = {
 
 
 def stepper(name, folder=None, **options):
-    scene = bias_extension(size=(4, 8))
+    scene = bias_extension(size=(2, 4))
     fabric = Fabric(1e4, Sin2(0.5), scene.warp, scene.weft)
     ply = Ply(scene.mesh, fabric, FORMULATIONS[name])
     return LoadStepper(
-        ply, scene.conditions, 4, checkpoint=folder, solver="superlu", **options
+        ply, scene.conditions, 2, checkpoint=folder, solver="superlu", **options
     )
 
 

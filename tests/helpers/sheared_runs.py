@@ -17,7 +17,7 @@ def stepper(folder, pull=0.3, **options):
         "pull": Condition("top", pull, (1, 0)),
         "level": Condition("top", 0.0, (0, 1)),
     }
-    return LoadStepper(ply, conditions, 6, checkpoint=folder, **options)
+    return LoadStepper(ply, conditions, 3, checkpoint=folder, **options)
 
 
 def interrupted(folder, pull=0.3):

@@ -1,6 +1,9 @@
-"""The case file of a specimen, and runs of case files."""
+"""The case file of a specimen, runs of case files, and meshes of a strip in files."""
 
 import json
+
+import meshio
+import numpy as np
 
 from skfem_textile.cli import main as cli
 
@@ -62,3 +65,30 @@ def summary_of(out):
     """Content of a summary except for times."""
     summary = json.loads((out / "summary.json").read_text())
     return {k: v for k, v in summary.items() if not k.endswith("_time_s")}
+
+
+# Corners of the cells of a strip of 40 × 60 mm.
+QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]])
+TRIANGLES = np.vstack([QUADS[:, [0, 1, 2]], QUADS[:, [0, 2, 3]]])
+
+#: Cells of mesh files: of one kind, and of both.
+CELLS = {
+    "triangles": [("triangle", TRIANGLES)],
+    "quadrilaterals": [("quad", QUADS)],
+    "both": [("triangle", TRIANGLES[[0, 4]]), ("quad", QUADS[1:])],
+}
+
+
+def save_strip(path, kind):
+    """A strip of cells of a kind in a file, its right edge named."""
+    x, y = np.meshgrid([0.0, 20.0, 40.0], [0.0, 30.0, 60.0])
+    points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
+    cells = CELLS[kind]
+    tags = [*(np.full(len(c), 2) for _, c in cells), [1, 1]]
+    meshio.Mesh(
+        points,
+        [*cells, ("line", [[2, 5], [5, 8]])],
+        cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
+        field_data={"right": np.array([1, 1]), "ply": np.array([2, 2])},
+    ).write(path, file_format="gmsh22")
+    return str(path)

@@ -9,8 +9,8 @@ from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import strip
 
 
-def stepper(folder, steps=6, C_s=1.0, kind="energy", E=1e4, **options):
-    scene = strip(size=(4, 6))
+def stepper(folder, steps=3, C_s=1.0, kind="energy", E=1e4, **options):
+    scene = strip(size=(2, 3))
     ply = Ply(scene.mesh, Fabric(E), OnePoint(C_s, kind))
     return LoadStepper(ply, scene.conditions, steps, checkpoint=folder, **options)
 

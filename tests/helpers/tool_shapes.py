@@ -57,6 +57,13 @@ def height_field(height, length, width, size):
     return patch(surface, length, width, size)
 
 
+def cap(side=100.0, size=6.0, radius=100.0):
+    """A part of a sphere with its pole at the origin."""
+    return height_field(
+        lambda x, y: np.sqrt(radius**2 - x**2 - y**2) - radius, side, side, size
+    )
+
+
 def cylinder(radius=100.0, length=200.0, angle=120.0, size=8.0):
     """A part of a cylinder along x, with the highest line at y = z = 0."""
     half = np.radians(angle) / 2
@@ -160,6 +167,14 @@ def curved_ring(radius=120.0, inner=40.0, outer=100.0, size=5.0):
     """A zone of a sphere with the centre at the origin, between two radii."""
     inner, outer = np.arccos(inner / radius), np.arccos(outer / radius)
     return revolved(_arc((0, 0), radius, inner, outer, size), size)
+
+
+def tube(radii=(30.0, 30.0), length=90.0, around=48, along=16):
+    """A tube or a cone along z, open at both ends."""
+    t = np.linspace(0, 2 * np.pi, around + 1)
+    rows = np.linspace((radii[0], 0.0), (radii[1], length), along)
+    chains = [np.array([r * np.cos(t), r * np.sin(t), z + 0 * t]) for r, z in rows]
+    return stitched(chains, [t] * along, closed=True)
 
 
 def revolved(profile, size):

@@ -1,6 +1,7 @@
 """Plies on tools: of analytic surfaces, of triangles, and of files."""
 
 import json
+from functools import cache
 
 import meshio
 import numpy as np
@@ -9,10 +10,11 @@ from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, OnePoint, Ply, drape
 from skfem_textile.cli import main as cli
+from skfem_textile.scenes import Case, hemisphere
+from skfem_textile.scenes.tools import shear_angle
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.problem import Problem
-from studies.formulations.drape import chebyshev
 from tests.helpers import graph, sphere
 
 # Square plies that are draped on surfaces, with symmetry conditions
@@ -57,13 +59,52 @@ def rolled(X):
     return np.array([RADIUS * np.sin(angle), X[1], RADIUS * (np.cos(angle) - 1)])
 
 
+# The Chebyshev net of a sphere, with great circles through the pole as first threads
+
+#: The sphere with its pole at the origin, and the side of the quarter ply in mm.
+SPHERE, SIDE = drape.Sphere(100.0, (0.0, 0.0, -100.0)), 100.0
+
+
+def chebyshev(formulation, cells, stretch=1e5, shear=0.1, tension=2.0):
+    """A quarter ply that tension keeps in the net, its conditions, and its geodesics.
+
+    ``cells`` are the user's elements per side.
+    """
+    scene = _quarter(cells, tension)
+    fabric = Fabric(stretch, shear, scene.warp, scene.weft)
+    ply = Case(scene=scene, fabric=fabric, formulation=formulation).ply()
+    return ply, scene.conditions, geodesic_u(ply, SPHERE)
+
+
+@cache
+def _quarter(cells, tension):
+    sides = {"width": 2 * SIDE, "height": 2 * SIDE, "size": (cells, cells)}
+    return hemisphere("aligned", **sides, tension=tension)
+
+
+def exact_shear_angle(X):
+    """Shear angle in radians at points of the flat ply, shape (2, ...)."""
+    return shear_angle(X[0] * X[1] / SIDE**2)
+
+
+def shear_error(ply, u):
+    """Largest error of the shear angle at the centres of elements in degrees."""
+    centres = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+    off = ply.shear_angle(u, ply.centre)[:, 0] - exact_shear_angle(centres)
+    return np.degrees(np.abs(off).max())
+
+
+@cache
+def _net_spline():
+    n = 100
+    net = drape.net(SPHERE, SIDE / n, (0, n), (0, n))
+    s = np.linspace(0, SIDE, n + 1)
+    return RegularGridInterpolator((s, s), np.moveaxis(net.positions, 0, -1), "cubic")
+
+
 def on_net(X):
-    """Points of the flat ply in the Chebyshev net of the sphere."""
-    n = 200
-    net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / n, (0, n), (0, n))
-    s = np.linspace(0, chebyshev.SIDE, n + 1)
-    spline = RegularGridInterpolator((s, s), np.moveaxis(net.positions, 0, -1), "cubic")
-    return spline(X.T).T
+    """Points of the flat ply in the net."""
+    return _net_spline()(X.T).T
 
 
 # Tools of triangles, their files, and runs of the command line on them

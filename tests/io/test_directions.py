@@ -4,29 +4,16 @@ import numpy as np
 import pytest
 from skfem import MeshTri
 
-from skfem_textile import Fabric, LoadStepper, MeshError, Ply
+from skfem_textile import Fabric, LoadStepper, Ply
 from skfem_textile.fabric.directions import FibreDirections
 from skfem_textile.io import read_directions, read_mesh, write_directions, write_draped
 from skfem_textile.scenes import bias_extension
 from tests.helpers import distorted
+from tests.helpers.decks import DIRECTIONS
 
 MESH = distorted(1, (4, 3))
 ANGLES = np.random.default_rng(1).uniform(-180, 180, 12)
 GIVEN = FibreDirections.of_angles(ANGLES, ANGLES + np.linspace(40, 140, 12))
-
-DECK = """*NODE
-1, 0., 0., 0.
-2, 10., 0., 0.
-3, 10., 10., 0.
-4, 0., 10., 0.
-5, 20., 0., 0.
-6, 20., 10., 0.
-*ELEMENT, TYPE=M3D4R, ELSET=PLY
-11, 1, 2, 3, 4
-7, 2, 5, 6, 3
-*ELSET, ELSET=LAST
-7,
-"""
 
 
 def unit(v):
@@ -42,7 +29,7 @@ def angle_between(one, other):
 
 def read_deck(tmp_path, text):
     path = tmp_path / "deck.inp"
-    path.write_text(DECK + text)
+    path.write_text(DIRECTIONS + text)
     return read_directions(path)
 
 
@@ -114,8 +101,6 @@ LAST, 20.
     assert np.allclose(read_deck(tmp_path, text).angles_deg()[1], [10, 20])
     text = text.replace("LAST, 20.", "11, 30.")
     assert np.allclose(read_deck(tmp_path, text).angles_deg()[1], [30, 10])
-    with pytest.raises(MeshError, match="two lines without an element"):
-        read_deck(tmp_path, text.replace("11, 30.", ", 30."))
 
 
 def test_each_section_has_its_own_orientation_and_yarns_need_not_be_square(tmp_path):
@@ -135,69 +120,6 @@ def test_each_section_has_its_own_orientation_and_yarns_need_not_be_square(tmp_p
 1.,
 """
     assert np.allclose(read_deck(tmp_path, text).angles_deg(), [[90, 90], [0, 45]])
-
-
-@pytest.mark.parametrize(
-    ("text", "named"),
-    [
-        ("", r"must contain \*ORIENTATION"),
-        ("*ORIENTATION, NAME=A\n1,0,0,2,0,0\n3,0\n", "'A': .* lie on a line"),
-        ("*ORIENTATION, NAME=A\n1,0,0,0,1,0\n1,0\n", "direction 1 must be normal"),
-        ("*ORIENTATION, NAME=A\nD\n3,0\n", r"\*DISTRIBUTION 'D' is not defined"),
-        ("*ORIENTATION, NAME=A, SYSTEM=CYLINDRICAL\n1,0,0,0,1,0\n", "CYLINDRICAL"),
-        ("*ORIENTATION, NAME=A\n1,0,0,0,nan,0\n3,0\n", "points must be finite"),
-        (
-            "*ORIENTATION, NAME=A\n1,0,0,0,1,0\n3,0\n"
-            "*SHELL SECTION, ELSET=LAST, ORIENTATION=A\n1\n",
-            "element 11 is not in a section",
-        ),
-        (
-            "*ORIENTATION, NAME=A\n1,0,0,0,1,0\n3,D\n*DISTRIBUTION TABLE, NAME=T\n"
-            "ANGLE\n*DISTRIBUTION, NAME=D, LOCATION=ELEMENT, TABLE=T\n11, 1.\n",
-            "element 7 has no value",
-        ),
-    ],
-)
-def test_unreadable_orientations_are_rejected_in_one_line(tmp_path, text, named):
-    with pytest.raises(MeshError, match=named) as refusal:
-        read_deck(tmp_path, text)
-    assert str(refusal.value).startswith(str(tmp_path / "deck.inp"))
-    assert "\n" not in str(refusal.value)
-
-
-@pytest.mark.parametrize(
-    ("text", "named"),
-    [
-        ("", "row 1: the header must name"),
-        ("element,warp_angle_deg\n1,2\n", "row 1: the header must name"),
-        ("element,warp_angle_deg,weft_angle_deg\n", "no elements"),
-        ("element,warp_angle_deg,weft_angle_deg\n1,0\n", "row 2"),
-        ("element,warp_angle_deg,weft_angle_deg\n2,0,90\n", "from 1 to"),
-        (
-            "element,warp_angle_deg,weft_angle_deg\n1,0,90\n1,0,90\n",
-            "row 3: element 1 already has a row",
-        ),
-        ("element,warp_angle_deg,weft_angle_deg\n1,0,nan\n", "finite"),
-    ],
-)
-def test_an_unreadable_csv_is_rejected_in_one_line(tmp_path, text, named):
-    (tmp_path / "a.csv").write_text(text)
-    with pytest.raises(MeshError, match=named):
-        read_directions(tmp_path / "a.csv")
-
-
-def test_files_without_directions_are_rejected(tmp_path):
-    for name, named in (
-        ("a.msh", "can be read only from"),
-        ("none.vtu", "No such file"),
-    ):
-        with pytest.raises(MeshError, match=named):
-            read_directions(tmp_path / name)
-    with pytest.raises(ValueError, match="12 fibre directions for 2 elements"):
-        write_directions(tmp_path / "a.vtu", MeshTri(), GIVEN)
-    with pytest.raises(ValueError, match="can be written only to"):
-        write_directions(tmp_path / "a.txt", MESH, GIVEN)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_draped_fibres_agree_with_the_deformed_ply(tmp_path):

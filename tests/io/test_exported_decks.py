@@ -6,20 +6,10 @@ import pytest
 from skfem_textile import MeshError
 from skfem_textile.io import read_directions, read_fabric, read_mesh, read_surface
 from skfem_textile.mesh.selection import named_nodes
+from tests.helpers.decks import CELLS, NODES, PART, PLY, XY
+from tests.helpers.decks import mesh_deck as deck
 
-XY = [(10.0 * i, 10.0 * j) for j in range(3) for i in range(3)]
-QUADS = [(1, 2, 5, 4), (2, 3, 6, 5), (4, 5, 8, 7), (5, 6, 9, 8)]
-NODES = [f"{i}, {x}, {y}, 0." for i, (x, y) in enumerate(XY, 1)]
-ELEMENTS = [f"{i}, {', '.join(map(str, q))}" for i, q in enumerate(QUADS, 1)]
-PLY = ["*Element, type=S4R, elset=E1", *ELEMENTS]
-PART = ["*Part, name=P", "*Node", *NODES, *PLY, "*End Part", "*Assembly, name=A"]
 INSTANCE = "*Instance, name=P-1, part=P"
-
-
-def deck(folder, *lines):
-    path = folder / "m.inp"
-    path.write_text("\n".join(["*Heading", *lines, ""]))
-    return path
 
 
 def names(mesh):
@@ -28,7 +18,7 @@ def names(mesh):
 
 def msh(folder, groups):
     edges = [(1, 1, 1, 2), (1, 1, 2, 3), (1, 2, 7, 8), (1, 2, 8, 9)]
-    rows = [*edges, *((3, 5, *quad) for quad in QUADS)]
+    rows = [*edges, *((3, 5, *quad) for quad in CELLS)]
     lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat"]
     lines += ["$PhysicalNames", str(len(groups)), *groups, "$EndPhysicalNames"]
     lines += ["$Nodes", "9", *(f"{i} {x} {y} 0" for i, (x, y) in enumerate(XY, 1))]
@@ -100,32 +90,6 @@ def test_an_instance_is_translated_then_rotated(tmp_path, position, first, last)
     assert names(mesh) == {"E1": [0, 1, 2, 3], "up": [2, 3], "P": [0, 1, 2, 3]}
 
 
-@pytest.mark.parametrize(
-    ("lines", "message"),
-    [
-        ([*PART, INSTANCE, "1, 2"], r"\*INSTANCE.*: the position must be a line"),
-        (
-            [*PART, INSTANCE, "0, 0, 0", "1, 1, 1, 1, 1, 1, 5"],
-            "two points of the axis coincide",
-        ),
-        (
-            [*PART, INSTANCE, "5, 0, 0", "*Node", "10, 0, 0, 0"],
-            r"nodes within a moved \*INSTANCE",
-        ),
-        ([INSTANCE, "5, 0, 0", "*Node", *NODES, *PLY], r"\*PART with the nodes"),
-        ([*PART, INSTANCE, "*End Instance", INSTANCE], r"more than one \*INSTANCE"),
-        (
-            ["*Node", *NODES, *PLY, "*Elset, elset=a", "E1", *PLY],
-            "'E1' is extended after another set",
-        ),
-    ],
-)
-def test_other_positions_and_sets_are_refused_in_one_line(tmp_path, lines, message):
-    with pytest.raises(MeshError, match=message) as error:
-        read_mesh(deck(tmp_path, *lines))
-    assert str(error.value).isprintable()
-
-
 def test_elements_of_the_assembly_are_ignored_and_said(tmp_path, caplog):
     """Numbers and nodes as in the part, sets of them, and types without cells."""
     lines = [*PART, INSTANCE, "*End Instance", "*Node, nset=RP", "1, 50., 0., 0."]
@@ -148,22 +112,6 @@ def test_generated_sets_of_several_lines_without_a_step(tmp_path):
     mesh = read_mesh(deck(tmp_path, "*Node", *NODES, *PLY, *sets))
     assert len(mesh.boundaries["ends"]) == 2
     assert named_nodes(mesh)["ends"].tolist() == [6, 8]
-
-
-@pytest.mark.parametrize(
-    ("lines", "message"),
-    [
-        ([INSTANCE.replace("part=P", "part=Q")], "the part 'Q' is not defined"),
-        ([INSTANCE, "*Nset, nset=n, instance=Q", "1"], "the instance 'Q' is not defin"),
-        ([INSTANCE, "*Elset, elset=e, instance=Q", "1"], "the instance 'Q' is not"),
-        (["*Instance, library=L, instance=I"], "parameter 'INSTANCE' is not supported"),
-        ([INSTANCE, "*Nset, nset=n, generate", "1, 0"], "no members, or more members"),
-        ([INSTANCE, "*Nset, nset=n, generate", *9 * ["1, 9"]], "more members than lin"),
-    ],
-)
-def test_unknown_parts_and_instances_are_refused(tmp_path, lines, message):
-    with pytest.raises(MeshError, match=message):
-        read_mesh(deck(tmp_path, *PART, *lines))
 
 
 def test_cells_and_nodes_of_a_tool_that_are_not_read_are_said(tmp_path, caplog):
@@ -194,15 +142,6 @@ def test_parameters_of_a_fabric_that_are_not_read_are_named(tmp_path):
     assert named == [
         "*FABRIC, STRESS FREE INITIAL SLACK=YES: this parameter is ignored"
     ]
-
-
-@pytest.mark.parametrize("name", ["a.med", "a.h5m", "a.cgns"])
-@pytest.mark.parametrize("read", [read_mesh, read_surface])
-def test_a_missing_package_is_named(tmp_path, name, read, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "h5py", None)
-    (tmp_path / name).write_bytes(b"\x89HDF\r\n")
-    with pytest.raises(MeshError, match=f"this .{name[2:]} file requires h5py"):
-        read(tmp_path / name)
 
 
 def grid():

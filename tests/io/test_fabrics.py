@@ -1,18 +1,14 @@
 """Fabrics in files of the package, of Abaqus and of OpenRadioss."""
 
-import json
 import logging
 
 import numpy as np
 import pytest
 
 from skfem_textile import (
-    CrimpInterchange,
     CrimpToe,
     Fabric,
     Linear,
-    Locking,
-    MeshError,
     Polynomial,
     Pretensioned,
     Sin2,
@@ -25,6 +21,8 @@ from skfem_textile.fabric.kinematics import shear_angle
 from skfem_textile.fabric.regions import fabric_of_regions
 from skfem_textile.io import read_fabric, write_fabric
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers.decks import FABRIC as DECK
+from tests.helpers.decks import WEAVE
 
 RISING = Tabulated([0.0, 0.01, 0.03], [0.0, 5.0, 100.0])
 BOTH_SIGNS = Tabulated([-1.0, -0.4, 0.0, 0.5, 1.1], [-3.0, -0.2, 0.0, 0.1, 2.0])
@@ -38,9 +36,7 @@ FABRICS = {
         (Pretensioned(TensionOnly(RISING), 2.0), CrimpToe(1e5, 4e-3, 1.0))
     ),
     "two sides": Fabric(Asymmetric(Linear(1e4), Linear(0.1)), Sin2(0.3)),
-    "weave": Fabric(
-        CrimpInterchange(1e4, (0.01, 0.02), 1.0, 1e-3, 1.0), Locking(0.5, 1)
-    ),
+    "weave": WEAVE,
     "yarns": Fabric(
         CrimpedYarns((Softening(4e2, 3.0), RISING), 0.1, (0.1, 1 / 3), 2.0),
         TangentShear(0.1, 0.7, 0.8),
@@ -57,27 +53,6 @@ FABRICS = {
         bending=(1.0, np.array([2.0, 0.1])), twist=0.3, wrinkling_angle=0.9
     ),
 }
-
-DECK = """*MATERIAL, NAME=CLOTH
-*FABRIC
-*UNIAXIAL, COMPONENT=1
-*LOADING DATA, DIRECTION=TENSION, EXTRAPOLATION=LINEAR
-0., 0.
-10., 0.01
-200., 0.03
-*LOADING DATA, DIRECTION=COMPRESSION, EXTRAPOLATION=LINEAR
-0., 0.
-1., 0.1
-*UNIAXIAL, COMPONENT=2
-*LOADING DATA, EXTRAPOLATION=LINEAR
-0., 0.
-400., 0.02
-*UNIAXIAL, COMPONENT=SHEAR
-*LOADING DATA, EXTRAPOLATION=LINEAR
-0., 0.
-0.1, 0.5
-1., 0.9
-"""
 
 
 def write_file(tmp_path, name, text):
@@ -117,64 +92,6 @@ def test_the_fabric_of_regions_is_read_back(tmp_path):
     assert np.array_equal(
         read.at().tensions.value(strain), fabric.at().tensions.value(strain)
     )
-
-
-def test_a_fabric_without_file_format_is_rejected_and_nothing_is_written(tmp_path):
-    class Own(Linear):
-        pass
-
-    for fabric, named in (
-        (Fabric(warp=lambda x: x + 1), "warp is a function"),
-        (Fabric(shear=Own(1.0)), "shear: Own is not a law"),
-    ):
-        with pytest.raises(ValueError, match=named):
-            write_fabric(tmp_path / "fabric.json", fabric)
-    for name, more, named in (
-        ("fabric.txt", {}, "be written only to"),
-        ("fabric.inp", {}, "thickness"),
-    ):
-        with pytest.raises(ValueError, match=named):
-            write_fabric(tmp_path / name, Fabric(), **more)
-    with pytest.raises(ValueError, match="both fibre strains"):
-        write_fabric(tmp_path / "fabric.inp", FABRICS["weave"], 0.3)
-    with pytest.raises(ValueError, match="wrinkling angle"):
-        write_fabric(tmp_path / "fabric.inp", Fabric(wrinkling_angle=0.9), 0.3)
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("change", "named"),
-    [
-        ({"format": "other"}, "format"),
-        ({"density": 1.0}, "the keys must be tension"),
-        ({"bending": 1.0}, "bending must be a pair"),
-        ({"bending": [1.0, -1.0]}, "bending of weft"),
-        ({"twist": -1.0}, "twist must be"),
-        ({"wrinkling_angle": 2.0}, "wrinkling angle: 2"),
-        ({"shear": {"kind": "Fabric"}}, "unknown law 'Fabric'"),
-        ({"shear": {"kind": "Linear", "stiffness": -1.0}}, "stiffness"),
-        ({"shear": {"kind": "Linear", "stiff": 1.0}}, "no parameter 'stiff'"),
-        ({"shear": {"kind": ["Linear"]}}, "unknown law"),
-        ({"shear": "soft"}, "shear"),
-        ({"tension": {"warp": 1.0}}, "tension"),
-        ({"warp": [0.0, 0.0]}, "warp"),
-        ({"warp": [[1.0], [1.0, 2.0]]}, r"fabric\.json: "),
-        ({"tension": 10**400}, r"fabric\.json: "),
-    ],
-)
-def test_a_file_without_a_fabric_is_rejected_in_one_line(tmp_path, change, named):
-    path = tmp_path / "fabric.json"
-    write_fabric(path, Fabric())
-    path.write_text(json.dumps(json.loads(path.read_text()) | change))
-    with pytest.raises(MeshError, match=named) as refusal:
-        read_fabric(path)
-    assert str(refusal.value).isprintable()
-
-
-@pytest.mark.parametrize("text", ["", "[]", "[" * 100_000, "{", '{"a": NaN}', "\xff"])
-def test_a_file_without_json_is_rejected_in_one_line(tmp_path, text):
-    with pytest.raises(MeshError, match=r"fabric\.json: "):
-        read_fabric(write_file(tmp_path, "fabric.json", text))
 
 
 def test_tables_are_read_back_from_abaqus_to_round_off(tmp_path):
@@ -255,42 +172,3 @@ def test_abaqus_data_without_counterpart_are_reported(tmp_path, caplog):
     assert [
         r.getMessage().partition("not represented exactly: ")[2] for r in caplog.records
     ] == [*ignored]
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "named"),
-    [
-        ("*FABRIC", "*ELASTIC", "no \\*FABRIC"),
-        ("*FABRIC", "*FABRIC, USER", "subroutine"),
-        ("COMPONENT=1", "COMPONENT=3", "COMPONENT=3"),
-        ("COMPONENT=1", "COMPONENT=2", "twice"),
-        ("400., 0.02", "400., -0.02", "must be larger than the previous one"),
-        ("400., 0.02", "400., 0.02, 20.", "the same number of values"),
-        ("0., 0.\n400., 0.02", "0., 0., 20.\n400., 0.02, 30.", "temperature"),
-        ("400., 0.02", "inf, 0.02", "finite"),
-        ("400., 0.02", "4e2x, 0.02", "'4e2x' is not a number"),
-        ("DIRECTION=TENSION", "DIRECTION=BOTH", "BOTH"),
-        ("DIRECTION=COMPRESSION", "DIRECTION=TENSION", "twice"),
-        ("1., 0.1", "1., 1.1", "above -1"),
-    ],
-)
-def test_a_deck_without_a_fabric_is_rejected_in_one_line(tmp_path, old, new, named):
-    assert old in DECK
-    path = write_file(tmp_path, "a.inp", DECK.replace(old, new, 1))
-    with pytest.raises(MeshError, match=named) as refusal:
-        read_fabric(path, 0.3)
-    assert str(refusal.value).isprintable()
-
-
-@pytest.mark.parametrize(
-    ("more", "named"),
-    [
-        ({}, "specify the thickness"),
-        ({"thickness": 0.0}, "positive"),
-        ({"thickness": 0.3, "units": "lb in"}, "units"),
-        ({"thickness": 0.3, "material": "SILK"}, "SILK"),
-    ],
-)
-def test_an_ambiguous_fabric_is_rejected(tmp_path, more, named):
-    with pytest.raises(MeshError, match=named):
-        read_fabric(write_file(tmp_path, "a.inp", DECK), **more)

@@ -2,6 +2,8 @@
 
 import contextlib
 import io
+import re
+from collections import deque
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +12,11 @@ from hypothesis import strategies as st
 from skfem_textile import MeshError
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_directions, read_fabric, write_fabric
-from studies.common.running import errors_only
 from tests.helpers.hostile import (
     RIGHT,
     Family,
     UnclearError,
+    errors_only,
     expect_close,
     expect_equal,
     is_clear,
@@ -22,7 +24,6 @@ from tests.helpers.hostile import (
     seeds,
 )
 from tests.helpers.hostile.damage import damaged
-from tests.helpers.hostile.mesh_readers import keyword_blocks
 
 # Given thickness in mm.
 THICKNESS = 0.25
@@ -136,6 +137,7 @@ def decks(draw, write):
 # Expected content of a deck
 
 
+@errors_only()
 def attempt_abaqus(deck):
     seed, content, damage = deck
     path = Path("deck.inp")
@@ -143,8 +145,7 @@ def attempt_abaqus(deck):
     if seed % 6 == 0:
         return show(path, damage)
     try:
-        with errors_only():
-            directions, cloth = read_directions(path), read(path)
+        directions, cloth = read_directions(path), read(path)
     except MeshError as error:
         return rejected_if_damaged(error, damage)
     check_loading_data(cloth, content)
@@ -156,14 +157,14 @@ def attempt_abaqus(deck):
     return RIGHT
 
 
+@errors_only()
 def attempt_radioss(deck):
     """Laws vanish at rest, and their values are slopes of the energy."""
     seed, content, damage = deck
     path = Path("deck.rad")
     path.write_bytes(content)
     try:
-        with errors_only():
-            cloth = read(path)
+        cloth = read(path)
     except MeshError as error:
         return rejected_if_damaged(error, damage)
     rest, step = np.zeros((2, 1)), 1e-6
@@ -211,6 +212,24 @@ def check_loading_data(cloth, content):
         expect_close(component, (inner.value(x) - expected) / scale, 0.0, 1.0)
 
 
+def keyword_blocks(content):
+    """Keyword, parameters by name, and lines of data of each block of a file."""
+    lines = [line.strip() for line in re.split(rb"\r\n|[\r\n]", content)]
+    lines = deque(line for line in lines if line and not line.startswith(b"**"))
+    while lines:
+        head, data = lines.popleft(), []
+        while head.endswith(b",") and lines:
+            head += lines.popleft()
+        while lines and not lines[0].startswith(b"*"):
+            data.append(lines.popleft())
+        keyword, *parameters = head[1:].decode(errors="replace").split(",")
+        arguments = {}
+        for parameter in filter(str.strip, parameters):
+            key, _, value = (part.strip() for part in parameter.partition("="))
+            arguments[key.upper()] = value
+        yield " ".join(keyword.upper().split()), arguments, data
+
+
 def first_axes(content):
     """First local axes in the plane, of the only distribution; shape (2, n).
 
@@ -255,11 +274,7 @@ def check_written(cloth):
 def show(path, damage):
     """Show a deck on the command line: all files, or none and one line."""
     out, printed, heard = Path("out"), io.StringIO(), io.StringIO()
-    with (
-        errors_only(),
-        contextlib.redirect_stdout(printed),
-        contextlib.redirect_stderr(heard),
-    ):
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(heard):
         code = cli.main(["show", str(path), "--no-render", "--out", "out"])
     message = heard.getvalue().removesuffix("\n")
     if code == 2 and not out.exists() and not printed.getvalue():

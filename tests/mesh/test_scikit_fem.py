@@ -114,7 +114,7 @@ def test_a_form_checks_its_parameters_and_selects_fields(threads):
         def checked(self, basis, parameters):
             return {"factor": 3.0, **parameters}
 
-        def block(self, fields):
+        def taken(self, fields):
             return fields[-1:]
 
     class LastOf(Last, LinearForm):
@@ -139,12 +139,6 @@ def test_a_form_checks_its_parameters_and_selects_fields(threads):
     assert K.count_nonzero() == M.count_nonzero()
     total = Total(lambda w: w["factor"] * w["x_h"])
     assert total.elemental(both, x_h=x).sum() == pytest.approx(asm(total, both, x_h=x))
-
-
-def test_a_field_carries_a_third_gradient(basis):
-    centre = np.ones((2, 4, 1))
-    assert DiscreteField(np.ones((4, 1)), grad3=centre).grad3 is centre
-    assert basis.interpolate(basis.zeros()).grad3 is None
 
 
 def is_used(private, public):

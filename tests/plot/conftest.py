@@ -1,31 +1,46 @@
-"""A result to draw, and a record of drawn sheets.
+"""Results to draw, and a record of sheets in place of pictures.
 
 Nothing here imports packages for drawing: without them the tests are skipped.
 """
 
 import pytest
 
-from skfem_textile import Fabric, Full, LoadStepper, Ply
-from skfem_textile.scenes import strip
+from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
+from skfem_textile.scenes import Case, hemisphere, strip
 
 
 @pytest.fixture(scope="session")
-def result():
-    """To be drawn, not to be changed."""
+def results():
+    """Two results to be drawn, not to be changed."""
     scene = strip(size=(3, 4))
-    return LoadStepper(Ply(scene.mesh, Fabric(1e4), Full()), scene.conditions, 4).run()
+    return [
+        LoadStepper(Ply(scene.mesh, Fabric(1e4), f), scene.conditions, steps=4).run()
+        for f in (Full(), OnePoint(10.0))
+    ]
+
+
+@pytest.fixture(scope="session")
+def result(results):
+    return results[0]
+
+
+@pytest.fixture(scope="session")
+def draped():
+    """A ply on a hemisphere."""
+    scene = hemisphere(size=(4, 4))
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
+    return Case(scene=scene, fabric=fabric, steps=1).run()
 
 
 @pytest.fixture
 def sheets(monkeypatch):
-    """Every sheet that is drawn, by pyvista or matplotlib, with its layout."""
-    from skfem_textile.plot import drawing
+    """Every sheet of a picture, with its layout; nothing is drawn."""
+    from skfem_textile.plot import drawing, pictures
 
-    layouts, lay_out = [], drawing.lay_out
+    recorded = []
 
-    def watched(drawn, size):
-        layouts.append((drawn, lay_out(drawn, size)))
-        return layouts[-1][1]
+    def draw(sheet, filename, plotter, size):
+        recorded.append((sheet, drawing.lay_out(sheet, size)))
 
-    monkeypatch.setattr(drawing, "lay_out", watched)
-    return layouts
+    monkeypatch.setattr(pictures, "draw", draw)
+    return recorded

@@ -7,22 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric
-from skfem_textile.scenes import Case, hemisphere
-
 pv = pytest.importorskip("pyvista")
 Image = pytest.importorskip("PIL.Image")
 plot = pytest.importorskip("skfem_textile.plot")
 in_space = pytest.importorskip("skfem_textile.plot.in_space")
 
 MEDIA = Path(__file__).parents[2] / "examples" / "media"
-
-
-@pytest.fixture(scope="module")
-def draped():
-    scene = hemisphere(size=(4, 4))
-    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
-    return Case(scene=scene, fabric=fabric, steps=1).run()
 
 
 def test_a_gltf_file_is_valid_and_in_metres_with_y_upwards(draped, tmp_path):
@@ -53,17 +43,11 @@ def test_a_gltf_file_contains_its_data_and_colours_without_a_tint(draped, tmp_pa
     assert len(content["meshes"]) == 2
 
 
-@pytest.mark.parametrize("name", ["x.glb", "x.png"])
-def test_only_gltf_is_written(draped, tmp_path, name):
-    with pytest.raises(ValueError, match=r"only to \.gltf files: name it x\.gltf"):
-        plot.export_gltf(draped, tmp_path / name)
-
-
 def test_a_view_without_trame_is_a_picture(result, monkeypatch):
     """As in Jupyter, off screen."""
     monkeypatch.setattr(pv, "OFF_SCREEN", True)
     monkeypatch.setattr(pv.global_theme, "notebook", True)
-    monkeypatch.setattr(in_space, "find_spec", lambda name: None)
+    monkeypatch.setattr(in_space, "is_installed", lambda name: False)
     picture = result.view(field="displacement")
     assert isinstance(picture, Image.Image)
     pixels = np.asarray(picture.convert("RGB")).astype(int)
@@ -71,7 +55,7 @@ def test_a_view_without_trame_is_a_picture(result, monkeypatch):
 
 
 def test_every_element_of_a_view_has_its_value(draped):
-    plotter = in_space._plotter(draped, field="weft_strain", state=1)
+    plotter = in_space._plotter([draped], field="weft_strain", state=1)
     surface = plotter.actors[next(iter(plotter.actors))].mapper.dataset
     values = plot.FIELDS["weft_strain"].values(draped.ply, draped.states[1].u)
     drawn = surface.point_data["values"].reshape(-1, 4)
@@ -79,13 +63,17 @@ def test_every_element_of_a_view_has_its_value(draped):
     plotter.close()
 
 
-def test_a_view_without_pyvista_is_refused_in_one_line(result, monkeypatch):
-    def missing(*_):
-        raise ModuleNotFoundError("No module named 'pyvista'", name="pyvista")
-
-    monkeypatch.setattr("skfem_textile.plot.drawing.import_module", missing)
-    with pytest.raises(ImportError, match=r"pip install 'skfem-textile\[plot\]'$"):
-        result.view()
+def test_a_view_of_a_displacement_on_a_basis_is_that_of_its_result(result):
+    ply = result.ply
+    views = (result,), (ply.basis, result.u, ply.fabric)
+    plotters = [in_space._plotter(drawn, field="warp_strain") for drawn in views]
+    of_result, of_basis = (
+        next(iter(plotter.actors.values())).mapper.dataset for plotter in plotters
+    )
+    np.testing.assert_array_equal(of_basis.points, of_result.points)
+    np.testing.assert_array_equal(of_basis["values"], of_result["values"])
+    for plotter in plotters:
+        plotter.close()
 
 
 @pytest.mark.slow

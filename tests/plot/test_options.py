@@ -7,6 +7,7 @@ import pytest
 
 from skfem_textile import Fabric, Full, LoadStepper, Ply, StepError
 from skfem_textile.scenes import strip
+from tests.helpers.pictures import coloured
 
 pv = pytest.importorskip("pyvista")
 matplotlib = pytest.importorskip("matplotlib")
@@ -14,16 +15,6 @@ Image = pytest.importorskip("PIL.Image")
 plot = pytest.importorskip("skfem_textile.plot")
 drawing = pytest.importorskip("skfem_textile.plot.drawing")
 sheet = pytest.importorskip("skfem_textile.plot.sheet")
-
-
-def coloured(plotter):
-    """Ranges and colours of the panels that are coloured."""
-    return [
-        (tuple(actor.mapper.scalar_range), actor.mapper.lookup_table.cmap.name)
-        for renderer in plotter.renderers
-        for actor in renderer.actors.values()
-        if isinstance(actor, pv.Actor) and actor.mapper.scalar_visibility
-    ]
 
 
 def test_subplots_of_a_plotter_share_a_given_scale(result):
@@ -41,13 +32,6 @@ def test_panels_are_drawn_from_the_active_subplot_on(result, tmp_path):
     plotter.subplot(0, 1)
     plot.fibre_strain(result, plotter=plotter, filename=tmp_path / "x.png")
     assert [bool(r.actors) for r in plotter.renderers] == [False, True, True, False]
-    plotter.subplot(1, 1)
-    with pytest.raises(
-        ValueError, match=r"2 panels require as many subplots .* has 1$"
-    ):
-        plot.fibre_strain(result, plotter=plotter)
-    with pytest.raises(ValueError, match="a plotter cannot draw vector graphics"):
-        plot.fibre_strain(result, plotter=plotter, filename=tmp_path / "x.svg")
 
 
 def test_several_results_share_one_scale_that_holds_all_values(result):
@@ -58,6 +42,9 @@ def test_several_results_share_one_scale_that_holds_all_values(result):
     both = coloured(plot.shear_angle(less, result))
     assert both[0] == both[1] == coloured(plot.shear_angle(result))[0]
     assert coloured(plot.shear_angle(less)) != both[:1]
+    ((low, high), _), _ = both
+    largest = np.degrees(result.ply.shear_angle(result.u)).max()
+    assert low <= 0 < largest <= high < 1.5 * largest
 
 
 def test_a_state_is_drawn_in_its_deformed_shape(result, sheets):
@@ -69,48 +56,13 @@ def test_a_state_is_drawn_in_its_deformed_shape(result, sheets):
     )
     mean = u[:, result.ply.mesh.t].mean(axis=1)
     np.testing.assert_allclose(drawn.panels[0].values, np.hypot(*mean), atol=1e-12)
-    with pytest.raises(ValueError, match="no state 5: a result contains 5 states"):
-        plot.shear_angle(result, state=5)
 
 
-def test_a_user_defined_field_is_drawn_with_its_unit(result, sheets, tmp_path):
+def test_a_user_defined_field_is_drawn_with_its_unit(result, sheets):
     numbers = plot.Field("Number (-)", lambda ply, u: np.arange(ply.mesh.nelements))
-    plot.field(result, field=numbers, filename=tmp_path / "x.svg")
+    plot.field(result, field=numbers)
     assert sheets[0][0].legends[0].scale.label == "Number (-)"
     assert sheets[0][0].panels[0].values.tolist() == list(range(12))
-    wrong = plot.Field("Ones", lambda ply, u: np.ones(3))
-    with pytest.raises(
-        ValueError,
-        match=r"expected one value for each .* array of shape \(3,\)",
-    ):
-        plot.field(result, field=wrong)
-    endless = plot.Field("Gap", lambda ply, u: np.r_[np.zeros(5), np.nan, np.zeros(6)])
-    with pytest.raises(ValueError, match="Gap: the value in element 5 is not finite"):
-        plot.field(result, field=endless)
-    with pytest.raises(
-        ValueError, match="unknown field 'shear': choose one of shear_angle"
-    ):
-        plot.field(result, field="shear")
-
-
-def test_every_named_field_has_a_unit_and_can_be_drawn(result, sheets, tmp_path):
-    for name, field in plot.FIELDS.items():
-        plot.field(result, field=name, filename=tmp_path / "x.svg")
-        unitless = field.label == "Area relative to initial area"
-        assert unitless or re.search(r"\((°|%|N/mm|mm)\)$", field.label)
-    drawn = {sheet.legends[0].scale.label for sheet, _ in sheets}
-    assert drawn == {field.label for field in plot.FIELDS.values()}
-
-
-@pytest.mark.parametrize("clim", [(1, 0), (0, 0), (0, np.inf), (np.nan, 1), (1, 2, 3)])
-def test_limits_that_do_not_ascend_are_rejected(result, clim):
-    with pytest.raises(ValueError, match="two finite limits in ascending order, got"):
-        plot.shear_angle(result, clim=clim)
-
-
-def test_an_unknown_colour_map_is_rejected(result):
-    with pytest.raises(ValueError, match="unknown colour map 'no'"):
-        plot.shear_angle(result, cmap="no")
 
 
 def test_values_beyond_the_limits_have_arrows(result, sheets):
@@ -120,7 +72,13 @@ def test_values_beyond_the_limits_have_arrows(result, sheets):
         assert tuple(map(len, bar.tips)) == ends
 
 
-@pytest.mark.parametrize("suffix", ["svg", "pdf", "eps"])
+@pytest.mark.parametrize(
+    "suffix",
+    [
+        *("svg", "pdf"),
+        pytest.param("eps", marks=pytest.mark.dear("the only EPS that is written")),
+    ],
+)
 def test_vector_files_contain_vectors(result, tmp_path, suffix):
     file = tmp_path / f"x.{suffix}"
     figure = plot.shear_angle(result, filename=file)
@@ -131,18 +89,6 @@ def test_vector_files_contain_vectors(result, tmp_path, suffix):
     assert b"<image" not in written
     assert b"/Subtype /Image" not in written
     assert [p.name for p in tmp_path.iterdir()] == [file.name]
-
-
-def test_vectors_require_neither_pyvista_nor_a_screen(result, tmp_path, monkeypatch):
-    def missing(*_):
-        raise ModuleNotFoundError("No module named 'pyvista'", name="pyvista")
-
-    monkeypatch.setattr(drawing, "import_module", missing)
-    plot.fibre_directions(result, filename=tmp_path / "x.pdf")
-    message = r"^No module named 'pyvista': pip install 'skfem-textile\[plot\]'$"
-    with pytest.raises(ImportError, match=message):
-        plot.fibre_directions(result, filename=tmp_path / "x.png")
-    assert [p.name for p in tmp_path.iterdir()] == ["x.pdf"]
 
 
 def test_colours_of_vectors_and_pixels_agree(result, tmp_path):
@@ -159,7 +105,7 @@ def test_colours_of_vectors_and_pixels_agree(result, tmp_path):
 
 def test_the_picture_of_a_failure_shows_reason_and_position(result, sheets):
     error = StepError("stopped at load factor 0.5: folded", result, np.array([3, 7]))
-    plotter = plot.verdict(error)
+    plot.verdict(error)
     ((drawn, _),) = sheets
     (panel,) = drawn.panels
     assert panel.title == str(error)
@@ -169,9 +115,6 @@ def test_the_picture_of_a_failure_shows_reason_and_position(result, sheets):
     ]
     least = result.ply.least_area_ratio(result.u)
     np.testing.assert_allclose(panel.values, least)
-    pixels = plotter.screenshot(return_img=True).astype(int)
-    magenta = np.abs(pixels - [0xE6, 0x00, 0x7E]).max(axis=-1) < 3
-    assert magenta.sum() > 1000
 
 
 @pytest.mark.parametrize("quantity", ["shear_angle", "weft_strain"])
@@ -206,14 +149,6 @@ def test_any_field_is_animated_on_one_scale(result, tmp_path):
             grey = np.asarray(moving.convert("L"), float)
             expected = 255 * np.abs(state.u).max() / 100
             assert (np.abs(grey - expected) < 3).sum() > 0.1 * grey.size
-    frames = []
-    for edges in (True, False):
-        plot.animation(result, file, size=40, show_edges=edges)
-        with Image.open(file) as moving:
-            frames.append(moving.convert("RGB").tobytes())
-    assert frames[0] != frames[1]
-    with pytest.raises(ValueError, match="unknown field"):
-        plot.animation(result, file, field="nothing")
 
 
 def greys(scale, values):
@@ -224,10 +159,14 @@ def greys(scale, values):
 
 @pytest.mark.parametrize("name", plot.FIELDS)
 def test_fields_are_legible_in_grey_and_zero_is_marked_if_they_have_a_sign(
-    result, sheets, tmp_path, name
+    result, sheets, name
 ):
     """Magnitudes have one order of greys; zero is the lightest if there is a sign."""
-    plot.field(result, field=name, filename=tmp_path / "x.svg")
+    plot.field(result, field=name)
+    label = sheets[0][0].legends[0].scale.label
+    assert label == plot.FIELDS[name].label
+    unitless = label == "Area relative to initial area"
+    assert unitless or re.search(r"\((°|%|N/mm|mm)\)$", label)
     (bar,) = sheets[0][1].legends[0].bars
     scale = bar.scale
     down, up = np.linspace(0, scale.low, 60), np.linspace(0, scale.high, 60)
@@ -235,6 +174,8 @@ def test_fields_are_legible_in_grey_and_zero_is_marked_if_they_have_a_sign(
         (mark,) = bar.zero
         share = (mark.x + 0.5 * mark.width - bar.box.x) / bar.box.width
         assert scale.low + share * (scale.high - scale.low) == pytest.approx(0.0)
+        below, above = bar.box.y - mark.y, mark.y + mark.height - bar.box.y
+        assert 0 < below == pytest.approx(above - bar.box.height)
         assert greys(scale, [0.0]) > 0.95
         assert all((np.diff(greys(scale, x)) <= 0.004).all() for x in (down, up))
     else:

@@ -49,7 +49,6 @@ def test_twelve_lines_draw_the_fibre_strain_of_an_own_newton_loop(
     ((sheet, _),) = sheets
     (warp, weft), strain = sheet.panels, ply.law_strain(u)[..., 0]
     np.testing.assert_allclose([warp.values, weft.values], 100 * strain, atol=1e-10)
-    assert pv.read("fibre_strain.png").dimensions[0] == 1004
 
 
 @pytest.mark.parametrize("name", ["fibre_strain", "shear_angle", "contact_sheet"])
@@ -132,39 +131,10 @@ def test_macro_elements_are_drawn_with_the_mean_strain():
 
 
 def test_a_returned_plotter_draws_more(result, tmp_path):
-    plotter = plot.shear_angle(*own(result))
+    plotter = plot.shear_angle(*own(result), size=60)
     plotter.subplot(0, 0)
     before = plotter.screenshot(return_img=True)
     plotter.add_mesh(plot.to_pyvista(*own(result)), color="black", lighting=False)
     plotter.screenshot(tmp_path / "more.png")
     after = pv.read(tmp_path / "more.png")["PNGImage"].astype(float)
     assert after.mean() < before.mean() - 5
-
-
-def test_wrong_arguments_are_refused_in_one_line(result):
-    basis, u, fabric = own(result)
-    for draw in (plot.fibre_strain, plot.shear_angle, plot.to_pyvista):
-        with pytest.raises(ValueError, match=r"with its displacement and a fabric: pa"):
-            draw(basis, u)
-        with pytest.raises(ValueError, match="fabric must be a Fabric"):
-            draw(basis, fabric, u)
-        with pytest.raises(ValueError, match=r"not a Ply, or \(basis, u, fabric"):
-            draw(result.ply, u)
-        with pytest.raises(ValueError, match="there is no state 1: a result contains"):
-            draw(basis, u, fabric, state=1)
-        with pytest.raises(ValueError, match="pass at least one result, or"):
-            draw()
-    with pytest.raises(ValueError, match="a grid shows one result, got 2"):
-        plot.to_pyvista(result, result)
-    with pytest.raises(ValueError, match="there is no state 9"):
-        plot.view(result, state=9)
-    with pytest.raises(ValueError, match="has no checks: pass a Result"):
-        plot.verdict(basis, u, fabric)
-    with pytest.raises(ValueError, match="does not lie on a tool"):
-        plot.draped(basis, u, fabric)
-    folded = -basis.mesh.p.T.ravel()
-    with (
-        np.errstate(all="ignore"),
-        pytest.raises(ValueError, match=r"the value in element \d+ is not finite"),
-    ):
-        plot.fibre_strain(basis, folded, fabric)

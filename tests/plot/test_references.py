@@ -11,6 +11,7 @@ import pytest
 
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, StepError
 from skfem_textile.scenes import strip
+from tests.helpers.pictures import coloured
 
 pv = pytest.importorskip("pyvista")
 Image = pytest.importorskip("PIL.Image")
@@ -76,19 +77,15 @@ def test_a_picture_agrees_with_the_stored_one(name):
 def test_unsmoothed_edges_are_tolerated(monkeypatch):
     """Some machines cannot smooth them."""
     monkeypatch.setattr("pyvista.global_theme.multi_samples", 1)
-    differences = {name: difference(draw(), name) for name, draw in DRAWN.items()}
-    assert max(differences.values()) < SAME, differences
+    name = "fibre_directions"  # the thinnest lines
+    assert difference(DRAWN[name](), name) < SAME
 
 
-@pytest.mark.parametrize("name", ["fibre_strain", "shear_angle", "verdict"])
-@pytest.mark.parametrize("wrong", ["longer", "colours"])
+@pytest.mark.parametrize(
+    ("name", "wrong"), [("fibre_strain", "longer"), ("verdict", "colours")]
+)
 def test_a_wrong_scale_is_detected(name, wrong):
-    ((low, high),) = {
-        tuple(actor.mapper.scalar_range)
-        for renderer in DRAWN[name]().renderers
-        for actor in renderer.actors.values()
-        if isinstance(actor, pv.Actor) and actor.mapper.scalar_visibility
-    }
+    (((low, high), _),) = {*coloured(DRAWN[name]())}
     how = {"colours": {"cmap": "plasma"}, "longer": {"clim": (1.2 * low, 1.2 * high)}}
     assert difference(DRAWN[name](**how[wrong]), name) > SAME
 

@@ -10,26 +10,28 @@ pytest.importorskip("matplotlib")
 plot = pytest.importorskip("skfem_textile.plot")
 
 
-@pytest.fixture(scope="module")
-def searched():
-    """Search on a height field above the y-z plane."""
-    x, triangles = tool_shapes.height_field(
-        lambda x, y: 20 * np.exp(-((x / 30) ** 2) - (y / 20) ** 2), 120.0, 80.0, 8.0
-    )
+def test_every_start_that_covers_the_part_is_on_the_map(tmp_path):
+    """On a height field above the y-z plane."""
+    x, triangles = tool_shapes.plate(120.0, 80.0, 20.0)
     tool = drape.TriangleMesh(x[[2, 0, 1]], triangles)
-    return tool, drape.best_start(tool, 8.0, trials=32)
-
-
-def test_every_start_is_on_the_map(searched, tmp_path):
-    tool, best = searched
+    points = np.array([0 * x[0], x[0], x[1]])[:, ::3]
+    measures = np.linspace(0.1, 0.9, points.shape[1])
+    measures[2] = np.nan
+    along = np.zeros_like(points)
+    along[1] = 1.0
+    start = drape.NetStart(points[:, 0], along[:, 0])
+    best = drape.BestStart(start, None, 0.1, points, along, measures)
     figure = plot.starts(best, tool, tmp_path / "starts.png")
     axes, bar = figure.axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("y (mm)", "z (mm)")
     assert bar.get_ylabel() == "Shear angle (°)"
     (dots,) = (c for c in axes.collections if c.get_array() is not None)
-    laid = np.isfinite(best.measures)
-    assert np.asarray(dots.get_offsets()) == pytest.approx(best.points[1:, laid].T)
-    assert np.asarray(dots.get_array()) == pytest.approx(
-        np.degrees(best.measures[laid])
-    )
+    laid = np.isfinite(measures)
+    assert np.asarray(dots.get_offsets()) == pytest.approx(points[1:, laid].T)
+    assert np.asarray(dots.get_array()) == pytest.approx(np.degrees(measures[laid]))
     assert (tmp_path / "starts.png").stat().st_size > 10_000
+    low, high = dots.get_clim()
+    ends = plot.fields.scale_of(
+        plot.FIELDS["shear_angle"], [np.array([low, high])], clim=(low, high)
+    ).colours([0.0, 1.0])
+    assert np.asarray(dots.get_cmap()([0.0, 1.0])) == pytest.approx(ends)

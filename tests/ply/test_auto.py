@@ -7,7 +7,6 @@ from skfem import MeshQuad
 from skfem_textile import Fabric, Linear, LoadStepper, Macro, OnePoint, Ply, Sin2
 from skfem_textile.scenes import bias_extension, strip
 from tests.helpers import distorted, random_u
-from tests.helpers.intervals import without_interval
 from tests.helpers.random_plies import Crimped
 
 
@@ -106,15 +105,15 @@ def test_the_automatic_stiffness_is_the_default():
     assert OnePoint() == OnePoint("auto")
 
 
-@pytest.mark.parametrize(("C_s", "warned"), [(4.0, False), (50.0, True)])
+@pytest.mark.parametrize(("C_s", "warned"), [(0.5, False), (50.0, True)])
 def test_a_large_stabilisation_energy_is_reported(caplog, C_s, warned):
-    run(bias_extension(size=(8, 16)), OnePoint(C_s), 1)
+    run(bias_extension(size=(4, 8)), OnePoint(C_s), 1)
     assert ("the stabilisation contributes" in caplog.text) == warned
 
 
 def test_a_warning_is_shown_once_and_logged_for_every_state(caplog):
     with caplog.at_level(logging.INFO, logger="skfem_textile"):
-        result = run(bias_extension(size=(8, 16)), OnePoint(50.0), 4)
+        result = run(bias_extension(size=(4, 8)), OnePoint(50.0), 2)
     records = [
         r.levelno
         for r in caplog.records
@@ -122,19 +121,3 @@ def test_a_warning_is_shown_once_and_logged_for_every_state(caplog):
     ]
     assert len(records) == len(result.states) - 1
     assert records == [logging.WARNING] + [logging.INFO] * (len(records) - 1)
-
-
-@pytest.mark.parametrize("G", [0.5, 0.0])
-def test_a_strip_is_loaded_without_tuned_parameters(G):
-    summary = without_interval(
-        run(strip(), OnePoint("auto"), shear=Linear(G))
-    ).summary()
-    assert summary["stable"]
-    assert summary["converged"]
-
-
-def test_invalid_settings_are_rejected():
-    with pytest.raises(ValueError, match="stabilisation='auto' requires kind='energy'"):
-        OnePoint("auto", kind="rate")
-    with pytest.raises(ValueError, match="number >= 0 or 'auto', got much"):
-        OnePoint("much")

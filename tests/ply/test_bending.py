@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_bvp
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 from skfem import MeshQuad, MeshTri
@@ -19,6 +18,7 @@ from skfem_textile import (
     Quadratic,
     Traction,
 )
+from skfem_textile.scenes.elastica import hanging
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
@@ -73,11 +73,11 @@ def test_directions_as_a_field_and_per_element_give_the_same_bending():
 
 def test_each_family_and_element_has_a_separate_stiffness():
     """½ D κ² of a cylinder, up to the area beside the ends of the fibres."""
-    mesh = square(8, side=8.0).with_subdomains({"all": np.arange(64)})
+    mesh = square(4, side=8.0).with_subdomains({"all": np.arange(16)})
     x, y = mesh.p
     for stiffnesses, of_warp, of_weft in (
         ((2.0, 3.0), 2.0, 3.0),
-        ((np.full(64, 2.0), 3.0), 2.0, 3.0),
+        ((np.full(16, 2.0), 3.0), 2.0, 3.0),
         ((0.0, 3.0), 0.0, 3.0),
     ):
         fabric = Fabric(bending=stiffnesses)
@@ -112,49 +112,11 @@ def test_plies_with_terms_keep_bending_and_its_ends():
     assert energy == pytest.approx(100 * 0.5 * 1.5 * 0.01, rel=0.15)
 
 
-def test_a_planar_ply_without_bending_has_no_bending_term():
-    ply = Ply(square(2), Fabric(), OnePoint())
-    assert "bending" not in ply.energies(ply.basis.zeros())
-
-
-@pytest.mark.parametrize(
-    "wrong", [1.0, (1.0,), (1.0, -1.0), (np.nan, 1.0), (np.ones((2, 2)), 1.0)]
-)
-def test_invalid_bending_stiffnesses_are_rejected(wrong):
-    with pytest.raises(ValueError, match="bending"):
-        Fabric(bending=wrong)
-
-
-@pytest.mark.parametrize(
-    ("ends", "reason"),
-    [
-        ({"nowhere": "clamped"}, "no boundary 'nowhere'"),
-        ({"left": "glued"}, "must be clamped, mirror or a function.* not 'glued'"),
-        ({"left": lambda t: (0.0, t, 0.0)}, "rotation of 'left' must be an angle"),
-        ({"left": "clamped", "same": "mirror"}, "shares edges with another"),
-        ({"middle": "clamped"}, "inside the ply"),
-        ("clamped", "must be a mapping"),
-    ],
-)
-def test_unknown_fibre_ends_are_rejected(ends, reason):
-    mesh = square(2).with_defaults()
-    inside = np.flatnonzero(mesh.f2t[1] >= 0)
-    mesh = mesh.with_boundaries({"same": mesh.boundaries["left"], "middle": inside})
-    with pytest.raises(ValueError, match=reason):
-        Ply(mesh, Fabric(bending=(1.0, 1.0)), OnePoint(), fibre_ends=ends)
-
-
-def test_values_of_bending_for_too_few_elements_are_rejected():
-    fabric = Fabric(bending=(np.ones(3), 1.0))
-    with pytest.raises(ValueError, match="bending of warp: 3 values for 4 elements"):
-        Ply(square(2), fabric)
-
-
 # Twist: its stiffness, and zero modes without it
 
 
 def test_twist_is_defined_per_element_and_region():
-    mesh = square(8, side=8.0).with_subdomains({"all": np.arange(64)})
+    mesh = square(4, side=8.0).with_subdomains({"all": np.arange(16)})
     values = np.where(mesh.p[0, mesh.t].mean(axis=0) < 4, 1.0, 3.0)
     fabric = Fabric(twist=values)
     for chosen in (fabric, {"all": fabric}):
@@ -164,25 +126,6 @@ def test_twist_is_defined_per_element_and_region():
             u[2::3] = 0.1 * ply.nodes.prod(axis=0)
             energy = ply.energies(u)["bending"]
             assert energy == pytest.approx(64 * 0.5 * 2.0 * 0.01, rel=1e-12)
-    with pytest.raises(ValueError, match="twist must be a finite number"):
-        Fabric(twist=-1.0)
-    with pytest.raises(ValueError, match="twist: 3 values for 64 elements"):
-        Ply(mesh, Fabric(twist=np.ones(3)))
-
-
-def test_a_free_flat_patch_with_bending_has_known_zero_modes():
-    """Rigid motions and z = xy, which a small stiffness against twist removes."""
-    lines = np.linspace(0, 10, 5)
-    mesh = MeshQuad.init_tensor(lines, lines)
-    for formulation, modes in (
-        (OnePoint(0.0), 7),
-        (Full(), 7),
-        (Quadratic(), 7),
-        (OnePoint(), 6),
-    ):
-        fabric = Fabric(1e3, 1.0, bending=(1.0, 1.0))
-        ply = Ply(mesh, fabric, formulation, dimension=3)
-        assert zero_modes(ply.tangent(ply.basis.zeros())) == modes
 
 
 @every_formulation
@@ -196,27 +139,6 @@ def test_the_twist_energy_of_a_saddle_is_exact(formulation, degrees):
     u = turn @ [*ply.nodes, 0.1 * s * t] - [*ply.nodes, 0 * s]
     energy = ply.energies(u.T.ravel())["bending"]
     assert energy == pytest.approx(64 * 0.5 * 3.0 * 0.01, rel=1e-10)
-
-
-@pytest.mark.parametrize("degrees", [15, 30])
-@pytest.mark.parametrize(
-    "formulation", [Full(), Quadratic()], ids=["quadrilaterals", "triangles"]
-)
-def test_varying_twist_is_of_second_order_on_irregular_meshes(formulation, degrees):
-    angle, k = np.radians(degrees), np.pi / SIDE
-
-    def off(n):
-        fabric = Fabric(50.0, **inclined(degrees), twist=3.0)
-        ply = Ply(square(n, 0.2), fabric, formulation, dimension=3)
-        u = ply.basis.zeros()
-        u[2::3] = np.sin(k * ply.nodes).prod(axis=0)
-        # The twist is k² cos 2α cos kx cos ky, with this mean of its square:
-        mean = 0.25 * np.cos(2 * angle) ** 2 * k**4
-        return ply.energies(u)["bending"] / (0.5 * 3.0 * SIDE**2 * mean) - 1
-
-    coarse, fine = off(16), off(32)
-    assert abs(fine) < 0.02
-    assert abs(coarse) > 2.5 * abs(fine)
 
 
 @every_formulation
@@ -264,59 +186,35 @@ def on_sides(x, y):
     return (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > SIDE - 1e-9)
 
 
-@pytest.mark.parametrize("degrees", [0, 45])
 @pytest.mark.parametrize(
-    ("formulation", "jitter", "bound"),
-    [(OnePoint(), 0.0, 0.02), (OnePoint(), 0.2, 0.02), (Quadratic(), 0.2, 0.012)],
-    ids=["aligned", "irregular", "triangles"],
+    ("formulation", "degrees", "bound"),
+    [(OnePoint(), 0, 0.02), (Quadratic(), 45, 0.012)],
 )
-def test_a_supported_plate_is_of_second_order(formulation, jitter, bound, degrees):
+def test_a_supported_plate_is_of_second_order(formulation, degrees, bound):
     coarse, fine = (
-        np.abs(plate(square(n, jitter), degrees, formulation, on_sides)).max()
+        np.abs(plate(square(n, 0.2), degrees, formulation, on_sides)).max()
         for n in (8, 16)
     )
     assert fine < bound
     assert coarse / fine > 3
 
 
-@pytest.mark.parametrize("formulation", [OnePoint(), Quadratic()], ids=["quad", "tri"])
-@pytest.mark.parametrize("degrees", [0, 45])
-def test_planes_of_symmetry_replace_the_other_half(degrees, formulation):
+def test_planes_of_symmetry_replace_the_other_half():
     """A quarter of the plate."""
     ends = {"right": "mirror", "top": "mirror"}
-    errors = [
-        np.abs(
-            plate(
-                square(n, side=SIDE / 2).with_defaults(),
-                degrees,
-                formulation,
-                lambda x, y: np.minimum(x, y) < 1e-9,
-                ends,
-            )
-        ).max()
-        for n in (4, 8)
-    ]
-    assert errors[1] < 0.04
-    assert errors[0] / errors[1] > 2.5
+
+    def held(x, y):
+        return np.minimum(x, y) < 1e-9
+
+    def off(n):
+        mesh = square(n, side=SIDE / 2).with_defaults()
+        return np.abs(plate(mesh, 45, OnePoint(), held, ends)).max()
+
+    assert off(8) < 0.04
+    assert off(4) > 2.5 * off(8)
 
 
 # Cantilevers against the elastica
-
-
-def elastica(alpha, weight=False):
-    """Tip of a cantilever of unit length and stiffness."""
-
-    def slopes(s, y):
-        load = alpha * (1 - s) if weight else alpha
-        return np.array([y[1], -load * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])])
-
-    def ends(a, b):
-        return np.array([a[0], b[1], a[2], a[3]])
-
-    s = np.linspace(0, 1, 201)
-    guess = np.array([s * min(1.2, alpha / 3), 1 - s, s, 0 * s])
-    solution = solve_bvp(slopes, ends, s, guess, tol=1e-10, max_nodes=100_000)
-    return solution.y[2:, -1]
 
 
 def cantilever(n, alpha, weight, formulation):
@@ -338,40 +236,25 @@ def cantilever(n, alpha, weight, formulation):
     return np.array([1 + x, z]), len(result.states) - 1
 
 
-def test_the_reference_elastica_has_known_values():
-    """Values computed by another program."""
-    for alpha, weight, tip in (
-        (1.0, False, (0.943567, 0.301721)),
-        (10.0, False, (0.445004, 0.810609)),
-        (8.0, True, (0.724425, 0.640631)),
-    ):
-        np.testing.assert_allclose(elastica(alpha, weight), tip, atol=1e-6)
-
-
 @pytest.mark.parametrize(
-    ("formulation", "halved"),
-    [(OnePoint(), 1), (Macro(), 2)],
-    ids=["one point", "macro"],
-)
-@pytest.mark.parametrize(
-    ("alpha", "weight", "bound"),
-    [(1.0, False, 2e-4), (10.0, False, 1e-3), (8.0, True, 1e-3)],
+    ("formulation", "halved", "alpha", "weight", "bound"),
+    [
+        (OnePoint(), 1, 8.0, True, 1e-3),
+        pytest.param(Macro(), 2, 10.0, False, 1e-3, marks=pytest.mark.slow),
+        pytest.param(Macro(), 2, 1.0, False, 2e-4, marks=pytest.mark.slow),
+    ],
 )
 def test_a_cantilever_converges_to_the_elastica_in_one_step(
     formulation, halved, alpha, weight, bound
 ):
-    exact = elastica(alpha, weight)
+    shape = hanging(*((alpha, 0.0) if weight else (0.0, alpha)))
+    exact = np.array([shape.x[-1], -shape.z[-1]])
     (coarse, _), (fine, steps) = (
         cantilever(n // halved, alpha, weight, formulation) for n in (16, 32)
     )
     assert steps == 1
     assert abs(fine[1] - exact[1]) < bound
     assert (np.abs(coarse - exact) > 3.3 * np.abs(fine - exact)).all()
-
-
-def test_a_cantilever_of_quadratic_triangles_agrees_with_the_elastica():
-    tip, _ = cantilever(32, 1.0, False, Quadratic())
-    np.testing.assert_allclose(tip, elastica(1.0), atol=5e-4)
 
 
 # Strips between rotating clamps: circles
@@ -404,11 +287,14 @@ def arc(n, formulation, jitter, slope):
     )
 
 
-@pytest.mark.parametrize(("slope", "jitter"), [(0.1, 0.0), (2.5, 0.2)])
 @pytest.mark.parametrize(
-    ("formulation", "bound"),
-    [(OnePoint(), 3e-3), (Macro(), 3e-3), (Quadratic(), 6e-3)],
-    ids=["one point", "macro", "quadratic"],
+    ("formulation", "bound", "slope", "jitter"),
+    [
+        (OnePoint(), 3e-3, 2.5, 0.2),
+        pytest.param(Macro(), 3e-3, 2.5, 0.2, marks=pytest.mark.slow),
+        pytest.param(Quadratic(), 6e-3, 2.5, 0.2, marks=pytest.mark.slow),
+        pytest.param(Macro(), 3e-3, 0.1, 0.0, marks=pytest.mark.slow),
+    ],
 )
 def test_rotating_clamps_bend_a_strip_to_a_circle(formulation, bound, slope, jitter):
     """Moment 2 D φ/L: energy, end and height."""
@@ -422,7 +308,7 @@ def test_forces_of_rotating_clamps_are_derivatives_of_the_energy(formulation):
     """In the plane, where the fibres along an edge do not end."""
     fabric = Fabric(50.0, 0.5, bending=(3.0, 1.0), twist=0.5)
     ends = {"left": "clamped", "right": lambda t: 0.5 * t, "top": "mirror"}
-    mesh = square(4, 0.2, 10.0)
+    mesh = square(2, 0.2, 10.0)
     ply = Ply(mesh, fabric, formulation, fibre_ends=ends)
     u, du = random_u(ply, 3, 0.1), random_u(ply, 4, 1e-4)
     for t in (0.0, 0.7):
@@ -478,25 +364,22 @@ def critical_tension(n, stiffness, conditions, guess):
     return high
 
 
-@pytest.mark.parametrize("n", [4, 8])
-def test_an_inextensible_net_buckles_in_its_plane_at_minus_its_shear_stiffness(n):
+def test_an_inextensible_net_buckles_in_its_plane_at_minus_its_shear_stiffness():
     """T = −G without bending (Rosen)."""
-    assert critical_tension(n, 0.0, IN_PLANE, -0.1) == pytest.approx(-0.1, rel=5e-3)
+    assert critical_tension(4, 0.0, IN_PLANE, -0.1) == pytest.approx(-0.1, rel=5e-3)
 
 
-@pytest.mark.parametrize("stiffness", [10.0, 100.0])
-def test_bending_stabilises_a_net_against_buckling_in_its_plane(stiffness):
+def test_bending_stabilises_a_net_against_buckling_in_its_plane():
     """T = −(G + D (π/L)²)."""
-    exact = -(0.1 + stiffness * (np.pi / SIDE) ** 2)
-    computed = critical_tension(16, stiffness, IN_PLANE, exact)
+    exact = -(0.1 + 100.0 * (np.pi / SIDE) ** 2)
+    computed = critical_tension(16, 100.0, IN_PLANE, exact)
     assert computed == pytest.approx(exact, rel=5e-3)
 
 
-@pytest.mark.parametrize("stiffness", [0.1, 1000.0])
-def test_a_ply_fixed_all_round_buckles_out_of_its_plane(stiffness):
+def test_a_ply_fixed_all_round_buckles_out_of_its_plane():
     """T = −2 D (π/L)²."""
     sides = ("left", "right", "bottom", "top")
     conditions = {side: Condition(side) for side in sides}
-    exact = -2 * stiffness * (np.pi / SIDE) ** 2
-    computed = critical_tension(16, stiffness, conditions, exact)
+    exact = -2 * 1000.0 * (np.pi / SIDE) ** 2
+    computed = critical_tension(16, 1000.0, conditions, exact)
     assert computed == pytest.approx(exact, rel=1e-2)

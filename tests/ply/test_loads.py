@@ -35,7 +35,7 @@ from skfem_textile import (
     split,
 )
 from skfem_textile.mesh.splitting import cut
-from tests.helpers import derivative, distorted, random_u
+from tests.helpers import distorted
 
 # Loads: resultants, equilibrium and limit points
 
@@ -84,7 +84,7 @@ LOADS = [
 def test_the_reaction_balances_the_load(formulation, load):
     """To ten digits, in every formulation; only supports are counted."""
     ply = square(formulation).with_terms(load)
-    state = LoadStepper(ply, CLAMP, 3).run().states[-1]
+    state = LoadStepper(ply, CLAMP, 1).run().states[-1]
     applied = ply.nodal(ply.load(state.u, 1.0)).sum(axis=1)
     assert np.linalg.norm(applied) > 0.01
     error = np.abs(state.reactions["clamp"] + applied).max()
@@ -119,13 +119,6 @@ def test_a_weight_and_a_pre_tension_are_in_balance_before_the_load_grows():
     assert total[1] == pytest.approx(0.02 * area - edges, rel=1e-9)
 
 
-def test_a_load_may_be_any_function_of_the_load_factor():
-    ply = square(Full()).with_terms(Force("top", (0.0, 4.0), factor=lambda t: t**3))
-    for state in LoadStepper(ply, CLAMP, 4).run().states:
-        expected = -4.0 * state.load_factor**3
-        assert state.reactions["clamp"][1] == pytest.approx(expected, abs=1e-9)
-
-
 def test_a_stiffness_that_grows_with_the_load_is_not_a_limit_point():
     """Its energy depends on the load factor, and not on the work alone."""
     glue = Forms(
@@ -139,37 +132,17 @@ def test_a_stiffness_that_grows_with_the_load_is_not_a_limit_point():
 
 
 def test_the_work_of_a_load_equals_the_stored_energy():
-    ply = square(Full()).with_terms(Force("top", (0.0, 4.0)))
-    result = LoadStepper(ply, CLAMP, 40).run()
+    """Also of one that is not proportional to the load factor."""
+    load = Force("top", (0.0, 4.0), factor=lambda t: t**2)
+    result = LoadStepper(square(Full()).with_terms(load), CLAMP, 20).run()
+    for state in result.states:
+        expected = -4.0 * state.load_factor**2
+        assert state.reactions["clamp"][1] == pytest.approx(expected, abs=1e-9)
     row = result.history()[-1]
     assert row["work"] == pytest.approx(row["energy"], rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("load", "complaint"),
-    [
-        (Force("tpo", (1, 0)), "no boundary 'tpo'"),
-        (Traction("tpo", (1, 0)), "no boundary 'tpo'"),
-        (Force("top", (1, 0, 0)), "finite vector"),
-        (Force("top", (1, np.nan)), "finite vector"),
-        (Traction("top", "much"), "must be real-valued"),
-        (Traction("top", lambda x: 1 / 0), "raised ZeroDivisionError"),
-        (BodyForce(lambda x: x[0]), "finite vector"),
-        (Force([999], (1, 0)), "node numbers must be from 0 to"),
-    ],
-)
-def test_invalid_loads_are_rejected(load, complaint):
-    with pytest.raises(ValueError, match=complaint):
-        square(Full()).with_terms(load)
-
-
-def test_an_infinite_factor_is_rejected():
-    for factor in (lambda t: 1 / (1 - t), lambda t: None, lambda t: "2", np.inf):
-        with pytest.raises(ValueError, match="'force on top': its"):
-            square(Full()).with_terms(Force("top", (0, 1), factor=factor))
-
-
-@pytest.mark.parametrize("steps", [1, 7])
+@pytest.mark.parametrize("steps", [1, pytest.param(7, marks=pytest.mark.slow)])
 def test_a_load_is_limited_by_the_peak_of_the_tension(steps):
     """A law with a peak of T/λ: exact, on one element."""
 
@@ -204,7 +177,7 @@ SIDEWAYS = np.array([1.0, -1.0]) / np.sqrt(2)
 
 
 def sheared_by(total, factor):
-    mesh = MeshQuad().refined(2).scaled(10.0).with_defaults()
+    mesh = MeshQuad().refined(1).scaled(10.0).with_defaults()
     fabric = Fabric(1e3, Sin2(0.5))
     return Ply(mesh, fabric, Full(), [Force("top", total * SIDEWAYS, factor)])
 
@@ -214,20 +187,29 @@ def ramped_limit():
     """The load factor at which a ramped load of 3.75 N passes its limit."""
     ramped = sheared_by(3.75, lambda t: t)
     with pytest.raises(RuntimeError, match="the load exceeds a limit") as stopped:
-        LoadStepper(ramped, CLAMP, 10).run()
+        LoadStepper(ramped, CLAMP, 2).run()
     return stopped.value.result.states[-1].load_factor
 
 
 @pytest.mark.parametrize(
     "factor",
-    [lambda t: 1 - abs(2 * t - 1), lambda t: 4 * t * (1 - t), lambda t: t**8],
+    [
+        pytest.param(
+            lambda t: 1 - abs(2 * t - 1),
+            marks=pytest.mark.dear("finds the limit twice, to a percent"),
+        ),
+        *(
+            pytest.param(factor, marks=pytest.mark.slow)
+            for factor in (lambda t: 4 * t * (1 - t), lambda t: t**8)
+        ),
+    ],
     ids=["there and back", "parabola", "late"],
 )
 def test_a_limit_point_is_reported_for_any_later_load(factor):
     """To a percent of the load, not of the load factor."""
     ply = sheared_by(3.75, factor)
     with pytest.raises(RuntimeError, match="the load exceeds a limit") as stopped:
-        LoadStepper(ply, CLAMP, 10).run()
+        LoadStepper(ply, CLAMP, 4).run()
     low, high = map(
         float, re.findall(r"factors (\S+) and (\S+): ", str(stopped.value))[0]
     )
@@ -235,7 +217,7 @@ def test_a_limit_point_is_reported_for_any_later_load(factor):
     assert factor(high) == pytest.approx(factor(low), rel=0.01)
 
 
-@pytest.mark.parametrize("halvings", [1, 6])
+@pytest.mark.parametrize("halvings", [1, pytest.param(6, marks=pytest.mark.slow)])
 def test_a_limit_point_close_to_the_end_of_a_step_is_reported(halvings):
     ply = sheared_by(1.01 * 3.75 * ramped_limit(), lambda t: t)
     with pytest.raises(RuntimeError, match="the load exceeds a limit"):
@@ -248,9 +230,9 @@ def test_a_constant_load_is_not_a_limit_point(formulation):
     mesh = MeshQuad().refined(2).scaled(10.0).with_defaults()
     ply = Ply(mesh, Fabric(1e3, 1.0), formulation)
     held = Force("top", (1.0, 2.0), factor=lambda t: min(1.0, 2 * t))
-    assert LoadStepper(ply.with_terms(held), CLAMP, 4).run().converged
+    assert LoadStepper(ply.with_terms(held), CLAMP, 2).run().converged
     on_clamp = BodyForce((0.01, -0.02), factor=1.0), Traction("bottom", (0.0, 1.0))
-    assert LoadStepper(ply.with_terms(*on_clamp), CLAMP, 4).run().converged
+    assert LoadStepper(ply.with_terms(*on_clamp), CLAMP, 2).run().converged
 
 
 def test_a_load_beyond_the_limit_at_rest_is_rejected():
@@ -317,17 +299,6 @@ def test_the_energy_is_pressure_times_the_volume_above_the_plane(formulation):
 
 
 @every_element
-def test_forces_and_tangent_are_derivatives(formulation):
-    ply = pressed(formulation)
-    term = ply.terms[-1]
-    u, d = random_u(ply, 1, 0.2), random_u(ply, 2, 1.0)
-    slope = derivative(lambda x: term.energy(x, 0.5), u, d)
-    assert term.residual(u, 0.5) @ d == pytest.approx(slope, rel=1e-8)
-    change = derivative(lambda x: term.residual(x, 0.5), u, d)
-    np.testing.assert_allclose(term.tangent(u, 0.5) @ d, change, atol=1e-8)
-
-
-@every_element
 def test_inside_the_force_is_pressure_times_area_along_the_normal(formulation):
     """On a plane that is rotated, stretched and lifted."""
     ply = pressed(formulation)
@@ -346,11 +317,15 @@ def test_inside_the_force_is_pressure_times_area_along_the_normal(formulation):
     np.testing.assert_allclose(f[:, inner], expected, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("formulation", [OnePoint(), Quadratic()], ids=["quad", "tri"])
+@pytest.mark.parametrize(
+    "formulation",
+    [OnePoint(), pytest.param(Quadratic(), marks=pytest.mark.slow)],
+    ids=["quad", "tri"],
+)
 def test_a_sheet_between_two_edges_becomes_a_cylinder(formulation):
     """T/λ = p R, the arc λ L over the chord L."""
     L, E, p = 100.0, 1e3, 1.0
-    mesh = MeshQuad.init_tensor(np.linspace(0, L, 17), np.linspace(0, 20, 3))
+    mesh = MeshQuad.init_tensor(np.linspace(0, L, 17), np.linspace(0, 20, 2))
     mesh = mesh.with_defaults()
     fabric = Fabric(E, 0.1, bending=(1.0, 1.0))
     ply = Ply(mesh, fabric, formulation, [Pressure(p)], dimension=3)
@@ -359,7 +334,7 @@ def test_a_sheet_between_two_edges_becomes_a_cylinder(formulation):
         "right": Condition("right"),
         "across": Condition(lambda X: X[0] > -1, (None, 0.0, None)),
     }
-    result = LoadStepper(ply, conditions, 4, solver="superlu").run()
+    result = LoadStepper(ply, conditions, 2, solver="superlu").run()
 
     def unbalanced(half_angle):
         stretch = half_angle / np.sin(half_angle)
@@ -377,8 +352,8 @@ def test_edges_on_planes_of_symmetry_move_along_them():
     """A quarter of a square bulges like the whole square."""
     heights = []
     for side, n, fixed in (
-        (100.0, 8, ("left", "bottom", "right", "top")),
-        (50.0, 4, ("left", "bottom")),
+        (100.0, 2, ("left", "bottom", "right", "top")),
+        (50.0, 1, ("left", "bottom")),
     ):
         lines = np.linspace(0, side, n + 1)
         mesh = MeshQuad.init_tensor(lines, lines).with_defaults()
@@ -390,47 +365,3 @@ def test_edges_on_planes_of_symmetry_move_along_them():
         result = LoadStepper(ply, conditions, 2, solver="superlu").run()
         heights.append(ply.nodal(result.u)[2].max())
     assert heights[1] == pytest.approx(heights[0], rel=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("conditions", "reason"),
-    [
-        ({"left": Condition("left")}, "free edge.s. of the boundary"),
-        (
-            {
-                name: Condition(name, (0.0, 0.0, 1.0))
-                for name in ("left", "right", "bottom", "top")
-            },
-            "",
-        ),
-        (
-            {
-                name: Condition(name, (None, None, 1.0))
-                for name in ("left", "right", "bottom", "top")
-            },
-            "stay in the plane z = 0",
-        ),
-    ],
-    ids=["free", "held", "lifted"],
-)
-def test_a_pressure_without_potential_is_rejected(conditions, reason):
-    ply = pressed(OnePoint())
-    if reason:
-        with pytest.raises(ValueError, match=f"load 'pressure': .*{reason}"):
-            LoadStepper(ply, conditions, 1)
-    else:
-        LoadStepper(ply, conditions, 1)
-
-
-@pytest.mark.parametrize(
-    ("load", "dimension", "reason"),
-    [
-        (Pressure(1.0), 2, r"Ply\(..., dimension=3\)"),
-        (Pressure(np.nan), 3, "must be a finite number"),
-        (Pressure(1.0, lambda t: np.nan), 3, "its factor must be a finite number"),
-    ],
-    ids=["plane", "nan", "factor"],
-)
-def test_an_invalid_pressure_is_rejected(load, dimension, reason):
-    with pytest.raises(ValueError, match=reason):
-        Ply(distorted(1), Fabric(), OnePoint(), [load], dimension=dimension)

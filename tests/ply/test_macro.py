@@ -19,11 +19,9 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split, split_cells
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve import search, updates
 from tests.helpers import (
     TRIANGLE_AND_QUAD,
     acting_tension,
-    assert_derivatives,
     derivative,
     distorted,
     random_u,
@@ -113,17 +111,6 @@ def test_the_mean_strain_enters_the_law(mesh, formulation):
 
 
 @every_mesh
-def test_residual_and_tangent_are_derivatives(mesh):
-    ply = tension(Fabric((1e3, 400.0), 0.02), mesh)
-    u = random_u(ply, 1)
-    assert_derivatives(ply, u, random_u(ply, 2, 1.0))
-    K = ply.tangent(u)
-    T = acting_tension(ply, u)
-    assert abs(ply.tangent(u, tension=T) - K).max() < 1e-12 * abs(K).max()
-    assert abs(ply.tangent(u, tension=0 * T) - K).max() > 1.0
-
-
-@every_mesh
 def test_the_tensions_that_act_do_the_work_of_the_forces(mesh):
     """The predicted tensions are their first-order approximation."""
     ply = tension(Fabric((1e3, 400.0), 0.02), mesh)
@@ -138,34 +125,6 @@ def test_the_tensions_that_act_do_the_work_of_the_forces(mesh):
     )
 
 
-@every_mesh
-def test_the_prediction_is_the_force_of_means_and_deviations(mesh):
-    """N = T(ln λ̄)/λ̄ + E_d (λ − λ̄) to first order, times the next stretch."""
-    E = np.array([[1e3], [400.0]])
-    ply = tension(Fabric((1e3, 400.0), 0.02), mesh)
-    u, du = random_u(ply, 1), random_u(ply, 2, 0.01)
-    E_d = ply.parameters_at_rest["tension"]["E_d"][:, mesh.parent, 0]
-    area, parts = ply.basis.dx[:, 0], mesh.parent
-
-    def stretches(x):
-        return np.exp(ply.fibre_strain(x)[..., 0])
-
-    def means(stretch):
-        sums = [np.bincount(parts, area * values)[parts] for values in stretch]
-        return np.array(sums) / np.bincount(parts, area)[parts]
-
-    def force(x):
-        stretch = stretches(x)
-        mean = means(stretch)
-        return E * np.log(mean) / mean + E_d * (stretch - mean)
-
-    for change in (0 * du, du):
-        N = force(u) + derivative(force, u, change)
-        expected = stretches(u + change) * N
-        predicted = ply.predicted_tension(u, change)[..., 0]
-        np.testing.assert_allclose(predicted, expected, atol=1e-7 * np.abs(N).max())
-
-
 def test_both_stiffnesses_may_be_chosen():
     mesh, fabric = MESHES["quads"], Fabric((1e3, 1e6), 0.5)
     chosen, auto = (Ply(mesh, fabric, f) for f in (Macro(2.0, (1.0, 700.0)), Macro()))
@@ -176,81 +135,24 @@ def test_both_stiffnesses_may_be_chosen():
     assert "stabilisation" not in softer.energies(u)
 
 
-def test_invalid_stiffnesses_are_rejected():
-    for bad in (-1.0, np.nan, "much"):
-        with pytest.raises(ValueError, match=r"deviation must be a finite number >= 0"):
-            Macro(deviation=(400.0, bad))
-        with pytest.raises(ValueError, match=r"deviation must be a finite number >= 0"):
-            Quadratic(deviation=bad)
-    for bad in (400.0, (1.0, 2.0, 3.0)):
-        with pytest.raises(ValueError, match="deviation must be a pair"):
-            Macro(deviation=bad)
-    for bad in (np.nan, None):
-        with pytest.raises(ValueError, match=f">= 0 or 'auto', got {bad}"):
-            Macro(bad)
-
-
 def test_titles_contain_the_chosen_stiffnesses():
     chosen = (Macro(), Macro(4.0), Macro(deviation=(1.0, 2.0)))
     chosen += (Quadratic(), Quadratic(0.0), OnePoint(), OnePoint(1.0, "rate"))
     assert len({formulation.title for formulation in chosen}) == len(chosen)
-
-
-@pytest.mark.parametrize("seed", [1, 2])
-def test_quadratic_triangles_support_the_mean_strain(seed):
-    mesh = cut(distorted(seed, jitter=0.2))
-    ply = Ply(mesh, Fabric((1e3, 400.0), 0.02), Quadratic(80.0))
-    ply._terms = tuple(term for term in ply.terms if term.name == "tension")
-    u = random_u(ply, 1)
-    assert_derivatives(ply, u, random_u(ply, 2, 1.0))
-    K = ply.tangent(u)
-    error = ply.tangent(u, tension=acting_tension(ply, u)) - K
-    assert abs(error).max() < 1e-12 * abs(K).max()
-    plain = Ply(mesh, Fabric((1e3, 400.0)), Quadratic())
-    stiff = Ply(mesh, Fabric((1e3, 400.0), 1e9), Quadratic(80.0))
-    assert_same_to_first_order(
-        lambda u: stiff.energies(u)["tension"],
-        plain.energy,
-        random_u(ply, 1),
-    )
-
-
-def test_delaunay_triangles_of_the_strip_meet_the_tolerances():
-    """Load below 1e-5 E and strain below 2e-5, with fibres of any stiffness."""
-    scene = strip(split(rectangle(40, 60, (12, 18), "delaunay")))
-    for E in (1e4, 1e6):
-        summary = run(scene, Macro(), E)
-        assert summary["negative_pivots"] == 0
-        assert abs(summary["reaction_x"]) < 1e-5 * E
-        assert summary["max_fibre_strain"] < 2e-5
+    assert Macro(4.0).title == "macro-elements, C_s = 4 N/mm"
+    assert OnePoint(0.01).title == "one point, C_s = 0.01 N/mm"
 
 
 @pytest.mark.parametrize("formulation", [Macro(), Quadratic(80.0)])
 def test_a_rotated_problem_is_the_same(formulation):
-    mesh = rectangle(50, 100, (3, 6), "delaunay", 0.25)
+    mesh = rectangle(50, 100, (2, 4), "delaunay", 0.25)
     if isinstance(formulation, Macro):
         mesh = split(mesh)
     scene = bias_extension(mesh)
     turned = scene.rotated(0.7)
-    plain, rotated = (run(s, formulation, 1e5, 0.5, 4) for s in (scene, turned))
+    plain, rotated = (run(s, formulation, 1e4, 0.5, 4) for s in (scene, turned))
     assert rotated["energy"] == pytest.approx(plain["energy"], rel=1e-9)
     assert rotated["reaction_y"] == pytest.approx(plain["reaction_y"], rel=1e-6)
-
-
-def test_half_of_a_ply_has_half_of_the_force(monkeypatch):
-    """The energy of an element is independent of the mesh size.
-
-    The stiffnesses of the state are iterated: the number of iterations depends on the
-    reactions at the symmetry line.
-    """
-    monkeypatch.setattr(search, "SETTLED", 1e-4)
-    monkeypatch.setattr(updates, "SETTLED", 1e-4)
-    loads = []
-    for part, width, size in (("whole", 50, (8, 16)), ("half", 25, (4, 16))):
-        mesh = split(rectangle(width, 100, size, "aligned"))
-        scene = bias_extension(mesh, part=part)
-        loads.append(run(scene, Macro(), 1e5, 0.5)["load_over_exact"])
-    assert loads[1] == pytest.approx(loads[0], rel=1e-9)
 
 
 def test_quadratic_triangles_of_mean_strain_do_not_lock_at_kinks():
@@ -290,7 +192,14 @@ def test_soft_fibres_agree_with_one_point_elements(curved):
 
 
 @pytest.mark.parametrize(
-    ("E", "law"), [(1e4, Sin2(0.5)), (1e5, Linear(0.5)), (1e6, Sin2(0.5))]
+    ("E", "law"),
+    [
+        (1e6, Sin2(0.5)),
+        *(
+            pytest.param(*given, marks=pytest.mark.slow)
+            for given in [(1e4, Sin2(0.5)), (1e5, Linear(0.5))]
+        ),
+    ],
 )
 def test_the_load_of_a_bias_extension_is_accurate_for_any_fibre_stiffness(E, law):
     mesh = split(rectangle(50, 100, (8, 16), jitter=0.25))
@@ -300,17 +209,13 @@ def test_the_load_of_a_bias_extension_is_accurate_for_any_fibre_stiffness(E, law
 
 
 def test_macro_elements_of_triangles_do_not_lock():
-    """One point in each part alone overestimates the load by 44 % here."""
-    mesh = split(cut(rectangle(50, 100, (8, 16), jitter=0.25, seed=2)))
-    macro, plain = (
-        run(bias_extension(mesh), f, 1e6, 0.5) for f in (Macro(), OnePoint())
-    )
-    assert abs(macro["load_over_exact"] - 1) < 0.12
-    assert plain["load_over_exact"] - 1 > 3 * abs(macro["load_over_exact"] - 1)
-    assert plain["displacement_error_rms"] > 2 * macro["displacement_error_rms"]
+    """Within 12 %: one point in each part alone overestimates the load by half."""
+    mesh = split(cut(rectangle(50, 100, (4, 8), jitter=0.25, seed=2)))
+    load = run(bias_extension(mesh), Macro(), 1e6, 0.5)["load_over_exact"]
+    assert load == pytest.approx(1.0, abs=0.12)
 
 
-@pytest.mark.parametrize("E", [1e4, 1e6])
+@pytest.mark.parametrize("E", [1e6, pytest.param(1e4, marks=pytest.mark.slow)])
 def test_the_shape_of_a_strip_converges(E):
     """Position errors decrease more than threefold as the element size halves."""
     errors = []

@@ -16,9 +16,9 @@ from skfem_textile import (
     Ply,
     Quadratic,
     Sin2,
-    Traction,
 )
 from skfem_textile.forms.corners import RESISTING
+from skfem_textile.forms.kernels import elements
 from skfem_textile.scenes import bias_extension
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.direction import definite
@@ -26,7 +26,6 @@ from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.problem import Problem, Tangent
 from tests.helpers import (
     Coupled,
-    assert_derivatives,
     derivative,
     distorted,
     one_quad,
@@ -69,7 +68,7 @@ every_pair = pytest.mark.parametrize(
     ("fabric", "formulation"),
     [
         *((FABRICS["bending"], formulation) for formulation in FORMULATIONS.values()),
-        *((fabric, OnePoint()) for fabric in FABRICS.values()),
+        *((fabric, OnePoint()) for k, fabric in FABRICS.items() if k != "bending"),
     ],
 )
 every_formulation = pytest.mark.parametrize(
@@ -98,12 +97,6 @@ def rotated(ply, u, Q):
 def flat(u):
     """A displacement in the plane as one in space."""
     return np.pad(u.reshape(-1, 2), ((0, 0), (0, 1))).ravel()
-
-
-@every_pair
-def test_residual_and_tangent_are_derivatives_of_the_energy(fabric, formulation):
-    ply = in_space(fabric, formulation)
-    assert_derivatives(ply, curved_state(ply, 2), random_u(ply, 3, 1.0))
 
 
 @pytest.mark.parametrize("closing", [0.62, 0.66])  # on both sides of the parabola
@@ -167,7 +160,7 @@ def test_a_flat_ply_has_the_same_forces_as_in_the_plane(fabric, formulation):
     "formulation", [OnePoint(), Macro()], ids=["one point", "macro"]
 )
 def test_a_bias_extension_held_in_its_plane_agrees_with_the_plane(formulation):
-    scene = bias_extension(size=(4, 8))
+    scene = bias_extension(size=(2, 4))
     fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
     top = scene.conditions["top"].value
     held = {
@@ -176,7 +169,7 @@ def test_a_bias_extension_held_in_its_plane_agrees_with_the_plane(formulation):
         "plane": Condition(lambda X: X[0] > -np.inf, (None, None, 0.0)),
     }
     results = [
-        LoadStepper(ply, conditions, 2, solver="superlu").run()
+        LoadStepper(ply, conditions, 1, solver="superlu").run()
         for ply, conditions in (
             (Ply(scene.mesh, fabric, formulation), scene.conditions),
             (Ply(scene.mesh, fabric, formulation, dimension=3), held),
@@ -255,30 +248,10 @@ def test_the_regularised_tangent_is_definite_in_space():
     assert tangent.projected
 
 
-@pytest.mark.parametrize("dimension", [1, 4, "3", None])
-def test_a_ply_has_two_dimensions_or_three(dimension):
-    with pytest.raises(ValueError, match=r"dimension must be 2 .* or 3"):
-        Ply(MeshQuad(), Fabric(), dimension=dimension)
-
-
-@pytest.mark.parametrize("kind", ["rate", "continuity"])
-def test_stabilisations_of_the_plane_are_rejected_in_space(kind):
-    with pytest.raises(ValueError, match=f"kind {kind} requires a ply in the plane"):
-        Ply(MeshQuad().refined(1), Fabric(), OnePoint(1.0, kind), dimension=3)
-
-
-def test_plies_with_terms_and_loads_stay_in_space():
-    ply = Ply(MeshQuad().refined(1).with_defaults(), Fabric(), dimension=3)
-    loaded = ply.with_terms(Traction("top", (0.0, 1.0, 2.0)))
-    force = loaded.nodal(loaded.load(loaded.basis.zeros(), 1.0)).sum(axis=1)
-    np.testing.assert_allclose(force, [0.0, 1.0, 2.0], atol=1e-14)
-    with pytest.raises(ValueError, match=r"shape \(3,\)"):
-        ply.with_terms(Traction("top", (0.0, 1.0)))
-
-
-def test_plies_of_several_blocks_of_elements_have_the_same_stiffness():
+def test_plies_of_several_blocks_of_elements_have_the_same_stiffness(monkeypatch):
     """The mesh has more elements than a kernel evaluates at once."""
-    s, t = np.linspace(0, 96, 97), np.linspace(0, 90, 91)
+    monkeypatch.setattr(elements, "_BLOCK", 5)
+    s, t = np.linspace(0, 4, 5), np.linspace(0, 3, 4)
     ply = Ply(MeshQuad.init_tensor(s, t), Fabric(10.0, 1.0), OnePoint(), dimension=3)
     x, y = ply.nodes
     u = np.stack([0 * x, 0.01 * x, 0.1 * np.sin(x) * np.sin(y)], axis=1).ravel()
@@ -342,7 +315,7 @@ def catenary(n):
     """Relative errors of sag and horizontal force of a hanging sheet."""
     length, span, weight = 100.0, 80.0, 1e-3
     lines = np.linspace(0, length, n + 1)
-    mesh = MeshQuad.init_tensor(lines, lines[::2] / 2).with_defaults()
+    mesh = MeshQuad.init_tensor(lines, lines[:3]).with_defaults()
     load = BodyForce((0.0, 0.0, -weight), factor=1.0)
     ply = Ply(mesh, Fabric(1e4, 0.1), OnePoint(), [load], dimension=3)
     conditions = {
@@ -368,17 +341,6 @@ def test_a_hanging_sheet_converges_to_a_catenary():
     coarse, fine = catenary(8), catenary(16)
     assert (np.abs(fine) < [2.5e-3, 1.2e-3]).all()
     assert (np.abs(coarse / fine) > 3.5).all()
-
-
-def test_a_transverse_traction_on_a_taut_ply_is_balanced_by_its_tension():
-    """T₀ w″ = 0 with T₀ w′ = p at the pulled edge: w = p x / T₀."""
-    lines = np.linspace(0, 10, 5)
-    mesh = MeshQuad.init_tensor(lines, lines).with_defaults()
-    loads = [Traction("right", (5.0, 0.0, 0.01))]
-    ply = Ply(mesh, Fabric(1e4, 0.1), Full(), loads, dimension=3)
-    result = LoadStepper(ply, {"left": Condition("left")}, 1).run()
-    w = ply.nodal(result.u)[2]
-    np.testing.assert_allclose(w, 0.01 / 5.0 * ply.nodes[0], rtol=2e-3)
 
 
 # Creases and folds in space: distinguished from rotations, and rejected

@@ -6,13 +6,12 @@ from copy import deepcopy
 import numpy as np
 import pytest
 from scipy.sparse import diags
-from skfem import BilinearForm, CellBasis, FacetBasis, InteriorFacetBasis, MeshQuad, asm
+from skfem import CellBasis, FacetBasis, InteriorFacetBasis, MeshQuad, asm
 
 from skfem_textile import (
     BodyForce,
     Condition,
     Fabric,
-    Forms,
     FormTerm,
     Full,
     LoadStepper,
@@ -24,7 +23,6 @@ from skfem_textile import (
     Quadratic,
     Sin2,
     Term,
-    Values,
     VectorTerm,
     shear,
 )
@@ -73,20 +71,6 @@ def test_a_term_of_quadratic_triangles_depends_on_all_nodes():
     np.testing.assert_allclose(
         derivative(sprung.residual, u, du), sprung.tangent(u) @ du, atol=1e-3
     )
-
-
-def test_a_kernel_agrees_with_its_forms():
-    ply, further = plain(), shear(Fabric(1e3, Sin2(2.0)))
-    u = random_u(ply, 3)
-    fast, slow = (
-        ply.with_terms(FormTerm("more", given, ply.basis))
-        for given in (further, defined(further))
-    )
-    assert fast.terms[-1].kernel is not None
-    assert slow.terms[-1].kernel is None
-    assert fast.energy(u) == pytest.approx(slow.energy(u), rel=1e-12)
-    np.testing.assert_allclose(fast.residual(u), slow.residual(u), atol=1e-9)
-    assert abs(fast.tangent(u) - slow.tangent(u)).max() < 1e-9
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -147,7 +131,7 @@ def test_a_run_uses_all_terms_with_their_roles(tmp_path):
         VectorTerm("lift", force),
     )
     loaded = ply.with_terms(*terms)
-    whole = LoadStepper(loaded, CONDITIONS, 4).run()
+    whole = LoadStepper(loaded, CONDITIONS, 2).run()
     state = whole.states[-1]
     assert list(state.potentials) == ["lift"]
     assert {"springs", "held"} < set(state.energies)
@@ -161,14 +145,14 @@ def test_a_run_uses_all_terms_with_their_roles(tmp_path):
         if state.load_factor > 0.4:
             raise KeyboardInterrupt
 
-    stepper = LoadStepper(loaded, CONDITIONS, 4, checkpoint=tmp_path, on_step=stop)
+    stepper = LoadStepper(loaded, CONDITIONS, 2, checkpoint=tmp_path, on_step=stop)
     with pytest.raises(KeyboardInterrupt):
         stepper.run()
-    resumed = LoadStepper(loaded, CONDITIONS, 4, checkpoint=tmp_path).run(resume=True)
+    resumed = LoadStepper(loaded, CONDITIONS, 2, checkpoint=tmp_path).run(resume=True)
     np.testing.assert_array_equal(resumed.u, whole.u)
     assert resumed.states[-1].potentials == state.potentials
     with pytest.raises(ValueError, match="belongs to another run"):
-        LoadStepper(ply, CONDITIONS, 4, checkpoint=tmp_path).run(resume=True)
+        LoadStepper(ply, CONDITIONS, 2, checkpoint=tmp_path).run(resume=True)
 
 
 # Parameters of terms: immutable values, which plies do not store
@@ -219,19 +203,6 @@ def test_plies_that_share_a_term_do_not_influence_each_other(role):
         assert second.energies(u, 1.0, advanced)["drag"] == 0.0
 
 
-def test_plies_with_and_without_a_term_have_the_same_parameters():
-    ply = plain(OnePoint())
-    sprung, u = (
-        ply.with_terms(FormTerm("springs", SPRINGS, ply.basis)),
-        random_u(ply, 1),
-    )
-    before = copy_arrays(ply.parameters_at_rest)
-    updated = sprung.updated(sprung.parameters_at_rest, 0.05 * u)
-    assert_unchanged(ply.parameters_at_rest, before)
-    energies = [each.energies(u, 1.0, updated) for each in (ply, sprung)]
-    assert energies[0]["stabilisation"] == energies[1]["stabilisation"]
-
-
 @every_formulation
 def test_updates_return_new_values_and_change_nothing(formulation):
     ply = plain(formulation)
@@ -241,24 +212,15 @@ def test_updates_return_new_values_and_change_nothing(formulation):
     u, v = random_u(ply, 1), random_u(ply, 2)
     updated, advanced = ply.updated(rest, u), ply.advanced(rest, u)
     assert advanced is not rest
-    assert (updated is not rest) == (formulation != OnePoint(1.0, "rate"))
+    has_rates = formulation == OnePoint(1.0, "rate")
+    assert (updated is not rest) != has_rates
+    assert ply.updated(updated, u) is updated
     copies = copy_arrays(updated), copy_arrays(advanced)
     ply.advanced(ply.updated(advanced, v), v)
     assert_unchanged(rest, before)
     assert_unchanged(updated, copies[0])
     assert_unchanged(advanced, copies[1])
     assert ply.parameters_at_rest is rest
-
-
-@every_formulation
-def test_parameters_without_a_change_are_returned_unchanged(formulation):
-    ply = plain(formulation)
-    rest, u = ply.parameters_at_rest, random_u(ply, 1)
-    assert ply.updated(rest, ply.basis.zeros()) is rest
-    updated = ply.updated(rest, u)
-    assert ply.updated(updated, u) is updated
-    again = ply.advanced(updated, u)
-    assert (again is updated) == (formulation != OnePoint(1.0, "rate"))
 
 
 @every_formulation
@@ -275,14 +237,6 @@ def test_parameters_cannot_be_changed_in_place(formulation):
                     values[name] = array
                 with pytest.raises(ValueError, match="read-only"):
                     array[...] = 0.0
-
-
-def test_values_are_copies_of_arrays_that_can_be_changed():
-    array = np.zeros(3)
-    values = Values({"last": array})
-    array += 1.0
-    assert not values["last"].any()
-    assert Values({"last": values["last"]})["last"] is values["last"]
 
 
 @pytest.mark.parametrize("copy", [deepcopy, lambda x: pickle.loads(pickle.dumps(x))])
@@ -329,11 +283,11 @@ def test_a_run_does_not_modify_a_ply(formulation):
         ]
 
     before, held = numbers(), copy_arrays(rest)
-    first = LoadStepper(ply, CONDITIONS, 2).run()
+    first = LoadStepper(ply, CONDITIONS, 1).run()
     assert numbers() == before
     assert ply.parameters_at_rest is rest
     assert_unchanged(rest, held)
-    second = LoadStepper(ply, CONDITIONS, 2).run()
+    second = LoadStepper(ply, CONDITIONS, 1).run()
     np.testing.assert_array_equal(second.u, first.u)
     assert second.history() == first.history()
 
@@ -346,83 +300,7 @@ def test_a_ply_without_parameters_has_none():
     )
 
 
-# User-defined terms that are rejected, each with its name
-
-
-def test_undeclared_coupling_of_a_tangent_is_rejected():
-    ply = plain()
-    sprung = ply.with_terms(Spring(ply.basis.N, couples=()))
-    with pytest.raises(ValueError, match="'spring': its tangent couples nodes"):
-        sprung.tangent(ply.basis.zeros())
-
-
-def test_an_unsymmetric_tangent_is_rejected():
-    ply = plain()
-    lopsided = Forms(*SPRINGS[:2], BilinearForm(lambda u, v, w: u[0] * v[1]))
-    for term in (
-        FormTerm("wind", lopsided, ply.basis),
-        MatrixTerm("wind", np.triu(np.ones((ply.basis.N, ply.basis.N)))),
-    ):
-        with pytest.raises(ValueError, match="'wind': its tangent is not symmetric"):
-            ply.with_terms(term)
-
-
-def test_terms_of_another_ply_or_name_are_rejected():
-    ply, N = plain(), plain().basis.N
-    other, odd = CellBasis(MeshQuad(), ELEMENT), object()
-    for term, complaint in (
-        (FormTerm("a", SPRINGS, other), "its basis is not a basis of the displacement"),
-        (MatrixTerm("a", np.eye(3)), "its matrix must be"),
-        (VectorTerm("a", np.full(N, np.nan)), "its vector must be"),
-        (VectorTerm("a", np.ones(N), role="force"), "role must be one of"),
-        (VectorTerm("shear", np.ones(N)), "two terms have the name 'shear'"),
-        (3.0, "is not a term: it lacks name"),
-        (VectorTerm, "is a class, not a term"),
-        (VectorTerm("", np.ones(N)), "the name of a term must be a non-empty string"),
-        (FormTerm("a", SPRINGS, None), "its basis is not a basis of the displacement"),
-        (FormTerm("a", SPRINGS, ply.basis, parameters=odd), "its parameters lack"),
-    ):
-        with pytest.raises(ValueError, match=complaint):
-            ply.with_terms(term)
-
-
-def test_a_basis_of_another_mesh_is_rejected():
-    """For any number of unknowns: the node numbers must agree."""
-    ply = plain()
-    turned = MeshQuad(ply.mesh.p[:, ::-1], ply.mesh.nvertices - 1 - ply.mesh.t)
-    for mesh in (ply.mesh.scaled(10.0), turned):
-        term = FormTerm("springs", SPRINGS, CellBasis(mesh, ELEMENT))
-        with pytest.raises(ValueError, match="its basis is not a basis of"):
-            ply.with_terms(term)
-    copy_arrays = MeshQuad(ply.mesh.p.copy(), ply.mesh.t.copy())
-    ply.with_terms(FormTerm("springs", SPRINGS, CellBasis(copy_arrays, ELEMENT)))
-
-
-WRONG_PARTS = {
-    "energy of numbers": ("energy", lambda own, u: u, "its energy must be one real"),
-    "column": ("residual", lambda own, u: own[:, None], "its residual must be"),
-    "one number": ("residual", lambda own, u: 0.0, "its residual must be"),
-    "complex": ("residual", lambda own, u: own + 0j, "its residual must be"),
-    "small": ("tangent", lambda own, u: own[:-2, :-2], "its tangent must be"),
-    "not finite": ("residual", lambda own, u: own * np.nan, "its residual is not fin"),
-    "broken": ("energy", lambda own, u: u.nothing, "its energy raised AttributeError"),
-    "ten times": ("energy", lambda own, u: 10 * own, "its energy changes by"),
-    "negative": ("tangent", lambda own, u: -own, "its residual changes by"),
-}
-
-
-@pytest.mark.parametrize("wrong", WRONG_PARTS.values(), ids=WRONG_PARTS)
-def test_inconsistent_parts_of_a_term_are_rejected_with_its_name(wrong):
-    part, change, complaint = wrong
-
-    class Wrong(Spring):
-        pass
-
-    method = getattr(Spring, part)
-    setattr(Wrong, part, lambda self, u, t, p: change(method(self, u, t, p), u))
-    ply = plain()
-    with pytest.raises(ValueError, match=f"term 'spring': {complaint}"):
-        ply.with_terms(Wrong(ply.basis.N))
+# Further terms at the last state of a run
 
 
 class LargeSpring(Term):
@@ -463,7 +341,7 @@ def test_terms_are_checked_at_the_last_state(spring, part, caplog):
     mesh = MeshQuad.init_tensor(np.linspace(0, 30, 3), np.linspace(0, 60, 5))
     ply = Ply(mesh.with_defaults(), Fabric(2e3, 0.3, (1, 1), (-1, 1)), terms=[spring])
     ends = {"clamp": Condition("bottom"), "pull": Condition("top", (0, 5.0))}
-    result = LoadStepper(ply, ends, 2).run()
+    result = LoadStepper(ply, ends, 1).run()
     last = [x for x in result.warnings if x.startswith("at load factor 1, term 'spr")]
     assert bool(last) == bool(part)
     assert all(f"its {part} changes by" in x and x in caplog.text for x in last)

@@ -36,13 +36,15 @@ def test_the_force_is_the_force_of_inextensible_fibres(law, known):
 @pytest.mark.parametrize("degrees", [35.0, 45.0, 50.0])
 def test_the_force_is_the_rate_of_the_energy_of_the_three_zones(law, sides, degrees):
     (W, H), theta = sides, np.radians(degrees)
-    mesh = rectangle(W, H, (60, 180), "aligned")
+    mesh = rectangle(W, H, (4, 12), "aligned")
     scene = bias_extension(mesh, warp=theta, weft=np.pi - theta, shear_angle=GAMMA)
-    angles = scene.shear_angle(mesh.p[:, mesh.t].mean(axis=1), 1.0)
+    x, y = (np.arange(400) + 0.5) / 400 * np.array([[W], [H]])
+    grid = np.stack([one.ravel() for one in np.meshgrid(x, y)])
+    angles = scene.shear_angle(grid, 1.0)
     share = [np.isclose(angles, g).mean() for g in (0, GAMMA / 2, GAMMA)]
     triangles = W**2 * np.tan(theta)  # corners and middles at one clamp are half of it
     zones = np.array([triangles / 2, triangles, W * H - 1.5 * triangles])
-    np.testing.assert_allclose(W * H * np.array(share), zones, rtol=0.02)
+    np.testing.assert_allclose(W * H * np.array(share), zones, rtol=0.005)
 
     def energy(g):
         return zones @ law.energy(np.array([0, g / 2, g]))
@@ -113,13 +115,13 @@ def test_fibres_may_cross_at_another_angle(degrees):
 
 def halves():
     """A mesh of the left half, and one of it and its mirror image."""
-    half = rectangle(WIDTH / 2, 2 * WIDTH, (5, 20), "irregular", 0.25)
+    half = rectangle(WIDTH / 2, 2 * WIDTH, (3, 12), "irregular", 0.25)
     p = half.p.round(6)
     mirrored = MeshQuad(np.stack([WIDTH - p[0], p[1]]), half.t[::-1])
     return MeshQuad(p, half.t), MeshQuad(p, half.t) + mirrored
 
 
-@pytest.mark.parametrize("degrees", [40.0, 45.0])
+@pytest.mark.parametrize("degrees", [40.0, pytest.param(45.0, marks=pytest.mark.slow)])
 def test_half_a_ply_on_a_roller_agrees_with_the_whole(degrees):
     theta = np.radians(degrees)
     half, whole = halves()
@@ -141,10 +143,12 @@ def test_the_exact_motion_of_half_a_ply_stays_on_its_axis():
     np.testing.assert_allclose(scene.displacement(axis, 1.0)[0], 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", [2, 3])
-def test_fibres_that_resist_tension_only_are_stretched_in_few_solves(seed):
+@pytest.mark.parametrize(
+    ("seed", "size"), [(2, (8, 16)), pytest.param(3, (16, 32), marks=pytest.mark.slow)]
+)
+def test_fibres_that_resist_tension_only_are_stretched_in_few_solves(seed, size):
     """The load agrees with `docs/benchmarks/laws.md`."""
-    scene = bias_extension(seed=seed)
+    scene = bias_extension(seed=seed, size=size)
     fibres = TensionOnly(Linear(1e5))
     ply = Ply(scene.mesh, Fabric(fibres, 0.5, scene.warp, scene.weft))
     result = LoadStepper(ply, scene.conditions, steps=4).run()
@@ -157,38 +161,12 @@ def test_the_ratio_of_loads_is_undefined_without_shear_stiffness():
     assert "load_over_exact" not in summary
 
 
-def test_invalid_meshes_and_angles_are_rejected():
-    with pytest.raises(ValueError, match="between 0 and 90 degrees, got 95"):
-        bias_extension(shear_angle=np.radians(95))
-    with pytest.raises(ValueError, match="at least 100 mm high, not 90 mm"):
-        bias_extension(rectangle(50, 90, (4, 8)))
-    steep = {"warp": np.radians(60), "weft": np.radians(120)}
-    with pytest.raises(ValueError, match=r"at least 173\.205 mm high, not 100 mm"):
-        bias_extension(rectangle(25, 100, (4, 8)), part="half", **steep)
-    with pytest.raises(ValueError, match="between 0 and 60 degrees, got 61"):
-        bias_extension(shear_angle=np.radians(61), **steep)
-    for warp, weft in (
-        (40, 130),
-        (135, 45),
-        (0, 180),
-        (90, 90),
-        (np.nan, 135),
-        (45, np.inf),
-    ):
-        with pytest.raises(ValueError, match="symmetric about the loading direction"):
-            bias_extension(warp=np.radians(warp), weft=np.radians(weft))
-    with pytest.raises(
-        ValueError, match="unknown part 'third': choose one of whole, half"
-    ):
-        bias_extension(part="third")
-    with pytest.raises(ValueError, match="corner of the mesh must be at the origin"):
-        bias_extension(rectangle(50, 100, (4, 8)).translated((1.0, 0.0)))
-
-
-@pytest.mark.parametrize("kind", ["irregular", "delaunay"])
+@pytest.mark.parametrize(
+    "kind", ["irregular", pytest.param("delaunay", marks=pytest.mark.slow)]
+)
 def test_one_step_and_eight_give_the_same_load(kind):
     """E_d follows the current state, not the initial one, which has no tension."""
-    scene = bias_extension(kind, size=(8, 16))
+    scene = bias_extension(kind, size=(4, 8))
     fabric = Fabric(1e5, 0.5, scene.warp, scene.weft)
     runs = {
         steps: LoadStepper(Ply(scene.mesh, fabric), scene.conditions, steps).run()

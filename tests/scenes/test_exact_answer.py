@@ -66,10 +66,10 @@ def with_missing_corner(W, H):
 
 
 def with_waist(W, H):
-    """Its left side bends in by a hundredth of the width."""
+    """Its left side bends in by a hundred-thousandth of the width."""
     mesh = rectangle(W, H, (8, 16), "aligned")
     x, y = mesh.p
-    bent = x + 0.01 * (W - x) * np.sin(np.pi * y / H)
+    bent = x + 1e-5 * (W - x) * np.sin(np.pi * y / H)
     return MeshQuad(np.stack([bent, y]), mesh.t)
 
 
@@ -99,31 +99,27 @@ MISFITS = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("scene", "sides"), [(bias_extension, (50, 100)), (strip, (40, 60))]
-)
 @pytest.mark.parametrize(("outline", "why"), MISFITS)
-def test_a_mesh_of_another_shape_has_no_exact_solution(scene, sides, outline, why):
-    computed = scene(outline(*sides))
-    for one in (computed, computed.rotated(np.radians(30.0))):
-        summary = solve(one)
-        assert not (EXACT | LOAD) & set(summary)
-        assert summary["exact_answer"].startswith("none: ")
-        assert summary["exact_answer"].endswith(why)
-        assert summary["converged"]
-        assert summary["reaction_y"] != 0
+def test_a_mesh_of_another_shape_has_no_exact_solution(outline, why):
+    for scene, sides in ((bias_extension, (50, 100)), (strip, (40, 60))):
+        for angle in (0.0, np.radians(30.0)):
+            assert scene(outline(*sides)).rotated(angle).misfit.endswith(why)
+    summary = solve(bias_extension(outline(50, 100), shear_angle=0.1), steps=1)
+    assert not (EXACT | LOAD) & set(summary)
+    assert summary["exact_answer"].startswith("none: ")
+    assert summary["exact_answer"].endswith(why)
+    assert summary["converged"]
+    assert summary["reaction_y"] != 0
 
 
 def test_half_and_split_meshes_are_checked():
     half = with_hole(25, 100)
-    for scene, formulation in (
-        (bias_extension(half, part="half"), OnePoint(5.0)),
-        (bias_extension(split(with_hole(50, 100))), Macro()),
-        (bias_extension(split(half), part="half"), Macro()),
+    for scene in (
+        bias_extension(half, part="half"),
+        bias_extension(split(with_hole(50, 100))),
+        bias_extension(split(half), part="half"),
     ):
-        summary = solve(scene, formulation)
-        assert not (EXACT | LOAD) & set(summary)
-        assert summary["exact_answer"].endswith(ON_NO_SIDE)
+        assert scene.misfit.endswith(ON_NO_SIDE)
 
 
 def triangles_with_nodes_inside(W, H):
@@ -138,8 +134,7 @@ def triangles_with_nodes_inside(W, H):
     return MeshTri(p, cells)
 
 
-@pytest.mark.parametrize("law", [Linear(0.5), Sin2(0.5)])
-@pytest.mark.parametrize("degrees", [0.0, 30.0])
+@pytest.mark.parametrize(("law", "degrees"), [(Linear(0.5), 0.0), (Sin2(0.5), 30.0)])
 def test_a_rectangle_from_a_file_has_its_exact_solution(tmp_path, law, degrees):
     triangles_with_nodes_inside(50, 100).save(tmp_path / "mesh.msh")
     scene = bias_extension(read_mesh(tmp_path / "mesh.msh"))
@@ -173,17 +168,17 @@ def test_a_frame_that_holds_every_edge_is_exact_on_any_outline(outline):
 
 def test_a_bent_trellis_with_a_hole_converges_to_its_motion():
     errors = []
-    for n in (6, 12, 24):
+    for n in (6, 12):
         scene = trellis(with_hole(100, 100, n))
         summary = solve(scene, Full(), E=1e4, law=0.0)
         errors.append(summary["displacement_error_rms"])
-    assert errors[0] > 3.5 * errors[1] > 12 * errors[2]
+    assert errors[0] > 3.5 * errors[1]
 
 
 def test_a_report_states_once_why_there_is_no_exact_solution(tmp_path):
     with_hole(50, 100).save(tmp_path / "mesh.vtk")
     command = ["run", "bias_extension", "--mesh", str(tmp_path / "mesh.vtk")]
-    command += ["--steps", "2", "--no-render"]
+    command += ["--steps", "1", "--shear-angle", "10", "--no-render"]
     assert cli.main([*command, "--out", str(tmp_path / "out")]) == 0
     assert cli.main(["report", str(tmp_path / "out")]) == 0
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
@@ -206,9 +201,17 @@ STRETCHED = [
     (52.5, 40.0, Linear(0.5), (2e4, 2e4)),
     (60.0, 20.0, Linear(0.5), (2e4, 2e4)),
 ]
+#: Whose meshes are the coarsest, and differ in every quantity.
+FEW = 0, 3, 5
 
 
-@pytest.mark.parametrize(("degrees", "shear", "law", "ratios"), STRETCHED)
+@pytest.mark.parametrize(
+    ("degrees", "shear", "law", "ratios"),
+    [
+        pytest.param(*case, marks=[pytest.mark.slow] * (i not in FEW))
+        for i, case in enumerate(STRETCHED)
+    ],
+)
 def test_the_load_lost_to_stretch_is_accurate_to_a_third(degrees, shear, law, ratios):
     """Against meshes along the fibres, which do not lock, finest at their kinks."""
     theta, E = np.radians(degrees), tuple(0.5 * ratio for ratio in ratios)

@@ -7,7 +7,6 @@ import pytest
 
 from skfem_textile import Fabric, Linear, Polynomial, Sin2
 from skfem_textile.calibration import BiasExtension, PictureFrame
-from skfem_textile.mesh.checks import MeshError
 from skfem_textile.scenes import Case, bias_extension, picture_frame, specimen
 from skfem_textile.scenes.bias_extension import force
 from skfem_textile.scenes.shear_test import BiasTest, FrameTest
@@ -89,10 +88,6 @@ def test_specimens_have_the_dimensions_of_the_user():
     assert scene.shear_test == BiasTest(80.0, 240.0)
     half = bias_extension("aligned", part="half", width=80.0)
     assert np.ptp(half.mesh.p, axis=1) == pytest.approx([40.0, 160.0])
-    with pytest.raises(MeshError, match="must be at least 160 mm high"):
-        bias_extension(width=80.0, height=150.0)
-    with pytest.raises(ValueError, match="longer than the side of the frame"):
-        picture_frame(side=140.0, frame=100.0)
 
 
 def test_scenes_give_their_specimens():
@@ -108,6 +103,8 @@ def test_scenes_give_their_specimens():
     [
         {"weft": np.pi / 2},
         {"height": 90.0},
+        {"height": 100 * (1 - 1e-5)},
+        {"weft": 0.75 * np.pi + 1e-5},
         {"moves": [("bottom", (0, 0)), ("top", (1, 5))]},
         {"moves": [("bottom", (0, 0)), ("top", ("free", 5))]},
         {"moves": [("bottom", ("free", 0)), ("top", (0, 5))]},
@@ -180,20 +177,3 @@ def test_the_frame_reduction_agrees_with_cao_et_al():
     expected = F_s * 200.0 / 160.0**2 * np.cos(np.radians(30.0))
     computed = PictureFrame(200.0, 160.0).moment(np.radians([30.0]), np.array([50.0]))
     assert computed[0] == pytest.approx(expected, rel=1e-12)
-
-
-def test_invalid_specimens_are_rejected():
-    for make, message in (
-        (lambda: PictureFrame(100.0, 120.0), "longer than the side of the frame"),
-        (lambda: PictureFrame(0.0, 1.0), "side of the frame must be"),
-        (lambda: BiasExtension(50.0, 90.0), "must be at least 100 mm high"),
-        (
-            lambda: BiasExtension(50.0, 900.0, np.pi / 2),
-            "degrees, got 90",
-        ),
-        (lambda: BiasExtension(50.0, 900.0, np.radians(-45)), "degrees, got -45"),
-        (lambda: BiasExtension(50.0, 900.0, np.nan), "degrees, got nan"),
-        (lambda: BiasExtension(np.nan, 90.0), "width must be"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            make()

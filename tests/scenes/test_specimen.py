@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from skfem_textile import Condition, Fabric, Force, LoadStepper, MeshError, Ply
+from skfem_textile import Condition, Fabric, Force, LoadStepper, Ply
 from skfem_textile.cli import main as cli
 from skfem_textile.scenes import Case, bias_extension, specimen, strip
 from skfem_textile.scenes.rectangle import rectangle
@@ -56,42 +56,6 @@ def test_the_driven_boundary_is_named_or_moves_furthest():
     moves = [("left", (0, 0)), ("right", (3, "free")), ("top", (0, 2))]
     assert specimen(moves=moves).driven == "right"
     assert specimen(moves=moves, driven="top").driven == "top"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"moves": []}, "no boundary has a prescribed displacement"),
-        (
-            {"moves": [("top", ("free", "free"))]},
-            "no boundary has a prescribed displacement",
-        ),
-        ({"moves": [("lid", (0, 0))]}, "no boundary 'lid': its boundaries are 'left'"),
-        (
-            {"moves": [("top", (0, 0)), ("top", (0, 1))]},
-            "the displacement of 'top' is given twice",
-        ),
-        (
-            {"moves": [("top", (0, np.inf))]},
-            "displacement of 'top' must be finite, got inf mm",
-        ),
-        ({"moves": [("top", (0, "up"))]}, "must be a number or 'free', got 'up'"),
-        (
-            {"driven": "left"},
-            "'left' has no prescribed displacement: choose one of bottom, top",
-        ),
-        ({"width": 0.0}, "the width must be positive, got 0 mm"),
-        ({"height": np.nan}, "the height must be positive, got nan mm"),
-    ],
-)
-def test_invalid_specimens_are_rejected(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        specimen(**arguments)
-
-
-def test_a_mesh_without_the_boundaries_is_rejected():
-    with pytest.raises(MeshError, match="no boundary 'seam'"):
-        specimen(rectangle(50, 100, (2, 4), "aligned"), moves=[("seam", (0, 0))])
 
 
 def case(**more):

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
-from skfem import MeshHex
 
-from skfem_textile import Fabric, Full, LoadStepper, MeshError, OnePoint, Ply
+from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
 from skfem_textile.mesh.scikit_fem import with_names
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
@@ -12,77 +11,23 @@ pytestmark = pytest.mark.usefixtures("no_interval")
 
 # Reached with 100 equal steps by another implementation; E = 1e4 N/mm, 10×15
 # elements, jitter 0.3, seed 1.
+CASES = {
+    "full": (Full(), 0.0),
+    "full, G = 0.5": (Full(), 0.5),
+    "one point, C_s = 10": (OnePoint(10.0), 0.0),
+    "one point, C_s = 1": (OnePoint(1.0), 0.0),
+    "one point, C_s = 5, G = 0.5": (OnePoint(5.0), 0.5),
+}
+# Of each of them.
 REFERENCE = {
-    "full": (
-        Full(),
-        0.0,
-        {
-            "energy": 309.76916548919075,
-            "reaction_x": -148.3961878536957,
-            "max_fibre_strain": 0.022199404792817644,
-            "mesh_fibre_strain": 0.022199404792817644,
-            "displacement_error_rms": 0.06033311240160868,
-            "displacement_error_max": 0.1979173671845811,
-            "shear_angle_error_rms_deg": 1.1620839883210572,
-            "min_det_F_2x2": 0.4960615234242935,
-        },
-    ),
-    "full, G = 0.5": (
-        Full(),
-        0.5,
-        {
-            "energy": 544.527175113822,
-            "reaction_x": -147.15344766067116,
-            "max_fibre_strain": 0.022126224942610608,
-            "mesh_fibre_strain": 0.022126224942610608,
-            "displacement_error_rms": 0.06835889555476524,
-            "displacement_error_max": 0.2926630091322241,
-            "shear_angle_error_rms_deg": 1.2607798892758206,
-            "min_det_F_2x2": 0.5076109281437159,
-        },
-    ),
-    "one point, C_s = 10": (
-        OnePoint(10.0),
-        0.0,
-        {
-            "energy": 7.7185562127911576,
-            "reaction_x": -3.497139205282485,
-            "max_fibre_strain": 0.0015558477638997733,
-            "mesh_fibre_strain": 0.0705881858497068,
-            "displacement_error_rms": 0.1566349374839819,
-            "displacement_error_max": 0.6677882798184213,
-            "shear_angle_error_rms_deg": 3.383372398928698,
-            "min_det_F_2x2": 0.2702009700029627,
-        },
-    ),
-    "one point, C_s = 1": (
-        OnePoint(1.0),
-        0.0,
-        {
-            "energy": 1.2650744938225296,
-            "reaction_x": 3.0659548079628003,
-            "max_fibre_strain": 0.0005726203306762351,
-            "mesh_fibre_strain": 0.0842094758769263,
-            "displacement_error_rms": 0.2062504654782252,
-            "displacement_error_max": 0.9549538853617378,
-            "shear_angle_error_rms_deg": 4.374981029173224,
-            "min_det_F_2x2": 0.1920662040555853,
-        },
-    ),
-    "one point, C_s = 5, G = 0.5": (
-        OnePoint(5.0),
-        0.5,
-        {
-            "energy": 232.3382821788743,
-            "reaction_x": -10.094014087999845,
-            "max_fibre_strain": 0.0018934199811072238,
-            "mesh_fibre_strain": 0.12490061916140488,
-            "displacement_error_rms": 0.31772824402541117,
-            "displacement_error_max": 1.019765855203384,
-            "shear_angle_error_rms_deg": 6.659397983590098,
-            "min_det_F_2x2": 0.2870012197906599,
-        },
-    ),
+    "energy": (309.7692, 544.5272, 7.718556, 1.265074, 232.3383),
+    "reaction_x": (-148.3962, -147.1534, -3.497139, 3.065955, -10.09401),
+    "max_fibre_strain": (0.0221994, 0.02212622, 0.001555848, 0.0005726203, 0.00189342),
+    "mesh_fibre_strain": (0.0221994, 0.02212622, 0.07058819, 0.08420948, 0.1249006),
+    "displacement_error_rms": (0.06033311, 0.0683589, 0.1566349, 0.2062505, 0.3177282),
+    "displacement_error_max": (0.1979174, 0.292663, 0.6677883, 0.9549539, 1.019766),
+    "shear_angle_error_rms_deg": (1.162084, 1.26078, 3.383372, 4.374981, 6.659398),
+    "min_det_F_2x2": (0.4960615, 0.5076109, 0.270201, 0.1920662, 0.2870012),
 }
 
 
@@ -91,17 +36,18 @@ def run(scene, formulation, shear=0.0, steps=5, E=1e4):
     return LoadStepper(ply, scene.conditions, steps).run()
 
 
-@pytest.mark.parametrize("case", REFERENCE)
+@pytest.mark.parametrize("case", CASES)
 def test_the_reference_is_reached(case):
-    formulation, shear, expected = REFERENCE[case]
+    formulation, shear = CASES[case]
     scene = strip("irregular", (10, 15), 0.3, 1)
     result = run(scene, formulation, shear)
     summary = scene.summary(result)
     assert summary["converged"]
     ply = result.ply
     summary["min_det_F_2x2"] = ply.area_ratio(result.u, ply.fine_points).min()
-    for key, value in expected.items():
-        assert summary[key] == pytest.approx(value, rel=1e-4), key
+    for key, values in REFERENCE.items():
+        expected = values[[*CASES].index(case)]
+        assert summary[key] == pytest.approx(expected, rel=1e-4), key
 
 
 def test_the_generator_gives_the_reference_nodes():
@@ -126,13 +72,7 @@ def test_meshes_along_the_weft_lock():
 
 
 def test_one_point_and_stabilisation_unlock():
-    scene = strip()
-    locked, unlocked = (run(scene, f).summary() for f in (Full(), OnePoint(1.0)))
-    assert unlocked["max_fibre_strain"] < locked["max_fibre_strain"] / 20
-    assert unlocked["energy"] < locked["energy"] / 100
-
-
-def test_strain_and_load_decrease_in_the_order_of_the_papers_figures():
+    """Strain and load decrease in the order of the paper's figures."""
     scene = strip()
     ends = [
         scene.summary(run(scene, f)) for f in (Full(), OnePoint(10.0), OnePoint(1.0))
@@ -140,10 +80,14 @@ def test_strain_and_load_decrease_in_the_order_of_the_papers_figures():
     for key in ("max_fibre_strain", "reaction_x", "energy"):
         sizes = [abs(summary[key]) for summary in ends]
         assert sizes == sorted(sizes, reverse=True), key
+    locked, _, unlocked = ends
+    assert unlocked["max_fibre_strain"] < locked["max_fibre_strain"] / 20
+    assert unlocked["energy"] < locked["energy"] / 100
 
 
-@pytest.mark.parametrize("angle", [0.3, np.pi / 2, -2.5])
-@pytest.mark.parametrize("formulation", [Full(), OnePoint(10.0)], ids=repr)
+@pytest.mark.parametrize(
+    ("formulation", "angle"), [(Full(), 0.3), (OnePoint(10.0), -2.5)]
+)
 def test_a_rotated_problem_has_the_same_answer(formulation, angle):
     scene = strip(size=(5, 8))
     turned = scene.rotated(angle)
@@ -179,7 +123,7 @@ def test_the_exact_motion_stretches_no_fibre():
 
 def test_shear_energy_equals_the_work_of_the_reactions():
     """Ψ = 40 ∫ w(tY/R) dY for stiff fibres, and the reactions do that work."""
-    scene = strip("aligned", (8, 60))
+    scene = strip("aligned", (2, 60))
     G, steps = 0.5, 20
     result = run(scene, Full(), G, steps, E=1e8)
     exact = 40 * G / 2 * 60**3 / 3 / 55**2
@@ -212,26 +156,3 @@ def test_a_mesh_keeps_its_names_or_is_named_by_its_edges():
     half = mesh.boundaries["right"][:5]
     named = with_names(mesh, {"right": half}, None)
     np.testing.assert_array_equal(strip(named).mesh.boundaries["right"], half)
-
-
-def test_a_mesh_of_another_size_is_rejected():
-    mesh = with_names(strip().mesh, None, None)
-    with pytest.raises(MeshError, match="must lie on y = 0"):
-        strip(mesh.translated((0, 5)))
-    with pytest.raises(MeshError, match="mm high, not 600 mm"):
-        strip(mesh.scaled(10.0))
-    with pytest.raises(MeshError, match=r"must be a skfem.MeshQuad or a skfem.MeshTri"):
-        strip(MeshHex())
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"mesh": "diagonal"}, "unknown mesh 'diagonal'"),
-        ({"size": (0, 15)}, "at least 1x1"),
-        ({"jitter": 1.0}, "jitter must be at least 0"),
-    ],
-)
-def test_invalid_meshes_are_rejected(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        strip(**arguments)

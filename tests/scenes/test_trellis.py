@@ -21,8 +21,10 @@ def held_nodes(scene):
     return scene.conditions["held"].nodes("held", quad_basis(scene.mesh, CENTRE))
 
 
-@pytest.mark.parametrize("formulation", [Full(), OnePoint(1.0), OnePoint(10.0, "rate")])
-@pytest.mark.parametrize("degrees", [10.0, 45.0, 80.0])
+@pytest.mark.parametrize(
+    ("formulation", "degrees"),
+    [(Full(), 80.0), (OnePoint(1.0), 45.0), (OnePoint(10.0, "rate"), 10.0)],
+)
 def test_a_picture_frame_is_exact(formulation, degrees):
     gamma = np.radians(degrees)
     scene = picture_frame("horizontal", size=(5, 5), shear_angle=gamma)
@@ -78,8 +80,9 @@ EDGES = [
 ]
 
 
-@pytest.mark.parametrize("edges", EDGES)
-@pytest.mark.parametrize("degrees", [0.0, 25.0])
+@pytest.mark.parametrize(
+    ("edges", "degrees"), [*zip(EDGES, [0.0, 25.0] * 3, strict=True)]
+)
 def test_a_straight_trellis_has_no_force_for_any_free_sides(edges, degrees):
     scene = trellis(size=(6, 6), turns=sheared(0.4), edges=edges, **INCLINED)
     result = solve(scene.rotated(np.radians(degrees)), OnePoint(1.0), G=0.0, steps=4)
@@ -158,24 +161,6 @@ def test_edges_on_no_side_and_corners_of_constrained_sides_are_constrained():
     ]
 
 
-def test_invalid_sides_are_rejected():
-    with pytest.raises(
-        ValueError, match="unknown side 'lid': choose one of top, right"
-    ):
-        trellis(edges={"lid": "free"})
-    for edge in (np.nan, "loose", None):
-        with pytest.raises(ValueError, match="the left side must be 'held', 'free' or"):
-            trellis(edges={"left": edge})
-    with pytest.raises(ValueError, match="no side is held: hold at least one"):
-        trellis(edges={"left": 0.3, "right": 0.2, "top": "free", "bottom": "free"})
-    turned = trellis().rotated(0.3).mesh
-    turned = MeshQuad(turned.p, turned.t).with_boundaries({"top": np.array([0])})
-    with pytest.raises(
-        ValueError, match="no straight left edge: name a boundary 'left'"
-    ):
-        trellis(turned, edges={"left": "free"})
-
-
 @pytest.mark.parametrize("t", [0.3, 1.0])
 def test_exact_motions_stretch_no_fibre(t):
     def warp(s, t):
@@ -198,17 +183,3 @@ def test_exact_motions_stretch_no_fibre(t):
     np.testing.assert_allclose(
         np.ptp(inclinations) - crossing, scene.shear_angle(X, t), atol=1e-7
     )
-
-
-def test_folding_or_parallel_fibres_are_rejected():
-    with pytest.raises(ValueError, match="would fold"):
-        picture_frame(shear_angle=np.pi / 2)
-    with pytest.raises(ValueError, match="would fold"):
-        trellis(warp=0.0, weft=np.radians(30), turns=sheared(np.radians(31)))
-    for degrees in (120.0, 300.0, 360.0, 400.0):
-        with pytest.raises(ValueError, match="would fold"):
-            picture_frame(shear_angle=np.radians(degrees))
-    with pytest.raises(ValueError, match=r"shear by .* degrees at load factor 0\.3"):
-        trellis(turns=(lambda s, t: 8 * t * (1 - t) + 0 * s, lambda s, t: 0 * s))
-    with pytest.raises(ValueError, match="parallel"):
-        trellis(warp=0.3, weft=0.3)

@@ -112,14 +112,7 @@ def test_every_triangle_has_an_edge_along_warp_and_one_along_weft(degrees, caplo
     assert caplog.messages == []
 
 
-@pytest.mark.parametrize("height", [75.0, 100.0, 120.0])
-def test_lines_meet_at_the_sides_however_many_there_are_along_each(height):
-    angles = np.radians([45.0, 135.0])
-    mesh = rectangle(50, height, (17, 3), "aligned", 0.3, 1, *angles)
-    np.testing.assert_array_equal(edges_along(mesh, 45, 135), 1)
-
-
-@settings(max_examples=15, phases=[Phase.explicit, Phase.generate])
+@settings(max_examples=6, phases=[Phase.explicit, Phase.generate])
 @given(
     warp=st.integers(0, 180),
     crossing=st.integers(5, 175),
@@ -281,45 +274,10 @@ def test_a_bent_trellis_converges_along_inclined_fibres():
     assert errors[0] > 6 * errors[1] > 36 * errors[2]
 
 
-def test_invalid_outlines_and_fibres_are_rejected():
-    regions = Outline(SQUARE, regions={"patch": HOLE})
-    for outline, message in (
-        (SQUARE[:, [0, 2, 1, 3]], "the outline crosses or touches itself"),
-        (SQUARE[:, [0, 0, 1, 2]], "coincident corners"),
-        ([[0, 1, 2], [0, 1, 2]], "no area"),
-        (SQUARE[:, :2], r"shape \(2, n\), n >= 3, not \(2, 2\)"),
-        (SQUARE * np.nan, "not finite"),
-        (regions, "have no regions: use mesh_outline"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            mesh_along_fibres(outline, (1, 0), (0, 1), 1.0)
-    for warp, weft, spacing, message in (
-        ((1, 0), (-2, 0), 1.0, "parallel"),
-        ((0, 0), (0, 1), 1.0, "warp must be a non-zero finite vector"),
-        (lambda x: x, (0, 1), 1.0, "warp"),
-        ((1, 0), (0, 1), 0.0, "spacing must be positive"),
-        ((1, 0), (0, 1), (1.0, np.inf), "spacing must be positive"),
-        (
-            (1, 0),
-            (0, 1),
-            1e-30,
-            "the spacing is too small: the mesh would have about",
-        ),
-        (
-            (1, 1),
-            (-1, 1),
-            (1.0, 1e-7),
-            "the spacing is too small: the mesh would have about",
-        ),
-    ):
-        with pytest.raises(ValueError, match=message):
-            mesh_along_fibres(SQUARE, warp, weft, spacing)
-
-
 def test_the_command_line_generates_meshes_along_the_fibres(tmp_path):
     command = ["run", "bias_extension", "--mesh", "aligned", "--size", "3x6"]
     command += ["--fibres", "52.5", "--fibre-stiffness", "5e9"]
-    command += ["--formulation", "quadratic", "--steps", "4", "--no-render"]
+    command += ["--formulation", "quadratic", "--steps", "2", "--no-render"]
     assert cli.main([*command, "--out", str(tmp_path)]) == 0
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["displacement_error_max"] < 1e-6

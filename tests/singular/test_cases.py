@@ -86,55 +86,10 @@ def test_a_stated_formulation_is_used(coupon):
     assert built.formulation == DEFAULT
 
 
-@pytest.mark.parametrize(
-    ("scene", "mesh", "message"),
-    [
-        ("strip", {}, "mesh.outline applies to the scene specimen only"),
-        ("specimen", {"size": [3, 4]}, "mesh.size does not apply to a graded mesh"),
-        ("specimen", {"source": "aligned"}, "mesh.outline does not apply to the mesh"),
-        ("specimen", {"layer": ["cut"]}, "no visible lines on the layer 'cut'"),
-        ("specimen", {"unit": "ft"}, r"mesh\.unit"),
-        ("specimen", {"density": 0.0}, "density must be positive"),
-        ("specimen", {"density": 1e9}, "choose a smaller one"),
-        ({"name": "specimen", "width_mm": 80.0}, {}, "width_mm does not apply"),
-        (
-            {"name": "specimen", "move_mm": {"side": [0.0, 0.0]}},
-            {},
-            "no boundary 'side'",
-        ),
-    ],
-)
-def test_input_that_does_not_suit_an_outline_is_refused(coupon, scene, mesh, message):
-    with pytest.raises(ValueError, match=message):
-        case(scene, {"outline": coupon, **mesh})
-
-
 def test_unit_and_layers_of_a_drawing_can_be_given(coupon):
     mesh = case(mesh={"outline": coupon, "layer": ["outer"], "unit": "cm"}).scene.mesh
     assert np.ptp(mesh.p, axis=1) == pytest.approx([500, 1000])
     assert "hole" not in mesh.boundaries
-
-
-@pytest.mark.parametrize("key", [{"unit": "cm"}, {"layer": ["outer"]}])
-def test_unit_and_layers_require_a_drawing(key):
-    with pytest.raises(ValueError, match=r"requires mesh\.outline"):
-        case(mesh=key)
-
-
-def test_a_drawing_is_not_a_mesh(coupon):
-    with pytest.raises(ValueError, match=r"is a drawing: name it in mesh\.outline"):
-        case(mesh={"source": coupon})
-
-
-@pytest.mark.parametrize("scene", ["hemisphere", "cantilever"])
-def test_a_graded_mesh_in_space_is_refused(scene):
-    with pytest.raises(ValueError, match="applies to scenes in the plane only"):
-        case(scene, {"source": "graded"})
-
-
-def test_density_of_another_mesh_is_refused():
-    with pytest.raises(ValueError, match=r"mesh\.density does not apply to the mesh"):
-        case(mesh={"source": "irregular", "density": 2.0})
 
 
 def test_a_rotated_scene_has_the_rotated_mesh():
@@ -144,14 +99,6 @@ def test_a_rotated_scene_has_the_rotated_mesh():
     )
     assert np.allclose(rotated.p[0], -plain.p[1])
     assert np.array_equal(rotated.t, plain.t)
-
-
-def test_a_drawing_in_metres_is_refused(tmp_path):
-    file = tmp_path / "metres.svg"
-    text = SVG.replace("50mm", "0.05mm").replace("100mm", "0.1mm")
-    file.write_text(text)
-    with pytest.raises(ValueError, match="in metres"):
-        case(mesh={"outline": str(file)})
 
 
 def test_the_log_names_ply_and_holes_once(coupon, caplog):
@@ -167,12 +114,3 @@ def test_holes_are_numbered_as_drawn(tmp_path):
     small, large = (np.ptp(mesh.p[0, mesh.facets[:, e]]) for e in edges)
     assert small == pytest.approx(20, abs=0.1)
     assert large == pytest.approx(24, abs=0.1)
-
-
-def test_other_drawings_are_refused_by_name(tmp_path):
-    file = tmp_path / "ply.dwg"
-    file.write_bytes(b"AC1032")
-    with pytest.raises(
-        ValueError, match=r"ply\.dwg: an outline is read from \.dxf and"
-    ):
-        case(mesh={"outline": str(file)})

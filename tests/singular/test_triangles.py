@@ -20,7 +20,8 @@ from skfem_textile.singular import Outline, singular_fibres
 from skfem_textile.singular.meshing import irregular, mesh_outline
 from skfem_textile.singular.triangles import triangles
 
-SEED = 4711
+# Of the random outlines, and numbers of those that take a moment.
+SEED, QUICK = 4711, (4, 16, 19)
 
 
 def angles(p, t):
@@ -73,7 +74,13 @@ def input_angles(edges, points):
     return smallest
 
 
-@pytest.mark.parametrize("seed", range(SEED, SEED + 24))
+@pytest.mark.parametrize(
+    "seed",
+    [
+        pytest.param(seed, marks=[] if seed - SEED in QUICK else pytest.mark.slow)
+        for seed in range(SEED, SEED + 24)
+    ],
+)
 def test_random_outlines_have_valid_meshes_with_good_angles(seed):
     """Angles are at least 10° except beside smaller angles between the lines."""
     outline, fabric, held, size = random_case(seed)
@@ -119,11 +126,6 @@ def test_parallel_lines_nearby_are_joined():
     assert two.triangles.shape[1] < 1.1 * one.triangles.shape[1]
 
 
-def test_a_size_that_would_give_too_many_triangles_is_refused():
-    with pytest.raises(ValueError, match="choose a larger one"):
-        triangles(shapely.box(0, 0, 100, 100), [], 1e-4)
-
-
 @pytest.fixture(scope="module")
 def bias():
     """Bias extension at 45° with a locking force in the singular fibres."""
@@ -139,21 +141,26 @@ def load(mesh, fabric, held, formulation):
     return result.states[-1].reactions["top"][1]
 
 
-@pytest.mark.parametrize("formulation", [Macro(), Quadratic(400)])
-@pytest.mark.parametrize("turn", [0.0, 0.35])
-def test_load_on_conforming_triangles(bias, formulation, turn):
+@pytest.fixture(scope="module")
+def exact(bias):
+    """Load on a graded net."""
+    return load(mesh_outline(*bias, density=2.0), *bias[1:], Quadratic())
+
+
+@pytest.mark.parametrize(
+    ("formulation", "turn"), [(Macro(), 0.35), (Quadratic(400), 0.0)]
+)
+def test_load_on_conforming_triangles(bias, exact, formulation, turn):
     """With 16 elements across, the load is within 1 % of the load on a graded net."""
     outline, fabric, held = bias
-    exact = load(mesh_outline(*bias, density=2.0), fabric, held, Quadratic())
     lines = singular_fibres(*bias, finest=1.0)
     mesh = irregular(outline, lines, 50 / 16, turn)
     assert load(mesh, fabric, held, formulation) == pytest.approx(exact, rel=0.01)
 
 
-def test_without_the_name_the_same_mesh_is_too_soft(bias):
+def test_without_the_name_the_same_mesh_is_too_soft(bias, exact):
     """The stiffness at singular fibres, not the mesh alone, gives the load."""
     _, fabric, held = bias
-    exact = load(mesh_outline(*bias, density=2.0), fabric, held, Quadratic())
     named = mesh_outline(*bias, size=50 / 16)
     plain = MeshTri(named.p, named.t).with_boundaries(
         {name: named.boundaries[name] for name in ("bottom", "top")}
@@ -171,7 +178,7 @@ def test_regions_are_subdomains():
     )
     fabric, patch = Fabric(1e4, 0.5, (1, 1), (-1, 1)), Fabric(1e4, 5.0, (1, 1), (-1, 1))
     held = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 5.0))}
-    mesh = mesh_outline(outline, fabric, held, fabrics={"patch": patch})
+    mesh = mesh_outline(outline, fabric, held, fabrics={"patch": patch}, size=10.0)
     check_mesh(mesh)
     x = mesh.p[:, mesh.t[:, mesh.subdomains["patch"]]]
     u, v = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
@@ -179,12 +186,12 @@ def test_regions_are_subdomains():
     assert sum(map(len, mesh.subdomains.values())) == mesh.nelements
     assert np.allclose(mesh.p[:, mesh.named_nodes["stitch"][0]], [20, 80])
     fabrics = {"patch": patch, "rest": fabric}
-    result = LoadStepper(Ply(mesh, fabrics, Quadratic(400)), held, 1).run()
-    assert result.states[-1].reactions["top"][1] > 0
+    assert Ply(mesh, fabrics, Quadratic(400)).parent.size == mesh.nelements
 
 
+@pytest.mark.dear("locking shows in the loads of three plies")
 def test_curved_fibres_do_not_lock():
-    """Log spirals: 8 and 16 elements across agree within 1.5 %; plain ones do not."""
+    """Log spirals: 6 and 12 elements across agree within 1.5 %; plain ones do not."""
     at = np.linspace(0, 1.2, 41)
     inner, outer = 83.0, 152.0
     arc = np.array([np.cos(at), np.sin(at)])
@@ -209,17 +216,11 @@ def test_curved_fibres_do_not_lock():
 
     def force(size, formulation):
         mesh = mesh_outline(outline, fabric, held, size=size)
-        assert len(mesh.boundaries[SINGULAR]) > 20
+        assert len(mesh.boundaries[SINGULAR]) > 15
         ply = Ply(mesh, along_edges(mesh, fabric), formulation)
-        result = LoadStepper(ply, held, 2).run()
+        result = LoadStepper(ply, held, 1).run()
         return result.states[-1].reactions["pulled"] @ normal
 
-    fine = force(69 / 16, Quadratic(400))
-    assert force(69 / 8, Quadratic(400)) == pytest.approx(fine, rel=0.015)
-    assert force(69 / 8, Quadratic()) > 1.1 * fine
-
-
-def test_a_narrow_gap_is_refused_with_its_place():
-    hole = shapely.box(1e-3, 40, 10, 60)
-    with pytest.raises(ValueError, match=r"gap of 0.001 mm at \(.*\) is too narrow"):
-        triangles(shapely.box(0, 0, 50, 100) - hole, [], 5.0)
+    fine = force(69 / 12, Quadratic(400))
+    assert force(69 / 6, Quadratic(400)) == pytest.approx(fine, rel=0.015)
+    assert force(69 / 6, Quadratic()) > 1.1 * fine

@@ -58,7 +58,7 @@ def sheared(fabric, n=4, density=None):
 
 @pytest.mark.parametrize(
     ("fabric", "right"),
-    [(LINEAR, 7.9), (SLACK, 17.9), (BENT, 7.8)],
+    [(LINEAR, 7.9), pytest.param(SLACK, 17.9, marks=pytest.mark.slow), (BENT, 7.8)],
     ids=["linear", "slack", "bent"],
 )
 def test_the_interval_of_a_reaction_along_fibres_contains_that_of_a_fine_net(
@@ -113,11 +113,11 @@ def inclined(degrees):
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     fabric = Fabric(1e4, 0.5, (c, s), (-s, c))
     conditions = {"bottom": Condition("bottom"), "top": Condition("top", (6.0, -0.3))}
-    mesh = rectangle(WIDTH, HEIGHT, (4, 6), "irregular")
+    mesh = rectangle(WIDTH, HEIGHT, (3, 4), "irregular")
     return run_of(mesh, fabric, conditions, steps=1)
 
 
-@pytest.mark.parametrize("degrees", [10, 30, -20])
+@pytest.mark.parametrize("degrees", [30, -20])
 def test_fibres_compressed_beyond_the_shear_stiffness_are_a_warning(degrees):
     (warning,) = [x for x in inclined(degrees).warnings if "compressed" in x]
     assert "below -G, -0.5 N/mm" in warning
@@ -132,8 +132,10 @@ def test_fibres_with_bending_stiffness_may_be_compressed():
     assert compression_warning(ply, state) == ""
 
 
-@pytest.mark.parametrize("kind", ["irregular", "delaunay"])
-@pytest.mark.parametrize("scene", [strip, bias_extension, picture_frame])
+@pytest.mark.parametrize(
+    ("scene", "kind"),
+    [(strip, "irregular"), (bias_extension, "delaunay"), (picture_frame, "irregular")],
+)
 def test_tests_whose_load_converges_have_no_such_warning(scene, kind):
     scene = scene(kind, (4, 6))
     fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)

@@ -21,10 +21,12 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.elastica import hanging
 from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.solve.states import Equilibrium, NoEquilibriumError
+from skfem_textile.solve.verdict import CHECKS, Trial
 from tests.helpers import Locking, Pretensioned
 
 
-def pulled(formulation, prepare, pull, law, steps, size=(4, 8), **options):
+def pulled(formulation, prepare, pull, law, steps, size=(2, 4), **options):
     mesh = prepare(rectangle(50, 100, size, "irregular"))
     ply = Ply(mesh, Fabric(1e4, law, (1, 1), (-1, 1)), formulation)
     held = {"clamp": Condition("bottom"), "pull": Condition("top", (0, pull))}
@@ -42,7 +44,7 @@ FORMULATIONS = {
 @pytest.mark.parametrize("formulation", FORMULATIONS)
 def test_a_locking_angle_is_never_exceeded(formulation):
     """9 mm are more than the cloth can shear: its fibres must stretch."""
-    stepper = pulled(*FORMULATIONS[formulation], 9.0, Locking(0.5, 0.3), 3)
+    stepper = pulled(*FORMULATIONS[formulation], 9.0, Locking(0.5, 0.3), 2)
     result = stepper.run()
     for state in result.states:
         assert np.isfinite(list(state.energies.values())).all()
@@ -62,7 +64,7 @@ def test_a_locking_angle_is_never_exceeded(formulation):
 )
 def test_a_message_names_the_law_that_ends_and_its_argument(odd, message):
     shear = Tabulated(np.radians([0, 20, 40, 50]), [0, 0.02, 0.12, 0.9], odd=odd)
-    stepper = pulled(*FORMULATIONS["macro"], 20.0, shear, 4, max_halvings=1)
+    stepper = pulled(*FORMULATIONS["macro"], 20.0, shear, 2, max_halvings=0)
     with pytest.raises(StepError, match=message) as caught:
         stepper.run()
     error = caught.value
@@ -72,22 +74,15 @@ def test_a_message_names_the_law_that_ends_and_its_argument(odd, message):
     assert angles[error.elements].min() >= np.quantile(angles, 0.5)
 
 
-def test_a_locking_law_works_with_any_number_of_steps():
-    law, macro = Locking(0.5, 0.3), FORMULATIONS["macro"]
-    *few, many = (
-        pulled(*macro, 5.0, law, steps).run().states[-1].reactions["pull"][1]
-        for steps in (1, 3, 10)
-    )
-    assert few == pytest.approx([many] * 2, rel=0.03)  # C_s is updated in steps
-
-
-@pytest.mark.parametrize("method", ["newton", "plain"])
+@pytest.mark.parametrize(
+    "method", [pytest.param("newton", marks=pytest.mark.slow), "plain"]
+)
 def test_no_method_accepts_an_infinite_energy(method):
     """The first increment alone passes the pole, and so would a whole step."""
     stepper = pulled(
-        *(*FORMULATIONS["macro"], 8.0, Locking(0.5, 0.1), 1, (2, 4)),
+        *(*FORMULATIONS["macro"], 8.0, Locking(0.5, 0.1), 1),
         method=method,
-        max_halvings=1,
+        max_halvings=0,
     )
     try:
         result = stepper.run()
@@ -96,22 +91,6 @@ def test_no_method_accepts_an_infinite_energy(method):
     for state in result.states:
         assert np.isfinite(list(state.energies.values())).all()
         assert np.abs(result.ply.shear_angle(state.u)).max() < 0.1
-
-
-def test_a_law_that_is_not_finite_at_rest_is_rejected():
-    class Broken(Pretensioned):
-        domain = None
-
-        def energy(self, x):
-            return np.log(-1.0 - 0 * x)
-
-    mesh = MeshQuad().refined(1).with_defaults()
-    ply = Ply(mesh, Fabric(Broken(10.0, 0.0), 1.0), Full())
-    held = {"clamp": Condition("bottom"), "pull": Condition("top", (0, 0.1))}
-    with pytest.raises(
-        ValueError, match="the energy or force of a law is not finite at rest"
-    ):
-        LoadStepper(ply, held, 1).run()
 
 
 def test_fibres_in_tension_at_rest_are_equilibrated_before_the_load():
@@ -173,6 +152,11 @@ def test_no_law_is_evaluated_beyond_its_domain():
     with pytest.raises(StepError, match=r"of a law.* strain is 0\.01,") as caught:
         LoadStepper(ply, held, 5, max_halvings=2).run()
     assert caught.value.quantity in ("warp_strain", "weft_strain")
+    problem, u = LoadStepper(ply, held, 1).problem.at(1.0), 0.05 * ply.nodes.T.ravel()
+    p = ply.parameters_at_rest
+    beyond = Equilibrium(u, problem.residual(u, p), p, (), 0.0)  # of another method
+    with pytest.raises(NoEquilibriumError, match=r"outside its domain: .* 0\.01"):
+        Trial.of(problem, beyond, None).apply_checks(CHECKS)
     gentle = held | {"pull": Condition("top", (0, 0.009))}
     assert LoadStepper(ply, gentle, 2).run().converged
 
@@ -197,9 +181,9 @@ def strip(fabric, formulation, weight, factor, **ends):
 
 
 @pytest.mark.parametrize(
-    "formulation", [OnePoint(), Macro()], ids=["one point", "macro"]
+    ("formulation", "weight"),
+    [(OnePoint(), 8.0), pytest.param(Macro(), 100.0, marks=pytest.mark.slow)],
 )
-@pytest.mark.parametrize("weight", [8.0, 100.0])
 def test_a_heavy_cantilever_hangs_down_under_a_weight_at_rest(formulation, weight):
     """On the path of the weight, not of a fallback method."""
     fabric = Fabric(1e4, 0.1, bending=(10.0, 10.0))
@@ -228,7 +212,7 @@ def test_an_irregular_sheet_without_bending_stiffness_is_a_catenary(formulation)
         "left": Condition("left"),
         "right": Condition("right", ((span - 1) * 100.0, 0.0, 0.0)),
     }
-    result = LoadStepper(ply, conditions, 4).run()
+    result = LoadStepper(ply, conditions, 2).run()
     c = brentq(lambda c: 2 * c * np.sinh(span / 2 / c) - 1, 0.05, 10.0)
     sag = c * (np.cosh(span / 2 / c) - 1)
     pull = result.states[-1].reactions["right"][0] / (weight * 20.0 * 100.0)

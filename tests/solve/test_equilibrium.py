@@ -47,17 +47,6 @@ def test_the_verdict_needs_one_factorisation_per_run():
     assert result.factorisations == result.linear_solves + 1
 
 
-def test_a_mechanism_is_rejected():
-    mesh = MeshQuad().refined(2).with_defaults()
-    ply = Ply(
-        mesh, Fabric(10.0), Full()
-    )  # no shear stiffness, only one side constrained
-    with pytest.raises(StepError, match="a mechanism is present"):
-        LoadStepper(
-            ply, {"pull": Condition("top", 0.1, direction=(0, 1))}, steps=1
-        ).run()
-
-
 @pytest.mark.parametrize(
     ("G", "cause"),
     [
@@ -70,7 +59,7 @@ def test_round_off_is_no_mechanism(G, cause):
     ply = Ply(mesh.with_defaults(), Fabric(1e4, G), Full())
     ends = {"clamp": Condition("bottom"), "shear": Condition("top", (5.0, None))}
     with pytest.raises(StepError, match=f"singular tangent.*: {cause}"):
-        LoadStepper(ply, ends, 1).run()
+        LoadStepper(ply, ends, 1, max_halvings=0).run()
 
 
 def test_a_ply_with_every_node_prescribed_has_no_unknowns():
@@ -82,9 +71,7 @@ def test_a_ply_with_every_node_prescribed_has_no_unknowns():
         assert result.states[-1].verdict.stable
 
 
-@pytest.mark.parametrize(
-    ("seed", "direction"), [(1, None), (2, (0.0, 1.0)), (3, (0.5, 1.0))]
-)
+@pytest.mark.parametrize(("seed", "direction"), [(1, None), (3, (0.5, 1.0))])
 def test_a_mechanism_on_an_irregular_mesh_is_not_stable(seed, direction):
     """Round-off gives free motions a little stiffness, of either sign."""
     mesh = distorted(seed).with_defaults()
@@ -94,7 +81,7 @@ def test_a_mechanism_on_an_irregular_mesh_is_not_stable(seed, direction):
     for formulation in (Full(), OnePoint(1.0)):
         ply = Ply(mesh, Fabric(1e4, 1.0, (1.0, 0.3), (0.0, 1.0)), formulation)
         with pytest.raises(StepError, match="a mechanism is present"):
-            LoadStepper(ply, held, steps=1).run()
+            LoadStepper(ply, held, steps=1, max_halvings=0).run()
 
 
 @pytest.mark.parametrize("E", [1e2, 1e6, 1e10])
@@ -177,31 +164,35 @@ def test_every_solver_gives_the_same_final_state(solver):
 @pytest.mark.parametrize(
     ("n", "E", "size"),
     [
-        (8, 1e4, 1.0),
+        (2, 1e4, 1.0),
         *(
             pytest.param(*given, marks=pytest.mark.slow)
-            for given in [(8, 1e7, 50.0), (16, 1e4, 50.0), (16, 1e7, 1.0)]
+            for given in [(8, 1e4, 1.0), (8, 1e7, 50.0), (16, 1e7, 1.0)]
         ),
     ],
 )
 def test_the_residual_of_round_off_is_within_the_tolerance(n, E, size):
     """The load is a few thousand times the round-off; below, it is named."""
 
-    def run(weight):
+    def run(weight, **options):
         ply = Ply(rectangle(size, size, (n, n), "irregular", 0.2), Fabric(E, 0.5))
         heavy = ply.with_terms(BodyForce((0.0, -weight), factor=1.0))
-        return LoadStepper(heavy, {"clamp": Condition("bottom")}, 1).run()
+        clamp = {"clamp": Condition("bottom")}
+        return LoadStepper(heavy, clamp, 1, max_halvings=0, **options).run()
 
     weight = 1e4 * 2.0**-53 * E / size
     assert run(weight).linear_solves <= 2
     with pytest.raises(StepError, match="due to round-off"):
-        run(1e-4 * weight)
+        run(1e-4 * weight, method=Newton(most=2))
 
 
-@pytest.mark.parametrize("weight", [1e-10, 1e-8])
-def test_a_weight_near_round_off_is_no_obstacle_to_a_motion(weight):
+@pytest.mark.parametrize(
+    ("n", "weight"),
+    [pytest.param(4, 1e-10, marks=pytest.mark.slow), (2, 1e-8)],
+)
+def test_a_weight_near_round_off_is_no_obstacle_to_a_motion(n, weight):
     terms = [BodyForce((0.0, 0.0, -weight), factor=1.0)]
-    mesh = rectangle(100.0, 100.0, (6, 6))
+    mesh = rectangle(100.0, 100.0, (n, n))
     fabric = Fabric(1e6, 0.3, bending=(5.0, 5.0))
     ply = Ply(mesh, fabric, terms=terms, dimension=3)
     ends = {"clamp": Condition("left"), "pull": Condition("right", (5.0, 0.0, 0.0))}

@@ -3,6 +3,7 @@
 Unusual valid ones are accepted and give an equilibrium with correct displacements.
 """
 
+import re
 import warnings
 from collections.abc import Callable
 from decimal import Decimal
@@ -10,6 +11,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 from skfem import MeshQuad
 
@@ -70,13 +72,13 @@ class Specimen:
 class Case(NamedTuple):
     """A use of the library.
 
-    ``names`` are words that the message must contain, None if it must not be rejected;
+    ``says`` is a pattern of the message, None if the use must not be rejected;
     ``moves`` are nodes, a direction, and the displacements that the nodes must have. A
     ``loose`` case may be rejected, stop, or give an equilibrium.
     """
 
     act: Callable
-    names: str | None
+    says: str | None
     moves: Callable | None = None
     loose: bool = False
 
@@ -173,22 +175,45 @@ ALL = {
 }
 
 
-def condition(*arguments):
-    return Case(lambda s: s.lift(*arguments), "'c'")
+def condition(says, *arguments):
+    return Case(lambda s: s.lift(*arguments), f"^condition 'c': {says}")
 
 
+SELECTS = (
+    "(where (must be|selects no nodes|raised .*Error)|node numbers must be from 0 to 15"
+    "|the mesh has no boundary .*'left', 'bottom')"
+)
+LEADS = (
+    "direction (must be (a non-zero finite vector|a vector of 2 components,|"
+    "real-valued)|raised)"
+)
+MOVES = (
+    r"the value (is not finite at load factor 0|must be real-valued|raised .*Error|"
+    r"must have shape \({}4,?\), not)"
+)
 CONDITIONS = {
-    **{f"on {name}": condition(where, 0.1, UP) for name, where in WHERE.items()},
-    **{f"along {name}": condition("top", 0.1, line) for name, line in ALONG.items()},
-    **{f"by {name}": condition("top", value, UP) for name, value in BY.items()},
-    **{f"moved by {name}": condition("top", by) for name, by in VECTORS.items()},
+    **{f"on {name}": condition(SELECTS, at, 0.1, UP) for name, at in WHERE.items()},
+    **{f"along {name}": condition(LEADS, "top", 0.1, n) for name, n in ALONG.items()},
+    **{f"by {k}": condition(MOVES.format(""), "top", x, UP) for k, x in BY.items()},
+    **{
+        f"moved by {name}": condition(MOVES.format("2, "), "top", by)
+        for name, by in VECTORS.items()
+    },
     **{
         name: Case(
-            lambda s, c=c, d=d: s.run({"clamp": s.clamp, "c": c, "d": d}), "'c' and 'd'"
+            lambda s, c=c, d=d: s.run({"clamp": s.clamp, "c": c, "d": d}),
+            "'c' and 'd' disagree at node 1[25].* at load factor (1|0.5)$",
         )
         for name, (c, d) in BOTH.items()
     },
-    **{name: Case(lambda s, c=c: s.run(c), "condition") for name, c in ALL.items()},
+    **{
+        name: Case(lambda s, c=c: s.run(c), f"{says}|no boundary")
+        for name, c in ALL.items()
+        for says in [
+            "there are no conditions: specify|must be a mapping of names to Conditions|"
+            "^condition 'c.*' must be a Condition such as .*, not"
+        ]
+    },
 }
 
 
@@ -348,9 +373,9 @@ LAWS = {
 }
 
 
-def fabric(names, **parts):
+def fabric(says, **parts):
     return Case(
-        lambda s: Ply(s.mesh, Fabric(**({"shear": 1.0} | parts)), s.formulation), names
+        lambda s: Ply(s.mesh, Fabric(**({"shear": 1.0} | parts)), s.formulation), says
     )
 
 
@@ -416,36 +441,58 @@ STEPS: tuple[Any, ...] = (
     *("", b"2", 1e-320, -INF, {}, Decimal("1.5"), Fraction(1, 2)),
 )
 
-# Words of the message, and values of a setting.
+# Pattern of the message, and values of a setting.
 SETTINGS: tuple[tuple[str, str, tuple[Any, ...]], ...] = (
-    ("steps", "steps", STEPS),
-    ("method", "method", ("magic",)),
-    ("nonlinear solver", "method", (None, ["newton"], PlainNewton, 3)),
-    ("iteration", "method", (PlainNewton(0),)),
-    ("check", "warn_only", (["magic"], "work", None, [3], [[]])),
-    ("max_halvings", "max_halvings", (-1, 1.5, NAN, "3", None, 10**6)),
-    ("solver", "solver", ("magic", None, ["auto"])),
-    ("on_step", "on_step", (3,)),
-    ("on_iteration", "on_iteration", ("print",)),
-    ("checkpoint", "checkpoint", (3, "a\0b")),
+    ("steps must be a whole number from 1 to 1000000, got", "steps", STEPS),
+    ("unknown method .*: choose one of newton, plain", "method", ("magic",)),
+    (
+        "method must be a nonlinear solver or its name, not",
+        "method",
+        (None, ["newton"], PlainNewton, 3),
+    ),
+    ("maximum number of iterations must be at least 1", "method", (PlainNewton(0),)),
+    ("unknown check .*choose one of", "warn_only", (["magic"], [3], [[]])),
+    ("warn_only must be a list of checks", "warn_only", ("work", None)),
+    (
+        "max_halvings must be a whole number from 0 to 30, got",
+        "max_halvings",
+        (-1, 1.5, NAN, "3", None, 10**6),
+    ),
+    (
+        "unknown solver .*: choose one of auto, cholmod",
+        "solver",
+        ("magic", None, ["auto"]),
+    ),
+    ("on_step must be a function, not 3", "on_step", (3,)),
+    ("on_iteration must be a function, not 'print'", "on_iteration", ("print",)),
+    (
+        "checkpoint (must be the path of a folder|.* is not a valid path)",
+        "checkpoint",
+        (3, "a\0b"),
+    ),
 )
 
 
-def setting(words, key, value):
-    return Case(lambda s: s.run({"clamp": s.clamp}, **{key: value}), words)
+def setting(says, key, value):
+    return Case(lambda s: s.run({"clamp": s.clamp}, **{key: value}), says)
 
 
 RUNS = {
     **{
-        f"{key} {value!r}": setting(words, key, value)
-        for words, key, values in SETTINGS
+        f"{key} {value!r}": setting(says, key, value)
+        for says, key, values in SETTINGS
         for value in values
     },
     "resume without a checkpoint": Case(
-        lambda s: LoadStepper(s.ply, {"clamp": s.clamp}).run(resume=True), "checkpoint"
+        lambda s: LoadStepper(s.ply, {"clamp": s.clamp}).run(resume=True),
+        "there is no checkpoint to resume from",
     ),
-    "no ply": Case(lambda s: LoadStepper(None, {"clamp": s.clamp}), "ply"),
-    "a mesh for a ply": Case(lambda s: LoadStepper(s.mesh, {"clamp": s.clamp}), "ply"),
+    "no ply": Case(
+        lambda s: LoadStepper(None, {"clamp": s.clamp}), "ply must be a Ply"
+    ),
+    "a mesh for a ply": Case(
+        lambda s: LoadStepper(s.mesh, {"clamp": s.clamp}), "ply must be a Ply"
+    ),
 }
 
 
@@ -484,10 +531,10 @@ def attempt(hostile):
                 return rejected(stop)
             raise WrongAnswerError(f"stopped: {stop}") from None
         except ValueError as error:
-            sought = case.names
-            expect(sought is not None and sought in str(error), f"{sought!r}: {error}")
+            says = case.says
+            expect(says is not None and re.search(says, str(error)), f"{says}: {error}")
             return rejected(error)
-    expect(case.names is None or case.loose, f"taken: {result!r}")
+    expect(case.says is None or case.loose, f"taken: {result!r}")
     with np.errstate(all="ignore"):
         check_equilibrium(result, case.moves(specimen) if case.moves else ())
     return RIGHT
@@ -519,5 +566,11 @@ FAMILY = Family(
 )
 
 
-def test_an_invalid_argument_is_rejected_and_a_valid_one_accepted():
-    FAMILY.check(40)
+DEAR = {"turned inside out", "by 1e30"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(k, marks=[pytest.mark.slow] * (k in DEAR)) for k in CASES]
+)
+def test_an_invalid_argument_is_rejected_and_a_valid_one_accepted(name):
+    FAMILY.outcome((name, 1))

@@ -2,32 +2,32 @@
 
 import gc
 from dataclasses import replace
+from weakref import ref
 
 import numpy as np
 import pytest
-from skfem import MeshQuad, MeshTri
+from skfem import BilinearForm, CellBasis, Functional, LinearForm, MeshQuad, MeshTri
+from skfem.helpers import dot
 
 from skfem_textile import (
     Condition,
     CrimpToe,
-    ErrorInterval,
     Fabric,
     Force,
+    Forms,
+    FormTerm,
     Full,
     Linear,
     LoadStepper,
     Locking,
     Macro,
-    MatrixTerm,
     OnePoint,
     Ply,
     Quadratic,
-    Tabulated,
     Values,
     equilibrium_near,
     mesh_outline,
 )
-from skfem_textile.mesh.selection import with_named_nodes
 from skfem_textile.ply.parameters import Frozen
 from skfem_textile.scenes import bias_extension, picture_frame
 from skfem_textile.scenes.rectangle import rectangle
@@ -50,10 +50,14 @@ def run_of(ply, conditions, steps=2, **options):
     return LoadStepper(ply, conditions, steps, **options).run()
 
 
-def pulled(kind="delaunay", formulation=MACRO, size=(4, 8), E=1e4, shear=0.5):
+def bias(kind="delaunay", formulation=MACRO, size=(4, 8), E=1e4, shear=0.5):
     scene = bias_extension(kind, size)
     ply = Ply(scene.mesh, Fabric(E, shear, scene.warp, scene.weft), formulation)
-    return run_of(ply, scene.conditions)
+    return LoadStepper(ply, scene.conditions, 2)
+
+
+def pulled(*arguments, **options):
+    return bias(*arguments, **options).run()
 
 
 def problem_of(result, conditions):
@@ -69,7 +73,7 @@ def problem_of(result, conditions):
 def test_a_state_that_the_elements_represent_has_no_error(formulation, kind):
     scene = picture_frame(kind, (4, 4), shear_angle=0.6)
     fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
-    error = run_of(Ply(scene.mesh, fabric, formulation), scene.conditions, 4).error
+    error = run_of(Ply(scene.mesh, fabric, formulation), scene.conditions, 2).error
     assert error.load < 1e-10
     assert error.shear_angle < 1e-10
     assert max(np.abs(half).max() for half in error.reactions.values()) < 1e-8
@@ -132,20 +136,6 @@ def test_the_half_width_is_the_derivative_by_the_logarithm_of_the_stiffness(
     assert (high - low) / 2 == pytest.approx(log_range * moved, rel=1e-4)
 
 
-def test_the_half_width_is_the_difference_of_runs_with_other_stabilisations():
-    h = 0.01
-    less, result, more = (
-        pulled("irregular", OnePoint(5.0 * factor), (6, 12))
-        for factor in (1 - h, 1.0, 1 + h)
-    )
-    before, load, after = (
-        one.states[-1].reactions["top"][1] for one in (less, result, more)
-    )
-    log_range = result.ply.formulation.log_range(result.ply.mesh)
-    expected = log_range * (after - before) / (2 * h * load)
-    assert result.error.load == pytest.approx(expected, rel=1e-3)
-
-
 def test_stiffnesses_other_than_the_calibrated_have_a_larger_range():
     mesh = MeshTri().refined(1)
     for usual, other in (
@@ -162,23 +152,24 @@ def test_stiffnesses_other_than_the_calibrated_have_a_larger_range():
     )
 
 
-def rectangle_pulled(turn=0.0, mm=1.0, formulation=MACRO, solver=None):
+def rectangle_pulled(turn=0.0, mm=1.0, formulation=MACRO):
     """A rectangle, rotated, in other units of length (`mm` units to a millimetre)."""
     c, s = np.cos(turn), np.sin(turn)
     R = np.array([[c, -s], [s, c]])
-    kind = "irregular" if formulation == OnePoint() else "delaunay"
-    mesh = rectangle(50, 100, (4, 8), kind)
+    mesh = rectangle(50, 100, (2, 3), "delaunay")
     mesh = type(mesh)(mm * R @ mesh.p, mesh.t, mesh.boundaries)
     warp, weft = R @ [1, 1], R @ [-1, 1]
     ply = Ply(mesh, Fabric(1e4 / mm, 0.5 / mm, warp, weft), formulation)
     value = tuple(mm * R @ [0.0, 15.0])
     held = {"bottom": Condition("bottom"), "top": Condition("top", value)}
-    options = {} if solver is None else {"solver": solver}
-    return run_of(ply, held, **options).error, R
+    return run_of(ply, held).error, R
 
 
-@pytest.mark.parametrize("formulation", [MACRO, OnePoint(), Full()], ids=repr)
-@pytest.mark.parametrize("options", [{"turn": 0.5}, {"mm": 1e-3}], ids=str)
+@pytest.mark.parametrize(
+    ("formulation", "options"),
+    [(MACRO, {"turn": 0.5}), (Full(), {"mm": 1e-3})],
+    ids=repr,
+)
 def test_a_rotation_or_other_units_change_no_half_width(formulation, options):
     plain, _ = rectangle_pulled(formulation=formulation)
     other, R = rectangle_pulled(formulation=formulation, **options)
@@ -189,79 +180,42 @@ def test_a_rotation_or_other_units_change_no_half_width(formulation, options):
         np.testing.assert_allclose(other.reactions["top"], top, rtol=1e-5)
 
 
-def test_every_solver_gives_the_same_half_width():
-    expected, _ = rectangle_pulled(solver="superlu")
-    error, _ = rectangle_pulled()
-    assert error.load == pytest.approx(expected.load, rel=1e-8)
-    pytest.importorskip("sksparse")
-    error, _ = rectangle_pulled(solver="cholmod")
-    assert error.load == pytest.approx(expected.load, rel=1e-8)
-
-
 @pytest.mark.parametrize("formulation", [*NUMERICAL, Full()], ids=repr)
 def test_the_half_width_under_a_force_is_that_of_its_displacement(formulation):
     """The work of a constant force is linear in the displacement."""
     mesh = rectangle(50, 50, (4, 4), "delaunay")
     ply = Ply(mesh, Fabric(1e3, 5.0, (1, 1), (-1, 1)), formulation)
     ply = ply.with_terms(Force("top", (0.0, 60.0)))
-    result = run_of(ply, {"clamp": Condition("bottom")}, 4)
+    result = run_of(ply, {"clamp": Condition("bottom")}, 2)
     load = result.ply.load(result.u, 1.0)
     low, high = result.error.of(lambda _, u: float(load @ u))
     assert 1e-4 < result.error.load < 0.3
     assert (high - low) / (high + low) == pytest.approx(result.error.load, rel=1e-6)
 
 
-def test_the_interval_changes_neither_ply_nor_states():
-    result = pulled()
-    state, ply = result.states[-1], result.ply
-    u, arguments = result.u.copy(), arguments_of(state)
-    energies, forces = ply.energies(*arguments), ply.residual(*arguments)
-    assert result.error is result.error
-    assert result.states[-1] is state
-    np.testing.assert_array_equal(result.u, u)
-    assert ply.energies(*arguments) == state.energies == energies
-    np.testing.assert_array_equal(ply.residual(*arguments), forces)
-    earlier = result.interval(result.states[1])
-    assert 0 < earlier.load != result.error.load
-
-
-def test_an_interval_is_no_part_of_the_run():
-    scene = bias_extension("delaunay", (2, 4))
-    ply = Ply(scene.mesh, Fabric(1e4, 0.5, scene.warp, scene.weft))
-    stepper = LoadStepper(ply, scene.conditions, 2)
-    before = stepper.run()
-    assert before.error.load
-    after = stepper.result
-    assert after.linear_solves == before.linear_solves
-    assert after.factorisations == before.factorisations
-    assert after.solve_time_s == before.solve_time_s
-
-
-def test_an_interval_needs_one_factorisation(monkeypatch):
-    result, made = pulled(), []
-    first = interval.Tangent.__init__
+def test_an_interval_needs_one_factorisation_and_changes_no_run(monkeypatch):
+    made, first = [], interval.Tangent.__init__
 
     def counted(tangent, *arguments):
-        made.append(tangent)
+        made.append(ref(tangent))
         first(tangent, *arguments)
 
+    stepper = bias(size=(2, 4))
+    result = stepper.run()
+    ply, state, u = result.ply, result.states[-1], result.u.copy()
+    energies, forces = (f(*arguments_of(state)) for f in (ply.energies, ply.residual))
     monkeypatch.setattr(interval.Tangent, "__init__", counted)
-    assert result.error.load
+    assert result.error is result.error
     assert len(made) == 1
-
-
-def test_an_interval_keeps_no_factorisation():
-    result = pulled()
-    before = {id(x) for x in gc.get_objects() if type(x) is Tangent}
-    error = result.error
     gc.collect()
-    after = {id(x) for x in gc.get_objects() if type(x) is Tangent}
-    assert error.load
-    assert after <= before
-
-
-def test_the_printed_interval_has_no_arrays_of_the_ply():
-    assert len(repr(pulled().error)) < 400
+    assert made[0]() is None
+    np.testing.assert_array_equal(result.u, u)
+    assert ply.energies(*arguments_of(state)) == state.energies == energies
+    np.testing.assert_array_equal(ply.residual(*arguments_of(state)), forces)
+    for count in ("linear_solves", "factorisations", "solve_time_s"):
+        assert getattr(stepper.result, count) == getattr(result, count)
+    assert 0 < result.interval(result.states[1]).load != result.error.load
+    assert len(repr(result.error)) < 400  # without arrays
 
 
 # Contents of the interval
@@ -273,7 +227,7 @@ CASES = [
     *((formulation, "irregular", 1.0) for formulation in (MACRO, OnePoint(), Full())),
     *((formulation, "delaunay", 1.0) for formulation in (MACRO, Quadratic(70.0))),
     *((formulation, "delaunay", 1.0) for formulation in (OnePoint(5.0), Quadratic())),
-    *((OnePoint(), "delaunay", 1.0), (Quadratic(20.0), "delaunay", 1.2)),
+    (Quadratic(20.0), "delaunay", 1.2),
 ]
 
 
@@ -294,9 +248,10 @@ def test_the_interval_contains_the_converged_load(formulation, kind, most):
 def test_a_law_that_is_not_proportional_widens_the_interval_of_free_meshes(monkeypatch):
     """By ∫ |M′Γ − M| δ dΩ, which is zero for a proportional one."""
     laws = Locking(0.5, np.radians(50.0)), Linear(0.5)
-    wide = [pulled(shear=law).error for law in laws]
+    results = [pulled(shear=law) for law in laws]
+    wide = [result.error for result in results]
     monkeypatch.setattr(interval, "_OF_JUMPS", 0.0)
-    narrow = [pulled(shear=law).error for law in laws]
+    narrow = [result.interval(result.states[-1]) for result in results]
     ratio, of_plain = (x.load / y.load for x, y in zip(wide, narrow, strict=True))
     assert of_plain == 1.0
     assert ratio > 1.2
@@ -307,10 +262,13 @@ def test_a_law_that_is_not_proportional_widens_the_interval_of_free_meshes(monke
 CRIMPED = CrimpToe(7e3, toe=0.003, initial_stiffness=10)
 
 
-@pytest.mark.parametrize("density", [0.5, 1.0])
+@pytest.mark.parametrize("density", [0.5, pytest.param(1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "formulation",
-    [Quadratic(400, points=6), Quadratic(), MACRO, OnePoint(), Full()],
+    [
+        *(Quadratic(400, points=6), MACRO),
+        *(pytest.param(x, marks=pytest.mark.slow) for x in (OnePoint(), Full())),
+    ],
     ids=repr,
 )
 def test_the_load_of_crimped_fibres_is_inside(density, formulation):
@@ -354,21 +312,6 @@ def test_without_numerical_stiffness_the_interval_contains_that_of_the_reference
     assert low < there.u @ there.u < high
 
 
-def test_the_same_fabric_per_element_or_subdomain_gives_the_same_half_width():
-    mesh = MeshTri().refined(2).with_defaults()
-    mesh = mesh.with_subdomains({"a": lambda x: x[0] < 0.5, "b": lambda x: x[0] >= 0.5})
-    warp, weft = (1.0, 1.0), (-1.0, 1.0)
-    one = Fabric(1e3, 1.0, warp, weft)
-    each = Fabric(1e3, 1.0, np.tile([[1.0], [1.0]], mesh.nelements), weft)
-    held = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 0.05))}
-    for formulation in (MACRO, OnePoint(), Full(), Quadratic(20.0)):
-        plain, *others = (
-            run_of(Ply(mesh, fabric, formulation), held, 1).error.load
-            for fabric in (one, each, {"a": one, "b": one})
-        )
-        assert others == pytest.approx([plain, plain], rel=1e-6)
-
-
 # Conditions, terms and loads
 
 
@@ -377,36 +320,16 @@ def square(formulation=MACRO, mesh=None):
     return Ply(mesh, BIAS, formulation)
 
 
-def test_conditions_by_numbers_and_names_of_nodes_have_the_interval_of_the_edge():
-    mesh = rectangle(50, 50, (4, 4), "irregular")
-    upper = np.flatnonzero(np.isclose(mesh.p[1], 50))
-    named = square(OnePoint(), with_named_nodes(mesh, {"upper": upper}))
-    plain = square(OnePoint(), mesh)
-    numbers = np.flatnonzero(np.isclose(plain.nodes[1], 50))
-    errors = [
-        run_of(
-            ply, {"bottom": Condition("bottom"), "top": Condition(top, (0.0, 2.0))}
-        ).error
-        for ply, top in ((plain, "top"), (plain, numbers), (named, "upper"))
-    ]
-    assert errors[0].load > 1e-3
-    for error in errors[1:]:
-        assert error.load == pytest.approx(errors[0].load, rel=1e-8)
-
-
-def test_pins_rollers_and_terms_of_the_user_have_an_interval():
-    ply = square()
-    springs = MatrixTerm("springs", 1e-3 * ply.tangent(ply.basis.zeros()))
-    held = {
-        "pin": Condition(np.flatnonzero((ply.nodes == 0).all(axis=0))),
-        "left": Condition("left", 0.0, (1, 0)),
-        "right": Condition("right", 5.0, (1, 0)),
-    }
-    plain, stiffer = (run_of(p, held).error for p in (ply, ply.with_terms(springs)))
-    assert plain.load is not None
-    assert stiffer.load is not None
-    rate = pulled("irregular", OnePoint(5.0, kind="rate"))
-    assert rate.error.load > 0
+def test_an_elastic_term_of_ones_own_leaves_no_interval():
+    ply, mass = square(Full()), BilinearForm(lambda u, v, w: dot(u, v))
+    energy = Functional(lambda w: 0.5 * dot(w["u"], w["u"]))
+    forms = Forms(energy, LinearForm(lambda v, w: dot(w["u"], v)), mass)
+    glued = ply.with_terms(FormTerm("glue", forms, CellBasis(ply.mesh, ply.basis.elem)))
+    held = {"bottom": Condition("bottom"), "top": Condition("top", (0, 1.0))}
+    assert run_of(ply, held, 1).error.load is not None
+    error = run_of(glued, held, 1).error
+    assert error.load is None
+    assert error.reason.startswith("the discretisation error of the term glue is not")
 
 
 def rotated(X, t):
@@ -420,9 +343,9 @@ def test_the_load_of_a_rotated_edge_is_the_rate_of_the_energy():
     mesh = rectangle(50, 100, (2, 4), "delaunay")
     ply = Ply(mesh, Fabric(1e3, 0.5, (1, 1), (-1, 1)), Full())
     held = {"bottom": Condition("bottom"), "top": Condition("top", rotated)}
-    result = run_of(ply, held, n := 40)
-    *_, before, middle, end = (sum(s.energies.values()) for s in result.states)
-    rate = (3 * end - 4 * middle + before) / 2 * n
+    result = run_of(ply, held, n := 12)
+    last = [sum(s.energies.values()) for s in result.states[-4:]]
+    rate = np.dot(last, [-2, 9, -18, 11]) / 6 * n
     work = work_of(problem_of(result, held), result.states[-1])
     assert work == pytest.approx(rate, rel=1e-3)
     assert 0 < result.error.load < 1
@@ -461,9 +384,10 @@ def there_and_back(X, t):
     return np.array([np.zeros(X.shape[1]), np.full(X.shape[1], 20 * t * (1 - t))])
 
 
-@pytest.mark.parametrize("value", [0.0, there_and_back], ids=["still", "back"])
-@pytest.mark.parametrize("formulation", [MACRO, Full()], ids=repr)
-def test_without_a_load_only_the_shear_angle_has_an_error(value, formulation):
+@pytest.mark.parametrize(
+    ("formulation", "value"), [(Full(), there_and_back), (MACRO, 0.0)]
+)
+def test_without_a_load_only_the_shear_angle_has_an_error(formulation, value):
     held = {"bottom": Condition("bottom"), "top": Condition("top", value)}
     result = run_of(square(formulation), held, 4)
     assert result.error.load is None
@@ -525,23 +449,7 @@ def test_an_unstable_reference_is_not_compared_with(monkeypatch):
     assert "it is not stable, or elements are folded" in reason_of(result.error)
 
 
-def test_a_reference_beyond_the_end_of_a_law_is_reported():
-    plain = pulled("irregular", Full())
-    end = 1.0001 * np.abs(plain.ply.shear_angle(plain.u)).max()
-    law = Tabulated([0.0, end], [0.0, 0.5 * end], odd=True)
-    error = pulled("irregular", Full(), shear=law).error
-    assert error.load is not None or error.reason.startswith("a formulation with")
-
-
-@pytest.mark.parametrize("value", [np.zeros(2), np.nan, None, "1"], ids=repr)
-def test_a_quantity_must_be_a_finite_number(value):
-    with pytest.raises(ValueError, match="the quantity must be"):
-        pulled().error.of(lambda ply, u: value)
-
-
 def test_an_error_of_a_quantity_is_raised():
-    error = pulled().error
+    error = pulled(size=(2, 4)).error
     with pytest.raises(KeyError, match="mine"):
         error.of(lambda ply, u: {}["mine"])
-    with pytest.raises(ValueError, match="there is no interval: because"):
-        ErrorInterval(reason="because").of(lambda ply, u: 0.0)

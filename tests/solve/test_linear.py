@@ -23,11 +23,11 @@ from skfem_textile.solve.linear import (
     ChosenSolver,
     SingularMatrixError,
     Unknowns,
-    check_solver,
     nested_dissection,
     solver_named,
 )
 from skfem_textile.solve.linear import solver as linear
+from skfem_textile.solve.linear.petsc import PREFIX
 from skfem_textile.solve.linear.scaling import Scaling
 from skfem_textile.solve.linear.solver import SolverEntry, pivoting_solver
 from skfem_textile.solve.linear.superlu import SuperLU
@@ -60,28 +60,7 @@ def some_matrix(seed, shift):
     return csr_matrix(lower + lower.T + shift * diags([np.ones(40)], [0]))
 
 
-@pytest.mark.parametrize("shift", [-20.0, 0.0, 20.0])
-def test_negative_pivots_count_negative_eigenvalues(factorised, shift):
-    A = some_matrix(3, shift)
-    negative = np.sum(np.linalg.eigvalsh(A.toarray()) < 0)
-    factors = factorised(A)
-    assert factors.negative_pivots == negative
-    assert factors.definite == (negative == 0)
-
-
-@pytest.mark.parametrize("shift", [0.0, 20.0])
-def test_indefinite_systems_are_solved(factorised, shift):
-    A, x = some_matrix(4, shift), np.arange(40.0)
-    np.testing.assert_allclose(factorised(A).solve(A @ x), x, atol=1e-9)
-
-
-def test_small_diagonal_entries_do_not_affect_accuracy(factorised):
-    A = csr_matrix([[1.0, 1.0], [1.0, 1e-10]])
-    x = np.array([1.0, 2.0])
-    np.testing.assert_allclose(factorised(A).solve(A @ x), x, rtol=1e-12)
-
-
-@pytest.mark.parametrize(("cells", "shift"), [(33, -2.0), (60, -2.0), (60, -0.99)])
+@pytest.mark.parametrize(("cells", "shift"), [(33, -2.0), (40, -0.99)])
 def test_indefinite_laplacians_are_solved_or_refused(factorised, cells, shift):
     """Their pivots within blocks of columns may be too small for any digit."""
     line = diags([-np.ones(cells - 1), 2 * np.ones(cells)], [-1, 0])
@@ -123,27 +102,12 @@ def test_indefinite_systems_with_a_small_diagonal_are_solved(factorised, weak):
     np.testing.assert_allclose(factorised(A).solve(A @ x), x, atol=1e-9)
 
 
-def test_pivots_are_compared_with_their_entries(factorised):
-    """Stiffnesses of very different size are not a mechanism, in any order."""
-    rng, n = np.random.default_rng(6), 12
-    S = np.tril(rng.standard_normal((n, n)) * (rng.random((n, n)) < 0.1), -1)
-    D = np.diag(10.0 ** rng.permutation(np.linspace(-3.5, 3.5, n)))
-    A = csr_matrix(D @ (S + S.T + 6 * np.eye(n)) @ D)
-    x = rng.standard_normal(n)
-    factors = factorised(A)
-    assert factors.definite
-    np.testing.assert_allclose(factors.solve(A @ x), x, rtol=1e-9)
-
-
 def test_the_options_of_cvxopt_are_restored():
     cholmod = pytest.importorskip("cvxopt.cholmod")
     before, A = dict(cholmod.options), some_matrix(3, 0.0)
     lower = tril(A, format="csc")
-    assert (
-        solver_named("cholmod")(lower, natural(lower))
-        .factorise(lower.data)
-        .negative_pivots
-    )
+    solver = solver_named("cholmod")(lower, natural(lower))
+    assert solver.factorise(lower.data).negative_pivots
     assert cholmod.options == before
 
 
@@ -153,12 +117,6 @@ def test_singular_systems_are_rejected(factorised):
         _ = factorised(A).negative_pivots
     with pytest.raises(SingularMatrixError, match="a mechanism is present"):
         factorised(A).solve(np.ones(6))
-
-
-def test_a_mechanism_is_rejected_for_any_pivots_near_round_off(factorised):
-    A = csr_matrix(np.full((2, 2), 3.0) + np.diag([0.0, 1e-14]))
-    with pytest.raises(SingularMatrixError):
-        factorised(A).solve(np.ones(2))
 
 
 def springs(seed, decades, softened=0.0):
@@ -175,7 +133,7 @@ def springs(seed, decades, softened=0.0):
 
 
 @pytest.mark.parametrize("decades", [0, 4, 6])
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_every_solver_recognises_a_net_without_supports(factorised, seed, decades):
     A = springs(seed, decades)
     with pytest.raises(SingularMatrixError):
@@ -269,25 +227,6 @@ def test_inertia_belongs_to_the_latest_matrix(name):
         assert factors.negative_pivots == (0 if sign == 1 else 40)
 
 
-def test_a_ply_with_every_unknown_fixed_is_solved(factorised):
-    factors = factorised(csr_matrix((0, 0)))
-    assert factors.negative_pivots == 0
-    assert factors.solve(np.empty(0)).size == 0
-
-
-def test_a_missing_solver_is_rejected_with_its_package(monkeypatch):
-    monkeypatch.setitem(sys.modules, "cvxopt.cholmod", None)
-    with pytest.raises(ValueError, match="'cholmod' needs cvxopt: pip install cvxopt"):
-        solver_named("cholmod")
-
-
-def test_an_unknown_solver_is_rejected_with_the_available_ones():
-    with pytest.raises(
-        ValueError, match="choose one of auto, cholmod, pardiso, rslab, superlu, petsc"
-    ):
-        solver_named("umfpack")
-
-
 def test_dissection_orders_every_node_and_ends_with_a_separator():
     mesh = strip(size=(16, 24)).mesh
     pairs = np.concatenate(
@@ -303,7 +242,7 @@ def test_dissection_orders_every_node_and_ends_with_a_separator():
     assert not np.any(below[pairs[0, remaining]] != below[pairs[1, remaining]])
 
 
-LARGE = linear.MEASURED_FROM
+LARGE, LARGEST = 100, 200
 
 
 class Fakes:
@@ -313,7 +252,14 @@ class Fakes:
         self._monkeypatch, self.time, self.factorised = monkeypatch, 0.0, []
         monkeypatch.setattr(linear, "SOLVERS", {"superlu": SOLVERS["superlu"]})
         monkeypatch.setattr(linear, "_MEASURED", {})
+        monkeypatch.setattr(linear, "MEASURED_FROM", LARGE)
+        monkeypatch.setattr(linear, "_MOST_MEASURED", LARGEST)
         monkeypatch.setattr(linear, "perf_counter", lambda: self.time)
+
+    @property
+    def used(self):
+        """Names of the solvers, in the order of factorisations."""
+        return [name for name, _ in self.factorised]
 
     def add(self, name, *seconds, fails=None):
         """A solver that takes so long the first, second, ... time, or fails."""
@@ -343,6 +289,14 @@ def fakes(monkeypatch):
     return Fakes(monkeypatch)
 
 
+@pytest.fixture
+def two(fakes):
+    """A slow solver, the first known, and a fast one."""
+    fakes.add("slow", 0.2)
+    fakes.add("fast", 0.1)
+    return fakes
+
+
 def chosen(n=LARGE, name="auto", times=1):
     """The choice for a system of so many unknowns, factorised so often."""
     lower = identity(n, format="csc")
@@ -352,52 +306,41 @@ def chosen(n=LARGE, name="auto", times=1):
     return solver.choice
 
 
-@pytest.mark.parametrize("order", [("slow", "fast"), ("fast", "slow")])
-def test_the_faster_solver_is_chosen_and_the_reason_contains_the_times(fakes, order):
-    for name in order:
-        fakes.add(name, {"slow": 0.21, "fast": 0.16}[name])
-    name, reason = chosen()
-    assert name == "fast"
-    assert "slow 0.21 s" in reason
-    assert "fast 0.16 s" in reason
+@pytest.mark.parametrize(
+    ("seconds", "name"),
+    [
+        ({"slow": [0.21], "fast": [0.16]}, "fast"),
+        ({"fast": [0.16], "slow": [0.21]}, "fast"),
+        ({"steady": [0.2], "warm": [9.0, 0.1]}, "warm"),
+    ],
+)
+def test_the_faster_solver_is_chosen_after_a_warm_up(fakes, seconds, name):
+    for solver, times in seconds.items():
+        fakes.add(solver, *times)
+    chosen_name, reason = chosen()
+    assert chosen_name == name
+    for solver, times in seconds.items():
+        assert f"{solver} {times[-1]:.2f} s" in reason
     assert reason.endswith("measured on this machine")
 
 
-def test_the_first_measurement_is_a_warm_up(fakes):
-    fakes.add("steady", 0.2)
-    fakes.add("warm", 9.0, 0.1)
-    assert chosen().name == "warm"
-
-
-def test_a_process_measures_once(fakes):
-    fakes.add("slow", 0.2)
-    fakes.add("fast", 0.1)
-    first = chosen()
-    fakes.factorised.clear()
+def test_a_process_measures_once_and_logs_its_choice_once(two, caplog):
+    with caplog.at_level("INFO", logger="skfem_textile"):
+        first = chosen(times=3)
+    assert caplog.messages == [f"linear solver fast: {first.reason}"]
+    two.factorised.clear()
     assert chosen(2 * LARGE, times=3) == first
-    assert [name for name, _ in fakes.factorised] == ["fast"] * 3
+    assert two.used == ["fast"] * 3
 
 
-def test_small_systems_are_not_measured(fakes):
+def test_small_systems_requested_and_single_solvers_are_not_measured(fakes):
     fakes.add("slow", 0.2)
+    assert chosen() == ("slow", "fastest known of the installed ones")
     fakes.add("fast", 0.1)
-    name, reason = chosen(LARGE - 1)
-    assert name == "slow"  # the first known
-    assert f"not measured below {LARGE} unknowns" in reason
-    assert [name for name, _ in fakes.factorised] == ["slow"]
-
-
-def test_a_requested_solver_is_used_without_measurement(fakes):
-    fakes.add("slow", 0.2)
-    fakes.add("fast", 0.1)
+    reason = f"fastest known, not measured below {LARGE} unknowns"
+    assert chosen(LARGE - 1) == ("slow", reason)
     assert chosen(name="slow") == ("slow", "requested")
-    assert [name for name, _ in fakes.factorised] == ["slow"]
-
-
-def test_a_single_solver_is_not_measured(fakes):
-    fakes.add("alone", 0.2)
-    assert chosen() == ("alone", "fastest known of the installed ones")
-    assert [name for name, _ in fakes.factorised] == ["alone"]
+    assert fakes.used == ["slow"] * 3
 
 
 @pytest.mark.parametrize("fails", [ImportError(), MemoryError(), SingularMatrixError()])
@@ -419,10 +362,8 @@ def test_a_matrix_singular_for_all_solvers_leads_to_no_choice(fakes):
     assert chosen().name == "other"
 
 
-def test_an_indefinite_matrix_is_not_measured_and_the_next_one_is(fakes):
+def test_an_indefinite_matrix_is_not_measured_and_the_next_one_is(two):
     lower = identity(LARGE, format="csc")
-    fakes.add("slow", 0.2)
-    fakes.add("fast", 0.1)
     solver = ChosenSolver("auto", lower, natural(lower))
     assert not solver.factorise(-lower.data).definite
     assert solver.choice == ("slow", "fastest known of the installed ones")
@@ -430,36 +371,18 @@ def test_an_indefinite_matrix_is_not_measured_and_the_next_one_is(fakes):
     assert solver.choice.name == "fast"
 
 
-def test_large_systems_are_measured_on_the_first_eliminated_part(fakes):
-    fakes.add("slow", 0.2)
-    fakes.add("fast", 0.1)
-    n = linear._MOST_MEASURED + 1
-    chosen(n)
-    measured = [size for _, size in fakes.factorised]
-    assert measured == [n - 1] * 4 + [n]
+def test_large_systems_are_measured_on_the_first_eliminated_part(two):
+    chosen(LARGEST + 1)
+    assert [size for _, size in two.factorised] == [LARGEST] * 4 + [LARGEST + 1]
 
 
-def test_measurements_do_not_change_the_factors(fakes):
-    fakes.add("slow", 0.2)
-    fakes.add("fast", 0.1)
+def test_measurements_do_not_change_the_factors(two):
     n = LARGE
-    d, e = np.full(n, 4.0), np.full(n, -1.0)
-    rows = np.stack([np.arange(n), np.arange(1, n + 1)]).T.ravel()[:-1]
-    data = np.stack([d, e]).T.ravel()[:-1]
-    indptr = np.append(2 * np.arange(n), 2 * n - 1)
-    lower = csc_matrix((data, rows, indptr), (n, n))
-    x = np.sin(np.arange(n))
-    A = lower + lower.T - 4.0 * identity(n)
-    computed = ChosenSolver("auto", lower, natural(lower)).factorise(data).solve(A @ x)
-    np.testing.assert_allclose(computed, x, atol=1e-12)
-
-
-def test_a_choice_is_logged_once(fakes, caplog):
-    fakes.add("slow", 0.2)
-    fakes.add("fast", 0.1)
-    with caplog.at_level("INFO", logger="skfem_textile"):
-        _, reason = chosen(times=3)
-    assert [r.getMessage() for r in caplog.records] == [f"linear solver fast: {reason}"]
+    A = diags([-np.ones(n - 1), 4.0 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1])
+    lower, x = tril(A, format="csc"), np.sin(np.arange(n))
+    lower.sort_indices()
+    solver = ChosenSolver("auto", lower, natural(lower))
+    np.testing.assert_allclose(solver.factorise(lower.data).solve(A @ x), x, atol=1e-12)
 
 
 def pulled(X, t):
@@ -476,15 +399,12 @@ def run(solver="auto", folder=None, resume=False):
     return stepper.run(resume)
 
 
-def test_a_measurement_is_timed_but_not_counted_as_a_factorisation(fakes, monkeypatch):
-    fakes.add("slow", 0.2)
-    fakes.add("fast", 0.1)
+def test_a_measurement_is_timed_but_not_counted_as_a_factorisation(two, monkeypatch):
     plain = run()
     monkeypatch.setattr(linear, "MEASURED_FROM", 10)
-    fakes.factorised.clear()
+    two.factorised.clear()
     result = run()
-    slow = [name for name, _ in fakes.factorised].count("slow")
-    fast = len(fakes.factorised) - slow
+    slow, fast = two.used.count("slow"), two.used.count("fast")
     summary = result.summary()
     assert summary["solver"] == "fast"
     assert summary["solver_reason"].startswith("fastest of slow 0.20 s, fast 0.10 s")
@@ -494,9 +414,7 @@ def test_a_measurement_is_timed_but_not_counted_as_a_factorisation(fakes, monkey
     json.dumps(summary)
 
 
-def test_a_run_is_resumed_with_any_chosen_solver(fakes, monkeypatch, tmp_path):
-    fakes.add("slow", 0.2)
-    fakes.add("fast", 0.1)
+def test_a_run_is_resumed_with_any_chosen_solver(two, monkeypatch, tmp_path):
     whole = run(folder=tmp_path)
     (tmp_path / "state_000002.npz").unlink()
     monkeypatch.setattr(linear, "MEASURED_FROM", 10)
@@ -512,23 +430,14 @@ def test_auto_ignores_a_broken_package(monkeypatch, caplog):
         raise ImportError(f"no {name}")
 
     monkeypatch.setattr(linear, "import_module", broken)
-    assert chosen(LARGE - 1).name == "superlu"
+    assert chosen(linear.MEASURED_FROM - 1).name == "superlu"
     assert "solver cholmod: ImportError: no cvxopt.cholmod" in caplog.text
 
 
 def test_auto_selects_the_fastest_known_solver_that_repays_its_import():
     assert chosen(100).name == "rslab"
     installed = (k for k, o in SOLVERS.items() if find_spec(o.package))
-    assert chosen(LARGE - 1).name == next(installed)
-
-
-def test_a_broken_package_of_a_requested_solver_is_named(monkeypatch):
-    def broken(name):
-        raise ImportError("a library is missing")
-
-    monkeypatch.setattr(linear, "import_module", broken)
-    with pytest.raises(ValueError, match="import: ImportError: a library is missing"):
-        check_solver("rslab")
+    assert chosen(linear.MEASURED_FROM - 1).name == next(installed)
 
 
 @pytest.mark.parametrize(
@@ -597,11 +506,6 @@ def test_a_forked_process_uses_superlu():
     assert status == 0
 
 
-def test_superlu_is_never_measured():
-    assert not SOLVERS["superlu"].rival
-    assert SOLVERS["superlu"].build is SuperLU
-
-
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("seed", range(3))
 def test_inertia_and_solution_do_not_depend_on_the_unit_of_force(
@@ -615,3 +519,15 @@ def test_inertia_and_solution_do_not_depend_on_the_unit_of_force(
     assert factors.negative_pivots == np.sum(np.linalg.eigvalsh(scaled.toarray()) < 0)
     b = A @ x
     assert np.abs(A @ factors.solve(b) - b).max() <= 1e-9 * np.abs(b).max()
+
+
+def test_options_apply_to_mumps():
+    petsc, lower = pytest.importorskip("petsc4py.PETSc"), identity(4, format="csc")
+    option = f"{PREFIX}mat_mumps_icntl_14"
+    petsc.Options()[option] = 200
+    try:
+        solver = solver_named("petsc")(lower, natural(lower))
+        assert solver.factorise(lower.data).definite
+    finally:
+        petsc.Options().delValue(option)
+    assert solver.ksp.getPC().getFactorMatrix().getMumpsIcntl(14) == 200

@@ -27,13 +27,15 @@ from skfem_textile.solve.search import AcceptedEquilibrium, EquilibriumSearch, T
 from skfem_textile.solve.states import NoEquilibriumError
 
 
-@pytest.mark.parametrize("E", [1e4, pytest.param(1e5, marks=pytest.mark.slow), 1e8])
+@pytest.mark.parametrize(
+    "E", [1e8, *(pytest.param(E, marks=pytest.mark.slow) for E in (1e4, 1e5))]
+)
 @pytest.mark.parametrize(
     ("formulation", "size", "made"),
     [
-        (Macro(), (8, 16), split),
-        (Macro(), (8, 16), lambda mesh: split(cut(mesh))),
-        (Quadratic(80.0), (16, 32), cut),
+        (Macro(), (4, 8), split),
+        (Macro(), (4, 8), lambda mesh: split(cut(mesh))),
+        (Quadratic(80.0), (8, 16), cut),
     ],
     ids=["macro", "macro triangles", "mean"],
 )

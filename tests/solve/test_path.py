@@ -3,7 +3,6 @@
 import json
 import logging
 from dataclasses import asdict, replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -21,7 +20,7 @@ from skfem_textile import (
     Quadratic,
     Sin2,
 )
-from skfem_textile.scenes import bias_extension, strip, trellis
+from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.solve.continuation import Continuation
 from skfem_textile.solve.states import State, Verdict
 from skfem_textile.solve.verdict import CHECKS
@@ -36,7 +35,7 @@ def loaded(scene, formulation, steps, shear=0.0, **options):
 
 def test_the_strip_has_the_same_final_state_for_any_number_of_steps():
     """Without a path, 2 steps ended at 1.790 N·mm and 20 at 1.265."""
-    results = [loaded(strip(), OnePoint(1.0), steps) for steps in (1, 2, 8)]
+    results = [loaded(strip(), OnePoint(1.0), steps) for steps in (1, 2)]
     for result in results:
         assert result.path_resolved
         assert result.states[-1].verdict.stable
@@ -45,21 +44,22 @@ def test_the_strip_has_the_same_final_state_for_any_number_of_steps():
         assert reaction == pytest.approx(3.06595, rel=1e-4)
 
 
-@pytest.mark.parametrize("steps", [1, 6])
-@pytest.mark.parametrize("scene", [strip, partial(bias_extension, size=(4, 8))])
+@pytest.mark.parametrize(
+    ("scene", "steps"), [(strip(size=(5, 8)), 6), (bias_extension(size=(4, 8)), 1)]
+)
 def test_an_easy_path_has_no_extra_cost(scene, steps, monkeypatch):
-    result = loaded(scene(), Full(), steps, 0.5)
+    result = loaded(scene, Full(), steps, 0.5)
     assert result.path_resolved
     monkeypatch.setattr(Continuation, "most_projected", lambda *_: np.inf)
     monkeypatch.setattr(Continuation, "accepts", lambda *_: True)
-    assert loaded(scene(), Full(), steps, 0.5).linear_solves == result.linear_solves
+    assert loaded(scene, Full(), steps, 0.5).linear_solves == result.linear_solves
 
 
 @pytest.mark.parametrize(
     ("formulation", "law", "degrees"),
     [
         (OnePoint(), Sin2(0.5), 60.0),
-        (Macro(), Locking(0.5, 0.6), 30.0),
+        pytest.param(Macro(), Locking(0.5, 0.6), 30.0, marks=pytest.mark.slow),
         pytest.param(Macro(), Sin2(0.5), 60.0, marks=pytest.mark.slow),
         pytest.param(Macro(), Linear(0.5), 60.0, marks=pytest.mark.slow),
         pytest.param(OnePoint(), Locking(0.5, 0.3), 15.5, marks=pytest.mark.slow),
@@ -67,7 +67,7 @@ def test_an_easy_path_has_no_extra_cost(scene, steps, monkeypatch):
 )
 def test_load_and_energy_are_independent_of_the_step_size(formulation, law, degrees):
     """C_s and E_d follow the state, or a run reports that its path is in doubt."""
-    scene = bias_extension(size=(6, 12), shear_angle=np.radians(degrees))
+    scene = bias_extension(size=(4, 8), shear_angle=np.radians(degrees))
     few, more, many = (loaded(scene, formulation, n, law) for n in (1, 4, 12))
     load, energy = (f(many) for f in (load_of, energy_of))
     assert many.path_resolved
@@ -86,53 +86,42 @@ def energy_of(result):
     return result.history()[-1]["energy"]
 
 
-@pytest.mark.parametrize("law", [0.5, Sin2(0.5)])
-def test_energy_is_independent_of_the_number_of_steps_if_reactions_cancel(law):
+def test_energy_is_independent_of_the_number_of_steps_if_reactions_cancel():
     """One condition fixes both ends: the sum of its forces is zero."""
-    scene = bias_extension(size=(6, 12), shear_angle=np.radians(50))
+    scene = bias_extension(size=(4, 8), shear_angle=np.radians(50))
     ends = [scene.mesh.p[1].min(), scene.mesh.p[1].max()]
     held = Condition(
         lambda X: np.isin(X[1], ends),
         lambda X, t: np.where(X[1] == ends[1], scene.displacement(X, t), 0.0),
     )
     scene = replace(scene, conditions={"ends": held})
-    one, eight = (loaded(scene, Quadratic(80.0), n, law) for n in (1, 8))
+    one, eight = (loaded(scene, Quadratic(80.0), n, Sin2(0.5)) for n in (1, 8))
     assert one.path_resolved
     assert energy_of(one) == pytest.approx(energy_of(eight), rel=0.005)
 
 
 def test_a_reaction_along_stiff_fibres_is_independent_of_the_number_of_steps():
     """If the energy changes by a thousandth, the reaction changes by a tenth."""
-    scene = strip(size=(5, 8))
+    scene = strip(size=(4, 6))
     fabric = Fabric(Pretensioned(Linear(1e5), 1.0), 0.5, scene.warp, scene.weft)
     few, many = (
-        LoadStepper(Ply(scene.mesh, fabric), scene.conditions, n).run() for n in (2, 10)
+        LoadStepper(Ply(scene.mesh, fabric), scene.conditions, n).run() for n in (2, 6)
     )
     reactions = [np.array([*r.states[-1].forces.values()]) for r in (few, many)]
     assert few.path_resolved
     assert np.abs(reactions[0] - reactions[1]).max() < 0.005 * np.abs(reactions).max()
 
 
-def test_a_small_reaction_is_independent_of_the_number_of_steps():
-    edges = {"right": "free", "top": "free"}
-    scene = trellis(size=(6, 6), seed=0, edges=edges)
-    one, many = (loaded(scene, OnePoint(), n, Sin2(0.5)) for n in (1, 10))
-    reactions = [np.array([*r.states[-1].forces.values()]) for r in (one, many)]
-    assert one.path_resolved
-    assert np.abs(reactions[0] - reactions[1]).max() < 0.005 * np.abs(reactions).max()
-
-
-@pytest.mark.parametrize("formulation", [OnePoint(), Macro()])
-def test_energy_is_independent_of_the_load_history(formulation):
+def test_energy_is_independent_of_the_load_history():
     """Up to 60 degrees and back to 6, and straight to 6."""
     scene = bias_extension(size=(4, 8), seed=0, shear_angle=np.radians(60))
 
     def pulled(path, steps):
         top = Condition("top", lambda X, t: scene.displacement(X, path(t)))
         conditions = scene.conditions | {"top": top}
-        return loaded(replace(scene, conditions=conditions), formulation, steps, 0.5)
+        return loaded(replace(scene, conditions=conditions), Macro(), steps, 0.5)
 
-    back = pulled(lambda t: min(2 * t, 1.9 - 1.8 * t), 10)
+    back = pulled(lambda t: min(2 * t, 1.9 - 1.8 * t), 6)
     straight = pulled(lambda t: 0.1 * t, 2)
     assert back.path_resolved
     assert energy_of(back) == pytest.approx(energy_of(straight), rel=0.005)
@@ -201,7 +190,6 @@ def test_a_path_is_saved_and_resumed():
 
 
 def test_a_method_without_difficulty_measure_leaves_the_path_unresolved():
-    scene = strip(size=(3, 4), seed=0)
+    scene = strip(size=(2, 3), seed=0)
     options = {"method": "plain", "warn_only": list(CHECKS)}
-    assert not loaded(scene, OnePoint(1.0), 2, **options).path_resolved
-    assert loaded(scene, OnePoint(1.0), 2).path_resolved
+    assert not loaded(scene, OnePoint(1.0), 1, **options).path_resolved

@@ -110,21 +110,26 @@ def test_parts_add_up_to_energy_and_forces(name):
     assert ("stabilisation" in roles) == (name != "mean")
 
 
-@pytest.mark.parametrize("E", [1e2, pytest.param(1e4, marks=pytest.mark.slow), 1e8])
+@pytest.mark.parametrize(
+    ("across", "E", "share"),
+    [
+        (8, 1e4, 0.09),
+        *(pytest.param(16, E, 0.06, marks=pytest.mark.slow) for E in (1e2, 1e8)),
+    ],
+)
 @pytest.mark.parametrize("name", FORMULATIONS)
-def test_ordinary_bias_extension_passes(caplog, name, E):
-    """At most 0.06 of energy and work with 16 elements across."""
-    result = case(bias_extension, name, E=E).run()
+def test_ordinary_bias_extension_passes(caplog, name, across, E, share):
+    result = case(bias_extension, name, across, E=E).run()
     assert not reported(caplog)
-    assert 0.005 < largest(result, "energy") < 0.06
-    assert largest(result, "work") < 0.06
+    assert 0.005 < largest(result, "energy") < share
+    assert largest(result, "work") < share
     assert largest(result, "top_reaction") < 0.2
 
 
 @pytest.mark.parametrize("name", FORMULATIONS)
 @pytest.mark.parametrize("scene", [strip, trellis])
 def test_ordinary_runs_of_other_scenes_pass(caplog, scene, name):
-    result = case(scene, name).run()
+    result = case(scene, name, 8, steps=1).run()
     assert not reported(caplog)
     for of in result.states[-1].shares:
         assert largest(result, of) < (0.2 if "reaction" in of else 0.06)
@@ -132,8 +137,8 @@ def test_ordinary_runs_of_other_scenes_pass(caplog, scene, name):
 
 @cache
 def fine_load(name):
-    """Of a bias extension with 16 elements across, over the exact load."""
-    fine = case(bias_extension, name, 16)
+    """Of a bias extension with 12 elements across, over the exact load."""
+    fine = case(bias_extension, name, 12)
     return fine.summary(without_interval(fine.run()))["load_over_exact"]
 
 
@@ -155,7 +160,7 @@ def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation,
 @pytest.mark.parametrize("name", FORMULATIONS)
 def test_the_artificial_share_without_shear_stiffness_is_nearly_one(caplog, name):
     """No fabric term resists: 58° instead of the prescribed 40°."""
-    this = case(bias_extension, name, 8, G=0.0, steps=6)
+    this = case(bias_extension, name, 8, G=0.0, steps=3)
     summary = this.summary(without_interval(this.run()))
     role = "deviation" if name == "mean" else "stabilisation"
     assert summary["converged"]
@@ -168,11 +173,10 @@ def test_the_artificial_share_without_shear_stiffness_is_nearly_one(caplog, name
     )
 
 
-@pytest.mark.parametrize("G", [0.0, 0.5])
 @pytest.mark.parametrize("name", FORMULATIONS)
-def test_the_artificial_share_of_a_homogeneous_state_is_zero(caplog, name, G):
+def test_the_artificial_share_of_a_homogeneous_state_is_zero(caplog, name):
     """Without shear stiffness its energy and forces are round-off."""
-    result = case(picture_frame, name, G=G).run()
+    result = case(picture_frame, name, 16, G=0.0).run()
     assert not reported(caplog)
     for of in ("energy", "work"):
         assert largest(result, of) < 1e-4
@@ -221,7 +225,7 @@ def test_a_load_is_not_an_internal_part():
 
 
 def test_a_resumed_run_has_the_same_shares(tmp_path):
-    this = case(bias_extension, "macro", 8)
+    this = case(bias_extension, "macro", 4)
     whole = this.stepper(tmp_path / "a").run()
     again = this.stepper(tmp_path / "a").run(resume=True)
     assert [s.shares for s in again.states] == [s.shares for s in whole.states]
@@ -252,6 +256,7 @@ def held_at_a_node(refinements):
     return equilibrium_near(ply, conditions, start)
 
 
+@pytest.mark.dear("two meshes show that the share remains on the finer one")
 def test_forces_at_fixed_nodes_are_no_reason_to_reject_a_state():
     """Deviations cause much of its force, which a finer mesh hardly changes."""
     coarse, fine = held_at_a_node(3), held_at_a_node(4)

@@ -52,11 +52,11 @@ def test_steps_grow_again_and_land_on_the_requested_load_factors():
 
 def test_a_run_that_cannot_continue_reports_it_and_keeps_its_states():
     """A squeezed ply buckles, then folds: no later state is accepted."""
-    ply, conditions = pulled(-2.0)
-    with pytest.raises(
-        StepError,
-        match=r"stopped at load factor 0\.\d+ \(.* mm\): no acceptable state at load",
-    ) as e:
+    mesh = MeshQuad().refined(1).with_defaults()
+    ply = Ply(mesh, Fabric(10.0, 1.0), Full())
+    conditions = CLAMP | {"push": Condition("top", -2.0, (0, 1))}
+    words = r"stopped at load factor 0\.\d+ \(.* mm\): no acceptable state at load"
+    with pytest.raises(StepError, match=words) as e:
         LoadStepper(ply, conditions, steps=4, max_halvings=0).run()
     result = e.value.result
     assert not result.converged
@@ -75,12 +75,20 @@ def test_an_invalid_intermediate_value_ends_the_run_and_keeps_its_states():
     assert error.value.result.states[-1].load_factor == 0.5
 
 
-@pytest.mark.parametrize("halvings", [0, 1])
+class StuckBeyondHalf(Newton):
+    def solve(self, problem, start, fixed_values, most_projected, report):
+        if fixed_values.max() > 0.25:
+            raise NoEquilibriumError("stuck")
+        return super().solve(problem, start, fixed_values, most_projected, report)
+
+
+@pytest.mark.parametrize("halvings", [0, 2])
 def test_a_run_that_fails_counts_the_steps_that_it_cut(halvings):
-    ply, conditions = pulled(lambda X, t: -1.5 * (t > 0) + 0 * X[0])
+    options = {"method": StuckBeyondHalf(), "max_halvings": halvings}
     with pytest.raises(StepError) as error:
-        LoadStepper(ply, conditions, 1, max_halvings=halvings).run()
+        LoadStepper(*pulled(0.5), 2, **options).run()
     assert error.value.result.steps_cut == halvings
+    assert load_factors(error.value.result) == [0.0, 0.5]
 
 
 def test_an_interrupted_run_keeps_its_states():
@@ -139,57 +147,12 @@ def test_a_function_that_fails_at_an_intermediate_load_stops_the_run():
 # Invalid settings of a run are rejected before it begins
 
 
-@pytest.mark.parametrize(
-    "steps", [0, -3, 2.5, np.nan, np.inf, "3", None, 10**6 + 1, 10**23]
-)
-def test_invalid_steps_are_rejected(steps):
-    ply, conditions = pulled(0.5)
-    with pytest.raises(ValueError, match="steps must be a whole number"):
-        LoadStepper(ply, conditions, steps=steps)
-
-
 def test_no_result_exists_before_a_run():
     ply, conditions = pulled(0.5)
     stepper = LoadStepper(ply, conditions)
     assert stepper.states == ()
     with pytest.raises(RuntimeError, match="has not been run"):
         _ = stepper.result
-
-
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ({"method": "newtn"}, "unknown method 'newtn': choose one of newton, plain"),
-        ({"method": Newton}, "method must be a nonlinear solver or its name"),
-        (
-            {"method": Newton(most=0)},
-            "the maximum number of iterations must be at least 1",
-        ),
-        ({"warn_only": ["stable"]}, "unknown check 'stable': choose one of folding"),
-        ({"max_halvings": -1}, "max_halvings must be a whole number from 0"),
-        ({"solver": "umfpack"}, "unknown solver 'umfpack': choose one of auto"),
-        ({"method": ["newton"]}, "method must be a nonlinear solver or its name"),
-        ({"method": None}, "method must be a nonlinear solver or its name, not None"),
-        ({"warn_only": "work"}, "warn_only must be a list"),
-        ({"warn_only": None}, "warn_only must be a list"),
-        ({"warn_only": [[]]}, r"unknown check \[\]"),
-        ({"solver": ["auto"]}, "unknown solver"),
-        ({"max_halvings": 1.5}, "max_halvings must be a whole number from 0 to 30"),
-        ({"max_halvings": np.nan}, "max_halvings must be a whole number"),
-        ({"max_halvings": 10**6}, "max_halvings must be a whole number"),
-        ({"max_halvings": None}, "max_halvings must be a whole number"),
-        ({"on_step": 3}, "on_step must be a function, not 3"),
-        ({"on_iteration": "print"}, "on_iteration must be a function"),
-        ({"checkpoint": 3}, "checkpoint must be the path of a folder, not 3"),
-        ({"checkpoint": "a\0b"}, r"checkpoint 'a\\x00b' is not a valid path"),
-        ({"ply": None}, "ply must be a Ply, not NoneType"),
-    ],
-)
-def test_invalid_settings_are_rejected_before_the_run(setting, message):
-    mesh = MeshQuad().refined(1).with_defaults()
-    arguments = {"ply": Ply(mesh, Fabric(1e4, 1.0), Full())} | setting
-    with pytest.raises(ValueError, match=message):
-        LoadStepper(conditions={"clamp": Condition("bottom")}, **arguments)
 
 
 # An error in a user's function ends the run in one line and keeps its result
@@ -221,12 +184,6 @@ class FailingLaw(Linear):
         if FailingLaw.failing:
             raise ZeroDivisionError
         return super().value(x)
-
-
-def late(X, t):
-    if t > 0.5:
-        raise OSError("no such file")
-    return np.stack([0.3 * t + 0 * X[0], 0 * X[0]])
 
 
 def test_a_term_that_raises_ends_the_run_and_keeps_earlier_states():
@@ -275,23 +232,6 @@ def test_a_callback_that_raises_ends_the_run_and_keeps_its_state():
 
     stepper = LoadStepper(*pulled(0.3), 4, on_step=stop)
     with pytest.raises(StepError, match="LookupError: seen enough \\(stop, line"):
-        stepper.run()
-    assert stepper.states[-1].load_factor == 0.5
-
-
-def test_a_condition_that_raises_ends_the_run_and_keeps_earlier_states():
-    ply, _ = pulled(0.3)
-    conditions = CLAMP | {"pull": Condition("top", (0.3, 0.0))}
-    stepper = LoadStepper(ply, conditions, 4)
-    raised = stepper.problem.constraints.fixed_values
-
-    def fixed_values(t):
-        if t > 0.5:
-            late(np.zeros((2, 1)), t)
-        return raised(t)
-
-    stepper.problem.constraints.fixed_values = fixed_values
-    with pytest.raises(StepError, match="OSError: no such file \\(late, line"):
         stepper.run()
     assert stepper.states[-1].load_factor == 0.5
 

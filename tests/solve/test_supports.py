@@ -96,7 +96,7 @@ def test_an_inclined_roller_on_a_clamped_node_carries_half_across_its_slope():
     np.testing.assert_allclose(shared["clamp"] + shared["roller"], force, atol=1e-12)
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-8, 1e-4])
+@pytest.mark.parametrize("angle", [0.0, 1e-8, 1e-5])
 def test_rollers_that_differ_by_round_off_share_equally(angle):
     """A larger angle is another direction, whose roller carries nothing here."""
     shared = resolved(
@@ -155,7 +155,8 @@ def test_a_run_that_stops_states_the_prescribed_displacement():
     """The load moves the top along x, in which its condition leaves it free."""
     law = Tabulated([0, 0.3], [0, 1.5], odd=True)
     fabric = Fabric(100.0, law)
-    ply = Ply(MESH, fabric, Full(), terms=[Force("top", (20.0, 0.0))])
+    mesh = MeshQuad().refined(1).with_defaults()
+    ply = Ply(mesh, fabric, Full(), terms=[Force("top", (20.0, 0.0))])
     rail = {"clamp": Condition("bottom"), "rail": Condition("top", (None, 0.01))}
     with pytest.raises(StepError, match=r"\(rail moved by 0\.00\d+ mm\)") as stop:
         LoadStepper(ply, rail, steps=4, max_halvings=2).run()

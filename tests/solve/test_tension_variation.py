@@ -110,7 +110,7 @@ def inside(run, low, high):
 
 def test_one_point_on_triangles_is_compared_with_macro_elements():
     """One point locks on triangles; 43.214 N: `docs/angles/references.json`."""
-    scene = bias_extension("delaunay", (12, 24))
+    scene = bias_extension("delaunay", (8, 16))
     ply = Ply(scene.mesh, Fabric(1e5, 0.5, scene.warp, scene.weft), OnePoint())
     assert ply.formulation.reference(ply.mesh) == Macro()
     result = LoadStepper(ply, scene.conditions, 2).run()

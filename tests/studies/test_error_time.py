@@ -5,10 +5,7 @@ import pytest
 
 from skfem_textile import (
     LoadStepper,
-    Macro,
-    OnePoint,
     Ply,
-    Quadratic,
 )
 from studies.common.rivals.codes import Native, Plain
 from studies.common.rivals.newton import STEPS, NotConvergedError, Run
@@ -18,10 +15,8 @@ from studies.error_time import cases, fronts, study
 from studies.error_time.cases import (
     CELLS,
     CODES,
-    FORMULATIONS,
     PROBLEMS,
     OtherCode,
-    Reference,
     ThisLibrary,
     Timed,
     shape_errors,
@@ -29,7 +24,7 @@ from studies.error_time.cases import (
 )
 from studies.error_time.fronts import CRITERIA, SETS
 from studies.error_time.study import STUDY
-from studies.formulations.cases import AUTO, BIAS, SEEDS, Case
+from studies.formulations.cases import SEEDS, Case
 
 OURS = ThisLibrary.code
 NO_OPTIONS = argparse.Namespace()
@@ -188,14 +183,6 @@ def test_loads_are_not_judged_without_the_whole_reference():
     assert "reference" not in study.in_words(rows)
 
 
-def test_a_coarse_reference_mesh_is_close_to_the_stored_loads():
-    row = Reference("Quadratic()", 4).rows()[0]
-    assert row["load"] / row["inextensible"] == pytest.approx(0.99, abs=0.01)
-    assert {str(one) for one in STUDY.cases(NO_OPTIONS)} >= {
-        str(Reference(element, cells)) for element in FORMULATIONS for cells in CELLS
-    }
-
-
 def test_the_smallest_error_of_an_element_above_the_target_is_given():
     assert "| **skfem_textile** | Q4 | not reached: 0.2° at 16 across |" in (
         study.elements(THERE)
@@ -222,32 +209,6 @@ def test_the_fronts_have_a_line_for_each_code_with_its_name_at_the_end():
     assert len(load.lines[2].get_xydata()) == 1
 
 
-def test_text_of_figures_is_at_least_seven_points_at_the_width_of_a_page():
-    pytest.importorskip("matplotlib")
-    for figure in (study.draw_fronts(ROWS), study.draw_ratios(ROWS)):
-        printed = 160 / 25.4 / figure.get_size_inches()[0]
-        figure.canvas.draw()
-        for axes in figure.axes:
-            texts = [axes.title, axes.xaxis.label, *axes.texts]
-            texts += [*axes.get_xticklabels(), *axes.get_yticklabels()]
-            sizes = [t.get_fontsize() * printed for t in texts if t.get_text()]
-            assert min(sizes) >= 7
-            assert not any("$" in t.get_text() for t in texts)  # smaller exponents
-
-
-def test_every_formulation_and_every_required_rival_takes_part():
-    ours = [c for c in CODES if isinstance(c, ThisLibrary)]
-    made = {type(c.method.formulation(1.0)) for c in ours}
-    assert made >= {OnePoint, Macro, Quadratic}
-    assert {c.solver for c in ours} == set(SETS)
-    others = {(c.code, c.element, c.solver) for c in CODES if isinstance(c, OtherCode)}
-    for code in ("scikit-fem", "FElupe", "scikit-fem-native"):
-        for element in ("Q4, 2×2", "P2, 3 points"):
-            assert {(code, element, solver) for solver in SETS} <= others
-    assert ("DOLFINx", "P2, 3 points", "MUMPS") in others
-    assert ("scikit-fem", "Q9, 3×3", "fastest") in others
-
-
 def test_the_codes_take_turns_on_each_seed():
     timed = [case for case in STUDY.cases(NO_OPTIONS) if isinstance(case, Timed)]
     seeds = [case.seed for case in timed]
@@ -255,21 +216,6 @@ def test_the_codes_take_turns_on_each_seed():
     assert set(seeds) == set(SEEDS)
     names = [str(case) for case in timed]
     assert len(set(names)) == len(names)
-
-
-def test_the_bias_extension_is_pulled_to_40_degrees_at_a_ratio_of_200000():
-    problem = PROBLEMS["bias_extension"]
-    assert problem.E / problem.law.stiffness == 2e5
-    scene = Case("", problem, AUTO, 4, 1).scene()
-    middle = scene.mesh.p.mean(axis=1, keepdims=True)
-    assert np.degrees(scene.shear_angle(middle, 1.0)) == pytest.approx(40)
-    assert BIAS[1].last == 4  # belongs to the other study
-    converged = cases.SPECIMEN
-    assert converged.ratio == 2e5
-    assert converged.shear_law == problem.law
-    assert converged.scene(scene.mesh).load(problem.law, 1.0) == pytest.approx(
-        scene.load(problem.law, 1.0)
-    )
 
 
 def test_errors_of_the_shape_are_those_of_the_scene():

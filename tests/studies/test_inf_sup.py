@@ -1,14 +1,9 @@
-import csv
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from skfem.helpers import ddot
 
 from skfem_textile import Ply
 from skfem_textile.fabric import kinematics as kin
-from studies.__main__ import main
-from studies.common.provenance import FILE
 from studies.inf_sup import study
 from studies.inf_sup.constraints import spectrum
 from studies.inf_sup.motions import KINKED, SMOOTH, distances, stiffness, unstretched
@@ -28,7 +23,7 @@ from studies.inf_sup.study import (
     Layout,
     in_words,
 )
-from tests.helpers import derivative, drawable, random_u
+from tests.helpers import derivative, random_u
 
 ALONG, ACROSS_MESH = Layout(0), Layout(30)
 
@@ -185,34 +180,6 @@ def test_a_study_without_a_clear_smallest_value_fails():
     assert STUDY.complaint([row]) == ""
     doubtful = row | {"largest_zero": 0.5 * row["inf_sup"]}
     assert "1 case(s) without a clear smallest" in STUDY.complaint([row, doubtful])
-
-
-def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
-    some = [Case(m, ACROSS_MESH, n) for m in (TWO_BY_TWO, MACRO) for n in (4, 8)]
-    some.append(Case(MACRO, ACROSS_MESH, 4, SHEARED))
-    some.append(replace(some[3], refined=3))
-    monkeypatch.setattr("studies.inf_sup.study.all_cases", lambda: iter(some))
-    monkeypatch.setattr(study, "COUNTED_ACROSS", 8)
-    monkeypatch.setattr(study, "SHEARED_ACROSS", 4)
-    assert main(["inf_sup", "--out", str(tmp_path)]) == 0
-    names = {path.name for path in tmp_path.iterdir()}
-    assert names == {*STUDY.files, *drawable(STUDY), FILE}
-    with open(tmp_path / "inf_sup.csv") as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == len(some)
-    assert rows[4]["smooth_stiffness"] == ""
-    text = {name: (tmp_path / name).read_bytes().decode() for name in STUDY.files}
-    assert STUDY.tables(STUDY.stored(tmp_path)) == text
-    assert (
-        "| 2×2 points, quads | - | - | 0.19 to 0.096, h^1.0 | - | - |"
-        in text["constants.md"]
-    )
-    assert "| 2×2 points, quads | 162 | 512 | - | - | 4 | - | - |" in text["kernels.md"]
-    values = [float(rows[i]["inf_sup"]) for i in (2, 4, 3, 5)]
-    *_, twice, thrice = values
-    assert thrice < twice
-    line = "2×2 points, quads, 30°, 8 across, refined 2: inf-sup 0.0962, kernel 4"
-    assert line in capsys.readouterr().out
 
 
 def test_words_describe_the_finest_meshes_and_the_largest_differences():

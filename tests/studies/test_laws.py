@@ -1,4 +1,3 @@
-import logging
 from pathlib import Path
 
 import numpy as np
@@ -7,19 +6,16 @@ import pytest
 from skfem_textile.solve.newton import PlainNewton
 from studies.angles import cases as cases_of_angles
 from studies.angles import study as angles
-from studies.angles.cases import ACROSS, ANGLES, STEPS
-from studies.common.running import warnings_collected
+from studies.angles.cases import ACROSS, ANGLES
 from studies.laws import study
 from studies.laws.study import (
     FULL,
     LINEAR,
     MATERIALS,
-    ONE_POINT,
     QUADRATIC,
     QUADS,
     REFERENCES,
     SPECIMEN,
-    STEEP_SHEAR,
     STUDY,
     TRIANGLES,
     Case,
@@ -57,30 +53,6 @@ def test_the_shared_case_has_one_reference_and_one_limit_in_both_studies():
             np.testing.assert_allclose(here, stored, atol=1e-5)
             limit = 100 * cases_of_angles.limit(SPECIMEN.inclination, across)
             assert f"within {limit:g} %" in study.judged(rows)
-
-
-def test_every_material_is_judged():
-    judged = {(c.material, c.method, c.across, c.seed) for c in ALL}
-    for material in MATERIALS:
-        for method in (QUADS, TRIANGLES):
-            for across in ACROSS:
-                assert {(material, method, across, s) for s in range(1, 6)} <= judged
-    steps = {(c.material, c.method.steps) for c in ALL}
-    assert steps == {(STEEP_SHEAR, 16), *((material, STEPS) for material in MATERIALS)}
-
-
-def test_meshes_have_the_stated_edges_across():
-    for method in (QUADS, TRIANGLES, ONE_POINT):
-        case = Case("judged", LINEAR, method, 16, 1)
-        scene = case.scene()
-        mesh = method.formulation.working_mesh(scene.mesh)
-        assert np.sum(mesh.p[1, np.unique(mesh.facets)] == 0) == 17
-
-
-def test_the_steep_shear_rises_a_hundredfold_from_30_to_55_degrees():
-    """To the few percent to which the interpolant of the table keeps its slopes."""
-    slopes = STEEP_SHEAR.shear.tangent(np.radians([15.0, 42.5, 57.5, 70.0]))
-    np.testing.assert_allclose(slopes, [0.5, 5.0, 50.0, 50.0], rtol=0.05)
 
 
 def test_no_fibre_locks_on_meshes_along_the_fibres():
@@ -137,18 +109,6 @@ def test_medians_within_the_limits_are_counted():
     assert (words["met"], words["met_half"]) == ("12 of 20", "6 of 20")
     names = "quads_32", "triangles_32_steep", "triangles_32_others"
     assert [words[name] for name in names] == ["7.0 %", "7.0 %", "3.0 %"]
-
-
-def test_warnings_are_collected_and_not_logged(caplog):
-    log = logging.getLogger("skfem_textile.solve")
-    with warnings_collected() as texts:
-        log.info("a step")
-        log.warning("load factor %g: %s", 1, "it is coarse")
-    assert texts == ["load factor 1: it is coarse"]
-    assert caplog.messages == []
-    log.warning("again")
-    assert caplog.messages == ["again"]
-    assert len(texts) == 1
 
 
 def test_a_refused_case_has_no_load(monkeypatch):

@@ -1,5 +1,3 @@
-import argparse
-
 import numpy as np
 import pytest
 from skfem import MeshQuad
@@ -88,18 +86,6 @@ def test_errors_are_relative_to_the_converged_load():
     failed, row = STUDY.examine(Timed(1, "net", MESHES["net"], Known(), (4, 6)))
     assert "error" not in failed
     assert row["error"] == pytest.approx(0.01)
-
-
-def test_every_code_is_timed_on_both_kinds_of_meshes_in_turn():
-    timed = [
-        case
-        for case in STUDY.cases(argparse.Namespace())
-        if isinstance(case, Timed) and case.seed == 1
-    ]
-    assert [case.scene for case in timed] == [*MESHES] * (len(timed) // 2)
-    assert [case.code for case in timed[::2]] == [case.code for case in timed[1::2]]
-    standard = {case.code.code for case in timed if case.code.element == STANDARD}
-    assert standard == {OURS, "FElupe", "scikit-fem", "scikit-fem-native", "DOLFINx"}
 
 
 def test_a_net_has_the_singular_fibres_as_edges_and_roughly_the_size():

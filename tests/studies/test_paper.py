@@ -8,7 +8,7 @@ from skfem_textile import Full, OnePoint
 from studies.__main__ import main
 from studies.common.provenance import FILE
 from studies.paper import study
-from studies.paper.study import STUDY, Strip
+from studies.paper.study import Strip
 from studies.paper.two_element import report, slips, systems, table
 
 BY_NAME = {system[:4]: system for system in systems()}
@@ -124,18 +124,3 @@ def test_strips_are_tabled_and_one_that_stops_does_not_stop_the_others(
     assert float(rows[1]["load (N)"]) == pytest.approx(-3.49714, rel=1e-5)
     assert (out / "paper.md").read_text().count("\n") == 5
     assert "Fig. 11" in capsys.readouterr().out
-
-
-def test_a_run_of_two_elements_keeps_strips_and_pictures(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("pyvista")
-    monkeypatch.setattr(study, "strips", lambda: FEW[:2])
-    out = str(tmp_path)
-    assert main(["paper", "--out", out]) == 0
-    names = {file.name for file in tmp_path.iterdir()}
-    rows = STUDY.stored(tmp_path)
-    assert [row["case"] for row in rows] == [*map(str, FEW[:2]), "two elements"]
-    texts = {name: (tmp_path / name).read_bytes().decode() for name in STUDY.files}
-    assert STUDY.tables(rows) == texts
-    assert main(["paper", "--case", "two elements", "--out", out]) == 0
-    assert {file.name for file in tmp_path.iterdir()} == names
-    assert STUDY.stored(tmp_path) == rows

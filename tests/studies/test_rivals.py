@@ -28,7 +28,7 @@ def name(rival):
     return f"{rival.code}, {rival.shape.name}, {rival.solver}"
 
 
-def task_of(shape, make=bias_extension, E=1e3, G=0.5, size=(4, 8)):
+def task_of(shape, make=bias_extension, E=1e3, G=0.5, size=(3, 6)):
     scene = make(KINDS[shape.mesh], size, 0.2, 1)
     return Task(scene, shape.element, shape.rule, E, G)
 

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +13,6 @@ import pytest
 from studies import __main__
 from studies.common.tables import rows_of_csv
 from studies.study import Part, Study, descriptions, load
-from tests.helpers.sweep_cases import is_alive, wait_until
 
 ROOT = Path(__file__).parents[2]
 
@@ -141,55 +139,31 @@ def test_a_study_whose_cases_are_timed_has_no_workers(squares, monkeypatch, caps
     assert "--workers" in capsys.readouterr().err
 
 
-STUDY = """
-import os, sys, time
-from pathlib import Path
-from skfem_textile import Full
-from studies import __main__
-from studies.stability import study
-from studies.stability.problems import Extreme
-from studies.stability.study import RIGHT
+def test_a_study_with_a_failing_case_or_an_interruption_is_resumed(
+    squares, tmp_path, monkeypatch, capsys
+):
+    """The other cases are reported, and the end equals an undisturbed run."""
+    examine, examined = Squares.examine, []
+    errors = [ValueError("3"), ValueError("3"), KeyboardInterrupt()]
 
-study.extremes = lambda: [Extreme("family", n, None, Full()) for n in "abcd"]
+    def disturbed(study, case):
+        examined.append(case)
+        if case == 3 and errors:
+            raise errors.pop(0)
+        return examine(study, case)
 
-def examine(_, problem):
-    with open(problem.label, "a") as file:
-        file.write(f"{os.getpid()} ")
-    while problem.label == "b" and not Path("go on").exists():
-        time.sleep(0.01)
-    figures = {"family": problem.family, "problem": problem.name, "steps": 1}
-    figures |= {"kind": problem.kind, "seed": None, "outcome": RIGHT}
-    figures |= {"solvable": True, "agrees": True, "path_resolved": True}
-    return [figures | {"linear_solves": ord(problem.label), "energy": 0.1}]
-
-study.Stability.examine = examine
-
-if __name__ == "__main__":
-    sys.exit(__main__.main(["stability", "--no-render", *sys.argv[1:]]))
-"""
-
-
-def test_a_killed_study_is_resumed_with_the_same_report(tmp_path):
-    (tmp_path / "study.py").write_text(STUDY)
-    command = [sys.executable, "study.py", "--out"]
-    options = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": str(ROOT)}}
-    part = tmp_path / "killed" / "stability-unfinished.jsonl"
-    started = tmp_path / "b"
-    two = "--workers", "2"
-    with subprocess.Popen([*command, "killed", *two], **options) as study:
-        wait_until(lambda: started.is_file() and started.read_text().endswith(" "))
-        wait_until(lambda: part.is_file() and len(part.read_text().splitlines()) == 3)
-        study.send_signal(signal.SIGKILL)
-    (left,) = {int(pid) for pid in started.read_text().split()}
-    wait_until(lambda: not is_alive(left))
-    (tmp_path / "go on").touch()
-    subprocess.run([*command, "killed", "--resume"], **options, check=True)
-    runs = [len((tmp_path / name).read_text().split()) for name in "abcd"]
-    assert runs == [1, 2, 1, 1]
-    assert not part.exists()
-    subprocess.run([*command, "whole"], **options, check=True)
-    files = [p.name for p in (tmp_path / "whole").iterdir()]
-    assert len(files) == 3
-    for name in files:
-        ours, theirs = (tmp_path / d / name for d in ("killed", "whole"))
-        assert ours.read_bytes() == theirs.read_bytes()
+    monkeypatch.setattr(Squares, "examine", disturbed)
+    assert squares() == 1
+    stderr = capsys.readouterr().err
+    assert "square of 3: " in stderr
+    assert "--resume" in stderr
+    assert (tmp_path / "squares.csv").read_bytes().count(b"\n") == 3
+    assert squares() == 2
+    assert "--resume" in capsys.readouterr().err
+    assert squares("--resume") == 130
+    assert squares("--resume") == 0
+    assert examined.count(1) == examined.count(2) == 1
+    resumed = (tmp_path / "squares.csv").read_bytes()
+    assert {p.name for p in tmp_path.iterdir()} == {"squares.csv", "provenance.json"}
+    assert squares() == 0
+    assert (tmp_path / "squares.csv").read_bytes() == resumed

@@ -6,9 +6,9 @@ from skfem_textile.solve.sweep import WorkerProcesses
 from tests.helpers.sweep_cases import process_pool
 
 KINDS = {
-    "threads": ThreadPoolExecutor,
-    "process pool": process_pool,
-    "workers": WorkerProcesses,
+    "threads": (ThreadPoolExecutor, 2),
+    "process pool": (process_pool, 1),
+    "workers": (WorkerProcesses, 2),
 }
 
 
@@ -32,7 +32,8 @@ def executor(request):
     with pytest.MonkeyPatch.context() as environment:
         for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
             environment.delenv(name, raising=False)
-        with KINDS[request.param](2) as executor:
+        kind, number = KINDS[request.param]
+        with kind(number) as executor:
             yield executor
 
 

@@ -10,8 +10,14 @@ from typing import NamedTuple
 from hypothesis import strategies as st
 
 from skfem_textile.solve.sweep import sweep
-from studies.common.running import errors_only
-from tests.helpers.hostile import RIGHT, Family, expect, expect_equal, rejected
+from tests.helpers.hostile import (
+    RIGHT,
+    Family,
+    errors_only,
+    expect,
+    expect_equal,
+    rejected,
+)
 from tests.helpers.hostile.damage import REPLACEMENTS, TO_BYTES, replace_file
 
 # Names of cases, with characters that JSON escapes.
@@ -199,4 +205,4 @@ FAMILY = Family("sweeps", {"": files()}, attempt, 1000, short=40)
 
 
 def test_a_damaged_file_of_a_sweep_is_rejected_or_completed_correctly():
-    FAMILY.check(40)
+    FAMILY.check(25)

@@ -10,7 +10,8 @@ import pytest
 
 from skfem_textile.solve.sweep import sweep
 from tests.helpers import full_disk
-from tests.helpers.sweep_cases import lines, square
+from tests.helpers.sweep_cases import lines
+from tests.sweep.calls import square
 
 FOREIGN = "not written by a sweep"
 
@@ -25,17 +26,6 @@ RESULTS = {n: sevenths(n) for n in range(6)}
 @pytest.fixture
 def out(tmp_path):
     return tmp_path / "out.jsonl"
-
-
-@pytest.fixture
-def swept(out, thread):
-    """A whole file; called, returns the results of a sweep into it."""
-
-    def swept():
-        return dict(sweep(sevenths, range(6), thread, out=out))
-
-    swept()
-    return swept
 
 
 def test_results_are_written_as_soon_as_they_are_computed(out, thread):
@@ -74,98 +64,76 @@ def test_an_interrupted_sweep_does_not_repeat_finished_cases(out):
     assert len(lines(out)) == 9
 
 
-def test_a_torn_last_line_is_dropped_and_its_case_repeated(out, thread, swept):
-    whole, calls = out.read_bytes(), []
+def sealed(start):
+    """A line with any start and a valid digest."""
+    start += b', "digest": "'
+    return start + hashlib.sha256(start).hexdigest()[:16].encode() + b'"}\n'
+
+
+# Lines that no sweep writes.
+INVALID = [
+    *(sealed(start) for start in (b"", b"null", b'{"case": "0"', b"\xff")),
+    *(sealed(b'{"case": %s, "found": 1' % name) for name in (b"1", b'["0"]')),
+    sealed(b'{"case": "0", "found": ' + b"[" * 50_000),
+]
+FOREIGN_FILES = [
+    *(b"load,N\n1,2\n", b"a note", b'{"a": 1}\n', b"[]\n{}", b"{", b"\n"),
+    *(b'{"case": "of a lawyer", "found": 1', b'{"case": "0", "found": 1}\n'),
+    *INVALID,
+]
+OTHER = sealed(b'{"case": "2", "found": 4')
+
+# Content of a file for the lines of a whole one, cases that run again, and the report.
+DAMAGED = {
+    "torn": (lambda *x: b"".join(x)[:-4], [5], "6 are damaged"),
+    "without its end": (lambda *x: b"".join(x)[:-1], [5], "6 are damaged"),
+    "without a line": (lambda *x: b"".join(x[1:]), [0], ""),
+    "edited": (lambda *x: b"".join(x).replace(b"0.28", b"0.29"), [2], "3 are damaged"),
+    "with a note": (lambda *x: b"".join(x) + b"a note", [], "7 are damaged"),
+    "with notes": (
+        lambda *x: b"".join(x) + b"a note\n" * 8,
+        *([], "7, 8, 9, 10, 11, and 3 more are damaged"),
+    ),
+    "with two results": (
+        lambda *x: b"".join(x) + OTHER + x[0],
+        [2],
+        "3, 7 are damaged",
+    ),
+    **{
+        f"invalid {i}": (lambda *x, line=line: b"".join(x) + line, [], "7 are damaged")
+        for i, line in enumerate(INVALID)
+    },
+}
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_damaged_lines_are_reported_and_their_cases_repeated(out, thread, caplog, name):
+    damaged, repeated, report = DAMAGED[name]
+    calls = []
 
     def called(n):
         calls.append(n)
         return sevenths(n)
 
-    for torn in (1, 4, len(whole.splitlines()[-1])):
-        out.write_bytes(whole[:-torn])
-        calls.clear()
-        assert dict(sweep(called, range(6), thread, out=out)) == RESULTS
-        assert calls == [5]
-        assert out.read_bytes() == whole
+    list(sweep(called, range(6), thread, out=out))
+    content = damaged(*out.read_bytes().splitlines(keepends=True))
+    out.write_bytes(content)
+    calls.clear()
+    assert dict(sweep(called, range(6), thread, out=out)) == RESULTS
+    assert calls == repeated
+    assert ("line(s)" in caplog.text) == bool(report)
+    assert report in caplog.text
+    torn = name in ("torn", "without its end")
+    kept = content[: content.rindex(b"\n") + 1] if torn else content
+    assert out.read_bytes().startswith(kept)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "load,N\n1,2\n",
-        "a note",
-        '{"a": 1}\n',
-        "[]\n{}",
-        "{",
-        '{"case": "of a lawyer", "found": 1',
-        '{"case": "0", "found": 1}\n',
-        "\n",
-    ],
-)
-def test_another_kind_of_file_is_rejected_and_left_unchanged(out, swept, text):
-    out.write_text(text)
+@pytest.mark.parametrize("content", FOREIGN_FILES)
+def test_another_kind_of_file_is_rejected_and_left_unchanged(out, thread, content):
+    out.write_bytes(content)
     with pytest.raises(ValueError, match=FOREIGN):
-        swept()
-    assert out.read_text() == text
-
-
-def test_a_damaged_line_is_reported_and_its_case_repeated(out, swept, caplog):
-    whole = out.read_bytes().splitlines(keepends=True)
-    edited = whole[2].replace(b"0.28", b"0.29")
-    assert edited != whole[2]
-    out.write_bytes(b"".join([*whole[:2], edited, *whole[3:]]))
-    assert swept() == RESULTS
-    assert "line(s) 3 are damaged" in caplog.text
-    assert out.read_bytes().splitlines(keepends=True)[-1] == whole[2]
-
-
-def test_five_of_many_unused_lines_are_reported(out, swept, caplog):
-    out.write_bytes(out.read_bytes() + b"a note\n" * 8)
-    assert swept() == RESULTS
-    assert "line(s) 7, 8, 9, 10, 11, and 3 more are damaged" in caplog.text
-
-
-def test_two_results_of_one_case_are_reported_and_neither_is_used(
-    tmp_path, thread, out, swept, caplog
-):
-    other = tmp_path / "other.jsonl"
-    list(sweep(square, [2], thread, out=other))
-    first = out.read_bytes().splitlines(keepends=True)[0]
-    out.write_bytes(out.read_bytes() + other.read_bytes() + first)
-    assert swept() == RESULTS
-    assert "line(s) 3, 7 are damaged" in caplog.text
-
-
-def test_additions_to_a_file_are_not_cut_off(out, swept, caplog):
-    whole = out.read_bytes()
-    out.write_bytes(whole + b"a note of mine")
-    assert swept() == RESULTS
-    assert out.read_bytes() == whole + b"a note of mine\n"
-    assert "line(s) 7" in caplog.text
-
-
-@pytest.mark.parametrize(
-    "start",
-    [
-        b"",
-        b"null",
-        b'{"case": "0"',
-        b'{"case": ["0"], "found": 1',
-        b'{"case": 1, "found": 1',
-        b"\xff",
-        b'{"case": "0", "found": ' + b"[" * 50_000,
-    ],
-)
-def test_an_invalid_line_is_reported_with_any_digest(out, swept, caplog, start):
-    start += b', "digest": "'
-    forged = start + hashlib.sha256(start).hexdigest()[:16].encode() + b'"}\n'
-    out.write_bytes(out.read_bytes() + forged)
-    assert swept() == RESULTS
-    assert "line(s) 7 are damaged" in caplog.text
-    out.write_bytes(forged)
-    with pytest.raises(ValueError, match=FOREIGN):
-        swept()
-    assert out.read_bytes() == forged
+        list(sweep(sevenths, range(6), thread, out=out))
+    assert out.read_bytes() == content
 
 
 def test_a_second_sweep_on_one_file_is_rejected(out, thread):

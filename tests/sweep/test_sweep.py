@@ -15,29 +15,28 @@ from pathlib import Path
 from threading import Event
 
 import pytest
-from threadpoolctl import threadpool_limits
 
-from skfem_textile.solve.linear import rslab
 from skfem_textile.solve.sweep import (
     SweepError,
     WorkerProcesses,
     sweep,
 )
-from tests.helpers import sweep_cases
-from tests.helpers.sweep_cases import is_alive, wait_until
+from skfem_textile.solve.threads import solver_threads
+from tests.helpers.sweep_cases import is_alive, lines, process_pool, wait_until
+from tests.sweep import calls
+
+threadpoolctl = pytest.importorskip("threadpoolctl")
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "runs" / "sweep.py"
 
 
 def test_any_executor_is_supported(executor: Executor):
-    assert dict(sweep(sweep_cases.square, range(9), executor)) == {
-        n: n * n for n in range(9)
-    }
+    assert dict(sweep(calls.square, range(9), executor)) == {n: n * n for n in range(9)}
 
 
 def test_a_failed_load_step_fails_its_case_only_on_any_executor(executor):
-    results = sweep(sweep_cases.fails_with_result, range(4), executor, retries=0)
+    results = sweep(calls.fails_with_result, range(4), executor, retries=0)
     assert sorted(itertools.islice(results, 3)) == [(0, 0), (2, 2), (3, 3)]
     with pytest.raises(SweepError, match=r"^1 case.*: 1: .*StepError: stopped at load"):
         next(results)
@@ -47,7 +46,7 @@ def test_messages_during_a_call_name_its_case(executor):
     def key(n):
         return f"case {n}"
 
-    for n, messages in sweep(sweep_cases.warns, [7, 8], executor, key=key):
+    for n, messages in sweep(calls.warns, [7, 8], executor, key=key):
         assert f"case {n}: share {n} %" in messages
         assert f"share {n}" in messages
 
@@ -56,10 +55,10 @@ INTERRUPTED = """
 import sys
 from pathlib import Path
 from skfem_textile.solve.sweep import WorkerProcesses, sweep
-from tests.helpers.sweep_cases import takes_long
+from tests.sweep.calls import takes_long
 
 if __name__ == "__main__":
-    with WorkerProcesses(2) as executor:
+    with WorkerProcesses(1) as executor:
         for case, _ in sweep(takes_long, sys.argv[2:], executor, out=sys.argv[1]):
             print(case, flush=True)
 """
@@ -76,9 +75,9 @@ def test_an_interrupted_script_ends_in_one_line(tmp_path):
     with subprocess.Popen(command, **options) as caller:
         wait_until(long.exists)
         os.killpg(caller.pid, signal.SIGINT)
-        _, lines = caller.communicate()
+        _, message = caller.communicate()
     assert caller.returncode == 130
-    assert lines == f"interrupted: results of completed cases are kept in {out}\n"
+    assert message == f"interrupted: results of completed cases are kept in {out}\n"
 
 
 def test_completed_results_are_written_if_the_caller_stops(tmp_path):
@@ -90,51 +89,50 @@ def test_completed_results_are_written_if_the_caller_stops(tmp_path):
 
     def square(x):
         submitted.wait()
-        return sweep_cases.square(x)
+        return calls.square(x)
 
     with ThreadPoolExecutor(1) as executor:
         results = sweep(square, cases(), executor, out=out)
         next(results)
         executor.shutdown()  # the others are complete
         results.close()
-    assert [x["found"] for x in sweep_cases.lines(out)] == [0, 1, 4]
+    assert [x["found"] for x in lines(out)] == [0, 1, 4]
 
 
 def test_a_failing_case_is_repeated(executor, tmp_path):
     file = str(tmp_path / "tried")
-    assert list(sweep(sweep_cases.fails_once, [file], executor)) == [(file, "done")]
+    assert list(sweep(calls.fails_once, [file], executor)) == [(file, "done")]
 
 
 def test_every_call_has_one_thread_of_linear_algebra(executor):
-    for _, threads in sweep(sweep_cases.threads, range(3), executor):
+    for _, threads in sweep(calls.threads, range(3), executor):
         assert set(threads) == {1}
 
 
 def test_rslab_has_one_thread_in_every_call_and_no_limit_after_it(executor):
-    for _, threads in sweep(sweep_cases.threads_of_rslab, range(3), executor):
-        assert threads == 1
-    assert rslab.threads.get() is None
+    assert list(sweep(calls.threads_of_rslab, [0], executor)) == [(0, 1)]
+    assert solver_threads.get() is None
 
 
 @pytest.mark.parametrize("executor", ["workers"], indirect=True)
 def test_libraries_loaded_by_a_call_have_one_thread(executor):
     pytest.importorskip("pypardiso")
-    ((_, threads),) = sweep(sweep_cases.threads_of_pardiso, [0], executor)
+    ((_, threads),) = sweep(calls.threads_of_pardiso, [0], executor)
     assert threads == [1]
 
 
 def test_the_threads_of_the_caller_are_unchanged():
-    with threadpool_limits(3), ThreadPoolExecutor(2) as executor:
-        before = sweep_cases.threads(None)
-        results = dict(sweep(sweep_cases.threads, range(8), executor))
+    with threadpoolctl.threadpool_limits(3), ThreadPoolExecutor(2) as executor:
+        before = calls.threads(None)
+        results = dict(sweep(calls.threads, range(8), executor))
         assert all(set(threads) == {1} for threads in results.values())
-        assert sweep_cases.threads(None) == before != results[0]
+        assert calls.threads(None) == before != results[0]
 
 
 @pytest.mark.parametrize("executor", ["workers"], indirect=True)
 def test_a_killed_worker_loses_only_its_case_which_is_repeated(tmp_path, executor):
     cases = [(str(tmp_path), n) for n in range(6)]
-    results = dict(sweep(sweep_cases.dies_once, cases, executor))
+    results = dict(sweep(calls.dies_once, cases, executor))
     assert results == {case: case[1] for case in cases}
     runs = [len((tmp_path / f"runs of {n}").read_text()) for n in range(6)]
     assert runs == [1, 2, 1, 1, 1, 1]
@@ -145,14 +143,14 @@ def test_a_pool_that_breaks_keeps_its_results_and_the_next_sweep_resumes(tmp_pat
     cases = [(str(tmp_path), n) for n in (3, 1, 2)]
     (tmp_path / "runs of 0").touch()  # for which the killed case would wait
     message = "ProcessPoolExecutor is broken .*WorkerProcesses, .* to resume it"
-    with sweep_cases.process_pool(1) as pool:
-        results = sweep(sweep_cases.dies_once, cases, pool, out=out)
+    with process_pool(1) as pool:
+        results = sweep(calls.dies_once, cases, pool, out=out)
         with pytest.raises(SweepError, match=message) as raised:
             list(results)
     assert [case for case, _ in raised.value.failed] == cases[1:]
-    assert [line["found"] for line in sweep_cases.lines(out)] == [3]
-    with sweep_cases.process_pool(1) as pool:
-        results = dict(sweep(sweep_cases.dies_once, cases, pool, out=out))
+    assert [line["found"] for line in lines(out)] == [3]
+    with ThreadPoolExecutor(1) as pool:
+        results = dict(sweep(calls.dies_once, cases, pool, out=out))
     assert results == {case: case[1] for case in cases}
     runs = [len((tmp_path / f"runs of {n}").read_text()) for n in (3, 1)]
     assert runs == [1, 2]
@@ -175,8 +173,8 @@ class Breaks(Executor):
 def test_results_of_a_broken_executor_are_kept_and_no_more_cases_start(tmp_path):
     out, counter = tmp_path / "out.jsonl", iter(range(9))
     with pytest.raises(SweepError, match="Breaks is broken"):
-        list(sweep(sweep_cases.square, counter, Breaks(), out=out))
-    assert sweep_cases.lines(out) == [{"case": "0", "found": "first"}]
+        list(sweep(calls.square, counter, Breaks(), out=out))
+    assert lines(out) == [{"case": "0", "found": "first"}]
     assert next(counter) == 2
 
 
@@ -189,27 +187,27 @@ class AtOnce(Executor):
 
 def test_a_result_does_not_wait_for_cases_to_be_drawn():
     counter = iter(range(9))
-    assert next(sweep(sweep_cases.square, counter, AtOnce())) == (0, 0)
+    assert next(sweep(calls.square, counter, AtOnce())) == (0, 0)
     assert next(counter) == 1
 
 
 def test_a_case_that_always_fails_is_named_and_the_others_finish(tmp_path):
-    out, calls = tmp_path / "out.jsonl", Counter()
+    out, tried = tmp_path / "out.jsonl", Counter()
 
     def fails(n):
-        calls[n] += 1
+        tried[n] += 1
         return 1 / (n - 1)
 
     with ThreadPoolExecutor(2) as executor:
         with pytest.raises(SweepError, match=r"^1 case.*: 1: ZeroDivis") as raised:
             list(sweep(fails, range(5), executor, out=out, retries=2))
-        assert calls == {0: 1, 1: 3, 2: 1, 3: 1, 4: 1}
+        assert tried == {0: 1, 1: 3, 2: 1, 3: 1, 4: 1}
         ((case, error),) = raised.value.failed
         assert case == 1
         assert isinstance(error, ZeroDivisionError)
-        calls.clear()
-        list(sweep(lambda n: calls.update([n]), range(5), executor, out=out))
-    assert calls == {1: 1}
+        tried.clear()
+        list(sweep(lambda n: tried.update([n]), range(5), executor, out=out))
+    assert tried == {1: 1}
 
 
 def test_five_of_many_failures_are_named_and_all_are_counted(thread):
@@ -223,7 +221,7 @@ def test_cases_are_drawn_as_they_are_needed(monkeypatch):
     monkeypatch.setattr(module, "_MAX_PENDING", 8)
     counter = iter(range(9999))
     with ThreadPoolExecutor(2) as executor:
-        results = sweep(sweep_cases.square, counter, executor)
+        results = sweep(calls.square, counter, executor)
         assert len(list(itertools.islice(results, 100))) == 100
         results.close()
     assert next(counter) <= 108
@@ -265,13 +263,21 @@ if __name__ == "__main__":
 """
 
 
-def test_an_error_from_a_process_contains_its_traceback():
-    with WorkerProcesses(1) as executor:
-        error = executor.submit(divmod, 1, 0).exception()
-        assert isinstance(error, ZeroDivisionError)
-        assert "Traceback" in str(error.__cause__)
-        assert isinstance(executor.submit(os._exit, 3).exception(), BrokenExecutor)
-        assert executor.submit(divmod, 7, 2).result() == (3, 1)
+@pytest.mark.parametrize("executor", ["workers"], indirect=True)
+def test_an_error_from_a_process_contains_its_traceback(executor):
+    error = executor.submit(divmod, 1, 0).exception()
+    assert isinstance(error, ZeroDivisionError)
+    assert "Traceback" in str(error.__cause__)
+    assert isinstance(executor.submit(os._exit, 3).exception(), BrokenExecutor)
+    assert executor.submit(divmod, 7, 2).result() == (3, 1)
+
+
+@pytest.mark.parametrize("executor", ["workers"], indirect=True)
+def test_processes_ignore_ctrl_c(executor):
+    """One that did not would print a traceback of its imports."""
+    blocked = executor.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()
+    assert signal.SIGINT in blocked
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 def interrupted(file):
@@ -279,7 +285,7 @@ def interrupted(file):
     with WorkerProcesses(1) as executor:
         pid = executor.submit(os.getpid).result()
         for _ in range(2):
-            executor.submit(sweep_cases.takes_long, file)
+            executor.submit(calls.takes_long, file)
         wait_until(file.exists)
         assert is_alive(pid)
         file.write_text(str(pid))

@@ -1,6 +1,5 @@
 """Polynomial law, in the argument or in its sine."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -8,11 +7,12 @@ import numpy as np
 from numpy import ndarray
 from numpy.polynomial.polynomial import polyval
 
+from ...declarations import laws as declared
 from ..law import ScalarLaw
 
 
 @dataclass(frozen=True)
-class Polynomial(ScalarLaw):
+class Polynomial(declared.Polynomial, ScalarLaw):
     """Law Σ cₖ sᵏ of s = x, or of s = sin x.
 
     Parameters
@@ -37,9 +37,6 @@ class Polynomial(ScalarLaw):
     array([0.125])
     """
 
-    coefficients: Sequence[float]
-    sine: bool = False
-    odd: bool = False
     domain: ClassVar[tuple[float, float]] = (-np.inf, np.inf)
 
     def __post_init__(self) -> None:

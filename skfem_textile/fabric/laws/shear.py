@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 from numpy import ndarray
 
+from ...declarations import laws as declared
 from ..law import OneStiffness, Resistance, ScalarLaw, number, refuse_other_units
 
 
@@ -39,7 +40,7 @@ _SHOWN = 0.95
 
 
 @dataclass(frozen=True)
-class Locking(ScalarLaw):
+class Locking(declared.Locking, ScalarLaw):
     """Shear law M_s = G Γ/(1 − (Γ/a)²) with a pole at the locking angle a.
 
     Its energy, −½ G a² ln(1 − (Γ/a)²), is also unbounded: no state reaches the pole.
@@ -62,8 +63,6 @@ class Locking(ScalarLaw):
     array([ 0.35, 15.58])
     """
 
-    stiffness: float
-    angle: float
     of: ClassVar[Resistance] = "shear"
 
     def __post_init__(self) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.polynomial.polynomial import polyval
 
+from ...declarations import laws as declared
 from ..law import (
     Law,
     Resistance,
@@ -31,7 +32,7 @@ _ENERGY_SERIES = np.where(np.arange(_POWERS) < 3, 0.0, -_SERIES)
 
 
 @dataclass(frozen=True)
-class CrimpToe(ScalarLaw):
+class CrimpToe(declared.CrimpToe, ScalarLaw):
     """Tension T = E (ε − e₀ (1 − exp(−ε/e₀))) + k ε of crimped fibres.
 
     The stiffness is k at rest and tends to E + k over a toe of width e₀, for ε >= 0.
@@ -60,9 +61,6 @@ class CrimpToe(ScalarLaw):
     array([   10,    10, 22129])
     """
 
-    stiffness: float
-    toe: float
-    initial_stiffness: float
     domain: ClassVar[tuple[float, float]] = (-np.inf, np.inf)
     of: ClassVar[Resistance] = "tension"
 

@@ -163,6 +163,11 @@ class IntegrationPoints(Protocol):
     dx: ndarray
     b: ndarray
 
+    @property
+    def n_modes(self) -> int:
+        """Number of modes on which the fibres depend, the first of all."""
+        ...
+
     def fibres(self, u: ndarray, block: slice) -> ndarray:
         """Fibre vectors a of warp and weft, shape (2, P, d, n), for modes u."""
         ...
@@ -232,7 +237,7 @@ class GeneralPoints:
         b = A[:, None, 0] * dN[:, 0] + A[:, None, 1] * dN[:, 1]
         self.b = np.ascontiguousarray(b.transpose(0, 3, 1, 2))
         self._nodes = nodes = np.arange(len(dN)) if nodes is None else nodes
-        self._n_nodes = n_nodes = n_nodes or len(nodes)
+        self._n_nodes = self.n_modes = n_nodes = n_nodes or len(nodes)
 
         # pairs of the k nodes, preceded by their index among all pairs of the element
         number = np.zeros((n_nodes, n_nodes), dtype=int)
@@ -297,6 +302,11 @@ class QuadPoints:
     A: ndarray
     dx: ndarray
     b: ndarray
+
+    @cached_property
+    def n_modes(self) -> int:
+        """Without the hourglass mode if all points are at the centre."""
+        return 3 if self.b.any() else 2
 
     def fibres(self, u: ndarray, block: slice) -> ndarray:
         """See `IntegrationPoints`."""

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy import ndarray
 
+from ...mesh.bases import cross
+
 if TYPE_CHECKING:
     from .elements import Stress
 
@@ -112,7 +114,7 @@ def angle_in_space(a: ndarray) -> ndarray:
 
 def _cross(a: ndarray, b: ndarray) -> ndarray:
     """Cross product a × b of components on the second axis."""
-    return np.cross(a, b, axis=1)
+    return cross(a.swapaxes(0, 1), b.swapaxes(0, 1)).swapaxes(0, 1)
 
 
 def _add_square(total: ndarray, factor: ndarray | float, x: ndarray) -> None:

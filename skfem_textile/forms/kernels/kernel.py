@@ -29,6 +29,7 @@ from skfem import CellBasis, ElementVector
 
 from ...fabric import Fabric, Slopes, TwoLaws, is_zero
 from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
+from ...mesh.pattern import full_matrices
 from ...mesh.user_input import parameter
 from .elements import (
     Deformations,
@@ -296,16 +297,17 @@ class MeanTensionKernel:
 
 
 def can_compute(kernel: Kernel | None, basis: Any) -> bool:
-    """True if there is a kernel that supports a basis, with unknowns node by node.
+    """True if a kernel supports a basis: one with elements, and unknowns node by node.
 
-    Node k has the unknowns from dk on, with d = 2 or 3 components.
+    Node k has the unknowns from dk on, with d = 2 or 3 components, and vertices are
+    nodes: an unknown is neither a derivative nor discontinuous.
     """
     if kernel is None or not isinstance(basis, kernel.basis_type):
         return False
-    if not isinstance(basis.elem, ElementVector):
+    if not isinstance(basis.elem, ElementVector) or not basis.nelems:
         return False
     fluctuates = isinstance(basis.elem.elem, ElementQuad1Fluctuation)
-    if basis.elem.dim not in (2, 3):
+    if basis.elem.dim not in (2, 3) or basis.elem.elem.nodal_dofs != 1:
         return False
     if fluctuates != (kernel.basis_type is HourglassBasis):
         return False
@@ -439,20 +441,24 @@ def element_matrices(states: Sequence[KernelState]) -> ndarray:
     group, stresses = states[0].group, _sum_of_stresses(states)
     d, n_nodes = states[0].fibres[0].v.shape[2], len(group.nodes)
     rank_one = [s for x in states for s in x.kernel.stiffnesses(x)]
-    modes, n_pairs = range(group.n_modes), group.n_modes * (group.n_modes + 1) // 2
+    pairs = [*combinations_with_replacement(range(group.n_modes), 2)]
+    n_modes = max(points.n_modes for points in stresses)
+    used = [i for i, (_, c) in enumerate(pairs) if c < n_modes]
     K = np.empty((n_nodes * (n_nodes + 1) // 2, d, d, group.area.size))
     for block in group.blocks:
-        k = np.zeros((n_pairs, d, d, block.stop - block.start))
+        k = np.zeros((len(pairs), d, d, block.stop - block.start))
         for points, (fibres, stress) in stresses.items():
             points.add_stiffness(k, *fibres.stiffness(stress.of(block), block), block)
         for stiffness, gradients in rank_one:  # Σ s g_a g_cᵀ over points
             g = gradients(block)
             scaled = stiffness[:, block][:, None, None] * g
-            for pair, (a, c) in enumerate(combinations_with_replacement(modes, 2)):
+            for pair in used:
+                a, c = pairs[pair]
                 k[pair] += np.einsum("pin,pjn->ijn", scaled[:, a], g[:, c])
-        K[..., block] = (
-            k if group.modes is None else nodal_blocks(k, group.modes[..., block])
-        )
+        if group.modes is None:
+            K[..., block] = k
+        else:
+            nodal_blocks(k[used], group.modes[:n_modes, :, block], K[..., block])
     return K
 
 
@@ -475,25 +481,16 @@ def _sum_of_stresses(
     return sums
 
 
-def nodal_blocks(K: ndarray, modes: ndarray) -> ndarray:
+def nodal_blocks(K: ndarray, modes: ndarray, out: ndarray) -> None:
     """Blocks of the pairs of nodes from blocks of the pairs of modes: Rᵀ K R."""
-    (n_modes, _, n), d = modes.shape, K.shape[1]
+    (n_modes, n_nodes, n), d = modes.shape, K.shape[1]
     k = full_matrices(K).reshape(n_modes, d, n_modes, d, n)
     half = np.einsum("ran,risjn->asijn", modes, k)
-    rows = [
-        np.einsum("sijn,scn->cijn", row, modes[:, a:]) for a, row in enumerate(half)
-    ]
-    return np.concatenate(rows)
-
-
-def full_matrices(K: ndarray) -> ndarray:
-    """Matrices over the unknowns of an element, shape (d n_nodes, d n_nodes, n)."""
-    n_nodes, d = int(np.sqrt(2 * len(K))), K.shape[1]  # of n (n + 1) / 2 pairs
-    full = np.empty((n_nodes, d, n_nodes, d, K.shape[-1]))
-    pairs = combinations_with_replacement(range(n_nodes), 2)
-    for (a, c), block in zip(pairs, K, strict=True):
-        full[a, :, c], full[c, :, a] = block, block.transpose(1, 0, 2)
-    return full.reshape(d * n_nodes, d * n_nodes, -1)
+    start = 0
+    for a, row in enumerate(half):
+        end = start + n_nodes - a
+        np.einsum("sijn,scn->cijn", row, modes[:, a:], out=out[start:end])
+        start = end
 
 
 def positive_part(K: ndarray | None) -> ndarray | None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from ...mesh.bases import cross
 from .elements import hourglass_mode
 
 # ε_ijk, of the cross product
@@ -75,6 +76,6 @@ class OutOfPlaneKernel:
         """The y_s, (3, 3, n), ∂v/∂x_a, (4, 3, n), and v, (n,)."""
         x = (self._X + u.reshape(-1, 3).T)[:, self._nodes]
         y = np.einsum("san,ian->sin", self._B, x)
-        d = np.array([np.cross(y[s], y[t], axis=0) for s, t, _ in _CYCLE])
+        d = np.array([cross(y[s], y[t]) for s, t, _ in _CYCLE])
         gradients = np.einsum("san,sin->ain", self._B[[2, 0, 1]], d)
         return y, gradients, (y[2] * d[0]).sum(axis=0)

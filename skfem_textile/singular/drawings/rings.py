@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from numpy import ndarray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from ...mesh.checks import refuse_metres
+from ...mesh.graph import components
 from ..outline import NEAR, place, refuse_not_finite, valid_ring
 from .curves import LISTED, Curve
 
@@ -170,9 +169,7 @@ def _joined(
     ends = np.concatenate([[0], last[:-1] + 1, last])
     joined = ends[KDTree(p[:, ends].T).query_pairs(near, output_type="ndarray")]
     pairs = KDTree(p.T).query_pairs(equal, output_type="ndarray")
-    a, b = np.vstack([joined, pairs]).T
-    graph = coo_array((np.ones(len(a)), (a, b)), shape=(p.shape[1],) * 2)
-    labels = connected_components(graph, directed=False)[1]
+    labels = components(p.shape[1], np.vstack([joined, pairs]).T)
     nodes = np.unique(labels, return_index=True)[1][labels]  # the first of each
     segments: dict[tuple[int, int], Segment] = {}
     for number, of_curve in zip(numbers, np.split(nodes, last[:-1] + 1), strict=True):

@@ -6,13 +6,13 @@ preserves the sparsity; refinement recovers the accuracy if such a pivot is smal
 
 import os
 import sys
-from contextvars import ContextVar
 from functools import cache
 from typing import Any
 
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
+from ..threads import solver_threads
 from .scaling import ROUND_OFF
 from .solver import FORKED, HIDDEN, REFINEMENTS, CountedPivots, LatestFactors
 from .unknowns import Unknowns
@@ -23,10 +23,6 @@ _ORDERING = "amd"
 
 # Backward error at which the refinements end, a few units of round-off.
 _BACKWARD_ERROR = 1e-15
-
-#: Number of threads of solvers that are built in this context; None for
-#: ``OMP_NUM_THREADS``, and without it a number selected by RSLAB, at most four.
-threads: ContextVar[int | None] = ContextVar("threads", default=None)
 
 
 class Rslab(LatestFactors):
@@ -97,7 +93,7 @@ class RslabFactors(CountedPivots):
 
 def _threads() -> int | None:
     """Number of threads; None if it is not given as a positive whole number."""
-    if number := threads.get():
+    if number := solver_threads.get():
         return number
     # The first number of a list applies to the outermost level of OpenMP.
     text = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()

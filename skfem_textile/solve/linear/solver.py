@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cache, cached_property, partial
 from importlib import import_module
-from importlib.util import find_spec
 from threading import Lock, RLock
 from time import perf_counter
 from typing import Any, NamedTuple, Protocol, TypeAlias
@@ -19,6 +18,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
+from ...mesh.requirements import is_installed
 from ...mesh.user_input import error_text
 from .scaling import ROUND_OFF, Scaled, Scaling, SingularMatrixError
 from .unknowns import Unknowns
@@ -371,7 +371,7 @@ class ChosenSolver:
             self.choice = Choice(known, reason)
         else:
             rivals = tuple(
-                k for k, o in SOLVERS.items() if o.rival and find_spec(o.package)
+                k for k, o in SOLVERS.items() if o.rival and is_installed(o.package)
             )
             if rivals in _MEASURED:
                 self.choice = _MEASURED[rivals]

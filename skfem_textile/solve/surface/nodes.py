@@ -29,28 +29,21 @@ _HELD_ACROSS = 1e-6
 _STEPS = 4
 
 
-class Contact(NamedTuple):
-    """Nodes on surfaces, with the surface values at them.
+class _Values(NamedTuple):
+    """φ, ∇φ and ∇φ/‖∇φ‖ at the nodes; the unit vector n of the module, and n·∇φ."""
 
-    Attributes
-    ----------
-    nodes
-        Node numbers, shape (n,).
-    level, gradient
-        φ, shape (n,), and ∇φ, (3, n).
-    across, slope
-        The unit vector n, (3, n), and n·∇φ, (n,).
-    """
-
-    nodes: ndarray
     level: ndarray
     gradient: ndarray
+    normals: ndarray
     across: ndarray
     slope: ndarray
 
 
 class SurfaceNodes:
-    """Nodes constrained to surfaces by conditions.
+    """Nodes constrained to surfaces by conditions; False if there are none.
+
+    Contact forces and curvatures are defined as in `ContactTerm`.  Without nodes, the
+    methods return their arguments.
 
     Parameters
     ----------
@@ -86,7 +79,12 @@ class SurfaceNodes:
         turn: csr_matrix | None,
         prescribed: ndarray,
     ) -> None:
+        self.conditions, self._linear_turn = dict(conditions), turn
+        self.nodes = self.eliminated = np.empty(0, dtype=int)
+        self._parts: list[tuple[str, OnSurface, ndarray]] = []
         self._X = np.pad(X, ((0, 1), (0, 0)))
+        if not conditions:
+            return
         n_nodes = X.shape[1]
         every = identity(3 * n_nodes, format="csr") if turn is None else turn
         self._frames = every.tobsr((3, 3)).data
@@ -96,7 +94,7 @@ class SurfaceNodes:
         for name, condition in conditions.items():
             at = self._X[:, nodes[name]]
             check_surface(f"condition {name!r}", condition.surface, at)
-        self._parts, is_assigned = [], np.zeros(n_nodes, dtype=bool)
+        is_assigned = np.zeros(n_nodes, dtype=bool)
         for name, condition in conditions.items():
             free_nodes = nodes[name][self._free[nodes[name]].any(axis=1)]
             if is_assigned[free_nodes].any():
@@ -112,25 +110,26 @@ class SurfaceNodes:
         self.eliminated = 3 * self.nodes + first
         columns = self._frames[self.nodes] * self._free[self.nodes][:, None]
         self._projector = columns @ columns.swapaxes(1, 2)
-        # Contact and rotation of the last displacement, which an iteration uses
-        # repeatedly.
         self._u, self._t = np.empty(0), 0.0
-        self._contact: Contact | None = None
+        self._last: _Values | None = None
         self._turn: csr_matrix | None = None
         self._laid: dict[float, ndarray] = {}
+
+    def __bool__(self) -> bool:
+        return bool(self._parts)
 
     def check(self, t: float) -> None:
         """Refuse surfaces that cannot grow out of the plane of the ply."""
         for name, condition, _ in self._parts:
             condition.at(name, t)
 
-    def contact(self, u: ndarray, t: float) -> Contact:
-        """Surface values at the nodes of a displacement.
+    def _at(self, u: ndarray, t: float) -> _Values:
+        """Values at a displacement, which an iteration uses repeatedly.
 
         Raises an error if conditions already fix the normal of a node.
         """
-        if self._contact and t == self._t and np.array_equal(u, self._u):
-            return self._contact
+        if self._last and t == self._t and np.array_equal(u, self._u):
+            return self._last
         x = self._positions(u)
         surfaces = [(s, x[:, nodes]) for s, nodes in self._surfaces(t)]
         level = np.concatenate([s.level(at) for s, at in surfaces])
@@ -145,27 +144,39 @@ class SurfaceNodes:
                 advice="fewer conditions there",
             )
         self._u, self._t, self._turn = u.copy(), t, None
-        self._contact = Contact(self.nodes, level, gradient, along / length, length)
-        return self._contact
+        normals = gradient / np.linalg.norm(gradient, axis=0)
+        self._last = _Values(level, gradient, normals, along / length, length)
+        return self._last
 
-    def normals(self, u: ndarray, t: float) -> list[tuple[str, ndarray, ndarray]]:
-        """For each condition its name, nodes (n,), and unit normals (3, n)."""
-        gradient, first, every = self.contact(u, t).gradient, 0, []
-        for name, _, nodes in self._parts:
-            at = gradient[:, first : first + len(nodes)]
-            first += len(nodes)
-            every.append((name, nodes, at / np.linalg.norm(at, axis=0)))
-        return every
+    def fixed_directions(
+        self, u: ndarray, t: float
+    ) -> list[tuple[str, ndarray, ndarray]]:
+        """See `Constraints.fixed_directions`: the normals of each condition."""
+        if not self:
+            return []
+        normals = np.full(self._X.shape, np.nan)
+        normals[:, self.nodes] = self._at(u, t).normals
+        return [(name, nodes, normals[:, nodes]) for name, _, nodes in self._parts]
 
-    def hessian(self, u: ndarray, t: float) -> ndarray:
-        """∇²φ at the nodes, shape (n, 3, 3)."""
-        x = self._positions(u)
-        parts = [s.hessian(x[:, nodes]) for s, nodes in self._surfaces(t)]
-        return np.concatenate(parts, axis=2).transpose(2, 0, 1)
+    def forces(self, u: ndarray, t: float, f: ndarray) -> ndarray:
+        """Contact forces that balance nodal forces (3, n_nodes), shape (n_nodes,)."""
+        forces = np.zeros(f.shape[1])
+        forces[self.nodes] = (f[:, self.nodes] * self._at(u, t).across).sum(axis=0)
+        return forces
 
-    def turn(self, u: ndarray, t: float) -> csr_matrix:
+    def curvatures(self, u: ndarray, t: float, nodes: ndarray) -> ndarray:
+        """∇²φ over n·∇φ at some of the nodes, shape (3, 3, n)."""
+        x, curvatures = self._positions(u), np.zeros((3, 3, self._X.shape[1]))
+        for surface, on in self._surfaces(t):
+            curvatures[..., on] = surface.hessian(x[:, on])
+        curvatures[..., self.nodes] /= self._at(u, t).slope
+        return curvatures[..., nodes]
+
+    def turn(self, u: ndarray, t: float) -> csr_matrix | None:
         """Matrix from the unknowns, of which ``eliminated`` are normal to surfaces."""
-        contact = self.contact(u, t)
+        if not self:
+            return self._linear_turn
+        contact = self._at(u, t)
         if self._turn is None:
             frames, nodes = self._frames.copy(), self.nodes
             across = np.einsum("nij,in->nj", frames[nodes], contact.across)
@@ -181,26 +192,23 @@ class SurfaceNodes:
             self._turn = bsr_matrix(blocks, shape=(3 * n, 3 * n)).tocsr()
         return self._turn
 
-    def motion(self, u: ndarray, t: float, du: ndarray) -> ndarray:
-        """Increment corrected so that nodes move onto surfaces to first order."""
-        return self._corrected(u, t, du, self.contact(u, t).level)
+    def motion(self, u: ndarray, t: float, du: ndarray, along: bool = False) -> ndarray:
+        """Increment corrected so that nodes move onto surfaces to first order.
 
-    def along(self, u: ndarray, t: float, du: ndarray) -> ndarray:
-        """Increment corrected so that nodes move along surfaces."""
-        return self._corrected(u, t, du, 0.0)
-
-    def _corrected(
-        self, u: ndarray, t: float, du: ndarray, level: ndarray | float
-    ) -> ndarray:
-        """Increment that changes φ at the nodes by the negative ``level``."""
-        contact, moved = self.contact(u, t), du.reshape(-1, 3).T.copy()
-        nodes = contact.nodes
-        missing = level + (contact.gradient * moved[:, nodes]).sum(axis=0)
-        moved[:, nodes] -= missing / contact.slope * contact.across
+        If ``along``, they move along surfaces.
+        """
+        if not self:
+            return du
+        at, moved, nodes = self._at(u, t), du.reshape(-1, 3).T.copy(), self.nodes
+        missing = (at.gradient * moved[:, nodes]).sum(axis=0)
+        missing += 0.0 if along else at.level
+        moved[:, nodes] -= missing / at.slope * at.across
         return moved.T.ravel()
 
     def onto(self, u: ndarray, t: float) -> ndarray:
         """Displacement with nodes projected onto surfaces; an error if this fails."""
+        if not self:
+            return u
         x, first = self._positions(u), 0
         for (_, condition, _), (surface, nodes) in zip(
             self._parts, self._surfaces(t), strict=True
@@ -231,11 +239,11 @@ class SurfaceNodes:
         """Displacement carried from the surface at one load factor to that at another.
 
         Each node moves by the difference of the ends of its geodesics on the two
-        surfaces.  None if geodesics do not reach every node.
+        surfaces.  None if geodesics do not reach every node, or without surfaces.
         """
-        name, condition, _ = self._parts[0]
-        if condition.where is not None:
+        if not self or self._parts[0][1].where is not None:
             return None
+        name, condition, _ = self._parts[0]
         X, touch = self._X[:2], condition.touch
         try:
             self._laid = {
@@ -255,8 +263,8 @@ class SurfaceNodes:
 
     def are_on(self, u: ndarray, t: float) -> bool:
         """True if the nodes are on their surfaces."""
-        x = self._positions(u)
-        return all(is_on(s, x[:, nodes]) for s, nodes in self._surfaces(t))
+        surfaces = self._surfaces(t)
+        return all(is_on(s, self._positions(u)[:, nodes]) for s, nodes in surfaces)
 
     def gaps(self, u: ndarray, t: float, basis: CellBasis) -> SurfaceGaps:
         """Distance of elements from their surfaces between nodes."""
@@ -274,7 +282,7 @@ class SurfaceNodes:
             values = [[*s.level(x), *s.gradient(x).flat] for s, x in surfaces]
         except SurfaceError as error:
             raise ValueError(str(error)) from error.__cause__
-        return np.concatenate(values)
+        return np.concatenate([np.empty(0), *values])
 
     def facing(self, u: ndarray, t: float, elements: ndarray, n: ndarray) -> ndarray:
         """1 for elements oriented to their surface like most, −1 for the others.
@@ -282,9 +290,8 @@ class SurfaceNodes:
         Elements that are not completely on surfaces count as 1.  ``elements`` are the
         nodes of each element, and ``n`` the normals (a₁×a₂), shape (3, n_elements).
         """
-        contact, normals = self.contact(u, t), np.full(self._X.shape, np.nan)
-        unit = contact.gradient / np.linalg.norm(contact.gradient, axis=0)
-        normals[:, contact.nodes] = unit
+        normals = np.full(self._X.shape, np.nan)
+        normals[:, self.nodes] = self._at(u, t).normals
         height = (normals[:, elements].mean(axis=1) * n).sum(axis=0)
         most = np.nansum(height)
         return np.where(height * np.copysign(1.0, most) < 0, -1.0, 1.0)

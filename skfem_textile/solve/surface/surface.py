@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import CellBasis
 
-from ...mesh.user_input import CopiedError
+from ...mesh.user_input import CopiedError, shortened
 
 # Distance from a surface, relative to the largest coordinate, below which a point is on
 # it, and maximum number of iterations of the projection.  Chosen: far below any element
@@ -398,7 +398,8 @@ def tangents(surface: Surface, point: ndarray, first: ndarray | tuple) -> ndarra
     x = np.asarray(first, dtype=float)
     if x.shape != (3,) or not np.isfinite(x).all():
         raise ValueError(
-            f"the direction `first` must be three finite numbers, got {first}"
+            "the direction `first` must be three finite numbers, got "
+            f"{shortened(first)}"
         )
     length = np.linalg.norm(x)
     x = x - n * (n @ x)

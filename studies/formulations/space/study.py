@@ -30,7 +30,6 @@ from skfem_textile.solve.problem import Problem, Tangent
 
 from ...common.figures import File, legend, panels_of, style_of
 from ...common.tables import (
-    Column,
     grouped,
     having,
     markdown_table,
@@ -322,24 +321,16 @@ def _of_extremes(rows: Iterable[Row]) -> list[Row]:
     return [row for row in rows if row["part"].startswith("extreme")]
 
 
-def _share(key: str) -> Column:
-    return f"{{{key}:+.1e}}"
-
-
 def cantilevers(rows: Sequence[Row]) -> str:
-    """Tip errors relative to the length."""
-    return table(
-        having(rows, part="cantilever"),
-        {
-            "formulation": "{formulation}",
-            "load": "{load}",
-            "edges": "{n}",
-            "x error / L": _share("off_x"),
-            "z error / L": _share("off_z"),
-            "steps": "{load_steps}",
-            "solves": "{linear_solves}",
-        },
-    )
+    """Error of the height of the tip relative to the length."""
+    bent = having(rows, part="cantilever")
+    edges = sorted(grouped(bent, "n"))
+    lines = []
+    for (formulation, load), group in grouped(bent, "formulation", "load").items():
+        errors = {row["n"]: f"{row['off_z']:+.1e}" for row in group}
+        lines.append([formulation, load, *(errors.get(n, "-") for n in edges)])
+    head = ["z error / L", "load", *(f"{n} edges" for n in edges)]
+    return markdown_table(head, lines)
 
 
 def plates(rows: Sequence[Row]) -> str:
@@ -360,15 +351,16 @@ def plates(rows: Sequence[Row]) -> str:
 def buckling(rows: Sequence[Row]) -> str:
     """Relative errors of critical tensions."""
     buckling_rows = having(rows, part="buckling")
-    edges = sorted(grouped(buckling_rows, "n"))
     lines = []
     for key, group in grouped(buckling_rows, "where", "formulation", "D").items():
         where, formulation, D = key
-        errors = {row["n"]: f"{row['off_x']:+.1e}" for row in group}
-        line = [where, formulation, f"{D:g}", f"{group[0]['exact']:.4g}"]
-        lines.append([*line, *(errors.get(n, "-") for n in edges)])
+        coarse, fine = (f(group, key=lambda row: row["n"]) for f in (min, max))
+        errors = (f"{row['off_x']:+.1e} ({row['n']})" for row in (coarse, fine))
+        lines.append(
+            [where, formulation, f"{D:g}", f"{group[0]['exact']:.4g}", *errors]
+        )
     head = ["buckling", "formulation", "D, N·mm", "exact, N/mm"]
-    return markdown_table([*head, *(f"{n} edges" for n in edges)], lines)
+    return markdown_table([*head, "error (edges)", "finest mesh"], lines)
 
 
 def modes(rows: Sequence[Row]) -> str:

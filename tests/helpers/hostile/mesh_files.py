@@ -1,6 +1,7 @@
 """Small valid meshes, and files of them as Gmsh, Abaqus and VTK write them."""
 
 import base64
+import re
 import struct
 import zlib
 from dataclasses import dataclass, field
@@ -194,13 +195,8 @@ def abaqus(mesh, rng):
         elements(kind.lower() if gap == 3 else kind, cells)
     sets = [("NSET", name, [tag[i] for i in ids]) for name, ids in mesh.nodes.items()]
     for name, pairs in mesh.edges.items():
-        if rng.integers(0, 2):
-            ending = f", ELSET={name.replace(' ', '_')}"
-            edges = (((), pair) for pair in pairs)
-            elements(rng.choice(_OF_ABAQUS[2]), edges, ending)
-        else:
-            members = sorted({tag[n] for pair in pairs for n in pair})
-            sets.append(("NSET", name, members))
+        edges = (((), pair) for pair in pairs)
+        elements(rng.choice(_OF_ABAQUS[2]), edges, f", ELSET={name.replace(' ', '_')}")
     for name, ids in mesh.regions.items():
         sets.append(("ELSET", name, [of_cell[i] for i in ids]))
     for keyword, name, members in sets:
@@ -221,7 +217,7 @@ def abaqus(mesh, rng):
         lines += [f"{tag[-1] + 9},", "*ELSET, ELSET=some", "1", "*ELSET, ELSET=again"]
         lines += [f"some, {len(mesh.cells)}", "*NSET, NSET=of some, ELSET=again"]
     lower = rng.integers(0, 4) == 0
-    lines = [x.lower() if lower and x.startswith("*") else x for x in lines]
+    lines = [x.lower() if lower and re.match(r"\*(?!.*SET=)", x) else x for x in lines]
     return ("\n".join(lines) + "\n").encode()
 
 
@@ -337,6 +333,7 @@ def vtk(mesh, rng):
         text += put("LOOKUP_TABLE default", [0.5] * n, "d")
     if names:
         text += f"CELL_DATA {m}\nFIELD FieldData {len(names)}\n".encode()
+        kind = "vtktypeint64" if new else "long"
         for name, values in names.items():
-            text += put(f"{name} 1 {m} long", values, "q")
+            text += put(f"{name} 1 {m} {kind}", values, "q")
     return text

@@ -218,14 +218,6 @@ def test_a_line_without_length_has_no_effect(read):
     assert outline.shape().area == pytest.approx(1e4)
 
 
-def test_an_ellipse_may_begin_anywhere(read):
-    def ellipse(drawing, model):
-        model.add_ellipse((50, 50), (30, 0), 0.5, 0.3, 0.3 + 2 * np.pi)
-
-    outline, _ = read(ellipse)
-    assert outline.shape().area == pytest.approx(1e4 - 450 * np.pi, rel=1e-3)
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_other_entities_are_ignored_and_named(read, kind):
     outline, said = read(lambda drawing, model: KINDS[kind](model))
@@ -321,12 +313,6 @@ def test_every_unit_has_its_length(read, code):
     outline, said = read(draw, code, square=False)
     assert outline.shape().area == pytest.approx(side**2, rel=1e-12)
     assert not said
-
-
-def test_a_drawing_without_a_unit_is_in_mm_and_says_so(read):
-    outline, said = read(nothing, 0)
-    assert outline.shape().area == pytest.approx(1e4)
-    assert "states no unit: lengths are read in mm" in said
 
 
 def test_a_given_unit_decides(read):

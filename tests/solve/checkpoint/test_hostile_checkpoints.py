@@ -2,7 +2,8 @@
 
 import io
 import json
-from contextlib import suppress
+import logging
+from contextlib import contextmanager, suppress
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -10,6 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 from skfem import BilinearForm, Functional, LinearForm
 from skfem.helpers import dot
@@ -30,7 +32,6 @@ from skfem_textile import (
 )
 from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes.rectangle import rectangle
-from studies.common.running import errors_only
 from tests.helpers.hostile import (
     RIGHT,
     Family,
@@ -130,6 +131,16 @@ def stepper(s, folder, **options):
     options |= {"method": s.method, "max_halvings": s.max_halvings}
     options |= {"warn_only": s.warn_only, "solver": s.solver, "checkpoint": folder}
     return LoadStepper(ply, conditions, s.steps, **options)
+
+
+@contextmanager
+def errors_only():
+    """Log errors only."""
+    log = logging.getLogger("skfem_textile")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    yield
+    log.setLevel(level)
 
 
 @cache
@@ -409,5 +420,6 @@ def expected_remains(folder):
 FAMILY = Family("checkpoints", {"": checkpoints()}, attempt, 2000, short=40)
 
 
+@pytest.mark.slow
 def test_a_damaged_checkpoint_is_rejected_or_resumed_to_the_same_result():
     FAMILY.check(30)

@@ -1,6 +1,5 @@
 """Grid of E/G and distortion: judgement of each run, outcomes and words."""
 
-from argparse import Namespace
 from pathlib import Path
 
 import numpy as np
@@ -39,13 +38,6 @@ def stored():
 
 def use(monkeypatch, rival):
     monkeypatch.setattr(study, "RIVALS", ((rival, Full()),))
-
-
-def test_every_case_is_stored(stored):
-    names = [STUDY.name(case) for case in STUDY.cases(Namespace())]
-    assert sorted(row["case"] for row in stored) == sorted(names)
-    for code, of_code in study.cells(stored).items():
-        assert len(of_code) == len(study.RATIOS) * len(study.DISTORTIONS), code
 
 
 def test_the_library_has_the_converged_load_where_points_lock(coarse, monkeypatch):

@@ -10,13 +10,10 @@ from skfem import MeshQuad
 from skfem_textile import Condition, Full, LoadStepper, Newton, OnePoint
 from skfem_textile.scenes import Scene, picture_frame, strip
 from skfem_textile.solve.verdict import CHECKS
-from studies.__main__ import main
-from studies.common import provenance
 from studies.stability import study
 from studies.stability import study as ends
 from studies.stability.problems import Extreme, extremes
 from studies.stability.study import STUDY
-from tests.helpers import drawable
 
 SMALL = partial(strip, size=(4, 6))
 
@@ -150,74 +147,6 @@ def test_an_accepted_saddle_point_is_wrong(few_steps, monkeypatch):
 
     monkeypatch.setattr(study, "LoadStepper", accept_all)
     assert outcomes(ROD) == [ends.WRONG, ends.WRONG]
-
-
-def test_an_interrupted_study_reports_its_results_and_is_resumed(
-    tmp_path, few_steps, monkeypatch, capsys
-):
-    problems = [Extreme("plain", n, SMALL, OnePoint(10.0)) for n in ("one", "two")]
-    monkeypatch.setattr(study, "extremes", lambda: problems)
-    examine, examined, interrupted = STUDY.examine, [], [True]
-
-    def interrupting(problem):
-        examined.append(problem.label)
-        if problem.label == "two" and interrupted:
-            interrupted.clear()
-            raise KeyboardInterrupt
-        return examine(problem)
-
-    monkeypatch.setattr(STUDY, "examine", interrupting)
-    out = tmp_path / "out"
-    command = ["stability", "--no-render", "--out", str(out)]
-    assert main(command) == 130
-    assert "--resume" in capsys.readouterr().err
-    assert len(STUDY.stored(out)) == 2
-    assert main(command) == 2
-    assert "--resume" in capsys.readouterr().err
-    assert main([*command, "--resume"]) == 0
-    assert examined == ["one", "two", "two"]
-    assert len(STUDY.stored(out)) == 4
-    assert {p.name for p in out.iterdir()} == {*STUDY.files, provenance.FILE}
-
-
-def test_a_case_that_fails_is_named_and_the_others_are_reported(
-    tmp_path, few_steps, monkeypatch, capsys
-):
-    problems = [
-        Extreme("plain", "fails", partial(strip, mesh="none"), Full()),
-        Extreme("plain", "one", SMALL, OnePoint(10.0)),
-    ]
-    monkeypatch.setattr(study, "extremes", lambda: problems)
-    out = tmp_path / "out"
-    command = ["stability", "--no-render", "--out", str(out)]
-    assert main(command) == 1
-    stderr = capsys.readouterr().err
-    assert "plain, fails, 2×2: " in stderr
-    assert "--resume" in stderr
-    assert len(STUDY.stored(out)) == 2
-
-
-def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
-    problems = [
-        Extreme("plain", "one", SMALL, OnePoint(10.0)),
-        replace(FOLDING, seed=0),
-        replace(FOLDING, seed=1, scene=SMALL, E=1e4),
-    ]
-    monkeypatch.setattr(study, "extremes", lambda: problems)
-    out = tmp_path / "out"
-    assert main(["stability", "--out", str(out)]) == 0
-    written = {*STUDY.files, *drawable(STUDY), provenance.FILE}
-    assert {p.name for p in out.iterdir()} == written
-    rows = STUDY.stored(out)
-    assert [row["steps"] for row in rows] == [1, 5] * 3
-    assert all(row["path_resolved"] for row in rows[:2])
-    table = (out / "stability.md").read_text()
-    assert STUDY.tables(rows)["stability.md"] == table
-    assert "| plain | 2 | 2 | 0 | 0 | 0 | 0 | 0 |" in table
-    assert "| folding: turned over, 2×2 | 4 | 2 | 0 | 2 | 0 | 0 | 0 |" in table
-    assert "| folding, turned over, 2×2, seeds 0 | refused | 1, 5 | 0.66" in table
-    assert "2 element(s) folded; the smallest det F" in table
-    assert "plain, one, one point: 1:right" in capsys.readouterr().out
 
 
 #: A tenth of the problems of the study, drawn by this seed.

@@ -1,11 +1,7 @@
 """PETSc on several processes, and with an iterative method."""
 
-import numpy as np
 import pytest
-from scipy.sparse import identity
 
-from skfem_textile.solve.linear import Unknowns, solver_named
-from skfem_textile.solve.linear.petsc import PREFIX
 from studies.speed.processes import difference, missing, run
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=f"needs {missing()}")
@@ -28,16 +24,3 @@ def test_two_processes_agree_with_superlu(expected):
 def test_multigrid_agrees_with_superlu(expected):
     (found,) = run("petsc", ELEMENTS, options="-skfem_textile_pc_type gamg")
     assert difference(found, expected) < 1e-8
-
-
-def test_options_apply_to_mumps():
-    petsc, lower = pytest.importorskip("petsc4py.PETSc"), identity(4, format="csc")
-    nodes = Unknowns(np.zeros((2, 4)), np.zeros((2, 0), int), 1, np.arange(4))
-    option = f"{PREFIX}mat_mumps_icntl_14"
-    petsc.Options()[option] = 200
-    try:
-        solver = solver_named("petsc")(lower, nodes)
-        assert solver.factorise(lower.data).definite
-    finally:
-        petsc.Options().delValue(option)
-    assert solver.ksp.getPC().getFactorMatrix().getMumpsIcntl(14) == 200

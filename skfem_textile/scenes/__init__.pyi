@@ -1,0 +1,39 @@
+"""Public names, which the package imports on first use."""
+
+from .bias_extension import (
+    bias_extension as bias_extension,
+)
+from .case import (
+    Case as Case,
+)
+from .drape import (
+    drape as drape,
+)
+from .forming import (
+    double_dome_forming as double_dome_forming,
+    forming as forming,
+    hemisphere_forming as hemisphere_forming,
+)
+from .scene import (
+    Scene as Scene,
+)
+from .specimen import (
+    specimen as specimen,
+)
+from .strip import (
+    strip as strip,
+)
+from .strips_in_space import (
+    buckling as buckling,
+    cantilever as cantilever,
+)
+from .tools import (
+    cylinder as cylinder,
+    double_dome as double_dome,
+    hemisphere as hemisphere,
+    saddle as saddle,
+)
+from .trellis import (
+    picture_frame as picture_frame,
+    trellis as trellis,
+)

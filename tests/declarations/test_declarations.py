@@ -1,0 +1,107 @@
+"""A table of a case file contains the parameters of its class or function."""
+
+from dataclasses import MISSING, fields
+from inspect import signature
+from math import radians
+from typing import get_args
+
+import pytest
+from msgspec import structs
+
+from skfem_textile import Locking, OnePoint, Polynomial, scenes
+from skfem_textile.cases import CaseFileError, declared
+from skfem_textile.cases.scenes import SCENES
+from skfem_textile.cases.schema import AnyFormulation, ShearLaw, TensionLaw
+from skfem_textile.cases.table import Table, tag_of
+from skfem_textile.cases.tools import AnyTool
+from skfem_textile.cases.write import reference
+
+TABLES = [
+    table
+    for union in (AnyFormulation, TensionLaw, ShearLaw, AnyTool)
+    for table in get_args(union)
+    if table.keys or tag_of(table) == "full"
+] + [*SCENES.values()]
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)
+def test_an_implementation_has_the_declared_parameters(table):
+    parameters = signature(table.implementation()).parameters
+    declared_fields = {field.name: field for field in fields(table.declaration)}
+    assert {*parameters} == {*declared_fields}
+    for name, parameter in parameters.items():
+        default = declared_fields[name].default
+        stated = parameter.empty if default is MISSING else default
+        assert parameter.default is stated or parameter.default == stated
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)
+def test_a_table_of_defaults_has_the_values_of_python(table):
+    required = [one.encode_name for one in structs.fields(table) if one.required]
+    values = table(**dict.fromkeys(required, 0.0)).values()
+    for key, (name, stated) in table.keys.items():
+        if key not in required and stated.default is not None:
+            assert values[name] == getattr(table.declaration, name)
+
+
+def test_angles_are_in_radians_in_python_and_words_are_flags():
+    law = ShearLaw.__args__[3](stiffness_N_per_mm=0.5, locking_angle_deg=60.0)
+    assert law.construct() == Locking(0.5, radians(60))
+    assert law.of(Locking(0.5, radians(60))).locking_angle_deg == pytest.approx(60)
+    table = ShearLaw.__args__[4]
+    sine = table(coefficients_N_per_mm=(1.0,), variable="sine")
+    assert sine.construct() == Polynomial((1.0,), sine=True)
+    assert table.of(Polynomial((1.0,), odd=True)).continuation == "odd"
+
+
+def test_parameters_are_positional_in_the_order_of_the_signature():
+    assert OnePoint(2.0, "rate").kind == "rate"
+    scene = scenes.bias_extension("aligned", (2, 4), 0.0, 1)
+    assert (
+        scene.mesh.nelements == scenes.bias_extension("aligned", (2, 4)).mesh.nelements
+    )
+    with pytest.raises(TypeError, match="unexpected keyword argument 'raduis'"):
+        scenes.hemisphere(raduis=3.0)
+
+
+def misspelt():
+    """A case with a misspelt key in each table of the reference, and its path."""
+    for table, choice in {(e.table, e.choice): None for e in reference()}:
+        case, path = {"scene": {"name": "strip"}}, table
+        if table == "scene":
+            if choice:
+                case["scene"] = {"name": choice, "stepz": 1}
+        elif table == "[tools]":
+            case["tools"], path = [{"surface": choice or "plane", "stepz": 1}], "tool_1"
+        elif table.startswith("regions"):
+            continue
+        else:
+            *around, name = table.split(".")
+            inner = case
+            for one in around:
+                inner = inner.setdefault(one, {})
+            tag = "name" if table == "formulation" else "law"
+            inner[name] = {"stepz": 1, **({tag: choice} if choice else {})}
+        if "stepz" in repr(case) and not choice.startswith("FILE"):
+            yield path, case
+
+
+def tables_below(table):
+    """All classes derived from a table."""
+    return [x for one in table.__subclasses__() for x in (one, *tables_below(one))]
+
+
+def test_every_table_forbids_unknown_keys():
+    tables = tables_below(Table)
+    assert len(tables) > len(TABLES)
+    assert all(table.__struct_config__.forbid_unknown_fields for table in tables)
+
+
+MISSPELT = [*misspelt()]
+
+
+@pytest.mark.parametrize(("path", "case"), MISSPELT)
+def test_a_misspelt_key_is_refused_in_every_table(path, case):
+    with pytest.raises(CaseFileError, match=r"'stepz'|is missing") as refused:
+        declared(case)
+    assert str(refused.value).startswith(path)

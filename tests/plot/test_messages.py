@@ -1,0 +1,218 @@
+"""Messages about pictures that cannot be drawn."""
+
+import re
+from functools import partial
+
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import Outline
+from skfem_textile.fabric.directions import FibreDirections
+from skfem_textile.mesh import requirements
+
+pv = pytest.importorskip("pyvista")
+plot = pytest.importorskip("skfem_textile.plot")
+motion = pytest.importorskip("skfem_textile.plot.motion")
+offscreen = pytest.importorskip("skfem_textile.plot.pyvista_drawing")
+curves = pytest.importorskip("skfem_textile.plot.curves").curves
+
+FINITE = "two finite limits in ascending order, got"
+ENDLESS = np.r_[np.zeros(5), np.nan, np.zeros(6)]
+
+
+def field(label, values):
+    return plot.Field(label, lambda ply, u: values)
+
+
+def small_plotter():
+    plotter = pv.Plotter(off_screen=True, shape=(2, 2), window_size=(60, 60))
+    plotter.subplot(1, 1)
+    return plotter
+
+
+ROWS = [
+    *((lambda r, s=s: plot.shear_angle(r, size=s), "size") for s in (0, -5, np.nan)),
+    *(
+        (lambda r, s=s: plot.shear_angle(r, size=s), "size")
+        for s in ((80, 0), (1, 2, 3), (80, 15), 5)
+    ),
+    *(
+        (lambda r, c=c: plot.shear_angle(r, clim=c), FINITE)
+        for c in ((1, 0), (0, 0), (0, np.inf), (np.nan, 1), (1, 2, 3))
+    ),
+    (lambda r: plot.shear_angle(r, cmap="no"), "unknown colour map 'no'"),
+    (lambda r: plot.shear_angle(r, state=5), "no state 5: a result contains 5 states"),
+    (lambda r: plot.view(r, state=9), "there is no state 9"),
+    (
+        lambda r: plot.field(r, field=field("Ones", np.ones(3))),
+        r"expected one value for each .* array of shape \(3,\)",
+    ),
+    (
+        lambda r: plot.field(r, field=field("Gap", ENDLESS)),
+        "Gap: the value in element 5 is not finite",
+    ),
+    (
+        lambda r: plot.field(r, field="shear"),
+        "unknown field 'shear': choose one of shear_angle",
+    ),
+    (lambda r: plot.animation(r, "x.gif", field="nothing"), "unknown field"),
+    (
+        lambda r: plot.fibre_strain(r, plotter=small_plotter()),
+        r"2 panels require as many subplots .* has 1$",
+    ),
+    (
+        lambda r: plot.fibre_strain(r, plotter=small_plotter(), filename="x.svg"),
+        "a plotter cannot draw vector graphics",
+    ),
+    (
+        lambda r: plot.shear_angle(r, plotter=small_plotter(), size=(8, 8)),
+        "with a plotter, size must be the width of its window",
+    ),
+    (
+        lambda r: plot.fibre_strain(r, r, titles=["one"]),
+        "2 results require 2 titles, got 1",
+    ),
+    (lambda r: plot.shear_angle(), "pass at least one result, or"),
+    (lambda r: plot.shear_angle(None), "pictures require a Result, not a NoneType"),
+    (
+        lambda r: plot.draped(r.states[-1]),
+        r"for a state .* pass Result\.of_state\(ply",
+    ),
+    (lambda r: plot.draped(r), "a ply does not lie on a tool"),
+    (lambda r: plot.to_pyvista(r, r), "a grid shows one result, got 2"),
+    (lambda r: plot.view(r, r), "a view shows one result, got 2"),
+    (lambda r: plot.animation(r, r), "filename must be a path, not a Result"),
+    (
+        lambda r: plot.shear_angle(r, filename="nowhere/x.png"),
+        r"the folder .* does not exist",
+    ),
+    (
+        lambda r: plot.export_gltf(r, "x.glb"),
+        r"only to \.gltf files: name it x\.gltf",
+    ),
+    (
+        lambda r: plot.singular_fibres(Outline([[0, 1, 0], [0, 0, 1]]), None, "a.gif"),
+        r"name it a\.png",
+    ),
+    (
+        lambda r: plot.mesh_and_fibres(
+            MeshQuad().refined(1), FibreDirections.of_angles([0] * 3, [90] * 3)
+        ),
+        "3 fibre directions for 4 elements",
+    ),
+]
+
+
+@pytest.mark.parametrize(("draw", "message"), ROWS)
+def test_a_picture_that_cannot_be_drawn_is_refused_in_one_line(
+    result, draw, message, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises((ValueError, FileNotFoundError), match=message) as refusal:
+        draw(result)
+    assert "\n" not in str(refusal.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+OF_A_BASIS = [
+    (lambda draw, b, u, f, r: draw(b, u), r"with its displacement and a fabric: pa"),
+    (lambda draw, b, u, f, r: draw(b, f, u), "fabric must be a Fabric"),
+    (lambda draw, b, u, f, r: draw(r.ply, u), r"not a Ply, or \(basis, u, fabric"),
+    (lambda draw, b, u, f, r: draw(b, u, f, state=1), "there is no state 1: a result"),
+    (lambda draw, b, u, f, r: draw(), "pass at least one result, or"),
+]
+
+
+@pytest.mark.parametrize("name", ["fibre_strain", "to_pyvista", "view"])
+@pytest.mark.parametrize(("call", "message"), OF_A_BASIS)
+def test_a_basis_requires_its_displacement_and_fabric(result, name, call, message):
+    own = result.ply.basis, result.u, result.ply.fabric
+    with pytest.raises(ValueError, match=message):
+        call(getattr(plot, name), *own, result)
+
+
+def test_a_displacement_on_a_basis_has_no_checks_tool_or_infinite_values(result):
+    basis, u, fabric = result.ply.basis, result.u, result.ply.fabric
+    with pytest.raises(ValueError, match="has no checks: pass a Result"):
+        plot.verdict(basis, u, fabric)
+    with pytest.raises(ValueError, match="does not lie on a tool"):
+        plot.draped(basis, u, fabric)
+    folded = -basis.mesh.p.T.ravel()
+    with (
+        np.errstate(all="ignore"),
+        pytest.raises(ValueError, match=r"the value in element \d+ is not finite"),
+    ):
+        plot.fibre_strain(basis, folded, fabric)
+
+
+@pytest.mark.parametrize("name", ["animation", "export_gltf", "section", "tool_force"])
+def test_what_needs_the_states_of_a_run_names_what_draws_a_basis(result, name):
+    text = r"requires the Result of a run, not a CellBasis: .* draw \(basis, u, fabric"
+    with pytest.raises(ValueError, match=text):
+        getattr(plot, name)(result.ply.basis, "x.png")
+    with pytest.raises(ValueError, match=text):
+        plot.formed(result.ply.basis, result.u, result.ply.fabric)
+
+
+def drawers(results):
+    """Every function that draws into a file, and its suffixes."""
+    lines = {"a": ([1, 2], [1, 2])}
+    pictures = (".png", ".svg", ".pdf", ".eps")
+    for drawn in ("field", "fibre_strain", "shear_angle", "contact_sheet"):
+        yield pictures, partial(getattr(plot, drawn), *results)
+    yield pictures, partial(plot.fibre_directions, *results)
+    yield pictures, partial(plot.verdict, *results)
+    yield (".gif", ".webm", ".mp4"), partial(plot.animation, results[0])
+    yield pictures, partial(curves, {"title": lines}, "mm", "N")
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".mp4", ".png", ".gif", ".5"])
+def test_an_unsupported_suffix_is_rejected(results, tmp_path, monkeypatch, suffix):
+    def works(*_, **__):
+        raise AssertionError("worked")
+
+    for work in ("pyvista.Plotter", "matplotlib.figure.Figure.__init__"):
+        monkeypatch.setattr(work, works)
+    monkeypatch.setattr(type(results[0].ply), "law_strain", works)
+    for written, draw in drawers(results):
+        if suffix not in written:
+            message = f"can be written only to {', '.join(written)} files: name it"
+            with pytest.raises(ValueError, match=re.escape(message)) as refusal:
+                draw(filename=tmp_path / f"x{suffix}")
+            assert "\n" not in str(refusal.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_pyvista_is_named_and_not_needed_for_vectors(
+    result, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(requirements, "is_installed", lambda name: name != "pyvista")
+    plot.fibre_directions(result, filename=tmp_path / "x.pdf")
+    message = r"pixels requires pyvista: pip install 'skfem-textile\[plot\]'$"
+    with pytest.raises(ImportError, match=message):
+        plot.fibre_directions(result, filename=tmp_path / "x.png")
+    with pytest.raises(ImportError, match=r"pip install 'skfem-textile\[plot\]'$"):
+        result.view()
+    assert [p.name for p in tmp_path.iterdir()] == ["x.pdf"]
+
+
+def test_a_missing_ffmpeg_is_named_before_anything_is_drawn(
+    result, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(motion, "_sheets", None)
+    with pytest.raises(FileNotFoundError, match="ffmpeg, which is not installed") as no:
+        plot.animation(result, tmp_path / "x.webm")
+    assert "\n" not in str(no.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_missing_off_screen_gl_is_named(result, monkeypatch):
+    monkeypatch.setattr(offscreen, "_can_draw", lambda environment: False)
+    offscreen.require_offscreen.cache_clear()
+    try:
+        with pytest.raises(RuntimeError, match="install the Debian packages libegl1"):
+            plot.shear_angle(result)
+    finally:
+        offscreen.require_offscreen.cache_clear()
